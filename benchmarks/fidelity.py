@@ -1,10 +1,13 @@
 """How closely characters follow performers, compared with the file's own rig and the raw recording.
 
 python -m benchmarks.fidelity --data FOLDER [--sheets FOLDER] [--characters …] [--recordings …] [--limbs none rig shape]
+    [--directions-only]
 
 prints the table of docs/limbs.md: for each rigged humanoid and recording, with handles only, with limbs from the rig,
 and with limbs from the shape. The rig always determines which vertices are measured. If the limbs are from the rig, its
 linear blend skinning by the same motions is the reference.
+
+With --directions-only, hands do not meet and feet are not locked to the floor: what remains is how well limbs follow.
 
 - Directions: the rotation that fits the vertices of a bone best (those that the rig gives to it alone, or most if it
   gives none) turns the bone's rest direction; its angle to the direction from joint to joint in the recording, which
@@ -38,6 +41,7 @@ from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures import clip_sheet
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
+from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import rig_limbs, vertex_influences
 from solver.model.batch import BatchBinding
@@ -132,6 +136,13 @@ class Measured:
     vertices: NDArray[np.float32]
     motions: NDArray[np.float64]
     all_feet: dict[str, NDArray[np.float64]]
+
+
+def directions_only(puppet: Puppet) -> Puppet:
+    """Return the puppet with hands that do not meet and feet that are not locked."""
+    retarget = puppet.retarget.model_copy(update={"hands_meet": False})
+    root = puppet.root and puppet.root.model_copy(update={"feet": "free"})
+    return puppet.model_copy(update={"retarget": retarget, "root": root})
 
 
 def play(rig: Rig, timeline: Timeline, soles: dict[str, NDArray[np.int64]]) -> Measured:
@@ -284,6 +295,7 @@ def main() -> None:
     parser.add_argument("--characters", nargs="*", default=CHARACTERS)
     parser.add_argument("--recordings", nargs="*", default=RECORDINGS)
     parser.add_argument("--limbs", nargs="*", default=LIMB_SOURCES, choices=LIMB_SOURCES)
+    parser.add_argument("--directions-only", action="store_true")
     options = parser.parse_args()
     if options.sheets:
         options.sheets.mkdir(parents=True, exist_ok=True)
@@ -305,7 +317,8 @@ def main() -> None:
             for kind in options.limbs:
                 file = source if kind == "rig" else bare
                 puppet = Path(folder) / f"{name}_{kind}.toml"
-                puppet.write_text(puppet_file.dumps(new_puppet(file, puppet, limbs=kind != "none").puppet))
+                proposed = new_puppet(file, puppet, limbs=kind != "none").puppet
+                puppet.write_text(puppet_file.dumps(directions_only(proposed) if options.directions_only else proposed))
                 rig = load_rig(puppet)
                 rest = rig.character.vertices
                 for recording in options.recordings:

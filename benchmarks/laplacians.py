@@ -121,7 +121,8 @@ def broken(vertices: np.ndarray, faces: np.ndarray) -> Iterator[tuple[str, np.nd
 def narrowest(mesh: SolverMesh, operator: Operator) -> float:
     """Return the smallest share of the surface that any of the 8 fields covers; near 0 if a field is a spike."""
     L, mass = operator(mesh)
-    modes = fields.propagation_fields(fields.field_operator(L, contacts(mesh), mesh.diagonal), mass, mesh.vertices, 8)
+    operator = fields.SurfaceOperator(fields.field_operator(L, contacts(mesh), mesh.diagonal), mass, mesh.vertices)
+    modes = operator.propagation_fields(8)
     return float(((mass @ modes**2) ** 2 / (mass @ modes**4)).min() / mass.sum())
 
 

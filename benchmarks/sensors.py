@@ -37,7 +37,7 @@ from capture.smoothing import FRAMES_PER_SECOND, JointFilter, Smoothing
 from capture.trackers.mediapipe import MediaPipePose
 from capture.trackers.picture import Person, Picture
 from capture.trackers.placing import BodyPlacer
-from engine_bridge.cli import examples
+from engine_bridge.character import examples
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.performance.rig import load_rig

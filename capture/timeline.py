@@ -54,6 +54,17 @@ class Timeline:
         orientations = None if self.orientations is None else self.orientations[number]
         return SkeletonFrame(number / self.fps, 0, self.positions[number], self.confidence[number], orientations)
 
+    def part(self, first: int, end: int) -> "Timeline":
+        """Return the frames from number `first` to before number `end`; their times begin at 0."""
+        start, stop = first / self.fps, (end - 1) / self.fps
+        return Timeline(
+            self.fps,
+            self.positions[first:end],
+            self.confidence[first:end],
+            tuple((max(a, start) - start, min(b, stop) - start) for a, b in self.gaps if a < stop and b > start),
+            None if self.orientations is None else self.orientations[first:end],
+        )
+
     @property
     def held(self) -> int:
         """Number of positions, over all joints and frames, that are held because the joint is lost."""

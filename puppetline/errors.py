@@ -1,5 +1,7 @@
 """Errors that a user can cause and fix."""
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 
@@ -22,6 +24,10 @@ class PuppetlineError(Exception):
         self.expected = expected
         self.fix = fix
         super().__init__(f"{heading(where)} found {found}; expected {expected}. {fix}")
+
+    def __reduce__(self) -> tuple[Callable[[str], "PuppetlineError"], tuple[str]]:
+        """Return how to make the error again in another process, which its message alone cannot do."""
+        return partial(type(self), found=self.found, expected=self.expected, fix=self.fix), (self.where,)
 
 
 class SkeletonLogError(PuppetlineError):

@@ -72,7 +72,7 @@ def check_writable(path: Path, ending: str, inputs: Iterable[Path] = ()) -> None
         beside.touch()
         beside.unlink()
     except OSError as error:
-        raise _refused(path, error) from error
+        raise write_error(path, error) from error
 
 
 @contextmanager
@@ -92,17 +92,18 @@ def written_whole(path: Path) -> Iterator[Path]:
         finally:
             beside.unlink(missing_ok=True)
     except OSError as error:
-        raise _refused(path, error) from error
+        raise write_error(path, error) from error
 
 
-def _beside(path: Path) -> Path:
-    return path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-
-
-def _refused(path: Path, error: OSError) -> OutputError:
+def write_error(path: Path, error: OSError) -> OutputError:
+    """Return the error for a file that the operating system refuses to write."""
     return OutputError(
         path,
         found=f"a file that cannot be written ({error.strerror})",
         expected="a folder with write permission and free space",
         fix="Choose another folder with -o, or change the folder's permissions.",
     )
+
+
+def _beside(path: Path) -> Path:
+    return path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")

@@ -26,7 +26,7 @@ from puppetline.__main__ import run
 
 MODULES = (
     "engine_bridge.cli.alignment",
-    "engine_bridge.cli.inspection",
+    "engine_bridge.inspection.files",
     "engine_bridge.cli.main",
     "engine_bridge.cli.recording",
     "engine_bridge.client.listening",

@@ -1,8 +1,9 @@
-"""What is installed with `pip install .`: a wheel, built here without a warning."""
+"""What is installed with `pip install .`: a wheel and an sdist, built here without a warning."""
 
 import shutil
 import subprocess
 import sys
+import tarfile
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -20,24 +21,46 @@ PLACES = {
 """The folders that are installed, and where."""
 
 
+PAGE = "engine_bridge/studio/page/dist"
+"""The built page of `puppetline studio`, which the repository does not have."""
+
+
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory):
-    """Names of the files in the wheel."""
+def built(tmp_path_factory):
+    """Return a function that builds a wheel or an sdist and returns its path."""
     copy = tmp_path_factory.mktemp("project") / "copy"
     copy.mkdir()
     for file in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / file, copy)
     for folder in PLACES:
-        shutil.copytree(ROOT / folder, copy / folder, ignore=shutil.ignore_patterns("__pycache__"))
-    build = "from setuptools.build_meta import build_wheel; build_wheel('wheels')"
-    result = subprocess.run([sys.executable, "-W", "error", "-c", build], cwd=copy, capture_output=True, text=True)
-    assert result.returncode == 0, result.stderr
-    (file,) = (copy / "wheels").glob("*.whl")
-    with ZipFile(file) as archive:
+        shutil.copytree(ROOT / folder, copy / folder, ignore=shutil.ignore_patterns("__pycache__", "node_modules"))
+
+    def build(kind):
+        call = f"from setuptools.build_meta import build_{kind}; build_{kind}('{kind}')"
+        result = subprocess.run([sys.executable, "-W", "error", "-c", call], cwd=copy, capture_output=True, text=True)
+        assert result.returncode == 0, result.stderr
+        (file,) = (copy / kind).iterdir()
+        return file
+
+    return build
+
+
+@pytest.fixture(scope="module")
+def wheel(built):
+    """Names of the files in the wheel."""
+    with ZipFile(built("wheel")) as archive:
         return set(archive.namelist())
 
 
-def test_the_wheel_holds_the_packages_with_their_types_and_the_example_puppets(wheel):
+@pytest.fixture(scope="module")
+def page():
+    """Names of the files of the built page."""
+    files = {path.relative_to(ROOT).as_posix() for path in (ROOT / PAGE).rglob("*") if path.is_file()}
+    assert {f"{PAGE}/index.html", f"{PAGE}/assets/studio.js", f"{PAGE}/assets/style.css"} == files, "call make studio"
+    return files
+
+
+def test_the_wheel_holds_the_packages_with_their_types_the_example_puppets_and_the_page(wheel, page):
     def installed(folder, pattern):
         return {
             Path(PLACES[folder], file.relative_to(ROOT / folder)).as_posix() for file in (ROOT / folder).rglob(pattern)
@@ -49,4 +72,10 @@ def test_the_wheel_holds_the_packages_with_their_types_and_the_example_puppets(w
     puppets = installed("examples", "puppets/*.toml")
     assert clients
     assert len(puppets) == 5
-    assert {name for name in wheel if ".dist-info/" not in name} == modules - clients | types | puppets
+    assert {name for name in wheel if ".dist-info/" not in name} == modules - clients | types | puppets | page
+
+
+def test_the_sdist_holds_the_page(built, page):
+    with tarfile.open(built("sdist")) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    assert page <= names

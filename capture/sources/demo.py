@@ -1,7 +1,7 @@
 """The example motions as sources: ``demo:NAME``.
 
-This is the only module of the product that uses the generated motions. `engine_bridge.cli.examples` is the only module
-that uses the generated characters.
+This is the only module of the product that uses the generated motions. `engine_bridge.character.examples` is the only
+module that uses the generated characters.
 """
 
 from collections.abc import Callable, Mapping

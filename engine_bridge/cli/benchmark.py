@@ -27,8 +27,8 @@ from capture.recording import Recorder
 from capture.skeleton import SkeletonFrame
 from capture.sources.demo import performances
 from engine_bridge.character.character import load_character, make_character
+from engine_bridge.character.examples import example_character
 from engine_bridge.cli.benchmark_process import CHARACTER, LOG, WARM_UP
-from engine_bridge.cli.examples import example_character
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from puppetline.errors import PuppetlineError

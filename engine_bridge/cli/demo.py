@@ -1,12 +1,16 @@
 """`puppetline demo`: example characters, converted or streamed."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from engine_bridge.cli import convert, serve
+from engine_bridge.cli import serve
 from engine_bridge.cli.options import FILE
-from engine_bridge.cli.progress import progress
+from engine_bridge.cli.progress import Reporter, progress
+
+if TYPE_CHECKING:
+    from engine_bridge.export.convert import Summary
 
 
 @click.command()
@@ -18,7 +22,7 @@ def demo(characters: tuple[str, ...], output: Path, live: bool) -> None:
 
     CHARACTER is biped, dinosaur, dog, human, pegasus or all. The default is human and pegasus.
     """
-    from engine_bridge.cli import examples
+    from engine_bridge.character import examples
 
     names = tuple(examples.MOTIONS) if "all" in characters else characters or ("human", "pegasus")
     for name in names:
@@ -29,8 +33,25 @@ def demo(characters: tuple[str, ...], output: Path, live: bool) -> None:
             prepared = [examples.prepare(name, output, report) for name in names]
         serve.serve_puppets([f"replay:{log}?loop" for log, _ in prepared], [puppet for _, puppet in prepared])
         return
+    from engine_bridge.export.convert import describe
+
     for name in names:
         with progress() as report:
-            summary, sheet = examples.convert_example(name, output, report)
-        click.echo(convert.describe(summary))
+            summary, sheet = _convert(name, output, report)
+        click.echo(describe(summary))
         click.echo(f"  contact sheet  {sheet}")
+
+
+def _convert(name: str, folder: Path, report: Reporter) -> "tuple[Summary, Path]":
+    """Write the files of an example and convert them; return the summary and the path of the contact sheet."""
+    from engine_bridge.character import examples
+    from engine_bridge.export.convert import convert
+    from engine_bridge.performance.settings import Settings
+    from engine_bridge.pictures import clip_sheet
+
+    log, puppet = examples.prepare(name, folder, report)
+    title = f"{name}_{examples.MOTIONS[name]}"
+    output, picture = folder / f"{title}.glb", folder / f"{title}.png"
+    clip, summary = convert(log, puppet, output, Settings(), report)
+    clip_sheet.draw(clip, picture, f"{name} · {examples.MOTIONS[name]}", lambda share: report("Drawing", share))
+    return summary, picture

@@ -22,7 +22,7 @@ def doctor(sources: tuple[str, ...], takes: Path | None, as_json: bool) -> None:
     """
     from dataclasses import asdict
 
-    from engine_bridge.cli.checks import machine
+    from engine_bridge.inspection import machine
 
     findings = machine.examine(takes, sources)
     if as_json:

@@ -15,9 +15,9 @@ from engine_bridge.cli.options import FILE
 @options.as_json
 def inspect(file: Path, as_json: bool) -> None:
     """Describe a mesh, a recording, a puppet file or a .glb."""
-    from engine_bridge.cli import inspection
+    from engine_bridge.inspection import files
 
-    facts = inspection.inspect(file)
+    facts = files.inspect(file)
     if as_json:
         options.echo_json(facts)
     else:

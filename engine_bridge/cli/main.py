@@ -13,7 +13,9 @@ from puppetline.errors import PuppetlineError
 COMMANDS = (
     "align",
     "bake",
+    "batch",
     "bench",
+    "clip",
     "convert",
     "demo",
     "doctor",
@@ -25,6 +27,7 @@ COMMANDS = (
     "record",
     "serve",
     "shader-mesh",
+    "studio",
     "token",
 )
 """Names of the commands. Each is a function in a module of this package, both named like it, with "_" for "-"."""

@@ -2,6 +2,7 @@
 
 import gc
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -47,6 +48,19 @@ if TYPE_CHECKING:
     "--osc", "targets", multiple=True, metavar="HOST:PORT", help="Also send OSC to this address. Can be repeated."
 )
 @click.option("--osc-rate", type=Finite(1, 1000), help="Frames per second for each OSC receiver.  [default: 30]")
+@click.option(
+    "--websocket",
+    type=click.IntRange(0, 65534),
+    metavar="PORT",
+    help="Also serve web pages over WebSocket, on this port of --host.",
+)
+@click.option(
+    "--origin",
+    "origins",
+    multiple=True,
+    metavar="URL",
+    help="Origin of web pages that may connect, such as http://localhost:8000. Can be repeated.",
+)
 @click.option("--takes", type=FILE, metavar="FOLDER", help="Folder that takes are recorded to.  [default: takes]")
 @click.option("--metrics", type=click.IntRange(1, 65535), metavar="PORT", help="Port for Prometheus, on loopback only.")
 @click.option(
@@ -70,7 +84,7 @@ if TYPE_CHECKING:
 def serve(config: Path | None, status: bool, log_format: Any, log_level: str, **settings: Any) -> None:
     """Stream characters that performers drive live, until stopped."""
     service_file, folder = _service_file(config, settings)
-    _run(service_file, folder, status, log_format, log_level)
+    _run(service_file, folder, config, status, log_format, log_level)
 
 
 def serve_puppets(sources: list[str], puppets: list[Path]) -> None:
@@ -81,13 +95,20 @@ def serve_puppets(sources: list[str], puppets: list[Path]) -> None:
 
 
 def _run(
-    settings: "ServiceFile", folder: Path, status: bool = False, log_format: Any = "text", log_level: str = "info"
+    settings: "ServiceFile",
+    folder: Path,
+    config: Path | None = None,
+    status: bool = False,
+    log_format: Any = "text",
+    log_level: str = "info",
 ) -> None:
+    """Serve until stopped; a service file `config` is read again at each reload."""
     gc.disable()  # while modules are loaded, which leaves almost no garbage
     from engine_bridge.service.signals import Signals
 
     with ExitStack() as stack:
         signals = stack.enter_context(Signals())
+        from engine_bridge.service import service_file
         from engine_bridge.service.commands import commands
         from engine_bridge.service.monitoring import logs, native_output
         from engine_bridge.service.service import Service
@@ -101,7 +122,8 @@ def _run(
 
             display = StatusDisplay()
             stack.callback(display.close)
-        service = Service(settings, folder, commands, None if display is None else display.update)
+        read_settings = None if config is None else partial(service_file.load, config)
+        service = Service(settings, folder, commands, None if display is None else display.update, read_settings)
         stack.callback(service.close)
         gc.collect()
         gc.freeze()  # what is loaded stays, so later collections need not examine it
@@ -126,6 +148,11 @@ def _service_file(config: Path | None, settings: dict[str, Any]) -> "tuple[Servi
         "network": {name: given[name] for name in ("host", "port", "token_file") if name in given},
         "osc": [_osc_receiver(each, given.get("osc_rate")) for each in settings["targets"]],
     }
+    if "websocket" in given:
+        host = {"host": given["host"]} if "host" in given else {}
+        rest["websocket"] = {"port": given["websocket"], "origins": list(settings["origins"]), **host}
+    elif "origins" in given:
+        raise click.UsageError("--origin requires --websocket.")
     if "takes" in given:
         rest["takes"] = str(given["takes"])
     if "announce" in given:

@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from capture.timeline import Timeline
 from engine_bridge.character.meshopt_codec import require_meshoptimizer
 from engine_bridge.export import frames_animation, skinning
 from engine_bridge.export.clip_export import export_clip
 from engine_bridge.performance.clip import Clip, Progress, load_timeline, perform
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Form, Settings
 from engine_bridge.puppet.rig_bones import require_joints
 from puppetline.files import check_writable
@@ -102,18 +103,102 @@ def convert(
         Before anything is written.
     """
     check_writable(output, ".glb", inputs=(log, puppet))
+    timeline, notes = load_timeline(log, settings)
+    progress("Preparing the character", 0.0)
+    rig = load_rig_for(puppet, settings)
+    check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
+    progress("Preparing the character", 1.0)
+    return convert_timeline(rig, timeline, output, log.stem, settings, notes, progress)
+
+
+def load_rig_for(puppet: Path, settings: Settings) -> Rig:
+    """Load a puppet file and its character, and check that they can be exported in the form of the settings.
+
+    Raises
+    ------
+    PuppetlineError
+    """
     if settings.form == "skin":
         skinning.require_dem_bones()
     if settings.meshopt:
         require_meshoptimizer()
-    timeline, notes = load_timeline(log, settings)
-    progress("Preparing the character", 0.0)
     rig = load_rig(puppet)
     if settings.form == "rig":
         require_joints(rig.character, rig.puppet.limbs, puppet)
+    return rig
+
+
+def convert_timeline(
+    rig: Rig,
+    timeline: Timeline,
+    output: Path,
+    name: str,
+    settings: Settings,
+    notes: tuple[str, ...],
+    progress: Progress = lambda _stage, _share: None,
+) -> tuple[Clip, Summary]:
+    """Convert a resampled recording to an animated .glb.
+
+    Parameters
+    ----------
+    rig : Rig
+        From `load_rig_for`.
+    timeline : Timeline
+    output : Path
+    name : str
+        Name of the animation.
+    settings : Settings
+    notes : tuple of str
+        Sentences for the user about the recording.
+    progress : callable, optional
+
+    Returns
+    -------
+    clip : Clip
+    summary : Summary
+
+    Raises
+    ------
+    PuppetlineError
+    """
     if settings.form == "frames":
         frames_animation.check_size(output, rig.character, len(timeline.positions), settings.fps)
-    check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
-    progress("Preparing the character", 1.0)
     clip = perform(rig, timeline, settings, notes, progress)
-    return clip, write(clip, output, log.stem, settings, progress)
+    return clip, write(clip, output, name, settings, progress)
+
+
+def describe(summary: Summary) -> str:
+    """Return the summary of a conversion as lines of text."""
+    lines = [
+        f"{summary.output}: {summary.frames:,} frames, {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB",
+        _describe_form(summary),
+    ]
+    if summary.keyframes < summary.frames:
+        lines.append(f"  keyframes      {summary.keyframes:,}; the other frames are interpolated within the tolerance")
+    stretch = (summary.stretch_p1, summary.stretch_p50, summary.stretch_p99)
+    if None not in stretch:
+        lines.append(f"  edge stretch   {' / '.join(f'{each:.3f}' for each in stretch)} (1st, 50th, 99th percentile)")
+    if summary.parts_apart is not None:
+        lines.append(f"  parts apart    at most {summary.parts_apart:.2g} of the diagonal")
+    if summary.repairs:
+        lines.append(f"  solver's copy  {'; '.join(summary.repairs)}")
+    lines += [f"  note: {note}" for note in summary.notes]
+    return "\n".join(lines)
+
+
+def _describe_form(summary: Summary) -> str:
+    """Return what the animation consists of, and its error."""
+    if summary.form == "frames" and not summary.error:
+        return f"  morph targets  {summary.targets}, one for each keyframe, exactly as solved"
+    if summary.form == "rig":
+        return (
+            f"  joints         {summary.bones} animated, {summary.following} follow; "
+            f"at most {summary.error:.2g} of the diagonal from where their bones take them"
+        )
+    name, count = ("bones", summary.bones) if summary.form == "skin" else ("morph targets", summary.targets)
+    over = "" if summary.error <= summary.tolerance else f": the closest with this number of {name.split()[-1]}"
+    mean = "" if summary.rms is None else f", root mean square {summary.rms:.2g}"
+    return (
+        f"  {name:13}  {count}, largest error {summary.error:.2g} of the diagonal{mean} "
+        f"(tolerance {summary.tolerance:g}){over}"
+    )

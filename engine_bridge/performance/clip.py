@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture import body
+from capture.clip import SkeletonClip
 from capture.formats import read_log
 from capture.skeleton import JOINTS
 from capture.timeline import Timeline, choose, resample
@@ -81,7 +82,11 @@ def load_timeline(log: Path, settings: Settings) -> tuple[Timeline, tuple[str, .
     ------
     SkeletonLogError
     """
-    clips = read_log(log, settings.log)
+    return timeline_of(read_log(log, settings.log), log, settings)
+
+
+def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tuple[Timeline, tuple[str, ...]]:
+    """Resample the chosen performer of a recording that has been read; as `load_timeline`."""
     try:
         clip, chosen = choose(clips, settings.user)
         timeline = resample(clip, settings.fps, settings.max_gap)
@@ -101,6 +106,14 @@ def load_timeline(log: Path, settings: Settings) -> tuple[Timeline, tuple[str, .
             found=f"a recording of {timeline.times[-1]:.2f} s",
             expected=f"a recording that contains the time of the rest pose, {settings.rest_at:g} s",
             fix="Choose an earlier time with --rest-at.",
+        )
+    end = timeline.times[-1] if settings.stop is None else min(settings.stop, timeline.times[-1])
+    if (end - settings.start) * timeline.fps < MIN_CLIP_FRAMES - 1.5:
+        raise SkeletonLogError(
+            log,
+            found=f"{max(end - settings.start, 0.0):.2f} s from second {settings.start:g} on",
+            expected=f"at least {MIN_CLIP_FRAMES} frames in the part to animate, of {timeline.times[-1]:.2f} s",
+            fix="Choose an earlier start or a later stop.",
         )
     others = (chosen,) if len(clips) > 1 else ()
     return timeline, (*clip.notes, *others, *((timeline.summary(),) if timeline.held else ()))
@@ -156,13 +169,34 @@ def solve(rig: Rig, timeline: Timeline, settings: Settings, chunk_size: int) -> 
         yield Solved(R, root, motions)
 
 
+def _part(timeline: Timeline, settings: Settings) -> tuple[int, int]:
+    """Return the number of the first frame to animate, and of the one after the last."""
+    last = len(timeline.positions) - 1
+    if settings.stop is not None:
+        last = min(round(settings.stop * timeline.fps), last)
+    return min(round(settings.start * timeline.fps), last - MIN_CLIP_FRAMES + 1), last + 1
+
+
+def _between(first: int, end: int, chunks: Iterator[Solved]) -> Iterator[Solved]:
+    """Yield the frames from the first to the one before the end."""
+    number = 0
+    for chunk in chunks:
+        inside = slice(max(first - number, 0), end - number)
+        number += len(chunk.R)
+        if number > first:
+            yield Solved(*(each[inside] for each in chunk))
+        if number >= end:
+            return
+
+
 def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, ...], progress: Progress) -> Clip:
     """Solve all frames of a timeline, and measure the deformation of the character."""
     surface, stretch = BatchBinding.of_solver_mesh(rig.model, rig.mesh), EdgeStretch(rig.mesh)
     separation = PartSeparation(rig.mesh) if rig.mesh.parts > 1 else None
     frames = FrameStore(rig.model.rest_controls.shape)
     motions = FrameStore((len(bones_of(rig.puppet.limbs)), 4, 3))
-    root = np.empty((len(timeline.positions), 3), dtype=np.float32)
+    first, end = _part(timeline, settings)
+    root = np.empty((end - first, 3), dtype=np.float32)
 
     def measure(vertices: NDArray[np.float32]) -> None:
         stretch.add(vertices)
@@ -171,7 +205,7 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
 
     # percentiles of motion do not need every frame of a long clip; the largest separation does
     stride = 1 if separation else min(MAX_MEASURED_STRIDE, max(1, len(root) // MIN_MEASURED_FRAMES))
-    for solved in solve(rig, timeline, settings, stride * surface.batch_frames):
+    for solved in _between(first, end, solve(rig, timeline, settings, stride * surface.batch_frames)):
         root[len(frames) : len(frames) + len(solved.R)] = solved.root
         frames.append(solved.R)
         if settings.form == "rig":
@@ -186,4 +220,6 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
             f"The recording has no data for {', '.join(unknown)}; parts that only these joints move stay still.",
         )
     parts_apart = None if separation is None else separation.largest
-    return Clip(rig, timeline, frames, root, motions, stretch.percentiles(1, 50, 99), parts_apart, notes)
+    return Clip(
+        rig, timeline.part(first, end), frames, root, motions, stretch.percentiles(1, 50, 99), parts_apart, notes
+    )

@@ -28,6 +28,8 @@ class Settings:
         Maximum time for which a lost joint is interpolated, in seconds; in longer gaps it is held.
     rest_at : float
         Time of the performer's calibration pose in the recording, in seconds.
+    start, stop : float, float or None
+        Part of the recording that is animated, in seconds; None for its end. The motion in it is that of the whole.
     form : {"morph", "skin", "frames", "rig"}
         Form of the animation: a few morph targets, bones, one morph target per keyframe, or the joints of the file's
         own skeleton.
@@ -49,6 +51,8 @@ class Settings:
     fps: float = 30.0
     max_gap: float = 0.4
     rest_at: float = 0.0
+    start: float = 0.0
+    stop: float | None = None
     form: Form = "morph"
     tolerance: float | None = None
     targets: int | None = None

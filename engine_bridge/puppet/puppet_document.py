@@ -1,26 +1,23 @@
-"""Editing the mapping in a puppet file: comments, layout and all other values of the file stay as they are."""
+"""Editing a puppet file: comments, layout and all values that do not change stay as they are."""
 
 import re
 import shutil
-from collections.abc import Iterable
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import tomlkit
-from tomlkit.items import AbstractTable, InlineTable
+from tomlkit.items import AbstractTable, AoT, InlineTable
 
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.puppet import Puppet
-from engine_bridge.puppet.puppet_file import root_values
+from engine_bridge.puppet.puppet_file import as_list, root_values
 from puppetline.errors import PuppetError
 from puppetline.files import written_whole
 from puppetline.toml_schema import Table
 
-HANDLE_KEYS = "joint", "joints", "axes", "gain"
-"""Keys of a handle that belong to the mapping."""
-
-ROOT_KEYS = "joint", "axes", "turns", "feet"
-"""Keys of the root that belong to the mapping."""
+SETTINGS = "character", "retarget", "smoothing", "solver"
+"""Tables that may be missing in the file, but not in the puppet."""
 
 
 class PuppetDocument:
@@ -47,12 +44,13 @@ class PuppetDocument:
         self.puppet = puppet_file.loads(self._text, path)
 
     def save(self, puppet: Puppet) -> None:
-        """Write the mapping of a puppet into the file; all other values and the layout stay.
+        """Write a puppet into the file; values that do not change, comments and the layout stay.
 
         Parameters
         ----------
         puppet : Puppet
-            The puppet of the file, with other joints, axes and gains of handles, another root or scale.
+            A limb or handle with the name of one in the file replaces it; one with another name replaces one whose name
+            the puppet does not have, or is new.
 
         Raises
         ------
@@ -68,11 +66,11 @@ class PuppetDocument:
                 expected="the file as it was last loaded or saved",
                 fix="Reload the file, which discards unsaved edits, or restore its previous version.",
             )
-        text = with_mapping(self._text, self.puppet, puppet)
+        text = with_puppet(self._text, self.puppet, puppet)
         if puppet_file.loads(text, self.path) != puppet:
             raise PuppetError(
                 self.path,
-                found="a layout in which the mapping cannot be edited",
+                found="a layout that cannot be edited",
                 expected="tables as `puppetline new` writes them",
                 fix="Edit the file by hand and reload it.",
             )
@@ -82,8 +80,8 @@ class PuppetDocument:
         self._text, self.puppet = text, puppet
 
 
-def with_mapping(text: str, before: Puppet, after: Puppet) -> str:
-    """Return the text of a puppet file with another mapping.
+def with_puppet(text: str, before: Puppet, after: Puppet) -> str:
+    """Return the text of a puppet file with another puppet.
 
     Parameters
     ----------
@@ -93,32 +91,66 @@ def with_mapping(text: str, before: Puppet, after: Puppet) -> str:
         Contents of the file now and after the edit.
     """
     document = tomlkit.parse(text)
-    for table, was, becomes in zip(document.get("handle", ()), before.handle, after.handle, strict=True):
-        _update(table, was, becomes, HANDLE_KEYS)
+    _update_tables(document, "limb", before.limb, after.limb)
+    _update_tables(document, "handle", before.handle, after.handle)
     if after.root is None:
         document.pop("root", None)
     elif before.root is None:
         document["root"] = tomlkit.item(root_values(after.root))
     else:
-        _update(document["root"], before.root, after.root, ROOT_KEYS)
-    if before.retarget.scale != after.retarget.scale:
-        if "retarget" not in document:
-            document["retarget"] = tomlkit.table()
-        _update(document["retarget"], before.retarget, after.retarget, ("scale",))
+        _update(document["root"], before.root, after.root)
+    for name in SETTINGS:
+        was, becomes = getattr(before, name), getattr(after, name)
+        if was != becomes and name not in document:
+            document[name] = tomlkit.table()
+        _update(document.get(name), was, becomes)
     written = tomlkit.dumps(document)
     return re.sub("\r?\n", "\r\n", written) if "\r\n" in text else written
 
 
-def _update(table: Any, before: Table, after: Table, keys: Iterable[str]) -> None:
+def _update_tables(document: Any, name: str, before: Sequence[Any], after: Sequence[Any]) -> None:
+    """Change, add, remove and reorder the tables of a list."""
+    sources = _sources([each.name for each in before], [each.name for each in after])
+    if sources == list(range(len(before))):
+        for table, was, becomes in zip(document.get(name, ()), before, after, strict=True):
+            _update(table, was, becomes)
+        return
+    if not after:
+        document.pop(name, None)
+        return
+    if not isinstance(document.get(name), AoT | None):
+        return  # an array of inline tables, which `save` then refuses
+    present, tables = list(document.get(name, ())), tomlkit.aot()
+    for source, becomes in zip(sources, after, strict=True):
+        table = tomlkit.table() if source is None else present[source]
+        if source is None:
+            values = becomes.model_dump(exclude_none=True, exclude_defaults=True)
+            table.update({key: as_list(value) for key, value in values.items()})
+            table.add(tomlkit.nl())
+        else:
+            _update(table, before[source], becomes)
+        tables.append(table)
+    document[name] = tables
+
+
+def _sources(before: list[str], after: list[str]) -> list[int | None]:
+    """Return which table of before each one of after is: of the same name, else one that was renamed, else None."""
+    unnamed = [index for index, name in enumerate(before) if name not in after]
+    new = [name for name in after if name not in before]
+    renamed = dict(zip(new, unnamed, strict=False)) if len(before) == len(after) else {}
+    return [before.index(name) if name in before else renamed.get(name) for name in after]
+
+
+def _update(table: Any, before: Table, after: Table) -> None:
     """Change those keys of a table that differ; existing keys keep their place and comment."""
-    for key in keys:
+    for key in type(after).model_fields:
         value = getattr(after, key)
         if value == getattr(before, key):
             continue
         if value is None:
             table.remove(key)
             continue
-        value = list(value) if isinstance(value, tuple) else value
+        value = as_list(value)
         if key in table:
             table[key] = value
         else:

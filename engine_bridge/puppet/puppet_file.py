@@ -89,7 +89,7 @@ def dumps(puppet: Puppet) -> str:
             document[name] = tomlkit.aot()
             for each in values[name]:
                 table = tomlkit.table()
-                table.update({key: _as_list(value) for key, value in each.items()})
+                table.update({key: as_list(value) for key, value in each.items()})
                 document[name].append(table)
     if puppet.root is not None:
         document["root"] = root_values(puppet.root)
@@ -104,6 +104,6 @@ def root_values(root: RootTable) -> dict[str, Any]:
     return {"joint": root.joint, "axes": root.axes} | root.model_dump(exclude_defaults=True)
 
 
-def _as_list(value: Any) -> Any:
+def as_list(value: Any) -> Any:
     """Return nested tuples as nested lists, which TOML requires."""
-    return [_as_list(item) for item in value] if isinstance(value, tuple) else value
+    return [as_list(item) for item in value] if isinstance(value, tuple) else value

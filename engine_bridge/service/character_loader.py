@@ -1,8 +1,6 @@
 """Loads the characters of a service from their puppet files, at the start and at each reload."""
 
-import hashlib
 from concurrent.futures import Executor
-from dataclasses import replace
 from pathlib import Path
 from weakref import WeakKeyDictionary
 
@@ -30,8 +28,13 @@ class CharacterLoader:
         self._settings, self._folder, self._executor = settings, folder, executor
         self._documents: WeakKeyDictionary[CharacterPlayer, PuppetDocument] = WeakKeyDictionary()
 
-    def load(self) -> list[list[CharacterPlayer]]:
+    def load(self, settings: ServiceFile | None = None) -> list[list[CharacterPlayer]]:
         """Load all characters and return their players, one list per stage.
+
+        Parameters
+        ----------
+        settings : ServiceFile, optional
+            A newer service file, for its stages.
 
         Raises
         ------
@@ -43,7 +46,7 @@ class CharacterLoader:
                 self._player(stage, table, name)
                 for table, name in zip(stage.character, character_names(stage), strict=True)
             ]
-            for stage in self._settings.stage
+            for stage in (settings or self._settings).stage
         ]
 
     def document(self, player: CharacterPlayer) -> PuppetDocument:
@@ -56,18 +59,9 @@ class CharacterLoader:
             output.check_puppet(name, document.puppet, document.path)
         rig = rig_of(document.puppet, document.path)
         basis = None if table.morphs is None else LiveBasis.load(self._folder / table.morphs, rig)
-        character = StreamedCharacter(name, rig, 0, basis)
-        character = replace(character, revision=_revision(character))
+        character = StreamedCharacter.of(name, rig, basis)
         character.prepare()  # now, so that the first client does not wait for it
         idle = None if table.idle is None else self._folder / table.idle
         player = CharacterPlayer(character, stage.player_settings, self._executor, idle)
         self._documents[player] = document
         return player
-
-
-def _revision(character: StreamedCharacter) -> int:
-    """Return a number that depends on all that a client knows about a character; it is the same after a restart."""
-    digest = hashlib.sha256(character.scene)
-    if character.basis is not None:
-        digest.update(character.basis.targets.tobytes())
-    return int.from_bytes(digest.digest()[:4], "little")

@@ -43,13 +43,12 @@ class Reporter:
 
     def status(self, runners: Sequence[StageRunner], clients: ClientsStatus, outputs: Sequence[OutputStatus]) -> Status:
         """Return the status of now; figures of stages and characters that no longer exist are forgotten."""
-        players = [player for runner in runners for player in runner.stage.players]
-        names = {player.character.name for player in players}
+        names = {player.character.name for runner in runners for player in runner.stage.players}
         self._statistics.keep({runner.stage.name for runner in runners}, names)
         return Status(
             service=self._statistics.service(),
             stages=[self._stage(runner) for runner in runners],
-            characters=[self._character(player) for player in players],
+            characters=[self._character(player, runner) for runner in runners for player in runner.stage.players],
             clients=clients,
             outputs=outputs,
         )
@@ -72,11 +71,12 @@ class Reporter:
             recording=runner.recording,
         )
 
-    def _character(self, player: CharacterPlayer) -> CharacterStatus:
+    def _character(self, player: CharacterPlayer, runner: StageRunner) -> CharacterStatus:
         name = player.character.name
         frames, rate = self._statistics.character(name)
         return CharacterStatus(
             name=name,
+            stage=runner.stage.name,
             performer=player.user,
             state=player.state,
             frames=frames,

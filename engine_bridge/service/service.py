@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,8 @@ from engine_bridge.puppet.puppet_document import PuppetDocument
 from engine_bridge.service import calibration_store
 from engine_bridge.service.character_loader import CharacterLoader
 from engine_bridge.service.character_player import CharacterPlayer
-from engine_bridge.service.control.control_socket import Command, Control, Deferred
+from engine_bridge.service.control.control_socket import Control
+from engine_bridge.service.control.dispatcher import Command, Deferred, Dispatcher
 from engine_bridge.service.discovery import Announcement
 from engine_bridge.service.jobs import Jobs
 from engine_bridge.service.monitoring.logs import OnceASecond, fields
@@ -67,6 +69,9 @@ class Service:
         Binds the commands of the control socket to this service, see `engine_bridge.service.commands.commands`.
     show : callable, optional
         Called with each status.
+    read_settings : callable, optional
+        Reads the service file again at each reload. Its stages replace those of before; its other tables apply at the
+        next start. Without it, the stages stay.
 
     Attributes
     ----------
@@ -88,8 +93,10 @@ class Service:
         folder: Path,
         commands: Callable[["Service"], Mapping[str, Command]],
         show: Callable[[Status], None] | None = None,
+        read_settings: Callable[[], ServiceFile] | None = None,
     ) -> None:
         self._settings, self._folder, self._commands, self._show = settings, folder, commands, show
+        self._read_settings = read_settings
         self._resources = contextlib.ExitStack()
         try:
             self._open()
@@ -104,10 +111,9 @@ class Service:
         keep.callback(self._jobs.close)
         self._loader = CharacterLoader(settings, folder, self._jobs.calibrating)
         self.runners: list[StageRunner] = []
+        keep.callback(self._close_runners)
         for name, table, players in zip(stage_names(settings), settings.stage, self._loader.load(), strict=True):
-            runner = StageRunner(table.source, Stage(name, players, table.settings), folder)
-            keep.callback(runner.close)
-            self.runners.append(runner)
+            self.runners.append(StageRunner(table.source, Stage(name, players, table.settings), folder))
         calibration_store.recall(self._live_stages(), calibration_store.state_file())
         self._outputs: list[Output] = []
         self._bind(endpoints)
@@ -133,12 +139,14 @@ class Service:
         try:
             self._guard = Guard(context, endpoints, settings.network.max_clients)
             keep.callback(self._guard.close)
-            opening = Opening(self._characters(), context, endpoints, self._guard)
+            self._dispatcher = Dispatcher(self._commands(self))
+            answer = partial(self._dispatcher.take, encoding="json")
+            opening = Opening(self._characters(), context, endpoints, self._guard, answer)
             for _, table in settings.output_tables():
                 output = table.open(opening)
                 keep.callback(output.close)
                 self._outputs.append(output)
-            self.control = Control(context, endpoints, self._commands(self))
+            self.control = Control(context, endpoints, self._dispatcher)
             keep.callback(self.control.close)
         except zmq.ZMQError as error:
             where = ", ".join(f"{each.stream} and {each.control}" for each in endpoints)
@@ -188,7 +196,7 @@ class Service:
         self._resources.close()
 
     def reload(self) -> Deferred:
-        """Load all puppet files again, while the stream continues; the answer comes when they are loaded."""
+        """Load stages and puppet files again, while the stream continues; the answer comes when they are loaded."""
         deferred = Deferred()
         self._reload(deferred)
         return deferred
@@ -243,7 +251,30 @@ class Service:
         self._reloading = True
         self._notifier.reloading()
         waiting, self._waiting = self._waiting, []
-        self._jobs.start(self._jobs.loading, self._loader.load, lambda loaded: self._take_over(loaded, waiting))
+        self._jobs.start(self._jobs.loading, self._load, lambda loaded: self._take_over(loaded, waiting))
+
+    def _load(self) -> "list[_LoadedStage]":
+        """Load the stages of the service file, and open the sources that no stage has yet; runs in a thread."""
+        settings = self._settings if self._read_settings is None else self._read_settings()
+        loaded: list[_LoadedStage] = []
+        kept = list(self.runners)
+        try:
+            for name, table, players in zip(
+                stage_names(settings), settings.stage, self._loader.load(settings), strict=True
+            ):
+                runner = _matching(kept, name, table.source)
+                if runner is not None:
+                    kept.remove(runner)
+                    loaded.append(_LoadedStage(name, players, runner, is_new=False))
+                    continue
+                runner = StageRunner(table.source, Stage(name, players, table.settings), self._folder)
+                loaded.append(_LoadedStage(name, players, runner, is_new=True))
+        except BaseException:
+            for stage in loaded:
+                if stage.is_new:
+                    stage.runner.close()
+            raise
+        return loaded
 
     def _turn(self) -> None:
         """Wait until something arrives or is due, and do it: skeletons first."""
@@ -300,24 +331,39 @@ class Service:
         self._reporter.received(runner.stage.name, runner.skeletons - before)
         self.show_frames(runner, frames)
 
-    def _take_over(self, loaded: Future[list[list[CharacterPlayer]]], waiting: list[Deferred]) -> None:
-        """Continue with characters that were loaded again, or unchanged if they could not be loaded."""
+    def _take_over(self, loaded: "Future[list[_LoadedStage]]", waiting: list[Deferred]) -> None:
+        """Continue with stages that were loaded again, or unchanged if they could not be loaded."""
         self._reloading = False
         self._notifier.ready()
+        error = loaded.exception()
+        if error is None:
+            self._replace_runners(loaded.result())
         for deferred in waiting:
             self._answer(deferred, loaded, lambda _: {"characters": self._names()})
-        error = loaded.exception()
         if error is not None:
             log.error("reload failed, characters unchanged: %s", error)
         else:
-            for runner, players in zip(self.runners, loaded.result(), strict=True):
-                self._end_take(runner)
-                runner.replace_players(players)
             self._announce_characters()
             self._jobs.loading.submit(_trim_memory)
             log.info("reloaded", extra=fields(characters=self._names()))
         if self._reload_again:
             self._reload(None)
+
+    def _replace_runners(self, loaded: "list[_LoadedStage]") -> None:
+        """Close the stages that are no longer in the service file, and continue with those that are."""
+        before, self.runners = self.runners, [stage.runner for stage in loaded]
+        for runner in before:
+            self._end_take(runner)
+            if runner not in self.runners:
+                runner.source.close()
+        for stage in loaded:
+            if not stage.is_new:
+                stage.runner.stage.name = stage.name
+                stage.runner.replace_players(stage.players)
+
+    def _close_runners(self) -> None:
+        for runner in self.runners:
+            runner.close()
 
     def _end_take(self, runner: StageRunner) -> None:
         """End a take whose characters change: it could not be replayed as it was."""
@@ -328,7 +374,7 @@ class Service:
     def _answer(self, deferred: Deferred, done: Future[Any], result: Callable[[Any], Any]) -> None:
         """Send a deferred answer: the result of the work, or the error."""
         error = done.exception()
-        self.control.finish(deferred, result(done.result()) if error is None else error)
+        self._dispatcher.finish(deferred, result(done.result()) if error is None else error)
 
     def _characters(self) -> list[StreamedCharacter]:
         return [player.character for runner in self.runners for player in runner.stage.players]
@@ -359,6 +405,26 @@ class Service:
             self._store_at = time.monotonic() + STORE_SECONDS
             known = calibration_store.known_performers(self._live_stages())
             self._jobs.writing.submit(calibration_store.write, known, calibration_store.state_file())
+
+
+@dataclass(frozen=True)
+class _LoadedStage:
+    """A stage that was loaded again: its name, its players, and its runner, which may be one of before."""
+
+    name: str
+    players: list[CharacterPlayer]
+    runner: StageRunner
+    is_new: bool
+
+
+def _matching(runners: list[StageRunner], name: str, uri: str) -> StageRunner | None:
+    """Return the runner of a source, of the same stage if several have it; None if no stage has it.
+
+    A recording belongs to its stage: another stage plays it from the beginning. A sensor or port can be open only once.
+    """
+    same = [runner for runner in runners if runner.source.name == uri]
+    named = [runner for runner in same if runner.stage.name == name]
+    return next(iter([*named, *(runner for runner in same if not runner.recorded)]), None)
 
 
 def _trim_memory() -> None:

@@ -135,10 +135,11 @@ def stage_names(service: ServiceFile) -> list[str]:
 
 def character_names(stage: StageTable) -> list[str]:
     """Return the names of a stage's characters; one without a name is called as its puppet file."""
-    return [each.name or _as_name(Path(each.puppet).stem) for each in stage.character]
+    return [each.name or name_from_stem(Path(each.puppet).stem) for each in stage.character]
 
 
-def _as_name(stem: str) -> str:
+def name_from_stem(stem: str) -> str:
+    """Return the name of a character whose puppet file is called so."""
     return re.sub(r"[^A-Za-z0-9_-]+", "_", stem).strip("_")[:32] or "character"
 
 

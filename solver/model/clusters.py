@@ -31,7 +31,10 @@ MEAN_UPDATES = 10
 
 
 def rotation_clusters(
-    ladder: NDArray[np.float64], weights: NDArray[np.float64], mass: NDArray[np.float64]
+    ladder: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    mass: NDArray[np.float64],
+    samples: NDArray[np.int64] | slice = slice(None),
 ) -> NDArray[np.int32]:
     """Cluster vertices by k-means on their ladder coordinates, each times its field's weight.
 
@@ -43,15 +46,18 @@ def rotation_clusters(
     ladder : (n, n_e) float64
     weights : (n_e,) float64
         Field weights.
-    mass : (n,) float64
-        Area of each vertex.
+    mass : (c,) float64
+        Area of each sample.
+    samples : (c,) int64, optional
+        Vertices from which the means are computed; by default all of them.
 
     Returns
     -------
     (n,) int32
         Cluster of each vertex, numbered from 0; `CLUSTER_COUNT` clusters unless the mesh is tiny.
     """
-    points = np.ascontiguousarray((ladder * weights).T, dtype=np.float32)
+    every = (ladder * weights).astype(np.float32).T
+    points = np.ascontiguousarray(every[:, samples])
     means = _farthest_points(
         points, points @ mass / mass.sum(), max(1, min(CLUSTER_COUNT, len(ladder) // MIN_VERTICES_PER_CLUSTER))
     )
@@ -60,7 +66,9 @@ def rotation_clusters(
         area = np.bincount(nearest, mass, len(means))
         sums = [np.bincount(nearest, mass * row, len(means)) for row in points]
         means = (np.stack(sums, axis=1)[area > 0] / area[area > 0, None]).astype(np.float32)
-    return np.unique(_nearest_mean(points, means), return_inverse=True)[1].astype(np.int32)
+    nearest = _nearest_mean(np.ascontiguousarray(every), means)
+    used = np.bincount(nearest, minlength=len(means)) > 0
+    return (np.cumsum(used) - 1)[nearest].astype(np.int32)
 
 
 @compiled

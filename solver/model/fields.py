@@ -87,14 +87,8 @@ def _tied(L: "csr_matrix", ties: Contacts, weight: NDArray[np.float64]) -> "csr_
     return scipy.sparse.csr_matrix(L - jump.T @ scipy.sparse.diags(weight) @ jump) if len(weight) else L
 
 
-def propagation_fields(
-    L: "csr_matrix", mass: NDArray[np.float64], vertices: NDArray[np.float64], count: int
-) -> NDArray[np.float64]:
-    """Solve −L e = λ M e for the smoothest functions except the constant one.
-
-    The generalised problem makes fields independent of the density of the mesh. ARPACK starts from a fixed vector, and
-    the entry of largest size is made positive in each field, so that a mesh always has the same fields. No result
-    depends on that sign.
+class SurfaceOperator:
+    """An operator on functions of a surface, factored in an elimination order that keeps factors sparse.
 
     Parameters
     ----------
@@ -103,84 +97,93 @@ def propagation_fields(
     mass : (n,) float64
     vertices : (n, 3) float64
         Positions for the elimination order; no result depends on them.
-    count : int
-        n_e, less than n − 1.
 
-    Returns
-    -------
-    (n, count) float64
-        Orthonormal in the mass inner product, by ascending eigenvalue.
-
-    Raises
-    ------
-    RuntimeError
-        SuperLU finds the matrix singular, or ARPACK does not converge.
-    """
-    n, shift = L.shape[0], EIGENVALUE_SHIFT / mass.sum()
-    ordered = _Ordered(L, mass, vertices)
-    inverse = scipy.sparse.linalg.LinearOperator((n, n), matvec=ordered.factor(shift).solve, dtype=np.float64)
-    start = np.cos(ordered.order.astype(np.float64))
-    values, found = scipy.sparse.linalg.eigsh(
-        -ordered.L,
-        k=count + 1,
-        M=ordered.M,
-        sigma=shift,
-        OPinv=inverse,
-        v0=start,
-        tol=EIGENVALUE_TOLERANCE,
-        maxiter=MAX_RESTARTS,
-    )
-    vectors = np.empty((n, count))
-    vectors[ordered.order] = found[:, np.argsort(values)[1:]]
-    largest = np.argmax(np.abs(vectors), axis=0)
-    return vectors * np.sign(vectors[largest, np.arange(count)])
-
-
-def smoothed(
-    L: "csr_matrix",
-    mass: NDArray[np.float64],
-    vertices: NDArray[np.float64],
-    values: NDArray[np.float64],
-    length: float,
-) -> NDArray[np.float64]:
-    """Smooth functions on the surface: solve (M − length² L) f = M values.
-
-    Parameters
+    Attributes
     ----------
-    L, mass, vertices
-        As for `propagation_fields`.
-    values : (n, k) float64
-    length : float
-        Length over which a step is spread, in the units of L.
-
-    Returns
-    -------
-    (n, k) float64
-        Within the bounds of the values.
+    samples : slice
+        The vertices on which functions are computed: all of them.
+    areas : (n,) float64
+        Area of each of them.
     """
-    ordered = _Ordered(L, mass, vertices)
-    result = np.empty_like(values)
-    load = np.ascontiguousarray((mass[:, None] * values)[ordered.order]) / length**2
-    result[ordered.order] = ordered.factor(-1 / length**2).solve(load)
-    return result
-
-
-class _Ordered:
-    """L and M in an elimination order that keeps factors sparse."""
 
     def __init__(self, L: "csr_matrix", mass: NDArray[np.float64], vertices: NDArray[np.float64]) -> None:
-        self.order = nested_dissection(L.indptr, L.indices, vertices)
-        self.L = scipy.sparse.csr_matrix(L[self.order][:, self.order])
-        self.M = scipy.sparse.diags(mass[self.order])
+        self.samples, self.areas = slice(None), mass
+        self._order = nested_dissection(L.indptr, L.indices, vertices)
+        self._L = scipy.sparse.csr_matrix(L[self._order][:, self._order])
+        self._mass = mass[self._order]
+        self._M = scipy.sparse.diags(self._mass)
 
-    def factor(self, shift: float) -> "scipy.sparse.linalg.SuperLU":
+    def propagation_fields(self, count: int) -> NDArray[np.float64]:
+        """Solve −L e = λ M e for the smoothest functions except the constant one.
+
+        The generalised problem makes fields independent of the density of the mesh. ARPACK starts from a fixed vector,
+        and the entry of largest size is made positive in each field, so that a mesh always has the same fields. No
+        result depends on that sign.
+
+        Parameters
+        ----------
+        count : int
+            n_e, less than n − 1.
+
+        Returns
+        -------
+        (n, count) float64
+            Orthonormal in the mass inner product, by ascending eigenvalue.
+
+        Raises
+        ------
+        RuntimeError
+            SuperLU finds the matrix singular, or ARPACK does not converge.
+        """
+        n, shift = len(self._order), EIGENVALUE_SHIFT / self._mass.sum()
+        inverse = scipy.sparse.linalg.LinearOperator((n, n), matvec=self._factor(shift).solve, dtype=np.float64)
+        values, found = scipy.sparse.linalg.eigsh(
+            -self._L,
+            k=count + 1,
+            M=self._M,
+            sigma=shift,
+            OPinv=inverse,
+            v0=np.cos(self._order.astype(np.float64)),
+            tol=EIGENVALUE_TOLERANCE,
+            maxiter=MAX_RESTARTS,
+        )
+        vectors = np.empty((n, count))
+        vectors[self._order] = found[:, np.argsort(values)[1:]]
+        return with_fixed_signs(vectors)
+
+    def smoothed(self, values: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+        """Smooth functions on the surface: solve (M − length² L) f = M values.
+
+        Parameters
+        ----------
+        values : (n, k) float64
+        length : float
+            Length over which a step is spread, in the units of L.
+
+        Returns
+        -------
+        (n, k) float64
+            Within the bounds of the values.
+        """
+        result = np.empty_like(values)
+        load = np.ascontiguousarray(self._mass[:, None] * values[self._order]) / length**2
+        result[self._order] = self._factor(-1 / length**2).solve(load)
+        return result
+
+    def _factor(self, shift: float) -> "scipy.sparse.linalg.SuperLU":
         """Factor −L − shift M."""
         # with contacts everywhere the graph is not a surface, so that planes do not cut it at a line: COLAMD is better
-        ordering: Literal["NATURAL", "COLAMD"] = "NATURAL" if self.L.nnz <= 8 * len(self.order) else "COLAMD"
-        matrix = scipy.sparse.csc_matrix(-self.L - shift * self.M)
+        ordering: Literal["NATURAL", "COLAMD"] = "NATURAL" if self._L.nnz <= 8 * len(self._order) else "COLAMD"
+        matrix = scipy.sparse.csc_matrix(-self._L - shift * self._M)
         return scipy.sparse.linalg.splu(
             matrix, permc_spec=ordering, panel_size=PANEL_COLUMNS, options={"SymmetricMode": True}
         )
+
+
+def with_fixed_signs(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n, k) vectors with the sign that makes their entry of largest size positive."""
+    largest = np.argmax(np.abs(vectors), axis=0)
+    return vectors * np.sign(vectors[largest, np.arange(vectors.shape[1])])
 
 
 def ladder_coordinates(fields: NDArray[np.float64], isolines: int) -> NDArray[np.float64]:

@@ -6,17 +6,15 @@ other limb uses.
 """
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solver.model.bones import BoneRegions, Bones
-from solver.model.fields import smoothed
 from solver.surface.contacts import Contacts
 
-if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
+Smoothing = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
 
 SURFACE_FIELD_COUNT = 3
 """Number of the surface's smoothest fields that are kept besides those of the limbs, for the trunk and its bends."""
@@ -41,8 +39,7 @@ def limb_field_count(bones: Bones, regions: BoneRegions, fields: int) -> int:
 
 
 def limb_fields(
-    L: "csr_matrix",
-    mass: NDArray[np.float64],
+    smoothed: Smoothing,
     vertices: NDArray[np.float64],
     bones: Bones,
     regions: BoneRegions,
@@ -60,10 +57,8 @@ def limb_fields(
 
     Parameters
     ----------
-    L : (n, n) sparse float64
-        Operator of the surface, model units, from `fields.field_operator`.
-    mass : (n,) float64
-        Area of each vertex.
+    smoothed : callable
+        Smooths (n, k) values over a length in model units, see `fields.SurfaceOperator.smoothed`.
     vertices : (n, 3) float64
         In the units of the bones.
     bones : Bones
@@ -78,11 +73,16 @@ def limb_fields(
     (n, count) float64
     """
     limbs = _limbs(bones, regions)[: 2 * count]
-    within, lengths = BONE_RISE_SHARE, np.full(len(limbs), BLUR_DIAGONALS)
+    rises = [_rise(limb, bones) for limb in limbs]
     if shares is None:
-        within, lengths = 1.0, np.array([_blur_length(limb, vertices, bones, regions) for limb in limbs])
-        shares = np.eye(len(bones) + 1)[regions.owner, :-1]
-    fields = [_along(limb, vertices, bones, shares, within) for limb in limbs]
+        lengths = np.array([_blur_length(limb, vertices, bones, regions) for limb in limbs])
+        owner = regions.owner
+        place = _places(vertices, bones, 1.0)[np.arange(len(owner)), owner]
+        fields = [np.where(owner < 0, 0.0, start[owner] + slope[owner] * place) for start, slope in rises]
+    else:
+        lengths = np.full(len(limbs), BLUR_DIAGONALS)
+        places = _places(vertices, bones, BONE_RISE_SHARE)
+        fields = [np.einsum("nb,nb->n", shares, start + slope * places) for start, slope in rises]
     pairs = max(0, len(limbs) - count)
     alone = fields[: len(fields) - 2 * pairs]
     shared = fields[len(alone) :]
@@ -92,7 +92,7 @@ def limb_fields(
     lengths = np.append(lengths[: len(alone)], pair_lengths)
     for length in np.unique(lengths):
         columns = lengths == length
-        result[:, columns] = smoothed(L, mass, vertices, result[:, columns], length)
+        result[:, columns] = smoothed(result[:, columns], length)
     return result
 
 
@@ -142,17 +142,19 @@ def _blur_length(limb: int, vertices: NDArray[np.float64], bones: Bones, regions
     return BLUR_DIAGONALS * 2.0 ** round(math.log2(max(length / BLUR_DIAGONALS, 1.0)))
 
 
-def _along(
-    limb: int, vertices: NDArray[np.float64], bones: Bones, shares: NDArray[np.float64], within: float
-) -> NDArray[np.float64]:
-    """Return the (n,) field of a limb before it is smoothed."""
+def _places(vertices: NDArray[np.float64], bones: Bones, within: float) -> NDArray[np.float64]:
+    """Return the place of each vertex along each bone (n, b), from 0 to 1, within the middle share of the bone."""
+    axes = bones.tails - bones.heads
+    along = (vertices @ axes.T - np.einsum("bx,bx->b", bones.heads, axes)) / bones.lengths**2
+    return 0.5 + within * (np.clip(along, 0.0, 1.0) - 0.5)
+
+
+def _rise(limb: int, bones: Bones) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the (b,) value of a limb's field at the head of each bone, and by how much it rises along the bone."""
     chain = np.flatnonzero(bones.limbs == limb)
     start, slope = np.zeros(len(bones)), np.zeros(len(bones))
     start[chain], slope[chain] = np.arange(1, len(chain) + 1) / (1 + len(chain)), 1 / (1 + len(chain))
     for bone, parent in enumerate(bones.parents):
         if bones.limbs[bone] != limb and parent >= 0:
             start[bone] = start[parent] + slope[parent]
-    axes = bones.tails - bones.heads
-    along = (vertices @ axes.T - np.einsum("bx,bx->b", bones.heads, axes)) / bones.lengths**2
-    place = 0.5 + within * (np.clip(along, 0.0, 1.0) - 0.5)
-    return np.einsum("nb,nb->n", shares, start + slope * place)
+    return start, slope

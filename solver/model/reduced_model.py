@@ -18,6 +18,7 @@ from puppetline.errors import MeshError
 from solver.model import clusters, energy_matrices, limb_fields, rotations
 from solver.model import fields as propagation
 from solver.model.bones import NO_BONES, BoneRegions, Bones, bone_regions, regions_of_shares
+from solver.model.coarse_fields import MAX_EXACT_VERTICES, CoarseFields
 from solver.surface.contacts import contacts
 from solver.surface.mesh import SolverMesh, snap
 
@@ -214,9 +215,15 @@ def build(
     surface, mass = propagation.laplacian(unit)
     ties = replace(contacts(mesh), gap=contacts(mesh).gap / diagonal)
     holds = limb_fields.contacts_that_hold(ties, rest, regions, bones, skinned=shares is not None)
+    L = propagation.energy_operator(surface, ties.only(holds), mass, unit.diagonal)
     try:
         tied = propagation.field_operator(surface, ties, unit.diagonal, holds)
-        modes = propagation.propagation_fields(tied, mass, rest, parameters.fields - along_limbs)
+        operator = (
+            propagation.SurfaceOperator(tied, mass, rest)
+            if len(rest) <= MAX_EXACT_VERTICES
+            else CoarseFields(tied, L, mass, unit)
+        )
+        modes = operator.propagation_fields(parameters.fields - along_limbs)
     except RuntimeError as error:  # SuperLU finds the matrix singular, or ARPACK does not converge
         raise MeshError(
             mesh.name,
@@ -226,14 +233,13 @@ def build(
         ) from error
     weights = propagation.field_weights(rest, mass, modes)
     if along_limbs:
-        limbs = limb_fields.limb_fields(tied, mass, mesh.vertices, bones, regions, along_limbs, shares)
+        limbs = limb_fields.limb_fields(operator.smoothed, mesh.vertices, bones, regions, along_limbs, shares)
         modes = np.column_stack([modes, limbs])
         own = 1 - along_limbs / parameters.fields
         weights = np.append(own * weights, np.full(along_limbs, 1 / parameters.fields))
     ladder = propagation.ladder_coordinates(modes, parameters.isolines).astype(np.float32).astype(np.float64)
 
-    L = propagation.energy_operator(surface, ties.only(holds), mass, unit.diagonal)
-    cluster = clusters.rotation_clusters(ladder, weights, mass)
+    cluster = clusters.rotation_clusters(ladder, weights, operator.areas, operator.samples)
     reduced = energy_matrices.products(L, surface, mass, rest, ladder, weights, parameters.isolines, cluster)
     covariance = clusters.covariance_map(surface, rest, ladder, weights, parameters.isolines, cluster)
     A_clusters, B_clusters = clusters.energy(reduced, covariance)

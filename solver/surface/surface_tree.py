@@ -116,7 +116,7 @@ def _search(points, of_point, triangles, low, high, label, within):
                 continue
             if node >= leaves:
                 t = triangles[node - leaves]
-                square = _closest(p, t[0], t[1], t[2], blend)
+                square = closest(p, t[0], t[1], t[2], blend)
                 if square < best:
                     best, found[i], squares[i] = square, node - leaves, square
                     blends[i] = blend
@@ -141,7 +141,7 @@ def _box_distance(p, low, high):
 
 
 @compiled
-def _closest(p, a, b, c, blend):
+def closest(p, a, b, c, blend):
     """Write the barycentric coordinates of the triangle's point nearest to p, and return its squared distance.
 
     Ericson, *Real-Time Collision Detection* (2005), section 5.1.5: the signs of a few products tell whether that point

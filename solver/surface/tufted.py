@@ -14,7 +14,7 @@ import scipy
 from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
-from solver.surface.winding import edges_of
+from solver.surface.winding import edges_of, lexicographic_order
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -85,7 +85,7 @@ def _round_edges(
         angle[crowded] = np.arctan2(
             np.einsum("sx,sx->s", np.cross(axis, first), out), np.einsum("sx,sx->s", first, out)
         )
-    return np.lexsort((angle, of_side)) if len(crowded) else np.argsort(of_side, kind="stable")
+    return np.lexsort((angle, of_side)) if len(crowded) else lexicographic_order(of_side[:, None], len(edges))
 
 
 @compiled

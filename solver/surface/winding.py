@@ -11,6 +11,9 @@ from puppetline.compiled import compiled
 MIN_VOLUME_RATIO = 1e-6
 """Smallest volume, divided by the area to the power of 3/2, of a patch that has an inside."""
 
+MAX_INSERTION_LENGTH = 32
+"""Largest number of items that are sorted by insertion."""
+
 MIN_AGREEING_AREA_SHARE = 0.75
 """Smallest share of an open patch's area with the same winding for which the file's winding is kept."""
 
@@ -65,32 +68,51 @@ def edges_of(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.in
     faces_of_edge : (e,) int64
         Number of faces at each edge.
     """
-    sides = _sides(np.ascontiguousarray(faces))
-    return _runs(sides, lexicographic_order(sides, int(faces.max(initial=-1)) + 1))
+    return _edges(np.ascontiguousarray(faces), int(faces.max(initial=-1)) + 1)
 
 
 @compiled
-def _sides(faces):
-    """Return the two ends of each side, the smaller index first."""
-    sides = np.empty((3 * len(faces), 2), dtype=np.int64)
-    for side in range(len(sides)):
+def _edges(faces, count):
+    """Sort the sides of faces by their smaller ends, and those of each smaller end by the larger ones."""
+    starts = np.zeros(count + 1, dtype=np.int64)
+    for side in range(3 * len(faces)):
         start, end = faces[side // 3, side % 3], faces[side // 3, (side + 1) % 3]
-        sides[side, 0], sides[side, 1] = min(start, end), max(start, end)
-    return sides
+        starts[min(start, end) + 1] += 1
+    for v in range(count):
+        starts[v + 1] += starts[v]
+    place, larger, side_at = starts[:-1].copy(), np.empty(starts[-1], np.int64), np.empty(starts[-1], np.int64)
+    for side in range(3 * len(faces)):
+        start, end = faces[side // 3, side % 3], faces[side // 3, (side + 1) % 3]
+        v = min(start, end)
+        larger[place[v]], side_at[place[v]] = max(start, end), side
+        place[v] += 1
+    distinct, number, times = np.empty((starts[-1], 2), np.int64), np.empty_like(larger), np.zeros_like(larger)
+    last = -1
+    for v in range(count):
+        first, stop = starts[v], starts[v + 1]
+        _sort_pairs(larger[first:stop], side_at[first:stop])
+        for here in range(first, stop):
+            if here == first or larger[here] != larger[here - 1]:
+                last += 1
+                distinct[last, 0], distinct[last, 1] = v, larger[here]
+            number[side_at[here]] = last
+            times[last] += 1
+    return distinct[: last + 1].copy(), number, times[: last + 1].copy()
 
 
 @compiled
-def _runs(rows, order):
-    """Return the distinct pairs in the given order, the number of the pair in each row, and each pair's count."""
-    distinct, number, times = np.empty_like(rows), np.empty_like(order), np.zeros_like(order)
-    last = -1
-    for row in order:
-        if last < 0 or distinct[last, 0] != rows[row, 0] or distinct[last, 1] != rows[row, 1]:
-            last += 1
-            distinct[last] = rows[row]
-        number[row] = last
-        times[last] += 1
-    return distinct[: last + 1].copy(), number, times[: last + 1].copy()
+def _sort_pairs(keys, values):
+    """Sort keys, in place, and their values with them; equal keys keep their order."""
+    if len(keys) > MAX_INSERTION_LENGTH:
+        order = np.argsort(keys, kind="mergesort")
+        keys[:], values[:] = keys[order], values[order]
+        return
+    for i in range(1, len(keys)):
+        key, value, j = keys[i], values[i], i
+        while j > 0 and keys[j - 1] > key:
+            keys[j], values[j] = keys[j - 1], values[j - 1]
+            j -= 1
+        keys[j], values[j] = key, value
 
 
 @compiled

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 
 from engine_bridge.character.character import load_character
-from engine_bridge.cli.inspection import inspect
 from engine_bridge.export.animation import FloatTargets, Keyframes, animate
-from puppetline.errors import PuppetlineError
+from engine_bridge.inspection.files import inspect
+from puppetline.errors import MeshError, PuppetlineError
 
 from ..effort import EFFORT
+from ..oracles import assert_is_error_of, assert_is_sound_character
 from .corpus import CORPUS, SIDE_FILES
 from .damage import DAMAGE, damage_of
 
@@ -30,8 +31,7 @@ def read_and_write(path):
     Fail unless both are the same.
     """
     character = load_character(path)
-    colors = character.colors
-    assert colors is None or colors.shape == character.vertices.shape
+    assert_is_sound_character(character)
     mesh = character.solver_mesh()
     json.dumps(inspect(path)).encode()
     still = [(np.zeros((1, *part.vertices.shape), np.float32), None) for part in character.parts]
@@ -87,7 +87,8 @@ def try_damaged():
                 with time_limit():
                     process(path)
                 outcomes["read"] += 1
-            except PuppetlineError:
+            except PuppetlineError as error:
+                assert_is_error_of(error, MeshError, path)
                 outcomes["refused"] += 1
             except Exception as error:
                 pytest.fail(f"{path} ({kind}, number {number}): {type(error).__name__}: {error}")

@@ -55,18 +55,30 @@ def test_damaged_real_files_are_read_or_refused(real_data, tmp_path, try_damaged
 @pytest.mark.parametrize("name", ["textured.glb", "skinned.glb", "packed.glb", "binary.stl"])
 def test_damaged_characters_have_a_finite_model_or_are_refused(folder, try_damaged, name):
     def build_model(path):
-        model = build(load_character(path).solver_mesh(), ModelParameters(fields=4, isolines=5))
-        for array in (
-            model.A,
-            model.B,
-            model.gram,
-            model.ladder,
-            model.covariance,
-            model.edges,
-            model.A_clusters,
-            model.B_clusters,
+        mesh = load_character(path).solver_mesh()
+        model = build(mesh, ModelParameters(fields=4, isolines=5))
+        fields, isolines, clusters = len(model.weights), model.isolines, model.cluster.max() + 1
+        count = fields * isolines
+        assert fields <= 4
+        assert isolines == 5
+        assert model.weights.sum() == pytest.approx(1)
+        assert model.ladder.shape == (len(mesh.vertices), fields)
+        assert model.ladder.min() >= 0
+        assert model.ladder.max() <= isolines - 1
+        assert np.array_equal(np.unique(model.cluster), np.arange(clusters))
+        for array, shape in (
+            (model.A, (4 * count, 4 * count)),
+            (model.B, (4 * count, 3 * count)),
+            (model.gram, (4 * count, 4 * count)),
+            (model.covariance, (3 * count, 4 * count)),
+            (model.edges, (2 * count * 10, 4 * count)),
+            (model.A_clusters, (4 * count, 4 * count)),
+            (model.B_clusters, (4 * count, 3 * clusters)),
         ):
+            assert array.shape == shape
             assert np.isfinite(array).all()
+        for matrix in (model.A, model.gram, model.A_clusters):
+            np.testing.assert_allclose(matrix, matrix.T, atol=1e-9 * np.abs(matrix).max())
 
     (folder / name).write_bytes(CORPUS[name])
     outcomes = try_damaged(folder / name, "arrays" if name.endswith(".glb") else "bytes", 25, 2, build_model)

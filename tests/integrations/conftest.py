@@ -18,13 +18,14 @@ def load(path: Path) -> ModuleType:
 
 figure = load(BRIDGE / "conftest.py")
 own_cache, new_glb = figure.own_cache, figure.new_glb
-make_shape, blob, blob_file, write_puppet, blob_puppet, blob_rig = (
+make_shape, blob, blob_file, write_puppet, blob_puppet, blob_rig, limbed_puppet = (
     figure.make_shape,
     figure.blob,
     figure.blob_file,
     figure.write_puppet,
     figure.blob_puppet,
     figure.blob_rig,
+    figure.limbed_puppet,
 )
 standing, dance, frames, record, take = figure.standing, figure.dance, figure.frames, figure.record, figure.take
 

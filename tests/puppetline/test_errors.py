@@ -1,3 +1,4 @@
+import pickle
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,13 @@ def test_the_message_states_place_found_expected_and_fix(kind):
     assert str(error) == "take.csv, line 7: found 19 numbers; expected 61 numbers. Record it again."
     assert (error.where, error.found, error.expected) == ("take.csv, line 7", "19 numbers", "61 numbers")
     assert error.fix == "Record it again."
+
+
+@pytest.mark.parametrize("kind", [PuppetlineError, *FAMILY])
+def test_an_error_of_another_process_is_equal(kind):
+    error = kind("take.csv", found="19 numbers", expected="61 numbers", fix="Record it again.")
+    copy = pickle.loads(pickle.dumps(error))
+    assert (type(copy), str(copy), vars(copy)) == (kind, str(error), vars(error))
 
 
 def test_one_clause_catches_the_whole_family():
@@ -55,5 +63,5 @@ def test_a_path_may_stand_for_where():
         ((Path("dog.toml"),), "dog.toml"),
     ],
 )
-def test_places_in_a_file(arguments, place):
+def test_places_in_a_file_are_named_with_line_and_field(arguments, place):
     assert at(*arguments) == place

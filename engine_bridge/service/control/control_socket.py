@@ -1,31 +1,17 @@
 """The control socket, which answers each request of a client once (docs/control.md)."""
 
 import json
-import logging
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any, cast
 
 import msgpack
 import zmq
 
-from engine_bridge.service.control.requests import (
-    WHERE,
-    Encoding,
-    RequestId,
-    decode,
-    encode,
-    encoding_of,
-    error_reply,
-    ok_reply,
-    take_command,
-    take_id,
-)
+from engine_bridge.service.control.dispatcher import Dispatcher, refusal
+from engine_bridge.service.control.requests import WHERE, Encoding, encode, encoding_of
 from engine_bridge.service.security.credentials import check_token
 from engine_bridge.service.security.endpoints import Endpoint
-from puppetline import toml_schema
-from puppetline.errors import PuppetlineError, ServiceError
-from puppetline.toml_schema import Table
+from puppetline.errors import ServiceError
 
 REQUESTS_PER_TURN = 16
 BYTES_PER_TURN = 65_536
@@ -34,48 +20,16 @@ BYTES_PER_TURN = 65_536
 QUEUED_REQUESTS, QUEUED_REPLIES = 16, 64
 """Maximum queue lengths per client; further requests wait on the client's side, further replies are lost."""
 
-MAX_DEFERRED = 256
-"""Maximum number of answers that are given later."""
-
-Command = tuple[type[Table], Callable[[Any], Any]]
-"""Model of the arguments, and the function that is called with them; it returns JSON types or a `Deferred`."""
-
-FAILED = ServiceError(
-    "the service", found="an internal error", expected="none", fix="Read the log of the service, and report the error."
-)
-BUSY = ServiceError(
-    "the service",
-    found="too many pending requests",
-    expected="fewer requests at a time",
-    fix="Retry in a few seconds.",
-)
-
-log = logging.getLogger(__name__)
-
-
-class Deferred:
-    """An answer that a command gives in a later turn of the loop, by `Control.finish`."""
-
-
-@dataclass
-class _Caller:
-    """Destination of an answer: the socket, the parts before it, its encoding, and the number of its request."""
-
-    socket: "zmq.Socket[bytes]"
-    envelope: list[bytes]
-    encoding: Encoding
-    request: RequestId = None
-
 
 class Control:
-    """Answers each request with one reply, whatever it contains.
+    """Receives requests over ZeroMQ.
 
     Parameters
     ----------
     context : zmq.Context
     endpoints : sequence of Endpoint
-    commands : mapping
-        By name. The client receives a `PuppetlineError`; any other exception is logged.
+    dispatcher : Dispatcher
+        Answers each request.
 
     Raises
     ------
@@ -87,10 +41,9 @@ class Control:
         self,
         context: "zmq.Context[zmq.Socket[bytes]]",
         endpoints: Sequence[Endpoint],
-        commands: Mapping[str, Command],
+        dispatcher: Dispatcher,
     ) -> None:
-        self._commands = commands
-        self._deferred: dict[Deferred, _Caller] = {}
+        self._dispatcher = dispatcher
         self.sockets: list[zmq.Socket[bytes]] = []
         """Sockets to poll for reading, one per endpoint, in their order."""
         try:
@@ -127,46 +80,28 @@ class Control:
             if taken >= BYTES_PER_TURN:
                 return
 
-    def finish(self, deferred: Deferred, outcome: Any) -> None:
-        """Send a deferred answer: a result, or the exception that was raised instead."""
-        caller = self._deferred.pop(deferred, None)
-        if caller is not None:
-            self._answer(caller, outcome)
-
     def close(self) -> None:
         """Close all sockets; closing again does nothing."""
         for socket in self.sockets:
             socket.close(0)
         self.sockets.clear()
-        self._deferred.clear()
 
     def _take(self, socket: "zmq.Socket[bytes]", frames: list[bytes]) -> None:
         """Answer one message: the sender's identity, an empty part if it has a REQ socket, the request."""
         start = 2 if len(frames) > 2 and not frames[1] else 1
-        caller = _Caller(socket, frames[:start], encoding_of(frames[start]))
-        try:
-            if len(frames) > start + 1:
-                raise ServiceError(
-                    WHERE, found=f"{len(frames) - start} parts", expected="one", fix="Send a request in one part."
-                )
-            outcome = self._carry_out(caller, frames[start])
-        except Exception as error:  # a command must not end the service
-            outcome = error
-        if not isinstance(outcome, Deferred):
-            self._answer(caller, outcome)
-        elif len(self._deferred) < MAX_DEFERRED:
-            self._deferred[outcome] = caller
+        envelope, encoding = frames[:start], encoding_of(frames[start])
+
+        def reply(body: bytes) -> None:
+            if not socket.closed:
+                socket.send_multipart([*envelope, body], zmq.NOBLOCK)
+
+        if len(frames) > start + 1:
+            parts = ServiceError(
+                WHERE, found=f"{len(frames) - start} parts", expected="one", fix="Send a request in one part."
+            )
+            reply(refusal(parts, encoding))
         else:
-            self._answer(caller, BUSY)
-
-    def _carry_out(self, caller: _Caller, body: bytes) -> Any:
-        values = decode(body)
-        caller.request = take_id(values)
-        model, run = self._commands[take_command(values, self._commands)]
-        return run(toml_schema.check(model, values, WHERE, ServiceError))
-
-    def _answer(self, caller: _Caller, outcome: Any) -> None:
-        caller.socket.send_multipart([*caller.envelope, _reply(caller, outcome)], zmq.NOBLOCK)
+            self._dispatcher.take(frames[start], reply, encoding)
 
 
 def request(
@@ -258,16 +193,3 @@ def _result(address: str, reply: bytes, encoding: Encoding) -> Any:
             fix="Check the address; the control socket's port follows the stream's.",
         ) from mistake
     raise error
-
-
-def _reply(caller: _Caller, outcome: Any) -> bytes:
-    """Write the answer; an internal error is logged, and the client receives `FAILED`."""
-    try:
-        if not isinstance(outcome, Exception):
-            return encode(ok_reply(caller.request, outcome), caller.encoding)
-    except (TypeError, ValueError, OverflowError, RecursionError) as error:
-        outcome = error
-    if not isinstance(outcome, PuppetlineError):
-        log.error("request failed", exc_info=outcome)
-        outcome = FAILED
-    return encode(error_reply(caller.request, outcome), caller.encoding)

@@ -147,7 +147,7 @@ def encoding_of(body: bytes) -> Encoding:
     return "msgpack" if body[:1] and body[0] in MSGPACK_MAPS else "json"
 
 
-def decode(body: bytes) -> dict[str, Any]:
+def decode(body: bytes, encoding: Encoding) -> dict[str, Any]:
     """Read a request: a map from strings to strings, numbers, booleans and null.
 
     Raises
@@ -156,7 +156,6 @@ def decode(body: bytes) -> dict[str, Any]:
     """
     if len(body) > MAX_REQUEST_BYTES:
         raise _not_a_request(f"{len(body)} bytes", f"no more than {MAX_REQUEST_BYTES}")
-    encoding = encoding_of(body)
     try:
         if encoding == "msgpack":
             values = msgpack.unpackb(

@@ -191,6 +191,10 @@ def _outputs(outputs: Iterable[OutputStatus]) -> Iterator[Metric]:
     skipped = (((o.wire, o.target), o.skipped) for o in outputs if o.skipped is not None)
     yield _counter("output_skipped", "Frames replaced by newer ones before they were sent.", labels, skipped)
     yield _counter("output_failed", "Messages not sent.", labels, (((o.wire, o.target), o.failed) for o in outputs))
+    clients = (((o.wire, o.target), o.clients) for o in outputs if o.clients is not None)
+    yield _gauge("output_clients", "Clients of this wire.", labels, clients)
+    refused = (((o.wire, o.target), o.refused) for o in outputs if o.clients is not None)
+    yield _counter("output_refused", "Refused connections of this wire.", labels, refused)
 
 
 _Samples = Iterable[tuple[tuple[str, ...], float]]

@@ -125,6 +125,8 @@ class CharacterStatus:
     Attributes
     ----------
     name : str
+    stage : str
+        Name of its stage.
     performer : int or None
         User number.
     state : str
@@ -140,6 +142,7 @@ class CharacterStatus:
     """
 
     name: str
+    stage: str
     performer: int | None
     state: str
     frames: int
@@ -168,11 +171,15 @@ class OutputStatus:
     target : str
         Receiver, or the addresses that clients connect to.
     sent, bytes : int
-        Messages sent so far, and their size; a message counts once, however many clients receive it.
+        Messages sent so far, and their size; over ZeroMQ, a message counts once, however many clients receive it.
     skipped : int or None
         Frames replaced by newer ones before they were sent; None if the wire cannot tell.
     failed : int
         Messages that could not be sent.
+    clients : int or None
+        Clients that are connected now; None for a wire that has none, or whose clients are those of `ClientsStatus`.
+    refused : int
+        Connections refused so far; 0 for such a wire.
     """
 
     wire: str
@@ -181,6 +188,8 @@ class OutputStatus:
     bytes: int
     skipped: int | None
     failed: int
+    clients: int | None = None
+    refused: int = 0
 
 
 @dataclass(frozen=True)

@@ -145,10 +145,10 @@ def _characters(status: Status) -> Table:
 
 
 def _outputs(status: Status) -> Table:
-    table = _table("output", "sent", "skipped", "failed")
+    table = _table("output", "clients", "sent", "skipped", "failed")
     for output in status.outputs:
-        skipped = "–" if output.skipped is None else output.skipped
-        _add(table, f"{output.wire}  {output.target}", output.sent, skipped, output.failed)
+        clients, skipped = ("–" if count is None else count for count in (output.clients, output.skipped))
+        _add(table, f"{output.wire}  {output.target}", clients, output.sent, skipped, output.failed)
     return table
 
 

@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,9 @@ from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from engine_bridge.service.security.endpoints import Endpoint
 from engine_bridge.service.security.guard import Guard
 from puppetline.toml_schema import Table
+
+Answer = Callable[[bytes, Callable[[bytes], None]], None]
+"""Carries out a request and sends its reply."""
 
 
 class Output(ABC):
@@ -75,12 +78,15 @@ class Opening:
         ZeroMQ addresses of [network].
     guard : Guard
         Authenticates ZeroMQ clients.
+    answer : callable
+        Carries out a request in JSON (docs/control.md); called with the request and with what sends its reply.
     """
 
     characters: Sequence[StreamedCharacter]
     context: "zmq.Context[zmq.Socket[bytes]]"
     endpoints: Sequence[Endpoint]
     guard: Guard
+    answer: Answer
 
 
 class OutputTable(Table):

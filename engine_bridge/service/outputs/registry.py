@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from engine_bridge.service.outputs.osc import OscTable
 from engine_bridge.service.outputs.output import OutputTable
+from engine_bridge.service.outputs.websocket import WebSocketTable
 from engine_bridge.service.outputs.zeromq import NetworkTable
 from puppetline.toml_schema import Table
 
@@ -16,6 +17,7 @@ class OutputTables(Table):
 
     network: NetworkTable = NetworkTable()
     osc: tuple[OscTable, ...] = ()
+    websocket: WebSocketTable | None = None
 
     def output_tables(self) -> Iterator[tuple[tuple[str | int, ...], OutputTable]]:
         """Yield all tables in the order of the rows, each after its place in the file."""

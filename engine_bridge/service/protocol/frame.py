@@ -3,10 +3,11 @@
 Each property is computed when it is first used, and once.
 """
 
+import hashlib
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from engine_bridge.character.drawn_normals import drawn_normals
 from engine_bridge.performance.humanoid import Humanoid, humanoid_of, is_humanoid
 from engine_bridge.performance.rig import Rig
 from engine_bridge.puppet.puppet import Puppet
+from engine_bridge.service.protocol.header import Kind
 from engine_bridge.service.protocol.quantisation import quantised
 from engine_bridge.service.protocol.scene import encode_scene, with_description
 from solver.model.binding import ShadedBinding
@@ -35,7 +37,7 @@ class StreamedCharacter:
         Name in topics: ``[A-Za-z0-9_-]{1,32}``.
     rig : Rig
     revision : int
-        Differs after each reload that changes the character; it fits in 32 bits.
+        Differs between characters that differ in anything that clients know; it fits in 32 bits.
     basis : LiveBasis or None
         Morph targets that poses are projected on.
     """
@@ -44,6 +46,14 @@ class StreamedCharacter:
     rig: Rig
     revision: int
     basis: "LiveBasis | None" = None
+
+    @classmethod
+    def of(cls, name: str, rig: Rig, basis: "LiveBasis | None" = None) -> Self:
+        """Return a character with the revision that follows from its scene and its morph targets."""
+        digest = hashlib.sha256(cls(name, rig, 0, basis).scene)
+        if basis is not None:
+            digest.update(basis.targets.tobytes())
+        return cls(name, rig, int.from_bytes(digest.digest()[:4], "little"), basis)
 
     @cached_property
     def rest(self) -> NDArray[np.float64]:
@@ -155,3 +165,8 @@ class Frame:
         """The pose on the character's morph basis; None without a basis."""
         basis = self.character.basis
         return None if basis is None else basis.project(self.R)
+
+    @cached_property
+    def messages(self) -> dict[Kind, bytes | None]:
+        """Its messages so far, by kind; see `engine_bridge.service.protocol.payloads.message`."""
+        return {}

@@ -45,6 +45,7 @@ class Kind(IntEnum):
     PERFORMER = 8
     STATUS = 9
     CHARACTERS = 10
+    CLIP = 11
 
     @property
     def word(self) -> str:
@@ -58,7 +59,8 @@ FRAME_KINDS = (Kind.CONTROLS, Kind.MORPHS, Kind.VERTICES, Kind.VERTICES16, Kind.
 SERVICE_KINDS = (Kind.STATUS, Kind.CHARACTERS)
 """Kinds that describe the whole service, below ``service/``."""
 
-WORDS = {kind.word: kind for kind in Kind}
+WORDS = {kind.word: kind for kind in Kind if kind != Kind.CLIP}
+"""Kinds of the stream by the last part of their topics; `Kind.CLIP` occurs in files only."""
 
 
 class Header(NamedTuple):

@@ -1,5 +1,6 @@
 """The payload of each kind of message: encoded from a frame, and decoded by clients."""
 
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -78,6 +79,13 @@ def encode(kind: Kind, frame: "Frame", published: int) -> bytes | None:
         return None
     length = sum(memoryview(part).nbytes for part in payload)
     return join(topic(frame.character.name, kind), header(kind, length, frame, published), *payload)
+
+
+def message(kind: Kind, frame: "Frame") -> bytes | None:
+    """Return a frame as a message that is encoded once, however many wires send it; see `encode`."""
+    if kind not in frame.messages:
+        frame.messages[kind] = encode(kind, frame, time.monotonic_ns())
+    return frame.messages[kind]
 
 
 def header(kind: Kind, length: int, frame: "Frame", published: int) -> Header:
@@ -187,4 +195,5 @@ _BODIES: dict[Kind, Callable[[memoryview], Any]] = {
     Kind.PERFORMER: read_json,
     Kind.STATUS: read_json,
     Kind.CHARACTERS: read_json,
+    Kind.CLIP: read_json,
 }

@@ -108,6 +108,7 @@ def describe(character: DrawnCharacter) -> dict[str, Any]:
             {"name": handle.name, "position": list(handle.position), "joints": list(handle.driven_by)}
             for handle in puppet.handle
         ],
+        "limbs": [{"name": limb.name, "points": [list(point) for point in limb.points]} for limb in puppet.limb],
         "joints": list(JOINTS),
         "morphs": None if character.basis is None else list(character.basis.names),
         "parts": parts(rig.character),

@@ -143,7 +143,7 @@ def endpoints_of(network: NetworkSettings, folder: Path = Path()) -> list[Endpoi
     ServiceError
         Other machines could connect without credentials, or credentials are weak, missing or readable by others.
     """
-    address = _address(network.host)
+    address = address_of(network.host, "[network], host")
     token = read_token(None if network.token_file is None else folder / network.token_file)
     endpoints = []
     if token is not None:
@@ -158,7 +158,7 @@ def endpoints_of(network: NetworkSettings, folder: Path = Path()) -> list[Endpoi
             fix='Make a token (puppetline token FILE) and set token_file, or use host = "127.0.0.1".',
         )
     if network.curve is not None:
-        at = address if network.curve.host is None else _address(network.curve.host)
+        at = address if network.curve.host is None else address_of(network.curve.host, "[network.curve], host")
         endpoints.append(
             Endpoint(
                 "CURVE",
@@ -170,8 +170,14 @@ def endpoints_of(network: NetworkSettings, folder: Path = Path()) -> list[Endpoi
     return endpoints
 
 
-def _address(host: str) -> IPAddress:
-    """Return the one address of a host, so that the address that is checked is the one that is bound."""
+def address_of(host: str, where: str) -> IPAddress:
+    """Return the one address of a host, so that the address that is checked is the one that is bound.
+
+    Raises
+    ------
+    ServiceError
+        The host, which the settings have at `where`, is no address.
+    """
     if host == "*":
         return ipaddress.IPv4Address("0.0.0.0")  # noqa: S104
     try:
@@ -179,7 +185,7 @@ def _address(host: str) -> IPAddress:
         return ipaddress.ip_address(min(found)[4][0])  # IPv4 first, because clients try that for localhost
     except (OSError, UnicodeError, ValueError) as error:
         raise ServiceError(
-            "[network], host",
+            where,
             found=f"{host!r}, which is no address of this machine",
             expected="an IP address, or a name of one",
             fix='Use "127.0.0.1", or list the machine\'s addresses: ip address',

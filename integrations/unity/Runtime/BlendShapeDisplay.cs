@@ -1,4 +1,5 @@
 using System.Collections.Generic;
+using Puppetline.Protocol;
 using UnityEngine;
 
 namespace Puppetline

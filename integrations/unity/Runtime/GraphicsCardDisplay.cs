@@ -1,3 +1,4 @@
+using Puppetline.Protocol;
 using UnityEngine;
 using UnityEngine.Rendering;
 
@@ -79,8 +80,8 @@ namespace Puppetline
             var vertices = new ShaderVertex[Scene.VertexCount];
             for (int v = 0; v < vertices.Length; v++)
             {
-                vertices[v].CoordinatesA = Four(Scene.Ladder, v, fields, 0);
-                vertices[v].CoordinatesB = Four(Scene.Ladder, v, fields, 4);
+                vertices[v].CoordinatesA = Four(Scene.IsolineCoordinates, v, fields, 0);
+                vertices[v].CoordinatesB = Four(Scene.IsolineCoordinates, v, fields, 4);
                 vertices[v].SlopesA = Four(Scene.Slopes, v, 2 * fields, 0);
                 vertices[v].SlopesB = Four(Scene.Slopes, v, 2 * fields, 4);
                 vertices[v].SlopesC = Four(Scene.Slopes, v, 2 * fields, 8);

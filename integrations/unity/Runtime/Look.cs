@@ -1,4 +1,5 @@
 using System;
+using Puppetline.Protocol;
 using UnityEngine;
 using UnityEngine.Rendering;
 

@@ -1,3 +1,4 @@
+using Puppetline.Protocol;
 using UnityEngine;
 using UnityEngine.Rendering;
 

@@ -1,3 +1,5 @@
+using Puppetline.Protocol;
+
 namespace Puppetline
 {
     /// <summary>Shows vertices that the CPU computes, here or in the service. It supports all materials.</summary>

@@ -1,5 +1,6 @@
 using System;
 using System.Collections.Generic;
+using Puppetline.Protocol;
 using UnityEngine;
 
 namespace Puppetline
@@ -125,13 +126,35 @@ namespace Puppetline
         /// <summary>Start to record a take; with null, the service chooses the name.</summary>
         public void StartRecording(string take = null)
         {
-            Request("record_start", take == null ? null : new Dictionary<string, object> { { "name", take } });
+            Dictionary<string, object> arguments = OfStage();
+            if (take != null)
+            {
+                arguments["name"] = take;
+            }
+            Request("record_start", arguments);
         }
 
         /// <summary>Finish the take that is being recorded.</summary>
         public void StopRecording()
         {
-            Request("record_stop");
+            Request("record_stop", OfStage());
+        }
+
+        /// <summary>Name of the character's stage; empty before the service's status has arrived.</summary>
+        public string Stage
+        {
+            get
+            {
+                Json characters = Status["characters"];
+                for (int i = 0; i < characters.Count; i++)
+                {
+                    if (characters[i]["name"].Text == Character)
+                    {
+                        return characters[i]["stage"].Text;
+                    }
+                }
+                return "";
+            }
         }
 
         /// <summary>Send a request to the service (docs/control.md).</summary>
@@ -153,6 +176,33 @@ namespace Puppetline
                 control = new ControlClient(host, port + 1, token);
             }
             control.Request(command, arguments, done ?? WarnOfError);
+        }
+
+        /// <summary>Compute the pose of a point of the shown character in the world.</summary>
+        /// <param name="patch">The point, of the shown scene.</param>
+        /// <param name="position">Receives the point.</param>
+        /// <param name="rotation">Receives its rotation; y points out of the surface or along the limb.</param>
+        /// <returns>False before the first frame, and for morphs, which do not contain positions.</returns>
+        public bool TryGetPose(SurfacePatch patch, out Vector3 position, out Quaternion rotation)
+        {
+            position = Vector3.zero;
+            rotation = Quaternion.identity;
+            if (Shown == null || !patch.TryEvaluate(Shown, Axes.Unity, out PatchPose pose))
+            {
+                return false;
+            }
+            position = transform.TransformPoint(new Vector3(pose.X, pose.Y, pose.Z));
+            Vector3 first = transform.TransformVector(new Vector3(pose.FirstX, pose.FirstY, pose.FirstZ));
+            Vector3 front = transform.TransformVector(new Vector3(pose.FrontX, pose.FrontY, pose.FrontZ));
+            if (patch.InLimb)
+            {
+                front = Vector3.Cross(Vector3.Cross(first, front), first);
+            }
+            // In a mirrored space, the cross product points into the surface. Unity's axes are a mirror image themselves.
+            float side = Vector3.Dot(transform.TransformVector(Vector3.right), Vector3.Cross(transform.TransformVector(Vector3.up), transform.TransformVector(Vector3.forward)));
+            Vector3 up = patch.InLimb ? first : side > 0 ? Vector3.Cross(first, front) : Vector3.Cross(front, first);
+            rotation = Quaternion.LookRotation(front, up);
+            return true;
         }
 
         void OnEnable()
@@ -179,11 +229,25 @@ namespace Puppetline
 
         void Update()
         {
-            watch.Connection(follower);
-            if (follower.Scene != scene)
+            // A listener of any event may disable or reconnect this component; the rest of this update is then void.
+            Follower current = follower;
+            watch.Connection(current);
+            if (follower == current && current.Scene != scene)
             {
-                Load(follower.Scene);
+                Load(current.Scene);
             }
+            if (follower == current)
+            {
+                TakeFrames();
+            }
+            if (follower == current)
+            {
+                control?.Poll();
+            }
+        }
+
+        void TakeFrames()
+        {
             while (follower.TryTake(out Frame frame))
             {
                 if (frame.Scene == scene)
@@ -201,7 +265,6 @@ namespace Puppetline
                 display?.Show(playback.Shown);
                 watch.Performer(playback.Shown.Header);
             }
-            control?.Poll();
         }
 
         void Load(Scene loaded)
@@ -212,6 +275,17 @@ namespace Puppetline
             display = null;
             display = Display.Make(this, scene);
             events.sceneLoaded.Invoke();
+        }
+
+        /// <summary>Return the arguments of a request about the character's stage.</summary>
+        Dictionary<string, object> OfStage()
+        {
+            var arguments = new Dictionary<string, object>();
+            if (Stage.Length > 0)
+            {
+                arguments["stage"] = Stage;
+            }
+            return arguments;
         }
 
         void WarnOfError(Json reply)

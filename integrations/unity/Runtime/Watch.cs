@@ -1,4 +1,5 @@
 using System.Collections.Generic;
+using Puppetline.Protocol;
 using UnityEngine;
 
 namespace Puppetline
@@ -25,7 +26,7 @@ namespace Puppetline
             if (state == FollowState.Connected && follower.Status != status)
             {
                 status = follower.Status;
-                Takes(status["stages"]);
+                Takes(status["stages"], puppet.Stage);
             }
         }
 
@@ -76,7 +77,7 @@ namespace Puppetline
             if (now != FollowState.Connected && before == FollowState.Connected)
             {
                 Lose();
-                Takes(Json.Null);
+                Takes(Json.Null, "");
                 puppet.events.disconnected.Invoke();
             }
             if (now == FollowState.Refused && before != FollowState.Refused)
@@ -96,13 +97,14 @@ namespace Puppetline
             }
         }
 
-        void Takes(Json stages)
+        /// <summary>Report the takes of the character's stage that have started or stopped.</summary>
+        void Takes(Json stages, string stage)
         {
             var now = new List<string>();
             for (int i = 0; i < stages.Count; i++)
             {
                 string take = stages[i]["recording"].Text;
-                if (take.Length > 0)
+                if (take.Length > 0 && (stage.Length == 0 || stages[i]["name"].Text == stage))
                 {
                     now.Add(take);
                 }

@@ -1,5 +1,5 @@
 import json
-from contextlib import suppress
+import math
 
 import numpy as np
 import pytest
@@ -10,8 +10,10 @@ from capture.events import Cue, Lost, Tick
 from capture.formats.options import ReadOptions
 from capture.formats.puppetline_log import events, has_old_state, matches, read
 from capture.recording import HEADER
-from capture.skeleton import JOINTS
+from capture.skeleton import JOINTS, SkeletonFrame
 from puppetline.errors import SkeletonLogError
+
+from ...oracles import assert_is_error_of, assert_is_sound_clip
 
 
 def line(time=0.0, user=1, **other):
@@ -158,13 +160,25 @@ def test_a_confidence_that_is_nothing_in_single_precision_is_lost(tmp_path):
 def test_any_bytes_after_the_header_are_read_or_refused(tmp_path_factory, chunks):
     path = tmp_path_factory.getbasetemp() / "any"
     path.write_bytes(HEADER + b"".join(chunks))
-    for reader in (
-        lambda: read(path, ReadOptions()),
-        lambda: list(events(path)),
-        lambda: has_old_state(path),
-    ):
-        with suppress(SkeletonLogError):
-            reader()
+    try:
+        for clip in read(path, ReadOptions()):
+            assert_is_sound_clip(clip)
+    except SkeletonLogError as error:
+        assert_is_error_of(error, SkeletonLogError, path)
+    came = []
+    try:
+        came.extend(events(path))
+    except SkeletonLogError as error:
+        assert_is_error_of(error, SkeletonLogError, f"{path}, line ")
+    assert all(math.isfinite(event.time) for event in came)
+    for event in came:
+        if isinstance(event, SkeletonFrame):
+            assert np.isfinite(event.positions[event.confidence > 0]).all()
+            assert np.isnan(event.positions[event.confidence == 0]).all()
+    try:
+        assert has_old_state(path) in (True, False)
+    except SkeletonLogError as error:
+        assert_is_error_of(error, SkeletonLogError, path)
 
 
 def test_other_joints_are_refused(tmp_path):

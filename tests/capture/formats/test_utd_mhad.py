@@ -9,6 +9,7 @@ from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX
 from puppetline.errors import SkeletonLogError
 
+from ...oracles import assert_is_error_of, assert_is_sound_clip
 from .conftest import assert_refused
 
 ORDER = ("head", "shoulder_center", "spine", "hip_center", "shoulder_left", "elbow_left", "wrist_left", "hand_left",
@@ -86,7 +87,7 @@ def test_a_file_cut_anywhere_is_refused(tmp_path: Path, kept: int) -> None:
         utd_mhad.read(path, ReadOptions())
 
 
-def test_damaged_bytes_never_raise_anything_else(tmp_path: Path) -> None:
+def test_damaged_bytes_are_a_sound_clip_or_refused_with_the_place(tmp_path: Path) -> None:
     path = tmp_path / "take.mat"
     savemat(path, {"d_skel": numbered(2)}, do_compression=False)
     whole = path.read_bytes()
@@ -97,8 +98,10 @@ def test_damaged_bytes_never_raise_anything_else(tmp_path: Path) -> None:
         damaged[int(generator.integers(128, 200))] = int(generator.integers(256))
         path.write_bytes(damaged)
         try:
-            utd_mhad.read(path, ReadOptions())
-        except SkeletonLogError:
+            [clip] = utd_mhad.read(path, ReadOptions())
+            assert_is_sound_clip(clip)
+        except SkeletonLogError as error:
+            assert_is_error_of(error, SkeletonLogError, path)
             refused += 1
     assert 50 < refused < 200
 
@@ -112,7 +115,7 @@ def test_a_claimed_number_of_frames_allocates_nothing(tmp_path: Path) -> None:
         utd_mhad.read(path, ReadOptions())
 
 
-def test_real_first_frame(real_logs: Path) -> None:
+def test_the_first_frame_of_a_real_file_equals_known_values(real_logs: Path) -> None:
     path = real_logs / "utd_mhad_mat" / "a1_s1_t1_skeleton.mat"
     (clip,) = utd_mhad.read(path, ReadOptions())
     assert clip.positions.shape == (48, 20, 3)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from capture.events import TICK_SECONDS, Tick
-from capture.sensors import clock
+from capture.sensors import clock as device_clock
 from capture.sensors import source as module
 from capture.sensors.clock import DeviceClock
 from capture.sensors.source import SensorSource
@@ -66,9 +66,9 @@ def test_the_log_names_the_device_and_the_tracker(watch, scripted_device, script
 
 
 def test_a_device_whose_clock_stands_still_works_and_is_logged_once(
-    watch, scripted_device, scripted_tracker, caplog, monkeypatch
+    watch, scripted_device, scripted_tracker, caplog, monkeypatch, clock
 ):
-    monkeypatch.setattr(clock, "SPAN_SECONDS", 0.02)
+    monkeypatch.setattr(device_clock, "SPAN_SECONDS", 0.02)
     watched = watch(scripted_device, scripted_tracker)
     said = "test: one second takes 0 s on the clock of a scripted device: using the arrival times of images instead"
 
@@ -80,7 +80,7 @@ def test_a_device_whose_clock_stands_still_works_and_is_logged_once(
             [frame] = watched.events()
             assert before <= frame.time <= time.monotonic()
             found.append(frame)
-            time.sleep(0.005)
+            clock.advance(0.005)
         return found
 
     give_up = time.monotonic() + 10
@@ -176,7 +176,7 @@ def test_a_late_image_is_never_tracked(watch, scripted_device, scripted_tracker)
 
 
 @pytest.mark.usefixtures("strict")
-def test_an_image_that_waited_too_long_is_never_tracked(watch, scripted_device, scripted_tracker):
+def test_an_image_that_waited_too_long_is_never_tracked(watch, scripted_device, scripted_tracker, clock):
     halting = Halting(scripted_tracker)
     watched = watch(scripted_device, halting)
     first = time.monotonic()
@@ -184,7 +184,7 @@ def test_an_image_that_waited_too_long_is_never_tracked(watch, scripted_device, 
     assert halting.begun.acquire(timeout=10)
     waiting = time.monotonic()
     scripted_device.show(waiting)
-    time.sleep(2 * module.MAX_AGE_SECONDS)
+    clock.advance(2 * module.MAX_AGE_SECONDS)
     halting.go_on.release(1000)
     assert _show_until_somebody_comes(watched, scripted_device) > waiting
     assert first in scripted_tracker.seen
@@ -193,7 +193,7 @@ def test_an_image_that_waited_too_long_is_never_tracked(watch, scripted_device, 
 
 @pytest.mark.usefixtures("strict")
 @pytest.mark.parametrize("who", ["tracker", "caller"])
-def test_a_frame_that_is_too_old_is_dropped(watch, scripted_device, scripted_tracker, who):
+def test_a_frame_that_is_too_old_is_dropped(watch, scripted_device, scripted_tracker, who, clock):
     halting = Halting(scripted_tracker)
     watched = watch(scripted_device, halting)
     late = time.monotonic()
@@ -202,7 +202,7 @@ def test_a_frame_that_is_too_old_is_dropped(watch, scripted_device, scripted_tra
     if who == "caller":
         halting.go_on.release()
         _wait_until(lambda: select([watched.source.fileno()], [], [], 0)[0])
-    time.sleep(1.5 * module.MAX_AGE_SECONDS)
+    clock.advance(1.5 * module.MAX_AGE_SECONDS)
     halting.go_on.release(1000)
     assert _show_until_somebody_comes(watched, scripted_device) > late
     assert late in scripted_tracker.seen
@@ -210,7 +210,7 @@ def test_a_frame_that_is_too_old_is_dropped(watch, scripted_device, scripted_tra
 
 
 @pytest.mark.usefixtures("strict")
-def test_a_lost_performer_is_reported_however_late(watch, scripted_device, scripted_tracker):
+def test_a_lost_performer_is_reported_however_late(watch, scripted_device, scripted_tracker, clock):
     halting = Halting(scripted_tracker)
     watched = watch(scripted_device, halting)
     halting.go_on.release(1000)
@@ -222,7 +222,7 @@ def test_a_lost_performer_is_reported_however_late(watch, scripted_device, scrip
         pass
     scripted_device.show(time.monotonic())
     assert halting.begun.acquire(timeout=10)
-    time.sleep(1.5 * module.MAX_AGE_SECONDS)
+    clock.advance(1.5 * module.MAX_AGE_SECONDS)
     halting.go_on.release()
     assert ("Lost", 1) in _told(watched.events(until=lambda found: ("Lost", 1) in _told(found)))
 
@@ -232,12 +232,12 @@ class Slow:
 
     name = "a slow tracker"
 
-    def __init__(self, tracker):
-        self.tracker = tracker
+    def __init__(self, tracker, clock):
+        self.tracker, self._clock = tracker, clock
         self.takes = 1.5 * module.MAX_AGE_SECONDS
 
     def track(self, picture):
-        time.sleep(self.takes)
+        self._clock.advance(self.takes)
         return self.tracker.track(picture)
 
     def close(self):
@@ -246,10 +246,10 @@ class Slow:
 
 @pytest.mark.usefixtures("strict")
 def test_a_slow_machine_delivers_late_frames_and_logs_it_once(
-    watch, scripted_device, scripted_tracker, monkeypatch, caplog
+    watch, scripted_device, scripted_tracker, monkeypatch, caplog, clock
 ):
     monkeypatch.setattr(module, "MAX_LATE_COUNT", 3)
-    slow = Slow(scripted_tracker)
+    slow = Slow(scripted_tracker, clock)
     watched = watch(scripted_device, slow)
     events = []
 
@@ -330,7 +330,6 @@ def test_every_image_of_a_recording_is_tracked_at_its_own_time(watch, scripted_d
         watched.wait()
         assert watched.source.now() == (frames[-1].time if frames else 0.0)
         frames += watched.events()
-        time.sleep(0.001)
     assert [frame.time for frame in frames] == scripted_tracker.seen == times
     assert watched.error() is end
     assert (watched.source.counts.received, watched.source.counts.dropped) == (50, 0)
@@ -378,13 +377,13 @@ def test_a_recording_that_stops_is_damaged(watch, scripted_device, scripted_trac
 
 
 @pytest.mark.usefixtures("strict")
-def test_a_device_with_old_images_only_is_an_error(watch, scripted_device, scripted_tracker, monkeypatch):
+def test_a_device_with_old_images_only_is_an_error(watch, scripted_device, scripted_tracker, monkeypatch, clock):
     monkeypatch.setattr(module, "SILENCE_SECONDS", 0.2)
     watched = watch(scripted_device, scripted_tracker)
     _show_until_somebody_comes(watched, scripted_device)
 
     def read(_timeout):
-        time.sleep(0.01)
+        clock.advance(0.01)
         return Picture(time.monotonic() - 0.11, LENS, None, None)
 
     scripted_device.read = read

@@ -3,8 +3,8 @@ import json
 import pytest
 from click.testing import CliRunner
 
-from engine_bridge.cli.checks.finding import Finding
 from engine_bridge.cli.main import main
+from engine_bridge.inspection.finding import Finding
 
 
 @pytest.mark.slow
@@ -22,7 +22,7 @@ def test_doctor_prints_json(tmp_path):
 @pytest.mark.parametrize(("states", "code"), [((True, None), 0), ((True, None, False), 1)])
 def test_only_a_failed_check_sets_the_exit_code(monkeypatch, states, code):
     findings = [Finding(f"thing {k}", ok, "found", "Do it.") for k, ok in enumerate(states)]
-    monkeypatch.setattr("engine_bridge.cli.checks.machine.examine", lambda _takes, _sources: findings)
+    monkeypatch.setattr("engine_bridge.inspection.machine.examine", lambda _takes, _sources: findings)
     result = CliRunner().invoke(main, ["doctor"])
     assert result.exit_code == code
     assert [line[:2] for line in result.stdout.splitlines()[::2]] == ["ok", "--", "!!"][: len(states)]

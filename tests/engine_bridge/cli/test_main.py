@@ -11,6 +11,7 @@ import sys
 import time
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,9 +28,16 @@ if not Path(COMMAND).exists():
 
 
 @pytest.fixture
-def run(tmp_path, commands):
-    """Run the command in an empty folder; returns the finished process."""
-    return lambda *arguments: commands.run(*arguments, cwd=tmp_path)
+def run(tmp_path, monkeypatch):
+    """Run the command in an empty folder and in this process; what a process adds are tests of their own."""
+    monkeypatch.chdir(tmp_path)
+
+    def start(*arguments):
+        result = CliRunner().invoke(main, [*map(str, arguments)], prog_name="puppetline")
+        assert result.exception is None or isinstance(result.exception, SystemExit)
+        return SimpleNamespace(returncode=result.exit_code, stdout=result.stdout, stderr=result.stderr)
+
+    return start
 
 
 @pytest.fixture
@@ -58,6 +66,20 @@ def assert_one_line(result, *parts):
     assert "internal error" not in result.stderr
     for part in parts:
         assert part in result.stderr
+
+
+def test_exit_code_and_streams_of_a_process_are_those_of_the_command(commands, tmp_path, stage):
+    """Right use, wrong use, and an error of a file."""
+    shown, wrong, bad = (
+        commands.run(*arguments, cwd=tmp_path)
+        for arguments in (["inspect", "blob.glb", "--json"], ["dance"], ["inspect", "none.glb"])
+    )
+    assert (shown.returncode, shown.stderr) == (0, "")
+    assert json.loads(shown.stdout)["kind"] == "character"
+    assert (wrong.returncode, wrong.stdout) == (2, "")
+    assert wrong.stderr.startswith("Usage: puppetline")
+    assert bad.returncode == 1
+    assert_one_line(bad, "none.glb")
 
 
 @pytest.mark.parametrize("command", [[], *([command] for command in COMMANDS)], ids=lambda c: " ".join(c) or "all")

@@ -25,6 +25,8 @@ pytestmark = pytest.mark.slow
         (["serve", "--puppet", "a.toml", "--osc", "nowhere"], "--osc requires HOST:PORT"),
         (["serve", "--puppet", "a.toml", "--port", "70000"], "70000"),
         (["serve", "--puppet", "a.toml", "--people", "all"], "'all'"),
+        (["serve", "--puppet", "a.toml", "--origin", "http://localhost:8000"], "--origin requires --websocket."),
+        (["serve", "--puppet", "a.toml", "--websocket", "65536"], "65536"),
         (["record", "--source", "osc:1"], "Missing option '-o'"),
         (["look", "--source", "osc:1"], "Give -o, --live, or both."),
         (["look", "--source", "osc:1", "--live"], "--live requires a terminal"),
@@ -49,10 +51,14 @@ def test_wrong_use_is_reported(arguments, message):
         (["--source", "osc:0", "--host", "192.0.2.1"], "192.0.2.1"),
         (["--source", "osc:0", "--token-file", "none"], "none"),
         (["--source", "osc:0", "--source", "osc:0"], "2 times --source and 1 times --puppet"),
+        (
+            ["--source", "osc:0", "--websocket", "0", "--origin", "localhost:8000"],
+            "Write for example 'http://localhost:8000'",
+        ),
         (["--source", "osc:0", "--osc", "no.such.host.invalid:7000"], "no.such.host.invalid"),
     ],
 )
-def test_what_cannot_be_served_is_one_line_and_exit_code_1(run, blob_puppet, arguments, message):
+def test_settings_that_cannot_be_served_give_one_line_and_exit_code_1(run, blob_puppet, arguments, message):
     result = run("serve", "--puppet", blob_puppet, "--port", 0, "--no-announce", *arguments, code=1)
     lines = [line for line in result.stderr.splitlines() if line.startswith("puppetline: ")]
     assert len(lines) == 1

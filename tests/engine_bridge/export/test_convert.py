@@ -6,9 +6,9 @@ import pytest
 
 from capture.recording import Recorder
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
-from engine_bridge.cli.inspection import inspect
 from engine_bridge.export import convert as module
 from engine_bridge.export.convert import convert
+from engine_bridge.inspection.files import inspect
 from engine_bridge.performance.clip import load_timeline
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
@@ -99,7 +99,7 @@ def test_the_performer_who_was_tracked_longest_is_taken_or_the_one_asked_for(dan
     assert error.value.found == "no user 5"
 
 
-def test_what_had_to_be_assumed_is_noted(record, dance, blob_puppet, tmp_path):
+def test_an_assumption_is_noted(record, dance, blob_puppet, tmp_path):
     positions = dance(40)
     positions[:, JOINT_INDEX["head"]] = np.nan
     positions[10:30, JOINT_INDEX["foot_left"]] = np.nan
@@ -138,9 +138,7 @@ def test_a_puppets_mesh_that_is_missing_is_named_with_the_puppets_key(blob_file,
 
 
 @pytest.mark.parametrize("fault", ["log", "puppet", "mesh", "handle", "output"])
-def test_nothing_is_written_and_an_old_result_stays_if_anything_is_wrong(
-    take, blob_file, write_puppet, tmp_path, fault
-):
+def test_an_error_writes_nothing_and_keeps_the_old_result(take, blob_file, write_puppet, tmp_path, fault):
     (tmp_path / "blob.glb").write_bytes(blob_file.read_bytes() if fault != "mesh" else b"glTF")
     puppet = write_puppet(
         tmp_path / "a.toml", "blob.glb", more="" if fault != "handle" else '[[handle]]\nname="x"\nposition=[99,0,0]\n'

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from capture.skeleton import JOINTS
 from engine_bridge.puppet.puppet import Puppet, RootTable, with_handle
-from engine_bridge.puppet.puppet_document import PuppetDocument, with_mapping
+from engine_bridge.puppet.puppet_document import PuppetDocument, with_puppet
 from engine_bridge.puppet.puppet_file import loads
 from puppetline.errors import OutputError, PuppetError
 
@@ -62,7 +62,7 @@ def changed_lines(before, after):
 def edited(text, index, joints=(), axes="xyz", gain=1.0):
     before = loads(text, "dog.toml")
     after = with_handle(before, index, joints, axes, gain)
-    written = with_mapping(text, before, after)
+    written = with_puppet(text, before, after)
     assert loads(written, "dog.toml") == after
     return written
 
@@ -96,22 +96,22 @@ def test_only_what_is_edited_changes(index, mapping, lines):
     assert sorted(line for line in changed_lines(TEXT, edited(TEXT, index, **mapping))) == sorted(lines)
 
 
-def test_what_is_added_stands_above_the_comment_of_the_next_handle():
+def test_an_added_key_stands_above_the_comment_of_the_next_handle():
     assert 'joint = "head"\ngain = 2.0\n\n# wags\n[[handle]]' in edited(TEXT, 0, ("head",), gain=2.0)
 
 
 def test_root_and_scale_come_and_go():
     before = loads(TEXT, "dog.toml")
     other = before.model_copy(update={"root": RootTable(joint="spine", axes="xz")})
-    assert changed_lines(TEXT, with_mapping(TEXT, before, other)) == [
+    assert changed_lines(TEXT, with_puppet(TEXT, before, other)) == [
         '- joint = "hip_center"   # carries it',
         '+ joint = "spine"   # carries it',
     ]
     none = before.model_copy(update={"root": None})
-    without = with_mapping(TEXT, before, none)
+    without = with_puppet(TEXT, before, none)
     assert loads(without, "dog.toml") == none
     assert "hip_center" not in without
-    back = with_mapping(without, none, scaled(before, 1.25))
+    back = with_puppet(without, none, scaled(before, 1.25))
     assert loads(back, "dog.toml") == scaled(before, 1.25)
     assert back.startswith(TEXT[: TEXT.index("[root]")])
 
@@ -136,14 +136,14 @@ roots = st.none() | st.builds(RootTable, joint=st.sampled_from(JOINTS), axes=st.
 
 @settings(deadline=None)
 @given(st.sampled_from([TEXT, INLINE]), st.lists(st.tuples(st.integers(0, 1), mappings), max_size=4), roots)
-def test_whatever_is_edited_is_what_is_read_again(text, edits, root):
+def test_any_edit_is_read_back_as_it_was_made(text, edits, root):
     before: Puppet = loads(text, "dog.toml")
     for index, mapping in edits:
         after = with_handle(before, index, *mapping).model_copy(update={"root": root})
-        written = with_mapping(text, before, after)
+        written = with_puppet(text, before, after)
         assert loads(written, "dog.toml") == after
         text, before = written, after
-    assert with_mapping(text, before, before) == text
+    assert with_puppet(text, before, before) == text
 
 
 @pytest.fixture
@@ -154,7 +154,7 @@ def file(tmp_path):
     return path
 
 
-def test_it_is_saved_again_and_again_as_the_same_file(file, tmp_path):
+def test_saving_repeatedly_keeps_the_same_file(file, tmp_path):
     link = tmp_path / "link.toml"
     link.symlink_to(file)
     document = PuppetDocument(link)
@@ -168,7 +168,7 @@ def test_it_is_saved_again_and_again_as_the_same_file(file, tmp_path):
 
 
 @pytest.mark.parametrize("change", ["text", "comment", "gone", "folder"])
-def test_what_somebody_else_has_changed_is_not_overwritten(file, change):
+def test_a_file_changed_by_another_program_is_not_overwritten(file, change):
     document = PuppetDocument(file)
     file.unlink()
     if change == "folder":
@@ -184,7 +184,7 @@ def test_what_somebody_else_has_changed_is_not_overwritten(file, change):
     assert document.puppet == loads(TEXT, file)
 
 
-def test_nothing_is_lost_where_it_cannot_be_written(file, monkeypatch):
+def test_a_failed_save_loses_nothing(file, monkeypatch):
     document = PuppetDocument(file)
 
     def full(*_):
@@ -197,9 +197,77 @@ def test_nothing_is_lost_where_it_cannot_be_written(file, monkeypatch):
     assert list(file.parent.iterdir()) == [file]
 
 
-def test_only_a_mapping_is_written(file):
+def test_a_layout_that_cannot_be_edited_is_left_as_it_is(file):
+    file.write_text(INLINE)
     document = PuppetDocument(file)
-    solver = document.puppet.solver.model_copy(update={"iterations": 9})
-    with pytest.raises(PuppetError, match="cannot be edited"):
-        document.save(document.puppet.model_copy(update={"solver": solver}))
-    assert file.read_text() == TEXT
+    another = document.puppet.handle[0].model_copy(update={"name": "c"})
+    with pytest.raises(PuppetError, match="a layout that cannot be edited"):
+        document.save(document.puppet.model_copy(update={"handle": (*document.puppet.handle, another)}))
+    assert file.read_text() == INLINE
+
+
+LIMBED = """[character]
+mesh = "dog.glb"
+
+# the long one
+[[limb]]
+name = "neck"   # up
+points = [[0.0, 1.0, 0.0], [0.0, 2.0, 0.0]]
+joints = ["spine", "head"]
+
+# wags
+[[limb]]
+name = "tail"
+points = [[0.0, 1.0, -1.0], [0.0, 1.0, -2.0]]
+joints = ["hip_center", "hand_left"]
+parent = "neck"   # as it is
+"""
+
+
+def with_limbs(puppet, *limbs):
+    return puppet.model_copy(update={"limb": limbs})
+
+
+def test_a_renamed_limb_and_a_moved_point_keep_their_comments():
+    before = loads(LIMBED, "dog.toml")
+    neck, tail = before.limb
+    moved = neck.model_copy(update={"name": "throat", "points": (neck.points[0], (0.0, 2.5, 0.0))})
+    after = with_limbs(before, moved, tail.model_copy(update={"parent": "throat", "gain": 1.5}))
+    written = with_puppet(LIMBED, before, after)
+    assert loads(written, "dog.toml") == after
+    assert sorted(changed_lines(LIMBED, written)) == [
+        "+ gain = 1.5",
+        '+ name = "throat"   # up',
+        '+ parent = "throat"   # as it is',
+        "+ points = [[0.0, 1.0, 0.0], [0.0, 2.5, 0.0]]",
+        '- name = "neck"   # up',
+        '- parent = "neck"   # as it is',
+        "- points = [[0.0, 1.0, 0.0], [0.0, 2.0, 0.0]]",
+    ]
+
+
+def test_limbs_come_go_and_change_places():
+    before = loads(LIMBED, "dog.toml")
+    neck, tail = before.limb
+    ear = neck.model_copy(update={"name": "ear", "points": ((1.0, 2.0, 0.0), (1.0, 3.0, 0.0)), "follow": "turn"})
+    for limbs in ((neck, tail, ear), (tail.model_copy(update={"parent": None}),), (ear, tail, neck), (neck, ear, tail)):
+        after = with_limbs(before, *limbs)
+        written = with_puppet(LIMBED, before, after)
+        assert loads(written, "dog.toml") == after
+        assert written.count("# as it is") == (tail in limbs)
+        assert written.count("# up") == (neck in limbs)
+
+
+def test_all_settings_are_written_in_their_tables():
+    before = loads(TEXT, "dog.toml")
+    changes = {
+        "character": {"scale": 0.5, "up": "z", "front": "x"},
+        "retarget": {"mirror": True, "arm_space": 10.0},
+        "smoothing": {"alpha": 0.25, "max_deviation": float("inf")},
+        "solver": {"iterations": 9},
+    }
+    values = {name: getattr(before, name).model_copy(update=change) for name, change in changes.items()}
+    written = with_puppet(TEXT, before, before.model_copy(update=values))
+    assert loads(written, "dog.toml") == before.model_copy(update=values)
+    assert written.startswith(TEXT[: TEXT.index("\n", TEXT.index("mesh"))])
+    assert "# the end" in written

@@ -102,25 +102,6 @@ OSCELETON = {
 }
 
 
-class Clock:
-    """The monotonic clock of this process, which tests advance instead of waiting."""
-
-    def __init__(self, patch):
-        self._skipped = 0.0
-        monotonic, monotonic_ns = time.monotonic, time.monotonic_ns
-        patch.setattr(time, "monotonic", lambda: monotonic() + self._skipped)
-        patch.setattr(time, "monotonic_ns", lambda: monotonic_ns() + int(1e9 * self._skipped))
-
-    def advance_to(self, time_):
-        """Advance the clock to a time, unless that has passed."""
-        self._skipped += max(0.0, time_ - time.monotonic())
-
-
-@pytest.fixture
-def clock(monkeypatch):
-    return Clock(monkeypatch)
-
-
 class Sender:
     """Sends skeletons as OSCeleton does with -xr and -r: one bundle per performer and frame, in millimetres."""
 
@@ -349,13 +330,14 @@ def status():
             )
         ],
         characters=[
-            CharacterStatus("dog", 1, "performing", frames=890, rate=29.9, residual=0.0123, limited=7),
-            CharacterStatus("cat", None, "waiting", frames=10, rate=0.0, residual=None, limited=0),
+            CharacterStatus("dog", "kinect", 1, "performing", frames=890, rate=29.9, residual=0.0123, limited=7),
+            CharacterStatus("cat", "kinect", None, "waiting", frames=10, rate=0.0, residual=None, limited=0),
         ],
         clients=ClientsStatus(connected=3, refused=2, limit=64),
         outputs=[
             OutputStatus("zeromq", "tcp://127.0.0.1:7400", sent=5000, bytes=10, skipped=None, failed=0),
             OutputStatus("osc", "127.0.0.1:9000", sent=90, bytes=2000, skipped=12, failed=1),
+            OutputStatus("websocket", "ws://127.0.0.1:7402", 70, bytes=500, skipped=5, failed=0, clients=2, refused=4),
         ],
     )
 

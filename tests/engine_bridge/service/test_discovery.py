@@ -1,9 +1,9 @@
 import logging
 import socket
 import sys
-import time
 from contextlib import closing
 from importlib.metadata import version
+from queue import SimpleQueue
 
 import pytest
 import zeroconf
@@ -97,7 +97,7 @@ def heard_at(address, host, port):
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="which network a packet came from is Linux's to say")
-def test_what_listens_on_loopback_is_announced_nowhere_else(port):
+def test_a_service_on_loopback_is_announced_only_there(port):
     elsewhere = discovery._own_addresses()[0]
     if elsewhere == "127.0.0.1":
         pytest.skip("this machine has no other address")
@@ -106,21 +106,20 @@ def test_what_listens_on_loopback_is_announced_nowhere_else(port):
 
 
 def test_without_a_network_there_is_one_warning_and_it_is_tried_again(caplog, monkeypatch):
-    tried = []
+    attempts = SimpleQueue()
 
     def no_network(interfaces):
-        tried.append(interfaces)
+        attempts.put(interfaces)
         raise OSError(19, "No such device")
 
     monkeypatch.setattr(zeroconf, "Zeroconf", no_network)
     monkeypatch.setattr(discovery, "RETRY_SECONDS", 0.01)
     with caplog.at_level(logging.WARNING):
         announcement = Announcement("192.0.2.77", 7400, 7401, "NULL", ["dog"])
-        while len(tried) < 3:
-            time.sleep(0.01)
+        tried = [attempts.get() for _ in range(3)]
         announcement.close()
     assert not announcement._thread.is_alive()
-    assert tried[:3] == [["192.0.2.77"]] * 3
+    assert tried == [["192.0.2.77"]] * 3
     assert [record.getMessage() for record in caplog.records] == [
         "not announced in the network: [Errno 19] No such device"
     ]
@@ -147,7 +146,7 @@ def test_a_network_that_comes_up_later_is_noticed(monkeypatch, port):
         ({"control": "7401"}, 7401, ()),
     ],
 )
-def test_what_others_announce_under_our_type_is_a_hint_and_no_more(properties, control, characters):
+def test_foreign_announcements_of_our_type_are_read_with_caution(properties, control, characters):
     info = ServiceInfo(TYPE, f"x.{TYPE}", port=5, properties=properties, parsed_addresses=LOOPBACK)
     found = discovery._found(info)
     assert (found.control, found.port, found.addresses) == (control, 5, ("127.0.0.1",))

@@ -188,8 +188,7 @@ def performing(service, sender, kung_fu):
     performer = threading.Thread(target=sender.play, args=(itertools.cycle(kung_fu),), kwargs={"until": stop.is_set})
     performer.start()
     try:
-        while service.ask("describe")["characters"][0]["state"] != "performing":
-            time.sleep(0.05)
+        service.client("dog/controls").until(lambda message: message.header.state == 2)
         yield
     finally:
         stop.set()
@@ -198,6 +197,13 @@ def performing(service, sender, kung_fu):
 
 def start(serve, dog, sender):
     return serve("--puppet", dog, "--source", sender.uri, "--calibrate", "at_once")
+
+
+def plays_on(service, seconds):
+    """Wait until a number of seconds has passed on the performer's clock."""
+    client = service.client("dog/controls")
+    [first] = client.until(lambda _: True)
+    client.until(lambda message: message.header.time > first.header.time + seconds)
 
 
 def row(puppet, name):
@@ -238,7 +244,7 @@ def test_a_mapping_is_edited_saved_and_loaded_again(serve, dog, sender, kung_fu)
         edited = service.ask("set_handle", character="dog", handle="left hand", gain=2, axes="xy")
         assert row(edited, "left hand")["gain"] == 2.0
         assert not edited["saved"]
-        time.sleep(PREPARATION_SECONDS + EASE + 0.5)
+        plays_on(service, PREPARATION_SECONDS + EASE + 0.5)
         goes = reach(service, hand, len(kung_fu))
         assert goes[2] < 1e-6 < went[2]
         np.testing.assert_allclose(goes[:2], 2 * went[:2], rtol=0.1)
@@ -346,7 +352,7 @@ def test_the_mapping_of_a_replayed_take_can_be_edited(serve, dog, sender, kung_f
     service = start(serve, dog, sender)
     with performing(service, sender, kung_fu):
         service.ask("record_start", name="take")
-        time.sleep(3.0)
+        plays_on(service, 3.0)
         service.ask("record_stop")
     service.stop()
     replaying = serve("--puppet", dog, "--source", f"replay:{tmp_path / 'takes' / 'take.log'}")

@@ -1,37 +1,29 @@
 """Fixtures for Godot with the addon: a project in which scripts run, and their output.
 
-A test script `x.gd` lies beside the tests, extends SceneTree or teller.gd, gets its arguments from
-`OS.get_cmdline_user_args()`, prints a line `RESULT {...}` for each thing that it has to say, and ends with `quit()`.
+A test script `x.gd` lies beside the tests, extends teller.gd, gets its arguments from `arguments()`, prints a line
+`RESULT {...}` for each thing that it has to say, and ends with `quit()`. The scripts of a worker's tests run one after
+another in one process, except where a test needs a project of its own: it requests the fixture `project`.
 """
 
-import json
-import os
-import re
 import shutil
-import signal
 import socket
-import subprocess
 import threading
 import time
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
+import zmq
+
+from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.header import Header, Kind, join, topic_field, write_json
+from solver.motion.deformer import to_file_units
+
+from .resident import TIMEOUT_SECONDS, Godot, Resident
 
 HERE = Path(__file__).parent
 ADDON = HERE.parents[2] / "integrations" / "godot" / "addons" / "puppetline"
-TIMEOUT_SECONDS = 60.0
-"""Time after which a test fails, in seconds; others run at the same time."""
-
-WRONG = re.compile(
-    r"SCRIPT ERROR|Parse Error|^\s*ERROR:|instances? (were |was )?leaked|leaked at exit|still in use at exit"
-)
-"""Output that a correct script never prints."""
-
-HARMLESS = re.compile(r"Cannot get class|ALSA|PulseAudio|XDG_RUNTIME_DIR|without fontconfig")
-"""Messages of Godot on a machine without sound, display or fonts."""
-
 GPU_NUMBERS = 9
 """Numbers that gpu_reader.gd reads of each vertex: a position, a normal and a tangent."""
 
@@ -49,81 +41,6 @@ renderer/rendering_method.mobile="gl_compatibility"
 """
 
 
-class Script:
-    """A script that runs in Godot, and whatever has been started with it."""
-
-    def __init__(self, command, over):
-        self._over = over
-        self.process = subprocess.Popen(
-            list(map(str, command)),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            stdin=subprocess.DEVNULL,
-            text=True,
-            start_new_session=True,
-            env=os.environ | {"PUPPETLINE_TEST_OVER": str(over)},
-        )
-        self.lines = []
-        self.results = []
-        """The results so far."""
-        self._read = threading.Thread(target=self._follow)
-        self._read.start()
-
-    def _follow(self):
-        for line in self.process.stdout:
-            self.lines.append(line.rstrip("\n"))
-            if line.startswith("RESULT "):
-                self.results.append(json.loads(line.removeprefix("RESULT "), strict=False))
-
-    @property
-    def said(self):
-        """The end of its output."""
-        return "\n".join(line[:400] for line in self.lines[-60:])
-
-    def until(self, wanted, timeout=TIMEOUT_SECONDS):
-        """Wait for a result that satisfies a condition, and return it."""
-        give_up = time.monotonic() + timeout
-        while True:
-            ended = self.process.poll() is not None
-            if ended:
-                self._read.join()
-            for result in list(self.results):
-                if wanted(result):
-                    return result
-            if ended or time.monotonic() > give_up:
-                pytest.fail(f"it has not said what was wanted:\n{self.said}", pytrace=False)
-            time.sleep(0.02)
-
-    def end(self, allow=()):
-        """Tell a script that asks `is_over()` that it is, and return all results."""
-        self._over.touch()
-        return self.finish(allow=allow)
-
-    def finish(self, timeout=TIMEOUT_SECONDS, allow=()):
-        """Wait for its end and return all results; fail if it printed an error."""
-        try:
-            code = self.process.wait(timeout)
-        except subprocess.TimeoutExpired:
-            self.kill()
-            pytest.fail(f"no end after {timeout} s:\n{self.said}", pytrace=False)
-        self._read.join()
-        wrong = [
-            line
-            for line in self.lines
-            if WRONG.search(line) and not HARMLESS.search(line) and not any(text in line for text in allow)
-        ]
-        if code or wrong:
-            pytest.fail("\n".join([f"exit code {code}, {len(wrong)} errors:", *wrong, "", self.said]), pytrace=False)
-        return self.results
-
-    def kill(self):
-        if self.process.poll() is None:
-            os.killpg(self.process.pid, signal.SIGKILL)
-        self.process.wait()
-        self._read.join()
-        self.process.stdout.close()
-
-
 @pytest.fixture(scope="session")
 def imported_project(godot, tmp_path_factory):
     """A project with the addon that Godot has looked through once, to be copied."""
@@ -134,7 +51,7 @@ def imported_project(godot, tmp_path_factory):
         shutil.copy(script, folder / "tests")
     (folder / "project.godot").write_text(PROJECT)
     everything = [""]  # what is wrong with a part of the addon is for the tests of that part
-    Script([godot, "--headless", "--path", folder, "--import"], folder / "over").finish(300, everything)
+    Godot(godot, "--headless", "--path", folder, "--import").finish(300, everything)
     return folder
 
 
@@ -144,26 +61,48 @@ def project(imported_project, tmp_path):
     return shutil.copytree(imported_project, tmp_path / "project")
 
 
-@pytest.fixture
-def start_godot(godot, project):
-    """Start a script in the project, or in a game that was exported from it, and talk to it while it runs; `display`
-    gives it a screen and OpenGL."""
+@pytest.fixture(scope="session")
+def residents(godot, imported_project):
+    """Return a function that finds or starts a process of Godot which runs scripts in the imported project."""
     started = []
 
+    def find(display):
+        for resident, has_display in started:
+            if resident.is_idle and has_display == display:
+                return resident
+        started.append((Resident(godot, "--path", imported_project, display=display), display))
+        return started[-1][0]
+
+    yield find
+    for resident, _ in started:
+        if resident.process.poll() is None:
+            resident.close()
+
+
+@pytest.fixture
+def start_godot(request, godot):
+    """Start a script in the project, or in a game that was exported from it, and talk to it while it runs; `display`
+    gives it a screen and OpenGL."""
+    is_shared = "project" not in request.fixturenames
+    own, started = [], []
+
+    def find(display, game):
+        if is_shared:
+            return request.getfixturevalue("residents")(display)
+        place = ("--path", request.getfixturevalue("project")) if game is None else ("--main-pack", game)
+        own.append(Resident(godot, *place, display=display))
+        return own[-1]
+
     def start(script, *arguments, display=False, game=None):
-        place = ["--path", project] if game is None else ["--main-pack", game]
-        command = [godot, *place, "-s", f"res://tests/{Path(script).name}"]
-        if display:
-            screen = ["xvfb-run", "-a", "-s", "-screen 0 1280x720x24"]
-            command = [*screen, *command, "--rendering-driver", "opengl3", "--audio-driver", "Dummy"]
-        else:
-            command.append("--headless")
-        started.append(Script([*command, "--", *arguments], project.parent / f"over_{len(started)}"))
+        started.append(find(display, game).start(script, *arguments))
         return started[-1]
 
     yield start
     for script in started:
         script.kill()
+    for resident in own:
+        if resident.process.poll() is None:
+            resident.close()
 
 
 @pytest.fixture
@@ -183,8 +122,7 @@ def run_editor(godot, project):
     def run(frames=60):
         plugin = '\n[editor_plugins]\n\nenabled=PackedStringArray("res://addons/puppetline/plugin.cfg")\n'
         (project / "project.godot").write_text(PROJECT + plugin)
-        command = [godot, "--headless", "--editor", "--path", project, "--quit-after", frames]
-        editor = Script(command, project.parent / "over")
+        editor = Godot(godot, "--headless", "--editor", "--path", project, "--quit-after", frames)
         try:
             editor.finish(300)
         finally:
@@ -200,8 +138,8 @@ def add_glb(godot, project):
 
     def add(path):
         shutil.copy(path, project / path.name)
-        command = [godot, "--headless", "--path", project, "--import"]
-        Script(command, project / "over").finish(300, ["UVs are required"])  # it says so of targets without them
+        importer = Godot(godot, "--headless", "--path", project, "--import")
+        importer.finish(300, ["UVs are required"])  # it says so of targets without them
         return f"res://{path.name}"
 
     return add
@@ -298,6 +236,91 @@ def something_else():
     return answer
 
 
+class StandIn:
+    """A publisher in the place of the service, which says of a real character what the service never would."""
+
+    def __init__(self, socket, rig):
+        self._socket, self._sequence = socket, 0
+        self.port = socket.bind_to_random_port("tcp://127.0.0.1")
+        self._character = StreamedCharacter("blob", rig, 1)
+        self.controls = to_file_units(rig.model.rest_controls, rig.model).tobytes()
+        self.scenes = 0
+        self.topics = set()
+        """All topics that have been subscribed to."""
+
+    def answer(self, patience=20):
+        """Send what has been asked for, until nothing is asked for so many milliseconds."""
+        while self._socket.poll(patience):
+            asked = self._socket.recv()
+            name = asked[1:].rstrip(b"\0").decode()
+            self.topics.add(name)
+            if asked[0] and "/scene/" in name:
+                self.scenes += 1
+                self.send(name, Kind.SCENE, self._character.scene, revision=1)
+            if asked[0] and name == "service/characters":
+                self.send(name, Kind.CHARACTERS, write_json([{"name": "blob"}]))
+
+    def send(self, name, kind, payload, **header):
+        self._socket.send(join(topic_field(name), Header(kind, len(payload), **header), payload))
+
+    def frame(self, payload=None, revision=1):
+        self._sequence += 1
+        payload = self.controls if payload is None else payload
+        header = {"revision": revision, "sequence": self._sequence, "time": self._sequence / 30}
+        self.send("blob/controls", Kind.CONTROLS, payload, **header)
+
+    def play(self, is_over, seconds):
+        """Send frames at their own times, 30 per second, from the first subscription on; the character moves along x.
+
+        Parameters
+        ----------
+        is_over : callable
+            Returns whether the end has come.
+        seconds : float
+            Time after which it ends in any case.
+        """
+        began, sent, reported, give_up = None, 0, 0.0, time.monotonic() + seconds
+        while not is_over() and time.monotonic() < give_up:
+            self.answer(2)
+            if began is None and "blob/controls" in self.topics:
+                began = time.monotonic()
+            if time.monotonic() > reported + 1.0:
+                reported = time.monotonic()
+                self.send("service/status", Kind.STATUS, write_json({}))
+            while began is not None and time.monotonic() >= began + sent / 30:
+                controls = np.frombuffer(self.controls, "<f4").reshape(-1, 3, 4).copy()
+                controls[:, 0, 3] += 0.01 * sent
+                self.frame(controls.tobytes())
+                sent += 1
+
+    def until(self, happened, *frames):
+        """Send frames over and over until something has happened."""
+        give_up = time.monotonic() + 60
+        while not happened():
+            assert time.monotonic() < give_up
+            self.answer()
+            for frame in frames:
+                self.frame(**frame)
+
+
+@pytest.fixture
+def new_stand_in(blob_rig):
+    """Make publishers in the place of the service."""
+    with zmq.Context() as context, ExitStack() as publishers:
+
+        def make():
+            publisher = publishers.enter_context(context.socket(zmq.XPUB))
+            publisher.linger = 0
+            return StandIn(publisher, blob_rig)
+
+        yield make
+
+
+@pytest.fixture
+def stand_in(new_stand_in):
+    return new_stand_in()
+
+
 PRESET = """[preset.0]
 name="Game"
 platform="Linux"
@@ -315,8 +338,8 @@ def exported_game(godot, project):
     """Export the project, as for players who have neither project nor editor."""
     (project / "export_presets.cfg").write_text(PRESET)
     game = project.parent / "game.pck"
-    command = [godot, "--headless", "--path", project, "--export-pack", "Game", game]
-    Script(command, project.parent / "over").finish(300, ["leaked at exit", "still in use at exit"])  # Godot's own
+    exporter = Godot(godot, "--headless", "--path", project, "--export-pack", "Game", game)
+    exporter.finish(300, ["leaked at exit", "still in use at exit"])  # Godot's own
     return game
 
 

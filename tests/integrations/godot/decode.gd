@@ -5,7 +5,7 @@ const Message := preload("res://addons/puppetline/wire/message.gd")
 const Scene := preload("res://addons/puppetline/wire/scene.gd")
 
 
-func _initialize() -> void:
+func start() -> void:
 	var file := FileAccess.open(arguments()[0], FileAccess.READ)
 	while file.get_position() < file.get_length():
 		var message := Message.parse(file.get_buffer(file.get_32()))

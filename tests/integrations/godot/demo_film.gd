@@ -8,7 +8,7 @@ var _played: Puppet3D
 var _transport: Node
 
 
-func _initialize() -> void:
+func start() -> void:
 	_film = open("res://demo/film/film.tscn")
 	_live = _film.get_node(^"Live")
 	_played = _film.get_node(^"Played")

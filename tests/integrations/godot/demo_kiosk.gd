@@ -5,7 +5,7 @@ extends "demo_scene.gd"
 var _kiosk: Node
 
 
-func _initialize() -> void:
+func start() -> void:
 	_kiosk = open("res://demo/kiosk/kiosk.tscn")
 	_kiosk.connect(&"attracting_changed", _on_attracting_changed)
 	for side: String in ["Left", "Right"]:

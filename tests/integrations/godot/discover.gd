@@ -6,12 +6,11 @@ const Discovery := preload("res://addons/puppetline/wire/discovery.gd")
 var _discovery := Discovery.new()
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	_discovery.changed.connect(_tell_services)
 
 
-func _process(_delta: float) -> bool:
+func step(_delta: float) -> bool:
 	_discovery.poll()
 	if is_over():
 		_discovery.changed.disconnect(_tell_services)

@@ -5,7 +5,7 @@ extends "teller.gd"
 const Dns := preload("res://addons/puppetline/wire/dns.gd")
 
 
-func _initialize() -> void:
+func start() -> void:
 	var file := FileAccess.open(arguments()[0], FileAccess.READ)
 	while file.get_position() < file.get_length():
 		tell({"records": Dns.parse(file.get_buffer(file.get_32()))})

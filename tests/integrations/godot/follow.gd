@@ -7,15 +7,14 @@ const Message := preload("res://addons/puppetline/wire/message.gd")
 var _stream: Stream
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	_stream = Stream.shared(arguments()[0], int(arguments()[1]), arguments()[2])
 	_stream.state_changed.connect(_tell_state)
 	for topic in arguments().slice(3):
 		_stream.follow(topic, _take)
 
 
-func _process(_delta: float) -> bool:
+func step(_delta: float) -> bool:
 	_stream.poll()
 	if is_over():
 		tell({"status": _stream.last_status, "latency": _stream.same_machine_latency()})

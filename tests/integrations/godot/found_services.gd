@@ -6,7 +6,7 @@ const Discovery := preload("res://addons/puppetline/wire/discovery.gd")
 const Dns := preload("res://addons/puppetline/wire/dns.gd")
 
 
-func _initialize() -> void:
+func start() -> void:
 	var discovery := Discovery.new()
 	discovery._next_query_ms = 1 << 60  # no queries are sent to the network
 	var file := FileAccess.open(arguments()[0], FileAccess.READ)

@@ -2,7 +2,7 @@ extends "teller.gd"
 ## Reports the arrays of each surface that Godot's importer made from a file, in base 64.
 
 
-func _initialize() -> void:
+func start() -> void:
 	var scene := (load(arguments()[0]) as PackedScene).instantiate()
 	root.add_child(scene)
 	await process_frame

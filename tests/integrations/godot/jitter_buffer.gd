@@ -1,13 +1,14 @@
 extends "teller.gd"
-## Adds frames to a jitter buffer and reports the shown frames: a JSON list of {"now", "push": [[sequence, time]...]}.
+## Adds frames to a jitter buffer and reports the shown frames: a JSON list of {"now", "push": [[sequence, time]...]},
+## and the delay in seconds.
 
 const JitterBuffer := preload("res://addons/puppetline/play/jitter_buffer.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	var buffer := JitterBuffer.new()
+	buffer.delay = float(arguments()[1])
 	for moment: Dictionary in JSON.parse_string(arguments()[0]):
 		for pushed: Array in moment.get("push", []):
 			var frame := Message.new()
@@ -20,5 +21,5 @@ func _initialize() -> void:
 		tell(told)
 
 
-func _process(_delta: float) -> bool:
+func step(_delta: float) -> bool:
 	return true

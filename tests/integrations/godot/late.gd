@@ -8,14 +8,13 @@ var _stream: Stream
 var _looks_away := false
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	_stream = Stream.shared(arguments()[0], int(arguments()[1]))
 	for topic in arguments().slice(2):
 		_stream.follow(topic, _take)
 
 
-func _process(_delta: float) -> bool:
+func step(_delta: float) -> bool:
 	if _looks_away:
 		tell({"looks_away": true})
 		while not is_over():

@@ -11,8 +11,7 @@ var _answers := 0
 var _frames := 0
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	_control = ControlSocket.new("127.0.0.1", int(arguments()[0]))
 	for number in 3:
 		_control.request({"do": "ping"}, _take.bind(number))
@@ -23,7 +22,7 @@ func _initialize() -> void:
 		_control.fail_all("It is over.")
 
 
-func _process(_delta: float) -> bool:
+func step(_delta: float) -> bool:
 	_control.poll()
 	_frames += int(_answers > 0)
 	if _frames == 10:

@@ -4,8 +4,7 @@ extends "teller.gd"
 var _receiver := PuppetOscReceiver.new()
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	_receiver.port = int(arguments()[0])
 	_receiver.character = arguments()[1]
 	_receiver.joints_received.connect(
@@ -39,7 +38,7 @@ func _initialize() -> void:
 	tell({"signal": "ready"})
 
 
-func _process(_delta: float) -> bool:
+func step(_delta: float) -> bool:
 	return is_over()
 
 

@@ -11,15 +11,14 @@ var _told := ""
 var _moved: Array[String] = []  # handles that have moved since the last command
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	_dock = (load("res://addons/puppetline/dock/dock.tscn") as PackedScene).instantiate()
 	_dock.size = Vector2(300.0, 900.0)
 	_dock.hide()  # it has no address yet
 	root.add_child(_dock)
 
 
-func _process(_delta: float) -> bool:
+func step(_delta: float) -> bool:
 	var lines := FileAccess.get_file_as_string(arguments()[0]).split("\n")
 	while _done < lines.size() - 1:
 		var command: Array = JSON.parse_string(lines[_done])

@@ -8,13 +8,12 @@ var _refused_at := 0
 var _changes := 0
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	_stream = Stream.new(arguments()[0], int(arguments()[1]), arguments()[2])
 	_stream.state_changed.connect(_note)
 
 
-func _process(_delta: float) -> bool:
+func step(_delta: float) -> bool:
 	_stream.poll()
 	if _stream.state != Stream.State.REFUSED or Time.get_ticks_msec() < _refused_at + 3000:
 		return false

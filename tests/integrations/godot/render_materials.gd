@@ -128,8 +128,7 @@ var _shared: SharedScene
 var _textures: Dictionary = {}
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	_folder = arguments()[0]
 	_shared = SharedScene.shared(Stream.new("nowhere", 1), "figure")
 	_shared._take_scene(_message("scene"))

@@ -11,14 +11,13 @@ var _missing := 0
 var _next := 0
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	_control = ControlSocket.new(arguments()[0], int(arguments()[1]), arguments()[2])
 	if not _again:
 		_request()
 
 
-func _process(_delta: float) -> bool:
+func step(_delta: float) -> bool:
 	if _again and Time.get_ticks_msec() > _next:
 		_next = Time.get_ticks_msec() + 200
 		_request()

@@ -9,8 +9,7 @@ var _asked: Dictionary
 var _puppet := Puppet3D.new()
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	root.disable_3d = true
 	DisplayServer.window_set_size(Vector2i(64, 64))
 	_asked = JSON.parse_string(arguments()[0])

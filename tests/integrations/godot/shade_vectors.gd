@@ -18,8 +18,7 @@ var _shared: SharedScene
 var _file: FileAccess
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	root.disable_3d = true
 	DisplayServer.window_set_size(Vector2i(64, 64))
 	_file = FileAccess.open(arguments()[1], FileAccess.WRITE)

@@ -9,15 +9,14 @@ var _one: Stream
 var _other: Stream
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	_one = Stream.shared(arguments()[0], int(arguments()[1]))
 	_one.follow("step", _do_step)
 	_one.follow("dog/performer", _take_one)
 	_one.follow("dog/controls", _take_one)
 
 
-func _process(_delta: float) -> bool:
+func step(_delta: float) -> bool:
 	_one.poll()
 	if _other:
 		_other.poll()

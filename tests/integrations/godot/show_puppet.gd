@@ -22,8 +22,7 @@ var _apart := 1
 var _next := 0
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	var asked: Dictionary = JSON.parse_string(arguments()[0])
 	_wanted = asked["samples"]
 	_apart = asked["apart"]
@@ -40,7 +39,7 @@ func _initialize() -> void:
 
 
 ## Report the nodes' current state, which they have shown since the previous frame.
-func _process(_delta: float) -> bool:
+func step(_delta: float) -> bool:
 	var shown := _puppet.statistics()
 	if shown["calibrated"] and shown["sequence"] >= _next:
 		_next = shown["sequence"] + _apart

@@ -9,8 +9,7 @@ var _stream: Stream
 var _shared: SharedScene
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	_stream = Stream.shared(arguments()[0], int(arguments()[1]))
 	_stream.state_changed.connect(_tell_state)
 	_stream.follow(Stream.STATUS, _tell_message.bind("status"))
@@ -18,7 +17,7 @@ func _initialize() -> void:
 	_stream.follow(_shared._topic, _tell_message.bind("scene"))
 
 
-func _process(_delta: float) -> bool:
+func step(_delta: float) -> bool:
 	_stream.poll()
 	_shared.poll()
 	if is_over():

@@ -1,9 +1,30 @@
-extends SceneTree
-## Base of the test scripts, which report results to the test until it ends them.
+extends RefCounted
+## Base of the test scripts, which report results to the test. resident.gd runs them one after another.
+
+const Resident := preload("resident.gd")
+
+var root: Window:
+	get:
+		return _resident().root
+var process_frame: Signal:
+	get:
+		return _resident().process_frame
+var is_done := false
 
 
-func _initialize() -> void:
-	Engine.max_fps = 120
+## Called once; `start` and `step` stand for the _initialize and _process of a SceneTree.
+func start() -> void:
+	pass
+
+
+## Called before each frame; return whether the script is done.
+func step(_delta: float) -> bool:
+	return false
+
+
+## Be done, for scripts without `step`.
+func quit() -> void:
+	is_done = true
 
 
 func tell(what: Dictionary) -> void:
@@ -12,11 +33,15 @@ func tell(what: Dictionary) -> void:
 
 ## Return whether the test has ended the script.
 func is_over() -> bool:
-	return FileAccess.file_exists(OS.get_environment("PUPPETLINE_TEST_OVER"))
+	return _resident().is_over()
 
 
 func arguments() -> PackedStringArray:
-	return OS.get_cmdline_user_args()
+	return _resident().arguments
+
+
+func create_timer(seconds: float) -> SceneTreeTimer:
+	return _resident().create_timer(seconds)
 
 
 func base64(bytes: PackedByteArray) -> String:
@@ -29,3 +54,7 @@ func sha256(bytes: PackedByteArray) -> String:
 	if not bytes.is_empty():
 		context.update(bytes)
 	return context.finish().hex_encode()
+
+
+func _resident() -> Resident:
+	return Engine.get_main_loop()

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("project")]
 
 HERE = Path(__file__).parent
 DEMO = HERE.parents[2] / "integrations" / "godot"
@@ -27,7 +27,7 @@ def imported_demo(godot, tmp_path_factory):
     folder = tmp_path_factory.mktemp("demo") / "project"
     shutil.copytree(DEMO, folder, ignore=shutil.ignore_patterns(".godot"))
     (folder / "tests").mkdir()
-    for script in [HERE / "teller.gd", *HERE.glob("demo_*.gd")]:
+    for script in [HERE / "resident.gd", HERE / "teller.gd", *HERE.glob("demo_*.gd")]:
         shutil.copy(script, folder / "tests")
     command = [godot, "--headless", "--path", folder, "--import"]
     told = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)

@@ -13,9 +13,9 @@ START = 100.0
 def play(run_godot):
     """Give frames to a buffer: at each moment, seconds after the start, (number, time of the source) of some."""
 
-    def run(*moments):
+    def run(*moments, delay=0.05):
         asked = [{"now": START + after, "push": pushed} for after, *pushed in moments]
-        return run_godot("jitter_buffer.gd", json.dumps(asked))
+        return run_godot("jitter_buffer.gd", json.dumps(asked), delay)
 
     return run
 
@@ -24,7 +24,7 @@ def shown(told):
     return told["earlier"], told["later"], pytest.approx(told["share"], abs=1e-9)
 
 
-def test_nothing_is_shown_before_the_first_frame(play):
+def test_no_frame_is_shown_before_the_first_one(play):
     assert play((0.0,)) == [{"shows": False, "waiting": 0, "lost": 0}]
 
 
@@ -87,7 +87,7 @@ def test_lost_frames_are_counted_and_bridged(play):
 
 
 @pytest.mark.parametrize("again", [(1, 7.08), (2, 7.08), (3, 7.04), (3, 3.0)], ids=str)
-def test_another_run_of_the_service_begins_anew(play, again):
+def test_a_restarted_service_starts_the_buffer_again(play, again):
     """Numbers or times that do not grow."""
     told = play((0.00, (1, 7.00)), (0.04, (2, 7.04)), (0.08, again), (0.09,))
     assert [shown(each) for each in told[2:]] == [(again[0], again[0], 0.0)] * 2
@@ -118,4 +118,12 @@ def test_a_clock_that_is_elsewhere_is_believed_at_once(play):
 
 def test_no_more_is_kept_than_a_moment_can_need(play):
     told = play((0.0, *((n, 7.0 + 0.0001 * n) for n in range(1000))))
-    assert told[0]["waiting"] == 63
+    assert told[0]["waiting"] == 511
+
+
+def test_the_longest_delay_is_kept_at_a_high_rate(play):
+    # 240 frames per second with a delay of one second: shown at 2 s is what the source had at 8 s, frame 240
+    moments = [(n / 240, (n, 7.0 + n / 240)) for n in range(481)]
+    told = play(*moments, (2.0,), delay=1.0)
+    assert shown(told[-1]) == (240, 241, pytest.approx(0.0, abs=1e-6))
+    assert (told[-1]["waiting"], told[-1]["lost"]) == (240, 0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine_bridge.cli.examples import MOTIONS, prepare
+from engine_bridge.character.examples import MOTIONS, prepare
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.service.protocol.frame import StreamedCharacter

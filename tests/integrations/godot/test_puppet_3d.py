@@ -9,12 +9,8 @@ import time
 
 import numpy as np
 import pytest
-import zmq
 
 from engine_bridge.export.shader_mesh import write_shader_mesh
-from engine_bridge.service.protocol.frame import StreamedCharacter
-from engine_bridge.service.protocol.header import Header, Kind, join, topic_field, write_json
-from solver.motion.deformer import to_file_units
 
 ARRIVAL = ["connected", "scene_loaded", "performer_found", "performer_calibrated"]
 
@@ -55,6 +51,9 @@ class Watched:
     def reply(self):
         return self._script.until(lambda told: "reply" in told)["reply"]
 
+    def until_printed(self, text):
+        self._script.until_printed(text)
+
     def end(self):
         self._script.end()
         return self._script.lines
@@ -73,7 +72,7 @@ def moves(state):
     return state["calibrated"] and state["sequence"] >= 0 and state["visible"] == [True]
 
 
-def test_it_finds_a_service_that_comes_later_and_outlives_one_that_is_killed(
+def test_a_node_finds_a_service_that_starts_later_and_outlives_one_that_is_killed(
     watch, serve, blob_puppet, take, free_port
 ):
     port = free_port()
@@ -113,9 +112,7 @@ def test_two_nodes_of_one_service_share_what_does_not_change(watch, serve, blob_
     watched.end()
 
 
-def test_another_version_of_the_character_takes_the_place_of_the_one_before(
-    watch, serve, blob_file, write_puppet, take
-):
+def test_a_new_version_of_the_character_replaces_the_old_one(watch, serve, blob_file, write_puppet, take):
     puppet = write_puppet(blob_file.with_name("changed.toml"), blob_file.name)
     service = serve("--puppet", puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
     watched = watch({"port": service.port})
@@ -145,6 +142,44 @@ def test_a_service_that_refuses_is_not_asked_again_until_the_token_changes(watch
     assert clients["refused"] == 1
     lines = watched.end()
     assert sum(f":{service.port} refuses the connection" in line for line in lines) == 1
+
+
+def test_a_refused_node_can_try_again(watch, serve, blob_puppet, take, token_file, tmp_path, free_port):
+    played = ("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
+    port, token = free_port(), "the-token-of-the-node"
+    service = serve(*played, "--port", port, "--token-file", token_file)
+    watched = watch({"port": port, "token": token})
+    watched.until_signal("refused", f"The service at 127.0.0.1:{port} does not accept this token.")
+    service.stop()
+    (tmp_path / "token").write_text(token)
+    (tmp_path / "token").chmod(0o600)
+    serve(*played, "--port", port, "--token-file", tmp_path / "token")
+    watched.order(call=["retry"])
+    assert watched.until(moves)["warnings"] == []
+    assert watched.signals().count("refused") == 1
+    watched.end()
+
+
+def test_a_source_shows_itself_until_a_service_moves_it(watch, serve, add_glb, blob_puppet, take, tmp_path, free_port):
+    write_shader_mesh(blob_puppet, tmp_path / "one.glb")
+    write_shader_mesh(blob_puppet, tmp_path / "two.glb")
+    one, two = add_glb(tmp_path / "one.glb"), add_glb(tmp_path / "two.glb")
+    port = free_port()
+    watched = watch({"port": port})
+    assert watched.until(lambda _state: True)["meshes"] == []
+    watched.order(set={"mesh_source": one})
+    first = watched.until(lambda state: state["visible"] == [True])
+    watched.order(set={"mesh_source": two})
+    second = watched.until(lambda state: state["meshes"] != first["meshes"] and len(state["meshes"]) == 1)
+    watched.order(set={"user_slot": 1})
+    assert watched.until(lambda state: not state["meshes"])["connected"] is False
+    watched.order(set={"user_slot": -1})
+    watched.until(lambda state: state["meshes"] == second["meshes"])
+    serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once", "--port", port)
+    moving = watched.until(lambda state: moves(state) and len(state["meshes"]) == 1)
+    assert moving["warnings"] == []
+    assert moving["instances"] != second["instances"]
+    watched.end()
 
 
 def test_a_character_is_shown_only_while_its_performer_plays(watch, serve, blob_puppet, sender, frames, standing):
@@ -191,11 +226,8 @@ def test_the_service_is_asked_to_do_something(watch, serve, blob_puppet, take, f
     watched.order(call=["calibrate"])
     watched.until_next(lambda _state: watched.signals().count("performer_calibrated") > found)
     watched.order(call=["start_recording", "../mine"])
-    watched.order(request={"do": "ping"})
-    watched.until_next(lambda _state: True)
-    time.sleep(0.5)
-    lines = watched.end()
-    assert any("WARNING" in line and "../mine" in line for line in lines)
+    watched.until_printed("../mine")
+    assert any("WARNING" in line and "../mine" in line for line in watched.end())
 
 
 def test_takes_are_of_the_stage_that_the_character_is_on(watch, serve, blob_file, write_puppet, take, free_port):
@@ -205,16 +237,18 @@ def test_takes_are_of_the_stage_that_the_character_is_on(watch, serve, blob_file
     service = serve(*played, "--port", free_port())
     watched = watch({"port": service.port, "character": "two"})
     watched.until(moves)
+    service.ask("record_start", stage="stage1", name="other")
     watched.order(call=["start_recording", "mine"])
     watched.until_signal("take_started", "mine")
     stages = {stage["name"]: stage["recording"] for stage in service.ask("describe")["status"]["stages"]}
-    assert stages == {"stage1": None, "stage2": "mine"}
+    assert stages == {"stage1": "other", "stage2": "mine"}
     watched.order(call=["stop_recording"])
     watched.until_signal("take_stopped", "mine")
+    assert [name for name in watched.signals() if "take" in name] == ["take_started", "take_stopped"]
     watched.end()
 
 
-def test_another_slot_tells_of_its_own_performer_at_once(watch, serve, blob_puppet, take):
+def test_a_changed_slot_reports_its_own_performer_at_once(watch, serve, blob_puppet, take):
     service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
     watched = watch({"port": service.port, "user_slot": 99})
     watched.until(lambda state: state["visible"] == [False] and state["sequence"] >= 0)
@@ -243,7 +277,7 @@ def test_a_request_is_answered_though_there_is_no_service_in_the_network(watch):
     watched.end()
 
 
-def test_what_is_set_while_it_runs_is_followed(watch, serve, blob_file, write_puppet, take):
+def test_properties_set_at_run_time_take_effect(watch, serve, blob_file, write_puppet, take):
     one, two = (write_puppet(blob_file.with_name(f"{name}.toml"), blob_file.name) for name in ("one", "two"))
     source = f"replay:{take}?loop"
     service = serve("--puppet", one, "--puppet", two, "--source", source, "--source", source, "--calibrate", "at_once")
@@ -276,6 +310,15 @@ def test_a_mesh_of_another_puppet_is_not_used(
     assert sum("WARNING" in line and "run `puppetline shader-mesh` again" in line for line in watched.end()) == 1
 
 
+def test_vertices_say_that_a_source_is_not_used(watch, serve, add_glb, blob_puppet, take, tmp_path):
+    write_shader_mesh(blob_puppet, tmp_path / "own.glb")
+    service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
+    watched = watch({"port": service.port, "mode": 1, "mesh_source": add_glb(tmp_path / "own.glb")})
+    [warning] = watched.until(moves)["warnings"]
+    assert "mesh_source is used by CONTROLS and MORPHS only" in warning
+    watched.end()
+
+
 @pytest.mark.usefixtures("multicast")
 def test_a_service_that_has_the_character_is_found_in_the_network(
     watch, serve, blob_file, write_puppet, take, tmp_path, free_port
@@ -295,51 +338,34 @@ def test_a_service_that_has_the_character_is_found_in_the_network(
     watched.end()
 
 
-class StandIn:
-    """A publisher in the place of the service, which says of a real character what the service never would."""
-
-    def __init__(self, socket, rig):
-        self._socket, self._sequence = socket, 0
-        self.port = socket.bind_to_random_port("tcp://127.0.0.1")
-        self._character = StreamedCharacter("blob", rig, 1)
-        self.controls = to_file_units(rig.model.rest_controls, rig.model).tobytes()
-        self.scenes = 0
-
-    def answer(self):
-        """Send what has been asked for."""
-        while self._socket.poll(20):
-            asked = self._socket.recv()
-            name = asked[1:].rstrip(b"\0").decode()
-            if asked[0] and "/scene/" in name:
-                self.scenes += 1
-                self.send(name, Kind.SCENE, self._character.scene, revision=1)
-            if asked[0] and name == "service/characters":
-                self.send(name, Kind.CHARACTERS, write_json([{"name": "blob"}]))
-
-    def send(self, name, kind, payload, **header):
-        self._socket.send(join(topic_field(name), Header(kind, len(payload), **header), payload))
-
-    def frame(self, payload=None, revision=1):
-        self._sequence += 1
-        payload = self.controls if payload is None else payload
-        header = {"revision": revision, "sequence": self._sequence, "time": self._sequence / 30}
-        self.send("blob/controls", Kind.CONTROLS, payload, **header)
-
-    def until(self, happened, *frames):
-        """Send frames over and over until something has happened."""
-        give_up = time.monotonic() + 60
-        while not happened():
-            assert time.monotonic() < give_up
-            self.answer()
-            for frame in frames:
-                self.frame(**frame)
+@pytest.mark.usefixtures("multicast")
+def test_a_token_is_not_sent_to_whoever_announces_itself(
+    watch, serve, blob_file, write_puppet, take, token_file, tmp_path, free_port
+):
+    name = f"figure_{secrets.token_hex(4)}"
+    puppet = write_puppet(blob_file.with_name(f"{name}.toml"), blob_file.name)
+    service = tmp_path / "service.toml"
+    service.write_text(
+        f'takes = "{tmp_path / "takes"}"\n[network]\nport = {free_port()}\ntoken_file = "{token_file}"\n[[stage]]\n'
+        f'source = "replay:{take}?loop"\ncalibrate = "at_once"\n[[stage.character]]\npuppet = "{puppet}"\n'
+    )
+    serve("--config", service)
+    watched = watch({"host": "", "character": name, "token": token_file.read_text()})
+    [warning] = watched.until(lambda _state: True)["warnings"]
+    assert warning == "The token is not sent to services found in the network. Set host, or turn on trust_network."
+    time.sleep(3.0)  # three times as long as it takes to find the service
+    assert watched.signals() == []
+    watched.order(set={"trust_network": True})
+    assert watched.until(moves)["warnings"] == []
+    watched.end()
 
 
-@pytest.fixture
-def stand_in(blob_rig):
-    with zmq.Context() as context, context.socket(zmq.XPUB) as publisher:
-        publisher.linger = 0
-        yield StandIn(publisher, blob_rig)
+def test_a_changed_material_is_drawn(start_godot, serve, blob_puppet, take):
+    service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
+    script = start_godot("change_material.gd", service.port)
+    standard, shader = script.finish()
+    assert standard == {"albedo_color": "(0.25, 0.5, 0.75, 1.0)", "emission": "(1.0, 0.5, 0.25, 1.0)", "same": True}
+    assert shader == {"tint": "(0.5, 1.0, 0.0)", "same": True}
 
 
 def test_frames_that_are_wrong_are_as_good_as_none(watch, stand_in):
@@ -375,7 +401,7 @@ preview_in_editor = {preview}
 
 
 @pytest.mark.parametrize("preview", [True, False])
-def test_it_plays_in_the_editor_unless_it_is_told_not_to(godot, project, serve, blob_puppet, take, preview):
+def test_a_puppet_plays_in_the_editor_unless_the_preview_is_off(godot, project, serve, blob_puppet, take, preview):
     service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop")
     (project / "edited.tscn").write_text(EDITED.format(port=service.port, preview=str(preview).lower()))
     command = [godot, "--headless", "--editor", "--path", project, "res://edited.tscn"]
@@ -391,7 +417,7 @@ def test_it_plays_in_the_editor_unless_it_is_told_not_to(godot, project, serve, 
     assert most == int(preview)
 
 
-def test_it_plays_in_an_exported_game(watch, exported_game, serve, blob_puppet, take):
+def test_a_puppet_plays_in_an_exported_game(watch, exported_game, serve, blob_puppet, take):
     service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
     watched = watch({"port": service.port}, {"port": service.port, "mode": 1}, game=exported_game)
     for puppet in 0, 1:

@@ -33,11 +33,12 @@ def payload(name, kind="u1"):
     return np.frombuffer((VECTORS / f"{name}.bin").read_bytes()[128:], kind)
 
 
-@pytest.fixture
-def shaded(run_godot, read_pixels, scene, tmp_path):
+@pytest.fixture(scope="module")
+def shaded(residents, read_pixels, scene, tmp_path_factory):
     """Return what has been told of each moment, and its positions, normals and tangents."""
-    results = run_godot("shade_vectors.gd", VECTORS, tmp_path / "pixels.bin", display=True, timeout=600)
-    moments = read_pixels(tmp_path / "pixels.bin", len(results), scene["vertices"], results[0]["box"])
+    pixels = tmp_path_factory.mktemp("shaded") / "pixels.bin"
+    results = residents(display=True).start("shade_vectors.gd", VECTORS, pixels).finish(600)
+    moments = read_pixels(pixels, len(results), scene["vertices"], results[0]["box"])
     return [(told, *moment) for told, moment in zip(results, moments, strict=True)]
 
 

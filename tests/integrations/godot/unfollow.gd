@@ -10,15 +10,14 @@ const TOPIC := "dog/performer"
 var _stream: Stream
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	_stream = Stream.shared(arguments()[0], int(arguments()[1]))
 	_stream.follow(TOPIC, _one)
 	_stream.follow(TOPIC, _other)
 	_stream.follow("late", _come_late)
 
 
-func _process(_delta: float) -> bool:
+func step(_delta: float) -> bool:
 	_stream.poll()
 	if is_over():
 		for receiver: Callable in [_one, _other, _keep]:

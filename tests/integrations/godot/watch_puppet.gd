@@ -10,8 +10,7 @@ var _done := 0
 var _told_at := 0.0
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	for settings: Dictionary in JSON.parse_string(arguments()[0]):
 		var puppet := Puppet3D.new()
 		_apply(puppet, settings)
@@ -20,7 +19,7 @@ func _initialize() -> void:
 		root.add_child(puppet)
 
 
-func _process(delta: float) -> bool:
+func step(delta: float) -> bool:
 	_told_at -= delta
 	if FileAccess.file_exists(arguments()[1]):
 		_obey(FileAccess.get_file_as_string(arguments()[1]).split("\n", false))

@@ -273,3 +273,31 @@ def locked_figure(own_cache, commands, played, token_file, tmp_path_factory):
     service = served(commands, tmp_path_factory.mktemp("locked"), *played, "--token-file", token_file)
     yield service
     end(service)
+
+
+@pytest.fixture
+def show(start, figure):
+    """Have a Puppet show the small figure; `fields` are its own, and what `Component.cs` has besides."""
+
+    def run(service=figure, **fields):
+        told = {"port": service.port, "character": "blob", "interpolationDelay": 0, **fields}
+        return start("Component", *(f"{name}={value}" for name, value in told.items()))
+
+    return run
+
+
+@pytest.fixture
+def python(reference, figure):
+    return reference(figure.stream, "blob/vertices", "blob/scene/python")
+
+
+def shown(program, reference, wanted=20, since=0):
+    """Wait until so many moments were shown that the reference has too; return (what was said, reference) of each."""
+    give_up = time.monotonic() + TIMEOUT_SECONDS
+    while time.monotonic() < give_up:
+        theirs = dict(reference.frames)
+        both = [(each, theirs[each["frame"]].body) for each in program.said[since:] if each.get("frame") in theirs]
+        if len(both) >= wanted:
+            return both
+        time.sleep(0.05)
+    pytest.fail(f"{sum('frame' in each for each in program.said)} shown, {len(reference.frames)} of the reference")

@@ -1,42 +1,15 @@
 """The component, compiled and run with stand-ins for Unity and the real service: the data of its mesh."""
 
+import shutil
 import socket
-import time
 
 import numpy as np
 import pytest
+import zmq
 
-from .conftest import TIMEOUT_SECONDS, array
+from .conftest import array, shown
 
 UNITY = np.float32([-1, 1, 1])
-
-
-@pytest.fixture
-def show(start, figure):
-    """Have a Puppet show the small figure; `fields` are its own, and what `Component.cs` has besides."""
-
-    def run(service=figure, **fields):
-        told = {"port": service.port, "character": "blob", "interpolationDelay": 0, **fields}
-        return start("Component", *(f"{name}={value}" for name, value in told.items()))
-
-    return run
-
-
-@pytest.fixture
-def python(reference, figure):
-    return reference(figure.stream, "blob/vertices", "blob/scene/python")
-
-
-def shown(program, reference, wanted=20, since=0):
-    """Wait until so many moments were shown that the reference has too; return (what was said, reference) of each."""
-    give_up = time.monotonic() + TIMEOUT_SECONDS
-    while time.monotonic() < give_up:
-        theirs = dict(reference.frames)
-        both = [(each, theirs[each["frame"]].body) for each in program.said[since:] if each.get("frame") in theirs]
-        if len(both) >= wanted:
-            return both
-        time.sleep(0.05)
-    pytest.fail(f"{sum('frame' in each for each in program.said)} shown, {len(reference.frames)} of the reference")
 
 
 def mesh(program):
@@ -164,7 +137,7 @@ def test_morphs_set_the_weights_of_the_targets_and_move_the_root(show, reference
 
 
 @pytest.mark.slow
-def test_what_happens_is_told_once_each_and_in_order(serve_figure, start):
+def test_events_are_raised_once_each_and_in_order(serve_figure, start):
     service = serve_figure()
     program = start("Component", f"port={service.port}", "materials=Any/Shader")
     program.until(lambda said: said.get("event") == "performerCalibrated")
@@ -214,7 +187,7 @@ def test_a_refusal_is_told_and_warned_of_once_and_another_token_lets_in(start, l
     assert [each["warning"] for each in said if "warning" in each] == [f"Puppetline: {refused['value']}"]
 
 
-def test_another_mode_is_taken_while_it_runs(show, python):
+def test_a_mode_changed_at_run_time_takes_effect(show, python):
     program = show()
     shown(program, python, 2)
     since = len(program.said)
@@ -246,3 +219,52 @@ def test_a_disabled_puppet_answers_every_request_with_an_error(start, free_port)
     assert [each["warning"] for each in said if "warning" in each][-1].startswith(
         "Puppetline: calibrate: found a disabled"
     )
+
+
+@pytest.mark.parametrize("event", ["connected", "sceneLoaded", "performerFound"])
+def test_a_listener_of_an_event_may_disable_the_component(show, event):
+    program = show(materials="Any/Shader", leaveOn=event)
+    left = program.until(lambda said: "left" in said)
+    said = program.finish()
+    assert left == {"left": event}
+    assert not any("frame" in each for each in said[said.index(left) :])
+    assert said[-1]["ended"]
+
+
+def test_a_listener_may_disable_the_component_when_the_service_is_gone(show, serve_figure):
+    service = serve_figure()
+    program = show(service, materials="Any/Shader", leaveOn="disconnected")
+    program.until(lambda said: "frame" in said)
+    service.process.kill()
+    service.ended()
+    program.until(lambda said: said.get("left") == "disconnected")
+    assert program.finish()[-1]["ended"]
+
+
+def test_takes_are_those_of_the_characters_stage(show, serve, blob_puppet, take, tmp_path, free_port):
+    port = free_port()
+    other = shutil.copy(blob_puppet, blob_puppet.with_name("other.toml"))
+    sources = [argument for _ in range(2) for argument in ("--source", f"replay:{take}?loop")]
+    puppets = ["--puppet", blob_puppet, "--puppet", other]
+    service = serve(*puppets, *sources, "--calibrate", "at_once", "--takes", tmp_path / "takes", "--port", port)
+    program = show(service, character="other", materials="Any/Shader")
+    program.until(lambda said: said.get("event") == "performerCalibrated")
+    with zmq.Context() as context, context.socket(zmq.REQ) as control:
+        control.connect(f"tcp://127.0.0.1:{port + 1}")
+
+        def ask(**request):
+            control.send_json(request)
+            return control.recv_json()["result"]
+
+        assert ask(do="record_start", stage="stage1", name="theirs")["stage"] == "stage1"
+        program.tell("record mine")
+        assert program.until(lambda said: said.get("event") == "takeStarted")["value"] == "mine"
+        assert {each["name"]: each["recording"] for each in ask(do="describe")["status"]["stages"]} == {
+            "stage1": "theirs",
+            "stage2": "mine",
+        }
+        program.tell("stop")
+        assert program.until(lambda said: said.get("event") == "takeStopped")["value"] == "mine"
+        assert ask(do="record_stop", stage="stage1")["take"] == "theirs"
+    events = [(said["event"], said["value"]) for said in program.finish() if "take" in said.get("event", "")]
+    assert events == [("takeStarted", "mine"), ("takeStopped", "mine")]

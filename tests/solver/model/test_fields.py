@@ -12,9 +12,8 @@ from solver.surface.mesh import SolverMesh
 
 def modes_of(mesh, count=8):
     L, mass = fields.laplacian(mesh)
-    return fields.propagation_fields(
-        fields.field_operator(L, contacts(mesh), mesh.diagonal), mass, mesh.vertices, count
-    )
+    operator = fields.field_operator(L, contacts(mesh), mesh.diagonal)
+    return fields.SurfaceOperator(operator, mass, mesh.vertices).propagation_fields(count)
 
 
 def aligned(modes, reference):
@@ -188,7 +187,7 @@ def test_fields_do_not_follow_the_density_of_triangles(creature):
     n = len(reference)
 
     def change(mass):
-        modes = fields.propagation_fields(fields.laplacian(uneven)[0], mass, uneven.vertices, 8)[:n]
+        modes = fields.SurfaceOperator(fields.laplacian(uneven)[0], mass, uneven.vertices).propagation_fields(8)[:n]
         modes = aligned(modes, reference)
         modes = modes / np.linalg.norm(modes, axis=0) * np.linalg.norm(reference, axis=0)
         return np.abs(modes - reference).max() / np.abs(reference).max()
@@ -201,7 +200,7 @@ def test_fields_do_not_follow_the_density_of_triangles(creature):
 # --- ladders
 
 
-def test_ladder_of_a_linear_field_by_hand():
+def test_isoline_coordinates_of_a_linear_field_equal_values_by_hand():
     field = np.array([[0.0], [0.04], [0.05], [0.5], [0.72], [0.95], [1.0]])
     expected = [[0.0], [0.0], [0.0], [4.5], [6.7], [9.0], [9.0]]
     np.testing.assert_allclose(fields.ladder_coordinates(field, 10), expected, atol=1e-12)
@@ -266,9 +265,11 @@ def expected(creature, creature_handles):
 
 
 def test_the_sign_of_fields_does_not_show_in_the_deformation(creature, creature_handles, expected, monkeypatch):
-    solve = fields.propagation_fields
+    solve = fields.SurfaceOperator.propagation_fields
     for signs in ([-1] * 8, [-1, 1, 1, 1, -1, -1, 1, -1]):
-        monkeypatch.setattr(fields, "propagation_fields", lambda *given, signs=signs: solve(*given) * np.array(signs))
+        monkeypatch.setattr(
+            fields.SurfaceOperator, "propagation_fields", lambda *given, signs=signs: solve(*given) * np.array(signs)
+        )
         found = deformed(creature, creature_handles, motion(creature_handles))
         # Ladders are kept in float32, which rounds t and 9 − t differently.
         np.testing.assert_allclose(found, expected, rtol=0, atol=5e-6 * creature.diagonal)

@@ -43,7 +43,9 @@ def made(mesh, bones, count, regions=None, shares=None):
     L, mass = fields.laplacian(mesh)
     tied = fields.field_operator(L, contacts(mesh), mesh.diagonal)
     regions = bone_regions(mesh, bones) if regions is None else regions
-    return limb_fields(tied, mass, mesh.vertices, bones, regions, count, shares)
+    return limb_fields(
+        fields.SurfaceOperator(tied, mass, mesh.vertices).smoothed, mesh.vertices, bones, regions, count, shares
+    )
 
 
 def test_a_field_is_0_off_its_limb_and_rises_along_it(figure, both_arms):
@@ -73,13 +75,13 @@ def test_the_field_of_a_thick_limb_is_smoothed_over_a_longer_way(thickness, time
     regions = BoneRegions((mesh.vertices[:, 0] > 20).astype(int), np.ones(164, dtype=bool))
     unit = dataclasses.replace(mesh, vertices=mesh.vertices / mesh.diagonal)
     L, mass = fields.laplacian(unit)
-    found = limb_fields(L, mass, mesh.vertices, bones, regions, 1)[:, 0]
+    found = limb_fields(fields.SurfaceOperator(L, mass, mesh.vertices).smoothed, mesh.vertices, bones, regions, 1)[:, 0]
     value = np.where(regions.owner == 1, (1 + (mesh.vertices[:, 0] - 20) / 20) / 2, 0.0)
     length = times * BLUR_DIAGONALS
     np.testing.assert_allclose(found, np.linalg.solve(np.diag(mass) - length**2 * L.toarray(), mass * value), atol=1e-9)
 
 
-def test_what_hangs_on_a_limb_has_the_value_of_its_place(figure):
+def test_a_vertex_on_a_limb_has_the_value_of_its_place(figure):
     """A hand with a limb of its own: to the arm it is the arm's end."""
     bones = bones_of(
         chain([0, 0, 0], [0, 1.2, 0], limb=-1),

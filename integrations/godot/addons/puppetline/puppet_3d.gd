@@ -11,17 +11,20 @@ extends Node3D
 signal connected
 ## Emitted when the service is disconnected. The node keeps retrying.
 signal disconnected
-## Emitted when the service refuses the connection. The node does not retry until [member token] or the address changes.
+## Emitted when the service refuses the connection. The node does not retry until [method retry] is called, or [member
+## token] or the address changes.
 signal refused(reason: String)
 ## Emitted when the character has arrived or changed, after its new meshes have been made.
 signal scene_loaded
+## Emitted when a new pose has been set, once per image. Nodes that follow the surface move then.
+signal pose_updated
 ## Emitted when a performer has been found for the character. The performer should stand still for one second.
 signal performer_found(user: int)
 ## Emitted when the performer has been calibrated and drives the character.
 signal performer_calibrated(user: int)
 ## Emitted when the performer has left.
 signal performer_lost(user: int)
-## Emitted when the service has started to record a take.
+## Emitted when the service has started to record a take of the character's stage.
 signal take_started(take: String)
 ## Emitted when the service has finished a take.
 signal take_stopped(take: String)
@@ -36,26 +39,48 @@ enum Mode {
 	MORPHS,
 }
 
+## The clock that moves the character.
+enum Clock {
+	## The time of the machine: the character follows its performer as closely as possible.
+	REALTIME,
+	## The time of the engine: it stops while the game is paused, and `Engine.time_scale` and the movie writer change
+	## it.
+	ENGINE,
+	## Calls of [method advance].
+	MANUAL,
+}
+
 const Stream := preload("wire/stream.gd")
 const ControlSocket := preload("wire/control.gd")
+const Connections := preload("wire/connections.gd")
 const Discovery := preload("wire/discovery.gd")
 const Message := preload("wire/message.gd")
+const Scene := preload("wire/scene.gd")
 const SharedScene := preload("play/shared_scene.gd")
+const Playback := preload("play/playback.gd")
 const JitterBuffer := preload("play/jitter_buffer.gd")
+const FrameQueue := preload("play/frame_queue.gd")
 const Body := preload("play/body.gd")
 const ControlsBody := preload("play/controls_body.gd")
 const VerticesBody := preload("play/vertices_body.gd")
 const MorphsBody := preload("play/morphs_body.gd")
 const RestMesh := preload("play/rest_mesh.gd")
+const SurfacePatch := preload("play/surface_patch.gd")
+const PatchMotion := preload("play/patch_motion.gd")
 
 const _CHARACTERS := "service/characters"
 const _STATUS := "service/status"
 ## Maximum number of frames from which the frame rate is measured.
 const _MAX_ARRIVALS := 256
+## Maximum time for which an image of a movie waits for its first frame, and for one of the next frames, in seconds.
+const _FIRST_FRAME_TIMEOUT_SECONDS := 20.0
+const _NEXT_FRAME_TIMEOUT_SECONDS := 2.0
+## Maximum number of surface patches whose data is kept.
+const _MAX_PATCHES := 1024
 
 @export_group("Service")
 ## Host name or address of the service. If empty, the first service found in the network that has the [member
-## character].
+## character]. One that requires a token is used only with [member trust_network].
 @export var host := "127.0.0.1":
 	set(value):
 		_link_stale = _link_stale or value != host
@@ -70,6 +95,12 @@ const _MAX_ARRIVALS := 256
 	set(value):
 		_link_stale = _link_stale or value != token
 		token = value
+## Whether the [member token] is sent to a service that was found in the network because [member host] is empty. Any
+## program in the network can announce itself as a service, and then receives the token.
+@export var trust_network := false:
+	set(value):
+		_link_stale = _link_stale or value != trust_network
+		trust_network = value
 
 @export_group("Character")
 ## Name of the character. If empty, the first one of the service.
@@ -81,6 +112,7 @@ const _MAX_ARRIVALS := 256
 @export var user_slot := -1:
 	set(value):
 		user_slot = value
+		_reset_preview()
 		_notice_performer(_last_user, _last_state)
 ## How the service sends the character.
 @export var mode := Mode.CONTROLS:
@@ -93,8 +125,7 @@ const _MAX_ARRIVALS := 256
 	set(value):
 		_body_stale = _body_stale or value != mesh_source
 		mesh_source = value
-		_hide_preview()
-		_hide_preview()
+		_reset_preview()
 ## Materials that replace the character's own, by surface. A surface without one keeps its own. Standard materials are
 ## copied. A shader material must call the function described in `addons/puppetline/play/puppet.gdshaderinc`.
 @export var materials: Array[Material] = []:
@@ -109,12 +140,18 @@ const _MAX_ARRIVALS := 256
 		follow_root = value
 
 @export_group("Playing")
+## The clock that moves the character. A clock that is slower than the performer lets frames wait, and skips none.
+@export var clock := Clock.REALTIME:
+	set(value):
+		if clock != value:
+			clock = value
+			_buffer = _new_buffer()
 ## Delay of the character in seconds, so that each image lies between two frames. Higher values are smoother in a bad
 ## network; lower values react faster.
 @export_range(0.0, 1.0, 0.005, "suffix:s") var interpolation_delay := 0.05:
 	set(value):
 		interpolation_delay = value
-		_buffer.delay = value
+		_buffer.delay = _delay()
 ## Whether the character is shown in the editor too.
 @export var preview_in_editor := true
 
@@ -122,10 +159,13 @@ var _stream: Stream
 var _control: ControlSocket
 var _discovery: Discovery
 var _shared: SharedScene
-var _buffer := JitterBuffer.new()
+var _buffer: Playback = _new_buffer()
+var _time := 0.0  # of the clocks ENGINE and MANUAL, in seconds
+var _waits := true  # whether a movie waits for frames
 var _body: Body
 var _last_body: Body  # stays until the next one shows a frame
-var _preview: Node3D  # the character from mesh_source while there is no service
+var _preview: Node3D  # the character from mesh_source until a frame is shown
+var _preview_stale := true
 var _name := ""  # name of the followed character
 var _topic := ""  # topic of its frames
 var _names: Array[String] = []  # names of all characters
@@ -140,13 +180,21 @@ var _takes: Array[String] = []
 var _control_port := 0
 var _damaged := 0
 var _arrivals := PackedFloat64Array()
+var _patches: Dictionary = {}  # vertex: SurfacePatch, of the scene
+var _motions: Dictionary = {}  # SurfacePatch: PatchMotion, of the body
 
 
-func _process(_delta: float) -> void:
-	if _link_stale or (Engine.is_editor_hint() and not preview_in_editor):
+func _process(delta: float) -> void:
+	if clock == Clock.ENGINE:
+		_time += delta
+		(_buffer as FrameQueue).catches_up = Engine.time_scale == 1.0 and not OS.has_feature("movie")
+	var plays := preview_in_editor or not Engine.is_editor_hint()
+	if _link_stale or not plays:
 		_leave()
-	if not (Engine.is_editor_hint() and not preview_in_editor):
+	if plays:
 		_play()
+	else:
+		_reset_preview()
 
 
 func _exit_tree() -> void:
@@ -157,6 +205,8 @@ func _get_configuration_warnings() -> PackedStringArray:
 	var warnings := PackedStringArray()
 	if mode == Mode.MORPHS and mesh_source == null:
 		warnings.append("The mode MORPHS requires a mesh_source. Import the .glb from `puppetline bake` and assign it.")
+	if token and _sent_token().is_empty():
+		warnings.append("The token is not sent to services found in the network. Set host, or turn on trust_network.")
 	if _state == Stream.State.REFUSED:
 		warnings.append("The service refuses the connection: %s" % _stream.reason)
 	if character and not _names.is_empty() and character not in _names:
@@ -178,8 +228,23 @@ func request(body: Dictionary, done := Callable()) -> void:
 		return
 	if _control == null:
 		var next := 1 + (port if _stream == null else _stream.port)
-		_control = ControlSocket.new(address, _control_port if _control_port > 0 else next, token)
+		_control = ControlSocket.new(address, _control_port if _control_port > 0 else next, _sent_token())
 	_control.request(body, answered)
+
+
+## Connect again immediately, even if the service has refused the connection.
+func retry() -> void:
+	if _stream != null:
+		_stream.retry()
+
+
+## Move the character on by a time in seconds, with the clock MANUAL. The next frames are shown immediately.
+func advance(seconds: float) -> void:
+	if clock != Clock.MANUAL:
+		push_warning("Puppetline: advance() has no effect. Set clock to MANUAL first.")
+		return
+	_time += seconds
+	_show_next()
 
 
 ## Calibrate again: map the performer's current pose to the character's rest pose.
@@ -207,6 +272,79 @@ func stop_recording(done := Callable()) -> void:
 ## for tools. The order is that of the scene; in the mode MORPHS, that of the imported meshes.
 func evaluate() -> PackedVector3Array:
 	return _body.evaluate() if _body != null else PackedVector3Array()
+
+
+## Return the scene of the character: its mesh, handles and limbs at rest. It is null before [signal scene_loaded].
+func get_character_scene() -> Scene:
+	return _shared.scene if _shared != null else null
+
+
+## Return a frame on the shown surface, in the coordinates of this node: the origin is the vertex of the scene, the y
+## axis points out of the surface, and the z axis to where the character's front is at rest. Only the vertices around it
+## are evaluated. Before the first frame, it is the identity.
+func get_surface_transform(vertex: int) -> Transform3D:
+	var scene := get_character_scene()
+	if scene == null or vertex < 0 or vertex >= scene.vertex_count:
+		return Transform3D.IDENTITY
+	if vertex not in _patches:
+		_patches[vertex] = SurfacePatch.at_vertex(scene, vertex)
+	return get_patch_transform(_patches[vertex], Transform3D.IDENTITY)
+
+
+## Return the shown pose of a patch of the surface, with an orthonormal basis in the space that [param to_space]
+## transforms to. Before the first frame, it is the pose of this node.
+func get_patch_transform(patch: SurfacePatch, to_space: Transform3D) -> Transform3D:
+	var unknown := Transform3D(Basis(to_space.basis.get_rotation_quaternion()), to_space.origin)
+	if _body == null or _buffer.earlier == null:
+		return unknown
+	if patch not in _motions:
+		if _motions.size() >= _MAX_PATCHES:
+			_motions.clear()
+			_patches.clear()
+		_motions[patch] = _body.follow_patch(patch)
+	var motion: PatchMotion = _motions[patch]
+	if motion == null:
+		return unknown
+	var share := _body.shown_share(_buffer.share)
+	var sums := motion.between(_buffer.earlier, _buffer.later, share)
+	sums[0] += _body.shift(_buffer.earlier, _buffer.later, share)
+	return patch.pose(sums, to_space)
+
+
+## Return where a segment hits the shown surface first: `position` and `normal` in global coordinates, and the number of
+## the nearest `vertex` in the scene (−1 in the mode MORPHS). It is empty if nothing is hit. Modes other than CONTROLS
+## are slow.
+func intersect_ray(from: Vector3, to: Vector3) -> Dictionary:
+	var into := global_transform.affine_inverse()
+	var hit := _body.intersect(into * from, into * to) if _body != null else {}
+	if hit.is_empty():
+		return {}
+	var corners: PackedVector3Array = global_transform * (hit["corners"] as PackedVector3Array)
+	var normal := (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalized()
+	var position: Vector3 = global_transform * hit["position"]
+	var nearest := 0
+	for i in 3:
+		if position.distance_squared_to(corners[i]) < position.distance_squared_to(corners[nearest]):
+			nearest = i
+	return {
+		"position": position,
+		"normal": -normal if global_basis.determinant() < 0.0 else normal,
+		"vertex": get_character_scene().triangles[3 * hit["triangle"] + nearest] if hit["triangle"] >= 0 else -1,
+	}
+
+
+## Return boxes that cover the character at rest, and the transforms that move them now, in the coordinates of this
+## node. Both are empty before the first frame, and in modes other than CONTROLS.
+func get_piece_boxes() -> Array[AABB]:
+	if _body == null:
+		return []
+	return _body.piece_boxes()
+
+
+func get_piece_transforms() -> Array[Transform3D]:
+	if _body == null:
+		return []
+	return _body.piece_transforms()
 
 
 ## Return the state of the node: `character`, `connected`, `user`, `calibrated`, `frames_per_second`, `latency`
@@ -243,12 +381,21 @@ func _request_of_stage(body: Dictionary, done: Callable) -> void:
 
 
 func _play() -> void:
+	_show_preview()
 	# A callback may disconnect this node, or remove it from the scene.
 	if _control != null:
 		_control.poll()
 	if not is_inside_tree() or (_stream == null and not _join()):
 		return
 	_stream.poll()
+	_receive()
+	if clock == Clock.ENGINE and OS.has_feature("movie"):
+		_wait_for_frame()
+	_show_next()
+
+
+## Take notice of what the stream has received.
+func _receive() -> void:
 	if _stream == null:
 		return
 	_notice_state()
@@ -257,13 +404,40 @@ func _play() -> void:
 	_shared.poll()
 	if _body_stale and _shared.scene != null:
 		_build()
+
+
+## Wait until the frames of this image of a movie have arrived: movies are written faster or slower than real time.
+func _wait_for_frame() -> void:
+	var limit := _FIRST_FRAME_TIMEOUT_SECONDS if _buffer.earlier == null else _NEXT_FRAME_TIMEOUT_SECONDS
+	var give_up := Time.get_ticks_msec() + int(1000 * limit)
+	while _waits and _stream != null and not (_buffer as FrameQueue).reaches(_time):
+		if Time.get_ticks_msec() > give_up:
+			_waits = false  # until a frame arrives
+			push_warning("Puppetline: no frame for the movie within %d s. Check that the service plays." % limit)
+		OS.delay_msec(1)
+		_stream.read()
+		_receive()
+
+
+func _show_next() -> void:
 	if _body != null and _buffer.advance(_now()):
 		_show()
 
 
+## Return a buffer for the clock.
+func _new_buffer() -> Playback:
+	var buffer: Playback = JitterBuffer.new() if clock == Clock.REALTIME else FrameQueue.new()
+	buffer.delay = _delay()
+	return buffer
+
+
+## Return the delay that the clock requires: in real time, frames arrive irregularly.
+func _delay() -> float:
+	return 0.0 if clock == Clock.MANUAL or OS.has_feature("movie") else interpolation_delay
+
+
 ## Follow the service as soon as its address is known; return false before.
 func _join() -> bool:
-	_show_preview()
 	var address := {"host": host, "port": port, "control": port + 1}
 	if host.is_empty():
 		address = _discovered()
@@ -271,12 +445,17 @@ func _join() -> bool:
 			return false
 	_discovery = null
 	_control_port = address["control"]
-	_stream = Stream.shared(address["host"], address["port"], token)
+	_stream = Stream.shared(address["host"], address["port"], _sent_token())
 	_stream.follow(_CHARACTERS, _on_characters)
 	_stream.follow(_STATUS, _on_status)
 	if character:
 		_follow_character(character)
 	return true
+
+
+## Return the token, unless it would be sent to a service that is not trusted.
+func _sent_token() -> String:
+	return token if host or trust_network else ""
 
 
 ## Return the first service in the network that has the character; empty if there is none.
@@ -285,8 +464,9 @@ func _discovered() -> Dictionary:
 		_discovery = Discovery.new()
 		_discovery.search()
 	_discovery.poll()
+	var refused := ["CURVE"] if _sent_token() else ["PLAIN", "CURVE"]
 	for service in _discovery.services:
-		if service["mechanism"] != "CURVE" and (character.is_empty() or character in service["characters"]):
+		if service["mechanism"] not in refused and (character.is_empty() or character in service["characters"]):
 			return service
 	return {}
 
@@ -340,14 +520,14 @@ func _unfollow_character() -> void:
 			body.queue_free()
 	_body = null
 	_last_body = null
+	_reset_preview()
 
 
 func _unfollow_frames() -> void:
 	if _topic:
 		_stream.unfollow(_topic, _on_frame)
 	_topic = ""
-	_buffer = JitterBuffer.new()
-	_buffer.delay = interpolation_delay
+	_buffer = _new_buffer()
 
 
 ## Make the node that shows the character, and follow the frames that it needs.
@@ -359,6 +539,8 @@ func _build() -> void:
 	elif _body != null:
 		_body.queue_free()
 	_body = _new_body()
+	_patches.clear()
+	_motions.clear()
 	_body.follow_root = follow_root
 	_body.set_materials(materials)
 	_body.visible = false
@@ -382,7 +564,10 @@ func _new_body() -> Body:
 		source.free()
 	if obstacle:
 		push_warning("Puppetline: %s falls back to VERTICES: %s." % [_name, obstacle])
-	return VerticesBody.new(_shared)
+	var body := VerticesBody.new(_shared)
+	if mesh_source != null:
+		body.problem = "the mode VERTICES shows the service's mesh; mesh_source is used by CONTROLS and MORPHS only"
+	return body
 
 
 func _own_character() -> Node3D:
@@ -401,11 +586,15 @@ func _show() -> void:
 		_last_body.queue_free()
 		_last_body = null
 	_hide_preview()
+	pose_updated.emit()
 
 
-## Show the character from mesh_source at rest while there is no service.
+## Show the character from mesh_source at rest until a frame is shown.
 func _show_preview() -> void:
-	if _preview == null and user_slot < 0:
+	if not _preview_stale:
+		return
+	_preview_stale = false
+	if user_slot < 0 and not _shows_body():
 		_preview = _own_character()
 		if _preview != null:
 			add_child(_preview, false, Node.INTERNAL_MODE_FRONT)
@@ -415,6 +604,17 @@ func _hide_preview() -> void:
 	if _preview != null:
 		_preview.queue_free()
 		_preview = null
+
+
+## Remove the preview, and make it again if it is still needed.
+func _reset_preview() -> void:
+	_hide_preview()
+	_preview_stale = true
+
+
+## Return whether a frame has been shown.
+func _shows_body() -> bool:
+	return _last_body != null or (_body != null and _body.visible)
 
 
 func _notice_state() -> void:
@@ -435,7 +635,8 @@ func _change_state(to: Stream.State) -> void:
 	if to == Stream.State.CONNECTED:
 		connected.emit()
 	if to == Stream.State.REFUSED:
-		push_warning("Puppetline: %s:%d refuses the connection: %s" % [_stream.host, _stream.port, _stream.reason])
+		var address := Connections.address(_stream.host, _stream.port)
+		push_warning("Puppetline: %s refuses the connection: %s" % [address, _stream.reason])
 		refused.emit(_stream.reason)
 
 
@@ -454,12 +655,26 @@ func _on_characters(message: Message) -> void:
 
 func _on_status(message: Message) -> void:
 	var status: Variant = message.json()
+	if status is Dictionary:
+		_notice_takes(_takes_of_stage(status))
+
+
+## Return the takes that are recorded of the character's stage; of all stages if an older service does not report which
+## one that is.
+func _takes_of_stage(status: Dictionary) -> Array[String]:
+	var own: Variant = null
+	for each: Variant in status["characters"] if status.get("characters") is Array else []:
+		if each is Dictionary and each.get("name") is String and each["name"] == _name:
+			own = each.get("stage")
 	var takes: Array[String] = []
-	if status is Dictionary and status.get("stages") is Array:
-		for stage: Variant in status["stages"]:
-			if stage is Dictionary and stage.get("recording") is String:
-				takes.append(stage["recording"])
-	_notice_takes(takes)
+	for stage: Variant in status["stages"] if status.get("stages") is Array else []:
+		if (
+			stage is Dictionary
+			and stage.get("recording") is String
+			and (own == null or is_same(stage.get("name"), own))
+		):
+			takes.append(stage["recording"])
+	return takes
 
 
 func _notice_takes(takes: Array[String]) -> void:
@@ -511,12 +726,13 @@ func _on_frame(message: Message) -> void:
 		_damaged += 1
 	else:
 		_arrivals = _arrivals.slice(-_MAX_ARRIVALS) if _arrivals.size() > 2 * _MAX_ARRIVALS else _arrivals
-		_arrivals.append(_now())
+		_arrivals.append(_real_time())
+		_waits = true
 		_buffer.push(message, _now())
 
 
 func _recent_arrivals() -> int:
-	_arrivals = _arrivals.slice(_arrivals.bsearch(_now() - 1.0))
+	_arrivals = _arrivals.slice(_arrivals.bsearch(_real_time() - 1.0))
 	return _arrivals.size()
 
 
@@ -526,5 +742,10 @@ func _warn_of_failure(reply: Dictionary) -> void:
 		push_warning("Puppetline: %s" % (" ".join(error.values().map(str)) if error is Dictionary else str(error)))
 
 
-static func _now() -> float:
+## Return the time of the clock, in seconds.
+func _now() -> float:
+	return _real_time() if clock == Clock.REALTIME else _time
+
+
+static func _real_time() -> float:
 	return Time.get_ticks_usec() * 1e-6

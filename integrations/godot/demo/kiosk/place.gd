@@ -9,6 +9,8 @@ const DIM_SPOT_ENERGY := 2.0
 const RIM_ENERGY := 5.0
 const RING_ENERGY := 0.9
 const FADE_SECONDS := 1.2
+## Time after which a place retries that a service has refused, in seconds: its token may have changed.
+const RETRY_SECONDS := 30.0
 
 ## Colour of the ring and of the light from behind.
 @export var color := Color(1.0, 0.71, 0.42)
@@ -34,6 +36,7 @@ func _ready() -> void:
 	puppet.performer_calibrated.connect(_on_performer_calibrated)
 	puppet.performer_lost.connect(_on_performer_lost)
 	puppet.disconnected.connect(_on_disconnected)
+	puppet.refused.connect(_on_refused)
 	_show_taken(0.0)
 
 
@@ -53,6 +56,10 @@ func _on_performer_lost(_user: int) -> void:
 
 func _on_disconnected() -> void:
 	_take(false)
+
+
+func _on_refused(_reason: String) -> void:
+	get_tree().create_timer(RETRY_SECONDS).timeout.connect(puppet.retry)
 
 
 func _take(on: bool) -> void:

@@ -1,6 +1,6 @@
 using System.Diagnostics;
 
-namespace Puppetline
+namespace Puppetline.Protocol
 {
     /// <summary>A monotonic clock, the same for all threads.</summary>
     public static class Clock

@@ -1,7 +1,7 @@
 using System;
 using System.Collections.Generic;
 
-namespace Puppetline
+namespace Puppetline.Protocol
 {
     /// <summary>
     /// Bounding box of a character that is evaluated elsewhere. Its cost does not depend on the number of vertices.
@@ -111,8 +111,8 @@ namespace Puppetline
                     break;
                 }
                 Cut cut = cuts[most];
-                List<int> rest = divided[most].FindAll(v => !(scene.Ladder[v * scene.FieldCount + cut.Field] > cut.Coordinate));
-                List<int> beyond = divided[most].FindAll(v => scene.Ladder[v * scene.FieldCount + cut.Field] > cut.Coordinate);
+                List<int> rest = divided[most].FindAll(v => !(scene.IsolineCoordinates[v * scene.FieldCount + cut.Field] > cut.Coordinate));
+                List<int> beyond = divided[most].FindAll(v => scene.IsolineCoordinates[v * scene.FieldCount + cut.Field] > cut.Coordinate);
                 divided[most] = rest;
                 cuts[most] = new Cut(scene, rest);
                 divided.Add(beyond);
@@ -128,7 +128,7 @@ namespace Puppetline
             high = 0;
             foreach (int v in vertices)
             {
-                float coordinate = Math.Min(Math.Max(scene.Ladder[v * scene.FieldCount + field], 0), scene.IsolineCount - 1);
+                float coordinate = Math.Min(Math.Max(scene.IsolineCoordinates[v * scene.FieldCount + field], 0), scene.IsolineCount - 1);
                 low = Math.Min(low, coordinate);
                 high = Math.Max(high, coordinate);
             }

@@ -4,7 +4,7 @@ using System.Globalization;
 using System.Text;
 using System.Threading;
 
-namespace Puppetline
+namespace Puppetline.Protocol
 {
     /// <summary>
     /// Client of the service's control socket (docs/control.md), which works on its own thread. It is connected while

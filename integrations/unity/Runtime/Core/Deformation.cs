@@ -1,6 +1,6 @@
 using System;
 
-namespace Puppetline
+namespace Puppetline.Protocol
 {
     /// <summary>How normals are computed from controls.</summary>
     public enum NormalsBy
@@ -44,7 +44,7 @@ namespace Puppetline
             along = new float[3 * n * fields];
             for (int i = 0; i < lower.Length; i++)
             {
-                float coordinate = scene.Ladder[i];
+                float coordinate = scene.IsolineCoordinates[i];
                 int k = Math.Min((int)coordinate, scene.IsolineCount - 2);
                 lower[i] = (i % fields * scene.IsolineCount + k) * TransformSize;
                 along[3 * i] = coordinate - k;

@@ -3,7 +3,7 @@ using System.Collections.Generic;
 using System.Text;
 using System.Threading;
 
-namespace Puppetline
+namespace Puppetline.Protocol
 {
     /// <summary>State of a follower's connection to the service.</summary>
     public enum FollowState

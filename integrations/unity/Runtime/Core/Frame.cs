@@ -1,7 +1,7 @@
 using System;
 using System.Collections.Generic;
 
-namespace Puppetline
+namespace Puppetline.Protocol
 {
     /// <summary>A frame of a character: the header of its message, and its payload as numbers.</summary>
     public sealed class Frame

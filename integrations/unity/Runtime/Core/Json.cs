@@ -3,7 +3,7 @@ using System.Collections.Generic;
 using System.Globalization;
 using System.Text;
 
-namespace Puppetline
+namespace Puppetline.Protocol
 {
     /// <summary>Type of a JSON value.</summary>
     public enum JsonKind

@@ -1,12 +1,12 @@
 using System;
 using System.Text;
 
-namespace Puppetline
+namespace Puppetline.Protocol
 {
     /// <summary>Type of a message's payload.</summary>
     public enum Kind : byte
     {
-        /// <summary>The constant data of a character: <see cref="Puppetline.Scene"/>.</summary>
+        /// <summary>The constant data of a character: <see cref="Puppetline.Protocol.Scene"/>.</summary>
         Scene = 1,
 
         /// <summary>Affine transforms that act on the rest pose: <see cref="Deformation"/>.</summary>

@@ -1,6 +1,6 @@
 using System.Collections.Generic;
 
-namespace Puppetline
+namespace Puppetline.Protocol
 {
     /// <summary>
     /// Delays and interpolates frames, so that motion is smooth even if frames arrive at irregular times. It is not

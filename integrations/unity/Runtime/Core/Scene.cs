@@ -1,7 +1,7 @@
 using System;
 using System.Collections.Generic;
 
-namespace Puppetline
+namespace Puppetline.Protocol
 {
     /// <summary>A part of a character: a primitive of its file, with its own material.</summary>
     public sealed class Part
@@ -69,7 +69,7 @@ namespace Puppetline
             Fill(Triangles, "triangles", "u32", TriangleCount, 3);
             Positions = Floats("positions", VertexCount, 3);
             Normals = Floats("normals", VertexCount, 3);
-            Ladder = Floats("ladder", VertexCount, FieldCount);
+            IsolineCoordinates = Floats("ladder", VertexCount, FieldCount);
             Slopes = Floats("slopes", VertexCount, FieldCount, 2);
             Uv = Optional("uv", VertexCount, 2);
             Colors = Optional("colors", VertexCount, 3);
@@ -110,7 +110,7 @@ namespace Puppetline
         public float[] Normals { get; }
 
         /// <summary>n × fields isoline coordinates.</summary>
-        public float[] Ladder { get; }
+        public float[] IsolineCoordinates { get; }
 
         /// <summary>n × fields × 2 slopes: derivatives of the isoline coordinates along two tangents.</summary>
         public float[] Slopes { get; }
@@ -206,7 +206,7 @@ namespace Puppetline
                     throw new FormatException("a triangle with a vertex that does not exist");
                 }
             }
-            foreach (float coordinate in Ladder)
+            foreach (float coordinate in IsolineCoordinates)
             {
                 if (!(coordinate >= 0 && coordinate <= IsolineCount - 1))
                 {

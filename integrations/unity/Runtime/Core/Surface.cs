@@ -1,6 +1,6 @@
 using System.Runtime.InteropServices;
 
-namespace Puppetline
+namespace Puppetline.Protocol
 {
     /// <summary>Coordinate system and winding order of triangles.</summary>
     public enum Axes

@@ -3,7 +3,7 @@ using System.Net;
 using System.Net.Sockets;
 using System.Text;
 
-namespace Puppetline
+namespace Puppetline.Protocol
 {
     /// <summary>A connection failed or was lost, or the peer does not support ZMTP. The client can retry.</summary>
     public class ZmtpException : Exception

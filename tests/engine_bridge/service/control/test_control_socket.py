@@ -15,8 +15,9 @@ import zmq
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from engine_bridge.service.control import control_socket as control_module
-from engine_bridge.service.control.control_socket import Control, Deferred, request
+from engine_bridge.service.control import dispatcher as dispatcher_module
+from engine_bridge.service.control.control_socket import Control, request
+from engine_bridge.service.control.dispatcher import Deferred, Dispatcher
 from engine_bridge.service.control.requests import ARGUMENTS, Nothing
 from engine_bridge.service.security.endpoints import NetworkSettings, endpoints_of
 from engine_bridge.service.security.guard import Guard
@@ -39,9 +40,7 @@ class Office:
         (self.endpoint,) = endpoints_of(NetworkSettings(port=0))
         self.guard = Guard(self.context, [self.endpoint], 64)
         commands = {name: (model, self._noted(name)) for name, model in ARGUMENTS.items()}
-        self.control = Control(
-            self.context,
-            [self.endpoint],
+        self.dispatcher = Dispatcher(
             commands
             | {
                 "ping": (Nothing, lambda _: "pong"),
@@ -52,6 +51,7 @@ class Office:
                 "strange": (Nothing, lambda _: {"value": float("nan")}),
             },
         )
+        self.control = Control(self.context, [self.endpoint], self.dispatcher)
         self.address = self.control.endpoints[0]
         self._finishing = False
         self._open = True
@@ -89,7 +89,7 @@ class Office:
                 self.control.handle(each)
             if self._finishing:
                 for number, each in enumerate(self.deferred):
-                    self.control.finish(each, NO_DOG if number % 2 else {"reloaded": number})
+                    self.dispatcher.finish(each, NO_DOG if number % 2 else {"reloaded": number})
                 self.deferred.clear()
                 self._finishing = False
 
@@ -209,7 +209,7 @@ def test_an_answer_may_come_later_and_nobody_waits_for_it(context, office):
         client.close(0)
 
 
-def test_who_left_before_the_answer_harms_nobody(office):
+def test_a_client_that_left_before_its_answer_disturbs_no_other(office):
     with zmq.Context() as own, own.socket(zmq.DEALER) as client:
         client.linger = 0
         client.connect(office.address)
@@ -222,7 +222,7 @@ def test_who_left_before_the_answer_harms_nobody(office):
 
 
 def test_no_more_answers_wait_than_there_is_room_for(dealer, monkeypatch):
-    monkeypatch.setattr(control_module, "MAX_DEFERRED", 2)
+    monkeypatch.setattr(dispatcher_module, "MAX_DEFERRED", 2)
     for number in (0, 1, 2):
         dealer.send_json({"do": "reload", "id": number})
     refused = dealer.recv_json()
@@ -249,7 +249,7 @@ def test_our_own_mistakes_are_logged_and_not_told(office, caplog, do):
     with pytest.raises(ServiceError, match="an internal error") as told:
         request(office.address, do)
     assert "path" not in str(told.value)
-    (record,) = [each for each in caplog.records if each.name == control_module.__name__]
+    (record,) = [each for each in caplog.records if each.name == dispatcher_module.__name__]
     assert record.levelno == logging.ERROR
     assert isinstance(record.exc_info[1], ZeroDivisionError if do == "fail" else ValueError)
     assert request(office.address, "ping") == "pong"
@@ -403,7 +403,7 @@ def test_a_port_that_is_taken_leaves_nothing_open():
         other.bind("tcp://127.0.0.1:*")
         port = int(other.last_endpoint.rsplit(b":", 1)[1])
         with pytest.raises(zmq.ZMQError, match="in use"):
-            Control(context, endpoints_of(NetworkSettings(port=port - 1)), {})
+            Control(context, endpoints_of(NetworkSettings(port=port - 1)), Dispatcher({}))
 
 
 def same_shape(left, right):
@@ -425,8 +425,7 @@ def test_the_page_shows_what_the_service_says(serve, blob_puppet):
     with zmq.Context() as context, context.socket(zmq.REQ) as client:
         client.linger = 0
         client.connect(service.control)
-        while service.ask("describe")["characters"][0]["state"] != "performing":
-            time.sleep(0.05)
+        service.client("dog/controls").until(lambda message: message.header.state == 2)  # performing
         for body, shown in zip(blocks[::2], map(json.loads, blocks[1::2]), strict=True):
             client.send(body.encode())
             reply = json.loads(heard(client)[0])

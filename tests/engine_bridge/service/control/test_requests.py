@@ -19,6 +19,8 @@ from engine_bridge.service.control.requests import (
 from puppetline import toml_schema
 from puppetline.errors import ServiceError
 
+from ....oracles import assert_is_error_of
+
 scalars = st.one_of(
     st.none(), st.booleans(), st.integers(-(2**63), 2**64 - 1), st.floats(allow_nan=False), st.text(max_size=30)
 )
@@ -30,10 +32,10 @@ flat = st.dictionaries(st.text(st.characters(codec="utf-8"), max_size=20), scala
 def test_both_encodings_say_the_same(values):
     text = json.dumps(values).encode()
     assert encoding_of(text) == "json"
-    assert decode(text) == values
+    assert decode(text, "json") == values
     binary = msgpack.packb(values)
     assert encoding_of(binary) == "msgpack"
-    assert decode(binary) == values
+    assert decode(binary, "msgpack") == values
 
 
 @settings(deadline=None)
@@ -42,7 +44,7 @@ def test_a_request_cut_anywhere_is_none(values):
     for whole in (json.dumps(values).encode(), msgpack.packb(values)):
         for end in range(len(whole)):
             with pytest.raises(ServiceError):
-                decode(whole[:end])
+                decode(whole[:end], encoding_of(whole))
 
 
 @pytest.mark.parametrize(
@@ -89,7 +91,7 @@ def test_a_request_cut_anywhere_is_none(values):
 )
 def test_anything_else_is_refused_in_a_sentence(body):
     with pytest.raises(ServiceError) as told:
-        decode(body)
+        decode(body, encoding_of(body))
     assert told.value.where == "the request"
     assert len(str(told.value)) < 400
     assert "docs/control.md" in told.value.fix
@@ -98,9 +100,11 @@ def test_anything_else_is_refused_in_a_sentence(body):
 @given(st.binary(max_size=200) | flat.map(lambda values: json.dumps(values).encode()))
 def test_bytes_are_a_flat_map_or_refused(body):
     try:
-        values = decode(body)
-    except ServiceError:
+        values = decode(body, encoding_of(body))
+    except ServiceError as error:
+        assert_is_error_of(error, ServiceError, "the request")
         return
+    assert repr(decode(msgpack.packb(values), "msgpack")) == repr(values)
     assert all(isinstance(key, str) for key in values)
     assert all(type(value) in {str, int, float, bool, type(None)} for value in values.values())
     assert len(values) <= 16

@@ -43,6 +43,7 @@ def test_prometheus_reads_the_whole_status(server):
     dog, cat, kinect = ("character", "dog"), ("character", "cat"), ("stage", "kinect")
     osc = ("target", "127.0.0.1:9000"), ("wire", "osc")
     zeromq = ("target", "tcp://127.0.0.1:7400"), ("wire", "zeromq")
+    web = ("target", "ws://127.0.0.1:7402"), ("wire", "websocket")
     states = {
         ("puppetline_character_state", who, ("state", state)): float(state == now)
         for who, now in ((dog, "performing"), (cat, "waiting"))
@@ -76,6 +77,12 @@ def test_prometheus_reads_the_whole_status(server):
         ("puppetline_output_sent_bytes_total", *osc): 2000,
         ("puppetline_output_skipped_total", *osc): 12,
         ("puppetline_output_failed_total", *osc): 1,
+        ("puppetline_output_sent_total", *web): 70,
+        ("puppetline_output_sent_bytes_total", *web): 500,
+        ("puppetline_output_skipped_total", *web): 5,
+        ("puppetline_output_failed_total", *web): 0,
+        ("puppetline_output_clients", *web): 2,
+        ("puppetline_output_refused_total", *web): 4,
     }
 
 
@@ -100,7 +107,7 @@ def test_metrics_are_only_read(server):
     connection.close()
 
 
-def test_it_listens_on_loopback(server):
+def test_the_metrics_server_listens_on_loopback(server):
     assert server._server.server_address == ("127.0.0.1", server.port)
 
 

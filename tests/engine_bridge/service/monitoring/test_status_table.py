@@ -25,9 +25,10 @@ def test_the_table_has_sources_users_rates_percentiles_clients_and_drops(status)
         "character state performer frames/s frames residual limited",
         "dog performing 1 29.9 890 0.012 7",
         "cat waiting – 0.0 10 – –",
-        "output sent skipped failed",
-        "zeromq tcp://127.0.0.1:7400 5000 – 0",
-        "osc 127.0.0.1:9000 90 12 1",
+        "output clients sent skipped failed",
+        "zeromq tcp://127.0.0.1:7400 – 5000 – 0",
+        "osc 127.0.0.1:9000 – 90 12 1",
+        "websocket ws://127.0.0.1:7402 2 70 5 0",
     ]
 
 

@@ -1,5 +1,6 @@
 import struct
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -18,6 +19,8 @@ from engine_bridge.service.protocol.header import (
     write_json,
 )
 from engine_bridge.service.states import STATES
+
+from ....oracles import assert_is_clause
 
 HEADER = Header(
     kind=Kind.CONTROLS,
@@ -51,7 +54,7 @@ def test_a_message_is_topic_header_and_payload_again():
     assert split(join(topic("dog", Kind.CONTROLS), HEADER, b"abcde")) == ("dog/controls", HEADER, b"abcde")
 
 
-def test_what_follows_the_payload_or_fills_the_header_is_ignored():
+def test_bytes_after_the_payload_and_reserved_bytes_are_ignored():
     message = bytearray(join(topic("dog", Kind.CONTROLS), HEADER, b"abcde more"))
     message[124:128] = b"\xff" * 4
     assert split(bytes(message)) == ("dog/controls", HEADER, b"abcde")
@@ -76,19 +79,40 @@ def test_a_later_minor_version_and_an_unknown_kind_are_taken():
         join(topic("dog", Kind.CONTROLS), HEADER._replace(state=len(STATES)), b"abcde"),
     ],
 )
-def test_what_is_no_message_is_refused(message):
+def test_an_invalid_message_is_refused(message):
     with pytest.raises(WireError):
         split(message)
 
 
+messages = st.builds(
+    lambda name, head, payload: name.ljust(64, b"\0") + head + payload,
+    st.sampled_from([b"dog/controls", b"service/status", b"dog", b"\xff", b""]),
+    st.builds(
+        lambda first, rest, length: first + rest[:8] + length.to_bytes(4, "little") + rest[8:],
+        st.sampled_from([b"\x01\x00\x02\x00", b"\x01\x09\xff\x01", b"\x02\x00\x02\x00"]),
+        st.binary(min_size=56, max_size=56),
+        st.integers(0, 12),
+    ),
+    st.binary(max_size=12),
+)
+"""Messages of which most are valid."""
+
+
 @settings(deadline=None)
-@given(st.binary(max_size=300))
+@given(st.binary(max_size=300) | messages)
 def test_any_bytes_are_a_message_or_refused(content):
     try:
         message = split(content)
-    except WireError:
+    except WireError as error:
+        assert_is_clause(error)
         return
     assert len(message.payload) == message.header.length <= len(content) - PAYLOAD_OFFSET
+    again = join(topic_field(message.topic), message.header, bytes(message.payload))
+    assert split(again).topic == message.topic
+    assert again[64:112] == content[64:112]  # all fields before the root's position
+    np.testing.assert_array_equal(split(again).header.root, message.header.root)
+    assert again[:64].rstrip(b"\0") == content[:64].rstrip(b"\0")
+    assert again[PAYLOAD_OFFSET:] == content[PAYLOAD_OFFSET : PAYLOAD_OFFSET + message.header.length]
 
 
 def test_a_subscription_ends_with_a_zero_so_that_it_matches_nothing_longer():
@@ -98,7 +122,7 @@ def test_a_subscription_ends_with_a_zero_so_that_it_matches_nothing_longer():
 
 
 @pytest.mark.parametrize("text", ["", "x" * 64, "é", "a\0b", "a\nb"])
-def test_what_is_no_topic_cannot_be_published(text):
+def test_an_invalid_topic_cannot_be_published(text):
     with pytest.raises(ValueError, match="no topic"):
         topic_field(text)
 
@@ -110,6 +134,6 @@ def test_json_comes_back_and_holds_no_numbers_that_are_none():
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"NaN", b"\xff", b"[" * 100_000, b"9" * 10_000])
-def test_what_is_no_json_is_refused(content):
+def test_invalid_json_is_refused(content):
     with pytest.raises(WireError):
         read_json(content)

@@ -3,6 +3,7 @@ using System.Collections.Generic;
 using System.Reflection;
 using System.Threading;
 using Puppetline;
+using Puppetline.Protocol;
 using UnityEngine;
 using UnityEngine.Rendering;
 
@@ -15,6 +16,10 @@ static class Component
     static SkinnedMeshRenderer skin;
     static Mesh mesh;
     static int warned;
+    static string leaveOn = "";
+
+    /// <summary>Attachments by vertex, handle or limb.</summary>
+    static readonly List<PuppetAttachment> Attachments = new List<PuppetAttachment>();
 
     static int Main(string[] arguments)
     {
@@ -63,6 +68,21 @@ static class Component
             SkinnedMeshRenderer empty = Owner.AddComponent<SkinnedMeshRenderer>();
             puppet.skins = value == "found" ? new SkinnedMeshRenderer[0] : new[] { null, empty, skin };
         }
+        else if (name == "attach")
+        {
+            Array.ForEach(value.Split(','), Attach);
+        }
+        else if (name == "scale")
+        {
+            string[] scale = value.Split(',');
+            Owner.transform.lossyScale = new Vector3(float.Parse(scale[0]), float.Parse(scale[1]), float.Parse(scale[2]));
+            Owner.transform.rotation = Quaternion.Euler(30, -50, 70);
+            Owner.transform.position = new Vector3(3, -1, 2);
+        }
+        else if (name == "leaveOn")
+        {
+            leaveOn = value;
+        }
         else if (name == "shapes")
         {
             skin.sharedMesh.blendShapes = value.Split(',');
@@ -72,6 +92,46 @@ static class Component
             FieldInfo field = typeof(Puppet).GetField(name);
             field.SetValue(puppet, field.FieldType.IsEnum ? Enum.Parse(field.FieldType, value, true) : Convert.ChangeType(value, field.FieldType));
         }
+    }
+
+    /// <summary>Attach an object to "vertex:5", "handle:hump" or "limb:left arm:0.5".</summary>
+    static void Attach(string point)
+    {
+        string[] words = point.Split(':');
+        PuppetAttachment made = new GameObject().AddComponent<PuppetAttachment>();
+        made.puppet = puppet;
+        made.vertex = words[0] == "vertex" ? int.Parse(words[1]) : -1;
+        made.handle = words[0] == "handle" ? words[1] : "";
+        made.limb = words[0] == "limb" ? words[1] : "";
+        made.limbPosition = words.Length > 2 ? float.Parse(words[2], System.Globalization.CultureInfo.InvariantCulture) : 1;
+        Attachments.Add(made);
+    }
+
+    static object[] PoseOf(PuppetAttachment attachment)
+    {
+        Player.Call(attachment, "LateUpdate");
+        var numbers = new List<object>();
+        Transform at = attachment.transform;
+        foreach (Vector3 v in new[] { at.rotation * Vector3.right, at.rotation * Vector3.up, at.rotation * Vector3.forward, at.position })
+        {
+            numbers.Add(v.x);
+            numbers.Add(v.y);
+            numbers.Add(v.z);
+        }
+        return numbers.ToArray();
+    }
+
+    static object[] Space()
+    {
+        var numbers = new List<object>();
+        Transform at = puppet.transform;
+        foreach (Vector3 v in new[] { at.TransformVector(Vector3.right), at.TransformVector(Vector3.up), at.TransformVector(Vector3.forward), at.position })
+        {
+            numbers.Add(v.x);
+            numbers.Add(v.y);
+            numbers.Add(v.z);
+        }
+        return numbers.ToArray();
     }
 
     static Material Named(string shader)
@@ -91,6 +151,20 @@ static class Component
         events.performerLost.AddListener(user => Said.Line("event", "performerLost", "value", user));
         events.takeStarted.AddListener(take => Said.Line("event", "takeStarted", "value", take));
         events.takeStopped.AddListener(take => Said.Line("event", "takeStopped", "value", take));
+        events.connected.AddListener(() => Leave("connected"));
+        events.disconnected.AddListener(() => Leave("disconnected"));
+        events.sceneLoaded.AddListener(() => Leave("sceneLoaded"));
+        events.performerFound.AddListener(user => Leave("performerFound"));
+    }
+
+    /// <summary>Disable the component inside an event, as a game that goes back to its menu does.</summary>
+    static void Leave(string name)
+    {
+        if (name == leaveOn && puppet.enabled)
+        {
+            Player.Enable(puppet, false);
+            Said.Line("left", name);
+        }
     }
 
     static void Read()
@@ -216,6 +290,7 @@ static class Component
         Said.Line(
             "frame", header.Sequence, "time", header.Time, "moving", Said.Bytes(mesh.streams[0]), "rows", rows[0], "shape", rows[1],
             "bounds", Numbers(mesh.bounds),
+            "space", Space(), "attached", Attachments.ConvertAll(each => (object)PoseOf(each)).ToArray(),
             "enabled", renderer.enabled, "block", renderer.block != null, "uploads", mesh.uploads, "uploaded", mesh.uploadedBytes);
     }
 

@@ -3,7 +3,7 @@ using System.Collections.Generic;
 using System.Diagnostics;
 using System.IO;
 using System.Threading;
-using Puppetline;
+using Puppetline.Protocol;
 
 /// <summary>Runs the plain core, without any part of Unity, by the commands of the tests.</summary>
 static class Core
@@ -73,7 +73,7 @@ static class Core
                 "topic", message.Topic, "header", header, "description", s.Description,
                 "counts", new object[] { s.Revision, s.VertexCount, s.TriangleCount, s.FieldCount, s.IsolineCount, s.Parts.Count, s.Morphs.Count },
                 "diagonal", s.Diagonal, "weights", Said.Bytes(s.Weights), "triangles", Said.Bytes(s.Triangles),
-                "positions", Said.Bytes(s.Positions), "normals", Said.Bytes(s.Normals), "ladder", Said.Bytes(s.Ladder),
+                "positions", Said.Bytes(s.Positions), "normals", Said.Bytes(s.Normals), "ladder", Said.Bytes(s.IsolineCoordinates),
                 "slopes", Said.Bytes(s.Slopes), "uv", Said.Bytes(s.Uv), "colors", Said.Bytes(s.Colors));
         }
         else if (message.Header.Kind >= Kind.Performer)

@@ -3,7 +3,7 @@ using System.Collections.Generic;
 using System.Globalization;
 using System.Runtime.InteropServices;
 using System.Text;
-using Puppetline;
+using Puppetline.Protocol;
 
 /// <summary>Output of the programs to the tests: one line of JSON per result, arrays in base64.</summary>
 static class Said

@@ -29,6 +29,8 @@ namespace UnityEngine
     {
         public GameObject gameObject;
 
+        public Transform transform => gameObject.transform;
+
         public bool TryGetComponent<T>(out T component)
         {
             component = gameObject.components.OfType<T>().FirstOrDefault();
@@ -52,6 +54,7 @@ namespace UnityEngine
     public sealed class GameObject : Object
     {
         public readonly List<Component> components = new List<Component>();
+        public readonly Transform transform = new Transform();
         public bool active = true;
 
         public void SetActive(bool value) => active = value;
@@ -68,7 +71,18 @@ namespace UnityEngine
 
     public class Transform : Component
     {
-        public Vector3 localPosition;
+        public Vector3 localPosition, position, lossyScale = new Vector3(1, 1, 1);
+        public Quaternion rotation = Quaternion.identity;
+
+        public Vector3 TransformVector(Vector3 vector) => rotation * Vector3.Scale(lossyScale, vector);
+
+        public Vector3 TransformPoint(Vector3 point) => position + TransformVector(point);
+
+        public void SetPositionAndRotation(Vector3 position, Quaternion rotation)
+        {
+            this.position = position;
+            this.rotation = rotation;
+        }
     }
 
     public static class Debug

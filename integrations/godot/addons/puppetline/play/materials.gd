@@ -1,56 +1,10 @@
 extends RefCounted
-## Materials that deform with a character: shaders that reproduce the look of standard materials.
-##
-## Scripts cannot read the shaders of Godot's standard materials. This script writes them for the features of glTF and
-## other common ones. Each uniform has the name of the property that provides its value.
+## The materials of a character: those of a scene, and the copies that deform.
 
 const RestMesh := preload("rest_mesh.gd")
 const Scene := preload("../wire/scene.gd")
 const SharedScene := preload("shared_scene.gd")
-## The include file of the shaders; preloading it also adds it to exported games.
-const INCLUDE := preload("puppet.gdshaderinc")
-
-const _FILTERS: Array[String] = [
-	"filter_nearest",
-	"filter_linear",
-	"filter_nearest_mipmap",
-	"filter_linear_mipmap",
-	"filter_nearest_mipmap_anisotropic",
-	"filter_linear_mipmap_anisotropic",
-]
-const _BLENDS: Array[String] = ["blend_mix", "blend_add", "blend_sub", "blend_mul", "blend_premul_alpha"]
-const _DEPTHS: Array[String] = ["depth_draw_opaque", "depth_draw_always", "depth_draw_never"]
-const _CULLS: Array[String] = ["cull_back", "cull_front", "cull_disabled"]
-const _DIFFUSES: Array[String] = ["diffuse_burley", "diffuse_lambert", "diffuse_lambert_wrap", "diffuse_toon"]
-const _SPECULARS: Array[String] = ["specular_schlick_ggx", "specular_toon", "specular_disabled"]
-const _CHANNELS: Array[String] = [
-	"vec4(1.0, 0.0, 0.0, 0.0)",
-	"vec4(0.0, 1.0, 0.0, 0.0)",
-	"vec4(0.0, 0.0, 1.0, 0.0)",
-	"vec4(0.0, 0.0, 0.0, 1.0)",
-	"vec4(0.333333, 0.333333, 0.333333, 0.0)",
-]
-const _ROUGHNESS_HINTS: Array[String] = [
-	"hint_roughness_r", "hint_roughness_g", "hint_roughness_b", "hint_roughness_a", "hint_roughness_gray"
-]
-## Unsupported features of materials, by the property that enables them.
-const _UNSUPPORTED: Dictionary = {
-	"heightmap_enabled": "height map",
-	"refraction_enabled": "refraction",
-	"detail_enabled": "detail",
-	"subsurf_scatter_transmittance_enabled": "transmittance",
-	"uv1_triplanar": "triplanar mapping",
-	"uv2_triplanar": "triplanar mapping",
-	"billboard_mode": "billboard",
-	"proximity_fade_enabled": "proximity fade",
-	"distance_fade_mode": "distance fade",
-	"albedo_texture_msdf": "MSDF texture",
-	"albedo_texture_force_srgb": "texture forced to sRGB",
-	"use_point_size": "point size",
-	"fixed_size": "fixed size",
-}
-
-static var _shaders: Dictionary = {}  # code: WeakRef
+const MaterialCopy := preload("material_copy.gd")
 
 
 ## Return the standard material of a part of a scene, equal to the one from Godot's importer. If [param colored], the
@@ -86,18 +40,19 @@ static func of_scene(scene: Scene) -> Array[Material]:
 	return materials
 
 
-## Return a material with the same look that deforms, or null if that is impossible. If [param colored], vertex colours
-## come from the scene and not from the mesh.
-static func moving(material: Material, colored: bool) -> ShaderMaterial:
-	var moving_material := (
-		_moving_shader(material) if material is ShaderMaterial else _moving_standard(material, colored)
-	)
-	if moving_material == null:
-		return null
-	moving_material.render_priority = material.render_priority
-	if material.next_pass != null:
-		moving_material.next_pass = moving(material.next_pass, colored)
-	return moving_material
+## Return the deforming copies of a material and of its next passes; empty if the material cannot deform. If [param
+## colored], vertex colours come from the scene and not from the mesh.
+static func moving(material: Material, colored: bool) -> Array[MaterialCopy]:
+	var copies: Array[MaterialCopy] = []
+	while material != null:
+		var copy := MaterialCopy.new(material, colored)
+		if copy.material == null:
+			break
+		if not copies.is_empty():
+			copies[-1].material.next_pass = copy.material
+		copies.append(copy)
+		material = material.next_pass
+	return copies
 
 
 ## Set the uniforms that are the same in all frames.
@@ -114,217 +69,3 @@ static func prepare(material: ShaderMaterial, shared: SharedScene) -> void:
 	material.set_shader_parameter(&"puppet_isolines", scene.isoline_count)
 	material.set_shader_parameter(&"puppet_weights_0", Vector4(weights[0], weights[1], weights[2], weights[3]))
 	material.set_shader_parameter(&"puppet_weights_1", Vector4(weights[4], weights[5], weights[6], weights[7]))
-
-
-## Copy a custom shader material, so that each node can set its own frames; return null if it does not deform.
-static func _moving_shader(material: ShaderMaterial) -> ShaderMaterial:
-	if material.shader == null or not material.shader.code.contains("puppet_vertex"):
-		push_warning(
-			(
-				"Puppetline: the shader of the material %s does not call puppet_vertex(), so its surface cannot move. %s"
-				% [_name(material), "Include %s, which has instructions." % INCLUDE.resource_path]
-			)
-		)
-		return null
-	return material.duplicate()
-
-
-static func _moving_standard(material: BaseMaterial3D, colored: bool) -> ShaderMaterial:
-	var unsupported := PackedStringArray()
-	for property: String in _UNSUPPORTED:
-		if material.get(property):
-			unsupported.append(_UNSUPPORTED[property])
-	if not unsupported.is_empty():
-		push_warning("Puppetline: the material %s is drawn without: %s." % [_name(material), ", ".join(unsupported)])
-	var moving_material := ShaderMaterial.new()
-	moving_material.resource_name = material.resource_name
-	var writer := _ShaderWriter.new(material, colored)
-	moving_material.shader = _shader(writer.code())
-	for property in writer.properties:
-		moving_material.set_shader_parameter(property, material.get(property))
-	return moving_material
-
-
-static func _shader(code: String) -> Shader:
-	var shader: Shader = _shaders[code].get_ref() if code in _shaders else null
-	if shader == null:
-		shader = Shader.new()
-		shader.code = code
-		_shaders[code] = weakref(shader)
-	return shader
-
-
-static func _name(material: Material) -> String:
-	return material.resource_name if material.resource_name else material.resource_path
-
-
-## Writer of the shader of one standard material.
-class _ShaderWriter:
-	## The properties that provide the values of uniforms with the same names.
-	var properties: Array[StringName] = []
-
-	var _material: BaseMaterial3D
-	var _sampling := ""
-	var _modes: Array[String] = []
-	var _uniforms: Array[String] = []
-	var _vertex: Array[String] = []
-	var _fragment: Array[String] = []
-
-	func _init(material: BaseMaterial3D, colored: bool) -> void:
-		_material = material
-		_sampling = (
-			"%s, %s"
-			% [_FILTERS[material.texture_filter], "repeat_enable" if material.texture_repeat else "repeat_disable"]
-		)
-		_write_modes()
-		_write_vertex(colored)
-		_write_color()
-		_write_surface()
-		_write_extras()
-		_write_transparency()
-
-	func code() -> String:
-		return (
-			'shader_type spatial;\nrender_mode %s;\n#include "%s"\n%s\nvoid vertex() {\n\t%s\n}\nvoid fragment() {\n\t%s\n}\n'
-			% [
-				", ".join(_modes),
-				INCLUDE.resource_path,
-				"\n".join(_uniforms),
-				"\n\t".join(_vertex),
-				"\n\t".join(_fragment),
-			]
-		)
-
-	func _uniform(type: String, property: StringName, hint := "") -> void:
-		properties.append(property)
-		_uniforms.append("uniform %s %s%s;" % [type, property, " : " + hint if hint else ""])
-
-	func _sampler(property: StringName, hint: String) -> void:
-		_uniform("sampler2D", property, "%s, %s" % [hint, _sampling])
-
-	func _write_modes() -> void:
-		var m := _material
-		_modes = [
-			_BLENDS[m.blend_mode],
-			_DEPTHS[m.depth_draw_mode],
-			_CULLS[m.cull_mode],
-			_DIFFUSES[m.diffuse_mode],
-			_SPECULARS[m.specular_mode],
-		]
-		var more := {
-			"unshaded": m.shading_mode == BaseMaterial3D.SHADING_MODE_UNSHADED,
-			"vertex_lighting": m.shading_mode == BaseMaterial3D.SHADING_MODE_PER_VERTEX,
-			"depth_test_disabled": m.no_depth_test,
-			"shadows_disabled": m.disable_receive_shadows,
-			"ambient_light_disabled": m.disable_ambient_light,
-			"fog_disabled": m.disable_fog,
-			"shadow_to_opacity": m.shadow_to_opacity,
-			"depth_prepass_alpha": m.transparency == BaseMaterial3D.TRANSPARENCY_ALPHA_DEPTH_PRE_PASS,
-			"sss_mode_skin": m.subsurf_scatter_enabled and m.subsurf_scatter_skin_mode,
-		}
-		_modes.append_array(more.keys().filter(func(mode: String) -> bool: return more[mode]))
-
-	func _write_vertex(colored: bool) -> void:
-		_uniform("vec3", &"uv1_scale")
-		_uniform("vec3", &"uv1_offset")
-		_vertex.append("VERTEX = puppet_vertex(CUSTOM0, CUSTOM1, CUSTOM2, VERTEX, NORMAL, TANGENT, BINORMAL);")
-		_vertex.append("UV = UV * uv1_scale.xy + uv1_offset.xy;")
-		if colored:
-			_vertex.append("COLOR.rgb = puppet_color(CUSTOM2);")
-		elif _material.vertex_color_is_srgb:
-			_vertex.append("if (!OUTPUT_IS_SRGB) {")
-			_vertex.append("\tvec3 power = pow((COLOR.rgb + vec3(0.055)) / 1.055, vec3(2.4));")
-			_vertex.append("\tCOLOR.rgb = mix(power, COLOR.rgb / 12.92, lessThan(COLOR.rgb, vec3(0.04045)));")
-			_vertex.append("}")
-		if _material.shading_mode == BaseMaterial3D.SHADING_MODE_PER_VERTEX:
-			_vertex.append("ROUGHNESS = %s;" % ("1.0" if _material is ORMMaterial3D else "roughness"))
-		if _material.grow:
-			_uniform("float", &"grow_amount")
-			_vertex.append("VERTEX += NORMAL * grow_amount;")
-
-	func _write_color() -> void:
-		_uniform("vec4", &"albedo_color", "source_color")
-		_sampler(&"albedo_texture", "source_color")
-		_fragment.append("vec4 base = albedo_color * texture(albedo_texture, UV);")
-		if _material.vertex_color_use_as_albedo:
-			_fragment.append("base *= COLOR;")
-		_fragment.append("ALBEDO = base.rgb;")
-
-	func _write_surface() -> void:
-		if _material is ORMMaterial3D:
-			_sampler(&"orm_texture", "hint_roughness_g")
-			_fragment.append("vec4 orm = texture(orm_texture, UV);")
-			_fragment.append("ROUGHNESS = orm.g;")
-			_fragment.append("METALLIC = orm.b;")
-			if _material.ao_enabled:
-				_uniform("float", &"ao_light_affect")
-				_fragment.append("AO = orm.r;")
-				_fragment.append("AO_LIGHT_AFFECT = ao_light_affect;")
-			return
-		_uniform("float", &"metallic")
-		_uniform("float", &"metallic_specular")
-		_uniform("float", &"roughness")
-		_sampler(&"metallic_texture", "hint_default_white")
-		_sampler(&"roughness_texture", _ROUGHNESS_HINTS[_material.roughness_texture_channel])
-		_fragment.append("METALLIC = metallic * %s;" % _channel(&"metallic_texture", "UV"))
-		_fragment.append("ROUGHNESS = roughness * %s;" % _channel(&"roughness_texture", "UV"))
-		_fragment.append("SPECULAR = metallic_specular;")
-		if _material.ao_enabled:
-			_uniform("float", &"ao_light_affect")
-			_sampler(&"ao_texture", "hint_default_white")
-			_fragment.append("AO = %s;" % _channel(&"ao_texture", "UV2" if _material.ao_on_uv2 else "UV"))
-			_fragment.append("AO_LIGHT_AFFECT = ao_light_affect;")
-
-	func _write_extras() -> void:
-		if _material.normal_enabled:
-			_uniform("float", &"normal_scale")
-			_sampler(&"normal_texture", "hint_roughness_normal")
-			_fragment.append("NORMAL_MAP = texture(normal_texture, UV).rgb;")
-			_fragment.append("NORMAL_MAP_DEPTH = normal_scale;")
-		if _material.emission_enabled:
-			_uniform("vec4", &"emission", "source_color")
-			_uniform("float", &"emission_energy_multiplier")
-			_sampler(&"emission_texture", "source_color, hint_default_black")
-			var operator := "+" if _material.emission_operator == BaseMaterial3D.EMISSION_OP_ADD else "*"
-			var light := "texture(emission_texture, %s).rgb" % ("UV2" if _material.emission_on_uv2 else "UV")
-			_fragment.append("EMISSION = (emission.rgb %s %s) * emission_energy_multiplier;" % [operator, light])
-		if _material.rim_enabled:
-			_uniform("float", &"rim")
-			_uniform("float", &"rim_tint")
-			_sampler(&"rim_texture", "hint_default_white")
-			_fragment.append("RIM = rim * texture(rim_texture, UV).x;")
-			_fragment.append("RIM_TINT = rim_tint * texture(rim_texture, UV).y;")
-		if _material.clearcoat_enabled:
-			_uniform("float", &"clearcoat")
-			_uniform("float", &"clearcoat_roughness")
-			_sampler(&"clearcoat_texture", "hint_default_white")
-			_fragment.append("CLEARCOAT = clearcoat * texture(clearcoat_texture, UV).x;")
-			_fragment.append("CLEARCOAT_ROUGHNESS = clearcoat_roughness * texture(clearcoat_texture, UV).y;")
-		if _material.anisotropy_enabled:
-			_uniform("float", &"anisotropy")
-			_sampler(&"anisotropy_flowmap", "hint_anisotropy")
-			_fragment.append("ANISOTROPY = anisotropy * texture(anisotropy_flowmap, UV).a;")
-			_fragment.append("ANISOTROPY_FLOW = texture(anisotropy_flowmap, UV).rg * 2.0 - 1.0;")
-		if _material.subsurf_scatter_enabled:
-			_uniform("float", &"subsurf_scatter_strength")
-			_sampler(&"subsurf_scatter_texture", "hint_default_white")
-			_fragment.append("SSS_STRENGTH = subsurf_scatter_strength * texture(subsurf_scatter_texture, UV).r;")
-		if _material.backlight_enabled:
-			_uniform("vec4", &"backlight", "source_color")
-			_sampler(&"backlight_texture", "hint_default_black")
-			_fragment.append("BACKLIGHT = backlight.rgb + texture(backlight_texture, UV).rgb;")
-
-	func _write_transparency() -> void:
-		if _material.transparency == BaseMaterial3D.TRANSPARENCY_DISABLED and not _material.shadow_to_opacity:
-			return
-		_fragment.append("ALPHA *= base.a;")
-		if _material.transparency == BaseMaterial3D.TRANSPARENCY_ALPHA_SCISSOR:
-			_uniform("float", &"alpha_scissor_threshold")
-			_fragment.append("ALPHA_SCISSOR_THRESHOLD = alpha_scissor_threshold;")
-		elif _material.transparency == BaseMaterial3D.TRANSPARENCY_ALPHA_HASH:
-			_uniform("float", &"alpha_hash_scale")
-			_fragment.append("ALPHA_HASH_SCALE = alpha_hash_scale;")
-
-	func _channel(texture: StringName, uv: String) -> String:
-		var channel: int = _material.get("%s_channel" % texture)
-		return "dot(texture(%s, %s), %s)" % [texture, uv, _CHANNELS[channel]]

@@ -4,6 +4,21 @@ extends RefCounted
 ## Weight of a target while its extent is measured. It is large, so that the rest pose hardly affects the result.
 const _EXAGGERATION := 1024.0
 
+
+## A vertex of the mesh.
+class Vertex:
+	## In the coordinates of the node that shows the character.
+	var position: Vector3
+	var mesh: RefCounted
+	var surface: int
+	var index: int
+	var to_node: Basis
+
+	## Return the displacement by each target, in the coordinates of the node.
+	func displacements() -> PackedVector3Array:
+		return Transform3D(to_node, Vector3.ZERO) * (mesh.displacements(surface, index) as PackedVector3Array)
+
+
 var instance: MeshInstance3D
 ## Override material of each surface; null if the material of the mesh is used.
 var own_materials: Array[Material] = []
@@ -43,6 +58,37 @@ func set_weights(weights: PackedFloat32Array) -> void:
 		high += reach.end
 	var box := AABB(low, high - low)
 	instance.custom_aabb = box if box.is_finite() else _rest
+
+
+## Return the vertices in a box, both in the coordinates that [param to_node] transforms to.
+func vertices_in(box: AABB, to_node: Transform3D) -> Array[Vertex]:
+	var found: Array[Vertex] = []
+	for surface in instance.mesh.get_surface_count():
+		var positions: PackedVector3Array = to_node * instance.mesh.surface_get_arrays(surface)[Mesh.ARRAY_VERTEX]
+		for index in positions.size():
+			if not box.has_point(positions[index]):
+				continue
+			var vertex := Vertex.new()
+			vertex.position = positions[index]
+			vertex.mesh = self
+			vertex.surface = surface
+			vertex.index = index
+			vertex.to_node = to_node.basis
+			found.append(vertex)
+	return found
+
+
+## Return the displacement of a vertex by each target.
+func displacements(surface: int, index: int) -> PackedVector3Array:
+	var mesh: ArrayMesh = instance.mesh
+	var shapes := mesh.surface_get_blend_shape_arrays(surface)
+	var rest := Vector3.ZERO
+	if mesh.blend_shape_mode == Mesh.BLEND_SHAPE_MODE_NORMALIZED:  # a shape has positions, not displacements
+		rest = mesh.surface_get_arrays(surface)[Mesh.ARRAY_VERTEX][index]
+	var found := PackedVector3Array()
+	for shape in _shapes:
+		found.append(shapes[shape][Mesh.ARRAY_VERTEX][index] - rest)
+	return found
 
 
 ## Compute the positions that are shown, in the coordinates of the mesh.

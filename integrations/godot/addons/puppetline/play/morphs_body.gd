@@ -3,8 +3,13 @@ extends "body.gd"
 
 const OwnMesh := preload("own_mesh.gd")
 const MorphMesh := preload("morph_mesh.gd")
+const MorphsMotion := preload("morphs_motion.gd")
+
+## Distance within which a vertex of the scene is found in the imported meshes, relative to the diagonal.
+const _SEARCH_MARGIN := 1e-3
 
 var _source: Node3D
+var _rest_position := Vector3.ZERO  # of the source, which root motion is added to
 var _meshes: Array[MorphMesh] = []
 var _names: Array = []
 var _earlier: Message  # its weights are in _from
@@ -20,6 +25,7 @@ func _init(of: SharedScene, source: Node3D) -> void:
 	_source = source
 	if source != null:
 		add_child(source)
+		_rest_position = source.position
 	if shared.scene.morphs is Array:
 		_names = shared.scene.morphs
 	_weights.resize(_names.size())
@@ -58,8 +64,43 @@ func show_frames(earlier: Message, later: Message, share: float) -> void:
 		_weights[i] = lerpf(_from[1 + i], _to[1 + i], share)
 	for mesh in _meshes:
 		mesh.set_weights(_weights)
-	if follow_root and _source != null:
-		_source.position = earlier.root.lerp(later.root, share)
+	if _source != null:
+		_source.position = _rest_position + shift(earlier, later, share)
+
+
+## The targets do not include the root.
+func shift(earlier: Message, later: Message, share: float) -> Vector3:
+	return earlier.root.lerp(later.root, share) if follow_root else Vector3.ZERO
+
+
+func follow_patch(patch: SurfacePatch) -> PatchMotion:
+	if _meshes.is_empty():
+		return null
+	var source := Transform3D(_source.basis, _rest_position)
+	var to_rest := Transform3D(Basis.IDENTITY, _rest_position - _source.position)
+	var box := AABB(source * shared.scene.positions[patch.vertices[0]], Vector3.ZERO)
+	for vertex in patch.vertices:
+		box = box.expand(source * shared.scene.positions[vertex])
+	box = box.grow(_SEARCH_MARGIN * shared.scene.diagonal)
+	var candidates: Array[MorphMesh.Vertex] = []
+	for mesh in _meshes:
+		candidates.append_array(mesh.vertices_in(box, to_rest * OwnMesh.transform_within(mesh.instance, _source)))
+	return MorphsMotion.new(shared.scene, patch, candidates, source)
+
+
+func intersect(from: Vector3, to: Vector3) -> Dictionary:
+	var hit := {}
+	for mesh in _meshes:
+		var to_node := OwnMesh.transform_within(mesh.instance, _source)
+		var faces: PackedVector3Array = to_node * mesh.instance.bake_mesh_from_current_blend_shape_mix().get_faces()
+		for corner in range(0, faces.size(), 3):
+			# Godot's triangles are clockwise.
+			var corners := PackedVector3Array([faces[corner], faces[corner + 2], faces[corner + 1]])
+			var position: Variant = SurfaceRay.segment_hit(corners, from, to, shared.scene.diagonal)
+			if position != null:
+				to = position
+				hit = {"triangle": -1, "corners": corners, "position": position}
+	return hit
 
 
 ## The order is that of the meshes and vertices from Godot's importer, which can differ from the scene's order.

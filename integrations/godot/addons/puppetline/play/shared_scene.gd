@@ -10,11 +10,10 @@ const Message := preload("../wire/message.gd")
 const Scene := preload("../wire/scene.gd")
 const RestMesh := preload("rest_mesh.gd")
 const IsolineBounds := preload("isoline_bounds.gd")
+const SurfaceRay := preload("surface_ray.gd")
 
 ## Time between two requests of the scene, in milliseconds.
 const _REQUEST_INTERVAL_MS := 1000
-## Time between two requests while a message arrives that may be the scene, in milliseconds. On a slow network, each
-## request queues another whole scene.
 ## Time between two requests while a message arrives that may be the scene, in milliseconds. On a slow network, each
 ## request queues another whole scene.
 const _RECEIVING_INTERVAL_MS := 16_000
@@ -45,6 +44,11 @@ var bounds: IsolineBounds:
 		if bounds == null:
 			bounds = IsolineBounds.new(scene)
 		return bounds
+var ray: SurfaceRay:
+	get:
+		if ray == null:
+			ray = SurfaceRay.new(self)
+		return ray
 
 var _key := ""
 var _stream: Stream
@@ -107,4 +111,5 @@ func _take_scene(message: Message) -> void:
 	rest_texture = null
 	slopes_texture = null
 	bounds = null
+	ray = null
 	changed.emit()

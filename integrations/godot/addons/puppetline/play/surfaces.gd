@@ -3,6 +3,7 @@ extends RefCounted
 
 const SharedScene := preload("shared_scene.gd")
 const Materials := preload("materials.gd")
+const MaterialCopy := preload("material_copy.gd")
 
 var instances: Array[MeshInstance3D] = []
 
@@ -10,7 +11,8 @@ var _shared: SharedScene
 var _own: Array[Material] = []  # by surface, the original ones
 var _colored: bool
 var _to_file: Array[Basis] = []  # by instance: from the coordinates of its mesh
-var _moving: Array[ShaderMaterial] = []
+var _moving: Array[MaterialCopy] = []
+var _next_followed := 0
 var _parameters: Dictionary = {}
 
 
@@ -44,8 +46,15 @@ func set_materials(materials: Array[Material]) -> void:
 ## Set a uniform of all materials, including those that are set later.
 func set_parameter(parameter: StringName, value: Variant) -> void:
 	_parameters[parameter] = value
-	for material in _moving:
-		material.set_shader_parameter(parameter, value)
+	for copy in _moving:
+		copy.material.set_shader_parameter(parameter, value)
+
+
+## Pass on the changes of one material to its copy, the next one at each call, which keeps the cost small.
+func follow_materials() -> void:
+	if not _moving.is_empty():
+		_next_followed = (_next_followed + 1) % _moving.size()
+		_moving[_next_followed].follow()
 
 
 ## Set the bounding box of all instances.
@@ -54,17 +63,13 @@ func set_bounds(box: AABB) -> void:
 		instance.custom_aabb = box
 
 
-## Return the deforming version of a material and of its next passes.
+## Return the deforming version of a material.
 func _made(material: Material, to_file: Basis) -> Material:
-	var made := Materials.moving(material, _colored)
-	if made == null:
-		return material
-	var next: Material = made
-	while next is ShaderMaterial:
-		Materials.prepare(next, _shared)
-		next.set_shader_parameter(&"puppet_mesh_to_file", to_file)
+	var copies := Materials.moving(material, _colored)
+	for copy in copies:
+		Materials.prepare(copy.material, _shared)
+		copy.material.set_shader_parameter(&"puppet_mesh_to_file", to_file)
 		for parameter: StringName in _parameters:
-			next.set_shader_parameter(parameter, _parameters[parameter])
-		_moving.append(next)
-		next = next.next_pass
-	return made
+			copy.material.set_shader_parameter(parameter, _parameters[parameter])
+	_moving.append_array(copies)
+	return material if copies.is_empty() else copies[0].material

@@ -6,6 +6,7 @@ extends "body.gd"
 const RestMesh := preload("rest_mesh.gd")
 const Surfaces := preload("surfaces.gd")
 const Materials := preload("materials.gd")
+const VerticesMotion := preload("vertices_motion.gd")
 
 ## Size of a position or a normal, in bytes.
 const _VECTOR_BYTES := 12
@@ -45,6 +46,7 @@ func set_materials(materials: Array[Material]) -> void:
 
 
 func show_frames(earlier: Message, _later: Message, _share: float) -> void:
+	_surfaces.follow_materials()
 	if _shown == earlier:
 		return
 	_shown = earlier
@@ -53,6 +55,14 @@ func show_frames(earlier: Message, _later: Message, _share: float) -> void:
 	_upload(earlier.payload)
 	var box := _box_around(_positions())
 	_surfaces.set_bounds(AABB(box.position + _shift, box.size) if box.is_finite() else shared.scene.bounds)
+
+
+func shown_share(_share: float) -> float:
+	return 0.0
+
+
+func follow_patch(patch: SurfacePatch) -> PatchMotion:
+	return VerticesMotion.new(patch)
 
 
 func evaluate() -> PackedVector3Array:

@@ -10,6 +10,8 @@ const MAX_MAGNITUDE := 1e30
 ## Maximum size of the description, in bytes. A part takes about 300 bytes.
 const MAX_DESCRIPTION_BYTES := 1 << 22
 
+const _AXES: Dictionary = {"x": Vector3.RIGHT, "y": Vector3.UP, "z": Vector3.BACK}
+
 ## The description as received. Only the values in the members below have been checked.
 var description: Dictionary = {}
 var revision := 0
@@ -42,6 +44,11 @@ var bounds := AABB()
 var diagonal := 0.0
 ## Dictionaries of `name`, `position` (Vector3) and `joints` (names).
 var handles: Array = []
+## Dictionaries of `name` and `points` (PackedVector3Array, root to tip, in the rest pose).
+var limbs: Array = []
+## Axes that point up and to the front of the character.
+var up := Vector3.UP
+var front := Vector3.BACK
 ## Names of the joints.
 var joints: Array = []
 ## Names of the morph targets, or null.
@@ -184,7 +191,32 @@ func _read_names() -> bool:
 				"joints": _list(found, "joints").map(func(name: Variant) -> String: return str(name)),
 			}
 		)
+	_read_limbs()
+	up = _axis("up", up)
+	front = _axis("front", front)
 	return _error.is_empty()
+
+
+## Read the limbs, which earlier versions of the service do not send.
+func _read_limbs() -> void:
+	for found: Variant in _list(description, "limbs") if "limbs" in description else []:
+		var points := PackedVector3Array()
+		for point: Variant in found["points"] if found is Dictionary and found.get("points") is Array else []:
+			var numbers := _numbers(point, 3)
+			if numbers.is_empty():
+				break
+			points.append(Vector3(numbers[0], numbers[1], numbers[2]))
+		if points.size() < 2:
+			_fail("a limb does not have two points")
+			return
+		limbs.append({"name": str(found.get("name", "")), "points": points})
+
+
+## Return an axis such as "y" or "-z".
+func _axis(name: String, otherwise: Vector3) -> Vector3:
+	var text := str(description.get(name))
+	var axis: Vector3 = _AXES.get(text.trim_prefix("-"), otherwise)
+	return -axis if text.begins_with("-") else axis
 
 
 func _array_entries() -> Dictionary:

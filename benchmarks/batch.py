@@ -1,0 +1,228 @@
+"""Throughput, efficiency, memory and overhead of `puppetline batch`.
+
+    python -m benchmarks.batch --data FOLDER --clips 2000      # the numbers of docs/performance.md: hours
+    python -m benchmarks.batch --clips 40                      # without recordings of sensors: minutes
+
+The recordings are those of the folder, and others made from them by resampling and mirroring. Each is converted with
+three example characters, once by one worker and once by two. Rates are between the first and the last result, so that
+the start of the workers is not included.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import psutil
+from puppetline.examples.performances import PERFORMANCES
+
+from capture.clip import SkeletonClip
+from capture.formats import read_log
+from capture.recording import Recorder
+from capture.skeleton import mirrored
+from capture.timeline import Timeline, choose, resample
+from engine_bridge.batch.recordings import find_recordings
+from engine_bridge.batch.store import OWN_FOLDER, RECORD_FOLDER
+from engine_bridge.character.examples import prepare
+from engine_bridge.export.convert import convert_timeline, load_rig_for
+from engine_bridge.performance.clip import load_timeline
+from engine_bridge.performance.settings import Settings
+from puppetline.errors import PuppetlineError
+
+CHARACTERS = ("human", "dog", "dinosaur")
+
+SPEEDS = (1.0, 0.8, 1.25, 0.9, 1.1, 0.7, 1.4)
+"""Speeds at which recordings are resampled; each is also mirrored."""
+
+MAX_SECONDS = 12.0
+"""Duration after which a recording is cut into several."""
+
+SHORT_CLIPS = 60
+"""Number of recordings of one second with which the overhead is measured."""
+
+WARM_RESULTS = 10
+"""Number of results after which the memory of a worker should not grow any more."""
+
+POLL_SECONDS = 0.25
+"""Time between two measurements of memory, in seconds."""
+
+NTU_CLIPS, NTU_FRAMES = 56_880, 4_000_000
+"""Number of clips of NTU RGB+D, and of its frames ("more than 4 million", A. Shahroudy et al. 2016)."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A batch that was measured.
+
+    Attributes
+    ----------
+    made, failed : int
+        Numbers of results and failures.
+    per_hour : float
+        Results per hour between the first and the last.
+    seconds : float
+        Duration of the command, with its start.
+    memory : dict
+        Memory of each worker process: pairs of the number of results of the batch and megabytes.
+    rows : list of dict
+        Rows of the manifest.
+    """
+
+    made: int
+    failed: int
+    per_hour: float
+    seconds: float
+    memory: dict[int, list[tuple[int, float]]]
+    rows: list[dict]
+
+
+def sources(data: Path | None) -> Iterator[SkeletonClip]:
+    """Yield the longest-tracked performer of each recording, or example performances without a folder."""
+    if data is None:
+        yield from (perform() for perform in PERFORMANCES.values())
+        return
+    for recording in find_recordings([str(data / "logs"), str(data / "bvh")], data / "none").found:
+        try:
+            yield choose(read_log(recording.path))[0]
+        except PuppetlineError as error:
+            print(f"  not used: {error}")
+
+
+def variants(clips: list[SkeletonClip]) -> Iterator[Timeline]:
+    """Yield endless parts of clips at other speeds and mirrored."""
+    while True:
+        for speed in SPEEDS:
+            for is_mirrored in (False, True):
+                for clip in clips:
+                    fast = replace(clip, times=clip.times / speed)
+                    timeline = resample(fast, 30.0)
+                    positions = mirrored(timeline.positions) if is_mirrored else timeline.positions
+                    length = int(30 * MAX_SECONDS)
+                    for start in range(0, max(len(positions) - 15, 1), length):
+                        part = slice(start, start + length)
+                        yield Timeline(30.0, positions[part], timeline.confidence[part], ())
+
+
+def write(timeline: Timeline, path: Path) -> None:
+    """Write a recording in Puppetline's own format."""
+    with Recorder(path) as recorder:
+        for number in range(len(timeline.positions)):
+            recorder.write(timeline.frame(number))
+
+
+def memory_of(process: psutil.Process) -> dict[int, float]:
+    """Return the resident memory of each worker process in megabytes."""
+    memory = {}
+    for child in process.children(recursive=True):
+        try:
+            if any("spawn_main" in part for part in child.cmdline()):
+                memory[child.pid] = child.memory_info().rss / 1e6
+        except psutil.NoSuchProcess:
+            continue
+    return memory
+
+
+def measured(logs: Path, puppets: list[Path], output: Path, workers: int) -> Run:
+    """Run a batch and measure it."""
+    chosen = [each for puppet in puppets for each in ("--puppet", str(puppet))]
+    table = output / "manifest.parquet"
+    command = [sys.executable, "-m", "puppetline", "batch", str(logs), *chosen, "-o", str(output), "--no-report"]
+    start = time.perf_counter()
+    process = subprocess.Popen([*command, "--workers", str(workers), "--json"], stdout=subprocess.PIPE, text=True)
+    records = output / OWN_FOLDER / RECORD_FOLDER
+    memory: dict[int, list[tuple[int, float]]] = {}
+    while process.poll() is None:
+        count = sum(1 for _ in records.rglob("*.json"))
+        for pid, size in memory_of(psutil.Process(process.pid)).items():
+            memory.setdefault(pid, []).append((count, size))
+        time.sleep(POLL_SECONDS)
+    seconds = time.perf_counter() - start
+    assert process.stdout is not None
+    result = json.loads(process.stdout.read())
+    times = sorted(path.stat().st_mtime for path in records.rglob("*.json"))
+    import pyarrow.parquet as pq
+
+    rows = pq.read_table(table).to_pylist()
+    per_hour = 3600 * (len(times) - 1) / (times[-1] - times[0])
+    return Run(result["made"], len(result["failures"]), per_hour, seconds, memory, rows)
+
+
+def loop(logs: Path, puppet: Path, folder: Path) -> float:
+    """Return the seconds per recording of a loop in one process with a character that is prepared once."""
+    settings, rig = Settings(), load_rig_for(puppet, Settings())
+    folder.mkdir()
+    times = []
+    for log in sorted(logs.iterdir()):
+        timeline, notes = load_timeline(log, settings)
+        convert_timeline(rig, timeline, folder / f"{log.stem}.glb", log.stem, settings, notes)
+        times.append(time.perf_counter())
+    return (times[-1] - times[0]) / (len(times) - 1)
+
+
+def growth(run: Run) -> list[str]:
+    """Return the memory of each worker after the first results and at the end."""
+    lines = []
+    for number, samples in enumerate(run.memory.values(), 1):
+        warm = [size for count, size in samples if count >= WARM_RESULTS * len(run.memory)]
+        if warm:
+            lines.append(
+                f"{np.median(warm[: len(warm) // 10 + 1]):.0f} → {np.median(warm[-len(warm) // 10 - 1 :]):.0f}"
+            )
+            lines[-1] += f", at most {max(warm):.0f} MB (worker {number})"
+    return lines
+
+
+def extrapolated(run: Run) -> str:
+    """Return the time for NTU RGB+D, from a straight line through the times of the results against their frames."""
+    done = [row for row in run.rows if row["state"] == "done"]
+    lines = []
+    for puppet in sorted({row["puppet"] for row in done}):
+        rows = [row for row in done if row["puppet"] == puppet]
+        each, start = np.polyfit([row["frames"] for row in rows], [row["conversion_seconds"] for row in rows], 1)
+        hours = NTU_CLIPS * (start + each * NTU_FRAMES / NTU_CLIPS) / 3600
+        lines.append(f"{Path(puppet).stem}: {1000 * start:.0f} ms + {1000 * each:.2f} ms per frame, {hours:.1f} hours")
+    return "; ".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, help="folder with real recordings in logs and bvh")
+    parser.add_argument("--clips", type=int, default=40, help="number of recordings, at most 2,000 in the docs")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        scratch = Path(temporary)
+        puppets = [prepare(name, scratch)[1] for name in CHARACTERS]
+        logs, short = scratch / "logs", scratch / "short"
+        logs.mkdir()
+        short.mkdir()
+        clips = list(sources(arguments.data))
+        for number, timeline in zip(range(arguments.clips), variants(clips), strict=False):
+            write(timeline, logs / f"{number:05}.log")
+            if number < SHORT_CLIPS:
+                second = slice(0, 30)
+                write(
+                    Timeline(30.0, timeline.positions[second], timeline.confidence[second], ()), short / f"{number}.log"
+                )
+        print(f"{arguments.clips} recordings from {len(clips)}, with {', '.join(CHARACTERS)}", flush=True)
+        one = measured(logs, puppets, scratch / "one", 1)
+        two = measured(logs, puppets, scratch / "two", 2)
+        alone = loop(short, puppets[0], scratch / "alone")
+        batch = 3600 / measured(short, puppets[:1], scratch / "short_out", 1).per_hour
+        seconds = sum(row["seconds"] or 0 for row in two.rows)
+        print(f"| results, failed | {two.made:,}, {two.failed:,}; {seconds / 3600:.2f} hours of motion |")
+        print(f"| results per hour, 1 and 2 workers | {one.per_hour:,.0f}, {two.per_hour:,.0f} |")
+        print(f"| 2 workers / 1 | {two.per_hour / one.per_hour:.2f} × (goal ≥ 1.7 ×) |")
+        print(f"| whole command, 1 and 2 workers | {one.seconds:.0f} s, {two.seconds:.0f} s |")
+        print(f"| memory of a worker, after {WARM_RESULTS} results → at the end | {'; '.join(growth(two))} |")
+        print(f"| one-second recording, batch / loop | {batch:.3f} / {alone:.3f} s = {batch / alone:.2f} × (≤ 1.3 ×) |")
+        print(f"| NTU RGB+D with one worker | {extrapolated(one)} |")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,164 @@
+"""A batch: which jobs there are, which of them have to run, and their outcomes."""
+
+import hashlib
+import uuid
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+from engine_bridge.batch import cluster
+from engine_bridge.batch.conversion import BatchSettings, Outcome, convert_jobs, is_settled
+from engine_bridge.batch.grouping import Grouping
+from engine_bridge.batch.identity import identity
+from engine_bridge.batch.recordings import Recording
+from engine_bridge.batch.store import Job, Record, Store
+from engine_bridge.export.convert import load_rig_for
+from puppetline.errors import PuppetError
+
+
+@dataclass(frozen=True)
+class Shard:
+    """Part `index` of `count` parts of a batch; the first has index 1."""
+
+    index: int
+    count: int
+
+    def has(self, name: str) -> bool:
+        """Return whether a job is in this part. It depends on the job's name only, and not on other jobs."""
+        number = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
+        return number % self.count == self.index - 1
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Where jobs run.
+
+    Attributes
+    ----------
+    count : int or None
+        Number of worker processes on this machine; None for one per CPU, and 0 to run the jobs in this process.
+    scheduler : str or None
+        Address of a scheduler of Dask whose workers run the jobs instead.
+    dashboard : bool
+        Whether to show Dask's dashboard.
+    """
+
+    count: int | None
+    scheduler: str | None = None
+    dashboard: bool = False
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The jobs of a batch.
+
+    Attributes
+    ----------
+    jobs : list of Job
+        All jobs, ordered by puppet.
+    settled : dict
+        Record of each job, by its name, that needs no conversion.
+    waiting : list of Job
+        The others.
+    """
+
+    jobs: list[Job]
+    settled: dict[str, Record]
+    waiting: list[Job]
+
+
+def new_run() -> str:
+    """Return a unique name for a batch."""
+    return uuid.uuid4().hex[:16]
+
+
+def make_jobs(
+    recordings: Sequence[Recording], puppets: Sequence[Path], batch: BatchSettings, shard: Shard | None
+) -> list[Job]:
+    """Return the jobs for all recordings with all puppets.
+
+    Each character is prepared, so that mistakes are found before the work, and workers find it in the cache.
+
+    Raises
+    ------
+    PuppetlineError
+        A puppet or its character cannot be used, or two puppet files have the same name.
+    """
+    names: dict[str, Path] = {}
+    for puppet in puppets:
+        other = names.setdefault(puppet.stem, puppet)
+        if other != puppet:
+            raise PuppetError(
+                puppet,
+                found=f"the same name as {other}",
+                expected="puppet files with different names, which name the folders of their results",
+                fix="Rename one of them.",
+            )
+    jobs = []
+    for name, puppet in names.items():
+        of_puppet = identity(load_rig_for(puppet, batch.settings), batch.settings, batch.users)
+        for recording in recordings:
+            job = Job(f"{name}/{recording.name}", recording.path, puppet.absolute(), of_puppet)
+            if shard is None or shard.has(job.name):
+                jobs.append(job)
+    return jobs
+
+
+def make_plan(jobs: list[Job], batch: BatchSettings) -> Plan:
+    """Find out which jobs have to run."""
+    store = Store(batch.folder, batch.run)
+    records = ((job, store.load(job.name)) for job in jobs)
+    settled = {job.name: record for job, record in records if record and is_settled(record, job, store, batch)}
+    return Plan(jobs, settled, [job for job in jobs if job.name not in settled])
+
+
+def run(
+    plan: Plan, batch: BatchSettings, workers: Workers, check: Callable[[], None]
+) -> Generator[Outcome, None, None]:
+    """Run the waiting jobs of a plan and yield their outcomes as they come.
+
+    Parameters
+    ----------
+    plan : Plan
+    batch : BatchSettings
+        The folders of its store exist.
+    workers : Workers
+    check : callable
+        Called often; raises an error to stop.
+
+    Raises
+    ------
+    PuppetlineError
+        See `engine_bridge.batch.conversion.convert_jobs` and `engine_bridge.batch.cluster`.
+    """
+    with closing(_outcomes(plan, batch, workers, check)) as outcomes:
+        for outcome in outcomes:
+            yield outcome
+            if batch.fail_fast and outcome.record.has_failed:
+                return
+
+
+def _outcomes(
+    plan: Plan, batch: BatchSettings, workers: Workers, check: Callable[[], None]
+) -> Generator[Outcome, None, None]:
+    if not plan.waiting:
+        return
+    if workers.count == 0 and workers.scheduler is None:
+        for job in plan.waiting:
+            yield from convert_jobs([job], batch, check)
+        return
+    grouping = Grouping(plan.waiting, [log_size(job) for job in plan.waiting])
+    with (
+        cluster.connected(workers.scheduler, workers.count, len(plan.waiting), dashboard=workers.dashboard) as client,
+        closing(cluster.run_on(client, grouping, batch, check)) as outcomes,
+    ):
+        yield from outcomes
+
+
+def log_size(job: Job) -> int:
+    """Return the size of a job's recording in bytes, at least 1; 1 if it cannot be read."""
+    try:
+        return max(job.log.stat().st_size, 1)
+    except OSError:
+        return 1

@@ -1,0 +1,250 @@
+"""Conversion of the recordings of a batch, in any process."""
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+from pathlib import Path
+
+from capture.clip import SkeletonClip
+from capture.formats import read_log
+from capture.timeline import choose
+from engine_bridge.batch.identity import FileState, identity, result_key
+from engine_bridge.batch.row import Row
+from engine_bridge.batch.store import Job, Record, Store
+from engine_bridge.export.convert import Summary, convert_timeline, load_rig_for
+from engine_bridge.performance.clip import Clip, load_timeline, perform, timeline_of
+from engine_bridge.performance.rig import Rig, load_rig
+from engine_bridge.performance.settings import Settings
+from puppetline.errors import OutputError, PuppetError, PuppetlineError, SkeletonLogError
+
+MAX_STARTS = 3
+"""Number of times that a conversion may end with its process before it counts as failed."""
+
+MAX_RIGS = 8
+"""Number of characters that a process keeps; jobs are ordered by character."""
+
+
+SUMMARY_COLUMNS = sorted(
+    {field.name for field in fields(Row)} & {field.name for field in fields(Summary)} - {"form", "output"}
+)
+"""Columns that a conversion's summary has too."""
+
+
+@dataclass(frozen=True)
+class BatchSettings:
+    """What all jobs of a batch share.
+
+    Attributes
+    ----------
+    folder : Path
+        Absolute path of the results.
+    run : str
+        Unique name of the batch.
+    settings : Settings
+    users : {"longest", "all"}
+        Performers of a recording that are converted.
+    fail_fast : bool
+        Start nothing after a failure.
+    retry_failed : bool
+        Try again what has failed in an earlier batch.
+    """
+
+    folder: Path
+    run: str
+    settings: Settings
+    users: str
+    fail_fast: bool = False
+    retry_failed: bool = False
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A job with its record, and the time that it took in seconds."""
+
+    job: Job
+    record: Record
+    seconds: float
+
+
+def convert_jobs(jobs: Iterable[Job], batch: BatchSettings, check: Callable[[], None] = lambda: None) -> list[Outcome]:
+    """Convert some recordings one after another; a recording that cannot be converted is a failed row.
+
+    What is up to date is not converted, so that the jobs of a killed process can be given to another one.
+
+    Parameters
+    ----------
+    jobs : iterable of Job
+    batch : BatchSettings
+    check : callable, optional
+        Called often; raises an error to stop.
+
+    Raises
+    ------
+    OutputError
+        Results cannot be written, for example because the disk is full.
+    PuppetError
+        A puppet or character is not that of the batch any more.
+    """
+    store = Store(batch.folder, batch.run)
+    outcomes = []
+    for job in jobs:
+        start = time.perf_counter()
+        record = store.load(job.name)
+        if record is None or not is_settled(record, job, store, batch):
+            record = _Conversion(job, store, batch, check).record()
+        outcomes.append(Outcome(job, record, time.perf_counter() - start))
+        if batch.fail_fast and record.has_failed:
+            break
+    return outcomes
+
+
+def is_settled(record: Record, job: Job, store: Store, batch: BatchSettings) -> bool:
+    """Return whether a job needs no conversion, because its results are there, or because it has failed before."""
+    if record.has_failed and batch.retry_failed and record.run != batch.run:
+        return False
+    return store.is_current(record, job)
+
+
+def solve_again(row: Row, settings: Settings) -> Clip:
+    """Return the solved clip of a result, for pictures.
+
+    Raises
+    ------
+    PuppetlineError
+    """
+    chosen = replace(settings, user=row.user)
+    timeline, notes = load_timeline(Path(row.log), chosen)
+    return perform(load_rig(Path(row.puppet)), timeline, chosen, notes, lambda _stage, _share: None)
+
+
+class _Conversion:
+    """The conversion of one recording.
+
+    Parameters
+    ----------
+    job : Job
+    store : Store
+    batch : BatchSettings
+    check : callable
+    """
+
+    def __init__(self, job: Job, store: Store, batch: BatchSettings, check: Callable[[], None]) -> None:
+        self._job, self._store, self._batch, self._check = job, store, batch, check
+        self._rig = _rig(job, batch)
+        self._row = Row("failed", "", str(job.log), str(job.puppet), None, None, batch.settings.form)
+
+    def record(self) -> Record:
+        """Convert the recording for its performers, write the record, and return it."""
+        starts = self._store.start(self._job)
+        record = Record(self._job.identity, self._batch.run, None, (self._row,), {})
+        try:
+            state = FileState.of(self._job.log)
+            self._row = replace(self._row, key=result_key(self._job.identity, state, self._job.name))
+            record = replace(record, log=state)
+            record = (
+                replace(record, rows=(_failed(self._row, self._killed()),))
+                if starts >= MAX_STARTS
+                else (self._of_performers(record))
+            )
+        except OSError as error:
+            record = replace(record, rows=(_failed(self._row, self._unreadable(error)),))
+        self._store.save(self._job, record)
+        return record
+
+    def _of_performers(self, record: Record) -> Record:
+        """Convert the recording, and return its record with a row per performer."""
+        try:
+            clips = read_log(self._job.log, self._batch.settings.log)
+        except Exception as error:  # a mistake of the program about one recording must not stop the others either
+            self._check()  # compiled code turns an interrupt into another error
+            return replace(record, rows=(_failed(self._row, error),))
+        rows, files = [], {}
+        for user in [clip.user for clip in clips] if self._batch.users == "all" and clips else [None]:
+            row = replace(self._row, format=clips[0].format if clips else None, user=user)
+            output = f"{self._job.name}.glb" if user is None else f"{self._job.name}.user{user}.glb"
+            try:
+                rows.append(self._of_performer(clips, row, output))
+                files[output] = FileState.of(self._batch.folder / output)
+            except Exception as error:
+                self._check()
+                if isinstance(error, OutputError) and isinstance(error.__cause__, OSError):  # not about this recording
+                    raise
+                rows.append(_failed(row, error))
+        return replace(record, rows=tuple(rows), files=files)
+
+    def _of_performer(self, clips: list[SkeletonClip], row: Row, output: str) -> Row:
+        """Write the result of one performer, and return its row."""
+        start = time.perf_counter()
+        settings = replace(self._batch.settings, user=row.user)
+        timeline, notes = timeline_of(clips, self._job.log, settings)
+        with self._store.written(output) as partial:
+            try:
+                _, summary = convert_timeline(
+                    self._rig,
+                    timeline,
+                    partial,
+                    self._job.log.stem,
+                    settings,
+                    notes,
+                    lambda _stage, _share: self._check(),
+                )
+            except OutputError as error:  # it has the temporary name of the file
+                if error.where != str(partial):
+                    raise
+                where = self._store.folder / output
+                raise OutputError(where, found=error.found, expected=error.expected, fix=error.fix) from error.__cause__
+        return replace(
+            row,
+            state="done",
+            output=output,
+            user=choose(clips, row.user)[0].user,
+            conversion_seconds=time.perf_counter() - start,
+            **{name: getattr(summary, name) for name in SUMMARY_COLUMNS},
+        )
+
+    def _killed(self) -> SkeletonLogError:
+        return SkeletonLogError(
+            self._job.log,
+            found=f"a recording whose conversion has ended its process {MAX_STARTS} times",
+            expected="a conversion that ends",
+            fix="Convert it alone to see why. The memory may be too small for it.",
+        )
+
+    def _unreadable(self, error: OSError) -> SkeletonLogError:
+        return SkeletonLogError(
+            self._job.log,
+            found=f"a file that cannot be read ({error.strerror})",
+            expected="a readable recording",
+            fix="Check the path and its permissions.",
+        )
+
+
+def _failed(row: Row, error: Exception) -> Row:
+    """Return a row with the reason why there is no result."""
+    if isinstance(error, PuppetlineError):
+        return replace(row, reason=error.found, message=str(error))
+    if isinstance(error, MemoryError):
+        return replace(row, reason="not enough memory", message=f"{row.log}: not enough memory to convert it.")
+    reason = f"internal error: {type(error).__name__}: {error}"
+    return replace(row, reason=reason, message=f"{row.log}: {reason}. Please report it with this recording.")
+
+
+@lru_cache(maxsize=MAX_RIGS)
+def _loaded(puppet: Path, settings: Settings, users: str) -> tuple[Rig, str]:
+    """Return a puppet with its prepared character, and its identity."""
+    rig = load_rig_for(puppet, settings)
+    return rig, identity(rig, settings, users)
+
+
+def _rig(job: Job, batch: BatchSettings) -> Rig:
+    """Return the prepared character of a job; raise an error if it is not the one that the batch began with."""
+    rig, found = _loaded(job.puppet, batch.settings, batch.users)
+    if found != job.identity:
+        raise PuppetError(
+            job.puppet,
+            found="another puppet file, character or version of Puppetline than at the start of the batch",
+            expected="the same on all machines during the whole batch",
+            fix="Run the command again, with the same version of Puppetline on all workers.",
+        )
+    return rig

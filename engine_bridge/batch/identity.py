@@ -1,0 +1,89 @@
+"""Hashes that decide whether a result is up to date."""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import puppetline
+from engine_bridge.character import cache
+from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.settings import Settings
+
+CHUNK_BYTES = 2**20
+"""Number of bytes of a file that are hashed at once."""
+
+
+@dataclass(frozen=True)
+class FileState:
+    """Content of a file, and by what it is recognised without reading it.
+
+    Attributes
+    ----------
+    bytes : int
+        Size.
+    modified : int
+        Time of the last modification, in nanoseconds.
+    sha256 : str
+        Hash of the content, as hexadecimal digits.
+    """
+
+    bytes: int
+    modified: int
+    sha256: str
+
+    @classmethod
+    def of(cls, path: Path) -> "FileState":
+        """Read the state of a file.
+
+        Raises
+        ------
+        OSError
+        """
+        with path.open("rb") as file:
+            before = path.stat()  # a change while the file is read gives it another time
+            digest = hashlib.sha256()
+            while chunk := file.read(CHUNK_BYTES):
+                digest.update(chunk)
+        return cls(before.st_size, before.st_mtime_ns, digest.hexdigest())
+
+    def is_of(self, path: Path) -> bool:
+        """Return whether a file has this content. A file of the same size and time of modification is not read."""
+        try:
+            now = path.stat()
+            if now.st_size != self.bytes:
+                return False
+            return now.st_mtime_ns == self.modified or FileState.of(path).sha256 == self.sha256
+        except OSError:
+            return False
+
+
+def identity(rig: Rig, settings: Settings, users: str) -> str:
+    """Return a hash of all that determines a result apart from the recording.
+
+    These are the character with all files that its mesh refers to, the values of the puppet file, the settings, and the
+    version of the program.
+
+    Parameters
+    ----------
+    rig : Rig
+    settings : Settings
+    users : str
+        Which performers of a recording are converted.
+    """
+    document = rig.character.document
+    chosen = asdict(settings) | {"tolerance": settings.max_error, "users": users}
+    digest = hashlib.sha256(_text(chosen, puppetline.__version__, cache.VERSION, rig.puppet.model_dump(mode="json")))
+    digest.update(_text(document.gltf))
+    digest.update(document.blob)
+    return digest.hexdigest()
+
+
+def result_key(identity: str, log: FileState, name: str) -> str:
+    """Return the key of a recording's results: a hash of `identity`, the recording, and its name."""
+    return hashlib.sha256(_text(identity, log.sha256, name)).hexdigest()
+
+
+def _text(*values: Any) -> bytes:
+    return json.dumps(values, sort_keys=True).encode()

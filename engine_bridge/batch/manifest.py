@@ -1,0 +1,108 @@
+"""The manifest: a table with a row per result, as Parquet or CSV."""
+
+import csv
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+from engine_bridge.batch.cluster import require
+from engine_bridge.batch.row import Row
+from engine_bridge.batch.store import Store
+from puppetline.errors import OutputError
+from puppetline.files import check_writable, written_whole
+
+ENDINGS = (".parquet", ".csv")
+
+COLUMNS = tuple(field.name for field in fields(Row))
+
+INTEGERS = ("user", "frames", "keyframes", "targets", "bones", "bytes")
+NUMBERS = (
+    "seconds",
+    "error",
+    "rms",
+    "stretch_p1",
+    "stretch_p50",
+    "stretch_p99",
+    "parts_apart",
+    "conversion_seconds",
+)
+
+
+def check_manifest(path: Path) -> None:
+    """Check before the work that a manifest can be written.
+
+    Raises
+    ------
+    PuppetlineError
+    """
+    ending = path.suffix.lower()
+    if ending not in ENDINGS:
+        raise OutputError(
+            path, found=f"the ending {ending!r}", expected=" or ".join(ENDINGS), fix=f"Call it {path.stem}.csv."
+        )
+    if ending == ".parquet":
+        require("pyarrow", f"--manifest {path}")
+    check_writable(path, ending)
+
+
+def write_whole_manifest(path: Path, store: Store) -> list[Row]:
+    """Write the rows of all records in a folder whose results are there, and return them.
+
+    Another batch may write to the folder at the same time. So the records are compared after the manifest was written,
+    and read again if they have changed: the last batch that writes the manifest has seen all of them.
+
+    Raises
+    ------
+    OutputError
+    """
+    while True:
+        before = _versions(store)
+        rows = [row for _, record in store.records() if store.is_whole(record) for row in record.rows]
+        write_manifest(path, rows)
+        if _versions(store) == before:
+            return rows
+
+
+def write_manifest(path: Path, rows: Sequence[Row]) -> None:
+    """Write a manifest, completely or not at all.
+
+    Raises
+    ------
+    OutputError
+    """
+    with written_whole(path) as beside:
+        if path.suffix.lower() == ".csv":
+            _write_csv(beside, rows)
+        else:
+            _write_parquet(beside, rows)
+
+
+def _write_csv(path: Path, rows: Sequence[Row]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        for row in rows:
+            writer.writerow(
+                ["" if value is None else value for value in (asdict(row) | {"notes": " ".join(row.notes)}).values()]
+            )
+
+
+def _write_parquet(path: Path, rows: Sequence[Row]) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    def kind(column: str) -> Any:
+        if column == "notes":
+            return pa.list_(pa.string())
+        return pa.int64() if column in INTEGERS else pa.float64() if column in NUMBERS else pa.string()
+
+    values = {column: [getattr(row, column) for row in rows] for column in COLUMNS}
+    schema = pa.schema([(column, kind(column)) for column in COLUMNS])
+    pq.write_table(pa.table(values, schema=schema), path)
+
+
+def _versions(store: Store) -> dict[str, int]:
+    """Return the time of modification of each record."""
+    return {path: os.stat(path).st_mtime_ns for path in store.record_paths()}  # noqa: PTH116  # as in `record_paths`

@@ -1,0 +1,65 @@
+"""A row of the manifest: one result, or the reason why there is none."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Row:
+    """A result, or a recording or performer without one. What is unknown is None.
+
+    Attributes
+    ----------
+    state : {"done", "failed"}
+    output : str
+        Path of the result relative to the folder of the batch; empty if it failed.
+    log, puppet : str
+        Absolute paths.
+    format : str or None
+        Format of the recording.
+    user : int or None
+        User number of the performer.
+    form : str
+        Form of the animation: "morph", "skin", "frames" or "rig".
+    frames, seconds, keyframes
+        Number of frames and duration of the clip, and number of keyframes in the file.
+    targets, bones
+        Numbers of morph targets and bones.
+    error, rms, stretch_p1, stretch_p50, stretch_p99, parts_apart
+        See `engine_bridge.export.convert.Summary`.
+    bytes : int or None
+        Size of the result.
+    conversion_seconds : float
+        Time that the conversion took.
+    notes : tuple of str
+        Sentences about the recording and the character.
+    reason, message : str
+        What was found where it failed, and the whole message; empty otherwise.
+    key : str
+        Hash of all that determines the result; empty if the recording cannot be read.
+    """
+
+    state: Literal["done", "failed"]
+    output: str
+    log: str
+    puppet: str
+    format: str | None
+    user: int | None
+    form: str
+    frames: int | None = None
+    seconds: float | None = None
+    keyframes: int | None = None
+    targets: int | None = None
+    bones: int | None = None
+    error: float | None = None
+    rms: float | None = None
+    stretch_p1: float | None = None
+    stretch_p50: float | None = None
+    stretch_p99: float | None = None
+    parts_apart: float | None = None
+    bytes: int | None = None
+    conversion_seconds: float = 0.0
+    notes: tuple[str, ...] = ()
+    reason: str = ""
+    message: str = ""
+    key: str = ""

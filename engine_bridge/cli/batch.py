@@ -1,0 +1,126 @@
+"""`puppetline batch`: many recordings become animated .glb files of several characters."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from engine_bridge.cli import conversion, options
+from engine_bridge.cli.options import FILE
+
+if TYPE_CHECKING:
+    from engine_bridge.batch.batch import Shard
+
+
+class PartOfBatch(click.ParamType):  # type: ignore[type-arg]  # generic in newer versions of click only
+    """A part of a batch, such as 3/16."""
+
+    name = "I/N"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> "Shard":
+        """Read a part, or report why it is refused."""
+        from engine_bridge.batch.batch import Shard
+
+        index, _, count = str(value).partition("/")
+        if not (index.isdecimal() and count.isdecimal() and 1 <= int(index) <= int(count)):
+            self.fail(f"{value} is not a part like 3/16, from 1/16 to 16/16.", param, ctx)
+        return Shard(int(index), int(count))
+
+
+@click.command()
+@click.argument("logs", nargs=-1, required=True)
+@click.option(
+    "--puppet", "puppets", required=True, multiple=True, type=FILE, help="Puppet file of a character. Can be repeated."
+)
+@options.output("Folder for the results; it is created if it does not exist.")
+@click.option(
+    "--users",
+    default="longest",
+    show_default=True,
+    type=click.Choice(["longest", "all"]),
+    help="Convert the performer of a recording who is tracked longest, or each one to a file of its own.",
+)
+@conversion.settings_options
+@click.option(
+    "--workers",
+    type=click.IntRange(0),
+    metavar="N",
+    help="Worker processes on this machine; 0 converts in the command's own process, without Dask.  "
+    "[default: one per CPU; with --shard 0]",
+)
+@click.option("--scheduler", metavar="ADDRESS", help="Use the workers of this Dask scheduler, such as tcp://head:8786.")
+@click.option("--dashboard", is_flag=True, help="Serve Dask's dashboard on http://127.0.0.1:8787/status.")
+@click.option(
+    "--shard", type=PartOfBatch(), help="Convert only this part of the results, such as 3/16, for array jobs."
+)
+@click.option(
+    "--manifest",
+    type=FILE,
+    help="Table of all results, .parquet or .csv.  [default: manifest.parquet in the folder; with --shard, "
+    "manifest.I-of-N.parquet]",
+)
+@click.option(
+    "--report/--no-report",
+    default=True,
+    show_default=True,
+    help="Write report.html with histograms and the worst results; not with --shard.",
+)
+@click.option("--fail-fast", is_flag=True, help="Stop after the first failure.")
+@click.option("--retry-failed", is_flag=True, help="Try recordings again that failed in an earlier batch.")
+@click.option("--dry-run", is_flag=True, help="List the results that would be made, and make nothing.")
+@options.as_json
+def batch(
+    logs: tuple[str, ...],
+    puppets: tuple[Path, ...],
+    output: Path,
+    users: str,
+    workers: int | None,
+    scheduler: str | None,
+    dashboard: bool,
+    shard: "Shard | None",
+    manifest: Path | None,
+    report: bool,
+    fail_fast: bool,
+    retry_failed: bool,
+    dry_run: bool,
+    as_json: bool,
+    **choices: Any,
+) -> None:
+    """Convert many recordings LOGS with one or more characters.
+
+    LOGS are files, folders, quoted patterns like 'data/**/*.txt', and @LIST for a file with one of these per line.
+
+    The command can be stopped or killed at any time. Run it again to continue: results that are up to date are kept.
+    """
+    from engine_bridge.batch.batch import Workers, new_run
+    from engine_bridge.batch.conversion import BatchSettings
+    from engine_bridge.cli import batch_run
+
+    if scheduler is not None and (workers is not None or dashboard):
+        raise click.UsageError("--scheduler excludes --workers and --dashboard.")
+    if shard is not None and workers is None:
+        workers = 0
+    settings = conversion.settings(user=None, **choices)
+    given = batch_run.Request(
+        logs,
+        tuple(dict.fromkeys(puppets)),
+        BatchSettings(output.absolute(), new_run(), settings, users, fail_fast=fail_fast, retry_failed=retry_failed),
+        shard,
+    )
+    if dry_run:
+        names = batch_run.list_waiting(given)
+        options.echo_json({"waiting": names}) if as_json else click.echo("\n".join(names), nl=bool(names))
+        return
+    part = "" if shard is None else f".{shard.index}-of-{shard.count}"
+    result = batch_run.run(
+        given,
+        Workers(workers, scheduler, dashboard),
+        manifest or output / f"manifest{part}.parquet",
+        output / "report.html" if report and shard is None else None,
+    )
+    if as_json:
+        options.echo_json(result.as_dict())
+    else:
+        click.echo(batch_run.describe(result))
+    if result.failures:
+        raise click.exceptions.Exit(1)

@@ -1,0 +1,234 @@
+"""A batch as the command runs it: its preparation, progress and summary."""
+
+import re
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from engine_bridge.batch import manifest
+from engine_bridge.batch.batch import Plan, Shard, Workers, log_size, make_jobs, make_plan
+from engine_bridge.batch.batch import run as run_plan
+from engine_bridge.batch.conversion import BatchSettings, Outcome
+from engine_bridge.batch.recordings import find_recordings
+from engine_bridge.batch.report import write_report
+from engine_bridge.batch.row import Row
+from engine_bridge.batch.store import Store
+from engine_bridge.cli.progress import interrupts, progress
+from puppetline.errors import PuppetlineError
+
+MAX_REASONS = 20
+"""Maximum number of rows in the table of reasons."""
+
+NUMBER = re.compile(r"\d[\d.,]*")
+"""Numbers in reasons, which do not make them different."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a user wants to convert: recordings, puppet files, the settings, and the part of the batch."""
+
+    logs: tuple[str, ...]
+    puppets: tuple[Path, ...]
+    batch: BatchSettings
+    shard: Shard | None
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a batch did.
+
+    `made` and `unchanged` count the results of its jobs that were and were not converted now, and `per_hour` is the
+    number of recordings per hour. `others` are files that are no recordings.
+    """
+
+    folder: str
+    manifest: str
+    report: str | None
+    made: int
+    unchanged: int
+    per_hour: float
+    others: tuple[str, ...]
+    failures: tuple[Row, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON."""
+        failures = [
+            {name: getattr(row, name) for name in ("log", "puppet", "user", "message")} for row in self.failures
+        ]
+        return asdict(self) | {"failures": failures}
+
+
+def list_waiting(request: Request) -> list[str]:
+    """Return the names of the results that are missing or out of date."""
+    _, plan = _prepare(request, lambda _step, _share: None)
+    ending = ".user*.glb" if request.batch.users == "all" else ".glb"
+    return [job.name + ending for job in plan.waiting]
+
+
+def run(request: Request, workers: Workers, table: Path, page: Path | None) -> Result:
+    """Run a batch, and write its manifest and report.
+
+    Parameters
+    ----------
+    request : Request
+    workers : Workers
+    table : Path
+        The manifest.
+    page : Path or None
+        The report; None for none.
+
+    Raises
+    ------
+    PuppetlineError
+    """
+    store = Store(request.batch.folder, request.batch.run)
+    with store.opened():
+        manifest.check_manifest(table)
+        with progress() as report:
+            others, plan = _prepare(request, report)
+        start = time.perf_counter()
+        outcomes: list[Outcome] = []
+        try:
+            with _shown(plan) as (check, show):
+                for outcome in run_plan(plan, request.batch, workers, check):
+                    outcomes.append(outcome)
+                    show(outcome)
+        except BaseException:
+            with suppress(PuppetlineError):  # such as a full disk, which is being reported
+                _write_manifest(request, store, table, plan, outcomes)
+            raise
+        seconds = time.perf_counter() - start
+        rows = _write_manifest(request, store, table, plan, outcomes)
+        if page is not None:
+            with progress() as report:
+                write_report(page, rows, store, request.batch, lambda share: report("Drawing the worst results", share))
+    new = [row for outcome in outcomes for row in outcome.record.rows]
+    old = [row for record in plan.settled.values() for row in record.rows]
+    failures = tuple(row for row in (*old, *new) if row.state == "failed")
+    made, unchanged = (sum(row.state == "done" for row in part) for part in (new, old))
+    return Result(
+        folder=str(store.folder),
+        manifest=str(table),
+        report=None if page is None else str(page),
+        made=made,
+        unchanged=unchanged,
+        per_hour=3600 * len(outcomes) / seconds,
+        others=tuple(map(str, others)),
+        failures=failures,
+    )
+
+
+def describe(result: Result) -> str:
+    """Return the result of a batch as lines of text."""
+    rate = f" ({result.per_hour:,.0f} per hour)" if result.made else ""
+    lines = [
+        f"{result.folder}: {result.made:,} made{rate}, {result.unchanged:,} unchanged, {len(result.failures):,} failed",
+        f"  manifest  {result.manifest}",
+    ]
+    if result.report:
+        lines.append(f"  report    {result.report}")
+    if result.others:
+        lines.append(f"  ignored   {len(result.others):,} files that are no recordings, such as {result.others[0]}")
+    if result.failures:
+        lines += ["", *_reasons(result.failures)]
+    return "\n".join(lines)
+
+
+def _reasons(failures: Sequence[Row]) -> list[str]:
+    """Return a table of the reasons of failures, the most frequent first."""
+    kinds = {id(row): NUMBER.sub("#", row.reason) for row in failures}
+    counts = Counter(kinds.values())
+    first: dict[str, Row] = {}
+    for row in failures:
+        first.setdefault(kinds[id(row)], row)
+    lines = ["   failed  reason, and the first recording"]
+    for kind, count in counts.most_common(MAX_REASONS):
+        lines += [f"  {count:7,}  {first[kind].reason}", f"           {first[kind].log}"]
+    if len(counts) > MAX_REASONS:
+        lines.append(f"           … and {len(counts) - MAX_REASONS:,} other reasons, see the manifest")
+    return lines
+
+
+def _prepare(request: Request, report: Callable[[str, float], None]) -> tuple[list[Path], Plan]:
+    """Return the files that are no recordings, and the plan."""
+    report("Looking for recordings", 0.0)
+    recordings = find_recordings(request.logs, request.batch.folder)
+    report("Looking for recordings", 1.0)
+    report("Preparing the characters", 0.0)
+    jobs = make_jobs(recordings.found, request.puppets, request.batch, request.shard)
+    report("Preparing the characters", 1.0)
+    report("Looking for results", 0.0)
+    plan = make_plan(jobs, request.batch)
+    report("Looking for results", 1.0)
+    return recordings.others, plan
+
+
+def _write_manifest(
+    request: Request, store: Store, path: Path, plan: Plan, outcomes: Sequence[Outcome]
+) -> Sequence[Row]:
+    """Write the rows of a shard, or those of all results in the folder, and return them."""
+    if request.shard is None:
+        return manifest.write_whole_manifest(path, store)
+    records = plan.settled | {outcome.job.name: outcome.record for outcome in outcomes}
+    rows = [row for _, record in sorted(records.items()) for row in record.rows]
+    manifest.write_manifest(path, rows)
+    return rows
+
+
+@contextmanager
+def _shown(plan: Plan) -> Iterator[tuple[Callable[[], None], Callable[[Outcome], None]]]:
+    """Yield a function that raises Ctrl-C, and one that shows an outcome.
+
+    On a terminal, they update a bar with rate and time left; elsewhere, they show nothing.
+    """
+    with interrupts() as check:
+        if not sys.stderr.isatty():
+            yield check, lambda _outcome: None
+            return
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+        columns = (TextColumn("Converting"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[pace]}"))
+        pace = Pace([log_size(job) for job in plan.waiting])
+        with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
+            task = bars.add_task("", total=len(plan.waiting), pace="")
+
+            def show(outcome: Outcome) -> None:
+                pace.add(log_size(outcome.job), failed=outcome.record.has_failed)
+                bars.update(task, advance=1, pace=pace.describe(bars.tasks[0].elapsed or 0.0))
+
+            yield check, show
+
+
+class Pace:
+    """Rate and time left of a batch.
+
+    Parameters
+    ----------
+    sizes : sequence of int
+        Sizes of all recordings in bytes; larger ones take longer.
+    """
+
+    def __init__(self, sizes: Sequence[int]) -> None:
+        self._total, self._size = sum(sizes), 0
+        self._count = self._failed = 0
+
+    def add(self, size: int, *, failed: bool) -> None:
+        """Count a recording that was converted, or that failed."""
+        self._size += size
+        self._count += 1
+        self._failed += failed
+
+    def describe(self, elapsed: float) -> str:
+        """Return the rate, the time left and the number of failures after some seconds."""
+        rate = 3600 * self._count / max(elapsed, 1e-3)
+        left = elapsed * (self._total - self._size) / max(self._size, 1)
+        hours, rest = divmod(round(left), 3600)
+        minutes, seconds = divmod(rest, 60)
+        failed = f" · {self._failed:,} failed" if self._failed else ""
+        return f"{rate:,.0f} per hour · {hours}:{minutes:02}:{seconds:02} left{failed}"

@@ -1,0 +1,120 @@
+"""Options of the commands that convert recordings, and the settings that follow from them."""
+
+from collections.abc import Callable, Sequence
+from functools import reduce
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from engine_bridge.cli import options
+from engine_bridge.cli.options import Finite, Function
+
+if TYPE_CHECKING:
+    from engine_bridge.performance.settings import Settings
+
+READING = (
+    click.option(
+        "--rest-at",
+        default=0.0,
+        show_default=True,
+        type=Finite(0),
+        metavar="SECONDS",
+        help="Time at which the performer's pose matches the character's rest pose.",
+    ),
+    click.option("--fps", default=30.0, show_default=True, type=Finite(1, 240), help="Keyframes per second."),
+    click.option(
+        "--max-gap",
+        default=0.4,
+        show_default=True,
+        type=Finite(0),
+        metavar="SECONDS",
+        help="Interpolate a joint over gaps up to this long; over longer gaps, hold its last position.",
+    ),
+    click.option(
+        "--log-fps", type=Finite(0, min_open=True), metavar="FPS", help="Frame rate of a recording without timestamps."
+    ),
+    click.option("--log-up", type=click.Choice(["y", "z"]), help="Up axis of a BVH recording.  [default: detected]"),
+    click.option(
+        "--log-unit",
+        type=Finite(0, min_open=True),
+        metavar="METRES",
+        help="Length unit of a BVH recording.  [default: detected]",
+    ),
+)
+"""Options for how a recording is read."""
+
+WRITING = (
+    click.option(
+        "--as",
+        "form",
+        default="morph",
+        show_default=True,
+        type=click.Choice(["morph", "skin", "frames", "rig"]),
+        help="What is animated: a few morph targets; new bones with a skin; a morph target per keyframe, for short "
+        "clips; or the joints of the skeleton in the character's file.",
+    ),
+    click.option(
+        "--tolerance",
+        type=Finite(0, 1, min_open=True),
+        help="Largest error of a vertex, as a fraction of the character's diagonal.  "
+        "[default: 0.0005; for a skin 0.002]",
+    ),
+    options.targets,
+    click.option(
+        "--bones", type=click.IntRange(1, 128), metavar="N", help="Number of bones, whatever the error; with --as skin."
+    ),
+    click.option(
+        "--compact", is_flag=True, help="Write small integers and fewer keyframes, within the tolerance; not for Godot."
+    ),
+    click.option("--meshopt", is_flag=True, help="Compress all arrays without loss, for three.js and Babylon.js."),
+)
+"""Options for what is written."""
+
+
+def reading_options(command: Function) -> Function:
+    """Add the options for how a recording is read."""
+    return _with(READING, command)
+
+
+def settings_options(command: Function) -> Function:
+    """Add the options for how a recording is read and for what is written."""
+    return _with((*READING, *WRITING), command)
+
+
+def _with(added: Sequence[Callable[[Function], Function]], command: Function) -> Function:
+    """Add options in the order of the help text."""
+    return reduce(lambda function, option: option(function), reversed(added), command)
+
+
+def reading_settings(**choices: Any) -> "Settings":
+    """Return the settings of a recording that is read.
+
+    Parameters
+    ----------
+    **choices
+        Values of the options, and other fields of the settings.
+    """
+    from capture.formats.options import ReadOptions
+    from engine_bridge.performance.settings import Settings
+
+    read_options = ReadOptions(fps=choices.pop("log_fps"), up=choices.pop("log_up"), unit=choices.pop("log_unit"))
+    return Settings(log=read_options, **choices)
+
+
+def settings(**choices: Any) -> "Settings":
+    """Return the settings of a conversion.
+
+    Parameters
+    ----------
+    **choices
+        Values of the options, and other fields of the settings.
+
+    Raises
+    ------
+    click.UsageError
+        Options that do not fit each other.
+    """
+    for option, form in (("targets", "morph"), ("bones", "skin")):
+        if choices[option] is not None and choices["form"] != form:
+            raise click.UsageError(f"--{option} requires --as {form}.")
+    return reading_settings(**choices)

@@ -1,0 +1,84 @@
+"""`puppetline studio`: the panel in a browser."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from engine_bridge.cli.options import FILE
+
+if TYPE_CHECKING:
+    from engine_bridge.studio.server import Served
+
+
+@click.command()
+@click.argument("file", required=False, type=FILE, metavar="[PUPPET.toml | MESH]")
+@click.option(
+    "--folder", type=FILE, help="Folder for uploads, characters, takes and exports.  [default: the user's data folder]"
+)
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@click.option("--port", default=7480, show_default=True, type=click.IntRange(0, 65535), help="Port of the page.")
+@click.option(
+    "--origin",
+    "origins",
+    multiple=True,
+    metavar="URL",
+    help="Another address that leads to the page, such as https://studio.example of a proxy. Can be repeated.",
+)
+@click.option(
+    "--token-file", type=FILE, help="Token for pages, required if other machines can connect; see puppetline token."
+)
+@click.option("--browser/--no-browser", default=None, help="Open a browser.  [default: where there is a desktop]")
+def studio(
+    file: Path | None,
+    folder: Path | None,
+    host: str,
+    port: int,
+    origins: tuple[str, ...],
+    token_file: Path | None,
+    browser: bool | None,
+) -> None:
+    """Set up, play, record and export characters in a browser, until stopped.
+
+    PUPPET.toml or MESH is opened first.
+    """
+    import asyncio
+
+    import platformdirs
+
+    from engine_bridge.service.monitoring import logs
+    from engine_bridge.studio.server import StudioSettings, run
+
+    logs.setup("text", "warning")
+    settings = StudioSettings(
+        folder=folder or platformdirs.user_data_path("puppetline") / "studio",
+        host=host,
+        port=port,
+        origins=origins,
+        token_file=token_file,
+        first=file,
+    )
+    running: list[Served] = []
+
+    def started(served: "Served") -> None:
+        running.append(served)
+        link = served.link()
+        click.echo(f"The studio is at {link}")
+        click.echo("The address can be used once. Stop the studio with Ctrl-C.")
+        if _has_desktop() if browser is None else browser:
+            click.launch(link)
+
+    def entered() -> None:
+        click.echo(f"For another browser: {running[0].link()}")
+
+    asyncio.run(run(settings, started, entered))
+
+
+def _has_desktop() -> bool:
+    """Return whether a browser would open on a screen in front of the user."""
+    import os
+    import sys
+
+    if sys.platform in ("darwin", "win32"):
+        return "SSH_CONNECTION" not in os.environ
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -1,0 +1,1 @@
+"""What files contain, and what works on this machine."""

@@ -1,0 +1,188 @@
+"""Checks of sensors and cameras: what is plugged in, which source reads it, what prevents that.
+
+A depth sensor that is plugged in is meant to be used, so the check fails if something that it requires is missing. A
+camera may be built into the machine, so a missing permission to open it is no failure.
+"""
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+from capture.libraries import NotInstalledError
+from capture.sensors import freenect, openni_library
+from capture.sensors.camera import load_opencv
+from capture.trackers import nite
+from capture.trackers.mediapipe import load_mediapipe
+from engine_bridge.inspection.finding import Finding
+from puppetline.errors import SourceError
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of depth sensor.
+
+    Attributes
+    ----------
+    name : str
+    scheme : str
+        Scheme of the source that reads it; empty if there is none.
+    package, rules : str
+        Debian's package with the udev rules that let users open it, and the file of the rules.
+    """
+
+    name: str
+    scheme: str = ""
+    package: str = ""
+    rules: str = ""
+
+
+_OPENNI = "openni:", "libopenni2-0", openni_library.UDEV_RULES
+
+KINDS: dict[str, Kind] = {
+    "045e:02ae": Kind("Kinect v1 (Xbox 360)", "freenect:", "libfreenect0.5", freenect.UDEV_RULES),
+    "045e:02bf": Kind("Kinect v1 for Windows", "freenect:", "libopenni2-0", openni_library.UDEV_RULES),
+    "045e:02c4": Kind("Kinect v2"),
+    "045e:02d8": Kind("Kinect v2"),
+    "045e:097d": Kind("Azure Kinect"),
+    "1d27:0600": Kind("Asus Xtion", *_OPENNI),
+    "1d27:0601": Kind("Asus Xtion Pro Live", *_OPENNI),
+    "1d27:0609": Kind("PrimeSense Carmine", *_OPENNI),
+}
+"""Known depth sensors by USB vendor and product."""
+
+_USB = Path("/sys/bus/usb/devices")
+_NODES = Path("/dev/bus/usb")
+_VIDEO = Path("/sys/class/video4linux")
+_CAMERAS = Path("/dev")
+
+
+def examine() -> Iterator[Finding]:
+    """Check cameras, depth sensors, and the libraries that read them."""
+    plugged = [*_plugged()]
+    schemes = {kind.scheme for kind, _ in plugged}
+    yield from _cameras()
+    yield from _depth_sensors(plugged)
+    yield _library("libfreenect", _kinects, "freenect:", needed="freenect:" in schemes)
+    yield _library("OpenNI 2", _openni, "openni:", needed="openni:" in schemes)
+    yield from _openni_sensors()
+    tracks = "freenect:" in schemes or ("openni:" in schemes and nite.library_path() is None)
+    yield _library("MediaPipe", _mediapipe, "camera:, video: and depth sensors", needed=tracks)
+    yield _library("OpenCV", _opencv, "camera: and video:", needed=False)
+    yield _nite()
+
+
+def _cameras() -> Iterator[Finding]:
+    cameras = sorted(_CAMERAS.glob("video*"))
+    if not cameras:
+        yield Finding("cameras", None, "no /dev/video*")
+    for camera in cameras:
+        name = _read(_VIDEO / camera.name / "name") or "unnamed"
+        may = os.access(camera, os.R_OK | os.W_OK)
+        yield Finding(
+            str(camera),
+            True if may else None,
+            f"{name}, can be opened" if may else f"{name}, no permission",
+            "" if may else f"Add this user to the group {camera.group()}, and log in again.",
+        )
+
+
+def _plugged() -> Iterator[tuple[Kind, Path]]:
+    """Return the depth sensors on USB, and their device files."""
+    for device in sorted(_USB.glob("*")):
+        kind = KINDS.get(f"{_read(device / 'idVendor')}:{_read(device / 'idProduct')}")
+        if kind is not None:
+            yield kind, _NODES / f"{_read(device / 'busnum'):0>3}" / f"{_read(device / 'devnum'):0>3}"
+
+
+def _depth_sensors(plugged: list[tuple[Kind, Path]]) -> Iterator[Finding]:
+    if not plugged:
+        yield Finding("depth sensors", None, "no known model on USB")
+    for kind, node in plugged:
+        if not kind.scheme:
+            yield Finding(kind.name, None, f"{node}, not supported; its own programs can send OSC")
+        elif os.access(node, os.R_OK | os.W_OK):
+            yield Finding(kind.name, True, f"{node}, for {kind.scheme}")
+        else:
+            yield Finding(
+                kind.name,
+                False,
+                f"{node}: no permission",
+                f"Install the udev rules {kind.rules} from Debian's {kind.package}, "
+                "run udevadm control --reload, and plug the sensor in again.",
+            )
+
+
+def _library(name: str, look: Callable[[str], str], use: str, *, needed: bool) -> Finding:
+    """Report what `look` returns about an optional library, or why the library cannot be used.
+
+    Parameters
+    ----------
+    name : str
+    look : callable
+        Loads the library and returns the detail; raises a SourceError if it cannot be used.
+    use : str
+        Sources that require it.
+    needed : bool
+        Whether something that is plugged in requires it.
+    """
+    try:
+        return Finding(name, True, look(name))
+    except NotInstalledError as error:
+        return Finding(name, False if needed else None, f"not installed; required by {use}", error.fix)
+    except SourceError as error:
+        return Finding(name, False, error.found, error.fix)
+
+
+def _kinects(name: str) -> str:
+    count = freenect.count_sensors(name)
+    if count is None:
+        return "installed; no USB on this machine (in a container, pass /dev/bus/usb through)"
+    return f"installed; {count or 'no'} Kinect v1 plugged in"
+
+
+def _openni(name: str) -> str:
+    count = len(openni_library.sensor_uris(openni_library.load_openni2(name)))
+    return f"installed; {count or 'no'} sensor{'s' * (count > 1)} plugged in"
+
+
+def _openni_sensors() -> Iterator[Finding]:
+    """Return the sensors that OpenNI2 finds, by the URIs of their sources."""
+    try:
+        found = openni_library.list_sensors("OpenNI 2")
+    except SourceError:  # reported with the library
+        return
+    for sensor in found:
+        uri = f"openni:uri={sensor.uri}"
+        if sensor.error is not None:
+            yield Finding(uri, None, f"{sensor.name}, {sensor.error.found}", sensor.error.fix)
+        elif sensor.serial:
+            yield Finding(f"openni:serial={sensor.serial}", True, f"{sensor.name}, also {uri}")
+        else:
+            yield Finding(uri, True, f"{sensor.name}, which has no serial number")
+
+
+def _nite() -> Finding:
+    found = nite.library_path()
+    if found is not None:
+        return Finding("NiTE 2", True, found)
+    folder = os.environ.get(nite.REDIST_VARIABLE)
+    missing = "not installed" if folder is None else f"not in {folder}, which {nite.REDIST_VARIABLE} names"
+    return Finding("NiTE 2", None, missing)
+
+
+def _mediapipe(_name: str) -> str:
+    load_mediapipe()
+    return version("mediapipe")
+
+
+def _opencv(_name: str) -> str:
+    return str(load_opencv().__version__)
+
+
+def _read(file: Path) -> str:
+    try:
+        return file.read_text(encoding="ascii").strip()
+    except (OSError, UnicodeDecodeError):
+        return ""

@@ -1,0 +1,93 @@
+"""Export of a recording and a puppet as a clip file, which engines play without a service (docs/clips.md)."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from engine_bridge.performance.clip import Progress, load_timeline, solve
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.settings import Settings
+from engine_bridge.service.protocol.clip_file import ClipFacts, beginning, frame_message
+from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.header import NAME
+from engine_bridge.service.service_file import name_from_stem
+from puppetline.errors import OutputError
+from puppetline.files import check_writable, written_whole
+from solver.model.batch import MAX_BATCH_FRAMES
+
+
+@dataclass(frozen=True)
+class ClipSummary:
+    """Result of `write_clip`; `revision` identifies the scene."""
+
+    output: str
+    character: str
+    revision: int
+    frames: int
+    fps: float
+    seconds: float
+    vertices: int
+    bytes: int
+    notes: tuple[str, ...]
+
+
+def write_clip(
+    log: Path,
+    puppet: Path,
+    output: Path,
+    name: str | None,
+    settings: Settings,
+    progress: Progress = lambda _stage, _share: None,
+) -> ClipSummary:
+    """Write a recording, performed by a puppet's character, as a clip file.
+
+    Parameters
+    ----------
+    log, puppet, output : Path
+    name : str or None
+        Name of the character in the file: 1 to 32 letters, digits, _ and -. By default that of the puppet file.
+    settings : Settings
+    progress : callable, optional
+
+    Raises
+    ------
+    PuppetlineError
+    """
+    name = name_from_stem(puppet.stem) if name is None else _checked(name)
+    check_writable(output, ".clip", inputs=(log, puppet))
+    timeline, notes = load_timeline(log, settings)
+    progress("Preparing the character", 0.0)
+    rig = load_rig(puppet)
+    character = StreamedCharacter.of(name, rig)
+    count = len(timeline.positions)
+    facts = ClipFacts(name, character.revision, count, timeline.fps, log.stem)
+    progress("Preparing the character", 1.0)
+    with written_whole(output) as path, path.open("wb") as file:
+        file.write(beginning(character, facts))
+        number = 0
+        for solved in solve(rig, timeline, settings, MAX_BATCH_FRAMES):
+            for R, root in zip(solved.R, solved.root, strict=True):
+                file.write(frame_message(character, number, number / timeline.fps, R, root))
+                number += 1
+            progress("Performing", number / count)
+    return ClipSummary(
+        output=str(output),
+        character=name,
+        revision=character.revision,
+        frames=count,
+        fps=timeline.fps,
+        seconds=float(timeline.times[-1]),
+        vertices=len(character.rest),
+        bytes=output.stat().st_size,
+        notes=(*rig.character.document.notes, *notes),
+    )
+
+
+def _checked(name: str) -> str:
+    if not NAME.fullmatch(name) or name == "service":
+        raise OutputError(
+            "--name",
+            found=repr(name),
+            expected="1 to 32 letters (a to z), digits, _ and -, and not 'service'",
+            fix="Choose such a name.",
+        )
+    return name

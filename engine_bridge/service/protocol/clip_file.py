@@ -1,0 +1,122 @@
+"""Clip files: motion that an engine plays without a service (docs/clips.md).
+
+A clip file is the messages that a client of the live stream receives, one after another: a description (kind
+`Kind.CLIP`), the scene, and the controls of each frame. Clients that decode the stream can therefore read it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.header import (
+    PAYLOAD_OFFSET,
+    Header,
+    Kind,
+    WireError,
+    join,
+    split,
+    topic,
+    write_json,
+)
+from engine_bridge.service.protocol.payloads import Received, decode
+from engine_bridge.service.states import STATES
+from solver.motion.deformer import to_file_units
+
+
+@dataclass(frozen=True)
+class ClipFacts:
+    """The description of a clip file.
+
+    Attributes
+    ----------
+    character : str
+    revision : int
+        Revision of the scene.
+    frames : int
+    fps : float
+        Frames per second.
+    recording : str
+        Name of the recording.
+    """
+
+    character: str
+    revision: int
+    frames: int
+    fps: float
+    recording: str
+
+
+def beginning(character: StreamedCharacter, facts: ClipFacts) -> bytes:
+    """Return the first two messages of a clip file: its description and the scene."""
+    return b"".join(
+        join(topic(character.name, kind), Header(kind, len(payload), character.revision), payload)
+        for kind, payload in ((Kind.CLIP, write_json(asdict(facts))), (Kind.SCENE, character.scene))
+    )
+
+
+def frame_message(
+    character: StreamedCharacter, number: int, time: float, R: NDArray[np.float32], root: NDArray[np.float32]
+) -> bytes:
+    """Return the message of a frame.
+
+    Parameters
+    ----------
+    character : StreamedCharacter
+    number : int
+        0 for the first frame.
+    time : float
+        Seconds since the first frame.
+    R : (4m, 3) float32
+        Control variables without the root, model units.
+    root : (3,) float32
+        Translation of the whole character, mesh file's coordinates.
+    """
+    controls = to_file_units(R, character.rig.model)
+    controls[:, :, 3] += root
+    x, y, z = map(float, root)
+    header = Header(
+        Kind.CONTROLS,
+        controls.nbytes,
+        character.revision,
+        sequence=number,
+        state=STATES.index("performing"),
+        time=time,
+        root=(x, y, z),
+    )
+    return join(topic(character.name, Kind.CONTROLS), header, controls.data)
+
+
+def read_clip(content: bytes | memoryview) -> Iterator[Received]:
+    """Decode all messages of a clip file.
+
+    Raises
+    ------
+    WireError
+        Bytes that do not follow this protocol, an order of messages that is not that of a clip file, another number of
+        frames than described, or frames of another scene. It is raised when the iteration arrives there.
+    """
+    view, number, frames, revision = memoryview(content), 0, -1, 0
+    while len(view):
+        length = split(view).header.length
+        message = decode(view[: PAYLOAD_OFFSET + length])
+        expected = (Kind.CLIP, Kind.SCENE)[number] if number < 2 else Kind.CONTROLS
+        if message.header.kind != expected:
+            raise WireError(f"message {number} of kind {message.header.kind}, and a clip file has {expected} there")
+        if number == 0:
+            frames, revision = _frames(message.body), message.header.revision
+        if message.header.revision != revision:
+            raise WireError(f"message {number} of the scene {message.header.revision}, and the clip's is {revision}")
+        yield message
+        view, number = view[PAYLOAD_OFFSET + length :], number + 1
+    if number != frames + 2:
+        raise WireError(f"{max(number - 2, 0)} frames, and {frames} are described")
+
+
+def _frames(facts: object) -> int:
+    frames = facts.get("frames") if isinstance(facts, dict) else None
+    if type(frames) is not int or frames < 1:
+        raise WireError("a description without a number of frames")
+    return frames

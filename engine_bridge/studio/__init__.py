@@ -1,0 +1,1 @@
+"""The studio: a server for a page in the browser, on which a character is set up, played, recorded and exported."""

@@ -1,0 +1,20 @@
+// Builds the page into dist/: one script, one style sheet, one document, all from this folder and integrations/web.
+import { build } from "esbuild";
+import { copyFile, mkdir, rm } from "node:fs/promises";
+
+const root = new URL(".", import.meta.url).pathname;
+await rm(`${root}dist`, { recursive: true, force: true });
+await mkdir(`${root}dist/assets`, { recursive: true });
+await build({
+  entryPoints: [`${root}src/main.ts`],
+  outfile: `${root}dist/assets/studio.js`,
+  bundle: true,
+  format: "esm",
+  target: "es2022",
+  minify: true,
+  legalComments: "none",
+  nodePaths: [`${root}node_modules`], // integrations/web imports three from here
+  logLevel: "warning",
+});
+await build({ entryPoints: [`${root}style.css`], outfile: `${root}dist/assets/style.css`, bundle: true, minify: true });
+await copyFile(`${root}index.html`, `${root}dist/index.html`);

@@ -1,0 +1,323 @@
+/** What the user can do: each action asks the server, changes the state, or both. */
+
+import { Connection, Refusal } from "./connection";
+import type {
+  Banner,
+  CharacterState,
+  ExportReply,
+  LookReply,
+  PuppetReply,
+  ServerState,
+  SmoothingReply,
+  Sources,
+} from "./messages";
+import { begin, commit, redo as later, undo as earlier } from "./model/history";
+import { type Part, type Puppet, type Smoothing, follow, has, mirror, remove, symmetryPoint } from "./model/puppet";
+import type { Joint } from "./model/skeleton";
+import type { Vector } from "./model/vector";
+import { strings } from "./strings";
+import { type Recording, current, shownPuppet, update } from "./store";
+
+const connection = new Connection({
+  opened: (greeting) => {
+    update({ connected: "open", greeting });
+  },
+  state: receive,
+  progress: (job, text, fraction) => {
+    update(({ progress }) => ({ progress: { ...progress, [job]: { text, fraction } } }));
+  },
+  lost: () => {
+    update({ connected: "lost", busy: [] });
+  },
+  refused: (refusal) => {
+    update({ connected: "refused", refusal });
+  },
+});
+
+export const connect = (): void => {
+  connection.open();
+};
+export const sessionToken = (): string => connection.token;
+export const download = (id: string): Promise<Blob> => connection.download(id);
+
+function receive(server: ServerState): void {
+  const names = server.characters.map(({ name }) => name);
+  update((state) => {
+    const character = state.character !== null && names.includes(state.character) ? state.character : (names.at(-1) ?? null);
+    return {
+      server,
+      character,
+      puppets: Object.fromEntries(Object.entries(state.puppets).filter(([name]) => names.includes(name))),
+      ...(character === state.character ? {} : { selection: null }),
+    };
+  });
+  for (const each of server.characters) void refresh(each);
+}
+
+const fetched = new Map<string, string>();
+
+/** Fetch a puppet that has changed, here or in another window. */
+async function refresh({ name, version }: CharacterState): Promise<void> {
+  if (fetched.get(name) === version || editing.has(name)) return;
+  fetched.set(name, version);
+  try {
+    const { puppet } = await connection.request<PuppetReply>("puppet", { character: name });
+    const known = current().puppets[name];
+    if (editing.has(name) || JSON.stringify(known?.present) === JSON.stringify(puppet)) return;
+    update(({ puppets }) => ({
+      puppets: { ...puppets, [name]: known === undefined ? begin(puppet) : commit(known, puppet) },
+    }));
+  } catch {
+    fetched.delete(name); // the next state asks again
+  }
+}
+
+/** Do what takes a moment: the page shows `text` until it is done, and the server's reason if it is refused. */
+async function doing<T>(text: string, work: () => Promise<T>): Promise<T | null> {
+  update(({ busy }) => ({ busy: [...busy, text], notice: null }));
+  try {
+    return await work();
+  } catch (error) {
+    if (error instanceof Refusal || (error instanceof Error && error.message !== "")) {
+      update({ notice: { level: "error", text: error.message } });
+    }
+    return null;
+  } finally {
+    update(({ busy }) => ({ busy: busy.toSpliced(busy.indexOf(text), 1) }));
+  }
+}
+
+const request = <T>(text: string, what: string, values: object = {}): Promise<T | null> =>
+  doing(text, () => connection.request<T>(what, values));
+
+// ------------------------------------------------------------------------------------------ files and characters
+
+/** Open dropped or chosen files: a mesh or puppet becomes a character, a recording performs. */
+export async function openFiles(files: readonly File[]): Promise<void> {
+  // a puppet file finds its mesh among the uploads
+  const ordered = [...files].sort((a, b) => Number(a.name.endsWith(".toml")) - Number(b.name.endsWith(".toml")));
+  const puppet = ordered.some(({ name }) => name.endsWith(".toml"));
+  for (const file of ordered) {
+    const uploaded = await doing(strings.busy.upload(file.name), () => connection.upload(file));
+    if (uploaded === null) return;
+    if (uploaded.kind === "log") await perform({ kind: "upload", name: uploaded.upload });
+    else if (uploaded.kind === "puppet") await opened("open_puppet", { upload: uploaded.upload });
+    else if (!puppet) await opened("open_character", { upload: uploaded.upload });
+  }
+}
+
+export const openExample = (name: string): Promise<void> => opened("open_example", { name });
+
+async function opened(what: string, values: object): Promise<void> {
+  const reply = await request<{ character: string }>(strings.busy.open, what, values);
+  if (reply === null) return;
+  update({ character: reply.character, selection: null, adding: false, atRest: false, tab: "limbs" });
+}
+
+export function show(character: string): void {
+  update({ character, selection: null, adding: false });
+}
+
+export async function closeCharacter(character: string): Promise<void> {
+  await request(strings.busy.open, "close_character", { character });
+}
+
+// ---------------------------------------------------------------------------------------------------- performers
+
+export async function chooseSource(): Promise<void> {
+  update({ choosing: true });
+  update({ sources: await connection.request<Sources>("sources").catch(() => null) });
+}
+
+export async function lookAgain(): Promise<void> {
+  update({ sources: null });
+  await chooseSource();
+}
+
+export async function performLive(uri: string): Promise<void> {
+  await request(strings.busy.source, "source", { uri });
+  update({ choosing: false, atRest: false });
+}
+
+/** Let a recording perform, from where to where it is trimmed. */
+export async function perform({ kind, name }: Recording, trimmed = false): Promise<void> {
+  const { loop, trim } = current();
+  const [start, stop] = trimmed ? trim : [null, null];
+  await request(strings.busy.source, "source", { [kind]: name, loop: trimmed ? loop : true, start, stop });
+  update({ choosing: false, atRest: false });
+}
+
+export async function calibrate(character: string): Promise<void> {
+  await request(strings.busy.source, "calibrate", { character });
+}
+
+let looking = 0;
+
+/** Show what the source sees, again and again until it is hidden. */
+export async function look(on: boolean): Promise<void> {
+  const turn = ++looking;
+  update({ looking: on, look: null });
+  while (current().looking && turn === looking) {
+    const seen = await connection.request<LookReply>("look").catch((error: unknown): LookReply => {
+      const problem: Banner = { level: "warning", text: error instanceof Error ? error.message : "", fix: "" };
+      return { picture: "", problems: [problem], performers: [] };
+    });
+    if (turn === looking) update({ look: seen });
+    await new Promise((resolve) => setTimeout(resolve, 500));
+  }
+}
+
+// --------------------------------------------------------------------------------------------------------- edits
+
+const editing = new Set<string>();
+
+/** Show a puppet now, and send it; if more edits come while it is being applied, only the newest one is sent next. */
+export function edit(puppet: Puppet): void {
+  const { character, puppets } = current();
+  if (character === null) return;
+  const history = puppets[character];
+  if (history === undefined) return;
+  update({ puppets: { ...puppets, [character]: commit(history, puppet) } });
+  void send(character);
+}
+
+export function undo(): void {
+  step(earlier);
+}
+
+export function redo(): void {
+  step(later);
+}
+
+function step(move: typeof earlier): void {
+  const { character, puppets, selection } = current();
+  const history = character === null ? undefined : puppets[character];
+  if (character === null || history === undefined) return;
+  const moved = move(history);
+  if (moved === history) return;
+  update({
+    puppets: { ...puppets, [character]: moved },
+    selection: selection !== null && has(moved.present, selection) ? selection : null,
+  });
+  void send(character);
+}
+
+async function send(character: string): Promise<void> {
+  if (editing.has(character)) return;
+  editing.add(character);
+  try {
+    let sent: Puppet | undefined;
+    while (current().puppets[character] !== undefined && sent !== current().puppets[character]?.present) {
+      sent = current().puppets[character]?.present;
+      const reply = await request<PuppetReply>(strings.busy.edit, "edit", { character, puppet: sent });
+      if (reply === null && sent === current().puppets[character]?.present) {
+        // refused: the character stays as it is, and so does the page
+        update(({ puppets }) => {
+          const history = puppets[character];
+          return history === undefined ? {} : { puppets: { ...puppets, [character]: { ...earlier(history), future: [] } } };
+        });
+        return;
+      }
+      const { puppets } = current();
+      const history = puppets[character];
+      if (reply !== null && history !== undefined && history.present === sent) {
+        // as the server has it: handles are snapped to the surface
+        sent = reply.puppet;
+        update({ puppets: { ...puppets, [character]: { ...history, present: reply.puppet } } });
+      }
+    }
+  } finally {
+    editing.delete(character);
+  }
+}
+
+export function select(selection: Part | null): void {
+  update({ selection, ...(selection === null ? {} : { tab: "limbs" as const }) });
+}
+
+/** Choose a part; a joint that waits for it moves it from now on. */
+export function pickPart(part: Part): void {
+  const puppet = shownPuppet(current());
+  const { joint } = current();
+  if (joint !== null && puppet !== null) {
+    edit(follow(puppet, part, joint));
+    update({ joint: null });
+  }
+  select(part);
+}
+
+/** Choose a joint: it moves the selected part, or waits for one. */
+export function pickJoint(joint: Joint): void {
+  const { selection, joint: waiting } = current();
+  const puppet = shownPuppet(current());
+  if (selection !== null && puppet !== null) edit(follow(puppet, selection, joint));
+  else update({ joint: waiting === joint ? null : joint });
+}
+
+export function removeSelected(): void {
+  const { selection } = current();
+  const puppet = shownPuppet(current());
+  if (selection === null || puppet === null) return;
+  const next = remove(puppet, selection);
+  update({ selection: null });
+  edit(next);
+}
+
+export function mirrorSelected(bounds: readonly [Vector, Vector]): void {
+  const { selection } = current();
+  const puppet = shownPuppet(current());
+  if (selection === null || puppet === null) return;
+  const whole: Part = { kind: selection.kind, name: selection.name };
+  const mirrored = mirror(puppet, whole, symmetryPoint(puppet, bounds));
+  if (mirrored === null) return;
+  edit(mirrored.puppet);
+  select(mirrored.part);
+}
+
+export async function preview(smoothing: Smoothing): Promise<void> {
+  update({ preview: await connection.request<SmoothingReply>("smoothing_preview", smoothing).catch(() => null) });
+}
+
+export async function save(character: string): Promise<void> {
+  const saved = await request<{ name: string; file: string }>(strings.busy.save, "save_puppet", { character });
+  if (saved !== null) await offer(saved.file, saved.name);
+}
+
+// --------------------------------------------------------------------------------------------------------- takes
+
+export async function record(on: boolean): Promise<void> {
+  const take = await request<{ name?: string }>(strings.busy.source, on ? "record_start" : "record_stop");
+  if (!on && take?.name !== undefined) {
+    update({ tab: "takes", recording: { kind: "take", name: take.name }, trim: [null, null], exported: null });
+  }
+}
+
+export async function deleteTake(take: string): Promise<void> {
+  await request(strings.busy.source, "delete_take", { take });
+}
+
+export async function exportRecording(): Promise<void> {
+  const { character, recording, form, trim } = current();
+  if (character === null || recording === null) return;
+  const [start, stop] = trim;
+  const values = { character, [recording.kind]: recording.name, form, start, stop };
+  update({ exported: null });
+  update({ exported: await request<ExportReply>(strings.busy.export, "export", values) });
+}
+
+export async function cancel(job: string): Promise<void> {
+  await connection.request("cancel", { job }).catch(() => null);
+}
+
+/** Save a file of the server on this computer. */
+export async function offer(id: string, name: string): Promise<void> {
+  const blob = await doing(strings.busy.save, () => connection.download(id));
+  if (blob === null) return;
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => {
+    URL.revokeObjectURL(link.href);
+  }, 60_000);
+}

@@ -1,0 +1,179 @@
+/** The page: joins the state, the stream, the 3D view and the panels. */
+
+import { connect, download, edit, openFiles, pickPart, redo, removeSelected, save, select, sessionToken, undo } from "./actions";
+import { Client } from "../../../../integrations/web/puppetline.js";
+import { address } from "./connection";
+import { draw, h } from "./dom";
+import { addHandle, freeName, handlesOf } from "./model/puppet";
+import { banner } from "./panels/banner";
+import { empty } from "./panels/empty";
+import { figure } from "./panels/figure";
+import { header } from "./panels/header";
+import { performer } from "./panels/performer";
+import { status } from "./panels/status";
+import { tabs } from "./panels/tabs";
+import { finishLimb, toolHint, toolbar } from "./panels/toolbar";
+import { type State, current, shownPuppet, subscribe, update } from "./store";
+import { strings } from "./strings";
+import { Viewer } from "./viewer/viewer";
+
+const root = document.body;
+
+const place = document.createElement("div");
+place.className = "viewer";
+
+const viewer = new Viewer(place, {
+  download,
+  arrived: () => {
+    render(current());
+  },
+  picked: (part) => {
+    if (part === null) select(null);
+    else pickPart(part);
+  },
+  moved: edit,
+  resting: () => {
+    if (!current().atRest) update({ atRest: true });
+  },
+  placed: (inside, surface) => {
+    const { tool, drawn } = current();
+    const puppet = shownPuppet(current());
+    if (puppet === null) return;
+    if (tool === "limb") {
+      update({ drawn: [...drawn, inside] });
+      return;
+    }
+    const name = freeName(strings.limbs.newHandle, handlesOf(puppet).map((handle) => handle.name));
+    edit(addHandle(puppet, name, surface));
+    select({ kind: "handle", name });
+    update({ tool: "select" });
+  },
+});
+
+let joints: Float32Array | null = null;
+let jointsOf: string | null = null;
+let unfollow = (): void => undefined;
+let client: Client | null = null;
+
+/** Receive the stream; a new session of the server has a new token. */
+function follow({ connected, server, character }: State): void {
+  if (connected !== "open" || server === null) return;
+  if (client?.token !== sessionToken()) {
+    client?.close();
+    client = new Client(address("/stream"), { token: sessionToken() });
+    viewer.follow(client, []);
+    jointsOf = null;
+  }
+  viewer.follow(client, server.characters);
+  if (character === jointsOf) return;
+  unfollow();
+  [joints, jointsOf] = [null, character];
+  if (character === null) return;
+  unfollow = client.subscribe(`${character}/joints`, (message) => {
+    if (message.kind !== "joints") return;
+    joints = message.body;
+    scheduleFigure();
+  });
+}
+
+let figureScheduled = false;
+
+/** The figure moves with the performer, at most once per drawn frame. */
+function scheduleFigure(): void {
+  if (figureScheduled) return;
+  figureScheduled = true;
+  requestAnimationFrame(() => {
+    figureScheduled = false;
+    drawFigure(current());
+  });
+}
+
+function drawFigure(state: State): void {
+  const box = document.querySelector(".figure-box");
+  if (box === null) return;
+  draw(box, [
+    figure(state, joints, (joint) => {
+      viewer.emphasise(joint);
+    }),
+  ]);
+}
+
+function render(state: State): void {
+  const words = strings.viewer;
+  const { character, server } = state;
+  const started = server !== null && server.characters.length > 0 && character !== null && !state.adding;
+  draw(root, [
+    header(state),
+    banner(state),
+    started
+      ? h(
+          "main",
+          { class: "studio", key: "studio" },
+          performer(state),
+          h(
+            "div",
+            { class: "middle" },
+            h("h1", { class: "hidden" }, `${strings.title}: ${character}`),
+            h("div", { class: "place", key: "place", raw: true }),
+            toolbar(state, () => {
+              viewer.fit();
+            }),
+            toolHint(state),
+            !viewer.has(character) && h("p", { class: "preparing", key: "preparing" }, words.preparing(character)),
+          ),
+          tabs(state, viewer.bounds(character)),
+        )
+      : empty(state),
+    status(state, viewer.drawnPerSecond),
+    state.dropping && h("div", { class: "dropping", key: "dropping" }, h("p", {}, strings.empty.drop), h("p", { class: "small" }, strings.empty.dropHint)),
+  ]);
+  drawFigure(state);
+  const slot = document.querySelector(".place");
+  if (slot !== null && place.parentElement !== slot) slot.append(place);
+  if (character !== null) viewer.label(words.label(character));
+  viewer.refresh(state);
+}
+
+function keys(event: KeyboardEvent): void {
+  const typing = event.target instanceof HTMLInputElement && event.target.type !== "checkbox" && event.target.type !== "range";
+  const command = event.ctrlKey || event.metaKey;
+  const key = event.key.toLowerCase();
+  if (command && key === "s") {
+    const { character } = current();
+    if (character !== null) void save(character);
+  } else if (typing) return;
+  else if (command && key === "z") (event.shiftKey ? redo : undo)();
+  else if (command && key === "y") redo();
+  else if (key === "escape") update({ selection: null, joint: null, tool: "select", drawn: [] });
+  else if (key === "enter" && current().drawn.length >= 2 && event.target === document.activeElement) finishLimb();
+  else if (key === "delete" || key === "backspace") removeSelected();
+  else return;
+  event.preventDefault();
+}
+
+function listen(): void {
+  document.addEventListener("keydown", keys);
+  document.addEventListener("dragover", (event) => {
+    event.preventDefault();
+    if (!current().dropping) update({ dropping: true });
+  });
+  document.addEventListener("dragleave", (event) => {
+    if (event.relatedTarget === null) update({ dropping: false });
+  });
+  document.addEventListener("drop", (event) => {
+    event.preventDefault();
+    update({ dropping: false });
+    void openFiles([...(event.dataTransfer?.files ?? [])]);
+  });
+}
+
+/** What tests read: the state, and positions as they are shown. */
+Object.assign(window, { studio: { state: current, viewer } });
+
+subscribe((state) => {
+  follow(state);
+  render(state);
+});
+listen();
+render(current());
+connect();

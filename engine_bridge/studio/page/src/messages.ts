@@ -1,0 +1,173 @@
+/** What the studio's server sends and accepts; engine_bridge/studio/messages.py describes every key. */
+
+import type { Puppet } from "./model/puppet";
+
+export interface CharacterState {
+  readonly name: string;
+  readonly title: string;
+  readonly stage: string;
+  readonly limbs: readonly string[];
+  readonly handles: readonly string[];
+  readonly vertices: number;
+  readonly triangles: number;
+  /** Changes with every edit. */
+  readonly version: string;
+  readonly saved: boolean;
+  readonly model: string;
+  readonly notes: readonly string[];
+  readonly performer: number | null;
+  readonly state: string;
+  readonly mirror: boolean;
+  readonly rate: number;
+}
+
+export interface SourceState {
+  readonly uri: string;
+  readonly kind: "none" | "example" | "upload" | "take" | "live";
+  readonly name: string;
+  readonly text: string;
+  readonly loop: boolean;
+  readonly start: number | null;
+  readonly stop: number | null;
+}
+
+export interface PerformerState {
+  readonly user: number;
+  readonly state: string;
+  readonly character: string | null;
+  readonly distance: number;
+  readonly height: number | null;
+}
+
+export interface ServiceState {
+  readonly running: boolean;
+  readonly starting: boolean;
+  readonly restarts: number;
+  readonly problem: string;
+}
+
+export type UploadKind = "character" | "log" | "puppet";
+
+export interface UploadState {
+  readonly upload: string;
+  readonly name: string;
+  readonly kind: UploadKind;
+  readonly bytes: number;
+}
+
+export interface TakeState {
+  readonly name: string;
+  readonly seconds: number | null;
+  readonly frames: number;
+  readonly bytes: number;
+  readonly written: number;
+}
+
+export interface JobState {
+  readonly job: string;
+  readonly title: string;
+  readonly text: string;
+  readonly fraction: number;
+  readonly state: "running" | "done" | "failed" | "cancelled";
+}
+
+export interface StatusState {
+  readonly fps: number;
+  readonly latency_ms: number | null;
+  readonly clients: number;
+  readonly drops: number;
+}
+
+export interface Banner {
+  readonly level: "none" | "info" | "warning" | "error";
+  readonly text: string;
+  readonly fix: string;
+}
+
+export interface ServerState {
+  readonly characters: readonly CharacterState[];
+  readonly source: SourceState;
+  readonly service: ServiceState;
+  readonly performers: readonly PerformerState[];
+  readonly recording: string | null;
+  readonly takes: readonly TakeState[];
+  readonly uploads: readonly UploadState[];
+  readonly jobs: readonly JobState[];
+  readonly status: StatusState;
+  readonly banner: Banner;
+}
+
+export interface Greeting {
+  readonly session: string;
+  readonly version: string;
+  readonly forms: readonly string[];
+  readonly suffixes: Readonly<Record<UploadKind, readonly string[]>>;
+  readonly limits: { readonly upload_bytes: number; readonly uploads: number };
+  readonly joined: boolean;
+}
+
+export interface Device {
+  readonly name: string;
+  readonly ok: boolean | null;
+  readonly detail: string;
+  readonly fix: string;
+  readonly uri: string;
+}
+
+export interface Port {
+  readonly uri: string;
+  readonly text: string;
+  readonly arriving: number;
+  readonly rate: number;
+  readonly refused: Readonly<Record<string, number>>;
+  readonly problem: string;
+}
+
+export interface Sources {
+  readonly characters: readonly string[];
+  readonly examples: readonly string[];
+  readonly devices: readonly Device[];
+  readonly ports: readonly Port[];
+}
+
+export interface LookReply {
+  readonly picture: string;
+  readonly problems: readonly Banner[];
+  readonly performers: readonly string[];
+}
+
+export interface SmoothingReply {
+  readonly times: readonly number[];
+  readonly measured: readonly number[];
+  readonly smoothed: readonly number[];
+  readonly jitter_mm: number;
+  readonly lag_ms: number;
+  readonly rise_ms: number;
+  readonly overshoot_mm: number;
+}
+
+export interface PuppetReply {
+  readonly character: string;
+  readonly puppet: Puppet;
+  readonly saved: boolean;
+}
+
+export interface ExportReply {
+  readonly job: string;
+  readonly file: string;
+  readonly name: string;
+  readonly text: string;
+}
+
+export interface UploadReply {
+  readonly upload: string;
+  readonly kind: UploadKind;
+  readonly name: string;
+}
+
+export interface ServerError {
+  readonly where: string;
+  readonly found: string;
+  readonly expected: string;
+  readonly fix: string;
+}

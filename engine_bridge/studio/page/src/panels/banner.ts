@@ -1,0 +1,67 @@
+/** What is wrong, and what to do about it, in plain words; and what is being done. */
+
+import { cancel } from "../actions";
+import { type Node_, h } from "../dom";
+import { type State, update } from "../store";
+import { strings } from "../strings";
+import { button } from "./parts";
+
+interface Words {
+  readonly level: string;
+  readonly text: string;
+  readonly fix: string;
+  readonly dismiss: boolean;
+}
+
+function words({ connected, refusal, notice, server }: State): Words | null {
+  const { banner } = strings;
+  if (connected === "refused") return { level: "error", text: refusal || banner.refused, fix: banner.refusedFix, dismiss: false };
+  if (connected === "lost") return { level: "error", text: banner.lost, fix: banner.lostFix, dismiss: false };
+  if (notice !== null) return { ...notice, fix: "", dismiss: true };
+  if (server === null || server.banner.level === "none") return null;
+  const isSaid = server.characters.length === 0 && server.banner.level === "info"; // by the empty page itself
+  if (!isSaid) return { ...server.banner, dismiss: false };
+  return null;
+}
+
+export function banner(state: State): Node_ {
+  const shown = words(state);
+  const busy = state.busy.at(-1);
+  const jobs = (state.server?.jobs ?? []).filter((job) => job.state === "running");
+  return h(
+    "div",
+    { class: "messages", key: "messages" },
+    h(
+      "div",
+      { role: shown?.level === "error" ? "alert" : "status", class: "slot" },
+      shown !== null &&
+        h(
+          "div",
+          { class: `banner ${shown.level}` },
+          h("p", {}, h("strong", {}, shown.text), shown.fix !== "" && ` ${shown.fix}`),
+          shown.dismiss &&
+            button(strings.banner.dismiss, () => {
+              update({ notice: null });
+            }, { quiet: true }),
+        ),
+    ),
+    h(
+      "div",
+      { role: "status", class: "slot" },
+      jobs.length === 0 && busy !== undefined && h("div", { class: "banner busy" }, h("span", { class: "spinner", "aria-hidden": "true" }), h("p", {}, busy)),
+      jobs.map(({ job, title, text, fraction }) => {
+        const now = state.progress[job] ?? { text, fraction };
+        return h(
+          "div",
+          { class: "banner busy", key: job },
+          h("span", { class: "spinner", "aria-hidden": "true" }),
+          h("p", {}, title, now.text !== "" && h("small", {}, now.text)),
+          h("progress", { max: 1, value: now.fraction > 0 ? String(now.fraction) : null, "aria-label": title }),
+          button(strings.takes.cancel, () => {
+            void cancel(job);
+          }, { quiet: true, label: `${strings.takes.cancel}: ${title}` }),
+        );
+      }),
+    ),
+  );
+}

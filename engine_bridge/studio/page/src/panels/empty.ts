@@ -1,0 +1,61 @@
+/** The page before there is a character: what to do, in one sentence, and where. */
+
+import { openExample, openFiles } from "../actions";
+import { type Node_, h } from "../dom";
+import type { State } from "../store";
+import { update } from "../store";
+import { strings } from "../strings";
+import { button } from "./parts";
+
+const FALLBACK = [".glb", ".gltf", ".obj", ".off", ".ply", ".stl"];
+
+/** Let the user choose files; the chooser shows those with these endings. */
+export function chooseFiles(suffixes: readonly string[]): void {
+  const input = document.createElement("input");
+  input.type = "file";
+  input.multiple = true;
+  input.accept = suffixes.join();
+  input.onchange = () => {
+    void openFiles([...(input.files ?? [])]);
+  };
+  input.click();
+}
+
+export function meshSuffixes({ greeting }: State): readonly string[] {
+  return greeting?.suffixes.character ?? FALLBACK;
+}
+
+export function empty(state: State): Node_ {
+  const { empty: words, examples } = strings;
+  const suffixes = meshSuffixes(state);
+  const working = state.busy.length > 0;
+  return h(
+    "main",
+    { class: "empty", key: "empty" },
+    h(
+      "div",
+      { class: "welcome" },
+      h("div", { class: "drop-icon", "aria-hidden": "true" }),
+      h("h1", {}, words.title),
+      h("p", {}, words.text),
+      button(words.choose, () => {
+        chooseFiles([...suffixes, ".toml"]);
+      }, { primary: true, disabled: working || state.connected !== "open" }),
+      h("p", { class: "small" }, words.formats(suffixes)),
+      h("p", { class: "or" }, words.examples),
+      h(
+        "div",
+        { class: "row" },
+        Object.entries(examples).map(([name, title]) =>
+          button(title, () => {
+            void openExample(name);
+          }, { disabled: working || state.connected !== "open" }),
+        ),
+      ),
+      state.adding &&
+        button(words.cancel, () => {
+          update({ adding: false });
+        }, { quiet: true }),
+    ),
+  );
+}

@@ -1,0 +1,61 @@
+/** The top line: which character, undo and redo, save, record. */
+
+import { closeCharacter, record, redo, save, show, undo } from "../actions";
+import { type Node_, h } from "../dom";
+import { type State, shownCharacter, update } from "../store";
+import { strings } from "../strings";
+import { button, select } from "./parts";
+
+const ANOTHER = " another";
+
+export function header(state: State): Node_ {
+  const { header: words } = strings;
+  const { server, character, puppets, adding } = state;
+  const shown = shownCharacter(state);
+  const history = character === null ? undefined : puppets[character];
+  const recording = server?.recording ?? null;
+  const open = state.connected === "open";
+  return h(
+    "header",
+    { key: "header" },
+    h("span", { class: "brand" }, h("span", { class: "logo", "aria-hidden": "true" }), strings.name),
+    server !== null &&
+      shown !== null &&
+      h(
+        "div",
+        { class: "row", key: "character" },
+        select(
+          [...server.characters.map(({ name, title }): [string, string] => [name, title || name]), [ANOTHER, words.another]],
+          adding ? ANOTHER : shown.name,
+          (name) => {
+            if (name === ANOTHER) update({ adding: true });
+            else show(name);
+          },
+          words.character,
+        ),
+        button(words.close, () => {
+          void closeCharacter(shown.name);
+        }, { quiet: true, label: `${words.close} ${shown.name}`, disabled: !open }),
+      ),
+    h("span", { class: "space" }),
+    shown !== null &&
+      !adding &&
+      h(
+        "div",
+        { class: "row", key: "edits" },
+        button(words.undo, undo, { quiet: true, disabled: !history?.past.length, hint: `${words.undo} (Ctrl+Z)` }),
+        button(words.redo, redo, { quiet: true, disabled: !history?.future.length, hint: `${words.redo} (Ctrl+Shift+Z)` }),
+        h("span", { class: "saved" }, shown.saved ? words.saved : words.unsaved),
+        button(words.save, () => {
+          void save(shown.name);
+        }, { disabled: !open, hint: `${words.save} (Ctrl+S)` }),
+        recording === null
+          ? button(words.record, () => {
+              void record(true);
+            }, { primary: server?.source.kind !== "none", disabled: !open || server?.source.kind === "none", key: "record" })
+          : button(words.stop, () => {
+              void record(false);
+            }, { primary: true, danger: true, disabled: !open, key: "stop" }),
+      ),
+  );
+}

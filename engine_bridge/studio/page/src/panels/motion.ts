@@ -1,0 +1,78 @@
+/** How the whole character follows: mirrored, how far, walking, smoothed. */
+
+import { edit } from "../actions";
+import { type Node_, h } from "../dom";
+import type { Puppet, Retarget, Root } from "../model/puppet";
+import { type State, shownPuppet } from "../store";
+import { strings } from "../strings";
+import { checkbox, field, number, section, select, slider } from "./parts";
+import { smoothing } from "./smoothing";
+
+export function motion(state: State): Node_ {
+  const puppet = shownPuppet(state);
+  if (puppet === null) return h("div", { key: "motion" }, h("p", { class: "small" }, strings.viewer.waiting));
+  return h("div", { class: "stack", key: "motion" }, body(puppet), root(puppet), smoothing(state, puppet));
+}
+
+function body(puppet: Puppet): Node_ {
+  const { motion: words } = strings;
+  const retarget = puppet.retarget ?? {};
+  const change = (values: Retarget): void => {
+    edit({ ...puppet, retarget: { ...retarget, ...values } });
+  };
+  const scale = retarget.scale ?? "auto";
+  return section(
+    words.body,
+    checkbox(words.mirror, retarget.mirror ?? false, (mirror) => {
+      change({ mirror });
+    }),
+    checkbox(words.handsMeet, retarget.hands_meet ?? true, (hands_meet) => {
+      change({ hands_meet });
+    }),
+    slider(words.armSpace, retarget.arm_space ?? 0, { min: -45, max: 45, step: 1 }, (arm_space) => {
+      change({ arm_space });
+    }),
+    h("p", { class: "small" }, words.armSpaceHint),
+    checkbox(`${words.scale}: ${words.automatic.toLowerCase()}`, scale === "auto", (on) => {
+      change({ scale: on ? "auto" : 1 });
+    }),
+    scale !== "auto" &&
+      field(
+        words.scale,
+        number(scale, (value) => {
+          change({ scale: value });
+        }, { min: 0.001, step: 0.1 }),
+        words.scaleHint,
+      ),
+  );
+}
+
+const AXES = ["x", "z", "xz", "xyz"] as const;
+
+function root(puppet: Puppet): Node_ {
+  const { motion: words } = strings;
+  const shown = puppet.root ?? null;
+  const change = (values: Root): void => {
+    edit({ ...puppet, root: { ...shown, ...values } });
+  };
+  return section(
+    words.root,
+    checkbox(words.walks, shown !== null, (on) => {
+      edit({ ...puppet, root: on ? {} : null });
+    }),
+    shown !== null && [
+      checkbox(words.turns, shown.turns ?? true, (turns) => {
+        change({ turns });
+      }),
+      checkbox(words.feet, (shown.feet ?? "lock") === "lock", (on) => {
+        change({ feet: on ? "lock" : "free" });
+      }),
+      field(
+        words.rootAxes,
+        select(AXES.map((axes) => [axes, axes.split("").join(", ")] as const), (shown.axes ?? "xz") as (typeof AXES)[number], (axes) => {
+          change({ axes });
+        }),
+      ),
+    ],
+  );
+}

@@ -1,0 +1,83 @@
+/** Who performs: the source, the figure, and what the sensor sees. */
+
+import { calibrate, chooseSource, look, perform } from "../actions";
+import { type Node_, h } from "../dom";
+import { type State, shownCharacter } from "../store";
+import { strings } from "../strings";
+import { button } from "./parts";
+import { sources } from "./sources";
+
+export function performer(state: State): Node_ {
+  const { performer: words } = strings;
+  const { server, choosing } = state;
+  return h(
+    "aside",
+    { class: "performer", "aria-label": words.title, key: "performer" },
+    h("h2", {}, choosing ? strings.sources.title : words.title),
+    choosing ? sources(state) : [sourceLine(state), server?.source.kind === "none" ? start() : body(state)],
+  );
+}
+
+function sourceLine({ server }: State): Node_ {
+  const { performer: words } = strings;
+  const text = server === null || server.source.kind === "none" ? words.none : server.source.text;
+  return h(
+    "div",
+    { class: "source", key: "source" },
+    h("span", { title: text }, text),
+    button(words.change, () => {
+      void chooseSource();
+    }),
+  );
+}
+
+/** The first thing to do with a character for which nobody performs. */
+function start(): Node_ {
+  return h(
+    "div",
+    { class: "stack", key: "start" },
+    h("p", { class: "small" }, strings.performer.waiting),
+    button(strings.sources.use(strings.performances.walk ?? "walk"), () => {
+      void perform({ kind: "example", name: "walk" });
+    }, { primary: true }),
+  );
+}
+
+function body(state: State): Node_ {
+  const { performer: words } = strings;
+  const { selection, joint, server } = state;
+  const shown = shownCharacter(state);
+  const hint =
+    joint !== null ? strings.viewer.mapHint(joint)
+    : selection !== null ? words.hintPart(selection.name)
+    : words.hint;
+  return h(
+    "div",
+    { class: "stack", key: "body" },
+    h("div", { class: "figure-box", raw: true, key: "figure" }),
+    h("p", { class: `hint ${joint === null ? "" : "strong"}`, "aria-live": "polite" }, hint),
+    (server?.performers ?? []).map(({ user, state: doing }) =>
+      h("p", { class: "small", key: `user${user}` }, words.user(user, words.states[doing] ?? doing)),
+    ),
+    shown !== null &&
+      button(words.calibrate, () => {
+        void calibrate(shown.name);
+      }, { hint: words.calibrateHint }),
+    button(state.looking ? words.lookHide : words.look, () => {
+      void look(!state.looking);
+    }, { pressed: state.looking }),
+    state.looking && sensorPicture(state),
+  );
+}
+
+function sensorPicture({ look: seen }: State): Node_ {
+  const { performer: words } = strings;
+  if (seen === null) return h("p", { class: "small", key: "look" }, words.lookWait);
+  return h(
+    "div",
+    { class: "look", key: "look" },
+    seen.picture !== "" && h("img", { src: `data:image/jpeg;base64,${seen.picture}`, alt: words.picture }),
+    seen.problems.map(({ text, fix }) => h("p", { class: "small" }, h("strong", {}, text), fix === "" ? "" : ` ${fix}`)),
+    seen.performers.map((line) => h("p", { class: "small" }, line)),
+  );
+}

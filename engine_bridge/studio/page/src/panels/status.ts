@@ -1,0 +1,34 @@
+/** The line at the bottom: how the service does. */
+
+import { type Node_, h } from "../dom";
+import { type State, shownCharacter } from "../store";
+import { strings } from "../strings";
+
+export function status(state: State, drawn: number): Node_ {
+  const { status: words, banner } = strings;
+  const { server, connected } = state;
+  const shown = shownCharacter(state);
+  const service = server?.service;
+  const running = connected === "open" && service?.running === true;
+  const text =
+    connected === "connecting" ? banner.connecting
+    : running ? words.service.running
+    : service?.starting === true ? words.service.starting
+    : words.service.stopped;
+  const numbers = running && server !== null ? server.status : null;
+  return h(
+    "footer",
+    { "aria-label": words.label, key: "status" },
+    h("span", { class: `lamp ${running ? "on" : service?.starting === true ? "starting" : "off"}`, "aria-hidden": "true" }),
+    h("span", {}, text),
+    numbers !== null && [
+      h("span", { key: "fps" }, words.fps(numbers.fps)),
+      drawn > 0 && h("span", { key: "drawn" }, words.drawn(drawn)),
+      numbers.latency_ms !== null && h("span", { key: "latency" }, words.latency(numbers.latency_ms)),
+      h("span", { key: "clients" }, words.clients(numbers.clients)),
+      h("span", { key: "drops" }, words.drops(numbers.drops)),
+    ],
+    h("span", { class: "space" }),
+    shown !== null && shown.vertices > 0 && h("span", { key: "vertices" }, words.vertices(shown.vertices)),
+  );
+}

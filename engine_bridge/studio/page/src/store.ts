@@ -1,0 +1,129 @@
+/** The page's state, in one place: what the server has sent, and what the user has chosen in this window. */
+
+import type { ExportReply, Greeting, LookReply, ServerState, SmoothingReply, Sources } from "./messages";
+import type { History } from "./model/history";
+import type { Part, Puppet } from "./model/puppet";
+import type { Joint } from "./model/skeleton";
+import type { Vector } from "./model/vector";
+
+export type Connected = "connecting" | "open" | "lost" | "refused";
+export type Tab = "limbs" | "motion" | "takes";
+export type Tool = "select" | "limb" | "handle";
+export type Dragging = "view" | "surface";
+
+export interface Notice {
+  readonly level: "info" | "warning" | "error";
+  readonly text: string;
+}
+
+/** A recording to play or export: a take, an upload or an example. */
+export interface Recording {
+  readonly kind: "take" | "upload" | "example";
+  readonly name: string;
+}
+
+export interface State {
+  readonly connected: Connected;
+  /** Why the server refused this window. */
+  readonly refusal: string;
+  readonly greeting: Greeting | null;
+  readonly server: ServerState | null;
+  /** The character that panels show. */
+  readonly character: string | null;
+  /** Every character's puppet as edited here, with the steps that can be undone. */
+  readonly puppets: Readonly<Record<string, History<Puppet>>>;
+  readonly selection: Part | null;
+  /** A joint that waits for the part that it will move. */
+  readonly joint: Joint | null;
+  readonly tab: Tab;
+  readonly tool: Tool;
+  readonly dragging: Dragging;
+  /** Points of the limb that is being added. */
+  readonly drawn: readonly Vector[];
+  /** Whether the character is shown in its rest pose, to edit it. */
+  readonly atRest: boolean;
+  readonly bones: boolean;
+  /** Whether the list of sources is open. */
+  readonly choosing: boolean;
+  /** Whether the choice of another character is open. */
+  readonly adding: boolean;
+  readonly sources: Sources | null;
+  readonly looking: boolean;
+  readonly look: LookReply | null;
+  readonly preview: SmoothingReply | null;
+  readonly recording: Recording | null;
+  readonly trim: readonly [number | null, number | null];
+  readonly loop: boolean;
+  readonly form: string;
+  readonly exported: ExportReply | null;
+  readonly progress: Readonly<Record<string, { text: string; fraction: number }>>;
+  /** What has been requested and not answered yet, in words. */
+  readonly busy: readonly string[];
+  readonly notice: Notice | null;
+  readonly dropping: boolean;
+}
+
+export const INITIAL: State = {
+  connected: "connecting",
+  refusal: "",
+  greeting: null,
+  server: null,
+  character: null,
+  puppets: {},
+  selection: null,
+  joint: null,
+  tab: "limbs",
+  tool: "select",
+  dragging: "view",
+  drawn: [],
+  atRest: false,
+  bones: true,
+  choosing: false,
+  adding: false,
+  sources: null,
+  looking: false,
+  look: null,
+  preview: null,
+  recording: null,
+  trim: [null, null],
+  loop: true,
+  form: "morph",
+  exported: null,
+  progress: {},
+  busy: [],
+  notice: null,
+  dropping: false,
+};
+
+type Listener = (state: State) => void;
+
+let state = INITIAL;
+let scheduled = false;
+const listeners: Listener[] = [];
+
+export const current = (): State => state;
+
+/** Change the state; views are drawn again once, after the running code has ended. */
+export function update(change: Partial<State> | ((state: State) => Partial<State>)): void {
+  state = { ...state, ...(typeof change === "function" ? change(state) : change) };
+  if (scheduled) return;
+  scheduled = true;
+  queueMicrotask(() => {
+    scheduled = false;
+    for (const listener of listeners) listener(state);
+  });
+}
+
+export function subscribe(listener: Listener): void {
+  listeners.push(listener);
+}
+
+/** The puppet of the character that is shown, with edits that the server has not confirmed yet. */
+export function shownPuppet({ character, puppets }: State): Puppet | null {
+  return character === null ? null : (puppets[character]?.present ?? null);
+}
+
+/** What the server says of the character that is shown. */
+export function shownCharacter({ character, server }: State) {
+  return server?.characters.find((each) => each.name === character) ?? null;
+}

@@ -1,0 +1,168 @@
+/** One streamed character in the 3D view: its mesh, its pose of this moment, and its materials. */
+
+import { Group, type Object3D, Vector3 } from "three";
+import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
+
+import { Character, type Client, JitterBuffer } from "../../../../../integrations/web/puppetline.js";
+import { PuppetMesh } from "../../../../../integrations/web/puppetline-three.js";
+import { axis } from "../model/puppet";
+import { type Vector, cross } from "../model/vector";
+import { carried, nearest } from "./blend";
+
+export type Scene = NonNullable<Character["scene"]>;
+type Frame = NonNullable<Character["frame"]>;
+
+/** Time by which poses lag behind the stream so that they can be interpolated, in seconds: one image at 60 Hz. */
+const DELAY = 1 / 60;
+
+export class Figure {
+  /** Stands the character upright, its front towards +z, in metres. */
+  readonly group = new Group();
+  mesh: PuppetMesh | null = null;
+  private buffer = new JitterBuffer(DELAY);
+  private readonly character: Character;
+  private readonly around = new Map<string, number[]>();
+  private rest: Frame | null = null;
+  private shown: readonly unknown[] = [];
+  private model = "";
+  private source: Object3D | null = null;
+
+  constructor(
+    client: Client,
+    readonly name: string,
+    private readonly download: (id: string) => Promise<Blob>,
+    private readonly changed: () => void,
+  ) {
+    this.character = new Character(client, name);
+    this.character.addEventListener("scene", () => {
+      this.rebuild();
+    });
+    this.character.addEventListener("frame", () => {
+      if (this.character.frame !== null) this.buffer.push(this.character.frame, performance.now() / 1000);
+    });
+  }
+
+  get scene(): Scene | null {
+    return this.character.scene;
+  }
+
+  dispose(): void {
+    this.character.close();
+    this.mesh?.dispose();
+    this.group.removeFromParent();
+  }
+
+  /** Draw with the materials and textures of a file of the server; an empty id is none. */
+  async dress(model: string): Promise<void> {
+    if (model === this.model) return;
+    this.model = model;
+    if (model === "") return;
+    const data = await (await this.download(model)).arrayBuffer();
+    const { scene } = await new GLTFLoader().parseAsync(data, "");
+    if (this.model !== model) return;
+    this.source = scene;
+    this.rebuild();
+  }
+
+  /** Show the pose of this moment, or the rest pose; return whether it differs from what is shown. */
+  pose(atRest: boolean): boolean {
+    if (this.mesh === null) return false;
+    const moving = this.buffer.advance(performance.now() / 1000) && !atRest;
+    const earlier = moving ? this.buffer.earlier : this.rest;
+    const later = moving ? this.buffer.later : this.rest;
+    if (earlier === null || later === null) return false;
+    const share = moving ? this.buffer.share : 0;
+    const now = [earlier, later, share];
+    if (now.every((each, i) => each === this.shown[i])) return false;
+    this.shown = now;
+    this.mesh.show(earlier, later, share);
+    return true;
+  }
+
+  /** Positions of all vertices as they are shown, three numbers each, in the mesh file's coordinates. */
+  positions(): Float32Array {
+    return this.mesh === null ? new Float32Array() : this.mesh.evaluate().positions;
+  }
+
+  /** The numbers of the two frames between which the shown pose lies, and its share of the way between them. */
+  get moment(): { earlier: number; later: number; share: number } | null {
+    const [earlier, later, share] = this.shown as [Frame?, Frame?, number?];
+    if (earlier === undefined || later === undefined || earlier === this.rest) return null;
+    return { earlier: earlier.header.sequence, later: later.header.sequence, share: share ?? 0 };
+  }
+
+  /** Where a point of the rest pose is now: it moves as the surface around it. */
+  carried(part: string, point: Vector): Vector {
+    const [earlier, later, share] = this.shown as [Frame?, Frame?, number?];
+    if (this.scene === null || earlier?.kind !== "controls" || later?.kind !== "controls" || earlier === this.rest) return point;
+    const key = `${part} ${point.join(" ")}`;
+    let vertices = this.around.get(key);
+    if (vertices === undefined) {
+      vertices = nearest(this.scene, point);
+      this.around.set(key, vertices);
+    }
+    const [from, to] = [carried(this.scene, earlier.body, vertices, point), carried(this.scene, later.body, vertices, point)];
+    const mix = (k: 0 | 1 | 2): number => from[k] + (share ?? 0) * (to[k] - from[k]);
+    return [mix(0), mix(1), mix(2)];
+  }
+
+  /** The corners of the box at rest, in the view's coordinates. */
+  corners(): { low: Vector3; high: Vector3 } {
+    this.group.updateMatrixWorld();
+    const bounds = this.bounds() ?? [[0, 0, 0], [1, 1, 1]];
+    const [a, b] = [new Vector3(...bounds[0]), new Vector3(...bounds[1])];
+    this.group.localToWorld(a);
+    this.group.localToWorld(b);
+    return { low: a.clone().min(b), high: a.clone().max(b) };
+  }
+
+  /** The corners of the box at rest, in the mesh file's coordinates. */
+  bounds(): readonly [Vector, Vector] | null {
+    return (this.scene?.description.bounds ?? null) as readonly [Vector, Vector] | null;
+  }
+
+  private rebuild(): void {
+    const { scene } = this;
+    if (scene === null) return;
+    if (this.mesh !== null) {
+      this.mesh.removeFromParent();
+      this.mesh.dispose();
+    }
+    this.mesh = meshOf(scene, this.source);
+    this.group.add(this.mesh);
+    stand(this.group, scene);
+    this.buffer = new JitterBuffer(DELAY);
+    this.around.clear();
+    this.rest = restOf(scene);
+    this.shown = [];
+    this.changed();
+  }
+}
+
+/** The mesh with the file's materials, or with plain ones while the file does not fit the scene. */
+function meshOf(scene: Scene, source: Object3D | null): PuppetMesh {
+  if (source !== null) {
+    try {
+      return new PuppetMesh(scene, { source });
+    } catch (error) {
+      if (!(error instanceof RangeError)) throw error;
+    }
+  }
+  return new PuppetMesh(scene);
+}
+
+/** A frame of controls that leave every vertex where it is. */
+function restOf({ fields, isolines }: Scene): Frame {
+  const body = new Float32Array(12 * fields * isolines);
+  for (let at = 0; at < body.length; at += 12) body[at] = body[at + 5] = body[at + 10] = 1;
+  return { topic: "", kind: "controls", body, header: { root: [0, 0, 0] } } as unknown as Frame;
+}
+
+function stand(group: Group, { description: { up, front, metres_a_unit } }: Scene): void {
+  const [y, z] = [axis(up), axis(front)];
+  const x = cross(y, z);
+  group.matrix.set(x[0], x[1], x[2], 0, y[0], y[1], y[2], 0, z[0], z[1], z[2], 0, 0, 0, 0, 1);
+  group.quaternion.setFromRotationMatrix(group.matrix);
+  group.scale.setScalar(metres_a_unit);
+  group.updateMatrixWorld();
+}

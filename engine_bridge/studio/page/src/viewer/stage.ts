@@ -1,0 +1,183 @@
+/** The room in which characters are shown: camera, light, floor, and colours of the theme. */
+
+import {
+  AmbientLight,
+  Color,
+  DirectionalLight,
+  GridHelper,
+  HemisphereLight,
+  PerspectiveCamera,
+  Raycaster,
+  Scene,
+  Vector2,
+  Vector3,
+  WebGLRenderer,
+} from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+
+import { type Ray, type Vector, subtract } from "../model/vector";
+import type { Figure } from "./figure";
+import type { Colours } from "./overlay";
+
+const CELLS = 16;
+
+/** Number of images over which the time between them is measured. */
+const MEASURED_IMAGES = 12;
+
+/** Time between images above which fewer pixels are drawn, in milliseconds. */
+const SLOW_MS = 70;
+
+/** Least number of drawn pixels per pixel of the page, along each side. */
+const LEAST_RATIO = 0.6;
+
+export class Stage {
+  readonly scene = new Scene();
+  readonly camera = new PerspectiveCamera(35, 1, 0.01, 200);
+  colours: Colours | null = null;
+  private readonly renderer: WebGLRenderer;
+  private readonly grid = new GridHelper(CELLS / 2, CELLS);
+  private orbit: OrbitControls | null = null;
+  private ratio = Math.min(devicePixelRatio, 2);
+  private images = 0;
+  private measuredFrom = 0;
+
+  constructor(
+    private readonly parent: HTMLElement,
+    canvas: HTMLCanvasElement,
+  ) {
+    this.renderer = new WebGLRenderer({ canvas, antialias: !isSoftware() });
+    this.renderer.setPixelRatio(this.ratio);
+    const sun = new DirectionalLight(0xffffff, 2.2);
+    sun.position.set(2, 4, 3);
+    const rim = new DirectionalLight(0xffffff, 0.8);
+    rim.position.set(-3, 2, -3);
+    this.scene.add(new AmbientLight(0xffffff, 0.5), new HemisphereLight(0xffffff, 0x8890a0, 0.9), sun, rim, this.grid);
+  }
+
+  get width(): number {
+    return this.parent.clientWidth;
+  }
+
+  get height(): number {
+    return this.parent.clientHeight;
+  }
+
+  /** Let the pointer over an element move the camera. */
+  control(element: HTMLElement, changed: () => void): void {
+    this.orbit = new OrbitControls(this.camera, element);
+    this.orbit.addEventListener("change", changed);
+  }
+
+  animate(frame: () => void): void {
+    this.renderer.setAnimationLoop(() => {
+      this.orbit?.update();
+      frame();
+    });
+  }
+
+  render(): void {
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  /** Begin to measure again: nothing was drawn for a while. */
+  pause(): void {
+    this.images = 0;
+  }
+
+  /** Draw fewer pixels if images follow each other slowly, as without a graphics card. */
+  keepPace(): void {
+    const now = performance.now();
+    if (this.images === 0) this.measuredFrom = now;
+    if (this.images++ < MEASURED_IMAGES) return;
+    const slow = now - this.measuredFrom > SLOW_MS * MEASURED_IMAGES;
+    this.images = 0;
+    if (!slow || this.ratio <= LEAST_RATIO) return;
+    this.ratio = Math.max(LEAST_RATIO, 0.8 * this.ratio);
+    this.renderer.setPixelRatio(this.ratio);
+    this.resize();
+  }
+
+  resize(): void {
+    if (this.width === 0 || this.height === 0) return;
+    this.renderer.setSize(this.width, this.height, false);
+    this.camera.aspect = this.width / this.height;
+    this.camera.updateProjectionMatrix();
+  }
+
+  /** Take the colours of the style sheet. */
+  theme(): void {
+    const style = getComputedStyle(document.documentElement);
+    const of = (name: string): string => style.getPropertyValue(name).trim();
+    this.colours = {
+      left: of("--left"),
+      right: of("--right"),
+      middle: of("--middle"),
+      accent: of("--accent"),
+      edge: of("--mark-edge"),
+      text: of("--text"),
+      panel: of("--panel"),
+    };
+    this.scene.background = new Color(of("--stage"));
+    const [main, fine] = [new Color(of("--grid-main")), new Color(of("--grid"))];
+    const colours = this.grid.geometry.getAttribute("color");
+    for (let i = 0; i < colours.count; i++) {
+      const { r, g, b } = Math.floor(i / 4) === CELLS / 2 ? main : fine;
+      colours.setXYZ(i, r, g, b);
+    }
+    colours.needsUpdate = true;
+  }
+
+  /** Move the camera in front of a character. */
+  frame(figure: Figure): void {
+    const { low, high } = figure.corners();
+    const size = high.clone().sub(low);
+    const centre = low.clone().add(high).multiplyScalar(0.5);
+    centre.y -= 0.05 * size.y; // the toolbar is below
+    const { aspect, fov } = this.camera;
+    const across = Math.max(size.y, size.x / Math.max(aspect, 0.1), (0.7 * size.z) / aspect);
+    const distance = (0.68 * across) / Math.tan((fov * Math.PI) / 360) + 0.5 * Math.max(size.x, size.z);
+    this.orbit?.target.copy(centre);
+    this.camera.position.copy(centre).add(new Vector3(0.45, 0.18, 1).normalize().multiplyScalar(distance));
+    this.camera.near = distance / 100;
+    this.camera.far = distance * 50;
+    this.camera.updateProjectionMatrix();
+    this.orbit?.update();
+    this.grid.scale.setScalar(2 * 10 ** Math.round(Math.log10(size.length() / 4)));
+    this.grid.position.set(centre.x, low.y, centre.z);
+  }
+
+  /** Where a point of a character's file is on the screen: x, y in pixels, and depth; null behind the camera. */
+  project(figure: Figure, [x, y, z]: Vector): Vector | null {
+    const point = figure.group.localToWorld(new Vector3(x, y, z)).project(this.camera);
+    return point.z > 1 ? null : [((point.x + 1) / 2) * this.width, ((1 - point.y) / 2) * this.height, point.z];
+  }
+
+  /** The ray through a place of the screen, in the coordinates of a character's file. */
+  ray(figure: Figure, x: number, y: number): Ray {
+    const caster = new Raycaster();
+    caster.setFromCamera(new Vector2((2 * x) / this.width - 1, 1 - (2 * y) / this.height), this.camera);
+    const { origin: from, direction } = caster.ray;
+    const far = figure.group.worldToLocal(from.clone().add(direction));
+    const near = figure.group.worldToLocal(from.clone());
+    const origin: Vector = [near.x, near.y, near.z];
+    return { origin, direction: subtract([far.x, far.y, far.z], origin) };
+  }
+
+  /** The direction of the screen's right, up and depth, in the coordinates of a character's file. */
+  axes(figure: Figure): { right: Vector; up: Vector; forward: Vector } {
+    const turn = figure.group.quaternion.clone().invert().multiply(this.camera.quaternion);
+    const of = (x: number, y: number, z: number): Vector => {
+      const v = new Vector3(x, y, z).applyQuaternion(turn);
+      return [v.x, v.y, v.z];
+    };
+    return { right: of(1, 0, 0), up: of(0, 1, 0), forward: of(0, 0, -1) };
+  }
+}
+
+/** Whether images are drawn without a graphics card; smooth edges cost too much there. */
+function isSoftware(): boolean {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const facts = gl?.getExtension("WEBGL_debug_renderer_info");
+  if (gl == null || facts == null) return false;
+  return /swiftshader|llvmpipe|software/i.test(String(gl.getParameter(facts.UNMASKED_RENDERER_WEBGL)));
+}

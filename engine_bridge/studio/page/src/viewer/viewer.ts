@@ -1,0 +1,339 @@
+/** The 3D view: characters that move as the stream says, bones and handles over them, and what the pointer does. */
+
+import type { Client } from "../../../../../integrations/web/puppetline.js";
+import { type Part, type Puppet, handlesOf, jointsOf, limbsOf, move, pointOf } from "../model/puppet";
+import type { Joint } from "../model/skeleton";
+import { type Hit, type Ray, type Vector, add, insideOf, meetPlane, meetTriangles, scale, subtract } from "../model/vector";
+import { type State, current, shownPuppet } from "../store";
+import { Figure } from "./figure";
+import { type Marks, drawMarks, marksOf, partAt } from "./overlay";
+import { Stage } from "./stage";
+
+/** Distance that the pointer moves before a click becomes a drag, in pixels. */
+const SLOP = 4;
+
+/** Distance that an arrow key moves a point, as a share of the character's diagonal. */
+const NUDGE = 0.01;
+
+const ARROWS: Readonly<Record<string, readonly [number, number]>> = {
+  ArrowLeft: [-1, 0],
+  ArrowRight: [1, 0],
+  ArrowUp: [0, 1],
+  ArrowDown: [0, -1],
+};
+
+export interface Callbacks {
+  /** A part was clicked; null for none. */
+  picked: (part: Part | null) => void;
+  /** A part was dragged to another place. */
+  moved: (puppet: Puppet) => void;
+  /** A place was clicked with a tool: the point inside the body and the one on its surface. */
+  placed: (inside: Vector, surface: Vector) => void;
+  /** A drag has begun: edits are made on the rest pose. */
+  resting: () => void;
+  /** A character's mesh has arrived. */
+  arrived: () => void;
+  download: (id: string) => Promise<Blob>;
+}
+
+export class Viewer {
+  private readonly canvas = document.createElement("canvas");
+  private readonly overlay = document.createElement("canvas");
+  private readonly stage: Stage;
+  private readonly figures = new Map<string, Figure>();
+  private marks: Marks = { limbs: [], handles: [] };
+  private hover: Part | null = null;
+  private draft: Puppet | null = null;
+  private puppets: State["puppets"] = {};
+  private joint: Joint | null = null;
+  private framed: string | null = null;
+  private dirty = true;
+  private frames = 0;
+  /** Frames drawn in the last second. */
+  drawnPerSecond = 0;
+
+  constructor(
+    private readonly parent: HTMLElement,
+    private readonly callbacks: Callbacks,
+  ) {
+    this.overlay.className = "overlay";
+    this.overlay.tabIndex = 0;
+    this.overlay.setAttribute("role", "application");
+    parent.append(this.canvas, this.overlay);
+    this.stage = new Stage(parent, this.canvas);
+    this.listen(); // before the camera's own listeners, to keep drags of points from it
+    this.stage.control(this.overlay, () => {
+      this.dirty = true;
+    });
+    new ResizeObserver(() => {
+      this.resize();
+    }).observe(parent);
+    const theme = (): void => {
+      this.stage.theme();
+      this.dirty = true;
+    };
+    theme();
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", theme);
+    this.resize();
+    this.stage.animate(() => {
+      this.draw();
+    });
+    setInterval(() => {
+      this.drawnPerSecond = this.frames;
+      this.frames = 0;
+    }, 1000);
+  }
+
+  /** Follow exactly these characters of a service: names and files with their materials. */
+  follow(client: Client, characters: readonly { name: string; model: string }[]): void {
+    for (const [name, figure] of this.figures) {
+      if (characters.some((each) => each.name === name)) continue;
+      figure.dispose();
+      this.figures.delete(name);
+      this.dirty = true;
+    }
+    for (const { name, model } of characters) {
+      let figure = this.figures.get(name);
+      if (figure === undefined) {
+        figure = new Figure(client, name, this.callbacks.download, () => {
+          this.arrived(name);
+        });
+        this.figures.set(name, figure);
+        this.stage.scene.add(figure.group);
+      }
+      figure.dress(model).catch(() => undefined); // drawn with plain materials
+    }
+  }
+
+  has(name: string): boolean {
+    return this.figures.get(name)?.mesh != null;
+  }
+
+  bounds(name: string): readonly [Vector, Vector] | null {
+    return this.figures.get(name)?.bounds() ?? null;
+  }
+
+  /** Positions of a character's vertices as they are shown, in the mesh file's coordinates. */
+  positions(name: string): Float32Array | null {
+    return this.figures.get(name)?.positions() ?? null;
+  }
+
+  /** The frames that a character shows, and what they make of its vertices. */
+  shown(name: string) {
+    const figure = this.figures.get(name);
+    return figure === undefined ? null : { moment: figure.moment, positions: [...figure.positions()] };
+  }
+
+  /** Where the parts of the shown puppet are on the screen, in pixels of the view. */
+  places(): Marks {
+    return this.marks;
+  }
+
+  label(text: string): void {
+    this.overlay.setAttribute("aria-label", text);
+  }
+
+  /** Draw again after the state has changed. */
+  refresh(state: State): void {
+    if (state.puppets !== this.puppets) this.draft = null;
+    this.puppets = state.puppets;
+    this.dirty = true;
+    this.overlay.classList.toggle("placing", state.tool !== "select");
+    if (state.character !== null && state.character !== this.framed && this.has(state.character)) this.fit();
+  }
+
+  /** Emphasise what a joint moves. */
+  emphasise(joint: Joint | null): void {
+    if (joint === this.joint) return;
+    this.joint = joint;
+    this.dirty = true;
+  }
+
+  /** Move the camera in front of the character that panels show. */
+  fit(): void {
+    const figure = this.chosen();
+    if (figure?.mesh == null) return;
+    this.framed = figure.name;
+    this.arrange();
+    this.stage.frame(figure);
+    this.dirty = true;
+  }
+
+  private chosen(): Figure | undefined {
+    const { character } = current();
+    return character === null ? undefined : this.figures.get(character);
+  }
+
+  private arrived(name: string): void {
+    this.arrange();
+    if (current().character === name && this.framed !== name) this.fit();
+    this.dirty = true;
+    this.callbacks.arrived();
+  }
+
+  /** Put characters side by side. */
+  private arrange(): void {
+    let right: number | null = null;
+    for (const figure of this.figures.values()) {
+      if (figure.mesh === null) continue;
+      figure.group.position.set(0, 0, 0);
+      const { low, high } = figure.corners();
+      if (right !== null) figure.group.position.x = right + 0.15 * (high.x - low.x) - low.x;
+      right = figure.corners().high.x;
+    }
+  }
+
+  private resize(): void {
+    this.stage.resize();
+    this.overlay.width = this.stage.width * devicePixelRatio;
+    this.overlay.height = this.stage.height * devicePixelRatio;
+    this.dirty = true;
+  }
+
+  private draw(): void {
+    const { atRest } = current();
+    for (const figure of this.figures.values()) if (figure.pose(atRest)) this.dirty = true;
+    if (!this.dirty || this.parent.offsetParent === null) {
+      this.stage.pause();
+      return;
+    }
+    this.dirty = false;
+    this.frames++;
+    this.stage.render();
+    this.stage.keepPace();
+    this.drawOverlay();
+  }
+
+  private drawOverlay(): void {
+    const context = this.overlay.getContext("2d");
+    const { colours } = this.stage;
+    if (context === null || colours === null) return;
+    const state = current();
+    const figure = this.chosen();
+    const puppet = this.draft ?? shownPuppet(state);
+    context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
+    context.clearRect(0, 0, this.overlay.width, this.overlay.height);
+    this.marks = { limbs: [], handles: [] };
+    if (figure?.mesh == null || puppet === null || !state.bones) return;
+    this.marks = marksOf(puppet, (part, point) =>
+      this.stage.project(figure, figure.carried(`${part.kind} ${part.name}`, point)),
+    );
+    drawMarks(context, this.marks, colours, {
+      selection: state.selection,
+      hover: this.hover,
+      moved: movedBy(puppet, this.joint ?? state.joint),
+      drawn: state.drawn.map((point) => this.stage.project(figure, point)),
+    });
+  }
+
+  private listen(): void {
+    const { overlay } = this;
+    overlay.addEventListener("pointerdown", (event) => {
+      this.press(event);
+    });
+    overlay.addEventListener("pointermove", (event) => {
+      if (event.buttons !== 0) return;
+      const hover = current().tool === "select" ? partAt(this.marks, event.offsetX, event.offsetY) : null;
+      if (JSON.stringify(hover) === JSON.stringify(this.hover)) return;
+      this.hover = hover;
+      overlay.classList.toggle("over", hover !== null);
+      this.dirty = true;
+    });
+    overlay.addEventListener("keydown", (event) => {
+      this.nudge(event);
+    });
+  }
+
+  /** Begin a click, or the drag of a point; a drag beside all points moves the camera. */
+  private press(event: PointerEvent): void {
+    const figure = this.chosen();
+    const puppet = shownPuppet(current());
+    if (event.button !== 0 || figure?.mesh == null || puppet === null) return;
+    const { offsetX: x, offsetY: y } = event;
+    const part = current().tool === "select" ? partAt(this.marks, x, y) : null;
+    const from = part === null ? null : pointOf(puppet, part);
+    if (from !== null) {
+      event.stopImmediatePropagation(); // the camera stays
+      this.overlay.setPointerCapture(event.pointerId);
+      this.overlay.focus();
+    }
+    const start = this.stage.ray(figure, x, y);
+    let dragging = false;
+    const drag = (moved: PointerEvent): void => {
+      if (!dragging && Math.hypot(moved.offsetX - x, moved.offsetY - y) > SLOP) {
+        dragging = true;
+        if (from !== null) this.callbacks.resting();
+      }
+      if (!dragging || part === null || from === null) return;
+      const to = this.dragged(figure, part, from, start, this.stage.ray(figure, moved.offsetX, moved.offsetY));
+      if (to === null) return;
+      this.draft = move(puppet, part, to);
+      this.dirty = true;
+    };
+    const release = (): void => {
+      this.overlay.removeEventListener("pointermove", drag);
+      this.overlay.removeEventListener("pointerup", release);
+      this.overlay.removeEventListener("pointercancel", release);
+      const { draft } = this;
+      if (!dragging) this.click(figure, part, x, y);
+      else if (draft !== null && part !== null) {
+        this.callbacks.moved(draft);
+        this.callbacks.picked(part);
+      }
+    };
+    this.overlay.addEventListener("pointermove", drag);
+    this.overlay.addEventListener("pointerup", release);
+    this.overlay.addEventListener("pointercancel", release);
+  }
+
+  private click(figure: Figure, part: Part | null, x: number, y: number): void {
+    if (current().tool === "select") {
+      this.callbacks.picked(part);
+      return;
+    }
+    const hits = this.hits(figure, this.stage.ray(figure, x, y));
+    const inside = insideOf(hits);
+    const surface = hits[0]?.point;
+    if (inside !== null && surface !== undefined) this.callbacks.placed(inside, surface);
+  }
+
+  private hits(figure: Figure, ray: Ray): Hit[] {
+    return figure.scene === null ? [] : meetTriangles(ray, figure.positions(), figure.scene.triangles);
+  }
+
+  /** Where a dragged point is: moved in the plane of the view, or in the middle of or on the body under the pointer. */
+  private dragged(figure: Figure, part: Part, from: Vector, start: Ray, now: Ray): Vector | null {
+    if (current().dragging === "surface") {
+      const hits = this.hits(figure, now);
+      return part.kind === "handle" ? (hits[0]?.point ?? null) : insideOf(hits);
+    }
+    const { forward } = this.stage.axes(figure);
+    const [a, b] = [meetPlane(start, from, forward), meetPlane(now, from, forward)];
+    return a === null || b === null ? null : add(from, subtract(b, a));
+  }
+
+  private nudge(event: KeyboardEvent): void {
+    const { selection } = current();
+    const puppet = shownPuppet(current());
+    const figure = this.chosen();
+    const way = ARROWS[event.key];
+    if (way === undefined || selection === null || puppet === null || figure?.scene == null) return;
+    const from = pointOf(puppet, selection);
+    if (from === null) return;
+    event.preventDefault();
+    const step = NUDGE * figure.scene.description.diagonal * (event.shiftKey ? 5 : 1);
+    const { right, up } = this.stage.axes(figure);
+    this.callbacks.resting();
+    this.callbacks.moved(move(puppet, selection, add(from, add(scale(right, way[0] * step), scale(up, way[1] * step)))));
+  }
+}
+
+/** Names of the limbs and handles that a joint moves. */
+function movedBy(puppet: Puppet, joint: Joint | null): Set<string> {
+  if (joint === null) return new Set();
+  const parts: Part[] = [
+    ...limbsOf(puppet).map(({ name }): Part => ({ kind: "limb", name })),
+    ...handlesOf(puppet).map(({ name }): Part => ({ kind: "handle", name })),
+  ];
+  return new Set(parts.filter((part) => jointsOf(puppet, part).includes(joint)).map(({ name }) => name));
+}

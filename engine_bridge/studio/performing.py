@@ -1,0 +1,82 @@
+"""What performs, and the stages of the service file that follow from it and from the open characters."""
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from capture.sources.registry import LOOP_SUFFIX, RECORDED_PREFIXES
+from engine_bridge.studio.characters import OpenCharacter
+from engine_bridge.studio.messages import SourceState
+from puppetline.errors import ServiceError
+
+LIVE_SCHEMES = "osc", "vmc", "freenect", "openni", "camera"
+"""Schemes of URIs that the page may give. The others name files, which the page does not."""
+
+
+@dataclass(frozen=True)
+class Playing:
+    """What performs: the URI that the service opens, and what pages are shown, which contains no path."""
+
+    uri: str
+    state: SourceState
+
+
+NOTHING = Playing("demo:walk", SourceState())
+"""Before anything was chosen. A stage needs a source: the example plays once."""
+
+
+def stages(characters: Iterable[OpenCharacter], playing: Playing, folder: Path) -> list[dict[str, Any]]:
+    """Return the tables [[stage]] of the service file.
+
+    Each character has a stage of its own if a recording plays, so that its performers move all of them. A sensor or a
+    port can be opened once only: its performers are distributed among the characters of one stage.
+
+    Parameters
+    ----------
+    characters : iterable of OpenCharacter
+    playing : Playing
+    folder : Path
+        Folder of the service file.
+    """
+    tables = [{"puppet": os.path.relpath(each.live_file, folder), "name": each.name} for each in characters]
+    if not playing.uri.startswith(RECORDED_PREFIXES):
+        return [{"source": playing.uri, "name": "stage", "character": tables}] if tables else []
+    return [
+        {"source": playing.uri, "name": table["name"], "calibrate": "at_once", "character": [table]} for table in tables
+    ]
+
+
+def example(name: str, loop: bool = True) -> Playing:
+    """Return an example performance."""
+    uri = f"demo:{name}{LOOP_SUFFIX if loop else ''}"
+    text = f"Example: {name.replace('_', ' ')}"
+    return Playing(uri, SourceState(uri=uri, kind="example", name=name, text=text, loop=loop))
+
+
+def live(uri: str) -> Playing:
+    """Return a live source.
+
+    Raises
+    ------
+    ServiceError
+        The URI has another scheme, or names a file.
+    """
+    scheme, colon, rest = uri.partition(":")
+    if not colon or scheme not in LIVE_SCHEMES or "file=" in rest:
+        raise ServiceError(
+            "the request, uri",
+            found=f"{uri!r:.80}",
+            expected=f"a live source: {', '.join(f'{each}:' for each in LIVE_SCHEMES)}",
+            fix="Choose one of the list. To play a file, upload it.",
+        )
+    return Playing(uri, SourceState(uri=uri, kind="live", name=uri, text=uri))
+
+
+def recording(
+    path: Path, name: str, kind: Literal["upload", "take"], loop: bool, start: float | None, stop: float | None
+) -> Playing:
+    """Return a file that plays, already trimmed; `name` is for people."""
+    state = SourceState(uri=f"replay:{name}", kind=kind, name=name, text=name, loop=loop, start=start, stop=stop)
+    return Playing(f"replay:{path}{LOOP_SUFFIX if loop else ''}", state)

@@ -1,0 +1,35 @@
+"""A puppet as values of JSON, with all keys, as the page edits it."""
+
+import math
+from pathlib import PurePath
+from typing import Any
+
+from engine_bridge.puppet.puppet import Puppet
+from engine_bridge.puppet.puppet_file import check
+
+WHERE = "the puppet"
+
+
+def values_of(puppet: Puppet) -> dict[str, Any]:
+    """Return all values of a puppet in JSON's types; an infinite deviation is None, and the mesh is a name."""
+    values = puppet.model_dump(mode="json")
+    values["character"]["mesh"] = PurePath(puppet.character.mesh).name
+    if math.isinf(puppet.smoothing.max_deviation):
+        values["smoothing"]["max_deviation"] = None
+    return values
+
+
+def puppet_of(values: dict[str, Any], mesh: str) -> Puppet:
+    """Return the puppet of values from the page, with a mesh that the page does not choose.
+
+    Raises
+    ------
+    PuppetError
+        For the first mistake.
+    """
+    given = dict(values)
+    character, smoothing = given.get("character"), given.get("smoothing")
+    given["character"] = (character if isinstance(character, dict) else {}) | {"mesh": mesh}
+    if isinstance(smoothing, dict) and smoothing.get("max_deviation", 0) is None:
+        given["smoothing"] = smoothing | {"max_deviation": math.inf}
+    return check(given, WHERE)

@@ -1,0 +1,144 @@
+"""The running service as the studio sees it: what it plays, what it reports, and requests to it."""
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from engine_bridge.studio.control_link import ControlLink
+from engine_bridge.studio.messages import ServiceState
+from engine_bridge.studio.service_process import Reached, ServiceProcess
+from puppetline.errors import PuppetlineError, ServiceError
+
+POLL_SECONDS = 0.5
+"""Interval at which the service is asked for its status, in seconds."""
+
+
+class Running:
+    """A service that the studio starts, and its reports.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the service file.
+    token : str
+        Token in the file ``token`` there.
+
+    Attributes
+    ----------
+    described : dict
+        The service's facts of each character, by name (`describe` of docs/control.md).
+    status : dict
+        Its status; empty while it does not run.
+    """
+
+    def __init__(self, folder: Path, token: str) -> None:
+        self.described: dict[str, dict[str, Any]] = {}
+        self.status: dict[str, Any] = {}
+        self._watcher: Callable[[], None] = lambda: None
+        self._process = ServiceProcess(folder / "service.toml", token, self._process_changed)
+        self._stages: list[dict[str, Any]] = []
+        self._link: ControlLink | None = None
+        self._linked: Reached | None = None
+        self._poller = asyncio.create_task(self._poll())
+
+    def watch(self, watcher: Callable[[], None]) -> None:
+        """Call a function when something has changed."""
+        self._watcher = watcher
+
+    @property
+    def state(self) -> ServiceState:
+        """Whether it runs."""
+        return self._process.state
+
+    @property
+    def reached(self) -> Reached | None:
+        """Its addresses; None while it does not run."""
+        return self._process.reached
+
+    async def play(self, stages: list[dict[str, Any]]) -> None:
+        """Play the stages of a service file, which are tables [[stage]].
+
+        Raises
+        ------
+        ServiceError
+            They cannot be played.
+        """
+        self._stages = stages
+        if not stages:
+            await self._process.stop()
+            return
+        self._process.write(stages)
+        if self._process.reached is not None:
+            await self.request("reload")
+            return
+        await self._process.start()
+        if self._process.reached is None:
+            problem = self.state.problem or "no reply"
+            await self._process.stop()
+            raise ServiceError(
+                "the service",
+                found=f"an end at its start: {problem}",
+                expected="a service that runs",
+                fix="Choose another source, or close this character.",
+            )
+
+    async def request(self, do: str, **arguments: Any) -> Any:
+        """Send a request of docs/control.md.
+
+        Raises
+        ------
+        ServiceError
+            The service's own, or it does not run.
+        """
+        link = await self._connected()
+        if link is None:
+            raise ServiceError(
+                "the service",
+                found="no running service" if self._stages else "no character",
+                expected="a service that runs",
+                fix="Try again in a second." if self._stages else "Open a character first.",
+            )
+        return await link.request(do, **arguments)
+
+    async def close(self) -> None:
+        """End the service."""
+        self._poller.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await self._poller
+        if self._link is not None:
+            await self._link.close()
+        await self._process.stop()
+
+    async def _connected(self) -> ControlLink | None:
+        """Return a connection to the service that runs now."""
+        reached = self._process.reached
+        if reached is not self._linked:
+            old, self._link, self._linked = self._link, None, reached
+            if reached is not None:
+                self._link = ControlLink(reached.control, reached.token)
+            if old is not None:
+                await old.close()
+        return self._link
+
+    async def refresh(self) -> None:
+        """Ask for the service's status now."""
+        described: dict[str, Any] = {}
+        link = await self._connected()
+        if link is not None:
+            with contextlib.suppress(PuppetlineError):
+                described = await link.request("describe", seconds=2.0)
+        characters = {each["name"]: each for each in described.get("characters", [])}
+        status = described.get("status", {})
+        if (characters, status) != (self.described, self.status):
+            self.described, self.status = characters, status
+            self._watcher()
+
+    async def _poll(self) -> None:
+        while True:
+            await self.refresh()
+            await asyncio.sleep(POLL_SECONDS)
+
+    def _process_changed(self) -> None:
+        self._watcher()

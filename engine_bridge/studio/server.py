@@ -1,0 +1,136 @@
+"""Starts and stops the studio."""
+
+import asyncio
+import contextlib
+import logging
+import signal
+import socket
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from aiohttp import web
+
+from engine_bridge.service.security.credentials import make_token, read_token
+from engine_bridge.studio.app import PAGE, Access, make_app
+from engine_bridge.studio.running import Running
+from engine_bridge.studio.security import Addresses, Tokens, check_exposure
+from engine_bridge.studio.studio import Studio
+from engine_bridge.studio.workspace import Workspace
+from puppetline.errors import ServiceError
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class StudioSettings:
+    """Settings of the studio.
+
+    Attributes
+    ----------
+    folder : Path
+        Of the workspace.
+    host : str
+    port : int
+        0 for any free port.
+    origins : tuple of str
+        Further addresses that lead to the studio.
+    token_file : Path or None
+        Token for pages, required if other machines can connect.
+    first : Path or None
+        Puppet file or mesh to open at the start.
+    page : Path
+        Folder of the built page.
+    """
+
+    folder: Path
+    host: str = "127.0.0.1"
+    port: int = 7480
+    origins: tuple[str, ...] = ()
+    token_file: Path | None = None
+    first: Path | None = None
+    page: Path = PAGE
+
+
+@dataclass(frozen=True)
+class Served:
+    """A studio that is served: the studio, its port, and a function that makes a link with a new one-time token."""
+
+    studio: Studio
+    port: int
+    link: Callable[[], str]
+
+
+@asynccontextmanager
+async def served(settings: StudioSettings, entered: Callable[[], None] = lambda: None) -> AsyncIterator[Served]:
+    """Serve the studio until the block ends.
+
+    Parameters
+    ----------
+    settings : StudioSettings
+    entered : callable
+        Called when a one-time token was used.
+
+    Raises
+    ------
+    PuppetlineError
+        A setting is refused, the folder cannot be written, or the port is in use.
+    """
+    fixed = None if settings.token_file is None else read_token(settings.token_file)
+    check_exposure(Addresses(settings.host, settings.port, settings.origins), fixed)
+    workspace = Workspace(settings.folder)
+    tokens = Tokens(fixed)
+    async with contextlib.AsyncExitStack() as stack:
+        running = Running(workspace.folder, _service_token(workspace.folder))
+        links: list[Callable[[], str]] = []
+        studio = Studio(workspace, running, lambda: links[0]())
+        stack.push_async_callback(studio.close)
+        listener = _bound(Addresses(settings.host, settings.port).bound, settings.port)
+        port = listener.getsockname()[1]
+        addresses = Addresses(settings.host, port, settings.origins)
+        links.append(lambda: addresses.link(tokens.invite()))
+        app = make_app(studio, Access(addresses, tokens, entered), settings.page)
+        runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
+        await runner.setup()
+        stack.push_async_callback(runner.cleanup)
+        await web.SockSite(runner, listener).start()
+        opening = asyncio.create_task(studio.begin(settings.first))
+        stack.callback(opening.cancel)
+        yield Served(studio, port, links[0])
+
+
+async def run(settings: StudioSettings, started: Callable[[Served], None], entered: Callable[[], None]) -> None:
+    """Serve the studio until SIGINT or SIGTERM."""
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop.set)
+    async with served(settings, entered) as studio:
+        started(studio)
+        await stop.wait()
+
+
+def _service_token(folder: Path) -> str:
+    """Write a new token for the service that the studio starts, and return it."""
+    path = folder / "token"
+    path.unlink(missing_ok=True)
+    make_token(path)
+    return str(read_token(path))
+
+
+def _bound(address: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in address else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((address, port))
+    except OSError as error:
+        listener.close()
+        raise ServiceError(
+            "--port",
+            found=f"the port {port}, which cannot be used ({error.strerror})",
+            expected="a port that no other program uses",
+            fix="Close the other program, or choose another port.",
+        ) from error
+    return listener

@@ -1,0 +1,199 @@
+"""The service that the studio starts: a child process, started again if it ends, and its service file."""
+
+import asyncio
+import contextlib
+import json
+import logging
+import os
+import signal
+import sys
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+
+from engine_bridge.studio.messages import ServiceState
+
+START_SECONDS = 120.0
+"""Maximum time from the start of the service until it serves, in seconds; loops may have to be compiled."""
+
+STOP_SECONDS = 10.0
+"""Maximum time that the service may take to end, in seconds."""
+
+RETRY_SECONDS = 0.5, 1.0, 2.0, 5.0
+"""Time before the service is started again, after its first, second, … failure in a row, in seconds."""
+
+STEADY_SECONDS = 30.0
+"""Time after which a service that ends counts as failed for the first time, in seconds."""
+
+MAX_LINES = 200
+"""Number of log lines of the service that are kept, for the reason of its end."""
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Reached:
+    """A running service: addresses of its control socket and of its WebSocket, and its token."""
+
+    control: str
+    stream: str
+    token: str | None
+
+
+class ServiceProcess:
+    """Keeps the service of a service file running.
+
+    Parameters
+    ----------
+    file : Path
+        Service file; written by `apply`.
+    token : str
+        Token in the file that the service file names.
+    changed : callable
+        Called when `state` or `reached` has changed.
+
+    Attributes
+    ----------
+    state : ServiceState
+    reached : Reached or None
+    """
+
+    def __init__(self, file: Path, token: str, changed: Callable[[], None]) -> None:
+        self.state = ServiceState()
+        self.reached: Reached | None = None
+        self._file, self._token, self._changed = file, token, changed
+        self._wanted = False
+        self._process: asyncio.subprocess.Process | None = None
+        self._keeper: asyncio.Task[None] | None = None
+        self._serving = asyncio.Event()
+
+    async def start(self) -> None:
+        """Start the service, and wait until it serves, or has failed."""
+        self._wanted = True
+        if self._keeper is None or self._keeper.done():
+            self._keeper = asyncio.create_task(self._keep())
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(START_SECONDS):
+                await self._serving.wait()
+
+    async def stop(self) -> None:
+        """End the service."""
+        self._wanted = False
+        self._terminate()
+        if self._keeper is not None:
+            await asyncio.wait([self._keeper], timeout=STOP_SECONDS)
+            if not self._keeper.done():
+                if self._process is not None:
+                    self._process.kill()
+                await asyncio.wait([self._keeper])
+        self._keeper = None
+
+    def write(self, stages: list[dict[str, Any]]) -> None:
+        """Write the service file."""
+        values = {
+            "announce": False,
+            "takes": "takes",
+            "network": {"port": 0, "token_file": "token"},
+            "websocket": {"port": 0},
+            "stage": stages,
+        }
+        beside = self._file.with_suffix(".new")
+        beside.write_text(tomlkit.dumps(values), encoding="utf-8")
+        beside.replace(self._file)
+
+    async def _keep(self) -> None:
+        failures = 0
+        while self._wanted:
+            self._set(running=False, starting=True)
+            started = asyncio.get_running_loop().time()
+            lines = await self._run()
+            self.reached = None
+            if not self._wanted:
+                break
+            failures = 0 if asyncio.get_running_loop().time() - started > STEADY_SECONDS else failures + 1
+            problem = _reason(lines)
+            log.warning("the service has ended: %s", problem)
+            self._set(running=False, starting=True, restarts=self.state.restarts + 1, problem=problem, address="")
+            self._serving.set()  # who waits for it sees the problem
+            await asyncio.sleep(RETRY_SECONDS[min(failures, len(RETRY_SECONDS)) - 1])
+        self._serving.clear()
+        self._set(running=False, starting=False, address="")
+
+    async def _run(self) -> deque[str]:
+        """Run the service to its end; return its last lines."""
+        self._serving.clear()
+        command = [sys.executable, "-m", "puppetline", "serve", "--config", str(self._file), "--log-format", "json"]
+        self._process = process = await asyncio.create_subprocess_exec(
+            *command,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.DEVNULL,
+            stderr=asyncio.subprocess.PIPE,
+            start_new_session=True,  # Ctrl-C is for the studio, which then ends the service
+            env=os.environ | {"PUPPETLINE_STUDIO": str(os.getpid())},
+        )
+        lines: deque[str] = deque(maxlen=MAX_LINES)
+        assert process.stderr is not None  # noqa: S101 - a pipe was asked for
+        try:
+            async for line in _lines(process.stderr):
+                lines.append(line)
+                self._read(line)
+        finally:
+            if process.returncode is None:
+                await process.wait()
+        return lines
+
+    def _read(self, line: str) -> None:
+        record = _record(line)
+        if record.get("event") == "serving":
+            found = record["fields"]
+            stream = next((each for each in found["stream"] if each.startswith("ws")), "")
+            self.reached = Reached(found["control"][0], stream, self._token)
+            self._set(running=True, starting=False, address=found["control"][0], problem="")
+            self._serving.set()
+        elif record.get("level") in ("WARNING", "ERROR", "warning", "error"):
+            log.warning("service: %s", record.get("event"), extra={"fields": record.get("fields", {})})
+
+    def _terminate(self) -> None:
+        if self._process is not None and self._process.returncode is None:
+            with contextlib.suppress(ProcessLookupError):
+                self._process.send_signal(signal.SIGTERM)
+
+    def _set(self, **values: Any) -> None:
+        self.state = self.state.model_copy(update=values)
+        self._changed()
+
+
+async def _lines(stream: asyncio.StreamReader) -> Any:
+    """Yield lines of text; a line that is too long is skipped."""
+    while True:
+        try:
+            line = await stream.readline()
+        except ValueError:
+            continue
+        if not line:
+            return
+        yield line.decode(errors="replace").rstrip()
+
+
+def _record(line: str) -> dict[str, Any]:
+    try:
+        record = json.loads(line)
+    except ValueError:
+        return {}
+    return record if isinstance(record, dict) else {}
+
+
+def _reason(lines: deque[str]) -> str:
+    """Return why the service has ended, from its last lines."""
+    for line in reversed(lines):
+        if line.startswith("puppetline: "):
+            return line.removeprefix("puppetline: ")
+    for line in reversed(lines):
+        record = _record(line)
+        if str(record.get("level", "")).lower() == "error":
+            return str(record["event"])
+    return "It ended without a message."

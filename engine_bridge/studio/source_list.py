@@ -1,0 +1,73 @@
+"""What could perform: sensors and cameras that are connected, and ports with what arrives there now."""
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+
+from capture.network.source import OSC_PORT, VMC_PORT
+from capture.sensors.source_report import observe
+from capture.sources.registry import open_source
+from engine_bridge.inspection import sensors
+from engine_bridge.inspection.finding import Finding
+from engine_bridge.studio.messages import Device, Port
+from puppetline.errors import PuppetlineError
+
+LISTEN_SECONDS = 1.0
+"""How long a port is listened to, in seconds."""
+
+PORTS = {
+    f"osc:{OSC_PORT}": f"OSC, port {OSC_PORT}: OSCeleton, NI mate, Nuitrack and others",
+    f"vmc:{VMC_PORT}": f"VMC, port {VMC_PORT}: VSeeFace, VMC senders on phones and others",
+}
+"""Ports that are listened to, and their names for people."""
+
+
+def devices() -> list[Device]:
+    """Return sensors, cameras, and the libraries that read them."""
+    return [_device(each) for each in sensors.examine()]
+
+
+def ports(used: str) -> list[Port]:
+    """Return what arrives at each of the `PORTS` but the one that is used, a URI."""
+    with ThreadPoolExecutor(len(PORTS)) as pool:
+        return list(pool.map(lambda uri: _port(uri, used), PORTS))
+
+
+def _device(finding: Finding) -> Device:
+    return Device(
+        name=finding.name,
+        ok=finding.ok,
+        detail=finding.detail,
+        fix=finding.fix,
+        uri=next(_uris(finding), ""),
+    )
+
+
+def _uris(finding: Finding) -> Iterator[str]:
+    """Yield the URI of a device that can be opened."""
+    if finding.ok is not True:
+        return
+    if finding.name.startswith("/dev/video"):
+        yield f"camera:{finding.name.removeprefix('/dev/video')}"
+    if finding.name.startswith(("openni:serial=", "openni:uri=")):
+        yield finding.name
+    if finding.detail.endswith(", for freenect:"):
+        yield "freenect:"
+
+
+def _port(uri: str, used: str) -> Port:
+    if uri == used:
+        return Port(uri=uri, text=PORTS[uri], problem="This port performs now; the status shows what arrives.")
+    try:
+        with closing(open_source(uri)) as source:
+            report = observe(source, LISTEN_SECONDS, LISTEN_SECONDS)
+    except PuppetlineError as error:
+        return Port(uri=uri, text=PORTS[uri], problem=f"{error.found[:1].upper()}{error.found[1:]}. {error.fix}")
+    rates = [each.rate for each in report.performers.values() if each.rate is not None]
+    return Port(
+        uri=uri,
+        text=PORTS[uri],
+        arriving=len(report.performers),
+        rate=max(rates, default=0.0),
+        refused=dict(report.refused),
+    )

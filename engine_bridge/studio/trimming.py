@@ -1,0 +1,67 @@
+"""A part of a recording as a recording of its own, so that it can be played."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from heapq import merge
+from pathlib import Path
+
+from capture.events import Cue, Event, Lost
+from capture.formats import puppetline_log, read_log, recognize
+from capture.recording import Recorder
+from capture.skeleton import SkeletonFrame
+from puppetline.errors import SkeletonLogError
+from puppetline.files import written_whole
+
+
+def trimmed(log: Path, path: Path, start: float, stop: float) -> None:
+    """Write the events of a recording from second `start` to second `stop` after its first skeleton.
+
+    A take keeps the cue with which it begins, which has the performers' calibrations. Its other commands are omitted,
+    because they refer to what was before.
+
+    Raises
+    ------
+    SkeletonLogError
+        The recording cannot be read, or has no skeleton in that part.
+    OutputError
+    """
+    count = 0
+    with written_whole(path) as beside, Recorder(beside) as recorder:
+        for event in _part(log, start, stop):
+            count += isinstance(event, SkeletonFrame)
+            recorder.write(event)
+        if not count:
+            raise SkeletonLogError(
+                log,
+                found=f"no skeleton from second {start:g}" + ("" if math.isinf(stop) else f" to second {stop:g}"),
+                expected="skeletons in the part that is played",
+                fix="Choose an earlier start or a later stop.",
+            )
+
+
+def _part(log: Path, start: float, stop: float) -> Iterator[Event]:
+    origin: float | None = None
+    opening: Cue | None = None
+    for event in _events(log):
+        if isinstance(event, SkeletonFrame) and origin is None:
+            origin = event.time
+        if isinstance(event, Cue) and event.do == "stage" and origin is None:
+            opening = event
+        if origin is None or not isinstance(event, SkeletonFrame | Lost):
+            continue
+        if event.time > origin + stop:
+            return
+        if event.time < origin + start:
+            continue
+        if opening is not None:
+            yield replace(opening, time=event.time)
+            opening = None
+        yield event
+
+
+def _events(log: Path) -> Iterator[Event]:
+    if recognize(log) is puppetline_log:
+        yield from puppetline_log.events(log)
+    else:
+        yield from merge(*(clip.frames() for clip in read_log(log)), key=lambda event: event.time)

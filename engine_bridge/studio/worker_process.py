@@ -1,0 +1,54 @@
+"""The process of a `Worker`: reads tasks from standard input until that is closed, and writes their outcomes."""
+
+import json
+import os
+import pickle
+import sys
+import traceback
+from collections.abc import Callable
+from typing import Any, BinaryIO
+
+from engine_bridge.studio import tasks
+from engine_bridge.studio.worker import LENGTH, broken
+from puppetline.errors import PuppetlineError
+
+
+def main() -> None:
+    """Run tasks until the studio ends."""
+    if hasattr(os, "nice"):
+        os.nice(5)  # the stream goes first
+    outcomes = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what libraries print must not get between the outcomes
+    requests = sys.stdin.buffer
+    while length := requests.read(LENGTH.size):
+        task, arguments = pickle.loads(requests.read(*LENGTH.unpack(length)))  # noqa: S301 - the studio wrote it
+        _send(outcomes, *_outcome(getattr(tasks, task), outcomes, arguments))
+
+
+def _outcome(task: Callable[..., Any], outcomes: BinaryIO, arguments: tuple[Any, ...]) -> tuple[str, Any]:
+    def progress(step: str, share: float) -> None:
+        _send(outcomes, "progress", (step, share))
+
+    try:
+        return "result", task(progress, *arguments)
+    except PuppetlineError as error:
+        return "error", _told(error)
+    except MemoryError:
+        return "error", _told(broken("too little memory", "a smaller file"))
+    except Exception as error:
+        traceback.print_exc()
+        return "error", _told(broken(f"an internal error ({type(error).__name__}: {error})"[:300], "none"))
+
+
+def _told(error: PuppetlineError) -> dict[str, str]:
+    return {"where": error.where, "found": error.found, "expected": error.expected, "fix": error.fix}
+
+
+def _send(outcomes: BinaryIO, kind: str, value: Any) -> None:
+    body = json.dumps([kind, value]).encode()
+    outcomes.write(LENGTH.pack(len(body)) + body)
+    outcomes.flush()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,313 @@
+"""The studio's folder: uploads, characters, takes and exports. Nothing else is written but saved puppet files.
+
+A name from the page never becomes a path: files are in folders that this program names, and their own names are made of
+letters, digits, `_` and `-`, so that people recognise them.
+
+    uploads/ID/NAME.glb        what the page has sent
+    characters/NAME/           a character that is on the stage: its mesh and its puppet as it is edited
+    takes/NAME.log             what the service records
+    exports/ID/NAME.glb        what can be downloaded
+    examples/                  example characters, which take seconds to make
+    service.toml, token        of the service that the studio starts
+    session.json               which characters were open
+"""
+
+import json
+import re
+import secrets
+import shutil
+from collections.abc import AsyncIterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from puppetline.errors import OutputError, PuppetlineError, ServiceError
+from puppetline.files import written_whole
+
+MAX_UPLOAD_BYTES = 256_000_000
+"""Maximum size of an upload in bytes."""
+
+MAX_UPLOADS = 64
+"""Maximum number of uploads that are kept."""
+
+MAX_TOTAL_BYTES = 2_000_000_000
+"""Maximum size of all uploads in bytes."""
+
+MAX_EXPORTS = 32
+"""Maximum number of files to download that are kept; the oldest are deleted."""
+
+MAX_STEM = 32
+"""Maximum length of a file's name without its ending."""
+
+SUFFIX = re.compile(r"\.[a-z0-9]{1,10}")
+
+Kind = Literal["character", "log", "puppet"]
+
+
+@dataclass(frozen=True)
+class Upload:
+    """A checked file of the page.
+
+    Attributes
+    ----------
+    id, name : str
+        Name as the page gave it, for people; the file has another one.
+    path : Path
+    kind : {"character", "log", "puppet"}
+    facts : dict
+        What `puppetline inspect` says of it.
+    """
+
+    id: str
+    name: str
+    path: Path
+    kind: Kind
+    facts: dict[str, Any] = field(repr=False)
+
+    @property
+    def bytes(self) -> int:
+        """Size of the file."""
+        return self.path.stat().st_size
+
+
+@dataclass(frozen=True)
+class Download:
+    """A file that the page may download, under a name for people."""
+
+    id: str
+    name: str
+    path: Path
+    kind: Literal["export", "puppet", "take", "model"]
+
+    @property
+    def bytes(self) -> int:
+        """Size of the file; 0 if it was deleted."""
+        return self.path.stat().st_size if self.path.is_file() else 0
+
+
+class Workspace:
+    """The studio's folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Created if it does not exist. Uploads of an earlier run are deleted.
+
+    Raises
+    ------
+    OutputError
+        It cannot be created.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder.absolute()
+        self.uploads: dict[str, Upload] = {}
+        self.downloads: dict[str, Download] = {}
+        self._pending = 0
+        inside = r"(?:(?:uploads|exports|characters)/[^/\s]+/|(?:takes|examples)/)?"
+        self._own_folders = re.compile(re.escape(f"{self.folder}/") + inside)
+        try:
+            shutil.rmtree(self.folder / "uploads", ignore_errors=True)
+            shutil.rmtree(self.folder / "exports", ignore_errors=True)
+            for name in ("uploads", "characters", "takes", "exports", "examples"):
+                (self.folder / name).mkdir(mode=0o700, parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(
+                self.folder,
+                found=f"a folder that cannot be created ({error.strerror})",
+                expected="a folder for uploads, takes and exports",
+                fix="Choose another folder with --folder.",
+            ) from error
+
+    def upload(self, key: str, kind: Kind | None = None) -> Upload:
+        """Return an upload.
+
+        Raises
+        ------
+        ServiceError
+            There is no such upload, or it is of another kind.
+        """
+        found = self.uploads.get(key)
+        if found is None:
+            raise ServiceError(
+                "the request, upload",
+                found=f"no upload {key!r}",
+                expected="the id of an upload",
+                fix="Upload it again.",
+            )
+        if kind is not None and found.kind != kind:
+            names = {"character": "a mesh", "log": "a recording", "puppet": "a puppet file"}
+            raise ServiceError(
+                found.name, found=names[found.kind], expected=names[kind], fix=f"Choose {names[kind]} instead."
+            )
+        return found
+
+    async def receive(self, name: str, size: int | None, chunks: AsyncIterator[bytes]) -> Path:
+        """Write what the page sends into a new folder, and return the file; the caller checks it.
+
+        Parameters
+        ----------
+        name : str
+            Any text.
+        size : int or None
+            Announced number of bytes.
+        chunks : async iterator of bytes
+
+        Raises
+        ------
+        UploadError
+            It is too large, or there are too many uploads; nothing is left of it.
+        OutputError
+        """
+        if len(self.uploads) + self._pending >= MAX_UPLOADS:
+            raise UploadError(
+                name,
+                found=f"{MAX_UPLOADS} uploads",
+                expected="fewer uploads",
+                fix="Delete uploads that you no longer need.",
+            )
+        room = min(MAX_UPLOAD_BYTES, MAX_TOTAL_BYTES - sum(each.path.stat().st_size for each in self.uploads.values()))
+        if size is not None and size > room:
+            raise _too_large(name, room)
+        path = self.folder / "uploads" / new_id() / file_name(name)
+        self._pending += 1
+        try:
+            path.parent.mkdir(mode=0o700)
+            written = 0
+            with path.open("wb") as file:
+                async for chunk in chunks:
+                    written += len(chunk)
+                    if written > room:
+                        raise _too_large(name, room)
+                    file.write(chunk)
+        except OSError as error:
+            shutil.rmtree(path.parent, ignore_errors=True)
+            raise OutputError(
+                path.parent,
+                found=f"a file that cannot be written ({error.strerror})",
+                expected="free space in the studio's folder",
+                fix="Free space, or choose another folder with --folder.",
+            ) from error
+        except BaseException:
+            shutil.rmtree(path.parent, ignore_errors=True)
+            raise
+        finally:
+            self._pending -= 1
+        return path
+
+    def keep(self, name: str, path: Path, kind: Kind, facts: dict[str, Any]) -> Upload:
+        """Add a received file that was checked."""
+        upload = Upload(path.parent.name, shown(name), path, kind, facts)
+        self.uploads[upload.id] = upload
+        return upload
+
+    def discard(self, path: Path) -> None:
+        """Delete a received file that is not kept."""
+        shutil.rmtree(path.parent, ignore_errors=True)
+
+    def delete_upload(self, key: str) -> None:
+        """Delete an upload.
+
+        Raises
+        ------
+        ServiceError
+            There is no such upload.
+        """
+        self.discard(self.upload(key).path)
+        del self.uploads[key]
+
+    def new_export(self, stem: str, suffix: str) -> Path:
+        """Return a file for a result in a new folder; the oldest results beyond `MAX_EXPORTS` are deleted."""
+        exports = [each for each in self.downloads.values() if each.kind != "model" and self._is_export(each.path)]
+        for old in exports[: max(0, len(exports) + 1 - MAX_EXPORTS)]:
+            del self.downloads[old.id]
+            self.discard(old.path)
+        path = self.folder / "exports" / new_id() / f"{_plain(stem)}{suffix}"
+        path.parent.mkdir(mode=0o700)
+        return path
+
+    def offer(self, path: Path, name: str, kind: Literal["export", "puppet", "take", "model"]) -> Download:
+        """Let the page download a file."""
+        download = Download(new_id(), shown(name), path, kind)
+        self.downloads[download.id] = download
+        return download
+
+    def offer_puppet(self, path: Path) -> Download:
+        """Let the page download a saved puppet file; saving it again does not offer it twice."""
+        known = [each for each in self.downloads.values() if each.path == path]
+        return known[0] if known else self.offer(path, path.name, "puppet")
+
+    def withdraw(self, key: str) -> None:
+        """Let the page no longer download a file, which stays."""
+        self.downloads.pop(key, None)
+
+    def told(self, error: PuppetlineError) -> dict[str, str]:
+        """Return the parts of an error for a page, without the folders of this machine."""
+        parts = {"where": error.where, "found": error.found, "expected": error.expected, "fix": error.fix}
+        return {key: self._own_folders.sub("", text) for key, text in parts.items()}
+
+    def character_folder(self, stem: str) -> Path:
+        """Create a new folder for a character, named after its file, and return it."""
+        name = _plain(stem)
+        number = 1
+        while True:
+            ending = "" if number == 1 else f"-{number}"
+            folder = self.folder / "characters" / f"{name[: MAX_STEM - len(ending)]}{ending}"
+            try:
+                folder.mkdir(mode=0o700)
+            except FileExistsError:
+                number += 1
+                continue
+            return folder
+
+    def write_session(self, values: dict[str, Any]) -> None:
+        """Store which characters are open and what performs, for the next start."""
+        with written_whole(self.folder / "session.json") as beside:
+            beside.write_text(json.dumps(values, indent=2), encoding="utf-8")
+
+    def read_session(self) -> dict[str, Any]:
+        """Return what the last run has stored; empty if that cannot be read."""
+        try:
+            values = json.loads((self.folder / "session.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return {}
+        return values if isinstance(values, dict) else {}
+
+    def _is_export(self, path: Path) -> bool:
+        return path.parent.parent == self.folder / "exports"
+
+
+class UploadError(PuppetlineError):
+    """An upload is too large, or there are too many."""
+
+
+def file_name(name: str) -> str:
+    """Return a safe file name that resembles a name from the page: ``my dragon.GLB`` becomes ``my_dragon.glb``."""
+    last = re.split(r"[/\\]", name)[-1]
+    stem, dot, ending = last.rpartition(".")
+    suffix = f".{ending.lower()}" if dot else ""
+    return _plain(stem or last) + (suffix if SUFFIX.fullmatch(suffix) else "")
+
+
+def shown(name: str) -> str:
+    """Return a name from the page without folders and control characters, shortened, for people to read."""
+    last = re.split(r"[/\\]", name)[-1]
+    return "".join(each for each in last if each.isprintable())[:80] or "file"
+
+
+def new_id() -> str:
+    """Return an id that cannot be guessed."""
+    return secrets.token_urlsafe(12)
+
+
+def _plain(stem: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", stem).strip("_-")[:MAX_STEM] or "file"
+
+
+def _too_large(name: str, room: int) -> UploadError:
+    return UploadError(
+        shown(name),
+        found="a larger file",
+        expected=f"at most {room / 1e6:,.0f} MB",
+        fix="Reduce the file, or delete uploads that you no longer need.",
+    )

@@ -1,0 +1,52 @@
+"""A folder of short recordings, and two puppets of the small figure."""
+
+import json
+
+import numpy as np
+import pytest
+
+pytest.importorskip("distributed")
+
+
+@pytest.fixture(scope="session")
+def logs(record, dance, tmp_path_factory):
+    """A folder with six recordings of half a second to a second, two of them in folders, and a file that is none."""
+    folder = tmp_path_factory.mktemp("logs")
+    for index, name in enumerate(["a", "b", "c", "d", "day 1/a", "day 1/é"]):
+        path = folder / f"{name}.log"
+        path.parent.mkdir(exist_ok=True)
+        record(path, dance(15 + 3 * index) * (1 if index % 2 else np.array([1.02, 1, 1])))
+    (folder / "notes.txt").write_text("Dear diary\n")
+    return folder
+
+
+NAMES = ["a", "b", "c", "d", "day 1/a", "day 1/é"]
+"""Names of these recordings."""
+
+
+@pytest.fixture(scope="session")
+def puppets(blob_file, write_puppet, tmp_path_factory):
+    """Two puppet files of the figure, with a root and without."""
+    folder = tmp_path_factory.mktemp("puppets")
+    return [
+        write_puppet(folder / "walks.toml", blob_file, root=True),
+        write_puppet(folder / "stands.toml", blob_file, root=False),
+    ]
+
+
+@pytest.fixture
+def batch(commands, tmp_path):
+    """Run `puppetline batch … --json` into a folder; return its result, or the error that it printed."""
+
+    def start(*arguments, puppets, code=0, output="out"):
+        chosen = [each for puppet in puppets for each in ("--puppet", puppet)]
+        done = commands.run("batch", *arguments, *chosen, "-o", output, "--json", cwd=tmp_path)
+        assert done.returncode == code, done.stderr
+        return json.loads(done.stdout) if done.stdout else done.stderr
+
+    return start
+
+
+def results(folder):
+    """Bytes of all results in a folder by name."""
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*.glb"))}

@@ -1,0 +1,30 @@
+"""A batch on worker processes, as a user runs it."""
+
+import pyarrow.parquet as pq
+import pytest
+
+from engine_bridge.export.convert import convert
+from engine_bridge.performance.settings import Settings
+
+from .conftest import NAMES, results
+
+
+@pytest.fixture(scope="module")
+def converted(logs, puppets, tmp_path_factory):
+    """What `convert` writes for each recording with each puppet."""
+    folder = tmp_path_factory.mktemp("converted")
+    for puppet in puppets:
+        for name in NAMES:
+            output = folder / puppet.stem / f"{name}.glb"
+            output.parent.mkdir(parents=True, exist_ok=True)
+            convert(logs / f"{name}.log", puppet, output, Settings())
+    return results(folder)
+
+
+@pytest.mark.parametrize("workers", [0, 2])
+def test_results_are_those_of_convert_with_any_number_of_workers(logs, puppets, converted, batch, tmp_path, workers):
+    result = batch(logs, "--workers", workers, puppets=puppets)
+    assert (result["made"], result["unchanged"], result["failures"]) == (12, 0, [])
+    assert results(tmp_path / "out") == converted
+    rows = pq.read_table(tmp_path / "out" / "manifest.parquet").to_pylist()
+    assert {row["output"]: row["bytes"] for row in rows} == {name: len(content) for name, content in converted.items()}

@@ -1,0 +1,334 @@
+"""Batches whose processes are killed, or that cannot write; every result under its name is complete afterwards."""
+
+import contextlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import psutil
+import pyarrow.parquet as pq
+import pytest
+
+from engine_bridge.batch.identity import FileState
+from engine_bridge.batch.store import OWN_FOLDER, PARTIAL_FOLDER, Store
+
+from .conftest import results
+
+KILLS = 10
+"""Number of times that a process is killed."""
+
+REMOVED = 10
+"""Number of results that are removed before each batch, so that there is work."""
+
+TIMEOUT_SECONDS = 300.0
+"""Time after which a test fails, in seconds."""
+
+
+@pytest.fixture(scope="module")
+def many(record, dance, tmp_path_factory):
+    """A folder of 24 recordings of half a second to two seconds."""
+    folder = tmp_path_factory.mktemp("many")
+    for index in range(24):
+        record(folder / f"{index:02}.log", dance(15 + 2 * index))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def start(commands, many, puppets):
+    """Start `puppetline batch` for these recordings and both puppets."""
+
+    def begin(folder, *arguments):
+        chosen = [each for puppet in puppets for each in ("--puppet", puppet)]
+        return commands.start(
+            "batch", many, *chosen, "-o", folder, "--json", *arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
+
+    return begin
+
+
+@pytest.fixture(scope="module")
+def finished(start):
+    """Run a batch to its end and return its result."""
+
+    def run(folder, *arguments, code=0):
+        with start(folder, *arguments) as process:
+            output, errors = process.stdout.read(), process.stderr.read()
+            assert process.wait(TIMEOUT_SECONDS) == code, errors
+        assert errors == ""
+        return json.loads(output)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def expected(finished, tmp_path_factory):
+    """All results of a batch that nothing has disturbed, by name, and the seconds that it took."""
+    folder = tmp_path_factory.mktemp("expected")
+    begin = time.monotonic()
+    assert finished(folder, "--workers", 0, "--no-report")["made"] == 48
+    return results(folder), time.monotonic() - begin
+
+
+@pytest.fixture
+def random():
+    return np.random.default_rng(5)
+
+
+def assert_whole(folder, expected):
+    """Assert that every file under its name is as expected, byte by byte; return how many there are."""
+    found = results(folder)
+    assert found.keys() <= expected.keys()
+    assert {name for name, content in found.items() if content != expected[name]} == set()
+    return len(found)
+
+
+def recorded(folder):
+    """Names of the results that are there with a record."""
+    store = Store(folder, "")
+    return {name for _, record in store.records() if store.is_whole(record) for name in record.files}
+
+
+def assert_finished(folder, expected, finished):
+    """Assert that another batch makes only what is missing, and that the manifest agrees with the folder."""
+    assert_whole(folder, expected)
+    there = recorded(folder)
+    states = {name: FileState.of(folder / name) for name in there}
+    result = finished(folder, "--workers", 0, "--no-report", "--retry-failed")
+    assert result["failures"] == []
+    assert (result["made"], result["unchanged"]) == (48 - len(there), len(there))
+    assert results(folder) == expected
+    assert {name: FileState.of(folder / name) for name in there} == states
+    rows = pq.read_table(folder / "manifest.parquet").to_pylist()
+    assert {row["output"]: row["bytes"] for row in rows} == {name: len(content) for name, content in expected.items()}
+
+
+def remove_some(folder, random):
+    """Remove results, of which some records are left without a result."""
+    for name in random.permutation(sorted(results(folder)))[:REMOVED]:
+        (folder / name).unlink()
+
+
+def worker_processes(process):
+    """Worker processes of a batch."""
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return [
+            child
+            for child in psutil.Process(process.pid).children(recursive=True)
+            if any("spawn_main" in part for part in child.cmdline())
+        ]
+    return []
+
+
+@pytest.mark.slow
+def test_a_client_that_is_killed_leaves_whole_results_and_no_process(start, finished, expected, random, tmp_path):
+    wanted, seconds = expected
+    for _ in range(KILLS):
+        remove_some(tmp_path, random)
+        with start(tmp_path, "--workers", 2, "--no-report") as process:
+            time.sleep(random.uniform(0, seconds + 5))
+            workers = worker_processes(process)
+            process.kill()
+            process.wait()
+        psutil.wait_procs(workers, timeout=TIMEOUT_SECONDS)
+        assert [worker for worker in workers if worker.is_running()] == []
+        assert_whole(tmp_path, wanted)
+    assert_finished(tmp_path, wanted, finished)
+
+
+@pytest.mark.slow
+def test_a_process_without_workers_that_is_killed_leaves_whole_results(start, finished, expected, random, tmp_path):
+    wanted, seconds = expected
+    for _ in range(KILLS):
+        remove_some(tmp_path, random)
+        with start(tmp_path, "--workers", 0, "--no-report") as process:
+            time.sleep(random.uniform(0, seconds))
+            process.kill()
+        assert_whole(tmp_path, wanted)
+    assert_finished(tmp_path, wanted, finished)
+
+
+@pytest.mark.slow
+def test_workers_that_are_killed_do_not_end_the_batch(start, finished, expected, random, tmp_path):
+    wanted, _ = expected
+    kills = 0
+    while kills < KILLS:
+        remove_some(tmp_path, random)
+        with start(tmp_path, "--workers", 2, "--no-report") as process:
+            while process.poll() is None:
+                time.sleep(random.uniform(0, 2))
+                workers = worker_processes(process)
+                if workers and kills < KILLS:
+                    with contextlib.suppress(psutil.NoSuchProcess):
+                        random.choice(workers).kill()
+                        kills += 1
+            assert process.returncode == 0, process.stderr.read()
+            assert json.loads(process.stdout.read())["failures"] == []
+        assert_whole(tmp_path, wanted)
+        assert list((tmp_path / OWN_FOLDER / PARTIAL_FOLDER).iterdir()) == []
+    assert_finished(tmp_path, wanted, finished)
+
+
+@pytest.fixture
+def cluster(tmp_path_factory):
+    """Start a scheduler with a worker, as on a cluster; returns their processes and the address."""
+    folder = tmp_path_factory.mktemp("cluster")
+    processes = []
+
+    def begin(*arguments):
+        file = folder / f"{len(processes)}.json"
+        dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--no-dashboard", "--host", "127.0.0.1"]
+        worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--nthreads", "1", "--no-dashboard"]
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        processes.append(subprocess.Popen([*dask, "--port", "0", "--scheduler-file", file], **quiet))
+        processes.append(subprocess.Popen([*worker, "--scheduler-file", file, *arguments], **quiet))
+        deadline = time.monotonic() + TIMEOUT_SECONDS
+        while not file.exists() or not file.read_text().endswith("}"):
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        return *processes[-2:], json.loads(file.read_text())["address"]
+
+    yield begin
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+@pytest.mark.slow
+def test_an_existing_cluster_makes_the_same_results(start, finished, expected, cluster, tmp_path):
+    _, _, address = cluster()
+    assert finished(tmp_path, "--scheduler", address, "--no-report")["made"] == 48
+    assert results(tmp_path) == expected[0]
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_is_killed_ends_the_batch_with_a_message(start, finished, expected, cluster, random, tmp_path):
+    wanted, seconds = expected
+    kills = 0
+    while kills < KILLS:
+        remove_some(tmp_path, random)
+        scheduler, worker, address = cluster()
+        with start(tmp_path, "--scheduler", address, "--no-report") as process:
+            time.sleep(random.uniform(0, seconds + 2))
+            kills += process.poll() is None
+            scheduler.kill()
+            if process.wait(TIMEOUT_SECONDS):
+                errors = process.stderr.read()
+                assert errors.startswith(("puppetline: the scheduler: ", f"puppetline: --scheduler {address}: ")), (
+                    errors
+                )
+                assert errors.count("\n") == 1
+        worker.terminate()
+        worker.wait(TIMEOUT_SECONDS)
+        assert_whole(tmp_path, wanted)
+    assert_finished(tmp_path, wanted, finished)
+
+
+POISON = """
+import os, signal
+from engine_bridge.batch import conversion
+
+read_log = conversion.read_log
+
+def read_or_die(path, options):
+    if path.stem == "07":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return read_log(path, options)
+
+conversion.read_log = read_or_die
+"""
+"""A worker that a recording kills."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("where", ["--workers", "--scheduler"])
+def test_a_recording_that_always_kills_its_worker_fails_and_the_others_do_not(
+    finished, expected, cluster, tmp_path, monkeypatch, where
+):
+    (tmp_path / "poison.py").write_text(POISON)
+    monkeypatch.setenv("DASK_DISTRIBUTED__WORKER__PRELOAD", json.dumps([str(tmp_path / "poison.py")]))
+    value = 2 if where == "--workers" else cluster()[2]
+    result = finished(tmp_path / "out", where, value, "--no-report", code=1)
+    assert result["made"] == 46
+    assert [failure["log"].endswith("07.log") for failure in result["failures"]] == [True, True]
+    assert "found a recording whose conversion has ended its process 3 times;" in result["failures"][0]["message"]
+    wanted, _ = expected
+    assert results(tmp_path / "out") == {name: each for name, each in wanted.items() if not name.endswith("07.glb")}
+    monkeypatch.delenv("DASK_DISTRIBUTED__WORKER__PRELOAD")
+    assert_finished(tmp_path / "out", wanted, finished)
+
+
+@pytest.mark.slow
+def test_two_batches_into_one_folder_at_once(start, finished, expected, tmp_path):
+    wanted, _ = expected
+    with start(tmp_path, "--workers", 0, "--no-report") as one, start(tmp_path, "--workers", 1, "--no-report") as two:
+        assert [one.wait(TIMEOUT_SECONDS), two.wait(TIMEOUT_SECONDS)] == [0, 0]
+        assert [json.loads(each.stdout.read())["failures"] for each in (one, two)] == [[], []]
+    assert results(tmp_path) == wanted
+    rows = pq.read_table(tmp_path / "manifest.parquet").to_pylist()
+    assert {row["output"] for row in rows} == wanted.keys()
+    assert_finished(tmp_path, wanted, finished)
+
+
+@contextlib.contextmanager
+def mounted(folder, options):
+    """Mount a file system in memory, or skip the test."""
+    if os.name != "posix" or os.geteuid() != 0 or shutil.which("mount") is None:
+        pytest.skip("only the superuser can mount a file system")
+    done = subprocess.run(["mount", "-t", "tmpfs", "-o", options, "tmpfs", folder], capture_output=True, text=True)
+    if done.returncode:
+        pytest.skip(f"no file system can be mounted: {done.stderr}")
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", folder], check=True)
+
+
+@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_full_disk_ends_the_batch_with_one_message_and_whole_results(start, finished, expected, tmp_path, workers):
+    wanted, _ = expected
+    size = sum(map(len, wanted.values()))
+    with mounted(tmp_path, f"size={size // 3}"):
+        with start(tmp_path, "--workers", workers, "--no-report") as process:
+            assert process.wait(TIMEOUT_SECONDS) == 1
+            assert process.stdout.read() == ""
+            errors = process.stderr.read()
+        assert errors.startswith(f"puppetline: {tmp_path}")
+        assert "found a file that cannot be written (No space left on device)" in errors
+        assert errors.count("\n") == 1
+        assert 0 < assert_whole(tmp_path, wanted) < 48
+        assert list((tmp_path / OWN_FOLDER / PARTIAL_FOLDER).iterdir()) == []
+        subprocess.run(["mount", "-o", f"remount,size={2 * size}", tmp_path], check=True)
+        assert_finished(tmp_path, wanted, finished)
+
+
+def test_a_folder_without_rights_is_one_message_before_the_work(start, tmp_path):
+    with mounted(tmp_path, "ro"), start(tmp_path) as process:
+        assert process.wait(TIMEOUT_SECONDS) == 1
+        assert process.stderr.read() == (
+            f"puppetline: {tmp_path}: found a file that cannot be written (Read-only file system); expected a folder "
+            "with write permission and free space. Choose another folder with -o, or change the folder's permissions.\n"
+        )
+
+
+@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
+def test_ctrl_c_ends_the_batch_quietly_and_it_continues(start, finished, expected, tmp_path, workers):
+    wanted, _ = expected
+    with start(tmp_path, "--workers", workers, "--no-report") as process:
+        deadline = time.monotonic() + TIMEOUT_SECONDS
+        while len(results(tmp_path)) < 3:
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        started = worker_processes(process)
+        for each in [process, *started]:  # as a terminal does
+            os.kill(each.pid, signal.SIGINT)
+        assert process.wait(TIMEOUT_SECONDS) == 1
+        assert (process.stdout.read(), process.stderr.read()) == ("", "puppetline: stopped\n")
+        assert [worker for worker in started if worker.is_running()] == []
+    assert 3 <= assert_whole(tmp_path, wanted) < 48
+    assert list((tmp_path / OWN_FOLDER / PARTIAL_FOLDER).iterdir()) == []
+    assert_finished(tmp_path, wanted, finished)

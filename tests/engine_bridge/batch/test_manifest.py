@@ -1,0 +1,79 @@
+import csv
+
+import pyarrow.parquet as pq
+import pytest
+
+from engine_bridge.batch import manifest
+from engine_bridge.batch.identity import FileState
+from engine_bridge.batch.row import Row
+from engine_bridge.batch.store import Job, Record, Store
+from puppetline.errors import PuppetlineError
+
+DONE = Row("done", "p/a.glb", "/a.log", "/p.toml", "own", 4, "morph", frames=9, seconds=0.3, notes=("One.", "Two."))
+FAILED = Row("failed", "", "/b,\n.log", "/p.toml", None, None, "morph", reason="nothing", message='It said "no".')
+
+
+def test_parquet_has_a_typed_column_per_field(tmp_path):
+    path = tmp_path / "m.parquet"
+    manifest.write_manifest(path, [DONE, FAILED])
+    table = pq.read_table(path)
+    assert table.column_names == list(manifest.COLUMNS)
+    assert [Row(**row | {"notes": tuple(row["notes"])}) for row in table.to_pylist()] == [DONE, FAILED]
+    types = {name: str(table.schema.field(name).type) for name in ("state", "user", "seconds", "notes", "error")}
+    assert types["state"] == "string"
+    assert (types["user"], types["seconds"], types["error"]) == ("int64", "double", "double")
+    assert types["notes"].startswith("list<")
+
+
+def test_partial_manifests_can_be_joined_even_if_a_column_is_empty(tmp_path):
+    manifest.write_manifest(tmp_path / "1.parquet", [DONE])
+    manifest.write_manifest(tmp_path / "2.parquet", [FAILED])
+    manifest.write_manifest(tmp_path / "3.parquet", [])
+    assert pq.read_table(tmp_path).column("output").to_pylist() == ["p/a.glb", ""]
+
+
+def test_csv_has_a_line_per_result_with_nothing_for_what_is_unknown(tmp_path):
+    path = tmp_path / "m.csv"
+    manifest.write_manifest(path, [DONE, FAILED])
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [list(row) for row in rows] == [list(manifest.COLUMNS)] * 2
+    assert (rows[0]["notes"], rows[0]["user"], rows[0]["error"]) == ("One. Two.", "4", "")
+    assert (rows[1]["log"], rows[1]["message"]) == ("/b,\n.log", 'It said "no".')
+
+
+@pytest.mark.parametrize("name", ["m.xlsx", "m", "gone/m.csv"])
+def test_a_manifest_that_cannot_be_written_is_refused_before_the_work(tmp_path, name):
+    with pytest.raises(PuppetlineError):
+        manifest.check_manifest(tmp_path / name)
+
+
+def test_without_pyarrow_parquet_names_the_extra_and_csv_works(tmp_path, monkeypatch):
+    monkeypatch.setattr("engine_bridge.batch.cluster.find_spec", lambda _: None)
+    manifest.check_manifest(tmp_path / "m.csv")
+    with pytest.raises(PuppetlineError) as error:
+        manifest.check_manifest(tmp_path / "m.parquet")
+    assert "pip install 'puppetline[batch]'" in error.value.fix
+
+
+def test_records_that_another_batch_writes_meanwhile_are_included(tmp_path, monkeypatch):
+    store, write = Store(tmp_path, "run"), manifest.write_manifest
+
+    def add(name):
+        log = tmp_path / "log"
+        log.touch()
+        row = Row("done", f"{name}.glb", "", "", None, None, "morph")
+        store.save(Job(name, log, log, ""), Record("", "run", FileState.of(log), (row,), {}))
+
+    def write_slowly(path, rows):
+        monkeypatch.setattr(manifest, "write_manifest", write)
+        add("p/other")
+        write(path, rows)
+
+    with store.opened():
+        add("p/first")
+        monkeypatch.setattr(manifest, "write_manifest", write_slowly)
+        rows = manifest.write_whole_manifest(tmp_path / "m.csv", store)
+    assert [row.output for row in rows] == ["p/first.glb", "p/other.glb"]
+    with (tmp_path / "m.csv").open(newline="", encoding="utf-8") as file:
+        assert [row["output"] for row in csv.DictReader(file)] == ["p/first.glb", "p/other.glb"]

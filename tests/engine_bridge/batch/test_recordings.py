@@ -1,0 +1,88 @@
+import os
+
+import pytest
+
+from engine_bridge.batch.recordings import find_recordings
+from puppetline.errors import SkeletonLogError
+
+from .conftest import NAMES
+
+
+@pytest.fixture
+def find(tmp_path, monkeypatch):
+    """Find recordings as in the folder of the test; returns names with paths, and files that are none."""
+    monkeypatch.chdir(tmp_path)
+
+    def names(*arguments):
+        recordings = find_recordings([str(each) for each in arguments], tmp_path / "out")
+        return {each.name: each.path for each in recordings.found}, recordings.others
+
+    return names
+
+
+def test_a_folder_has_all_recordings_in_it_by_their_relative_names(find, logs):
+    found, others = find(logs)
+    assert found == {name: logs / f"{name}.log" for name in NAMES}
+    assert others == [logs / "notes.txt"]
+
+
+def test_a_pattern_names_its_files_from_the_folder_in_front_of_the_first_wildcard(find, logs):
+    assert list(find(f"{logs}/**/a.log")[0]) == ["a", "day 1/a"]
+    assert list(find(f"{logs}/d*")[0]) == ["d", "day 1/a", "day 1/é"]
+    assert list(find(f"{logs}/n*")[0]) == ["notes"]
+
+
+def test_a_file_has_its_own_name_and_is_used_whatever_it_contains(find, logs):
+    assert find(logs / "notes.txt", logs / "day 1/é.log") == (
+        {"notes": logs / "notes.txt", "é": logs / "day 1/é.log"},
+        [],
+    )
+
+
+def test_a_list_has_an_argument_per_line_and_comments(find, logs, tmp_path):
+    (tmp_path / "list.txt").write_text(f"# mine\n\n{logs}/b.log\n{logs}/day 1\ngone.log\n")
+    found, _ = find("@list.txt")
+    assert found == {
+        "a": logs / "day 1/a.log",
+        "b": logs / "b.log",
+        "gone": tmp_path / "gone.log",
+        "é": logs / "day 1/é.log",
+    }
+
+
+def test_a_recording_that_is_given_twice_is_used_once_under_its_first_name(find, logs):
+    assert list(find(logs, logs / "day 1/a.log", f"{logs}/day*/*")[0]) == NAMES
+
+
+def test_empty_files_are_reported_by_their_conversion_and_hidden_and_excluded_ones_are_not_used(find, tmp_path):
+    for name in ("empty.log", ".hidden", "out/x.log", ".git/x"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    assert list(find(tmp_path)[0]) == ["empty"]
+
+
+def test_files_that_differ_in_their_ending_are_named_with_it(find, logs, tmp_path):
+    for name in ("x.log", "x.txt", "y.log"):
+        os.link(logs / "a.log", tmp_path / name)
+    assert list(find(tmp_path)[0]) == ["x.log", "x.txt", "y"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "found"),
+    [
+        (["gone"], "no such file or folder"),
+        (["*.log"], "no matching file"),
+        (["@gone"], "a file that cannot be read (No such file or directory)"),
+    ],
+    ids=str,
+)
+def test_an_argument_without_a_file_is_an_error(find, arguments, found):
+    with pytest.raises(SkeletonLogError) as error:
+        find(*arguments)
+    assert error.value.found == found
+
+
+def test_two_files_of_the_same_name_from_different_folders_are_an_error(find, logs):
+    with pytest.raises(SkeletonLogError) as error:
+        find(logs / "a.log", logs / "day 1/a.log")
+    assert error.value.found == f"the same name as {logs / 'a.log'}"

@@ -1,0 +1,195 @@
+import errno
+import json
+import os
+import socket
+from dataclasses import asdict
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from engine_bridge.inspection import machine
+from engine_bridge.inspection.finding import Finding
+from engine_bridge.inspection.machine import LIBRARIES, PORTS, examine, text
+
+SENSORS = ("libfreenect", "OpenNI 2", "MediaPipe", "OpenCV", "NiTE 2")
+
+
+def named(findings, name):
+    (finding,) = [each for each in findings if each.name == name]
+    return finding
+
+
+def test_every_requirement_of_the_service_is_checked_without_changing_anything(tmp_path):
+    before = sorted(tmp_path.rglob("*"))
+    findings = examine(tmp_path / "takes")
+    assert sorted(tmp_path.rglob("*")) == before
+    names = [finding.name for finding in findings]
+    assert len(names) == len(set(names))
+    assert {
+        "Python",
+        "processor",
+        "cache",
+        "state",
+        "takes",
+        "clock",
+        "systemd",
+        "multicast DNS",
+        *LIBRARIES,
+        *SENSORS,
+    } <= set(names)
+    assert {f"port {port}/{kind}" for kind, port, _ in PORTS} <= set(names)
+    for library in LIBRARIES:
+        assert named(findings, library).ok is True
+    assert all(finding.fix for finding in findings if finding.ok is False)
+    assert all(finding.fix for finding in findings if "not installed; " in finding.detail)
+
+
+def test_the_libraries_are_those_that_the_distribution_depends_on():
+    import tomllib
+
+    project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())
+    needed = {dependency.partition(">")[0] for dependency in project["project"]["dependencies"]}
+    assert needed - {"typing-extensions"} == set(LIBRARIES)
+
+
+def test_a_library_that_is_missing_is_named_and_the_rest_is_still_looked_at(monkeypatch):
+    monkeypatch.setattr(machine, "LIBRARIES", {"numpy": "numpy", "no-such-thing": "no_such_thing", "click": "click"})
+    good, bad, also_good = machine._libraries()
+    assert (good.ok, bad.ok, also_good.ok) == (True, False, True)
+    assert (bad.detail, bad.fix[:7]) == ("No module named 'no_such_thing'", "Install")
+
+
+@pytest.mark.parametrize(
+    ("has", "detail", "fix"),
+    [
+        (True, "with CURVE", ""),
+        (False, "without CURVE: tokens work, keys do not", "Install pyzmq from its wheel, which contains CURVE."),
+    ],
+)
+def test_curve_is_optional(monkeypatch, has, detail, fix):
+    monkeypatch.setattr("zmq.has", {"curve": has}.get)
+    finding = machine._pyzmq("27.0.0")
+    assert (finding.ok, finding.detail.split(", ", 2)[2], finding.fix) == (True, detail, fix)
+
+
+@pytest.mark.parametrize("kind", ["tcp", "udp"])
+def test_a_port_in_use_is_no_failure_and_its_owner_is_named(monkeypatch, kind):
+    with socket.socket(type=socket.SOCK_STREAM if kind == "tcp" else socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        if kind == "tcp":
+            other.listen()
+        port = other.getsockname()[1]
+        monkeypatch.setattr(machine, "PORTS", ((kind, port, "stream"),))
+        (taken,) = machine._ports()
+    (free,) = machine._ports()
+    assert (taken.name, taken.ok, free.ok) == (f"port {port}/{kind}", None, True)
+    assert f"process {os.getpid()} (stream)" in taken.detail
+    assert free.detail == "free (stream)"
+
+
+def test_a_machine_without_loopback_is_a_failure(monkeypatch):
+    class Socket(socket.socket):
+        def bind(self, _address):
+            raise OSError(errno.EADDRNOTAVAIL, "Cannot assign requested address")
+
+    monkeypatch.setattr(socket, "socket", Socket)
+    assert [finding.ok for finding in machine._ports()] == [False] * len(PORTS)
+
+
+def test_a_folder_that_is_not_there_yet_is_judged_by_the_one_it_would_be_made_in(tmp_path):
+    finding = machine._folder("takes", tmp_path / "a" / "b")
+    assert finding.ok is True
+    assert "will be created" in finding.detail
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_without_permission_has_a_fix(tmp_path):
+    (tmp_path / "closed").mkdir(mode=0o500)
+    finding = machine._folder("takes", tmp_path / "closed", asked=True)
+    assert finding.ok is False
+    assert str(tmp_path / "closed") in finding.fix
+
+
+@pytest.mark.parametrize(("asked", "ok"), [(False, None), (True, False)])
+def test_an_unwritable_folder_is_a_failure_if_the_user_asked_for_it(tmp_path, monkeypatch, asked, ok):
+    def refuse(dir):  # noqa: A002 - tempfile's own name
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(machine.tempfile, "TemporaryFile", refuse)
+    finding = machine._folder("takes", tmp_path, asked=asked)
+    assert (finding.ok, finding.detail) == (ok, f"{tmp_path}: cannot be written to (Permission denied)")
+
+
+def test_the_folder_of_takes_is_asked_for_by_its_name(tmp_path, monkeypatch):
+    def refuse(dir):  # noqa: A002 - tempfile's own name
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(machine.tempfile, "TemporaryFile", refuse)
+    findings = examine()
+    assert [named(findings, name).ok for name in ("cache", "state", "takes")] == [None] * 3
+    assert named(examine(tmp_path), "takes").ok is False
+
+
+def test_low_disk_space_is_reported_and_no_failure(tmp_path, monkeypatch):
+    monkeypatch.setattr(machine, "LOW_DISK_BYTES", 1e18)
+    finding = machine._folder("takes", tmp_path)
+    assert (finding.ok, finding.fix) == (True, "Free space on that disk.")
+
+
+def test_a_coarse_clock_is_reported_and_no_failure(monkeypatch):
+    monkeypatch.setattr(machine.time, "get_clock_info", lambda _name: SimpleNamespace(resolution=0.015625))
+    finding = machine._clock()
+    assert finding.ok is True
+    assert finding.detail.startswith("monotonic to 15625000 ns, too coarse to measure latencies, ")
+
+
+def test_a_machine_without_a_network_is_no_failure(monkeypatch):
+    def no_network(_seconds):
+        raise OSError("Network is unreachable")
+
+    monkeypatch.setattr("engine_bridge.service.discovery.find", no_network)
+    assert machine._network() == Finding(
+        "multicast DNS",
+        None,
+        "not available: Network is unreachable",
+        "Give clients the address of the service; they cannot discover it here.",
+    )
+
+
+def test_given_sources_are_opened_once_and_fail_if_they_cannot_be_opened(monkeypatch):
+    monkeypatch.setattr(machine, "FIRST_DATA_SECONDS", 1.0)
+    with socket.socket(type=socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        silent = f"osc:{probe.getsockname()[1]}"
+    asked = ["demo:walk", silent, "demo:walk", "demo:nobody", "replay:no such file"]
+    findings = [each for each in examine(sources=asked) if each.name in asked]
+    assert findings[:2] == [
+        Finding("demo:walk", True, "works"),
+        Finding(silent, True, "can be opened; no data within 1 s"),
+    ]
+    assert [(each.name, each.ok, each.detail) for each in findings[2:]] == [
+        ("demo:nobody", False, "no example motion 'nobody'"),
+        ("replay:no such file", False, "no such file: a file that cannot be read (No such file or directory)"),
+    ]
+    assert findings[2].fix == "Use one of these names, for example demo:walk?loop."
+
+
+def test_findings_are_lines_to_read_and_json():
+    findings = [
+        Finding("Python", True, "3.11"),
+        Finding("port 7400/tcp", False, "in use", "End it."),
+        Finding("cameras", None, "none"),
+    ]
+    assert text(findings).splitlines() == [
+        "ok  Python         3.11",
+        "!!  port 7400/tcp  in use",
+        "                   → End it.",
+        "--  cameras        none",
+    ]
+    assert json.loads(json.dumps([asdict(finding) for finding in findings]))[1] == {
+        "name": "port 7400/tcp",
+        "ok": False,
+        "detail": "in use",
+        "fix": "End it.",
+    }

@@ -1,0 +1,221 @@
+import ctypes
+import ctypes.util
+import os
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from capture.libraries import NotInstalledError
+from capture.sensors import camera, freenect, openni_library
+from capture.sensors.openni_library import Sensor
+from capture.trackers import mediapipe
+from capture.trackers.nite import library_path
+from engine_bridge.inspection import sensors
+from engine_bridge.inspection.finding import Finding
+from puppetline.errors import SourceError
+
+
+@pytest.fixture
+def usb(tmp_path, monkeypatch):
+    """Simulate USB devices in sysfs, with device files that this user may not open."""
+    monkeypatch.setattr(sensors, "_USB", tmp_path / "usb")
+    monkeypatch.setattr(sensors, "_NODES", tmp_path / "nodes")
+    (tmp_path / "usb" / "1-0:1.0").mkdir(parents=True)  # an interface has no ids
+
+    def plug(*ids):
+        for number, each in enumerate(ids):
+            device = tmp_path / "usb" / f"1-{number}"
+            device.mkdir()
+            for file, value in zip(
+                ("idVendor", "idProduct", "busnum", "devnum"), (*each.split(":"), "1", str(number)), strict=True
+            ):
+                (device / file).write_text(value + "\n")
+            node = tmp_path / "nodes" / "001" / f"{number:03}"
+            node.parent.mkdir(parents=True, exist_ok=True)
+            node.touch()
+        return tmp_path / "nodes" / "001"
+
+    return plug
+
+
+def found(findings, name):
+    (finding,) = [each for each in findings if each.name == name]
+    return finding
+
+
+def without(monkeypatch, *paths):
+    """Remove the permission to open files, which root always has."""
+    allowed = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode: path not in paths and allowed(path, mode))
+
+
+def test_depth_sensors_are_recognised_by_usb_ids_and_listed_with_their_sources(usb):
+    nodes = usb("1d6b:0002", "045e:02ae", "045e:097d", "1d27:0601")  # the first is a hub
+    assert list(sensors._depth_sensors([*sensors._plugged()])) == [
+        Finding("Kinect v1 (Xbox 360)", True, f"{nodes}/001, for freenect:"),
+        Finding("Azure Kinect", None, f"{nodes}/002, not supported; its own programs can send OSC"),
+        Finding("Asus Xtion Pro Live", True, f"{nodes}/003, for openni:"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("kind", "package", "rules"),
+    [
+        ("045e:02ae", "libfreenect0.5", "60-libfreenect0.5.rules"),
+        ("045e:02bf", "libopenni2-0", "60-libopenni2-0.rules"),
+        ("1d27:0600", "libopenni2-0", "60-libopenni2-0.rules"),
+    ],
+)
+def test_a_sensor_that_may_not_be_opened_is_a_finding_with_its_udev_rules(usb, monkeypatch, kind, package, rules):
+    nodes = usb(kind)
+    without(monkeypatch, nodes / "000")
+    (finding,) = sensors._depth_sensors([*sensors._plugged()])
+    assert (finding.ok, finding.detail) == (False, f"{nodes}/000: no permission")
+    assert finding.fix == (
+        f"Install the udev rules {rules} from Debian's {package}, run udevadm control --reload, "
+        "and plug the sensor in again."
+    )
+
+
+def test_missing_sensors_and_cameras_are_no_failure(usb, tmp_path, monkeypatch):
+    monkeypatch.setattr(sensors, "_CAMERAS", tmp_path)
+    assert list(sensors._depth_sensors([*sensors._plugged()])) == [
+        Finding("depth sensors", None, "no known model on USB")
+    ]
+    assert list(sensors._cameras()) == [Finding("cameras", None, "no /dev/video*")]
+
+
+def test_a_camera_without_permission_is_no_failure(tmp_path, monkeypatch):
+    monkeypatch.setattr(sensors, "_CAMERAS", tmp_path)
+    monkeypatch.setattr(sensors, "_VIDEO", tmp_path / "names")
+    for number in range(2):
+        (tmp_path / f"video{number}").touch()
+    (tmp_path / "names" / "video0").mkdir(parents=True)
+    (tmp_path / "names" / "video0" / "name").write_text("Integrated Camera\n")
+    without(monkeypatch, tmp_path / "video1")
+    group = (tmp_path / "video1").group()
+    assert list(sensors._cameras()) == [
+        Finding(f"{tmp_path}/video0", True, "Integrated Camera, can be opened"),
+        Finding(
+            f"{tmp_path}/video1",
+            None,
+            "unnamed, no permission",
+            f"Add this user to the group {group}, and log in again.",
+        ),
+    ]
+
+
+def test_a_library_that_is_not_there_is_amiss_only_where_a_sensor_needs_it(usb, monkeypatch):
+    monkeypatch.setattr(freenect, "LIBRARIES", ())
+    monkeypatch.setattr(ctypes.util, "find_library", lambda _name: None)
+    detail = "not installed; required by freenect:"
+    fix = "Install it: apt install libfreenect0.5 on Debian and Ubuntu, brew install libfreenect on macOS."
+    assert found(sensors.examine(), "libfreenect") == Finding("libfreenect", None, detail, fix)
+    usb("045e:02ae")
+    assert found(sensors.examine(), "libfreenect") == Finding("libfreenect", False, detail, fix)
+
+
+def test_an_optional_library_that_does_not_load_is_a_failure(usb, tmp_path, monkeypatch):
+    broken = tmp_path / "libfreenect.so.0.5"
+    broken.write_bytes(b"no library")
+    monkeypatch.setattr(freenect, "LIBRARIES", (str(broken),))
+    monkeypatch.setattr(ctypes.util, "find_library", {"freenect": broken.name}.get)
+    finding = found(sensors.examine(), "libfreenect")
+    assert finding.ok is False
+    assert finding.detail.startswith(f"a libfreenect that does not load ({broken}: ")
+
+
+@pytest.mark.parametrize(("module", "load"), [("mediapipe", mediapipe.load_mediapipe), ("cv2", camera.load_opencv)])
+@pytest.mark.parametrize(
+    ("error", "ok"),
+    [
+        (lambda module: ModuleNotFoundError(f"No module named {module!r}", name=module), None),
+        (lambda _module: ModuleNotFoundError("No module named 'jax'", name="jax"), False),
+        (lambda _module: ImportError("libGL.so.1: cannot open shared object file"), False),
+    ],
+)
+def test_python_libraries_that_are_missing_and_that_do_not_load_are_distinguished(monkeypatch, module, load, error, ok):
+    reason = error(module)
+
+    class Finder:
+        def find_spec(self, wanted, _path=None, _target=None):
+            if wanted == module:
+                raise reason
+
+    for loaded in [each for each in sys.modules if each.partition(".")[0] == module]:
+        monkeypatch.delitem(sys.modules, loaded)
+    monkeypatch.setattr(sys, "meta_path", [Finder(), *sys.meta_path])
+    detail = "not installed; required by camera:" if ok is None else f"a library that cannot be loaded ({reason})"
+    found = sensors._library("a library", lambda _name: load(), "camera:", needed=False)
+    assert found == Finding("a library", ok, detail, mediapipe.INSTALL_FIX)
+
+
+@pytest.mark.parametrize(("named", "ok"), [(False, None), (True, False)])
+def test_openni2_is_optional_unless_the_environment_names_its_folder(tmp_path, monkeypatch, named, ok):
+    monkeypatch.delenv(openni_library.REDIST_VARIABLE, raising=False)
+    if named:
+        monkeypatch.setenv(openni_library.REDIST_VARIABLE, str(tmp_path))
+    monkeypatch.setattr(openni_library, "_path", lambda: str(tmp_path / "libOpenNI2.so.0"))
+    monkeypatch.setattr(ctypes.util, "find_library", lambda _name: None)
+    bindings = SimpleNamespace(
+        loaded_dll_directory=None, OpenNIError=ArithmeticError, c_api=SimpleNamespace(load_dll=ctypes.CDLL)
+    )
+    finding = sensors._library("OpenNI 2", lambda name: openni_library._start(name, bindings), "openni:", needed=False)
+    assert (finding.ok, finding.fix) == (ok, "Install it: apt install libopenni2-0 on Debian and Ubuntu.")
+
+
+@pytest.mark.parametrize(("nite", "ok"), [(None, False), ("libNiTE2.so", None)])
+def test_mediapipe_is_needed_for_an_openni2_sensor_only_where_nite2_is_not(usb, monkeypatch, nite, ok):
+    def mediapipe_is_not_here():
+        raise NotInstalledError("MediaPipe", found="nothing", expected="it", fix="Install it.")
+
+    monkeypatch.setattr(sensors, "load_mediapipe", mediapipe_is_not_here)
+    monkeypatch.setattr(sensors.nite, "library_path", lambda: nite)
+    usb("1d27:0601")
+    assert found(sensors.examine(), "MediaPipe").ok is ok
+
+
+def test_a_machine_without_usb_is_no_failure(monkeypatch):
+    library = SimpleNamespace(freenect_init=lambda _context, _usb: -1)
+    monkeypatch.setattr(freenect, "_load", lambda _where: library)
+    assert found(sensors.examine(), "libfreenect") == Finding(
+        "libfreenect", True, "installed; no USB on this machine (in a container, pass /dev/bus/usb through)"
+    )
+
+
+def test_sensors_that_openni2_finds_have_the_names_that_sources_have(usb, monkeypatch):
+    trouble = SourceError("openni:uri=b", found="a sensor that does not work (busy)", expected="one", fix="End it.")
+    plugged = [Sensor("Xtion", "a", "17", None), Sensor("Xtion", "b", "", trouble), Sensor("Carmine", "c", "", None)]
+    monkeypatch.setattr(openni_library, "load_openni2", lambda _where: None)
+    monkeypatch.setattr(openni_library, "sensor_uris", lambda _bindings: [sensor.uri for sensor in plugged])
+    monkeypatch.setattr(openni_library, "list_sensors", lambda _where: plugged)
+    findings = [*sensors.examine()]
+    start = findings.index(Finding("OpenNI 2", True, "installed; 3 sensors plugged in"))
+    assert findings[start + 1 : start + 4] == [
+        Finding("openni:serial=17", True, "Xtion, also openni:uri=a"),
+        Finding("openni:uri=b", None, "Xtion, a sensor that does not work (busy)", "End it."),
+        Finding("openni:uri=c", True, "Carmine, which has no serial number"),
+    ]
+
+
+def test_nite2_is_looked_for_where_openni_looks_for_it(usb, tmp_path, monkeypatch):
+    monkeypatch.setenv("NITE2_REDIST", str(tmp_path))
+    assert sensors._nite() == Finding("NiTE 2", None, f"not in {tmp_path}, which NITE2_REDIST names")
+    (tmp_path / "libNiTE2.so").touch()
+    assert sensors._nite() == Finding("NiTE 2", True, f"{tmp_path}/libNiTE2.so")
+    assert sensors._nite().detail == library_path()
+    monkeypatch.delenv("NITE2_REDIST")
+    monkeypatch.setattr(ctypes.util, "find_library", {}.get)
+    assert sensors._nite() == Finding("NiTE 2", None, "not installed")
+    assert library_path() is None
+
+
+def test_libraries_that_are_there_are_asked_what_they_see(usb, monkeypatch):
+    usb("045e:02ae")
+    monkeypatch.setattr(freenect, "count_sensors", lambda _where: 2)
+    monkeypatch.setattr(sensors, "load_mediapipe", lambda: None)
+    monkeypatch.setattr(sensors, "version", {"mediapipe": "0.10.21"}.get)
+    findings = [*sensors.examine()]
+    assert found(findings, "libfreenect") == Finding("libfreenect", True, "installed; 2 Kinect v1 plugged in")
+    assert found(findings, "MediaPipe") == Finding("MediaPipe", True, "0.10.21")

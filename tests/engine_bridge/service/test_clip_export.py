@@ -1,0 +1,70 @@
+import json
+
+import numpy as np
+import pytest
+
+from engine_bridge.inspection.files import inspect
+from engine_bridge.performance.clip import load_timeline, solve
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.settings import Settings
+from engine_bridge.service.clip_export import write_clip
+from engine_bridge.service.protocol.clip_file import read_clip
+from engine_bridge.service.protocol.frame import StreamedCharacter
+from puppetline.errors import OutputError, PuppetlineError
+from solver.motion.deformer import to_file_units
+
+
+@pytest.fixture(scope="module")
+def written(take, blob_puppet, tmp_path_factory):
+    output = tmp_path_factory.mktemp("clips") / "dance.clip"
+    return write_clip(take, blob_puppet, output, "dancer", Settings()), output
+
+
+def test_the_frames_are_those_of_convert_bit_for_bit(written, take, blob_puppet):
+    _, output = written
+    rig = load_rig(blob_puppet)
+    timeline, _ = load_timeline(take, Settings())
+    (solved,) = solve(rig, timeline, Settings(), 1000)
+    controls = to_file_units(solved.R, rig.model)
+    controls[..., 3] += solved.root[:, None]
+    _, _, *frames = read_clip(output.read_bytes())
+    np.testing.assert_array_equal([frame.body for frame in frames], controls)
+    np.testing.assert_array_equal(np.float32([frame.header.root for frame in frames]), solved.root)
+    np.testing.assert_allclose([frame.header.time for frame in frames], timeline.times, rtol=0, atol=1e-12)
+
+
+def test_the_scene_is_the_one_that_a_service_sends(written, blob_puppet):
+    summary, output = written
+    _, scene, *_ = read_clip(output.read_bytes())
+    character = StreamedCharacter.of("dancer", load_rig(blob_puppet))
+    assert scene.header.revision == summary.revision == character.revision
+    assert scene.header.length == len(character.scene)
+
+
+def test_inspect_describes_a_clip(written):
+    summary, output = written
+    facts = inspect(output)
+    assert facts["kind"] == "clip"
+    for key in ("character", "revision", "frames", "fps", "seconds", "vertices"):
+        assert facts[key] == getattr(summary, key)
+    assert summary.bytes == output.stat().st_size
+
+
+def test_inspect_reports_a_damaged_clip(written, tmp_path):
+    damaged = tmp_path / "damaged.clip"
+    damaged.write_bytes(written[1].read_bytes()[:-5])
+    with pytest.raises(PuppetlineError, match="a damaged clip"):
+        inspect(damaged)
+
+
+@pytest.mark.parametrize("name", ["", "two words", "service", "x" * 33, "ü"])
+def test_a_name_that_no_topic_can_have_is_refused(name, take, blob_puppet, tmp_path):
+    with pytest.raises(OutputError, match="--name"):
+        write_clip(take, blob_puppet, tmp_path / "a.clip", name, Settings())
+
+
+def test_the_command_names_the_character_after_the_puppet_file(commands, take, blob_puppet, tmp_path):
+    output = tmp_path / "dance.clip"
+    done = commands.run("clip", take, "--puppet", blob_puppet, "-o", output, "--json")
+    assert json.loads(done.stdout)["character"] == blob_puppet.stem
+    assert inspect(output)["character"] == blob_puppet.stem

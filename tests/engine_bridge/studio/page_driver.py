@@ -1,0 +1,140 @@
+"""`puppetline studio` as a process, and its page in a browser."""
+
+import contextlib
+import json
+import os
+import re
+import subprocess
+import sys
+import threading
+import time
+
+TIMEOUT_SECONDS = 240.0
+"""Time after which a test fails, in seconds; the first start of a service compiles."""
+
+COUNT_CLICKS = "window.clicks = 0; addEventListener('pointerdown', () => window.clicks++, true);"
+
+
+class Studio:
+    """The command `puppetline studio`."""
+
+    def __init__(self, folder, *arguments):
+        self.folder = folder
+        command = [sys.executable, "-m", "puppetline", "studio", "--no-browser", "--port", "0", "--folder", folder]
+        self._process = subprocess.Popen(
+            [*map(str, command), *map(str, arguments)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"},
+        )
+        self.pid, self.last_address = self._process.pid, ""
+        self.lines = []
+        self._used = 0
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self):
+        self.lines.extend(self._process.stdout)
+
+    def address(self):
+        """Return an address whose one-time token was not used before."""
+        end = time.monotonic() + TIMEOUT_SECONDS
+        while time.monotonic() < end:
+            found = re.findall(r"http://\S+#token=\S+", "".join(self.lines))
+            if len(found) > self._used:
+                self._used, self.last_address = len(found), found[-1]
+                return found[-1]
+            assert self._process.poll() is None, "".join(self.lines)
+            time.sleep(0.1)
+        raise AssertionError("".join(self.lines))
+
+    def open(self, browser, **options):
+        """Open the page in a window of its own."""
+        context = browser.new_context(**({"viewport": {"width": 1280, "height": 720}} | options))
+        return Window(context, self.address())
+
+    def close(self):
+        """End the command as Ctrl-C does."""
+        self._process.terminate()
+        self._process.wait(60)
+
+
+class Window:
+    """A browser window with the page; `page` is Playwright's."""
+
+    def __init__(self, context, address):
+        self.context, self.page = context, context.new_page()
+        self.problems = []
+        self.page.on("pageerror", lambda error: self.problems.append(str(error)))
+        self.page.on("console", self._console)
+        self.page.add_init_script(COUNT_CLICKS)
+        self.page.goto(address)
+
+    def _console(self, message):
+        if message.type == "error" and "ERR_CONNECTION_REFUSED" not in message.text:
+            self.problems.append(message.text)
+
+    def state(self, path=""):
+        """Return the page's state, or a part of it such as ``server.source.name``."""
+        return json.loads(self.page.evaluate(f"JSON.stringify(studio.state(){path and '.' + path} ?? null)"))
+
+    def until(self, expression):
+        """Wait until a JavaScript expression is true, with `state` for the page's state; return its value."""
+        end = time.monotonic() + TIMEOUT_SECONDS
+        while time.monotonic() < end:
+            value = self.page.evaluate(f"(() => {{ const state = studio.state(); return {expression}; }})()")
+            if value:
+                return value
+            self.page.wait_for_timeout(100)
+        shown = {key: self.state(key) for key in ("connected", "notice", "busy", "server", "selection")}
+        raise AssertionError(f"never: {expression}; {shown}")
+
+    def idle(self):
+        """Wait until all that was requested is done."""
+        self.until("state.busy.length === 0")
+        assert self.state("notice") is None, self.state("notice")
+
+    @property
+    def puppet(self):
+        """The puppet of the shown character."""
+        return self.page.evaluate("(s => s.puppets[s.character]?.present)(studio.state())")
+
+    def limb(self, name):
+        """A limb of the shown puppet."""
+        return next(limb for limb in self.puppet["limb"] if limb["name"] == name)
+
+    def handle(self, name):
+        """A handle of the shown puppet."""
+        return next(handle for handle in self.puppet["handle"] if handle["name"] == name)
+
+    def place(self, limb, point):
+        """Return where a point of a limb is in the window, in pixels."""
+        box = self.page.locator(".overlay").bounding_box()
+        self.page.wait_for_timeout(300)
+        limbs = self.page.evaluate("studio.viewer.places().limbs")
+        x, y, _ = next(each for each in limbs if each["name"] == limb)["points"][point]
+        return box["x"] + x, box["y"] + y
+
+    def button(self, name):
+        """A button, by its whole name."""
+        return self.page.get_by_role("button", name=name, exact=True)
+
+    def tab(self, name):
+        """Open a tab of the right panel."""
+        self.page.get_by_role("tab", name=name).click()
+
+    def close(self):
+        """Close the window; fail if the page had an error, also one of its Content Security Policy."""
+        self.context.close()
+        assert self.problems == []
+
+
+@contextlib.contextmanager
+def running(folder, *arguments):
+    """Run a studio."""
+    studio = Studio(folder, *arguments)
+    try:
+        yield studio
+    finally:
+        studio.close()
+        print("".join(studio.lines))  # pytest shows it if a test fails

@@ -1,0 +1,276 @@
+"""The page of `puppetline studio` in a browser: from an empty page to an exported file, and what goes wrong."""
+
+import asyncio
+import gzip
+import re
+import threading
+import time
+
+import aiohttp
+import numpy as np
+import psutil
+import pytest
+
+from engine_bridge.character.examples import prepare
+from engine_bridge.service.protocol.payloads import decode
+
+from ...conftest import ROOT, missing
+from .page_driver import running
+
+pytestmark = pytest.mark.slow
+
+PAGE = ROOT / "engine_bridge" / "studio" / "page"
+
+MAX_PAGE_BYTES = 400_000
+"""Maximum size of the page as gzip sends it."""
+
+MAX_CLICKS = 6
+"""Maximum number of clicks from the empty page to the first motion of an own mesh."""
+
+RECORDED_SECONDS = 3
+
+
+@pytest.fixture(scope="module")
+def studio(tmp_path_factory):
+    with running(tmp_path_factory.mktemp("studio")) as running_studio:
+        yield running_studio
+
+
+@pytest.fixture(scope="module")
+def horse(tmp_path_factory):
+    """The winged horse as .glb."""
+    folder = tmp_path_factory.mktemp("horse")
+    prepare("pegasus", folder)
+    return folder / "pegasus.glb"
+
+
+@pytest.fixture(scope="module")
+def window(studio, browser, horse):
+    """A window whose empty page was given the winged horse, which then moves."""
+    opened = studio.open(browser)
+    opened.until("state.connected === 'open' && state.server")
+    with opened.page.expect_file_chooser() as chooser:
+        opened.button("Choose a mesh…").click()
+    chooser.value.set_files(horse)
+    opened.until("state.server.characters.length === 1 && studio.viewer.shown(state.character)?.moment")
+    opened.idle()
+    yield opened
+    opened.close()
+
+
+def test_an_own_mesh_moves_after_at_most_six_clicks(window):
+    assert window.page.evaluate("window.clicks") <= MAX_CLICKS
+    assert window.state("server.source.kind") == "example"
+    before = window.page.evaluate("studio.viewer.shown('pegasus').positions[0]")
+    first = window.page.locator(".viewer").screenshot()
+    window.until(f"Math.abs(studio.viewer.shown('pegasus').positions[0] - ({before})) > 1e-4")
+    assert window.page.locator(".viewer").screenshot() != first
+
+
+def test_positions_on_the_page_are_those_of_the_solver(studio, window):
+    session = window.page.evaluate("sessionStorage['puppetline.session']")
+    host = window.page.evaluate("location.host")
+    vertices, stop = {}, threading.Event()
+
+    async def collect():
+        async with aiohttp.ClientSession() as http, http.ws_connect(f"http://{host}/stream", max_msg_size=0) as socket:
+            await socket.send_json({"token": session})
+            await socket.send_json({"subscribe": "pegasus/vertices"})
+            async for message in socket:
+                if message.type == aiohttp.WSMsgType.BINARY:
+                    received = decode(message.data)
+                    vertices[received.header.sequence] = received.body.positions
+                if stop.is_set():
+                    return
+
+    thread = threading.Thread(target=lambda: asyncio.run(collect()))
+    thread.start()
+    compared = 0
+    end = time.monotonic() + 60
+    while compared < 3 and time.monotonic() < end:
+        shown = window.page.evaluate("studio.viewer.shown('pegasus')")
+        window.page.wait_for_timeout(1000)  # the service's vertices of these frames arrive
+        earlier, later = (vertices.get(shown["moment"][which]) for which in ("earlier", "later"))
+        if earlier is None or later is None:
+            continue
+        expected = earlier + shown["moment"]["share"] * (later - earlier)
+        diagonal = np.linalg.norm(np.ptp(expected, axis=0))
+        positions = np.reshape(shown["positions"], (-1, 3))
+        assert np.abs(positions - expected).max() < 1e-4 * diagonal
+        compared += 1
+    stop.set()
+    thread.join()
+    assert compared == 3
+
+
+def test_record_export_and_download_what_convert_makes_of_the_take(studio, window, horse, commands, tmp_path, request):
+    window.button("Record").click()
+    window.until("state.server.recording")
+    window.page.wait_for_timeout(1000 * RECORDED_SECONDS)
+    window.button("Stop recording").click()
+    window.until("state.recording?.kind === 'take'")
+    (take,) = window.until("state.server.takes.length === 1 && state.server.takes")
+    assert take["seconds"] == pytest.approx(RECORDED_SECONDS, abs=2)
+
+    window.button("Export").click()
+    window.until("state.exported")
+    assert "morph targets" in window.page.locator(".exported pre").inner_text()
+    with window.page.expect_download() as download:
+        window.page.get_by_role("button", name=re.compile("^Download ")).click()
+    exported = tmp_path / "exported.glb"
+    download.value.save_as(exported)
+
+    with window.page.expect_download() as download:
+        window.button("Save puppet file").click()
+    download.value.save_as(tmp_path / "pegasus.toml")
+    mesh = re.search(r'mesh = "([^"]+)"', (tmp_path / "pegasus.toml").read_text())
+    (tmp_path / mesh[1]).write_bytes(horse.read_bytes())
+    (log,) = (studio.folder / "takes").glob(f"{take['name']}*")
+    result = commands.run("convert", log, "--puppet", tmp_path / "pegasus.toml", "-o", tmp_path / "converted.glb")
+    assert result.returncode == 0, result.stderr
+    assert exported.read_bytes() == (tmp_path / "converted.glb").read_bytes()
+    request.getfixturevalue("assert_valid_gltf")(exported)
+
+
+def test_a_take_is_played_trimmed_in_a_loop_and_deleted(window):
+    window.tab("Takes")
+    take = window.state("server.takes")[0]["name"]
+    window.page.locator(".panel button.line", has_text=take).first.click()
+    window.page.get_by_label("From, s").fill("0.5")
+    window.page.get_by_label("To, s").fill("1.5")
+    window.page.get_by_label("To, s").press("Tab")
+    window.page.get_by_label("Loop").uncheck()
+    window.page.get_by_label("Loop").check()
+    window.button("Play").click()
+    window.until("state.server.source.kind === 'take'")
+    source = window.state("server.source")
+    assert (source["name"], source["start"], source["stop"], source["loop"]) == (take, 0.5, 1.5, True)
+    window.idle()
+    window.page.locator(".panel").get_by_role("button", name="Bow", exact=True).click()
+    window.page.get_by_label("Format").select_option("skin")
+    window.button("Play").click()
+    window.until("state.server.source.name === 'bow'")
+    window.idle()
+    window.page.locator(".panel button.line", has_text=take).first.click()
+    window.button(f"Delete take {take}").click()
+    window.until("state.server.takes.length === 0")
+
+
+def test_sources_are_listed_and_chosen(window, standing_log):
+    window.button("Change…").click()
+    window.until("state.sources")
+    assert window.page.get_by_text("OSC").count() > 0
+    window.button("Look again").click()
+    window.until("state.sources")
+    with window.page.expect_file_chooser() as chooser:
+        window.button("Open a recording…").click()
+    chooser.value.set_files(standing_log)
+    window.until("state.server.source.kind === 'upload'")
+    window.idle()
+    window.button("Change…").click()
+    window.page.locator(".sources").get_by_role("button", name="Walk", exact=True).click()
+    window.until("state.server.source.name === 'walk'")
+    window.idle()
+    window.button("Change…").click()
+    window.button("‹ Back to the figure").click()
+    assert window.page.locator(".figure .joint").count() == 20
+
+
+@pytest.fixture
+def standing_log(tmp_path):
+    """A recording in the format of UTKinect-Action3D: a performer who raises a hand."""
+    from puppetline.examples.performances import PERFORMANCES
+
+    clip = PERFORMANCES["bow"]()
+    rows = [
+        " ".join([str(frame + 1), *(f"{x:.5f}" for x in np.nan_to_num(positions).ravel())])
+        for frame, positions in enumerate(clip.positions)
+    ]
+    path = tmp_path / "bow.txt"
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def test_the_source_is_shown_as_a_picture_and_the_performer_calibrated(window):
+    window.button("Show what the sensor sees").click()
+    window.until("state.look && (state.look.picture || state.look.problems.length)")
+    window.button("Hide the sensor's picture").click()
+    window.button("Calibrate now").click()
+    window.idle()
+
+
+def test_a_reload_keeps_everything(window):
+    before = window.puppet
+    window.page.reload()
+    window.until("state.server?.characters.length === 1 && studio.viewer.shown(state.character)?.moment")
+    assert window.puppet == before
+
+
+def test_two_windows_see_the_same(studio, browser, window):
+    other = studio.open(browser)
+    other.until("studio.viewer.shown(state.character)?.moment && state.puppets[state.character]")
+    assert other.puppet == window.puppet
+    window.tab("Motion")
+    window.page.get_by_label("Hands meet").click()
+    window.idle()
+    changed = window.puppet["retarget"]["hands_meet"]
+    other.until(f"state.puppets[state.character].present.retarget.hands_meet === {str(changed).lower()}")
+    other.close()
+
+
+def test_a_service_that_is_killed_starts_again_and_nothing_is_lost(studio, window):
+    before = window.puppet
+    restarts = window.state("server.service.restarts")
+    (service,) = [child for child in psutil.Process(studio.pid).children(recursive=True) if "serve" in child.cmdline()]
+    service.kill()
+    window.until(f"state.server.service.restarts > {restarts}")
+    window.until("state.server.service.running")
+    frame = window.until("studio.viewer.shown(state.character)?.moment?.later")
+    window.until(f"studio.viewer.shown(state.character)?.moment?.later !== {frame}")
+    assert window.puppet == before
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_no_serious_violation(studio, browser, window, scheme):
+    axe = PAGE / "node_modules" / "axe-core" / "axe.min.js"
+    if not axe.is_file():
+        missing("browser", "axe-core is not installed (make lint)")
+    other = studio.open(browser, color_scheme=scheme)
+    other.until("studio.viewer.has(state.character) && state.puppets[state.character]")
+    other.page.evaluate(axe.read_text(encoding="utf-8") + "; null")
+    checked = {}
+
+    def check(state):
+        report = other.page.evaluate("axe.run({ runOnly: ['wcag2a', 'wcag2aa', 'wcag21aa', 'wcag22aa'] })")
+        serious = [each for each in report["violations"] if each["impact"] in ("serious", "critical")]
+        checked[state] = [(each["id"], [node["target"] for node in each["nodes"]]) for each in serious]
+
+    check("list")
+    other.page.locator(".panel button.line").first.click()
+    check("part")
+    other.tab("Motion")
+    other.until("state.preview")
+    check("motion")
+    other.tab("Takes")
+    other.page.locator(".panel").get_by_role("button", name="Bow", exact=True).click()
+    check("takes")
+    other.button("Change…").click()
+    other.until("state.sources")
+    check("sources")
+    other.page.get_by_label("Character").select_option(label="Open another…")
+    check("empty")
+    assert checked == {key: [] for key in checked}
+    other.close()
+
+
+def test_the_page_is_small():
+    files = [path for path in (PAGE / "dist").rglob("*") if path.is_file()]
+    assert sum(len(gzip.compress(path.read_bytes())) for path in files) <= MAX_PAGE_BYTES
+
+
+def test_a_window_without_a_valid_token_is_told_what_to_do(studio, browser):
+    context = browser.new_context()
+    page = context.new_page()
+    page.goto(re.sub("token=.*", "token=wrong", studio.last_address))
+    page.get_by_role("alert").get_by_text("Open the address").wait_for()
+    context.close()

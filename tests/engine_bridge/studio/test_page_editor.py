@@ -1,0 +1,301 @@
+"""The page's editor in a browser: limbs, handles, mapping, undo; every control of the left and right panels."""
+
+import pytest
+
+from .page_driver import running
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def studio(tmp_path_factory):
+    with running(tmp_path_factory.mktemp("studio")) as running_studio:
+        yield running_studio
+
+
+@pytest.fixture(scope="module")
+def window(studio, browser):
+    """A window with the example human, who walks."""
+    opened = studio.open(browser)
+    opened.button("Human").click()
+    opened.until("state.server?.characters.length === 1 && studio.viewer.has(state.character)")
+    opened.until("state.puppets[state.character]")
+    opened.idle()
+    yield opened
+    opened.close()
+
+
+@pytest.fixture(autouse=True)
+def _list(window):
+    """Begin with the list of limbs, at rest."""
+    window.tab("Limbs")
+    window.page.keyboard.press("Escape")
+    window.button("Rest pose").click()
+    window.idle()
+
+
+def undo_all(window):
+    while window.button("Undo").is_enabled():
+        window.button("Undo").click()
+        window.idle()
+
+
+def line(window, name):
+    return window.page.locator(".panel button.line", has_text=name).first
+
+
+def test_a_dragged_point_moves_in_the_view_plane_and_undo_brings_it_back(window):
+    before = window.limb("left arm")["points"]
+    x, y = window.place("left arm", 2)
+    window.page.mouse.move(x, y)
+    window.page.mouse.down()
+    window.page.mouse.move(x + 30, y - 20, steps=4)
+    window.page.mouse.up()
+    window.idle()
+    after = window.limb("left arm")["points"]
+    assert after[2] != before[2]
+    assert [after[0], after[1], after[3]] == [before[0], before[1], before[3]]
+    assert window.place("left arm", 2) == pytest.approx((x + 30, y - 20), abs=2)
+    window.button("Undo").click()
+    window.idle()
+    assert window.limb("left arm")["points"] == before
+    window.button("Redo").click()
+    window.idle()
+    assert window.limb("left arm")["points"] == after
+    undo_all(window)
+
+
+def test_a_point_dragged_along_the_surface_stays_inside_of_the_body(window):
+    line(window, "left arm").click()
+    window.button("Surface").click()
+    before = window.limb("left arm")["points"]
+    x, y = window.place("left arm", 1)
+    window.page.mouse.move(x, y)
+    window.page.mouse.down()
+    (nx, ny) = window.place("left arm", 2)
+    window.page.mouse.move((x + nx) / 2, (y + ny) / 2, steps=4)
+    window.page.mouse.up()
+    window.idle()
+    bounds = window.page.evaluate("studio.viewer.bounds(studio.state().character)")
+    moved = window.limb("left arm")["points"][1]
+    assert moved != before[1]
+    assert all(low <= value <= high for value, low, high in zip(moved, *bounds, strict=True))
+    window.button("View plane").click()
+    undo_all(window)
+
+
+def test_arrow_keys_move_the_selected_point_and_delete_removes_it(window):
+    line(window, "left arm").click()
+    window.button("Point 2").click()
+    before = window.limb("left arm")["points"]
+    window.page.locator(".overlay").focus()
+    window.page.keyboard.press("ArrowUp")
+    window.idle()
+    assert window.limb("left arm")["points"][1][1] > before[1][1]
+    window.page.keyboard.press("Delete")
+    window.idle()
+    assert len(window.limb("left arm")["points"]) == len(before) - 1
+    window.page.keyboard.press("Control+z")
+    window.page.keyboard.press("Control+z")
+    window.idle()
+    assert window.limb("left arm")["points"] == before
+
+
+def test_a_joint_moves_the_limb_that_is_clicked_after_it(window):
+    window.page.locator("#joint-foot_right").click()
+    assert window.state("joint") == "foot_right"
+    line(window, "left arm").click()
+    window.idle()
+    assert window.limb("left arm")["joints"] == ["hip_right", "knee_right", "ankle_right", "foot_right"]
+    undo_all(window)
+
+
+def test_a_joint_moves_the_point_that_was_selected_before_it(window):
+    line(window, "left arm").click()
+    window.button("Point 4").click()
+    window.page.locator("#joint-head").press("Enter")
+    window.idle()
+    assert window.limb("left arm")["joints"][3] == "head"
+    undo_all(window)
+
+
+def test_joints_are_reached_by_arrow_keys(window):
+    window.page.locator("#joint-head").focus()
+    window.page.keyboard.press("ArrowDown")
+    assert window.page.evaluate("document.activeElement.id") == "joint-shoulder_center"
+
+
+def test_name_follow_gain_and_parent_of_a_limb_can_be_changed(window):
+    line(window, "left arm").click()
+    window.page.get_by_label("Name").fill("left flipper")
+    window.page.get_by_label("Name").press("Enter")
+    window.page.get_by_label("Follows by").select_option("turn")
+    window.page.get_by_label("Gain").fill("1.5")
+    window.page.get_by_label("Gain").press("Tab")
+    window.page.get_by_label("Attached to").select_option("head")
+    window.page.get_by_label("Joint of point 1").select_option("spine")
+    window.idle()
+    limb = window.limb("left flipper")
+    assert (limb["follow"], limb["gain"], limb["parent"], limb["joints"][0]) == ("turn", 1.5, "head", "spine")
+    undo_all(window)
+    assert window.limb("left arm")["gain"] == 1.0
+
+
+def test_points_can_be_added_and_removed(window):
+    line(window, "left arm").click()
+    count = len(window.limb("left arm")["points"])
+    window.button("Point 1").click()
+    window.button("Add point").click()
+    window.idle()
+    assert len(window.limb("left arm")["points"]) == count + 1
+    window.button("Remove point").click()
+    window.idle()
+    assert len(window.limb("left arm")["points"]) == count
+    undo_all(window)
+
+
+def test_a_deleted_limb_comes_back_as_a_copy_of_the_other_side(window):
+    line(window, "right arm").click()
+    window.button("Delete right arm").click()
+    window.idle()
+    assert "right arm" not in [limb["name"] for limb in window.puppet["limb"]]
+    line(window, "left arm").click()
+    window.button("Copy to other side").click()
+    window.idle()
+    left, right = window.limb("left arm"), window.limb("right arm")
+    assert right["joints"] == [joint.replace("left", "right") for joint in left["joints"]]
+    trunk = next(limb for limb in window.puppet["limb"] if limb["name"] == "trunk")["points"]
+    middle = sum(point[0] for point in trunk) / len(trunk)
+    for a, b in zip(left["points"], right["points"], strict=True):
+        assert b == pytest.approx([2 * middle - a[0], a[1], a[2]], abs=1e-6)
+    undo_all(window)
+
+
+def test_a_handle_is_added_where_the_surface_is_clicked_and_mapped_tuned_and_deleted(window):
+    window.button("+ Handle").click()
+    window.page.mouse.click(*window.place("trunk", 1))
+    window.idle()
+    assert window.state("selection") == {"kind": "handle", "name": "handle"}
+    window.page.get_by_label("Moved by").select_option("hand_left")
+    window.page.get_by_label("z: forwards").uncheck()
+    window.page.get_by_label("Gain").fill("2")
+    window.page.get_by_label("Gain").press("Tab")
+    window.idle()
+    handle = window.handle("handle")
+    assert (handle["joint"], handle["axes"], handle["gain"]) == ("hand_left", "xy", 2.0)
+    window.page.get_by_label("Position, y").fill(str(handle["position"][1] + 0.05))
+    window.page.get_by_label("Position, y").press("Tab")
+    window.idle()
+    assert window.handle("handle")["position"] != handle["position"]
+    window.button("Delete handle").click()
+    window.idle()
+    assert window.puppet["handle"] == []
+    undo_all(window)
+
+
+def test_a_limb_is_added_by_clicking_its_points(window):
+    window.page.get_by_role("group", name="Tool").get_by_role("button", name="+ Limb").click()
+    window.page.mouse.click(*window.place("right leg", 1))
+    (x, y) = window.place("right leg", 2)
+    window.page.mouse.click(x, y - 12)
+    assert window.button("Finish limb").is_enabled()
+    window.button("Cancel").click()
+    assert window.state("drawn") == []
+    count = len(window.puppet["limb"])
+    line(window, "head").click()
+    window.button("Delete head").click()
+    window.idle()
+    window.page.get_by_role("group", name="Tool").get_by_role("button", name="+ Limb").click()
+    x, y = window.place("trunk", 2)
+    window.page.mouse.click(x, y - 15)
+    window.page.mouse.click(x, y - 40)
+    window.button("Finish limb").click()
+    window.idle()
+    assert len(window.puppet["limb"]) == count
+    assert len(window.limb("limb")["points"]) == 2
+    undo_all(window)
+
+
+def test_the_settings_of_the_whole_body(window):
+    window.tab("Motion")
+    window.page.get_by_label("Mirror: the performer's left").check()
+    window.page.get_by_label("Hands meet").uncheck()
+    window.page.get_by_label("Scale of handles: automatic").uncheck()
+    window.page.get_by_label("Scale of handles", exact=True).fill("1.5")
+    window.page.get_by_label("Scale of handles", exact=True).press("Tab")
+    window.page.get_by_label("Arm space").fill("10")
+    window.page.get_by_label("Arm space").press("ArrowRight")
+    window.idle()
+    retarget = window.puppet["retarget"]
+    assert retarget == {"mirror": True, "hands_meet": False, "scale": 1.5, "arm_space": 11}
+    undo_all(window)
+
+
+def test_walking(window):
+    window.tab("Motion")
+    walks = window.page.get_by_label("The character walks with the performer")
+    if not walks.is_checked():
+        walks.check()
+    window.page.get_by_label("Turns with the performer").uncheck()
+    window.page.get_by_label("Feet stand on the floor").uncheck()
+    window.page.get_by_label("Directions").select_option("xyz")
+    window.idle()
+    root = window.puppet["root"]
+    assert (root["turns"], root["feet"], root["axes"]) == (False, "free", "xyz")
+    walks.uncheck()
+    window.idle()
+    assert window.puppet["root"] is None
+    undo_all(window)
+
+
+def test_a_preset_of_smoothing_changes_the_plot_and_its_numbers(window):
+    window.tab("Motion")
+    before = window.until("state.preview?.jitter_mm")
+    window.page.get_by_label("Preset").select_option("very")
+    window.idle()
+    window.until(f"state.preview?.jitter_mm < {before}")
+    assert window.state("preview")["lag_ms"] > 50
+    assert window.puppet["smoothing"]["alpha"] == 0.3
+    assert "mm of 5 mm jitter left" in window.page.locator("figcaption").inner_text()
+    window.page.get_by_label("Response").fill("0.9")
+    window.page.get_by_label("Response").press("ArrowRight")
+    window.idle()
+    assert window.puppet["smoothing"]["alpha"] == 0.95
+    assert window.page.get_by_label("Preset").input_value() == "custom"
+    undo_all(window)
+
+
+def test_tabs_are_reached_by_arrow_keys(window):
+    window.tab("Limbs")
+    window.page.keyboard.press("ArrowRight")
+    assert window.state("tab") == "motion"
+    assert window.page.evaluate("document.activeElement.id") == "tab-motion"
+
+
+def test_bones_can_be_hidden_and_the_view_fitted(window):
+    bones = window.page.get_by_label("Bones")
+    bones.uncheck()
+    window.page.wait_for_timeout(300)
+    assert window.page.evaluate("studio.viewer.places().limbs") == []
+    bones.check()
+    before = window.place("head", 1)
+    box = window.page.locator(".overlay").bounding_box()
+    window.page.mouse.move(box["x"] + 40, box["y"] + 40)
+    window.page.mouse.wheel(0, 600)
+    window.page.wait_for_timeout(1500)
+    assert window.place("head", 1) != pytest.approx(before, abs=5)
+    window.button("Fit").click()
+    assert window.place("head", 1) == pytest.approx(before, abs=1)
+
+
+def test_the_puppet_file_is_saved_and_downloaded(window):
+    line(window, "left arm").click()
+    window.page.get_by_label("Gain").fill("1.25")
+    window.page.get_by_label("Gain").press("Tab")
+    window.idle()
+    window.until("!state.server.characters[0].saved")
+    window.page.get_by_text("Unsaved changes").wait_for()
+    with window.page.expect_download() as download:
+        window.button("Save puppet file").click()
+    assert "gain = 1.25" in download.value.path().read_text()
+    window.until("state.server.characters[0].saved")

@@ -1,0 +1,97 @@
+"""Objects attached to a character, with stand-ins for Unity: compared with all vertices in the same frames."""
+
+import numpy as np
+import pytest
+
+from engine_bridge.performance.rig import load_rig
+
+from .conftest import shown
+
+UNITY = np.float32([-1, 1, 1])
+SCALES = {"plain": None, "scaled": "2,2,1", "mirrored": "-1.5,0.5,3"}
+
+
+def world(said, theirs):
+    """Return the space of the character as rows, and the vertices in the world."""
+    space = np.reshape(said["space"], (4, 3))
+    return space, (theirs.positions * UNITY) @ space[:3] + space[3]
+
+
+def outward(positions, triangles, vertex, side):
+    """Return the area-weighted normal of the triangles at a vertex; side is 1 in Unity, whose triangles turn over."""
+    corners = positions[triangles[(triangles == vertex).any(axis=1)]]
+    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 1] - corners[:, 0]).sum(axis=0)
+    return side * normal / np.linalg.norm(normal)
+
+
+@pytest.mark.parametrize("mode", ["Controls", "Vertices", "Vertices16"])
+@pytest.mark.parametrize("scale", SCALES)
+def test_an_object_lies_on_its_vertex_and_turns_with_the_surface(show, python, blob_rig, mode, scale):
+    count = len(blob_rig.character.vertices)
+    chosen = [0, count // 3, count // 2, count - 1]
+    fields = {"materials": "Any/Shader", "mode": mode, "attach": ",".join(f"vertex:{each}" for each in chosen)}
+    program = show(**fields, **({} if SCALES[scale] is None else {"scale": SCALES[scale]}))
+    side = -1 if scale == "mirrored" else 1
+    poses = []
+    for said, theirs in shown(program, python):
+        space, vertices = world(said, theirs)
+        tolerance = (1e-4 if mode == "Vertices16" else 1e-5) * blob_rig.mesh.diagonal * np.abs(space[:3]).max()
+        for vertex, attached in zip(chosen, said["attached"], strict=True):
+            pose = np.reshape(attached, (4, 3))
+            np.testing.assert_allclose(pose[:3] @ pose[:3].T, np.eye(3), atol=1e-5)
+            assert np.linalg.det(pose[:3]) == pytest.approx(1, abs=1e-5)
+            assert np.abs(pose[3] - vertices[vertex]).max() <= tolerance
+            assert pose[1] @ outward(vertices, blob_rig.character.triangles, vertex, side) > 0.97
+        poses.append(said["attached"])
+    assert np.ptp(poses, axis=0)[:, :9].max() > 0.05
+    program.finish()
+
+
+def test_a_handle_is_at_the_vertex_nearest_to_it(show, python, blob_rig):
+    handle = blob_rig.puppet.handle[0]
+    vertex = np.linalg.norm(blob_rig.character.vertices - np.array(handle.position), axis=1).argmin()
+    program = show(materials="Any/Shader", attach=f"handle:{handle.name},vertex:{vertex}")
+    for said, _ in shown(program, python):
+        np.testing.assert_array_equal(*said["attached"])
+    program.finish()
+
+
+def test_a_point_that_is_not_there_is_warned_of_once(show, figure):
+    program = show(materials="Any/Shader", attach="handle:no such handle")
+    program.until(lambda said: "frame" in said)
+    program.until(lambda said: "frame" in said, len(program.said))
+    warnings = [said["warning"] for said in program.finish() if "warning" in said]
+    assert warnings == ["Puppetline: the character has no such point. Set vertex, handle or limb."]
+
+
+def test_a_limb_carries_the_affine_mean_of_the_vertices_around_its_point(
+    show, serve, reference, free_port, limbed_puppet, take
+):
+    limbed_rig, port = load_rig(limbed_puppet), free_port()
+    rest = limbed_rig.character.vertices
+    service = serve(
+        "--puppet", limbed_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once", "--port", port
+    )
+    python = reference(service.stream, f"{limbed_puppet.stem}/vertices", f"{limbed_puppet.stem}/scene/python")
+    limb = next(each for each in limbed_rig.puppet.limb if each.name == "left arm")
+    start, end = np.array(limb.points[0]), np.array(limb.points[-1])
+    point = (start + end) / 2
+    fields = {"character": limbed_puppet.stem, "materials": "Any/Shader", "attach": "limb:left arm:0.5"}
+    program = show(service, **fields)
+    for said, theirs in shown(program, python):
+        [attached] = said["attached"]
+        pose = np.reshape(attached, (4, 3)) * UNITY
+        along_x, along_y, along_z, expected = affine(rest, theirs.positions, point)
+        assert np.abs(pose[3] - expected).max() <= 1e-4 * limbed_rig.mesh.diagonal
+        direction = (end - start) @ [along_x, along_y, along_z]
+        assert pose[1] @ direction / np.linalg.norm(direction) > 0.9
+    program.finish()
+
+
+def affine(rest, positions, point):
+    """Return where the least-squares affine map of the vertices around a point takes it and the three axes."""
+    distance = np.linalg.norm(rest - point, axis=1)
+    near = np.flatnonzero(distance <= 1.4 * distance.min())
+    near = near[(np.arange(min(len(near), 32)) * max(1.0, len(near) / 32)).astype(int)]
+    design = np.hstack([rest[near] - point, np.ones((len(near), 1))])
+    return np.linalg.lstsq(design, positions[near], rcond=None)[0]

@@ -1,0 +1,208 @@
+"""Characters that three.js draws in a real browser, read back from the graphics card."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine_bridge.export.shader_mesh import write_shader_mesh
+from engine_bridge.service.protocol.payloads import decode
+
+pytestmark = pytest.mark.slow
+
+VECTORS = Path(__file__).parents[2] / "vectors"
+ALIKE = 2e-6
+"""Of the diagonal, and for normals: what numbers of f32 may differ."""
+
+
+def vector(name):
+    return decode((VECTORS / f"{name}.bin").read_bytes()).body
+
+
+@pytest.fixture
+def worm(open_page, site):
+    """A page with the test vectors' character as `mesh` and its frames as `frames`."""
+    page = open_page()
+    names = ("scene", "0.controls", "1.controls", "2.controls")
+    page.run(
+        """async (addresses) => {
+          const [scene, ...frames] = await Promise.all(addresses.map(load));
+          window.frames_ = frames;
+          window.mesh = new drawing.PuppetMesh(scene.body);
+        }""",
+        [site.add(VECTORS / f"{name}.bin") for name in names],
+    )
+    return page
+
+
+SHOWN = """([first, second, share]) => {
+  mesh.show(frames_[first], frames_[second], share);
+  const [part] = mesh.meshes;
+  const { center, radius } = part.geometry.boundingSphere;
+  return {
+    positions: readVertices(part, mesh.uniforms, "transformed"),
+    normals: readVertices(part, mesh.uniforms, "objectNormal"),
+    evaluated: mesh.evaluate(),
+    sphere: [...center.toArray(), radius],
+  };
+}"""
+
+
+@pytest.mark.parametrize("moment", [(0, 0, 0.0), (1, 1, 0.0), (1, 2, 0.0), (1, 2, 1.0), (1, 2, 0.25), (2, 0, 0.75)])
+def test_positions_and_normals_are_those_of_the_service_and_the_sphere_holds_them(worm, moment):
+    shown = worm.run(SHOWN, moment)
+    first, second, share = moment
+    diagonal = vector("scene").facts["diagonal"]
+    positions = shown["positions"].reshape(-1, 3)
+    at_ends = [vector(f"{number}.vertices").positions for number in (first, second)]
+    expected = (1 - share) * at_ends[0] + share * at_ends[1]  # positions are linear in the transforms
+    assert np.abs(positions - expected).max() <= ALIKE * diagonal
+    assert np.abs(shown["evaluated"]["positions"] - expected.ravel()).max() <= ALIKE * diagonal
+    assert np.abs(shown["normals"] - shown["evaluated"]["normals"]).max() <= ALIKE
+    if share in (0.0, 1.0):
+        assert (
+            np.abs(shown["normals"] - vector(f"{(first, second)[int(share)]}.vertices").normals.ravel()).max() <= 1e-5
+        )
+    *center, radius = shown["sphere"]
+    distances = np.linalg.norm(positions - center, axis=1)
+    assert distances.max() <= radius + ALIKE * diagonal
+    assert radius < 2 * diagonal
+
+
+def test_a_character_that_does_not_follow_the_root_stays_in_place(worm):
+    worm.run("() => { window.mesh = new drawing.PuppetMesh(mesh.scene, { followRoot: false }); }")
+    positions = worm.run(SHOWN, (1, 2, 0.5))["positions"].reshape(-1, 3)
+    at_ends = [
+        vector(f"{number}.vertices").positions - decode((VECTORS / f"{number}.controls.bin").read_bytes()).header.root
+        for number in (1, 2)
+    ]
+    assert np.abs(positions - np.mean(at_ends, axis=0)).max() <= ALIKE * vector("scene").facts["diagonal"]
+
+
+def test_frames_of_another_size_are_not_shown(worm):
+    before = worm.run(SHOWN, (1, 1, 0.0))["positions"]
+    worm.run("() => { frames_[2] = { ...frames_[2], body: frames_[2].body.subarray(12) }; }")
+    assert (worm.run(SHOWN, (2, 2, 0.0))["positions"] == before).all()
+
+
+def test_tangents_turn_with_the_surface(worm):
+    scene = vector("scene")
+    normals = scene.arrays["normals"].astype(float)
+    along = np.cross([0.3, -0.5, 0.8], normals)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    tangents = np.column_stack([along, np.ones(len(along))]).astype(np.float32)
+    rest = worm.run(TANGENTS, [tangents.ravel().tolist(), 0])
+    assert np.abs(rest.reshape(-1, 3) - along).max() <= 1e-5
+    moved = worm.run(TANGENTS, [tangents.ravel().tolist(), 1]).reshape(-1, 3)
+    new_normals = vector("1.vertices").normals
+    assert np.abs(np.linalg.norm(moved, axis=1) - 1).max() <= 1e-5
+    assert np.abs((moved * new_normals).sum(axis=1)).max() <= 1e-5
+    assert np.abs(moved - along).max() > 0.1
+
+
+TANGENTS = """([tangents, number]) => {
+  mesh.show(frames_[number], frames_[number], 0);
+  const [part] = mesh.meshes;
+  const geometry = part.geometry.clone();
+  geometry.setAttribute("tangent", new THREE.BufferAttribute(new Float32Array(tangents), 4));
+  return readVertices(new THREE.Mesh(geometry), mesh.uniforms, "objectTangent", { USE_TANGENT: "" });
+}"""
+
+
+@pytest.fixture
+def playing(serve_page, blob_puppet):
+    return lambda *more: serve_page(
+        "--puppet", blob_puppet, "--source", "demo:kung_fu?loop", "--calibrate", "at_once", *more
+    )
+
+
+FOLLOW = """([address, source]) => new Promise((resolve) => {
+  window.client = new puppetline.Client(address);
+  window.puppet = new drawing.Puppet(client, "blob", source ? { source: () => source } : {});
+  window.vertices = new Map();
+  client.subscribe("blob/vertices", (message) => vertices.set(message.header.sequence, message.body));
+  window.scene = new THREE.Scene().add(puppet, new THREE.HemisphereLight(0xffffff, 0x444444, 3));
+  scene.background = new THREE.Color(0x204060);
+  window.camera = new THREE.PerspectiveCamera(40, innerWidth / innerHeight, 0.1, 100);
+  camera.position.set(0, 1, 6);
+  camera.lookAt(0, 1, 0);
+  renderer.setAnimationLoop(() => { puppet.update(); renderer.render(scene, camera); });
+  puppet.addEventListener("rebuilt", resolve);
+})"""
+
+CHECKED = """() => {
+  const frame = puppet.character.frame;
+  const expected = frame?.header.state === 2 ? vertices.get(frame.header.sequence) : null;
+  if (!expected) return null;
+  puppet.mesh.show(frame, frame, 0);
+  const parts = puppet.mesh.meshes.map((part) => ({
+    positions: readVertices(part, puppet.mesh.uniforms, "transformed"),
+    normals: readVertices(part, puppet.mesh.uniforms, "objectNormal"),
+  }));
+  return { expected, parts, evaluated: puppet.mesh.evaluate(), diagonal: puppet.mesh.scene.description.diagonal };
+}"""
+
+
+def test_a_live_character_is_drawn_where_the_solver_has_it(playing, open_page):
+    _, address = playing()
+    page = open_page()
+    page.run(FOLLOW, [address, None])
+    for _ in range(3):
+        shown = page.until(CHECKED)
+        diagonal = shown["diagonal"]
+        for part in shown["parts"]:
+            assert np.abs(part["positions"] - shown["expected"]["positions"]).max() <= 1e-5 * diagonal
+            off = np.abs(part["normals"] - shown["expected"]["normals"]).reshape(-1, 3).max(axis=1)
+            assert np.median(off) <= 1e-6
+            assert (off > 1e-4).mean() < 0.01  # f32 has no more where the surface is almost flattened
+        assert np.abs(shown["evaluated"]["positions"] - shown["expected"]["positions"]).max() <= 1e-5 * diagonal
+        page.page.wait_for_timeout(300)
+
+
+def test_the_character_moves_on_the_page(playing, open_page):
+    _, address = playing()
+    page = open_page()
+    page.run(FOLLOW, [address, None])
+    page.until("() => puppet.mesh?.visible && puppet.character.frame?.header.state === 2")
+    first = page.picture().astype(int)
+    ground = (np.abs(first - first[0, 0]).max(axis=2) > 12).mean()
+    assert 0.02 < ground < 0.6  # the character, and not the whole picture
+    page.page.wait_for_timeout(700)
+    assert (np.abs(page.picture() - first).max(axis=2) > 12).mean() > 0.005
+
+
+def test_own_meshes_and_materials_move_as_the_service_says(playing, open_page, site, blob_puppet, tmp_path):
+    output = tmp_path / "blob.shader.glb"
+    write_shader_mesh(blob_puppet, output)
+    _, address = playing()
+    page = open_page()
+    page.run(
+        """async ([address, file]) => {
+          const { scene: source } = await new GLTFLoader().loadAsync(file);
+          source.traverse((each) => { if (each.isMesh) each.material.color.set(1, 0, 0); });
+          window.source = source;
+        }""",
+        [address, site.add(output)],
+    )
+    page.run(f"([address]) => ({FOLLOW})([address, source])", [address])
+    shown = page.until(CHECKED)
+    positions = np.concatenate([part["positions"] for part in shown["parts"]])
+    assert np.abs(positions - shown["expected"]["positions"]).max() <= 1e-5 * shown["diagonal"]
+    assert page.run("() => puppet.mesh.meshes.map((mesh) => mesh.material.color.getHex())") == [0xFF0000]
+
+
+def test_a_file_of_another_mesh_is_refused_in_a_sentence(worm):
+    refused = """() => {
+      const other = new THREE.Mesh(new THREE.BufferGeometry());
+      const make = () => new drawing.PuppetMesh(mesh.scene, { source: other });
+      const said = [];
+      for (const numbers of [null, [0, 9999]]) {
+        if (numbers) other.geometry.setAttribute("texcoord_6", new THREE.BufferAttribute(new Float32Array(numbers), 1));
+        try { make(); } catch (error) { said.push([error.name, error.message]); }
+      }
+      return said;
+    }"""
+    assert worm.run(refused) == [
+        ["RangeError", "No mesh has vertex numbers; make the file with puppetline shader-mesh."],
+        ["RangeError", "The file is of another mesh than the service's; run puppetline shader-mesh again."],
+    ]

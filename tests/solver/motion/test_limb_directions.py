@@ -1,0 +1,152 @@
+"""What is measured of a performer's joints, as plain Python functions: bodies whose directions are computed by hand."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+LEFT_HIP, RIGHT_HIP, LEFT_SHOULDER, RIGHT_SHOULDER, HAND = range(5)
+STANDING = np.array([[0.1, 1.0, 0.0], [-0.1, 1.0, 0.0], [0.2, 1.5, 0.0], [-0.2, 1.5, 0.0], [0.7, 1.5, 0.0]])
+"""A body that faces +z, with its left at +x; hips, shoulders and a hand."""
+
+TRACKED = np.ones(5)
+PAIRS = np.array([[LEFT_HIP, RIGHT_HIP], [LEFT_SHOULDER, RIGHT_SHOULDER]])
+
+
+@pytest.fixture(scope="module")
+def module(interpreted):
+    return interpreted("solver.motion.limb_directions")
+
+
+@pytest.fixture
+def plan():
+    """The torso and an arm from the left shoulder to the hand."""
+    return SimpleNamespace(
+        joints=np.array([[LEFT_SHOULDER, -1], [HAND, -1]]),
+        ends=np.array([[0, 0], [0, 1]]),
+        roll=np.array([1, 0]),
+        hips=np.array([0.5, 0.0]),
+        pitch=np.zeros(2),
+        trunk=np.zeros(0, dtype=int),
+        trunk_rows=np.zeros(0, dtype=int),
+        pairs=PAIRS,
+        opposite=np.array([RIGHT_HIP, LEFT_HIP, RIGHT_SHOULDER, LEFT_SHOULDER, HAND]),
+        oriented=np.array([-1, HAND]),
+        turns=True,
+    )
+
+
+@pytest.fixture
+def state():
+    return SimpleNamespace(
+        clock=np.array([-np.inf, -np.inf, 0.0, 0.0, 0.0]),
+        side=np.zeros(3),
+        known=np.ones(2),
+        roll_known=np.ones(2),
+    )
+
+
+def turned(points, degrees):
+    """Turn points about the upright axis; +z goes towards +x."""
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return points @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+
+
+def test_a_smooth_step_goes_from_0_to_1_between_its_limits_and_is_steepest_in_the_middle(module):
+    values = [module.smooth_step(value, (2.0, 4.0)) for value in (-1.0, 2.0, 2.5, 3.0, 3.5, 4.0, 9.0)]
+    assert values == [0.0, 0.0, 0.15625, 0.5, 0.84375, 1.0, 1.0]
+
+
+def test_the_torso_goes_from_the_middle_of_the_hips_to_that_of_the_shoulders(module):
+    assert module._torso(PAIRS, STANDING) == pytest.approx((0.0, 0.5, 0.0))
+    moved = STANDING.copy()
+    moved[LEFT_SHOULDER] += [0.2, 0.0, 0.4]
+    assert module._torso(PAIRS, moved) == pytest.approx((0.1, 0.5, 0.2))
+
+
+def test_hips_and_shoulders_point_from_right_to_left_unless_they_are_too_narrow_or_unknown(module):
+    assert module._hips_and_shoulders(PAIRS, STANDING) == ((1.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    narrow = STANDING * [0.29, 1.0, 1.0]  # 0.116 and 0.232 of the trunk's length
+    assert module._hips_and_shoulders(PAIRS, narrow) == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    lost = STANDING.copy()
+    lost[RIGHT_HIP] = np.nan
+    assert module._hips_and_shoulders(PAIRS, lost) == ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+
+
+def test_directions_are_those_of_the_joints_and_zero_where_a_joint_is_lost(module, plan, state):
+    orientations = np.full((5, 4), np.nan)
+    directions, weight, sides, turns = module.observed(plan, state, 0.0, STANDING, TRACKED, orientations)
+    np.testing.assert_allclose(directions, [[0, 1, 0], [1, 0, 0]])
+    assert weight == 1.0
+    np.testing.assert_allclose(sides, [[1, 0, 0], [0, 0, 0]])  # the arm's roll follows no sides
+    assert np.isnan(turns).all()
+    confidence = TRACKED.copy()
+    confidence[HAND] = 0.0
+    directions = module.observed(plan, state, 0.1, STANDING, confidence, orientations)[0]
+    np.testing.assert_allclose(directions, [[0, 1, 0], [0, 0, 0]])
+
+
+@pytest.mark.parametrize("degrees", [0.0, 40.0, 90.0, 180.0, -120.0])
+def test_a_character_that_does_not_turn_sees_the_body_face_forwards(module, plan, state, degrees):
+    plan.turns = False
+    body = turned(STANDING, degrees)
+    directions, _, sides, _ = module.observed(plan, state, 0.0, body, TRACKED, np.full((5, 4), np.nan))
+    np.testing.assert_allclose(directions, [[0, 1, 0], [1, 0, 0]], atol=1e-12)
+    np.testing.assert_allclose(sides[0], [1, 0, 0], atol=1e-12)
+
+
+def test_left_and_right_that_a_sensor_exchanges_in_an_instant_are_exchanged_back_for_a_while(module, plan, state):
+    for frame in range(30):
+        module._tracked_joints(plan, state, frame / 30, STANDING, TRACKED)
+    exchanged = STANDING[plan.opposite]
+    seen = module._tracked_joints(plan, state, 1.0, exchanged, TRACKED)
+    np.testing.assert_array_equal(seen, STANDING)
+    assert state.clock[module.EXCHANGED] == 1
+    for frame in range(1, 46):  # up to `EXCHANGED_SECONDS`
+        seen = module._tracked_joints(plan, state, 1.0 + frame / 30, exchanged, TRACKED)
+        np.testing.assert_array_equal(seen, STANDING)
+    seen = module._tracked_joints(plan, state, 1.0 + module.EXCHANGED_SECONDS + 0.1, exchanged, TRACKED)
+    np.testing.assert_array_equal(seen, exchanged)
+    assert not state.known.any()  # all bones ease to it
+
+
+def test_a_body_that_turns_round_in_steps_keeps_its_left_and_right(module, plan, state):
+    for frame in range(61):  # half a turn in a second
+        body = turned(STANDING, 3.0 * frame)
+        seen = module._tracked_joints(plan, state, frame / 60, body, TRACKED)
+        np.testing.assert_array_equal(seen, body)
+    assert state.clock[module.EXCHANGED] == 0
+
+
+@pytest.mark.parametrize(
+    ("direction", "degrees", "expected"),
+    [
+        ((0.0, 0.0, 1.0), 90.0, (0.0, 1.0, 0.0)),
+        ((0.6, 0.0, 0.8), 30.0, (0.6 * math.cos(math.pi / 6), 0.5, 0.8 * math.cos(math.pi / 6))),
+        ((0.0, 0.8, 0.6), 80.0, (0.0, 1.0, 0.0)),  # not over the vertical
+        ((0.0, -0.8, 0.6), -80.0, (0.0, -1.0, 0.0)),
+        ((0.0, 1.0, 0.0), 20.0, (0.0, 1.0, 0.0)),  # it has no heading
+    ],
+)
+def test_a_direction_is_raised_within_its_own_heading(module, direction, degrees, expected):
+    assert module._raised(direction, math.radians(degrees)) == pytest.approx(expected, abs=1e-12)
+
+
+def test_hips_opposite_to_the_shoulders_do_not_count(module, plan):
+    body = STANDING.copy()
+    body[[LEFT_HIP, RIGHT_HIP]] = body[[RIGHT_HIP, LEFT_HIP]]
+    np.testing.assert_allclose(module._sides(plan, body, 2)[0], [1, 0, 0])
+
+
+def test_an_orientation_is_used_as_it_is_or_without_the_heading_and_not_while_sides_are_exchanged(module, plan, state):
+    orientations = np.full((5, 4), np.nan)
+    quarter = np.array([math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0])  # about the upright axis
+    orientations[HAND] = 2 * quarter
+    result = module._orientations(plan, state, orientations, 2)
+    assert np.isnan(result[0]).all()
+    np.testing.assert_allclose(result[1], quarter)
+    plan.turns, state.clock[module.HEADING] = False, math.pi / 2
+    np.testing.assert_allclose(module._orientations(plan, state, orientations, 2)[1], [1, 0, 0, 0], atol=1e-12)
+    state.clock[module.EXCHANGED] = 1
+    assert np.isnan(module._orientations(plan, state, orientations, 2)).all()

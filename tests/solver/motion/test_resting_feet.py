@@ -1,0 +1,117 @@
+"""Which feet rest and where the floor is, as plain Python functions: feet that stand, step, jump and shake."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+FRAME = 1 / 30
+STANDING = np.array([[0.1, 0.02, 0.0], [-0.1, 0.02, 0.0]])
+
+
+def moved(left, right=(0.0, 0.0, 0.0)):
+    """Return the feet of who stands, moved."""
+    return STANDING + np.array([left, right])
+
+
+@pytest.fixture(scope="module")
+def module(interpreted):
+    return interpreted("solver.motion.resting_feet")
+
+
+@pytest.fixture
+def watch(module):
+    """Return a function from the positions of both feet in the next frame to those that rest and those that are low."""
+    plan = SimpleNamespace(joints=np.array([0, 1]), metre=2.0)
+    state = SimpleNamespace(
+        last=np.full((2, 3), np.nan),
+        velocity=np.full((2, 3), np.nan),
+        noise=np.zeros(2),
+        still=np.zeros(2),
+        held=np.zeros(2),
+        votes=np.zeros((2, module.VOTE_FRAMES)),
+        clock=np.array([np.nan, np.nan, 0.0, 0.0]),
+    )
+    frames = []
+
+    def see(positions, confidence=(1.0, 1.0)):
+        began = bool(frames)
+        frames.append(positions)
+        elapsed = FRAME if began else np.inf
+        rests, low = module.resting_feet(plan, state, np.array(positions), np.array(confidence), elapsed, began)
+        return rests.tolist(), low.tolist()
+
+    see.state = state
+    return see
+
+
+def test_what_remains_of_a_distance_falls_by_e_in_each_time_constant(module):
+    assert [module.remaining(0.5, seconds) for seconds in (0.0, 0.5, 1.0)] == [1.0, math.exp(-1), math.exp(-2)]
+    assert module.remaining(0.5, np.inf) == 0.0
+
+
+def test_feet_that_stand_rest_from_the_first_frame_on_and_define_the_floor(watch, module):
+    for _ in range(20):
+        assert watch(STANDING) == ([True, True], [True, True])
+    assert watch.state.clock[module.FLOOR] == pytest.approx(0.02)
+    assert watch.state.clock[module.LIFT] == 0.0
+
+
+def test_a_foot_that_is_lifted_rests_no_more_and_the_other_does(watch):
+    for _ in range(20):
+        watch(STANDING)
+    for frame in range(10):
+        rests, low = watch(moved(left=[0.0, 0.03 * (frame + 1), 0.0]))
+    assert (rests, low) == ([False, True], [False, True])
+
+
+def test_a_foot_that_slides_faster_than_its_limit_does_not_rest_though_it_is_low(watch, module):
+    speed = np.array([[2 * module.RELEASE_SPEED, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    for frame in range(30):
+        rests, low = watch(STANDING + frame * FRAME * speed)
+    assert (rests, low) == ([False, True], [True, True])
+
+
+def test_one_frame_out_of_three_is_outvoted(watch):
+    for _ in range(20):
+        watch(STANDING)
+    assert watch(moved(left=[0.0, 0.3, 0.0]))[0] == [True, True]
+
+
+def test_a_jump_lifts_the_character_by_its_height_over_the_floor_in_its_own_metres(watch, module):
+    for _ in range(30):
+        watch(STANDING)
+    for frame in range(10):
+        watch(moved(*2 * [[0.0, 0.04 * (frame + 1), 0.0]]))
+    floor = watch.state.clock[module.FLOOR]
+    assert watch.state.clock[module.LIFT] == pytest.approx(2.0 * (0.42 - floor - module.MIN_JUMP_METRES))
+    # the floor drifts slowly while nobody stands on it
+    assert 0.02 < floor < 0.02 + 0.4 * (1 - math.exp(-10 * FRAME / module.DRIFT_SECONDS))
+
+
+def test_the_floor_follows_feet_that_go_down_with_its_time_constant(watch, module):
+    for _ in range(30):
+        watch(STANDING)
+    watch(STANDING - [0.0, 0.1, 0.0])
+    assert watch.state.clock[module.FLOOR] == pytest.approx(-0.08 + 0.1 * math.exp(-FRAME / module.FLOOR_SECONDS))
+
+
+def test_a_foot_that_the_sensor_guesses_stays_where_it_was_seen(watch):
+    for _ in range(20):
+        watch(STANDING)
+    assert watch(moved(left=[5.0, 5.0, 5.0]), (0.5, 1.0)) == ([True, True], [True, True])
+    np.testing.assert_array_equal(watch.state.last, STANDING)
+
+
+def test_without_any_foot_nothing_rests_and_there_is_no_floor(watch, module):
+    assert watch(np.full((2, 3), np.nan)) == ([False, False], [False, False])
+    assert math.isnan(watch.state.clock[module.FLOOR])
+
+
+def test_the_velocity_is_a_mean_with_its_time_constant(watch, module):
+    watch(STANDING)
+    watch(STANDING)
+    watch(moved(left=[0.03, 0.0, 0.0]))
+    expected = 0.03 / FRAME * (1 - math.exp(-FRAME / module.VELOCITY_SECONDS))
+    np.testing.assert_allclose(watch.state.velocity, [[expected, 0, 0], [0, 0, 0]], atol=1e-12)

@@ -81,6 +81,19 @@ def test_the_rest_pose_is_the_one_at_the_second_that_is_asked_for(record, dance,
         assert moved[still].max() < 0.05 * moved.max()
 
 
+def test_a_part_moves_as_it_does_in_the_whole(take, blob_puppet, tmp_path):
+    whole, _ = convert(take, blob_puppet, tmp_path / "whole.glb", Settings())
+    part, summary = convert(take, blob_puppet, tmp_path / "part.glb", Settings(start=0.5, stop=1.0))
+    assert summary.frames == 16
+    assert summary.seconds == 0.5
+    assert np.array_equal(part.frames[:], whole.frames[15:31])
+    assert np.array_equal(part.root, whole.root[15:31])
+    assert np.array_equal(part.timeline.positions, whole.timeline.positions[15:31], equal_nan=True)
+    with pytest.raises(SkeletonLogError, match="Choose an earlier start or a later stop"):
+        convert(take, blob_puppet, tmp_path / "none.glb", Settings(start=1000.0))
+    assert not (tmp_path / "none.glb").exists()
+
+
 def test_the_performer_who_was_tracked_longest_is_taken_or_the_one_asked_for(dance, blob_puppet, tmp_path):
     positions, seen = dance(20), np.ones(20, np.float32)
     with Recorder(tmp_path / "two.log") as recorder:

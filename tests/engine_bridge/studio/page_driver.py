@@ -137,4 +137,4 @@ def running(folder, *arguments):
         yield studio
     finally:
         studio.close()
-        print("".join(studio.lines))  # pytest shows it if a test fails
+        sys.stdout.writelines(studio.lines)  # pytest shows it if a test fails

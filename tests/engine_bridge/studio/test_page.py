@@ -15,7 +15,7 @@ from engine_bridge.character.examples import prepare
 from engine_bridge.service.protocol.payloads import decode
 
 from ...conftest import ROOT, missing
-from .page_driver import running
+from .page_driver import Window, running
 
 pytestmark = pytest.mark.slow
 
@@ -266,6 +266,15 @@ def test_axe_finds_no_serious_violation(studio, browser, window, scheme):
 def test_the_page_is_small():
     files = [path for path in (PAGE / "dist").rglob("*") if path.is_file()]
     assert sum(len(gzip.compress(path.read_bytes())) for path in files) <= MAX_PAGE_BYTES
+
+
+def test_a_window_makes_an_address_for_another(browser, window):
+    window.button("Another window…").click()
+    text = window.until("state.notice?.level === 'info' && state.notice.text")
+    window.button("Dismiss").click()
+    other = Window(browser.new_context(), re.search(r"http://\S+", text)[0])
+    other.until("state.connected === 'open' && state.server")
+    other.close()
 
 
 def test_a_window_without_a_valid_token_is_told_what_to_do(studio, browser):

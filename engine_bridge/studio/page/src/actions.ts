@@ -309,6 +309,12 @@ export async function cancel(job: string): Promise<void> {
   await connection.request("cancel", { job }).catch(() => null);
 }
 
+/** Show an address that opens the page in another window, once. */
+export async function invite(): Promise<void> {
+  const reply = await request<{ address: string }>(strings.busy.invite, "invite");
+  if (reply !== null) update({ notice: { level: "info", text: strings.status.invited(reply.address) } });
+}
+
 /** Save a file of the server on this computer. */
 export async function offer(id: string, name: string): Promise<void> {
   const blob = await doing(strings.busy.save, () => connection.download(id));

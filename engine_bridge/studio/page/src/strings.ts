@@ -231,6 +231,8 @@ export const strings = {
     latency: (ms: number) => `${ms.toFixed(1)} ms latency`,
     clients: (n: number) => count(n, "client"),
     drops: (n: number) => `${n.toLocaleString("en")} dropped`,
+    invite: "Another window…",
+    invited: (address: string) => `Open this address in another window or browser, once: ${address}`,
     service: { running: "Service running", starting: "Service starting…", stopped: "Service stopped" },
     vertices: (n: number) => count(n, "vertex", "vertices"),
   },
@@ -250,6 +252,7 @@ export const strings = {
     edit: "Applying the change…",
     source: "Starting the performer…",
     save: "Saving…",
+    invite: "Making an address…",
     export: "Exporting…",
   },
 };

@@ -1,8 +1,10 @@
 /** The line at the bottom: how the service does. */
 
+import { invite } from "../actions";
 import { type Node_, h } from "../dom";
 import { type State, shownCharacter } from "../store";
 import { strings } from "../strings";
+import { button } from "./parts";
 
 export function status(state: State, drawn: number): Node_ {
   const { status: words, banner } = strings;
@@ -30,5 +32,9 @@ export function status(state: State, drawn: number): Node_ {
     ],
     h("span", { class: "space" }),
     shown !== null && shown.vertices > 0 && h("span", { key: "vertices" }, words.vertices(shown.vertices)),
+    connected === "open" &&
+      button(words.invite, () => {
+        void invite();
+      }, { quiet: true, key: "invite" }),
   );
 }

@@ -9,7 +9,6 @@ measured only if --only names it. With --live, its table is made from the FILE o
 
 import argparse
 import json
-import re
 import sys
 import tempfile
 from pathlib import Path
@@ -17,22 +16,12 @@ from pathlib import Path
 from puppetline.examples.performances import PERFORMANCES
 
 from benchmarks import goals, live, plots, scaling, table1
+from benchmarks.documents import DOCUMENT, IMAGES, replaced
 from benchmarks.processes import MODULE
 from engine_bridge.cli import benchmark
 
-DOCUMENT = Path(__file__).parents[1] / "docs" / "performance.md"
-IMAGES = DOCUMENT.with_name("images")
-
 PARTS = ("goals", "table1", "convergence")
 LIVE = "live"
-
-
-def replaced(text: str, name: str, lines: list[str]) -> str:
-    """Replace the lines between <!-- name --> and <!-- /name -->."""
-    pattern = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.DOTALL)
-    if not pattern.search(text):
-        raise SystemExit(f"{DOCUMENT}: no lines between <!-- {name} --> and <!-- /{name} -->")
-    return pattern.sub(lambda found: "\n".join([found[1].rstrip(), *lines, found[2]]), text)
 
 
 def say(text: str) -> None:

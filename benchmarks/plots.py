@@ -57,6 +57,22 @@ def cost(points: Points, path: Path) -> None:
         _save(figure, path)
 
 
+def scaling(points: Points, path: Path) -> None:
+    """Draw time and memory of the preparation of a character from its file, with both kinds of fields."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(8, 3.9), layout="constrained")
+        seconds, memory = figure.subplots(1, 2)
+        for axes, name in ((seconds, "cold_s"), (memory, "cold_peak_mb")):
+            _line(axes, points, f"exact_{name}", ORANGE, "exact")
+            _line(axes, points, name, BLUE, "sampled")
+        _finish(seconds, "From the file to the model, s")
+        _finish(memory, "Peak memory, MB")
+        for axes in (seconds, memory):
+            axes.set(xticks=(2e3, 1e4, 1e5, 1e6, 1e7))
+            axes.minorticks_off()
+        _save(figure, path)
+
+
 def convergence(found: dict[str, Any], path: Path) -> None:
     """Draw the distance to the converged result against iterations per frame."""
     with mpl.rc_context(STYLE):

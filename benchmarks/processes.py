@@ -1,5 +1,6 @@
 """The measurements of `benchmarks.performance`, each in a separate process as in `engine_bridge.cli.benchmark`."""
 
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.avx2 import Avx2Blend, MissingError
+from engine_bridge.character.character import load_character
 from engine_bridge.cli import benchmark_process
 from engine_bridge.cli.benchmark_process import (
     CHARACTER,
@@ -20,11 +22,14 @@ from engine_bridge.cli.benchmark_process import (
     interleaved,
 )
 from engine_bridge.performance.rig import Rig, load_rig
+from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.puppet import SolverTable
+from solver.model import coarse_fields, reduced_model
 from solver.model.binding import Binding
 from solver.model.reduced_model import build
 from solver.model.rotations import TRIANGLES_PER_ISOLINE, RotationMode
 from solver.motion.deformer import Deformer, to_file_units
+from solver.motion.limbs import bones_of
 
 MODULE = "benchmarks.processes"
 """Module that `engine_bridge.cli.benchmark.in_process` starts."""
@@ -79,6 +84,32 @@ def point(folder: Path) -> dict[str, float]:
             rig.mesh, playing.performance.deformer.handles, handle_path(playing, 60)
         )
     return {"vertices": len(rig.mesh.of_render), **medians(interleaved(todo, 12))}
+
+
+def cold(folder: Path, exact: int) -> dict[str, Any]:
+    """Measure the preparation of a character from its file, without caches, with exact or with the usual fields.
+
+    Seconds are of the processor, so that other programs on the machine hardly count.
+    """
+    benchmark_process.warm_up(folder)
+    puppet = puppet_file.load(folder / CHARACTER)
+    bones = bones_of(puppet.limbs)
+    # compiles what only large surfaces need
+    reduced_model.MAX_EXACT_VERTICES = 0
+    small = load_rig(folder / benchmark_process.WARM_UP)
+    build(small.mesh, small.puppet.solver.parameters)
+    reduced_model.MAX_EXACT_VERTICES = sys.maxsize if exact else coarse_fields.MAX_EXACT_VERTICES
+    start = time.process_time()
+    character = load_character(folder / puppet.character.mesh)
+    read = time.process_time() - start
+    mesh = character.solver_mesh()
+    build(mesh, puppet.solver.parameters, bones)
+    return {
+        "vertices": len(mesh.vertices),
+        "read_s": read,
+        "cold_s": time.process_time() - start,
+        "cold_peak_mb": benchmark_process.peak_mb(),
+    }
 
 
 def table1_row(folder: Path) -> dict[str, Any]:
@@ -176,6 +207,7 @@ if __name__ == "__main__":
         {
             "yardstick": yardstick,
             "point": point,
+            "cold": cold,
             "table1_row": table1_row,
             "convergence": convergence,
         }

@@ -131,7 +131,7 @@ def _encodings(view: BufferView, content: codec.Bytes, uses: list[Use]) -> Itera
         yield codec.rows(content, stride)
         if all(use.kind == np.float32 for use in uses) and (packed := codec.exponential(content, stride)):
             yield packed
-        if len(uses) == 1 and uses[0].normalized and kind == np.int8 and stride == 4:
+        if len(uses) == 1 and uses[0].normalized and kind == np.int16 and stride == 8:
             packed = codec.octahedral(content)
             if packed:
                 yield packed

@@ -28,6 +28,12 @@ MAX_RATIO = 100
 STRIDES = {"OCTAHEDRAL": (4, 8), "QUATERNION": (8,)}
 """Sizes of rows that a filter accepts, in bytes; others accept all."""
 
+MAX_INT16 = 32767
+"""Integer that stands for 1 in a unit vector."""
+
+OCTAHEDRON_STEPS = 511
+"""Number of steps from the middle of the octahedron to a corner: 10 bits, which are about as small as plain bytes."""
+
 Mode = Literal["ATTRIBUTES", "TRIANGLES", "INDICES"]
 Filter = Literal["OCTAHEDRAL", "EXPONENTIAL"]
 Bytes = NDArray[np.uint8]
@@ -76,12 +82,12 @@ def exponential(content: Bytes, stride: int) -> Encoded | None:
 
 
 def octahedral(content: Bytes) -> Encoded | None:
-    """Encode rows of four normalised bytes as unit vectors on an octahedron; None if these are not exact."""
-    values = content.view(np.int8).reshape(-1, 4)
+    """Encode rows of four normalised integers of 16 bits as places on an octahedron; None if these are not exact."""
+    values = content.view(np.int16).reshape(-1, 4)
     packed = _on_octahedron(values)
     if not np.array_equal(_from_octahedron(packed), values):
         return None
-    return Encoded(_encode_rows(packed.view(np.uint8).ravel(), 4), "ATTRIBUTES", 4, "OCTAHEDRAL")
+    return Encoded(_encode_rows(packed.view(np.uint8).ravel(), 8), "ATTRIBUTES", 8, "OCTAHEDRAL")
 
 
 def indices(content: Bytes, size: int) -> Encoded:
@@ -173,31 +179,32 @@ def _mantissas(values: NDArray[np.float32]) -> Bytes | None:
     return packed.astype(np.uint32).view(np.uint8).ravel()
 
 
-def octahedral_rounded(vectors: NDArray[np.floating]) -> NDArray[np.int8]:
+def octahedral_rounded(vectors: NDArray[np.floating]) -> NDArray[np.int16]:
     """Return unit vectors (n, 3) or (n, 4) as normalised integers that the octahedral filter stores exactly.
 
-    A fourth component is 1 or −1 and stays.
+    They are up to 0.3° off. A fourth component is 1 or −1 and stays.
     """
-    values = np.zeros((len(vectors), 4), dtype=np.int8)
-    values[:, : vectors.shape[1]] = np.round(127 * np.clip(vectors, -1, 1))
+    values = np.zeros((len(vectors), 4))
+    values[:, : vectors.shape[1]] = MAX_INT16 * np.clip(vectors, -1, 1)
     return np.ascontiguousarray(_from_octahedron(_on_octahedron(values))[:, : vectors.shape[1]])
 
 
-def _on_octahedron(values: NDArray[np.int8]) -> NDArray[np.int8]:
+def _on_octahedron(values: NDArray[Any]) -> NDArray[np.int16]:
     """Return vectors (n, 4) as places on an unfolded octahedron: x, y, the number that stands for 1, and w."""
-    x, y, z = values[:, :3].T.astype(np.float32)
-    size = np.maximum(np.abs(x) + np.abs(y) + np.abs(z), 1)
+    x, y, z = values[:, :3].T.astype(np.float64)
+    size = np.maximum(np.abs(x) + np.abs(y) + np.abs(z), 1e-9)
     x, y = x / size, y / size
     folded_x = (1 - np.abs(y)) * np.where(x >= 0, 1, -1)
     folded_y = (1 - np.abs(x)) * np.where(y >= 0, 1, -1)
-    packed = values.copy()
-    packed[:, 0] = np.round(127 * np.where(z >= 0, x, folded_x))
-    packed[:, 1] = np.round(127 * np.where(z >= 0, y, folded_y))
-    packed[:, 2] = 127
+    packed = np.empty(values.shape, dtype=np.int16)
+    packed[:, 0] = np.round(OCTAHEDRON_STEPS * np.where(z >= 0, x, folded_x))
+    packed[:, 1] = np.round(OCTAHEDRON_STEPS * np.where(z >= 0, y, folded_y))
+    packed[:, 2] = OCTAHEDRON_STEPS
+    packed[:, 3] = np.round(values[:, 3])
     return packed
 
 
-def _from_octahedron(packed: NDArray[np.int8]) -> NDArray[np.int8]:
+def _from_octahedron(packed: NDArray[np.int16]) -> NDArray[np.int16]:
     import meshoptimizer
 
-    return meshoptimizer.decode_filter_oct(packed, len(packed), 4)
+    return meshoptimizer.decode_filter_oct(packed, len(packed), 8)

@@ -64,9 +64,9 @@ WRITING = (
         "--bones", type=click.IntRange(1, 128), metavar="N", help="Number of bones, whatever the error; with --as skin."
     ),
     click.option(
-        "--compact", is_flag=True, help="Write integers instead of floats, and fewer keyframes, within the tolerance."
+        "--compact", is_flag=True, help="Write small integers and fewer keyframes, within the tolerance; not for Godot."
     ),
-    click.option("--meshopt", is_flag=True, help="Compress all arrays by EXT_meshopt_compression."),
+    click.option("--meshopt", is_flag=True, help="Compress all arrays without loss, for three.js and Babylon.js."),
 )
 """Options for what is written."""
 

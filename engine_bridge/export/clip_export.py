@@ -82,13 +82,19 @@ def _as_morph(clip: Clip, name: str, settings: Settings, progress: Progress) -> 
     keyframes = _keyframes(clip, name, basis.weights)
     if settings.compact:
         opposite = basis.unit_weights.opposite
-        return _compact(clip, keyframes, displacements, settings, basis.error, opposite=opposite)
+        return _compact(clip, keyframes, displacements, settings, progress, basis.error, opposite=opposite)
     document = animate(rig.character, keyframes, FloatTargets(rig.character, displacements))
     return document, ExportResult(error=basis.error / float(rig.model.diagonal), targets=basis.unit_weights.count)
 
 
 def _compact(
-    clip: Clip, keyframes: Keyframes, displacements: Displacements, settings: Settings, error: float, **options: Any
+    clip: Clip,
+    keyframes: Keyframes,
+    displacements: Displacements,
+    settings: Settings,
+    progress: Progress,
+    error: float,
+    **options: Any,
 ) -> tuple[Document, ExportResult]:
     """Quantise targets whose own error is in mesh units; options are those of `quantized_targets.fit`."""
     rig, diagonal = clip.rig, float(clip.rig.model.diagonal)
@@ -101,9 +107,11 @@ def _compact(
     def solved(part: int, frames: NDArray[np.int64]) -> NDArray[np.float32]:
         return bindings[part].displacements(clip.frames[frames] - rig.model.rest_controls)
 
+    progress("Rounding morph targets", 0.0)
     tolerance = max(settings.max_error * diagonal, error / TARGETS_SHARE)
     targets = quantized_targets.fit(rig.character, keyframes, displacements, solved, tolerance, **options)
     document = animate_compact(rig.character, targets, for_meshopt=settings.meshopt)
+    progress("Rounding morph targets", 1.0)
     return document, ExportResult(
         error=targets.error / diagonal,
         targets=targets.keyframes.weights.shape[1],
@@ -144,7 +152,7 @@ def _as_frames(clip: Clip, name: str, settings: Settings, progress: Progress) ->
     progress("Making keyframes", 1.0)
     keyframes = _keyframes(clip, name, frames_animation.weights(count))
     if settings.compact:
-        return _compact(clip, keyframes, displacements, settings, 0.0, thinning=FRAMES_THINNING_SHARE)
+        return _compact(clip, keyframes, displacements, settings, progress, 0.0, thinning=FRAMES_THINNING_SHARE)
     document = animate(rig.character, keyframes, FloatTargets(rig.character, displacements))
     return document, ExportResult(error=0.0, targets=count)
 

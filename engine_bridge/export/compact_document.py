@@ -17,7 +17,7 @@ from engine_bridge.character.document import ARRAY_BUFFER, Document, index_type
 from engine_bridge.character.meshopt_codec import octahedral_rounded
 from engine_bridge.character.schema import Primitive
 from engine_bridge.export.animation import animate
-from engine_bridge.export.quantized_targets import MAX_WEIGHT, QuantizedTargets
+from engine_bridge.export.quantized_targets import MAX_WEIGHT, QuantizedTargets, stored_weights
 
 QUANTIZATION = "KHR_mesh_quantization"
 
@@ -44,17 +44,16 @@ def animate_compact(character: Character, targets: QuantizedTargets, *, for_mesh
     -------
     Document
     """
-    writer = _Writer(character, targets, for_meshopt)
-    document = animate(character, targets.keyframes, writer)
+    document = animate(character, targets.keyframes, _Writer(targets, for_meshopt))
     rewriting = Rewriting(document)
     numbers = {(part.node, part.primitive): number for number, part in enumerate(character.parts)}
     for node, grid in targets.grids.items():
-        scale = grid.scale if writer.is_scaled[node] else 1.0
+        scale = grid.step if grid.is_scale else 1.0
         for index, primitive in enumerate(document.gltf["meshes"][document.gltf["nodes"][node]["mesh"]]["primitives"]):
             part = numbers.get((node, index))
             own = len(primitive.get("targets", [])) - targets.keyframes.weights.shape[1]
             if part is not None:
-                rest = targets.parts[part].rest(grid) * np.float32(grid.scale / scale)
+                rest = targets.parts[part].rest(grid) * np.float32(grid.step / scale)
                 rewriting.plan(primitive["attributes"], "POSITION", (part, grid), partial(_given, Array(rest)))
                 quantize_attributes(rewriting, primitive, for_meshopt=for_meshopt)
             elif "POSITION" in primitive["attributes"]:
@@ -62,7 +61,7 @@ def animate_compact(character: Character, targets: QuantizedTargets, *, for_mesh
             for target in primitive.get("targets", [])[:own]:
                 if "POSITION" in target:
                     rewriting.plan(target, "POSITION", scale, partial(_divided, scale))
-        if writer.is_scaled[node]:
+        if grid.is_scale:
             _scale_node(document, node, scale)
     rewriting.run()
     return document
@@ -226,7 +225,7 @@ def _shares(old: NDArray[Any]) -> Array:
 
 
 def _directions(old: NDArray[Any], *, for_meshopt: bool) -> Array:
-    """Return unit vectors as normalised bytes."""
+    """Return unit vectors as normalised integers: bytes, or the 16 bits of the octahedral filter."""
     if for_meshopt:
         return Array(octahedral_rounded(old), normalized=True)
     return Array(np.round(MAX_BYTE * np.clip(old, -1, 1)).astype(np.int8), normalized=True)
@@ -243,21 +242,16 @@ def _fractions(old: NDArray[Any]) -> Array | None:
 class _Writer:
     """Writer of quantised targets and weights."""
 
-    character: Character
     targets: QuantizedTargets
     for_meshopt: bool
-
-    @property
-    def is_scaled(self) -> dict[int, bool]:
-        return {node: can_be_scaled(self.character.document, node) for node in self.targets.grids}
 
     def add_targets(self, document: Document, number: int, primitive: Primitive) -> None:
         """Append a part's targets to its primitive, each in the smallest type that fits."""
         part = self.targets.parts[number]
-        grid, scaled = self.targets.grids[part.node], can_be_scaled(self.character.document, part.node)
+        grid = self.targets.grids[part.node]
         integers = part.integers(grid)
         arrays = {
-            "POSITION": [Array(_smallest(each) if scaled else each * np.float32(grid.scale)) for each in integers]
+            "POSITION": [Array(_smallest(each) if grid.is_scale else each * np.float32(grid.step)) for each in integers]
         }
         if part.normals is not None:
             arrays["NORMAL"] = [_quantized_normals(each) for each in part.normals]
@@ -282,10 +276,10 @@ class _Writer:
             made.update(zip(members, added, strict=True))
         return [made[k] for k in range(len(arrays))]
 
-    def add_weights(self, document: Document, node: int, weights: NDArray[np.float32]) -> int:
+    def add_weights(self, document: Document, node: int, weights: NDArray[np.float32]) -> int:  # noqa: ARG002
         """Add weights in 16 bits, or as floats if integers do not hold the weights of the mesh's own targets."""
         own = weights.shape[1] - self.targets.keyframes.weights.shape[1]
-        stored = np.hstack([weights[:, :own], self.targets.grids[node].stored_weights(weights[:, own:])])
+        stored = np.hstack([weights[:, :own], stored_weights(weights[:, own:])])
         integers = np.round(stored * np.float32(MAX_WEIGHT))
         if np.array_equal(integers / np.float32(MAX_WEIGHT), stored) and 0 <= stored.min() <= stored.max() <= 1:
             return document.add(integers.astype(np.uint16).ravel(), normalized=True)
@@ -312,20 +306,6 @@ def _is_smaller_sparse(values: NDArray[Any]) -> bool:
     size = values.itemsize * values.shape[1]
     row = np.dtype(index_type(len(values))).itemsize + size
     return max(1, int(values.any(axis=1).sum())) * row + ACCESSOR_BYTES < len(values) * (size + -size % 4)
-
-
-def can_be_scaled(document: Document, node: int) -> bool:
-    """Return whether the scale of a node can be changed without an effect on anything but its mesh.
-
-    A skinned mesh ignores the scale of its node. Children, cameras and extensions such as lights would be scaled too.
-    """
-    shown = document.gltf["nodes"][node]
-    if {"children", "skin", "camera", "extensions"} & shown.keys():
-        return False
-    targets = [channel["target"] for animation in document.gltf["animations"] for channel in animation["channels"]]
-    return not any(
-        target["path"] == "pointer" or (target["path"] == "scale" and target.get("node") == node) for target in targets
-    )
 
 
 def _scale_node(document: Document, index: int, scale: float) -> None:

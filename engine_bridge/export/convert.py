@@ -173,6 +173,8 @@ def describe(summary: Summary) -> str:
         f"{summary.output}: {summary.frames:,} frames, {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB",
         _describe_form(summary),
     ]
+    if summary.keyframes < summary.frames:
+        lines.append(f"  keyframes      {summary.keyframes:,}; the other frames are interpolated within the tolerance")
     stretch = (summary.stretch_p1, summary.stretch_p50, summary.stretch_p99)
     if None not in stretch:
         lines.append(f"  edge stretch   {' / '.join(f'{each:.3f}' for each in stretch)} (1st, 50th, 99th percentile)")
@@ -186,7 +188,7 @@ def describe(summary: Summary) -> str:
 
 def _describe_form(summary: Summary) -> str:
     """Return what the animation consists of, and its error."""
-    if summary.form == "frames":
+    if summary.form == "frames" and not summary.error:
         return f"  morph targets  {summary.targets}, one for each keyframe, exactly as solved"
     if summary.form == "rig":
         return (

@@ -5,9 +5,9 @@ with which every vertex stays within the tolerance in every frame. This distance
 the position that a player computes from the file. It contains the errors of the rounded rest pose, of rounded weights,
 of omitted keyframes, and of the limited number of targets.
 
-A player multiplies the integers by the scale of the mesh's node (KHR_mesh_quantization). This scale is a power of two,
-so that other positions of the mesh, which are divided by it, stay the same numbers. The rest of the step is a factor of
-the weights.
+A player multiplies the integers by the scale of the mesh's node (KHR_mesh_quantization), by which all other positions
+of the mesh are divided. If the scale of a node cannot be changed, its targets are floats. Their step is then a power of
+two, so that they can be compressed as well as integers.
 """
 
 from collections.abc import Callable
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character
+from engine_bridge.character.document import Document
 from engine_bridge.export.animation import Displacements, Keyframes, LocalSpace
 from engine_bridge.export.key_thinning import interpolated, thin
 from engine_bridge.performance.frame_store import evenly
@@ -49,7 +50,7 @@ MIN_STEP = 1e-3
 """Minimum step as a fraction of the tolerance, if the targets themselves leave no room for rounding."""
 
 REST_STEPS = 16
-"""Number of steps of rest positions per unit of a player's integers."""
+"""Number of steps of rest positions per step of displacements."""
 
 MAX_WEIGHT = 65535
 """Integer that is a weight of 1."""
@@ -63,18 +64,17 @@ class Grid:
     ----------
     step : float
         Units of the node's mesh.
+    is_scale : bool
+        Whether the step becomes a part of the node's scale.
     """
 
     step: float
+    is_scale: bool
 
-    @property
-    def scale(self) -> float:
-        """Length of 1 for a player: the power of two from `step` on."""
-        return float(2.0 ** np.ceil(np.log2(self.step)))
 
-    def stored_weights(self, weights: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Return weights as a file has them, in 16 bits: times step / scale, which is at most 1."""
-        return np.round(weights * (self.step / self.scale) * MAX_WEIGHT).astype(np.float32) / np.float32(MAX_WEIGHT)
+def stored_weights(weights: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Return weights as a file has them, in 16 bits."""
+    return np.round(weights * MAX_WEIGHT).astype(np.float32) / np.float32(MAX_WEIGHT)
 
 
 class PartTargets:
@@ -139,8 +139,8 @@ class PartTargets:
         return rounded
 
     def rest(self, grid: Grid) -> NDArray[np.float32]:
-        """Return the rounded rest positions (n, 3) in units of the grid's scale."""
-        steps = np.round(self._rest / np.float32(grid.scale) * np.float32(REST_STEPS)) + np.float32(0)
+        """Return the rounded rest positions (n, 3) in steps."""
+        steps = np.round(self._rest / np.float32(grid.step) * np.float32(REST_STEPS)) + np.float32(0)
         return steps / np.float32(REST_STEPS)
 
     def moved(self, vertices: NDArray[np.int64], weights: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -154,10 +154,10 @@ class PartTargets:
         Displacements and errors are (n, 3, F) in the world.
         """
         integers = self.integers(grid)
-        at_rest = (self.rest(grid) * np.float32(grid.scale) - self._rest)[:, :, None]
+        at_rest = (self.rest(grid) * np.float32(grid.step) - self._rest)[:, :, None]
 
         def errors(weights: NDArray[np.float32], solved: NDArray[np.float32]) -> NDArray[np.float32]:
-            moved = _blended(integers, weights * np.float32(grid.scale)) + at_rest
+            moved = _blended(integers, weights * np.float32(grid.step)) + at_rest
             if self._is_world:
                 return moved - solved
             exact = np.array([self._local.positions(each) for each in solved.transpose(2, 0, 1)])
@@ -232,7 +232,7 @@ def fit(
         left = replace(left, weights=left.weights[:, used])
         for part in parts:
             part.keep(used)
-    trials = _Trials(parts, keyframes, left, kept, solved)
+    trials = _Trials(character.document, parts, keyframes, left, kept, solved)
     step = trials.search(tolerance)
     while (error := trials.error(step)) > tolerance and step > MIN_STEP * tolerance:
         step *= SMALLER
@@ -256,6 +256,7 @@ class _Trials:
 
     def __init__(
         self,
+        document: Document,
         parts: list[PartTargets],
         keyframes: Keyframes,
         left: Keyframes,
@@ -271,10 +272,15 @@ class _Trials:
         self._sizes: dict[int, float] = {}
         for part in parts:
             self._sizes[part.node] = max(part.size, self._sizes.get(part.node, 0.0))
+        self._is_scale = {node: can_be_scaled(document, node) for node in self._sizes}
 
     def grids(self, step: float) -> dict[int, Grid]:
         """Return the grid of each node for a step in the world."""
-        return {node: Grid(step / (size or 1.0)) for node, size in self._sizes.items()}
+        grids = {}
+        for node, size in self._sizes.items():
+            own = step / (size or 1.0)
+            grids[node] = Grid(own if self._is_scale[node] else 2.0 ** np.floor(np.log2(own)), self._is_scale[node])
+        return grids
 
     def search(self, tolerance: float) -> float:
         """Return the largest step that keeps a sample of frames within the tolerance.
@@ -298,8 +304,8 @@ class _Trials:
         """Return the maximum distance of a vertex from the solver's position in some frames, or in all."""
         frames = self._frames if frames is None else frames
         grids, worst = self.grids(step), 0.0
+        weights = interpolated(stored_weights(self._weights), self._kept)
         for number, part in enumerate(self._parts):
-            weights = interpolated(grids[part.node].stored_weights(self._weights), self._kept)
             errors = part.missed(grids[part.node])
             for start in range(0, len(frames), FRAMES_PER_CHUNK):
                 chunk = frames[start : start + FRAMES_PER_CHUNK]
@@ -307,3 +313,17 @@ class _Trials:
                 missed += self._root[chunk].T
                 worst = max(worst, float(np.einsum("ncf,ncf->nf", missed, missed).max()))
         return float(np.sqrt(worst))
+
+
+def can_be_scaled(document: Document, node: int) -> bool:
+    """Return whether the scale of a node can be changed without an effect on anything but its mesh.
+
+    A skinned mesh ignores the scale of its node. Children, cameras and extensions such as lights would be scaled too.
+    """
+    shown = document.gltf["nodes"][node]
+    if {"children", "skin", "camera", "extensions"} & shown.keys():
+        return False
+    targets = [channel["target"] for animation in document.gltf["animations"] for channel in animation["channels"]]
+    return not any(
+        target["path"] == "pointer" or (target["path"] == "scale" and target.get("node") == node) for target in targets
+    )

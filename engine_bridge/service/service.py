@@ -338,6 +338,7 @@ class Service:
         error = loaded.exception()
         if error is None:
             self._replace_runners(loaded.result())
+            self.status = self._current_status()
         for deferred in waiting:
             self._answer(deferred, loaded, lambda _: {"characters": self._names()})
         if error is not None:

@@ -79,7 +79,8 @@ class _Server:
         try:
             response = await handler(request)
         except web.HTTPException as error:
-            response = error
+            error.headers.update(page_headers(host or ""))
+            raise
         except PuppetlineError as error:
             response = _error(_status(error), ServiceError(**self._studio.workspace.told(error)))
         if not response.prepared:
@@ -95,7 +96,9 @@ class _Server:
     async def asset(self, request: web.Request) -> web.StreamResponse:
         """Send a file of the page, of those that were there at the start."""
         path = self._assets.get(request.match_info["path"])
-        return web.HTTPNotFound() if path is None else web.FileResponse(path)
+        if path is None:
+            raise web.HTTPNotFound
+        return web.FileResponse(path)
 
     async def api(self, request: web.Request) -> web.StreamResponse:
         """Speak the protocol of `engine_bridge.studio.messages`."""
@@ -119,7 +122,7 @@ class _Server:
         self._authorize(request)
         found = self._studio.workspace.downloads.get(request.match_info["file"])
         if found is None or not found.path.is_file():
-            return web.HTTPNotFound()
+            raise web.HTTPNotFound
         response = web.FileResponse(found.path)
         response.content_type = "application/octet-stream"
         response.headers["Content-Disposition"] = f"attachment; filename*=UTF-8''{quote(found.name)}"

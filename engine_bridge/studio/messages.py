@@ -700,16 +700,16 @@ class SmoothingReply(Table):
 
 
 class Look(Request):
-    """Draw what the source sees, and say why nothing moves. Result: `LookReply`."""
+    """Say what the source delivers, and why nothing moves. Result: `LookReply`."""
 
     do: Literal["look"]
 
 
 class LookReply(Table):
-    """What the source sees.
+    """What the source delivers.
 
-    `picture` is a JPEG in base64 with the joints on it, `problems` are sentences with what to do, and `performers` is
-    one line about each.
+    `problems` are sentences with what to do, and `performers` is one line about each. `picture` is for a JPEG in
+    base64; it is empty, because a sensor's picture does not leave the service.
     """
 
     picture: str
@@ -743,5 +743,6 @@ REQUESTS: dict[str, type[Request]] = {
     "mirror": Mirror,
     "choose_user": ChooseUser,
     "smoothing_preview": SmoothingPreview,
+    "look": Look,
 }
 """Every request that the server carries out, by its `do`. Requests above that are not listed here are refused."""

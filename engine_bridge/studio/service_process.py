@@ -13,12 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import psutil
 import tomlkit
 
 from engine_bridge.studio.messages import ServiceState
 
-START_SECONDS = 120.0
-"""Maximum time from the start of the service until it serves, in seconds; loops may have to be compiled."""
+START_SECONDS = 600.0
+"""Maximum time from the start of the service until it serves, in seconds. The first start on a machine compiles."""
 
 STOP_SECONDS = 10.0
 """Maximum time that the service may take to end, in seconds."""
@@ -66,6 +67,7 @@ class ServiceProcess:
         self.state = ServiceState()
         self.reached: Reached | None = None
         self._file, self._token, self._changed = file, token, changed
+        self._pid_file = file.with_suffix(".pid")
         self._wanted = False
         self._process: asyncio.subprocess.Process | None = None
         self._keeper: asyncio.Task[None] | None = None
@@ -123,9 +125,20 @@ class ServiceProcess:
         self._serving.clear()
         self._set(running=False, starting=False, address="")
 
+    def _end_leftover(self) -> None:
+        """End a service that an earlier studio, which was killed, has left behind."""
+        try:
+            process = psutil.Process(int(self._pid_file.read_text()))
+            if str(self._file) in process.cmdline():
+                process.terminate()
+                process.wait(STOP_SECONDS)
+        except (OSError, ValueError, psutil.Error):  # there is none, or it belongs to somebody else
+            pass
+
     async def _run(self) -> deque[str]:
         """Run the service to its end; return its last lines."""
         self._serving.clear()
+        await asyncio.to_thread(self._end_leftover)
         command = [sys.executable, "-m", "puppetline", "serve", "--config", str(self._file), "--log-format", "json"]
         self._process = process = await asyncio.create_subprocess_exec(
             *command,
@@ -135,6 +148,7 @@ class ServiceProcess:
             start_new_session=True,  # Ctrl-C is for the studio, which then ends the service
             env=os.environ | {"PUPPETLINE_STUDIO": str(os.getpid())},
         )
+        self._pid_file.write_text(str(process.pid))
         lines: deque[str] = deque(maxlen=MAX_LINES)
         assert process.stderr is not None  # noqa: S101 - a pipe was asked for
         try:
@@ -144,6 +158,7 @@ class ServiceProcess:
         finally:
             if process.returncode is None:
                 await process.wait()
+            self._pid_file.unlink(missing_ok=True)
         return lines
 
     def _read(self, line: str) -> None:

@@ -12,7 +12,7 @@ from engine_bridge.studio.messages import SmoothingReply
 NOISE_METRES, STEP_METRES, SPEED = 0.005, 0.3, 1.0
 """Standard deviation of the noise in metres, height of the step in metres, and speed in metres per second."""
 
-NOISE_FRAMES, START_FRAMES = 600, 30
+NOISE_FRAMES, START_FRAMES = 1200, 300
 """Number of frames over which the noise is measured, after those in which the filter starts."""
 
 SHOWN_FRAMES, STEP_FRAME = 75, 30
@@ -27,15 +27,15 @@ def preview(smoothing: Smoothing) -> SmoothingReply:
     noise = _noise()
     steps = np.where(np.arange(SHOWN_FRAMES + 300) < STEP_FRAME, 0.0, STEP_METRES)
     ramp = np.maximum(np.arange(300) - 10, 0) * SPEED / FRAMES_PER_SECOND
-    response = _filtered(smoothing, steps[:, None])[STEP_FRAME:, 0]
-    lag = (ramp - _filtered(smoothing, ramp[:, None])[:, 0])[-1] / SPEED
+    response = _filtered(smoothing, _along_x(steps))[STEP_FRAME:, 0, 0]
+    lag = (ramp - _filtered(smoothing, _along_x(ramp))[:, 0, 0])[-1] / SPEED
     left = _filtered(smoothing, noise)[START_FRAMES:].std()
     made = np.flatnonzero(response >= SETTLED_SHARE * STEP_METRES)
-    shown = steps[:SHOWN_FRAMES] + noise[:SHOWN_FRAMES, 0]
+    shown = _along_x(steps[:SHOWN_FRAMES]) + noise[:SHOWN_FRAMES]
     return SmoothingReply(
         times=(np.arange(SHOWN_FRAMES) / FRAMES_PER_SECOND).tolist(),
-        measured=shown.tolist(),
-        smoothed=_filtered(smoothing, shown[:, None])[:, 0].tolist(),
+        measured=shown[:, 0, 0].tolist(),
+        smoothed=_filtered(smoothing, shown)[:, 0, 0].tolist(),
         jitter_mm=float(left * 1e3),
         lag_ms=float(lag * 1e3),
         rise_ms=None if not len(made) else float(made[0] / FRAMES_PER_SECOND * 1e3),
@@ -45,15 +45,16 @@ def preview(smoothing: Smoothing) -> SmoothingReply:
 
 @lru_cache(1)
 def _noise() -> NDArray[np.float64]:
-    """Return noise (frames, 20), the same every time."""
-    return np.random.default_rng(0).normal(scale=NOISE_METRES, size=(START_FRAMES + NOISE_FRAMES, len(JOINTS)))
+    """Return noise (frames, 20, 3), the same every time."""
+    return np.random.default_rng(0).normal(scale=NOISE_METRES, size=(START_FRAMES + NOISE_FRAMES, len(JOINTS), 3))
 
 
-def _filtered(smoothing: Smoothing, along_x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (frames, k) the filtered positions of k joints that move along x."""
-    frames, count = along_x.shape
-    positions = np.zeros((frames, len(JOINTS), 3))
-    positions[:, :count, 0] = along_x
+def _along_x(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return positions (frames, 20, 3) of joints that all move along x."""
+    return x[:, None, None] * np.array([1.0, 0.0, 0.0]) * np.ones((1, len(JOINTS), 1))
+
+
+def _filtered(smoothing: Smoothing, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the smoothed positions (frames, 20, 3)."""
     joint_filter, tracked = JointFilter(smoothing), np.ones(len(JOINTS), dtype=np.float32)
-    smoothed = [joint_filter.step(k / FRAMES_PER_SECOND, each, tracked) for k, each in enumerate(positions)]
-    return np.array(smoothed)[:, :count, 0]
+    return np.array([joint_filter.step(k / FRAMES_PER_SECOND, each, tracked) for k, each in enumerate(positions)])

@@ -55,6 +55,7 @@ def state_of(
     takes: list[TakeState],
     workspace: Workspace,
     jobs: list[JobState],
+    recording: str | None,
 ) -> State:
     """Return the whole state."""
     status = running.status
@@ -68,7 +69,7 @@ def state_of(
         stages=stages,
         service=running.state,
         performers=performers,
-        recording=next((each.recording for each in stages if each.recording is not None), None),
+        recording=recording,
         takes=takes,
         uploads=[
             UploadState(upload=each.id, name=each.name, kind=each.kind, bytes=each.bytes, facts=each.facts)

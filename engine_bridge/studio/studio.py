@@ -14,6 +14,7 @@ from engine_bridge.character.examples import MOTIONS
 from engine_bridge.studio import messages, performing
 from engine_bridge.studio.characters import Characters, OpenCharacter
 from engine_bridge.studio.jobs import Jobs, Progress
+from engine_bridge.studio.looking import look
 from engine_bridge.studio.messages import JobState, PuppetReply, SourceState, State
 from engine_bridge.studio.performing import Playing
 from engine_bridge.studio.running import Running
@@ -56,9 +57,10 @@ class Studio:
         self._jobs = Jobs(self.changed, self._advanced, workspace.told)
         self.characters = Characters(workspace, self._worker)
         self._playing = performing.NOTHING
+        self._take: tuple[str, str] | None = None  # stage and take
         self._takes = TakeList(workspace.folder / "takes")
-        self._changing = asyncio.Lock()
-        running.watch(self.changed)
+        self._changing, self._listing = asyncio.Lock(), asyncio.Lock()
+        running.watch(self._service_changed)
 
     def watch(self, watcher: Callable[[JobState | None], None]) -> Callable[[], None]:
         """Call a function with None when the state has changed, and with a job that has advanced; return the end."""
@@ -70,6 +72,11 @@ class Studio:
         self.version += 1
         for watcher in list(self._watchers):
             watcher(None)
+
+    def _service_changed(self) -> None:
+        if not self.running.state.running:
+            self._take = None  # the take ended with the service
+        self.changed()
 
     def _advanced(self, job: JobState) -> None:
         for watcher in list(self._watchers):
@@ -85,6 +92,7 @@ class Studio:
             self._takes.states,
             self.workspace,
             self._jobs.states,
+            None if self._take is None else self._take[1],
         )
 
     async def answer(self, request: dict[str, Any]) -> Any:
@@ -193,6 +201,7 @@ class Studio:
         return await self._open(asked.name, partial(self.characters.open_example, asked.name), MOTIONS[asked.name])
 
     async def _do_close_character(self, asked: messages.CloseCharacter) -> dict[str, Any]:
+        self._refuse_while_recording()
         self.characters[asked.character]  # refuses an unknown one
         async with self._changing:
             self.characters.close(asked.character)
@@ -200,6 +209,7 @@ class Studio:
         return {}
 
     async def _do_source(self, asked: messages.Source) -> dict[str, Any]:
+        self._refuse_while_recording()
         playing = await self._chosen(asked)
         async with self._changing:
             await self._replace(playing)
@@ -208,8 +218,9 @@ class Studio:
     async def _do_sources(self, _: messages.GetSources) -> dict[str, Any]:
         from engine_bridge.studio.source_list import devices, ports
 
-        found = await asyncio.to_thread(devices)
-        arriving = await asyncio.to_thread(ports, self._playing.uri)
+        async with self._listing:  # two could not listen to the same port
+            found = await asyncio.to_thread(devices)
+            arriving = await asyncio.to_thread(ports, self._playing.uri)
         listed = messages.Sources(
             characters=list(MOTIONS), examples=list(performances()), devices=found, ports=arriving
         )
@@ -219,6 +230,7 @@ class Studio:
         return _puppet_reply(self.characters[asked.character])
 
     async def _do_edit(self, asked: messages.Edit) -> dict[str, Any]:
+        self._refuse_while_recording()
         self.characters[asked.character]
         async with self._changing:
             character = await self.characters.edit(asked.character, asked.puppet, _ignore)
@@ -244,6 +256,7 @@ class Studio:
         return {"character": character.name, "name": file.name, "file": file.id}
 
     async def _do_revert_puppet(self, asked: messages.RevertPuppet) -> dict[str, Any]:
+        self._refuse_while_recording()
         self.characters[asked.character]
         async with self._changing:
             character = await self.characters.revert(asked.character, _ignore)
@@ -251,17 +264,18 @@ class Studio:
         return _puppet_reply(character)
 
     async def _do_record_start(self, asked: messages.RecordStart) -> dict[str, Any]:
+        self._refuse_while_recording()
         stages = [each["name"] for each in self.running.status.get("stages", [])]
         name = {} if asked.name is None else {"name": asked.name}
-        stage = {"stage": stages[0]} if stages else {}
-        begun = await self.running.request("record_start", **name, **stage)
-        await self.running.refresh()
+        begun = await self.running.request("record_start", **name, **({"stage": stages[0]} if stages else {}))
+        self._take = begun["stage"], begun["take"]
+        self.changed()
         return {"take": begun["take"]}
 
     async def _do_record_stop(self, _: messages.RecordStop) -> dict[str, Any]:
-        stages = [each["name"] for each in self.running.status.get("stages", []) if each["recording"] is not None]
-        ended = await self.running.request("record_stop", **({"stage": stages[0]} if stages else {}))
-        await self.running.refresh()
+        stage = {} if self._take is None else {"stage": self._take[0]}
+        self._take = None
+        ended = await self.running.request("record_stop", **stage)
         self.changed()
         return self._takes.state(ended["take"]).model_dump(mode="json")
 
@@ -309,6 +323,9 @@ class Studio:
     async def _do_choose_user(self, asked: messages.ChooseUser) -> dict[str, Any]:
         return await self._pass_on("choose_user", character=asked.character, user=asked.user)
 
+    async def _do_look(self, _: messages.Look) -> dict[str, Any]:
+        return look(self.state).model_dump(mode="json")
+
     async def _do_smoothing_preview(self, asked: messages.SmoothingPreview) -> dict[str, Any]:
         values = asked.model_dump(exclude={"id", "do"})
         values["max_deviation"] = math.inf if asked.max_deviation is None else asked.max_deviation
@@ -316,6 +333,16 @@ class Studio:
         return reply
 
     # ------------------------------------------------------------------------------------------------ their parts
+
+    def _refuse_while_recording(self) -> None:
+        """Refuse a change of what plays: a take has the same characters and source from beginning to end."""
+        if self._take is not None:
+            raise ServiceError(
+                "the stage",
+                found=f"the take {self._take[1]!r}, which is being recorded",
+                expected="a stage that is not recording",
+                fix="Stop the recording first.",
+            )
 
     async def _pass_on(self, do: str, **arguments: Any) -> dict[str, Any]:
         """Send a request to the service."""
@@ -337,6 +364,7 @@ class Studio:
 
     async def _open(self, title: str, make: Callable[[Progress], Any], motion: str = FIRST_EXAMPLE) -> dict[str, Any]:
         """Open a character as a job, and put it on the stage."""
+        self._refuse_while_recording()
 
         async def work(progress: Progress) -> dict[str, Any]:
             async with self._changing:

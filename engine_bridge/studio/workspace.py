@@ -284,9 +284,9 @@ class UploadError(PuppetlineError):
 def file_name(name: str) -> str:
     """Return a safe file name that resembles a name from the page: ``my dragon.GLB`` becomes ``my_dragon.glb``."""
     last = re.split(r"[/\\]", name)[-1]
-    stem, dot, ending = last.rpartition(".")
-    suffix = f".{ending.lower()}" if dot else ""
-    return _plain(stem or last) + (suffix if SUFFIX.fullmatch(suffix) else "")
+    stem, dot, ending = last.rpartition(".") if "." in last else (last, "", "")
+    suffix = f"{dot}{ending.lower()}"
+    return _plain(stem) + (suffix if SUFFIX.fullmatch(suffix) else "")
 
 
 def shown(name: str) -> str:

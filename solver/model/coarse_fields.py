@@ -29,6 +29,11 @@ MIN_SAMPLES = 8_000
 VERTICES_PER_SAMPLE = 50
 """Number of vertices per sample of the largest meshes; more would take more steps of the iteration."""
 
+MAX_RESIDUAL = 3000.0
+"""Largest ‖M^(−1/2) (L e + λ M e)‖² / λ² of a sampled field. It is below 1 on surfaces of one part, and about 1000 on
+characters of many parts, whose stretch is right all the same. On a scan of thousands of loose pieces the iteration
+converges too slowly, because their contacts are stiff; exact fields are computed instead."""
+
 
 class CoarseFields:
     """The operator of fields on a sample of a surface.
@@ -37,8 +42,9 @@ class CoarseFields:
     ----------
     L : (n, n) sparse
         Operator of the fields, from `fields.field_operator`.
-    surface : (n, n) sparse
-        Operator without contacts.
+    connected : (n, n) sparse
+        A matrix whose entries are at vertices between which fields are continuous, such as
+        `fields.energy_operator`.
     mass : (n,) float64
     mesh : SolverMesh
         In the units of L.
@@ -51,10 +57,11 @@ class CoarseFields:
         Area of each of them.
     """
 
-    def __init__(self, L: "csr_matrix", surface: "csr_matrix", mass: NDArray[np.float64], mesh: SolverMesh) -> None:
+    def __init__(self, L: "csr_matrix", connected: "csr_matrix", mass: NDArray[np.float64], mesh: SolverMesh) -> None:
         count = max(MIN_SAMPLES, len(mass) // VERTICES_PER_SAMPLE)
-        coarse = coarse_surface(mesh.vertices, mesh.faces, surface, float(mass.sum()), count)
-        self._L, self._mass = L, mass
+        coarse = coarse_surface(mesh.vertices, mesh.faces, connected, float(mass.sum()), count)
+        self._L, self._mass, self._vertices = L, mass, mesh.vertices
+        self._exact: fields.SurfaceOperator | None = None
         self._up = coarse.interpolation
         self._down = scipy.sparse.csr_matrix(self._up.T)
         self._coarse_L = scipy.sparse.csr_matrix(self._down @ (L @ self._up))
@@ -69,11 +76,18 @@ class CoarseFields:
         rough = relaxed(self._L, self._mass, eigenvalues, self._up @ coarse)
         basis = np.column_stack([np.ones(len(rough)), rough])
         energy, gram = -basis.T @ (self._L @ basis), basis.T @ (self._mass[:, None] * basis)
-        _, mix = scipy.linalg.eigh(energy, gram)
-        return fields.with_fixed_signs(basis @ mix[:, 1:])
+        values, mix = scipy.linalg.eigh(energy, gram)
+        found, values = basis @ mix[:, 1:], values[1:]
+        residual = self._L @ found + self._mass[:, None] * found * values
+        if not (np.einsum("nk,nk,n->k", residual, residual, 1 / self._mass) <= MAX_RESIDUAL * values**2).all():
+            self._exact = fields.SurfaceOperator(self._L, self._mass, self._vertices)
+            return self._exact.propagation_fields(count)
+        return fields.with_fixed_signs(found)
 
     def smoothed(self, values: NDArray[np.float64], length: float) -> NDArray[np.float64]:
         """Return what `fields.SurfaceOperator.smoothed` returns, approximately."""
+        if self._exact is not None:
+            return self._exact.smoothed(values, length)
         load = self._mass[:, None] * values
         coarse_values = (self._down @ load) / self.areas[:, None]
         coarse = self._coarse.smoothed(coarse_values, length)

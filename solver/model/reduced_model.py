@@ -215,12 +215,13 @@ def build(
     surface, mass = propagation.laplacian(unit)
     ties = replace(contacts(mesh), gap=contacts(mesh).gap / diagonal)
     holds = limb_fields.contacts_that_hold(ties, rest, regions, bones, skinned=shares is not None)
+    L = propagation.energy_operator(surface, ties.only(holds), mass, unit.diagonal)
     try:
         tied = propagation.field_operator(surface, ties, unit.diagonal, holds)
         operator = (
             propagation.SurfaceOperator(tied, mass, rest)
             if len(rest) <= MAX_EXACT_VERTICES
-            else CoarseFields(tied, surface, mass, unit)
+            else CoarseFields(tied, L, mass, unit)
         )
         modes = operator.propagation_fields(parameters.fields - along_limbs)
     except RuntimeError as error:  # SuperLU finds the matrix singular, or ARPACK does not converge
@@ -238,7 +239,6 @@ def build(
         weights = np.append(own * weights, np.full(along_limbs, 1 / parameters.fields))
     ladder = propagation.ladder_coordinates(modes, parameters.isolines).astype(np.float32).astype(np.float64)
 
-    L = propagation.energy_operator(surface, ties.only(holds), mass, unit.diagonal)
     cluster = clusters.rotation_clusters(ladder, weights, operator.areas, operator.samples)
     reduced = energy_matrices.products(L, surface, mass, rest, ladder, weights, parameters.isolines, cluster)
     covariance = clusters.covariance_map(surface, rest, ladder, weights, parameters.isolines, cluster)

@@ -20,7 +20,7 @@ from solver.surface.winding import edges_of, lexicographic_order
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-SAMPLES_PER_SQUARE_RADIUS = 0.8
+SAMPLES_PER_SQUARE_RADIUS = 0.66
 """Number of samples per square of the sampling distance on a flat surface."""
 
 
@@ -45,21 +45,21 @@ def coarse_surface(
 ) -> CoarseSurface:
     """Sample a surface evenly.
 
-    Where the mesh itself is coarser than the sample, all of its vertices are samples. Every part of the surface has at
-    least one.
+    Where the mesh itself is coarser than the sample, all of its vertices are samples. Parts that are in contact share
+    cells, so that a part smaller than a cell follows the surface around it.
 
     Parameters
     ----------
     vertices : (n, 3) float64
     faces : (t, 3) int64
     L : (n, n) sparse
-        A matrix whose entries are at neighbours on the surface.
+        A matrix whose entries are at neighbours on the surface, and at contacts between parts that hold.
     area : float
         Area of the surface.
     count : int
         Number of samples, approximately, for a mesh without larger triangles.
     """
-    radius = float(np.sqrt(area / (SAMPLES_PER_SQUARE_RADIUS * count)))
+    radius = float(np.sqrt(SAMPLES_PER_SQUARE_RADIUS * area / count))
     samples, owner = _cells(L.indptr, L.indices, vertices, radius)
     elements = _elements(owner[faces], len(samples))
     starts, of_sample = _incident(elements, len(samples))

@@ -66,7 +66,7 @@ def bone_of(joint):
 # --- bones
 
 
-def test_bone_lengths_of_a_simple_pose():
+def test_bone_lengths_of_a_simple_pose_equal_values_by_hand():
     found = bone_lengths(simple_pose())
     assert found == pytest.approx({joint: LENGTHS[bone_of(joint)] for joint in PARENTS})
 

@@ -88,7 +88,7 @@ def test_a_failed_source_is_closed_and_replaced_by_ticks_until_it_is_open_again(
     assert all(earlier.time < later.time for earlier, later in itertools.pairwise(ticks))
 
 
-def test_it_is_retried_until_it_can_be_opened_whatever_the_error(reopening):
+def test_a_source_is_retried_after_any_error_until_it_opens(reopening):
     last = Scripted()
     source = reopening(Scripted(GONE), GONE, OSError("in its own way"), last)
     run(source, lambda: source.inner is last)

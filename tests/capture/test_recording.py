@@ -307,7 +307,7 @@ def test_recording_into_a_finished_recording_continues_it(tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"60 0.1 0.2\n", b'{"frames": []}', HEADER.replace(b": 2,", b": 1,"), b"\n"])
-def test_another_file_is_refused_and_not_changed(tmp_path, content):
+def test_a_file_of_another_format_is_refused_and_left_unchanged(tmp_path, content):
     (tmp_path / "take").write_bytes(content)
     with pytest.raises(OutputError, match="not a take"):
         Recorder(tmp_path / "take")

@@ -262,7 +262,7 @@ def test_frames_that_are_cut_short_are_passed_over(service, mode):
     assert service.shown()[0].sequence == 42
 
 
-def test_another_version_is_refused(service):
+def test_a_message_of_another_version_is_refused(service):
     service.begin("controls")
     service.send(recorded("0.controls", major=2))
     error = service.error()

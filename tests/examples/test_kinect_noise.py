@@ -40,7 +40,7 @@ def runs(flags):
     return [int(end - begin) for begin in begins for end in edges[edges > begin][:1]]
 
 
-def test_another_seed_gives_other_noise():
+def test_a_different_seed_gives_different_noise():
     clip = standing(30)
     assert not np.array_equal(with_kinect_noise(clip, 1).positions, with_kinect_noise(clip, 2).positions)
 
@@ -108,7 +108,7 @@ def test_strays_are_unannounced_and_short_and_on_the_limbs():
     assert {length for joint in LIMBS for length in runs(off[:, joint])} == {1, 2}
 
 
-def test_nothing_is_guessed_while_nothing_is_fast_or_hidden():
+def test_no_joint_is_inferred_while_none_is_fast_or_hidden():
     assert not np.any(with_kinect_noise(standing(3000), 1).confidence == INFERRED)
 
 

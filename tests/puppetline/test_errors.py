@@ -63,5 +63,5 @@ def test_a_path_may_stand_for_where():
         ((Path("dog.toml"),), "dog.toml"),
     ],
 )
-def test_places_in_a_file(arguments, place):
+def test_places_in_a_file_are_named_with_line_and_field(arguments, place):
     assert at(*arguments) == place

@@ -55,7 +55,7 @@ def test_a_block_that_writes_nothing_is_an_error_and_leaves_the_old_file(tmp_pat
     assert path.read_text() == "old"
 
 
-def test_what_the_operating_system_refuses_is_an_output_error(tmp_path):
+def test_an_error_of_the_operating_system_is_an_output_error(tmp_path):
     with pytest.raises(OutputError) as error, written_whole(tmp_path / "gone" / "out.glb") as beside:
         beside.write_text("new")
     assert error.value.found == "a file that cannot be written (No such file or directory)"

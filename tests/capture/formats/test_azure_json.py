@@ -84,7 +84,7 @@ def test_each_body_id_is_a_clip_on_the_recordings_clock(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("wrapped", [False, True])
-def test_confidence_levels(tmp_path: Path, wrapped: bool) -> None:
+def test_tracking_states_become_confidences(tmp_path: Path, wrapped: bool) -> None:
     levels = [2] * 32
     for level, name in enumerate(("HAND_LEFT", "HAND_RIGHT", "FOOT_LEFT", "FOOT_RIGHT")):
         levels[NAMES.index(name)] = level

@@ -75,7 +75,7 @@ def ends(path: Path) -> np.ndarray:
     return np.stack(bvh.forward_kinematics(nodes, rows)[0])[:, 0]
 
 
-def test_forward_kinematics_by_hand(tmp_path: Path) -> None:
+def test_positions_equal_forward_kinematics_by_hand(tmp_path: Path) -> None:
     # X then Z, 90° each: the end (0, 2, 3) is first turned about z to (−2, 0, 3) and then about x to (−2, −3, 0).
     path = chain_file(tmp_path, "Xrotation Zrotation", (90, 90), 2)
     np.testing.assert_allclose(ends(path), [[1, 2, 3], [2, 2, 3], [0, -1, 3]], atol=1e-12)
@@ -112,7 +112,9 @@ def test_channels_may_come_in_any_order(tmp_path: Path) -> None:
         ("Xposition", (1.25,), (2.25, 2, 3)),
     ],
 )
-def test_positions_of_inner_joints(tmp_path: Path, channels: str, row: Sequence[float], joint: Sequence[float]) -> None:
+def test_inner_joints_are_where_their_channels_put_them(
+    tmp_path: Path, channels: str, row: Sequence[float], joint: Sequence[float]
+) -> None:
     np.testing.assert_allclose(ends(chain_file(tmp_path, channels, row, len(row)))[1], joint, atol=1e-12)
 
 
@@ -240,7 +242,7 @@ def test_real_files_are_human(real_data: Path, name: str) -> None:
     assert np.mean(toes, axis=0)[2] < np.mean(ankles, axis=0)[2] - 0.05
 
 
-def test_real_bones_by_hand(real_data: Path) -> None:
+def test_bones_of_a_real_file_equal_values_by_hand(real_data: Path) -> None:
     (clip,) = bvh.read(real_data / "bvh" / "cmu_01_01_hops.bvh", ReadOptions())
     unit = 0.0254 / 0.45
     forearm = clip.positions[:, JOINT_INDEX["wrist_right"]] - clip.positions[:, JOINT_INDEX["elbow_right"]]

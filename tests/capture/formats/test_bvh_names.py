@@ -178,7 +178,7 @@ def points_of(names: list[str], places: dict[int, float] | None = None) -> tuple
 
 
 @pytest.mark.parametrize("program", SKELETONS)
-def test_skeletons_of_known_programs(program: str) -> None:
+def test_skeletons_of_known_programs_are_recognised(program: str) -> None:
     names, expected = SKELETONS[program]
     found, _ = points_of(names)
     assert {joint: names[int(found[joint])] for joint in expected} == expected

@@ -165,7 +165,7 @@ def test_a_recording_without_a_frame_time_has_the_configured_rate(tmp_path: Path
     assert clip.notes == (*whole.notes, note)
 
 
-def test_braces_tabs_and_newlines_of_other_programs(tmp_path: Path) -> None:
+def test_braces_tabs_and_newlines_of_other_programs_are_read(tmp_path: Path) -> None:
     (expected,) = bvh.read(body_file(tmp_path, random_rows()), ReadOptions())
     text = (
         (tmp_path / "take.bvh").read_text().replace("\n{", " {").replace(" ", "\t").replace("Frame\tTime", "Frame Time")

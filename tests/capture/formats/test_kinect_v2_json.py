@@ -105,7 +105,7 @@ def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
         kinect_v2_json.read(path, ReadOptions())
 
 
-def test_real_first_frame_by_hand(real_logs: Path) -> None:
+def test_the_first_frame_of_a_real_file_equals_values_by_hand(real_logs: Path) -> None:
     (clip,) = kinect_v2_json.read(real_logs / "kinect_v2_json" / "1-person_raise-right-arm.json", ReadOptions())
     # joint 0 is x 255, y 215, z −23; joint 11 is x 278, y 40, z −21
     np.testing.assert_allclose(clip.positions[0, 0], [-1 * 2.1465 / 366, -3 * 2.1465 / 366, 2.1465])

@@ -98,7 +98,7 @@ def test_a_time_that_is_not_finite_is_refused(line_log, time):
 
 
 @pytest.mark.parametrize("name", FRAMES)
-def test_another_number_of_columns_is_refused_with_their_meaning(name, tmp_path):
+def test_a_line_with_another_number_of_columns_is_refused_with_their_meaning(name, tmp_path):
     separator, columns, meaning = FRAMES[name]
     count = len(columns) + 1
     (tmp_path / "log").write_text(separator.join(["1", *columns, "1"]) + "\n")

@@ -29,7 +29,7 @@ def test_a_table_has_its_columns_even_without_rows(tmp_path):
 
 
 @pytest.mark.parametrize(("text", "columns"), [("1 2\n", 2), ("1 2 3 4\n", 4), ("1 2 3 4", 4)])
-def test_another_number_of_columns_is_refused_with_line_and_both_numbers(text, columns):
+def test_a_row_with_another_number_of_columns_is_refused_with_line_and_both_numbers(text, columns):
     with pytest.raises(SkeletonLogError) as caught:
         TRIPLE.numbers("log.txt", (7, text))
     assert caught.value.where == "log.txt, line 7"

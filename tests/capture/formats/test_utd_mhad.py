@@ -115,7 +115,7 @@ def test_a_claimed_number_of_frames_allocates_nothing(tmp_path: Path) -> None:
         utd_mhad.read(path, ReadOptions())
 
 
-def test_real_first_frame(real_logs: Path) -> None:
+def test_the_first_frame_of_a_real_file_equals_known_values(real_logs: Path) -> None:
     path = real_logs / "utd_mhad_mat" / "a1_s1_t1_skeleton.mat"
     (clip,) = utd_mhad.read(path, ReadOptions())
     assert clip.positions.shape == (48, 20, 3)

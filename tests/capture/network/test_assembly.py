@@ -41,7 +41,7 @@ def test_a_repeated_part_ends_the_frame_without_the_missing_one(assembly):
     assert _feed(assembly, "b", 2.034) == ["ab"]
 
 
-def test_another_time_of_the_sender_ends_the_frame():
+def test_a_part_with_a_later_time_of_the_sender_ends_the_frame():
     assembly = FrameAssembly()
     for name in "ab":
         assert assembly.add(_part(name, stamp=1.0), 1.0) == []

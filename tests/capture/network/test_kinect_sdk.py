@@ -37,7 +37,7 @@ def test_confidence_is_tracked_inferred_or_lost(listen, osc_message):
     np.testing.assert_allclose(frame.positions[JOINT_INDEX["head"]], [0.1, -0.2, 1.5], rtol=1e-15)
 
 
-def test_two_performers_in_each_others_datagrams(listen, walk, twenty, osc_message):
+def test_two_performers_in_each_others_datagrams_are_separated(listen, walk, twenty, osc_message):
     wire = listen()
     one = list(_joints(walk[0], twenty, osc_message, "/joint", 1.0, user=0))
     other = list(_joints(walk[5], twenty, osc_message, "/joint", 1.0, user=5))

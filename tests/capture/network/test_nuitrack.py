@@ -28,7 +28,7 @@ def test_a_walk_is_received(listen, walk, fifteen, of_fifteen, osc_message, osc_
         assert frame.confidence.tolist() == confidence
 
 
-def test_one_joint_by_hand(listen, osc_message, osc_bundle):
+def test_one_joint_equals_values_by_hand(listen, osc_message, osc_bundle):
     waist = osc_bundle(osc_message("/joint", "isfff", 1, "waist", 0.75, 0.25, 2000.0))
     place = listen().frame(waist).positions[JOINT_INDEX["hip_center"]]
     # a quarter of the image to the right and up; the image is 2.2446 m wide and 1.6815 m high at 2 m

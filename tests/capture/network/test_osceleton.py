@@ -68,7 +68,7 @@ def test_a_walk_without_depth_is_flat(listen, walk, fifteen, of_fifteen, osc_mes
         assert frame.confidence.tolist() == confidence
 
 
-def test_one_joint_by_hand(listen, osc_message, osc_bundle):
+def test_one_joint_equals_values_by_hand(listen, osc_message, osc_bundle):
     head = osc_message("/joint", "sifff", "head", 1, 0.375, 0.25, 1.5625)
     left = osc_message("/joint", "sifff", "l_elbow", 1, 0.25, 0.5, 1.25)
     frame = listen().frame(osc_bundle(head, left))

@@ -151,7 +151,7 @@ def test_leaving_and_returning_between_two_calls_is_reported_in_order(listen, bo
     assert frame.time < lost.time
 
 
-def test_silence_ticks(listen, clock):
+def test_a_silent_source_ticks(listen, clock):
     source = listen().source
     ticks = []
     while len(ticks) < 5:

@@ -57,7 +57,7 @@ def test_a_record_without_size_is_an_error(recording):
 
 
 @pytest.mark.parametrize("content", [b"", b"NI", b"RIFF" + INTACT])
-def test_another_kind_of_file_is_an_error(recording, content):
+def test_a_file_of_another_kind_is_an_error(recording, content):
     with pytest.raises(SourceError, match=r"take\.oni, which is another kind of file;"):
         check_intact("openni:", recording(content))
 

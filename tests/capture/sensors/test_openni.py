@@ -92,7 +92,7 @@ def test_images_are_registered_synchronised_and_not_mirrored(sensor, opened, noi
     assert picture.lens.focal == pytest.approx(sensor.lens.focal, rel=1e-6)
 
 
-def test_what_a_sensor_cannot_do_is_logged_and_the_rest_is_done(sensor, opened, noise, caplog):
+def test_a_function_that_a_sensor_lacks_is_logged_and_the_others_are_used(sensor, opened, noise, caplog):
     sensor.unplug()
     sensor.plug(refuses=("registration", "synchronisation", "mirror off"))
     device = opened()

@@ -43,7 +43,7 @@ def test_a_vertex_has_the_linear_colour_of_its_pixel(painted):
     np.testing.assert_allclose(colors, [[1, 0, 0], [0, 1, 0], [0, 0, 1], [grey] * 3], atol=1e-6)
 
 
-def test_what_cannot_be_opened_or_is_no_picture_for_gltf_is_left_out(painted):
+def test_an_unreadable_picture_or_one_that_gltf_lacks_is_left_out(painted):
     postscript = encoded(Image.new("RGB", (2, 2)), "EPS")
     for colors in painted(b"", b"\x89PNG", postscript, b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n"):
         np.testing.assert_array_equal(colors, np.ones((4, 3)))

@@ -119,7 +119,7 @@ def test_pickled_objects_are_not_loaded(kept, caplog):
     assert made_anew(kept, caplog)
 
 
-def test_what_belongs_to_something_else_is_made_anew(kept, caplog):
+def test_an_entry_of_another_key_is_computed_again(kept, caplog):
     other = cache_key("other arrays")
     load_or_compute(kept.parent, other, lambda: {"table": np.eye(3)})
     (kept.parent / f"{other}.npz").replace(kept)

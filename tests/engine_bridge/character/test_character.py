@@ -157,7 +157,7 @@ def test_nodes_that_are_no_tree_are_refused(glb, tmp_path, children):
         )
 
 
-def test_what_is_no_mesh_is_refused(tmp_path):
+def test_a_file_without_a_mesh_is_refused(tmp_path):
     assert refused(tmp_path / "none.glb").found == "no such file"
     (tmp_path / "song.mp3").write_bytes(b"ID3")
     assert refused(tmp_path / "song.mp3").found == "no mesh in a supported format"

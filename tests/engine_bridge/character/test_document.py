@@ -323,7 +323,7 @@ def test_properties_that_are_null_are_absent_but_in_extras_and_what_is_not_known
     assert whole.notes == []
 
 
-def test_what_is_needed_may_not_be_null(tetrahedron, tmp_path):
+def test_a_required_value_must_not_be_null(tetrahedron, tmp_path):
     content, binary = unpack(tetrahedron)
     content["accessors"][0]["count"] = None
     error = refused(write_glb(tmp_path, content, binary))
@@ -402,7 +402,7 @@ def test_a_packed_copy_of_plain_data_is_left_out(tetrahedron, tmp_path, extensio
     assert document.notes == [f"The copy of the mesh that is compressed with {extension} is omitted."]
 
 
-def test_what_is_not_known_here_passes_through(tetrahedron, tmp_path):
+def test_an_unknown_extension_is_kept_unchanged(tetrahedron, tmp_path):
     content, binary = unpack(tetrahedron)
     content["nodes"][0].update(weights=[], extras={"a": None, "b": [1, {"c": 2}]}, own=3)
     content["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}, "extras": 1}]
@@ -477,7 +477,7 @@ def test_a_pipe_beside_the_file_is_not_waited_for(tmp_path):
 
 
 @pytest.mark.parametrize("value", [b"1e999", b'"\\ud800"', b"-1e999"])
-def test_what_could_not_be_written_again_is_refused_wherever_it_stands(tmp_path, value):
+def test_a_number_that_json_does_not_have_is_refused_in_any_place(tmp_path, value):
     path = tmp_path / "a.gltf"
     path.write_bytes(b'{"asset": {"version": "2.0"}, "extras": {"own": [%s]}}' % value)
     assert "a description that is not glTF" in refused(path).found

@@ -35,7 +35,7 @@ def same(a, b, kind):
     return True
 
 
-def test_it_is_what_welding_and_building_give_made_or_kept(render_mesh, tmp_path, monkeypatch):
+def test_a_preparation_equals_welding_and_building_whether_computed_or_cached(render_mesh, tmp_path, monkeypatch):
     expected = weld(*render_mesh, "ball")
     assert expected.repairs.welded
     assert expected.repairs.turned == expected.repairs.isolated == 1
@@ -80,7 +80,7 @@ def test_other_bones_or_another_skin_are_prepared_anew(render_mesh, tmp_path):
     assert len(list(tmp_path.iterdir())) == 5
 
 
-def test_another_mesh_and_other_parameters_are_prepared_anew(render_mesh, tmp_path):
+def test_a_changed_mesh_or_parameter_is_prepared_again(render_mesh, tmp_path):
     positions, triangles = render_mesh
     turned = triangles.copy()
     turned[3] = turned[3][[1, 2, 0]]

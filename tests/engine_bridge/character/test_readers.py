@@ -61,7 +61,7 @@ def test_a_file_is_known_by_its_content_whatever_its_ending(cube, written, encod
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
-def test_whatever_a_file_is_cut_off_to_it_is_refused_or_a_surface_of_fewer_triangles(cube, written, encoding):
+def test_a_truncated_file_is_refused_or_a_surface_with_fewer_triangles(cube, written, encoding):
     whole = ENCODINGS[encoding](cube)
     loaded = {}
     for size in range(0, len(whole) - 1, 7):
@@ -82,7 +82,7 @@ def test_whatever_a_file_is_cut_off_to_it_is_refused_or_a_surface_of_fewer_trian
 @pytest.mark.parametrize(
     "content", [b"", b"\0" * 100, b"\n" * 100, b"ID3\4 song", b"v", b"\xff\xfe" * 200, b"0 0 0 0", NOISE]
 )
-def test_what_is_no_mesh_is_refused(written, ending, content):
+def test_a_file_without_a_mesh_is_refused(written, ending, content):
     path = written(f"a{ending}", content)
     with pytest.raises(MeshError) as error:
         read_surface(path)
@@ -91,13 +91,13 @@ def test_what_is_no_mesh_is_refused(written, ending, content):
         assert error.value.found == "an empty file"
 
 
-def test_what_cannot_be_opened_is_refused(tmp_path):
+def test_a_file_that_cannot_be_opened_is_refused(tmp_path):
     for path in (tmp_path / "none.obj", tmp_path):
         with pytest.raises(MeshError, match="found a file that cannot be read"):
             read_surface(path)
 
 
-def test_another_kind_of_file_is_refused_with_the_kinds_that_are_known(written):
+def test_an_unknown_kind_of_file_is_refused_with_the_known_kinds(written):
     with pytest.raises(MeshError) as error:
         read_surface(written("song.mp3", b"ID3\4"))
     assert (error.value.found, error.value.expected) == (

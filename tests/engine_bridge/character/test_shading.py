@@ -144,7 +144,7 @@ def test_isolated_vertices_have_a_normal_too(ball):
     assert np.linalg.norm(piece.normals, axis=1) == pytest.approx(1)
 
 
-def test_what_is_no_surface_is_refused(cube):
+def test_a_file_without_a_surface_is_refused(cube):
     with pytest.raises(MeshError, match="found 2 faces with an area"):
         shaded(Surface([Piece("", cube.vertices, cube.triangles[:2])]), "cube")
 
@@ -161,7 +161,7 @@ def test_normals_do_not_depend_on_the_size(ball, size):
     np.testing.assert_allclose(piece.normals, igl.per_vertex_normals(ball.vertices, ball.triangles), atol=1e-9)
 
 
-def test_what_is_mostly_hard_edges_stays_without_normals_and_a_ball_does_not(cube, ball):
+def test_a_box_of_hard_edges_gets_no_normals_and_a_ball_does(cube, ball):
     assert shaded(Surface([Piece("", cube.vertices, cube.triangles)]), "cube").pieces[0].normals is None
     (piece,) = shaded(Surface([Piece("", ball.vertices, ball.triangles)]), "ball").pieces
     np.testing.assert_allclose(piece.normals, ball.vertices, atol=0.02)
@@ -174,7 +174,7 @@ def test_an_edge_is_hard_from_40_degrees_on(angle, hard):
     assert is_angular(ridge, np.array([[0, 2, 1], [0, 1, 3]])) is hard
 
 
-def test_what_has_no_direction_gets_another_or_stays_nothing():
+def test_a_zero_normal_is_replaced_or_stays_zero():
     vectors = np.array([[0, 3e-200, 4e-200], [0, 0, 0], [np.nan, 1, 1], [np.inf, 0, 0], [3e200, 0, 4e200]])
     kept = [[0, 0.6, 0.8], *[[0, 1, 0]] * 3, [0.6, 0, 0.8]]
     np.testing.assert_allclose(unit(vectors, (0.0, 2.0, 0.0)), kept, rtol=1e-15)

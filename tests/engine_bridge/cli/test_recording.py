@@ -105,7 +105,7 @@ def test_a_source_is_recorded_until_it_ends(tmp_path):
     assert reports[-1][0] == 4
 
 
-def test_what_is_recorded_replays_to_the_same_events_and_records_to_the_same_bytes(tmp_path):
+def test_a_recording_replays_the_same_events_and_records_again_to_the_same_bytes(tmp_path):
     first, second = tmp_path / "first.take", tmp_path / "second.take"
     record(RecordingSource.of_clips("demo:x", [make_clip(np.arange(12) / 60)]), first)
     record(RecordingSource.of_file("replay:first", first), second)

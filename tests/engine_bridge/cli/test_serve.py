@@ -58,7 +58,7 @@ def test_wrong_use_is_reported(arguments, message):
         (["--source", "osc:0", "--osc", "no.such.host.invalid:7000"], "no.such.host.invalid"),
     ],
 )
-def test_what_cannot_be_served_is_one_line_and_exit_code_1(run, blob_puppet, arguments, message):
+def test_settings_that_cannot_be_served_give_one_line_and_exit_code_1(run, blob_puppet, arguments, message):
     result = run("serve", "--puppet", blob_puppet, "--port", 0, "--no-announce", *arguments, code=1)
     lines = [line for line in result.stderr.splitlines() if line.startswith("puppetline: ")]
     assert len(lines) == 1

@@ -116,7 +116,7 @@ def test_after_a_reload_the_scene_is_requested_again(playing):
     assert report.scenes["dog"]["revision"] == 2
 
 
-def test_another_machines_clock_says_nothing_of_latency(playing):
+def test_latency_is_unknown_for_a_service_with_another_clock(playing):
     service = playing("dog")
     report = listen(service.address.replace("127.0.0.1", "0.0.0.0"), seconds=0.5)
     assert report.heard[0].latency_ms is None
@@ -134,7 +134,7 @@ def test_no_service_is_an_error_that_says_what_to_do():
     "wrong",
     [{"address": "nonsense"}, {"kinds": ("colours",)}, {"characters": ("a/b",)}, {"address": "carrier://pigeon"}],
 )
-def test_what_cannot_be_listened_to_is_refused(wrong):
+def test_an_address_that_cannot_be_listened_to_is_refused(wrong):
     with pytest.raises(ServiceError):
         listen(**{"address": "127.0.0.1:1", "seconds": 0.1, **wrong})
 

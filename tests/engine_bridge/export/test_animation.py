@@ -73,7 +73,7 @@ def test_the_largest_error_is_the_one_that_is_printed(export, raw, solved):
     assert worst / mesh.diagonal <= export.summary.tolerance + 1e-6
 
 
-def test_what_the_file_came_with_is_in_it_to_the_bit(export, raw):
+def test_content_of_the_original_file_is_kept_to_the_bit(export, raw):
     before, after = raw(export.variant.path), raw(export.path)
     for node, same in zip(before.file.nodes, after.file.nodes, strict=False):
         for key in ("name", "matrix", "rotation", "scale", "translation", "children"):
@@ -188,7 +188,7 @@ def test_a_primitive_without_positions_gets_no_targets(glb, tmp_path):
     assert [len(each.get("targets", [])) for each in again.document.gltf["meshes"][0]["primitives"]] == [1, 0]
 
 
-def test_what_a_node_shrinks_to_nothing_is_not_moved_in_it(glb, tmp_path):
+def test_a_mesh_scaled_to_zero_by_its_node_is_not_animated(glb, tmp_path):
     sides = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], np.uint16)
     mesh = glb.mesh(glb.primitive(np.eye(4, 3), sides))
     glb.node(mesh)

@@ -279,7 +279,7 @@ def test_all_that_the_character_came_with_is_there_as_it_was(blob, glb, take, wr
         np.testing.assert_array_equal(after.array(index), before.array(index))
 
 
-def test_what_is_read_from_is_not_written_over(blob_puppet, blob_file, take, tmp_path):
+def test_an_input_file_is_not_overwritten(blob_puppet, blob_file, take, tmp_path):
     content = blob_file.read_bytes()
     with pytest.raises(OutputError, match="an input file"):
         bake(blob_puppet, blob_file, (take,))

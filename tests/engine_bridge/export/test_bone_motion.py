@@ -58,7 +58,7 @@ def test_the_motion_of_a_skin_is_found_again(skin):
     assert np.linalg.norm(off) < 0.03 * np.linalg.norm(moved)
 
 
-def test_what_moves_as_one_body_is_carried_exactly_and_by_all_bones_alike(skin):
+def test_a_rigid_motion_is_reproduced_exactly_by_every_bone(skin):
     rest, weights, lines = skin
     motion = np.repeat(motions(10, 1.5)[:, :1], BONES, axis=1)
     found = bone_motion.solve(bone_motion.moments(rest, weights, lines), controls(motion))
@@ -74,7 +74,7 @@ def test_a_frame_does_not_depend_on_the_others(skin):
     np.testing.assert_allclose(together, alone, atol=1e-10)
 
 
-def test_what_is_close_in_time_stays_close(skin):
+def test_close_poses_give_close_bone_motions(skin):
     rest, weights, lines = skin
     sums = bone_motion.moments(rest, weights, lines)
     frames = controls(motions(20, 0.3))

@@ -81,6 +81,19 @@ def test_the_rest_pose_is_the_one_at_the_second_that_is_asked_for(record, dance,
         assert moved[still].max() < 0.05 * moved.max()
 
 
+def test_a_part_moves_as_it_does_in_the_whole(take, blob_puppet, tmp_path):
+    whole, _ = convert(take, blob_puppet, tmp_path / "whole.glb", Settings())
+    part, summary = convert(take, blob_puppet, tmp_path / "part.glb", Settings(start=0.5, stop=1.0))
+    assert summary.frames == 16
+    assert summary.seconds == 0.5
+    assert np.array_equal(part.frames[:], whole.frames[15:31])
+    assert np.array_equal(part.root, whole.root[15:31])
+    assert np.array_equal(part.timeline.positions, whole.timeline.positions[15:31], equal_nan=True)
+    with pytest.raises(SkeletonLogError, match="Choose an earlier start or a later stop"):
+        convert(take, blob_puppet, tmp_path / "none.glb", Settings(start=1000.0))
+    assert not (tmp_path / "none.glb").exists()
+
+
 def test_the_performer_who_was_tracked_longest_is_taken_or_the_one_asked_for(dance, blob_puppet, tmp_path):
     positions, seen = dance(20), np.ones(20, np.float32)
     with Recorder(tmp_path / "two.log") as recorder:
@@ -99,7 +112,7 @@ def test_the_performer_who_was_tracked_longest_is_taken_or_the_one_asked_for(dan
     assert error.value.found == "no user 5"
 
 
-def test_what_had_to_be_assumed_is_noted(record, dance, blob_puppet, tmp_path):
+def test_an_assumption_is_noted(record, dance, blob_puppet, tmp_path):
     positions = dance(40)
     positions[:, JOINT_INDEX["head"]] = np.nan
     positions[10:30, JOINT_INDEX["foot_left"]] = np.nan
@@ -138,9 +151,7 @@ def test_a_puppets_mesh_that_is_missing_is_named_with_the_puppets_key(blob_file,
 
 
 @pytest.mark.parametrize("fault", ["log", "puppet", "mesh", "handle", "output"])
-def test_nothing_is_written_and_an_old_result_stays_if_anything_is_wrong(
-    take, blob_file, write_puppet, tmp_path, fault
-):
+def test_an_error_writes_nothing_and_keeps_the_old_result(take, blob_file, write_puppet, tmp_path, fault):
     (tmp_path / "blob.glb").write_bytes(blob_file.read_bytes() if fault != "mesh" else b"glTF")
     puppet = write_puppet(
         tmp_path / "a.toml", "blob.glb", more="" if fault != "handle" else '[[handle]]\nname="x"\nposition=[99,0,0]\n'

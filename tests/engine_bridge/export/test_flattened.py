@@ -54,7 +54,7 @@ def test_every_variant_lies_flat_with_the_vertices_in_the_order_of_its_parts(var
         assert primitive.targets in (None, [])
 
 
-def test_what_is_read_again_is_the_same_character(variant, flat):
+def test_a_flattened_character_is_the_same_when_read_again(variant, flat):
     character, path, _ = flat(variant.path)
     again = load_character(path)
     np.testing.assert_array_equal(again.vertices, character.vertices.astype(np.float32))

@@ -83,7 +83,7 @@ def test_the_size_that_is_reckoned_with_is_that_of_the_file(caches, monkeypatch)
         check_size(*arguments)
 
 
-def test_nothing_is_performed_for_a_cache_that_is_refused(blob_puppet, take, tmp_path, monkeypatch):
+def test_a_vertex_cache_that_is_refused_computes_no_frame(blob_puppet, take, tmp_path, monkeypatch):
     monkeypatch.setattr(frames_animation, "MAX_CACHE_BYTES", 1_000_000)
     stages = []
     with pytest.raises(OutputError):

@@ -282,7 +282,7 @@ json_values = st.recursive(
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(extras=json_values | json_values.map(lambda value: {EXTRAS: value}))
-def test_whatever_else_stands_in_the_extras_is_refused(baked, tmp_path, extras):
+def test_any_other_content_of_the_extras_is_refused(baked, tmp_path, extras):
     path = with_extras(baked.path, tmp_path / "a.glb", lambda _: extras)
     with pytest.raises(PuppetError, match="puppetline bake"):
         LiveBasis.load(path, baked.rig)

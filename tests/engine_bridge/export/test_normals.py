@@ -49,7 +49,7 @@ def test_a_surface_of_any_size_has_normals(mesh):
         np.testing.assert_allclose(of(mesh, size * mesh.vertices, per_unit=1 / size), true, atol=1e-5)
 
 
-def test_what_has_no_area_has_no_normal():
+def test_a_face_without_area_has_no_normal():
     needle = SolverMesh(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), np.array([[0, 1, 2]]), np.arange(3))
     np.testing.assert_array_equal(of(needle, needle.vertices), 0)
 

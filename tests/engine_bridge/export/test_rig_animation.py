@@ -222,7 +222,7 @@ ABOVE = {
 
 @pytest.mark.parametrize("above", ABOVE)
 @pytest.mark.parametrize("matrices", [(), ("upper", "lower", "hand")])
-def test_what_stands_above_the_joints_does_not_matter(build, above, matrices):
+def test_nodes_above_the_joints_do_not_change_the_result(build, above, matrices):
     joints = {
         "upper": (transform((0, 0, 0), (10, 20, 30), [0.5] * 3), None),
         "lower": (transform((1, 0, 0), (-60, 5, 80), [-2, 2, 2]), "upper"),
@@ -393,7 +393,7 @@ def test_scales_of_the_joints_themselves_are_exact(build):
     assert_goes_with(character, document, bones, motions)
 
 
-def test_what_hangs_under_a_scale_of_zero_has_no_keys(build, glb, tmp_path):
+def test_a_node_below_a_scale_of_zero_has_no_keys(build, glb, tmp_path):
     build(arm_joints())
     next(node for node in glb.file.nodes if node.name == "upper").scale = [1, 0, 1]
     document, made, _ = animated(load_character(glb.save(tmp_path / "hidden.glb")), [ARM], wild([ARM]))
@@ -571,7 +571,7 @@ LIMB = '\n[[limb]]\nname = "left arm"\npoints = [[0.1, 1.1, 0], [0.8, 1.2, 0], [
         ("skinned", LIMB, "no limb whose first point is at a joint"),
     ],
 )
-def test_what_has_no_skeleton_or_no_limb_on_it_is_refused(
+def test_a_character_without_a_skeleton_or_limbs_on_it_is_refused(
     character, more, found, blob_file, variants, write_puppet, take, tmp_path
 ):
     mesh = variants["skinned"].path if character == "skinned" else blob_file

@@ -91,7 +91,7 @@ def test_more_fields_than_a_vertex_has_room_for_are_refused(blob_file, write_pup
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_read_from_is_not_written_over(blob_puppet, blob_file):
+def test_an_input_file_is_not_overwritten(blob_puppet, blob_file):
     content = blob_file.read_bytes()
     with pytest.raises(OutputError, match="an input file"):
         write_shader_mesh(blob_puppet, blob_file)

@@ -111,7 +111,7 @@ def test_triangles_face_outwards(skin, raw):
             np.testing.assert_array_equal(corners, part.triangles)
 
 
-def test_what_is_not_moved_is_there_to_the_bit(skin, raw):
+def test_content_that_does_not_move_is_kept_to_the_bit(skin, raw):
     variant, clip, summary = skin
     before, after = raw(variant.path), raw(summary.output)
     kept = variant.name in IN_THE_WORLD

@@ -77,7 +77,7 @@ def test_more_bones_are_closer(fitted):
 
 
 @pytest.mark.parametrize("tolerance", [0.02, 0.005])
-def test_it_stops_within_the_tolerance_and_one_step_fewer_bones_are_beyond(clip, fitted, tolerance):
+def test_the_number_of_bones_is_the_smallest_within_the_tolerance(clip, fitted, tolerance):
     skin, diagonal = fitted(tolerance=tolerance), clip.rig.mesh.diagonal
     assert skin.error <= tolerance * diagonal
     smaller = [count for count in skinning.BONE_COUNTS if count < len(skin.joints)]
@@ -103,7 +103,7 @@ def test_bones_move_no_faster_than_what_they_carry(clip, fitted, moved):
     assert (steps <= 1.5 * allowed + 1e-3 * clip.rig.mesh.diagonal).all()
 
 
-def test_who_stands_still_gets_one_bone_that_stands_still(clip):
+def test_a_character_that_stands_still_gets_one_bone_that_stands_still(clip):
     still = np.repeat(clip.rig.model.rest_controls[None], 5, axis=0).astype(np.float32)
     skin = fit(clip.rig.model, clip.rig.mesh, still, tolerance=1e-3)
     assert len(skin.joints) == 1

@@ -9,7 +9,7 @@ from engine_bridge.export.unit_weights import UnitWeights
 clips = arrays(np.float64, array_shapes(min_dims=2, max_dims=2, max_side=9), elements=st.floats(-1e6, 1e6))
 
 
-def test_a_clip_worked_out_by_hand():
+def test_weights_of_a_clip_equal_values_by_hand():
     """m = max(−w₁ / 1, −w₂ / 2) is 0, 1, 1, and so u = w + m (1, 2) is (2, 0), (1, 0), (0, 6)."""
     coordinates = np.array([[2.0, 0.0], [0.0, -2.0], [-1.0, 4.0]])
     unit = UnitWeights.of_clip(coordinates)

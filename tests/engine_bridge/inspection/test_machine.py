@@ -20,7 +20,7 @@ def named(findings, name):
     return finding
 
 
-def test_it_looks_at_everything_that_the_service_needs_and_changes_nothing(tmp_path):
+def test_every_requirement_of_the_service_is_checked_without_changing_anything(tmp_path):
     before = sorted(tmp_path.rglob("*"))
     findings = examine(tmp_path / "takes")
     assert sorted(tmp_path.rglob("*")) == before

@@ -24,7 +24,7 @@ def free_rig(blob_file, write_puppet):
     return load_rig(path)
 
 
-def test_it_is_the_same_every_time_however_many_frames_are_asked_for_at_a_time(blob_rig, standing):
+def test_an_exercise_does_not_depend_on_the_number_of_frames_at_a_time(blob_rig, standing):
     all_at_once = np.concatenate(list(exercise(blob_rig, standing, 10_000)))
     np.testing.assert_array_equal(np.concatenate(list(exercise(blob_rig, standing, 7))), all_at_once)
 

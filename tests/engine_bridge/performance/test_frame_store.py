@@ -34,13 +34,13 @@ def store(request, monkeypatch):
     ],
     ids=str,
 )
-def test_it_is_read_as_an_array_is(store, chosen):
+def test_a_frame_store_is_indexed_like_an_array(store, chosen):
     found = store[chosen]
     np.testing.assert_array_equal(found, FRAMES[chosen])
     assert found.dtype == np.float32
 
 
-def test_one_frame_and_all_one_by_one(store):
+def test_a_frame_store_has_a_length_indices_and_an_iterator(store):
     assert len(store) == 50
     np.testing.assert_array_equal(store[-1], FRAMES[-1])
     np.testing.assert_array_equal(list(store), FRAMES)
@@ -48,7 +48,7 @@ def test_one_frame_and_all_one_by_one(store):
         store[50]
 
 
-def test_it_goes_on_growing_after_it_was_read(store):
+def test_a_frame_store_still_grows_after_it_was_read(store):
     store[3:9]
     store.append(FRAMES[:2])
     np.testing.assert_array_equal(store[:], np.concatenate([FRAMES, FRAMES[:2]]))

@@ -24,7 +24,7 @@ def idle(log, blob_rig):
     return IdleRecording(log, blob_rig, make_deformer(blob_rig.puppet, blob_rig.mesh, blob_rig.model))
 
 
-def test_it_goes_on_for_ever_without_a_seam(idle, blob_rig):
+def test_an_idle_motion_loops_without_a_seam(idle, blob_rig):
     shown = [idle.at(second) for second in np.arange(0, 30, 1 / 60)]
     steps = [np.linalg.norm(b[0] - a[0], axis=1).max() for a, b in itertools.pairwise(shown)]
     assert max(steps) < 0.03 * blob_rig.mesh.diagonal
@@ -32,7 +32,7 @@ def test_it_goes_on_for_ever_without_a_seam(idle, blob_rig):
     assert np.linalg.norm([places.root for places in shown], axis=1).max() > 0.01
 
 
-def test_it_repeats_itself(idle):
+def test_an_idle_motion_repeats_itself(idle):
     period = len(idle.targets) / idle._fps
     for second in (0.0, 1.234, period - 0.001):
         for ours, again in zip(idle.at(second), idle.at(second + 3 * period), strict=True):

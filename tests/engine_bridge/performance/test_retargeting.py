@@ -132,7 +132,7 @@ def test_handles_are_carried_by_the_trunk_and_move_against_it(puppet, retargetin
         np.testing.assert_allclose(aim.targets, turn.apply(there - hips) + hips, atol=1e-9)
 
 
-def test_who_is_calibrated_turned_to_the_side_moves_the_handles_the_same(puppet, retargeting, frames, dance):
+def test_a_performer_calibrated_sideways_moves_the_handles_equally(puppet, retargeting, frames, dance):
     numeric = changed(puppet, retarget=RetargetTable(scale=1.0), root=None)
     takes = dance(12)
     ours, bones = retargeting(numeric, takes[0])

@@ -48,7 +48,7 @@ def solved_pose():
     return pose
 
 
-def test_it_shows_twelve_frames_from_the_first_to_the_last_with_their_times(
+def test_a_clip_sheet_shows_twelve_frames_from_first_to_last_with_their_times(
     clip_of, blob_puppet, drawn, solved_pose, tmp_path
 ):
     clip = clip_of(blob_puppet)

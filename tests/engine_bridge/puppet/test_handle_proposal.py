@@ -161,7 +161,7 @@ def test_parts_of_their_own_are_limbs_as_well(make_shape):
     assert {handle.name: handle.joint for handle in handles} == QUADRUPED
 
 
-def test_what_has_no_feet_gets_a_base_that_stays(solver_mesh):
+def test_a_mesh_without_feet_gets_a_fixed_base(solver_mesh):
     ball = propose_handles(solver_mesh([((0.0, 0.0, 0.0), (0.0, 1e-6, 0.0), 1.0)], 0.2), CharacterTable(mesh="a"))
     np.testing.assert_allclose([np.linalg.norm(handle.position) for handle in ball], 1, atol=0.05)
     snowman = propose_handles(

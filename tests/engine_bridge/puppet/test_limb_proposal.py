@@ -56,7 +56,7 @@ def stubs(shin):
     ],
     ids=["lying", "looking forward", "crouching", "stubs to the front", "stubs that point down", "sitting"],
 )
-def test_what_is_built_otherwise_turns(changed, turning):
+def test_limbs_that_point_unlike_the_performers_follow_by_turn(changed, turning):
     tables = limb_tables(chains(**{**UPRIGHT, **changed}), CharacterTable(mesh="a"))
     assert {limb.name for limb in tables if limb.follow == "turn"} == turning
 

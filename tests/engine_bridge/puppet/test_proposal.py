@@ -81,7 +81,7 @@ ARM = tuple((f"{joint}_left",) for joint in ("shoulder", "elbow", "wrist", "hand
 LEG = tuple((f"{joint}_left",) for joint in ("hip", "knee", "ankle", "foot"))
 
 
-def test_what_has_no_limbs_gets_handles(make_shape, tmp_path):
+def test_a_mesh_without_limbs_gets_handles(make_shape, tmp_path):
     ball = make_shape([((0.0, 0.0, 0.0), (0.0, 1e-6, 0.0), 1.0)], 0.2)
     make_character("ball", ball.vertices.astype(float), ball.faces).document.save(tmp_path / "ball.glb")
     made = new_puppet(tmp_path / "ball.glb", tmp_path / "a.toml")
@@ -136,7 +136,7 @@ def test_a_map_changes_a_proposed_limb_and_leaves_the_others(blob_file, tmp_path
     }
 
 
-def test_what_is_proposed_loads_and_lies_on_the_mesh(blob_file, tmp_path):
+def test_a_proposed_puppet_loads_and_its_handles_lie_on_the_mesh(blob_file, tmp_path):
     path = tmp_path / "made.toml"
     made = new_puppet(blob_file, path).puppet
     puppet_file.dump(made, path)
@@ -155,7 +155,7 @@ def test_how_it_stands_is_proposed_by_its_shape_and_said(blob_file, tmp_path):
     assert made.assumed == stands.reasons
 
 
-def test_what_is_given_is_neither_proposed_nor_said(blob_file, tmp_path):
+def test_settings_that_are_given_are_neither_assumed_nor_reported(blob_file, tmp_path):
     made = new_puppet(blob_file, tmp_path / "a.toml", up="z", scale=0.01)
     assert (made.puppet.character.up, made.puppet.character.scale) == ("z", 0.01)
     assert len(made.assumed) == 1

@@ -96,7 +96,7 @@ def test_only_what_is_edited_changes(index, mapping, lines):
     assert sorted(line for line in changed_lines(TEXT, edited(TEXT, index, **mapping))) == sorted(lines)
 
 
-def test_what_is_added_stands_above_the_comment_of_the_next_handle():
+def test_an_added_key_stands_above_the_comment_of_the_next_handle():
     assert 'joint = "head"\ngain = 2.0\n\n# wags\n[[handle]]' in edited(TEXT, 0, ("head",), gain=2.0)
 
 
@@ -136,7 +136,7 @@ roots = st.none() | st.builds(RootTable, joint=st.sampled_from(JOINTS), axes=st.
 
 @settings(deadline=None)
 @given(st.sampled_from([TEXT, INLINE]), st.lists(st.tuples(st.integers(0, 1), mappings), max_size=4), roots)
-def test_whatever_is_edited_is_what_is_read_again(text, edits, root):
+def test_any_edit_is_read_back_as_it_was_made(text, edits, root):
     before: Puppet = loads(text, "dog.toml")
     for index, mapping in edits:
         after = with_handle(before, index, *mapping).model_copy(update={"root": root})
@@ -154,7 +154,7 @@ def file(tmp_path):
     return path
 
 
-def test_it_is_saved_again_and_again_as_the_same_file(file, tmp_path):
+def test_saving_repeatedly_keeps_the_same_file(file, tmp_path):
     link = tmp_path / "link.toml"
     link.symlink_to(file)
     document = PuppetDocument(link)
@@ -168,7 +168,7 @@ def test_it_is_saved_again_and_again_as_the_same_file(file, tmp_path):
 
 
 @pytest.mark.parametrize("change", ["text", "comment", "gone", "folder"])
-def test_what_somebody_else_has_changed_is_not_overwritten(file, change):
+def test_a_file_changed_by_another_program_is_not_overwritten(file, change):
     document = PuppetDocument(file)
     file.unlink()
     if change == "folder":
@@ -184,7 +184,7 @@ def test_what_somebody_else_has_changed_is_not_overwritten(file, change):
     assert document.puppet == loads(TEXT, file)
 
 
-def test_nothing_is_lost_where_it_cannot_be_written(file, monkeypatch):
+def test_a_failed_save_loses_nothing(file, monkeypatch):
     document = PuppetDocument(file)
 
     def full(*_):

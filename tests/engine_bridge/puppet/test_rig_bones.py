@@ -144,7 +144,7 @@ def of_file(real_data, name):
     return sorted_by_name(character, [limb(each.name, *each.points, parent=parents[each.name]) for each in chains])
 
 
-def test_joints_of_a_knight(real_data):
+def test_joints_of_a_knight_become_limbs(real_data):
     """The spine has no joint in its middle, and the head's joint is above the shoulders."""
     bones, found = of_file(real_data, "kaykit_Knight")
     assert found["hips"] == {"trunk 0": 1}
@@ -165,7 +165,7 @@ def test_joints_of_a_robot_whose_feet_hang_on_nothing(real_data):
     assert [name for name, placed in zip(found, bones.placed, strict=True) if placed] == ["Body", "Foot.L", "Foot.R"]
 
 
-def test_joints_of_a_fox_and_its_tail(real_data):
+def test_joints_of_a_fox_and_its_tail_become_limbs(real_data):
     _, found = of_file(real_data, "quaternius_Fox")
     assert found["Torso3"] == found["FrontShoulder.L"] == {"trunk 1": 1}
     assert found["BackShoulder.R"] == found["Body"] == {"trunk 0": 1}

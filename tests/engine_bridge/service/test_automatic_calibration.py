@@ -60,7 +60,7 @@ def test_a_returning_performer_is_calibrated_again_if_the_body_is_another_one(st
     assert len(poses(automatic, still(scale=scale), rest=still()[0].positions)) == count
 
 
-def test_what_another_performer_did_does_not_count(still):
+def test_the_calibration_ignores_other_performers(still):
     automatic = AutomaticCalibration("still")
     poses(automatic, still()[:25])
     automatic.enter(returning=False)

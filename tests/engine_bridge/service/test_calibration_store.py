@@ -67,7 +67,7 @@ def test_a_damaged_file_gives_nothing(make_stage, tmp_path, content):
     assert stage.players[0].remembered() == {}
 
 
-def test_what_is_kept_is_json(played, tmp_path):
+def test_stored_calibrations_are_json(played, tmp_path):
     stage, now = played
     calibration_store.write(calibration_store.known_performers({"osc:1": (stage, now)}), tmp_path / "p.json")
     assert json.loads((tmp_path / "p.json").read_text())["version"] == calibration_store.VERSION

@@ -39,7 +39,7 @@ def scene_text(scene):
     return scene[4 : 4 + int.from_bytes(scene[:4], "little")]
 
 
-def test_another_look_is_another_revision(cast, blob_puppet):
+def test_a_changed_look_has_a_new_revision(cast, blob_puppet):
     first = cast()
     mesh = (blob_puppet.parent / "blob.glb").read_bytes()
     start = 28 + int.from_bytes(mesh[12:16], "little")

@@ -97,7 +97,7 @@ def heard_at(address, host, port):
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="which network a packet came from is Linux's to say")
-def test_what_listens_on_loopback_is_announced_nowhere_else(port):
+def test_a_service_on_loopback_is_announced_only_there(port):
     elsewhere = discovery._own_addresses()[0]
     if elsewhere == "127.0.0.1":
         pytest.skip("this machine has no other address")
@@ -146,7 +146,7 @@ def test_a_network_that_comes_up_later_is_noticed(monkeypatch, port):
         ({"control": "7401"}, 7401, ()),
     ],
 )
-def test_what_others_announce_under_our_type_is_a_hint_and_no_more(properties, control, characters):
+def test_foreign_announcements_of_our_type_are_read_with_caution(properties, control, characters):
     info = ServiceInfo(TYPE, f"x.{TYPE}", port=5, properties=properties, parsed_addresses=LOOPBACK)
     found = discovery._found(info)
     assert (found.control, found.port, found.addresses) == (control, 5, ("127.0.0.1",))

@@ -259,7 +259,7 @@ def test_only_clients_with_the_token_receive_anything(serve, blob_puppet, sender
     assert service.ask("ping", token=token) == "pong"
 
 
-def test_it_ends_cleanly_and_leaves_a_whole_take(playing, tmp_path):
+def test_a_stopped_service_ends_cleanly_and_leaves_a_complete_take(playing, tmp_path):
     client = playing.client("blob/controls")
     client.until(performing)
     playing.ask("record_start", name="last")
@@ -388,3 +388,40 @@ def test_the_status_has_the_performers_height_and_the_sensors_position(serve, bl
     assert users[0]["height"] == pytest.approx(body.height(rest), abs=0.01)
     assert users[0]["reach"] == pytest.approx(body.reach(rest)[hands].mean(), abs=0.01)
     assert stage()["sensor"] == stands
+
+
+def test_a_reload_reads_the_stages_of_the_service_file_again(serve, blob_puppet, tmp_path):
+    file = tmp_path / "service.toml"
+
+    def write(*stages):
+        tables = "".join(
+            f'[[stage]]\nname = "{name}"\nsource = "{source}"\ncalibrate = "at_once"\n'
+            f'[[stage.character]]\npuppet = "{blob_puppet}"\nname = "{name}"\n'
+            for name, source in stages
+        )
+        file.write_text("announce = false\n[network]\nport = 0\n" + tables)
+
+    def stages(service):
+        return {stage["name"]: stage["source"] for stage in service.ask("describe")["status"]["stages"]}
+
+    write(("one", "demo:walk?loop"))
+    service = serve("--config", file)
+    client = service.client("one/controls", "two/controls", "one/scene")
+    [before] = client.until(performing, "controls")[-1:]
+    write(("one", "demo:walk?loop"), ("two", "demo:bow?loop"))
+    assert service.ask("reload") == {"characters": ["one", "two"]}
+    client.until(lambda message: performing(message) and message.topic == "two/controls", "controls")
+    later = client.until(lambda message: performing(message) and message.topic == "one/controls", "controls")[-1]
+    assert later.header.sequence > before.header.sequence
+    assert later.header.revision == before.header.revision
+    write(("one", "demo:nothing"))
+    error = service.ask("reload")
+    assert "nothing" in error["found"]
+    assert service.ask("list")["characters"] == ["one", "two"]
+    write(("two", "demo:lean?loop"))
+    assert service.ask("reload") == {"characters": ["two"]}
+    wait = time.monotonic() + 30
+    while stages(service) != {"two": "demo:lean?loop"}:
+        assert time.monotonic() < wait
+        time.sleep(0.1)
+    client.until(lambda message: performing(message) and message.topic == "two/controls", "controls")

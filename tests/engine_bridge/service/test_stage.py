@@ -117,7 +117,7 @@ def test_a_performer_is_calibrated_by_standing_still_and_then_plays_what_convert
             np.testing.assert_array_equal(frame.joints, aim.joints)
 
 
-def test_nothing_jumps_when_a_performer_comes_goes_and_comes_back(make_stage, blob_rig, kung_fu, moved):
+def test_a_character_never_jumps_when_a_performer_comes_goes_and_returns(make_stage, blob_rig, kung_fu, moved):
     stage = make_stage()
     diagonal = blob_rig.mesh.diagonal
     steady = largest_step(play(make_stage(), kung_fu)["dog"], diagonal)
@@ -155,9 +155,7 @@ def largest_turn(frames):
     return np.arccos(np.clip((trace - 1) / 2, -1, 1)).max()
 
 
-def test_who_steps_in_is_a_character_with_limbs_after_a_moment_and_plays_what_convert_would(
-    make_stage, limbed_rig, kung_fu
-):
+def test_a_new_performer_drives_limbs_as_convert_does_after_a_moment(make_stage, limbed_rig, kung_fu):
     stage = make_stage(player_settings=PlayerSettings(tilt=0.0, height=0.0), rig=limbed_rig)
     (player,), frames, calibrations = stage.players, [], []
     for event in with_beginnings(stage, kung_fu):
@@ -304,7 +302,7 @@ def test_the_nearest_takes_over_only_when_clearly_nearer_for_a_while(make_stage,
     assert user_after(1.0, 3.0) == 9
 
 
-def test_somebody_can_be_chosen(make_stage, kung_fu, moved):
+def test_a_user_can_be_chosen_for_a_character(make_stage, kung_fu, moved):
     stage = make_stage()
     play(stage, [event for frame in kung_fu[:60] for event in (frame, moved(frame, time=frame.time + 0.005, user=9))])
     assert stage.players[0].user == kung_fu[0].user
@@ -410,7 +408,7 @@ def test_a_pause_in_the_midst_of_easing_does_not_jump(make_stage, kung_fu, moved
     assert largest_step(frames, blob_rig.mesh.diagonal) <= 1.2 * steady
 
 
-def test_somebody_who_flickers_keeps_their_calibration(make_stage, kung_fu, moved):
+def test_a_user_that_flickers_keeps_the_calibration(make_stage, kung_fu, moved):
     stage = make_stage()
     play(stage, kung_fu[:100])
     time = kung_fu[99].time
@@ -423,7 +421,7 @@ def test_somebody_who_flickers_keeps_their_calibration(make_stage, kung_fu, move
     assert [frame.state for frame in frames].index("performing") <= 12
 
 
-def test_who_was_chosen_stays_though_others_are_nearer(make_stage, kung_fu, moved):
+def test_a_chosen_user_stays_even_if_others_are_nearer(make_stage, kung_fu, moved):
     stage = make_stage(settings=StageSettings(people="nearest"))
     near = [moved(frame, time=frame.time + 0.005, user=9, by=(0, 0, -1.5)) for frame in kung_fu]
     both = [event for pair in zip(kung_fu, near, strict=True) for event in pair]
@@ -527,13 +525,13 @@ def test_a_sensor_that_sees_the_floor_is_set_upright_at_once_and_exactly(make_st
         np.testing.assert_allclose(one.targets, other.targets, atol=1e-3)  # the still second's medians
 
 
-def test_what_the_settings_say_of_the_sensor_counts_more_than_the_floor(make_stage, kung_fu):
+def test_the_sensors_settings_take_precedence_over_the_measured_floor(make_stage, kung_fu):
     stage = make_stage(player_settings=PlayerSettings(tilt=3.0, height=0.7))
     play(stage, [level(kung_fu[0].time - TICK_SECONDS), *kung_fu[:60]])
     assert stage.players[0].level == SensorTilt(3.0, 0.7, 4.0)
 
 
-def test_who_performs_goes_on_as_calibrated_when_the_sensor_is_moved(make_stage, kung_fu):
+def test_a_performer_keeps_the_calibration_when_the_sensor_is_moved(make_stage, kung_fu):
     stood, moment = level(kung_fu[0].time - TICK_SECONDS, tilt=2.0, height=1.0), 120
     steady = play(make_stage(), [stood, *kung_fu])["dog"]
     moved_stage = make_stage()
@@ -546,7 +544,7 @@ def test_who_performs_goes_on_as_calibrated_when_the_sensor_is_moved(make_stage,
     assert moved_stage.players[0].level == SensorTilt(12.0, 1.3, 4.0)
 
 
-def test_who_was_calibrated_before_the_floor_was_seen_is_set_upright_too(make_stage, blob_rig, kung_fu):
+def test_a_performer_calibrated_before_the_floor_was_seen_is_set_upright_too(make_stage, blob_rig, kung_fu):
     """From then on, but for the easing, all is as if it had been seen from the start."""
     seen, moment = seen_from_above(kung_fu), 100
     early = play(make_stage(), [level(kung_fu[0].time - TICK_SECONDS), *seen])["dog"]
@@ -562,7 +560,7 @@ def test_who_was_calibrated_before_the_floor_was_seen_is_set_upright_too(make_st
     assert largest_step(late, blob_rig.mesh.diagonal) <= 1.5 * largest_step(early, blob_rig.mesh.diagonal)
 
 
-def test_who_comes_back_after_the_sensor_was_moved_is_calibrated_anew(make_stage, kung_fu, moved):
+def test_a_performer_who_returns_after_the_sensor_was_moved_is_calibrated_again(make_stage, kung_fu, moved):
     last = kung_fu[149].time
     away = ticks(last, 2.0)
     back = [moved(frame, time=last + 2.0 + (k + 1) * TICK_SECONDS) for k, frame in enumerate(kung_fu[:60])]

@@ -66,7 +66,7 @@ def test_turns_go_round():
     assert played == [1] * 10 + [2] * 10 + [3] * 10 + [1] * 10 + [2] * 10 + [3] * 10
 
 
-def test_somebody_alone_plays_as_long_as_they_like():
+def test_a_single_user_plays_without_a_time_limit():
     assignment = UserAssignment("queue", 10.0, [None])
     for second in range(60):
         assignment.see(1, float(second), 2.0)

@@ -12,8 +12,7 @@ var _next := 0
 var _samples := 0
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	_asked = JSON.parse_string(arguments()[0])
 	_file = FileAccess.open(_asked["file"], FileAccess.WRITE)
 	var parent := Node3D.new()
@@ -48,7 +47,7 @@ func _sample() -> void:
 
 
 ## Report the poses that the nodes have had since the previous frame.
-func _process(_delta: float) -> bool:
+func step(_delta: float) -> bool:
 	_sample()
 	if _samples == _asked["samples"]:
 		for attachment in _attachments:

@@ -14,8 +14,7 @@ void fragment() {
 """
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	var standard := StandardMaterial3D.new()
 	var custom := ShaderMaterial.new()
 	custom.shader = Shader.new()

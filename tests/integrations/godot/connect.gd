@@ -1,7 +1,8 @@
 extends "teller.gd"
 ## Connects once and reports states and messages: HOST PORT SOCKET_TYPE TOKEN MAX_MESSAGE_BYTES TOPIC...
 
-const Connection := preload("res://addons/puppetline/wire/zmtp_connection.gd")
+const Connection := preload("res://addons/puppetline/wire/connection.gd")
+const Connections := preload("res://addons/puppetline/wire/connections.gd")
 
 var _connection: Connection
 var _state := -1
@@ -9,7 +10,7 @@ var _most_memory := 0
 
 
 func start() -> void:
-	_connection = Connection.new(arguments()[2], arguments()[3])
+	_connection = Connections.make(arguments()[0], arguments()[2], arguments()[3])
 	_connection.max_message_bytes = int(arguments()[4])
 	_connection.open(arguments()[0], int(arguments()[1]))
 

@@ -11,7 +11,12 @@ def test_the_editor_opens_with_the_plugin_on_and_has_nothing_to_complain_about(r
     lines = run_editor()
     assert [line for line in lines if "puppetline" in line.lower()] == []
     settings = (project / ".godot" / "global_script_class_cache.cfg").read_text()
-    assert set(re.findall(r'"class": &"(\w+)"', settings)) == {"Puppet3D", "PuppetAttachment3D", "PuppetOscReceiver"}
+    assert set(re.findall(r'"class": &"(\w+)"', settings)) == {
+        "Puppet3D",
+        "PuppetAttachment3D",
+        "PuppetColliders3D",
+        "PuppetOscReceiver",
+    }
 
 
 def test_the_folder_has_what_a_project_that_copies_it_needs():

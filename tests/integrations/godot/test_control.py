@@ -135,7 +135,7 @@ def test_replies_find_their_requests_in_any_order_and_others_are_ignored(request
 
 
 @pytest.mark.parametrize("how", ["close", "late", "give_up", "drop"])
-def test_whoever_is_answered_may_end_it_for_all(start_godot, free_port, how):
+def test_a_callback_may_end_all_requests(start_godot, free_port, how):
     port = free_port()
     *told, end = start_godot("leave_control.gd", port, how).finish()
     refused, late = no_connection(port), "no reply within 5 s"

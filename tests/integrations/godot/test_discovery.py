@@ -58,7 +58,7 @@ def test_a_service_is_found(start_godot, announce, host):
 
 @on_the_network
 @pytest.mark.slow
-def test_one_that_comes_later_or_goes_is_noticed(start_godot, announce):
+def test_a_service_that_appears_or_disappears_is_noticed(start_godot, announce):
     script = start_godot("discover.gd")
     announcement, port = announce("dog")
     script.until(at(port))
@@ -131,7 +131,7 @@ def test_the_question_is_one_that_zeroconf_understands(read):
     assert (asked.name, asked.type, asked.class_) == (TYPE, _TYPE_PTR, _CLASS_IN)
 
 
-def test_what_is_damaged_ends_what_is_read(read):
+def test_a_damaged_record_ends_the_packet(read):
     whole = answer(info(version="0.1.0", characters="dog"), info("another"))
     chance = random.Random(3)
     damaged = [whole[:length] for length in range(len(whole))]
@@ -172,7 +172,7 @@ def test_texts_that_are_no_utf_8_are_left_out_without_a_word(read):
         assert [record["data"] for record in each if record["type"] == 12] == [f".{TYPE.removesuffix('.')}"]
 
 
-def test_what_is_announced_becomes_services_and_is_forgotten(run_godot, tmp_path):
+def test_announcements_become_services_that_expire(run_godot, tmp_path):
     packets = [
         answer(info("one", version="0.1.0", characters="dog,cat", control="7401", mechanism="NULL")),
         answer(info("two", addresses=["10.0.0.8"], control="99999999999999999999")),

@@ -82,7 +82,7 @@ def row(service, name):
     return next(each for each in service.ask("puppet", character="dog")["handles"] if each["name"] == name)
 
 
-def test_it_shows_how_the_character_is_doing_and_does_what_is_pressed(dock, start, puppet, performer):
+def test_the_dock_shows_the_characters_state_and_its_buttons_work(dock, start, puppet, performer):
     service = start(performer.uri)
     dock.follow(service.port)
     shown = dock.until(lambda shown: "User 1 performs" in shown["facts"] and shown["rows"])
@@ -191,7 +191,7 @@ def test_edits_can_be_taken_back_and_others_are_seen(dock, start, puppet):
     dock.script.end()
 
 
-def test_it_waits_for_a_service_and_outlives_it(dock, serve, puppet, free_port):
+def test_the_dock_waits_for_a_service_and_outlives_it(dock, serve, puppet, free_port):
     port = free_port()
     dock.follow(port)
     dock.until(lambda shown: "Retrying" in shown["connection"] and not shown["characters"])
@@ -226,7 +226,7 @@ def test_a_token_is_wanted_and_then_given(dock, start, token_file):
     dock.script.end()
 
 
-def test_it_changes_between_characters_and_rests_while_it_is_hidden(dock, start, puppet):
+def test_the_dock_switches_characters_and_disconnects_while_hidden(dock, start, puppet):
     other = puppet.with_name("cat.toml")
     other.write_text(puppet.read_text().replace('name = "head"', 'name = "nose"'))
     service = start("demo:walk?loop", "--puppet", other)
@@ -253,7 +253,7 @@ def test_an_edit_that_is_refused_is_told_and_taken_back(dock, start, puppet, per
     dock.script.end()
 
 
-def test_it_is_in_the_editor_and_puts_a_character_into_the_scene(godot, project, start, tmp_path):
+def test_the_dock_is_in_the_editor_and_adds_a_character_to_the_scene(godot, project, start, tmp_path):
     driver = project / "addons" / "driver"
     driver.mkdir()
     shutil.copy(project / "tests" / "use_editor.gd", driver / "plugin.gd")

@@ -24,7 +24,7 @@ def shown(told):
     return told["earlier"], told["later"], pytest.approx(told["share"], abs=1e-9)
 
 
-def test_nothing_is_shown_before_the_first_frame(play):
+def test_no_frame_is_shown_before_the_first_one(play):
     assert play((0.0,)) == [{"shows": False, "waiting": 0, "lost": 0}]
 
 
@@ -87,7 +87,7 @@ def test_lost_frames_are_counted_and_bridged(play):
 
 
 @pytest.mark.parametrize("again", [(1, 7.08), (2, 7.08), (3, 7.04), (3, 3.0)], ids=str)
-def test_another_run_of_the_service_begins_anew(play, again):
+def test_a_restarted_service_starts_the_buffer_again(play, again):
     """Numbers or times that do not grow."""
     told = play((0.00, (1, 7.00)), (0.04, (2, 7.04)), (0.08, again), (0.09,))
     assert [shown(each) for each in told[2:]] == [(again[0], again[0], 0.0)] * 2

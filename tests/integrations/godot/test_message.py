@@ -73,7 +73,7 @@ def test_recorded_messages_are_what_they_are_for_python(decoded):
             assert rounded(json.dumps(parsed)) == rounded(recorded(name)[128:])
 
 
-def test_what_is_cut_short_or_altered_is_refused_where_python_refuses_it(decoded):
+def test_truncated_or_altered_messages_are_refused_exactly_where_python_refuses_them(decoded):
     whole = recorded("1.handles")
     altered = [whole[:length] for length in range(len(whole))]
     random = np.random.default_rng(3)
@@ -93,7 +93,7 @@ def test_what_is_cut_short_or_altered_is_refused_where_python_refuses_it(decoded
         assert result == told(message), message[:128]
 
 
-def test_what_a_later_version_may_add_is_ignored(decoded):
+def test_additions_of_a_later_minor_version_are_ignored(decoded):
     message = bytearray(recorded("1.handles"))
     message[65] = 9
     message[124:128] = b"more"

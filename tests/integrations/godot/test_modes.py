@@ -215,7 +215,7 @@ def check_morphs(show, service, puppet, source, offset=(0.0, 0.0, 0.0), **settin
     reference.assert_moved(shown.frames)
 
 
-def test_controls(show, playing, blob_puppet, take):
+def test_a_puppet_by_controls_shows_the_solvers_vertices(show, playing, blob_puppet, take):
     check_controls(show, playing(blob_puppet, take), blob_puppet)
 
 
@@ -226,11 +226,13 @@ def test_the_graphics_card_shows_the_same(shade, playing, add_glb, blob_puppet, 
     check_shader(shade, service, blob_puppet, mesh_source=add_glb(tmp_path / "own.glb"))
 
 
-def test_vertices(show, playing, blob_puppet, take):
+def test_a_puppet_by_vertices_shows_the_solvers_vertices(show, playing, blob_puppet, take):
     check_vertices(show, playing(blob_puppet, take), blob_puppet)
 
 
-def test_morphs(show, playing, add_glb, blob_puppet, take, tmp_path, puppetline):
+def test_a_puppet_by_morphs_is_as_near_as_the_service_says(
+    show, playing, add_glb, blob_puppet, take, tmp_path, puppetline
+):
     puppetline("bake", blob_puppet, "-o", tmp_path / "baked.glb", "--log", take)
     service = playing(blob_puppet, take, "--morphs", tmp_path / "baked.glb")
     check_morphs(show, service, blob_puppet, add_glb(tmp_path / "baked.glb"))
@@ -250,7 +252,9 @@ def test_morphs_of_a_source_whose_root_is_elsewhere(
     check_morphs(show, service, blob_puppet, "res://moved.tscn", offset=(0.5, -2.0, 1.0))
 
 
-def test_controls_of_an_imported_mesh(show, playing, add_glb, blob_puppet, take, tmp_path, puppetline):
+def test_a_puppet_by_controls_of_an_imported_mesh_shows_the_solvers_vertices(
+    show, playing, add_glb, blob_puppet, take, tmp_path, puppetline
+):
     puppetline("shader-mesh", blob_puppet, "-o", tmp_path / "own.glb")
     check_controls(show, playing(blob_puppet, take), blob_puppet, mesh_source=add_glb(tmp_path / "own.glb"))
 
@@ -310,7 +314,7 @@ def keyframes(path):
 
 
 @pytest.mark.parametrize("mode", [CONTROLS, VERTICES])
-def test_it_is_what_convert_makes_of_the_same_performance(
+def test_a_puppet_shows_what_convert_makes_of_the_same_performance(
     show, serve, blob_puppet, standing, dance, record, tmp_path, mode, puppetline
 ):
     """Who stands still, as the character does, until everything has settled is the same performer to both."""
@@ -352,7 +356,7 @@ def character(request, own_cache, tmp_path_factory, puppetline):
 
 
 @pytest.mark.slow
-def test_characters_by_controls_and_vertices(show, playing, character):
+def test_characters_by_controls_and_vertices_show_the_solvers_vertices(show, playing, character):
     puppet, log = character
     service = playing(puppet, log)
     check_controls(show, service, puppet)
@@ -360,7 +364,9 @@ def test_characters_by_controls_and_vertices(show, playing, character):
 
 
 @pytest.mark.slow
-def test_characters_on_the_graphics_card(shade, playing, add_glb, character, tmp_path, puppetline):
+def test_characters_on_the_graphics_card_show_the_solvers_vertices(
+    shade, playing, add_glb, character, tmp_path, puppetline
+):
     puppet, log = character
     puppetline("shader-mesh", puppet, "-o", tmp_path / "own.glb")
     service = playing(puppet, log)
@@ -369,7 +375,9 @@ def test_characters_on_the_graphics_card(shade, playing, add_glb, character, tmp
 
 
 @pytest.mark.slow
-def test_characters_by_imported_meshes(show, playing, add_glb, character, tmp_path, puppetline):
+def test_characters_by_imported_meshes_show_the_solvers_vertices(
+    show, playing, add_glb, character, tmp_path, puppetline
+):
     puppet, log = character
     puppetline("bake", puppet, "-o", tmp_path / "baked.glb", "--log", log)
     puppetline("shader-mesh", puppet, "-o", tmp_path / "own.glb")
@@ -379,14 +387,14 @@ def test_characters_by_imported_meshes(show, playing, add_glb, character, tmp_pa
 
 
 @pytest.mark.slow
-def test_characters_over_a_line_that_cuts_everything_into_bytes(show, playing, character, line):
+def test_characters_are_shown_over_a_line_that_delivers_single_bytes(show, playing, character, line):
     puppet, log = character
     service = playing(puppet, log)
     check_controls(show, service, puppet, line(service.port).port)
 
 
 @pytest.mark.slow
-def test_characters_after_something_else_on_the_port_a_refusal_and_a_kill(
+def test_characters_are_shown_after_another_program_a_refusal_and_a_kill(
     show, playing, character, free_port, something_else, token_file
 ):
     puppet, log = character

@@ -65,7 +65,7 @@ MESSAGES = [
 ]
 
 
-def test_what_comes_is_what_python_reads_and_written_again_what_came(read):
+def test_messages_are_read_as_by_python_and_written_back_unchanged(read):
     for datagram, result in zip(MESSAGES, read(MESSAGES), strict=True):
         assert result["messages"] == told(datagram), datagram
         again = [base64.b64decode(text) for text in result["written"]]
@@ -75,7 +75,7 @@ def test_what_comes_is_what_python_reads_and_written_again_what_came(read):
             assert again == [encode(message.address, *message.arguments) for message in decode(datagram)]
 
 
-def test_what_is_damaged_is_refused_where_python_refuses_it(read):
+def test_damaged_datagrams_are_refused_exactly_where_python_refuses_them(read):
     chance = random.Random(5)
     damaged = [datagram[:length] for datagram in MESSAGES if len(datagram) < 200 for length in range(len(datagram))]
     small = [datagram for datagram in MESSAGES if len(datagram) < 200]
@@ -146,7 +146,7 @@ def of(script, name):
     return [told for told in script.results if told["signal"] == name]
 
 
-def test_what_the_service_sends_becomes_signals(receive, serve, blob_puppet, take):
+def test_messages_of_the_service_become_signals(receive, serve, blob_puppet, take):
     script, port = receive()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as python:
         python.bind(("127.0.0.1", 0))

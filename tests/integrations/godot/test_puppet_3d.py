@@ -9,12 +9,8 @@ import time
 
 import numpy as np
 import pytest
-import zmq
 
 from engine_bridge.export.shader_mesh import write_shader_mesh
-from engine_bridge.service.protocol.frame import StreamedCharacter
-from engine_bridge.service.protocol.header import Header, Kind, join, topic_field, write_json
-from solver.motion.deformer import to_file_units
 
 ARRIVAL = ["connected", "scene_loaded", "performer_found", "performer_calibrated"]
 
@@ -76,7 +72,7 @@ def moves(state):
     return state["calibrated"] and state["sequence"] >= 0 and state["visible"] == [True]
 
 
-def test_it_finds_a_service_that_comes_later_and_outlives_one_that_is_killed(
+def test_a_node_finds_a_service_that_starts_later_and_outlives_one_that_is_killed(
     watch, serve, blob_puppet, take, free_port
 ):
     port = free_port()
@@ -116,9 +112,7 @@ def test_two_nodes_of_one_service_share_what_does_not_change(watch, serve, blob_
     watched.end()
 
 
-def test_another_version_of_the_character_takes_the_place_of_the_one_before(
-    watch, serve, blob_file, write_puppet, take
-):
+def test_a_new_version_of_the_character_replaces_the_old_one(watch, serve, blob_file, write_puppet, take):
     puppet = write_puppet(blob_file.with_name("changed.toml"), blob_file.name)
     service = serve("--puppet", puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
     watched = watch({"port": service.port})
@@ -150,7 +144,7 @@ def test_a_service_that_refuses_is_not_asked_again_until_the_token_changes(watch
     assert sum(f":{service.port} refuses the connection" in line for line in lines) == 1
 
 
-def test_it_can_try_again_after_it_was_refused(watch, serve, blob_puppet, take, token_file, tmp_path, free_port):
+def test_a_refused_node_can_try_again(watch, serve, blob_puppet, take, token_file, tmp_path, free_port):
     played = ("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
     port, token = free_port(), "the-token-of-the-node"
     service = serve(*played, "--port", port, "--token-file", token_file)
@@ -254,7 +248,7 @@ def test_takes_are_of_the_stage_that_the_character_is_on(watch, serve, blob_file
     watched.end()
 
 
-def test_another_slot_tells_of_its_own_performer_at_once(watch, serve, blob_puppet, take):
+def test_a_changed_slot_reports_its_own_performer_at_once(watch, serve, blob_puppet, take):
     service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
     watched = watch({"port": service.port, "user_slot": 99})
     watched.until(lambda state: state["visible"] == [False] and state["sequence"] >= 0)
@@ -283,7 +277,7 @@ def test_a_request_is_answered_though_there_is_no_service_in_the_network(watch):
     watched.end()
 
 
-def test_what_is_set_while_it_runs_is_followed(watch, serve, blob_file, write_puppet, take):
+def test_properties_set_at_run_time_take_effect(watch, serve, blob_file, write_puppet, take):
     one, two = (write_puppet(blob_file.with_name(f"{name}.toml"), blob_file.name) for name in ("one", "two"))
     source = f"replay:{take}?loop"
     service = serve("--puppet", one, "--puppet", two, "--source", source, "--source", source, "--calibrate", "at_once")
@@ -374,53 +368,6 @@ def test_a_changed_material_is_drawn(start_godot, serve, blob_puppet, take):
     assert shader == {"tint": "(0.5, 1.0, 0.0)", "same": True}
 
 
-class StandIn:
-    """A publisher in the place of the service, which says of a real character what the service never would."""
-
-    def __init__(self, socket, rig):
-        self._socket, self._sequence = socket, 0
-        self.port = socket.bind_to_random_port("tcp://127.0.0.1")
-        self._character = StreamedCharacter("blob", rig, 1)
-        self.controls = to_file_units(rig.model.rest_controls, rig.model).tobytes()
-        self.scenes = 0
-
-    def answer(self):
-        """Send what has been asked for."""
-        while self._socket.poll(20):
-            asked = self._socket.recv()
-            name = asked[1:].rstrip(b"\0").decode()
-            if asked[0] and "/scene/" in name:
-                self.scenes += 1
-                self.send(name, Kind.SCENE, self._character.scene, revision=1)
-            if asked[0] and name == "service/characters":
-                self.send(name, Kind.CHARACTERS, write_json([{"name": "blob"}]))
-
-    def send(self, name, kind, payload, **header):
-        self._socket.send(join(topic_field(name), Header(kind, len(payload), **header), payload))
-
-    def frame(self, payload=None, revision=1):
-        self._sequence += 1
-        payload = self.controls if payload is None else payload
-        header = {"revision": revision, "sequence": self._sequence, "time": self._sequence / 30}
-        self.send("blob/controls", Kind.CONTROLS, payload, **header)
-
-    def until(self, happened, *frames):
-        """Send frames over and over until something has happened."""
-        give_up = time.monotonic() + 60
-        while not happened():
-            assert time.monotonic() < give_up
-            self.answer()
-            for frame in frames:
-                self.frame(**frame)
-
-
-@pytest.fixture
-def stand_in(blob_rig):
-    with zmq.Context() as context, context.socket(zmq.XPUB) as publisher:
-        publisher.linger = 0
-        yield StandIn(publisher, blob_rig)
-
-
 def test_frames_that_are_wrong_are_as_good_as_none(watch, stand_in):
     watched = watch({"port": stand_in.port})
     stand_in.until(lambda: any(state["visible"] == [True] for state in watched.states()), {})
@@ -454,7 +401,7 @@ preview_in_editor = {preview}
 
 
 @pytest.mark.parametrize("preview", [True, False])
-def test_it_plays_in_the_editor_unless_it_is_told_not_to(godot, project, serve, blob_puppet, take, preview):
+def test_a_puppet_plays_in_the_editor_unless_the_preview_is_off(godot, project, serve, blob_puppet, take, preview):
     service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop")
     (project / "edited.tscn").write_text(EDITED.format(port=service.port, preview=str(preview).lower()))
     command = [godot, "--headless", "--editor", "--path", project, "res://edited.tscn"]
@@ -470,7 +417,7 @@ def test_it_plays_in_the_editor_unless_it_is_told_not_to(godot, project, serve, 
     assert most == int(preview)
 
 
-def test_it_plays_in_an_exported_game(watch, exported_game, serve, blob_puppet, take):
+def test_a_puppet_plays_in_an_exported_game(watch, exported_game, serve, blob_puppet, take):
     service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
     watched = watch({"port": service.port}, {"port": service.port, "mode": 1}, game=exported_game)
     for puppet in 0, 1:

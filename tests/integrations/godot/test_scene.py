@@ -177,7 +177,7 @@ def altered(value):
         yield from ([other, *value[1:]] for other in altered(value[0]))
 
 
-def test_whatever_is_strange_in_a_description_the_mesh_is_whole_or_refused(read):
+def test_a_scene_with_any_altered_description_is_complete_or_refused(read):
     facts, arrays = taken_apart()
     scenes = [each for each in altered({**facts, "joints": ["a"], "morphs": ["b"]}) if isinstance(each, dict)]
     [whole, *told] = read([payload_of(each, arrays) for each in (facts, *scenes)])

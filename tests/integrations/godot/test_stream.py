@@ -132,7 +132,7 @@ def test_a_token_lets_in(follow, serve, blob_puppet, token_file):
         ("", "The service at 127.0.0.1:{} requires a token, and none is set."),
     ],
 )
-def test_who_is_refused_does_not_try_again_by_itself(follow, serve, blob_puppet, token_file, token, reason):
+def test_a_refused_follower_does_not_retry_by_itself(follow, serve, blob_puppet, token_file, token, reason):
     service = serve("--puppet", blob_puppet, "--source", "osc:0", "--token-file", token_file)
     script = follow(service.port, token=token, script="refused.gd")
     told = script.finish()
@@ -203,7 +203,7 @@ def test_a_service_that_hangs_is_taken_for_gone_until_it_speaks_again(follow, se
 
 
 @pytest.mark.slow
-def test_another_publisher_on_the_port_is_no_service(follow, publisher):
+def test_a_foreign_publisher_on_the_port_is_no_service(follow, publisher):
     script = follow(port_at(publisher))
     for _ in range(20):
         publisher.send(b"service/status\0" + b"weather")
@@ -225,7 +225,7 @@ def test_something_else_on_the_port_gives_way_to_a_service(follow, serve, blob_p
     assert states(script) == ["CONNECTING", "OFFLINE", "CONNECTED"]
 
 
-def test_another_version_of_the_protocol_is_refused_in_words(follow, publisher):
+def test_another_protocol_version_is_refused_with_both_versions(follow, publisher):
     script = follow(port_at(publisher))
     assert publisher.recv() == b"\1service/status\0"
     publisher.send(message("service/status", Kind.STATUS, major=2, minor=3))
@@ -235,7 +235,7 @@ def test_another_version_of_the_protocol_is_refused_in_words(follow, publisher):
     script.end()
 
 
-def test_another_version_is_refused_even_if_it_is_the_last_that_is_said(follow, publisher):
+def test_another_version_is_refused_even_as_the_last_message(follow, publisher):
     script = follow(port_at(publisher))
     subscribed(publisher, "service/status")
     publisher.send(message("service/status", Kind.STATUS))
@@ -305,7 +305,7 @@ def test_two_who_follow_share_a_connection_and_who_comes_late_is_told(follow, pu
     assert all(told["same"] for told in script.results if told.get("step", 0) > 1)
 
 
-def test_who_is_sent_away_by_another_receiver_is_not_called(follow, publisher):
+def test_a_receiver_removed_by_another_one_is_not_called(follow, publisher):
     script = follow(port_at(publisher), script="unfollow.gd")
     subscribed(publisher, "service/status", "dog/performer", "late")
     publisher.send(message("dog/performer", Kind.PERFORMER, 1))
@@ -327,7 +327,7 @@ def test_who_is_sent_away_by_another_receiver_is_not_called(follow, publisher):
     assert sorted(end["remembered"]) == ["late", "service/status"]
 
 
-def test_it_is_asked_once_however_often_one_asks(follow, publisher):
+def test_a_topic_is_requested_once_however_often_it_is_followed(follow, publisher):
     script = follow(port_at(publisher), script="share.gd")
     subscribed(publisher, "service/status", "step", "dog/performer", "dog/controls")
     publisher.send(message("step", Kind.STATUS, 4))
@@ -337,7 +337,7 @@ def test_it_is_asked_once_however_often_one_asks(follow, publisher):
     script.end()
 
 
-def test_who_looks_away_gets_the_newest_frames_and_the_last_of_all_else(follow, publisher):
+def test_a_paused_follower_gets_the_newest_frames_and_the_last_of_other_messages(follow, publisher):
     script = follow(port_at(publisher), "dog/controls", "dog/handles", "dog/performer", script="late.gd")
     subscribed(publisher, "service/status", "dog/controls", "dog/handles", "dog/performer")
     publisher.send(message("service/status", Kind.STATUS))

@@ -293,7 +293,7 @@ def test_a_token_is_not_told_to_who_does_not_ask_for_it(connect, peer):
     assert come == [b""]
 
 
-def test_a_request_and_its_reply(connect, context):
+def test_a_request_is_sent_and_its_reply_received(connect, context):
     router = context.socket(zmq.ROUTER)
     router.linger = 0
     port = router.bind_to_random_port("tcp://127.0.0.1")
@@ -346,7 +346,7 @@ AFTER_THE_HANDSHAKE = {
 
 
 @pytest.mark.parametrize("what", AFTER_THE_HANDSHAKE)
-def test_what_zmtp_does_not_have_ends_the_connection(connect, peer, what):
+def test_a_frame_that_violates_zmtp_ends_the_connection(connect, peer, what):
     sent, reason = AFTER_THE_HANDSHAKE[what]
 
     def answer(line):
@@ -417,14 +417,14 @@ BEFORE = {
 
 
 @pytest.mark.parametrize("answer", BEFORE, ids=lambda answer: answer.__name__)
-def test_who_is_no_service_is_found_out(connect, peer, answer):
+def test_a_peer_that_is_no_service_is_recognised(connect, peer, answer):
     state, reason = BEFORE[answer]
     assert reason in fails(connect(peer(answer)), state)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("answer", [silence, greeting_alone], ids=lambda answer: answer.__name__)
-def test_who_says_nothing_is_given_up(connect, peer, answer):
+def test_a_silent_peer_is_given_up(connect, peer, answer):
     assert "No answer from 127.0.0.1" in fails(connect(peer(answer)))
 
 
@@ -461,7 +461,7 @@ def test_tiny_messages_in_their_thousands_are_all_taken(connect, peer):
     assert len(messages(script.results)) == count + 1
 
 
-def test_who_asks_without_reading_the_answers_is_left(connect, peer):
+def test_a_peer_that_never_reads_is_disconnected(connect, peer):
     """The peer sends pings and does not read the answers."""
 
     def answer(line):

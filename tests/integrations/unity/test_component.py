@@ -137,7 +137,7 @@ def test_morphs_set_the_weights_of_the_targets_and_move_the_root(show, reference
 
 
 @pytest.mark.slow
-def test_what_happens_is_told_once_each_and_in_order(serve_figure, start):
+def test_events_are_raised_once_each_and_in_order(serve_figure, start):
     service = serve_figure()
     program = start("Component", f"port={service.port}", "materials=Any/Shader")
     program.until(lambda said: said.get("event") == "performerCalibrated")
@@ -187,7 +187,7 @@ def test_a_refusal_is_told_and_warned_of_once_and_another_token_lets_in(start, l
     assert [each["warning"] for each in said if "warning" in each] == [f"Puppetline: {refused['value']}"]
 
 
-def test_another_mode_is_taken_while_it_runs(show, python):
+def test_a_mode_changed_at_run_time_takes_effect(show, python):
     program = show()
     shown(program, python, 2)
     since = len(program.said)

@@ -161,13 +161,13 @@ def test_bytes_changed_anywhere_are_refused_or_other_numbers(read, tmp_path):
     assert len(read(paths)) == len(paths)
 
 
-def test_another_major_version_is_told(read, tmp_path):
+def test_another_major_version_is_reported(read, tmp_path):
     whole = (VECTORS / "1.controls.bin").read_bytes()
     (tmp_path / "two").write_bytes(whole[:64] + b"\2" + whole[65:])
     assert read([tmp_path / "two"]) == [{"refused": "message", "major": 2}]
 
 
-def test_what_a_later_minor_version_adds_is_ignored(read, tmp_path, vectors):
+def test_additions_of_a_later_minor_version_are_ignored(read, tmp_path, vectors):
     whole = (VECTORS / "1.controls.bin").read_bytes()
     (tmp_path / "later").write_bytes(whole[:65] + b"\7" + whole[66:124] + b"\1\2\3\4" + whole[128:] + b"more")
     assert read([tmp_path / "later"]) == [vectors["1.controls"]]
@@ -225,7 +225,7 @@ def test_json_is_read_as_python_reads_it(run_core):
     assert [each["value"] for each in read_json(run_core, map(str.encode, GOOD))] == list(map(json.loads, GOOD))
 
 
-def test_what_is_not_json_or_too_much_of_it_is_refused(run_core):
+def test_invalid_or_too_large_json_is_refused(run_core):
     texts = [*map(str.encode, BAD), b'"\xff"', b'"\xc3"', b'"\xed\xa0\x80"']
     for text, said in zip(texts, read_json(run_core, texts), strict=True):
         assert "refused" in said, text[:50]

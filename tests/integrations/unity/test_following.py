@@ -303,7 +303,7 @@ SAYINGS = {
 
 
 @pytest.mark.slow
-def test_whatever_is_at_the_port_the_service_is_followed_once_it_is_there(serve_figure, follow, free_port):
+def test_the_service_is_followed_once_it_replaces_another_program_on_the_port(serve_figure, follow, free_port):
     port = free_port()
     impostor = Impostor(port, *(saying for saying, _ in SAYINGS.values()))
     program = follow(port, "blob")
@@ -336,7 +336,7 @@ def test_a_ping_is_answered_with_its_context(follow, free_port):
     assert b"\x00\x0f\x01blob/controls\x00" in heard
 
 
-def test_another_version_of_the_protocol_is_refused_by_name(follow, free_port):
+def test_another_protocol_version_is_refused_by_its_number(follow, free_port):
     port = free_port()
     message = (b"service/status".ljust(64, b"\0") + b"\x02\x00\x09" + bytes(61) + b"{}").ljust(200, b"\0")
     impostor = Impostor(port, SHAKEN + b"\x00" + bytes([len(message)]) + message)

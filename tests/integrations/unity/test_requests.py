@@ -59,7 +59,7 @@ def test_without_a_service_there_is_an_error_that_says_so(ask, free_port):
 
 
 @pytest.mark.parametrize(("given", "found"), [("wrong", "does not accept the token"), ("", "token")])
-def test_another_token_is_an_error_that_says_so(locked_figure, ask, token_file, given, found):
+def test_a_wrong_token_is_an_error_that_says_so(locked_figure, ask, token_file, given, found):
     (reply,) = ask(locked_figure.control_port, {"do": "ping"}, token=given)
     assert (reply["ok"], found in reply["error"]["found"]) == (False, True), reply
     (reply,) = ask(locked_figure.control_port, {"do": "ping"}, token=token_file.read_text())

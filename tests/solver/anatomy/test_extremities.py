@@ -112,7 +112,7 @@ def path(count):
     return [(i, i + 1) for i in range(count - 1)]
 
 
-def test_prominence_on_a_ridge_by_hand():
+def test_prominence_on_a_ridge_equals_values_by_hand():
     # summits 5, 4 and 7 with passes 2 and 1 between them
     assert prominence([0, 5, 2, 4, 1, 7, 3], path(7)) == [0, 4, 0, 2, 0, 7, 0]
 

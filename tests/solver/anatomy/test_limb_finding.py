@@ -210,7 +210,7 @@ def test_a_sword_is_left_out_of_the_arm_and_said(solver_mesh, figure):
     assert find_limbs(figure, np.eye(3)).notes == ()
 
 
-def test_what_the_user_knows_comes_first(solver_mesh):
+def test_joints_given_by_the_user_take_precedence(solver_mesh):
     wings = both(((0.1, 1.2, 0.2), (1.5, 2.4, -0.1), 0.1))
     mesh = solver_mesh([*FIGURE, *both(((0.1, 1.2, -0.05), (1.0, 1.9, -0.5), 0.05))])
     tips = {"left arm": np.array([1.0, 1.9, -0.5]), "right arm": np.array([-1.0, 1.9, -0.5])}
@@ -220,7 +220,7 @@ def test_what_the_user_knows_comes_first(solver_mesh):
     np.testing.assert_allclose(limbs["head"][-1], nose, atol=0.2)
 
 
-def test_what_is_not_found_is_said(solver_mesh):
+def test_a_limb_that_is_not_found_is_reported(solver_mesh):
     limbs = find_limbs(solver_mesh([((0.0, 0.0, 0.0), (0.0, 1e-6, 0.0), 1.0)], 0.1), np.eye(3))
     assert list(limbs.points) == ["trunk", "head"]
     assert limbs.notes == (

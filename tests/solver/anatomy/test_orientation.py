@@ -90,7 +90,7 @@ def test_the_mirror_image_stands_as_the_original_does(example):
         ("x", "z", "it lies on its side"),
     ],
 )
-def test_it_says_how_a_character_lies(example, up, front, posture):
+def test_a_note_says_how_a_character_lies(example, up, front, posture):
     mesh = example("dog")
     basis = np.array([np.cross(vector(up), vector(front)), vector(up), vector(front)])
     found = orientation.propose(changed(mesh, mesh.vertices @ basis))
@@ -142,7 +142,7 @@ def test_a_flat_figure_is_no_division_by_nothing():
     assert (found.up, found.front) == ("y", "z")
 
 
-def test_what_is_known_already_is_kept_and_the_rest_fits_to_it(example):
+def test_given_axes_are_kept_and_the_others_fit_them(example):
     mesh = example("dog")
     for up, front in (("y", None), (None, "z"), ("y", "z"), ("-z", "x"), ("x", None)):
         found = orientation.propose(mesh, up, front)

@@ -61,7 +61,7 @@ def test_the_farthest_vertex_of_each_frame_is_found(binding, creature_model, fra
     np.testing.assert_allclose(distance, lengths.max(axis=0), rtol=1e-6)
 
 
-def test_what_stands_still_is_at_distance_zero(binding, creature_model):
+def test_a_vertex_that_stands_still_has_distance_zero(binding, creature_model):
     distance, vertex = binding.largest_displacements(np.zeros((2, *creature_model.rest_controls.shape)))
     assert (distance.tolist(), len(vertex)) == ([0, 0], 2)
 
@@ -95,7 +95,7 @@ def test_fewer_frames_at_a_time_where_there_are_many_vertices(binding, monkeypat
     assert binding.batch_frames == batch.MIN_BATCH_FRAMES
 
 
-def test_nothing_is_bound_and_nothing_comes_out(creature_model, frames):
+def test_binding_no_vertices_gives_no_vertices(creature_model, frames):
     binding = BatchBinding(creature_model, np.zeros((0, 3)), np.zeros(0, dtype=np.int64))
     assert binding.vertices(frames).shape == (0, 3, 7)
 

@@ -84,7 +84,7 @@ def test_the_two_sides_are_each_others_mirror_image(figure, regions):
     np.testing.assert_array_equal(held, held[other[:-1]])
 
 
-def test_nothing_behind_the_root_of_a_limb_belongs_to_it(figure, skeleton, regions):
+def test_no_vertex_behind_the_root_of_a_limb_belongs_to_it(figure, skeleton, regions):
     for root in np.flatnonzero(skeleton.roots):
         place = along(figure.vertices, skeleton.heads[root], skeleton.tails[root])
         assert place[regions.owner == root].min() >= 0

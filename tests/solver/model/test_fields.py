@@ -200,7 +200,7 @@ def test_fields_do_not_follow_the_density_of_triangles(creature):
 # --- ladders
 
 
-def test_ladder_of_a_linear_field_by_hand():
+def test_isoline_coordinates_of_a_linear_field_equal_values_by_hand():
     field = np.array([[0.0], [0.04], [0.05], [0.5], [0.72], [0.95], [1.0]])
     expected = [[0.0], [0.0], [0.0], [4.5], [6.7], [9.0], [9.0]]
     np.testing.assert_allclose(fields.ladder_coordinates(field, 10), expected, atol=1e-12)

@@ -81,7 +81,7 @@ def test_the_field_of_a_thick_limb_is_smoothed_over_a_longer_way(thickness, time
     np.testing.assert_allclose(found, np.linalg.solve(np.diag(mass) - length**2 * L.toarray(), mass * value), atol=1e-9)
 
 
-def test_what_hangs_on_a_limb_has_the_value_of_its_place(figure):
+def test_a_vertex_on_a_limb_has_the_value_of_its_place(figure):
     """A hand with a limb of its own: to the arm it is the arm's end."""
     bones = bones_of(
         chain([0, 0, 0], [0, 1.2, 0], limb=-1),

@@ -26,7 +26,7 @@ def test_the_row_of_a_plain_stack_is_where_the_layout_says(rng):
 
 
 @pytest.mark.parametrize("count", [1, 16, 17, 80, 100])
-def test_what_is_packed_comes_back(rng, count):
+def test_packed_blocks_are_unpacked_unchanged(rng, count):
     for place in (matrix_blocks.matrix_row_places(count), matrix_blocks.row_places(count)):
         stack = rng.normal(size=(len(place), 3))
         np.testing.assert_array_equal(matrix_blocks.unpack_rows(matrix_blocks.pack_rows(stack, place), place), stack)

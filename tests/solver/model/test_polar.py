@@ -23,7 +23,7 @@ def assert_rotations(R):
 
 
 @pytest.mark.parametrize("stretch", [(1, 1, 1), (1, 1e-2, 1e-3), (1e3, 1, 1), (1e-9, 1e-9, 1e-9), (1e9, 1e9, 1e8)])
-def test_it_is_the_polar_factor_of_the_singular_value_decomposition(matrices, stretch):
+def test_the_nearest_rotation_is_the_polar_factor_of_the_singular_value_decomposition(matrices, stretch):
     S = matrices * np.array(stretch)
     R = nearest(S)
     assert_rotations(R)
@@ -44,7 +44,7 @@ def test_turning_a_matrix_turns_its_rotation(matrices):
 
 
 @pytest.mark.parametrize("rank", [0, 1, 2])
-def test_what_a_flat_matrix_leaves_open_still_gives_a_rotation_that_fits(matrices, rank):
+def test_a_singular_matrix_gives_a_rotation_that_fits_what_it_determines(matrices, rank):
     U, sigma, Vt = np.linalg.svd(matrices)
     sigma[:, rank:] = 0
     flat = U * sigma[:, None] @ Vt

@@ -146,7 +146,7 @@ def test_polar_rotation_is_proper_for_reflections_flat_and_empty_covariances():
         assert np.einsum("ij,ij->", block, best) >= np.einsum("ij,nij->n", block, others).max() - 1e-12
 
 
-def test_triangle_frame_by_hand():
+def test_the_frame_of_a_triangle_equals_values_by_hand():
     edges = np.tile([[0.0, 2, 0], [0.0, 5, 3]], (rotations.TRIANGLES_PER_ISOLINE, 1))
     frames = rotations.triangle_frames(edges)
     assert frames.shape == (1, rotations.TRIANGLES_PER_ISOLINE, 3, 3)

@@ -39,7 +39,7 @@ def test_stretch_is_relative_to_the_size_of_the_mesh(creature):
     assert measure.percentiles(50) == pytest.approx((2.5,), abs=BIN_WIDTH)
 
 
-def test_what_is_stretched_beyond_the_scale_is_counted_at_its_end(creature):
+def test_a_stretch_beyond_the_scale_is_counted_in_its_last_bin(creature):
     measure = EdgeStretch(creature)
     measure.add((9 * creature.vertices).astype(np.float32)[:, :, None])
     assert measure.percentiles(1, 100) == pytest.approx((MAX_STRETCH, MAX_STRETCH), abs=BIN_WIDTH)
@@ -56,7 +56,7 @@ def test_each_edge_counts_once_and_not_once_a_face():
     assert found == pytest.approx((1, np.sqrt(2.5), np.sqrt(2.5), 2), abs=BIN_WIDTH)
 
 
-def test_what_is_no_number_or_without_end_is_counted_as_the_highest(creature):
+def test_an_infinite_or_undefined_stretch_is_counted_in_the_last_bin(creature):
     measure = EdgeStretch(creature)
     moved = np.stack([creature.vertices, creature.vertices], axis=2).astype(np.float32)
     moved[:, 0, 0], moved[0, 1, 1] = np.nan, np.inf

@@ -109,7 +109,7 @@ def test_arms_that_are_drawn_keep_their_lengths_and_stay_joined():
             np.testing.assert_allclose(apply(motions[0, bone], head), apply(motions[0, parent], head), atol=1e-12)
 
 
-def test_nothing_jumps_while_hands_come_together_and_are_lost():
+def test_arms_never_jump_while_hands_meet_and_are_lost():
     way = np.concatenate([np.linspace(0, 0.7, 40), np.full(10, 0.7), np.linspace(0.7, 0, 40)])
     poses = np.array([clapping(x) for x in way])
     free, drawn = play(poses, free=True)[1], play(poses)[1]

@@ -481,7 +481,7 @@ def test_targets_of_any_layout_give_the_same_frame(bound):
         np.testing.assert_array_equal(bound().solve(np.asarray(given)), expected)
 
 
-def test_another_deformer_starts_at_rest_and_goes_its_own_way(bound):
+def test_a_copied_deformer_starts_at_rest_and_is_independent(bound):
     deformer = bound()
     deformer.solve(pulled(deformer, 1))
     other = deformer.another(iterations=4)

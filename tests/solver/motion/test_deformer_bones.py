@@ -185,7 +185,7 @@ def test_rotations_are_drawn_to_the_bones_that_hold_them(bound, creature, model,
     np.testing.assert_allclose(deformer.turns.reshape(80, 3, 3), polar.of_matrices(S), rtol=0, atol=1e-6)
 
 
-def test_what_bones_hold_goes_where_they_go(bound, creature, model, creature_bones, surface, turn):
+def test_vertices_held_by_bones_move_with_them(bound, creature, model, creature_bones, surface, turn):
     deformer = bound(NO_HANDLES)
     motions, regions = posed(creature_bones, turn, 30), model.regions
     found = surface(model, creature, deformer.solve(NO_HANDLES, motions))
@@ -255,7 +255,7 @@ def test_bones_settle_in_the_frame_in_which_they_move(bound, creature, model, cr
         assert np.linalg.norm(found - settled, axis=1).max() < 1e-2 * creature.diagonal
 
 
-def test_another_and_reset_with_bones(bound, creature_handles, creature_bones, turn):
+def test_a_copied_or_reset_deformer_starts_at_rest(bound, creature_handles, creature_bones, turn):
     deformer = bound(creature_handles[:2])
     poses = [posed(creature_bones, turn, degrees) for degrees in (10, 40)]
     first = deformer.solve(deformer.handles, poses[0])

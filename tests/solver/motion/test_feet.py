@@ -191,7 +191,7 @@ def test_a_mesh_that_stands_otherwise_in_its_file_walks_the_same(walked):
     np.testing.assert_allclose(play(walked[0], basis)[0], play(walked[0])[0], atol=1e-9)
 
 
-def test_what_hangs_on_a_foot_is_taken_along(walked):
+def test_bones_below_a_foot_move_with_it(walked):
     limbs = [Limb(name, CHARACTER[c], tuple((j,) for j in c)) for name, c in (("left", LEFT), ("right", RIGHT))]
     spur = Limb("spur", np.array([[0.3, 0.2, -0.02], [0.3, 0.2, -0.2]]), ((4,), (4,)), parent="left")
     motion = LimbMotion([*limbs, spur], SIDES, PERFORMER)

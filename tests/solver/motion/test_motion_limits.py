@@ -115,7 +115,7 @@ def test_a_limb_whose_handles_go_less_far_may_go_farther(figure, figure_model, h
     np.testing.assert_allclose(found[inside], reach[:1][inside] / 0.8, rtol=0.05)
 
 
-def test_what_was_tried_before_does_not_matter(figure, figure_model, handles, reach):
+def test_the_reach_of_a_limb_does_not_depend_on_other_limbs(figure, figure_model, handles, reach):
     np.testing.assert_allclose(
         limb_reach(Deformer(figure_model, figure, handles), figure, np.eye(5)[[3]])[0], reach[3], rtol=1e-12
     )

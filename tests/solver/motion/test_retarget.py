@@ -264,7 +264,7 @@ def test_motion_below_the_knee_is_unchanged(reach):
     np.testing.assert_array_equal(soft_limit(np.zeros((3, 3)), reach), 0.0)
 
 
-def test_motion_beyond_the_knee_by_hand():
+def test_motion_beyond_the_knee_equals_values_by_hand():
     reach = np.array([[[1.0, 2.0], [1.0, 1.0], [1.0, 1.0]]])
     limited = 0.7 + 0.3 * np.tanh(1.0)
     np.testing.assert_allclose(soft_limit(np.array([[2.0, 0.0, 0.0]]), reach), [[2 * limited, 0, 0]])

@@ -135,7 +135,7 @@ def test_parts_that_meet_at_a_point_are_tied_there(seed):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_whatever_lies_about_is_tied_into_one(seed):
+def test_any_scattered_parts_are_tied_into_one(seed):
     rng = np.random.default_rng(seed)
     places = rng.normal(size=(300, 3)) * rng.choice([2.0, 20.0])
     mesh = together(*((place + rng.uniform(0.1, 2) * TETRAHEDRON, TETRAHEDRON_FACES) for place in places))

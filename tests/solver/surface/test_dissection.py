@@ -85,7 +85,7 @@ def test_a_hub_of_all_vertices_comes_last():
     assert fill(A, order) < 2 * MAX_LEAF_VERTICES * count
 
 
-def test_nothing_and_a_single_vertex_have_an_order():
+def test_an_empty_graph_and_a_single_vertex_have_an_order():
     for count in (0, 1):
         empty = csr_matrix((count, count))
         assert dissection(empty, np.zeros((count, 3))).tolist() == list(range(count))

@@ -107,7 +107,7 @@ def test_faces_that_collapse_when_their_corners_are_welded_are_dropped():
     np.testing.assert_array_equal(mesh.faces, CUBE)
 
 
-def test_what_was_repaired_is_counted_and_told():
+def test_repairs_are_counted_and_reported():
     middle, loose = [[0.5, 0.0, 0.0]], [[3.0, 3, 3], [4.0, 4, 4]]
     positions = np.concatenate([CORNERS, middle, loose, CORNERS[[2, 5, 5]]])
     faces = np.concatenate([[[0, 8, 4], [0, 4, 4]], CUBE, CUBE[[3, 7, 7]], [[1, 12, 13]]])
@@ -293,7 +293,7 @@ def test_the_smallest_real_meshes_have_a_reduced_model(real_mesh, monkeypatch, s
     assert len(mesh.vertices) >= COARSE
 
 
-def test_diagonal_edges_and_components_of_two_cubes():
+def test_diagonal_edges_and_components_of_two_cubes_equal_values_by_hand():
     mesh = weld(np.concatenate([CORNERS, CORNERS + np.array([3, 0, 0])]), np.concatenate([CUBE, CUBE + 8]))
     assert mesh.diagonal == pytest.approx(np.sqrt(16 + 1 + 1))
     assert len(mesh.edges) == 36
@@ -328,7 +328,7 @@ def positions_with(value):
         (CORNERS, np.repeat(CUBE[:1], 9, axis=0), "1 faces with an area", "at least 4 triangles"),
     ],
 )
-def test_what_is_no_surface_is_refused_with_a_message_that_says_all(positions, triangles, found, expected):
+def test_an_invalid_surface_is_refused_with_a_complete_message(positions, triangles, found, expected):
     with pytest.raises(MeshError) as caught:
         weld(positions, np.asarray(triangles, dtype=np.int64), name="dragon.glb")
     assert caught.value.where == "dragon.glb"

@@ -38,7 +38,7 @@ def test_distances_to_other_labels_are_those_of_libigl(count):
     np.testing.assert_allclose(blend.sum(axis=1), 1, atol=1e-12)
 
 
-def test_what_is_farther_than_wanted_is_not_found():
+def test_a_point_beyond_the_given_distance_is_not_found():
     triangles, of_triangle, points, of_point = scattered(1)
     everywhere = SurfaceTree(triangles).nearest(points, of_point, of_triangle, FAR)
     within = np.random.default_rng(0).uniform(0.0, 0.6, 400)
@@ -57,7 +57,7 @@ def test_where_all_surface_has_the_label_of_the_point_there_is_none():
     np.testing.assert_array_equal(distance, np.inf)
 
 
-def test_a_single_triangle_by_hand():
+def test_distances_to_a_single_triangle_equal_values_by_hand():
     triangle = np.array([[[0.0, 0, 0], [2, 0, 0], [0, 2, 0]]])
     points = np.array([[0.5, 0.5, 3.0], [1.0, -4.0, 0.0], [2.0, 2.0, 1.0], [-3.0, -4.0, 0.0]])
     found, blend, distance = SurfaceTree(triangle).nearest(

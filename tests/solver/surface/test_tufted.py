@@ -58,13 +58,13 @@ def same_as_peer(v, f):
 
 
 @pytest.mark.parametrize("name", SURFACES)
-def test_it_is_the_operator_of_the_authors_library(name):
+def test_the_operator_equals_that_of_the_authors_library(name):
     v, f = SURFACES[name]
     used = np.unique(f)
     same_as_peer(v[used], np.searchsorted(used, f))
 
 
-def test_it_is_so_on_a_figure_and_on_a_part_of_it(figure, creature):
+def test_the_operator_equals_the_librarys_on_a_figure_and_on_a_part_of_it(figure, creature):
     same_as_peer(figure.vertices, figure.faces)
     half = creature.faces[: len(creature.faces) // 2]
     used = np.unique(half)
@@ -73,7 +73,7 @@ def test_it_is_so_on_a_figure_and_on_a_part_of_it(figure, creature):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["armadillo.obj", "makehuman_base.obj", "stanford_bunny_holes.obj", "suzanne.obj"])
-def test_it_is_so_on_real_meshes(real_mesh, name):
+def test_the_operator_equals_the_librarys_on_real_meshes(real_mesh, name):
     mesh = real_mesh(name)
     L, mass = tufted.laplacian(mesh.vertices / mesh.diagonal, mesh.faces)
     expected, masses = peer.mesh_laplacian(mesh.vertices / mesh.diagonal, mesh.faces)
@@ -93,7 +93,7 @@ def test_no_weight_is_negative_and_rows_sum_to_zero(name):
     assert mass.min() >= 0
 
 
-def test_it_is_the_cotangent_matrix_where_nothing_has_to_be_flipped():
+def test_the_operator_is_the_cotangent_matrix_where_no_edge_is_flipped():
     v, f = igl.icosahedron()
     v, f = igl.upsample(v, f.astype(np.int64), 2)
     v = v / np.linalg.norm(v, axis=1, keepdims=True)
@@ -120,7 +120,7 @@ def test_a_hub_of_many_triangles_takes_no_more_than_its_triangles():
     assert mass.sum() == pytest.approx(igl.doublearea(v, f).sum() / 2, rel=0.01)  # all edges are a little longer
 
 
-def test_it_does_not_depend_on_how_triangles_are_wound():
+def test_the_operator_does_not_depend_on_the_winding():
     v, f = SURFACES["sheet"]
     turned = np.where(np.arange(len(f))[:, None] % 3 == 0, f[:, ::-1], f)
     np.testing.assert_allclose(tufted.laplacian(v, f)[0].toarray(), tufted.laplacian(v, turned)[0].toarray(), atol=1e-9)

@@ -45,7 +45,7 @@ def test_closed_surfaces_pass_every_edge_once_in_each_direction():
 
 
 @pytest.mark.parametrize("make", [ball, lambda: strip(20, twist=False)], ids=["ball", "band"])
-def test_it_says_what_libigl_says(make):
+def test_winding_is_the_same_as_libigls(make):
     faces = make()
     wound, patch = wound_consistently(faces)
     theirs, their_patch = igl.bfs_orient(faces)
@@ -57,7 +57,7 @@ def test_it_says_what_libigl_says(make):
     assert len(set(agree)) == 1
 
 
-def test_what_has_one_side_only_stays_as_it_is():
+def test_a_one_sided_strip_is_left_unchanged():
     faces = strip(20, twist=True)
     wound, patch = wound_consistently(faces)
     np.testing.assert_array_equal(wound, faces)

@@ -39,13 +39,27 @@ enum Mode {
 	MORPHS,
 }
 
+## The clock that moves the character.
+enum Clock {
+	## The time of the machine: the character follows its performer as closely as possible.
+	REALTIME,
+	## The time of the engine: it stops while the game is paused, and `Engine.time_scale` and the movie writer change
+	## it.
+	ENGINE,
+	## Calls of [method advance].
+	MANUAL,
+}
+
 const Stream := preload("wire/stream.gd")
 const ControlSocket := preload("wire/control.gd")
+const Connections := preload("wire/connections.gd")
 const Discovery := preload("wire/discovery.gd")
 const Message := preload("wire/message.gd")
 const Scene := preload("wire/scene.gd")
 const SharedScene := preload("play/shared_scene.gd")
+const Playback := preload("play/playback.gd")
 const JitterBuffer := preload("play/jitter_buffer.gd")
+const FrameQueue := preload("play/frame_queue.gd")
 const Body := preload("play/body.gd")
 const ControlsBody := preload("play/controls_body.gd")
 const VerticesBody := preload("play/vertices_body.gd")
@@ -58,6 +72,9 @@ const _CHARACTERS := "service/characters"
 const _STATUS := "service/status"
 ## Maximum number of frames from which the frame rate is measured.
 const _MAX_ARRIVALS := 256
+## Maximum time for which an image of a movie waits for its first frame, and for one of the next frames, in seconds.
+const _FIRST_FRAME_TIMEOUT_SECONDS := 20.0
+const _NEXT_FRAME_TIMEOUT_SECONDS := 2.0
 ## Maximum number of surface patches whose data is kept.
 const _MAX_PATCHES := 1024
 
@@ -123,12 +140,18 @@ const _MAX_PATCHES := 1024
 		follow_root = value
 
 @export_group("Playing")
+## The clock that moves the character. A clock that is slower than the performer lets frames wait, and skips none.
+@export var clock := Clock.REALTIME:
+	set(value):
+		if clock != value:
+			clock = value
+			_buffer = _new_buffer()
 ## Delay of the character in seconds, so that each image lies between two frames. Higher values are smoother in a bad
 ## network; lower values react faster.
 @export_range(0.0, 1.0, 0.005, "suffix:s") var interpolation_delay := 0.05:
 	set(value):
 		interpolation_delay = value
-		_buffer.delay = value
+		_buffer.delay = _delay()
 ## Whether the character is shown in the editor too.
 @export var preview_in_editor := true
 
@@ -136,7 +159,9 @@ var _stream: Stream
 var _control: ControlSocket
 var _discovery: Discovery
 var _shared: SharedScene
-var _buffer := JitterBuffer.new()
+var _buffer: Playback = _new_buffer()
+var _time := 0.0  # of the clocks ENGINE and MANUAL, in seconds
+var _waits := true  # whether a movie waits for frames
 var _body: Body
 var _last_body: Body  # stays until the next one shows a frame
 var _preview: Node3D  # the character from mesh_source until a frame is shown
@@ -159,7 +184,10 @@ var _patches: Dictionary = {}  # vertex: SurfacePatch, of the scene
 var _motions: Dictionary = {}  # SurfacePatch: PatchMotion, of the body
 
 
-func _process(_delta: float) -> void:
+func _process(delta: float) -> void:
+	if clock == Clock.ENGINE:
+		_time += delta
+		(_buffer as FrameQueue).catches_up = Engine.time_scale == 1.0 and not OS.has_feature("movie")
 	var plays := preview_in_editor or not Engine.is_editor_hint()
 	if _link_stale or not plays:
 		_leave()
@@ -208,6 +236,15 @@ func request(body: Dictionary, done := Callable()) -> void:
 func retry() -> void:
 	if _stream != null:
 		_stream.retry()
+
+
+## Move the character on by a time in seconds, with the clock MANUAL. The next frames are shown immediately.
+func advance(seconds: float) -> void:
+	if clock != Clock.MANUAL:
+		push_warning("Puppetline: advance() has no effect. Set clock to MANUAL first.")
+		return
+	_time += seconds
+	_show_next()
 
 
 ## Calibrate again: map the performer's current pose to the character's rest pose.
@@ -274,6 +311,42 @@ func get_patch_transform(patch: SurfacePatch, to_space: Transform3D) -> Transfor
 	return patch.pose(sums, to_space)
 
 
+## Return where a segment hits the shown surface first: `position` and `normal` in global coordinates, and the number of
+## the nearest `vertex` in the scene (−1 in the mode MORPHS). It is empty if nothing is hit. Modes other than CONTROLS
+## are slow.
+func intersect_ray(from: Vector3, to: Vector3) -> Dictionary:
+	var into := global_transform.affine_inverse()
+	var hit := _body.intersect(into * from, into * to) if _body != null else {}
+	if hit.is_empty():
+		return {}
+	var corners: PackedVector3Array = global_transform * (hit["corners"] as PackedVector3Array)
+	var normal := (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalized()
+	var position: Vector3 = global_transform * hit["position"]
+	var nearest := 0
+	for i in 3:
+		if position.distance_squared_to(corners[i]) < position.distance_squared_to(corners[nearest]):
+			nearest = i
+	return {
+		"position": position,
+		"normal": -normal if global_basis.determinant() < 0.0 else normal,
+		"vertex": get_character_scene().triangles[3 * hit["triangle"] + nearest] if hit["triangle"] >= 0 else -1,
+	}
+
+
+## Return boxes that cover the character at rest, and the transforms that move them now, in the coordinates of this
+## node. Both are empty before the first frame, and in modes other than CONTROLS.
+func get_piece_boxes() -> Array[AABB]:
+	if _body == null:
+		return []
+	return _body.piece_boxes()
+
+
+func get_piece_transforms() -> Array[Transform3D]:
+	if _body == null:
+		return []
+	return _body.piece_transforms()
+
+
 ## Return the state of the node: `character`, `connected`, `user`, `calibrated`, `frames_per_second`, `latency`
 ## (seconds, see `same_machine_latency` in wire/stream.gd), `waiting` (frames not shown yet), `lost` (frames lost in
 ## transmission), `damaged` (frames of the wrong size), and the shown position in the motion: `sequence`,
@@ -315,6 +388,14 @@ func _play() -> void:
 	if not is_inside_tree() or (_stream == null and not _join()):
 		return
 	_stream.poll()
+	_receive()
+	if clock == Clock.ENGINE and OS.has_feature("movie"):
+		_wait_for_frame()
+	_show_next()
+
+
+## Take notice of what the stream has received.
+func _receive() -> void:
 	if _stream == null:
 		return
 	_notice_state()
@@ -323,8 +404,36 @@ func _play() -> void:
 	_shared.poll()
 	if _body_stale and _shared.scene != null:
 		_build()
+
+
+## Wait until the frames of this image of a movie have arrived: movies are written faster or slower than real time.
+func _wait_for_frame() -> void:
+	var limit := _FIRST_FRAME_TIMEOUT_SECONDS if _buffer.earlier == null else _NEXT_FRAME_TIMEOUT_SECONDS
+	var give_up := Time.get_ticks_msec() + int(1000 * limit)
+	while _waits and _stream != null and not (_buffer as FrameQueue).reaches(_time):
+		if Time.get_ticks_msec() > give_up:
+			_waits = false  # until a frame arrives
+			push_warning("Puppetline: no frame for the movie within %d s. Check that the service plays." % limit)
+		OS.delay_msec(1)
+		_stream.read()
+		_receive()
+
+
+func _show_next() -> void:
 	if _body != null and _buffer.advance(_now()):
 		_show()
+
+
+## Return a buffer for the clock.
+func _new_buffer() -> Playback:
+	var buffer: Playback = JitterBuffer.new() if clock == Clock.REALTIME else FrameQueue.new()
+	buffer.delay = _delay()
+	return buffer
+
+
+## Return the delay that the clock requires: in real time, frames arrive irregularly.
+func _delay() -> float:
+	return 0.0 if clock == Clock.MANUAL or OS.has_feature("movie") else interpolation_delay
 
 
 ## Follow the service as soon as its address is known; return false before.
@@ -418,8 +527,7 @@ func _unfollow_frames() -> void:
 	if _topic:
 		_stream.unfollow(_topic, _on_frame)
 	_topic = ""
-	_buffer = JitterBuffer.new()
-	_buffer.delay = interpolation_delay
+	_buffer = _new_buffer()
 
 
 ## Make the node that shows the character, and follow the frames that it needs.
@@ -527,7 +635,8 @@ func _change_state(to: Stream.State) -> void:
 	if to == Stream.State.CONNECTED:
 		connected.emit()
 	if to == Stream.State.REFUSED:
-		push_warning("Puppetline: %s:%d refuses the connection: %s" % [_stream.host, _stream.port, _stream.reason])
+		var address := Connections.address(_stream.host, _stream.port)
+		push_warning("Puppetline: %s refuses the connection: %s" % [address, _stream.reason])
 		refused.emit(_stream.reason)
 
 
@@ -617,12 +726,13 @@ func _on_frame(message: Message) -> void:
 		_damaged += 1
 	else:
 		_arrivals = _arrivals.slice(-_MAX_ARRIVALS) if _arrivals.size() > 2 * _MAX_ARRIVALS else _arrivals
-		_arrivals.append(_now())
+		_arrivals.append(_real_time())
+		_waits = true
 		_buffer.push(message, _now())
 
 
 func _recent_arrivals() -> int:
-	_arrivals = _arrivals.slice(_arrivals.bsearch(_now() - 1.0))
+	_arrivals = _arrivals.slice(_arrivals.bsearch(_real_time() - 1.0))
 	return _arrivals.size()
 
 
@@ -632,5 +742,10 @@ func _warn_of_failure(reply: Dictionary) -> void:
 		push_warning("Puppetline: %s" % (" ".join(error.values().map(str)) if error is Dictionary else str(error)))
 
 
-static func _now() -> float:
+## Return the time of the clock, in seconds.
+func _now() -> float:
+	return _real_time() if clock == Clock.REALTIME else _time
+
+
+static func _real_time() -> float:
 	return Time.get_ticks_usec() * 1e-6

@@ -63,6 +63,11 @@ func _get_configuration_warnings() -> PackedStringArray:
 	return []
 
 
+## Return the character that is followed; null if there is none.
+func get_followed() -> Puppet3D:
+	return _followed
+
+
 ## Offer the names of handles and limbs.
 func _validate_property(property: Dictionary) -> void:
 	var scene := _followed.get_character_scene() if _followed != null else null

@@ -64,7 +64,7 @@ def test_a_path_of_another_computer_stands_for_the_file_of_that_name_here(folder
         "..\\secret.png",
     ],
 )
-def test_what_a_path_that_leaves_the_folder_leads_to_is_not_read(folder, here, name):
+def test_a_path_that_leaves_the_folder_is_not_read(folder, here, name):
     assert folder.image(name, here, "a.mtl, line 3") is None
     last = name.replace("\\", "/").rpartition("/")[2]
     assert folder.notes == [
@@ -73,12 +73,12 @@ def test_what_a_path_that_leaves_the_folder_leads_to_is_not_read(folder, here, n
 
 
 @pytest.mark.parametrize("name", ["a" * 5000, "a\0b"])
-def test_what_is_no_name_of_a_file_is_noted(folder, here, name):
+def test_an_invalid_file_name_is_noted(folder, here, name):
     assert folder.image(name, here, "a.mtl, line 3") is None
     assert folder.notes == [f"a.mtl, line 3: {name[:60]!r} is not a file name and is ignored."]
 
 
-def test_what_a_link_that_leaves_the_folder_leads_to_is_not_read(folder, here):
+def test_a_link_that_leaves_the_folder_is_not_read(folder, here):
     (here / "skin.png").symlink_to("../secret.png")
     assert folder.image("skin.png", here, "a.mtl, line 3") is None
     assert folder.notes == [

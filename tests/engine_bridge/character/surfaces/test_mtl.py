@@ -24,7 +24,7 @@ def read(tmp_path):
     return run
 
 
-def test_colours_opacity_and_glow(read):
+def test_colours_opacity_and_glow_become_a_gltf_material(read):
     material, notes = read("Ka 1 1 1\nKd 0.1 0.2 0.3\n\tKe 0.5 0 2\nd 0.25\nillum 2")
     assert material.base_color == (0.1, 0.2, 0.3, 0.25)
     assert material.emissive == (0.5, 0, 1)
@@ -60,7 +60,7 @@ def test_a_phong_exponent_becomes_a_roughness(read, text, roughness):
     assert read(text)[0].roughness == pytest.approx(roughness)
 
 
-def test_metal(read):
+def test_pm_is_the_metallic_factor(read):
     assert read("Pm 0.75")[0].metallic == 0.75
 
 

@@ -184,7 +184,7 @@ def test_a_backslash_at_the_very_end_says_nothing(read):
     assert only(read(f"{SQUARE}f 1 2 3 \\\n4\\")).triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
 
 
-def test_what_is_no_polygon_is_noted(read):
+def test_an_element_that_is_no_polygon_is_noted(read):
     surface = read(f"{SQUARE}l 1 2 3\np 1\ns off\nvp 1\nfoo 1\nf 1 2\nf 1 2 3\nbar\nf 4/1/2 1/1/2 2/1/2\n")
     assert [len(piece.triangles) for piece in surface.pieces] == [2]
     assert sorted(surface.notes) == [

@@ -47,7 +47,7 @@ def test_colours_of_faces_are_noted(cube, written):
         ("STOFF", " 0.25 0.75"), ("CNOFF", " 0 0 2 255 128 0 255"), ("STCNOFF", " 0 0 2 255 128 0 255 0.25 0.75"),
     ],
 )  # fmt: skip
-def test_normals_colours_and_texture_coordinates_of_vertices(cube, written, keyword, more):
+def test_normals_colours_and_texture_coordinates_of_vertices_are_read(cube, written, keyword, more):
     (piece,) = read(written("a.off", text(cube, f"{keyword}\n8 6 0\n", more))).pieces
     np.testing.assert_array_equal(piece.positions, cube.vertices)
     if "N" in keyword:
@@ -82,7 +82,7 @@ def test_normals_colours_and_texture_coordinates_of_vertices(cube, written, keyw
         ("4OFF\n3 1 0\n", None, "vertices with another dimension"),
     ],
 )
-def test_what_does_not_fit_is_refused_with_its_line(written, content, line, found):
+def test_a_contradictory_line_is_refused_with_its_number(written, content, line, found):
     path = written("a.off", content)
     with pytest.raises(MeshError) as error:
         read(path)

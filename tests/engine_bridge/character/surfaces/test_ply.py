@@ -66,7 +66,7 @@ def test_polygons_become_triangles(cube, read):
         ),
     ],
 )
-def test_colours_of_any_kind_and_order(cube, read, more, values, rgba):
+def test_colours_of_any_kind_and_order_are_read(cube, read, more, values, rgba):
     piece = only(read(cube_text(cube, more, values)))
     np.testing.assert_allclose(piece.colors, linear(np.array([rgba] * 8)), atol=1e-12)
     assert piece.material.alpha_mode == ("BLEND" if rgba[3] < 1 else "OPAQUE")
@@ -80,7 +80,7 @@ def test_colours_that_would_all_be_invisible_are_opaque(cube, read):
 
 
 @pytest.mark.parametrize("names", [("s", "t"), ("u", "v"), ("texture_u", "texture_v")])
-def test_texture_coordinates_normals_and_the_picture(cube, read, tmp_path, names):
+def test_texture_coordinates_normals_and_the_picture_are_read(cube, read, tmp_path, names):
     Image.new("RGB", (2, 2), "red").save(tmp_path / "skin of a cube.png")
     more = "".join(f"property double {name}\n" for name in ("nx", "ny", "nz", *names))
     text = cube_text(cube, more, (0, 3, 4, 0.25, 0.75)).replace("made by hand", "TextureFile skin of a cube.png")
@@ -120,7 +120,7 @@ def test_strips_end_at_minus_one_or_with_their_list(read):
     assert piece.triangles.tolist() == [[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5]]
 
 
-def test_what_is_not_carried_is_noted(cube, read):
+def test_a_property_that_is_not_converted_is_noted(cube, read):
     body = (
         XYZ.format(n=8) + "property float quality\nelement camera 1\nproperty float f\nproperty float g\n"
         + FACES.format(n=7) + "property uchar red\nelement edge 0\nproperty int a\nelement nothing 5\n"
@@ -151,14 +151,14 @@ def points_only(cube):
         (lambda cube: cube_text(cube).replace("list uchar int ", "int "), "one corner per face", ", element face"),
     ],
 )
-def test_what_is_no_surface_is_refused(cube, read, tmp_path, make, found, where):
+def test_a_file_without_a_surface_is_refused(cube, read, tmp_path, make, found, where):
     with pytest.raises(MeshError) as error:
         read(make(cube))
     assert (error.value.found, error.value.where) == (found, f"{tmp_path / 'a.ply'}{where}")
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
-def test_mixed_polygons_in_binary(cube, read, order):
+def test_mixed_polygons_in_a_binary_file_are_read(cube, read, order):
     kind = {"<": "binary_little_endian", ">": "binary_big_endian"}[order]
     content = header(XYZ.format(n=8) + "property uchar red\n" + FACES.format(n=7), kind).encode()
     content += b"".join(struct.pack(order + "3fB", *vertex, 7) for vertex in cube.vertices)
@@ -171,7 +171,7 @@ def test_mixed_polygons_in_binary(cube, read, order):
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary"])
 @pytest.mark.parametrize("name", ["homer_6k.obj", "cheburashka.off"])
-def test_what_trimesh_writes_is_read_as_it_was(real_data, written, encoding, name):
+def test_a_file_written_by_trimesh_is_read_back_unchanged(real_data, written, encoding, name):
     mesh = trimesh.load(real_data / "mesh" / name, process=False)
     rng = np.random.default_rng(4)
     mesh.visual.vertex_colors = rng.integers(0, 256, (len(mesh.vertices), 4), dtype=np.uint8)

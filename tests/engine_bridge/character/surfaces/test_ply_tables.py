@@ -76,7 +76,7 @@ def test_any_line_end_of_the_header(written, end):
     assert pictures == [(4, "a b.png")]
 
 
-def test_elements_without_properties_and_without_rows(written):
+def test_elements_without_properties_or_rows_are_skipped(written):
     head = "ply\nformat ascii 1.0\nelement none 9\nelement empty 0\nproperty int a\nproperty list uchar int b\n"
     head += "element a 1\nproperty int a\nend_header\n"
     for kind, body in (("ascii", b"\n5\n"), ("binary_little_endian", struct.pack("<i", 5))):
@@ -121,7 +121,7 @@ def test_a_type_that_is_not_known_is_named(written):
 @pytest.mark.parametrize(
     "text", ["", "plywood\n", "ply\nformat ascii 1.0\n", "ply\nformat ascii 1.0\nelement a 1\ncomment end_header\n"]
 )
-def test_what_has_no_header_is_refused(written, text):
+def test_a_file_without_a_header_is_refused(written, text):
     assert refused(written, text) == ("", "no PLY header")
 
 

@@ -51,7 +51,7 @@ def test_convex_polygons_become_fans_around_their_first_corner():
     assert polygon.tolist() == [0, 0, 1, 2, 2, 2]
 
 
-def test_what_has_fewer_than_three_corners_gives_nothing():
+def test_a_polygon_with_fewer_than_three_corners_gives_no_triangle():
     triangles, polygon = triangulate(np.zeros((6, 3)), np.array([0, 2, 1, 3, 0]))
     assert (triangles.tolist(), polygon.tolist()) == ([[3, 4, 5]], [3])
 

@@ -42,7 +42,7 @@ def test_a_piece_without_material_shows_its_colours_as_they_are():
     assert material_for(solid).base_color == (1, 1, 1, 1)
 
 
-def test_numbers_of_things():
+def test_counts_have_separators_and_the_right_plural():
     assert [count(1, "face"), count(2000, "face"), count(2, "vertex", "vertices")] == [
         "1 face",
         "2,000 faces",

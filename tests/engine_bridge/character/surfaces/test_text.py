@@ -72,7 +72,7 @@ def test_the_first_row_that_is_no_position_is_named(bad):
     assert (error.value.where, error.value.found) == ("a.obj, line 6", repr(bad))
 
 
-def test_what_is_quoted_is_not_long():
+def test_a_quotation_in_a_message_is_shortened():
     with pytest.raises(MeshError) as error:
         rows("x" * 10_000).table(3)
     assert len(error.value.found) == 63

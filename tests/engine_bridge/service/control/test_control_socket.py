@@ -209,7 +209,7 @@ def test_an_answer_may_come_later_and_nobody_waits_for_it(context, office):
         client.close(0)
 
 
-def test_who_left_before_the_answer_harms_nobody(office):
+def test_a_client_that_left_before_its_answer_disturbs_no_other(office):
     with zmq.Context() as own, own.socket(zmq.DEALER) as client:
         client.linger = 0
         client.connect(office.address)

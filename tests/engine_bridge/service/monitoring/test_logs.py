@@ -53,7 +53,7 @@ def test_text_is_one_line_to_read(stream, log):
     )
 
 
-def test_what_comes_from_the_network_cannot_make_lines_or_move_the_cursor(stream, log):
+def test_text_from_the_network_cannot_add_lines_or_move_the_cursor(stream, log):
     setup("text", stream=stream)
     log.warning("refused %s", "a\nb\x1b[2J\u2028\u202e", extra=fields(reason="c\rd é"))
     (line,) = stream.getvalue().splitlines()
@@ -80,7 +80,7 @@ def test_values_that_json_does_not_know_are_written_as_text(stream, log):
     assert json.loads(stream.getvalue())["fields"] == {"where": "there"}
 
 
-def test_what_is_below_the_level_is_left_out_and_a_second_setup_replaces_the_first(stream, log):
+def test_records_below_the_level_are_left_out_and_a_second_setup_replaces_the_first(stream, log):
     setup("json", "info", stream)
     setup("text", "warning", stream)
     log.info("quiet")

@@ -107,7 +107,7 @@ def test_metrics_are_only_read(server):
     connection.close()
 
 
-def test_it_listens_on_loopback(server):
+def test_the_metrics_server_listens_on_loopback(server):
     assert server._server.server_address == ("127.0.0.1", server.port)
 
 

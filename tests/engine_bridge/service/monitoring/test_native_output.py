@@ -31,13 +31,13 @@ def run(*arguments):
     return subprocess.run([sys.executable, "-c", PROGRAM, *arguments], capture_output=True, text=True, check=False)
 
 
-def test_what_libraries_write_by_themselves_is_in_neither_stream_and_all_else_is():
+def test_output_of_libraries_reaches_neither_stream_and_all_other_output_does():
     result = run("WARNING")
     assert result.stdout == "output\noutput afterwards\n"
     assert result.stderr == "error\nlog: warning\nlog: warning afterwards\nnative error afterwards\n"
 
 
-def test_it_is_in_the_debug_log():
+def test_output_of_libraries_is_in_the_debug_log():
     result = run("DEBUG")
     assert result.stdout == "output\noutput afterwards\n"
     lines = result.stderr.splitlines()
@@ -59,6 +59,6 @@ def test_a_crash_says_where():
     assert 'File "<string>"' in result.stderr
 
 
-def test_what_is_too_much_to_be_read_holds_up_nobody():
+def test_too_much_output_of_libraries_blocks_nothing():
     result = run("WARNING", "flood")
     assert (result.returncode, result.stdout) == (0, "output\noutput afterwards\n")

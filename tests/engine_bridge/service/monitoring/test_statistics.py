@@ -81,7 +81,7 @@ def test_rates_hold_where_the_window_is_full(clock):
     assert collected.stage("kinect")[:2] == (3 * WINDOW_FRAMES, pytest.approx(10_000, rel=0.01))
 
 
-def test_what_is_not_kept_is_forgotten(clock):
+def test_statistics_of_names_that_are_not_kept_are_forgotten(clock):
     collected = Statistics()
     for name in ("dog", "cat"):
         collected.taken(name)

@@ -155,7 +155,7 @@ def test_the_unit_file_is_as_hard_as_systemd_calls_ok(unit):
     assert result.returncode == 0, result.stdout
 
 
-def test_what_is_kept_between_runs_is_in_folders_that_the_unit_may_write_to(tmp_path):
+def test_files_kept_between_runs_are_in_folders_that_the_unit_may_write_to(tmp_path):
     settings = [line.partition("=") for line in UNIT.read_text().splitlines() if line and line[0] != "#"]
     environment = dict(pair.split("=") for key, _, value in settings if key == "Environment" for pair in value.split())
     owned = {key: value for key, _, value in settings if key in ("CacheDirectory", "StateDirectory")}

@@ -154,7 +154,7 @@ def test_vertices_come_in_numbered_chunks_that_fit_a_datagram(output, receiver, 
     np.testing.assert_array_equal(vertices, np.concatenate(frame.vertices_and_normals, axis=1))
 
 
-def test_what_a_frame_does_not_have_is_not_sent(output, receiver, dog):
+def test_a_value_that_a_frame_lacks_is_not_sent(output, receiver, dog):
     out = output(send=KINDS)
     out.offer(frame_of(replace(dog, basis=None), joints=None, confidence=None))
     out.send_due()
@@ -163,7 +163,7 @@ def test_what_a_frame_does_not_have_is_not_sent(output, receiver, dog):
     assert "/puppetline/dog/controls" in addresses
 
 
-def test_who_performs_is_told_when_it_changes_and_each_second(output, receiver, dog, clock):
+def test_the_performer_is_sent_on_each_change_and_every_second(output, receiver, dog, clock):
     out = output(send=("performer",), rate=100)
     for step in range(251):
         out.offer(frame_of(dog, step, state="leaving" if step >= 120 else "performing", user=2 if step < 120 else None))
@@ -174,7 +174,7 @@ def test_who_performs_is_told_when_it_changes_and_each_second(output, receiver, 
 
 
 @pytest.mark.parametrize(("offered", "rate"), [(30, 30), (120, 30), (60, 25), (1000, 7.5), (30, 100)])
-def test_nothing_is_sent_faster_than_the_rate_and_the_newest_wins(output, receiver, dog, clock, offered, rate):
+def test_frames_are_sent_at_most_at_the_rate_and_the_newest_is_chosen(output, receiver, dog, clock, offered, rate):
     out = output(rate=rate, send=("handles",))
     sent, seconds, tick = [], 4, 0.001
     random = np.random.default_rng(3)
@@ -218,7 +218,7 @@ def test_the_turns_of_characters_and_targets_are_their_own(receiver, dog, clock)
     assert sorted(counts) == ["cat"] * 3 + ["dog"] * 2
 
 
-def test_nothing_is_computed_before_it_is_sent(output, dog):
+def test_a_payload_is_computed_only_when_it_is_sent(output, dog):
     out, frame = output(send=("controls",)), frame_of(dog)
     out.offer(frame)
     assert "controls" not in vars(frame)
@@ -241,7 +241,7 @@ def test_errors_are_counted_and_the_next_frame_is_another_try(output, receiver, 
     assert len(received(receiver)) == 1
 
 
-def test_nobody_need_be_there(dog, clock):
+def test_sending_without_a_receiver_is_no_error(dog, clock):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as closed:
         closed.bind(("127.0.0.1", 0))
         port = closed.getsockname()[1]

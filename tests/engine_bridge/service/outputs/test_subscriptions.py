@@ -33,7 +33,7 @@ def test_the_empty_one_stands_for_everything(made):
     assert made.wants(CAT)
 
 
-def test_it_lasts_until_the_last_client_withdraws_it_or_leaves(made):
+def test_a_subscription_lasts_until_its_last_client_withdraws_it_or_leaves(made):
     made.add(DOG[:13], 1, [DOG])
     made.add(DOG[:13], 2, [DOG])
     made.remove(DOG[:13], 1)
@@ -42,14 +42,14 @@ def test_it_lasts_until_the_last_client_withdraws_it_or_leaves(made):
     assert not made.wants(DOG)
 
 
-def test_nobody_can_withdraw_what_others_asked_for(made):
+def test_a_client_cannot_withdraw_another_clients_subscription(made):
     made.add(DOG[:13], 1, [DOG])
     for _ in range(3):
         made.remove(DOG[:13], 2)
     assert made.wants(DOG)
 
 
-def test_somebody_who_comes_back_by_the_same_number_before_the_first_has_gone_is_served(made):
+def test_a_client_that_reuses_the_number_of_a_leaving_one_is_served(made):
     made.add(DOG[:13], 1, [DOG])
     made.add(DOG[:13], 1, [DOG])
     made.remove(DOG[:13], None)
@@ -65,14 +65,14 @@ def test_a_character_may_come_later(made):
 @pytest.mark.parametrize(
     "prefix", [b"dog/nothing", b"dog/controls\0x", b"/", b"\xff", b"dog\0", b"x" * 33, b"dog/controls" + b"\0" * 60]
 )
-def test_what_nothing_can_match_is_not_kept(made, prefix):
+def test_a_subscription_that_matches_no_topic_is_not_kept(made, prefix):
     made.add(prefix, 1, [DOG])
     made.remove(prefix, 1)
     assert made.ignored == 1
     assert not made.wants(DOG)
 
 
-def test_what_is_kept_for_later_has_a_limit_and_what_is_there_has_always_room(made):
+def test_subscriptions_to_missing_topics_are_limited_and_those_to_existing_ones_are_not(made):
     for number in range(MAX_SUBSCRIPTIONS + 10):
         made.add(b"later%d/controls" % number, 1, [DOG])
     assert made.ignored == 10
@@ -81,7 +81,7 @@ def test_what_is_kept_for_later_has_a_limit_and_what_is_there_has_always_room(ma
 
 
 @given(st.lists(st.tuples(st.booleans(), st.sampled_from([b"", b"dog", b"dog/", DOG[:13]]), st.integers(1, 3))))
-def test_whatever_clients_say_everybody_who_has_asked_and_not_withdrawn_is_served(said):
+def test_any_sequence_of_requests_serves_every_client_that_has_subscribed(said):
     made = Subscriptions()
     balance = {}
     for asks, prefix, client in said:
@@ -112,7 +112,7 @@ def test_topics_are_asked_for_once_however_often():
     assert answers.take(0.0) is None
 
 
-def test_another_topic_need_not_wait_longer_than_the_bytes_take():
+def test_a_topic_waits_no_longer_than_the_bytes_before_it_take():
     answers = Answers()
     answers.ask(DOG, 0.0)
     answers.ask(CAT, 0.0)

@@ -165,7 +165,7 @@ def own_directions(figure, motions):
     return np.array([found[pair] for pair in STRAIGHT])
 
 
-def test_what_reads_vmc_gets_the_directions_of_the_characters_bones_back(figure, frame_of, kung_fu):
+def test_a_vmc_reader_recovers_the_directions_of_the_characters_bones(figure, frame_of, kung_fu):
     """Our own reader, which poses a body of its own by them."""
     motion = LimbMotion(figure.rig.puppet.limbs, PERFORMER, np.full((20, 3), np.nan))
     source = open_vmc("127.0.0.1:0")

@@ -245,7 +245,7 @@ def test_a_scene_of_nobody_is_never_sent(publisher, subscribe):
     assert not client.poll(100)
 
 
-def test_who_performs_is_told_when_it_changes_and_to_whoever_comes_later(publisher, subscribe, dog):
+def test_the_performer_is_sent_on_each_change_and_to_late_subscribers(publisher, subscribe, dog):
     early = subscribe(publisher, "dog/performer")
     serve(publisher, lambda: publisher._streams[publisher.sockets[0]].subscriptions._held)
     for sequence, (state, user) in enumerate([("waiting", None), ("waiting", None), ("calibrating", 3)]):
@@ -286,7 +286,7 @@ def test_frames_come_to_whoever_subscribed_in_the_kinds_asked_for(publisher, sub
     ]
 
 
-def test_what_nobody_wants_is_never_computed(publisher, subscribe, dog):
+def test_a_payload_without_a_subscriber_is_never_computed(publisher, subscribe, dog):
     frame = frame_of(dog)
     publisher.offer(frame)
     assert not COMPUTED & set(vars(frame))
@@ -364,7 +364,7 @@ def test_after_a_reload_new_scenes_go_to_whoever_subscribed_to_them(open_publish
     assert [(each["name"], each["revision"]) for each in listed] == [("dog", 2), ("cow", 1)]
 
 
-def test_what_was_said_of_a_character_goes_with_it(publisher, subscribe, dog, cat):
+def test_messages_about_a_removed_character_are_forgotten(publisher, subscribe, dog, cat):
     publisher.offer(frame_of(cat))
     publisher.announce([dog])
     client = subscribe(publisher, "cat/performer", "cat/scene", "dog/scene")
@@ -458,7 +458,7 @@ def test_a_turn_takes_only_so_many_subscriptions(publisher, raw):
         assert publisher.ignored <= before + REQUESTS_PER_TURN
 
 
-def test_nobody_can_take_away_what_others_follow(publisher, subscribe, raw, dog):
+def test_a_client_cannot_end_another_clients_subscription(publisher, subscribe, raw, dog):
     client = subscribe(publisher, "dog/controls")
     wanted(publisher, "dog", Kind.CONTROLS)
     rude = raw(publisher)

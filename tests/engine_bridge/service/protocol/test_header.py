@@ -54,7 +54,7 @@ def test_a_message_is_topic_header_and_payload_again():
     assert split(join(topic("dog", Kind.CONTROLS), HEADER, b"abcde")) == ("dog/controls", HEADER, b"abcde")
 
 
-def test_what_follows_the_payload_or_fills_the_header_is_ignored():
+def test_bytes_after_the_payload_and_reserved_bytes_are_ignored():
     message = bytearray(join(topic("dog", Kind.CONTROLS), HEADER, b"abcde more"))
     message[124:128] = b"\xff" * 4
     assert split(bytes(message)) == ("dog/controls", HEADER, b"abcde")
@@ -79,7 +79,7 @@ def test_a_later_minor_version_and_an_unknown_kind_are_taken():
         join(topic("dog", Kind.CONTROLS), HEADER._replace(state=len(STATES)), b"abcde"),
     ],
 )
-def test_what_is_no_message_is_refused(message):
+def test_an_invalid_message_is_refused(message):
     with pytest.raises(WireError):
         split(message)
 
@@ -122,7 +122,7 @@ def test_a_subscription_ends_with_a_zero_so_that_it_matches_nothing_longer():
 
 
 @pytest.mark.parametrize("text", ["", "x" * 64, "é", "a\0b", "a\nb"])
-def test_what_is_no_topic_cannot_be_published(text):
+def test_an_invalid_topic_cannot_be_published(text):
     with pytest.raises(ValueError, match="no topic"):
         topic_field(text)
 
@@ -134,6 +134,6 @@ def test_json_comes_back_and_holds_no_numbers_that_are_none():
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"NaN", b"\xff", b"[" * 100_000, b"9" * 10_000])
-def test_what_is_no_json_is_refused(content):
+def test_invalid_json_is_refused(content):
     with pytest.raises(WireError):
         read_json(content)

@@ -129,7 +129,7 @@ def test_the_header_says_which_frame_it_is(frame):
     )
 
 
-def test_nobody_is_minus_one(frame):
+def test_a_frame_without_a_user_has_user_minus_one(frame):
     nobody = replace(frame, user=None, state="waiting")
     header = decode(encode(Kind.HANDLES, nobody, 0)).header
     assert (header.user, header.state) == (-1, 0)
@@ -172,13 +172,13 @@ def test_morphs_are_a_residual_and_weights(frame):
     assert residual == 0.125
 
 
-def test_what_a_frame_does_not_have_is_no_message(frame):
+def test_a_value_that_a_frame_lacks_gives_no_message(frame):
     bare = replace(frame, character=replace(frame.character, basis=None), joints=None, confidence=None)
     assert encode(Kind.JOINTS, bare, 0) is None
     assert encode(Kind.MORPHS, bare, 0) is None
 
 
-def test_nothing_is_computed_that_is_not_asked_for(frame):
+def test_only_requested_payloads_are_computed(frame):
     fresh = replace(frame)
     encode(Kind.HANDLES, fresh, 0)
     assert not {"controls", "vertices_and_normals", "morphs"} & set(vars(fresh))

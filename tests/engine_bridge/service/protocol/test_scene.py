@@ -58,7 +58,7 @@ def test_arrays_lie_at_multiples_of_four(character):
     assert all(entry["offset"] % 4 == 0 for entry in facts["arrays"].values())
 
 
-def test_nothing_in_a_scene_names_a_file(character):
+def test_a_scene_contains_no_file_name(character):
     (length,) = struct.unpack_from("<I", character.scene)
     assert b".glb" not in character.scene[4 : 4 + length]
 
@@ -92,7 +92,7 @@ def test_parts_have_their_ranges_names_and_materials(glb, tmp_path, blob):
     np.testing.assert_array_equal(uv(character), np.concatenate([blob.uv, np.zeros_like(blob.uv)]))
 
 
-def test_what_no_part_has_is_left_out(scene):
+def test_an_attribute_that_no_part_has_is_left_out(scene):
     assert not {"uv", "colors"} & scene.arrays.keys()
 
 

@@ -81,7 +81,7 @@ def test_there_is_one_of_every_kind_that_belongs_to_a_character():
 
 
 @pytest.mark.parametrize("name", EXPECTED)
-def test_they_still_mean_the_same(name, record):
+def test_recorded_messages_decode_to_the_recorded_values(name, record):
     found = json.loads(json.dumps(record.expected(load(name))))
 
     def same(a, b):
@@ -95,12 +95,12 @@ def test_they_still_mean_the_same(name, record):
 
 
 @pytest.mark.parametrize("name", EXPECTED)
-def test_they_would_be_written_so_today(name):
+def test_recorded_messages_are_joined_to_the_same_bytes(name):
     message = split(load(name))
     assert join(topic_field(message.topic), message.header, message.payload) == load(name)
 
 
-def test_what_is_recorded_today_has_the_same_headers_and_sizes(record):
+def test_messages_recorded_now_have_the_recorded_headers_and_sizes(record):
     made = record.messages()
     assert set(made) == set(EXPECTED)
     for name, message in made.items():

@@ -179,7 +179,7 @@ def assert_served(visit):
 
 
 @pytest.mark.parametrize("mechanism", ["NULL", "PLAIN", "CURVE"])
-def test_who_has_what_opens_the_door_is_served(house, assert_served, mechanism):
+def test_a_client_with_valid_credentials_is_served(house, assert_served, mechanism):
     opened = house(mechanism)
     for _ in range(3):
         assert_served(opened, mechanism)
@@ -206,7 +206,7 @@ def test_who_has_what_opens_the_door_is_served(house, assert_served, mechanism):
     ],
     ids=str,
 )
-def test_who_has_not_is_refused_and_the_next_is_served(house, visit, assert_served, endpoint, visitor):
+def test_a_client_without_credentials_is_refused_and_the_next_is_served(house, visit, assert_served, endpoint, visitor):
     opened = house(endpoint)
     let_in, client = visit(opened.address(endpoint)[0], **visitor)
     assert not let_in
@@ -326,7 +326,7 @@ def test_greetings_without_credentials_take_nobodys_place(house, assert_served, 
         assert_served(opened, endpoint)
 
 
-def test_who_never_ends_the_handshake_is_cut_off_and_counted(house, monkeypatch, assert_served):
+def test_a_client_that_never_ends_the_handshake_is_disconnected_and_counted(house, monkeypatch, assert_served):
     monkeypatch.setattr(endpoints_module, "HANDSHAKE_SECONDS", 1.0)
     opened = house("PLAIN")
     with left_open(opened.address("PLAIN")[0], greeting("PLAIN"), 3) as waiting:
@@ -489,7 +489,7 @@ def test_a_question_with_more_is_a_no(asker):
 
 @settings(max_examples=300, deadline=None)
 @given(st.lists(st.one_of(st.sampled_from(GOOD), st.binary(max_size=300)), max_size=12))
-def test_whatever_is_asked_only_the_token_opens(asker, frames):
+def test_a_request_of_any_form_is_granted_with_the_token_only(asker, frames):
     reply = asker(*frames)
     if len(frames) < 2:
         assert reply is None

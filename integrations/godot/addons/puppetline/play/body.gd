@@ -5,6 +5,7 @@ const SharedScene := preload("shared_scene.gd")
 const Message := preload("../wire/message.gd")
 const SurfacePatch := preload("surface_patch.gd")
 const PatchMotion := preload("patch_motion.gd")
+const SurfaceRay := preload("surface_ray.gd")
 
 ## The scene that belongs to the frames.
 var shared: SharedScene
@@ -47,6 +48,32 @@ func shown_share(share: float) -> float:
 ## Return the motion of a patch of the surface; null if the character does not move.
 func follow_patch(_patch: SurfacePatch) -> PatchMotion:
 	return null
+
+
+## Return the boxes of the pieces of the character at rest, and the transforms that move them; empty if there are none.
+func piece_boxes() -> Array[AABB]:
+	return []
+
+
+func piece_transforms() -> Array[Transform3D]:
+	return []
+
+
+## Return the nearest hit of the shown surface by a segment, in the coordinates of this node: the `position` and the
+## `corners` of the triangle, and its number `triangle`, or −1 if the triangles are not those of the scene. It is empty
+## if nothing is hit. This base tries all triangles.
+func intersect(from: Vector3, to: Vector3) -> Dictionary:
+	var hit := {}
+	var positions := evaluate()
+	for triangle in shared.scene.triangle_count if not positions.is_empty() else 0:
+		var corners := PackedVector3Array()
+		for i in 3:
+			corners.append(positions[shared.scene.triangles[3 * triangle + i]])
+		var position: Variant = SurfaceRay.segment_hit(corners, from, to, shared.scene.diagonal)
+		if position != null:
+			to = position
+			hit = {"triangle": triangle, "corners": corners, "position": position}
+	return hit
 
 
 ## Return the displacement that is added to the interpolation of two frames.

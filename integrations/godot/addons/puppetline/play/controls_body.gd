@@ -19,6 +19,7 @@ var _textures: Array[ImageTexture] = []
 var _frames: Array[Message] = [null, null]
 var _boxes: Array[AABB] = [AABB(), AABB()]
 var _weight := 0.0  # of the second one
+var _mixed := PackedFloat32Array()  # the transforms between them; empty before they are needed
 var _shift := Vector3.ZERO
 
 
@@ -64,6 +65,7 @@ func show_frames(earlier: Message, later: Message, share: float) -> void:
 	var first := 1 if _frames[1] == earlier or (_frames[0] == later and earlier != later) else 0
 	var uploaded := _upload(first, earlier)
 	uploaded = _upload(1 - first, later) or uploaded
+	_mixed.clear()
 	_weight = share if first == 0 else 1.0 - share
 	_surfaces.set_parameter(&"puppet_share", _weight)
 	_shift = shift(earlier, later, share)
@@ -77,24 +79,43 @@ func follow_patch(patch: SurfacePatch) -> PatchMotion:
 	return ControlsMotion.new(shared.scene, patch)
 
 
+func piece_boxes() -> Array[AABB]:
+	var boxes: Array[AABB] = []
+	for piece in shared.ray.pieces():
+		boxes.append(AABB(piece.center - piece.half, 2.0 * piece.half))
+	return boxes
+
+
+func piece_transforms() -> Array[Transform3D]:
+	var transforms: Array[Transform3D] = []
+	if _frames[0] == null:
+		return transforms
+	_bounds.read(_mixed_floats())
+	for piece in shared.ray.pieces():
+		var transform := _bounds.mean_transform(piece)
+		transform.origin += _shift
+		transforms.append(transform)
+	return transforms
+
+
+func intersect(from: Vector3, to: Vector3) -> Dictionary:
+	if _frames[0] == null:
+		return {}
+	var hit := shared.ray.intersect(_mixed_floats(), from - _shift, to - _shift)
+	if not hit.is_empty():
+		hit["position"] += _shift
+		hit["corners"] = Transform3D(Basis.IDENTITY, _shift) * (hit["corners"] as PackedVector3Array)
+	return hit
+
+
 func evaluate() -> PackedVector3Array:
 	if _frames[0] == null:
 		return PackedVector3Array()
-	var transforms := _mixed_transforms()
-	var scene := shared.scene
-	var last := scene.isoline_count - 2
+	_bounds.read(_mixed_floats())
 	var positions := PackedVector3Array()
-	positions.resize(scene.vertex_count)
-	for vertex in scene.vertex_count:
-		var rest := scene.positions[vertex]
-		var position := _shift
-		for field in scene.field_count:
-			var coordinate := scene.isoline_coordinates[vertex * scene.field_count + field]
-			var isoline := clampi(int(coordinate), 0, last)
-			var transform := field * scene.isoline_count + isoline
-			var between := (transforms[transform] * rest).lerp(transforms[transform + 1] * rest, coordinate - isoline)
-			position += scene.weights[field] * between
-		positions[vertex] = position
+	positions.resize(shared.scene.vertex_count)
+	for vertex in positions.size():
+		positions[vertex] = _shift + _bounds.position(shared.scene, vertex)
 	return positions
 
 
@@ -125,21 +146,11 @@ func _image(payload: PackedByteArray) -> Image:
 	return Image.create_from_data(3, _transform_count, false, Image.FORMAT_RGBAF, payload)
 
 
-func _mixed_transforms() -> Array[Transform3D]:
-	var first := _frames[0].payload.to_float32_array()
-	var second := _frames[1].payload.to_float32_array()
-	var transforms: Array[Transform3D] = []
-	for i in _transform_count:
-		var rows: Array[Vector4] = []
-		for at in range(12 * i, 12 * i + 12, 4):
-			var row := Vector4(first[at], first[at + 1], first[at + 2], first[at + 3])
-			rows.append(row.lerp(Vector4(second[at], second[at + 1], second[at + 2], second[at + 3]), _weight))
-		transforms.append(
-			Transform3D(
-				Vector3(rows[0].x, rows[1].x, rows[2].x),
-				Vector3(rows[0].y, rows[1].y, rows[2].y),
-				Vector3(rows[0].z, rows[1].z, rows[2].z),
-				Vector3(rows[0].w, rows[1].w, rows[2].w)
-			)
-		)
-	return transforms
+## Return the transforms between the two frames, computed once for each pose.
+func _mixed_floats() -> PackedFloat32Array:
+	if _mixed.is_empty():
+		_mixed = _frames[0].payload.to_float32_array()
+		var second := _frames[1].payload.to_float32_array()
+		for i in _mixed.size():
+			_mixed[i] = lerpf(_mixed[i], second[i], _weight)
+	return _mixed

@@ -18,7 +18,10 @@ const _SAMPLE_COUNT := 2000
 ## Minimum spread of isoline coordinates, in isolines; smaller ones count as zero.
 const _MIN_SPREAD := 1e-6
 
-var _pieces: Array[_Piece] = []
+## The pieces of all vertices, and by piece the numbers of its vertices.
+var pieces: Array[Piece] = []
+var vertices: Array[PackedInt32Array] = []
+
 ## Columns of each transform.
 var _x := PackedVector3Array()
 var _y := PackedVector3Array()
@@ -27,7 +30,7 @@ var _origin := PackedVector3Array()
 
 
 ## Vertices with similar isoline coordinates in all fields.
-class _Piece:
+class Piece:
 	var center: Vector3
 	var half: Vector3
 	## The transforms whose weighted mean belongs to the middle of the piece, and their weights.
@@ -62,38 +65,72 @@ class _Cut:
 
 
 func _init(scene: Scene) -> void:
-	for vertices in _divide(scene):
-		_pieces.append(_piece(scene, vertices))
+	vertices = _divide(scene)
+	for each in vertices:
+		pieces.append(make_piece(scene, each))
 
 
 ## Return a box that contains all vertices, for the controls of a frame: 3 × 4 floats per transform, row by row.
 func around(controls: PackedByteArray) -> AABB:
-	_read(controls.to_float32_array())
+	read(controls.to_float32_array())
 	var low := Vector3.INF
 	var high := -Vector3.INF
-	for piece in _pieces:
-		var x := Vector3.ZERO
-		var y := Vector3.ZERO
-		var z := Vector3.ZERO
-		var middle := Vector3.ZERO
-		for i in piece.isolines.size():
-			var share := piece.shares[i]
-			var isoline := piece.isolines[i]
-			x += share * _x[isoline]
-			y += share * _y[isoline]
-			z += share * _z[isoline]
-			middle += share * _origin[isoline]
-		var center := piece.center
-		var half := piece.half
-		middle += x * center.x + y * center.y + z * center.z
-		var reach := x.abs() * half.x + y.abs() * half.y + z.abs() * half.z + _spread(piece)
+	for piece in pieces:
+		var mean := mean_transform(piece)
+		var middle := mean * piece.center
+		var reach := _reach(piece, mean.basis)
 		low = low.min(middle - reach)
 		high = high.max(middle + reach)
 	return AABB(low, high - low)
 
 
+## Return a box that contains the vertices of a piece, for the transforms of [method read].
+func box(piece: Piece) -> AABB:
+	var mean := mean_transform(piece)
+	var reach := _reach(piece, mean.basis)
+	return AABB(mean * piece.center - reach, 2.0 * reach)
+
+
+## Return the mean transform of a piece, for the transforms of [method read].
+func mean_transform(piece: Piece) -> Transform3D:
+	var x := Vector3.ZERO
+	var y := Vector3.ZERO
+	var z := Vector3.ZERO
+	var origin := Vector3.ZERO
+	for i in piece.isolines.size():
+		var share := piece.shares[i]
+		var isoline := piece.isolines[i]
+		x += share * _x[isoline]
+		y += share * _y[isoline]
+		z += share * _z[isoline]
+		origin += share * _origin[isoline]
+	return Transform3D(x, y, z, origin)
+
+
+## Return the position of a vertex, for the transforms of [method read].
+func position(scene: Scene, vertex: int) -> Vector3:
+	var last := scene.isoline_count - 2
+	var rest := scene.positions[vertex]
+	var sum := Vector3.ZERO
+	for field in scene.field_count:
+		var coordinate := scene.isoline_coordinates[vertex * scene.field_count + field]
+		var isoline := clampi(int(coordinate), 0, last)
+		var at := field * scene.isoline_count + isoline
+		var lower := _x[at] * rest.x + _y[at] * rest.y + _z[at] * rest.z + _origin[at]
+		at += 1
+		var upper := _x[at] * rest.x + _y[at] * rest.y + _z[at] * rest.z + _origin[at]
+		sum += scene.weights[field] * lower.lerp(upper, coordinate - isoline)
+	return sum
+
+
+## Return the maximum distance, by axis, of the vertices of a piece from its middle.
+func _reach(piece: Piece, mean: Basis) -> Vector3:
+	var half := piece.half
+	return mean.x.abs() * half.x + mean.y.abs() * half.y + mean.z.abs() * half.z + _spread(piece)
+
+
 ## Return the maximum distance, by axis, of the vertices of a piece from their positions by the mean transform.
-func _spread(piece: _Piece) -> Vector3:
+func _spread(piece: Piece) -> Vector3:
 	var center := piece.center
 	var half := piece.half
 	var spread := Vector3.ZERO
@@ -115,7 +152,8 @@ func _spread(piece: _Piece) -> Vector3:
 	return spread
 
 
-func _read(numbers: PackedFloat32Array) -> void:
+## Take the transforms of a frame: 12 floats each, the three rows of a matrix.
+func read(numbers: PackedFloat32Array) -> void:
 	var count := numbers.size() / _TRANSFORM_FLOATS
 	for columns: PackedVector3Array in [_x, _y, _z, _origin]:
 		columns.resize(count)
@@ -208,8 +246,9 @@ static func _range(scene: Scene, vertices: PackedInt32Array, field: int) -> Vect
 	return Vector2(clampf(low, 0.0, top), clampf(high, 0.0, top))
 
 
-static func _piece(scene: Scene, vertices: PackedInt32Array) -> _Piece:
-	var piece := _Piece.new()
+## Return a piece that consists of some vertices.
+static func make_piece(scene: Scene, vertices: PackedInt32Array) -> Piece:
+	var piece := Piece.new()
 	var low := Vector3.INF
 	var high := -Vector3.INF
 	for vertex in vertices:

@@ -1,16 +1,11 @@
-extends RefCounted
+extends "playback.gd"
 ## Buffer of received frames, from which each refresh of the display gets an interpolated pose.
 ##
 ## Frames arrive at irregular times, and at another rate than the display's. They are therefore shown with a [member
 ## delay], interpolated by the source's times. If no frames arrive, the last one stays.
 
-const Message := preload("../wire/message.gd")
-
 ## Maximum number of frames in the buffer: the longest delay, one second, of a source with 500 frames per second.
 const MAX_FRAMES := 512
-## Maximum time between two consecutive frames, in seconds of the source's clock. After a longer gap, a new motion
-## begins without interpolation.
-const MAX_GAP_SECONDS := 0.5
 ## Period in which the frame with the shortest transmission time is determined, in seconds. It defines the offset of the
 ## source's clock.
 const WINDOW_SECONDS := 1.0
@@ -18,16 +13,6 @@ const WINDOW_SECONDS := 1.0
 const MAX_RATE_CHANGE := 0.05
 ## Maximum drift that the speed corrects, in seconds; playback skips larger differences.
 const MAX_GRADUAL_DRIFT_SECONDS := 0.25
-
-## Time by which the shown pose lags behind the received frames, in seconds.
-var delay := 0.05
-## The frames before and after the shown time; the same frame if there is only one; null before the first.
-var earlier: Message
-var later: Message
-## Position of the shown time between [member earlier] (0) and [member later] (1).
-var share := 0.0
-## Number of frames that were lost in transmission, from gaps in their numbers.
-var lost := 0
 
 var _frames: Array[Message] = []
 var _lag := 0.0  # local clock minus source's clock, as used for playback
@@ -38,7 +23,7 @@ var _last_advance := 0.0
 
 ## Add a frame that arrived at the time [param now], in seconds of the local clock.
 func push(frame: Message, now: float) -> void:
-	if not _continues(frame):
+	if not _frames.is_empty() and not continues(_frames[-1], frame):
 		clear()
 	if _frames.is_empty():
 		_lag = now - frame.time
@@ -75,15 +60,6 @@ func clear() -> void:
 ## Return the number of frames that have not been shown yet.
 func waiting() -> int:
 	return maxi(_frames.size() - 1, 0)
-
-
-## Return whether a frame continues the motion of the previous one.
-func _continues(frame: Message) -> bool:
-	if _frames.is_empty():
-		return false
-	var before := _frames[-1]
-	var elapsed := frame.time - before.time
-	return frame.sequence > before.sequence and elapsed > 0.0 and elapsed <= MAX_GAP_SECONDS
 
 
 func _record_lag(difference: float, now: float) -> void:

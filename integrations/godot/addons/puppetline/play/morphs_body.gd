@@ -88,6 +88,21 @@ func follow_patch(patch: SurfacePatch) -> PatchMotion:
 	return MorphsMotion.new(shared.scene, patch, candidates, source)
 
 
+func intersect(from: Vector3, to: Vector3) -> Dictionary:
+	var hit := {}
+	for mesh in _meshes:
+		var to_node := OwnMesh.transform_within(mesh.instance, _source)
+		var faces: PackedVector3Array = to_node * mesh.instance.bake_mesh_from_current_blend_shape_mix().get_faces()
+		for corner in range(0, faces.size(), 3):
+			# Godot's triangles are clockwise.
+			var corners := PackedVector3Array([faces[corner], faces[corner + 2], faces[corner + 1]])
+			var position: Variant = SurfaceRay.segment_hit(corners, from, to, shared.scene.diagonal)
+			if position != null:
+				to = position
+				hit = {"triangle": -1, "corners": corners, "position": position}
+	return hit
+
+
 ## The order is that of the meshes and vertices from Godot's importer, which can differ from the scene's order.
 func evaluate() -> PackedVector3Array:
 	var positions := PackedVector3Array()

@@ -10,6 +10,7 @@ const Message := preload("../wire/message.gd")
 const Scene := preload("../wire/scene.gd")
 const RestMesh := preload("rest_mesh.gd")
 const IsolineBounds := preload("isoline_bounds.gd")
+const SurfaceRay := preload("surface_ray.gd")
 
 ## Time between two requests of the scene, in milliseconds.
 const _REQUEST_INTERVAL_MS := 1000
@@ -43,6 +44,11 @@ var bounds: IsolineBounds:
 		if bounds == null:
 			bounds = IsolineBounds.new(scene)
 		return bounds
+var ray: SurfaceRay:
+	get:
+		if ray == null:
+			ray = SurfaceRay.new(self)
+		return ray
 
 var _key := ""
 var _stream: Stream
@@ -105,4 +111,5 @@ func _take_scene(message: Message) -> void:
 	rest_texture = null
 	slopes_texture = null
 	bounds = null
+	ray = null
 	changed.emit()

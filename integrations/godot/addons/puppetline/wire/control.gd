@@ -2,7 +2,8 @@ extends RefCounted
 ## Client of a service's control socket (docs/control.md). Each request gets one reply: from the service or, if that
 ## does not answer, an error of the same form from this client. The owner calls [method poll] in each process frame.
 
-const Connection := preload("zmtp_connection.gd")
+const Connection := preload("connection.gd")
+const Connections := preload("connections.gd")
 
 ## Maximum time to a reply, in seconds.
 const REPLY_TIMEOUT_SECONDS := 5.0
@@ -29,7 +30,7 @@ class _Request:
 func _init(to_host: String, to_port: int, token := "") -> void:
 	host = to_host
 	port = to_port
-	_connection = Connection.new("DEALER", token)
+	_connection = Connections.make(to_host, "DEALER", token)
 	_connection.max_message_bytes = MAX_REPLY_BYTES
 
 
@@ -105,7 +106,7 @@ func _fail_late_requests() -> void:
 
 
 func _fail(id: int, found: String, expected: String) -> void:
-	var where := "the control socket, %s:%d" % [host, port]
+	var where := "the control socket, %s" % Connections.address(host, port)
 	var fix := "Check that the service is running and that its control socket has this address."
 	var error := {"where": where, "found": found, "expected": expected, "fix": fix}
 	_answer(id, {"id": id, "ok": false, "error": error})

@@ -11,7 +11,8 @@ signal state_changed(state: State)
 enum State { OFFLINE, CONNECTING, CONNECTED, REFUSED }
 
 const Stream := preload("stream.gd")
-const Connection := preload("zmtp_connection.gd")
+const Connection := preload("connection.gd")
+const Connections := preload("connections.gd")
 const Message := preload("message.gd")
 
 const STATUS := "service/status"
@@ -56,7 +57,7 @@ var _window_end_us := 0
 func _init(to_host: String, to_port: int, token := "") -> void:
 	host = to_host
 	port = to_port
-	_connection = Connection.new("SUB", token)
+	_connection = Connections.make(to_host, "SUB", token)
 	follow(STATUS, _take_status)
 
 
@@ -126,6 +127,11 @@ func poll() -> void:
 	if _polled_frame == Engine.get_process_frames():
 		return
 	_polled_frame = Engine.get_process_frames()
+	read()
+
+
+## Do the same as [method poll] at each call, to wait for a message.
+func read() -> void:
 	_send_latest()
 	_connection.poll()
 	match _connection.state:
@@ -169,7 +175,8 @@ func _listen() -> void:
 	if _connection.is_receiving():
 		_last_message_ms = maxi(_last_message_ms, _connection.last_receive_ms)
 	if _connection.state == Connection.State.READY and now > _last_message_ms + int(1000 * SILENCE_TIMEOUT_SECONDS):
-		_retry_later("No message from a Puppetline service at %s:%d for %d s." % [host, port, SILENCE_TIMEOUT_SECONDS])
+		var silent := [Connections.address(host, port), SILENCE_TIMEOUT_SECONDS]
+		_retry_later("No message from a Puppetline service at %s for %d s." % silent)
 
 
 func _subscribe(topic: String) -> void:

@@ -1,13 +1,9 @@
-extends RefCounted
+extends "connection.gd"
 ## A ZMTP 3 connection over TCP for a SUB or DEALER socket (docs/protocol.md, "Without a ZeroMQ library").
 ##
 ## [method poll] does all the work and never blocks. The peer announces first whether it requires a token. A peer that
 ## does not require one never receives it.
 
-enum State { CLOSED, CONNECTING, HANDSHAKE, READY, REFUSED, FAILED }
-
-## Maximum duration of connecting and handshake together, in seconds.
-const HANDSHAKE_TIMEOUT_SECONDS := 5.0
 ## Maximum number of bytes that one call of [method poll] reads.
 const MAX_POLL_BYTES := 8 << 20
 ## Maximum number of frames that one call of [method poll] reads.
@@ -25,14 +21,6 @@ const _VERSION_OFFSET := 10
 const _MECHANISM_OFFSET := 12
 const _MECHANISM_END_OFFSET := 32
 const _USER := "puppetline"
-
-## Maximum size of a message, in bytes. A larger message is refused before it is read.
-var max_message_bytes := 256 << 20
-var state := State.CLOSED
-## Why [member state] is REFUSED or FAILED.
-var reason := ""
-## Time at which bytes were last received, in milliseconds of [method Time.get_ticks_msec].
-var last_receive_ms := 0
 
 var _socket_type: String
 var _token: PackedByteArray
@@ -60,7 +48,6 @@ func _notification(what: int) -> void:
 		IP.erase_resolve_item(_resolver_id)  # methods of this object cannot be called any more
 
 
-## Begin to connect. A connection that was open before is closed.
 func open(host: String, port: int) -> void:
 	close()
 	_host = host
@@ -75,7 +62,6 @@ func open(host: String, port: int) -> void:
 		_resolver_id = IP.resolve_hostname_queue_item(host)
 
 
-## Connect, read, answer and write as far as that is possible without waiting.
 func poll() -> void:
 	if state == State.CONNECTING:
 		_connect()
@@ -85,30 +71,25 @@ func poll() -> void:
 		_end(State.FAILED, "No answer from %s within %d s. Check the port." % [_address(), HANDSHAKE_TIMEOUT_SECONDS])
 
 
-## Return the received messages. No more are read before these are taken.
 func take() -> Array[PackedByteArray]:
 	var taken := _messages
 	_messages = []
 	return taken
 
 
-## Return whether a message has been received in part.
 func is_receiving() -> bool:
 	return state == State.READY and _position < _input.size()
 
 
-## Send a message. A message that is sent before [member state] is READY is lost.
 func send(body: PackedByteArray) -> void:
 	if state == State.READY:
 		_put_frame(0, body)
 
 
-## Subscribe to exactly this topic.
 func subscribe(topic: String) -> void:
 	_put_subscription(1, topic)
 
 
-## Cancel a subscription.
 func unsubscribe(topic: String) -> void:
 	_put_subscription(0, topic)
 

@@ -1,0 +1,94 @@
+"""Skeletal animations with fewer keyframes and smaller rotations, compared with the plain ones."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from engine_bridge.character.document import ARRAY_BUFFER, Document
+from engine_bridge.character.schema import empty
+from engine_bridge.export.animation import add_channel
+from engine_bridge.export.compact_motion import compact_motion
+
+FRAMES = 60
+POINTS = np.array([[1, 0, 0], [2, 0.5, 0], [1.5, 0, 0.25]], np.float32)
+
+
+@pytest.fixture
+def arm():
+    """Two joints, the second 1 above the first, and points that follow the second one; both turn, the first moves."""
+    document = Document(empty())
+    gltf = document.gltf
+    attributes = {"POSITION": document.add(POINTS, ARRAY_BUFFER, bounds=True)}
+    attributes["JOINTS_0"] = document.add(np.tile(np.uint8([1, 0, 0, 0]), (3, 1)), ARRAY_BUFFER)
+    attributes["WEIGHTS_0"] = document.add(np.tile(np.float32([1, 0, 0, 0]), (3, 1)), ARRAY_BUFFER)
+    gltf["meshes"].append({"primitives": [{"attributes": attributes, "mode": 0}]})
+    gltf["nodes"] += [{"children": [1]}, {"translation": [0.0, 1.0, 0.0]}, {"mesh": 0, "skin": 0}]
+    gltf["skins"].append({"joints": [0, 1]})
+    gltf["scenes"].append({"nodes": [0, 2]})
+    return document
+
+
+def animated(arm, angles, places):
+    clock = arm.add(np.arange(FRAMES, dtype=np.float32) / 30, bounds=True)
+    animation = {"name": "clip", "channels": [], "samplers": []}
+    for node, axis in ((0, "z"), (1, "x")):
+        turns = Rotation.from_euler(axis, angles).as_quat().astype(np.float32)
+        add_channel(arm, animation, clock, turns, node, "rotation")
+    add_channel(arm, animation, clock, places.astype(np.float32), 0, "translation")
+    arm.gltf["animations"].append(animation)
+    return arm
+
+
+def shown(document, times):
+    """Positions (F, 3, 3) of the points, by the specification."""
+    animation = document.gltf["animations"][0]
+    values = {}
+    for channel in animation["channels"]:
+        sampler = animation["samplers"][channel["sampler"]]
+        keys, table = document.array(sampler["input"]), document.array(sampler["output"]).astype(np.float64)
+        after = np.clip(np.searchsorted(keys, times), 1, len(keys) - 1)
+        share = (times - keys[after - 1]) / (keys[after] - keys[after - 1])
+        if channel["target"]["path"] == "rotation":
+            a, b = Rotation.from_quat(table[after - 1]), Rotation.from_quat(table[after])
+            turn = (b * a.inv()).as_rotvec() * share[:, None]
+            values[channel["target"]["node"]] = (Rotation.from_rotvec(turn) * a).as_matrix()
+        else:
+            places = (1 - share[:, None]) * table[after - 1] + share[:, None] * table[after]
+    above = POINTS @ values[1].swapaxes(1, 2) + [0, 1, 0]
+    return above @ values[0].swapaxes(1, 2) + places[:, None]
+
+
+@pytest.mark.parametrize("tolerance", [0.1, 0.01, 0.001, 0.0002])
+def test_every_point_is_within_the_error_and_the_error_within_the_tolerance(arm, tolerance):
+    phase = np.linspace(0, 2 * np.pi, FRAMES)
+    document = animated(arm, np.sin(phase), np.stack([phase, np.cos(phase), 0 * phase], axis=1) / 9)
+    times = np.linspace(0, (FRAMES - 1) / 30, 4 * FRAMES).astype(np.float32)
+    keys = np.arange(FRAMES, dtype=np.float32) / 30
+    before, exact = shown(document, keys), shown(document, times)
+    keyframes, error = compact_motion(document, tolerance)
+    assert error <= tolerance
+    assert np.linalg.norm(shown(document, keys) - before, axis=2).max() <= error
+    assert np.linalg.norm(shown(document, times) - exact, axis=2).max() <= 1.05 * error
+    assert keyframes == len(document.array(document.gltf["animations"][0]["samplers"][0]["input"]))
+    assert keyframes < FRAMES or tolerance < 0.001
+
+
+def test_a_still_animation_keeps_its_ends(arm):
+    document = animated(arm, np.zeros(FRAMES), np.zeros((FRAMES, 3)))
+    assert compact_motion(document, 0.001) == (2, 0.0)
+
+
+def test_rotations_are_normalised_integers_and_their_old_bytes_are_gone(arm):
+    document = animated(arm, np.linspace(0, 1, FRAMES), np.zeros((FRAMES, 3)))
+    size = len(document.blob)
+    compact_motion(document, 1e-4)
+    rotation = document.gltf["accessors"][document.gltf["animations"][0]["samplers"][0]["output"]]
+    assert (rotation["componentType"], rotation["normalized"]) == (5122, True)
+    assert len(document.blob) < 0.6 * size
+
+
+def test_without_room_for_rounding_all_keyframes_stay(arm):
+    document = animated(arm, np.linspace(0, 1, FRAMES), np.zeros((FRAMES, 3)))
+    keyframes, error = compact_motion(document, 0.0)
+    assert keyframes == FRAMES
+    assert 0 < error < 2e-4

@@ -1,0 +1,211 @@
+"""Studios that run beside the tests, and pages that speak to them."""
+
+import asyncio
+import contextlib
+import threading
+from concurrent.futures import Future
+
+import aiohttp
+import pytest
+
+from engine_bridge.studio.server import StudioSettings, served
+
+TIMEOUT_SECONDS = 400.0
+"""Time after which a test fails, in seconds; the first start of a service compiles."""
+
+
+class RunningStudio:
+    """A studio in a thread with its own event loop."""
+
+    def __init__(self, settings):
+        self.settings = settings
+        self._loop = asyncio.new_event_loop()
+        self._stop = asyncio.Event()
+        self._started = Future()
+        self._thread = threading.Thread(target=self._loop.run_until_complete, args=(self._serve(),), daemon=True)
+        self._thread.start()
+        self.served = self._started.result(TIMEOUT_SECONDS)
+        self.address = f"http://127.0.0.1:{self.served.port}"
+        self._session = None
+
+    async def _serve(self):
+        try:
+            async with served(self.settings) as studio:
+                self._started.set_result(studio)
+                await self._stop.wait()
+        except BaseException as error:
+            if not self._started.done():
+                self._started.set_exception(error)
+            raise
+
+    def run(self, coroutine):
+        """Run a coroutine in the studio's loop."""
+        return asyncio.run_coroutine_threadsafe(coroutine, self._loop).result(TIMEOUT_SECONDS)
+
+    def token(self):
+        """Return a new one-time token."""
+        return self.served.link().partition("#token=")[2]
+
+    @property
+    def session(self):
+        """A session token."""
+        if self._session is None:
+            self._session = self.run(self._enter())
+        return self._session
+
+    async def _enter(self):
+        async with self.page() as page:
+            return page.hello["session"]
+
+    @contextlib.asynccontextmanager
+    async def page(self, token=None):
+        """Connect a page."""
+        async with (
+            aiohttp.ClientSession() as http,
+            http.ws_connect(f"{self.address}/api", max_msg_size=0) as socket,
+        ):
+            await socket.send_json({"token": token or self.token()})
+            yield Page(socket, (await socket.receive_json())["hello"])
+
+    def ask(self, do, **arguments):
+        """Send one request over a connection of its own, and return the whole reply."""
+
+        async def once():
+            async with self.page(self._session) as page:
+                self._session = page.hello["session"]
+                return await page.ask(do, **arguments)
+
+        return self.run(once())
+
+    def result(self, do, **arguments):
+        """Return the result of a request that must succeed."""
+        reply = self.ask(do, **arguments)
+        assert reply["ok"], reply
+        return reply["result"]
+
+    def error(self, do, **arguments):
+        """Return the error of a request that must fail."""
+        reply = self.ask(do, **arguments)
+        assert not reply["ok"], reply
+        return reply["error"]
+
+    @property
+    def state(self):
+        """The present state."""
+        return self.result("state")
+
+    def until(self, is_true):
+        """Return the first state for which a function is true."""
+
+        async def wait():
+            async with asyncio.timeout(TIMEOUT_SECONDS), self.page(self._session) as page:
+                while True:
+                    state = await page.state()
+                    if is_true(state):
+                        return state
+
+        return self.run(wait())
+
+    def http(self, method, path, **more):
+        """Send a request without a session token; return status, headers and body."""
+
+        async def send():
+            async with (
+                aiohttp.ClientSession() as http,
+                http.request(method, self.address + path, **more) as response,
+            ):
+                return response.status, response.headers, await response.read()
+
+        return self.run(send())
+
+    @property
+    def bearer(self):
+        """The header with the session token."""
+        return {"Authorization": f"Bearer {self.session}"}
+
+    def upload(self, name, data):
+        """Upload a file; return the status and the reply."""
+
+        async def send():
+            async with (
+                aiohttp.ClientSession() as http,
+                http.post(f"{self.address}/uploads", params={"name": name}, data=data, headers=headers) as response,
+            ):
+                return response.status, await response.json()
+
+        headers = self.bearer
+        return self.run(send())
+
+    def download(self, file):
+        """Return the content of a file of the studio."""
+        status, _, body = self.http("GET", f"/files/{file}", headers=self.bearer)
+        assert status == 200
+        return body
+
+    def close(self):
+        """End the studio."""
+        self._loop.call_soon_threadsafe(self._stop.set)
+        self._thread.join(TIMEOUT_SECONDS)
+        assert not self._thread.is_alive()
+
+
+class Page:
+    """A page that is connected to ``/api``; it reads all the time, as a browser does."""
+
+    def __init__(self, socket, hello):
+        self.socket, self.hello, self.events = socket, hello, []
+        self._number, self._replies = 0, {}
+        self._states = asyncio.Queue()
+        self._reader = asyncio.create_task(self._read())
+
+    async def _read(self):
+        async for frame in self.socket:
+            message = frame.json()
+            if message.get("event") == "state":
+                self._states.put_nowait(message["state"])
+            elif "event" in message:
+                self.events.append(message)
+            elif message["id"] in self._replies:
+                self._replies.pop(message["id"]).set_result(message)
+
+    async def ask(self, do, **arguments):
+        """Send a request, and return its reply."""
+        self._number += 1
+        return await self.send({"id": self._number, "do": do, **arguments})
+
+    async def send(self, request):
+        """Send a frame with an id, and return its reply."""
+        reply = self._replies[request["id"]] = asyncio.get_running_loop().create_future()
+        await self.socket.send_json(request)
+        return await asyncio.wait_for(reply, TIMEOUT_SECONDS)
+
+    async def state(self):
+        """Return the next state that is pushed."""
+        return await asyncio.wait_for(self._states.get(), TIMEOUT_SECONDS)
+
+
+@pytest.fixture(scope="session")
+def start_studio(own_cache):
+    """Start studios, each in a folder."""
+    started = []
+
+    def start(folder, **settings):
+        started.append(RunningStudio(StudioSettings(folder, port=0, **settings)))
+        return started[-1]
+
+    yield start
+    for studio in started:
+        if studio._thread.is_alive():
+            studio.close()
+
+
+@pytest.fixture(scope="module")
+def studio(start_studio, tmp_path_factory):
+    """A studio for a file of tests, without a character at first."""
+    page = tmp_path_factory.mktemp("page")
+    (page / "index.html").write_text("<!doctype html><title>Studio</title>")
+    (page / "assets").mkdir()
+    (page / "assets" / "page.js").write_text("export {};")
+    running = start_studio(tmp_path_factory.mktemp("studio"), page=page)
+    yield running
+    running.close()

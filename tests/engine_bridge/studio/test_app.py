@@ -1,0 +1,128 @@
+import socket
+
+import aiohttp
+import pytest
+
+
+def test_the_page_and_its_files_are_sent_with_their_headers(studio):
+    for path, content in (("/", b"<!doctype html>"), ("/assets/page.js", b"export")):
+        status, headers, body = studio.http("GET", path)
+        assert status == 200
+        assert body.startswith(content)
+        assert headers["Content-Security-Policy"].startswith("default-src 'self'; ")
+        assert f"ws://127.0.0.1:{studio.served.port}" in headers["Content-Security-Policy"]
+        assert headers["X-Content-Type-Options"] == "nosniff"
+        assert headers["Cache-Control"] == "no-store"
+        assert "Access-Control-Allow-Origin" not in headers
+
+
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:7480", "127.0.0.1.evil.example", "", "192.168.1.5"])
+@pytest.mark.parametrize("path", ["/", "/api", "/stream", "/files/x", "/nowhere"])
+def test_a_name_that_leads_here_but_is_not_ours_is_refused(studio, host, path):
+    status, _, body = studio.http("GET", path, headers={"Host": host})
+    assert status == 403 if host else status in (400, 403)
+    if host:
+        assert b"a wrong host" in body
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "https://127.0.0.1.evil.example", "file://"])
+@pytest.mark.parametrize("path", ["/api", "/stream", "/uploads?name=a", "/files/x"])
+def test_a_page_of_another_site_is_refused(studio, origin, path):
+    method = "POST" if "uploads" in path else "GET"
+    headers = {"Origin": origin, **studio.bearer}
+    status, _, body = studio.http(method, path, headers=headers)
+    assert status == 403
+    assert b"a wrong origin" in body
+
+
+def test_the_studios_own_page_is_accepted(studio):
+    for name in ("127.0.0.1", "localhost"):
+        origin = f"http://{name}:{studio.served.port}"
+        headers = {"Origin": origin, "Host": f"{name}:{studio.served.port}"}
+        assert studio.http("GET", "/", headers=headers)[0] == 200
+
+
+def test_uploads_and_downloads_require_a_session_token(studio):
+    one_time = studio.token()
+    for token in ("", "wrong", one_time):
+        headers = {"Authorization": f"Bearer {token}"}
+        assert studio.http("POST", "/uploads?name=a.obj", data=b"v 0 0 0\n", headers=headers)[0] == 401
+        assert studio.http("GET", "/files/x", headers=headers)[0] == 401
+    assert studio.http("GET", "/files/x", headers=studio.bearer)[0] == 404
+    assert studio.state["uploads"] == []
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/../../../../etc/passwd",
+        "/%2e%2e/%2e%2e/%2e%2e/etc/passwd",
+        "/assets/../../../etc/passwd",
+        "/assets/..%2f..%2f..%2fetc%2fpasswd",
+        "/assets//etc/passwd",
+        "/files/..%2f..%2ftoken",
+        "/files/%00",
+        "/token",
+        "/session.json",
+    ],
+)
+def test_no_address_leads_to_another_file(studio, path):
+    request = (
+        f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{studio.served.port}\r\nAuthorization: Bearer {studio.session}\r\n"
+    )
+    with socket.create_connection(("127.0.0.1", studio.served.port)) as connection:
+        connection.sendall((request + "Connection: close\r\n\r\n").encode())
+        answer = b""
+        while part := connection.recv(65536):
+            answer += part
+    assert answer.startswith((b"HTTP/1.1 404", b"HTTP/1.1 400"))
+    assert b"root:" not in answer
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "found"),
+    [
+        ("empty.obj", b"", "an empty file"),
+        ("cow.glb", b"glTF\x02\0\0\0\xff\xff\xff\xff", None),
+        ("cow.png", b"\x89PNG\r\n", "an unknown kind of file"),
+        ("cow.toml", b"[character", "a syntax error"),
+        ("../../../etc/cow.obj", b"f 1 2 3\n", None),
+        ("take.log", b'{"puppetline": "skeleton log", "version": 2, "joints": []}\n', None),
+    ],
+)
+def test_a_broken_upload_is_refused_and_deleted(studio, name, data, found):
+    status, reply = studio.upload(name, data)
+    assert status == 400
+    error = reply["error"]
+    assert set(error) == {"where", "found", "expected", "fix"}
+    assert str(studio.settings.folder) not in str(error)
+    assert found is None or error["found"].startswith(found)
+    assert studio.state["uploads"] == []
+    assert list((studio.settings.folder / "uploads").iterdir()) == []
+
+
+def test_an_upload_that_is_too_large_is_refused_before_it_is_sent(studio):
+    async def send():
+        async with (
+            aiohttp.ClientSession() as http,
+            http.post(
+                f"{studio.address}/uploads?name=large.obj",
+                data=b"",
+                headers={**headers, "Content-Length": "10000000000"},
+                skip_auto_headers=["Content-Length"],
+            ) as response,
+        ):
+            return response.status, await response.json()
+
+    headers = studio.bearer
+    status, reply = studio.run(send())
+    assert status == 413
+    assert reply["error"]["found"] == "a larger file"
+
+
+def test_a_page_that_was_not_built_says_so(start_studio, tmp_path):
+    studio = start_studio(tmp_path / "studio", page=tmp_path / "nothing")
+    status, _, body = studio.http("GET", "/")
+    assert status == 503
+    assert b"make studio" in body
+    studio.close()

@@ -1,0 +1,74 @@
+"""The clocks of a Puppet3D: the engine's, with movies, pauses and slow motion, and a manual one."""
+
+import hashlib
+import json
+
+import numpy as np
+import pytest
+
+from .resident import Godot
+
+IMAGES = 45
+
+
+def write_movie(godot, project, folder, stand_in, slowness):
+    """Write a movie; return what each image shows, and the hashes of the images."""
+    folder.mkdir()
+    movie = ["--write-movie", folder / "image.png", "--fixed-fps", 30, "--resolution", "160x120"]
+    renderer = ["--rendering-driver", "opengl3", "--audio-driver", "Dummy", "-s", "res://tests/movie.gd"]
+    screen = ["xvfb-run", "-a", "-s", "-screen 0 640x480x24"]
+    process = Godot(*screen, godot, "--path", project, *movie, *renderer, "--", stand_in.port, IMAGES, slowness)
+    try:
+        stand_in.play(lambda: process.process.poll() is not None, 120)
+        process.finish()
+    finally:
+        process.kill()
+    told = [json.loads(line.removeprefix("RESULT ")) for line in process.lines if line.startswith("RESULT ")]
+    images = sorted(folder.glob("*.png"))[:IMAGES]
+    return told, [hashlib.sha256(image.read_bytes()).hexdigest() for image in images]
+
+
+@pytest.mark.slow
+def test_a_movie_has_every_frame_once_however_long_an_image_takes(godot, imported_project, new_stand_in, tmp_path):
+    quick, images = write_movie(godot, imported_project, tmp_path / "quick", new_stand_in(), 0)
+    slow, same = write_movie(godot, imported_project, tmp_path / "slow", new_stand_in(), 100)
+    for told in quick, slow:
+        played = [(1 - each["share"]) * each["sequence"] + each["share"] * each["next_sequence"] for each in told]
+        assert played == pytest.approx(list(range(1, IMAGES + 1)), abs=1e-3)
+    assert images == same
+    assert len(set(images)) == IMAGES
+
+
+@pytest.fixture
+def play_clock(start_godot, stand_in):
+    """Return the clock, the frames played and the real time in each phase."""
+
+    def play(name):
+        script = start_godot("clock.gd", stand_in.port, name)
+        stand_in.play(lambda: script.is_done, 30)
+        phases = {}
+        for each in script.finish():
+            phases.setdefault(each["phase"], []).append([each["played"], each["time"], each["real"]])
+        return {name: np.array(values) for name, values in phases.items()}
+
+    return play
+
+
+def test_the_engines_clock_is_scaled_and_paused(play_clock):
+    phases = play_clock("engine")
+
+    def speed(name):
+        """Seconds of the motion per second."""
+        played, _, real = phases[name][10:-1].T
+        return (played[-1] - played[0]) / 30 / (real[-1] - real[0])
+
+    assert speed("full") == pytest.approx(1.0, abs=0.15)
+    assert speed("half") == pytest.approx(0.5, abs=0.08)
+    assert np.ptp(phases["paused"][2:, 0]) == 0.0
+    assert phases["again"][3, 0] - phases["paused"][-1, 0] < 5.0  # it goes on where it was
+    assert (np.diff(np.concatenate([phases[name][:, 0] for name in phases])) >= 0.0).all()
+
+
+def test_a_manual_clock_moves_by_what_it_is_advanced(play_clock):
+    played, time, _ = play_clock("manual")["manual"].T
+    assert played == pytest.approx(1 + 30 * time, abs=1e-3)

@@ -1,0 +1,109 @@
+"""The addon's connection over WebSocket, with the real service."""
+
+import hashlib
+import json
+import signal
+
+import pytest
+
+from engine_bridge.service.protocol.header import PAYLOAD_OFFSET
+
+MANY = 256 << 20
+
+
+@pytest.fixture
+def connect(start_godot):
+    """Have Godot connect to a WebSocket."""
+
+    def start(address, *topics, kind="SUB", token=""):
+        return start_godot("connect.gd", address, 1, kind, token, MANY, *topics)
+
+    return start
+
+
+@pytest.fixture
+def playing(serve, blob_puppet):
+    """Start a service with a character, and return it with the address of its WebSocket."""
+
+    def start(*more, port=0):
+        service = serve(
+            "--puppet", blob_puppet, "--source", "demo:walk?loop", "--calibrate", "at_once", *more, "--websocket", port
+        )
+        return service, service.logged("serving")["fields"]["stream"][-1]
+
+    return start
+
+
+def fails(script, state):
+    reason = script.until(lambda told: told.get("state") == state)["reason"]
+    script.end()
+    return reason
+
+
+def test_frames_are_byte_for_byte_those_of_zeromq(connect, playing):
+    service, address = playing()
+    client = service.client("blob/controls", "blob/joints")
+    client.until(lambda _: True)
+    script = connect(address, "blob/controls", "blob/joints")
+    script.until(lambda _: len(hashes(script)) > 40)
+    script.end()
+    over_zeromq = set()
+    while client.socket.poll(0):
+        over_zeromq.add(hashlib.sha256(client.socket.recv()).hexdigest())
+    assert set(hashes(script)[:40]) <= over_zeromq
+
+
+def test_a_scene_arrives_whole(connect, playing):
+    service, address = playing()
+    script = connect(address, "blob/scene/mine")
+    size = script.until(lambda told: "size" in told)["size"]
+    script.end()
+    [scene] = service.client("blob/scene/mine").until(lambda _: True)
+    assert size == PAYLOAD_OFFSET + scene.header.length
+
+
+def hashes(script):
+    return [told["sha256"] for told in script.results if "sha256" in told]
+
+
+def test_a_token_is_sent_and_a_wrong_or_missing_one_is_final(connect, playing, token_file):
+    _, address = playing("--token-file", token_file)
+    script = connect(address, "service/characters", token=token_file.read_text())
+    script.until(lambda told: "size" in told)
+    script.end()
+    assert fails(connect(address, token="wrong"), "REFUSED") == f"The service at {address} does not accept this token."
+    missing = f"The service at {address} requires a token, and none is set."
+    assert fails(connect(address), "REFUSED") == missing
+
+
+def test_without_a_service_the_reason_says_so(connect, free_port):
+    address = f"ws://127.0.0.1:{free_port()}/stream"
+    told = f"Cannot connect to {address}. Check that the service runs with --websocket."
+    assert fails(connect(address), "FAILED") == told
+
+
+def test_requests_get_their_replies(start_godot, playing):
+    service, address = playing()
+    bodies = [{"do": "ping"}, {"do": "list"}, {"do": "mirror", "character": "cat", "on": True}]
+    results = start_godot("request.gd", address, 1, "", *map(json.dumps, bodies)).finish()
+    replies = {told["request"]["do"]: told["reply"] for told in results}
+    assert replies["ping"]["result"] == "pong"
+    assert replies["list"]["result"] == service.ask("list")
+    assert replies["mirror"]["error"] == service.ask("mirror", character="cat", on=True)
+
+
+def test_a_puppet_follows_a_websocket_and_outlives_a_killed_service(start_godot, playing, free_port, tmp_path):
+    port, stream = free_port(), free_port()
+    service, address = playing("--port", stream, port=port)
+    script = start_godot("watch_puppet.gd", json.dumps([{"host": address}]), tmp_path / "orders")
+    script.until(moves)
+    service.stop(signal.SIGKILL)
+    script.until(lambda told: told.get("signal") == "disconnected")
+    count = len(script.results)
+    playing("--port", stream, port=port)
+    script.until(lambda _: any(moves(told) for told in script.results[count:]))
+    script.end()
+
+
+def moves(told):
+    return told.get("calibrated") and told["sequence"] >= 0 and told["visible"] == [True]

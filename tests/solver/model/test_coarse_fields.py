@@ -1,0 +1,150 @@
+"""Fields from a sample of the vertices, compared with exact ones."""
+
+import igl
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from solver.model import coarse_fields, fields, reduced_model
+from solver.model.coarse_fields import CoarseFields
+from solver.surface.contacts import contacts
+from solver.surface.mesh import SolverMesh, weld
+
+SAMPLES = 2500
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small_sample():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(coarse_fields, "MIN_SAMPLES", SAMPLES)
+        yield
+
+
+@pytest.fixture(scope="module")
+def fine(figure):
+    """The figure with 12,226 vertices."""
+    return weld(*igl.upsample(figure.vertices, figure.faces, 2))
+
+
+def both_operators(mesh):
+    """Exact fields and sampled ones of a mesh in model units."""
+    unit = SolverMesh(mesh.vertices / mesh.diagonal, mesh.faces, mesh.of_render)
+    surface, mass = fields.laplacian(unit)
+    tied = fields.field_operator(surface, contacts(unit), 1.0)
+    return fields.SurfaceOperator(tied, mass, unit.vertices), CoarseFields(tied, tied, mass, unit), tied, mass
+
+
+def isolines_apart(mesh, count=6):
+    """Largest difference of isoline coordinates, each field with the sign of the exact one.
+
+    The 7th and 8th eigenvalue of the figure are nearly equal, so that these fields mix."""
+    exact, sampled, _, mass = both_operators(mesh)
+    one, other = exact.propagation_fields(count), sampled.propagation_fields(count)
+    other *= np.sign(np.einsum("nk,nk,n->k", one, other, mass))
+    return np.abs(fields.ladder_coordinates(one, 10) - fields.ladder_coordinates(other, 10)).max()
+
+
+def test_isoline_coordinates_are_those_of_exact_fields(fine):
+    assert isolines_apart(fine) < 0.1
+
+
+def test_more_samples_are_more_exact(fine, monkeypatch):
+    monkeypatch.setattr(coarse_fields, "MIN_SAMPLES", 2 * SAMPLES)
+    assert isolines_apart(fine) < 0.05
+
+
+def test_fields_are_orthonormal_in_the_mass_inner_product_and_to_the_constant(fine):
+    _, sampled, tied, mass = both_operators(fine)
+    found = np.column_stack([np.full(len(mass), mass.sum() ** -0.5), sampled.propagation_fields(8)])
+    np.testing.assert_allclose(found.T @ (mass[:, None] * found), np.eye(9), rtol=0, atol=1e-9)
+    energy = -found.T @ (tied @ found)
+    np.testing.assert_allclose(energy, np.diag(np.diag(energy)), rtol=0, atol=1e-7 * energy.max())
+
+
+def test_fields_satisfy_the_equation_at_the_vertices(fine):
+    """The energy of the model depends on the second derivatives of fields, in which a rough error would show."""
+    _, sampled, tied, mass = both_operators(fine)
+    found = sampled.propagation_fields(8)
+    values = -np.einsum("nk,nk->k", found, tied @ found)
+    residual = tied @ found + mass[:, None] * found * values
+    assert (np.einsum("nk,n->k", residual**2, 1 / mass) < 2 * values**2).all()
+
+
+def test_smoothing_is_that_of_all_vertices(fine):
+    exact, sampled, _, _ = both_operators(fine)
+    values = np.column_stack([fine.vertices[:, 0] > 0.5, np.maximum(fine.vertices[:, 1], 0)]).astype(float)
+    for length in (0.006, 0.024, 0.096):
+        expected = exact.smoothed(values, length)
+        assert np.abs(sampled.smoothed(values, length) - expected).max() < 0.03 * np.ptp(values, axis=0).max()
+
+
+def test_the_order_of_vertices_hardly_shows(fine):
+    """Another order has other samples; the 2nd and 3rd field, whose eigenvalues are 5 % apart, mix a little."""
+    order = np.random.default_rng(4).permutation(len(fine.vertices))
+    rank = np.argsort(order)
+    mixed = SolverMesh(fine.vertices[order], rank[fine.faces], np.arange(len(order)))
+    assert isolines_apart(mixed) < 0.4
+
+
+def test_parts_that_touch_are_between_the_same_isolines(two_parts):
+    whole = weld(*igl.upsample(two_parts.vertices, two_parts.faces, 2))
+    assert whole.parts == 2
+    assert isolines_apart(whole) < 0.25
+
+
+def needles(vertices, faces, some):
+    a, b, c = faces[some].T
+    new, middle = len(vertices) + np.arange(len(a)), (vertices[a] + vertices[b]) / 2
+    split = [np.column_stack(corners) for corners in ((a, b, new), (b, c, new), (c, a, new))]
+    return np.concatenate([vertices, middle + 1e-6 * (vertices[c] - middle)]), np.concatenate([faces[~some], *split])
+
+
+def holes(vertices, faces, some):
+    return vertices, faces[~some]
+
+
+def noise(vertices, faces, some):
+    edge = np.linalg.norm(vertices[faces[:, 0]] - vertices[faces[:, 1]], axis=1).mean()
+    return vertices + 0.2 * edge * np.random.default_rng(5).normal(size=vertices.shape), faces
+
+
+@pytest.mark.parametrize(("broken", "bound"), [(needles, 0.1), (holes, 0.6), (noise, 0.6)])
+def test_a_broken_scan_has_nearly_its_exact_fields(fine, broken, bound):
+    """A hole at the end of a limb is smaller than a cell; it moves the end of a field by a part of an isoline."""
+    some = np.random.default_rng(0).random(len(fine.faces)) < 0.03
+    assert isolines_apart(weld(*broken(fine.vertices, fine.faces, some)), 5) < bound
+
+
+def test_a_scan_of_loose_pieces_has_exact_fields(fine):
+    """Thousands of triangles a little above the surface: sampled fields are far from exact, and are not used."""
+    some = np.random.default_rng(0).random(len(fine.faces)) < 0.03
+    loose = fine.faces[some]
+    vertices = np.concatenate([fine.vertices, 1.001 * fine.vertices[loose.ravel()]])
+    faces = np.concatenate([fine.faces[~some], len(fine.vertices) + np.arange(loose.size).reshape(-1, 3)])
+    exact, sampled, _, _ = both_operators(weld(vertices, faces))
+    np.testing.assert_array_equal(sampled.propagation_fields(8), exact.propagation_fields(8))
+    step = (vertices[:1, :1] > 0) * np.ones((len(exact.areas), 1))
+    np.testing.assert_array_equal(sampled.smoothed(step, 0.01), exact.smoothed(step, 0.01))
+
+
+def test_a_model_reproduces_the_rest_pose_and_rigid_motion(fine, monkeypatch):
+    monkeypatch.setattr(reduced_model, "MAX_EXACT_VERTICES", 0)
+    model = reduced_model.build(fine)
+    rest = model.to_model(fine.vertices)
+    turn = Rotation.from_rotvec([0.4, 1.2, -0.7]).as_matrix()
+    R = model.rest_controls @ turn + np.tile([[0.0] * 3] * 3 + [[0.1, -0.2, 0.3]], (len(model.rest_controls) // 4, 1))
+    W = model.position_matrix(fine.vertices)
+    np.testing.assert_allclose(W @ R, rest @ turn + [0.1, -0.2, 0.3], rtol=0, atol=1e-12)
+    for A, B in ((model.A, model.B), (model.A_clusters, model.B_clusters)):
+        force = A @ R - B @ np.tile(turn, (B.shape[1] // 3, 1))
+        assert np.abs(force).max() < 1e-9 * np.abs(A).max()
+
+
+def test_a_small_mesh_has_exact_fields(fine):
+    model = reduced_model.build(fine)
+    exact = both_operators(weld((fine.vertices - model.center), fine.faces))[0].propagation_fields(8)
+    np.testing.assert_allclose(
+        np.minimum(*(np.abs(model.ladder - fields.ladder_coordinates(s * exact, 10)).max(axis=0) for s in (1, -1))),
+        0,
+        atol=1e-4,
+    )

@@ -108,10 +108,13 @@ class Window:
         return next(handle for handle in self.puppet["handle"] if handle["name"] == name)
 
     def place(self, limb, point):
-        """Return where a point of a limb is in the window, in pixels."""
+        """Return where a point of a limb is in the window at rest, in pixels; wait until the camera stands still."""
         box = self.page.locator(".overlay").bounding_box()
-        self.page.wait_for_timeout(300)
-        limbs = self.page.evaluate("studio.viewer.places().limbs")
+        limbs, before = None, False
+        while limbs != before:
+            before = limbs
+            self.page.wait_for_timeout(600)
+            limbs = self.page.evaluate("studio.viewer.places().limbs")
         x, y, _ = next(each for each in limbs if each["name"] == limb)["points"][point]
         return box["x"] + x, box["y"] + y
 

@@ -73,7 +73,8 @@ export function select<T extends string>(values: readonly (readonly [T, string])
 export function number(value: number, change: (value: number) => void, limits: { min?: number; max?: number; step?: number; label?: string } = {}): Node_ {
   const onchange = (event: Event): void => {
     const input = event.target as HTMLInputElement;
-    if (input.value !== "" && input.validity.valid) change(input.valueAsNumber);
+    const { badInput, rangeUnderflow, rangeOverflow } = input.validity; // a step is only for the arrows
+    if (input.value !== "" && !badInput && !rangeUnderflow && !rangeOverflow) change(input.valueAsNumber);
     else input.value = String(value);
   };
   const { min, max, step, label } = limits;

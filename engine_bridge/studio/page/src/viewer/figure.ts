@@ -91,6 +91,14 @@ export class Figure {
     return { earlier: earlier.header.sequence, later: later.header.sequence, share: share ?? 0 };
   }
 
+  /** How far the whole character has walked from its place, in the view's coordinates. */
+  walked(): Vector3 {
+    const [earlier, later, share] = this.shown as [Frame?, Frame?, number?];
+    if (earlier === undefined || later === undefined) return new Vector3();
+    const root = new Vector3(...earlier.header.root).lerp(new Vector3(...later.header.root), share ?? 0);
+    return root.applyQuaternion(this.group.quaternion).multiply(this.group.scale);
+  }
+
   /** Where a point of the rest pose is now: it moves as the surface around it. */
   carried(part: string, point: Vector): Vector {
     const [earlier, later, share] = this.shown as [Frame?, Frame?, number?];

@@ -146,6 +146,16 @@ export class Stage {
     this.grid.position.set(centre.x, low.y, centre.z);
   }
 
+  /** Move the camera along the floor with a character that walks. */
+  accompany({ x, z }: Vector3): void {
+    if (this.orbit === null) return;
+    for (const each of [this.camera.position, this.orbit.target]) {
+      each.x += x;
+      each.z += z;
+    }
+    this.orbit.update();
+  }
+
   /** Where a point of a character's file is on the screen: x, y in pixels, and depth; null behind the camera. */
   project(figure: Figure, [x, y, z]: Vector): Vector | null {
     const point = figure.group.localToWorld(new Vector3(x, y, z)).project(this.camera);

@@ -1,5 +1,7 @@
 /** The 3D view: characters that move as the stream says, bones and handles over them, and what the pointer does. */
 
+import { Vector3 } from "three";
+
 import type { Client } from "../../../../../integrations/web/puppetline.js";
 import { type Part, type Puppet, handlesOf, jointsOf, limbsOf, move, pointOf } from "../model/puppet";
 import type { Joint } from "../model/skeleton";
@@ -47,6 +49,8 @@ export class Viewer {
   private puppets: State["puppets"] = {};
   private joint: Joint | null = null;
   private framed: string | null = null;
+  /** How far the framed character had walked when the camera followed it last. */
+  private walked = new Vector3();
   private dirty = true;
   private frames = 0;
   /** Frames drawn in the last second. */
@@ -156,6 +160,7 @@ export class Viewer {
     this.framed = figure.name;
     this.arrange();
     this.stage.frame(figure);
+    this.walked = new Vector3();
     this.dirty = true;
   }
 
@@ -199,9 +204,19 @@ export class Viewer {
     }
     this.dirty = false;
     this.frames++;
+    this.accompany();
     this.stage.render();
     this.stage.keepPace();
     this.drawOverlay();
+  }
+
+  private accompany(): void {
+    const { character } = current();
+    const figure = this.chosen();
+    if (character !== this.framed || figure === undefined) return;
+    const walked = figure.walked();
+    this.stage.accompany(walked.clone().sub(this.walked));
+    this.walked = walked;
   }
 
   private drawOverlay(): void {

@@ -1,6 +1,7 @@
 """Jobs on the workers of Dask distributed: a cluster on this machine, or an existing one."""
 
 import logging
+import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
@@ -14,8 +15,8 @@ from puppetline.errors import PuppetlineError
 if TYPE_CHECKING:
     from distributed import Client
 
-START_SECONDS = 60
-"""Time in which a scheduler must answer and a first worker must come, in seconds."""
+START_SECONDS = 120
+"""Time in which a scheduler must answer, and for which it may be without any worker, in seconds."""
 
 POLL_SECONDS = 1.0
 """Time after which waiting for a task is interrupted to look at the workers, in seconds."""
@@ -25,6 +26,9 @@ TASKS_PER_WORKER = 2
 
 DASHBOARD_ADDRESS = "127.0.0.1:8787"
 """Address of the dashboard of a cluster on this machine."""
+
+PAGE_ADDRESS = "127.0.0.1:0"
+"""Address of the small pages that a scheduler serves without a dashboard, at any free port."""
 
 WORKER_MEMORY = {"target": False, "spill": False, "pause": False}
 """Settings of Dask for workers on this machine. Their results are small: a worker near its limit of memory must be
@@ -79,25 +83,28 @@ def connected(scheduler: str | None, workers: int | None, max_workers: int, *, d
 
     _silence()
     if scheduler is not None:
-        with _reaching(scheduler), Client(scheduler, timeout=START_SECONDS, set_as_default=False) as client:
+        with _reaching(scheduler):
+            client = Client(scheduler, timeout=START_SECONDS, set_as_default=False)
             client.wait_for_workers(1, timeout=START_SECONDS)
+        with client:
             yield client
         return
+    configuration = {
+        "distributed.worker.preload": [*dask.config.get("distributed.worker.preload"), WORKER_PRELOAD],
+        "distributed.worker.memory": dask.config.get("distributed.worker.memory") | WORKER_MEMORY,
+    }
+    count = min(CPU_COUNT if workers is None else workers, max_workers)
     with (
-        dask.config.set(
-            {
-                "distributed.worker.preload": [*dask.config.get("distributed.worker.preload"), WORKER_PRELOAD],
-                "distributed.worker.memory": dask.config.get("distributed.worker.memory") | WORKER_MEMORY,
-            }
-        ),
+        dask.config.set(configuration),
         LocalCluster(
-            n_workers=min(CPU_COUNT if workers is None else workers, max_workers),
+            n_workers=0,
             threads_per_worker=1,
-            dashboard_address=DASHBOARD_ADDRESS if dashboard else None,
+            dashboard_address=DASHBOARD_ADDRESS if dashboard else PAGE_ADDRESS,
             silence_logs=logging.CRITICAL,
         ) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):
+        cluster.scale(count)
         yield client
 
 
@@ -119,41 +126,80 @@ def run_on(
     PuppetlineError
         See `engine_bridge.batch.conversion.convert_jobs`; or the scheduler has ended.
     """
-    from distributed import wait
-    from distributed.scheduler import KilledWorker
-
-    running: dict[Any, tuple[list[Job], int]] = {}
-
-    def submit(group: list[Job], deaths: int = 0) -> None:
-        running[client.submit(convert_jobs, group, batch, pure=False)] = group, deaths
-
-    workers = 1
+    tasks = _Tasks(client, grouping, batch)
     try:
-        while grouping or running:
-            with suppress(TimeoutError):
-                workers = sum(client.nthreads().values()) or workers
-            while grouping and len(running) < TASKS_PER_WORKER * workers:
-                submit(grouping.take(workers))
-            with suppress(TimeoutError), client.as_current():
-                wait(list(running), timeout=POLL_SECONDS, return_when="FIRST_COMPLETED")
+        while tasks:
+            tasks.submit()
             check()
-            _check_connection(client)
-            for future in [each for each in running if each.done()]:
-                group, deaths = running.pop(future)
-                try:
-                    outcomes = future.result()
-                except KilledWorker:
-                    # each death but those of tasks that had not begun is counted as a start of some job
-                    if deaths > MAX_STARTS * len(group):
-                        raise _no_progress(client) from None
-                    submit(group, deaths + 1)
-                    continue
-                for outcome in outcomes:
-                    grouping.learn(outcome)
-                    yield outcome
+            for outcome in tasks.outcomes():
+                grouping.learn(outcome)
+                yield outcome
+    except OSError as error:  # also that of a connection that was closed
+        raise _scheduler_ended() from error
     finally:
+        tasks.cancel()
+
+
+class _Tasks:
+    """Tasks that were submitted to the workers of a client."""
+
+    def __init__(self, client: "Client", grouping: Grouping, batch: BatchSettings) -> None:
+        self._client, self._grouping, self._batch = client, grouping, batch
+        self._running: dict[Any, tuple[list[Job], int]] = {}
+        self._workers, self._seen = 1, time.monotonic()
+
+    def __bool__(self) -> bool:
+        """Return whether any job waits or runs."""
+        return bool(self._grouping or self._running)
+
+    def submit(self) -> None:
+        """Submit as many tasks as the workers need next, and start workers again that have failed to start."""
+        with suppress(TimeoutError):
+            threads = sum(self._client.nthreads().values())
+            if threads:
+                self._workers, self._seen = threads, time.monotonic()
+        if time.monotonic() > self._seen + START_SECONDS:
+            raise _no_workers()
+        _replace_workers(self._client)
+        while self._grouping and len(self._running) < TASKS_PER_WORKER * self._workers:
+            self._submit(self._grouping.take(self._workers), 0)
+
+    def outcomes(self) -> Iterator[Outcome]:
+        """Wait for a task, but not long, and yield the outcomes of all that have ended."""
+        from distributed import wait
+        from distributed.client import FutureCancelledError
+
+        with suppress(TimeoutError), self._client.as_current():
+            wait(list(self._running), timeout=POLL_SECONDS, return_when="FIRST_COMPLETED")
+        if self._client.status != "running":
+            raise _scheduler_ended()
+        for future in [each for each in self._running if each.done()]:
+            group, deaths = self._running.pop(future)
+            try:
+                yield from self._result(future, group, deaths)
+            except FutureCancelledError:
+                raise _scheduler_ended() from None
+
+    def cancel(self) -> None:
+        """Cancel all tasks."""
         with suppress(Exception):  # the scheduler may have ended
-            client.cancel(list(running))
+            self._client.cancel(list(self._running))
+
+    def _submit(self, group: list[Job], deaths: int) -> None:
+        self._running[self._client.submit(convert_jobs, group, self._batch, pure=False)] = group, deaths
+
+    def _result(self, future: Any, group: list[Job], deaths: int) -> list[Outcome]:
+        """Return the outcomes of a task; submit it again if its workers were killed."""
+        from distributed.scheduler import KilledWorker
+
+        try:
+            return future.result()
+        except KilledWorker:
+            # each death but those of tasks that had not begun is counted as a start of some job
+            if deaths > MAX_STARTS * len(group):
+                raise _no_workers() from None
+            self._submit(group, deaths + 1)
+            return []
 
 
 @contextmanager
@@ -170,22 +216,37 @@ def _reaching(scheduler: str) -> Iterator[None]:
         ) from error
 
 
-def _check_connection(client: "Client") -> None:
-    if client.status != "running":
-        raise PuppetlineError(
-            "the scheduler",
-            found="no connection any more",
-            expected="a scheduler that runs until the batch ends",
-            fix="Start it and its workers, and run the command again; it continues where it was.",
-        )
+def _replace_workers(client: "Client") -> None:
+    """Start workers again that have ended before they had started, of a cluster on this machine."""
+    from distributed.core import Status
+
+    cluster = client.cluster
+
+    def replace() -> None:
+        for name, worker in list(cluster.workers.items()):
+            if worker.status in (Status.failed, Status.closed):
+                del cluster.workers[name]
+        cluster.scale(len(cluster.worker_spec))
+
+    if cluster is not None:
+        cluster.loop.add_callback(replace)
 
 
-def _no_progress(client: "Client") -> PuppetlineError:
+def _scheduler_ended() -> PuppetlineError:
+    return PuppetlineError(
+        "the scheduler",
+        found="no connection any more",
+        expected="a scheduler that runs until the batch ends",
+        fix="Start it and its workers, and run the command again; it continues where it was.",
+    )
+
+
+def _no_workers() -> PuppetlineError:
     return PuppetlineError(
         "the workers",
-        found="workers that end before they begin a task",
-        expected=f"workers that can run Puppetline ({len(client.nthreads())} are connected)",
-        fix="Read the output of the workers; their memory may be too small.",
+        found=f"no worker for {START_SECONDS} s, or workers that end before they begin a task",
+        expected="workers that can run Puppetline",
+        fix="Read the output of the workers. Their memory may be too small; if so, use fewer of them.",
     )
 
 
@@ -201,5 +262,5 @@ def _require_dashboard() -> None:
 
 def _silence() -> None:
     """Hide messages of Dask about what this module reports itself."""
-    for name in ("distributed", "tornado"):
+    for name in ("asyncio", "distributed", "distributed.client", "tornado", "tornado.application"):
         logging.getLogger(name).setLevel(logging.CRITICAL)

@@ -160,7 +160,7 @@ def test_workers_that_are_killed_do_not_end_the_batch(start, finished, expected,
         remove_some(tmp_path, random)
         with start(tmp_path, "--workers", 2, "--no-report") as process:
             while process.poll() is None:
-                time.sleep(random.uniform(0, 2))
+                time.sleep(random.uniform(0, 4))
                 workers = worker_processes(process)
                 if workers and kills < KILLS:
                     with contextlib.suppress(psutil.NoSuchProcess):

@@ -1,5 +1,5 @@
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -33,6 +33,14 @@ def test_the_summary_says_what_the_file_and_the_clip_are(converted):
     assert summary.notes == ()
     assert json.loads(json.dumps(asdict(summary)))["frames"] == 58
     assert clip.timeline.fps == 30
+
+
+def test_the_text_says_how_many_keyframes_are_left_only_if_some_are_omitted(converted):
+    summary = converted[1]
+    assert summary.keyframes == summary.frames == 58
+    assert "keyframes" not in module.describe(summary)
+    line = "  keyframes      40; the other frames are interpolated within the tolerance"
+    assert line in module.describe(replace(summary, keyframes=40)).splitlines()
 
 
 def test_the_stretch_is_that_of_all_edges_in_all_frames(converted):

@@ -30,7 +30,8 @@ make_shape, blob, blob_file, write_puppet, blob_puppet, blob_rig, limbed_puppet 
 standing, dance, frames, record, take = figure.standing, figure.dance, figure.frames, figure.record, figure.take
 
 live = load(BRIDGE / "service" / "conftest.py")
-serve, listen, sender, free_port, kung_fu = live.serve, live.listen, live.sender, live.free_port, live.kung_fu
+serve, serve_module, listen = live.serve, live.serve_module, live.listen
+sender, free_port, kung_fu = live.sender, live.free_port, live.kung_fu
 
 
 @pytest.fixture(scope="session")

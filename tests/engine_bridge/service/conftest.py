@@ -1,5 +1,6 @@
 """Services and stages with a small character, senders of skeletons, and clients."""
 
+import itertools
 import json
 import os
 import random
@@ -9,7 +10,7 @@ import subprocess
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 
 import numpy as np
@@ -128,6 +129,9 @@ class Sender:
     def raw(self, datagram):
         self.socket.sendto(datagram, ("127.0.0.1", self.port))
 
+    def close(self):
+        self.socket.close()
+
     def lose(self, user=1):
         message = OscMessageBuilder("/lost_user")
         message.add_arg(user, "i")
@@ -143,6 +147,19 @@ class Sender:
             sent += 1
             time.sleep(interval)
         return sent
+
+
+@contextmanager
+def performing_for_ever(sender, frames):
+    """Send frames again and again until the end of the block."""
+    stop = threading.Event()
+    performer = threading.Thread(target=sender.play, args=(itertools.cycle(frames),), kwargs={"until": stop.is_set})
+    performer.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        performer.join()
 
 
 class Client:
@@ -253,19 +270,18 @@ class Served:
 
 @pytest.fixture
 def sender():
-    sending = Sender()
-    yield sending
-    sending.socket.close()
+    with closing(Sender()) as sending:
+        yield sending
 
 
-@pytest.fixture
-def serve(tmp_path, own_cache, commands):
-    """Start `puppetline serve` on free ports with its own state; kill those that still run at the end."""
+@contextmanager
+def services(commands, folder):
+    """Return a function that starts services with their state in a folder; kill those that still run at the end."""
     started = []
 
     def start(*arguments, env=None):
-        free = () if "--config" in arguments else ("--port", 0, "--no-announce", "--takes", tmp_path / "takes")
-        mine = {"XDG_STATE_HOME": str(tmp_path / "state"), **(env or {})}
+        free = () if "--config" in arguments else ("--port", 0, "--no-announce", "--takes", folder / "takes")
+        mine = {"XDG_STATE_HOME": str(folder / "state"), **(env or {})}
         started.append(Served(commands, *free, *arguments, env=mine))
         return started[-1]
 
@@ -275,6 +291,20 @@ def serve(tmp_path, own_cache, commands):
             service.process.kill()
         service.ended()
         service.process.stderr.close()
+
+
+@pytest.fixture
+def serve(tmp_path, own_cache, commands):
+    """Start `puppetline serve` on free ports with its own state."""
+    with services(commands, tmp_path) as start:
+        yield start
+
+
+@pytest.fixture(scope="module")
+def serve_module(tmp_path_factory, own_cache, commands):
+    """Start `puppetline serve` for all tests of a module that only read."""
+    with services(commands, tmp_path_factory.mktemp("service")) as start:
+        yield start
 
 
 @pytest.fixture

@@ -1,7 +1,6 @@
 """Editing the mapping from joints to handles while a performer drives the character."""
 
 import itertools
-import threading
 import time
 from contextlib import contextmanager
 
@@ -15,6 +14,8 @@ from engine_bridge.service.character_player import PlayerSettings
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.scene import Scene
 from engine_bridge.service.stage_runner import PREPARATION_SECONDS
+
+from .conftest import performing_for_ever
 
 EASE = PlayerSettings().ease
 
@@ -184,15 +185,9 @@ def dog(blob_puppet):
 @contextmanager
 def performing(service, sender, kung_fu):
     """Send a performer to the service until the end of the block, and wait for the calibration."""
-    stop = threading.Event()
-    performer = threading.Thread(target=sender.play, args=(itertools.cycle(kung_fu),), kwargs={"until": stop.is_set})
-    performer.start()
-    try:
+    with performing_for_ever(sender, kung_fu):
         service.client("dog/controls").until(lambda message: message.header.state == 2)
         yield
-    finally:
-        stop.set()
-        performer.join()
 
 
 def start(serve, dog, sender):

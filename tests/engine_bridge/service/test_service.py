@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 import urllib.request
+from contextlib import closing
 from select import select
 
 import numpy as np
@@ -25,6 +26,8 @@ from engine_bridge.service.discovery import find
 from engine_bridge.service.protocol.scene import Scene
 from solver.model.binding import Binding
 
+from .conftest import Sender, performing_for_ever
+
 pytestmark = pytest.mark.slow
 
 SERVE = ("serve", "--port", "0", "--no-announce")
@@ -34,19 +37,25 @@ SERVE = ("serve", "--port", "0", "--no-announce")
 def playing(serve, blob_puppet, sender, kung_fu):
     """Start a service with one character, and a performer who moves until the end of the test."""
     service = serve("--puppet", blob_puppet, "--source", sender.uri, "--calibrate", "at_once")
-    stop = threading.Event()
-    performer = threading.Thread(target=sender.play, args=(itertools.cycle(kung_fu),), kwargs={"until": stop.is_set})
-    performer.start()
-    yield service
-    stop.set()
-    performer.join()
+    with performing_for_ever(sender, kung_fu):
+        yield service
+
+
+@pytest.fixture(scope="module")
+def shared(serve_module, blob_puppet, kung_fu):
+    """Start the same for all tests that only read; return the service and the performer's sender."""
+    with closing(Sender()) as sender:
+        service = serve_module("--puppet", blob_puppet, "--source", sender.uri, "--calibrate", "at_once")
+        with performing_for_ever(sender, kung_fu):
+            yield service, sender
 
 
 def performing(message):
     return message.header.state == 2
 
 
-def test_a_late_subscriber_receives_the_scene_and_then_controls_that_move_it(playing, blob_rig):
+def test_a_late_subscriber_receives_the_scene_and_then_controls_that_move_it(shared, blob_rig):
+    playing, _ = shared
     playing.client("blob/controls").until(performing)
     late = playing.client("blob/scene", "blob/controls")
     [scene] = late.until(lambda _: True, "scene")
@@ -62,11 +71,13 @@ def test_a_late_subscriber_receives_the_scene_and_then_controls_that_move_it(pla
     assert 1e-3 < moved / blob_rig.mesh.diagonal < 1.5
 
 
-def test_every_kind_of_frame_is_sent_to_its_subscribers(playing, blob_rig):
+def test_every_kind_of_frame_is_sent_to_its_subscribers(shared, blob_rig):
+    playing, _ = shared
     kinds = ("controls", "vertices", "vertices16", "joints", "handles")
     client = playing.client(*(f"blob/{kind}" for kind in kinds))
     at_one_moment = {}
-    for message in client.until(lambda message: performing(message) and message.header.sequence > 60):
+    first = client.until(performing)[-1].header.sequence
+    for message in client.until(lambda message: performing(message) and message.header.sequence > first + 60):
         at_one_moment.setdefault(message.header.sequence, {})[message.topic.removeprefix("blob/")] = message.body
     whole = [bodies for bodies in at_one_moment.values() if len(bodies) == len(kinds)]
     assert whole
@@ -106,7 +117,8 @@ def test_a_take_plays_again_to_the_same_controls(playing, serve, blob_puppet, tm
             np.testing.assert_allclose(message.header.root, was.header.root, atol=5e-3)
 
 
-def test_a_stalled_service_goes_on_with_the_newest_frame(playing, sender):
+def test_a_stalled_service_goes_on_with_the_newest_frame(shared):
+    playing, _ = shared
     client = playing.client("blob/controls")
     client.until(performing)
     playing.process.send_signal(signal.SIGSTOP)
@@ -188,7 +200,8 @@ def test_clients_and_performer_continue_after_a_killed_service_is_restarted(
     assert frames[-1].header.state == 2
 
 
-def test_garbage_is_counted_and_frames_continue(playing, sender):
+def test_garbage_is_counted_and_frames_continue(shared):
+    playing, sender = shared
     client = playing.client("blob/controls")
     client.until(performing)
     for datagram in (b"", b"\0", b"#bundle\0" + bytes(12), bytes(65000), b"/joint\0\0,sifff\0\0", b"{}" * 500):

@@ -215,19 +215,24 @@ def check_morphs(show, service, puppet, source, offset=(0.0, 0.0, 0.0), **settin
     reference.assert_moved(shown.frames)
 
 
-def test_a_puppet_by_controls_shows_the_solvers_vertices(show, playing, blob_puppet, take):
-    check_controls(show, playing(blob_puppet, take), blob_puppet)
+@pytest.fixture(scope="module")
+def played(serve_module, blob_puppet, take):
+    """A service that plays a recording to all tests that only look."""
+    return serve_module("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
 
 
-def test_the_graphics_card_shows_the_same(shade, playing, add_glb, blob_puppet, take, tmp_path, puppetline):
+def test_a_puppet_by_controls_shows_the_solvers_vertices(show, played, blob_puppet):
+    check_controls(show, played, blob_puppet)
+
+
+def test_the_graphics_card_shows_the_same(shade, played, add_glb, blob_puppet, tmp_path, puppetline):
     puppetline("shader-mesh", blob_puppet, "-o", tmp_path / "own.glb")
-    service = playing(blob_puppet, take)
-    check_shader(shade, service, blob_puppet)
-    check_shader(shade, service, blob_puppet, mesh_source=add_glb(tmp_path / "own.glb"))
+    check_shader(shade, played, blob_puppet)
+    check_shader(shade, played, blob_puppet, mesh_source=add_glb(tmp_path / "own.glb"))
 
 
-def test_a_puppet_by_vertices_shows_the_solvers_vertices(show, playing, blob_puppet, take):
-    check_vertices(show, playing(blob_puppet, take), blob_puppet)
+def test_a_puppet_by_vertices_shows_the_solvers_vertices(show, played, blob_puppet):
+    check_vertices(show, played, blob_puppet)
 
 
 def test_a_puppet_by_morphs_is_as_near_as_the_service_says(
@@ -253,14 +258,14 @@ def test_morphs_of_a_source_whose_root_is_elsewhere(
 
 
 def test_a_puppet_by_controls_of_an_imported_mesh_shows_the_solvers_vertices(
-    show, playing, add_glb, blob_puppet, take, tmp_path, puppetline
+    show, played, add_glb, blob_puppet, tmp_path, puppetline
 ):
     puppetline("shader-mesh", blob_puppet, "-o", tmp_path / "own.glb")
-    check_controls(show, playing(blob_puppet, take), blob_puppet, mesh_source=add_glb(tmp_path / "own.glb"))
+    check_controls(show, played, blob_puppet, mesh_source=add_glb(tmp_path / "own.glb"))
 
 
-def test_a_character_that_stays_in_its_place(show, playing, blob_puppet, take):
-    reference, service = Reference(blob_puppet), playing(blob_puppet, take)
+def test_a_character_that_stays_in_its_place(show, played, blob_puppet):
+    reference, service = Reference(blob_puppet), played
     for mode in CONTROLS, VERTICES:
         with Listener(service, "blob", "controls") as (messages,):
             frames = show(service.port, len(reference.rest), mode=mode, follow_root=False).frames

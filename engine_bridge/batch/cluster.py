@@ -167,18 +167,17 @@ class _Tasks:
     def outcomes(self) -> Iterator[Outcome]:
         """Wait for a task, but not long, and yield the outcomes of all that have ended."""
         from distributed import wait
-        from distributed.client import FutureCancelledError
+        from distributed.client import FutureCancelledError, FuturesCancelledError
 
-        with suppress(TimeoutError), self._client.as_current():
-            wait(list(self._running), timeout=POLL_SECONDS, return_when="FIRST_COMPLETED")
-        if self._client.status != "running":
-            raise _scheduler_ended()
-        for future in [each for each in self._running if each.done()]:
-            group, deaths = self._running.pop(future)
-            try:
-                yield from self._result(future, group, deaths)
-            except FutureCancelledError:
-                raise _scheduler_ended() from None
+        try:
+            with suppress(TimeoutError), self._client.as_current():
+                wait(list(self._running), timeout=POLL_SECONDS, return_when="FIRST_COMPLETED")
+            if self._client.status != "running":
+                raise _scheduler_ended()
+            for future in [each for each in self._running if each.done()]:
+                yield from self._result(future, *self._running.pop(future))
+        except (FutureCancelledError, FuturesCancelledError):
+            raise _scheduler_ended() from None
 
     def cancel(self) -> None:
         """Cancel all tasks."""

@@ -246,7 +246,7 @@ class WebSocketServer:
         except ConnectionError:
             pass
         finally:
-            transport.abort()  # else it would wait for a client that does not read
+            await _end(transport)
         return stream
 
     async def _serve_client(self, request: web.BaseRequest, stream: web.WebSocketResponse) -> None:
@@ -300,6 +300,20 @@ class WebSocketServer:
 
     async def _call(self, call: "partial[None]") -> None:
         await asyncio.wrap_future(self._calls.ask(call))
+
+
+async def _end(transport: asyncio.Transport) -> None:
+    """Close a connection, and do not wait for a client that does not read.
+
+    While data of the client is unread, closing resets the connection; that could overtake the frame with the reason.
+    """
+    try:
+        with suppress(TimeoutError):
+            async with asyncio.timeout(CLOSE_SECONDS):
+                while not transport.is_closing():
+                    await asyncio.sleep(CLOSE_SECONDS / 25)
+    finally:
+        transport.abort()
 
 
 async def _send(client: Client, stream: web.WebSocketResponse, counts: Counts) -> None:

@@ -70,9 +70,9 @@ def test_a_point_dragged_along_the_surface_stays_inside_of_the_body(window):
     window.button("Surface").click()
     before = window.limb("left arm")["points"]
     x, y = window.place("left arm", 1)
+    nx, ny = window.place("left arm", 2)
     window.page.mouse.move(x, y)
     window.page.mouse.down()
-    (nx, ny) = window.place("left arm", 2)
     window.page.mouse.move((x + nx) / 2, (y + ny) / 2, steps=4)
     window.page.mouse.up()
     window.idle()

@@ -321,13 +321,13 @@ func intersect_ray(from: Vector3, to: Vector3) -> Dictionary:
 		return {}
 	var corners: PackedVector3Array = global_transform * (hit["corners"] as PackedVector3Array)
 	var normal := (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalized()
-	var position: Vector3 = global_transform * hit["position"]
+	var place: Vector3 = global_transform * hit["position"]
 	var nearest := 0
 	for i in 3:
-		if position.distance_squared_to(corners[i]) < position.distance_squared_to(corners[nearest]):
+		if place.distance_squared_to(corners[i]) < place.distance_squared_to(corners[nearest]):
 			nearest = i
 	return {
-		"position": position,
+		"position": place,
 		"normal": -normal if global_basis.determinant() < 0.0 else normal,
 		"vertex": get_character_scene().triangles[3 * hit["triangle"] + nearest] if hit["triangle"] >= 0 else -1,
 	}

@@ -51,6 +51,13 @@ def test_a_scene_says_how_the_character_stands_and_what_moves_it(scene, blob_rig
     assert facts["diagonal"] == float(blob_rig.model.diagonal)
 
 
+def test_a_scene_lists_the_limbs(limbed_rig, scene):
+    limbs = describe(StreamedCharacter("dog", limbed_rig, 1))["limbs"]
+    assert [limb["name"] for limb in limbs] == [limb.name for limb in limbed_rig.puppet.limb]
+    assert limbs[0] == {"name": "trunk", "points": [[0.0, 0.0, 0.0], [0.0, 0.6, 0.0], [0.0, 1.2, 0.0]]}
+    assert scene.facts["limbs"] == []
+
+
 def test_arrays_lie_at_multiples_of_four(character):
     (length,) = struct.unpack_from("<I", character.scene)
     assert (4 + length) % 4 == 0

@@ -1,13 +1,15 @@
 @tool
 extends EditorPlugin
-## Adds Puppetline's dock to the editor, and a button that picks the vertex of an attachment. The nodes also work
-## without this plugin.
+## Adds Puppetline's dock to the editor, a button that picks the vertex of an attachment, and the import of clips. The
+## nodes also work without this plugin.
 
 const DOCK := preload("dock/dock.tscn")
 const VertexPicker := preload("editor/vertex_picker.gd")
+const ClipImporter := preload("editor/clip_importer.gd")
 
 var _dock: Control
 var _picker: VertexPicker
+var _clips := ClipImporter.new()
 
 
 func _enter_tree() -> void:
@@ -16,9 +18,11 @@ func _enter_tree() -> void:
 	_picker = VertexPicker.new()
 	_picker.hide()
 	add_control_to_container(CONTAINER_SPATIAL_EDITOR_MENU, _picker)
+	add_import_plugin(_clips)
 
 
 func _exit_tree() -> void:
+	remove_import_plugin(_clips)
 	remove_control_from_docks(_dock)
 	_dock.free()
 	remove_control_from_container(CONTAINER_SPATIAL_EDITOR_MENU, _picker)

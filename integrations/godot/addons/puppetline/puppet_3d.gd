@@ -60,6 +60,7 @@ const SharedScene := preload("play/shared_scene.gd")
 const Playback := preload("play/playback.gd")
 const JitterBuffer := preload("play/jitter_buffer.gd")
 const FrameQueue := preload("play/frame_queue.gd")
+const ClipPlayback := preload("play/clip_playback.gd")
 const Body := preload("play/body.gd")
 const ControlsBody := preload("play/controls_body.gd")
 const VerticesBody := preload("play/vertices_body.gd")
@@ -139,6 +140,20 @@ const _MAX_PATCHES := 1024
 		_body_stale = _body_stale or value != follow_root
 		follow_root = value
 
+@export_group("Clip")
+## A clip that the node plays instead of a service's stream.
+@export var clip: PuppetClip:
+	set(value):
+		_link_stale = _link_stale or value != clip
+		clip = value
+## Shown position of the [member clip], in seconds. An AnimationPlayer can animate it, with a [member clip_speed] of 0.
+@export_range(0.0, 600.0, 0.001, "or_greater", "suffix:s") var clip_position := 0.0
+## Speed at which the [member clip] plays by itself. Pauses of the game and `Engine.time_scale` apply; with the clock
+## MANUAL, [method advance] moves it.
+@export var clip_speed := 1.0
+## Whether the [member clip] begins again after its end.
+@export var clip_loops := true
+
 @export_group("Playing")
 ## The clock that moves the character. A clock that is slower than the performer lets frames wait, and skips none.
 @export var clock := Clock.REALTIME:
@@ -185,12 +200,14 @@ var _motions: Dictionary = {}  # SurfacePatch: PatchMotion, of the body
 
 
 func _process(delta: float) -> void:
-	if clock == Clock.ENGINE:
-		_time += delta
-		(_buffer as FrameQueue).catches_up = Engine.time_scale == 1.0 and not OS.has_feature("movie")
 	var plays := preview_in_editor or not Engine.is_editor_hint()
 	if _link_stale or not plays:
 		_leave()
+	if clip != null:
+		_move_clip(delta if clock != Clock.MANUAL else 0.0)
+	elif clock == Clock.ENGINE:
+		_time += delta
+		(_buffer as FrameQueue).catches_up = Engine.time_scale == 1.0 and not OS.has_feature("movie")
 	if plays:
 		_play()
 	else:
@@ -203,7 +220,9 @@ func _exit_tree() -> void:
 
 func _get_configuration_warnings() -> PackedStringArray:
 	var warnings := PackedStringArray()
-	if mode == Mode.MORPHS and mesh_source == null:
+	if clip != null and clip.problem():
+		warnings.append("The clip is damaged: %s. Write it again with `puppetline clip`." % clip.problem())
+	elif mode == Mode.MORPHS and mesh_source == null:
 		warnings.append("The mode MORPHS requires a mesh_source. Import the .glb from `puppetline bake` and assign it.")
 	if token and _sent_token().is_empty():
 		warnings.append("The token is not sent to services found in the network. Set host, or turn on trust_network.")
@@ -243,7 +262,10 @@ func advance(seconds: float) -> void:
 	if clock != Clock.MANUAL:
 		push_warning("Puppetline: advance() has no effect. Set clock to MANUAL first.")
 		return
-	_time += seconds
+	if clip != null:
+		_move_clip(seconds)
+	else:
+		_time += seconds
 	_show_next()
 
 
@@ -382,6 +404,9 @@ func _request_of_stage(body: Dictionary, done: Callable) -> void:
 
 func _play() -> void:
 	_show_preview()
+	if clip != null:
+		_play_clip()
+		return
 	# A callback may disconnect this node, or remove it from the scene.
 	if _control != null:
 		_control.poll()
@@ -392,6 +417,24 @@ func _play() -> void:
 	if clock == Clock.ENGINE and OS.has_feature("movie"):
 		_wait_for_frame()
 	_show_next()
+
+
+func _play_clip() -> void:
+	if _shared == null:
+		_shared = clip.shared_scene()
+		_name = clip.character()
+		_body_stale = _shared != null
+		update_configuration_warnings()
+	if _body_stale:
+		_build()
+	_show_next()
+
+
+func _move_clip(seconds: float) -> void:
+	var moved := clip_position + clip_speed * seconds
+	var length := clip.length()
+	if clip_speed != 0.0:
+		clip_position = fposmod(moved, length) if clip_loops and length > 0.0 else clampf(moved, 0.0, length)
 
 
 ## Take notice of what the stream has received.
@@ -426,6 +469,8 @@ func _show_next() -> void:
 
 ## Return a buffer for the clock.
 func _new_buffer() -> Playback:
+	if clip != null:
+		return ClipPlayback.new(clip)
 	var buffer: Playback = JitterBuffer.new() if clock == Clock.REALTIME else FrameQueue.new()
 	buffer.delay = _delay()
 	return buffer
@@ -475,9 +520,9 @@ func _discovered() -> Dictionary:
 func _leave() -> void:
 	_link_stale = false
 	_leave_control()
+	_unfollow_character()
 	if _stream == null:
 		return
-	_unfollow_character()
 	_stream.unfollow(_CHARACTERS, _on_characters)
 	_stream.unfollow(_STATUS, _on_status)
 	_change_state(Stream.State.OFFLINE)
@@ -510,9 +555,10 @@ func _follow_character(which: String) -> void:
 func _unfollow_character() -> void:
 	if _shared == null:
 		return
-	_stream.unfollow(_name + "/performer", _on_performer)
+	if _stream != null:
+		_stream.unfollow(_name + "/performer", _on_performer)
+		_shared.changed.disconnect(_on_scene)
 	_unfollow_frames()
-	_shared.changed.disconnect(_on_scene)
 	_shared = null
 	_name = ""
 	for body: Body in [_body, _last_body]:
@@ -548,18 +594,22 @@ func _build() -> void:
 		push_warning("Puppetline: %s: %s." % [_name, _body.problem])
 	update_configuration_warnings()
 	add_child(_body, false, Node.INTERNAL_MODE_FRONT)
-	_topic = "%s/%s" % [_name, _body.payload_name()]
-	_stream.follow(_topic, _on_frame)
+	if _stream != null:
+		_topic = "%s/%s" % [_name, _body.payload_name()]
+		_stream.follow(_topic, _on_frame)
 	scene_loaded.emit()
 
 
 func _new_body() -> Body:
 	var source := _own_character()
-	if mode == Mode.MORPHS:
+	if mode == Mode.MORPHS and clip == null:
 		return MorphsBody.new(_shared, source)
-	var obstacle := RestMesh.obstacle(_shared.scene) if mode == Mode.CONTROLS else ""
-	if mode == Mode.CONTROLS and obstacle.is_empty():
-		return ControlsBody.new(_shared, source)
+	var uses_controls := mode == Mode.CONTROLS or clip != null
+	var obstacle := RestMesh.obstacle(_shared.scene) if uses_controls else ""
+	if uses_controls and (obstacle.is_empty() or clip != null):
+		var drawn := ControlsBody.new(_shared, source)
+		drawn.problem = obstacle if obstacle else drawn.problem
+		return drawn
 	if source != null:
 		source.free()
 	if obstacle:
@@ -581,7 +631,9 @@ func _own_character() -> Node3D:
 
 func _show() -> void:
 	_body.show_frames(_buffer.earlier, _buffer.later, _buffer.share)
-	_body.visible = user_slot < 0 or (_state == Stream.State.CONNECTED and _buffer.earlier.user == user_slot)
+	_body.visible = (
+		clip != null or user_slot < 0 or (_state == Stream.State.CONNECTED and _buffer.earlier.user == user_slot)
+	)
 	if _last_body != null:
 		_last_body.queue_free()
 		_last_body = null
@@ -742,8 +794,10 @@ func _warn_of_failure(reply: Dictionary) -> void:
 		push_warning("Puppetline: %s" % (" ".join(error.values().map(str)) if error is Dictionary else str(error)))
 
 
-## Return the time of the clock, in seconds.
+## Return the time of the clock, or the position of the clip, in seconds.
 func _now() -> float:
+	if clip != null:
+		return clip_position
 	return _real_time() if clock == Clock.REALTIME else _time
 
 

@@ -61,6 +61,8 @@ var _requested_ms := 0
 
 func _init(stream: Stream, character: String) -> void:
 	_stream = stream
+	if stream == null:
+		return
 	_topic = "%s/scene/%08x%08x" % [character, randi(), randi()]
 	_receiver = _take_scene
 	_stream.follow(_topic, _receiver)
@@ -76,6 +78,13 @@ static func shared(stream: Stream, character: String) -> SharedScene:
 		found._key = key
 		_scenes[key] = weakref(found)
 	return found
+
+
+## Return a scene that does not come from a service and never changes.
+static func of_scene(known: Scene) -> SharedScene:
+	var made := SharedScene.new(null, "")
+	made.scene = known
+	return made
 
 
 ## Request the scene again, because a frame of another revision has arrived.

@@ -2,7 +2,7 @@ extends RefCounted
 ## A message of the stream: topic, header and payload (docs/protocol.md, "Messages").
 
 ## Type of a payload.
-enum Kind { SCENE = 1, CONTROLS, MORPHS, VERTICES, VERTICES16, JOINTS, HANDLES, PERFORMER, STATUS, CHARACTERS }
+enum Kind { SCENE = 1, CONTROLS, MORPHS, VERTICES, VERTICES16, JOINTS, HANDLES, PERFORMER, STATUS, CHARACTERS, CLIP }
 ## There is no performer; the performer is being calibrated; the performer drives the character; the character eases
 ## into its rest pose.
 enum PerformerState { WAITING, CALIBRATING, PERFORMING, LEAVING }

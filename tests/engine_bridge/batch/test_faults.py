@@ -17,10 +17,11 @@ import pytest
 from engine_bridge.batch.identity import FileState
 from engine_bridge.batch.store import OWN_FOLDER, PARTIAL_FOLDER, Store
 
+from ...effort import EFFORT
 from .conftest import results
 
-KILLS = 10
-"""Number of times that a process is killed."""
+KILLS = max(2, round(10 * EFFORT))
+"""Number of times that a process is killed; ten in a thorough run."""
 
 REMOVED = 10
 """Number of results that are removed before each batch, so that there is work."""
@@ -222,8 +223,8 @@ def test_a_scheduler_that_is_killed_ends_the_batch_with_a_message(start, finishe
                     errors
                 )
                 assert errors.count("\n") == 1
-        worker.terminate()
-        worker.wait(TIMEOUT_SECONDS)
+        worker.kill()  # asked to end, it first looks for its scheduler for a long time
+        worker.wait()
         assert_whole(tmp_path, wanted)
     assert_finished(tmp_path, wanted, finished)
 

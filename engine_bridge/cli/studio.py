@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from engine_bridge.cli.options import FILE
+from puppetline.errors import PuppetlineError
 
 if TYPE_CHECKING:
     from engine_bridge.studio.server import Served
@@ -46,9 +47,17 @@ def studio(
 
     import platformdirs
 
+    from engine_bridge.inspection.files import inspect
     from engine_bridge.service.monitoring import logs
     from engine_bridge.studio.server import StudioSettings, run
 
+    if file is not None and (kind := inspect(file)["kind"]) not in ("puppet", "character"):
+        raise PuppetlineError(
+            file,
+            found=f"a {kind}",
+            expected="a puppet file or a mesh",
+            fix="Start without it, then drop it on the page.",
+        )
     logs.setup("text", "warning")
     settings = StudioSettings(
         folder=folder or platformdirs.user_data_path("puppetline") / "studio",

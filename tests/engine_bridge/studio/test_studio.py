@@ -273,3 +273,13 @@ def test_the_command_refuses_other_machines_without_a_token(commands, tmp_path):
     done = commands.run("studio", "--host", "0.0.0.0", "--folder", tmp_path)
     assert done.returncode == 1
     assert "which other machines can reach, and no credentials" in done.stderr
+
+
+@pytest.mark.parametrize(("name", "found"), [("nothing.glb", "no such file"), ("walk.log", "a log")])
+def test_a_file_that_cannot_be_opened_first_is_refused_before_the_start(commands, take, tmp_path, name, found):
+    if name == "walk.log":
+        (tmp_path / name).write_bytes(take.read_bytes())
+    done = commands.run("studio", tmp_path / name, "--no-browser", "--folder", tmp_path / "studio")
+    assert done.returncode == 1
+    assert f"{tmp_path / name}: found {found}; expected a" in done.stderr
+    assert not (tmp_path / "studio").exists()

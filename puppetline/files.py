@@ -69,8 +69,10 @@ def check_writable(path: Path, ending: str, inputs: Iterable[Path] = ()) -> None
         if any(path.resolve() == other.resolve() for other in inputs):
             raise OutputError(path, found="an input file", expected="another file", fix="Choose another name with -o.")
         beside = _beside(path)
-        beside.touch()
-        beside.unlink()
+        try:
+            beside.touch()
+        finally:  # also after an interrupt, which may come between the two
+            beside.unlink(missing_ok=True)
     except OSError as error:
         raise write_error(path, error) from error
 

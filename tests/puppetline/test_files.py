@@ -76,6 +76,19 @@ def test_two_processes_that_write_one_file_do_not_meet_halfway(tmp_path):
         beside.write_text("mine")
 
 
+def test_an_interrupt_while_a_place_is_checked_leaves_no_file(tmp_path, monkeypatch):
+    touch = Path.touch
+
+    def interrupted(path):
+        touch(path)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "touch", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        check_writable(tmp_path / "out.glb", ".glb")
+    assert names(tmp_path) == []
+
+
 def test_a_good_place_is_left_as_it_was(tmp_path):
     path = tmp_path / "out.glb"
     check_writable(path, ".glb")

@@ -108,6 +108,7 @@ def built(mono, tmp_path_factory):
     )
     compile_("Sample", sorted((PACKAGE / "Samples~").rglob("*.cs")), *unity)
     compile_("Core", [programs / "Core.cs", programs / "Said.cs"], "Puppetline.Core", target="exe")
+    compile_("Sharing", [programs / "Sharing.cs", programs / "Said.cs"], "Puppetline.Core", target="exe")
     compile_("Component", [programs / "Component.cs", programs / "Said.cs"], *unity, target="exe")
     return folder
 

@@ -16,7 +16,11 @@ if TYPE_CHECKING:
     from distributed import Client
 
 START_SECONDS = 120
-"""Time in which a scheduler must answer, and for which it may be without any worker, in seconds."""
+"""Time for which a scheduler may be without any worker, in seconds."""
+
+CONNECT_SECONDS = 20
+"""Time in which a scheduler must answer, in seconds. Dask's client also uses it when it has lost its scheduler, so a
+longer one would delay the message about that."""
 
 POLL_SECONDS = 1.0
 """Time after which waiting for a task is interrupted to look at the workers, in seconds."""
@@ -84,7 +88,7 @@ def connected(scheduler: str | None, workers: int | None, max_workers: int, *, d
     _silence()
     if scheduler is not None:
         with _reaching(scheduler):
-            client = Client(scheduler, timeout=START_SECONDS, set_as_default=False)
+            client = Client(scheduler, timeout=CONNECT_SECONDS, set_as_default=False)
             client.wait_for_workers(1, timeout=START_SECONDS)
         with client:
             yield client

@@ -14,7 +14,7 @@ from engine_bridge.character.examples import MOTIONS
 from engine_bridge.studio import messages, performing
 from engine_bridge.studio.characters import Characters, OpenCharacter
 from engine_bridge.studio.jobs import Jobs, Progress
-from engine_bridge.studio.looking import look
+from engine_bridge.studio.looking import look_reply
 from engine_bridge.studio.messages import JobState, PuppetReply, SourceState, State
 from engine_bridge.studio.performing import Playing
 from engine_bridge.studio.running import Running
@@ -323,8 +323,10 @@ class Studio:
     async def _do_choose_user(self, asked: messages.ChooseUser) -> dict[str, Any]:
         return await self._pass_on("choose_user", character=asked.character, user=asked.user)
 
-    async def _do_look(self, _: messages.Look) -> dict[str, Any]:
-        return look(self.state).model_dump(mode="json")
+    async def _do_look(self, asked: messages.Look) -> dict[str, Any]:
+        stages = [asked.stage] if asked.stage else [each["name"] for each in self.running.status.get("stages", [])]
+        seen = await self.running.request("look", **({"stage": stages[0]} if stages else {}))
+        return look_reply(seen, self.workspace.without_folders).model_dump(mode="json")
 
     async def _do_smoothing_preview(self, asked: messages.SmoothingPreview) -> dict[str, Any]:
         values = asked.model_dump(exclude={"id", "do"})

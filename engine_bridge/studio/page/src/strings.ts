@@ -92,6 +92,8 @@ export const strings = {
     look: "Show what the sensor sees",
     lookHide: "Hide the sensor's picture",
     lookWait: "Waiting for a picture…",
+    lookFine: "No problems found.",
+    noPicture: "This source has no pictures.",
     picture: "What the source sees, with the joints that it found",
     user: (user: number, state: string) => `Performer ${user}: ${state}`,
     states: {

@@ -5,6 +5,7 @@ import { type Node_, h } from "../dom";
 import { type State, shownCharacter } from "../store";
 import { strings } from "../strings";
 import { button } from "./parts";
+import { seen } from "./seen";
 import { sources } from "./sources";
 
 export function performer(state: State): Node_ {
@@ -66,18 +67,6 @@ function body(state: State): Node_ {
     button(state.looking ? words.lookHide : words.look, () => {
       void look(!state.looking);
     }, { pressed: state.looking }),
-    state.looking && sensorPicture(state),
-  );
-}
-
-function sensorPicture({ look: seen }: State): Node_ {
-  const { performer: words } = strings;
-  if (seen === null) return h("p", { class: "small", key: "look" }, words.lookWait);
-  return h(
-    "div",
-    { class: "look", key: "look" },
-    seen.picture !== "" && h("img", { src: `data:image/jpeg;base64,${seen.picture}`, alt: words.picture }),
-    seen.problems.map(({ text, fix }) => h("p", { class: "small" }, h("strong", {}, text), fix === "" ? "" : ` ${fix}`)),
-    seen.performers.map((line) => h("p", { class: "small" }, line)),
+    state.looking && seen(state),
   );
 }

@@ -163,6 +163,7 @@ class _Commands:
                 }
                 for handle in puppet.handle
             ],
+            "limbs": [limb.model_dump(mode="json") for limb in puppet.limb],
             "root": None if puppet.root is None else puppet.root.model_dump(),
             "mirror": player.mirror,
             "scale": puppet.retarget.scale,

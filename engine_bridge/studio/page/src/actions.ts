@@ -281,7 +281,7 @@ export async function preview(smoothing: Smoothing): Promise<void> {
 
 export async function save(character: string): Promise<void> {
   const saved = await request<{ name: string; file: string }>(strings.busy.save, "save_puppet", { character });
-  if (saved !== null) await offer(saved.file, saved.name);
+  if (saved !== null && saved.file !== "") await offer(saved.file, saved.name);
 }
 
 // --------------------------------------------------------------------------------------------------------- takes

@@ -2,7 +2,7 @@
 
 import { calibrate, chooseSource, look, perform } from "../actions";
 import { type Node_, h } from "../dom";
-import { type State, shownCharacter } from "../store";
+import { type State, isJoined, shownCharacter } from "../store";
 import { strings } from "../strings";
 import { button } from "./parts";
 import { seen } from "./seen";
@@ -19,14 +19,15 @@ export function performer(state: State): Node_ {
   );
 }
 
-function sourceLine({ server }: State): Node_ {
+function sourceLine(state: State): Node_ {
+  const { server } = state;
   const { performer: words } = strings;
   const text = server === null || server.source.kind === "none" ? words.none : server.source.text;
   return h(
     "div",
     { class: "source", key: "source" },
     h("span", { title: text }, text),
-    button(words.change, () => {
+    !isJoined(state) && button(words.change, () => {
       void chooseSource();
     }),
   );

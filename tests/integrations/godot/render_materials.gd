@@ -1,8 +1,9 @@
 extends "teller.gd"
 ## Draws a character with many materials, once with Godot's own material and once with the addon's version of it. The
-## first argument is a FOLDER with scene.bin, rest.bin, bent.bin and vertices.bin (payloads: scene, controls at rest and
-## bent, vertices of the latter), which also receives the images. With the path of an imported scene as second argument,
-## only that scene is drawn, as imported and by the addon. With "bent", only the bent character is drawn.
+## first argument is a FOLDER with scene.bin, rest.bin, bent.bin, vertices.bin and vertices16.bin (payloads: scene,
+## controls at rest and bent, vertices of the latter), which also receives the images. With the path of an imported
+## scene as second argument, only that scene is drawn, as imported and by the addon. With "bent", only the bent
+## character is drawn.
 
 const Stream := preload("res://addons/puppetline/wire/stream.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")
@@ -164,7 +165,7 @@ func _draw_bent() -> void:
 	own.material_override = material
 	await _photograph(own, "bent own")
 	await _photograph(_shown(ControlsBody.new(_shared, null), "bent", material), "bent made")
-	await _photograph(_shown(VerticesBody.new(_shared), "vertices", material), "bent vertices")
+	await _photograph(_shown(VerticesBody.new(_shared), "vertices16", material), "bent vertices")
 	tell({"case": "bent"})
 
 

@@ -20,8 +20,8 @@ const _FORMAT := (
 )
 
 
-## Make the mesh of a scene, with additional flags of [enum Mesh.ArrayFormat].
-static func build(scene: Scene, flags := 0) -> ArrayMesh:
+## Make the mesh of a scene.
+static func build(scene: Scene) -> ArrayMesh:
 	var mesh := ArrayMesh.new()
 	var coordinates_0 := _isoline_coordinate_columns(scene, 0)
 	var coordinates_1 := _isoline_coordinate_columns(scene, 4)
@@ -40,7 +40,7 @@ static func build(scene: Scene, flags := 0) -> ArrayMesh:
 		arrays[Mesh.ARRAY_CUSTOM0] = coordinates_0.slice(4 * first, 4 * end)
 		arrays[Mesh.ARRAY_CUSTOM1] = coordinates_1.slice(4 * first, 4 * end)
 		arrays[Mesh.ARRAY_CUSTOM2] = numbers.slice(first, end)
-		mesh.add_surface_from_arrays(Mesh.PRIMITIVE_TRIANGLES, arrays, [], {}, _FORMAT | flags)
+		mesh.add_surface_from_arrays(Mesh.PRIMITIVE_TRIANGLES, arrays, [], {}, _FORMAT)
 		mesh.surface_set_name(mesh.get_surface_count() - 1, part["name"])
 	return mesh
 

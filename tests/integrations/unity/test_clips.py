@@ -182,3 +182,64 @@ def test_timeline_holds_the_pose_in_a_gap(play):
     (before, after), said = play("at:0.5", "timeline:0:0:0:0")
     assert before["vertices"] == after["vertices"]
     assert not any("warning" in each for each in said)
+
+
+def with_material(content, **values):
+    """Return a clip whose parts have another material, and no colours at the vertices."""
+    description, scene, *frames = messages_of(content)
+    start = 132 + int.from_bytes(scene[128:132], "little")
+    facts = json.loads(scene[132:start])
+    facts["arrays"].pop("colors", None)
+    for part in facts["parts"]:
+        part["material"] = {**PLAIN, **values}
+    text = json.dumps(facts).encode()
+    payload = struct.pack("<I", len(text)) + text + scene[start:]
+    head = scene[:LENGTH] + struct.pack("<I", len(payload)) + scene[LENGTH + 4 : 128]
+    return b"".join((description, head, payload, *frames))
+
+
+PLAIN = {
+    "name": "paint",
+    "base_color": [0.5, 0.25, 1.0, 0.75],
+    "metallic": 0.25,
+    "roughness": 0.75,
+    "emissive": [0.5, 0, 2],
+    "alpha_mode": "OPAQUE",
+    "double_sided": False,
+}
+
+
+@pytest.fixture
+def material(play, clip, tmp_path):
+    """Return the material that the package makes of one of the file."""
+
+    def of(**values):
+        path = tmp_path / "painted.clip"
+        path.write_bytes(with_material(clip.read_bytes(), **values))
+        _, said = play("materials", first=path)
+        return next(each for each in said if "queue" in each)
+
+    return of
+
+
+def encoded(linear):
+    """Return the sRGB value of a linear one."""
+    return 12.92 * linear if linear <= 0.0031308 else 1.055 * linear ** (1 / 2.4) - 0.055
+
+
+def test_a_material_has_the_colours_and_the_emission_of_the_file(material):
+    made = material()
+    assert made["_BaseColor"] == pytest.approx([encoded(0.5), encoded(0.25), 1, 0.75], abs=1e-6)
+    assert made["_EmissionColor"] == pytest.approx([0.5, 0, 2, 1])  # Unity does not convert what may be brighter than 1
+    assert (made["_VertexColors"], made["_Metallic"], made["_Smoothness"], made["_Cull"]) == (0, 0.25, 0.25, 2)
+    assert (made["queue"], made["keywords"]) == (0, "")
+    assert material(double_sided=True)["_Cull"] == 0
+
+
+def test_alpha_modes_are_clipping_and_blending(material):
+    clipped, blended = material(alpha_mode="MASK"), material(alpha_mode="BLEND")
+    assert (clipped["queue"], clipped["keywords"], clipped["_AlphaClip"]) == (2450, "_ALPHATEST_ON", 1)
+    assert "_SrcBlend" not in clipped
+    assert (blended["queue"], blended["keywords"]) == (3000, "_SURFACE_TYPE_TRANSPARENT")
+    assert (blended["_SrcBlend"], blended["_DstBlend"], blended["_ZWrite"]) == (5, 10, 0)
+    assert (clipped["RenderType"], blended["RenderType"]) == ("TransparentCutout", "Transparent")

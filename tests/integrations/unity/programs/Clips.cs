@@ -1,4 +1,5 @@
 using System;
+using System.Collections.Generic;
 using System.Globalization;
 using System.IO;
 using Puppetline;
@@ -9,7 +10,7 @@ using UnityEngine.Playables;
 /// <summary>
 /// Plays clips in a stand-in for Unity. Arguments: two files, then steps: "at:SECONDS", "blend:SECONDS:SECONDS:WEIGHT",
 /// "timeline:SECONDS:WEIGHT:SECONDS:WEIGHT", "play:SECONDS" for one update of that length, "speed:S", "once", "clock:NAME", "advance:SECONDS", and "swap", which plays
-/// the second clip.
+/// the second clip, and "materials", which shows those that the package makes.
 /// </summary>
 static class Clips
 {
@@ -24,7 +25,8 @@ static class Clips
         Shower.clip = first;
         other = PuppetClip.Create(File.ReadAllBytes(arguments[1]));
         other.name = "second";
-        Shower.materials = new[] { new Material(new Shader { name = "Any/Shader" }) };
+        bool plain = Array.IndexOf(arguments, "materials") >= 0;
+        Shower.materials = plain ? new Material[0] : new[] { new Material(new Shader { name = "Any/Shader" }) };
         Shower.events.sceneLoaded.AddListener(() => Said.Line("loaded", Shower.Character));
         Player.Enable(Shower, true);
         for (int i = 2; i < arguments.Length; i++)
@@ -69,6 +71,10 @@ static class Clips
                 Shower.Advance(Number(words[1]));
                 Say();
                 break;
+            case "materials":
+                Update(0);
+                SayMaterials();
+                break;
             case "swap":
                 Shower.clip = other;
                 break;
@@ -90,6 +96,21 @@ static class Clips
             Said.Line("duration", asset.duration);
         }
         mixer.node.behaviour.ProcessFrame(mixer, default, Shower);
+    }
+
+    static void SayMaterials()
+    {
+        Shower.TryGetComponent(out MeshRenderer renderer);
+        foreach (Material material in renderer.sharedMaterials)
+        {
+            var told = new List<object> { "queue", material.renderQueue, "keywords", string.Join(" ", material.keywords) };
+            foreach (KeyValuePair<string, object> each in material.properties)
+            {
+                told.Add(each.Key);
+                told.Add(each.Value is Color color ? new object[] { color.r, color.g, color.b, color.a } : each.Value);
+            }
+            Said.Line(told.ToArray());
+        }
     }
 
     static void Update(float seconds)

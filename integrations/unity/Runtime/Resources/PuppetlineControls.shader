@@ -29,7 +29,7 @@ Shader "Puppetline/Controls"
     SubShader
     {
         PackageRequirements { "com.unity.render-pipelines.universal": "12.0" }
-        Tags { "RenderPipeline" = "UniversalPipeline" "RenderType" = "Opaque" "UniversalMaterialType" = "Lit" "DisableBatching" = "True" "AlwaysRenderMotionVectors" = "True" }
+        Tags { "RenderPipeline" = "UniversalPipeline" "RenderType" = "Opaque" "UniversalMaterialType" = "Lit" "DisableBatching" = "True" "AlwaysRenderMotionVectors" = "true" }
         Cull [_Cull]
 
         Pass
@@ -134,7 +134,7 @@ Shader "Puppetline/Controls"
     SubShader
     {
         PackageRequirements { "com.unity.render-pipelines.universal": "12.0" }
-        Tags { "RenderPipeline" = "UniversalPipeline" "RenderType" = "Opaque" "UniversalMaterialType" = "Lit" "DisableBatching" = "True" "AlwaysRenderMotionVectors" = "True" }
+        Tags { "RenderPipeline" = "UniversalPipeline" "RenderType" = "Opaque" "UniversalMaterialType" = "Lit" "DisableBatching" = "True" "AlwaysRenderMotionVectors" = "true" }
         Cull [_Cull]
 
         Pass
@@ -222,7 +222,7 @@ Shader "Puppetline/Controls"
     SubShader
     {
         PackageRequirements { "com.unity.render-pipelines.high-definition": "12.0" }
-        Tags { "RenderPipeline" = "HDRenderPipeline" "RenderType" = "HDLitShader" "DisableBatching" = "True" "AlwaysRenderMotionVectors" = "True" }
+        Tags { "RenderPipeline" = "HDRenderPipeline" "RenderType" = "HDLitShader" "DisableBatching" = "True" "AlwaysRenderMotionVectors" = "true" }
         Cull [_Cull]
 
         Pass

@@ -168,6 +168,14 @@ def test_a_clip_of_another_character_is_not_blended(play, clip, tmp_path, solved
     assert np.abs(positions(shown) - solved[0][15]).max() <= 1e-5 * solved[1]
 
 
+def test_an_object_is_attached_to_a_clip(play, solved):
+    vertices, diagonal = solved
+    _, said = play(f"at:{7 / FPS}", "attach:5", f"blend:{7 / FPS}:{40 / FPS}:0.5", "attach:5", "attach:9")
+    places = [each["attached"] for each in said if "attached" in each]
+    mean = vertices[[7, 40]].mean(axis=0)
+    assert np.abs(places - np.array([vertices[7][5], mean[5], mean[9]])).max() <= 1e-5 * diagonal
+
+
 @pytest.mark.parametrize("weights", [(1.0, 0.0), (0.75, 0.25), (0.2, 0.2), (0.25, 0.75), (0.0, 0.5)])
 def test_timeline_mixes_what_overlaps_on_a_track(play, solved, weights):
     vertices, diagonal = solved

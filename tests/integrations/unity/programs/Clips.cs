@@ -9,12 +9,14 @@ using UnityEngine.Playables;
 
 /// <summary>
 /// Plays clips in a stand-in for Unity. Arguments: two files, then steps: "at:SECONDS", "blend:SECONDS:SECONDS:WEIGHT",
-/// "timeline:SECONDS:WEIGHT:SECONDS:WEIGHT", "play:SECONDS" for one update of that length, "speed:S", "once", "clock:NAME", "advance:SECONDS", and "swap", which plays
-/// the second clip, and "materials", which shows those that the package makes.
+/// "timeline:SECONDS:WEIGHT:SECONDS:WEIGHT", "play:SECONDS" for one update of that length, "speed:S", "once", "clock:NAME",
+/// "advance:SECONDS", "swap", which plays the second clip, "attach:VERTEX", which shows where an attached object is, and
+/// "materials", which shows those that the package makes.
 /// </summary>
 static class Clips
 {
     static readonly Puppet Shower = new GameObject().AddComponent<Puppet>();
+    static readonly PuppetAttachment Attached = new GameObject().AddComponent<PuppetAttachment>();
     static PuppetClip first, other;
     static int warned;
 
@@ -70,6 +72,13 @@ static class Clips
             case "advance":
                 Shower.Advance(Number(words[1]));
                 Say();
+                break;
+            case "attach":
+                Attached.puppet = Shower;
+                Attached.vertex = int.Parse(words[1]);
+                Player.Call(Attached, "LateUpdate");
+                Vector3 place = Attached.transform.position;
+                Said.Line("attached", new object[] { place.x, place.y, place.z });
                 break;
             case "materials":
                 Update(0);

@@ -192,6 +192,11 @@ def test_timeline_holds_the_pose_in_a_gap(play):
     assert not any("warning" in each for each in said)
 
 
+def test_timeline_changes_nothing_outside_of_play_mode(play):
+    (before, after), _ = play("at:0.5", "editing", "timeline:1:1:0:0")
+    assert (after["position"], after["vertices"]) == (before["position"], before["vertices"])
+
+
 def with_material(content, **values):
     """Return a clip whose parts have another material, and no colours at the vertices."""
     description, scene, *frames = messages_of(content)

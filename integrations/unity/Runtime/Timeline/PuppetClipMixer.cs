@@ -1,4 +1,5 @@
 using Puppetline.Protocol;
+using UnityEngine;
 using UnityEngine.Playables;
 
 namespace Puppetline
@@ -9,7 +10,8 @@ namespace Puppetline
         /// <inheritdoc/>
         public override void ProcessFrame(Playable playable, FrameData info, object playerData)
         {
-            var puppet = playerData as Puppet;
+            // A component runs in play mode only; the preview of the editor would change its fields in the scene.
+            var puppet = Application.isPlaying ? playerData as Puppet : null;
             int heaviest = Heaviest(playable, -1), second = Heaviest(playable, heaviest), first = heaviest;
             if (puppet == null || heaviest < 0)
             {

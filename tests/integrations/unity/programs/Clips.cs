@@ -10,8 +10,8 @@ using UnityEngine.Playables;
 /// <summary>
 /// Plays clips in a stand-in for Unity. Arguments: two files, then steps: "at:SECONDS", "blend:SECONDS:SECONDS:WEIGHT",
 /// "timeline:SECONDS:WEIGHT:SECONDS:WEIGHT", "play:SECONDS" for one update of that length, "speed:S", "once", "clock:NAME",
-/// "advance:SECONDS", "swap", which plays the second clip, "attach:VERTEX", which shows where an attached object is, and
-/// "materials", which shows those that the package makes.
+/// "advance:SECONDS", "editing" for the editor outside of play mode, "swap", which plays the second clip, "attach:VERTEX",
+/// which shows where an attached object is, and "materials", which shows those that the package makes.
 /// </summary>
 static class Clips
 {
@@ -52,6 +52,9 @@ static class Clips
             case "blend":
                 Shower.ShowClips(Shower.clip, Number(words[1]), other, Number(words[2]), Number(words[3]));
                 Say();
+                break;
+            case "editing":
+                Application.isPlaying = false;
                 break;
             case "timeline":
                 ShowTimeline(words);

@@ -45,6 +45,7 @@ Shader "Puppetline/Controls"
             #pragma fragment PuppetlineFragment
             #pragma multi_compile_instancing
             #pragma multi_compile_local _ _ALPHATEST_ON
+            #pragma multi_compile _ _SURFACE_TYPE_TRANSPARENT
             #pragma multi_compile _ _MAIN_LIGHT_SHADOWS _MAIN_LIGHT_SHADOWS_CASCADE _MAIN_LIGHT_SHADOWS_SCREEN
             #pragma multi_compile _ _ADDITIONAL_LIGHTS_VERTEX _ADDITIONAL_LIGHTS
             #pragma multi_compile _ _FORWARD_PLUS
@@ -150,6 +151,7 @@ Shader "Puppetline/Controls"
             #pragma fragment PuppetlineFragment
             #pragma multi_compile_instancing
             #pragma multi_compile_local _ _ALPHATEST_ON
+            #pragma multi_compile _ _SURFACE_TYPE_TRANSPARENT
             #pragma multi_compile _ _MAIN_LIGHT_SHADOWS _MAIN_LIGHT_SHADOWS_CASCADE _MAIN_LIGHT_SHADOWS_SCREEN
             #pragma multi_compile _ _ADDITIONAL_LIGHTS_VERTEX _ADDITIONAL_LIGHTS
             #pragma multi_compile _ _FORWARD_PLUS
@@ -285,7 +287,8 @@ Shader "Puppetline/Controls"
         {
             Name "ForwardOnly"
             Tags { "LightMode" = "ForwardOnly" }
-            Blend [_SrcBlend] [_DstBlend], One OneMinusSrcAlpha
+            // HDRP multiplies colours by alpha itself.
+            Blend One [_DstBlend], One OneMinusSrcAlpha
             ZWrite [_ZWrite]
             ZTest LEqual
             HLSLPROGRAM

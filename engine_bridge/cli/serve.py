@@ -182,7 +182,8 @@ def _studio(settings: "ServiceFile", folder: Path, streams: list[str], port: int
     address = stream.removeprefix("tcp://").replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]")  # noqa: S104
     token = {TOKEN_VARIABLE: endpoint.token.decode()} if endpoint.token else {}
     command = [sys.executable, "-m", "puppetline", "studio", "--service", address, "--port", str(port), "--no-browser"]
-    process = subprocess.Popen(command, env=os.environ | token)  # noqa: S603 - this program itself
+    # 1 and 2 are for native libraries by now
+    process = subprocess.Popen(command, env=os.environ | token, stdout=sys.stdout, stderr=sys.stderr)  # noqa: S603
     try:
         yield
     finally:

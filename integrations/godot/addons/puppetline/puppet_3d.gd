@@ -18,6 +18,8 @@ signal refused(reason: String)
 signal scene_loaded
 ## Emitted when a new pose has been set, once per image. Nodes that follow the surface move then.
 signal pose_updated
+## Emitted with each frame of the service, as it arrives.
+signal frame_received(frame: Message)
 ## Emitted when a performer has been found for the character. The performer should stand still for one second.
 signal performer_found(user: int)
 ## Emitted when the performer has been calibrated and drives the character.
@@ -61,7 +63,9 @@ const SharedScene := preload("play/shared_scene.gd")
 const Playback := preload("play/playback.gd")
 const JitterBuffer := preload("play/jitter_buffer.gd")
 const FrameQueue := preload("play/frame_queue.gd")
-const ClipPlayback := preload("play/clip_playback.gd")
+const MixedPlayback := preload("play/mixed_playback.gd")
+const ClipPlayer := preload("play/clip_player.gd")
+const ClipAnimations := preload("play/clip_animations.gd")
 const Body := preload("play/body.gd")
 const ControlsBody := preload("play/controls_body.gd")
 const VerticesBody := preload("play/vertices_body.gd")
@@ -141,7 +145,7 @@ const _NEXT_FRAME_TIMEOUT_SECONDS := 2.0
 ## A clip that the node plays instead of a service's stream.
 @export var clip: PuppetClip:
 	set(value):
-		_link_stale = _link_stale or value != clip
+		_clips_stale = _clips_stale or value != clip
 		clip = value
 ## Shown position of the [member clip], in seconds. An AnimationPlayer can animate it, with a [member clip_speed] of 0.
 @export_range(0.0, 600.0, 0.001, "or_greater", "suffix:s") var clip_position := 0.0
@@ -150,6 +154,15 @@ const _NEXT_FRAME_TIMEOUT_SECONDS := 2.0
 @export var clip_speed := 1.0
 ## Whether the [member clip] begins again after its end.
 @export var clip_loops := true
+## Clips of one character that an AnimationPlayer or an AnimationTree mixes, by the animations of [method
+## make_clip_animations]. If their weights add up to less than 1, [member clip] has the rest.
+@export var mixed_clips: Array[PuppetClip] = []:
+	set(value):
+		_clips_stale = true
+		mixed_clips = value
+## Weight of the performer against the clips: 0 shows the clips, 1 the performer. The node connects to the service when
+## it is first greater than 0, and shows the clips until a frame arrives.
+@export_range(0.0, 1.0, 0.001) var live_weight := 0.0
 
 @export_group("Playing")
 ## The clock that moves the character. A clock that is slower than the performer lets frames wait, and skips none.
@@ -172,6 +185,8 @@ var _performer := Performer.new()
 var _takes := Takes.new()
 var _shared: SharedScene
 var _buffer: Playback = _new_buffer()
+var _clips := ClipPlayer.new()
+var _shown := MixedPlayback.new()
 var _time := 0.0  # of the clocks ENGINE and MANUAL, in seconds
 var _waits := true  # whether a movie waits for frames
 var _body: Body
@@ -181,6 +196,8 @@ var _preview_stale := true
 var _name := ""  # name of the followed character
 var _topic := ""  # topic of its frames
 var _link_stale := false
+var _clips_stale := false
+var _is_other_version := false  # the service's character, than that of the clips
 var _body_stale := false
 var _damaged := 0
 var _arrivals := PackedFloat64Array()
@@ -197,11 +214,12 @@ func _init() -> void:
 
 func _process(delta: float) -> void:
 	var plays := preview_in_editor or not Engine.is_editor_hint()
+	if _clips_stale:
+		_take_clips()
 	if _link_stale or not plays:
 		_leave()
-	if clip != null:
-		_move_clip(delta if clock != Clock.MANUAL else 0.0)
-	elif clock == Clock.ENGINE:
+	_move_clip(delta if clock != Clock.MANUAL else 0.0)
+	if clock == Clock.ENGINE:
 		_time += delta
 		(_buffer as FrameQueue).catches_up = Engine.time_scale == 1.0 and not OS.has_feature("movie")
 	if plays:
@@ -216,8 +234,8 @@ func _exit_tree() -> void:
 
 func _get_configuration_warnings() -> PackedStringArray:
 	var warnings := PackedStringArray()
-	if clip != null and clip.problem():
-		warnings.append("The clip is damaged: %s. Write it again with `puppetline clip`." % clip.problem())
+	if _clips.problem:
+		warnings.append(_clips.problem)
 	elif mode == Mode.MORPHS and mesh_source == null:
 		warnings.append("The mode MORPHS requires a mesh_source. Import the .glb from `puppetline bake` and assign it.")
 	if token and _sent_token().is_empty():
@@ -229,6 +247,10 @@ func _get_configuration_warnings() -> PackedStringArray:
 		names = _link.characters
 	if character and not names.is_empty() and character not in names:
 		warnings.append("The service has no character '%s'. Its characters are: %s." % [character, ", ".join(names)])
+	if _is_other_version:
+		warnings.append(
+			"The service has another version of %s than the clip, and is not shown. Write it again." % _name
+		)
 	if _body != null and _body.problem:
 		warnings.append("%s: %s." % [_name, _body.problem])
 	return warnings
@@ -251,11 +273,15 @@ func advance(seconds: float) -> void:
 	if clock != Clock.MANUAL:
 		push_warning("Puppetline: advance() has no effect. Set clock to MANUAL first.")
 		return
-	if clip != null:
-		_move_clip(seconds)
-	else:
-		_time += seconds
+	_move_clip(seconds)
+	_time += seconds
 	_show_next()
+
+
+## Return an animation per clip of [member mixed_clips], and RESET, for an AnimationPlayer whose root node is this node.
+## An AnimationTree blends them. An AnimationPlayer does so if its `deterministic` is on.
+func make_clip_animations() -> AnimationLibrary:
+	return ClipAnimations.library(mixed_clips)
 
 
 ## Calibrate again: map the performer's current pose to the character's rest pose.
@@ -304,7 +330,7 @@ func get_surface_transform(vertex: int) -> Transform3D:
 ## Return the shown pose of a patch of the surface, with an orthonormal basis in the space that [param to_space]
 ## transforms to. Before the first frame, it is the pose of this node.
 func get_patch_transform(patch: SurfacePatch, to_space: Transform3D) -> Transform3D:
-	return _poses.pose(patch, _body, _buffer, to_space)
+	return _poses.pose(patch, _body, _shown, to_space)
 
 
 ## Return where a segment hits the shown surface first: `position` and `normal` in global coordinates, and the number of
@@ -358,17 +384,48 @@ func statistics() -> Dictionary:
 		"waiting": _buffer.waiting(),
 		"lost": _buffer.lost,
 		"damaged": _damaged,
-		"sequence": _buffer.earlier.sequence if _buffer.earlier != null else -1,
-		"next_sequence": _buffer.later.sequence if _buffer.later != null else -1,
-		"share": _buffer.share,
+		"sequence": _shown.earlier.sequence if _shown.earlier != null else -1,
+		"next_sequence": _shown.later.sequence if _shown.later != null else -1,
+		"share": _shown.share,
 	}
+
+
+## The properties that animations of clips set: `mix/0` and so on.
+func _set(property: StringName, value: Variant) -> bool:
+	var number := _mix_number(property)
+	if number >= 0 and value is Vector2:
+		_clips.mix[number] = value
+	return number >= 0
+
+
+func _get(property: StringName) -> Variant:
+	var number := _mix_number(property)
+	return _clips.mix[number] if number >= 0 else null
+
+
+## Return the number of the mixed clip to which a property belongs; −1 for other properties.
+func _mix_number(property: StringName) -> int:
+	if not property.begins_with(ClipAnimations.PROPERTY_PREFIX):
+		return -1
+	if _clips_stale:
+		_take_clips()
+	var number := property.trim_prefix(ClipAnimations.PROPERTY_PREFIX).to_int()
+	return number if number < _clips.mix.size() else -1
 
 
 func _play() -> void:
 	_show_preview()
-	if clip != null:
-		_play_clip()
-		return
+	var playable := _clips.first()
+	if playable != null:
+		_show_clip_scene()
+	if not _clips.is_used or (playable != null and (live_weight > 0.0 or _link != null)):
+		_poll_service()
+	if is_inside_tree():
+		_show_next()
+
+
+## Read what the service has sent.
+func _poll_service() -> void:
 	# A callback may disconnect this node, or remove it from the scene.
 	_made_link().poll_control()
 	if not is_inside_tree() or not _join():
@@ -377,25 +434,34 @@ func _play() -> void:
 	_receive()
 	if clock == Clock.ENGINE and OS.has_feature("movie"):
 		_wait_for_frame()
-	_show_next()
 
 
-func _play_clip() -> void:
+## Take the clips that have been set. The character stays if they are of the same scene.
+func _take_clips() -> void:
+	_clips_stale = false
+	var before := _clips.first()
+	_clips.set_clips(clip, mixed_clips)
+	var now := _clips.first()
+	if before == null or now == null or before.shared_scene() != now.shared_scene():
+		_link_stale = true
+	update_configuration_warnings()
+
+
+func _show_clip_scene() -> void:
 	if _shared == null:
-		_shared = clip.shared_scene()
-		_name = clip.character()
-		_body_stale = _shared != null
-		update_configuration_warnings()
+		_shared = _clips.first().shared_scene()
+		_name = character if character else _clips.first().character()
+		_body_stale = true
 	if _body_stale:
 		_build()
-	_show_next()
 
 
 func _move_clip(seconds: float) -> void:
+	if clip == null or clip_speed == 0.0:
+		return
 	var moved := clip_position + clip_speed * seconds
 	var length := clip.length()
-	if clip_speed != 0.0:
-		clip_position = fposmod(moved, length) if clip_loops and length > 0.0 else clampf(moved, 0.0, length)
+	clip_position = fposmod(moved, length) if clip_loops and length > 0.0 else clampf(moved, 0.0, length)
 
 
 ## Take notice of what the stream has received.
@@ -403,7 +469,7 @@ func _receive() -> void:
 	if _link != null:
 		_link.notice_state()
 	_link_stale = _link_stale or (_link != null and _link.is_lost())
-	if _link == null or _shared == null:
+	if _link == null or _shared == null or _clips.is_used:
 		return
 	_shared.poll()
 	if _body_stale and _shared.scene != null:
@@ -424,14 +490,33 @@ func _wait_for_frame() -> void:
 
 
 func _show_next() -> void:
-	if _body != null and _buffer.advance(_now()):
+	if _body == null:
+		return
+	var parts: Array[Playback] = []
+	var weights := PackedFloat64Array()
+	var live := live_weight if _clips.is_used else 1.0
+	if live > 0.0 and _buffer.advance(_now()) and _is_wanted(_buffer.earlier.user):
+		parts.append(_buffer)
+		weights.append(live)
+	else:
+		live = 0.0
+	if _clips.is_used and live < 1.0:
+		_clips.advance(clip_position)
+		for i in _clips.shown.size():
+			parts.append(_clips.shown[i])
+			weights.append((1.0 - live) * _clips.weights[i])
+	_shown.mix(parts, weights)
+	if _shown.earlier != null:
 		_show()
+
+
+## Return whether clips are mixed with frames of a performer.
+func _is_wanted(user: int) -> bool:
+	return not _clips.is_used or user_slot < 0 or user == user_slot
 
 
 ## Return a buffer for the clock.
 func _new_buffer() -> Playback:
-	if clip != null:
-		return ClipPlayback.new(clip)
 	var buffer: Playback = JitterBuffer.new() if clock == Clock.REALTIME else FrameQueue.new()
 	buffer.delay = _delay()
 	return buffer
@@ -456,7 +541,10 @@ func _made_link() -> ServiceLink:
 func _join() -> bool:
 	if not _made_link().join():
 		return false
-	if character:
+	if _clips.is_used:
+		_link.stream.follow(_name + "/performer", _on_performer)
+		_follow_frames()
+	elif character:
 		_follow_character(character)
 	return true
 
@@ -478,6 +566,7 @@ func _sent_token() -> String:
 ## Disconnect from the service and hide the character.
 func _leave() -> void:
 	_link_stale = false
+	_is_other_version = false
 	_unfollow_character()
 	var left := _link
 	_link = null
@@ -501,6 +590,7 @@ func _unfollow_character() -> void:
 		return
 	if _stream() != null:
 		_stream().unfollow(_name + "/performer", _on_performer)
+	if _shared.changed.is_connected(_on_scene):
 		_shared.changed.disconnect(_on_scene)
 	_unfollow_frames()
 	_shared = null
@@ -518,6 +608,7 @@ func _unfollow_frames() -> void:
 		_link.stream.unfollow(_topic, _on_frame)
 	_topic = ""
 	_buffer = _new_buffer()
+	_shown = MixedPlayback.new()
 
 
 ## Make the node that shows the character, and follow the frames that it needs.
@@ -537,19 +628,24 @@ func _build() -> void:
 		push_warning("Puppetline: %s: %s." % [_name, _body.problem])
 	update_configuration_warnings()
 	add_child(_body, false, Node.INTERNAL_MODE_FRONT)
-	if clip == null:
-		_topic = "%s/%s" % [_name, _body.payload_name()]
-		_link.stream.follow(_topic, _on_frame)
+	_follow_frames()
 	scene_loaded.emit()
+
+
+## Follow the frames that the body needs, unless they are followed or the service is not known.
+func _follow_frames() -> void:
+	if _topic.is_empty() and _stream() != null and _body != null:
+		_topic = "%s/%s" % [_name, _body.payload_name()]
+		_stream().follow(_topic, _on_frame)
 
 
 func _new_body() -> Body:
 	var source := _own_character()
-	if mode == Mode.MORPHS and clip == null:
+	if mode == Mode.MORPHS and not _clips.is_used:
 		return MorphsBody.new(_shared, source)
-	var uses_controls := mode == Mode.CONTROLS or clip != null
+	var uses_controls := mode == Mode.CONTROLS or _clips.is_used
 	var obstacle := RestMesh.obstacle(_shared.scene) if uses_controls else ""
-	if uses_controls and (obstacle.is_empty() or clip != null):
+	if uses_controls and (obstacle.is_empty() or _clips.is_used):
 		var drawn := ControlsBody.new(_shared, source)
 		drawn.problem = obstacle if obstacle else drawn.problem
 		return drawn
@@ -573,8 +669,8 @@ func _own_character() -> Node3D:
 
 
 func _show() -> void:
-	_body.show_frames(_buffer.earlier, _buffer.later, _buffer.share)
-	_body.visible = (clip != null or user_slot < 0 or (_is_connected() and _buffer.earlier.user == user_slot))
+	_body.show_frames(_shown.earlier, _shown.later, _shown.share)
+	_body.visible = (_clips.is_used or user_slot < 0 or (_is_connected() and _shown.earlier.user == user_slot))
 	if _last_body != null:
 		_last_body.queue_free()
 		_last_body = null
@@ -627,7 +723,7 @@ func _on_state_changed(before: Stream.State) -> void:
 func _on_characters() -> void:
 	update_configuration_warnings()
 	var names := _link.characters
-	if character.is_empty() and not names.is_empty() and _name not in names:
+	if not _clips.is_used and character.is_empty() and not names.is_empty() and _name not in names:
 		_follow_character(names[0])
 
 
@@ -643,7 +739,7 @@ func _on_frame(message: Message) -> void:
 	if _body_stale:
 		return
 	if message.revision != _shared.scene.revision:
-		_shared.ask()
+		_notice_other_version()
 	elif message.payload.size() != _body.frame_size():
 		_damaged += 1
 	else:
@@ -651,6 +747,16 @@ func _on_frame(message: Message) -> void:
 		_arrivals.append(_real_time())
 		_waits = true
 		_buffer.push(message, _now())
+		frame_received.emit(message)
+
+
+## Request the scene again. The scene of clips never changes.
+func _notice_other_version() -> void:
+	if not _clips.is_used:
+		_shared.ask()
+	elif not _is_other_version:
+		_is_other_version = true
+		update_configuration_warnings()
 
 
 func _recent_arrivals() -> int:
@@ -664,10 +770,8 @@ func _warn_of_failure(reply: Dictionary) -> void:
 		push_warning("Puppetline: %s" % (" ".join(error.values().map(str)) if error is Dictionary else str(error)))
 
 
-## Return the time of the clock, or the position of the clip, in seconds.
+## Return the time of the clock in seconds.
 func _now() -> float:
-	if clip != null:
-		return clip_position
 	return _real_time() if clock == Clock.REALTIME else _time
 
 

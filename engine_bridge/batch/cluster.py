@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 START_SECONDS = 120
-"""Time in which a scheduler must answer, and for which it may be without any worker, in seconds."""
+"""Time for which a scheduler may be without any worker, in seconds."""
 
 POLL_SECONDS = 1.0
 """Time after which waiting for a task is interrupted to look at the workers, in seconds."""
@@ -84,7 +84,7 @@ def connected(scheduler: str | None, workers: int | None, max_workers: int, *, d
     _silence()
     if scheduler is not None:
         with _reaching(scheduler):
-            client = Client(scheduler, timeout=START_SECONDS, set_as_default=False)
+            client = Client(scheduler, set_as_default=False)  # Dask's setting of connection times: 30 s
             client.wait_for_workers(1, timeout=START_SECONDS)
         with client:
             yield client

@@ -20,7 +20,7 @@ from engine_bridge.studio.messages import (
     UploadState,
 )
 from engine_bridge.studio.performing import Playing
-from engine_bridge.studio.running import Running
+from engine_bridge.studio.running import ServiceLink
 from engine_bridge.studio.workspace import Workspace
 
 
@@ -51,7 +51,7 @@ def _version(puppet: dict[str, Any]) -> str:
 def state_of(
     characters: list[CharacterState],
     playing: Playing,
-    running: Running,
+    running: ServiceLink,
     takes: list[TakeState],
     workspace: Workspace,
     jobs: list[JobState],
@@ -129,6 +129,8 @@ def _banner(
     performers: list[PerformerState],
 ) -> Banner:
     """Return what is most important now: a service that has ended, then a stage without a performer."""
+    if service.problem and not service.running and not service.restarts:  # of a service that was joined
+        return Banner(level="error", text=service.problem, fix="Start it, or check its address and token.")
     if not characters:
         return Banner(level="info", text="No character is open.", fix="Drop a mesh here, or open an example.")
     if not service.running:

@@ -21,6 +21,11 @@ namespace Puppetline
 
         public abstract void Show(Frame frame);
 
+        /// <summary>Show the same frame in another picture.</summary>
+        public virtual void Hold()
+        {
+        }
+
         public abstract void Dispose();
     }
 }

@@ -265,6 +265,10 @@ namespace Puppetline
                 display?.Show(playback.Shown);
                 watch.Performer(playback.Shown.Header);
             }
+            else
+            {
+                display?.Hold();
+            }
         }
 
         void Load(Scene loaded)

@@ -69,7 +69,12 @@ func _state(puppet: Puppet3D) -> Dictionary:
 			"meshes": meshes.map(func(mesh: MeshInstance3D) -> String: return str(mesh.mesh.get_rid().get_id())),
 			"instances": meshes.map(func(mesh: MeshInstance3D) -> String: return str(mesh.get_instance_id())),
 			"visible": meshes.map(func(mesh: MeshInstance3D) -> bool: return mesh.is_visible_in_tree()),
+			"rendering": meshes.map(_rendering),
 			"warnings": puppet._get_configuration_warnings(),
 			"saved": packed.get_state().get_node_count(),
 		}
 	)
+
+
+func _rendering(mesh: MeshInstance3D) -> Array:
+	return [mesh.layers, mesh.cast_shadow, mesh.gi_mode, mesh.lod_bias, mesh.visibility_range_end]

@@ -92,33 +92,56 @@ def test_boxes_are_around_all_vertices_and_the_cheap_one_is_not_much_larger(eval
     assert np.linalg.norm(np.subtract(around[3:], around[:3])) <= 1.5 * np.linalg.norm(high - low)
 
 
+BLOCK = 3
+"""The number of the character's block; others are before and after it."""
+
+
 def streams(scene):
-    """Return what the mesh gets once, as docs/unity.md has it: rest pose, isoline coordinates and slopes."""
+    """Return what the mesh gets once, as docs/unity.md has it: rest pose, block, isoline coordinates and slopes."""
     arrays, fields = scene.arrays, scene.facts["fields"]
     moving = np.hstack([arrays["positions"] * UNITY, arrays["normals"] * UNITY])
-    ladder = np.zeros((len(moving), 24), np.float32)
-    ladder[:, :fields] = arrays["ladder"]
-    ladder[:, 8 : 8 + 2 * fields] = arrays["slopes"].reshape(len(moving), -1)
-    return moving, ladder
+    constant = np.zeros((len(moving), 26), np.float32)
+    constant[:, 0] = BLOCK
+    constant[:, 2 : 2 + fields] = arrays["ladder"]
+    constant[:, 10 : 10 + 2 * fields] = arrays["slopes"].reshape(len(moving), -1)
+    return moving, constant
+
+
+def rows_of(facts, controls):
+    """Return the transforms as rows, multiplied by the weights of their fields."""
+    weighted = np.float32(facts["weights"])[:, None, None] * controls.reshape(facts["fields"], -1, 4)
+    return weighted.reshape(-1, 4)
+
+
+def blocks_with(facts, shown, before):
+    """Return the shader's rows: blocks of noise, and the character's with two poses."""
+    rows = np.random.default_rng(0).normal(size=(5 * 512, 4)).astype(np.float32)
+    start = BLOCK * 512
+    rows[start] = facts["fields"], facts["isolines"], 241, 1
+    for place, controls in ((241, shown), (1, before)):
+        values = rows_of(facts, controls)
+        rows[start + place : start + place + len(values)] = values
+    return rows
 
 
 @pytest.mark.parametrize("number", range(3))
 def test_the_shaders_arithmetic_is_the_services(shader, scene, number):
     facts = scene.facts
-    controls = body(f"{number}.controls").reshape(facts["fields"], facts["isolines"], 3, 4)
-    rows = np.zeros((240, 4), np.float32)
-    rows[: 3 * facts["fields"] * facts["isolines"]] = (
-        np.float32(facts["weights"])[:, None, None, None] * controls
-    ).reshape(-1, 4)
-    by_slopes, by_cofactors = shader((facts["fields"], facts["isolines"]), rows, *streams(scene))
+    controls, controls_before = body(f"{number}.controls"), body(f"{(number + 1) % 3}.controls")
+    by_slopes, by_cofactors, before = shader(blocks_with(facts, controls, controls_before), *streams(scene))
     expected = body(f"{number}.vertices")
     for points in (by_slopes, by_cofactors):
         assert np.abs(points[:, :3] * UNITY - expected.positions).max() <= 1e-6 * facts["diagonal"]
     assert np.abs(by_slopes[:, 3:] * UNITY - expected.normals).max() <= 1e-5
-    np.testing.assert_allclose(by_cofactors[:, 3:] * UNITY, cofactor_normals(scene, controls), rtol=0, atol=1e-5)
+    normals = cofactor_normals(scene, controls.reshape(facts["fields"], facts["isolines"], 3, 4))
+    np.testing.assert_allclose(by_cofactors[:, 3:] * UNITY, normals, rtol=0, atol=1e-5)
+    moved_from = body(f"{(number + 1) % 3}.vertices").positions
+    assert np.abs(before * UNITY - moved_from).max() <= 1e-6 * facts["diagonal"]
 
 
 def test_without_transforms_the_shader_leaves_vertices_as_they_are(shader, scene):
-    moving, ladder = streams(scene)
-    for points in shader((0, 0), np.zeros((240, 4), np.float32), moving, ladder):
+    moving, constant = streams(scene)
+    by_slopes, by_cofactors, before = shader(np.zeros((5 * 512, 4), np.float32), moving, constant)
+    for points in (by_slopes, by_cofactors):
         np.testing.assert_array_equal(points, moving)
+    np.testing.assert_array_equal(before, moving[:, :3])

@@ -16,7 +16,7 @@ import { type Part, type Puppet, type Smoothing, follow, has, mirror, remove, sy
 import type { Joint } from "./model/skeleton";
 import type { Vector } from "./model/vector";
 import { strings } from "./strings";
-import { type Recording, current, shownPuppet, update } from "./store";
+import { type Recording, current, shownCharacter, shownPuppet, update } from "./store";
 
 const connection = new Connection({
   opened: (greeting) => {
@@ -158,9 +158,10 @@ export async function look(on: boolean): Promise<void> {
   const turn = ++looking;
   update({ looking: on, look: null });
   while (current().looking && turn === looking) {
-    const seen = await connection.request<LookReply>("look").catch((error: unknown): LookReply => {
+    const stage = shownCharacter(current())?.stage;
+    const seen = await connection.request<LookReply>("look", stage === undefined || stage === "" ? {} : { stage }).catch((error: unknown): LookReply => {
       const problem: Banner = { level: "warning", text: error instanceof Error ? error.message : "", fix: "" };
-      return { picture: "", problems: [problem], performers: [] };
+      return { picture: "", width: 0, height: 0, problems: [problem], performers: [] };
     });
     if (turn === looking) update({ look: seen });
     await new Promise((resolve) => setTimeout(resolve, 500));
@@ -280,7 +281,7 @@ export async function preview(smoothing: Smoothing): Promise<void> {
 
 export async function save(character: string): Promise<void> {
   const saved = await request<{ name: string; file: string }>(strings.busy.save, "save_puppet", { character });
-  if (saved !== null) await offer(saved.file, saved.name);
+  if (saved !== null && saved.file !== "") await offer(saved.file, saved.name);
 }
 
 // --------------------------------------------------------------------------------------------------------- takes

@@ -1,4 +1,4 @@
-/** What the studio's server sends and accepts; engine_bridge/studio/messages.py describes every key. */
+/** What the studio's server sends and accepts; engine_bridge/studio/messages describes every key. */
 
 import type { Puppet } from "./model/puppet";
 
@@ -130,10 +130,20 @@ export interface Sources {
   readonly ports: readonly Port[];
 }
 
+export interface SeenPerformer {
+  readonly user: number;
+  readonly text: string;
+  /** Places of the 20 joints, as shares of the picture's width and height. */
+  readonly joints: readonly (readonly [number, number] | null)[] | null;
+}
+
 export interface LookReply {
+  /** JPEG in base64; empty for a source without pictures. */
   readonly picture: string;
+  readonly width: number;
+  readonly height: number;
   readonly problems: readonly Banner[];
-  readonly performers: readonly string[];
+  readonly performers: readonly SeenPerformer[];
 }
 
 export interface SmoothingReply {

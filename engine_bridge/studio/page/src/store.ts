@@ -127,3 +127,6 @@ export function shownPuppet({ character, puppets }: State): Puppet | null {
 export function shownCharacter({ character, server }: State) {
   return server?.characters.find((each) => each.name === character) ?? null;
 }
+
+/** Whether the service was started elsewhere: its files, characters and source cannot be changed here. */
+export const isJoined = ({ greeting }: State): boolean => greeting?.joined === true;

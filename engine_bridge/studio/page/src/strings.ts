@@ -17,6 +17,8 @@ export const strings = {
     drop: "Drop the file to open it",
     dropHint: "A mesh becomes a character, a recording becomes the performer, a puppet file opens.",
     cancel: "Back to the character",
+    joined: "Waiting for the service",
+    joinedText: "This studio shows the characters of a service that runs elsewhere. They appear here as soon as it answers.",
   },
 
   examples: {
@@ -92,6 +94,8 @@ export const strings = {
     look: "Show what the sensor sees",
     lookHide: "Hide the sensor's picture",
     lookWait: "Waiting for a picture…",
+    lookFine: "No problems found.",
+    noPicture: "This source has no pictures.",
     picture: "What the source sees, with the joints that it found",
     user: (user: number, state: string) => `Performer ${user}: ${state}`,
     states: {
@@ -128,6 +132,7 @@ export const strings = {
     stays: "stays in place",
     points: (n: number) => count(n, "point"),
     notes: "About this proposal",
+    elsewhere: "This service was started elsewhere: points, names and limbs are those of its puppet file.",
     selectHint: "Select a limb or handle here or in the picture to change it.",
     name: "Name",
     rename: "Rename",
@@ -221,6 +226,7 @@ export const strings = {
     exporting: (text: string) => text || "Exporting…",
     cancel: "Cancel",
     download: (name: string) => `Download ${name}`,
+    elsewhere: "Takes are in the folder of the service, which was started elsewhere. Export them there with puppetline convert.",
     select: "Select a take to play, trim or export it.",
   },
 

@@ -71,6 +71,7 @@ const ControlsBody := preload("play/controls_body.gd")
 const VerticesBody := preload("play/vertices_body.gd")
 const MorphsBody := preload("play/morphs_body.gd")
 const RestMesh := preload("play/rest_mesh.gd")
+const MeshProperties := preload("play/mesh_properties.gd")
 const SurfacePatch := preload("play/surface_patch.gd")
 const SurfacePoses := preload("play/surface_poses.gd")
 
@@ -163,6 +164,53 @@ const _NEXT_FRAME_TIMEOUT_SECONDS := 2.0
 ## Weight of the performer against the clips: 0 shows the clips, 1 the performer. The node connects to the service when
 ## it is first greater than 0, and shows the clips until a frame arrives.
 @export_range(0.0, 1.0, 0.001) var live_weight := 0.0
+
+@export_group("Rendering")
+## Render layers of the character's meshes. These properties replace those of the meshes in [member mesh_source].
+@export_flags_3d_render var layers := 1:
+	set(value):
+		layers = value
+		_pass_on_rendering()
+## Whether the character casts shadows.
+@export var cast_shadow := GeometryInstance3D.SHADOW_CASTING_SETTING_ON:
+	set(value):
+		cast_shadow = value
+		_pass_on_rendering()
+## How global illumination treats the character.
+@export var gi_mode := GeometryInstance3D.GI_MODE_DYNAMIC:
+	set(value):
+		gi_mode = value
+		_pass_on_rendering()
+## Factor of the distance up to which a level of detail is used: more than 1 keeps more triangles.
+@export_range(0.001, 128.0, 0.001) var lod_bias := 1.0:
+	set(value):
+		lod_bias = value
+		_pass_on_rendering()
+## Distance from the camera at which the character appears; 0 for no limit.
+@export_range(0.0, 4096.0, 0.01, "or_greater", "suffix:m") var visibility_range_begin := 0.0:
+	set(value):
+		visibility_range_begin = value
+		_pass_on_rendering()
+## Width of the fade, or of the hysteresis, at [member visibility_range_begin].
+@export_range(0.0, 4096.0, 0.01, "or_greater", "suffix:m") var visibility_range_begin_margin := 0.0:
+	set(value):
+		visibility_range_begin_margin = value
+		_pass_on_rendering()
+## Distance from the camera at which the character disappears; 0 for no limit.
+@export_range(0.0, 4096.0, 0.01, "or_greater", "suffix:m") var visibility_range_end := 0.0:
+	set(value):
+		visibility_range_end = value
+		_pass_on_rendering()
+## Width of the fade, or of the hysteresis, at [member visibility_range_end].
+@export_range(0.0, 4096.0, 0.01, "or_greater", "suffix:m") var visibility_range_end_margin := 0.0:
+	set(value):
+		visibility_range_end_margin = value
+		_pass_on_rendering()
+## Whether the character fades within the margins (Forward+ only).
+@export var visibility_range_fade_mode := GeometryInstance3D.VISIBILITY_RANGE_FADE_DISABLED:
+	set(value):
+		visibility_range_fade_mode = value
+		_pass_on_rendering()
 
 @export_group("Playing")
 ## The clock that moves the character. A clock that is slower than the performer lets frames wait, and skips none.
@@ -628,6 +676,7 @@ func _build() -> void:
 		push_warning("Puppetline: %s: %s." % [_name, _body.problem])
 	update_configuration_warnings()
 	add_child(_body, false, Node.INTERNAL_MODE_FRONT)
+	MeshProperties.pass_on(self, _body)
 	_follow_frames()
 	scene_loaded.emit()
 
@@ -687,6 +736,7 @@ func _show_preview() -> void:
 		_preview = _own_character()
 		if _preview != null:
 			add_child(_preview, false, Node.INTERNAL_MODE_FRONT)
+			MeshProperties.pass_on(self, _preview)
 
 
 func _hide_preview() -> void:
@@ -699,6 +749,12 @@ func _hide_preview() -> void:
 func _reset_preview() -> void:
 	_hide_preview()
 	_preview_stale = true
+
+
+func _pass_on_rendering() -> void:
+	for shown: Node3D in [_body, _preview]:
+		if shown != null:
+			MeshProperties.pass_on(self, shown)
 
 
 ## Return whether a frame has been shown.

@@ -3,7 +3,7 @@
 import { edit } from "../actions";
 import { type Node_, h } from "../dom";
 import type { Puppet, Retarget, Root } from "../model/puppet";
-import { type State, shownPuppet } from "../store";
+import { type State, isJoined, shownPuppet } from "../store";
 import { strings } from "../strings";
 import { checkbox, field, number, section, select, slider } from "./parts";
 import { smoothing } from "./smoothing";
@@ -11,10 +11,10 @@ import { smoothing } from "./smoothing";
 export function motion(state: State): Node_ {
   const puppet = shownPuppet(state);
   if (puppet === null) return h("div", { key: "motion" }, h("p", { class: "small" }, strings.viewer.waiting));
-  return h("div", { class: "stack", key: "motion" }, body(puppet), root(puppet), smoothing(state, puppet));
+  return h("div", { class: "stack", key: "motion" }, body(state, puppet), root(puppet), smoothing(state, puppet));
 }
 
-function body(puppet: Puppet): Node_ {
+function body(state: State, puppet: Puppet): Node_ {
   const { motion: words } = strings;
   const retarget = puppet.retarget ?? {};
   const change = (values: Retarget): void => {
@@ -26,13 +26,15 @@ function body(puppet: Puppet): Node_ {
     checkbox(words.mirror, retarget.mirror ?? false, (mirror) => {
       change({ mirror });
     }),
-    checkbox(words.handsMeet, retarget.hands_meet ?? true, (hands_meet) => {
-      change({ hands_meet });
-    }),
-    slider(words.armSpace, retarget.arm_space ?? 0, { min: -45, max: 45, step: 1 }, (arm_space) => {
-      change({ arm_space });
-    }),
-    h("p", { class: "small" }, words.armSpaceHint),
+    !isJoined(state) && [
+      checkbox(words.handsMeet, retarget.hands_meet ?? true, (hands_meet) => {
+        change({ hands_meet });
+      }),
+      slider(words.armSpace, retarget.arm_space ?? 0, { min: -45, max: 45, step: 1 }, (arm_space) => {
+        change({ arm_space });
+      }),
+      h("p", { class: "small" }, words.armSpaceHint),
+    ],
     checkbox(`${words.scale}: ${words.automatic.toLowerCase()}`, scale === "auto", (on) => {
       change({ scale: on ? "auto" : 1 });
     }),

@@ -2,9 +2,10 @@
 
 import { calibrate, chooseSource, look, perform } from "../actions";
 import { type Node_, h } from "../dom";
-import { type State, shownCharacter } from "../store";
+import { type State, isJoined, shownCharacter } from "../store";
 import { strings } from "../strings";
 import { button } from "./parts";
+import { seen } from "./seen";
 import { sources } from "./sources";
 
 export function performer(state: State): Node_ {
@@ -18,14 +19,15 @@ export function performer(state: State): Node_ {
   );
 }
 
-function sourceLine({ server }: State): Node_ {
+function sourceLine(state: State): Node_ {
+  const { server } = state;
   const { performer: words } = strings;
   const text = server === null || server.source.kind === "none" ? words.none : server.source.text;
   return h(
     "div",
     { class: "source", key: "source" },
     h("span", { title: text }, text),
-    button(words.change, () => {
+    !isJoined(state) && button(words.change, () => {
       void chooseSource();
     }),
   );
@@ -66,18 +68,6 @@ function body(state: State): Node_ {
     button(state.looking ? words.lookHide : words.look, () => {
       void look(!state.looking);
     }, { pressed: state.looking }),
-    state.looking && sensorPicture(state),
-  );
-}
-
-function sensorPicture({ look: seen }: State): Node_ {
-  const { performer: words } = strings;
-  if (seen === null) return h("p", { class: "small", key: "look" }, words.lookWait);
-  return h(
-    "div",
-    { class: "look", key: "look" },
-    seen.picture !== "" && h("img", { src: `data:image/jpeg;base64,${seen.picture}`, alt: words.picture }),
-    seen.problems.map(({ text, fix }) => h("p", { class: "small" }, h("strong", {}, text), fix === "" ? "" : ` ${fix}`)),
-    seen.performers.map((line) => h("p", { class: "small" }, line)),
+    state.looking && seen(state),
   );
 }

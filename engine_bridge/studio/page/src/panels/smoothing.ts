@@ -6,7 +6,7 @@ import type { Puppet, Smoothing } from "../model/puppet";
 import { path, range } from "../model/plot";
 import { PRESETS, presetOf, smoothingOf } from "../model/smoothing";
 import type { SmoothingReply } from "../messages";
-import type { State } from "../store";
+import { type State, isJoined } from "../store";
 import { strings } from "../strings";
 import { field, section, select, slider } from "./parts";
 
@@ -31,8 +31,7 @@ export function smoothing(state: State, puppet: Puppet): Node_ {
   };
   const names = Object.keys(words.presetNames).map((name) => [name, words.presetNames[name] ?? name] as const);
   const preset = presetOf(values);
-  return section(
-    words.smoothing,
+  const controls = [
     field(
       words.presets,
       select(names.filter(([name]) => name !== "custom" || preset === "custom"), preset, (name) => {
@@ -53,6 +52,10 @@ export function smoothing(state: State, puppet: Puppet): Node_ {
         },
       ),
     ),
+  ];
+  return section(
+    words.smoothing,
+    isJoined(state) ? h("fieldset", { class: "plain stack", disabled: true }, controls) : controls,
     state.preview !== null && plot(state.preview),
   );
 }

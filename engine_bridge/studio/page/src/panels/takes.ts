@@ -2,7 +2,7 @@
 
 import { deleteTake, exportRecording, offer, perform } from "../actions";
 import { type Child, type Node_, h } from "../dom";
-import { type Recording, type State, update } from "../store";
+import { type Recording, type State, isJoined, update } from "../store";
 import { strings } from "../strings";
 import { button, checkbox, field, number, section, select } from "./parts";
 
@@ -10,6 +10,7 @@ export function takes(state: State): Node_ {
   const { takes: words, performances } = strings;
   const { server } = state;
   const list = server?.takes ?? [];
+  const joined = isJoined(state);
   const logs = (server?.uploads ?? []).filter(({ kind }) => kind === "log");
   return h(
     "div",
@@ -21,15 +22,15 @@ export function takes(state: State): Node_ {
       h(
         "ul",
         {},
-        list.map(({ name, seconds }) => line(state, { kind: "take", name }, name, seconds === null ? "" : words.seconds(seconds))),
+        list.map(({ name, seconds }) => joined ? h("li", { key: name }, name) : line(state, { kind: "take", name }, name, seconds === null ? "" : words.seconds(seconds))),
       ),
     ),
     logs.length > 0 && section(words.uploads, h("ul", {}, logs.map(({ upload, name }) => line(state, { kind: "upload", name: upload }, name, "")))),
-    section(
+    joined ? h("p", { class: "small" }, words.elsewhere) : section(
       words.examples,
       h("ul", {}, Object.entries(performances).map(([name, title]) => line(state, { kind: "example", name }, title, ""))),
     ),
-    state.recording === null ? h("p", { class: "hint" }, words.select) : chosen(state, state.recording),
+    !joined && (state.recording === null ? h("p", { class: "hint" }, words.select) : chosen(state, state.recording)),
   );
 }
 

@@ -5,9 +5,7 @@ extends "playback.gd"
 ## weighted mean of its positions.
 
 const Playback := preload("playback.gd")
-const ControlsMotion := preload("controls_motion.gd")
 
-var _rows: Dictionary = {}  # Message: PackedVector4Array, of the mixed frames
 var _mixed: Array = []  # what the shown mean was computed from
 
 
@@ -19,7 +17,6 @@ func mix(playbacks: Array[Playback], weights: PackedFloat64Array) -> void:
 		later = playbacks[0].later
 		share = playbacks[0].share
 		_mixed.clear()
-		_rows.clear()
 	elif playbacks.size() > 1:
 		_show_mean(playbacks, weights)
 
@@ -54,14 +51,11 @@ func _mean(shares: Dictionary, like: Message) -> Message:
 	mean.time = like.time
 	var rows := PackedVector4Array()
 	rows.resize(like.payload.size() / 16)
-	var known: Dictionary = {}
 	for frame: Message in shares:
 		var own: float = shares[frame]
 		mean.root += own * frame.root
-		known[frame] = _rows[frame] if frame in _rows else ControlsMotion.rows_of(frame)
-		var of_frame: PackedVector4Array = known[frame]
+		var of_frame := frame.rows()
 		for i in rows.size() if own > 0.0 else 0:
 			rows[i] += own * of_frame[i]
-	_rows = known
 	mean.payload = rows.to_byte_array()
 	return mean

@@ -41,6 +41,8 @@ var published := 0
 var root := Vector3.ZERO
 var payload := PackedByteArray()
 
+var _rows := PackedVector4Array()
+
 
 ## Read a message; null if it is damaged.
 static func parse(bytes: PackedByteArray) -> Message:
@@ -86,6 +88,19 @@ func is_frame() -> bool:
 func json() -> Variant:
 	var reader := JSON.new()
 	return reader.data if reader.parse(payload.get_string_from_utf8()) == OK else null
+
+
+## Return the rows of all transforms of controls, three per transform. They are decoded once, in the format of [method
+## @GlobalScope.var_to_bytes], which needs no loop.
+func rows() -> PackedVector4Array:
+	if _rows.is_empty():
+		var written := PackedByteArray()
+		written.resize(8)
+		written.encode_u32(0, TYPE_PACKED_VECTOR4_ARRAY)
+		written.encode_u32(4, payload.size() / 16)
+		written.append_array(payload)
+		_rows = bytes_to_var(written)
+	return _rows
 
 
 ## Return the printable characters before the zero padding; empty if the field contains anything else.

@@ -155,7 +155,7 @@ def _applied(progress: Progress, puppet: Puppet, live: Path) -> dict[str, Any]:
 
 def _digest(rig: Rig) -> str:
     """Return a hash of what the page's model depends on."""
-    return hashlib.sha256(rig.model.ladder.tobytes() + rig.character.vertices.tobytes()).hexdigest()
+    return hashlib.sha256(rig.model.isoline_coordinates.tobytes() + rig.character.vertices.tobytes()).hexdigest()
 
 
 def values_of_file(_progress: Progress, path: Path) -> dict[str, Any]:

@@ -31,19 +31,19 @@ MEAN_UPDATES = 10
 
 
 def rotation_clusters(
-    ladder: NDArray[np.float64],
+    isoline_coordinates: NDArray[np.float64],
     weights: NDArray[np.float64],
     mass: NDArray[np.float64],
     samples: NDArray[np.int64] | slice = slice(None),
 ) -> NDArray[np.int32]:
-    """Cluster vertices by k-means on their ladder coordinates, each times its field's weight.
+    """Cluster vertices by k-means on their isoline coordinates, each times its field's weight.
 
     The initial means are a farthest-point sample that starts at the vertex farthest from the mean, so that a mesh
     always has the same clusters. Means are weighted by area, so that clusters do not depend on the density of the mesh.
 
     Parameters
     ----------
-    ladder : (n, n_e) float64
+    isoline_coordinates : (n, n_e) float64
     weights : (n_e,) float64
         Field weights.
     mass : (c,) float64
@@ -56,10 +56,12 @@ def rotation_clusters(
     (n,) int32
         Cluster of each vertex, numbered from 0; `CLUSTER_COUNT` clusters unless the mesh is tiny.
     """
-    every = (ladder * weights).astype(np.float32).T
+    every = (isoline_coordinates * weights).astype(np.float32).T
     points = np.ascontiguousarray(every[:, samples])
     means = _farthest_points(
-        points, points @ mass / mass.sum(), max(1, min(CLUSTER_COUNT, len(ladder) // MIN_VERTICES_PER_CLUSTER))
+        points,
+        points @ mass / mass.sum(),
+        max(1, min(CLUSTER_COUNT, len(isoline_coordinates) // MIN_VERTICES_PER_CLUSTER)),
     )
     for _ in range(MEAN_UPDATES):
         nearest = _nearest_mean(points, means)
@@ -144,7 +146,7 @@ def energy(products: Products, covariance: NDArray[np.float64]) -> tuple[NDArray
 def covariance_map(
     L: "csr_matrix",
     rest: NDArray[np.float64],
-    ladder: NDArray[np.float64],
+    isoline_coordinates: NDArray[np.float64],
     weights: NDArray[np.float64],
     isolines: int,
     cluster: NDArray[np.int32],
@@ -155,14 +157,14 @@ def covariance_map(
     ----------
     L : (n, n) sparse float64
         Its off-diagonal entries are the cotangent weights.
-    rest, ladder, weights, isolines, cluster
+    rest, isoline_coordinates, weights, isolines, cluster
         As for `energy_matrices.products`.
 
     Returns
     -------
     (3r, 4m) float64
     """
-    below, upper = blends(ladder, isolines)
+    below, upper = blends(isoline_coordinates, isolines)
     order = np.argsort(cluster, kind="stable")
     starts = np.append(0, np.cumsum(np.bincount(cluster)))
     C = np.zeros((3 * (len(starts) - 1), 4 * len(weights) * isolines))

@@ -26,7 +26,7 @@ def products(
     surface: "csr_matrix",
     mass: NDArray[np.float64],
     rest: NDArray[np.float64],
-    ladder: NDArray[np.float64],
+    isoline_coordinates: NDArray[np.float64],
     weights: NDArray[np.float64],
     isolines: int,
     cluster: NDArray[np.int32],
@@ -45,7 +45,7 @@ def products(
         Diagonal of M.
     rest : (n, 3) float64
         Rest positions x.
-    ladder : (n, n_e) float64
+    isoline_coordinates : (n, n_e) float64
     weights : (n_e,) float64
         Field weights.
     isolines : int
@@ -59,7 +59,7 @@ def products(
     m = len(weights) * isolines
     r = int(cluster.max()) + 1
     sums = Products(*(np.zeros((4 * m, columns)) for columns in (4 * m, 3 * m, 4 * m, 4 * m, 3 * r)))
-    below, upper = blends(ladder, isolines)
+    below, upper = blends(isoline_coordinates, isolines)
     levels = np.arange(isolines)
     order = np.lexsort((*below.T[::-1], cluster))
     if by_cells:

@@ -3,6 +3,7 @@
 import math
 import time
 from collections import Counter, deque
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -13,7 +14,7 @@ from capture.events import Cue, Event, Lost, Tick
 from capture.reconnecting import ReopeningSource
 from capture.sensor_tilt import SensorTilt
 from capture.sensors.source import SensorSource
-from capture.skeleton import INFERRED, LOST, SkeletonFrame
+from capture.skeleton import INFERRED, JOINT_INDEX, LOST, SkeletonFrame
 from capture.source import Counts, SilentSource, SkeletonSource, wait
 from capture.trackers.picture import Picture
 from puppetline.errors import SourceError
@@ -138,7 +139,7 @@ class _Arrivals:
 
 
 class SourceMonitor:
-    """Receives from a source and reports what arrived.
+    """Reports what arrives from a source, which it or its caller receives.
 
     Parameters
     ----------
@@ -158,7 +159,7 @@ class SourceMonitor:
         self._source, self._period = source, period
         self._listens = not isinstance(self._inner, SensorSource) and source.fileno() is not None
         self._arrivals: deque[_Arrivals] = deque()
-        self._counted = Counts()
+        self._counted = _copy(source.counts)
         self._start = self._last_arrival = time.monotonic()
         self._failure = ""
         self._sensor_tilt: SensorTilt | None = None
@@ -187,7 +188,37 @@ class SourceMonitor:
         except SourceError as error:
             self._failure = str(error)
             return
-        self._remember([event for event in events if not isinstance(event, Tick)])
+        self.remember(events)
+
+    def remember(self, events: Sequence[Event]) -> None:
+        """Remember the events of one call of the source's `receive`."""
+        events = [event for event in events if not isinstance(event, Tick)]
+        counts, now = self._source.counts, self._source.now()
+        received, refused = counts.received - self._counted.received, counts.refused - self._counted.refused
+        self._counted = _copy(counts)
+        if received:
+            self._last_arrival, self.started = time.monotonic(), True
+        for event in events:
+            if isinstance(event, Cue) and event.do == "level":  # a sensor sends it once, so it outlasts the period
+                with suppress(ValueError):  # the cue of a take may hold anything
+                    self._sensor_tilt = SensorTilt.of_json(event.arguments)
+        if received or events:
+            self._arrivals.append(_Arrivals(now, events, received, refused))
+        while self._arrivals and now - self._arrivals[0].time > self._period:
+            self._arrivals.popleft()
+
+    def trace(self, joint: str) -> dict[int, tuple[list[float], list[list[float]]]]:
+        """Return where a joint of each performer was in the period: times, and positions in sensor coordinates.
+
+        Frames in which the joint is lost are omitted.
+        """
+        index, traces = JOINT_INDEX[joint], dict[int, tuple[list[float], list[list[float]]]]()
+        for event in (event for arrivals in self._arrivals for event in arrivals.events):
+            if isinstance(event, SkeletonFrame) and _known(event)[index]:
+                times, positions = traces.setdefault(event.user, ([], []))
+                times.append(event.time)
+                positions.append(event.positions[index].tolist())
+        return traces
 
     def report(self) -> SourceReport:
         """Return what arrived in the period."""
@@ -215,21 +246,6 @@ class SourceMonitor:
             report.picture = self._inner.tracked_picture
         return report
 
-    def _remember(self, events: list[Event]) -> None:
-        counts, now = self._source.counts, self._source.now()
-        received, refused = counts.received - self._counted.received, counts.refused - self._counted.refused
-        self._counted = Counts(counts.received, refused=counts.refused.copy())
-        if received:
-            self._last_arrival, self.started = time.monotonic(), True
-        for event in events:
-            if isinstance(event, Cue) and event.do == "level":  # a sensor sends it once, so it outlasts the period
-                with suppress(ValueError):  # the cue of a take may hold anything
-                    self._sensor_tilt = SensorTilt.of_json(event.arguments)
-        if received or events:
-            self._arrivals.append(_Arrivals(now, events, received, refused))
-        while self._arrivals and now - self._arrivals[0].time > self._period:
-            self._arrivals.popleft()
-
 
 def observe(source: SkeletonSource, seconds: float, start_seconds: float = START_SECONDS) -> SourceReport:
     """Receive from a source for some seconds from its first data on, and report what arrived.
@@ -253,3 +269,7 @@ def observe(source: SkeletonSource, seconds: float, start_seconds: float = START
 
 def _known(frame: SkeletonFrame) -> NDArray[np.bool_]:
     return (frame.confidence > LOST) & np.isfinite(frame.positions).all(axis=1)
+
+
+def _copy(counts: Counts) -> Counts:
+    return Counts(counts.received, refused=counts.refused.copy())

@@ -18,10 +18,6 @@ if TYPE_CHECKING:
 START_SECONDS = 120
 """Time for which a scheduler may be without any worker, in seconds."""
 
-CONNECT_SECONDS = 20
-"""Time in which a scheduler must answer, in seconds. Dask's client also uses it when it has lost its scheduler, so a
-longer one would delay the message about that."""
-
 POLL_SECONDS = 1.0
 """Time after which waiting for a task is interrupted to look at the workers, in seconds."""
 
@@ -92,7 +88,7 @@ def connected(scheduler: str | None, workers: int | None, max_workers: int, *, d
     _silence()
     if scheduler is not None:
         with _reaching(scheduler):
-            client = Client(scheduler, timeout=CONNECT_SECONDS, set_as_default=False)
+            client = Client(scheduler, set_as_default=False)  # Dask's setting of connection times: 30 s
             client.wait_for_workers(1, timeout=START_SECONDS)
         with client:
             yield client

@@ -1,7 +1,14 @@
 """`puppetline serve`: the live service."""
 
 import gc
-from contextlib import ExitStack
+import logging
+import math
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,9 +16,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from engine_bridge.cli.options import FILE, Finite
+from puppetline.errors import ServiceError
 
 if TYPE_CHECKING:
     from engine_bridge.service.service_file import ServiceFile
+
+COMPILING = "compiling, once on this machine"
+"""Event of the log while functions are compiled; the studio shows it."""
+
+STUDIO_PORT = 7480
+"""Default port of the studio's page."""
 
 
 @click.command()
@@ -66,6 +80,14 @@ if TYPE_CHECKING:
 @click.option(
     "--announce/--no-announce", default=None, help="Announce the service on the network by mDNS.  [default: yes]"
 )
+@click.option(
+    "--studio",
+    is_flag=False,
+    flag_value=STUDIO_PORT,
+    type=click.IntRange(0, 65535),
+    metavar="[PORT]",
+    help="Also serve the page of puppetline studio for this service, on this port of 127.0.0.1.  [default port: 7480]",
+)
 @click.option("--status", is_flag=True, help="Show a live status table.")
 @click.option(
     "--log-format",
@@ -81,10 +103,12 @@ if TYPE_CHECKING:
     type=click.Choice(["debug", "info", "warning", "error"]),
     help="Least severe messages that are logged.",
 )
-def serve(config: Path | None, status: bool, log_format: Any, log_level: str, **settings: Any) -> None:
+def serve(
+    config: Path | None, studio: int | None, status: bool, log_format: Any, log_level: str, **settings: Any
+) -> None:
     """Stream characters that performers drive live, until stopped."""
     service_file, folder = _service_file(config, settings)
-    _run(service_file, folder, config, status, log_format, log_level)
+    _run(service_file, folder, config, studio, status, log_format, log_level)
 
 
 def serve_puppets(sources: list[str], puppets: list[Path]) -> None:
@@ -98,6 +122,7 @@ def _run(
     settings: "ServiceFile",
     folder: Path,
     config: Path | None = None,
+    studio: int | None = None,
     status: bool = False,
     log_format: Any = "text",
     log_level: str = "info",
@@ -112,6 +137,7 @@ def _run(
         from engine_bridge.service.commands import commands
         from engine_bridge.service.monitoring import logs, native_output
         from engine_bridge.service.service import Service
+        from puppetline.compiling import reported
 
         stack.enter_context(native_output.logged())
         logs.setup(log_format, log_level)
@@ -123,13 +149,69 @@ def _run(
             display = StatusDisplay()
             stack.callback(display.close)
         read_settings = None if config is None else partial(service_file.load, config)
+        stack.enter_context(reported(_CompilingLog()))
         service = Service(settings, folder, commands, None if display is None else display.update, read_settings)
         stack.callback(service.close)
+        if studio is not None:
+            stack.enter_context(_studio(settings, folder, service.stream, studio))
         gc.collect()
         gc.freeze()  # what is loaded stays, so later collections need not examine it
         gc.enable()
         signals.waiting = True
         service.run(signals)
+
+
+class _CompilingLog:
+    """Logs at most once per second how many functions were compiled, which takes a minute the first time."""
+
+    def __init__(self) -> None:
+        self._logged_at = -math.inf
+
+    def __call__(self, count: int) -> None:
+        from engine_bridge.service.monitoring.logs import REPEAT_SECONDS, fields
+
+        now = time.monotonic()
+        if now - self._logged_at >= REPEAT_SECONDS:
+            self._logged_at = now
+            logging.getLogger(__name__).info(COMPILING, extra=fields(functions=count))
+
+
+@contextmanager
+def _studio(settings: "ServiceFile", folder: Path, streams: list[str], port: int) -> Iterator[None]:
+    """Run the page of the studio in a process of its own, which joins the service and does not delay it."""
+    from engine_bridge.service.security.credentials import TOKEN_VARIABLE
+    from engine_bridge.service.security.endpoints import endpoints_of
+
+    if settings.network.port == 0:
+        raise ServiceError(
+            "--studio",
+            found="the port 0, for any free ports",
+            expected="a port, with the control socket on the next one",
+            fix="Choose a port.",
+        )
+    joined = [
+        (endpoint, stream)
+        for endpoint, stream in zip(endpoints_of(settings.network, folder), streams, strict=False)
+        if endpoint.mechanism != "CURVE"
+    ]
+    if not joined:
+        raise ServiceError(
+            "--studio",
+            found="a service that accepts CURVE keys only",
+            expected="an address for programs on this machine",
+            fix='Set host = "127.0.0.1" in [network] and the other address in [network.curve].',
+        )
+    endpoint, stream = joined[0]
+    address = stream.removeprefix("tcp://").replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]")  # noqa: S104
+    token = {TOKEN_VARIABLE: endpoint.token.decode()} if endpoint.token else {}
+    command = [sys.executable, "-m", "puppetline", "studio", "--service", address, "--port", str(port), "--no-browser"]
+    # 1 and 2 are for native libraries by now
+    process = subprocess.Popen(command, env=os.environ | token, stdout=sys.stdout, stderr=sys.stderr)  # noqa: S603
+    try:
+        yield
+    finally:
+        process.terminate()
+        process.wait()
 
 
 def _service_file(config: Path | None, settings: dict[str, Any]) -> "tuple[ServiceFile, Path]":

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 @click.option(
     "--token-file", type=FILE, help="Token for pages, required if other machines can connect; see puppetline token."
 )
+@click.option("--service", metavar="HOST:PORT", help="Join the service whose stream is there, instead of starting one.")
+@click.option("--service-token-file", type=FILE, help="The token that this service requires.")
 @click.option("--browser/--no-browser", default=None, help="Open a browser.  [default: where there is a desktop]")
 def studio(
     file: Path | None,
@@ -37,6 +39,8 @@ def studio(
     port: int,
     origins: tuple[str, ...],
     token_file: Path | None,
+    service: str | None,
+    service_token_file: Path | None,
     browser: bool | None,
 ) -> None:
     """Set up, play, record and export characters in a browser, until stopped.
@@ -49,8 +53,13 @@ def studio(
 
     from engine_bridge.inspection.files import inspect
     from engine_bridge.service.monitoring import logs
+    from engine_bridge.service.security.credentials import read_token
     from engine_bridge.studio.server import StudioSettings, run
 
+    if service is not None and (file is not None or folder is not None):
+        raise click.UsageError("--service cannot be combined with a file or --folder: the service has its own files.")
+    if service is None and service_token_file is not None:
+        raise click.UsageError("--service-token-file requires --service.")
     if file is not None and (kind := inspect(file)["kind"]) not in ("puppet", "character"):
         raise PuppetlineError(
             file,
@@ -66,6 +75,8 @@ def studio(
         origins=origins,
         token_file=token_file,
         first=file,
+        service=service,
+        service_token=None if service is None else read_token(service_token_file),
     )
     running: list[Served] = []
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from capture.sensors.diagnosis import Problem, describe
+from capture.sensors.picture_jpeg import shaded
 from capture.sensors.source_report import PerformerReport, SourceReport
 from capture.skeleton import JOINT_INDEX, PARENTS
 from capture.trackers.picture import Picture
@@ -104,27 +105,6 @@ def draw(report: SourceReport, problems: Sequence[Problem]) -> Image.Image:
         left += image.width + _GAP
     whole.paste(text, (_GAP, PANEL_HEIGHT + 2 * _GAP))
     return whole
-
-
-def shaded(depth: NDArray[np.uint16]) -> NDArray[np.uint8]:
-    """Return a depth image as colours: near is light, slopes are darker, and unknown depth is violet.
-
-    Parameters
-    ----------
-    depth : (height, width) uint16
-        Millimetres; 0 for unknown.
-
-    Returns
-    -------
-    (height, width, 3) uint8
-    """
-    metres = depth / 1000.0
-    down, right = np.gradient(metres)
-    facing = 1 / np.sqrt(1 + (100 * right) ** 2 + (100 * down) ** 2)
-    light = np.clip(1.15 - metres / 5, 0.15, 1) * (0.35 + 0.65 * facing)
-    gray = np.repeat((255 * light).astype(np.uint8)[..., None], 3, axis=2)
-    gray[depth == 0] = (52, 26, 66)
-    return gray
 
 
 def _panels(report: SourceReport) -> Iterator[_Panel]:

@@ -58,6 +58,17 @@ class _Commands:
     def mirror(self, asked: requests.Mirror) -> dict[str, Any]:
         return self._cue(asked.character, "mirror", on=asked.on)
 
+    def look(self, asked: requests.OneStage) -> Deferred:
+        return self._service.look(self._runner(asked.stage))
+
+    def trace(self, asked: requests.Trace) -> dict[str, Any]:
+        runner = self._runner(asked.stage)
+        performers = [
+            {"user": user, "times": times, "positions": positions}
+            for user, (times, positions) in sorted(runner.trace(asked.joint).items())
+        ]
+        return {"stage": runner.stage.name, "joint": asked.joint, "performers": performers}
+
     def record_start(self, asked: requests.RecordStart) -> dict[str, Any]:
         runner = self._runner(asked.stage)
         _refuse_while_recording(runner)
@@ -73,7 +84,7 @@ class _Commands:
         runner.start_recording(path)
         return {"stage": runner.stage.name, "take": path.stem}
 
-    def record_stop(self, asked: requests.RecordStop) -> Deferred:
+    def record_stop(self, asked: requests.OneStage) -> Deferred:
         runner = self._runner(asked.stage)
         deferred = self._service.stop_recording(runner)
         if deferred is None:
@@ -160,6 +171,7 @@ class _Commands:
                 }
                 for handle in puppet.handle
             ],
+            "limbs": [limb.model_dump(mode="json") for limb in puppet.limb],
             "root": None if puppet.root is None else puppet.root.model_dump(),
             "mirror": player.mirror,
             "scale": puppet.retarget.scale,

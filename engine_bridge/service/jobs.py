@@ -12,14 +12,16 @@ class Jobs:
 
     Attributes
     ----------
-    calibrating, loading, writing : ThreadPoolExecutor
-        Calibrations may run two at a time; files are loaded, and are written, one after the other.
+    calibrating, loading, writing, looking : ThreadPoolExecutor
+        Calibrations may run two at a time; files are loaded, and are written, one after the other, and so are pictures
+        of what sensors see made.
     """
 
     def __init__(self) -> None:
         self.calibrating = ThreadPoolExecutor(2, "calibration")
         self.loading = ThreadPoolExecutor(1, "loading")
         self.writing = ThreadPoolExecutor(1, "writing")
+        self.looking = ThreadPoolExecutor(1, "looking")
         self._running: list[tuple[Future[Any], Callable[[Future[Any]], None]]] = []
 
     def start(
@@ -37,5 +39,6 @@ class Jobs:
     def close(self) -> None:
         """Wait until everything is written, and give up everything else; closing again does nothing."""
         self.writing.shutdown()
+        self.looking.shutdown(wait=False, cancel_futures=True)
         self.loading.shutdown(wait=False, cancel_futures=True)
         self.calibrating.shutdown(wait=False, cancel_futures=True)

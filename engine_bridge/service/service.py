@@ -29,6 +29,7 @@ from engine_bridge.service.control.control_socket import Control
 from engine_bridge.service.control.dispatcher import Command, Deferred, Dispatcher
 from engine_bridge.service.discovery import Announcement
 from engine_bridge.service.jobs import Jobs
+from engine_bridge.service.looking import Looking
 from engine_bridge.service.monitoring.logs import OnceASecond, fields
 from engine_bridge.service.monitoring.status import Status
 from engine_bridge.service.monitoring.systemd import Notifier
@@ -119,11 +120,13 @@ class Service:
         self._bind(endpoints)
         self.takes = Takes(folder / settings.takes)
         self._reporter = Reporter()
+        self._looking = Looking(self._jobs, self._answer)
         self.status = self._current_status()
         if settings.metrics is not None:
             from engine_bridge.service.monitoring.metrics import MetricsServer  # importing it takes a while
 
             keep.callback(MetricsServer(lambda: self.status, settings.metrics.port).close)
+        self._announcement: Announcement | None = None
         if settings.announce:
             self._announce(endpoints)
         self._notifier = Notifier()
@@ -168,8 +171,9 @@ class Service:
         best = max(range(len(endpoints)), key=lambda k: not ipaddress.ip_address(places[k][0].strip("[]")).is_loopback)
         host, _, port = places[best]
         control = self.control.endpoints[best].rpartition(":")[2]
-        announcement = Announcement(host.strip("[]"), int(port), int(control), endpoints[best].mechanism, self._names())
-        self._resources.callback(announcement.close)
+        mechanism = endpoints[best].mechanism
+        self._announcement = Announcement(host.strip("[]"), int(port), int(control), mechanism, self._names())
+        self._resources.callback(self._announcement.close)
 
     @property
     def stream(self) -> list[str]:
@@ -214,6 +218,10 @@ class Service:
 
         self._jobs.start(self._jobs.writing, recorder.close, answer)
         return deferred
+
+    def look(self, runner: StageRunner) -> Deferred:
+        """Say what the source of a stage sees; the answer comes when the picture is made."""
+        return self._looking.ask(runner)
 
     def document(self, player: CharacterPlayer) -> PuppetDocument:
         """Return the file that a character's puppet was loaded from."""
@@ -312,6 +320,7 @@ class Service:
         """Finish jobs, and report the status when it is due."""
         for future, finish in self._jobs.take_finished():
             self._guarded(finish, future)
+        self._guarded(self._looking.advance, self.runners)
         now = time.monotonic()
         if now >= self._status_at:
             self._status_at = max(self._status_at + STATUS_SECONDS, now)
@@ -345,6 +354,8 @@ class Service:
             log.error("reload failed, characters unchanged: %s", error)
         else:
             self._announce_characters()
+            if self._announcement is not None:
+                self._announcement.rename(self._names())
             self._jobs.loading.submit(_trim_memory)
             log.info("reloaded", extra=fields(characters=self._names()))
         if self._reload_again:

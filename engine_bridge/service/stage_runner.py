@@ -15,6 +15,7 @@ from typing import TypeVar
 from capture.events import Cue, Event
 from capture.reconnecting import ReopeningSource
 from capture.recording import Recorder, as_recorded
+from capture.sensors.source_report import SourceMonitor, SourceReport
 from capture.skeleton import SkeletonFrame
 from capture.sources.registry import open_source
 from engine_bridge.performance.idle import IdleRecording
@@ -30,6 +31,9 @@ PREPARATION_SECONDS = 0.3
 
 Computing it takes less. With a live source, it is used as soon as it is computed.
 """
+
+WATCHED_SECONDS = 3.0
+"""Period that a report on the source describes, in seconds; who asks less often gets a new one."""
 
 _AnyEvent = TypeVar("_AnyEvent", bound=Event)
 
@@ -71,6 +75,8 @@ class StageRunner:
         self._time = -math.inf
         self._directed: frozenset[str] = frozenset()  # characters whose calibrations come from a take
         self._overruled = False  # after a command, a take is like any other recording
+        self._monitor: SourceMonitor | None = None
+        self._reported_at = -math.inf
 
     @property
     def recorded(self) -> bool:
@@ -89,6 +95,7 @@ class StageRunner:
     def take_in(self) -> list[Frame]:
         """Process the events that have arrived, and return the frames."""
         events = self.source.receive()
+        self._watch(events)
         now, now_ns = self.source.now(), time.monotonic_ns()
         frames: list[Frame] = []
         for event in events:
@@ -98,6 +105,14 @@ class StageRunner:
             for each in (*self._beginnings(event.time), event):
                 frames += self._perform(each, received)
         return frames
+
+    def report(self) -> SourceReport:
+        """Return what has arrived from the source since the first of the calls that follow each other."""
+        return self._watched().report()
+
+    def trace(self, joint: str) -> dict[int, tuple[list[float], list[list[float]]]]:
+        """Return where a joint of each performer was in the last seconds, see `SourceMonitor.trace`."""
+        return self._watched().trace(joint)
 
     def cue(self, do: str, **arguments: object) -> list[Frame]:
         """Carry out a command on the stage.
@@ -164,6 +179,22 @@ class StageRunner:
                 recorder.close()
         except OutputError as error:
             log.error("the take is incomplete: %s", error)
+
+    def _watched(self) -> SourceMonitor:
+        """Return what remembers the events from now on, until nobody has asked for a while."""
+        self._reported_at = time.monotonic()
+        if self._monitor is None:
+            self._monitor = SourceMonitor(self.source, WATCHED_SECONDS)
+        return self._monitor
+
+    def _watch(self, events: list[Event]) -> None:
+        """Remember events if there is somebody who asks."""
+        if self._monitor is None:
+            return
+        if time.monotonic() - self._reported_at > WATCHED_SECONDS:
+            self._monitor = None
+        else:
+            self._monitor.remember(events)
 
     def _beginnings(self, moment: float) -> list[Cue]:
         """Return cues for the calibrations to use from now on; a take has those of its own characters."""

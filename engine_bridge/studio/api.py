@@ -15,9 +15,9 @@ from engine_bridge.character.character import CHARACTER_FILES
 from engine_bridge.performance.settings import DEFAULT_TOLERANCES
 from engine_bridge.service.control.requests import error_reply, ok_reply
 from engine_bridge.service.monitoring.logs import OnceASecond
+from engine_bridge.studio.backend import Backend
 from engine_bridge.studio.messages import MAX_REQUEST_BYTES, CloseCode, Greeting, JobState, ProgressEvent
 from engine_bridge.studio.security import Tokens
-from engine_bridge.studio.studio import Studio
 from engine_bridge.studio.workspace import MAX_UPLOAD_BYTES, MAX_UPLOADS
 from puppetline import __version__
 from puppetline.errors import PuppetlineError, ServiceError
@@ -56,13 +56,13 @@ class ApiClient:
 
     Parameters
     ----------
-    studio : Studio
+    studio : Backend
     tokens : Tokens
     entered : callable
         Called when a one-time token was used.
     """
 
-    def __init__(self, studio: Studio, tokens: Tokens, entered: Callable[[], None]) -> None:
+    def __init__(self, studio: Backend, tokens: Tokens, entered: Callable[[], None]) -> None:
         self._studio, self._tokens, self._entered = studio, tokens, entered
         self._replies: deque[str] = deque()
         self._progress: dict[str, JobState] = {}
@@ -80,7 +80,7 @@ class ApiClient:
         session = await self._greet(request.remote)
         if session is None:
             return socket
-        await socket.send_str(json.dumps({"hello": _greeting(session).model_dump(mode="json")}))
+        await socket.send_str(json.dumps({"hello": _greeting(session, self._studio.joined).model_dump(mode="json")}))
         unwatch = self._studio.watch(self._notice)
         writer = asyncio.create_task(self._write())
         try:
@@ -196,7 +196,7 @@ _BUSY = ServiceError(
 )
 
 
-def _greeting(session: str) -> Greeting:
+def _greeting(session: str, joined: bool) -> Greeting:
     return Greeting(
         session=session,
         version=__version__,
@@ -205,5 +205,5 @@ def _greeting(session: str) -> Greeting:
         forms=list(DEFAULT_TOLERANCES),
         suffixes={"character": list(CHARACTER_FILES), "log": list(LOG_SUFFIXES), "puppet": [".toml"]},
         limits={"upload_bytes": MAX_UPLOAD_BYTES, "uploads": MAX_UPLOADS},
-        joined=False,
+        joined=joined,
     )

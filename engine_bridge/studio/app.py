@@ -11,9 +11,9 @@ from aiohttp import web
 
 from engine_bridge.service.monitoring.logs import OnceASecond
 from engine_bridge.studio.api import ApiClient
+from engine_bridge.studio.backend import Backend
 from engine_bridge.studio.pass_through import pass_through
 from engine_bridge.studio.security import Addresses, Tokens, bearer, page_headers
-from engine_bridge.studio.studio import Studio
 from engine_bridge.studio.workspace import UploadError
 from puppetline.errors import OutputError, PuppetlineError, ServiceError
 
@@ -40,12 +40,12 @@ class Access:
     entered: Callable[[], None] = lambda: None
 
 
-def make_app(studio: Studio, access: Access, page: Path = PAGE) -> web.Application:
+def make_app(studio: Backend, access: Access, page: Path = PAGE) -> web.Application:
     """Return the application.
 
     Parameters
     ----------
-    studio : Studio
+    studio : Backend
     access : Access
     page : Path
         Folder of the built page.
@@ -64,7 +64,7 @@ def make_app(studio: Studio, access: Access, page: Path = PAGE) -> web.Applicati
 class _Server:
     """The handlers of all paths."""
 
-    def __init__(self, studio: Studio, access: Access, page: Path) -> None:
+    def __init__(self, studio: Backend, access: Access, page: Path) -> None:
         self._studio, self._access = studio, access
         self._assets = _assets(page)
 

@@ -31,6 +31,7 @@ class ControlLink:
         self._context = zmq.asyncio.Context()
         self._socket = self._context.socket(zmq.DEALER)
         self._socket.linger = 0
+        self._socket.immediate = True  # nothing is queued for a service that does not run
         self._socket.ipv6 = "[" in address
         if token is not None:
             self._socket.plain_username, self._socket.plain_password = b"puppetline", token.encode()
@@ -48,8 +49,8 @@ class ControlLink:
         number = next(self._numbers)
         reply = self._waiting[number] = asyncio.get_running_loop().create_future()
         try:
-            await self._socket.send(encode({"do": do, "id": number, **arguments}, "json"))
             async with asyncio.timeout(seconds):
+                await self._socket.send(encode({"do": do, "id": number, **arguments}, "json"))
                 answer = await reply
         except TimeoutError as error:
             raise ServiceError(

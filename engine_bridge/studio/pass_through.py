@@ -1,4 +1,4 @@
-"""Passes the service's WebSocket through to a page, so that the page needs one address and one token.
+"""Passes the service's stream through to a page, so that the page needs one address and one token.
 
 The newest message of each topic wins here too: a page that reads slowly gets fewer frames, none of them old, and costs
 the others nothing.
@@ -9,7 +9,8 @@ import contextlib
 import json
 import logging
 from collections import deque
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from typing import Protocol
 
 import aiohttp
 from aiohttp import WSMsgType, web
@@ -18,6 +19,7 @@ from engine_bridge.service.monitoring.logs import OnceASecond
 from engine_bridge.studio.messages import CloseCode
 from engine_bridge.studio.security import Tokens
 from engine_bridge.studio.service_process import Reached
+from engine_bridge.studio.stream_link import streaming
 
 HELLO_SECONDS = 10.0
 """Maximum time until the first frame, in seconds."""
@@ -75,7 +77,7 @@ class _Newest:
 async def pass_through(
     request: web.Request, tokens: Tokens, reached: Callable[[], Reached | None]
 ) -> web.WebSocketResponse:
-    """Serve a page's WebSocket until the page or the service closes it."""
+    """Serve a page's WebSocket until the page or the service closes it; a service that was joined has ZeroMQ only."""
     page = web.WebSocketResponse(heartbeat=20.0, max_msg_size=MAX_TEXT_BYTES, compress=False)
     await page.prepare(request)
     _limit_buffers(request)
@@ -87,28 +89,52 @@ async def pass_through(
     if service is None or not service.stream:
         await page.close(code=CloseCode.NO_SERVICE, message=b"the service does not run")
         return page
-    try:
-        async with (
-            aiohttp.ClientSession() as session,
-            session.ws_connect(service.stream, max_msg_size=MAX_MESSAGE_BYTES, compress=0) as upstream,
-        ):
-            await upstream.send_str(json.dumps({} if service.token is None else {"token": service.token}))
-            await _exchange(page, upstream)
-    except (aiohttp.ClientError, OSError):
-        pass
+    with contextlib.suppress(aiohttp.ClientError, OSError):
+        if service.stream.startswith("tcp://"):
+            async with streaming(service.stream, service.token) as link:
+                await _exchange(page, link)
+        else:
+            async with (
+                aiohttp.ClientSession() as session,
+                session.ws_connect(service.stream, max_msg_size=MAX_MESSAGE_BYTES, compress=0) as socket,
+            ):
+                await socket.send_str(json.dumps({} if service.token is None else {"token": service.token}))
+                await _exchange(page, _WebSocket(socket))
     if not page.closed:
         await page.close(code=CloseCode.NO_SERVICE, message=b"the service has ended")
     return page
 
 
-async def _exchange(page: web.WebSocketResponse, upstream: "aiohttp.ClientWebSocketResponse") -> None:
+class _Upstream(Protocol):
+    """The service's side: takes texts, and yields texts and messages until it ends."""
+
+    async def send(self, text: str) -> str | None: ...
+
+    def messages(self) -> AsyncIterator[str | bytes]: ...
+
+
+class _WebSocket:
+    """The service's WebSocket."""
+
+    def __init__(self, socket: "aiohttp.ClientWebSocketResponse") -> None:
+        self._socket = socket
+
+    async def send(self, text: str) -> None:
+        await self._socket.send_str(text)
+
+    async def messages(self) -> AsyncIterator[str | bytes]:
+        async for message in self._socket:
+            if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
+                yield message.data
+
+
+async def _exchange(page: web.WebSocketResponse, upstream: _Upstream) -> None:
     """Pass messages in both directions until one side ends."""
     newest = _Newest()
 
     async def receive() -> None:
-        async for message in upstream:
-            if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
-                newest.put(message.data)
+        async for data in upstream.messages():
+            newest.put(data)
         newest.end()
 
     async def send() -> None:
@@ -117,8 +143,8 @@ async def _exchange(page: web.WebSocketResponse, upstream: "aiohttp.ClientWebSoc
 
     async def forward() -> None:
         async for message in page:
-            if message.type is WSMsgType.TEXT:
-                await upstream.send_str(message.data)
+            if message.type is WSMsgType.TEXT and (refusal := await upstream.send(message.data)) is not None:
+                newest.put(refusal)
 
     tasks = [asyncio.create_task(each()) for each in (receive, send, forward)]
     try:

@@ -1,4 +1,4 @@
-"""The running service as the studio sees it: what it plays, what it reports, and requests to it."""
+"""A running service as the studio sees it: what it plays, what it reports, and requests to it."""
 
 import asyncio
 import contextlib
@@ -14,16 +14,12 @@ from puppetline.errors import PuppetlineError, ServiceError
 POLL_SECONDS = 0.5
 """Interval at which the service is asked for its status, in seconds."""
 
+DESCRIBE_SECONDS = 2.0
+"""Maximum time for the status, in seconds; a service that takes longer counts as not running."""
 
-class Running:
-    """A service that the studio starts, and its reports.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of the service file.
-    token : str
-        Token in the file ``token`` there.
+class ServiceLink:
+    """A service, wherever it was started: its reports, and requests to it.
 
     Attributes
     ----------
@@ -33,19 +29,100 @@ class Running:
         Its status; empty while it does not run.
     """
 
-    def __init__(self, folder: Path, token: str) -> None:
+    def __init__(self) -> None:
         self.described: dict[str, dict[str, Any]] = {}
         self.status: dict[str, Any] = {}
         self._watcher: Callable[[], None] = lambda: None
-        self._process = ServiceProcess(folder / "service.toml", token, self._process_changed)
-        self._stages: list[dict[str, Any]] = []
         self._link: ControlLink | None = None
         self._linked: Reached | None = None
         self._poller = asyncio.create_task(self._poll())
 
+    @property
+    def state(self) -> ServiceState:
+        """Whether it runs."""
+        raise NotImplementedError
+
+    @property
+    def reached(self) -> Reached | None:
+        """Its addresses; None while it does not run."""
+        raise NotImplementedError
+
     def watch(self, watcher: Callable[[], None]) -> None:
         """Call a function when something has changed."""
         self._watcher = watcher
+
+    async def request(self, do: str, **arguments: Any) -> Any:
+        """Send a request of docs/control.md.
+
+        Raises
+        ------
+        ServiceError
+            The service's own, or it does not run.
+        """
+        link = await self._connected()
+        if link is None:
+            raise self._absence()
+        return await link.request(do, **arguments)
+
+    async def close(self) -> None:
+        """End the connection."""
+        self._poller.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await self._poller
+        if self._link is not None:
+            await self._link.close()
+
+    async def refresh(self) -> None:
+        """Ask for the service's status now."""
+        described: dict[str, Any] = {}
+        link = await self._connected()
+        if link is not None:
+            with contextlib.suppress(PuppetlineError):
+                described = await link.request("describe", seconds=DESCRIBE_SECONDS)
+        characters = {each["name"]: each for each in described.get("characters", [])}
+        status = described.get("status", {})
+        if (characters, status) != (self.described, self.status):
+            self.described, self.status = characters, status
+            self._watcher()
+
+    def _absence(self) -> ServiceError:
+        """Return the error for a request without a service."""
+        return ServiceError(
+            "the service", found="no running service", expected="a service that runs", fix="Try again in a second."
+        )
+
+    async def _connected(self) -> ControlLink | None:
+        """Return a connection to the service that runs now."""
+        reached = self.reached
+        if reached is not self._linked:
+            old, self._link, self._linked = self._link, None, reached
+            if reached is not None:
+                self._link = ControlLink(reached.control, reached.token)
+            if old is not None:
+                await old.close()
+        return self._link
+
+    async def _poll(self) -> None:
+        while True:
+            await self.refresh()
+            await asyncio.sleep(POLL_SECONDS)
+
+
+class Running(ServiceLink):
+    """A service that the studio starts.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the service file.
+    token : str
+        Token in the file ``token`` there.
+    """
+
+    def __init__(self, folder: Path, token: str) -> None:
+        super().__init__()
+        self._process = ServiceProcess(folder / "service.toml", token, self._process_changed)
+        self._stages: list[dict[str, Any]] = []
 
     @property
     def state(self) -> ServiceState:
@@ -84,61 +161,17 @@ class Running:
                 fix="Choose another source, or close this character.",
             )
 
-    async def request(self, do: str, **arguments: Any) -> Any:
-        """Send a request of docs/control.md.
-
-        Raises
-        ------
-        ServiceError
-            The service's own, or it does not run.
-        """
-        link = await self._connected()
-        if link is None:
-            raise ServiceError(
-                "the service",
-                found="no running service" if self._stages else "no character",
-                expected="a service that runs",
-                fix="Try again in a second." if self._stages else "Open a character first.",
-            )
-        return await link.request(do, **arguments)
-
     async def close(self) -> None:
         """End the service."""
-        self._poller.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await self._poller
-        if self._link is not None:
-            await self._link.close()
+        await super().close()
         await self._process.stop()
 
-    async def _connected(self) -> ControlLink | None:
-        """Return a connection to the service that runs now."""
-        reached = self._process.reached
-        if reached is not self._linked:
-            old, self._link, self._linked = self._link, None, reached
-            if reached is not None:
-                self._link = ControlLink(reached.control, reached.token)
-            if old is not None:
-                await old.close()
-        return self._link
-
-    async def refresh(self) -> None:
-        """Ask for the service's status now."""
-        described: dict[str, Any] = {}
-        link = await self._connected()
-        if link is not None:
-            with contextlib.suppress(PuppetlineError):
-                described = await link.request("describe", seconds=2.0)
-        characters = {each["name"]: each for each in described.get("characters", [])}
-        status = described.get("status", {})
-        if (characters, status) != (self.described, self.status):
-            self.described, self.status = characters, status
-            self._watcher()
-
-    async def _poll(self) -> None:
-        while True:
-            await self.refresh()
-            await asyncio.sleep(POLL_SECONDS)
+    def _absence(self) -> ServiceError:
+        if self._stages:
+            return super()._absence()
+        return ServiceError(
+            "the service", found="no character", expected="a service that runs", fix="Open a character first."
+        )
 
     def _process_changed(self) -> None:
         self._watcher()

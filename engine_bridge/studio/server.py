@@ -5,15 +5,19 @@ import contextlib
 import logging
 import signal
 import socket
+import tempfile
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from aiohttp import web
 
 from engine_bridge.service.security.credentials import make_token, read_token
 from engine_bridge.studio.app import PAGE, Access, make_app
+from engine_bridge.studio.backend import Backend
+from engine_bridge.studio.joined import JoinedStudio
+from engine_bridge.studio.joined_service import JoinedService
 from engine_bridge.studio.running import Running
 from engine_bridge.studio.security import Addresses, Tokens, check_exposure
 from engine_bridge.studio.studio import Studio
@@ -42,6 +46,10 @@ class StudioSettings:
         Puppet file or mesh to open at the start.
     page : Path
         Folder of the built page.
+    service : str or None
+        ``HOST:PORT`` of a service to join, instead of starting one.
+    service_token : str or None
+        Token of that service.
     """
 
     folder: Path
@@ -51,13 +59,15 @@ class StudioSettings:
     token_file: Path | None = None
     first: Path | None = None
     page: Path = PAGE
+    service: str | None = None
+    service_token: str | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)
 class Served:
-    """A studio that is served: the studio, its port, and a function that makes a link with a new one-time token."""
+    """A studio that is served: what it serves, its port, and a function that makes a link with a new one-time token."""
 
-    studio: Studio
+    studio: Backend
     port: int
     link: Callable[[], str]
 
@@ -79,12 +89,10 @@ async def served(settings: StudioSettings, entered: Callable[[], None] = lambda:
     """
     fixed = None if settings.token_file is None else read_token(settings.token_file)
     check_exposure(Addresses(settings.host, settings.port, settings.origins), fixed)
-    workspace = Workspace(settings.folder)
     tokens = Tokens(fixed)
     async with contextlib.AsyncExitStack() as stack:
-        running = Running(workspace.folder, _service_token(workspace.folder))
         links: list[Callable[[], str]] = []
-        studio = Studio(workspace, running, lambda: links[0]())
+        studio = _backend(settings, stack, lambda: links[0]())
         stack.push_async_callback(studio.close)
         listener = _bound(Addresses(settings.host, settings.port).bound, settings.port)
         port = listener.getsockname()[1]
@@ -109,6 +117,17 @@ async def run(settings: StudioSettings, started: Callable[[Served], None], enter
     async with served(settings, entered) as studio:
         started(studio)
         await stop.wait()
+
+
+def _backend(settings: StudioSettings, stack: contextlib.AsyncExitStack, invite: Callable[[], str]) -> Backend:
+    if settings.service is None:
+        workspace = Workspace(settings.folder)
+        return Studio(workspace, Running(workspace.folder, _service_token(workspace.folder)), invite)
+    service = JoinedService(settings.service, settings.service_token)
+    nothing = stack.enter_context(
+        tempfile.TemporaryDirectory(prefix="puppetline-")
+    )  # another studio may use the folder
+    return JoinedStudio(Workspace(Path(nothing)), service, invite)
 
 
 def _service_token(folder: Path) -> str:

@@ -20,7 +20,7 @@ from engine_bridge.studio.messages import (
     UploadState,
 )
 from engine_bridge.studio.performing import Playing
-from engine_bridge.studio.running import Running
+from engine_bridge.studio.running import ServiceLink
 from engine_bridge.studio.workspace import Workspace
 
 
@@ -51,7 +51,7 @@ def _version(puppet: dict[str, Any]) -> str:
 def state_of(
     characters: list[CharacterState],
     playing: Playing,
-    running: Running,
+    running: ServiceLink,
     takes: list[TakeState],
     workspace: Workspace,
     jobs: list[JobState],
@@ -129,6 +129,8 @@ def _banner(
     performers: list[PerformerState],
 ) -> Banner:
     """Return what is most important now: a service that has ended, then a stage without a performer."""
+    if service.problem and not service.running and not service.restarts:  # of a service that was joined
+        return Banner(level="error", text=service.problem, fix="Start it, or check its address and token.")
     if not characters:
         return Banner(level="info", text="No character is open.", fix="Drop a mesh here, or open an example.")
     if not service.running:
@@ -138,7 +140,8 @@ def _banner(
                 text=f"The service has ended and is started again. {service.problem}".strip(),
                 fix="Wait a few seconds. If this repeats, choose another source or close the last character.",
             )
-        return Banner(level="info", text="The service starts.", fix="Wait a few seconds.")
+        fix = "This takes a minute or two." if service.text else "Wait a few seconds."
+        return Banner(level="info", text=f"The service starts. {service.text}".strip(), fix=fix)
     if source.kind == "none":
         return Banner(level="info", text="No source performs.", fix="Choose an example, a recording or a sensor.")
     refused = sorted({reason for stage in stages for reason in stage.refused})

@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import logging
-import math
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -12,17 +11,16 @@ from typing import Any, Literal
 from capture.sources.demo import performances
 from engine_bridge.character.examples import MOTIONS
 from engine_bridge.studio import messages, performing
+from engine_bridge.studio.backend import Backend
 from engine_bridge.studio.characters import Characters, OpenCharacter
 from engine_bridge.studio.jobs import Jobs, Progress
-from engine_bridge.studio.looking import look
-from engine_bridge.studio.messages import JobState, PuppetReply, SourceState, State
+from engine_bridge.studio.messages import PuppetReply, SourceState, State
 from engine_bridge.studio.performing import Playing
 from engine_bridge.studio.running import Running
 from engine_bridge.studio.state import character_state, state_of
 from engine_bridge.studio.take_list import TakeList
 from engine_bridge.studio.worker import Worker
 from engine_bridge.studio.workspace import Upload, Workspace
-from puppetline import toml_schema
 from puppetline.errors import PuppetlineError, ServiceError
 
 FIRST_EXAMPLE = "walk"
@@ -31,8 +29,8 @@ FIRST_EXAMPLE = "walk"
 log = logging.getLogger(__name__)
 
 
-class Studio:
-    """Everything behind the page, the web server aside.
+class Studio(Backend):
+    """Everything behind the page, the web server aside, with a service that the studio starts.
 
     Parameters
     ----------
@@ -41,18 +39,12 @@ class Studio:
         The service.
     invite : callable
         Returns an address with a new one-time token.
-
-    Attributes
-    ----------
-    version : int
-        Grows with every change of the state.
     """
 
+    running: Running
+
     def __init__(self, workspace: Workspace, running: Running, invite: Callable[[], str]) -> None:
-        self.workspace, self.running = workspace, running
-        self.version = 0
-        self._invite = invite
-        self._watchers: set[Callable[[JobState | None], None]] = set()
+        super().__init__(workspace, running, invite)
         self._worker, self._exporter = Worker(), Worker()
         self._jobs = Jobs(self.changed, self._advanced, workspace.told)
         self.characters = Characters(workspace, self._worker)
@@ -60,27 +52,11 @@ class Studio:
         self._take: tuple[str, str] | None = None  # stage and take
         self._takes = TakeList(workspace.folder / "takes")
         self._changing, self._listing = asyncio.Lock(), asyncio.Lock()
-        running.watch(self._service_changed)
-
-    def watch(self, watcher: Callable[[JobState | None], None]) -> Callable[[], None]:
-        """Call a function with None when the state has changed, and with a job that has advanced; return the end."""
-        self._watchers.add(watcher)
-        return lambda: self._watchers.discard(watcher)
-
-    def changed(self) -> None:
-        """Tell all pages that the state has changed."""
-        self.version += 1
-        for watcher in list(self._watchers):
-            watcher(None)
 
     def _service_changed(self) -> None:
         if not self.running.state.running:
             self._take = None  # the take ended with the service
         self.changed()
-
-    def _advanced(self, job: JobState) -> None:
-        for watcher in list(self._watchers):
-            watcher(job)
 
     @property
     def state(self) -> State:
@@ -95,32 +71,8 @@ class Studio:
             None if self._take is None else self._take[1],
         )
 
-    async def answer(self, request: dict[str, Any]) -> Any:
-        """Carry out a request, and return its result in JSON's types.
-
-        Raises
-        ------
-        PuppetlineError
-        """
-        do = request.get("do")
-        if not isinstance(do, str) or do not in messages.REQUESTS:
-            raise ServiceError(
-                "the request, do",
-                found="nothing" if do is None else f"the unknown request {do!r:.80}",
-                expected=f"one of {', '.join(messages.REQUESTS)}",
-                fix="Reload the page, which may be of another version.",
-            )
-        checked = toml_schema.check(messages.REQUESTS[do], request, "the request", ServiceError)
-        return await getattr(self, f"_do_{do}")(checked)
-
     async def receive(self, name: str, path: Path) -> Upload:
-        """Check a file that was received, and keep it.
-
-        Raises
-        ------
-        PuppetlineError
-            It cannot be read; it is deleted.
-        """
+        """Check a file that was received in the worker, and keep it."""
         try:
             facts = await self._worker.run("inspect", path)
         except BaseException:
@@ -176,15 +128,6 @@ class Studio:
         await self.running.close()
 
     # ------------------------------------------------------------------------------------------------ requests
-
-    async def _do_ping(self, _: messages.Ping) -> str:
-        return "pong"
-
-    async def _do_state(self, _: messages.GetState) -> dict[str, Any]:
-        return self.state.model_dump(mode="json")
-
-    async def _do_invite(self, _: messages.Invite) -> dict[str, Any]:
-        return {"address": self._invite()}
 
     async def _do_open_character(self, asked: messages.OpenCharacter) -> dict[str, Any]:
         upload = self.workspace.upload(asked.upload, "character")
@@ -314,24 +257,6 @@ class Studio:
         self._jobs.cancel(asked.job)
         return {}
 
-    async def _do_calibrate(self, asked: messages.Calibrate) -> dict[str, Any]:
-        return await self._pass_on("calibrate", character=asked.character)
-
-    async def _do_mirror(self, asked: messages.Mirror) -> dict[str, Any]:
-        return await self._pass_on("mirror", character=asked.character, on=asked.on)
-
-    async def _do_choose_user(self, asked: messages.ChooseUser) -> dict[str, Any]:
-        return await self._pass_on("choose_user", character=asked.character, user=asked.user)
-
-    async def _do_look(self, _: messages.Look) -> dict[str, Any]:
-        return look(self.state).model_dump(mode="json")
-
-    async def _do_smoothing_preview(self, asked: messages.SmoothingPreview) -> dict[str, Any]:
-        values = asked.model_dump(exclude={"id", "do"})
-        values["max_deviation"] = math.inf if asked.max_deviation is None else asked.max_deviation
-        reply: dict[str, Any] = await self._worker.run("smoothing_preview", values)
-        return reply
-
     # ------------------------------------------------------------------------------------------------ their parts
 
     def _refuse_while_recording(self) -> None:
@@ -343,12 +268,6 @@ class Studio:
                 expected="a stage that is not recording",
                 fix="Stop the recording first.",
             )
-
-    async def _pass_on(self, do: str, **arguments: Any) -> dict[str, Any]:
-        """Send a request to the service."""
-        await self.running.request(do, **arguments)
-        await self.running.refresh()
-        return {}
 
     async def _recording(self, take: str | None, upload: str | None, example: str | None) -> Path:
         """Return the file of a recording; an example is written first."""

@@ -116,9 +116,16 @@ class RecordStart(Table):
     stage: Name | None = None
 
 
-class RecordStop(Table):
-    """End the recording of a stage."""
+class OneStage(Table):
+    """A stage; its name may be omitted if it is the only one."""
 
+    stage: Name | None = None
+
+
+class Trace(Table):
+    """A joint of the performers of a stage; the stage may be omitted if it is the only one."""
+
+    joint: JointName
     stage: Name | None = None
 
 
@@ -129,8 +136,10 @@ ARGUMENTS: dict[str, type[Table]] = {
     "calibrate": OneCharacter,
     "choose_user": ChooseUser,
     "mirror": Mirror,
+    "look": OneStage,
+    "trace": Trace,
     "record_start": RecordStart,
-    "record_stop": RecordStop,
+    "record_stop": OneStage,
     "puppet": OneCharacter,
     "set_handle": SetHandle,
     "set_root": SetRoot,

@@ -4,11 +4,12 @@ from PIL import ImageFont
 from puppetline.examples.performances import PERFORMANCES
 
 from capture.sensors.diagnosis import Problem, diagnose
+from capture.sensors.picture_jpeg import shaded
 from capture.sensors.source_report import SourceReport
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 from capture.trackers.picture import Lens, Picture
 from engine_bridge.pictures import source_view
-from engine_bridge.pictures.source_view import INFERRED_COLOR, PANEL, PANEL_HEIGHT, PERFORMER_COLORS, draw, shaded
+from engine_bridge.pictures.source_view import INFERRED_COLOR, PANEL, PANEL_HEIGHT, PERFORMER_COLORS, draw
 
 GAP = 12
 LENS = Lens(320, 240, 262.5)
@@ -118,14 +119,6 @@ def test_problems_are_written_below_in_their_own_colour(picture):
     words = drawn(good, diagnose(good))[PANEL_HEIGHT + GAP :]
     assert len(places_of(words, source_view.PROBLEM_COLOR)) == 0
     assert len(places_of(words, source_view.OK_COLOR)) > 0
-
-
-def test_nearer_depth_is_lighter_and_unknown_depth_is_violet():
-    depth = np.repeat(np.array([[1000, 2000, 3000, 4000]], np.uint16), 9, axis=0).repeat(9, axis=1)
-    grey = shaded(depth)[4, 4::9].astype(int)
-    assert (np.diff(grey[:, 0]) < 0).all()
-    assert (grey == grey[:, :1]).all()
-    np.testing.assert_array_equal(shaded(depth * 0), np.broadcast_to((52, 26, 66), (9, 36, 3)))
 
 
 def test_long_texts_are_broken_between_words():

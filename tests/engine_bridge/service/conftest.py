@@ -321,7 +321,7 @@ def listen():
         client.close()
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def free_port():
     """Find a free TCP port followed by another one, outside the range from which the system chooses."""
 

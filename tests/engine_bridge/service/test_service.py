@@ -200,6 +200,17 @@ def test_clients_and_performer_continue_after_a_killed_service_is_restarted(
     assert frames[-1].header.state == 2
 
 
+def test_a_client_is_shown_what_the_source_sees(shared):
+    playing, _ = shared
+    playing.client("blob/controls").until(performing)
+    seen = playing.ask("look", stage="stage")
+    assert seen["picture"] is None
+    (performer,) = seen["performers"]
+    assert (performer["user"], performer["joints"]) == (1, None)
+    assert performer["text"].startswith(f"user 1: {performer['joints_seen']} of 20 joints tracked")
+    assert playing.ask("look", stage="other")["found"] == "no stage 'other'"
+
+
 def test_garbage_is_counted_and_frames_continue(shared):
     playing, sender = shared
     client = playing.client("blob/controls")

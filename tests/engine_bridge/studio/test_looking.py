@@ -1,37 +1,25 @@
-import pytest
+from engine_bridge.studio.looking import look_reply
 
-from engine_bridge.studio.looking import look
-from engine_bridge.studio.messages import PerformerState, ServiceState, StageState, State
-
-
-def seen(source="osc:7110", rate=30.0, refused=None, users=0):
-    stage = StageState(name="stage", source=source, rate=rate, refused=refused or {}, recording=None)
-    performers = [
-        PerformerState(user=k, stage="stage", state="performing", character="dog", distance=2.5, height=1.7)
-        for k in range(1, users + 1)
-    ]
-    return look(State(service=ServiceState(running=True), stages=[stage], performers=performers))
+SEEN = {
+    "stage": "stage",
+    "source": "camera:0",
+    "picture": {"jpeg": "/9j/", "width": 640, "height": 480},
+    "performers": [{"user": 3, "text": "user 3: well", "joints": [[0.25, 0.5], None]}],
+    "reasons": [{"what": "The file /home/a/studio/takes/x.log has ended.", "fix": "Choose another."}],
+}
 
 
-def test_a_performer_is_described_and_nothing_is_wrong():
-    reply = seen(users=1)
-    assert reply.problems == []
-    assert reply.performers == ["user 1: 2.50 m away, performing, drives dog"]
+def test_the_reply_has_the_picture_the_joints_and_the_reasons():
+    reply = look_reply(SEEN, lambda text: text.replace("/home/a/studio/takes/", ""))
+    assert reply.model_dump(mode="json") == {
+        "picture": "/9j/",
+        "width": 640,
+        "height": 480,
+        "problems": [{"level": "warning", "text": "The file x.log has ended.", "fix": "Choose another."}],
+        "performers": [{"user": 3, "text": "user 3: well", "joints": [[0.25, 0.5], None]}],
+    }
 
 
-@pytest.mark.parametrize(
-    ("facts", "texts"),
-    [
-        ({}, ["Nothing arrives at osc:7110."]),
-        ({"source": "freenect:"}, ["No performer is in view of freenect:."]),
-        (
-            {"refused": {"not OSC": 3}},
-            ["osc:7110: packets that are not understood (not OSC: 3).", "No performer is in view of osc:7110."],
-        ),
-        ({"rate": 10.0, "users": 1}, ["osc:7110: only 10 skeletons per second arrive."]),
-        ({"rate": 40.0, "users": 2}, []),
-        ({"rate": 20.0, "users": 2}, ["osc:7110: only 10 skeletons per second arrive."]),
-    ],
-)
-def test_the_reason_is_stated(facts, texts):
-    assert [each.text for each in seen(**facts).problems] == texts
+def test_a_source_without_pictures_has_none():
+    reply = look_reply(SEEN | {"picture": None}, str)
+    assert (reply.picture, reply.width, reply.height) == ("", 0, 0)

@@ -1,4 +1,4 @@
-/** What the studio's server sends and accepts; engine_bridge/studio/messages.py describes every key. */
+/** What the studio's server sends and accepts; engine_bridge/studio/messages describes every key. */
 
 import type { Puppet } from "./model/puppet";
 
@@ -33,6 +33,7 @@ export interface SourceState {
 
 export interface PerformerState {
   readonly user: number;
+  readonly stage: string;
   readonly state: string;
   readonly character: string | null;
   readonly distance: number;
@@ -130,20 +131,31 @@ export interface Sources {
   readonly ports: readonly Port[];
 }
 
+export interface SeenPerformer {
+  readonly user: number;
+  readonly text: string;
+  /** Places of the 20 joints, as shares of the picture's width and height. */
+  readonly joints: readonly (readonly [number, number] | null)[] | null;
+}
+
 export interface LookReply {
+  /** JPEG in base64; empty for a source without pictures. */
   readonly picture: string;
+  readonly width: number;
+  readonly height: number;
   readonly problems: readonly Banner[];
-  readonly performers: readonly string[];
+  readonly performers: readonly SeenPerformer[];
 }
 
 export interface SmoothingReply {
   readonly times: readonly number[];
   readonly measured: readonly number[];
   readonly smoothed: readonly number[];
+  readonly measured_mm: number;
   readonly jitter_mm: number;
-  readonly lag_ms: number;
-  readonly rise_ms: number;
-  readonly overshoot_mm: number;
+  readonly lag_ms: number | null;
+  readonly rise_ms: number | null;
+  readonly overshoot_mm: number | null;
 }
 
 export interface PuppetReply {

@@ -51,6 +51,8 @@ export interface State {
   readonly looking: boolean;
   readonly look: LookReply | null;
   readonly preview: SmoothingReply | null;
+  /** The performer's joint that the plot of the smoothing shows; null for a test signal. */
+  readonly plotted: Joint | null;
   readonly recording: Recording | null;
   readonly trim: readonly [number | null, number | null];
   readonly loop: boolean;
@@ -84,6 +86,7 @@ export const INITIAL: State = {
   looking: false,
   look: null,
   preview: null,
+  plotted: null,
   recording: null,
   trim: [null, null],
   loop: true,
@@ -127,3 +130,6 @@ export function shownPuppet({ character, puppets }: State): Puppet | null {
 export function shownCharacter({ character, server }: State) {
   return server?.characters.find((each) => each.name === character) ?? null;
 }
+
+/** Whether the service was started elsewhere: its files, characters and source cannot be changed here. */
+export const isJoined = ({ greeting }: State): boolean => greeting?.joined === true;

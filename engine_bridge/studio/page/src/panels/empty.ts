@@ -2,8 +2,7 @@
 
 import { openExample, openFiles } from "../actions";
 import { type Node_, h } from "../dom";
-import type { State } from "../store";
-import { update } from "../store";
+import { type State, isJoined, update } from "../store";
 import { strings } from "../strings";
 import { button } from "./parts";
 
@@ -29,6 +28,9 @@ export function empty(state: State): Node_ {
   const { empty: words, examples } = strings;
   const suffixes = meshSuffixes(state);
   const working = state.busy.length > 0;
+  if (isJoined(state)) {
+    return h("main", { class: "empty", key: "empty" }, h("div", { class: "welcome" }, h("h1", {}, words.joined), h("p", {}, words.joinedText)));
+  }
   return h(
     "main",
     { class: "empty", key: "empty" },

@@ -2,7 +2,7 @@
 
 import { closeCharacter, record, redo, save, show, undo } from "../actions";
 import { type Node_, h } from "../dom";
-import { type State, shownCharacter, update } from "../store";
+import { type State, isJoined, shownCharacter, update } from "../store";
 import { strings } from "../strings";
 import { button, select } from "./parts";
 
@@ -15,6 +15,7 @@ export function header(state: State): Node_ {
   const history = character === null ? undefined : puppets[character];
   const recording = server?.recording ?? null;
   const open = state.connected === "open";
+  const joined = isJoined(state);
   return h(
     "header",
     { key: "header" },
@@ -25,7 +26,10 @@ export function header(state: State): Node_ {
         "div",
         { class: "row", key: "character" },
         select(
-          [...server.characters.map(({ name, title }): [string, string] => [name, title || name]), [ANOTHER, words.another]],
+          [
+            ...server.characters.map(({ name, title }): [string, string] => [name, title || name]),
+            ...(joined ? [] : [[ANOTHER, words.another] as const]),
+          ],
           adding ? ANOTHER : shown.name,
           (name) => {
             if (name === ANOTHER) update({ adding: true });
@@ -33,7 +37,7 @@ export function header(state: State): Node_ {
           },
           words.character,
         ),
-        button(words.close, () => {
+        !joined && button(words.close, () => {
           void closeCharacter(shown.name);
         }, { quiet: true, label: `${words.close} ${shown.name}`, disabled: !open }),
       ),

@@ -24,7 +24,7 @@ import {
 } from "../model/puppet";
 import { JOINTS, type Joint, sideOf, spoken } from "../model/skeleton";
 import type { Vector } from "../model/vector";
-import { type State, shownCharacter, shownPuppet } from "../store";
+import { type State, isJoined, shownCharacter, shownPuppet } from "../store";
 import { strings } from "../strings";
 import { button, checkbox, field, number, section, select, text } from "./parts";
 
@@ -41,7 +41,8 @@ export function limbs(state: State, bounds: Bounds): Node_ {
     button(`‹ ${strings.limbs.back}`, () => {
       choose(null);
     }, { quiet: true, back: true }),
-    selection.kind === "limb" ? limb(puppet, selection, bounds) : handle(puppet, selection.name, bounds),
+    isJoined(state) && h("p", { class: "hint" }, strings.limbs.elsewhere),
+    selection.kind === "limb" ? locked(state, limb(puppet, selection, bounds)) : handle(state, puppet, selection.name, bounds),
   );
 }
 
@@ -176,7 +177,12 @@ function limb(puppet: Puppet, part: Part & { kind: "limb" }, bounds: Bounds): Ch
   ];
 }
 
-function handle(puppet: Puppet, name: string, bounds: Bounds): Child {
+/** Controls that cannot be used for a service that was started elsewhere. */
+function locked(state: State, ...children: readonly Child[]): Child {
+  return isJoined(state) ? h("fieldset", { class: "plain stack", disabled: true }, children) : children;
+}
+
+function handle(state: State, puppet: Puppet, name: string, bounds: Bounds): Child {
   const { limbs: words } = strings;
   const shown = handleNamed(puppet, name);
   if (shown === undefined) return null;
@@ -188,7 +194,7 @@ function handle(puppet: Puppet, name: string, bounds: Bounds): Child {
   const many = joints.length > 1;
   const axes = shown.axes ?? "xyz";
   return [
-    nameField(puppet, part, handlesOf(puppet).map((each) => each.name)),
+    locked(state, nameField(puppet, part, handlesOf(puppet).map((each) => each.name))),
     field(
       words.handleJoint,
       select(
@@ -213,8 +219,7 @@ function handle(puppet: Puppet, name: string, bounds: Bounds): Child {
         }),
       ),
     ),
-    position(puppet, part, shown.position),
-    ends(part, bounds),
+    locked(state, position(puppet, part, shown.position), ends(part, bounds)),
   ];
 }
 

@@ -1,10 +1,12 @@
 /** Who performs: the source, the figure, and what the sensor sees. */
 
-import { calibrate, chooseSource, look, perform } from "../actions";
-import { type Node_, h } from "../dom";
-import { type State, shownCharacter } from "../store";
+import { calibrate, chooseSource, chooseUser, look, perform } from "../actions";
+import { type Child, type Node_, h } from "../dom";
+import type { CharacterState, PerformerState } from "../messages";
+import { type State, isJoined, shownCharacter } from "../store";
 import { strings } from "../strings";
 import { button } from "./parts";
+import { seen } from "./seen";
 import { sources } from "./sources";
 
 export function performer(state: State): Node_ {
@@ -18,14 +20,15 @@ export function performer(state: State): Node_ {
   );
 }
 
-function sourceLine({ server }: State): Node_ {
+function sourceLine(state: State): Node_ {
+  const { server } = state;
   const { performer: words } = strings;
   const text = server === null || server.source.kind === "none" ? words.none : server.source.text;
   return h(
     "div",
     { class: "source", key: "source" },
     h("span", { title: text }, text),
-    button(words.change, () => {
+    !isJoined(state) && button(words.change, () => {
       void chooseSource();
     }),
   );
@@ -56,9 +59,7 @@ function body(state: State): Node_ {
     { class: "stack", key: "body" },
     h("div", { class: "figure-box", raw: true, key: "figure" }),
     h("p", { class: `hint ${joint === null ? "" : "strong"}`, "aria-live": "polite" }, hint),
-    (server?.performers ?? []).map(({ user, state: doing }) =>
-      h("p", { class: "small", key: `user${user}` }, words.user(user, words.states[doing] ?? doing)),
-    ),
+    performers(server?.performers ?? [], shown),
     shown !== null &&
       button(words.calibrate, () => {
         void calibrate(shown.name);
@@ -66,18 +67,31 @@ function body(state: State): Node_ {
     button(state.looking ? words.lookHide : words.look, () => {
       void look(!state.looking);
     }, { pressed: state.looking }),
-    state.looking && sensorPicture(state),
+    state.looking && seen(state),
   );
 }
 
-function sensorPicture({ look: seen }: State): Node_ {
+/** Who is in view, and who of them moves the shown character; the first choice is the service's. */
+function performers(all: readonly PerformerState[], shown: CharacterState | null): Child {
   const { performer: words } = strings;
-  if (seen === null) return h("p", { class: "small", key: "look" }, words.lookWait);
-  return h(
-    "div",
-    { class: "look", key: "look" },
-    seen.picture !== "" && h("img", { src: `data:image/jpeg;base64,${seen.picture}`, alt: words.picture }),
-    seen.problems.map(({ text, fix }) => h("p", { class: "small" }, h("strong", {}, text), fix === "" ? "" : ` ${fix}`)),
-    seen.performers.map((line) => h("p", { class: "small" }, line)),
-  );
+  const here = all.filter(({ stage }) => stage === shown?.stage);
+  return [
+    here.map(({ user, state: doing, character }) =>
+      h(
+        "div",
+        { class: "row", key: `user${user}` },
+        h("p", { class: "small" }, words.user(user, words.states[doing] ?? doing)),
+        shown !== null &&
+          character !== shown.name &&
+          button(words.choose(user), () => {
+            void chooseUser(shown.name, user);
+          }, { quiet: true }),
+      ),
+    ),
+    shown !== null &&
+      here.length > 1 &&
+      button(words.automatic, () => {
+        void chooseUser(shown.name, null);
+      }, { quiet: true, key: "automatic" }),
+  ];
 }

@@ -1,8 +1,8 @@
 /** Takes and other recordings: play, loop, trim, export, download. */
 
-import { deleteTake, exportRecording, offer, perform } from "../actions";
+import { deleteTake, deleteUpload, exportRecording, offer, perform } from "../actions";
 import { type Child, type Node_, h } from "../dom";
-import { type Recording, type State, update } from "../store";
+import { type Recording, type State, isJoined, update } from "../store";
 import { strings } from "../strings";
 import { button, checkbox, field, number, section, select } from "./parts";
 
@@ -10,6 +10,7 @@ export function takes(state: State): Node_ {
   const { takes: words, performances } = strings;
   const { server } = state;
   const list = server?.takes ?? [];
+  const joined = isJoined(state);
   const logs = (server?.uploads ?? []).filter(({ kind }) => kind === "log");
   return h(
     "div",
@@ -21,15 +22,15 @@ export function takes(state: State): Node_ {
       h(
         "ul",
         {},
-        list.map(({ name, seconds }) => line(state, { kind: "take", name }, name, seconds === null ? "" : words.seconds(seconds))),
+        list.map(({ name, seconds }) => joined ? h("li", { key: name }, name) : line(state, { kind: "take", name }, name, seconds === null ? "" : words.seconds(seconds))),
       ),
     ),
     logs.length > 0 && section(words.uploads, h("ul", {}, logs.map(({ upload, name }) => line(state, { kind: "upload", name: upload }, name, "")))),
-    section(
+    joined ? h("p", { class: "small" }, words.elsewhere) : section(
       words.examples,
       h("ul", {}, Object.entries(performances).map(([name, title]) => line(state, { kind: "example", name }, title, ""))),
     ),
-    state.recording === null ? h("p", { class: "hint" }, words.select) : chosen(state, state.recording),
+    !joined && (state.recording === null ? h("p", { class: "hint" }, words.select) : chosen(state, state.recording)),
   );
 }
 
@@ -61,6 +62,7 @@ function line(state: State, recording: Recording, title: string, detail: string)
 function chosen(state: State, recording: Recording): Child {
   const { takes: words } = strings;
   const take = recording.kind === "take" ? state.server?.takes.find(({ name }) => name === recording.name) : undefined;
+  const upload = recording.kind === "upload" ? state.server?.uploads.find((each) => each.upload === recording.name) : undefined;
   const [from, to] = state.trim;
   const forms = state.greeting?.forms ?? ["morph"];
   const exporting = state.busy.includes(strings.busy.export);
@@ -80,6 +82,11 @@ function chosen(state: State, recording: Recording): Child {
         button(words.remove(take.name), () => {
           update({ recording: null });
           void deleteTake(take.name);
+        }, { quiet: true, danger: true }),
+      upload !== undefined &&
+        button(words.removeUpload(upload.name), () => {
+          update({ recording: null });
+          void deleteUpload(upload.upload);
         }, { quiet: true, danger: true }),
     ),
     h(

@@ -1,0 +1,159 @@
+"""A studio for a service that runs elsewhere: shows its characters, maps their handles, calibrates and records.
+
+The files of the service are on its machine. Therefore nothing is opened, closed, exported or downloaded here.
+"""
+
+import asyncio
+import contextlib
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Never
+
+from engine_bridge.studio import messages
+from engine_bridge.studio.backend import Backend
+from engine_bridge.studio.joined_service import JoinedService
+from engine_bridge.studio.mappings import puppet_of, requests_of
+from engine_bridge.studio.messages import CharacterState, PuppetReply, SourceState, State, TakeState
+from engine_bridge.studio.performing import Playing
+from engine_bridge.studio.state import state_of
+from engine_bridge.studio.workspace import Workspace
+from puppetline.errors import PuppetlineError, ServiceError
+
+MAPPING_SECONDS = 1.0
+"""Interval at which the service is asked for mappings and takes, which others may change, in seconds."""
+
+
+class JoinedStudio(Backend):
+    """Everything behind the page, the web server aside, with a service that runs elsewhere.
+
+    Parameters
+    ----------
+    workspace : Workspace
+        Stays empty.
+    running : JoinedService
+    invite : callable
+        Returns an address with a new one-time token.
+    """
+
+    joined = True
+    running: JoinedService
+
+    def __init__(self, workspace: Workspace, running: JoinedService, invite: Callable[[], str]) -> None:
+        super().__init__(workspace, running, invite)
+        self._mappings: dict[str, dict[str, Any]] = {}
+        self._takes: list[TakeState] = []
+        self._editing = asyncio.Lock()
+        self._poller = asyncio.create_task(self._poll())
+
+    @property
+    def state(self) -> State:
+        """The whole state."""
+        stages = self.running.status.get("stages", [])
+        source = ", ".join(each["source"] for each in stages)
+        playing = Playing(source, SourceState(uri=source, kind="live", name=source, text=source))
+        characters = [
+            _character(each, self._mappings[name])
+            for name, each in self.running.described.items()
+            if name in self._mappings
+        ]
+        recording = next((each["recording"] for each in stages if each["recording"] is not None), None)
+        return state_of(characters, playing, self.running, self._takes, self.workspace, [], recording)
+
+    async def receive(self, name: str, path: Path) -> Never:
+        """Refuse a file."""
+        self.workspace.discard(path)
+        raise _elsewhere(name)
+
+    async def close(self) -> None:
+        """End the connection."""
+        self._poller.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await self._poller
+        await super().close()
+
+    async def _refuse(self, asked: messages.Request) -> Never:
+        raise _elsewhere(f"the request {getattr(asked, 'do', '')}")
+
+    async def _do_puppet(self, asked: messages.GetPuppet) -> dict[str, Any]:
+        return self._took(await self.running.mapping(asked.character))
+
+    async def _do_edit(self, asked: messages.Edit) -> dict[str, Any]:
+        async with self._editing:
+            before = puppet_of(await self.running.mapping(asked.character))
+            for do, arguments in list(requests_of(before, asked.puppet)):
+                await self.running.request(do, character=asked.character, **arguments)
+            return await self._mapped(asked.character)
+
+    async def _do_save_puppet(self, asked: messages.SavePuppet) -> dict[str, Any]:
+        self._took(await self.running.request("save_puppet", character=asked.character))
+        return {"character": asked.character, "name": "", "file": ""}
+
+    async def _do_revert_puppet(self, asked: messages.RevertPuppet) -> dict[str, Any]:
+        return self._took(await self.running.request("revert_puppet", character=asked.character))
+
+    async def _do_record_start(self, asked: messages.RecordStart) -> dict[str, Any]:
+        stages = [each["name"] for each in self.running.status.get("stages", [])]
+        name = {} if asked.name is None else {"name": asked.name}
+        begun = await self.running.request("record_start", **name, **({"stage": stages[0]} if stages else {}))
+        await self.running.refresh()
+        return {"take": begun["take"]}
+
+    async def _do_record_stop(self, _: messages.RecordStop) -> dict[str, Any]:
+        stages = [each["name"] for each in self.running.status.get("stages", []) if each["recording"] is not None]
+        ended = await self.running.request("record_stop", **({"stage": stages[0]} if stages else {}))
+        await self.running.refresh()
+        await self._list_takes()
+        take = next((each for each in self._takes if each.name == ended["take"]), None)
+        return {} if take is None else take.model_dump(mode="json")
+
+    async def _mapped(self, character: str) -> dict[str, Any]:
+        return self._took(await self.running.mapping(character))
+
+    def _took(self, mapping: dict[str, Any]) -> dict[str, Any]:
+        """Keep a character's mapping, and return it as a puppet."""
+        if self._mappings.get(mapping["character"]) != mapping:
+            self._mappings[mapping["character"]] = mapping
+            self.changed()
+        return PuppetReply(
+            character=mapping["character"], puppet=puppet_of(mapping), saved=mapping["saved"]
+        ).model_dump(mode="json")
+
+    async def _list_takes(self) -> None:
+        listed = (await self.running.request("list"))["takes"]
+        takes = [TakeState(seconds=None, frames=0, **each) for each in listed]
+        if takes != self._takes:
+            self._takes = takes
+            self.changed()
+
+    async def _poll(self) -> None:
+        while True:
+            with contextlib.suppress(PuppetlineError):
+                for name in list(self.running.described):
+                    await self._mapped(name)
+                if self.running.status:
+                    await self._list_takes()
+            await asyncio.sleep(MAPPING_SECONDS if self._mappings else MAPPING_SECONDS / 10)
+
+
+def _character(described: dict[str, Any], mapping: dict[str, Any]) -> CharacterState:
+    version = hashlib.sha256(json.dumps(mapping, sort_keys=True).encode()).hexdigest()[:16]
+    return CharacterState(
+        name=described["name"],
+        title=described["name"],
+        limbs=[each["name"] for each in mapping["limbs"]],
+        handles=[each["name"] for each in mapping["handles"]],
+        version=version,
+        saved=mapping["saved"],
+        **{key: described[key] for key in ("stage", "vertices", "triangles", "performer", "state", "mirror")},
+    )
+
+
+def _elsewhere(where: str) -> ServiceError:
+    return ServiceError(
+        where,
+        found="a service that was started elsewhere",
+        expected="a service of the studio",
+        fix="Change the files on the service's machine, or start puppetline studio without --service.",
+    )

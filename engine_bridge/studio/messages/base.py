@@ -1,0 +1,34 @@
+"""Limits, common types and the base of all requests."""
+
+from typing import Annotated
+
+from pydantic import Field, FiniteFloat
+
+from puppetline.toml_schema import Table
+
+MAX_REQUEST_BYTES = 1_000_000
+"""Maximum size of a request in bytes. The largest is `Edit`; 64 limbs take about 50,000 bytes."""
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")]
+"""Name of a character, stage or take."""
+
+Id = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")]
+"""Id of an upload, a file or a job."""
+
+Seconds = Annotated[FiniteFloat, Field(ge=0, le=86_400)]
+
+
+class Request(Table):
+    """A request; `id` and `do` are in every one."""
+
+    id: int
+
+
+class JobResult(Table):
+    """Result of a request that starts a job and waits for it: the job's id, and its own keys.
+
+    The job is in `State.jobs` with its progress as long as it runs. The reply comes when it is done; it is an error
+    reply if it has failed or was cancelled.
+    """
+
+    job: str

@@ -1,0 +1,148 @@
+"""Requests that open, close, edit and save characters."""
+
+from typing import Any, Literal
+
+from pydantic import FiniteFloat
+
+from engine_bridge.studio.messages.base import Id, Name, Request
+from puppetline.toml_schema import Table
+
+
+class OpenCharacter(Request):
+    """Propose a puppet for an uploaded mesh and put it on the stage; a job, see `JobResult`.
+
+    `up`, `front` and `scale` are as in the puppet file; None to find them. `limbs` false proposes handles. If no source
+    performs, the example performer starts, so that the character moves.
+
+    Result: `JobResult` with ``{"character": name}``.
+    """
+
+    do: Literal["open_character"]
+    upload: Id
+    up: str | None = None
+    front: str | None = None
+    scale: float | None = None
+    limbs: bool = True
+    mirror: bool = False
+
+
+class OpenPuppet(Request):
+    """Open an uploaded puppet file with its mesh: an upload too, or by default the one with the name in the file.
+
+    Result: `JobResult` with ``{"character": name}``.
+    """
+
+    do: Literal["open_puppet"]
+    upload: Id
+    mesh: Id | None = None
+
+
+class OpenExample(Request):
+    """Open an example character, of `Sources.characters`. Result: `JobResult` with ``{"character": name}``."""
+
+    do: Literal["open_example"]
+    name: Name
+
+
+class CloseCharacter(Request):
+    """Take a character off the stage; unsaved edits are lost. Result: ``{}``."""
+
+    do: Literal["close_character"]
+    character: Name
+
+
+class GetPuppet(Request):
+    """Result: `PuppetReply`."""
+
+    do: Literal["puppet"]
+    character: Name
+
+
+class PuppetReply(Table):
+    """A whole puppet.
+
+    Attributes
+    ----------
+    character : str
+    puppet : dict
+        All tables of `engine_bridge.puppet.puppet.Puppet` with all keys: ``character`` (``mesh`` is a file name),
+        ``limb`` (``name``, ``points``, ``joints``, ``follow``, ``gain``, ``parent``), ``handle`` (``name``,
+        ``position``, ``joint``, ``joints``, ``axes``, ``gain``), ``root`` or None, ``retarget`` (``mirror``, ``scale``,
+        ``arm_space``, ``hands_meet``), ``smoothing`` (``max_deviation`` None for infinity) and ``solver``.
+    saved : bool
+        As in `CharacterState`.
+    """
+
+    character: str
+    puppet: dict[str, Any]
+    saved: bool
+
+
+class Edit(Request):
+    """Replace a puppet with another one of the same mesh, while it performs. Result: `PuppetReply`.
+
+    `puppet` is as in `PuppetReply`; omitted keys have their defaults, and ``character.mesh`` is ignored. A mapping is
+    applied at once. Other points of limbs, or other handles, take a second to compute for a large mesh; the character
+    moves as before until then, and the reply comes after it.
+    """
+
+    do: Literal["edit"]
+    character: Name
+    puppet: dict[str, Any]
+
+
+class Snap(Request):
+    """Find the surface point and the point inside the character next to a point. Result: `SnapReply`."""
+
+    do: Literal["snap"]
+    character: Name
+    point: tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+
+
+class SnapReply(Table):
+    """Nearest point of the surface, the point in the middle of the character below it, and half the thickness there."""
+
+    surface: tuple[float, float, float]
+    centre: tuple[float, float, float]
+    radius: float
+
+
+class MirrorLimb(Request):
+    """Make the other side's limb or handle from one: names and joints swap left and right, points are mirrored.
+
+    Points are mirrored at the character's plane of symmetry, and limbs keep their follow and gain. An existing limb or
+    handle of the other side's name is replaced. Result: `PuppetReply`; its puppet is not applied: send it as `Edit`.
+    """
+
+    do: Literal["mirror_limb"]
+    character: Name
+    name: str
+
+
+class SavePuppet(Request):
+    """Save the puppet: into the file that was opened, with its comments and order. Result: `SaveReply`."""
+
+    do: Literal["save_puppet"]
+    character: Name
+
+
+class SaveReply(Table):
+    """A saved puppet file: its name, and the id to download it."""
+
+    character: str
+    name: str
+    file: str
+
+
+class RevertPuppet(Request):
+    """Return to the puppet as it was opened or last saved. Result: `PuppetReply`."""
+
+    do: Literal["revert_puppet"]
+    character: Name
+
+
+class DeleteUpload(Request):
+    """Delete an upload that nothing uses. Result: ``{}``."""
+
+    do: Literal["delete_upload"]
+    upload: Id

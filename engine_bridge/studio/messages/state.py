@@ -1,0 +1,241 @@
+"""The state that all pages show, the events that carry it, and uploads."""
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+from puppetline.toml_schema import Table
+
+
+class CharacterState(Table):
+    """A character.
+
+    Attributes
+    ----------
+    name : str
+        Name in requests and topics.
+    title : str
+        File name of its mesh or puppet file, for people.
+    stage : str
+        Stage that it is on; empty before it is streamed.
+    limbs, handles : list of str
+        Names.
+    vertices, triangles : int
+    version : str
+        Changes with every edit of the puppet; pages then request it again.
+    saved : bool
+        Whether the puppet is as it was opened or last saved.
+    model : str
+        Id for ``GET /files/ID``: the character at rest as a .glb for the shader (`puppetline shader-mesh`), with its
+        materials and textures. It changes if the isoline coordinates change. Empty for a character of a service that
+        was joined, and for one that no shader can draw: the scene message has its geometry.
+    notes : list of str
+        Sentences about what the proposal assumed, and what is unclear.
+    performer : int or None
+        User number.
+    state : str
+        ``"waiting"``, ``"calibrating"``, ``"performing"`` or ``"leaving"``.
+    mirror : bool
+        Whether the performer's left moves the character's right.
+    rate : float
+        Frames sent per second.
+    """
+
+    name: str
+    title: str
+    stage: str = ""
+    limbs: Sequence[str] = ()
+    handles: Sequence[str] = ()
+    vertices: int = 0
+    triangles: int = 0
+    version: str = ""
+    saved: bool = True
+    model: str = ""
+    notes: Sequence[str] = ()
+    performer: int | None = None
+    state: str = "waiting"
+    mirror: bool = False
+    rate: float = 0.0
+
+
+class SourceState(Table):
+    """What performs: its URI (empty for none), its kind, a text for people, and seconds at which it begins and ends."""
+
+    uri: str = ""
+    kind: Literal["none", "example", "upload", "take", "live"] = "none"
+    name: str = ""
+    text: str = ""
+    loop: bool = False
+    start: float | None = None
+    stop: float | None = None
+
+
+class StageState(Table):
+    """A stage: skeletons per second, packets refused by reason, and the name of the take that is being recorded."""
+
+    name: str
+    source: str
+    rate: float
+    refused: dict[str, int]
+    recording: str | None
+
+
+class PerformerState(Table):
+    """A performer in view; see `engine_bridge.service.monitoring.status.UserStatus`."""
+
+    user: int
+    stage: str
+    state: str
+    character: str | None
+    distance: float
+    height: float | None
+
+
+class ServiceState(Table):
+    """The service.
+
+    Attributes
+    ----------
+    running : bool
+        Whether it streams.
+    starting : bool
+        Whether it is being started or started again.
+    address : str
+        Address of its control socket; empty while it does not run.
+    restarts : int
+        How often it has ended without being asked to.
+    problem : str
+        Why it does not run, or why it ended last; empty if nothing is wrong.
+    text : str
+        What its start waits for, as a sentence; empty if it is quick.
+    """
+
+    running: bool = False
+    starting: bool = False
+    address: str = ""
+    restarts: int = 0
+    problem: str = ""
+    text: str = ""
+
+
+class UploadState(Table):
+    """An uploaded file: its kind, and what `puppetline inspect` says of it."""
+
+    upload: str
+    name: str
+    kind: Literal["character", "log", "puppet"]
+    bytes: int
+    facts: dict[str, Any]
+
+
+class TakeState(Table):
+    """A take: seconds from its first frame to its last (None while it is being recorded), bytes, time of writing."""
+
+    name: str
+    seconds: float | None
+    frames: int
+    bytes: int
+    written: float
+
+
+class FileState(Table):
+    """A file to download with ``GET /files/ID``."""
+
+    file: str
+    name: str
+    bytes: int
+    kind: Literal["export", "puppet", "take"]
+
+
+class JobState(Table):
+    """Long work.
+
+    Attributes
+    ----------
+    job : str
+    title : str
+        What it does, for people: ``"Export of take-1 as morph"``.
+    text : str
+        Present step.
+    fraction : float
+        Share of the step that is done, 0 to 1.
+    state : str
+        ``"running"``, ``"done"``, ``"failed"`` or ``"cancelled"``.
+    result : dict or None
+        Result of the request that started it, if done.
+    error : dict or None
+        ``where``, ``found``, ``expected`` and ``fix``, if failed.
+    """
+
+    job: str
+    title: str
+    text: str = ""
+    fraction: float = 0.0
+    state: Literal["running", "done", "failed", "cancelled"] = "running"
+    result: dict[str, Any] | None = None
+    error: dict[str, str] | None = None
+
+
+class StatusState(Table):
+    """Numbers of the service over the last second.
+
+    `fps` is the skeletons per second of all stages, `latency_ms` the median time from a skeleton to its frame,
+    `clients` the clients of the stream, and `drops` the skeletons and frames that newer ones have replaced so far.
+    """
+
+    fps: float = 0.0
+    latency_ms: float | None = None
+    clients: int = 0
+    drops: int = 0
+
+
+class Banner(Table):
+    """The most important thing to know now, in plain words, and what to do."""
+
+    level: Literal["none", "info", "warning", "error"] = "none"
+    text: str = ""
+    fix: str = ""
+
+
+class State(Table):
+    """Everything that the page shows and that is not in a reply; sent whole whenever it changes."""
+
+    characters: Sequence[CharacterState] = ()
+    source: SourceState = SourceState()
+    stages: Sequence[StageState] = ()
+    service: ServiceState = ServiceState()
+    performers: Sequence[PerformerState] = ()
+    recording: str | None = None
+    takes: Sequence[TakeState] = ()
+    uploads: Sequence[UploadState] = ()
+    files: Sequence[FileState] = ()
+    jobs: Sequence[JobState] = ()
+    status: StatusState = StatusState()
+    banner: Banner = Banner()
+
+
+class StateEvent(Table):
+    """``{"event": "state", "state": {…}}``: the state has changed; pushed at most ten times per second."""
+
+    event: Literal["state"] = "state"
+    state: State
+
+
+class ProgressEvent(Table):
+    """``{"event": "progress", …}``: a job has advanced; `JobState` of the next state has the same."""
+
+    event: Literal["progress"] = "progress"
+    job: str
+    text: str
+    fraction: float
+
+
+class UploadReply(Table):
+    """Answer to ``POST /uploads?name=FILE`` with the file as the body; status 200.
+
+    A refused upload has status 400, 401, 403, 413 or 507, and the body ``{"error": {where, found, expected, fix}}``.
+    """
+
+    upload: str
+    kind: Literal["character", "log", "puppet"]
+    name: str
+    facts: dict[str, Any]

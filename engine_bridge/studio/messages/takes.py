@@ -1,0 +1,62 @@
+"""Requests that record, delete and export takes."""
+
+from typing import Any, Literal
+
+from engine_bridge.performance.settings import Form
+from engine_bridge.studio.messages.base import Id, JobResult, Name, Request, Seconds
+
+
+class RecordStart(Request):
+    """Begin a take of what performs now. `name` by default has the time. Result: ``{"take": name}``."""
+
+    do: Literal["record_start"]
+    name: Name | None = None
+
+
+class RecordStop(Request):
+    """End the take. Result: `TakeState`."""
+
+    do: Literal["record_stop"]
+
+
+class DeleteTake(Request):
+    """Delete a take. Result: ``{}``."""
+
+    do: Literal["delete_take"]
+    take: Name
+
+
+class Export(Request):
+    """Convert a recording for a character: exactly one of `take`, `upload`, `example`; as `puppetline convert` does.
+
+    `form` is the value of ``--as``. `start` and `stop` trim the recording, in seconds from its beginning. A job, see
+    `JobResult`. Result: `ExportReply`.
+    """
+
+    do: Literal["export"]
+    character: Name
+    take: Name | None = None
+    upload: Id | None = None
+    example: Name | None = None
+    form: Form = "morph"
+    start: Seconds | None = None
+    stop: Seconds | None = None
+
+
+class ExportReply(JobResult):
+    """An exported .glb.
+
+    `numbers` is `engine_bridge.export.convert.Summary`, and `text` the lines that `puppetline convert` prints.
+    """
+
+    file: str
+    name: str
+    numbers: dict[str, Any]
+    text: str
+
+
+class Cancel(Request):
+    """Cancel a job; the request that started it gets an error. Result: ``{}``."""
+
+    do: Literal["cancel"]
+    job: Id

@@ -46,10 +46,12 @@ func save(name: String) -> void:
 
 func make_stage() -> void:
 	root.disable_3d = true
+	RenderingServer.directional_shadow_atlas_set_size(1024, true)  # quicker on a processor
 	DisplayServer.window_set_size(Vector2i(64, 64))
 	stage = SubViewport.new()
 	stage.size = Vector2i(240, 240)
 	stage.own_world_3d = true
+	stage.mesh_lod_threshold = 0.0  # all triangles, as in the meshes that are compared
 	stage.render_target_update_mode = SubViewport.UPDATE_ALWAYS
 	root.add_child(stage)
 	var box := shared.scene.bounds

@@ -40,6 +40,7 @@ func _draw_shadows() -> void:
 
 
 func _draw_levels() -> void:
+	stage.mesh_lod_threshold = 1.0
 	camera.position = 3.0 * (camera.position - shared.scene.bounds.get_center())
 	for bias: float in [1.0, 100.0]:
 		var body := shown(ControlsBody.new(shared, null), "bent", null)

@@ -1,7 +1,5 @@
 """What Godot's renderers draw of a character: its deformation, shadows and levels of detail."""
 
-import shutil
-
 import numpy as np
 import pytest
 
@@ -21,7 +19,7 @@ def check_motion(run_godot, folder, **screen):
     few, all_of_them = (picture(folder / f"levels {bias}.png") for bias in (1, 100))
     away = np.abs(few - all_of_them)
     assert away.mean() < 0.3
-    assert np.percentile(away, 99) <= 2.0
+    assert np.percentile(away, 99) <= 4.0
 
 
 def test_shadows_and_levels_of_detail_move_with_each_image(run_godot, blob_puppet, tmp_path):
@@ -39,17 +37,34 @@ def characters(own_cache, tmp_path_factory):
     return folders
 
 
+def draw(start_godot, characters, renderer):
+    """Return what a renderer draws of each character, by the addon and as a mesh of its vertices."""
+    script = start_godot("render_characters.gd", renderer, *characters, display=True, renderer=renderer)
+    script.finish(600)
+    assert [line for line in script.lines if "WARNING" in line] == []
+    return [[picture(folder / f"{renderer} {what}.png") for what in ("made", "own")] for folder in characters]
+
+
+def assert_close(one, other, mean, most):
+    """Compare pictures in steps of 255: on the average, and in all but a thousandth of the pixels."""
+    away = np.abs(one - other)
+    assert away.mean() <= mean
+    assert np.percentile(away, 99.9) <= most
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("renderer", ["forward_plus", "mobile"])
-def test_vulkan_renderers_draw_what_compatibility_draws(run_godot, vulkan, characters, tmp_path, renderer):
-    screen = {"display": True, "renderer": renderer}
-    run_godot("render_characters.gd", "compatibility", *characters, display=True, timeout=600)
-    run_godot("render_characters.gd", renderer, *characters, timeout=600, **screen)
-    for folder in characters:
-        drawn = {what: picture(folder / f"{renderer} {what}.png") for what in ("normals", "own", "made")}
-        known = {what: picture(folder / f"compatibility {what}.png") for what in drawn}
-        assert_alike(drawn["normals"], known["normals"])
-        assert_alike(drawn["made"], drawn["own"])
-        assert np.abs(drawn["made"] - known["made"]).mean() < 5.0
-    shutil.copytree(characters[0], tmp_path / "motion")
-    check_motion(run_godot, tmp_path / "motion", renderer=renderer)
+def test_forward_plus_and_mobile_draw_what_compatibility_draws(start_godot, run_godot, vulkan, characters):
+    """The renderers have colours of their own, by which all meshes differ; the addon adds nothing to that.
+
+    Mobile rounds colours to 10 bits of twice the range, Forward+ keeps 16. Its image of Godot's own material is not
+    used, because Mesa's driver computes other depths before the image than in it.
+    """
+    drawn = [draw(start_godot, characters, name) for name in ("gl_compatibility", "mobile", "forward_plus")]
+    for (made, own), (made_by_mobile, own_by_mobile), (made_by_forward, _) in zip(*drawn, strict=True):
+        assert np.std(own) > 10
+        assert_alike(made, own)
+        assert_close(made_by_mobile, own_by_mobile, 0.15, 4.0)
+        assert_close(made_by_mobile - made, own_by_mobile - own, 0.2, 4.0)
+        assert_close(made_by_forward, own_by_mobile, 0.6, 7.0)
+    for name in ("mobile", "forward_plus"):
+        check_motion(run_godot, characters[0], renderer=name)

@@ -63,19 +63,21 @@ func set_materials(materials: Array[Material]) -> void:
 func show_frames(earlier: Message, later: Message, share: float) -> void:
 	_surfaces.follow_materials()
 	var first := 1 if _frames[1] == earlier or (_frames[0] == later and earlier != later) else 0
-	_upload(first, earlier)
-	if earlier == later:
+	var uploaded := _upload(first, earlier)
+	if earlier != later:
+		uploaded = _upload(1 - first, later) or uploaded
+	elif uploaded or _frames[1 - first] != null:
 		_frames[1 - first] = null
 		_boxes[1 - first] = _boxes[first]
-	else:
-		_upload(1 - first, later)
+		uploaded = true
 	_mixed.clear()
 	_weight = share if first == 0 else 1.0 - share
 	_surfaces.set_parameter(&"puppet_share", _weight)
 	_shift = shift(earlier, later, share)
 	if not follow_root:
 		_surfaces.set_parameter(&"puppet_shift", _shift)
-	_surfaces.set_bounds(_boxes[0].merge(_boxes[1]))
+	if uploaded:
+		_surfaces.set_bounds(_boxes[0].merge(_boxes[1]))
 
 
 func follow_patch(patch: SurfacePatch) -> PatchMotion:
@@ -133,10 +135,10 @@ func _has_frame() -> bool:
 	return _frames[0] != null or _frames[1] != null
 
 
-## Upload a frame to the graphics card, unless it is already there.
-func _upload(i: int, frame: Message) -> void:
+## Upload a frame to the graphics card; return false if it was already there.
+func _upload(i: int, frame: Message) -> bool:
 	if _frames[i] == frame:
-		return
+		return false
 	_frames[i] = frame
 	_textures[i].update(_image(frame.payload))
 	var box := _bounds.around(frame.payload)
@@ -145,6 +147,7 @@ func _upload(i: int, frame: Message) -> void:
 	if not follow_root:
 		box.position -= frame.root
 	_boxes[i] = box
+	return true
 
 
 ## Return an image with one row per transform, whose pixels are the three rows of its matrix.

@@ -2,9 +2,9 @@
 
 python -m benchmarks.studio [--data FOLDER] [--characters 4] [--seconds 20]
 
-Chromium with Playwright (`make peers`) draws characters of the Armadillo's size without a graphics card
-(SwiftShader), so drawing takes the time of the processor. FOLDER is searched for armadillo.obj; the default is an example character with as
-many vertices. What the page's scripts take of each image is measured in the same run.
+Chromium with Playwright (`make peers`) draws characters of the Armadillo's size without a graphics card (SwiftShader),
+so drawing takes the time of the processor. FOLDER is searched for armadillo.obj; the default is an example character
+with as many vertices. What the page's scripts take of each image is measured in the same run.
 """
 
 import argparse

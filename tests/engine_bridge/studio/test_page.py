@@ -228,6 +228,16 @@ def test_a_performer_in_view_is_chosen_for_the_character_and_the_recording_delet
     window.until(f"{playing} === {3 - first}")
     window.button("Choose the performer automatically").click()
     window.idle()
+    window.button("Change…").click()
+    window.until("state.sources")
+    window.button("Use vmc:39539").click()
+    window.until("state.server.source.uri === 'vmc:39539'")
+    window.page.get_by_text("No performer is in view of vmc:39539.").wait_for()
+    window.idle()
+    window.button("Change…").click()
+    window.page.locator(".sources").get_by_role("button", name="two.log").click()
+    window.until("state.server.source.name === 'two.log'")
+    window.idle()
     window.tab("Takes")
     window.page.locator(".panel button.line", has_text="two.log").click()
     window.button("Delete recording two.log").click()
@@ -353,6 +363,19 @@ def test_axe_finds_no_serious_violation(studio, browser, window, scheme):
     other.close()
 
 
+def test_an_example_character_stands_beside_the_first_and_is_closed(window):
+    window.page.get_by_label("Character").select_option(label="Open another…")
+    window.button("Walker").click()
+    window.until("state.character === 'biped' && studio.viewer.has('biped')")
+    window.idle()
+    window.page.get_by_label("Character").select_option("pegasus")
+    assert window.state("character") == "pegasus"
+    window.page.get_by_label("Character").select_option("biped")
+    window.button("Close biped").click()
+    window.until("state.server.characters.length === 1 && state.character === 'pegasus'")
+    window.idle()
+
+
 def test_the_page_is_small():
     files = [path for path in (PAGE / "dist").rglob("*") if path.is_file()]
     assert sum(len(gzip.compress(path.read_bytes())) for path in files) <= MAX_PAGE_BYTES
@@ -372,4 +395,13 @@ def test_a_window_without_a_valid_token_is_told_what_to_do(studio, browser):
     page = context.new_page()
     page.goto(re.sub("token=.*", "token=wrong", studio.last_address))
     page.get_by_role("alert").get_by_text("Open the address").wait_for()
+    context.close()
+
+
+def test_a_browser_without_3d_is_told_what_it_needs(studio, browser):
+    context = browser.new_context()
+    context.add_init_script("HTMLCanvasElement.prototype.getContext = () => null;")
+    page = context.new_page()
+    page.goto(studio.last_address)
+    page.get_by_role("alert").get_by_text("The studio needs WebGL 2.").wait_for()
     context.close()

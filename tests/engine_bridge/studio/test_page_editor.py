@@ -355,6 +355,42 @@ def test_the_plot_shows_a_live_joint_of_the_performer(window):
     window.until("state.preview?.rise_ms !== null && state.preview?.measured_mm === 5")
 
 
+def test_the_list_is_reached_from_a_part_and_the_motion_from_the_rest_pose(window):
+    line(window, "left leg").click()
+    window.button("‹ All limbs and handles").click()
+    assert window.state("selection") is None
+    window.button("Live").click()
+    frame = window.until("studio.viewer.moment(state.character)?.later")
+    window.until(f"studio.viewer.moment(state.character).later > {frame}")
+    window.button("Rest pose").click()
+    window.until("studio.viewer.moment(state.character) === null")
+
+
+DROP = """(text) => {
+  const dataTransfer = new DataTransfer();
+  dataTransfer.items.add(new File([text], "broken.obj"));
+  document.dispatchEvent(new DragEvent("dragover", { dataTransfer, bubbles: true, cancelable: true }));
+  const shown = studio.state().dropping;
+  document.dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true, cancelable: true }));
+  return shown;
+}"""
+
+
+def test_a_broken_file_that_is_dropped_is_refused_with_its_line(window):
+    assert window.page.evaluate(DROP, "v 0 0 zero\n") is True
+    assert "broken.obj" in window.until("state.notice?.level === 'error' && state.notice.text")
+    assert window.state("dropping") is False
+    window.button("Dismiss").click()
+    assert window.state("notice") is None
+
+
+def test_the_other_characters_are_offered_and_the_way_back(window):
+    window.page.get_by_label("Character").select_option(label="Open another…")
+    assert window.button("Human").is_enabled()
+    window.button("Back to the character").click()
+    window.button("+ Limb").wait_for()
+
+
 def test_a_character_is_closed(window):
     window.page.get_by_role("button", name="Close figure").click()
     window.until("state.server.characters.length === 0")

@@ -8,6 +8,11 @@ export const strings = {
   title: "Puppetline studio",
   name: "Puppetline",
 
+  noGraphics: {
+    title: "This browser cannot draw 3D.",
+    text: "The studio needs WebGL 2. Update the browser and the graphics driver, switch on hardware acceleration in the browser's settings, or open the address in another browser.",
+  },
+
   empty: {
     title: "Drop a 3D mesh here, and it moves.",
     text: "Puppetline finds its limbs and lets an example performer play it. Then you change the limbs, choose who performs, record and export.",

@@ -1,47 +1,16 @@
-using System;
-using System.Collections.Generic;
 using System.Threading;
 using Puppetline.Protocol;
 using UnityEngine;
 
 namespace Puppetline
 {
-    /// <summary>How the service sends a character.</summary>
-    public enum PuppetMode
-    {
-        /// <summary>80 transforms per frame, blended on the graphics card or on the CPU.</summary>
-        Controls,
-
-        /// <summary>Positions and normals: 24 bytes per vertex and frame.</summary>
-        Vertices,
-
-        /// <summary>Quantised positions and normals: 10 bytes per vertex and frame.</summary>
-        Vertices16,
-
-        /// <summary>Weights for the blend shapes of an imported .glb from <c>puppetline bake</c>.</summary>
-        Morphs,
-    }
-
-    /// <summary>The clock that moves a character.</summary>
-    public enum PuppetClock
-    {
-        /// <summary>The time of the machine: the character follows its performer as closely as possible.</summary>
-        Realtime,
-
-        /// <summary>The time of the engine: <c>Time.timeScale</c> and recording at a fixed rate change it. No frame is skipped.</summary>
-        Engine,
-
-        /// <summary>Calls of <see cref="Puppet.Advance"/>. No frame is skipped.</summary>
-        Manual,
-    }
-
     /// <summary>
     /// Shows a character of <c>puppetline serve</c>, or plays a clip. Host, port, token, character and mode take effect when the component
     /// is enabled; call <see cref="Reconnect"/> after you change them.
     /// </summary>
     [AddComponentMenu("Puppetline/Puppet")]
     [DisallowMultipleComponent]
-    public sealed class Puppet : MonoBehaviour
+    public sealed partial class Puppet : MonoBehaviour
     {
         /// <summary>Host name or address of the service.</summary>
         [Tooltip("Host name or address of the service.")]
@@ -216,75 +185,6 @@ namespace Puppetline
                 ReconnectIfChanged();
                 ShowClip(0);
             }
-        }
-
-        /// <summary>Calibrate again: map the performer's current pose to the character's rest pose.</summary>
-        public void Calibrate()
-        {
-            Request("calibrate", new Dictionary<string, object> { { "character", Character } });
-        }
-
-        /// <summary>Let the performer's left side move the character's right side (true) or its left side (false).</summary>
-        public void SetMirror(bool on)
-        {
-            Request("mirror", new Dictionary<string, object> { { "character", Character }, { "on", on } });
-        }
-
-        /// <summary>Start to record a take; with null, the service chooses the name.</summary>
-        public void StartRecording(string take = null)
-        {
-            Dictionary<string, object> arguments = OfStage();
-            if (take != null)
-            {
-                arguments["name"] = take;
-            }
-            Request("record_start", arguments);
-        }
-
-        /// <summary>Finish the take that is being recorded.</summary>
-        public void StopRecording()
-        {
-            Request("record_stop", OfStage());
-        }
-
-        /// <summary>Name of the character's stage; empty before the service's status has arrived.</summary>
-        public string Stage
-        {
-            get
-            {
-                Json characters = Status["characters"];
-                for (int i = 0; i < characters.Count; i++)
-                {
-                    if (characters[i]["name"].Text == Character)
-                    {
-                        return characters[i]["stage"].Text;
-                    }
-                }
-                return "";
-            }
-        }
-
-        /// <summary>Send a request to the service (docs/control.md).</summary>
-        /// <param name="command">Name of the command.</param>
-        /// <param name="arguments">Arguments of the command: strings, numbers, booleans, null.</param>
-        /// <param name="done">
-        /// Called with the reply in an <c>Update</c>. If the component is disabled, now or before the reply arrives, it is
-        /// immediately called with an error. Without a callback, an error becomes a warning.
-        /// </param>
-        public void Request(string command, IDictionary<string, object> arguments = null, Action<Json> done = null)
-        {
-            if (follower == null)
-            {
-                (done ?? WarnOfError)(motion == null
-                    ? ControlClient.Failure(command, "a disabled Puppet", "an enabled Puppet", "Enable the component first.")
-                    : ControlClient.Failure(command, "a Puppet that plays a clip", "a Puppet of a service", "Remove the clip first."));
-                return;
-            }
-            if (control == null)
-            {
-                control = new ControlClient(host, port + 1, token);
-            }
-            control.Request(command, arguments, done ?? WarnOfError);
         }
 
         /// <summary>Compute the pose of a point of the shown character in the world.</summary>
@@ -506,28 +406,6 @@ namespace Puppetline
             display = null;
             display = Display.Make(this, scene);
             events.sceneLoaded.Invoke();
-        }
-
-        /// <summary>Return the arguments of a request about the character's stage.</summary>
-        Dictionary<string, object> OfStage()
-        {
-            var arguments = new Dictionary<string, object>();
-            if (Stage.Length > 0)
-            {
-                arguments["stage"] = Stage;
-            }
-            return arguments;
-        }
-
-        void WarnOfError(Json reply)
-        {
-            Json error = reply["error"];
-            if (!reply["ok"].True)
-            {
-                Debug.LogWarning(
-                    "Puppetline: " + error["where"].Text + ": found " + error["found"].Text + "; expected " + error["expected"].Text + ". " + error["fix"].Text,
-                    this);
-            }
         }
 
         static Kind KindOf(PuppetMode mode)

@@ -110,8 +110,8 @@ def test_a_manual_clock_moves_it(play):
     ]
 
 
-REVISION, LENGTH = 72, 76
-"""Places of two numbers in the header of a message."""
+REVISION, LENGTH, TIME = 72, 76, 88
+"""Places of numbers in the header of a message."""
 
 
 def messages_of(content):
@@ -129,6 +129,13 @@ def rewritten(content, **changes):
     return b"".join((head, text, *others))
 
 
+def at_times(content, time):
+    """Return a clip whose frames have other times."""
+    description, scene, *frames = messages_of(content)
+    moved = (each[:TIME] + struct.pack("<d", time(k)) + each[TIME + 8 :] for k, each in enumerate(frames))
+    return b"".join((description, scene, *moved))
+
+
 def of_another_scene(content):
     """Return a clip of a scene with another revision."""
     changed = (each[:REVISION] + struct.pack("<I", 7) + each[LENGTH:] for each in messages_of(content))
@@ -142,7 +149,11 @@ DAMAGES = {
     "no description": (lambda whole: b"".join(list(messages_of(whole))[1:]), "damaged at byte 0"),
     "no scene": (lambda whole: next(messages_of(whole)), "0 frames"),
     "a frame too few": (lambda whole: rewritten(whole, frames=59), "59 are described"),
-    "no rate": (lambda whole: rewritten(whole, fps=0), "without frames per second"),
+    "a time that goes back": (lambda whole: at_times(whole, lambda k: -k), "not later than the one before"),
+    "a time that is no number": (
+        lambda whole: at_times(whole, lambda k: float("nan")),
+        "not later than the one before",
+    ),
     "another scene": (lambda whole: rewritten(whole, revision=7), "another scene"),
 }
 
@@ -157,6 +168,17 @@ def test_a_damaged_clip_is_a_warning(play, clip, tmp_path, damage):
     assert warning.startswith("Puppetline: first: found ")
     assert reason in warning
     assert {each["vertices"] for each in shown} == {""}
+
+
+def test_a_pause_in_a_recording_is_a_pause_in_its_clip(play, clip, tmp_path, solved):
+    """Frames have times of their own, from any beginning."""
+    vertices, diagonal = solved
+    paused = tmp_path / "paused.clip"
+    paused.write_bytes(at_times(clip.read_bytes(), lambda k: 100 + k / FPS + (2 if k > 7 else 0)))
+    shown, _ = play(f"at:{7 / FPS}", f"at:{7 / FPS + (2 + 1 / FPS) / 2}", f"at:{2 + 30 / FPS}", "at:99", first=paused)
+    expected = (vertices[7], vertices[[7, 8]].mean(axis=0), vertices[30], vertices[57])
+    for each, wanted in zip(shown, expected, strict=True):
+        assert np.abs(positions(each) - wanted).max() <= 1e-5 * diagonal
 
 
 def test_a_clip_of_another_character_is_not_blended(play, clip, tmp_path, solved):

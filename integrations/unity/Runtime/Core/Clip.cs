@@ -8,6 +8,11 @@ namespace Puppetline.Protocol
     {
         readonly List<ArraySegment<byte>> frames = new List<ArraySegment<byte>>();
 
+        /// <summary>Times of the frames, in seconds from the first one. Recordings can have pauses.</summary>
+        readonly List<double> times = new List<double>();
+
+        double firstTime;
+
         Clip(byte[] file)
         {
             int number = 0;
@@ -38,17 +43,27 @@ namespace Puppetline.Protocol
         /// <summary>Number of frames, at least 1.</summary>
         public int FrameCount => frames.Count;
 
-        /// <summary>Frames per second.</summary>
-        public double FramesPerSecond => Description["fps"].Number;
-
         /// <summary>Duration in seconds.</summary>
-        public double Length => (FrameCount - 1) / FramesPerSecond;
+        public double Length => times[FrameCount - 1];
 
         /// <summary>Read a clip file. The frames refer to the bytes, and are decoded when they are shown.</summary>
         /// <exception cref="FormatException">It is not a clip file, or is damaged.</exception>
         public static Clip Parse(byte[] file)
         {
             return new Clip(file);
+        }
+
+        /// <summary>Return the time of a frame, in seconds from the first one.</summary>
+        public double TimeOf(int number)
+        {
+            return times[number];
+        }
+
+        /// <summary>Return the last frame that is not after a time in seconds; the first one for earlier times.</summary>
+        public int FrameAt(double seconds)
+        {
+            int found = times.BinarySearch(seconds);
+            return Math.Max(0, found >= 0 ? found : ~found - 1);
         }
 
         /// <summary>Read a frame.</summary>
@@ -71,10 +86,6 @@ namespace Puppetline.Protocol
             if (number == 0)
             {
                 Description = Json.Parse(message.Payload);
-                if (!(FramesPerSecond > 0))
-                {
-                    throw new FormatException("a clip without frames per second");
-                }
                 return;
             }
             if (message.Header.Revision != (number == 1 ? Description["revision"].Number : Scene.Revision))
@@ -91,6 +102,13 @@ namespace Puppetline.Protocol
             {
                 throw Damaged(at);
             }
+            firstTime = frames.Count == 0 ? message.Header.Time : firstTime;
+            double time = message.Header.Time - firstTime;
+            if (!(frames.Count == 0 ? time == 0 : time > Length))
+            {
+                throw new FormatException("a frame that is not later than the one before at byte " + at);
+            }
+            times.Add(time);
             int start = message.TopicBytes.Offset;
             frames.Add(new ArraySegment<byte>(message.Payload.Array, start, message.Payload.Offset + message.Payload.Count - start));
         }

@@ -20,19 +20,19 @@ namespace Puppetline.Protocol
         /// <param name="seconds">Seconds since the first frame. Before the first frame and after the last one, those are shown.</param>
         public Frame Evaluate(double seconds)
         {
-            double place = Math.Max(0, Math.Min(seconds * clip.FramesPerSecond, clip.FrameCount - 1));
-            int number = (int)place;
+            int number = clip.FrameAt(seconds);
             if (number == laterNumber)
             {
                 // Time goes on: the later frame is now the earlier one.
                 Swap();
             }
             Read(earlier, ref earlierNumber, number);
-            double share = place - number;
-            if (share <= 0)
+            double start = clip.TimeOf(number);
+            if (seconds <= start || number == clip.FrameCount - 1)
             {
                 return earlier;
             }
+            double share = (seconds - start) / (clip.TimeOf(number + 1) - start);
             Read(later, ref laterNumber, number + 1);
             mixed.Mix(earlier, later, (float)share);
             return mixed;

@@ -40,7 +40,7 @@ def _separate_compiled_code() -> None:
 
 _separate_compiled_code()
 
-OPTIONAL = {"assimp", "blender", "browser", "camera", "data", "freenect", "godot", "mono", "node", "openni"}
+OPTIONAL = {"assimp", "blender", "browser", "camera", "data", "freenect", "godot", "mono", "node", "openni", "vulkan"}
 REQUIRED = set(filter(None, os.environ.get("PUPPETLINE_TEST_REQUIRE", "").split(",")))
 """Parts of `OPTIONAL` that must be present, such as ``data,node``: tests fail without them instead of being skipped."""
 
@@ -280,6 +280,20 @@ def godot() -> str:
     if program is None:
         missing("godot", "Godot 4.3 or newer is not installed (put `godot` on PATH, or set GODOT to its path)")
     return str(program)
+
+
+@pytest.fixture(scope="session")
+def vulkan(godot: str) -> Iterator[None]:
+    """Let Godot draw with Vulkan on the processor."""
+    driver = min(Path("/usr/share/vulkan/icd.d").glob("lvp_icd.*.json"), default=None)
+    if driver is None:
+        missing("vulkan", "Mesa's Vulkan driver for the processor is not installed (Debian: mesa-vulkan-drivers)")
+    command = [godot, "--headless", "--rendering-driver", "unknown"]  # it prints the drivers that it has
+    if "'vulkan'" not in subprocess.run(command, capture_output=True, text=True, check=False).stdout:
+        missing("vulkan", f"{godot} was built without Vulkan")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("VK_ICD_FILENAMES", str(driver))
+        yield
 
 
 @pytest.fixture(scope="session")

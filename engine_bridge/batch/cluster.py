@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 START_SECONDS = 120
-"""Time in which a scheduler must answer, and for which it may be without any worker, in seconds."""
+"""Time for which a scheduler may be without any worker, in seconds."""
 
 POLL_SECONDS = 1.0
 """Time after which waiting for a task is interrupted to look at the workers, in seconds."""
@@ -33,6 +33,10 @@ PAGE_ADDRESS = "127.0.0.1:0"
 WORKER_MEMORY = {"target": False, "spill": False, "pause": False}
 """Settings of Dask for workers on this machine. Their results are small: a worker near its limit of memory must be
 restarted, and not wait until it uses less."""
+
+TRIM_VARIABLE = "MALLOC_TRIM_THRESHOLD_"
+"""Environment variable that Dask sets for its workers. With it, the C library returns the memory of each array to the
+system and asks for it again, so that a conversion takes half as long again. It is removed."""
 
 WORKER_PRELOAD = "engine_bridge.batch.worker_process"
 """Module that workers on this machine load when they start."""
@@ -84,13 +88,18 @@ def connected(scheduler: str | None, workers: int | None, max_workers: int, *, d
     _silence()
     if scheduler is not None:
         with _reaching(scheduler):
-            client = Client(scheduler, timeout=START_SECONDS, set_as_default=False)
+            client = Client(scheduler, set_as_default=False)  # Dask's setting of connection times: 30 s
             client.wait_for_workers(1, timeout=START_SECONDS)
         with client:
             yield client
         return
     configuration = {
         "distributed.worker.preload": [*dask.config.get("distributed.worker.preload"), WORKER_PRELOAD],
+        "distributed.nanny.pre-spawn-environ": {
+            name: value
+            for name, value in dask.config.get("distributed.nanny.pre-spawn-environ").items()
+            if name != TRIM_VARIABLE
+        },
         "distributed.worker.memory": dask.config.get("distributed.worker.memory") | WORKER_MEMORY,
     }
     count = min(CPU_COUNT if workers is None else workers, max_workers)

@@ -21,7 +21,7 @@ from engine_bridge.character.scene import shown_nodes, skinning, world_transform
 from engine_bridge.character.schema import Mesh, Node, Primitive
 from engine_bridge.character.shading import shaded, unit
 from engine_bridge.character.surface_document import read_document
-from engine_bridge.character.surfaces.surface import MAX_COORDINATE, Piece, Surface, material_for
+from engine_bridge.character.surfaces.surface import MAX_COORDINATE, Piece, Surface, material_for, outside
 from puppetline.errors import MeshError, at
 from puppetline.files import read_whole
 from solver.surface.mesh import SolverMesh, weld
@@ -160,14 +160,14 @@ def make_character(
     return from_document(assemble(shaded(Surface([piece]), title), title))
 
 
-@np.errstate(over="ignore", invalid="ignore")  # welding refuses positions that are not finite
+@np.errstate(over="ignore", invalid="ignore")  # positions that are not finite are refused
 def from_document(document: Document) -> Character:
     """Find the surfaces in a document's scene.
 
     Raises
     ------
     MeshError
-        No surface, or inconsistent data.
+        No surface, inconsistent data, or positions that are not finite.
     """
     _check_size(document)
     world = world_transforms(document)
@@ -230,11 +230,16 @@ def _parts(document: Document, node: int, world: NDArray[np.float64]) -> Iterato
             triangles = triangles[:, ::-1]
         if normals is not None:
             normals = unit((normals[:, None] @ np.linalg.pinv(linear))[:, 0], otherwise=0.0)
+        vertices = (linear @ positions[:, :, None])[:, :, 0] + offset
+        if (bad := outside(vertices)).any():
+            place = at(document.name, field=f"meshes[{shown['mesh']}].primitives[{index}].attributes.POSITION")
+            vertex = int(bad.argmax())
+            raise damaged(place, f"a position of vertex {vertex} that is not finite or too large")
         yield Part(
             node=node,
             primitive=index,
             to_world=to_world,
-            vertices=(linear @ positions[:, :, None])[:, :, 0] + offset,
+            vertices=vertices,
             triangles=triangles,
             normals=normals,
         )

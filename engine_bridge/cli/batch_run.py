@@ -86,11 +86,11 @@ def run(request: Request, workers: Workers, table: Path, page: Path | None) -> R
     ------
     PuppetlineError
     """
+    with progress() as report:
+        others, plan = _prepare(request, report)  # an error leaves no folder behind
     store = Store(request.batch.folder, request.batch.run)
     with store.opened():
         manifest.check_manifest(table)
-        with progress() as report:
-            others, plan = _prepare(request, report)
         start = time.perf_counter()
         outcomes: list[Outcome] = []
         try:

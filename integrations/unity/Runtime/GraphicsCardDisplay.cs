@@ -13,17 +13,12 @@ namespace Puppetline
         /// <summary>Maximum number of fields, which fit into the vertex attributes.</summary>
         const int MaxFields = 8;
 
-        /// <summary>Maximum number of rows in the shader's array, enough for 80 transforms.</summary>
-        const int MaxRows = 240;
-
         const int ShaderStream = 2;
 
-        static readonly int Transforms = Shader.PropertyToID("_PuppetlineTransforms");
-        static readonly int Shape = Shader.PropertyToID("_PuppetlineShape");
-
         readonly ControlBounds bounds;
-        readonly MaterialPropertyBlock block = new MaterialPropertyBlock();
-        readonly Vector4[] rows = new Vector4[MaxRows];
+        readonly int block;
+        readonly Vector4[] rows = new Vector4[TransformBlocks.MaxRows];
+        bool isShown;
 
         public GraphicsCardDisplay(Puppet puppet, Scene scene, Look look)
             : base(puppet, scene, look, ShaderLayout())
@@ -32,13 +27,13 @@ namespace Puppetline
             var rest = new SurfaceVertex[scene.VertexCount];
             Surface.Write(scene.Positions, scene.Normals, 0, Axes.Unity, rest);
             SetMoving(rest);
+            block = TransformBlocks.Rent(scene.FieldCount, scene.IsolineCount);
             SetShaderVertices();
-            block.SetVector(Shape, new Vector4(scene.FieldCount, scene.IsolineCount, 0, 0));
         }
 
         public static bool Supports(Scene scene)
         {
-            return scene.FieldCount <= MaxFields && 3 * scene.FieldCount * scene.IsolineCount <= MaxRows;
+            return scene.FieldCount <= MaxFields && 3 * scene.FieldCount * scene.IsolineCount <= TransformBlocks.MaxRows;
         }
 
         public override void Show(Frame frame)
@@ -49,37 +44,41 @@ namespace Puppetline
                 float weight = Scene.Weights[row / perField];
                 rows[row] = weight * new Vector4(frame.Values[at], frame.Values[at + 1], frame.Values[at + 2], frame.Values[at + 3]);
             }
-            block.SetVectorArray(Transforms, rows);
-            Renderer.SetPropertyBlock(block);
+            TransformBlocks.Show(block, rows, frame.Count / 4, !isShown);
+            isShown = true;
             SetBounds(bounds.Of(frame.Values, Axes.Unity));
+        }
+
+        public override void Hold()
+        {
+            TransformBlocks.Hold(block);
         }
 
         public override void Dispose()
         {
-            if (Renderer != null)
-            {
-                Renderer.SetPropertyBlock(null);
-            }
+            TransformBlocks.Return(block);
             base.Dispose();
         }
 
         static VertexAttributeDescriptor[] ShaderLayout()
         {
-            var layout = new VertexAttributeDescriptor[6];
-            for (int i = 0; i < layout.Length; i++)
+            var layout = new VertexAttributeDescriptor[7];
+            layout[0] = new VertexAttributeDescriptor(VertexAttribute.TexCoord1, VertexAttributeFormat.Float32, 2, ShaderStream);
+            for (int i = 1; i < layout.Length; i++)
             {
-                layout[i] = new VertexAttributeDescriptor(VertexAttribute.TexCoord2 + i, VertexAttributeFormat.Float32, 4, ShaderStream);
+                layout[i] = new VertexAttributeDescriptor(VertexAttribute.TexCoord1 + i, VertexAttributeFormat.Float32, 4, ShaderStream);
             }
             return layout;
         }
 
-        /// <summary>Set 8 isoline coordinates per vertex and their 8 pairs of slopes, zero for missing fields.</summary>
+        /// <summary>Set the block, and 8 isoline coordinates per vertex and their 8 pairs of slopes, zero for missing fields.</summary>
         void SetShaderVertices()
         {
             int fields = Scene.FieldCount;
             var vertices = new ShaderVertex[Scene.VertexCount];
             for (int v = 0; v < vertices.Length; v++)
             {
+                vertices[v].Block = new Vector2(block, 0);
                 vertices[v].CoordinatesA = Four(Scene.IsolineCoordinates, v, fields, 0);
                 vertices[v].CoordinatesB = Four(Scene.IsolineCoordinates, v, fields, 4);
                 vertices[v].SlopesA = Four(Scene.Slopes, v, 2 * fields, 0);
@@ -103,6 +102,7 @@ namespace Puppetline
 
         struct ShaderVertex
         {
+            public Vector2 Block;
             public Vector4 CoordinatesA, CoordinatesB, SlopesA, SlopesB, SlopesC, SlopesD;
         }
     }

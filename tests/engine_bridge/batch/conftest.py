@@ -5,6 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from engine_bridge.batch.store import OWN_FOLDER
+
 pytest.importorskip("distributed")
 
 
@@ -48,5 +50,6 @@ def batch(commands, tmp_path):
 
 
 def results(folder):
-    """Bytes of all results in a folder by name."""
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*.glb"))}
+    """Bytes of all results in a folder by name, without incomplete ones, which a killed process may have left."""
+    found = {path.relative_to(folder): path for path in sorted(folder.rglob("*.glb"))}
+    return {name.as_posix(): path.read_bytes() for name, path in found.items() if name.parts[0] != OWN_FOLDER}

@@ -1,3 +1,5 @@
+import json
+
 import igl
 import numpy as np
 import pygltflib as gltf
@@ -182,3 +184,45 @@ def test_an_attribute_with_another_count_than_the_positions_is_refused(glb, tmp_
     glb.node(glb.mesh(glb.primitive(CORNERS, SIDES, **{name: np.ones((3, 3), np.float32)})))
     with pytest.raises(MeshError, match="3 values for 4 vertices"):
         load_character(glb.save(tmp_path / "a.glb"))
+
+
+MARK = np.float32(0.7)
+"""A coordinate that is replaced in a file."""
+
+
+def save_as_gltf(glb, path):
+    """Save a file as JSON with its binary data beside it."""
+    content = glb.save(path.with_suffix(".glb")).read_bytes()
+    length = int.from_bytes(content[12:16], "little")
+    description = json.loads(content[20 : 20 + length])
+    description["buffers"][0]["uri"] = "a.bin"
+    path.with_name("a.bin").write_bytes(content[28 + length :])
+    path.write_text(json.dumps(description))
+    return path.with_name("a.bin")
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30])
+@pytest.mark.parametrize("ending", [".glb", ".gltf"])
+def test_a_position_that_is_not_finite_is_refused_with_its_place(glb, tmp_path, ending, value):
+    marked = CORNERS.copy()
+    marked[2, 1] = MARK
+    glb.node(glb.mesh(glb.primitive(CORNERS, SIDES), glb.primitive(marked, SIDES)))
+    path = tmp_path / f"a{ending}"
+    data = glb.save(path) if ending == ".glb" else save_as_gltf(glb, path)
+    assert len(load_character(path).parts) == 2
+    data.write_bytes(data.read_bytes().replace(MARK.tobytes(), np.float32(value).tobytes()))
+    error = refused(path)
+    assert error.where == f"{path}, meshes[0].primitives[1].attributes.POSITION"
+    assert error.found == "a position of vertex 2 that is not finite or too large"
+
+
+def test_a_morph_target_at_rest_that_is_not_finite_is_refused(glb, tmp_path):
+    primitive = glb.primitive(CORNERS, SIDES)
+    moved = np.zeros_like(CORNERS)
+    moved[3, 0] = MARK
+    primitive.targets = [gltf.Attributes(POSITION=glb.add(moved))]
+    glb.node(glb.mesh(primitive, weights=[0.5]))
+    path = glb.save(tmp_path / "a.glb")
+    assert load_character(path).vertices[3, 0] == 0.5 * MARK
+    path.write_bytes(path.read_bytes().replace(MARK.tobytes(), np.float32(np.inf).tobytes()))
+    assert refused(path).found == "a position of vertex 3 that is not finite or too large"

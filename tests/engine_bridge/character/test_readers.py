@@ -61,6 +61,25 @@ def test_a_file_is_known_by_its_content_whatever_its_ending(cube, written, encod
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_position_that_is_not_finite_is_refused_with_its_place(cube, written, encoding, value):
+    places = {
+        "obj": ", line 6",
+        "off": ", line 8",
+        "ply": ", vertex 5",
+        "stl": ", facet 2",
+        "text stl": ", line 19",
+    }
+    cube.vertices[5, 1] = value
+    path = written("a.mesh", ENCODINGS[encoding](cube))
+    with pytest.raises(MeshError) as error:
+        read_surface(path)
+    assert error.value.where == f"{path}{places[encoding]}"
+    assert str(value) in error.value.found
+    assert "finite" in error.value.expected
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
 def test_a_truncated_file_is_refused_or_a_surface_with_fewer_triangles(cube, written, encoding):
     whole = ENCODINGS[encoding](cube)
     loaded = {}

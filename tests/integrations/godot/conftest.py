@@ -66,11 +66,11 @@ def residents(godot, imported_project):
     """Return a function that finds or starts a process of Godot which runs scripts in the imported project."""
     started = []
 
-    def find(display):
-        for resident, has_display in started:
-            if resident.is_idle and has_display == display:
+    def find(**screen):
+        for resident, its_screen in started:
+            if resident.is_idle and its_screen == screen:
                 return resident
-        started.append((Resident(godot, "--path", imported_project, display=display), display))
+        started.append((Resident(godot, "--path", imported_project, **screen), screen))
         return started[-1][0]
 
     yield find
@@ -82,19 +82,19 @@ def residents(godot, imported_project):
 @pytest.fixture
 def start_godot(request, godot):
     """Start a script in the project, or in a game that was exported from it, and talk to it while it runs; `display`
-    gives it a screen and OpenGL."""
+    gives it a screen and OpenGL, or another `renderer`."""
     is_shared = "project" not in request.fixturenames
     own, started = [], []
 
-    def find(display, game):
+    def find(game, **screen):
         if is_shared:
-            return request.getfixturevalue("residents")(display)
+            return request.getfixturevalue("residents")(**screen)
         place = ("--path", request.getfixturevalue("project")) if game is None else ("--main-pack", game)
-        own.append(Resident(godot, *place, display=display))
+        own.append(Resident(godot, *place, **screen))
         return own[-1]
 
-    def start(script, *arguments, display=False, game=None):
-        started.append(find(display, game).start(script, *arguments))
+    def start(script, *arguments, game=None, **screen):
+        started.append(find(game, **screen).start(script, *arguments))
         return started[-1]
 
     yield start
@@ -109,8 +109,8 @@ def start_godot(request, godot):
 def run_godot(start_godot):
     """Run a script in the project to its end and return its results; `allow` are texts of errors that are meant."""
 
-    def run(script, *arguments, display=False, timeout=TIMEOUT_SECONDS, allow=()):
-        return start_godot(script, *arguments, display=display).finish(timeout, allow)
+    def run(script, *arguments, timeout=TIMEOUT_SECONDS, allow=(), **screen):
+        return start_godot(script, *arguments, **screen).finish(timeout, allow)
 
     return run
 

@@ -49,6 +49,15 @@ func type(field: String, text: String) -> void:
 		_part(field).text_submitted.emit(text)
 
 
+## Choose a service from the menu of those that were found in the network.
+func find(host: String, port: int) -> void:
+	var characters := PackedStringArray(["dog"])
+	var found := {"name": "found", "host": host, "port": port, "control": port + 1}
+	_dock._discovery.services = [found.merged({"characters": characters, "mechanism": "PLAIN"})] as Array[Dictionary]
+	_dock._discovery.changed.emit()
+	_part("Found").get_popup().index_pressed.emit(0)
+
+
 func select(button: String, item: String) -> void:
 	_select(_part(button), item)
 
@@ -119,6 +128,7 @@ func _shown() -> Dictionary:
 	return {
 		"done": _done,
 		"connection": _part("Connection").text,
+		"token": _part("Token").text,
 		"characters": _items(_part("Character")),
 		"character": _part("Character").text,
 		"facts": _part("Facts").text if _part("Facts").visible else "",

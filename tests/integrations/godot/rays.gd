@@ -1,9 +1,10 @@
 extends "teller.gd"
 ## Casts rays onto a character of a running service in one pose: {"puppet": properties, "rays": [[x, y, z, x, y, z]...],
-## "parent": scale, "file": path of the positions of all vertices}.
+## "scale": of the character, "file": path of the positions of all vertices; in MORPHS, the rest positions come first}.
 
 var _puppet := Puppet3D.new()
 var _asked: Dictionary
+var _file: FileAccess
 
 
 func start() -> void:
@@ -11,6 +12,10 @@ func start() -> void:
 	for property: String in _asked["puppet"]:
 		var value: Variant = _asked["puppet"][property]
 		_puppet.set(property, load(value) if property == "mesh_source" else value)
+	_file = FileAccess.open(_asked["file"], FileAccess.WRITE)
+	_puppet.scene_loaded.connect(
+		func() -> void: _file.store_buffer(_puppet.evaluate().to_byte_array()), CONNECT_ONE_SHOT
+	)
 	_puppet.scale = Vector3.ONE * float(_asked["scale"])
 	root.add_child(_puppet)
 
@@ -19,7 +24,8 @@ func step(_delta: float) -> bool:
 	var shown := _puppet.statistics()
 	if not shown["calibrated"] or shown["sequence"] < 40 or shown["share"] == 0.0:
 		return false
-	FileAccess.open(_asked["file"], FileAccess.WRITE).store_buffer(_puppet.evaluate().to_byte_array())
+	_file.store_buffer(_puppet.evaluate().to_byte_array())
+	_file.close()
 	for ray: Array in _asked["rays"]:
 		var hit := _puppet.intersect_ray(Vector3(ray[0], ray[1], ray[2]), Vector3(ray[3], ray[4], ray[5]))
 		if hit.is_empty():

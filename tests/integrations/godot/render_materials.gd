@@ -1,17 +1,9 @@
-extends "teller.gd"
+extends "photographer.gd"
 ## Draws a character with many materials, once with Godot's own material and once with the addon's version of it. The
-## first argument is a FOLDER with scene.bin, rest.bin, bent.bin and vertices.bin (payloads: scene, controls at rest and
-## bent, vertices of the latter), which also receives the images. With the path of an imported scene as second argument,
-## only that scene is drawn, as imported and by the addon. With "bent", only the bent character is drawn.
-
-const Stream := preload("res://addons/puppetline/wire/stream.gd")
-const Message := preload("res://addons/puppetline/wire/message.gd")
-const Scene := preload("res://addons/puppetline/wire/scene.gd")
-const SharedScene := preload("res://addons/puppetline/play/shared_scene.gd")
-const RestMesh := preload("res://addons/puppetline/play/rest_mesh.gd")
-const Body := preload("res://addons/puppetline/play/body.gd")
-const ControlsBody := preload("res://addons/puppetline/play/controls_body.gd")
-const VerticesBody := preload("res://addons/puppetline/play/vertices_body.gd")
+## first argument is a FOLDER with scene.bin, rest.bin, bent.bin, vertices.bin and vertices16.bin (payloads: scene,
+## controls at rest and bent, vertices of the latter), which also receives the images. With the path of an imported
+## scene as second argument, only that scene is drawn, as imported and by the addon. With "bent", only the bent
+## character is drawn.
 
 const TEXTURES: Array[StringName] = [
 	&"albedo_texture",
@@ -122,18 +114,13 @@ void fragment() {
 }
 """
 
-var _folder := ""
-var _stage := SubViewport.new()
-var _shared: SharedScene
 var _textures: Dictionary = {}
 
 
 func start() -> void:
-	_folder = arguments()[0]
-	_shared = SharedScene.shared(Stream.new("nowhere", 1), "figure")
-	_shared._take_scene(_message("scene"))
+	open(arguments()[0])
 	_textures = {"picture": _picture(), "bumps": _bumps()}
-	_make_stage()
+	make_stage()
 	if arguments().size() == 1:
 		for case: String in CASES:
 			await _draw(case)
@@ -143,88 +130,45 @@ func start() -> void:
 		await _draw_bent()
 	else:
 		await _draw_imported(load(arguments()[1]))
-	_shared = null
+	shared = null
 	quit()
 
 
 func _draw(case: String) -> void:
 	var material := _material(CASES[case], case == "orm")
 	var own := MeshInstance3D.new()
-	own.mesh = _mesh(_shared.scene.positions, _shared.scene.normals)
+	own.mesh = mesh_of(shared.scene.positions, shared.scene.normals)
 	own.material_override = material
-	await _photograph(own, "%s own" % case)
-	await _photograph(_shown(ControlsBody.new(_shared, null), "rest", material), "%s made" % case)
+	await photograph(own, "%s own" % case)
+	await photograph(shown(ControlsBody.new(shared, null), "rest", material), "%s made" % case)
 	tell({"case": case})
 
 
 func _draw_bent() -> void:
 	var material := _material(CASES["mapping"], false)
 	var own := MeshInstance3D.new()
-	own.mesh = _bent_mesh()
+	own.mesh = bent_mesh()
 	own.material_override = material
-	await _photograph(own, "bent own")
-	await _photograph(_shown(ControlsBody.new(_shared, null), "bent", material), "bent made")
-	await _photograph(_shown(VerticesBody.new(_shared), "vertices", material), "bent vertices")
+	await photograph(own, "bent own")
+	await photograph(shown(ControlsBody.new(shared, null), "bent", material), "bent made")
+	await photograph(shown(VerticesBody.new(shared), "vertices16", material), "bent vertices")
 	tell({"case": "bent"})
 
 
 func _draw_users() -> void:
 	var own := MeshInstance3D.new()
-	own.mesh = _bent_mesh()
+	own.mesh = bent_mesh()
 	own.material_override = StandardMaterial3D.new()
 	own.material_override.albedo_color = Color(0.8, 0.5, 0.2)
-	await _photograph(own, "user's own")
-	await _photograph(_shown(ControlsBody.new(_shared, null), "bent", _users_material()), "user's made")
+	await photograph(own, "user's own")
+	await photograph(shown(ControlsBody.new(shared, null), "bent", _users_material()), "user's made")
 	tell({"case": "user's"})
 
 
 func _draw_imported(scene: PackedScene) -> void:
-	await _photograph(scene.instantiate(), "imported own")
-	await _photograph(_shown(ControlsBody.new(_shared, scene.instantiate()), "rest", null), "imported made")
+	await photograph(scene.instantiate(), "imported own")
+	await photograph(shown(ControlsBody.new(shared, scene.instantiate()), "rest", null), "imported made")
 	tell({"case": "imported"})
-
-
-func _shown(body: Body, frame: String, material: Material) -> Body:
-	body.set_materials([material])
-	body.show_frames(_message(frame), _message(frame), 0.0)
-	return body
-
-
-func _photograph(what: Node3D, name: String) -> void:
-	_stage.add_child(what)
-	await RenderingServer.frame_post_draw
-	_stage.get_texture().get_image().save_png("%s/%s.png" % [_folder, name])
-	what.free()
-
-
-func _make_stage() -> void:
-	root.disable_3d = true
-	DisplayServer.window_set_size(Vector2i(64, 64))
-	_stage.size = Vector2i(240, 240)
-	_stage.own_world_3d = true
-	_stage.render_target_update_mode = SubViewport.UPDATE_ALWAYS
-	root.add_child(_stage)
-	var box := _shared.scene.bounds
-	var camera := Camera3D.new()
-	_stage.add_child(camera)
-	camera.fov = 34.0
-	camera.look_at_from_position(box.get_center() + Vector3(0.5, 0.4, 1.3) * box.size.length(), box.get_center())
-	camera.environment = Environment.new()
-	camera.environment.background_mode = Environment.BG_COLOR
-	camera.environment.background_color = Color(0.35, 0.4, 0.5)
-	camera.environment.ambient_light_source = Environment.AMBIENT_SOURCE_COLOR
-	camera.environment.ambient_light_color = Color(0.6, 0.7, 0.8)
-	camera.environment.ambient_light_energy = 0.4
-	var light := DirectionalLight3D.new()
-	light.rotation_degrees = Vector3(-50, 35, 0)
-	light.shadow_enabled = true
-	light.light_energy = 0.6
-	_stage.add_child(light)
-	var floor_plane := MeshInstance3D.new()
-	floor_plane.mesh = PlaneMesh.new()
-	floor_plane.mesh.size = 4.0 * Vector2(box.size.length(), box.size.length())
-	floor_plane.position.y = box.position.y - 0.3
-	_stage.add_child(floor_plane)
 
 
 func _material(properties: Dictionary, orm: bool) -> BaseMaterial3D:
@@ -241,27 +185,6 @@ func _users_material() -> ShaderMaterial:
 	material.shader.code = USERS_SHADER
 	material.set_shader_parameter(&"tint", Color(0.8, 0.5, 0.2))
 	return material
-
-
-func _bent_mesh() -> ArrayMesh:
-	var vertices := _message("vertices").payload
-	return _mesh(_vectors(vertices.slice(0, vertices.size() / 2)), _vectors(vertices.slice(vertices.size() / 2)))
-
-
-func _mesh(positions: PackedVector3Array, normals: PackedVector3Array) -> ArrayMesh:
-	var scene := _shared.scene
-	var arrays := RestMesh.build(scene).surface_get_arrays(0)
-	var colors := PackedColorArray()
-	for i in scene.colors.size() / 3:
-		colors.append(Color(scene.colors[3 * i], scene.colors[3 * i + 1], scene.colors[3 * i + 2]))
-	arrays[Mesh.ARRAY_VERTEX] = positions
-	arrays[Mesh.ARRAY_NORMAL] = normals
-	arrays[Mesh.ARRAY_COLOR] = null if colors.is_empty() else colors
-	for custom in 3:
-		arrays[Mesh.ARRAY_CUSTOM0 + custom] = null
-	var mesh := ArrayMesh.new()
-	mesh.add_surface_from_arrays(Mesh.PRIMITIVE_TRIANGLES, arrays)
-	return mesh
 
 
 ## Return an image with different channels and with holes.
@@ -282,17 +205,3 @@ func _bumps() -> ImageTexture:
 			image.set_pixel(x, y, Color(0.5 * normal.x + 0.5, 0.5 * normal.y + 0.5, 0.5 * normal.z + 0.5))
 	image.generate_mipmaps()
 	return ImageTexture.create_from_image(image)
-
-
-func _message(name: String) -> Message:
-	var message := Message.new()
-	message.payload = FileAccess.get_file_as_bytes("%s/%s.bin" % [_folder, name])
-	return message
-
-
-func _vectors(bytes: PackedByteArray) -> PackedVector3Array:
-	var numbers := bytes.to_float32_array()
-	var vectors := PackedVector3Array()
-	for i in range(0, numbers.size(), 3):
-		vectors.append(Vector3(numbers[i], numbers[i + 1], numbers[i + 2]))
-	return vectors

@@ -226,6 +226,21 @@ def test_a_token_is_wanted_and_then_given(dock, start, token_file):
     dock.script.end()
 
 
+@pytest.mark.parametrize("choice", [("type", "Address"), ("find",)], ids=["entered", "found"])
+def test_a_token_is_not_sent_to_another_service(dock, start, token_file, choice):
+    """The other service has the same token, and would accept it."""
+    token = token_file.read_text()
+    one, other = start("osc:0", "--token-file", token_file), start("osc:0", "--token-file", token_file)
+    dock.follow(one.port, token)
+    assert dock.until(lambda shown: shown["rows"])["token"] == token
+    dock.do(*choice, *([f"127.0.0.1:{other.port}"] if choice[0] == "type" else ["127.0.0.1", other.port]))
+    shown = dock.until(lambda shown: "requires a token" in shown["connection"] and not shown["rows"])
+    assert shown["token"] == ""
+    dock.do("type", "Token", token)
+    dock.until(lambda shown: shown["rows"])
+    dock.script.end()
+
+
 def test_the_dock_switches_characters_and_disconnects_while_hidden(dock, start, puppet):
     other = puppet.with_name("cat.toml")
     other.write_text(puppet.read_text().replace('name = "head"', 'name = "nose"'))

@@ -8,6 +8,7 @@ from engine_bridge.character.examples import MOTIONS, prepare
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.quantisation import quantised
 from solver.motion.deformer import to_file_units
 from solver.motion.motion_blend import moved_by
 
@@ -42,6 +43,9 @@ def write_payloads(puppet, folder):
         (folder / f"{name}.bin").write_bytes(controls.tobytes())
         vertices = np.stack(character.binding.vertices_and_normals(controls)).astype("<f4")
         (folder / "vertices.bin").write_bytes(vertices.tobytes())
+        box, places, folded = quantised(*vertices)
+        parts = box.tobytes(), places.tobytes(), bytes(-places.nbytes % 4), folded.tobytes()
+        (folder / "vertices16.bin").write_bytes(b"".join(parts))
 
 
 def picture(path):

@@ -298,6 +298,25 @@ def test_properties_set_at_run_time_take_effect(watch, serve, blob_file, write_p
     watched.end()
 
 
+def test_rendering_properties_are_passed_on_to_all_meshes(
+    watch, serve, add_glb, blob_puppet, take, tmp_path, free_port
+):
+    """Layers, shadows (double-sided is 2), global illumination (dynamic is 2), levels of detail, visibility range."""
+    write_shader_mesh(blob_puppet, tmp_path / "own.glb")
+    port = free_port()
+    watched = watch({"port": port, "mesh_source": add_glb(tmp_path / "own.glb"), "layers": 5})
+    watched.until(lambda state: state["rendering"] == [[5, 1, 2, 1, 0]])  # the source at rest, with the node's defaults
+    serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once", "--port", port)
+    assert watched.until(moves)["rendering"] == [[5, 1, 2, 1, 0]]
+    watched.order(set={"cast_shadow": 2, "gi_mode": 0, "lod_bias": 4, "visibility_range_end": 30})
+    assert watched.until(moves)["rendering"] == [[5, 2, 0, 4, 30]]
+    own = watched.until(moves)["meshes"]
+    watched.order(set={"mode": 1})
+    services = watched.until(lambda state: moves(state) and state["meshes"] != own)
+    assert services["rendering"] == [[5, 2, 0, 4, 30]]
+    watched.end()
+
+
 def test_a_mesh_of_another_puppet_is_not_used(
     watch, serve, add_glb, blob_file, blob_puppet, write_puppet, take, tmp_path
 ):

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from engine_bridge.service.protocol.payloads import decode
+
 ROOT = Path(__file__).parents[3]
 VECTORS = ROOT / "tests" / "vectors"
 ALIKE = 2e-6
@@ -45,8 +47,8 @@ def shaded(residents, read_pixels, scene, tmp_path_factory):
 def expected(follow, scene, told):
     """Return positions and normals as NumPy has them."""
     first, second, share = told["moment"]
-    if told["mode"] == "vertices":  # shown is the frame before now
-        return payload(f"{int(first)}.vertices", "<f4").reshape(2, -1, 3)
+    if told["mode"] == "vertices16":  # shown is the frame before now
+        return decode((VECTORS / f"{int(first)}.vertices16.bin").read_bytes()).body
     before, after = (payload(f"{int(number)}.controls", "<f4").astype(float) for number in (first, second))
     return follow.vertices("controls", scene, (0, 0, 0), ((1 - share) * before + share * after).astype(np.float32))
 
@@ -59,7 +61,7 @@ def test_positions_and_normals_are_those_of_the_protocol_and_bounds_hold_them(sh
         low, high = np.array(told["bounds"])
         assert (low - positions.min(axis=0)).max() <= ALIKE * scene["diagonal"]
         assert (positions.max(axis=0) - high).max() <= ALIKE * scene["diagonal"]
-    assert {told["mode"] for told, *_ in shaded} == {"controls", "vertices"}
+    assert {told["mode"] for told, *_ in shaded} == {"controls", "vertices16"}
 
 
 def test_tangents_move_with_the_surface(shaded, follow, scene):
@@ -69,7 +71,7 @@ def test_tangents_move_with_the_surface(shaded, follow, scene):
     a = follow.unit(np.cross(np.eye(3)[np.abs(scene["normals"]).argmin(axis=1)], normals))
     b = np.cross(normals, a)
     for told, _, turned, moved in shaded:
-        if told["mode"] == "vertices":
+        if told["mode"] == "vertices16":
             expected = tangents - turned * (turned * tangents).sum(axis=1, keepdims=True)
         else:
             along = along_slopes(scene, told, a, b)

@@ -4,6 +4,8 @@ extends "teller.gd"
 ## {"puppet": number, "call": [method, argument…]}.
 
 const INTERVAL := 0.1
+## Signals of each image or frame, which are not reported.
+const FREQUENT := ["pose_updated", "frame_received"]
 
 var _puppets: Array[Puppet3D] = []
 var _done := 0
@@ -37,7 +39,8 @@ func _listen(puppet: Puppet3D, number: int) -> void:
 	for happening: Dictionary in puppet.get_script().get_script_signal_list():
 		var name: String = happening["name"]
 		var hear := func(what: Variant = null) -> void: tell({"puppet": number, "signal": name, "what": what})
-		puppet.connect(name, hear)
+		if name not in FREQUENT:
+			puppet.connect(name, hear)
 
 
 func _obey(lines: PackedStringArray) -> void:
@@ -66,7 +69,12 @@ func _state(puppet: Puppet3D) -> Dictionary:
 			"meshes": meshes.map(func(mesh: MeshInstance3D) -> String: return str(mesh.mesh.get_rid().get_id())),
 			"instances": meshes.map(func(mesh: MeshInstance3D) -> String: return str(mesh.get_instance_id())),
 			"visible": meshes.map(func(mesh: MeshInstance3D) -> bool: return mesh.is_visible_in_tree()),
+			"rendering": meshes.map(_rendering),
 			"warnings": puppet._get_configuration_warnings(),
 			"saved": packed.get_state().get_node_count(),
 		}
 	)
+
+
+func _rendering(mesh: MeshInstance3D) -> Array:
+	return [mesh.layers, mesh.cast_shadow, mesh.gi_mode, mesh.lod_bias, mesh.visibility_range_end]

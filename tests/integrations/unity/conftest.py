@@ -106,8 +106,34 @@ def built(mono, tmp_path_factory):
     compile_(
         "Puppetline.Unity", sorted(runtime.glob("*.cs")), "Puppetline.Core", "UnityEngine", more=["-doc:unity.xml"]
     )
+    stand_ins = HERE / "stand_ins"
+    compile_("Unity.Timeline", sorted((stand_ins / "timeline").glob("*.cs")), "UnityEngine")
+    compile_("UnityEditor", sorted((stand_ins / "editor").glob("*.cs")), "UnityEngine")
+    compile_("nunit.framework", sorted((stand_ins / "nunit").glob("*.cs")))
+    compile_(
+        "Puppetline.Timeline",
+        sorted((runtime / "Timeline").glob("*.cs")),
+        *unity,
+        "Unity.Timeline",
+        more=["-doc:timeline.xml"],
+    )
+    compile_(
+        "Puppetline.Editor",
+        sorted((PACKAGE / "Editor").glob("*.cs")),
+        *unity,
+        "UnityEditor",
+        more=["-doc:editor.xml"],
+    )
+    editing = (*unity, "UnityEditor", "Puppetline.Editor")
+    compile_("Tests", sorted((PACKAGE / "Tests").rglob("*.cs")), *editing, "nunit.framework", more=["-doc:tests.xml"])
+    compile_(
+        "Editing", [programs / "Editing.cs", programs / "Said.cs"], *editing, "nunit.framework", "Tests", target="exe"
+    )
     compile_("Sample", sorted((PACKAGE / "Samples~").rglob("*.cs")), *unity)
     compile_("Core", [programs / "Core.cs", programs / "Said.cs"], "Puppetline.Core", target="exe")
+    compile_("Sharing", [programs / "Sharing.cs", programs / "Said.cs"], "Puppetline.Core", target="exe")
+    timeline = ("Puppetline.Timeline", "Unity.Timeline")
+    compile_("Clips", [programs / "Clips.cs", programs / "Said.cs"], *unity, *timeline, target="exe")
     compile_("Component", [programs / "Component.cs", programs / "Said.cs"], *unity, target="exe")
     return folder
 
@@ -140,22 +166,25 @@ def run_core(mono, built):
     return run
 
 
-@pytest.fixture(scope="session")
-def shader(tmp_path_factory):
-    """Run the vertex shader's arithmetic, compiled as C++: shape, rows and streams in, (2, n, 6) out."""
+@pytest.fixture(scope="session", params=["buffer", "texture"])
+def shader(request, tmp_path_factory):
+    """Run the vertex shader's arithmetic, compiled as C++: rows and vertices in; by slopes, cofactors, before out."""
     compiler = shutil.which("g++")
     if compiler is None:
         pytest.skip("g++ is not here to compile the shader's arithmetic with")
     program = tmp_path_factory.mktemp("shader") / "shader"
     source = HERE / "programs" / "shader.cpp"
-    command = [compiler, "-O1", "-Wall", "-Werror", f"-I{PACKAGE / 'Runtime' / 'Resources'}", source, "-o", program]
-    subprocess.run(command, check=True)
+    api = ["-DSHADER_API_GLES3"] if request.param == "texture" else []
+    include = f"-I{PACKAGE / 'Runtime' / 'Resources'}"
+    subprocess.run([compiler, "-O1", "-Wall", "-Werror", *api, include, source, "-o", program], check=True)
 
-    def run(shape, rows, moving, ladder):
-        parts = (np.float32([*shape, 0, 0]), rows, np.int32([len(moving)]), moving, ladder)
+    def run(rows, moving, constant):
+        parts = (np.int32([len(rows)]), np.float32(rows), np.int32([len(moving)]), moving, constant)
         ended = subprocess.run([program], input=b"".join(map(bytes, parts)), capture_output=True, check=True)
-        return np.frombuffer(ended.stdout, np.float32).reshape(-1, 2, 6).transpose(1, 0, 2)
+        by_slopes, by_cofactors, before = np.split(np.frombuffer(ended.stdout, np.float32).reshape(-1, 15), [6, 12], 1)
+        return by_slopes, by_cofactors, before
 
+    run.api = "OpenGLES3" if request.param == "texture" else "Vulkan"
     return run
 
 

@@ -68,28 +68,32 @@ def test_the_mesh_has_the_characters_triangles_turned_over_and_its_parts(show, p
     assert {tuple(each) for each in still.tolist()} == {(1, 1, 1, 1, 0, 0)}  # white, no texture
 
 
-def test_the_graphics_card_gets_the_rest_pose_once_and_then_transforms(show, python, shader):
-    program = show()
+@pytest.mark.parametrize("pipeline", [None, "Universal", "HD"])
+def test_the_graphics_card_gets_the_rest_pose_once_and_then_transforms(show, python, shader, pipeline):
+    program = show(api=shader.api, **({} if pipeline is None else {"pipeline": pipeline}))
     made = mesh(program)
     assert made["onGraphicsCard"]
     assert made["materials"] == ["PuppetlineControls"]
-    assert made["layout"][4:] == [f"2 TexCoord{k} 4" for k in range(2, 8)]
+    assert made["layout"][4:] == ["2 TexCoord1 2", *(f"2 TexCoord{k} 4" for k in range(2, 8))]
     both = shown(program, python)
     diagonal = python.scene.facts["diagonal"]
-    ladder = array(made["ladder"], columns=24)
+    constant = array(made["ladder"], columns=26)
     assert len({said["moving"] for said, _ in both}) == 1
     assert {said["uploads"] for said, _ in both} == {3}
     for said, theirs in both:
         moving = array(said["moving"], columns=6)
-        shape, rows = map(float, said["shape"].split()), array(said["rows"], columns=4)
-        by_slopes, by_cofactors = shader(shape, rows, moving, ladder)
+        by_slopes, by_cofactors, before = shader(array(said["rows"], columns=4), moving, constant)
         assert_shown(by_slopes, theirs, diagonal)
         assert np.abs(by_cofactors[:, :3] - by_slopes[:, :3]).max() <= 1e-6 * diagonal
+        earlier = python.frames.get(said["frame"] - 1)
+        if earlier is not None and said["framesBefore"] == said["frame"] - 1:
+            assert np.abs(before * UNITY - earlier.body.positions).max() <= 1e-6 * diagonal
         assert_around(said, theirs, diagonal, 3)
-    program.finish()
+    assert any(said["framesBefore"] == said["frame"] - 1 for said, _ in both[1:])
+    assert program.finish()[-1]["ended"]
 
 
-def test_without_materials_another_pipelines_own_one_is_used_on_the_processor(show, python):
+def test_another_pipelines_own_material_is_used_on_the_processor(show, python):
     program = show(pipeline="Pipeline/Lit")
     made = mesh(program)
     assert (made["materials"], made["onGraphicsCard"]) == (["Pipeline/Lit"], False)
@@ -194,7 +198,6 @@ def test_a_mode_changed_at_run_time_takes_effect(show, python):
     program.tell("set mode Vertices")
     said, theirs = shown(program, python, 2, since)[-1]
     assert_shown(array(said["moving"], columns=6), theirs, python.scene.facts["diagonal"])
-    assert said["block"] is False  # transforms of the mode before would move these vertices
     program.finish()
 
 

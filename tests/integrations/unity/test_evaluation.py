@@ -1,5 +1,8 @@
 """Controls evaluated in C#, and by the shader's arithmetic, against the vertices of the same recorded frames."""
 
+import base64
+import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +10,7 @@ import pytest
 
 from engine_bridge.service.protocol.payloads import decode
 
-from .conftest import array
+from .conftest import HERE, PACKAGE, array
 
 VECTORS = Path(__file__).parents[2] / "vectors"
 UNITY = np.float32([-1, 1, 1])
@@ -92,33 +95,103 @@ def test_boxes_are_around_all_vertices_and_the_cheap_one_is_not_much_larger(eval
     assert np.linalg.norm(np.subtract(around[3:], around[:3])) <= 1.5 * np.linalg.norm(high - low)
 
 
+BLOCK = 3
+"""The number of the character's block; others are before and after it."""
+
+
 def streams(scene):
-    """Return what the mesh gets once, as docs/unity.md has it: rest pose, isoline coordinates and slopes."""
+    """Return what the mesh gets once, as docs/unity.md has it: rest pose, block, isoline coordinates and slopes."""
     arrays, fields = scene.arrays, scene.facts["fields"]
     moving = np.hstack([arrays["positions"] * UNITY, arrays["normals"] * UNITY])
-    ladder = np.zeros((len(moving), 24), np.float32)
-    ladder[:, :fields] = arrays["ladder"]
-    ladder[:, 8 : 8 + 2 * fields] = arrays["slopes"].reshape(len(moving), -1)
-    return moving, ladder
+    constant = np.zeros((len(moving), 26), np.float32)
+    constant[:, 0] = BLOCK
+    constant[:, 2 : 2 + fields] = arrays["ladder"]
+    constant[:, 10 : 10 + 2 * fields] = arrays["slopes"].reshape(len(moving), -1)
+    return moving, constant
+
+
+def rows_of(facts, controls):
+    """Return the transforms as rows, multiplied by the weights of their fields."""
+    weighted = np.float32(facts["weights"])[:, None, None] * controls.reshape(facts["fields"], -1, 4)
+    return weighted.reshape(-1, 4)
+
+
+def blocks_with(facts, shown, before):
+    """Return the shader's rows: blocks of noise, and the character's with two poses."""
+    rows = np.random.default_rng(0).normal(size=(5 * 512, 4)).astype(np.float32)
+    start = BLOCK * 512
+    rows[start] = facts["fields"], facts["isolines"], 241, 1
+    for place, controls in ((241, shown), (1, before)):
+        values = rows_of(facts, controls)
+        rows[start + place : start + place + len(values)] = values
+    return rows
 
 
 @pytest.mark.parametrize("number", range(3))
 def test_the_shaders_arithmetic_is_the_services(shader, scene, number):
     facts = scene.facts
-    controls = body(f"{number}.controls").reshape(facts["fields"], facts["isolines"], 3, 4)
-    rows = np.zeros((240, 4), np.float32)
-    rows[: 3 * facts["fields"] * facts["isolines"]] = (
-        np.float32(facts["weights"])[:, None, None, None] * controls
-    ).reshape(-1, 4)
-    by_slopes, by_cofactors = shader((facts["fields"], facts["isolines"]), rows, *streams(scene))
+    controls, controls_before = body(f"{number}.controls"), body(f"{(number + 1) % 3}.controls")
+    by_slopes, by_cofactors, before = shader(blocks_with(facts, controls, controls_before), *streams(scene))
     expected = body(f"{number}.vertices")
     for points in (by_slopes, by_cofactors):
         assert np.abs(points[:, :3] * UNITY - expected.positions).max() <= 1e-6 * facts["diagonal"]
     assert np.abs(by_slopes[:, 3:] * UNITY - expected.normals).max() <= 1e-5
-    np.testing.assert_allclose(by_cofactors[:, 3:] * UNITY, cofactor_normals(scene, controls), rtol=0, atol=1e-5)
+    normals = cofactor_normals(scene, controls.reshape(facts["fields"], facts["isolines"], 3, 4))
+    np.testing.assert_allclose(by_cofactors[:, 3:] * UNITY, normals, rtol=0, atol=1e-5)
+    moved_from = body(f"{(number + 1) % 3}.vertices").positions
+    assert np.abs(before * UNITY - moved_from).max() <= 1e-6 * facts["diagonal"]
 
 
 def test_without_transforms_the_shader_leaves_vertices_as_they_are(shader, scene):
-    moving, ladder = streams(scene)
-    for points in shader((0, 0), np.zeros((240, 4), np.float32), moving, ladder):
+    moving, constant = streams(scene)
+    by_slopes, by_cofactors, before = shader(np.zeros((5 * 512, 4), np.float32), moving, constant)
+    for points in (by_slopes, by_cofactors):
         np.testing.assert_array_equal(points, moving)
+    np.testing.assert_array_equal(before, moving[:, :3])
+
+
+@pytest.fixture(scope="module")
+def webgl_shader(tmp_path_factory):
+    """The vertex shader for OpenGL ES 3.0, by way of SPIR-V as Unity's compiler for it goes by way of bytecode."""
+    for program in ("glslangValidator", "spirv-cross"):
+        if shutil.which(program) is None:
+            pytest.skip(f"{program} is not here (Debian: glslang-tools, spirv-cross)")
+    spirv = tmp_path_factory.mktemp("webgl") / "vertex.spv"
+    include = f"-I{PACKAGE / 'Runtime' / 'Resources'}"
+    mapped = ["--auto-map-bindings", "--auto-map-locations", "-DSHADER_API_GLES3=1", include]
+    source = HERE / "programs" / "feedback.hlsl"
+    compiled = subprocess.run(
+        ["glslangValidator", "-D", "-V", "-S", "vert", "-e", "main", *mapped, "-o", spirv, source],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert compiled.returncode == 0, compiled.stdout
+    translate = ["spirv-cross", spirv, "--es", "--version", "300", "--stage", "vert"]
+    return subprocess.run(translate, capture_output=True, text=True, check=True).stdout
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_a_browser_computes_the_services_vertices_with_the_shader(browser, webgl_shader, scene, number):
+    """WebGL 2, which has the transforms in a texture; positions, normals and positions before come back."""
+    facts, other = scene.facts, (number + 1) % 3
+    rows = blocks_with(facts, body(f"{number}.controls"), body(f"{other}.controls"))
+    moving, constant = streams(scene)
+    place = {"positionOS": 0, "normalOS": 3, "block": 6, "isolines0": 8, "isolines1": 12}
+    place |= {f"slopes{k}": 16 + 4 * k for k in range(4)}
+    given = {
+        "shader": webgl_shader,
+        "rows": base64.b64encode(rows.tobytes()).decode(),
+        "vertices": base64.b64encode(np.hstack([moving, constant]).astype(np.float32).tobytes()).decode(),
+        "place": place,
+        "stride": 32,
+    }
+    page = browser.new_page()
+    told = page.evaluate((HERE / "programs" / "feedback.js").read_text(), given)
+    page.close()
+    assert told["error"] == ""
+    position, normal, before = np.split(array(told["values"], columns=9), 3, axis=1)
+    expected = body(f"{number}.vertices")
+    assert np.abs(position * UNITY - expected.positions).max() <= 1e-6 * facts["diagonal"]
+    assert np.abs(normal * UNITY - expected.normals).max() <= 1e-5
+    assert np.abs(before * UNITY - body(f"{other}.vertices").positions).max() <= 1e-6 * facts["diagonal"]

@@ -1,5 +1,6 @@
 using System;
 using System.Collections.Generic;
+using System.Threading;
 
 namespace Puppetline.Protocol
 {
@@ -23,6 +24,9 @@ namespace Puppetline.Protocol
 
         /// <summary>Number of valid numbers.</summary>
         public int Count;
+
+        /// <summary>Number of followers that have not yet returned the frame to the pool.</summary>
+        internal int Holders = 1;
 
         /// <summary>Read a message.</summary>
         /// <returns>False if the payload does not match the kind.</returns>
@@ -165,9 +169,14 @@ namespace Puppetline.Protocol
             }
         }
 
-        /// <summary>Return a frame that is not used any more.</summary>
+        /// <summary>Return a frame that is not used any more. It is free when all followers that hold it have returned it.</summary>
         public void Return(Frame frame)
         {
+            if (Interlocked.Decrement(ref frame.Holders) > 0)
+            {
+                return;
+            }
+            frame.Holders = 1;
             frame.Scene = null;
             lock (free)
             {

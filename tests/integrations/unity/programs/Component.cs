@@ -16,6 +16,7 @@ static class Component
     static SkinnedMeshRenderer skin;
     static Mesh mesh;
     static int warned;
+    static ulong sequenceBefore;
     static string leaveOn = "";
 
     /// <summary>Attachments by vertex, handle or limb.</summary>
@@ -45,7 +46,7 @@ static class Component
             Player.Enable(puppet, false);
         }
         Complain();
-        Said.Line("ended", mesh == null || mesh.destroyed, "rest", new object[] { puppet.rootNode.localPosition.x, puppet.rootNode.localPosition.y });
+        Said.Line("ended", (mesh == null || mesh.destroyed) && GraphicsBuffer.Alive == 0, "rest", new object[] { puppet.rootNode.localPosition.x, puppet.rootNode.localPosition.y });
         return 0;
     }
 
@@ -53,7 +54,13 @@ static class Component
     {
         if (name == "pipeline")
         {
-            GraphicsSettings.currentRenderPipeline = new RenderPipelineAsset { material = Named(value) };
+            GraphicsSettings.currentRenderPipeline = value == "Universal" ? new UniversalRenderPipelineAsset()
+                : value == "HD" ? new HDRenderPipelineAsset()
+                : new RenderPipelineAsset { material = Named(value) };
+        }
+        else if (name == "api")
+        {
+            SystemInfo.graphicsDeviceType = (GraphicsDeviceType)Enum.Parse(typeof(GraphicsDeviceType), value);
         }
         else if (name == "materials")
         {
@@ -90,7 +97,7 @@ static class Component
         else
         {
             FieldInfo field = typeof(Puppet).GetField(name);
-            field.SetValue(puppet, field.FieldType.IsEnum ? Enum.Parse(field.FieldType, value, true) : Convert.ChangeType(value, field.FieldType));
+            field.SetValue(puppet, field.FieldType.IsEnum ? Enum.Parse(field.FieldType, value, true) : Convert.ChangeType(value, field.FieldType, System.Globalization.CultureInfo.InvariantCulture));
         }
     }
 
@@ -210,13 +217,37 @@ static class Component
                 Set(told[1], told[2]);
                 puppet.Reconnect();
                 break;
+            case "tick":
+                Time.deltaTime = Number(told[1]);
+                Player.Call(puppet, "Update");
+                Time.deltaTime = 0;
+                Said.Line("at", puppet.Shown == null ? -1 : puppet.Shown.Header.Time);
+                Complain();
+                return true;
+            case "advance":
+                puppet.Advance(Number(told[1]));
+                Said.Line("at", puppet.Shown == null ? -1 : puppet.Shown.Header.Time);
+                Complain();
+                return true;
+            case "scale":
+                Time.timeScale = Number(told[1]);
+                break;
+            case "capture":
+                Time.captureDeltaTime = Number(told[1]);
+                return true;
+            case "change":
+                Set(told[1], told[2]);
+                break;
+            case "waiting":
+                Said.Line("waiting", Waiting());
+                break;
             case "disable":
                 Player.Enable(puppet, false);
                 break;
             case "end":
                 return false;
         }
-        if (!puppet.enabled)
+        if (!puppet.enabled || Time.captureDeltaTime > 0)
         {
             return true;
         }
@@ -229,6 +260,7 @@ static class Component
         if (shown != null && (shown.Header.Sequence != sequence || shown.Header.Time != time))
         {
             SayShown();
+            sequenceBefore = shown.Header.Sequence;
         }
         return true;
     }
@@ -260,7 +292,7 @@ static class Component
 
     static object ColorOf(Material material)
     {
-        return material.properties.TryGetValue("_Color", out object color)
+        return material.properties.TryGetValue("_BaseColor", out object color)
             ? new object[] { ((Color)color).r, ((Color)color).g, ((Color)color).b }
             : null;
     }
@@ -280,18 +312,29 @@ static class Component
             return;
         }
         puppet.TryGetComponent(out MeshRenderer renderer);
-        object[] rows = { "", "" };
-        if (puppet.OnGraphicsCard)
-        {
-            rows[0] = Said.Bytes(renderer.block.arrays[Shader.PropertyToID("_PuppetlineTransforms")]);
-            Vector4 shape = renderer.block.vectors[Shader.PropertyToID("_PuppetlineShape")];
-            rows[1] = shape.x + " " + shape.y;
-        }
         Said.Line(
-            "frame", header.Sequence, "time", header.Time, "moving", Said.Bytes(mesh.streams[0]), "rows", rows[0], "shape", rows[1],
+            "frame", header.Sequence, "framesBefore", sequenceBefore, "time", header.Time, "moving", Said.Bytes(mesh.streams[0]), "rows", Rows(),
             "bounds", Numbers(mesh.bounds),
             "space", Space(), "attached", Attachments.ConvertAll(each => (object)PoseOf(each)).ToArray(),
-            "enabled", renderer.enabled, "block", renderer.block != null, "uploads", mesh.uploads, "uploaded", mesh.uploadedBytes);
+            "enabled", renderer.enabled, "uploads", mesh.uploads, "uploaded", mesh.uploadedBytes);
+    }
+
+    static float Number(string text) => float.Parse(text, System.Globalization.CultureInfo.InvariantCulture);
+
+    /// <summary>Number of frames that wait to be shown.</summary>
+    static int Waiting()
+    {
+        const BindingFlags Own = BindingFlags.Instance | BindingFlags.NonPublic;
+        object buffer = typeof(Puppet).GetField("buffer", Own).GetValue(puppet);
+        return ((List<Frame>)typeof(FrameBuffer).GetProperty("Frames", Own).GetValue(buffer)).Count;
+    }
+
+    /// <summary>What the shader reads: a buffer or a texture.</summary>
+    static string Rows()
+    {
+        Shader.Globals.TryGetValue(Shader.PropertyToID("_PuppetlineTransforms"), out object buffer);
+        Shader.Globals.TryGetValue(Shader.PropertyToID("_PuppetlineTexture"), out object texture);
+        return Said.Bytes(((GraphicsBuffer)buffer)?.contents ?? ((Texture2D)texture)?.contents);
     }
 
     static void Complain()
@@ -301,4 +344,13 @@ static class Component
             Said.Line("warning", Debug.Warnings[warned]);
         }
     }
+}
+
+/// <summary>Named as the pipelines' own classes, by which the package knows them.</summary>
+sealed class UniversalRenderPipelineAsset : RenderPipelineAsset
+{
+}
+
+sealed class HDRenderPipelineAsset : RenderPipelineAsset
+{
 }

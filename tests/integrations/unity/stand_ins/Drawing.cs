@@ -90,13 +90,9 @@ namespace UnityEngine
 
     public class Renderer : Component
     {
-        public MaterialPropertyBlock block;
-
         public bool enabled { get; set; }
 
         public Material[] sharedMaterials { get; set; }
-
-        public void SetPropertyBlock(MaterialPropertyBlock properties) => block = properties;
     }
 
     public sealed class MeshRenderer : Renderer
@@ -114,7 +110,15 @@ namespace UnityEngine
 
     public sealed class Shader : Object
     {
+        public static readonly Dictionary<int, object> Globals = new Dictionary<int, object>();
+
         static readonly List<string> Names = new List<string>();
+
+        public bool isSupported => true;
+
+        public static void SetGlobalBuffer(int nameID, GraphicsBuffer value) => Globals[nameID] = value;
+
+        public static void SetGlobalTexture(int nameID, Texture2D value) => Globals[nameID] = value;
 
         public static int PropertyToID(string name)
         {
@@ -130,6 +134,9 @@ namespace UnityEngine
     {
         public readonly Shader shader;
         public readonly Dictionary<string, object> properties = new Dictionary<string, object>();
+        public readonly List<string> keywords = new List<string>();
+
+        public int renderQueue { get; set; }
 
         public Material(Shader shader)
         {
@@ -141,23 +148,71 @@ namespace UnityEngine
         public void SetFloat(string name, float value) => properties[name] = value;
 
         public void SetColor(string name, Color value) => properties[name] = value;
+
+        public void EnableKeyword(string keyword) => keywords.Add(keyword);
+
+        public void SetOverrideTag(string tag, string val) => properties[tag] = val;
     }
 
-    public sealed class MaterialPropertyBlock
+    /// <summary>A buffer that keeps what it is given, and counts it.</summary>
+    public sealed class GraphicsBuffer
     {
-        public readonly Dictionary<int, Vector4> vectors = new Dictionary<int, Vector4>();
-        public readonly Dictionary<int, Vector4[]> arrays = new Dictionary<int, Vector4[]>();
+        public readonly Vector4[] contents;
 
-        public void SetVector(int nameID, Vector4 value) => vectors[nameID] = value;
-
-        public void SetVectorArray(int nameID, Vector4[] values)
+        public GraphicsBuffer(Target target, int count, int stride)
         {
-            if (!arrays.ContainsKey(nameID))
-            {
-                arrays[nameID] = new Vector4[values.Length];
-            }
-            values.CopyTo(arrays[nameID], 0);
+            contents = new Vector4[count];
+            Alive++;
         }
+
+        public enum Target
+        {
+            Structured,
+        }
+
+        public static int Alive { get; private set; }
+
+        public static int UploadedRows { get; private set; }
+
+        public void SetData(Vector4[] data, int managedBufferStartIndex, int graphicsBufferStartIndex, int count)
+        {
+            Array.Copy(data, managedBufferStartIndex, contents, graphicsBufferStartIndex, count);
+            UploadedRows += count;
+        }
+
+        public void Release() => Alive--;
+    }
+
+    public enum TextureFormat
+    {
+        RGBAFloat,
+    }
+
+    public enum FilterMode
+    {
+        Point,
+    }
+
+    public sealed class Texture2D : Object
+    {
+        public Vector4[] pixels;
+        public Vector4[] contents;
+
+        public Texture2D(int width, int height, TextureFormat textureFormat, bool mipChain, bool linear)
+        {
+            pixels = new Vector4[width * height];
+        }
+
+        public FilterMode filterMode { get; set; }
+
+        public void SetPixelData(Vector4[] data, int mipLevel) => data.CopyTo(pixels, 0);
+
+        public void Apply(bool updateMipmaps) => contents = (Vector4[])pixels.Clone();
+    }
+
+    public static class SystemInfo
+    {
+        public static Rendering.GraphicsDeviceType graphicsDeviceType = Rendering.GraphicsDeviceType.Vulkan;
     }
 }
 
@@ -190,6 +245,25 @@ namespace UnityEngine.Rendering
     {
         UInt16,
         UInt32,
+    }
+
+    public enum GraphicsDeviceType
+    {
+        OpenGLES3 = 11,
+        OpenGLCore = 17,
+        Vulkan = 21,
+    }
+
+    public enum BlendMode
+    {
+        SrcAlpha = 5,
+        OneMinusSrcAlpha = 10,
+    }
+
+    public enum RenderQueue
+    {
+        AlphaTest = 2450,
+        Transparent = 3000,
     }
 
     public enum CullMode

@@ -3,6 +3,11 @@ using System;
 
 namespace UnityEngine
 {
+    public static class Mathf
+    {
+        public static float Clamp01(float value) => Math.Max(0, Math.Min(1, value));
+    }
+
     public struct Vector2
     {
         public float x, y;
@@ -158,7 +163,7 @@ namespace UnityEngine
 
         public static Color white => new Color(1, 1, 1);
 
-        public Color gamma => new Color(Encoded(r), Encoded(g), Encoded(b));
+        public Color gamma => new Color(Encoded(r), Encoded(g), Encoded(b)) { a = a };
 
         static float Encoded(float c) => c <= 0.0031308f ? 12.92f * c : 1.055f * (float)Math.Pow(c, 1 / 2.4) - 0.055f;
     }

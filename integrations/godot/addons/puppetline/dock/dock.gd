@@ -101,8 +101,12 @@ func connect_to_service() -> void:
 	_open(host.trim_prefix("[").trim_suffix("]"), port, 0)
 
 
+## Follow a service. A token that was entered for another service is not sent to it, but cleared.
 func _open(host: String, port: int, control_port: int) -> void:
 	_trouble.hide()
+	var is_other := host != service.host or port != service.port
+	if is_other and _token.text.strip_edges() == service.token:
+		_token.clear()
 	Editor.remember("address", _address.text)
 	service.open(host, port, _token.text.strip_edges(), control_port)
 
@@ -133,6 +137,8 @@ func _show_found() -> void:
 func _choose_found(index: int) -> void:
 	var chosen: Dictionary = _discovery.services[index]
 	_address.text = ("[%s]:%d" if ":" in chosen.host else "%s:%d") % [chosen.host, chosen.port]
+	if chosen.host != service.host or chosen.port != service.port:
+		_token.clear()  # also one that was entered before the choice: any program can announce itself
 	_open(chosen.host, chosen.port, chosen.control)
 	if chosen.mechanism == "PLAIN" and _token.text.is_empty():
 		_token.grab_focus()

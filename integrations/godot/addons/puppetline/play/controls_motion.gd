@@ -27,7 +27,7 @@ func _init(scene: Scene, of: SurfacePatch) -> void:
 
 
 func evaluate(frame: Message) -> PackedVector3Array:
-	var rows := rows_of(frame)
+	var rows := frame.rows()
 	var origin := Vector4.ZERO
 	var first := Vector4.ZERO
 	var z := Vector4.ZERO
@@ -42,17 +42,6 @@ func evaluate(frame: Message) -> PackedVector3Array:
 	return PackedVector3Array(
 		[Vector3(origin.x, origin.y, origin.z), Vector3(first.x, first.y, first.z), Vector3(z.x, z.y, z.z)]
 	)
-
-
-## Return the rows of all transforms of a frame, three per transform. They are decoded in the format of [method
-## @GlobalScope.var_to_bytes], which needs no loop.
-static func rows_of(frame: Message) -> PackedVector4Array:
-	var written := PackedByteArray()
-	written.resize(8)
-	written.encode_u32(0, TYPE_PACKED_VECTOR4_ARRAY)
-	written.encode_u32(4, frame.payload.size() / 16)
-	written.append_array(frame.payload)
-	return bytes_to_var(written)
 
 
 func _add(transform: int, i: int, point: Vector4) -> void:

@@ -13,6 +13,9 @@ const MAX_FIELDS := 8
 const MAX_TEXTURE_ROWS := 16384
 ## Number of texels per row, which every graphics card supports.
 const _TEXTURE_WIDTH := 2048
+## Angles between normals that the levels of detail may merge and must split, which are the importer's defaults.
+const _LOD_MERGE_DEGREES := 60.0
+const _LOD_SPLIT_DEGREES := 25.0
 const _FORMAT := (
 	(Mesh.ARRAY_CUSTOM_RGBA_FLOAT << Mesh.ARRAY_FORMAT_CUSTOM0_SHIFT)
 	| (Mesh.ARRAY_CUSTOM_RGBA_FLOAT << Mesh.ARRAY_FORMAT_CUSTOM1_SHIFT)
@@ -20,9 +23,9 @@ const _FORMAT := (
 )
 
 
-## Make the mesh of a scene, with additional flags of [enum Mesh.ArrayFormat].
-static func build(scene: Scene, flags := 0) -> ArrayMesh:
-	var mesh := ArrayMesh.new()
+## Make the mesh of a scene. Its levels of detail consist of the same vertices, and therefore deform in the same way.
+static func build(scene: Scene) -> ArrayMesh:
+	var mesh := ImporterMesh.new()
 	var coordinates_0 := _isoline_coordinate_columns(scene, 0)
 	var coordinates_1 := _isoline_coordinate_columns(scene, 4)
 	var numbers := PackedFloat32Array(range(scene.vertex_count))
@@ -40,9 +43,9 @@ static func build(scene: Scene, flags := 0) -> ArrayMesh:
 		arrays[Mesh.ARRAY_CUSTOM0] = coordinates_0.slice(4 * first, 4 * end)
 		arrays[Mesh.ARRAY_CUSTOM1] = coordinates_1.slice(4 * first, 4 * end)
 		arrays[Mesh.ARRAY_CUSTOM2] = numbers.slice(first, end)
-		mesh.add_surface_from_arrays(Mesh.PRIMITIVE_TRIANGLES, arrays, [], {}, _FORMAT | flags)
-		mesh.surface_set_name(mesh.get_surface_count() - 1, part["name"])
-	return mesh
+		mesh.add_surface(Mesh.PRIMITIVE_TRIANGLES, arrays, [], {}, null, part["name"], _FORMAT)
+	mesh.generate_lods(_LOD_MERGE_DEGREES, _LOD_SPLIT_DEGREES, [])
+	return mesh.get_mesh()
 
 
 ## Return the parts with triangles, which become the surfaces of the mesh. If there are more than a mesh can have, the

@@ -57,10 +57,12 @@ func follow_materials() -> void:
 		_moving[_next_followed].follow()
 
 
-## Set the bounding box of all instances.
+## Set the bounding box of all instances, each time they have moved. Spot and omni lights draw the shadow of an instance
+## again when its box is set, even to the same box, which only the server does.
 func set_bounds(box: AABB) -> void:
 	for instance in instances:
 		instance.custom_aabb = box
+		RenderingServer.instance_set_custom_aabb(instance.get_instance(), box)
 
 
 ## Return the deforming version of a material.

@@ -1,8 +1,7 @@
 extends "patch_motion.gd"
 ## The motion of a patch by the vertices of each frame.
 
-## Size of a position, in bytes.
-const _VECTOR_BYTES := 12
+const Vertices16 := preload("vertices16.gd")
 
 
 func _init(of: SurfacePatch) -> void:
@@ -10,11 +9,10 @@ func _init(of: SurfacePatch) -> void:
 
 
 func evaluate(frame: Message) -> PackedVector3Array:
+	var box := Vertices16.box(frame.payload)
 	var sums := PackedVector3Array([Vector3.ZERO, Vector3.ZERO, Vector3.ZERO])
 	for i in patch.vertices.size():
-		var at := patch.vertices[i] * _VECTOR_BYTES
-		var payload := frame.payload
-		var position := Vector3(payload.decode_float(at), payload.decode_float(at + 4), payload.decode_float(at + 8))
+		var position := Vertices16.position(frame.payload, box, patch.vertices[i])
 		sums[0] += patch.to_origin[i] * position
 		sums[1] += patch.to_first[i] * position
 		sums[2] += patch.to_z[i] * position

@@ -1,0 +1,89 @@
+"""Followers of one service share its connection, and those of one character its scene."""
+
+import numpy as np
+import pytest
+
+from .conftest import array
+
+
+@pytest.fixture
+def follow(start):
+    """Start a program that follows as many characters as it is told."""
+    return start("Sharing")
+
+
+@pytest.fixture
+def connections(figure):
+    """The number of connections of the figure's service, this fixture's one not counted, in each new status."""
+    client = figure.client("service/status")
+
+    def until(wanted):
+        client.until(lambda message: message.body["clients"]["connected"] - 1 == wanted)
+
+    return until
+
+
+def frames_of(name):
+    return lambda said: said.get("name") == name and "frame" in said
+
+
+def test_three_followers_take_one_connection_and_one_scene(follow, figure, connections):
+    for name, kind in (("one", "controls"), ("two", "controls"), ("three", "vertices")):
+        follow.tell(f"open {name} {figure.port} - blob {kind}")
+    told = [follow.until(frames_of(name)) for name in ("one", "two", "three")]
+    assert len({said["scene"] for said in told}) == 1
+    connections(1)
+    follow.tell("close one")
+    follow.until(lambda said: "closed" in said)
+    since = len(follow.said)
+    follow.until(frames_of("two"), since)
+    connections(1)
+    follow.tell("close two")
+    follow.tell("close three")
+    connections(0)
+    ended = follow.finish()
+    closed = [said.get("closed") for said in ended].index("one")
+    assert not any(frames_of("one")(said) for said in ended[closed:])
+
+
+def test_each_follower_gets_the_values_that_were_sent(follow, figure, python):
+    for name, kind in (("one", "vertices"), ("two", "vertices"), ("three", "vertices16")):
+        follow.tell(f"open {name} {figure.port} - blob {kind}")
+    follow.until(lambda said: frames_of("three")(said) and said["frame"] in python.frames)
+    follow.until(lambda said: frames_of("two")(said) and said["frame"] in python.frames)
+    follow.until(lambda said: frames_of("one")(said) and said["frame"] in python.frames)
+    compared = set()
+    for said in follow.finish():
+        if "frame" in said and said["frame"] in python.frames:
+            sent = python.frames[said["frame"]].body
+            positions = array(said["values"], columns=3)[: len(sent.positions)]
+            tolerance = 1e-4 * python.scene.facts["diagonal"] if said["name"] == "three" else 0
+            np.testing.assert_allclose(positions, sent.positions, rtol=0, atol=tolerance)
+            compared.add(said["name"])
+    assert compared == {"one", "two", "three"}
+
+
+def test_a_follower_that_comes_later_gets_the_scene_that_is_here(follow, figure):
+    follow.tell(f"open one {figure.port} - blob controls")
+    first = follow.until(frames_of("one"))
+    follow.tell(f"open two {figure.port} - - controls")
+    later = follow.until(frames_of("two"))
+    assert (later["scene"], later["character"]) == (first["scene"], "blob")
+    follow.finish()
+
+
+def test_other_tokens_and_other_addresses_are_other_connections(follow, figure, locked_figure, token_file):
+    token = token_file.read_text()
+    follow.tell(f"open right {locked_figure.port} {token} blob controls")
+    follow.until(frames_of("right"))
+    follow.tell(f"open wrong {locked_figure.port} wrong blob controls")
+    follow.tell(f"open other {figure.port} - blob controls")
+    refused = follow.until(lambda said: said.get("name") == "wrong" and said.get("state") == "Refused")
+    assert "does not accept the token" in refused["reason"]
+    since = len(follow.said)
+    scenes = {name: follow.until(frames_of(name), since)["scene"] for name in ("right", "other")}
+    assert scenes["right"] != scenes["other"]
+    follow.tell("close wrong")
+    follow.tell(f"open wrong {locked_figure.port} {token} blob controls")
+    assert follow.until(frames_of("wrong"))["scene"] == scenes["right"]
+    follow.finish()

@@ -139,8 +139,9 @@ def browsing(address: str) -> Iterator[Any]:
         page = browser.new_page(viewport={"width": 1280, "height": 720})
         page.add_init_script(f"({FOLLOW})()")
         page.goto(address)
-        moving = "studio.state().server?.characters.length && studio.state().server.characters.every"
-        page.wait_for_function(f"{moving}(({{ name }}) => studio.viewer.moment(name))", timeout=300_000)
+        moving = "studio.state().server?.characters.every(({ name }) => studio.viewer.moment(name))"
+        while not page.evaluate(f"studio.state().server?.characters.length && {moving}"):
+            page.wait_for_timeout(100)
         yield page
         browser.close()
 
@@ -190,6 +191,8 @@ def measured(page: Any, seconds: float) -> Iterator[str]:
     yield part("skeleton to first image", [each["first"] + offset - each["received"] for each in frames])
     yield part("skeleton to image of the whole motion", [each["whole"] + offset - each["received"] for each in frames])
     images = np.diff(found["images"])
+    paint = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0]?.startTime ?? NaN")
+    yield f"first paint: {paint:.0f} ms"
     yield f"images per second: {1000 / images.mean():.1f}; frames: {len(frames)}"
     spent = profile(page, min(seconds, 5.0))
     rate = 1000 / images.mean()

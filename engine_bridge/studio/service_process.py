@@ -24,7 +24,7 @@ START_SECONDS = 600.0
 STOP_SECONDS = 10.0
 """Maximum time that the service may take to end, in seconds."""
 
-ABOUT_COMPILED = 60
+ABOUT_COMPILED = 40
 """Number of functions that the first start on a machine compiles, about; the page shows how far it is."""
 
 RETRY_SECONDS = 0.5, 1.0, 2.0, 5.0

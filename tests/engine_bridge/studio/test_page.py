@@ -207,12 +207,14 @@ def test_a_source_without_pictures_says_so_and_the_performer_is_calibrated(windo
 def two_performers(tmp_path):
     """A recording of two performers who walk beside each other."""
     path = tmp_path / "two.log"
-    clip = PERFORMANCES["walk"]()
+    frames = list(PERFORMANCES["walk"]().frames())
     with Recorder(path) as recorder:
-        for frame in clip.frames():
-            for user in (1, 2):
-                moved = frame.positions + np.array([user - 1.5, 0.0, 0.0])
-                recorder.write(SkeletonFrame(frame.time, user, moved, frame.confidence))
+        for turn in range(20):  # at the end of a recording, performers are assigned anew
+            for frame in frames:
+                moment = turn * (frames[-1].time + 1 / 30) + frame.time
+                for user in (1, 2):
+                    moved = frame.positions + np.array([user - 1.5, 0.0, 0.0])
+                    recorder.write(SkeletonFrame(moment, user, moved, frame.confidence))
     return path
 
 
@@ -357,20 +359,20 @@ def test_axe_finds_no_serious_violation(studio, browser, window, scheme):
     other.button("Change…").click()
     other.until("state.sources")
     check("sources")
-    other.page.get_by_label("Character").select_option(label="Open another…")
+    other.page.get_by_label("Character", exact=True).select_option(label="Open another…")
     check("empty")
     assert checked == {key: [] for key in checked}
     other.close()
 
 
 def test_an_example_character_stands_beside_the_first_and_is_closed(window):
-    window.page.get_by_label("Character").select_option(label="Open another…")
+    window.page.get_by_label("Character", exact=True).select_option(label="Open another…")
     window.button("Walker").click()
     window.until("state.character === 'biped' && studio.viewer.has('biped')")
     window.idle()
-    window.page.get_by_label("Character").select_option("pegasus")
+    window.page.get_by_label("Character", exact=True).select_option("pegasus")
     assert window.state("character") == "pegasus"
-    window.page.get_by_label("Character").select_option("biped")
+    window.page.get_by_label("Character", exact=True).select_option("biped")
     window.button("Close biped").click()
     window.until("state.server.characters.length === 1 && state.character === 'pegasus'")
     window.idle()

@@ -385,7 +385,7 @@ def test_a_broken_file_that_is_dropped_is_refused_with_its_line(window):
 
 
 def test_the_other_characters_are_offered_and_the_way_back(window):
-    window.page.get_by_label("Character").select_option(label="Open another…")
+    window.page.get_by_label("Character", exact=True).select_option(label="Open another…")
     assert window.button("Human").is_enabled()
     window.button("Back to the character").click()
     window.button("+ Limb").wait_for()

@@ -41,7 +41,7 @@ class Avx2Blend:
         self._frame = _compiled(folder).frame
         weights = model.weights.astype(np.float32)
         self._isolines = model.isolines
-        self._of_vertices = [weights, binding.rest, binding._tangents, binding._slopes, binding._ladder]
+        self._of_vertices = [weights, binding.rest, binding._tangents, binding._slopes, binding._isoline_coordinates]
         self.positions, self.normals = np.empty_like(binding.rest), np.empty_like(binding.rest)
 
     def __call__(self, controls: Controls) -> None:

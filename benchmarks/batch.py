@@ -1,15 +1,17 @@
 """Throughput, efficiency, memory and overhead of `puppetline batch`.
 
     python -m benchmarks.batch --data FOLDER --clips 2000      # the numbers of docs/performance.md: hours
+    python -m benchmarks.batch --data FOLDER --clips 2000 --minutes 60    # fewer clips, for about an hour
     python -m benchmarks.batch --clips 40                      # without recordings of sensors: minutes
 
-The recordings are those of the folder, and others made from them by resampling and mirroring. Each is converted with
-three example characters, once by one worker and once by two. Rates are between the first and the last result, so that
-the start of the workers is not included.
+Each updates the table of docs/performance.md. The recordings are those of the folder, and others made from them by
+resampling and mirroring. Each is converted with three example characters, once by one worker and once by two. Rates are
+between the first and the last result, so that the start of the workers is not included.
 """
 
 import argparse
 import json
+import math
 import subprocess
 import sys
 import tempfile
@@ -22,6 +24,7 @@ import numpy as np
 import psutil
 from puppetline.examples.performances import PERFORMANCES
 
+from benchmarks.documents import DOCUMENT, replaced
 from capture.clip import SkeletonClip
 from capture.formats import read_log
 from capture.recording import Recorder
@@ -43,8 +46,8 @@ SPEEDS = (1.0, 0.8, 1.25, 0.9, 1.1, 0.7, 1.4)
 MAX_SECONDS = 12.0
 """Duration after which a recording is cut into several."""
 
-SHORT_CLIPS = 60
-"""Number of recordings of one second with which the overhead is measured."""
+SHORT_CLIPS, SHORT_FRAMES = 60, 30
+"""Number of recordings of one second with which the overhead is measured, and of frames of each."""
 
 WARM_RESULTS = 10
 """Number of results after which the memory of a worker should not grow any more."""
@@ -190,38 +193,72 @@ def extrapolated(run: Run) -> str:
     return "; ".join(lines)
 
 
+def write_logs(clips: list[SkeletonClip], folder: Path, count: int, frames: float = math.inf) -> int:
+    """Write a number of recordings, fewer if they have more frames in all, and return how many there are."""
+    folder.mkdir()
+    written = 0
+    for number, timeline in zip(range(count), variants(clips), strict=False):
+        frames -= len(timeline.positions)
+        if number and frames < 0:
+            break
+        write(timeline, folder / f"{number:05}.log")
+        written += 1
+    return written
+
+
+def write_short(clips: list[SkeletonClip], folder: Path) -> None:
+    """Write recordings of one second."""
+    folder.mkdir()
+    second = slice(0, SHORT_FRAMES)
+    for number, timeline in zip(range(SHORT_CLIPS), variants(clips), strict=False):
+        part = Timeline(timeline.fps, timeline.positions[second], timeline.confidence[second], ())
+        write(part, folder / f"{number}.log")
+
+
+def table(count: int, one: Run, two: Run, overhead: tuple[float, float]) -> list[str]:
+    """Return the rows of the table in the document."""
+    batch, alone = overhead
+    seconds = sum(row["seconds"] or 0 for row in two.rows)
+    return [
+        "| measure | number | goal |",
+        "| --- | --- | --- |",
+        f"| {count:,} recordings with {len(CHARACTERS)} characters: results, failed, motion "
+        f"| {two.made:,}, {two.failed:,}, {seconds / 3600:.2f} hours | – |",
+        f"| results per hour, one worker and two | {one.per_hour:,.0f} and {two.per_hour:,.0f} | – |",
+        f"| two workers / one | {two.per_hour / one.per_hour:.2f} × | ≥ 1.7 × |",
+        f"| whole command, one worker and two | {one.seconds:,.0f} s and {two.seconds:,.0f} s | – |",
+        f"| memory of a worker, after {WARM_RESULTS} results → at the end | {'; '.join(growth(two)) or '–'} | flat |",
+        f"| recording of one second, in a batch / in a loop in one process "
+        f"| {batch:.3f} / {alone:.3f} s = {batch / alone:.2f} × | ≤ 1.3 × |",
+        f"| NTU RGB+D, {NTU_CLIPS:,} clips with one worker, extrapolated from costs per clip and frame "
+        f"| {extrapolated(one)} | – |",
+    ]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, help="folder with real recordings in logs and bvh")
     parser.add_argument("--clips", type=int, default=40, help="number of recordings, at most 2,000 in the docs")
+    parser.add_argument(
+        "--minutes", type=float, default=math.inf, help="use fewer recordings if they would take longer than this"
+    )
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         scratch = Path(temporary)
         puppets = [prepare(name, scratch)[1] for name in CHARACTERS]
-        logs, short = scratch / "logs", scratch / "short"
-        logs.mkdir()
-        short.mkdir()
         clips = list(sources(arguments.data))
-        for number, timeline in zip(range(arguments.clips), variants(clips), strict=False):
-            write(timeline, logs / f"{number:05}.log")
-            if number < SHORT_CLIPS:
-                second = slice(0, 30)
-                write(
-                    Timeline(30.0, timeline.positions[second], timeline.confidence[second], ()), short / f"{number}.log"
-                )
-        print(f"{arguments.clips} recordings from {len(clips)}, with {', '.join(CHARACTERS)}", flush=True)
-        one = measured(logs, puppets, scratch / "one", 1)
-        two = measured(logs, puppets, scratch / "two", 2)
-        alone = loop(short, puppets[0], scratch / "alone")
-        batch = 3600 / measured(short, puppets[:1], scratch / "short_out", 1).per_hour
-        seconds = sum(row["seconds"] or 0 for row in two.rows)
-        print(f"| results, failed | {two.made:,}, {two.failed:,}; {seconds / 3600:.2f} hours of motion |")
-        print(f"| results per hour, 1 and 2 workers | {one.per_hour:,.0f}, {two.per_hour:,.0f} |")
-        print(f"| 2 workers / 1 | {two.per_hour / one.per_hour:.2f} × (goal ≥ 1.7 ×) |")
-        print(f"| whole command, 1 and 2 workers | {one.seconds:.0f} s, {two.seconds:.0f} s |")
-        print(f"| memory of a worker, after {WARM_RESULTS} results → at the end | {'; '.join(growth(two))} |")
-        print(f"| one-second recording, batch / loop | {batch:.3f} / {alone:.3f} s = {batch / alone:.2f} × (≤ 1.3 ×) |")
-        print(f"| NTU RGB+D with one worker | {extrapolated(one)} |")
+        write_short(clips, scratch / "short")
+        alone = loop(scratch / "short", puppets[0], scratch / "alone")
+        batch = 3600 / measured(scratch / "short", puppets[:1], scratch / "short_out", 1).per_hour
+        # once by one worker and once by two, which take half of that
+        frames = 60 * arguments.minutes / (1.5 * len(puppets) * max(batch, alone) / SHORT_FRAMES)
+        count = write_logs(clips, scratch / "logs", arguments.clips, frames)
+        print(f"{count} recordings from {len(clips)}, with {', '.join(CHARACTERS)}", flush=True)
+        one = measured(scratch / "logs", puppets, scratch / "one", 1)
+        two = measured(scratch / "logs", puppets, scratch / "two", 2)
+    lines = table(count, one, two, (batch, alone))
+    print("\n".join(lines))
+    DOCUMENT.write_text(replaced(DOCUMENT.read_text(encoding="utf-8"), "batch", lines), encoding="utf-8")
 
 
 if __name__ == "__main__":

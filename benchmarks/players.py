@@ -136,7 +136,9 @@ def solved(clip: Clip) -> Callable[[Floats], dict[tuple[int, int], Floats]]:
     in the file.
     """
     model, mesh, character = clip.rig.model, clip.rig.mesh, clip.rig.character
-    W = position_matrix(model.to_model(mesh.vertices), model.ladder.astype(np.float64), model.weights, model.isolines)
+    W = position_matrix(
+        model.to_model(mesh.vertices), model.isoline_coordinates.astype(np.float64), model.weights, model.isolines
+    )
     last = len(clip.frames) - 1
     clock = clip.timeline.times.astype(np.float32)
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import igl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,6 +31,7 @@ from solver.model.reduced_model import build
 from solver.model.rotations import TRIANGLES_PER_ISOLINE, RotationMode
 from solver.motion.deformer import Deformer, to_file_units
 from solver.motion.limbs import bones_of
+from solver.surface.mesh import weld
 
 MODULE = "benchmarks.processes"
 """Module that `engine_bridge.cli.benchmark.in_process` starts."""
@@ -97,7 +99,8 @@ def cold(folder: Path, exact: int) -> dict[str, Any]:
     # compiles what only large surfaces need
     reduced_model.MAX_EXACT_VERTICES = 0
     small = load_rig(folder / benchmark_process.WARM_UP)
-    build(small.mesh, small.puppet.solver.parameters)
+    fine = weld(*igl.upsample(small.mesh.vertices, small.mesh.faces, 2))  # with vertices inside cells
+    build(fine, small.puppet.solver.parameters)
     reduced_model.MAX_EXACT_VERTICES = sys.maxsize if exact else coarse_fields.MAX_EXACT_VERTICES
     start = time.process_time()
     character = load_character(folder / puppet.character.mesh)

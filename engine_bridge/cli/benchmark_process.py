@@ -166,7 +166,7 @@ def works(folder: Path) -> tuple[Playing, dict[str, Work]]:
     solved, played = Playing(rig, folder / LOG), Playing(rig, folder / LOG)
     count = len(rig.mesh.of_render)
     controls = [played.controls().copy() for _ in range(25)]
-    touched = np.zeros(count * 4 * (6 + rig.model.ladder.shape[1] + 6), dtype=np.uint8)
+    touched = np.zeros(count * 4 * (6 + rig.model.isoline_coordinates.shape[1] + 6), dtype=np.uint8)
     copied = np.empty_like(touched)
     made = {
         "solve": Work(lambda _: solved.controls(), BLOCK_FRAMES),

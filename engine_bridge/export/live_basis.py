@@ -96,7 +96,7 @@ class LiveBasis:
         self.targets = np.ascontiguousarray(targets.transpose(0, 2, 1), dtype=np.float64)
         """(count, 3, 4m) float64, model units; target k moves vertices by W times the transpose of entry k."""
 
-        self._surface = (surface_coordinates(model)[0] / np.sqrt(len(model.ladder))).astype(np.float32)
+        self._surface = (surface_coordinates(model)[0] / np.sqrt(len(model.isoline_coordinates))).astype(np.float32)
 
     @classmethod
     def load(cls, path: Path, rig: Rig) -> "LiveBasis":
@@ -147,7 +147,7 @@ def _along(directions: NDArray[np.floating], model: ReducedModel) -> NDArray[np.
 
     The products are means over the vertices, in square mesh units.
     """
-    mean = float(model.diagonal) ** 2 / len(model.ladder)
+    mean = float(model.diagonal) ** 2 / len(model.isoline_coordinates)
     return mean * np.einsum("ij,kjx->kix", model.gram, directions.astype(np.float64), optimize=True).reshape(
         len(directions), -1
     )

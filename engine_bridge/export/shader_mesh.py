@@ -48,8 +48,8 @@ def write_shader_mesh(puppet: Path, output: Path) -> ShaderMeshSummary:
     check_writable(output, ".glb", inputs=(puppet,))
     rig = load_rig(puppet)
     check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
-    ladder = rig.model.ladder[rig.mesh.of_render]
-    count, fields = ladder.shape
+    isoline_coordinates = rig.model.isoline_coordinates[rig.mesh.of_render]
+    count, fields = isoline_coordinates.shape
     if fields > MAX_FIELDS:
         raise PuppetError(
             at(puppet, field="[solver], fields"),
@@ -58,7 +58,7 @@ def write_shader_mesh(puppet: Path, output: Path) -> ShaderMeshSummary:
             fix=f"Set fields to {MAX_FIELDS}, or let the engine load the mesh from the service.",
         )
     coordinates = np.zeros((count, MAX_FIELDS), np.float32)
-    coordinates[:, :fields] = ladder
+    coordinates[:, :fields] = isoline_coordinates
     numbers = np.column_stack([np.arange(count), np.zeros(count)]).astype(np.float32)
     sets = [*np.split(coordinates, MAX_FIELDS // 2, axis=1), numbers]
     document = flatten(rig.character, drawn_normals(rig.character), sets)

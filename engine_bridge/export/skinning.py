@@ -161,7 +161,9 @@ class _Sample:
     def __init__(self, model: ReducedModel, mesh: SolverMesh, frames: NDArray[np.float32]) -> None:
         self._model, self._mesh, self._all_frames = model, mesh, frames
         self._rest = model.to_model(mesh.vertices)
-        self._W = position_matrix(self._rest, model.ladder.astype(np.float64), model.weights, model.isolines)
+        self._W = position_matrix(
+            self._rest, model.isoline_coordinates.astype(np.float64), model.weights, model.isolines
+        )
         count = len(self._rest)
         poses = np.concatenate([model.rest_controls[None], frames])
         seen = _places(self._W[evenly(count, PROBE_VERTICES)], poses)

@@ -90,25 +90,33 @@ class Announcement:
         self._properties = {"version": version("puppetline"), "control": str(control), "mechanism": mechanism}
         self._name = f"Puppetline on {socket.gethostname().partition('.')[0]}"
         self._characters = tuple(characters)
-        self._closed = threading.Event()
+        self._closed = False
+        self._changed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="announcement", daemon=True)
         self._thread.start()
 
+    def rename(self, characters: Sequence[str]) -> None:
+        """Announce other characters, as after a reload."""
+        self._characters = tuple(characters)
+        self._changed.set()
+
     def close(self) -> None:
         """Withdraw the announcement. Closing again does nothing."""
-        self._closed.set()
+        self._closed = True
+        self._changed.set()
         self._thread.join(CLOSE_SECONDS)
 
     def _run(self) -> None:
         warned = False
-        while not self._closed.is_set():
+        while not self._closed:
+            self._changed.clear()
             try:
                 self._announce()
             except Exception as error:  # without multicast, the stream continues
                 if not warned:
                     log.warning("not announced in the network: %s", str(error) or type(error).__name__)
                     warned = True
-                self._closed.wait(RETRY_SECONDS)
+                self._changed.wait(RETRY_SECONDS)
 
     def _announce(self) -> None:
         """Announce the service until the end, a failure, or a change of this machine's addresses."""
@@ -116,17 +124,22 @@ class Announcement:
 
         addresses = _own_addresses() if self._everywhere else [self._host]
         with closing(Zeroconf(InterfaceChoice.All if self._everywhere else addresses)) as zeroconf:
-            zeroconf.register_service(self._info(addresses), allow_name_change=True)
-            while not self._closed.wait(RETRY_SECONDS):
-                if self._everywhere and _own_addresses() != addresses:
+            info = self._info(addresses, f"{_cut(self._name, _LABEL_LENGTH)}.{TYPE}")
+            zeroconf.register_service(info, allow_name_change=True)
+            while not self._closed:
+                renamed = self._changed.wait(RETRY_SECONDS)
+                self._changed.clear()
+                if renamed and not self._closed:
+                    zeroconf.update_service(self._info(addresses, info.name))
+                elif self._everywhere and _own_addresses() != addresses:
                     return
 
-    def _info(self, addresses: list[str]) -> "ServiceInfo":
+    def _info(self, addresses: list[str], name: str) -> "ServiceInfo":
         from zeroconf import ServiceInfo
 
         return ServiceInfo(
             TYPE,
-            f"{_cut(self._name, _LABEL_LENGTH)}.{TYPE}",
+            name,
             port=self._port,
             properties=self._properties | {"characters": _as_many_as_fit(self._characters)},
             server=f"{socket.gethostname().partition('.')[0]}.local.",

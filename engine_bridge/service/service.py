@@ -126,6 +126,7 @@ class Service:
             from engine_bridge.service.monitoring.metrics import MetricsServer  # importing it takes a while
 
             keep.callback(MetricsServer(lambda: self.status, settings.metrics.port).close)
+        self._announcement: Announcement | None = None
         if settings.announce:
             self._announce(endpoints)
         self._notifier = Notifier()
@@ -170,8 +171,9 @@ class Service:
         best = max(range(len(endpoints)), key=lambda k: not ipaddress.ip_address(places[k][0].strip("[]")).is_loopback)
         host, _, port = places[best]
         control = self.control.endpoints[best].rpartition(":")[2]
-        announcement = Announcement(host.strip("[]"), int(port), int(control), endpoints[best].mechanism, self._names())
-        self._resources.callback(announcement.close)
+        mechanism = endpoints[best].mechanism
+        self._announcement = Announcement(host.strip("[]"), int(port), int(control), mechanism, self._names())
+        self._resources.callback(self._announcement.close)
 
     @property
     def stream(self) -> list[str]:
@@ -352,6 +354,8 @@ class Service:
             log.error("reload failed, characters unchanged: %s", error)
         else:
             self._announce_characters()
+            if self._announcement is not None:
+                self._announcement.rename(self._names())
             self._jobs.loading.submit(_trim_memory)
             log.info("reloaded", extra=fields(characters=self._names()))
         if self._reload_again:

@@ -21,7 +21,7 @@ MIN_BATCH_FRAMES, MAX_BATCH_NUMBERS = 8, 6_000_000
 
 
 class BatchBinding:
-    """Rest positions with their ladder coordinates, sorted by cells.
+    """Rest positions with their isoline coordinates, sorted by cells.
 
     Parameters
     ----------
@@ -31,15 +31,15 @@ class BatchBinding:
 
     def __init__(self, model: ReducedModel, rest: NDArray[np.floating], follows: NDArray[np.int64]) -> None:
         self._model, self._given = model, (rest, follows)
-        ladder = model.ladder[follows]
-        below = np.minimum(ladder.astype(np.int32), model.isolines - 2)
+        isoline_coordinates = model.isoline_coordinates[follows]
+        below = np.minimum(isoline_coordinates.astype(np.int32), model.isolines - 2)
         self._order = np.lexsort(below.T)
         below = below[self._order]
         new = np.ones(len(below), dtype=bool)
         new[1:] = (below[1:] != below[:-1]).any(axis=1)
         self._cells = np.append(np.flatnonzero(new), len(below))
         self._below = below[self._cells[:-1]] + model.isolines * np.arange(below.shape[1], dtype=np.int32)
-        self._between = (ladder[self._order] - below).astype(np.float32)
+        self._between = (isoline_coordinates[self._order] - below).astype(np.float32)
         places = model.to_model(rest[self._order].astype(np.float64))
         self._rest = np.column_stack([places, np.ones(len(places))]).astype(np.float32)
 

@@ -31,7 +31,7 @@ _tables = _Tables()
 
 
 class Binding:
-    """Rest positions with their ladder coordinates: the data of a vertex at run time.
+    """Rest positions with their isoline coordinates: the data of a vertex at run time.
 
     Parameters
     ----------
@@ -39,12 +39,12 @@ class Binding:
     rest : (n, 3) float
         Mesh file's coordinates.
     follows : (n,) int64
-        The solver vertex whose ladder coordinates each vertex takes.
+        The solver vertex whose isoline coordinates each vertex takes.
     """
 
     def __init__(self, model: ReducedModel, rest: NDArray[np.floating], follows: NDArray[np.int64]) -> None:
         self.rest = np.ascontiguousarray(rest, dtype=np.float32)
-        self._ladder = np.ascontiguousarray(model.ladder[follows])
+        self._isoline_coordinates = np.ascontiguousarray(model.isoline_coordinates[follows])
         self._weights = model.weights
         self._transforms = (len(model.weights) * model.isolines, 3, 4)
 
@@ -56,7 +56,7 @@ class Binding:
     def only(self, chosen: NDArray[np.integer]) -> Self:
         """Return the binding of some of the vertices, by index."""
         part = copy(self)
-        part.rest, part._ladder = self.rest[chosen], self._ladder[chosen]
+        part.rest, part._isoline_coordinates = self.rest[chosen], self._isoline_coordinates[chosen]
         return part
 
     def _check(self, controls: Controls, out: NDArray[np.float32]) -> None:
@@ -89,7 +89,9 @@ class Binding:
         """
         out = np.empty_like(self.rest) if out is None else out
         self._check(controls, out)
-        kernels.blend_positions(self.rest, self._ladder, controls, self._weights, _tables.of(len(controls)), out)
+        kernels.blend_positions(
+            self.rest, self._isoline_coordinates, controls, self._weights, _tables.of(len(controls)), out
+        )
         return out
 
 
@@ -116,7 +118,7 @@ class ShadedBinding(Binding):
     ) -> None:
         super().__init__(model, rest, follows)
         self._tangents = tangents.tangents(normals)
-        self._slopes = tangents.slopes(rest, triangles, self._ladder, follows, normals, self._tangents)
+        self._slopes = tangents.slopes(rest, triangles, self._isoline_coordinates, follows, normals, self._tangents)
 
     def only(self, chosen: NDArray[np.integer]) -> Self:
         """Return the binding of some of the vertices, by index."""
@@ -154,6 +156,14 @@ class ShadedBinding(Binding):
         self._check(controls, normals)
         table = _tables.of(len(controls))
         kernels.blend_normals(
-            self.rest, self._tangents, self._slopes, self._ladder, controls, self._weights, table, out, normals
+            self.rest,
+            self._tangents,
+            self._slopes,
+            self._isoline_coordinates,
+            controls,
+            self._weights,
+            table,
+            out,
+            normals,
         )
         return out, normals

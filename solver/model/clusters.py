@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
-from solver.model.energy_matrices import Products
+from solver.model.cell_products import Products
 from solver.model.fields import blends
 
 if TYPE_CHECKING:
@@ -31,19 +31,19 @@ MEAN_UPDATES = 10
 
 
 def rotation_clusters(
-    ladder: NDArray[np.float64],
+    isoline_coordinates: NDArray[np.float64],
     weights: NDArray[np.float64],
     mass: NDArray[np.float64],
     samples: NDArray[np.int64] | slice = slice(None),
 ) -> NDArray[np.int32]:
-    """Cluster vertices by k-means on their ladder coordinates, each times its field's weight.
+    """Cluster vertices by k-means on their isoline coordinates, each times its field's weight.
 
     The initial means are a farthest-point sample that starts at the vertex farthest from the mean, so that a mesh
     always has the same clusters. Means are weighted by area, so that clusters do not depend on the density of the mesh.
 
     Parameters
     ----------
-    ladder : (n, n_e) float64
+    isoline_coordinates : (n, n_e) float64
     weights : (n_e,) float64
         Field weights.
     mass : (c,) float64
@@ -56,10 +56,12 @@ def rotation_clusters(
     (n,) int32
         Cluster of each vertex, numbered from 0; `CLUSTER_COUNT` clusters unless the mesh is tiny.
     """
-    every = (ladder * weights).astype(np.float32).T
+    every = (isoline_coordinates * weights).astype(np.float32).T
     points = np.ascontiguousarray(every[:, samples])
     means = _farthest_points(
-        points, points @ mass / mass.sum(), max(1, min(CLUSTER_COUNT, len(ladder) // MIN_VERTICES_PER_CLUSTER))
+        points,
+        points @ mass / mass.sum(),
+        max(1, min(CLUSTER_COUNT, len(isoline_coordinates) // MIN_VERTICES_PER_CLUSTER)),
     )
     for _ in range(MEAN_UPDATES):
         nearest = _nearest_mean(points, means)
@@ -144,7 +146,7 @@ def energy(products: Products, covariance: NDArray[np.float64]) -> tuple[NDArray
 def covariance_map(
     L: "csr_matrix",
     rest: NDArray[np.float64],
-    ladder: NDArray[np.float64],
+    isoline_coordinates: NDArray[np.float64],
     weights: NDArray[np.float64],
     isolines: int,
     cluster: NDArray[np.int32],
@@ -155,14 +157,14 @@ def covariance_map(
     ----------
     L : (n, n) sparse float64
         Its off-diagonal entries are the cotangent weights.
-    rest, ladder, weights, isolines, cluster
+    rest, isoline_coordinates, weights, isolines, cluster
         As for `energy_matrices.products`.
 
     Returns
     -------
     (3r, 4m) float64
     """
-    below, upper = blends(ladder, isolines)
+    below, upper = blends(isoline_coordinates, isolines)
     order = np.argsort(cluster, kind="stable")
     starts = np.append(0, np.cumsum(np.bincount(cluster)))
     C = np.zeros((3 * (len(starts) - 1), 4 * len(weights) * isolines))
@@ -173,10 +175,9 @@ def covariance_map(
 @compiled
 def _add_covariances(order, starts, first, neighbours, cot, rest, below, upper, weights, isolines, C):
     """Add up the edge vectors of each vertex in a cluster, and then multiply by its row of W once."""
-    share, h = np.zeros((len(rest), 3)), np.ones(4)
+    share = np.zeros((len(rest), 3))
     for c in range(len(starts) - 1):
         members = order[starts[c] : starts[c + 1]]
-        rows = C[3 * c : 3 * c + 3]
         for v in members:
             for entry in range(first[v], first[v + 1]):
                 u = neighbours[entry]
@@ -187,13 +188,20 @@ def _add_covariances(order, starts, first, neighbours, cot, rest, below, upper, 
         for v in members:
             for entry in range(first[v], first[v + 1]):
                 u = neighbours[entry]
-                h[:3] = rest[u]
-                for i in range(len(weights)):
-                    column = 4 * (i * isolines + below[u, i])
-                    b = weights[i] * upper[u, i]
-                    a = weights[i] - b
-                    for x in range(3):
-                        for k in range(4):
-                            rows[x, column + k] += a * share[u, x] * h[k]
-                            rows[x, column + 4 + k] += b * share[u, x] * h[k]
-                share[u] = 0  # already counted if it occurs again
+                if share[u].any():
+                    _add_products(share[u], rest[u], below[u], upper[u], weights, isolines, C[3 * c : 3 * c + 3])
+                    share[u] = 0  # already counted if it occurs again
+
+
+@compiled(inner=True)
+def _add_products(share, rest, below, upper, weights, isolines, rows):
+    """Add the products of a vector and a vertex's row of W."""
+    for i in range(len(weights)):
+        column = 4 * (i * isolines + below[i])
+        b = weights[i] * upper[i]
+        a = weights[i] - b
+        for x in range(3):
+            for k in range(4):
+                h = rest[k] if k < 3 else 1.0
+                rows[x, column + k] += a * share[x] * h
+                rows[x, column + 4 + k] += b * share[x] * h

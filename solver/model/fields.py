@@ -1,8 +1,8 @@
 """Propagation fields and their isolines (Section 3.1, Eq. 2-3).
 
 A field is a smooth function on the surface. Its isolines k = 0 … n_iso − 1 are evenly spaced in value, half a step away
-from both ends so that each of them crosses triangles. The *ladder coordinate* t of a vertex is its position among them:
-the integer part is the isoline below, the fraction blends towards the next one.
+from both ends so that each of them crosses triangles. The *isoline coordinate* t of a vertex is its position among
+them: the integer part is the isoline below, the fraction blends towards the next one.
 """
 
 from typing import TYPE_CHECKING, Literal
@@ -33,7 +33,7 @@ PANEL_COLUMNS = 2
 a third more time."""
 
 EIGENVALUE_TOLERANCE = 1e-7
-"""Relative tolerance of eigenvalues, with which errors of fields are below the float32 precision of ladder
+"""Relative tolerance of eigenvalues, with which errors of fields are below the float32 precision of isoline
 coordinates."""
 
 MAX_RESTARTS = 300
@@ -51,7 +51,8 @@ def laplacian(mesh: SolverMesh) -> "tuple[csr_matrix, NDArray[np.float64]]":
         Area of each vertex, more than 0.
     """
     L, mass = tufted.laplacian(mesh.vertices, mesh.faces)
-    return scipy.sparse.csr_matrix(-L), np.maximum(mass, 1e-12 * mass.max())
+    np.negative(L.data, out=L.data)  # a second matrix would need as much memory
+    return L, np.maximum(mass, 1e-12 * mass.max())
 
 
 def field_operator(
@@ -186,7 +187,7 @@ def with_fixed_signs(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return vectors * np.sign(vectors[largest, np.arange(vectors.shape[1])])
 
 
-def ladder_coordinates(fields: NDArray[np.float64], isolines: int) -> NDArray[np.float64]:
+def compute_isoline_coordinates(fields: NDArray[np.float64], isolines: int) -> NDArray[np.float64]:
     """Compute the position of each vertex among the isolines of each field.
 
     Parameters
@@ -220,12 +221,12 @@ def field_weights(
     return size / size.sum()
 
 
-def blends(ladder: NDArray[np.float64], isolines: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Split ladder coordinates into the isoline below and the fraction above it.
+def blends(isoline_coordinates: NDArray[np.float64], isolines: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Split isoline coordinates into the isoline below and the fraction above it.
 
     Parameters
     ----------
-    ladder : (n, n_e) float64
+    isoline_coordinates : (n, n_e) float64
     isolines : int
 
     Returns
@@ -235,22 +236,22 @@ def blends(ladder: NDArray[np.float64], isolines: int) -> tuple[NDArray[np.int64
     upper : (n, n_e) float64
         Weight of the isoline above; that of the isoline below is the rest.
     """
-    below = np.minimum(ladder.astype(np.int64), isolines - 2)
-    return below, ladder - below
+    below = np.minimum(isoline_coordinates.astype(np.int64), isolines - 2)
+    return below, isoline_coordinates - below
 
 
-def interpolation(ladder: NDArray[np.float64], isolines: int) -> "csr_matrix":
+def interpolation(isoline_coordinates: NDArray[np.float64], isolines: int) -> "csr_matrix":
     """Return φ, the local interpolation: each vertex blends the two isolines of a field that it lies between.
 
-    It is used in pre-computation only; at run time ladder coordinates replace it.
+    It is used in pre-computation only; at run time isoline coordinates replace it.
 
     Returns
     -------
     (n, n_e · n_iso) sparse float64
         Column i · n_iso + k belongs to isoline k of field i; the columns of a field sum to 1 in each row.
     """
-    n, count = ladder.shape
-    below, upper = blends(ladder, isolines)
+    n, count = isoline_coordinates.shape
+    below, upper = blends(isoline_coordinates, isolines)
     column = below + isolines * np.arange(count)
     columns = np.stack([column, column + 1], axis=2).reshape(n, -1)
     values = np.stack([1 - upper, upper], axis=2).reshape(n, -1)

@@ -24,13 +24,13 @@ def _fill(rows, controls, weights):
 
 
 @compiled(fastmath=True, error_model="numpy")
-def blend_positions(rest, ladder, controls, weights, rows, out):
+def blend_positions(rest, isoline_coordinates, controls, weights, rows, out):
     """Write the positions of vertices.
 
     Parameters
     ----------
     rest, out : (n, 3) float32
-    ladder : (n, n_e) float32
+    isoline_coordinates : (n, n_e) float32
     controls : (m, 3, 4) float32
     weights : (n_e,) float64
         Field weights.
@@ -40,11 +40,11 @@ def blend_positions(rest, ladder, controls, weights, rows, out):
     _fill(rows, controls, weights)
     isolines = len(controls) // len(weights)
     last = np.float32(isolines - 2)
-    for v in range(len(ladder)):
+    for v in range(len(isoline_coordinates)):
         total = zeros()
-        for i in range(ladder.shape[1]):
-            below = int(min(ladder[v, i], last))
-            upper = ladder[v, i] - np.float32(below)
+        for i in range(isoline_coordinates.shape[1]):
+            below = int(min(isoline_coordinates[v, i], last))
+            upper = isoline_coordinates[v, i] - np.float32(below)
             total = add_scaled(total, ONE - upper, load(rows, i * isolines + below))
             total = add_scaled(total, upper, load(rows, i * isolines + below + 1))
         x, y, z = _moved(total, rest[v, 0], rest[v, 1], rest[v, 2], ONE)
@@ -52,7 +52,7 @@ def blend_positions(rest, ladder, controls, weights, rows, out):
 
 
 @compiled(fastmath=True, error_model="numpy")
-def blend_normals(rest, tangents, slopes, ladder, controls, weights, rows, out, normals):
+def blend_normals(rest, tangents, slopes, isoline_coordinates, controls, weights, rows, out, normals):
     """Write the positions and the unit normals of vertices.
 
     x(t) = Σ_i T_i(t_i) x₀ with T_i(t_i) linear between two isolines, so the derivative along a tangent a is
@@ -61,25 +61,25 @@ def blend_normals(rest, tangents, slopes, ladder, controls, weights, rows, out, 
 
     Parameters
     ----------
-    rest, ladder, controls, weights, rows, out
+    rest, isoline_coordinates, controls, weights, rows, out
         As in `blend_positions`.
     tangents : (n, 2, 3) float32
         Their cross product is the rest normal.
     slopes : (n, n_e, 2) float32
-        Derivative of each ladder coordinate along them.
+        Derivative of each isoline coordinate along them.
     normals : (n, 3) float32
         Zero where the surface is degenerate.
     """
     _fill(rows, controls, weights)
     isolines = len(controls) // len(weights)
     last = np.float32(isolines - 2)
-    for v in range(len(ladder)):
+    for v in range(len(isoline_coordinates)):
         total, along_a, along_b = zeros(), zeros(), zeros()
-        for i in range(ladder.shape[1]):
-            below = int(min(ladder[v, i], last))
+        for i in range(isoline_coordinates.shape[1]):
+            below = int(min(isoline_coordinates[v, i], last))
             lower, upper = load(rows, i * isolines + below), load(rows, i * isolines + below + 1)
             step = add_scaled(upper, -ONE, lower)
-            total = add_scaled(add_scaled(total, ONE, lower), ladder[v, i] - np.float32(below), step)
+            total = add_scaled(add_scaled(total, ONE, lower), isoline_coordinates[v, i] - np.float32(below), step)
             along_a = add_scaled(along_a, slopes[v, i, 0], step)
             along_b = add_scaled(along_b, slopes[v, i, 1], step)
         x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]

@@ -61,8 +61,8 @@ class ReducedModel:
         Diagonal of the bounding box: one model unit.
     weights : (n_e,) float64
         Field weights w_i.
-    ladder : (n, n_e) float32
-        Ladder coordinates t_i(v) of each solver vertex.
+    isoline_coordinates : (n, n_e) float32
+        Isoline coordinates t_i(v) of each solver vertex.
     A : (4m, 4m) float64
         Matrix of the energy, with m = n_e · n_iso isolines.
     B : (4m, 3m) float64
@@ -91,7 +91,7 @@ class ReducedModel:
     center: NDArray[np.float64]
     diagonal: NDArray[np.float64]
     weights: NDArray[np.float64]
-    ladder: NDArray[np.float32]
+    isoline_coordinates: NDArray[np.float32]
     A: NDArray[np.float64]
     B: NDArray[np.float64]
     gram: NDArray[np.float64]
@@ -137,8 +137,8 @@ class ReducedModel:
         self, points: NDArray[np.float64], vertices: NDArray[np.integer] | slice = slice(None)
     ) -> "csr_matrix":
         """Return the (n, 4m) rows of W for (n, 3) points of the mesh file that have the blends of solver vertices."""
-        ladder = self.ladder[vertices].astype(np.float64)
-        return position_matrix(self.to_model(points), ladder, self.weights, self.isolines)
+        isoline_coordinates = self.isoline_coordinates[vertices].astype(np.float64)
+        return position_matrix(self.to_model(points), isoline_coordinates, self.weights, self.isolines)
 
     def to_model(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Convert (..., 3) points of the mesh file to model units."""
@@ -146,7 +146,7 @@ class ReducedModel:
 
 
 def position_matrix(
-    rest: NDArray[np.float64], ladder: NDArray[np.float64], weights: NDArray[np.float64], isolines: int
+    rest: NDArray[np.float64], isoline_coordinates: NDArray[np.float64], weights: NDArray[np.float64], isolines: int
 ) -> "csr_matrix":
     """Build the rows of W for some vertices.
 
@@ -154,7 +154,7 @@ def position_matrix(
     ----------
     rest : (n, 3) float64
         Model units.
-    ladder : (n, n_e) float64
+    isoline_coordinates : (n, n_e) float64
     weights : (n_e,) float64
     isolines : int
 
@@ -163,7 +163,7 @@ def position_matrix(
     (n, 4m) sparse float64
     """
     phi = scipy.sparse.csr_matrix(
-        propagation.interpolation(ladder, isolines) @ scipy.sparse.diags(np.repeat(weights, isolines))
+        propagation.interpolation(isoline_coordinates, isolines) @ scipy.sparse.diags(np.repeat(weights, isolines))
     )
     homogeneous = np.column_stack([rest, np.ones(len(rest))])
     columns = (4 * phi.indices[:, None] + np.arange(4)).ravel()
@@ -212,17 +212,14 @@ def build(
 
     regions = bone_regions(mesh, bones) if shares is None else regions_of_shares(shares)
     along_limbs = limb_fields.limb_field_count(bones, regions, parameters.fields)
+    is_large = len(rest) > MAX_EXACT_VERTICES
     surface, mass = propagation.laplacian(unit)
     ties = replace(contacts(mesh), gap=contacts(mesh).gap / diagonal)
     holds = limb_fields.contacts_that_hold(ties, rest, regions, bones, skinned=shares is not None)
     L = propagation.energy_operator(surface, ties.only(holds), mass, unit.diagonal)
     try:
         tied = propagation.field_operator(surface, ties, unit.diagonal, holds)
-        operator = (
-            propagation.SurfaceOperator(tied, mass, rest)
-            if len(rest) <= MAX_EXACT_VERTICES
-            else CoarseFields(tied, L, mass, unit)
-        )
+        operator = CoarseFields(tied, L, mass, unit) if is_large else propagation.SurfaceOperator(tied, mass, rest)
         modes = operator.propagation_fields(parameters.fields - along_limbs)
     except RuntimeError as error:  # SuperLU finds the matrix singular, or ARPACK does not converge
         raise MeshError(
@@ -237,25 +234,31 @@ def build(
         modes = np.column_stack([modes, limbs])
         own = 1 - along_limbs / parameters.fields
         weights = np.append(own * weights, np.full(along_limbs, 1 / parameters.fields))
-    ladder = propagation.ladder_coordinates(modes, parameters.isolines).astype(np.float32).astype(np.float64)
+    isoline_coordinates = (
+        propagation.compute_isoline_coordinates(modes, parameters.isolines).astype(np.float32).astype(np.float64)
+    )
 
-    cluster = clusters.rotation_clusters(ladder, weights, operator.areas, operator.samples)
-    reduced = energy_matrices.products(L, surface, mass, rest, ladder, weights, parameters.isolines, cluster)
-    covariance = clusters.covariance_map(surface, rest, ladder, weights, parameters.isolines, cluster)
+    cluster = clusters.rotation_clusters(isoline_coordinates, weights, operator.areas, operator.samples)
+    reduced = energy_matrices.products(
+        L, surface, mass, rest, isoline_coordinates, weights, parameters.isolines, cluster, by_cells=is_large
+    )
+    covariance = clusters.covariance_map(surface, rest, isoline_coordinates, weights, parameters.isolines, cluster)
     A_clusters, B_clusters = clusters.energy(reduced, covariance)
-    strips = rotations.crossed_triangles(ladder, unit.faces, parameters.isolines)
+    strips = rotations.crossed_triangles(isoline_coordinates, unit.faces, parameters.isolines)
     sampled = unit.faces[rotations.sample_strips(unit, strips)].ravel()
     return ReducedModel(
         center=center,
         diagonal=diagonal,
         weights=weights,
-        ladder=ladder.astype(np.float32),
+        isoline_coordinates=isoline_coordinates.astype(np.float32),
         A=reduced.A,
         B=reduced.B,
         gram=reduced.gram,
         null_space=_null_projector(reduced.gram),
-        covariance=rotations.covariance_map(unit, strips, ladder, weights),
-        edges=rotations.edge_map(position_matrix(rest[sampled], ladder[sampled], weights, parameters.isolines)),
+        covariance=rotations.covariance_map(unit, strips, isoline_coordinates, weights),
+        edges=rotations.edge_map(
+            position_matrix(rest[sampled], isoline_coordinates[sampled], weights, parameters.isolines)
+        ),
         cluster=cluster,
         A_clusters=A_clusters,
         B_clusters=B_clusters,

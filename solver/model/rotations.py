@@ -23,14 +23,16 @@ TRIANGLES_PER_ISOLINE = 10
 """Number of triangles per isoline in the paper's update; 80 isolines then have about the n_tri of its Table 1."""
 
 
-def crossed_triangles(ladder: NDArray[np.float64], faces: NDArray[np.int64], isolines: int) -> list[NDArray[np.int64]]:
+def crossed_triangles(
+    isoline_coordinates: NDArray[np.float64], faces: NDArray[np.int64], isolines: int
+) -> list[NDArray[np.int64]]:
     """List the triangles that each isoline crosses.
 
     An isoline in the gap between two separate parts crosses none and has the nearest triangles instead.
 
     Parameters
     ----------
-    ladder : (n, n_e) float64
+    isoline_coordinates : (n, n_e) float64
     faces : (t, 3) int64
     isolines : int
 
@@ -39,44 +41,49 @@ def crossed_triangles(ladder: NDArray[np.float64], faces: NDArray[np.int64], iso
     list of n_e · n_iso int64 arrays
         Indices of faces, ascending.
     """
-    m = ladder.shape[1] * isolines
-    counts = _count_crossed(ladder, faces, isolines, m)
+    m = isoline_coordinates.shape[1] * isolines
+    counts = _count_crossed(isoline_coordinates, faces, isolines, m)
     crossed = np.split(
-        _crossed(ladder, faces, isolines, np.cumsum(counts) - counts, int(counts.sum())), np.cumsum(counts)[:-1]
+        _crossed(isoline_coordinates, faces, isolines, np.cumsum(counts) - counts, int(counts.sum())),
+        np.cumsum(counts)[:-1],
     )
     for isoline in np.flatnonzero(counts == 0):
         field, level = divmod(int(isoline), isolines)
-        away = np.abs(ladder[:, field][faces].mean(axis=1) - level)
+        away = np.abs(isoline_coordinates[:, field][faces].mean(axis=1) - level)
         crossed[isoline] = np.sort(np.argsort(away, kind="stable")[:TRIANGLES_PER_ISOLINE])
     return crossed
 
 
 @compiled
-def _levels(ladder, face, field):
+def _levels(isoline_coordinates, face, field):
     """Return the first level of a field that a face reaches, and the one after the last."""
-    a, b, c = ladder[face[0], field], ladder[face[1], field], ladder[face[2], field]
+    a, b, c = (
+        isoline_coordinates[face[0], field],
+        isoline_coordinates[face[1], field],
+        isoline_coordinates[face[2], field],
+    )
     low, high = min(a, b, c), max(a, b, c)
     return (int(np.ceil(low)), int(np.floor(high)) + 1) if low < high else (0, 0)
 
 
 @compiled
-def _count_crossed(ladder, faces, isolines, m):
+def _count_crossed(isoline_coordinates, faces, isolines, m):
     counts = np.zeros(m, dtype=np.int64)
     for f in range(len(faces)):
-        for field in range(ladder.shape[1]):
-            first, stop = _levels(ladder, faces[f], field)
+        for field in range(isoline_coordinates.shape[1]):
+            first, stop = _levels(isoline_coordinates, faces[f], field)
             for level in range(first, stop):
                 counts[field * isolines + level] += 1
     return counts
 
 
 @compiled
-def _crossed(ladder, faces, isolines, starts, total):
+def _crossed(isoline_coordinates, faces, isolines, starts, total):
     """Return the faces that each isoline crosses, those of isoline j from starts[j] on."""
     crossed, place = np.empty(total, dtype=np.int64), starts.copy()
     for f in range(len(faces)):
-        for field in range(ladder.shape[1]):
-            first, stop = _levels(ladder, faces[f], field)
+        for field in range(isoline_coordinates.shape[1]):
+            first, stop = _levels(isoline_coordinates, faces[f], field)
             for isoline in range(field * isolines + first, field * isolines + stop):
                 crossed[place[isoline]] = f
                 place[isoline] += 1
@@ -84,7 +91,10 @@ def _crossed(ladder, faces, isolines, starts, total):
 
 
 def covariance_map(
-    mesh: SolverMesh, strips: list[NDArray[np.int64]], ladder: NDArray[np.float64], weights: NDArray[np.float64]
+    mesh: SolverMesh,
+    strips: list[NDArray[np.int64]],
+    isoline_coordinates: NDArray[np.float64],
+    weights: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Build Q: S = Q R stacks, for each isoline, Σ area · e_restᵀ e_def over the edges of its whole strip.
 
@@ -94,14 +104,14 @@ def covariance_map(
         In the units of the model.
     strips : list of n_e · n_iso int64 arrays
         From `crossed_triangles`.
-    ladder : (n, n_e) float64
+    isoline_coordinates : (n, n_e) float64
     weights : (n_e,) float64
 
     Returns
     -------
     (3 · isolines, 4 · isolines) float64
     """
-    below, upper = blends(ladder, len(strips) // len(weights))
+    below, upper = blends(isoline_coordinates, len(strips) // len(weights))
     Q = np.zeros((3 * len(strips), 4 * len(strips)))
     for isoline, strip in enumerate(strips):
         _add_covariance(mesh.vertices, mesh.faces[strip], below, upper, weights, Q[3 * isoline : 3 * isoline + 3])

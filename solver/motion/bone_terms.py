@@ -76,7 +76,7 @@ def bone_terms(model: ReducedModel, mesh: SolverMesh, scale: float) -> BoneTerms
 def rotation_weights(model: ReducedModel, mode: RotationMode) -> "csr_matrix":
     """Return the weight of each rotation in each vertex: (n, r) sparse float64, rows sum to 1 or n_e."""
     if mode != "clusters":
-        return interpolation(model.ladder.astype(np.float64), model.isolines)
+        return interpolation(model.isoline_coordinates.astype(np.float64), model.isolines)
     n = len(model.cluster)
     return scipy.sparse.csr_matrix((np.ones(n), model.cluster, np.arange(n + 1)))
 
@@ -114,7 +114,7 @@ def nearby_motions(model: ReducedModel, mesh: SolverMesh) -> NDArray[np.float64]
     (4m, 4b) float64
     """
     count = len(model.bones)
-    around = interpolation(model.ladder.astype(np.float64), model.isolines)
+    around = interpolation(model.isoline_coordinates.astype(np.float64), model.isolines)
     shares = _with_mean(bone_shares(around, mesh.vertex_areas, model.regions.owner, count))
     total = shares.sum(axis=1, keepdims=True)
     whole: NDArray[np.float64] = np.where(total > 0, shares / np.maximum(total, 1e-300), 1 / count)

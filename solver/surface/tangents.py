@@ -1,6 +1,6 @@
-"""Tangents at each vertex, and the slopes of ladder coordinates along them, from which deformed normals are computed.
+"""Tangents at each vertex, and the slopes of isoline coordinates along them, from which deformed normals are computed.
 
-The blended transform of a vertex turns its normal as if its neighbours had the same blend. They do not: ladder
+The blended transform of a vertex turns its normal as if its neighbours had the same blend. They do not: isoline
 coordinates change from vertex to vertex, and where a limb bends, this change turns the surface. In a real recording,
 normals without slopes are 6° off in a tenth of the vertices and up to 36°; with slopes it is 0.2° and 8°.
 """
@@ -26,12 +26,12 @@ def tangents(normals: NDArray[np.floating]) -> NDArray[np.float32]:
 def slopes(
     rest: NDArray[np.floating],
     triangles: NDArray[np.int64],
-    ladder: NDArray[np.float32],
+    isoline_coordinates: NDArray[np.float32],
     follows: NDArray[np.int64],
     normals: NDArray[np.floating],
     along: NDArray[np.float32],
 ) -> NDArray[np.float32]:
-    """Compute the derivatives of ladder coordinates along the tangents.
+    """Compute the derivatives of isoline coordinates along the tangents.
 
     Each triangle has one gradient per field. A vertex takes the mean of those around it, weighted by area. Vertices
     that are split at a texture seam count as one vertex, those at a hard edge do not.
@@ -40,7 +40,7 @@ def slopes(
     ----------
     rest : (n, 3) float
     triangles : (t, 3) int64
-    ladder : (n, n_e) float32
+    isoline_coordinates : (n, n_e) float32
     follows : (n,) int64
         Vertices at one position follow the same solver vertex.
     normals : (n, 3) float
@@ -54,10 +54,10 @@ def slopes(
     """
     order = np.argsort(follows, kind="stable")
     smooth = _one_for_each_side(follows, order, np.ascontiguousarray(normals, dtype=np.float64))
-    total = np.zeros((len(rest), ladder.shape[1], 3))
+    total = np.zeros((len(rest), isoline_coordinates.shape[1], 3))
     area = np.zeros(len(rest))
-    _add_gradients(np.ascontiguousarray(rest, dtype=np.float64), triangles, ladder, smooth, total, area)
-    out = np.empty((len(rest), ladder.shape[1], 2), dtype=np.float32)
+    _add_gradients(np.ascontiguousarray(rest, dtype=np.float64), triangles, isoline_coordinates, smooth, total, area)
+    out = np.empty((len(rest), isoline_coordinates.shape[1], 2), dtype=np.float32)
     _project(total, area, smooth, along, out)
     return out
 
@@ -88,7 +88,7 @@ def _one_for_each_side(follows, order, normals):
 
 
 @compiled
-def _add_gradients(rest, triangles, ladder, smooth, total, area):
+def _add_gradients(rest, triangles, isoline_coordinates, smooth, total, area):
     """Add each triangle's gradients, times twice its area, to its corners: Σ_k t_k n̂ × e_k, e_k opposite corner k."""
     for f in range(len(triangles)):
         a, b, c = triangles[f, 0], triangles[f, 1], triangles[f, 2]
@@ -104,8 +104,11 @@ def _add_gradients(rest, triangles, ladder, smooth, total, area):
         for k in range(3):
             v = smooth[triangles[f, k]]
             area[v] += twice
-            for i in range(ladder.shape[1]):
-                tb, tc = ladder[b, i] - ladder[a, i], ladder[c, i] - ladder[a, i]
+            for i in range(isoline_coordinates.shape[1]):
+                tb, tc = (
+                    isoline_coordinates[b, i] - isoline_coordinates[a, i],
+                    isoline_coordinates[c, i] - isoline_coordinates[a, i],
+                )
                 total[v, i, 0] += tb * bx + tc * cx
                 total[v, i, 1] += tb * by + tc * cy
                 total[v, i, 2] += tb * bz + tc * cz

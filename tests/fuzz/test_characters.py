@@ -62,9 +62,9 @@ def test_damaged_characters_have_a_finite_model_or_are_refused(folder, try_damag
         assert fields <= 4
         assert isolines == 5
         assert model.weights.sum() == pytest.approx(1)
-        assert model.ladder.shape == (len(mesh.vertices), fields)
-        assert model.ladder.min() >= 0
-        assert model.ladder.max() <= isolines - 1
+        assert model.isoline_coordinates.shape == (len(mesh.vertices), fields)
+        assert model.isoline_coordinates.min() >= 0
+        assert model.isoline_coordinates.max() <= isolines - 1
         assert np.array_equal(np.unique(model.cluster), np.arange(clusters))
         for array, shape in (
             (model.A, (4 * count, 4 * count)),

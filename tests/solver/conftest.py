@@ -119,13 +119,13 @@ def two_parts(figure):
 def naive_interpolation():
     """W of X = W R and W_δ, entry by entry: w_i φ_ik(v) [x y z 1]_c and w_i φ_ik(v) δ_c."""
 
-    def build(rest, ladder, weights, isolines, delta):
+    def build(rest, isoline_coordinates, weights, isolines, delta):
         m = len(weights) * isolines
         W, W_delta = np.zeros((len(rest), 4 * m)), np.zeros((len(rest), 3 * m))
         for v in range(len(rest)):
             for i, weight in enumerate(weights):
                 for k in range(isolines):
-                    phi = weight * max(0.0, 1.0 - abs(float(ladder[v, i]) - k))
+                    phi = weight * max(0.0, 1.0 - abs(float(isoline_coordinates[v, i]) - k))
                     column = i * isolines + k
                     W[v, 4 * column : 4 * column + 4] = phi * np.array([*rest[v], 1.0])
                     W_delta[v, 3 * column : 3 * column + 3] = phi * delta[v]

@@ -118,14 +118,19 @@ def describe(character: DrawnCharacter) -> dict[str, Any]:
 def scene_arrays(character: DrawnCharacter) -> dict[str, Array]:
     """Return a character's arrays by name, C-contiguous."""
     rig, normals = character.rig, character.normals
-    ladder = rig.model.ladder[rig.mesh.of_render]
+    isoline_coordinates = rig.model.isoline_coordinates[rig.mesh.of_render]
     slopes = tangents.slopes(
-        character.rest, character.triangles, ladder, rig.mesh.of_render, normals, tangents.tangents(normals)
+        character.rest,
+        character.triangles,
+        isoline_coordinates,
+        rig.mesh.of_render,
+        normals,
+        tangents.tangents(normals),
     )
     floats = {
         "positions": character.rest,
         "normals": normals,
-        "ladder": ladder,
+        "ladder": isoline_coordinates,
         "slopes": slopes,
         "uv": uv(rig.character),
         "colors": rig.character.colors,
@@ -251,7 +256,7 @@ class Scene:
         if self.arrays["triangles"].max() >= n:
             raise WireError("a triangle of a vertex that is not there")
         if not ((self.arrays["ladder"] >= 0) & (self.arrays["ladder"] <= isolines - 1)).all():
-            raise WireError("a ladder coordinate beyond the isolines")
+            raise WireError("a isoline coordinate beyond the isolines")
 
 
 def _count(facts: dict[str, Any], name: str) -> int:

@@ -320,7 +320,7 @@ def solved():
     def vertices(clip):
         model, mesh = clip.rig.model, clip.rig.mesh
         W = position_matrix(
-            model.to_model(mesh.vertices), model.ladder.astype(np.float64), model.weights, model.isolines
+            model.to_model(mesh.vertices), model.isoline_coordinates.astype(np.float64), model.weights, model.isolines
         )
         moved = np.array([W @ R for R in clip.frames[:].astype(np.float64)]) * model.diagonal + model.center
         return moved + (clip.root[:, None] if clip.rig.puppet.root is not None else 0)

@@ -56,7 +56,7 @@ def shown_places(rig, frames):
     model, mesh = rig.model, rig.mesh
     W = position_matrix(
         model.to_model(rig.character.vertices),
-        model.ladder[mesh.of_render].astype(np.float64),
+        model.isoline_coordinates[mesh.of_render].astype(np.float64),
         model.weights,
         model.isolines,
     )

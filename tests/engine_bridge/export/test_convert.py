@@ -1,14 +1,19 @@
 import json
+import tracemalloc
 from dataclasses import asdict, replace
 
+import igl
 import numpy as np
 import pytest
 
 from capture.recording import Recorder
-from capture.skeleton import JOINT_INDEX, SkeletonFrame
+from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
+from capture.timeline import Timeline
+from engine_bridge.character.character import make_character
 from engine_bridge.export import convert as module
 from engine_bridge.export.convert import convert
 from engine_bridge.inspection.files import inspect
+from engine_bridge.performance import frame_store
 from engine_bridge.performance.clip import load_timeline
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
@@ -70,6 +75,36 @@ def test_each_stage_tells_of_its_progress_up_to_the_end(converted):
 def test_the_same_input_gives_the_same_bytes(take, blob_puppet, converted, tmp_path):
     convert(take, blob_puppet, tmp_path / "again.glb", Settings())
     assert (tmp_path / "again.glb").read_bytes() == converted[2].read_bytes()
+
+
+def test_frames_in_a_temporary_file_give_the_same_bytes_as_in_memory(
+    take, blob_puppet, converted, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(frame_store, "MAX_MEMORY_BYTES", 1000)
+    convert(take, blob_puppet, tmp_path / "again.glb", Settings())
+    assert (tmp_path / "again.glb").read_bytes() == converted[2].read_bytes()
+
+
+@pytest.mark.slow
+def test_memory_hardly_grows_with_the_length_of_a_recording(dance, blob, write_puppet, tmp_path, monkeypatch):
+    monkeypatch.setattr(frame_store, "MAX_MEMORY_BYTES", 1000)
+    vertices, faces = igl.upsample(blob.vertices.astype(np.float64), blob.faces.astype(np.int64), 2)
+    make_character("fine", vertices, faces).document.save(tmp_path / "fine.glb")
+    rig = module.load_rig_for(write_puppet(tmp_path / "fine.toml", "fine.glb"), Settings())
+
+    def peak(frames):
+        timeline = Timeline(30.0, dance(frames), np.ones((frames, len(JOINTS)), dtype=np.float32), ())
+        tracemalloc.start()
+        try:
+            module.convert_timeline(rig, timeline, tmp_path / "out.glb", "out", Settings(), ())
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    peak(100)  # imports
+    positions = 12 * 900 * len(rig.mesh.vertices)
+    assert positions > 100e6
+    assert peak(1000) - peak(100) < 0.2 * positions
 
 
 def test_frames_are_made_at_the_rate_that_is_asked_for(take, blob_puppet, tmp_path):

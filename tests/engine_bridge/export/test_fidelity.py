@@ -162,7 +162,9 @@ def test_the_validator_finds_nothing_that_it_did_not_find_before(converted, node
 def test_three_plays_what_was_solved(converted, play):
     clip = converted.clip
     model, mesh = clip.rig.model, clip.rig.mesh
-    W = position_matrix(model.to_model(mesh.vertices), model.ladder.astype(float), model.weights, model.isolines)
+    W = position_matrix(
+        model.to_model(mesh.vertices), model.isoline_coordinates.astype(float), model.weights, model.isolines
+    )
     solved = np.array([W @ R for R in clip.frames[::3].astype(float)]) * model.diagonal + model.center
     solved = (solved + clip.root[::3, None])[:, mesh.of_render]
     played = np.concatenate([part.positions for part in play(converted.out, 20).meshes], axis=1)

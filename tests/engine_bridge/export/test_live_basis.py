@@ -50,7 +50,9 @@ def baked(take, blob_puppet, blob_rig, tmp_path_factory):
     path = tmp_path_factory.mktemp("live basis") / "blob.morphs.glb"
     bake(blob_puppet, path, (take,), tolerance=1e-3)
     model, mesh = blob_rig.model, blob_rig.mesh
-    W = position_matrix(model.to_model(mesh.vertices), model.ladder.astype(np.float64), model.weights, model.isolines)
+    W = position_matrix(
+        model.to_model(mesh.vertices), model.isoline_coordinates.astype(np.float64), model.weights, model.isolines
+    )
     document = Document.load(path)
     (primitive,) = document.gltf["meshes"][0]["primitives"]
     targets = np.stack([document.array(target["POSITION"]) for target in primitive["targets"]], axis=-1)
@@ -184,7 +186,7 @@ def test_the_same_surface_with_its_vertices_in_another_order_gets_the_same_weigh
     place = np.argsort(order)
     mesh = plain(new_glb, tmp_path, blob.vertices[order], np.random.default_rng(2).permutation(place[blob.faces]))
     rig = load_rig(write_puppet(tmp_path / "other.toml", mesh.name))
-    assert not np.array_equal(rig.model.ladder, baked.rig.model.ladder)
+    assert not np.array_equal(rig.model.isoline_coordinates, baked.rig.model.isoline_coordinates)
     R = baked.rig.model.rest_controls + np.random.default_rng(6).normal(
         scale=0.02, size=baked.rig.model.rest_controls.shape
     )

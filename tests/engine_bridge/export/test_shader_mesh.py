@@ -54,9 +54,9 @@ def assert_is_the_scene(made, scene):
     np.testing.assert_array_equal(column(made, "POSITION"), arrays["positions"])
     directed = arrays["normals"].any(axis=1)
     np.testing.assert_array_equal(column(made, "NORMAL")[directed], arrays["normals"][directed])
-    ladder = np.hstack([column(made, f"TEXCOORD_{number}") for number in range(2, 6)])
-    np.testing.assert_array_equal(ladder[:, : scene.facts["fields"]], arrays["ladder"])
-    assert not ladder[:, scene.facts["fields"] :].any()
+    isoline_coordinates = np.hstack([column(made, f"TEXCOORD_{number}") for number in range(2, 6)])
+    np.testing.assert_array_equal(isoline_coordinates[:, : scene.facts["fields"]], arrays["ladder"])
+    assert not isoline_coordinates[:, scene.facts["fields"] :].any()
     np.testing.assert_array_equal(column(made, "TEXCOORD_6"), np.column_stack([np.arange(count), np.zeros(count)]))
     assert len(surfaces(made)) == len(scene.facts["parts"])
     for surface, part in zip(surfaces(made), scene.facts["parts"], strict=True):

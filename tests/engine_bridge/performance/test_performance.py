@@ -41,7 +41,7 @@ def play(rig, puppet, frames, rest):
     poses = [performance.step(frame) for frame in frames]
     model = rig.model
     W = position_matrix(
-        model.to_model(rig.mesh.vertices), model.ladder.astype(np.float64), model.weights, model.isolines
+        model.to_model(rig.mesh.vertices), model.isoline_coordinates.astype(np.float64), model.weights, model.isolines
     )
     vertices = np.array([W @ pose.R for pose in poses]) * model.diagonal + model.center
     return vertices, np.array([pose.root for pose in poses])

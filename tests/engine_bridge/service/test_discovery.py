@@ -64,6 +64,13 @@ def test_the_end_is_announced(announced, port):
     assert [found for found in find(0.5, LOOPBACK) if found.port == port] == []
 
 
+def test_other_characters_are_announced_under_the_same_name(announced, port):
+    before = wait_for(port)
+    announced.rename(["dog", "dragon"])
+    after = wait_for(port, lambda found: found.characters != before.characters)
+    assert (after.name, after.characters) == (before.name, ("dog", "dragon"))
+
+
 def test_two_services_on_one_machine_have_two_names(announced, port):
     first = wait_for(port)
     second = Announcement("127.0.0.1", port + 2, port + 3, "NULL", [])

@@ -14,6 +14,7 @@ def test_the_editor_opens_with_the_plugin_on_and_has_nothing_to_complain_about(r
     assert set(re.findall(r'"class": &"(\w+)"', settings)) == {
         "Puppet3D",
         "PuppetAttachment3D",
+        "PuppetClip",
         "PuppetColliders3D",
         "PuppetOscReceiver",
     }

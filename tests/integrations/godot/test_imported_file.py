@@ -46,9 +46,9 @@ def test_customs_are_those_of_the_scene_by_number(settings, godot, project, run_
     number = numbers[:, 0].astype(int)
     np.testing.assert_array_equal(numbers, np.column_stack([number, np.zeros(len(number))]))
     assert sorted(number) == list(range(count))
-    ladder = np.hstack([array(surface[f"custom_{which}"], "<f4", 4) for which in range(2)])
-    np.testing.assert_array_equal(ladder[:, :fields], scene.arrays["ladder"][number])
-    assert not ladder[:, fields:].any()
+    isoline_coordinates = np.hstack([array(surface[f"custom_{which}"], "<f4", 4) for which in range(2)])
+    np.testing.assert_array_equal(isoline_coordinates[:, :fields], scene.arrays["ladder"][number])
+    assert not isoline_coordinates[:, fields:].any()
     # compression rounds positions to 16 bits of the box
     box = np.ptp(scene.arrays["positions"], axis=0).max()
     positions = array(surface["positions"], "<f4", 3)

@@ -86,10 +86,10 @@ def along_slopes(scene, told, a, b):
     before, after = (payload(f"{int(number)}.controls", "<f4").astype(float) for number in (first, second))
     weights = np.array(scene["weights"])
     transforms = ((1 - share) * before + share * after).reshape(len(weights), -1, 3, 4)
-    fields, ladder = np.arange(len(weights)), scene["ladder"].astype(float)
-    isoline = np.minimum(ladder, scene["isolines"] - 2).astype(int)
+    fields, isoline_coordinates = np.arange(len(weights)), scene["ladder"].astype(float)
+    isoline = np.minimum(isoline_coordinates, scene["isolines"] - 2).astype(int)
     step = transforms[fields, isoline + 1] - transforms[fields, isoline]
-    blend = transforms[fields, isoline] + (ladder - isoline)[..., None, None] * step
+    blend = transforms[fields, isoline] + (isoline_coordinates - isoline)[..., None, None] * step
     x = np.pad(scene["positions"], [(0, 0), (0, 1)], constant_values=1)
     along = np.einsum("i,vixy,vya->vxa", weights, blend[..., :3], np.stack([a, b], axis=2))
     return along + np.einsum("i,vixy,vy,via->vxa", weights, step, x, scene["slopes"])

@@ -129,7 +129,7 @@ def damaged_scenes():
         yield f"{name} of another type", rewritten(entry(name, "type", "f64"))
     for value, what in ((float("nan"), "no number"), (float("inf"), "infinite"), (4.5, "beyond"), (-0.5, "below")):
         place = 128 + start + facts["arrays"]["ladder"]["offset"]
-        yield f"ladder {what}", whole[:place] + struct.pack("<f", value) + whole[place + 4 :]
+        yield f"isoline_coordinates {what}", whole[:place] + struct.pack("<f", value) + whole[place + 4 :]
     place = 128 + start + facts["arrays"]["positions"]["offset"]
     yield "a position that is no number", whole[:place] + struct.pack("<f", float("nan")) + whole[place + 4 :]
     place = 128 + start + facts["arrays"]["triangles"]["offset"]

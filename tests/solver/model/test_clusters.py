@@ -25,32 +25,32 @@ def two(monkeypatch):
 
 
 def test_groups_of_vertices_on_other_isolines_are_clusters(two):
-    ladder = np.concatenate([np.linspace(0, 2, 10), np.linspace(5, 9, 10)])[:, None] * [1.0, 0.5]
-    found = rotation_clusters(ladder, np.array([0.7, 0.3]), np.ones(20))
+    isoline_coordinates = np.concatenate([np.linspace(0, 2, 10), np.linspace(5, 9, 10)])[:, None] * [1.0, 0.5]
+    found = rotation_clusters(isoline_coordinates, np.array([0.7, 0.3]), np.ones(20))
     assert same_groups(found, np.repeat([0, 1], 10))
 
 
 def test_a_field_of_little_weight_divides_nothing(two):
-    ladder = np.array([[0.0, 0], [0, 9], [1, 0], [1, 9]]).repeat(3, axis=0)
-    found = rotation_clusters(ladder, np.array([0.99, 0.01]), np.ones(12))
+    isoline_coordinates = np.array([[0.0, 0], [0, 9], [1, 0], [1, 9]]).repeat(3, axis=0)
+    found = rotation_clusters(isoline_coordinates, np.array([0.99, 0.01]), np.ones(12))
     assert same_groups(found, np.repeat([0, 0, 1, 1], 3))
 
 
 def test_vertices_count_by_their_area(two):
     """Subdividing every triangle on one side does not change the clusters."""
-    ladder, area = np.linspace(0, 9, 40)[:, None], np.ones(40)
-    found = rotation_clusters(ladder, np.ones(1), area)
-    dense = np.concatenate([ladder, ladder[20:], ladder[20:]])
+    isoline_coordinates, area = np.linspace(0, 9, 40)[:, None], np.ones(40)
+    found = rotation_clusters(isoline_coordinates, np.ones(1), area)
+    dense = np.concatenate([isoline_coordinates, isoline_coordinates[20:], isoline_coordinates[20:]])
     weighed = rotation_clusters(dense, np.ones(1), np.concatenate([np.ones(20), np.full(60, 1 / 3)]))
     np.testing.assert_array_equal(weighed[:40], found)
 
 
 def test_the_order_of_vertices_does_not_matter(creature_model):
-    ladder = creature_model.ladder.astype(np.float64)
-    mass = np.random.default_rng(0).uniform(0.5, 1.5, len(ladder))
-    order = np.random.default_rng(1).permutation(len(ladder))
-    found = rotation_clusters(ladder, creature_model.weights, mass)
-    assert same_groups(rotation_clusters(ladder[order], creature_model.weights, mass[order]), found[order])
+    isoline_coordinates = creature_model.isoline_coordinates.astype(np.float64)
+    mass = np.random.default_rng(0).uniform(0.5, 1.5, len(isoline_coordinates))
+    order = np.random.default_rng(1).permutation(len(isoline_coordinates))
+    found = rotation_clusters(isoline_coordinates, creature_model.weights, mass)
+    assert same_groups(rotation_clusters(isoline_coordinates[order], creature_model.weights, mass[order]), found[order])
 
 
 def test_there_are_as_many_as_wanted_each_with_a_vertex(creature_model):
@@ -58,15 +58,15 @@ def test_there_are_as_many_as_wanted_each_with_a_vertex(creature_model):
 
 
 def test_a_small_mesh_has_fewer_and_equal_vertices_share_one():
-    ladder = np.tile(np.eye(3), (100, 1))
-    found = rotation_clusters(ladder, np.ones(3), np.ones(300))
+    isoline_coordinates = np.tile(np.eye(3), (100, 1))
+    found = rotation_clusters(isoline_coordinates, np.ones(3), np.ones(300))
     assert same_groups(found, np.tile([0, 1, 2], 100))
     assert len(np.unique(rotation_clusters(np.arange(41.0)[:, None], np.ones(1), np.ones(41)))) == 10
 
 
 def test_every_vertex_is_nearest_to_the_mean_of_its_own(creature_model):
     """k-means has converged except for a few vertices."""
-    points = creature_model.ladder * creature_model.weights
+    points = creature_model.isoline_coordinates * creature_model.weights
     means = np.array([points[creature_model.cluster == c].mean(axis=0) for c in range(CLUSTER_COUNT)])
     nearest = np.linalg.norm(points[:, None] - means, axis=2).argmin(axis=1)
     assert np.mean(nearest == creature_model.cluster) > 0.9
@@ -95,7 +95,9 @@ def test_covariance_is_the_plain_sum_over_edges(creature_model, operator, surfac
     for i, j in zip(*edges_of(L), strict=True):
         expected[model.cluster[i]] += L[i, j] * np.outer(rest[i] - rest[j], moved[i] - moved[j])
     sparse = fields.laplacian(SolverMesh(rest, creature.faces, creature.of_render))[0]
-    C = clusters.covariance_map(sparse, rest, model.ladder.astype(np.float64), model.weights, 10, model.cluster)
+    C = clusters.covariance_map(
+        sparse, rest, model.isoline_coordinates.astype(np.float64), model.weights, 10, model.cluster
+    )
     np.testing.assert_allclose((C @ R).reshape(-1, 3, 3), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
@@ -133,7 +135,7 @@ def _dirichlet(model, L, rest):
     """The trace of −WᵀLW, column by column."""
     for field, weight in enumerate(model.weights):
         for k in range(10):
-            phi = weight * np.maximum(0, 1 - np.abs(model.ladder[:, field].astype(np.float64) - k))
+            phi = weight * np.maximum(0, 1 - np.abs(model.isoline_coordinates[:, field].astype(np.float64) - k))
             for column in (*rest.T, np.ones(len(rest))):
                 yield -(phi * column) @ L @ (phi * column)
 

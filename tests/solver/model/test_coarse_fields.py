@@ -41,7 +41,7 @@ def isolines_apart(mesh, count=6):
     exact, sampled, _, mass = both_operators(mesh)
     one, other = exact.propagation_fields(count), sampled.propagation_fields(count)
     other *= np.sign(np.einsum("nk,nk,n->k", one, other, mass))
-    return np.abs(fields.ladder_coordinates(one, 10) - fields.ladder_coordinates(other, 10)).max()
+    return np.abs(fields.compute_isoline_coordinates(one, 10) - fields.compute_isoline_coordinates(other, 10)).max()
 
 
 def test_isoline_coordinates_are_those_of_exact_fields(fine):
@@ -144,7 +144,12 @@ def test_a_small_mesh_has_exact_fields(fine):
     model = reduced_model.build(fine)
     exact = both_operators(weld((fine.vertices - model.center), fine.faces))[0].propagation_fields(8)
     np.testing.assert_allclose(
-        np.minimum(*(np.abs(model.ladder - fields.ladder_coordinates(s * exact, 10)).max(axis=0) for s in (1, -1))),
+        np.minimum(
+            *(
+                np.abs(model.isoline_coordinates - fields.compute_isoline_coordinates(s * exact, 10)).max(axis=0)
+                for s in (1, -1)
+            )
+        ),
         0,
         atol=1e-4,
     )

@@ -197,34 +197,36 @@ def test_fields_do_not_follow_the_density_of_triangles(creature):
     assert unweighted > 5 * weighted
 
 
-# --- ladders
+# --- isoline coordinates
 
 
 def test_isoline_coordinates_of_a_linear_field_equal_values_by_hand():
     field = np.array([[0.0], [0.04], [0.05], [0.5], [0.72], [0.95], [1.0]])
     expected = [[0.0], [0.0], [0.0], [4.5], [6.7], [9.0], [9.0]]
-    np.testing.assert_allclose(fields.ladder_coordinates(field, 10), expected, atol=1e-12)
-    np.testing.assert_allclose(fields.ladder_coordinates(3 * field - 7, 10), expected, atol=1e-12)
+    np.testing.assert_allclose(fields.compute_isoline_coordinates(field, 10), expected, atol=1e-12)
+    np.testing.assert_allclose(fields.compute_isoline_coordinates(3 * field - 7, 10), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("isolines", [2, 3, 10, 20])
-def test_ladders_run_from_the_first_isoline_to_the_last(creature, isolines):
-    ladder = fields.ladder_coordinates(modes_of(creature), isolines)
-    np.testing.assert_array_equal(ladder.min(axis=0), 0.0)
-    np.testing.assert_array_equal(ladder.max(axis=0), isolines - 1.0)
+def test_isoline_coordinates_run_from_the_first_isoline_to_the_last(creature, isolines):
+    isoline_coordinates = fields.compute_isoline_coordinates(modes_of(creature), isolines)
+    np.testing.assert_array_equal(isoline_coordinates.min(axis=0), 0.0)
+    np.testing.assert_array_equal(isoline_coordinates.max(axis=0), isolines - 1.0)
 
 
-def test_the_sign_of_a_field_turns_its_ladder_round(creature):
+def test_the_sign_of_a_field_turns_its_isoline_coordinates_round(creature):
     modes = modes_of(creature)
     np.testing.assert_allclose(
-        fields.ladder_coordinates(-modes, 10), 9.0 - fields.ladder_coordinates(modes, 10), atol=1e-12
+        fields.compute_isoline_coordinates(-modes, 10), 9.0 - fields.compute_isoline_coordinates(modes, 10), atol=1e-12
     )
 
 
 def test_interpolation_is_the_hat_function_of_the_two_isolines_around(creature):
-    ladder = fields.ladder_coordinates(modes_of(creature), 10)
-    phi = fields.interpolation(ladder, 10).toarray()
-    hats = np.maximum(0, 1 - np.abs(ladder[:, :, None] - np.arange(10))).reshape(len(ladder), -1)
+    isoline_coordinates = fields.compute_isoline_coordinates(modes_of(creature), 10)
+    phi = fields.interpolation(isoline_coordinates, 10).toarray()
+    hats = np.maximum(0, 1 - np.abs(isoline_coordinates[:, :, None] - np.arange(10))).reshape(
+        len(isoline_coordinates), -1
+    )
     np.testing.assert_allclose(phi, hats, atol=1e-12)
 
 
@@ -271,7 +273,7 @@ def test_the_sign_of_fields_does_not_show_in_the_deformation(creature, creature_
             fields.SurfaceOperator, "propagation_fields", lambda *given, signs=signs: solve(*given) * np.array(signs)
         )
         found = deformed(creature, creature_handles, motion(creature_handles))
-        # Ladders are kept in float32, which rounds t and 9 − t differently.
+        # Isoline coordinates are kept in float32, which rounds t and 9 − t differently.
         np.testing.assert_allclose(found, expected, rtol=0, atol=5e-6 * creature.diagonal)
 
 

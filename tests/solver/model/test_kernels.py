@@ -10,27 +10,27 @@ FIELDS, ISOLINES, COUNT = 8, 10, 500
 
 @pytest.fixture(scope="module")
 def scene():
-    """Rest positions, tangents, slopes, ladders that reach both ends, field weights, controls."""
+    """Rest positions, tangents, slopes, isoline coordinates that reach both ends, field weights, controls."""
     rng = np.random.default_rng(0)
     rest = rng.normal(size=(COUNT, 3)).astype(np.float32)
     tangents = rng.normal(size=(COUNT, 2, 3)).astype(np.float32)
     slopes = rng.normal(size=(COUNT, FIELDS, 2)).astype(np.float32)
-    ladder = np.clip(rng.uniform(-1, ISOLINES, (COUNT, FIELDS)), 0, ISOLINES - 1).astype(np.float32)
-    ladder[0], ladder[1] = 0, ISOLINES - 1
-    ladder[2] = np.arange(FIELDS)
+    isoline_coordinates = np.clip(rng.uniform(-1, ISOLINES, (COUNT, FIELDS)), 0, ISOLINES - 1).astype(np.float32)
+    isoline_coordinates[0], isoline_coordinates[1] = 0, ISOLINES - 1
+    isoline_coordinates[2] = np.arange(FIELDS)
     weights = rng.dirichlet(np.ones(FIELDS))
     controls = (np.eye(3, 4) + 0.4 * rng.normal(size=(FIELDS * ISOLINES, 3, 4))).astype(np.float32)
-    return rest, tangents, slopes, ladder, weights, controls
+    return rest, tangents, slopes, isoline_coordinates, weights, controls
 
 
-def hats(ladder):
+def hats(isoline_coordinates):
     """(n, n_e, n_iso): max(0, 1 − |t_i − k|)."""
-    return np.maximum(0, 1 - np.abs(ladder[:, :, None].astype(np.float64) - np.arange(ISOLINES)))
+    return np.maximum(0, 1 - np.abs(isoline_coordinates[:, :, None].astype(np.float64) - np.arange(ISOLINES)))
 
 
-def blended(ladder, weights, controls):
+def blended(isoline_coordinates, weights, controls):
     """(n, 3, 4) float64: Σ_i w_i Σ_k max(0, 1 − |t_i − k|) T_ik."""
-    shares = (hats(ladder) * weights[:, None]).reshape(len(ladder), -1)
+    shares = (hats(isoline_coordinates) * weights[:, None]).reshape(len(isoline_coordinates), -1)
     return np.einsum("nm,mrc->nrc", shares, controls.astype(np.float64))
 
 
@@ -43,17 +43,17 @@ def table(rows):
 
 
 def positions(scene, controls=None):
-    rest, _, _, ladder, weights, own = scene
+    rest, _, _, isoline_coordinates, weights, own = scene
     out = np.empty_like(rest)
-    kernels.blend_positions(rest, ladder, own if controls is None else controls, weights, table(80), out)
+    kernels.blend_positions(rest, isoline_coordinates, own if controls is None else controls, weights, table(80), out)
     return out
 
 
 def positions_and_normals(scene, controls=None):
-    rest, tangents, slopes, ladder, weights, own = scene
+    rest, tangents, slopes, isoline_coordinates, weights, own = scene
     out, normals = np.empty_like(rest), np.empty_like(rest)
     controls = own if controls is None else controls
-    kernels.blend_normals(rest, tangents, slopes, ladder, controls, weights, table(80), out, normals)
+    kernels.blend_normals(rest, tangents, slopes, isoline_coordinates, controls, weights, table(80), out, normals)
     return out, normals
 
 
@@ -67,8 +67,8 @@ def rigid(turn, offset=(0.0, 0.0, 0.0)):
 
 
 def test_vertices_are_the_weighted_blend_applied_to_rest(scene):
-    rest, _, _, ladder, weights, controls = scene
-    expected = applied(blended(ladder, weights, controls), rest)
+    rest, _, _, isoline_coordinates, weights, controls = scene
+    expected = applied(blended(isoline_coordinates, weights, controls), rest)
     np.testing.assert_allclose(positions(scene), expected, rtol=0, atol=1e-6 * np.abs(expected).max())
 
 
@@ -78,15 +78,15 @@ def test_positions_are_the_same_with_normals_and_without(scene):
 
 
 def test_a_normal_is_across_the_tangents_that_the_surface_carries(scene):
-    """By difference quotients: a vertex that goes along a tangent takes its ladder coordinates with it."""
-    rest, tangents, slopes, ladder, weights, controls = scene
+    """By difference quotients: a vertex that goes along a tangent takes its isoline coordinates with it."""
+    rest, tangents, slopes, isoline_coordinates, weights, controls = scene
     size = 1e-4
-    inside = ((ladder % 1 > 0.01) & (ladder % 1 < 0.99)).all(axis=1)
+    inside = ((isoline_coordinates % 1 > 0.01) & (isoline_coordinates % 1 < 0.99)).all(axis=1)
     carried = []
     for k in range(2):
         ends = [
             applied(
-                blended(ladder + sign * size * slopes[:, :, k].astype(np.float64), weights, controls),
+                blended(isoline_coordinates + sign * size * slopes[:, :, k].astype(np.float64), weights, controls),
                 rest + sign * size * tangents[:, k].astype(np.float64),
             )
             for sign in (-1, 1)
@@ -122,9 +122,9 @@ def test_a_normal_of_a_surface_squashed_to_a_line_is_zero_and_not_nan(scene):
 def test_any_number_of_fields_is_blended(scene, fields):
     rng = np.random.default_rng(2)
     rest, controls = scene[0], rng.normal(size=(fields * ISOLINES, 3, 4)).astype(np.float32)
-    ladder = rng.uniform(0, ISOLINES - 1, (COUNT, fields)).astype(np.float32)
+    isoline_coordinates = rng.uniform(0, ISOLINES - 1, (COUNT, fields)).astype(np.float32)
     weights = rng.dirichlet(np.ones(fields))
     out = np.empty_like(rest)
-    kernels.blend_positions(rest, ladder, controls, weights, table(len(controls)), out)
-    expected = applied(blended(ladder, weights, controls), rest)
+    kernels.blend_positions(rest, isoline_coordinates, controls, weights, table(len(controls)), out)
+    expected = applied(blended(isoline_coordinates, weights, controls), rest)
     np.testing.assert_allclose(out, expected, rtol=0, atol=1e-6 * np.abs(expected).max())

@@ -153,12 +153,14 @@ def test_an_arm_that_is_sewn_to_the_trunk_stays_there_and_one_that_is_stuck_into
 
 def test_a_model_with_bones_has_the_surfaces_smoothest_fields_and_those_of_the_limbs(figure, figure_model, both_arms):
     model = build(figure, bones=both_arms)
-    np.testing.assert_array_equal(model.ladder[:, :6], build(figure, ModelParameters(fields=6)).ladder)
+    np.testing.assert_array_equal(
+        model.isoline_coordinates[:, :6], build(figure, ModelParameters(fields=6)).isoline_coordinates
+    )
     np.testing.assert_allclose(model.weights[6:], 1 / 8)
     assert model.weights.sum() == pytest.approx(1)
-    limbs = fields.ladder_coordinates(made_in_model_units(figure, both_arms), 10)
-    np.testing.assert_allclose(model.ladder[:, 6:], limbs, rtol=0, atol=1e-5)
-    np.testing.assert_array_equal(build(figure).ladder, figure_model.ladder)
+    limbs = fields.compute_isoline_coordinates(made_in_model_units(figure, both_arms), 10)
+    np.testing.assert_allclose(model.isoline_coordinates[:, 6:], limbs, rtol=0, atol=1e-5)
+    np.testing.assert_array_equal(build(figure).isoline_coordinates, figure_model.isoline_coordinates)
 
 
 def made_in_model_units(mesh, bones):

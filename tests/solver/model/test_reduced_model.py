@@ -43,15 +43,17 @@ def test_shapes_follow_the_parameters(creature, count, isolines):
     m = count * isolines
     assert model.isolines == isolines
     assert model.weights.shape == (count,)
-    assert model.ladder.shape == (len(creature.vertices), count)
+    assert model.isoline_coordinates.shape == (len(creature.vertices), count)
     assert (model.A.shape, model.B.shape) == ((4 * m, 4 * m), (4 * m, 3 * m))
     assert model.rest_controls.shape == (4 * m, 3)
-    assert 0 <= model.ladder.min() < model.ladder.max() == isolines - 1
+    assert 0 <= model.isoline_coordinates.min() < model.isoline_coordinates.max() == isolines - 1
 
 
 def test_positions_are_the_blend_written_out(creature, creature_model, dense, naive_interpolation):
     rest = creature_model.to_model(creature.vertices)
-    naive, _ = naive_interpolation(rest, creature_model.ladder, creature_model.weights, 10, np.zeros_like(rest))
+    naive, _ = naive_interpolation(
+        rest, creature_model.isoline_coordinates, creature_model.weights, 10, np.zeros_like(rest)
+    )
     np.testing.assert_allclose(dense, naive, atol=1e-6)
 
 
@@ -71,7 +73,7 @@ def test_energy_matrices_are_those_of_the_dense_operators(creature, creature_mod
     rest = creature_model.to_model(creature.vertices)
     L, mass = fields.laplacian(SolverMesh(rest, creature.faces, creature.of_render))
     L = L.toarray()
-    W, W_delta = naive_interpolation(rest, creature_model.ladder, creature_model.weights, 10, L @ rest)
+    W, W_delta = naive_interpolation(rest, creature_model.isoline_coordinates, creature_model.weights, 10, L @ rest)
     KW = np.diag(mass**-0.5) @ L @ W
     A, B = KW.T @ KW, KW.T @ np.diag(mass**-0.5) @ W_delta
     np.testing.assert_allclose(creature_model.A, A, atol=1e-6 * np.abs(A).max())

@@ -16,13 +16,13 @@ def unit(creature, creature_model):
 
 @pytest.fixture(scope="module")
 def blend(unit, creature_model):
-    ladder = creature_model.ladder.astype(np.float64)
-    return position_matrix(unit.vertices, ladder, creature_model.weights, creature_model.isolines)
+    isoline_coordinates = creature_model.isoline_coordinates.astype(np.float64)
+    return position_matrix(unit.vertices, isoline_coordinates, creature_model.weights, creature_model.isolines)
 
 
 @pytest.fixture(scope="module")
 def strips(unit, creature_model):
-    return rotations.crossed_triangles(creature_model.ladder.astype(np.float64), unit.faces, 10)
+    return rotations.crossed_triangles(creature_model.isoline_coordinates.astype(np.float64), unit.faces, 10)
 
 
 @pytest.fixture(scope="module")
@@ -34,10 +34,10 @@ def any_controls(blend):
 
 
 def test_an_isoline_crosses_the_triangles_that_have_corners_on_both_sides(unit, strips, creature_model):
-    ladder = creature_model.ladder.astype(np.float64)
+    isoline_coordinates = creature_model.isoline_coordinates.astype(np.float64)
     assert len(strips) == 80
     for number in (0, 9, 14, 37, 73):
-        t = ladder[:, number // 10]
+        t = isoline_coordinates[:, number // 10]
         level = number % 10
         naive = []
         for index, face in enumerate(unit.faces):
@@ -51,13 +51,13 @@ def test_an_isoline_crosses_the_triangles_that_have_corners_on_both_sides(unit, 
 
 
 def test_an_isoline_in_the_gap_between_two_parts_gets_the_nearest_triangles():
-    ladder = np.array([[0.0], [0.1], [0.2], [0.3], [2.7], [2.8], [2.9], [3.0]])
+    isoline_coordinates = np.array([[0.0], [0.1], [0.2], [0.3], [2.7], [2.8], [2.9], [3.0]])
     faces = np.array([[0, 1, 2], [1, 2, 3], [4, 5, 6], [5, 6, 7]])
-    strips = rotations.crossed_triangles(ladder, faces, 4)
+    strips = rotations.crossed_triangles(isoline_coordinates, faces, 4)
     # Middles at 0.1, 0.2, 2.8, 2.9: every triangle is among the ten nearest of so few.
     assert [strip.tolist() for strip in strips] == [[0], [0, 1, 2, 3], [0, 1, 2, 3], [3]]
     many = np.repeat(faces, 8, axis=0)
-    strips = rotations.crossed_triangles(ladder, many, 4)
+    strips = rotations.crossed_triangles(isoline_coordinates, many, 4)
     assert set(range(8, 16)) < set(strips[1].tolist()) < set(range(16))
     assert set(range(16, 24)) < set(strips[2].tolist()) < set(range(16, 32))
     assert [len(strip) for strip in strips[1:3]] == [rotations.TRIANGLES_PER_ISOLINE] * 2
@@ -69,9 +69,11 @@ def test_an_isoline_in_the_gap_between_two_parts_gets_the_nearest_triangles():
 def test_covariance_map_is_the_plain_sum_over_strips_triangles_and_edges(
     unit, strips, blend, any_controls, creature_model
 ):
-    ladder = creature_model.ladder.astype(np.float64)
+    isoline_coordinates = creature_model.isoline_coordinates.astype(np.float64)
     X = blend @ any_controls
-    S = (rotations.covariance_map(unit, strips, ladder, creature_model.weights) @ any_controls).reshape(-1, 3, 3)
+    S = (rotations.covariance_map(unit, strips, isoline_coordinates, creature_model.weights) @ any_controls).reshape(
+        -1, 3, 3
+    )
     for number in range(0, 80, 7):
         naive = np.zeros((3, 3))
         for triangle in strips[number]:

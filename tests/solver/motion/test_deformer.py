@@ -44,8 +44,10 @@ def pulled(deformer, seed=0, size=0.1):
 
 def apply(controls, model, rest):
     """Blend float32 transforms the slow way: Σ_i w_i Σ_k φ_ik (linear · x + translation)."""
-    ladder = model.ladder.astype(np.float64)
-    hats = np.maximum(0, 1 - np.abs(ladder[:, :, None] - np.arange(model.isolines))) * model.weights[:, None]
+    isoline_coordinates = model.isoline_coordinates.astype(np.float64)
+    hats = (
+        np.maximum(0, 1 - np.abs(isoline_coordinates[:, :, None] - np.arange(model.isolines))) * model.weights[:, None]
+    )
     blended = np.einsum("nm,mrc->nrc", hats.reshape(len(rest), -1), controls.astype(np.float64))
     return np.einsum("nrc,nc->nr", blended[:, :, :3], rest) + blended[:, :, 3]
 
@@ -199,7 +201,7 @@ def test_the_solution_is_that_of_the_dense_least_squares_problem(
     rest = model.to_model(creature.vertices)
     L, mass = fields.laplacian(SolverMesh(rest, creature.faces, creature.of_render))
     L = L.toarray()
-    W, W_delta = naive_interpolation(rest, model.ladder, model.weights, 10, L @ rest)
+    W, W_delta = naive_interpolation(rest, model.isoline_coordinates, model.weights, 10, L @ rest)
     deformer = bound(iterations=0)
     targets = pulled(deformer)
     turns = Rotation.from_rotvec(0.4 * np.random.default_rng(1).normal(size=(80, 3))).as_matrix().reshape(-1, 3)

@@ -116,7 +116,7 @@ def test_the_solution_with_bones_is_that_of_the_dense_least_squares_problem(
     rest = model.to_model(creature.vertices)
     L, mass = fields.laplacian(SolverMesh(rest, creature.faces, creature.of_render))
     L = L.toarray()
-    W, _ = naive_interpolation(rest, model.ladder, model.weights, 10, L @ rest)
+    W, _ = naive_interpolation(rest, model.isoline_coordinates, model.weights, 10, L @ rest)
     deformer = bound(creature_handles[:2], iterations=0)
     targets, motions = pulled(deformer), posed(creature_bones, turn, 25)
     turns = Rotation.from_rotvec(0.4 * np.random.default_rng(1).normal(size=(80, 3))).as_matrix()
@@ -143,7 +143,7 @@ def test_the_solution_with_bones_is_that_of_the_dense_least_squares_problem(
     ]
     area = np.sqrt(np.concatenate(shares))[:, None]
     bones = np.sqrt(BONE_STIFFNESS * scale / np.sum((area * W[held]) ** 2)) * area
-    hats = np.maximum(0, 1 - np.abs(model.ladder[:, :, None] - np.arange(10.0))).reshape(len(rest), 80)
+    hats = np.maximum(0, 1 - np.abs(model.isoline_coordinates[:, :, None] - np.arange(10.0))).reshape(len(rest), 80)
     near = np.array([hats[regions.owner == b].T @ creature.vertex_areas[regions.owner == b] for b in range(6)])
     near /= np.maximum(hats.T @ creature.vertex_areas, 1e-300)  # an isoline may have no vertex near it
     near += DISTANT_BONE_WEIGHT * near.mean(axis=1, keepdims=True)
@@ -175,8 +175,8 @@ def test_rotations_are_drawn_to_the_bones_that_hold_them(bound, creature, model,
     )
     together = np.eye(80)[model.cluster]
     if mode == "covariance":
-        ladder = model.ladder.astype(np.float64)[:, :, None]
-        together = np.maximum(0, 1 - np.abs(ladder - np.arange(10))).reshape(len(ladder), 80)
+        isoline_coordinates = model.isoline_coordinates.astype(np.float64)[:, :, None]
+        together = np.maximum(0, 1 - np.abs(isoline_coordinates - np.arange(10))).reshape(len(isoline_coordinates), 80)
     regions = model.regions
     area = creature.vertex_areas
     for b in range(6):

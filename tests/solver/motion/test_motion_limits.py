@@ -90,7 +90,7 @@ def test_a_symmetric_figure_has_symmetric_reach(figure, reach):
     for left, right in ((0, 1), (2, 3), (4, 4)):
         image = reach[right].copy()
         image[0] = image[0, ::-1]
-        np.testing.assert_allclose(reach[left], image, rtol=5e-3)  # float32 ladders, and very short edges
+        np.testing.assert_allclose(reach[left], image, rtol=5e-3)  # float32 coordinates, and very short edges
 
 
 def test_a_limb_is_drawn_away_by_all_its_handles_and_only_by_them(figure, figure_model, handles, monkeypatch):

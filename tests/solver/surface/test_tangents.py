@@ -14,10 +14,10 @@ def sphere():
     return vertices, faces.astype(np.int64)
 
 
-def measured(rest, triangles, ladder, normals, follows=None):
+def measured(rest, triangles, isoline_coordinates, normals, follows=None):
     along = tangents(normals)
     follows = np.arange(len(rest)) if follows is None else follows
-    return slopes(rest, triangles, ladder.astype(np.float32), follows, normals, along), along
+    return slopes(rest, triangles, isoline_coordinates.astype(np.float32), follows, normals, along), along
 
 
 def test_tangents_and_normal_are_a_right_handed_frame():
@@ -53,15 +53,15 @@ def test_on_a_sphere_height_rises_as_its_tangents_do(sphere):
 def test_vertices_split_for_a_texture_have_one_slope_and_those_at_a_hard_edge_their_own(sphere):
     vertices, faces = sphere
     rest, split = vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)
-    ladder = np.sin(3 * rest)
+    isoline_coordinates = np.sin(3 * rest)
     whole, _ = measured(vertices, faces, np.sin(3 * vertices), vertices)
-    smooth, _ = measured(rest, split, ladder, rest, faces.ravel())
+    smooth, _ = measured(rest, split, isoline_coordinates, rest, faces.ravel())
     np.testing.assert_allclose(smooth, whole[faces.ravel()], atol=1e-5)
 
     flat = np.cross(rest[1::3] - rest[::3], rest[2::3] - rest[::3])
     flat = np.repeat(flat / np.linalg.norm(flat, axis=1, keepdims=True), 3, axis=0)
-    hard, along = measured(rest, split, ladder, flat, faces.ravel())
-    corners, t = rest.reshape(-1, 3, 3), ladder.reshape(-1, 3, 3)
+    hard, along = measured(rest, split, isoline_coordinates, flat, faces.ravel())
+    corners, t = rest.reshape(-1, 3, 3), isoline_coordinates.reshape(-1, 3, 3)
     for corner in range(3):
         for edge in (1, 2):
             step = corners[:, edge] - corners[:, 0]

@@ -32,10 +32,10 @@ def with_facts(payload, change):
     return struct.pack("<I", len(text)) + text + payload[4 + length :]
 
 
-def test_a_scene_holds_the_mesh_and_its_ladder(character, scene, blob_rig):
+def test_a_scene_holds_the_mesh_and_its_isoline_coordinates(character, scene, blob_rig):
     np.testing.assert_array_equal(scene.arrays["positions"], blob_rig.character.vertices.astype(np.float32))
     np.testing.assert_array_equal(scene.arrays["triangles"], blob_rig.character.triangles)
-    np.testing.assert_array_equal(scene.arrays["ladder"], blob_rig.model.ladder[blob_rig.mesh.of_render])
+    np.testing.assert_array_equal(scene.arrays["ladder"], blob_rig.model.isoline_coordinates[blob_rig.mesh.of_render])
     np.testing.assert_array_equal(scene.arrays["normals"], character.normals)
     assert scene.arrays["slopes"].shape == (len(character.rest), len(blob_rig.model.weights), 2)
     assert scene.facts["weights"] == blob_rig.model.weights.tolist()
@@ -126,7 +126,7 @@ WRONG = {
     "no vertices": lambda facts: facts.update(vertices=0),
     "a number that is true": lambda facts: facts.update(fields=True),
     "one isoline": lambda facts: facts.update(isolines=1),
-    "ladders beyond the isolines": lambda facts: facts.update(isolines=3),
+    "isoline coordinates beyond the isolines": lambda facts: facts.update(isolines=3),
     "weights of fewer fields": lambda facts: facts["weights"].pop(),
     "weights that are no numbers": lambda facts: facts.update(weights=["1"] * facts["fields"]),
     "triangles of other vertices": lambda facts: facts["arrays"]["triangles"].update(

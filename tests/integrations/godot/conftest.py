@@ -5,8 +5,11 @@ A test script `x.gd` lies beside the tests, extends teller.gd, gets its argument
 another in one process, except where a test needs a project of its own: it requests the fixture `project`.
 """
 
+import json
+import os
 import shutil
 import socket
+import subprocess
 import threading
 import time
 from contextlib import ExitStack, contextmanager, suppress
@@ -367,3 +370,35 @@ def _decoded(pictures):
 def _directed(numbers, low, size):
     positions, normals, tangents = numbers.reshape(3, 3, -1).transpose(0, 2, 1)
     return np.stack([positions * size + low, (normals - 0.5) * 4, (tangents - 0.5) * 4])
+
+
+@pytest.fixture
+def drive_editor(godot, project, tmp_path):
+    """Open a scene in the editor on a screen, with the plugin and a script that operates it; return the script's
+    results."""
+
+    def run(script, scene, **environment):
+        driver = project / "addons" / "driver"
+        driver.mkdir()
+        shutil.copy(project / "tests" / script, driver / "plugin.gd")
+        about = 'name="Driver"\ndescription=""\nauthor=""\nversion="1"\nscript="plugin.gd"\n'
+        (driver / "plugin.cfg").write_text("[plugin]\n" + about)
+        (project / "world.tscn").write_text(scene)
+        plugins = ", ".join(f'"res://addons/{name}/plugin.cfg"' for name in ("puppetline", "driver"))
+        (project / "project.godot").write_text(
+            PROJECT + f"\n[editor_plugins]\n\nenabled=PackedStringArray({plugins})\n"
+        )
+        editor = f"{godot} --editor --path {project} world.tscn --rendering-driver opengl3 --audio-driver Dummy"
+        ran = subprocess.run(
+            ["xvfb-run", "-a", "-s", "-screen 0 1600x1000x24", *editor.split(), "--resolution", "1600x1000"],
+            env=os.environ | environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=300,
+        )
+        assert "SCRIPT ERROR" not in ran.stdout, ran.stdout[-4000:]
+        lines = ran.stdout.splitlines()
+        return [json.loads(line.removeprefix("RESULT ")) for line in lines if line.startswith("RESULT ")]
+
+    return run

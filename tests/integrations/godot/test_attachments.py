@@ -1,9 +1,6 @@
 """Nodes that are attached to a character: compared with the positions of all vertices in the same frames."""
 
 import json
-import os
-import shutil
-import subprocess
 
 import numpy as np
 import pytest
@@ -154,28 +151,9 @@ script = ExtResource("2")
 
 
 @pytest.mark.slow
-def test_a_vertex_is_picked_in_the_editor(godot, project, playing, blob_puppet, take, tmp_path):
-    driver = project / "addons" / "driver"
-    driver.mkdir()
-    shutil.copy(project / "tests" / "pick_vertex.gd", driver / "plugin.gd")
-    about = 'name="Driver"\ndescription=""\nauthor=""\nversion="1"\nscript="plugin.gd"\n'
-    (driver / "plugin.cfg").write_text("[plugin]\n" + about)
-    (project / "world.tscn").write_text(PICKED.format(port=playing(blob_puppet, take).port))
-    with (project / "project.godot").open("a") as settings:
-        plugins = ", ".join(f'"res://addons/{name}/plugin.cfg"' for name in ("puppetline", "driver"))
-        settings.write(f"\n[editor_plugins]\n\nenabled=PackedStringArray({plugins})\n")
-    editor = f"{godot} --editor --path {project} world.tscn --rendering-driver opengl3 --audio-driver Dummy"
-    ran = subprocess.run(
-        ["xvfb-run", "-a", "-s", "-screen 0 1600x1000x24", *editor.split(), "--resolution", "1600x1000"],
-        env=os.environ | {"PICTURE": str(tmp_path / "editor.png")},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        timeout=300,
-    )
-    assert "SCRIPT ERROR" not in ran.stdout, ran.stdout[-4000:]
-    lines = [line.removeprefix("RESULT ") for line in ran.stdout.splitlines() if line.startswith("RESULT ")]
-    before, picked, shown, undone = map(json.loads, lines)
+def test_a_vertex_is_picked_in_the_editor(drive_editor, playing, blob_puppet, take, tmp_path):
+    scene = PICKED.format(port=playing(blob_puppet, take).port)
+    before, picked, shown, undone = drive_editor("pick_vertex.gd", scene, PICTURE=str(tmp_path / "editor.png"))
     assert before == {"before": -1, "shown": True, "chosen": True}
     assert picked["picked"] == picked["expected"] >= 0
     assert picked["pressed"] is False

@@ -2,9 +2,6 @@
 
 import itertools
 import json
-import os
-import shutil
-import subprocess
 import threading
 import tomllib
 
@@ -268,35 +265,18 @@ def test_an_edit_that_is_refused_is_told_and_taken_back(dock, start, puppet, per
     dock.script.end()
 
 
-def test_the_dock_is_in_the_editor_and_adds_a_character_to_the_scene(godot, project, start, tmp_path):
-    driver = project / "addons" / "driver"
-    driver.mkdir()
-    shutil.copy(project / "tests" / "use_editor.gd", driver / "plugin.gd")
-    about = 'name="Driver"\ndescription=""\nauthor=""\nversion="1"\nscript="plugin.gd"\n'
-    (driver / "plugin.cfg").write_text("[plugin]\n" + about)
-    (project / "world.tscn").write_text('[gd_scene format=3]\n\n[node name="World" type="Node3D"]\n')
-    with (project / "project.godot").open("a") as settings:
-        plugins = ", ".join(f'"res://addons/{name}/plugin.cfg"' for name in ("puppetline", "driver"))
-        settings.write(f"\n[editor_plugins]\n\nenabled=PackedStringArray({plugins})\n")
+def test_the_dock_is_in_the_editor_and_adds_a_character_to_the_scene(drive_editor, project, start, tmp_path):
     service = start("demo:walk?loop")
-    editor = f"{godot} --editor --path {project} world.tscn --rendering-driver opengl3 --audio-driver Dummy"
-    ran = subprocess.run(
-        ["xvfb-run", "-a", "-s", "-screen 0 1600x1000x24", *editor.split(), "--resolution", "1600x1000"],
-        env=os.environ | {"ADDRESS": f"127.0.0.1:{service.port}", "PICTURE": str(tmp_path / "editor.png")},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        timeout=300,
-    )
-    assert "SCRIPT ERROR" not in ran.stdout, ran.stdout[-4000:]
-    told = [json.loads(line.removeprefix("RESULT ")) for line in ran.stdout.splitlines() if line.startswith("RESULT ")]
+    environment = {"ADDRESS": f"127.0.0.1:{service.port}", "PICTURE": str(tmp_path / "editor.png")}
+    world = '[gd_scene format=3]\n\n[node name="World" type="Node3D"]\n'
+    told = drive_editor("use_editor.gd", world, **environment)
     node = ["dog", True, "dog", "127.0.0.1", service.port]
     assert [{key: value for key, value in each.items() if key != "selected"} for each in told] == [
         {"before": []},
         {"added": [node]},
         {"undone": []},
         {"redone": [node]},
-    ], ran.stdout[-4000:]
+    ]
     assert told[1]["selected"] == ["dog"]
     scene = (project / "world.tscn").read_text()
     assert '[node name="dog" type="Node3D"' in scene

@@ -1,16 +1,20 @@
 @tool
 extends EditorPlugin
-## Adds Puppetline's dock to the editor, buttons that pick the vertex of an attachment and start a recorder, and the
-## import of clips. The nodes also work without this plugin.
+## Adds Puppetline's dock to the editor, gizmos of characters, buttons that pick the vertex of an attachment and start a
+## recorder, and the import of clips. The nodes also work without this plugin.
 
 const DOCK := preload("dock/dock.tscn")
 const VertexPicker := preload("editor/vertex_picker.gd")
 const RecordButton := preload("editor/record_button.gd")
+const PuppetGizmo := preload("editor/puppet_gizmo.gd")
+const DropWatcher := preload("editor/drop_watcher.gd")
 const ClipImporter := preload("editor/clip_importer.gd")
 
 var _dock: Control
 var _picker: VertexPicker
 var _record: RecordButton
+var _gizmo := PuppetGizmo.new()
+var _drops: DropWatcher
 var _clips := ClipImporter.new()
 
 
@@ -23,15 +27,25 @@ func _enter_tree() -> void:
 		button.hide()
 		add_control_to_container(CONTAINER_SPATIAL_EDITOR_MENU, button)
 	add_import_plugin(_clips)
+	add_node_3d_gizmo_plugin(_gizmo)
+	_drops = DropWatcher.new(get_undo_redo())
+	get_tree().node_added.connect(_drops.notice)
 
 
 func _exit_tree() -> void:
+	get_tree().node_added.disconnect(_drops.notice)
+	remove_node_3d_gizmo_plugin(_gizmo)
 	remove_import_plugin(_clips)
 	remove_control_from_docks(_dock)
 	_dock.free()
 	for button: Button in [_picker, _record]:
 		remove_control_from_container(CONTAINER_SPATIAL_EDITOR_MENU, button)
 		button.free()
+
+
+func _process(delta: float) -> void:
+	_gizmo.follow(delta)
+	_drops.follow()
 
 
 func _handles(object: Object) -> bool:

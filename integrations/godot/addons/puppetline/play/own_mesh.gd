@@ -15,7 +15,7 @@ const _REQUIRED_FORMAT := Mesh.ARRAY_FORMAT_CUSTOM0 | Mesh.ARRAY_FORMAT_CUSTOM1 
 ## the problem; empty if there is none.
 static func find(source: Node3D, scene: Scene, surfaces: Surfaces) -> String:
 	for instance: MeshInstance3D in meshes_below(source):
-		if _has_isoline_coordinates(instance.mesh):
+		if has_isoline_coordinates(instance.mesh):
 			var problem := _difference(instance.mesh, scene)
 			if problem:
 				return problem
@@ -36,7 +36,8 @@ static func meshes_below(source: Node) -> Array[MeshInstance3D]:
 	return found
 
 
-static func _has_isoline_coordinates(mesh: Mesh) -> bool:
+## Return whether all surfaces of a mesh have isoline coordinates.
+static func has_isoline_coordinates(mesh: Mesh) -> bool:
 	if not mesh is ArrayMesh:
 		return false
 	for surface in mesh.get_surface_count():

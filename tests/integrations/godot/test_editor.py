@@ -1,0 +1,57 @@
+"""Characters in Godot's editor, without a service."""
+
+import shutil
+
+import pytest
+from PIL import Image
+
+from engine_bridge.export.shader_mesh import write_shader_mesh
+from engine_bridge.performance.settings import Settings
+from engine_bridge.service.clip_export import write_clip
+
+pytestmark = pytest.mark.slow
+
+EMPTY = """[gd_scene format=3]
+[node name="World" type="Node3D"]
+"""
+WORLD = """[gd_scene load_steps=3 format=3]
+[ext_resource type="Script" path="res://addons/puppetline/puppet_3d.gd" id="1"]
+[ext_resource type="Resource" path="res://dance.clip" id="2"]
+[node name="World" type="Node3D"]
+[node name="Puppet" type="Node3D" parent="."]
+script = ExtResource("1")
+clip = ExtResource("2")
+clip_speed = 0.0
+"""
+
+
+def test_a_click_selects_the_character(run_editor, drive_editor, project, take, limbed_puppet, tmp_path):
+    clip = tmp_path / "dance.clip"
+    write_clip(take, limbed_puppet, clip, None, Settings())
+    shutil.copy(clip, project)
+    run_editor(120)  # imports it
+    picture = tmp_path / "editor.png"
+    told = drive_editor("click_puppet.gd", WORLD, PICTURE=str(picture))
+    assert told == [{"before": []}, {"clicked": ["Puppet"]}, {"beside": []}]
+    assert Image.open(picture).size == (1600, 1000)
+
+
+def test_a_dropped_shader_mesh_becomes_a_character(add_glb, drive_editor, project, limbed_puppet, tmp_path):
+    glb = tmp_path / "figure.shader.glb"
+    write_shader_mesh(limbed_puppet, glb)
+    add_glb(glb)
+    picture = tmp_path / "editor.png"
+    told = drive_editor("drop_file.gd", EMPTY, PICTURE=str(picture))
+    shown, plain = (told[1]["dropped"][0][0], "figure"), told[2]["undone"][0]
+    assert [{when: [tuple(node) for node in nodes] for when, nodes in each.items()} for each in told] == [
+        {"before": []},
+        {"dropped": [shown]},
+        {"undone": [(plain[0], None)]},
+        {"undone again": []},
+        {"redone": [shown]},
+    ]
+    scene = (project / "world.tscn").read_text()
+    assert "puppet_3d.gd" in scene
+    assert "figure.shader.glb" in scene
+    assert "ArrayMesh" not in scene
+    assert Image.open(picture).size == (1600, 1000)

@@ -349,7 +349,7 @@ def test_the_plot_shows_a_live_joint_of_the_performer(window):
         "state.preview !== null && state.plotted === 'hand_left' && state.preview.times.at(-1) > 1 && state.preview"
     )
     assert live["rise_ms"] is None
-    assert live["jitter_mm"] <= live["measured_mm"]
+    assert len(live["times"]) == len(live["measured"]) == len(live["smoothed"])
     assert "the left hand in the last seconds" in window.page.locator("svg.plot").get_attribute("aria-label")
     window.page.get_by_role("combobox", name="Plot of").select_option("")
     window.until("state.preview?.rise_ms !== null && state.preview?.measured_mm === 5")
@@ -364,24 +364,6 @@ def test_the_list_is_reached_from_a_part_and_the_motion_from_the_rest_pose(windo
     window.until(f"studio.viewer.moment(state.character).later > {frame}")
     window.button("Rest pose").click()
     window.until("studio.viewer.moment(state.character) === null")
-
-
-DROP = """(text) => {
-  const dataTransfer = new DataTransfer();
-  dataTransfer.items.add(new File([text], "broken.obj"));
-  document.dispatchEvent(new DragEvent("dragover", { dataTransfer, bubbles: true, cancelable: true }));
-  const shown = studio.state().dropping;
-  document.dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true, cancelable: true }));
-  return shown;
-}"""
-
-
-def test_a_broken_file_that_is_dropped_is_refused_with_its_line(window):
-    assert window.page.evaluate(DROP, "v 0 0 zero\n") is True
-    assert "broken.obj" in window.until("state.notice?.level === 'error' && state.notice.text")
-    assert window.state("dropping") is False
-    window.button("Dismiss").click()
-    assert window.state("notice") is None
 
 
 def test_the_other_characters_are_offered_and_the_way_back(window):

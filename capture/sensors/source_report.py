@@ -14,7 +14,7 @@ from capture.events import Cue, Event, Lost, Tick
 from capture.reconnecting import ReopeningSource
 from capture.sensor_tilt import SensorTilt
 from capture.sensors.source import SensorSource
-from capture.skeleton import INFERRED, LOST, SkeletonFrame
+from capture.skeleton import INFERRED, JOINT_INDEX, LOST, SkeletonFrame
 from capture.source import Counts, SilentSource, SkeletonSource, wait
 from capture.trackers.picture import Picture
 from puppetline.errors import SourceError
@@ -206,6 +206,19 @@ class SourceMonitor:
             self._arrivals.append(_Arrivals(now, events, received, refused))
         while self._arrivals and now - self._arrivals[0].time > self._period:
             self._arrivals.popleft()
+
+    def trace(self, joint: str) -> dict[int, tuple[list[float], list[list[float]]]]:
+        """Return where a joint of each performer was in the period: times, and positions in sensor coordinates.
+
+        Frames in which the joint is lost are omitted.
+        """
+        index, traces = JOINT_INDEX[joint], dict[int, tuple[list[float], list[list[float]]]]()
+        for event in (event for arrivals in self._arrivals for event in arrivals.events):
+            if isinstance(event, SkeletonFrame) and _known(event)[index]:
+                times, positions = traces.setdefault(event.user, ([], []))
+                times.append(event.time)
+                positions.append(event.positions[index].tolist())
+        return traces
 
     def report(self) -> SourceReport:
         """Return what arrived in the period."""

@@ -34,6 +34,10 @@ WORKER_MEMORY = {"target": False, "spill": False, "pause": False}
 """Settings of Dask for workers on this machine. Their results are small: a worker near its limit of memory must be
 restarted, and not wait until it uses less."""
 
+TRIM_VARIABLE = "MALLOC_TRIM_THRESHOLD_"
+"""Environment variable that Dask sets for its workers. With it, the C library returns the memory of each array to the
+system and asks for it again, so that a conversion takes half as long again. It is removed."""
+
 WORKER_PRELOAD = "engine_bridge.batch.worker_process"
 """Module that workers on this machine load when they start."""
 
@@ -91,6 +95,11 @@ def connected(scheduler: str | None, workers: int | None, max_workers: int, *, d
         return
     configuration = {
         "distributed.worker.preload": [*dask.config.get("distributed.worker.preload"), WORKER_PRELOAD],
+        "distributed.nanny.pre-spawn-environ": {
+            name: value
+            for name, value in dask.config.get("distributed.nanny.pre-spawn-environ").items()
+            if name != TRIM_VARIABLE
+        },
         "distributed.worker.memory": dask.config.get("distributed.worker.memory") | WORKER_MEMORY,
     }
     count = min(CPU_COUNT if workers is None else workers, max_workers)

@@ -1,9 +1,12 @@
 """`puppetline serve`: the live service."""
 
 import gc
+import logging
+import math
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
@@ -17,6 +20,9 @@ from puppetline.errors import ServiceError
 
 if TYPE_CHECKING:
     from engine_bridge.service.service_file import ServiceFile
+
+COMPILING = "compiling, once on this machine"
+"""Event of the log while functions are compiled; the studio shows it."""
 
 STUDIO_PORT = 7480
 """Default port of the studio's page."""
@@ -131,6 +137,7 @@ def _run(
         from engine_bridge.service.commands import commands
         from engine_bridge.service.monitoring import logs, native_output
         from engine_bridge.service.service import Service
+        from puppetline.compiling import reported
 
         stack.enter_context(native_output.logged())
         logs.setup(log_format, log_level)
@@ -142,6 +149,7 @@ def _run(
             display = StatusDisplay()
             stack.callback(display.close)
         read_settings = None if config is None else partial(service_file.load, config)
+        stack.enter_context(reported(_CompilingLog()))
         service = Service(settings, folder, commands, None if display is None else display.update, read_settings)
         stack.callback(service.close)
         if studio is not None:
@@ -151,6 +159,21 @@ def _run(
         gc.enable()
         signals.waiting = True
         service.run(signals)
+
+
+class _CompilingLog:
+    """Logs at most once per second how many functions were compiled, which takes a minute the first time."""
+
+    def __init__(self) -> None:
+        self._logged_at = -math.inf
+
+    def __call__(self, count: int) -> None:
+        from engine_bridge.service.monitoring.logs import REPEAT_SECONDS, fields
+
+        now = time.monotonic()
+        if now - self._logged_at >= REPEAT_SECONDS:
+            self._logged_at = now
+            logging.getLogger(__name__).info(COMPILING, extra=fields(functions=count))
 
 
 @contextmanager
@@ -182,7 +205,8 @@ def _studio(settings: "ServiceFile", folder: Path, streams: list[str], port: int
     address = stream.removeprefix("tcp://").replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]")  # noqa: S104
     token = {TOKEN_VARIABLE: endpoint.token.decode()} if endpoint.token else {}
     command = [sys.executable, "-m", "puppetline", "studio", "--service", address, "--port", str(port), "--no-browser"]
-    process = subprocess.Popen(command, env=os.environ | token)  # noqa: S603 - this program itself
+    # 1 and 2 are for native libraries by now
+    process = subprocess.Popen(command, env=os.environ | token, stdout=sys.stdout, stderr=sys.stderr)  # noqa: S603
     try:
         yield
     finally:

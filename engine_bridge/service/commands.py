@@ -61,6 +61,14 @@ class _Commands:
     def look(self, asked: requests.OneStage) -> Deferred:
         return self._service.look(self._runner(asked.stage))
 
+    def trace(self, asked: requests.Trace) -> dict[str, Any]:
+        runner = self._runner(asked.stage)
+        performers = [
+            {"user": user, "times": times, "positions": positions}
+            for user, (times, positions) in sorted(runner.trace(asked.joint).items())
+        ]
+        return {"stage": runner.stage.name, "joint": asked.joint, "performers": performers}
+
     def record_start(self, asked: requests.RecordStart) -> dict[str, Any]:
         runner = self._runner(asked.stage)
         _refuse_while_recording(runner)

@@ -108,10 +108,11 @@ class StageRunner:
 
     def report(self) -> SourceReport:
         """Return what has arrived from the source since the first of the calls that follow each other."""
-        self._reported_at = time.monotonic()
-        if self._monitor is None:
-            self._monitor = SourceMonitor(self.source, WATCHED_SECONDS)
-        return self._monitor.report()
+        return self._watched().report()
+
+    def trace(self, joint: str) -> dict[int, tuple[list[float], list[list[float]]]]:
+        """Return where a joint of each performer was in the last seconds, see `SourceMonitor.trace`."""
+        return self._watched().trace(joint)
 
     def cue(self, do: str, **arguments: object) -> list[Frame]:
         """Carry out a command on the stage.
@@ -179,8 +180,15 @@ class StageRunner:
         except OutputError as error:
             log.error("the take is incomplete: %s", error)
 
+    def _watched(self) -> SourceMonitor:
+        """Return what remembers the events from now on, until nobody has asked for a while."""
+        self._reported_at = time.monotonic()
+        if self._monitor is None:
+            self._monitor = SourceMonitor(self.source, WATCHED_SECONDS)
+        return self._monitor
+
     def _watch(self, events: list[Event]) -> None:
-        """Remember events for `report`, until nobody has asked for a while."""
+        """Remember events if there is somebody who asks."""
         if self._monitor is None:
             return
         if time.monotonic() - self._reported_at > WATCHED_SECONDS:

@@ -3,6 +3,7 @@
 `engine_bridge.studio.studio` has a service of its own, and `engine_bridge.studio.joined` one that runs elsewhere.
 """
 
+import asyncio
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +14,7 @@ from engine_bridge.studio import messages
 from engine_bridge.studio.looking import look_reply
 from engine_bridge.studio.messages import JobState, State
 from engine_bridge.studio.running import ServiceLink
-from engine_bridge.studio.smoothing_preview import preview
+from engine_bridge.studio.smoothing_preview import MIN_FRAMES, preview, preview_of
 from engine_bridge.studio.workspace import Upload, Workspace
 from puppetline import toml_schema
 from puppetline.errors import ServiceError
@@ -132,13 +133,29 @@ class Backend:
         return look_reply(seen, self.workspace.without_folders).model_dump(mode="json")
 
     async def _do_smoothing_preview(self, asked: messages.SmoothingPreview) -> dict[str, Any]:
-        values = asked.model_dump(exclude={"id", "do"})
-        values["max_deviation"] = math.inf if asked.max_deviation is None else asked.max_deviation
-        return await self._previewed(values)
+        values = asked.model_dump(include={"alpha", "gamma", "jitter_radius", "prediction"})
+        smoothing = Smoothing(**values, max_deviation=math.inf if asked.max_deviation is None else asked.max_deviation)
+        if asked.joint is None or asked.character is None:
+            reply = await asyncio.to_thread(preview, smoothing)
+        else:
+            times, positions = await self._trace(asked.joint, asked.character)
+            reply = await asyncio.to_thread(preview_of, smoothing, times, positions)
+        return reply.model_dump(mode="json")
 
-    async def _previewed(self, values: dict[str, float]) -> dict[str, Any]:
-        """Return the effect of a smoothing, see `engine_bridge.studio.smoothing_preview`."""
-        return preview(Smoothing(**values)).model_dump(mode="json")
+    async def _trace(self, joint: str, character: str) -> tuple[list[float], list[list[float]]]:
+        """Return times and positions of a joint of the performer who moves a character."""
+        described = self.running.described.get(character, {})
+        stage = {"stage": described["stage"]} if described else {}
+        traces = (await self.running.request("trace", joint=joint, **stage))["performers"]
+        for each in traces:
+            if each["user"] == described.get("performer") and len(each["times"]) >= MIN_FRAMES:
+                return each["times"], each["positions"]
+        raise ServiceError(
+            "the request, joint",
+            found=f"no performer who moves {character!r} with the joint {joint!r}",
+            expected="a performer in view for half a second",
+            fix="Try again in a second.",
+        )
 
     async def _pass_on(self, do: str, **arguments: Any) -> dict[str, Any]:
         """Send a request to the service."""

@@ -65,11 +65,10 @@ def requests_of(before: dict[str, Any], after: dict[str, Any]) -> Iterator[tuple
 
 def _handle(mapped: dict[str, Any]) -> dict[str, Any]:
     joints = mapped["joints"]
-    single = len(joints) == 1
     return {
         **{key: mapped[key] for key in ("name", "position", "axes", "gain")},
-        "joint": joints[0] if single else None,
-        "joints": [] if single else joints,
+        "joint": joints[0] if len(joints) == 1 else None,
+        "joints": joints if len(joints) > 1 else None,
     }
 
 

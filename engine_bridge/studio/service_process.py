@@ -24,6 +24,9 @@ START_SECONDS = 600.0
 STOP_SECONDS = 10.0
 """Maximum time that the service may take to end, in seconds."""
 
+ABOUT_COMPILED = 60
+"""Number of functions that the first start on a machine compiles, about; the page shows how far it is."""
+
 RETRY_SECONDS = 0.5, 1.0, 2.0, 5.0
 """Time before the service is started again, after its first, second, … failure in a row, in seconds."""
 
@@ -110,7 +113,7 @@ class ServiceProcess:
     async def _keep(self) -> None:
         failures = 0
         while self._wanted:
-            self._set(running=False, starting=True)
+            self._set(running=False, starting=True, text="")
             started = asyncio.get_running_loop().time()
             lines = await self._run()
             self.reached = None
@@ -167,8 +170,13 @@ class ServiceProcess:
             found = record["fields"]
             stream = next((each for each in found["stream"] if each.startswith("ws")), "")
             self.reached = Reached(found["control"][0], stream, self._token)
-            self._set(running=True, starting=False, address=found["control"][0], problem="")
+            self._set(running=True, starting=False, address=found["control"][0], problem="", text="")
             self._serving.set()
+        elif str(record.get("event")).startswith("compiling") and self.state.starting:
+            count = record["fields"]["functions"]
+            self._set(
+                text=f"It compiles its functions, once on this machine: {count} so far, of about {ABOUT_COMPILED}."
+            )
         elif record.get("level") in ("WARNING", "ERROR", "warning", "error"):
             log.warning("service: %s", record.get("event"), extra={"fields": record.get("fields", {})})
 

@@ -1,5 +1,6 @@
 """What a smoothing does to a joint: noise that is left, lag, and the response to a step (docs/smoothing.md)."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -21,6 +22,15 @@ SHOWN_FRAMES, STEP_FRAME = 75, 30
 SETTLED_SHARE = 0.9
 """Share of the step after which it counts as made."""
 
+MIN_FRAMES = 15
+"""Number of frames of a live joint from which its noise and lag are computed."""
+
+MOVED_METRES = 0.05
+"""Extent of a joint's motion below which its lag is not computed, in metres."""
+
+MAX_LAG_SECONDS = 0.4
+"""Largest lag of a live joint that is looked for, in seconds."""
+
 
 def preview(smoothing: Smoothing) -> SmoothingReply:
     """Return the effect of a smoothing at 30 Hz."""
@@ -36,11 +46,63 @@ def preview(smoothing: Smoothing) -> SmoothingReply:
         times=(np.arange(SHOWN_FRAMES) / FRAMES_PER_SECOND).tolist(),
         measured=shown[:, 0, 0].tolist(),
         smoothed=_filtered(smoothing, shown)[:, 0, 0].tolist(),
+        measured_mm=NOISE_METRES * 1e3,
         jitter_mm=float(left * 1e3),
         lag_ms=float(lag * 1e3),
         rise_ms=None if not len(made) else float(made[0] / FRAMES_PER_SECOND * 1e3),
         overshoot_mm=float((response.max() - STEP_METRES) * 1e3),
     )
+
+
+def preview_of(smoothing: Smoothing, times: Sequence[float], positions: Sequence[Sequence[float]]) -> SmoothingReply:
+    """Return the effect of a smoothing on a measured joint.
+
+    Noise is what second differences show: of white noise, their standard deviation is √6 times as large, and motion
+    hardly contributes at 30 Hz.
+
+    Parameters
+    ----------
+    smoothing : Smoothing
+    times : sequence of float
+        Seconds; at least `MIN_FRAMES`.
+    positions : sequence of (x, y, z)
+        Metres.
+    """
+    measured, at = np.asarray(positions, dtype=np.float64), np.asarray(times, dtype=np.float64)
+    joint_filter, tracked = JointFilter(smoothing), np.ones(len(JOINTS), dtype=np.float32)
+    repeated = np.repeat(measured[:, None], len(JOINTS), axis=1)
+    smoothed = np.array([joint_filter.step(t, each, tracked)[0] for t, each in zip(at, repeated, strict=True)])
+    axis = int(np.ptp(measured, axis=0).argmax())
+    return SmoothingReply(
+        times=(at - at[0]).tolist(),
+        measured=measured[:, axis].tolist(),
+        smoothed=smoothed[:, axis].tolist(),
+        measured_mm=_jitter(measured) * 1e3,
+        jitter_mm=_jitter(smoothed) * 1e3,
+        lag_ms=_lag(at, measured, smoothed),
+        rise_ms=None,
+        overshoot_mm=None,
+    )
+
+
+def _jitter(positions: NDArray[np.float64]) -> float:
+    """Return the noise of a path (frames, 3) per axis, in its unit."""
+    return float(np.sqrt((np.diff(positions, n=2, axis=0) ** 2).mean() / 6))
+
+
+def _lag(times: NDArray[np.float64], measured: NDArray[np.float64], smoothed: NDArray[np.float64]) -> float | None:
+    """Return the shift at which a smoothed path fits the measured one best, in milliseconds; None without motion."""
+    if np.ptp(measured, axis=0).max() < MOVED_METRES:
+        return None
+    shifts = np.arange(-MAX_LAG_SECONDS / 2, MAX_LAG_SECONDS, 0.002)
+    inside = times[(times >= times[0] + MAX_LAG_SECONDS) & (times <= times[-1] - MAX_LAG_SECONDS / 2)]
+
+    def misfit(shift: float) -> float:
+        earlier = [np.interp(inside - shift, times, path) for path in measured.T]
+        now = [np.interp(inside, times, path) for path in smoothed.T]
+        return float(np.square(np.subtract(earlier, now)).sum())
+
+    return float(shifts[np.argmin([misfit(shift) for shift in shifts])] * 1e3)
 
 
 @lru_cache(1)

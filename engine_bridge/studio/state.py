@@ -140,7 +140,8 @@ def _banner(
                 text=f"The service has ended and is started again. {service.problem}".strip(),
                 fix="Wait a few seconds. If this repeats, choose another source or close the last character.",
             )
-        return Banner(level="info", text="The service starts.", fix="Wait a few seconds.")
+        fix = "This takes a minute or two." if service.text else "Wait a few seconds."
+        return Banner(level="info", text=f"The service starts. {service.text}".strip(), fix=fix)
     if source.kind == "none":
         return Banner(level="info", text="No source performs.", fix="Choose an example, a recording or a sensor.")
     refused = sorted({reason for stage in stages for reason in stage.refused})

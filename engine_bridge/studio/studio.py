@@ -257,10 +257,6 @@ class Studio(Backend):
         self._jobs.cancel(asked.job)
         return {}
 
-    async def _previewed(self, values: dict[str, float]) -> dict[str, Any]:
-        reply: dict[str, Any] = await self._worker.run("smoothing_preview", values)
-        return reply
-
     # ------------------------------------------------------------------------------------------------ their parts
 
     def _refuse_while_recording(self) -> None:

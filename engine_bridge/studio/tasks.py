@@ -12,7 +12,6 @@ from typing import Any
 import tomlkit
 
 from capture.recording import Recorder
-from capture.smoothing import Smoothing
 from capture.sources.demo import performances
 from engine_bridge.character import examples
 from engine_bridge.character.character import load_character
@@ -26,7 +25,6 @@ from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.puppet_document import PuppetDocument
 from engine_bridge.studio.puppet_values import puppet_of, values_of
-from engine_bridge.studio.smoothing_preview import preview
 from engine_bridge.studio.surface_points import mirrored, snapped
 from engine_bridge.studio.trimming import trimmed
 from engine_bridge.studio.worker import Progress
@@ -173,11 +171,6 @@ def snap(_progress: Progress, folder: Path, point: tuple[float, float, float]) -
 def mirror_limb(_progress: Progress, folder: Path, name: str) -> dict[str, Any]:
     """Return the values of the puppet with a limb or handle mirrored to the other side."""
     return mirrored(puppet_file.load(folder / LIVE), _mesh(folder), name)
-
-
-def smoothing_preview(_progress: Progress, values: dict[str, float]) -> dict[str, Any]:
-    """Return the effect of a smoothing, see `engine_bridge.studio.smoothing_preview`."""
-    return preview(Smoothing(**values)).model_dump(mode="json")
 
 
 def export(

@@ -10,6 +10,7 @@ from typing import Any, BinaryIO
 
 from engine_bridge.studio import tasks
 from engine_bridge.studio.worker import LENGTH, broken
+from puppetline.compiling import reported
 from puppetline.errors import PuppetlineError
 
 
@@ -30,7 +31,8 @@ def _outcome(task: Callable[..., Any], outcomes: BinaryIO, arguments: tuple[Any,
         _send(outcomes, "progress", (step, share))
 
     try:
-        return "result", task(progress, *arguments)
+        with reported(lambda count: progress(f"Compiling, once on this machine: {count} functions so far", 0.0)):
+            return "result", task(progress, *arguments)
     except PuppetlineError as error:
         return "error", _told(error)
     except MemoryError:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
-from solver.model.energy_matrices import Products
+from solver.model.cell_products import Products
 from solver.model.fields import blends
 
 if TYPE_CHECKING:
@@ -173,10 +173,9 @@ def covariance_map(
 @compiled
 def _add_covariances(order, starts, first, neighbours, cot, rest, below, upper, weights, isolines, C):
     """Add up the edge vectors of each vertex in a cluster, and then multiply by its row of W once."""
-    share, h = np.zeros((len(rest), 3)), np.ones(4)
+    share = np.zeros((len(rest), 3))
     for c in range(len(starts) - 1):
         members = order[starts[c] : starts[c + 1]]
-        rows = C[3 * c : 3 * c + 3]
         for v in members:
             for entry in range(first[v], first[v + 1]):
                 u = neighbours[entry]
@@ -187,13 +186,20 @@ def _add_covariances(order, starts, first, neighbours, cot, rest, below, upper, 
         for v in members:
             for entry in range(first[v], first[v + 1]):
                 u = neighbours[entry]
-                h[:3] = rest[u]
-                for i in range(len(weights)):
-                    column = 4 * (i * isolines + below[u, i])
-                    b = weights[i] * upper[u, i]
-                    a = weights[i] - b
-                    for x in range(3):
-                        for k in range(4):
-                            rows[x, column + k] += a * share[u, x] * h[k]
-                            rows[x, column + 4 + k] += b * share[u, x] * h[k]
-                share[u] = 0  # already counted if it occurs again
+                if share[u].any():
+                    _add_products(share[u], rest[u], below[u], upper[u], weights, isolines, C[3 * c : 3 * c + 3])
+                    share[u] = 0  # already counted if it occurs again
+
+
+@compiled(inner=True)
+def _add_products(share, rest, below, upper, weights, isolines, rows):
+    """Add the products of a vector and a vertex's row of W."""
+    for i in range(len(weights)):
+        column = 4 * (i * isolines + below[i])
+        b = weights[i] * upper[i]
+        a = weights[i] - b
+        for x in range(3):
+            for k in range(4):
+                h = rest[k] if k < 3 else 1.0
+                rows[x, column + k] += a * share[x] * h
+                rows[x, column + 4 + k] += b * share[x] * h

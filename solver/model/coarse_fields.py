@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.model import fields
 from solver.model.relaxation import relaxed
 from solver.surface.coarsening import coarse_surface
@@ -73,23 +74,16 @@ class CoarseFields:
         """Return what `fields.SurfaceOperator.propagation_fields` returns, approximately."""
         coarse = self._coarse.propagation_fields(count)
         eigenvalues = -np.einsum("ck,ck->k", coarse, self._coarse_L @ coarse)
-        rough = relaxed(self._L, self._mass, eigenvalues, self._up @ coarse)
-        basis = np.column_stack([np.ones(len(rough)), rough])
-        del rough
-        # column by column: a product with all of them would need the memory of the whole model once more
-        energy = np.column_stack([-basis.T @ (self._L @ column) for column in basis.T])
-        gram = np.column_stack([basis.T @ (self._mass * column) for column in basis.T])
+        rough = relaxed(self._L, self._mass, eigenvalues, _single(self._up @ coarse))
+        energy, gram = _forms(self._L.indptr, self._L.indices, self._L.data, self._mass, rough)
         values, mix = scipy.linalg.eigh(energy, gram)
-        found = basis @ mix[:, 1:]
-        if not all(self._residual(*pair) <= MAX_RESIDUAL for pair in zip(found.T, values[1:], strict=True)):
+        found = rough @ mix[1:, 1:]
+        found += mix[0, 1:]
+        residuals = _residuals(self._L.indptr, self._L.indices, self._L.data, self._mass, found, values[1:])
+        if not (residuals <= MAX_RESIDUAL).all():
             self._exact = fields.SurfaceOperator(self._L, self._mass, self._vertices)
             return self._exact.propagation_fields(count)
         return fields.with_fixed_signs(found)
-
-    def _residual(self, field: NDArray[np.float64], value: float) -> float:
-        """Return how far a field is from solving −L e = λ M e, see `MAX_RESIDUAL`."""
-        load = self._L @ field + value * self._mass * field
-        return float(np.sum(load**2 / self._mass)) / value**2
 
     def smoothed(self, values: NDArray[np.float64], length: float) -> NDArray[np.float64]:
         """Return what `fields.SurfaceOperator.smoothed` returns, approximately."""
@@ -99,5 +93,49 @@ class CoarseFields:
         coarse_values = (self._down @ load) / self.areas[:, None]
         coarse = self._coarse.smoothed(coarse_values, length)
         shifts = np.full(values.shape[1], -1 / length**2)
-        result = relaxed(self._L, self._mass, shifts, self._up @ coarse, load / length**2)
-        return np.clip(result, values.min(axis=0), values.max(axis=0))
+        result = relaxed(self._L, self._mass, shifts, _single(self._up @ coarse), load / length**2)
+        return np.clip(result.astype(np.float64), values.min(axis=0), values.max(axis=0))
+
+
+def _single(values: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return values in the precision of isoline coordinates at run time."""
+    return values.astype(np.float32, order="C")
+
+
+@compiled
+def _forms(starts, neighbours, entries, mass, x):
+    """Return −Bᵀ L B and Bᵀ M B for B, (n, 1 + k), the constant function and those in x, without storing L B."""
+    n, count = x.shape
+    energy, gram = np.zeros((count + 1, count + 1)), np.zeros((count + 1, count + 1))
+    product, here = np.zeros(count + 1), np.ones(count + 1)
+    for v in range(n):
+        product[:] = 0.0
+        for entry in range(starts[v], starts[v + 1]):
+            u, factor = neighbours[entry], entries[entry]
+            product[0] += factor
+            for c in range(count):
+                product[1 + c] += factor * x[u, c]
+        for c in range(count):
+            here[1 + c] = x[v, c]
+        for a in range(count + 1):
+            for b in range(count + 1):
+                energy[a, b] -= here[a] * product[b]
+                gram[a, b] += mass[v] * here[a] * here[b]
+    return (energy + energy.T) / 2, gram
+
+
+@compiled
+def _residuals(starts, neighbours, entries, mass, x, values):
+    """Return how far each function is from solving −L e = λ M e, see `MAX_RESIDUAL`."""
+    n, count = x.shape
+    squares, load = np.zeros(count), np.empty(count)
+    for v in range(n):
+        for c in range(count):
+            load[c] = values[c] * mass[v] * x[v, c]
+        for entry in range(starts[v], starts[v + 1]):
+            u, factor = neighbours[entry], entries[entry]
+            for c in range(count):
+                load[c] += factor * x[u, c]
+        for c in range(count):
+            squares[c] += load[c] ** 2 / mass[v]
+    return squares / values**2

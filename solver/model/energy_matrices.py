@@ -5,12 +5,13 @@ zero. These are multiplied as dense matrices by BLAS, in memory that does not gr
 """
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
+from solver.model.cell_products import Products, add_cells, inside_cells
 from solver.model.fields import blends
 
 if TYPE_CHECKING:
@@ -18,30 +19,6 @@ if TYPE_CHECKING:
 
 MAX_CHUNK_ROWS = 384
 """Largest number of rows in a chunk. Larger chunks have more columns that are not zero; smaller ones more overhead."""
-
-
-class Products(NamedTuple):
-    """Products of the tall matrices.
-
-    Attributes
-    ----------
-    A : (4m, 4m) float64
-        (KW)ᵀ(KW).
-    B : (4m, 3m) float64
-        (KW)ᵀ M^(−1/2) W_δ.
-    gram : (4m, 4m) float64
-        The Gram matrix WᵀW.
-    dirichlet : (4m, 4m) float64
-        −WᵀLW of the surface, without contacts.
-    B_clusters : (4m, 3r) float64
-        (KW)ᵀ M^(−1/2) δ over the vertices of each cluster.
-    """
-
-    A: NDArray[np.float64]
-    B: NDArray[np.float64]
-    gram: NDArray[np.float64]
-    dirichlet: NDArray[np.float64]
-    B_clusters: NDArray[np.float64]
 
 
 def products(
@@ -53,6 +30,8 @@ def products(
     weights: NDArray[np.float64],
     isolines: int,
     cluster: NDArray[np.int32],
+    *,
+    by_cells: bool = False,
 ) -> Products:
     """Multiply W, K W, M^(−1/2) W_δ and M^(−1/2) δ, with K = M^(−1/2) L, δ = L rest and W_δ = w_i φ_ik(v) δ(v).
 
@@ -73,13 +52,20 @@ def products(
         n_iso; the model has m = n_e · n_iso isolines.
     cluster : (n,) int32
         Rotation cluster of each vertex, from 0 to r − 1.
+    by_cells : bool
+        Whether to multiply vertices in the cells between isolines separately (`solver.model.cell_products`), which is
+        faster for large meshes. Results are equal except for rounding.
     """
     m = len(weights) * isolines
-    A, gram, dirichlet = np.zeros((3, 4 * m, 4 * m))
-    B, B_clusters = np.zeros((4 * m, 3 * m)), np.zeros((4 * m, 3 * (int(cluster.max()) + 1)))
+    r = int(cluster.max()) + 1
+    sums = Products(*(np.zeros((4 * m, columns)) for columns in (4 * m, 3 * m, 4 * m, 4 * m, 3 * r)))
     below, upper = blends(ladder, isolines)
     levels = np.arange(isolines)
     order = np.lexsort((*below.T[::-1], cluster))
+    if by_cells:
+        inside = inside_cells(L.indptr, L.indices, below)[order]
+        add_cells(sums, order[inside], L, surface, mass, rest, below, upper, weights, isolines, cluster)
+        order = order[~inside]
     for rows in _chunks(order, cluster):
         lowest, highest = _span(rows, L.indptr, L.indices, below)
         others = (rest, below, upper, weights, lowest, highest - lowest + 1)
@@ -87,18 +73,19 @@ def products(
         untied = KW if surface is L else _rows(rows, surface.indptr, surface.indices, surface.data, mass, *others)[1]
         there = np.flatnonzero((lowest[:, None] <= levels) & (levels <= highest[:, None]))
         four, three = _columns(there, 4), _columns(there, 3)
-        gram[np.ix_(four, four)] += W.T @ W
-        A[np.ix_(four, four)] += KW.T @ KW
-        B[np.ix_(four, three)] += KW.T @ W_delta
-        dirichlet[np.ix_(four, four)] -= W.T @ (np.sqrt(mass[rows])[:, None] * untied)
-        B_clusters[np.ix_(four, _columns(cluster[rows[:1]], 3))] += KW.T @ delta
-    return Products(A, B, gram, (dirichlet + dirichlet.T) / 2, B_clusters)
+        sums.gram[np.ix_(four, four)] += W.T @ W
+        sums.A[np.ix_(four, four)] += KW.T @ KW
+        sums.B[np.ix_(four, three)] += KW.T @ W_delta
+        sums.dirichlet[np.ix_(four, four)] -= W.T @ (np.sqrt(mass[rows])[:, None] * untied)
+        sums.B_clusters[np.ix_(four, _columns(cluster[rows[:1]], 3))] += KW.T @ delta
+    return sums._replace(dirichlet=(sums.dirichlet + sums.dirichlet.T) / 2)
 
 
 def _chunks(order: NDArray[np.int64], cluster: NDArray[np.int32]) -> Iterator[NDArray[np.int64]]:
     """Split vertices in order into chunks of at most `MAX_CHUNK_ROWS` of one cluster."""
     for members in np.split(order, np.flatnonzero(np.diff(cluster[order])) + 1):
-        yield from np.array_split(members, -(-len(members) // MAX_CHUNK_ROWS))
+        if len(members):
+            yield from np.array_split(members, -(-len(members) // MAX_CHUNK_ROWS))
 
 
 def _columns(isolines: NDArray[np.integer], each: int) -> NDArray[np.int64]:

@@ -51,7 +51,8 @@ def laplacian(mesh: SolverMesh) -> "tuple[csr_matrix, NDArray[np.float64]]":
         Area of each vertex, more than 0.
     """
     L, mass = tufted.laplacian(mesh.vertices, mesh.faces)
-    return scipy.sparse.csr_matrix(-L), np.maximum(mass, 1e-12 * mass.max())
+    np.negative(L.data, out=L.data)  # a second matrix would need as much memory
+    return L, np.maximum(mass, 1e-12 * mass.max())
 
 
 def field_operator(

@@ -212,17 +212,14 @@ def build(
 
     regions = bone_regions(mesh, bones) if shares is None else regions_of_shares(shares)
     along_limbs = limb_fields.limb_field_count(bones, regions, parameters.fields)
+    is_large = len(rest) > MAX_EXACT_VERTICES
     surface, mass = propagation.laplacian(unit)
     ties = replace(contacts(mesh), gap=contacts(mesh).gap / diagonal)
     holds = limb_fields.contacts_that_hold(ties, rest, regions, bones, skinned=shares is not None)
     L = propagation.energy_operator(surface, ties.only(holds), mass, unit.diagonal)
     try:
         tied = propagation.field_operator(surface, ties, unit.diagonal, holds)
-        operator = (
-            propagation.SurfaceOperator(tied, mass, rest)
-            if len(rest) <= MAX_EXACT_VERTICES
-            else CoarseFields(tied, L, mass, unit)
-        )
+        operator = CoarseFields(tied, L, mass, unit) if is_large else propagation.SurfaceOperator(tied, mass, rest)
         modes = operator.propagation_fields(parameters.fields - along_limbs)
     except RuntimeError as error:  # SuperLU finds the matrix singular, or ARPACK does not converge
         raise MeshError(
@@ -240,7 +237,9 @@ def build(
     ladder = propagation.ladder_coordinates(modes, parameters.isolines).astype(np.float32).astype(np.float64)
 
     cluster = clusters.rotation_clusters(ladder, weights, operator.areas, operator.samples)
-    reduced = energy_matrices.products(L, surface, mass, rest, ladder, weights, parameters.isolines, cluster)
+    reduced = energy_matrices.products(
+        L, surface, mass, rest, ladder, weights, parameters.isolines, cluster, by_cells=is_large
+    )
     covariance = clusters.covariance_map(surface, rest, ladder, weights, parameters.isolines, cluster)
     A_clusters, B_clusters = clusters.energy(reduced, covariance)
     strips = rotations.crossed_triangles(ladder, unit.faces, parameters.isolines)

@@ -97,7 +97,7 @@ class SolverMesh:
     @cached_property
     def components(self) -> NDArray[np.int32]:
         """(n,) int32: number of the connected part that each vertex belongs to."""
-        return connected_components(len(self.vertices), *self.edges.T)
+        return _parts(self.faces, len(self.vertices))
 
     @cached_property
     def vertex_areas(self) -> NDArray[np.float64]:
@@ -123,6 +123,32 @@ class SolverMesh:
     @cached_property
     def _edges(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
         return edges_of(self.faces)
+
+
+@compiled
+def _parts(faces, count):
+    """Return the connected part of each vertex, numbered in the order of their first vertices (union-find)."""
+    leader = np.arange(count, dtype=np.int32)
+    for f in range(len(faces)):
+        for corner in range(1, 3):
+            a, b = _leader(leader, faces[f, 0]), _leader(leader, faces[f, corner])
+            leader[max(a, b)] = min(a, b)
+    parts = 0
+    for v in range(count):
+        if leader[v] == v:
+            leader[v] = parts
+            parts += 1
+        else:
+            leader[v] = leader[leader[v]]
+    return leader
+
+
+@compiled
+def _leader(leader, v):
+    while leader[v] != v:
+        leader[v] = leader[leader[v]]
+        v = leader[v]
+    return v
 
 
 def connected_components(count: int, a: NDArray[np.integer], b: NDArray[np.integer]) -> NDArray[np.int32]:
@@ -167,10 +193,12 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
 
     given = place_of[corners]
     has_area = _has_area(positions[used[first]], given)
-    origin, solid = _split_at_points(given[has_area], len(first))
+    sides = edges_of(given[has_area])[1:]
+    origin, solid = _split_at_points(given[has_area], len(first), *sides)
     place_of[corners[has_area]] = solid
     vertices = positions[used[first[origin]]]
-    faces = solid[_first_of_doubles(solid)]
+    may_repeat = _may_repeat(*sides)
+    faces = solid[_first_of_doubles(solid)] if may_repeat else solid
     if len(faces) < 4:
         raise MeshError(
             name,
@@ -187,7 +215,8 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
     isolated = of_render < 0
     if isolated.any():
         of_render[isolated] = scipy.spatial.cKDTree(vertices[kept]).query(positions[isolated])[1]
-    oriented = wound_outwards(vertices, faces)
+    oriented = wound_outwards(vertices, faces, None if may_repeat else sides)
+    del sides
     fine_vertices, fine_faces = vertices[kept], compact[oriented]
     while len(fine_vertices) < MIN_VERTICES:
         fine_vertices, fine_faces = _split(fine_vertices, fine_faces)
@@ -306,7 +335,26 @@ def _first_of_doubles(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
     return first
 
 
-def _split_at_points(faces: NDArray[np.int64], count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+@compiled
+def _may_repeat(of_side, faces_of_edge):
+    """Return whether a face may have the same corners as another one, which then shares two edges with it."""
+    faces = np.zeros(len(faces_of_edge), dtype=np.int64)
+    for side in range(len(of_side)):
+        if faces_of_edge[of_side[side]] > 2:
+            return True
+        faces[of_side[side]] += side // 3
+    for face in range(len(of_side) // 3):
+        a, b, c = of_side[3 * face], of_side[3 * face + 1], of_side[3 * face + 2]
+        if faces_of_edge[a] == 2 and (
+            (faces_of_edge[b] == 2 and faces[a] == faces[b]) or (faces_of_edge[c] == 2 and faces[a] == faces[c])
+        ):
+            return True
+    return False
+
+
+def _split_at_points(
+    faces: NDArray[np.int64], count: int, of_side: NDArray[np.int64], faces_of_edge: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Give each part that is connected at edges its own copy of the vertices that it shares with other parts.
 
     Parameters
@@ -315,6 +363,8 @@ def _split_at_points(faces: NDArray[np.int64], count: int) -> tuple[NDArray[np.i
         May contain repeated faces.
     count : int
         Number of vertices.
+    of_side, faces_of_edge
+        From `edges_of`. They are also those of the result: faces that share an edge are in one part.
 
     Returns
     -------
@@ -323,8 +373,7 @@ def _split_at_points(faces: NDArray[np.int64], count: int) -> tuple[NDArray[np.i
     split : (t, 3) int64
         The faces with the new indices.
     """
-    edges, of_side, _ = edges_of(faces)
-    part = pieces(of_side, len(edges))[:, None]
+    part = pieces(of_side, len(faces_of_edge))[:, None]
     owner = np.zeros(count, dtype=np.int64)
     owner[faces[::-1]] = part[::-1]  # the last assignment wins: the part that is first in the file
     foreign = owner[faces] != part

@@ -235,7 +235,11 @@ def _across(of_side, faces_of_edge):
     return across
 
 
-def wound_outwards(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+def wound_outwards(
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int64],
+    sides: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None,
+) -> NDArray[np.int64]:
     """Flip faces so that neighbours agree on the outside, patch by patch.
 
     A closed patch faces outwards, by the sign of its enclosed volume. An open patch keeps the winding that most
@@ -247,12 +251,14 @@ def wound_outwards(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> N
     vertices : (n, 3) float64
     faces : (t, 3) int64
         With three different corners each.
+    sides : tuple, optional
+        `of_side` and `faces_of_edge` from `edges_of`, if they are known.
 
     Returns
     -------
     (t, 3) int64
     """
-    _, of_side, faces_of_edge = edges_of(faces)
+    of_side, faces_of_edge = sides or edges_of(faces)[1:]
     against, patch = _against(np.ascontiguousarray(faces), of_side, faces_of_edge)
     count = int(patch.max(initial=-1)) + 1
     area, agreeing, volume = _measures(vertices, flipped_faces(faces, against), patch, count, ~against)

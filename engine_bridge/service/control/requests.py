@@ -122,6 +122,13 @@ class OneStage(Table):
     stage: Name | None = None
 
 
+class Trace(Table):
+    """A joint of the performers of a stage; the stage may be omitted if it is the only one."""
+
+    joint: JointName
+    stage: Name | None = None
+
+
 ARGUMENTS: dict[str, type[Table]] = {
     "ping": Nothing,
     "list": Nothing,
@@ -130,6 +137,7 @@ ARGUMENTS: dict[str, type[Table]] = {
     "choose_user": ChooseUser,
     "mirror": Mirror,
     "look": OneStage,
+    "trace": Trace,
     "record_start": RecordStart,
     "record_stop": OneStage,
     "puppet": OneCharacter,

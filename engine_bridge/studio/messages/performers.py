@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, FiniteFloat
 
+from engine_bridge.puppet.puppet import JointName
 from engine_bridge.studio.messages.base import Id, Name, Request, Seconds
 from engine_bridge.studio.messages.state import Banner
 from puppetline.toml_schema import Table
@@ -133,7 +134,11 @@ class LookReply(Table):
 
 
 class SmoothingPreview(Request):
-    """Compute what a smoothing does to a joint. Result: `SmoothingReply`."""
+    """Compute what a smoothing does to a joint. Result: `SmoothingReply`.
+
+    With `joint` and `character`, it is this joint of the performer who moves the character, in the last three seconds
+    as the source delivers it; an error if nobody does. Otherwise it is a test signal.
+    """
 
     do: Literal["smoothing_preview"]
     alpha: FiniteFloat
@@ -141,31 +146,36 @@ class SmoothingPreview(Request):
     jitter_radius: FiniteFloat
     max_deviation: FiniteFloat | None
     prediction: FiniteFloat
+    joint: JointName | None = None
+    character: Name | None = None
 
 
 class SmoothingReply(Table):
-    """The effect of a smoothing at 30 Hz.
+    """The effect of a smoothing.
 
     Attributes
     ----------
     times : list of float
         Seconds.
     measured, smoothed : list of float
-        Metres: a joint at rest with noise of 5 mm, then a step of 0.3 m, then rest again.
-    jitter_mm : float
-        Noise that is left of 5 mm (standard deviation).
-    lag_ms : float
-        Lag behind a joint that moves at 1 m/s; negative if the result runs ahead.
+        Metres. The test signal is a joint at rest with noise of 5 mm, then a step of 0.3 m, then rest again, at 30 Hz.
+        Of a live joint, it is the axis along which it moves most.
+    measured_mm, jitter_mm : float
+        Noise before and after (standard deviation).
+    lag_ms : float or None
+        Lag behind a joint that moves at 1 m/s; negative if the result runs ahead. Of a live joint, the shift at which
+        the smoothed motion fits the measured one best; None if the joint does not move.
     rise_ms : float or None
-        Time until 90 % of a step of 0.3 m; None if that is not reached within 10 s.
-    overshoot_mm : float
-        Overshoot after that step.
+        Time until 90 % of a step of 0.3 m; None if that is not reached within 10 s, and for a live joint.
+    overshoot_mm : float or None
+        Overshoot after that step; None for a live joint.
     """
 
     times: list[float]
     measured: list[float]
     smoothed: list[float]
+    measured_mm: float
     jitter_mm: float
-    lag_ms: float
+    lag_ms: float | None
     rise_ms: float | None
-    overshoot_mm: float
+    overshoot_mm: float | None

@@ -105,6 +105,8 @@ class ServiceState(Table):
         How often it has ended without being asked to.
     problem : str
         Why it does not run, or why it ended last; empty if nothing is wrong.
+    text : str
+        What its start waits for, as a sentence; empty if it is quick.
     """
 
     running: bool = False
@@ -112,6 +114,7 @@ class ServiceState(Table):
     address: str = ""
     restarts: int = 0
     problem: str = ""
+    text: str = ""
 
 
 class UploadState(Table):

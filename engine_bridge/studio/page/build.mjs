@@ -6,7 +6,7 @@ const root = new URL(".", import.meta.url).pathname;
 await rm(`${root}dist`, { recursive: true, force: true });
 await mkdir(`${root}dist/assets`, { recursive: true });
 await build({
-  entryPoints: [`${root}src/main.ts`],
+  entryPoints: [`${root}src/start.ts`],
   outfile: `${root}dist/assets/studio.js`,
   bundle: true,
   format: "esm",

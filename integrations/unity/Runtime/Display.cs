@@ -9,12 +9,12 @@ namespace Puppetline
         /// <summary>Make the display for the mode, materials and scene.</summary>
         public static Display Make(Puppet puppet, Scene scene)
         {
-            if (puppet.mode == PuppetMode.Morphs)
+            if (puppet.ShownMode == PuppetMode.Morphs)
             {
                 return new BlendShapeDisplay(puppet, scene);
             }
             var look = new Look(puppet.materials, scene);
-            return puppet.mode == PuppetMode.Controls && look.BlendsTransforms && GraphicsCardDisplay.Supports(scene)
+            return puppet.ShownMode == PuppetMode.Controls && look.BlendsTransforms && GraphicsCardDisplay.Supports(scene)
                 ? new GraphicsCardDisplay(puppet, scene, look)
                 : (Display)new ProcessorDisplay(puppet, scene, look);
         }

@@ -14,7 +14,7 @@ namespace Puppetline
         {
             this.puppet = puppet;
             vertices = new SurfaceVertex[scene.VertexCount];
-            deformation = puppet.mode == PuppetMode.Controls ? new Deformation(scene) : null;
+            deformation = puppet.ShownMode == PuppetMode.Controls ? new Deformation(scene) : null;
         }
 
         public override void Show(Frame frame)

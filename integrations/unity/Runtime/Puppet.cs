@@ -1,5 +1,6 @@
 using System;
 using System.Collections.Generic;
+using System.Threading;
 using Puppetline.Protocol;
 using UnityEngine;
 
@@ -21,8 +22,21 @@ namespace Puppetline
         Morphs,
     }
 
+    /// <summary>The clock that moves a character.</summary>
+    public enum PuppetClock
+    {
+        /// <summary>The time of the machine: the character follows its performer as closely as possible.</summary>
+        Realtime,
+
+        /// <summary>The time of the engine: <c>Time.timeScale</c> and recording at a fixed rate change it. No frame is skipped.</summary>
+        Engine,
+
+        /// <summary>Calls of <see cref="Puppet.Advance"/>. No frame is skipped.</summary>
+        Manual,
+    }
+
     /// <summary>
-    /// Shows a character of <c>puppetline serve</c>. Host, port, token, character and mode take effect when the component
+    /// Shows a character of <c>puppetline serve</c>, or plays a clip. Host, port, token, character and mode take effect when the component
     /// is enabled; call <see cref="Reconnect"/> after you change them.
     /// </summary>
     [AddComponentMenu("Puppetline/Puppet")]
@@ -54,6 +68,39 @@ namespace Puppetline
         [Range(0, 0.5f)]
         public float interpolationDelay = 0.05f;
 
+        /// <summary>The clock that moves the character.</summary>
+        [Tooltip("The clock that moves the character.")]
+        public PuppetClock clock = PuppetClock.Realtime;
+
+        /// <summary>A clip that is played instead of a service's stream.</summary>
+        [Tooltip("A clip that is played instead of a service's stream.")]
+        public PuppetClip clip;
+
+        /// <summary>Shown position of the clip, in seconds.</summary>
+        [Tooltip("Shown position of the clip, in seconds.")]
+        public float clipPosition;
+
+        /// <summary>Speed of the clips; 0 if the positions are set by a script or an animation.</summary>
+        [Tooltip("Speed of the clips; 0 if the positions are set by a script or an animation.")]
+        public float clipSpeed = 1;
+
+        /// <summary>Whether the clips begin again after their end.</summary>
+        [Tooltip("Whether the clips begin again after their end.")]
+        public bool clipLoops = true;
+
+        /// <summary>Another clip of the same character, which is mixed with the clip.</summary>
+        [Tooltip("Another clip of the same character, which is mixed with the clip.")]
+        public PuppetClip blendClip;
+
+        /// <summary>Shown position of the other clip, in seconds.</summary>
+        [Tooltip("Shown position of the other clip, in seconds.")]
+        public float blendPosition;
+
+        /// <summary>Share of the other clip: 0 shows the clip, 1 the other one.</summary>
+        [Tooltip("Share of the other clip: 0 shows the clip, 1 the other one.")]
+        [Range(0, 1)]
+        public float blendWeight;
+
         /// <summary>One material per part; the last one is used for all remaining parts. Empty for plain ones.</summary>
         [Tooltip("One material per part; the last one is used for all remaining parts. Empty for plain ones.")]
         public Material[] materials = new Material[0];
@@ -73,30 +120,48 @@ namespace Puppetline
         /// <summary>Events of the connection, the character and the performer.</summary>
         public PuppetEvents events = new PuppetEvents();
 
+        /// <summary>Time to wait for the first frame of a recording, and for another one, in seconds.</summary>
+        const double FirstFrameSeconds = 20, NextFrameSeconds = 2;
+
         Follower follower;
         ControlClient control;
-        Playback playback;
+        FrameBuffer buffer;
+        PuppetClock clockOfBuffer;
+        ClipMotion motion;
         Scene scene;
+        Frame shown;
         Display display;
         Watch watch;
+
+        /// <summary>Time of the clocks Engine and Manual, in seconds.</summary>
+        double time;
+
+        /// <summary>Whether a recording waits for frames; not if they do not come.</summary>
+        bool waits;
+
+        /// <summary>Delay that the clock requires, in seconds: in real time, frames arrive irregularly.</summary>
+        float Delay => clock == PuppetClock.Manual || Time.captureDeltaTime > 0 ? 0 : interpolationDelay;
 
         /// <summary>State of the connection to the service.</summary>
         public FollowState State => follower == null ? FollowState.Offline : follower.State;
 
         /// <summary>Description of an error for the user; empty if there is none.</summary>
-        public string Reason => follower == null ? "" : follower.Reason;
+        public string Reason => motion != null ? motion.Problem : follower == null ? "" : follower.Reason;
 
         /// <summary>Name of the shown character; null before it is known.</summary>
-        public string Character => follower?.Character;
+        public string Character => motion != null ? motion.Character : follower?.Character;
 
         /// <summary>The constant data of the character; null before it has arrived.</summary>
         public Scene Scene => scene;
 
         /// <summary>The shown frame, valid until the next <c>Update</c>; null before the first frame.</summary>
-        public Frame Shown => playback?.Shown;
+        public Frame Shown => shown;
 
         /// <summary>The service's status (docs/running.md), at most one second old.</summary>
         public Json Status => follower == null ? Json.Null : follower.Status;
+
+        /// <summary>The kind of frames that are shown; clips contain controls.</summary>
+        internal PuppetMode ShownMode => motion != null ? PuppetMode.Controls : mode;
 
         /// <summary>Whether the graphics card blends the transforms.</summary>
         public bool OnGraphicsCard => display is GraphicsCardDisplay;
@@ -108,6 +173,48 @@ namespace Puppetline
             {
                 OnDisable();
                 OnEnable();
+            }
+        }
+
+        /// <summary>
+        /// Move the character on by a time in seconds, with the clock Manual. The next frames are shown immediately.
+        /// </summary>
+        public void Advance(float seconds)
+        {
+            if (clock != PuppetClock.Manual)
+            {
+                Debug.LogWarning("Puppetline: Advance has no effect. Set the clock to Manual first.", this);
+                return;
+            }
+            time += seconds;
+            if (motion != null)
+            {
+                ShowClip(seconds);
+            }
+            else if (follower != null)
+            {
+                ShowNext();
+            }
+        }
+
+        /// <summary>Show a moment of a clip now, mixed with another clip of the same character.</summary>
+        /// <param name="one">The clip.</param>
+        /// <param name="position">Position of the clip, in seconds.</param>
+        /// <param name="other">The other clip; null for none.</param>
+        /// <param name="otherPosition">Position of the other clip, in seconds.</param>
+        /// <param name="weight">Share of the other clip, from 0 to 1.</param>
+        public void ShowClips(PuppetClip one, float position, PuppetClip other = null, float otherPosition = 0, float weight = 0)
+        {
+            clip = one;
+            clipPosition = position;
+            clipSpeed = 0;
+            blendClip = other;
+            blendPosition = otherPosition;
+            blendWeight = weight;
+            if (isActiveAndEnabled && clip != null)
+            {
+                ReconnectIfChanged();
+                ShowClip(0);
             }
         }
 
@@ -168,7 +275,9 @@ namespace Puppetline
         {
             if (follower == null)
             {
-                (done ?? WarnOfError)(ControlClient.Failure(command, "a disabled Puppet", "an enabled Puppet", "Enable the component first."));
+                (done ?? WarnOfError)(motion == null
+                    ? ControlClient.Failure(command, "a disabled Puppet", "an enabled Puppet", "Enable the component first.")
+                    : ControlClient.Failure(command, "a Puppet that plays a clip", "a Puppet of a service", "Remove the clip first."));
                 return;
             }
             if (control == null)
@@ -207,20 +316,27 @@ namespace Puppetline
 
         void OnEnable()
         {
-            follower = new Follower(host, port, token, character, KindOf(mode));
-            playback = new Playback(interpolationDelay, follower.Pool);
             watch = new Watch(this);
+            if (clip != null)
+            {
+                motion = new ClipMotion(this);
+                return;
+            }
+            follower = new Follower(host, port, token, character, KindOf(mode));
+            NewBuffer();
         }
 
         void OnDisable()
         {
             ControlClient stopping = control;
-            follower.Dispose();
+            follower?.Dispose();
             display?.Dispose();
             follower = null;
             control = null;
-            playback = null;
+            buffer = null;
+            motion = null;
             scene = null;
+            shown = null;
             display = null;
             // Both invoke callbacks, which find the component disabled.
             watch.Ended();
@@ -229,16 +345,26 @@ namespace Puppetline
 
         void Update()
         {
+            ReconnectIfChanged();
+            if (motion != null)
+            {
+                ShowClip(clock == PuppetClock.Manual ? 0 : Time.deltaTime);
+                return;
+            }
             // A listener of any event may disable or reconnect this component; the rest of this update is then void.
             Follower current = follower;
             watch.Connection(current);
-            if (follower == current && current.Scene != scene)
+            if (follower == current)
             {
-                Load(current.Scene);
+                Receive();
+            }
+            if (follower == current && clock == PuppetClock.Engine)
+            {
+                MoveWithEngine();
             }
             if (follower == current)
             {
-                TakeFrames();
+                ShowNext();
             }
             if (follower == current)
             {
@@ -246,24 +372,113 @@ namespace Puppetline
             }
         }
 
-        void TakeFrames()
+        /// <summary>Begin again if a clip has been set or removed.</summary>
+        void ReconnectIfChanged()
         {
-            while (follower.TryTake(out Frame frame))
+            if ((clip != null) != (motion != null))
+            {
+                Reconnect();
+            }
+        }
+
+        void ShowClip(float seconds)
+        {
+            motion.Follow();
+            motion.Move(seconds);
+            ClipMotion current = motion;
+            if (current.Scene != null && current.Scene != scene)
+            {
+                Load(current.Scene);
+            }
+            // A listener of sceneLoaded may have disabled this component.
+            if (motion != current)
+            {
+                return;
+            }
+            if (!motion.IsChanged())
+            {
+                display?.Hold();
+                return;
+            }
+            shown = motion.Evaluate();
+            if (shown != null)
+            {
+                display?.Show(shown);
+            }
+        }
+
+        /// <summary>Take the scene and the frames that have arrived.</summary>
+        void Receive()
+        {
+            Follower current = follower;
+            if (current.Scene != scene)
+            {
+                Load(current.Scene);
+            }
+            if (follower == current)
+            {
+                buffer.Delay = Delay;
+            }
+            while (follower == current && follower.TryTake(out Frame frame))
             {
                 if (frame.Scene == scene)
                 {
-                    playback.Add(frame);
+                    buffer.Add(frame);
+                    waits = true;
                 }
                 else
                 {
                     follower.Pool.Return(frame);
                 }
             }
-            playback.Delay = interpolationDelay;
-            if (playback.Update(Clock.Now))
+        }
+
+        void MoveWithEngine()
+        {
+            time += Time.deltaTime;
+            var queue = buffer as FrameQueue;
+            if (queue != null && Time.captureDeltaTime > 0)
             {
-                display?.Show(playback.Shown);
-                watch.Performer(playback.Shown.Header);
+                WaitForFrame();
+            }
+            else if (queue != null)
+            {
+                queue.CatchesUp = Time.timeScale == 1;
+            }
+        }
+
+        /// <summary>Wait until the frames of this image of a recording have arrived: images take more or less than real time.</summary>
+        void WaitForFrame()
+        {
+            Follower current = follower;
+            double seconds = shown == null ? FirstFrameSeconds : NextFrameSeconds, end = Clock.Now + seconds;
+            ((FrameQueue)buffer).CatchesUp = false;
+            while (waits && follower == current && !((FrameQueue)buffer).Reaches(time))
+            {
+                if (Clock.Now > end)
+                {
+                    waits = false;
+                    Debug.LogWarning("Puppetline: no frame for the recording within " + seconds + " s. Check that the service plays.", this);
+                    return;
+                }
+                Thread.Sleep(1);
+                Receive();
+            }
+        }
+
+        void ShowNext()
+        {
+            if (clock != clockOfBuffer)
+            {
+                NewBuffer();
+            }
+            buffer.Delay = Delay;
+            bool changed = buffer.Update(clock == PuppetClock.Realtime ? Clock.Now : time);
+            shown = buffer.Shown ?? shown;
+            if (changed)
+            {
+                display?.Show(shown);
+                watch.Performer(shown.Header);
             }
             else
             {
@@ -271,10 +486,22 @@ namespace Puppetline
             }
         }
 
+        void NewBuffer()
+        {
+            buffer?.Clear();
+            shown = null;
+            clockOfBuffer = clock;
+            waits = true;
+            buffer = clock == PuppetClock.Realtime
+                ? new Playback(Delay, follower.Pool)
+                : (FrameBuffer)new FrameQueue(Delay, follower.Pool);
+        }
+
         void Load(Scene loaded)
         {
             scene = loaded;
-            playback.Clear();
+            buffer?.Clear();
+            shown = null;
             display?.Dispose();
             display = null;
             display = Display.Make(this, scene);

@@ -50,6 +50,6 @@ def batch(commands, tmp_path):
 
 
 def results(folder):
-    """Bytes of all results in a folder by name, without incomplete files that killed processes have left."""
-    names = (path.relative_to(folder) for path in sorted(folder.rglob("*.glb")))
-    return {name.as_posix(): (folder / name).read_bytes() for name in names if name.parts[0] != OWN_FOLDER}
+    """Bytes of all results in a folder by name, without incomplete ones, which a killed process may have left."""
+    found = {path.relative_to(folder): path for path in sorted(folder.rglob("*.glb"))}
+    return {name.as_posix(): path.read_bytes() for name, path in found.items() if name.parts[0] != OWN_FOLDER}

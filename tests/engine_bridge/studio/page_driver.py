@@ -12,6 +12,20 @@ import time
 TIMEOUT_SECONDS = 240.0
 """Time after which a test fails, in seconds; the first start of a service compiles."""
 
+STILL = """() => new Promise((resolve) => {
+  let [before, same] = ["", 0];
+  const look = () => {
+    const { limbs } = studio.viewer.places();
+    const now = JSON.stringify(limbs);
+    same = now === before && limbs.length > 0 ? same + 1 : 0;
+    before = now;
+    if (same >= 6) resolve(limbs);
+    else requestAnimationFrame(look);
+  };
+  look();
+})"""
+"""JavaScript: the places of all limbs, as soon as they are the same in seven images in a row."""
+
 COUNT_CLICKS = "window.clicks = 0; addEventListener('pointerdown', () => window.clicks++, true);"
 
 
@@ -20,7 +34,8 @@ class Studio:
 
     def __init__(self, folder, *arguments):
         self.folder = folder
-        command = [sys.executable, "-m", "puppetline", "studio", "--no-browser", "--port", "0", "--folder", folder]
+        own = [] if folder is None else ["--folder", folder]
+        command = [sys.executable, "-m", "puppetline", "studio", "--no-browser", "--port", "0", *own]
         self._process = subprocess.Popen(
             [*map(str, command), *map(str, arguments)],
             stdout=subprocess.PIPE,
@@ -85,7 +100,7 @@ class Window:
             value = self.page.evaluate(f"(() => {{ const state = studio.state(); return {expression}; }})()")
             if value:
                 return value
-            self.page.wait_for_timeout(100)
+            self.page.wait_for_timeout(30)
         shown = {key: self.state(key) for key in ("connected", "notice", "busy", "server", "selection")}
         raise AssertionError(f"never: {expression}; {shown}")
 
@@ -108,15 +123,21 @@ class Window:
         return next(handle for handle in self.puppet["handle"] if handle["name"] == name)
 
     def place(self, limb, point):
-        """Return where a point of a limb is in the window at rest, in pixels; wait until the camera stands still."""
+        """Return where a point of a limb is in the window at rest, in pixels; wait until the view stands still."""
         box = self.page.locator(".overlay").bounding_box()
-        limbs, before = None, False
-        while limbs != before:
-            before = limbs
-            self.page.wait_for_timeout(600)
-            limbs = self.page.evaluate("studio.viewer.places().limbs")
+        limbs = self.page.evaluate(STILL)
         x, y, _ = next(each for each in limbs if each["name"] == limb)["points"][point]
         return box["x"] + x, box["y"] + y
+
+    def drag(self, start, end):
+        """Drag the pointer, and wait until what was dragged is applied."""
+        before = json.dumps(self.puppet)
+        self.page.mouse.move(*start)
+        self.page.mouse.down()
+        self.page.mouse.move(*end, steps=4)
+        self.page.mouse.up()
+        self.until(f"JSON.stringify(state.puppets[state.character].present) !== JSON.stringify({before})")
+        self.idle()
 
     def button(self, name):
         """A button, by its whole name."""

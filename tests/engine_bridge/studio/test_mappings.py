@@ -28,9 +28,9 @@ def puppet():
 
 def test_a_mapping_is_a_puppet_of_the_page(puppet):
     assert [(each["joint"], each["joints"]) for each in puppet["handle"]] == [
-        ("hand_left", []),
+        ("hand_left", None),
         (None, ["head", "spine"]),
-        (None, []),
+        (None, None),
     ]
     assert puppet["limb"] == MAPPING["limbs"]
     assert puppet["retarget"] == {"mirror": False, "scale": "auto"}
@@ -43,7 +43,7 @@ def test_an_unchanged_puppet_needs_no_request(puppet):
 def test_each_change_of_the_mapping_is_a_request(puppet):
     after = copy.deepcopy(puppet)
     after["handle"][0] |= {"joint": "head", "axes": "y", "gain": 2.0}
-    after["handle"][1] |= {"joints": [], "joint": None}
+    after["handle"][1] |= {"joints": None, "joint": None}
     after["handle"][2] |= {"joints": ["hand_left", "hand_right"]}
     after["retarget"] = {"mirror": True, "scale": 1.5}
     after["root"] = None

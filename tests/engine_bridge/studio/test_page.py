@@ -10,7 +10,10 @@ import aiohttp
 import numpy as np
 import psutil
 import pytest
+from puppetline.examples.performances import PERFORMANCES
 
+from capture.recording import Recorder
+from capture.skeleton import SkeletonFrame
 from engine_bridge.character.examples import prepare
 from engine_bridge.service.protocol.payloads import decode
 
@@ -179,8 +182,6 @@ def test_sources_are_listed_and_chosen(window, standing_log):
 @pytest.fixture
 def standing_log(tmp_path):
     """A recording in the format of UTKinect-Action3D: a performer who raises a hand."""
-    from puppetline.examples.performances import PERFORMANCES
-
     clip = PERFORMANCES["bow"]()
     rows = [
         " ".join([str(frame + 1), *(f"{x:.5f}" for x in np.nan_to_num(positions).ravel())])
@@ -191,12 +192,111 @@ def standing_log(tmp_path):
     return path
 
 
-def test_the_source_is_shown_as_a_picture_and_the_performer_calibrated(window):
+def test_a_source_without_pictures_says_so_and_the_performer_is_calibrated(window):
     window.button("Show what the sensor sees").click()
-    window.until("state.look && (state.look.picture || state.look.problems.length)")
+    window.until("state.look?.performers.length === 1")
+    window.page.get_by_text("This source has no pictures.").wait_for()
+    assert window.page.locator(".look").get_by_text(re.compile(r"^user \d+: \d+ of 20 joints tracked")).count() == 1
     window.button("Hide the sensor's picture").click()
+    window.until("state.look === null && !state.looking")
     window.button("Calibrate now").click()
     window.idle()
+
+
+@pytest.fixture
+def two_performers(tmp_path):
+    """A recording of two performers who walk beside each other."""
+    path = tmp_path / "two.log"
+    clip = PERFORMANCES["walk"]()
+    with Recorder(path) as recorder:
+        for frame in clip.frames():
+            for user in (1, 2):
+                moved = frame.positions + np.array([user - 1.5, 0.0, 0.0])
+                recorder.write(SkeletonFrame(frame.time, user, moved, frame.confidence))
+    return path
+
+
+def test_a_performer_in_view_is_chosen_for_the_character_and_the_recording_deleted(window, two_performers):
+    window.button("Change…").click()
+    with window.page.expect_file_chooser() as chooser:
+        window.button("Open a recording…").click()
+    chooser.value.set_files(two_performers)
+    playing = "state.server.performers.find(({ character }) => character === 'pegasus')?.user"
+    first = window.until(f"state.server.source.name === 'two.log' && state.server.performers.length === 2 && {playing}")
+    window.idle()
+    window.button(f"Let performer {3 - first} play").click()
+    window.until(f"{playing} === {3 - first}")
+    window.button("Choose the performer automatically").click()
+    window.idle()
+    window.button("Change…").click()
+    window.until("state.sources")
+    window.button("Use vmc:39539").click()
+    window.until("state.server.source.uri === 'vmc:39539'")
+    window.page.get_by_text("No performer is in view of vmc:39539.").wait_for()
+    window.idle()
+    window.button("Change…").click()
+    window.page.locator(".sources").get_by_role("button", name="two.log").click()
+    window.until("state.server.source.name === 'two.log'")
+    window.idle()
+    window.tab("Takes")
+    window.page.locator(".panel button.line", has_text="two.log").click()
+    window.button("Delete recording two.log").click()
+    assert "found a recording that performs now" in window.until("state.notice?.text")
+    window.button("Dismiss").click()
+    window.button("Change…").click()
+    window.page.locator(".sources").get_by_role("button", name="Walk", exact=True).click()
+    window.until("state.server.source.name === 'walk'")
+    window.idle()
+    window.page.locator(".panel button.line", has_text="two.log").click()
+    window.button("Delete recording two.log").click()
+    window.until("!state.server.uploads.some(({ name }) => name === 'two.log')")
+    window.idle()
+
+
+def test_an_export_that_is_cancelled_leaves_no_file(window):
+    window.tab("Takes")
+    window.page.locator(".panel").get_by_role("button", name="Kung fu", exact=True).click()
+    files = len(window.state("server.files"))
+    window.button("Export").click()
+    window.page.get_by_role("button", name="Cancel: Export of kung_fu for pegasus").click()
+    assert "found a job that was cancelled" in window.until("state.notice?.text")
+    window.button("Dismiss").click()
+    assert window.state("server.jobs").pop()["state"] == "cancelled"
+    assert len(window.state("server.files")) == files
+
+
+SLOW_PAGE = """() => new Promise((resolve) => {
+  const socket = new WebSocket(`ws://${location.host}/stream`);
+  socket.binaryType = "arraybuffer";
+  const sequences = [];
+  window.slow = { socket, sequences };
+  socket.onopen = () => {
+    socket.send(JSON.stringify({ token: sessionStorage["puppetline.session"] }));
+    socket.send(JSON.stringify({ subscribe: "pegasus/vertices" }));
+  };
+  socket.onmessage = ({ data }) => {
+    sequences.push(Number(new DataView(data).getBigUint64(80, true)));
+    if (sequences.length === 2) resolve();
+  };
+})"""
+"""JavaScript of a page that receives all vertices, a megabyte per frame or so."""
+
+
+def test_a_browser_that_is_busy_loses_frames_and_costs_the_others_none(studio, browser, window):
+    slow = studio.open(browser)
+    slow.until("state.connected === 'open' && state.server")
+    slow.page.evaluate(SLOW_PAGE)
+    sequence = "studio.viewer.shown(state.character)?.moment?.later"
+    before = window.until(sequence)
+    slow.page.evaluate("() => { setTimeout(() => { const end = Date.now() + 6000; while (Date.now() < end); }, 0); }")
+    window.until(f"{sequence} > {before} + 60")
+    newest = window.until(sequence)
+    slow.until(f"slow.sequences.at(-1) > {newest}")
+    received = slow.page.evaluate("slow.sequences")
+    assert received == sorted(set(received))
+    assert received[-1] - received[0] + 1 > len(received)
+    slow.page.evaluate("slow.socket.close()")
+    slow.close()
 
 
 def test_a_reload_keeps_everything(window):
@@ -263,6 +363,19 @@ def test_axe_finds_no_serious_violation(studio, browser, window, scheme):
     other.close()
 
 
+def test_an_example_character_stands_beside_the_first_and_is_closed(window):
+    window.page.get_by_label("Character").select_option(label="Open another…")
+    window.button("Walker").click()
+    window.until("state.character === 'biped' && studio.viewer.has('biped')")
+    window.idle()
+    window.page.get_by_label("Character").select_option("pegasus")
+    assert window.state("character") == "pegasus"
+    window.page.get_by_label("Character").select_option("biped")
+    window.button("Close biped").click()
+    window.until("state.server.characters.length === 1 && state.character === 'pegasus'")
+    window.idle()
+
+
 def test_the_page_is_small():
     files = [path for path in (PAGE / "dist").rglob("*") if path.is_file()]
     assert sum(len(gzip.compress(path.read_bytes())) for path in files) <= MAX_PAGE_BYTES
@@ -282,4 +395,13 @@ def test_a_window_without_a_valid_token_is_told_what_to_do(studio, browser):
     page = context.new_page()
     page.goto(re.sub("token=.*", "token=wrong", studio.last_address))
     page.get_by_role("alert").get_by_text("Open the address").wait_for()
+    context.close()
+
+
+def test_a_browser_without_3d_is_told_what_it_needs(studio, browser):
+    context = browser.new_context()
+    context.add_init_script("HTMLCanvasElement.prototype.getContext = () => null;")
+    page = context.new_page()
+    page.goto(studio.last_address)
+    page.get_by_role("alert").get_by_text("The studio needs WebGL 2.").wait_for()
     context.close()

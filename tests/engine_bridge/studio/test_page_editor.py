@@ -1,5 +1,8 @@
 """The page's editor in a browser: limbs, handles, mapping, undo; every control of the left and right panels."""
 
+import json
+import shutil
+
 import pytest
 
 from .page_driver import running
@@ -7,17 +10,48 @@ from .page_driver import running
 pytestmark = pytest.mark.slow
 
 
+LIMBS = {
+    "trunk": ([[0.0, 0.0, 0.0], [0.0, 0.6, 0.0], [0.0, 1.2, 0.0]], ["hip_center", "spine", "shoulder_center"]),
+    "head": ([[0.0, 1.25, 0.0], [0.0, 1.9, 0.25]], ["shoulder_center", "head"]),
+    **{
+        f"{side} arm": (
+            [[sign * x, 1.12 + 0.1 * x, 0.05 * x] for x in (0.2, 0.6, 1.0, 1.35)],
+            [f"{joint}_{side}" for joint in ("shoulder", "elbow", "wrist", "hand")],
+        )
+        for side, sign in (("left", 1), ("right", -1))
+    },
+    **{
+        f"{side} leg": (
+            [[sign * (0.1 + 0.3 * k / 2), -0.15 - 0.65 * k, 0.0] for k in (0, 1, 2)],
+            [f"{joint}_{side}" for joint in ("hip", "knee", "ankle")],
+        )
+        for side, sign in (("left", 1), ("right", -1))
+    },
+}
+"""The limbs of the small figure: points and joints."""
+
+
 @pytest.fixture(scope="module")
-def studio(tmp_path_factory):
-    with running(tmp_path_factory.mktemp("studio")) as running_studio:
+def studio(tmp_path_factory, blob_file):
+    """A studio with a figure of 1,478 vertices, whose edits take no time."""
+    folder = tmp_path_factory.mktemp("figure")
+    shutil.copy(blob_file, folder / "figure.glb")
+    tables = [
+        f'[[limb]]\nname = "{name}"\npoints = {points}\njoints = {json.dumps(joints)}\n'
+        for name, (points, joints) in LIMBS.items()
+    ]
+    character = '[character]\nmesh = "figure.glb"\n'
+    solver = "[solver]\nfields = 5\nisolines = 6\n"
+    puppet = folder / "figure.toml"
+    puppet.write_text("\n".join([character, *tables, solver]), encoding="utf-8")
+    with running(tmp_path_factory.mktemp("studio"), puppet) as running_studio:
         yield running_studio
 
 
 @pytest.fixture(scope="module")
 def window(studio, browser):
-    """A window with the example human, who walks."""
+    """A window with the figure, which walks."""
     opened = studio.open(browser)
-    opened.button("Human").click()
     opened.until("state.server?.characters.length === 1 && studio.viewer.has(state.character)")
     opened.until("state.puppets[state.character]")
     opened.idle()
@@ -47,11 +81,7 @@ def line(window, name):
 def test_a_dragged_point_moves_in_the_view_plane_and_undo_brings_it_back(window):
     before = window.limb("left arm")["points"]
     x, y = window.place("left arm", 2)
-    window.page.mouse.move(x, y)
-    window.page.mouse.down()
-    window.page.mouse.move(x + 30, y - 20, steps=4)
-    window.page.mouse.up()
-    window.idle()
+    window.drag((x, y), (x + 30, y - 20))
     after = window.limb("left arm")["points"]
     assert after[2] != before[2]
     assert [after[0], after[1], after[3]] == [before[0], before[1], before[3]]
@@ -71,11 +101,7 @@ def test_a_point_dragged_along_the_surface_stays_inside_of_the_body(window):
     before = window.limb("left arm")["points"]
     x, y = window.place("left arm", 1)
     nx, ny = window.place("left arm", 2)
-    window.page.mouse.move(x, y)
-    window.page.mouse.down()
-    window.page.mouse.move((x + nx) / 2, (y + ny) / 2, steps=4)
-    window.page.mouse.up()
-    window.idle()
+    window.drag((x, y), ((x + nx) / 2, (y + ny) / 2))
     bounds = window.page.evaluate("studio.viewer.bounds(studio.state().character)")
     moved = window.limb("left arm")["points"][1]
     assert moved != before[1]
@@ -275,14 +301,14 @@ def test_tabs_are_reached_by_arrow_keys(window):
 def test_bones_can_be_hidden_and_the_view_fitted(window):
     bones = window.page.get_by_label("Bones")
     bones.uncheck()
-    window.page.wait_for_timeout(300)
-    assert window.page.evaluate("studio.viewer.places().limbs") == []
+    window.until("studio.viewer.places().limbs.length === 0")
     bones.check()
     before = window.place("head", 1)
     box = window.page.locator(".overlay").bounding_box()
     window.page.mouse.move(box["x"] + 40, box["y"] + 40)
     window.page.mouse.wheel(0, 600)
-    window.page.wait_for_timeout(1500)
+    moved = "studio.viewer.places().limbs.find(({ name }) => name === 'head').points[1][1]"
+    window.until(f"Math.abs({moved} - {before[1] - box['y']}) > 5")
     assert window.place("head", 1) != pytest.approx(before, abs=5)
     window.button("Fit").click()
     assert window.place("head", 1) == pytest.approx(before, abs=1)
@@ -299,3 +325,73 @@ def test_the_puppet_file_is_saved_and_downloaded(window):
         window.button("Save puppet file").click()
     assert "gain = 1.25" in download.value.path().read_text()
     window.until("state.server.characters[0].saved")
+
+
+def test_the_mesh_is_stood_up_and_turned_round(window):
+    window.tab("Motion")
+    height = "(([low, high]) => high.y - low.y)(Object.values(studio.viewer.boxes())[0])"
+    before = window.page.evaluate(height)
+    window.page.get_by_label("Up in the mesh file").select_option("z")
+    window.idle()
+    assert window.puppet["character"] | {"mesh": ""} == {"mesh": "", "up": "z", "front": "y", "scale": 1.0}
+    window.until(f"Math.abs({height} - ({before})) > 0.1")
+    window.page.get_by_label("Front in the mesh file").select_option("-x")
+    window.idle()
+    assert window.puppet["character"]["front"] == "-x"
+    undo_all(window)
+    window.until(f"Math.abs({height} - ({before})) < 1e-6")
+
+
+def test_the_plot_shows_a_live_joint_of_the_performer(window):
+    window.tab("Motion")
+    window.page.get_by_role("combobox", name="Plot of").select_option("hand_left")
+    live = window.until(
+        "state.preview !== null && state.plotted === 'hand_left' && state.preview.times.at(-1) > 1 && state.preview"
+    )
+    assert live["rise_ms"] is None
+    assert live["jitter_mm"] <= live["measured_mm"]
+    assert "the left hand in the last seconds" in window.page.locator("svg.plot").get_attribute("aria-label")
+    window.page.get_by_role("combobox", name="Plot of").select_option("")
+    window.until("state.preview?.rise_ms !== null && state.preview?.measured_mm === 5")
+
+
+def test_the_list_is_reached_from_a_part_and_the_motion_from_the_rest_pose(window):
+    line(window, "left leg").click()
+    window.button("‹ All limbs and handles").click()
+    assert window.state("selection") is None
+    window.button("Live").click()
+    frame = window.until("studio.viewer.moment(state.character)?.later")
+    window.until(f"studio.viewer.moment(state.character).later > {frame}")
+    window.button("Rest pose").click()
+    window.until("studio.viewer.moment(state.character) === null")
+
+
+DROP = """(text) => {
+  const dataTransfer = new DataTransfer();
+  dataTransfer.items.add(new File([text], "broken.obj"));
+  document.dispatchEvent(new DragEvent("dragover", { dataTransfer, bubbles: true, cancelable: true }));
+  const shown = studio.state().dropping;
+  document.dispatchEvent(new DragEvent("drop", { dataTransfer, bubbles: true, cancelable: true }));
+  return shown;
+}"""
+
+
+def test_a_broken_file_that_is_dropped_is_refused_with_its_line(window):
+    assert window.page.evaluate(DROP, "v 0 0 zero\n") is True
+    assert "broken.obj" in window.until("state.notice?.level === 'error' && state.notice.text")
+    assert window.state("dropping") is False
+    window.button("Dismiss").click()
+    assert window.state("notice") is None
+
+
+def test_the_other_characters_are_offered_and_the_way_back(window):
+    window.page.get_by_label("Character").select_option(label="Open another…")
+    assert window.button("Human").is_enabled()
+    window.button("Back to the character").click()
+    window.button("+ Limb").wait_for()
+
+
+def test_a_character_is_closed(window):
+    window.page.get_by_role("button", name="Close figure").click()
+    window.until("state.server.characters.length === 0")
+    window.page.get_by_role("heading", name="Drop a 3D mesh here").wait_for()

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from capture.smoothing import Smoothing
-from engine_bridge.studio.smoothing_preview import preview
+from capture.smoothing import FRAMES_PER_SECOND, Smoothing
+from engine_bridge.studio.smoothing_preview import preview, preview_of
 
 
 @pytest.mark.parametrize(
@@ -30,3 +30,36 @@ def test_without_smoothing_the_curve_is_what_was_measured():
     assert len(found.times) == len(found.measured) == 75
     assert found.jitter_mm == pytest.approx(5.0, rel=0.02)
     assert found.lag_ms == pytest.approx(0.0, abs=1e-9)
+
+
+def swinging(noise=0.0):
+    """Return times and positions of a joint that swings along y for three seconds."""
+    times = np.arange(90) / FRAMES_PER_SECOND
+    positions = np.zeros((90, 3))
+    positions[:, 1] = 0.3 * np.sin(2 * np.pi * 0.8 * times)
+    return times, positions + np.random.default_rng(1).normal(scale=noise or 1e-12, size=(90, 3))
+
+
+def test_a_live_joint_without_smoothing_is_as_it_was_measured():
+    found = preview_of(Smoothing(alpha=1.0, gamma=0.0, jitter_radius=0.0, max_deviation=np.inf), *swinging(0.005))
+    assert np.allclose(found.smoothed, found.measured, atol=1e-12)
+    assert np.ptp(found.measured) > 0.5
+    assert found.jitter_mm == found.measured_mm
+    assert found.lag_ms == pytest.approx(0.0, abs=1e-6)
+    assert (found.rise_ms, found.overshoot_mm) == (None, None)
+
+
+def test_the_noise_of_a_live_joint_is_that_which_was_added():
+    found = preview_of(Smoothing(alpha=1.0, gamma=0.0, jitter_radius=0.0, max_deviation=np.inf), *swinging(0.01))
+    assert found.measured_mm == pytest.approx(10.0, rel=0.15)
+
+
+def test_a_strong_smoothing_lags_behind_a_live_joint_and_calms_it():
+    strong = Smoothing(alpha=0.3, gamma=0.3, jitter_radius=1.0, max_deviation=1.0, prediction=0.0)
+    found = preview_of(strong, *swinging(0.005))
+    assert found.jitter_mm < 0.5 * found.measured_mm
+    assert found.lag_ms > 30
+
+
+def test_a_joint_at_rest_has_no_lag():
+    assert preview_of(Smoothing(), np.arange(30) / 30, np.zeros((30, 3))).lag_ms is None

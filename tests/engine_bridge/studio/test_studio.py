@@ -56,6 +56,7 @@ def test_the_first_character_moves_without_another_step(stage):
         "address": "",
         "restarts": 0,
         "problem": "",
+        "text": "",
     }
     assert [each["character"] for each in state["performers"]] == ["figure_one"]
     assert state["banner"]["level"] == "none"

@@ -1,5 +1,6 @@
 """Clips in Godot, without a service: compared with the solver's vertices."""
 
+import ast
 import base64
 import shutil
 
@@ -13,7 +14,10 @@ from engine_bridge.service.clip_export import write_clip
 from solver.model.binding import Binding
 from solver.motion.deformer import to_file_units
 
+from .test_modes import Listener, Reference
+
 FRAMES = (0, 7, 30, 57)
+OTHER = Settings(rest_at=1.0)
 
 
 @pytest.fixture(scope="module")
@@ -24,11 +28,23 @@ def clip(take, blob_puppet, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
+def other_clip(take, blob_puppet, tmp_path_factory):
+    """The same motion with another calibration, which moves the character differently."""
+    path = tmp_path_factory.mktemp("clips") / "other.clip"
+    write_clip(take, blob_puppet, path, "dancer", OTHER)
+    return path
+
+
+@pytest.fixture(scope="module")
 def solved(take, blob_puppet):
-    """The vertices of all frames, and the diagonal."""
-    rig = load_rig(blob_puppet)
-    timeline, _ = load_timeline(take, Settings())
-    (frames,) = solve(rig, timeline, Settings(), 1000)
+    return vertices_of(take, blob_puppet, Settings())
+
+
+def vertices_of(take, puppet, settings):
+    """Return the vertices of all frames, and the diagonal."""
+    rig = load_rig(puppet)
+    timeline, _ = load_timeline(take, settings)
+    (frames,) = solve(rig, timeline, settings, 1000)
     binding = Binding(rig.model, rig.character.vertices, rig.mesh.of_render)
     vertices = [
         binding.vertices(to_file_units(R, rig.model)) + root for R, root in zip(frames.R, frames.root, strict=True)
@@ -79,6 +95,88 @@ def test_a_damaged_clip_is_a_warning(run_godot, clip, tmp_path):
     damaged.write_bytes(clip.read_bytes()[:-9])
     [head] = run_godot("play_clip.gd", damaged)
     assert head["problem"].startswith("damaged at byte")
+
+
+def test_an_animation_tree_shows_the_mean_of_two_clips(run_godot, clip, other_clip, solved, take, blob_puppet):
+    first, diagonal = solved
+    second, _ = vertices_of(take, blob_puppet, OTHER)
+    moments = [(0.5, 4), (0.25, 20), (0.0, 21), (1.0, 22), (0.5, 30)]
+    asked = (f"{weight}:{number / 30!r}" for weight, number in moments)
+    head, *told = run_godot("mix_clips.gd", clip, other_clip, "tree", *asked)
+    assert head == {"shared": True, "animations": ["RESET", "clip_0", "clip_1"]}
+    for (weight, number), found, each in zip(moments, positions(told), told, strict=True):
+        mean = (1 - weight) * first[number] + weight * second[number]
+        assert np.abs(found - mean).max() <= 1e-5 * diagonal
+        origin = np.array(ast.literal_eval(each["surface"]))
+        assert np.abs(origin - mean[7]).max() <= 1e-4 * diagonal
+    assert np.abs(first[4] - second[4]).max() > 0.01 * diagonal
+
+
+def test_an_animation_player_shows_one_of_two_clips(run_godot, clip, other_clip, solved):
+    _, found = run_godot("mix_clips.gd", clip, other_clip, "player", f"0:{12 / 30!r}")
+    assert np.abs(positions([found])[0] - solved[0][12]).max() <= 1e-5 * solved[1]
+
+
+def test_a_performer_is_mixed_with_a_clip(run_godot, playing, solved, blob_puppet, take, tmp_path):
+    service = playing(blob_puppet, take)
+    clip = tmp_path / "blob.clip"
+    write_clip(take, blob_puppet, clip, None, Settings())
+    *told, facts = run_godot("mix_live.gd", service.port, clip, 0.0, 1.0, 0.5, 0.25)
+    only_clip, only_live, half, quarter = positions(told)
+    tolerance = 1e-5 * solved[1]
+    assert np.abs(only_clip - solved[0][0]).max() <= tolerance
+    assert np.abs(only_live - only_clip).max() > 100 * tolerance
+    assert np.abs(half - (only_clip + only_live) / 2).max() <= tolerance
+    assert np.abs(quarter - (0.75 * only_clip + 0.25 * only_live)).max() <= tolerance
+    assert facts["warnings"] == []
+    assert facts["state"]["connected"]
+
+
+@pytest.fixture
+def recorded(start_godot, project, playing, blob_puppet, take):
+    """A recording of a service that was killed before its end: the result, and the vertices of its frames."""
+    path = "res://dance.res"
+    service = playing(blob_puppet, take)
+    reference = Reference(blob_puppet)
+    with Listener(service, "blob", "controls") as (heard,):
+        script = start_godot("record_clip.gd", service.port, path)
+        script.until(lambda told: told.get("seconds", 0) > 2)
+        service.process.kill()
+        results = script.end()
+    sequences = [told["frame"] for told in results if "frame" in told]
+    vertices = {
+        k: reference.positions(heard[sequence].body) for k, sequence in enumerate(sequences) if sequence in heard
+    }
+    return path, results, vertices, reference.diagonal
+
+
+def test_a_recording_plays_in_a_game_without_a_service(start_godot, recorded, request):
+    path, results, vertices, diagonal = recorded
+    assert {"saved": path} in results
+    assert results[-1]["problem"] == ""
+    assert results[-1]["frames"] == sum("frame" in told for told in results)
+    assert results[-1]["length"] > 2
+    game = request.getfixturevalue("exported_game")
+    numbers = sorted(vertices)[::20]
+    moments = [number / 30 for number in numbers]
+    _, *told = start_godot("play_clip.gd", path, *moments, moments[0], game=game).finish(120)
+    assert told[0]["positions"] == told[-1]["positions"]
+    for number, found in zip(numbers, positions(told), strict=False):
+        assert np.abs(found - vertices[number]).max() <= 1e-5 * diagonal
+
+
+def test_a_recording_survives_the_end_of_its_process(start_godot, project, playing, blob_puppet, take):
+    service = playing(blob_puppet, take)
+    script = start_godot("record_clip.gd", service.port, "res://dance.res")
+    script.until(lambda told: told.get("seconds", 0) > 0.5)
+    script.kill()
+    count = sum("frame" in told for told in script.results)
+    [told] = start_godot("record_clip.gd", "recover", "res://dance.res").finish()
+    assert told == {"recovered": ["res://dance.res"]}
+    head = start_godot("play_clip.gd", "res://dance.res").finish()[0]
+    assert head["problem"] == ""
+    assert head["length"] == pytest.approx((count - 1) / 30, abs=0.05)
+    assert not list(project.glob("*.part"))
 
 
 @pytest.fixture

@@ -4,6 +4,8 @@ extends "teller.gd"
 ## {"puppet": number, "call": [method, argument…]}.
 
 const INTERVAL := 0.1
+## Signals of each image or frame, which are not reported.
+const FREQUENT := ["pose_updated", "frame_received"]
 
 var _puppets: Array[Puppet3D] = []
 var _done := 0
@@ -37,7 +39,8 @@ func _listen(puppet: Puppet3D, number: int) -> void:
 	for happening: Dictionary in puppet.get_script().get_script_signal_list():
 		var name: String = happening["name"]
 		var hear := func(what: Variant = null) -> void: tell({"puppet": number, "signal": name, "what": what})
-		puppet.connect(name, hear)
+		if name not in FREQUENT:
+			puppet.connect(name, hear)
 
 
 func _obey(lines: PackedStringArray) -> void:

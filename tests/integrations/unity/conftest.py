@@ -106,9 +106,34 @@ def built(mono, tmp_path_factory):
     compile_(
         "Puppetline.Unity", sorted(runtime.glob("*.cs")), "Puppetline.Core", "UnityEngine", more=["-doc:unity.xml"]
     )
+    stand_ins = HERE / "stand_ins"
+    compile_("Unity.Timeline", sorted((stand_ins / "timeline").glob("*.cs")), "UnityEngine")
+    compile_("UnityEditor", sorted((stand_ins / "editor").glob("*.cs")), "UnityEngine")
+    compile_("nunit.framework", sorted((stand_ins / "nunit").glob("*.cs")))
+    compile_(
+        "Puppetline.Timeline",
+        sorted((runtime / "Timeline").glob("*.cs")),
+        *unity,
+        "Unity.Timeline",
+        more=["-doc:timeline.xml"],
+    )
+    compile_(
+        "Puppetline.Editor",
+        sorted((PACKAGE / "Editor").glob("*.cs")),
+        *unity,
+        "UnityEditor",
+        more=["-doc:editor.xml"],
+    )
+    editing = (*unity, "UnityEditor", "Puppetline.Editor")
+    compile_("Tests", sorted((PACKAGE / "Tests").rglob("*.cs")), *editing, "nunit.framework", more=["-doc:tests.xml"])
+    compile_(
+        "Editing", [programs / "Editing.cs", programs / "Said.cs"], *editing, "nunit.framework", "Tests", target="exe"
+    )
     compile_("Sample", sorted((PACKAGE / "Samples~").rglob("*.cs")), *unity)
     compile_("Core", [programs / "Core.cs", programs / "Said.cs"], "Puppetline.Core", target="exe")
     compile_("Sharing", [programs / "Sharing.cs", programs / "Said.cs"], "Puppetline.Core", target="exe")
+    timeline = ("Puppetline.Timeline", "Unity.Timeline")
+    compile_("Clips", [programs / "Clips.cs", programs / "Said.cs"], *unity, *timeline, target="exe")
     compile_("Component", [programs / "Component.cs", programs / "Said.cs"], *unity, target="exe")
     return folder
 

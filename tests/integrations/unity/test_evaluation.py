@@ -1,5 +1,8 @@
 """Controls evaluated in C#, and by the shader's arithmetic, against the vertices of the same recorded frames."""
 
+import base64
+import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +10,7 @@ import pytest
 
 from engine_bridge.service.protocol.payloads import decode
 
-from .conftest import array
+from .conftest import HERE, PACKAGE, array
 
 VECTORS = Path(__file__).parents[2] / "vectors"
 UNITY = np.float32([-1, 1, 1])
@@ -145,3 +148,50 @@ def test_without_transforms_the_shader_leaves_vertices_as_they_are(shader, scene
     for points in (by_slopes, by_cofactors):
         np.testing.assert_array_equal(points, moving)
     np.testing.assert_array_equal(before, moving[:, :3])
+
+
+@pytest.fixture(scope="module")
+def webgl_shader(tmp_path_factory):
+    """The vertex shader for OpenGL ES 3.0, by way of SPIR-V as Unity's compiler for it goes by way of bytecode."""
+    for program in ("glslangValidator", "spirv-cross"):
+        if shutil.which(program) is None:
+            pytest.skip(f"{program} is not here (Debian: glslang-tools, spirv-cross)")
+    spirv = tmp_path_factory.mktemp("webgl") / "vertex.spv"
+    include = f"-I{PACKAGE / 'Runtime' / 'Resources'}"
+    mapped = ["--auto-map-bindings", "--auto-map-locations", "-DSHADER_API_GLES3=1", include]
+    source = HERE / "programs" / "feedback.hlsl"
+    compiled = subprocess.run(
+        ["glslangValidator", "-D", "-V", "-S", "vert", "-e", "main", *mapped, "-o", spirv, source],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert compiled.returncode == 0, compiled.stdout
+    translate = ["spirv-cross", spirv, "--es", "--version", "300", "--stage", "vert"]
+    return subprocess.run(translate, capture_output=True, text=True, check=True).stdout
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_a_browser_computes_the_services_vertices_with_the_shader(browser, webgl_shader, scene, number):
+    """WebGL 2, which has the transforms in a texture; positions, normals and positions before come back."""
+    facts, other = scene.facts, (number + 1) % 3
+    rows = blocks_with(facts, body(f"{number}.controls"), body(f"{other}.controls"))
+    moving, constant = streams(scene)
+    place = {"positionOS": 0, "normalOS": 3, "block": 6, "isolines0": 8, "isolines1": 12}
+    place |= {f"slopes{k}": 16 + 4 * k for k in range(4)}
+    given = {
+        "shader": webgl_shader,
+        "rows": base64.b64encode(rows.tobytes()).decode(),
+        "vertices": base64.b64encode(np.hstack([moving, constant]).astype(np.float32).tobytes()).decode(),
+        "place": place,
+        "stride": 32,
+    }
+    page = browser.new_page()
+    told = page.evaluate((HERE / "programs" / "feedback.js").read_text(), given)
+    page.close()
+    assert told["error"] == ""
+    position, normal, before = np.split(array(told["values"], columns=9), 3, axis=1)
+    expected = body(f"{number}.vertices")
+    assert np.abs(position * UNITY - expected.positions).max() <= 1e-6 * facts["diagonal"]
+    assert np.abs(normal * UNITY - expected.normals).max() <= 1e-5
+    assert np.abs(before * UNITY - body(f"{other}.vertices").positions).max() <= 1e-6 * facts["diagonal"]

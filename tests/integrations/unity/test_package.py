@@ -20,8 +20,8 @@ def guid(path):
 
 
 def test_everything_compiles_without_a_warning_and_is_documented(built):
-    for name in ("core", "unity"):
-        assert (built / f"{name}.xml").stat().st_size > 5000
+    for name in ("core", "unity", "timeline", "editor", "tests"):
+        assert (built / f"{name}.xml").stat().st_size > 500
 
 
 def test_the_core_needs_nothing_of_the_engine(built):
@@ -40,6 +40,33 @@ def test_the_package_says_what_it_is():
     assert (PACKAGE / "LICENSE.md").read_text() == (PACKAGE.parents[1] / "LICENSE").read_text()
     for sample in package["samples"]:
         assert list((PACKAGE / sample["path"]).glob("*.unity"))
+
+
+def test_links_are_to_files_that_are_installed_with_the_package():
+    """Puppetline has no public address; without addresses, the package manager opens the files of the package."""
+    package = json.loads((PACKAGE / "package.json").read_text())
+    assert not {"documentationUrl", "changelogUrl", "licensesUrl"} & set(package)
+    for page in PACKAGE.rglob("*.md"):
+        for link in re.findall(r"\]\(([^)]+)\)", page.read_text()):
+            assert (page.parent / link).resolve().is_relative_to(PACKAGE.resolve()), (page, link)
+            assert (page.parent / link).exists(), (page, link)
+
+
+def test_every_assembly_knows_what_it_uses():
+    """And the one for Timeline exists only where Timeline is installed, the tests only where Unity runs tests."""
+    files = {path.stem: json.loads(path.read_text()) for path in PACKAGE.rglob("*.asmdef")}
+    assert {name for name, each in files.items() if each["name"] == name} == set(files)
+    assert {name: each["includePlatforms"] for name, each in files.items() if each["includePlatforms"]} == {
+        "Puppetline.Editor": ["Editor"],
+        "Puppetline.Editor.Tests": ["Editor"],
+    }
+    timeline = files["Puppetline.Timeline"]
+    (version,) = timeline["versionDefines"]
+    assert version["name"] == "com.unity.timeline"
+    assert timeline["defineConstraints"] == [version["define"]]
+    assert files["Puppetline.Editor.Tests"]["defineConstraints"] == ["UNITY_INCLUDE_TESTS"]
+    outside = {"Unity.Timeline", "UnityEngine.TestRunner", "UnityEditor.TestRunner"}
+    assert {name for each in files.values() for name in each["references"]} <= {*files, *outside}
 
 
 def test_every_file_and_folder_has_an_identity_of_its_own():

@@ -68,7 +68,9 @@ def compile_hlsl(tmp_path):
 def test_every_pass_of_urp_compiles(compile_hlsl, kind, entry, api):
     text = f'#define PUPPETLINE_PASS PUPPETLINE_{kind}\n#include "PuppetlineUniversal.hlsl"\n'
     compile_hlsl(text, entry, APIS[api])
-    compile_hlsl(text, entry, APIS[api], "_ALPHATEST_ON", "_CASTING_PUNCTUAL_LIGHT_SHADOW")
+    compile_hlsl(
+        text, entry, APIS[api], "_ALPHATEST_ON", "_CASTING_PUNCTUAL_LIGHT_SHADOW", "_MAIN_LIGHT_SHADOWS_SCREEN"
+    )
 
 
 @pytest.mark.parametrize("entry", ["PuppetlineVertex", "Frag"])

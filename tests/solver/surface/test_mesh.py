@@ -293,6 +293,17 @@ def test_the_smallest_real_meshes_have_a_reduced_model(real_mesh, monkeypatch, s
     assert len(mesh.vertices) >= COARSE
 
 
+def test_components_are_those_of_the_graph_of_edges():
+    vertices, faces = igl.icosahedron()
+    many = np.concatenate([vertices + 3 * number for number in range(40)])
+    order = np.random.default_rng(3).permutation(len(many))
+    all_faces = np.argsort(order)[np.concatenate([faces + len(vertices) * number for number in range(40)])]
+    mesh = weld(many[order], all_faces)
+    expected = solver_mesh.connected_components(len(mesh.vertices), *mesh.edges.T)
+    np.testing.assert_array_equal(mesh.components, expected)
+    assert (mesh.components.dtype, mesh.parts) == (expected.dtype, 40)
+
+
 def test_diagonal_edges_and_components_of_two_cubes_equal_values_by_hand():
     mesh = weld(np.concatenate([CORNERS, CORNERS + np.array([3, 0, 0])]), np.concatenate([CUBE, CUBE + 8]))
     assert mesh.diagonal == pytest.approx(np.sqrt(16 + 1 + 1))

@@ -14,6 +14,7 @@ import type {
 import { begin, commit, redo as later, undo as earlier } from "./model/history";
 import { type Part, type Puppet, type Smoothing, follow, has, mirror, remove, symmetryPoint } from "./model/puppet";
 import type { Joint } from "./model/skeleton";
+import { smoothingOf } from "./model/smoothing";
 import type { Vector } from "./model/vector";
 import { strings } from "./strings";
 import { type Recording, current, shownCharacter, shownPuppet, update } from "./store";
@@ -151,6 +152,11 @@ export async function calibrate(character: string): Promise<void> {
   await request(strings.busy.source, "calibrate", { character });
 }
 
+/** Let a performer in view move a character; null lets the service choose. */
+export async function chooseUser(character: string, user: number | null): Promise<void> {
+  await request(strings.busy.source, "choose_user", { character, user });
+}
+
 let looking = 0;
 
 /** Show what the source sees, again and again until it is hidden. */
@@ -275,8 +281,27 @@ export function mirrorSelected(bounds: readonly [Vector, Vector]): void {
   select(mirrored.part);
 }
 
+/** Show what a smoothing does: to a test signal, or to a joint of the performer who moves the shown character. */
 export async function preview(smoothing: Smoothing): Promise<void> {
-  update({ preview: await connection.request<SmoothingReply>("smoothing_preview", smoothing).catch(() => null) });
+  const { plotted } = current();
+  const shown = shownCharacter(current());
+  const live = plotted === null || shown === null ? {} : { joint: plotted, character: shown.name };
+  const reply = await connection.request<SmoothingReply>("smoothing_preview", { ...smoothing, ...live }).catch(() => null);
+  if (plotted === current().plotted) update({ preview: reply });
+}
+
+let plotting = 0;
+
+/** Choose what the plot of the smoothing shows; a joint is plotted again and again while its plot is on the page. */
+export async function plot(joint: Joint | null): Promise<void> {
+  const turn = ++plotting;
+  update({ plotted: joint, preview: null });
+  do {
+    const puppet = shownPuppet(current());
+    if (puppet !== null) await preview(smoothingOf(puppet));
+    await new Promise((resolve) => setTimeout(resolve, 1000));
+  } while (joint !== null && turn === plotting && current().tab === "motion");
+  if (turn === plotting && joint !== null) void plot(null);
 }
 
 export async function save(character: string): Promise<void> {
@@ -295,6 +320,10 @@ export async function record(on: boolean): Promise<void> {
 
 export async function deleteTake(take: string): Promise<void> {
   await request(strings.busy.source, "delete_take", { take });
+}
+
+export async function deleteUpload(upload: string): Promise<void> {
+  await request(strings.busy.source, "delete_upload", { upload });
 }
 
 export async function exportRecording(): Promise<void> {

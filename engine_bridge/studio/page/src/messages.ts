@@ -33,6 +33,7 @@ export interface SourceState {
 
 export interface PerformerState {
   readonly user: number;
+  readonly stage: string;
   readonly state: string;
   readonly character: string | null;
   readonly distance: number;
@@ -150,10 +151,11 @@ export interface SmoothingReply {
   readonly times: readonly number[];
   readonly measured: readonly number[];
   readonly smoothed: readonly number[];
+  readonly measured_mm: number;
   readonly jitter_mm: number;
-  readonly lag_ms: number;
-  readonly rise_ms: number;
-  readonly overshoot_mm: number;
+  readonly lag_ms: number | null;
+  readonly rise_ms: number | null;
+  readonly overshoot_mm: number | null;
 }
 
 export interface PuppetReply {

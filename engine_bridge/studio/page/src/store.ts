@@ -51,6 +51,8 @@ export interface State {
   readonly looking: boolean;
   readonly look: LookReply | null;
   readonly preview: SmoothingReply | null;
+  /** The performer's joint that the plot of the smoothing shows; null for a test signal. */
+  readonly plotted: Joint | null;
   readonly recording: Recording | null;
   readonly trim: readonly [number | null, number | null];
   readonly loop: boolean;
@@ -84,6 +86,7 @@ export const INITIAL: State = {
   looking: false,
   look: null,
   preview: null,
+  plotted: null,
   recording: null,
   trim: [null, null],
   loop: true,

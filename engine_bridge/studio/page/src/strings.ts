@@ -8,6 +8,11 @@ export const strings = {
   title: "Puppetline studio",
   name: "Puppetline",
 
+  noGraphics: {
+    title: "This browser cannot draw 3D.",
+    text: "The studio needs WebGL 2. Update the browser and the graphics driver, switch on hardware acceleration in the browser's settings, or open the address in another browser.",
+  },
+
   empty: {
     title: "Drop a 3D mesh here, and it moves.",
     text: "Puppetline finds its limbs and lets an example performer play it. Then you change the limbs, choose who performs, record and export.",
@@ -97,6 +102,8 @@ export const strings = {
     lookFine: "No problems found.",
     noPicture: "This source has no pictures.",
     picture: "What the source sees, with the joints that it found",
+    choose: (user: number) => `Let performer ${user} play`,
+    automatic: "Choose the performer automatically",
     user: (user: number, state: string) => `Performer ${user}: ${state}`,
     states: {
       waiting: "waiting",
@@ -165,6 +172,10 @@ export const strings = {
   motion: {
     tab: "Motion",
     body: "Body",
+    up: "Up in the mesh file",
+    front: "Front in the mesh file",
+    frontHint: "Change these if the character lies down or looks away.",
+    direction: (axis: string) => (axis.startsWith("-") ? `−${axis.slice(1)}` : `+${axis}`),
     mirror: "Mirror: the performer's left moves the character's right",
     armSpace: "Arm space",
     armSpaceHint: "Degrees by which hanging arms are held away from the body.",
@@ -192,10 +203,18 @@ export const strings = {
     jitter_radius: "Jitter radius, m",
     max_deviation: "Deviation, m",
     prediction: "Prediction, frames",
-    jitter: (mm: number) => `${mm.toFixed(1)} mm of 5 mm jitter left`,
+    plotted: "Plot of",
+    test: "a test signal: at rest, then a step",
+    live: (joint: string) => `live: ${spoken(joint)}, the last 3 seconds`,
+    noJoint: "No performer moves this joint now.",
+    still: "Move to see the lag",
+    jitter: (mm: number, of: number) => `${mm.toFixed(1)} mm of ${of.toFixed(of < 4.95 ? 1 : 0)} mm jitter left`,
     lag: (ms: number) => (ms < 0 ? `${Math.round(-ms)} ms ahead` : `${Math.round(ms)} ms lag`),
-    plot: (jitter: number, lag: number) =>
-      `Plot of a joint at rest and in a step: measured, and smoothed with ${jitter.toFixed(1)} mm of jitter and ${Math.round(lag)} ms of lag`,
+    plot: (joint: string | null, jitter: number, lag: number | null) => {
+      const what = joint === null ? "a joint at rest and in a step" : `the ${spoken(joint)} in the last seconds`;
+      const late = lag === null ? "" : ` and ${Math.round(lag)} ms of lag`;
+      return `Plot of ${what}: measured, and smoothed with ${jitter.toFixed(1)} mm of jitter${late}`;
+    },
     measured: "Measured",
     smoothed: "Smoothed",
   },
@@ -214,6 +233,7 @@ export const strings = {
     from: "From, s",
     to: "To, s",
     remove: (name: string) => `Delete take ${name}`,
+    removeUpload: (name: string) => `Delete recording ${name}`,
     export: "Export",
     form: "Format",
     forms: {

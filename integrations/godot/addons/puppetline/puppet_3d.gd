@@ -18,6 +18,8 @@ signal refused(reason: String)
 signal scene_loaded
 ## Emitted when a new pose has been set, once per image. Nodes that follow the surface move then.
 signal pose_updated
+## Emitted with each frame of the service, as it arrives.
+signal frame_received(frame: Message)
 ## Emitted when a performer has been found for the character. The performer should stand still for one second.
 signal performer_found(user: int)
 ## Emitted when the performer has been calibrated and drives the character.
@@ -51,16 +53,19 @@ enum Clock {
 }
 
 const Stream := preload("wire/stream.gd")
-const ControlSocket := preload("wire/control.gd")
+const ServiceLink := preload("wire/service_link.gd")
+const Performer := preload("wire/performer.gd")
+const Takes := preload("wire/takes.gd")
 const Connections := preload("wire/connections.gd")
-const Discovery := preload("wire/discovery.gd")
 const Message := preload("wire/message.gd")
 const Scene := preload("wire/scene.gd")
 const SharedScene := preload("play/shared_scene.gd")
 const Playback := preload("play/playback.gd")
 const JitterBuffer := preload("play/jitter_buffer.gd")
 const FrameQueue := preload("play/frame_queue.gd")
-const ClipPlayback := preload("play/clip_playback.gd")
+const MixedPlayback := preload("play/mixed_playback.gd")
+const ClipPlayer := preload("play/clip_player.gd")
+const ClipAnimations := preload("play/clip_animations.gd")
 const Body := preload("play/body.gd")
 const ControlsBody := preload("play/controls_body.gd")
 const VerticesBody := preload("play/vertices_body.gd")
@@ -68,17 +73,13 @@ const MorphsBody := preload("play/morphs_body.gd")
 const RestMesh := preload("play/rest_mesh.gd")
 const MeshProperties := preload("play/mesh_properties.gd")
 const SurfacePatch := preload("play/surface_patch.gd")
-const PatchMotion := preload("play/patch_motion.gd")
+const SurfacePoses := preload("play/surface_poses.gd")
 
-const _CHARACTERS := "service/characters"
-const _STATUS := "service/status"
 ## Maximum number of frames from which the frame rate is measured.
 const _MAX_ARRIVALS := 256
 ## Maximum time for which an image of a movie waits for its first frame, and for one of the next frames, in seconds.
 const _FIRST_FRAME_TIMEOUT_SECONDS := 20.0
 const _NEXT_FRAME_TIMEOUT_SECONDS := 2.0
-## Maximum number of surface patches whose data is kept.
-const _MAX_PATCHES := 1024
 
 @export_group("Service")
 ## Host name or address of the service. If empty, the first service found in the network that has the [member
@@ -115,7 +116,7 @@ const _MAX_PATCHES := 1024
 	set(value):
 		user_slot = value
 		_reset_preview()
-		_notice_performer(_last_user, _last_state)
+		_performer.slot = value
 ## How the service sends the character.
 @export var mode := Mode.CONTROLS:
 	set(value):
@@ -145,7 +146,7 @@ const _MAX_PATCHES := 1024
 ## A clip that the node plays instead of a service's stream.
 @export var clip: PuppetClip:
 	set(value):
-		_link_stale = _link_stale or value != clip
+		_clips_stale = _clips_stale or value != clip
 		clip = value
 ## Shown position of the [member clip], in seconds. An AnimationPlayer can animate it, with a [member clip_speed] of 0.
 @export_range(0.0, 600.0, 0.001, "or_greater", "suffix:s") var clip_position := 0.0
@@ -154,6 +155,15 @@ const _MAX_PATCHES := 1024
 @export var clip_speed := 1.0
 ## Whether the [member clip] begins again after its end.
 @export var clip_loops := true
+## Clips of one character that an AnimationPlayer or an AnimationTree mixes, by the animations of [method
+## make_clip_animations]. If their weights add up to less than 1, [member clip] has the rest.
+@export var mixed_clips: Array[PuppetClip] = []:
+	set(value):
+		_clips_stale = true
+		mixed_clips = value
+## Weight of the performer against the clips: 0 shows the clips, 1 the performer. The node connects to the service when
+## it is first greater than 0, and shows the clips until a frame arrives.
+@export_range(0.0, 1.0, 0.001) var live_weight := 0.0
 
 @export_group("Rendering")
 ## Render layers of the character's meshes. These properties replace those of the meshes in [member mesh_source].
@@ -218,11 +228,13 @@ const _MAX_PATCHES := 1024
 ## Whether the character is shown in the editor too.
 @export var preview_in_editor := true
 
-var _stream: Stream
-var _control: ControlSocket
-var _discovery: Discovery
+var _link: ServiceLink
+var _performer := Performer.new()
+var _takes := Takes.new()
 var _shared: SharedScene
 var _buffer: Playback = _new_buffer()
+var _clips := ClipPlayer.new()
+var _shown := MixedPlayback.new()
 var _time := 0.0  # of the clocks ENGINE and MANUAL, in seconds
 var _waits := true  # whether a movie waits for frames
 var _body: Body
@@ -231,29 +243,31 @@ var _preview: Node3D  # the character from mesh_source until a frame is shown
 var _preview_stale := true
 var _name := ""  # name of the followed character
 var _topic := ""  # topic of its frames
-var _names: Array[String] = []  # names of all characters
-var _state := Stream.State.OFFLINE
 var _link_stale := false
+var _clips_stale := false
+var _is_other_version := false  # the service's character, than that of the clips
 var _body_stale := false
-var _last_user := Message.NO_USER  # as reported by the service
-var _last_state := Message.PerformerState.WAITING
-var _user := Message.NO_USER
-var _calibrated := false
-var _takes: Array[String] = []
-var _control_port := 0
 var _damaged := 0
 var _arrivals := PackedFloat64Array()
-var _patches: Dictionary = {}  # vertex: SurfacePatch, of the scene
-var _motions: Dictionary = {}  # SurfacePatch: PatchMotion, of the body
+var _poses := SurfacePoses.new()
+
+
+func _init() -> void:
+	_performer.found.connect(performer_found.emit)
+	_performer.calibrated.connect(performer_calibrated.emit)
+	_performer.lost.connect(performer_lost.emit)
+	_takes.started.connect(take_started.emit)
+	_takes.stopped.connect(take_stopped.emit)
 
 
 func _process(delta: float) -> void:
 	var plays := preview_in_editor or not Engine.is_editor_hint()
+	if _clips_stale:
+		_take_clips()
 	if _link_stale or not plays:
 		_leave()
-	if clip != null:
-		_move_clip(delta if clock != Clock.MANUAL else 0.0)
-	elif clock == Clock.ENGINE:
+	_move_clip(delta if clock != Clock.MANUAL else 0.0)
+	if clock == Clock.ENGINE:
 		_time += delta
 		(_buffer as FrameQueue).catches_up = Engine.time_scale == 1.0 and not OS.has_feature("movie")
 	if plays:
@@ -268,16 +282,23 @@ func _exit_tree() -> void:
 
 func _get_configuration_warnings() -> PackedStringArray:
 	var warnings := PackedStringArray()
-	if clip != null and clip.problem():
-		warnings.append("The clip is damaged: %s. Write it again with `puppetline clip`." % clip.problem())
+	if _clips.problem:
+		warnings.append(_clips.problem)
 	elif mode == Mode.MORPHS and mesh_source == null:
 		warnings.append("The mode MORPHS requires a mesh_source. Import the .glb from `puppetline bake` and assign it.")
 	if token and _sent_token().is_empty():
 		warnings.append("The token is not sent to services found in the network. Set host, or turn on trust_network.")
-	if _state == Stream.State.REFUSED:
-		warnings.append("The service refuses the connection: %s" % _stream.reason)
-	if character and not _names.is_empty() and character not in _names:
-		warnings.append("The service has no character '%s'. Its characters are: %s." % [character, ", ".join(_names)])
+	if _link != null and _link.state == Stream.State.REFUSED:
+		warnings.append("The service refuses the connection: %s" % _link.stream.reason)
+	var names: Array[String] = []
+	if _link != null:
+		names = _link.characters
+	if character and not names.is_empty() and character not in names:
+		warnings.append("The service has no character '%s'. Its characters are: %s." % [character, ", ".join(names)])
+	if _is_other_version:
+		warnings.append(
+			"The service has another version of %s than the clip, and is not shown. Write it again." % _name
+		)
 	if _body != null and _body.problem:
 		warnings.append("%s: %s." % [_name, _body.problem])
 	return warnings
@@ -286,23 +307,13 @@ func _get_configuration_warnings() -> PackedStringArray:
 ## Send a request to the service (docs/control.md). [param done] is called with its reply, or with an error of the same
 ## form if there is no reply.
 func request(body: Dictionary, done := Callable()) -> void:
-	var answered := done if done.is_valid() else _warn_of_failure
-	var address := host if _stream == null else _stream.host
-	if address.is_empty():
-		var fix := "Start a service, or set host."
-		var error := {"where": name, "found": "no service", "expected": "a service in the network", "fix": fix}
-		answered.call({"ok": false, "error": error})
-		return
-	if _control == null:
-		var next := 1 + (port if _stream == null else _stream.port)
-		_control = ControlSocket.new(address, _control_port if _control_port > 0 else next, _sent_token())
-	_control.request(body, answered)
+	_made_link().request(body, done if done.is_valid() else _warn_of_failure)
 
 
 ## Connect again immediately, even if the service has refused the connection.
 func retry() -> void:
-	if _stream != null:
-		_stream.retry()
+	if _stream() != null:
+		_stream().retry()
 
 
 ## Move the character on by a time in seconds, with the clock MANUAL. The next frames are shown immediately.
@@ -310,11 +321,15 @@ func advance(seconds: float) -> void:
 	if clock != Clock.MANUAL:
 		push_warning("Puppetline: advance() has no effect. Set clock to MANUAL first.")
 		return
-	if clip != null:
-		_move_clip(seconds)
-	else:
-		_time += seconds
+	_move_clip(seconds)
+	_time += seconds
 	_show_next()
+
+
+## Return an animation per clip of [member mixed_clips], and RESET, for an AnimationPlayer whose root node is this node.
+## An AnimationTree blends them. An AnimationPlayer does so if its `deterministic` is on.
+func make_clip_animations() -> AnimationLibrary:
+	return ClipAnimations.library(mixed_clips)
 
 
 ## Calibrate again: map the performer's current pose to the character's rest pose.
@@ -330,12 +345,13 @@ func set_mirror(on: bool) -> void:
 ## Record a take of the character's stage. Without a name, the service chooses one. [param done] is called as described
 ## at [method request].
 func start_recording(take := "", done := Callable()) -> void:
-	_request_of_stage({"do": "record_start", "name": take} if take else {"do": "record_start"}, done)
+	var body := {"do": "record_start", "name": take} if take else {"do": "record_start"}
+	_made_link().request_of_stage(body, _name, done if done.is_valid() else _warn_of_failure)
 
 
 ## Finish the take that is being recorded.
 func stop_recording(done := Callable()) -> void:
-	_request_of_stage({"do": "record_stop"}, done)
+	_made_link().request_of_stage({"do": "record_stop"}, _name, done if done.is_valid() else _warn_of_failure)
 
 
 ## Compute the positions of all vertices as they are shown, in the coordinates of this node. This is slow and intended
@@ -356,29 +372,13 @@ func get_surface_transform(vertex: int) -> Transform3D:
 	var scene := get_character_scene()
 	if scene == null or vertex < 0 or vertex >= scene.vertex_count:
 		return Transform3D.IDENTITY
-	if vertex not in _patches:
-		_patches[vertex] = SurfacePatch.at_vertex(scene, vertex)
-	return get_patch_transform(_patches[vertex], Transform3D.IDENTITY)
+	return get_patch_transform(_poses.at_vertex(scene, vertex), Transform3D.IDENTITY)
 
 
 ## Return the shown pose of a patch of the surface, with an orthonormal basis in the space that [param to_space]
 ## transforms to. Before the first frame, it is the pose of this node.
 func get_patch_transform(patch: SurfacePatch, to_space: Transform3D) -> Transform3D:
-	var unknown := Transform3D(Basis(to_space.basis.get_rotation_quaternion()), to_space.origin)
-	if _body == null or _buffer.earlier == null:
-		return unknown
-	if patch not in _motions:
-		if _motions.size() >= _MAX_PATCHES:
-			_motions.clear()
-			_patches.clear()
-		_motions[patch] = _body.follow_patch(patch)
-	var motion: PatchMotion = _motions[patch]
-	if motion == null:
-		return unknown
-	var share := _body.shown_share(_buffer.share)
-	var sums := motion.between(_buffer.earlier, _buffer.later, share)
-	sums[0] += _body.shift(_buffer.earlier, _buffer.later, share)
-	return patch.pose(sums, to_space)
+	return _poses.pose(patch, _body, _shown, to_space)
 
 
 ## Return where a segment hits the shown surface first: `position` and `normal` in global coordinates, and the number of
@@ -424,73 +424,100 @@ func get_piece_transforms() -> Array[Transform3D]:
 func statistics() -> Dictionary:
 	return {
 		"character": _name,
-		"connected": _state == Stream.State.CONNECTED,
-		"user": _user,
-		"calibrated": _calibrated,
+		"connected": _is_connected(),
+		"user": _performer.user,
+		"calibrated": _performer.is_calibrated,
 		"frames_per_second": _recent_arrivals(),
-		"latency": _stream.same_machine_latency() if _stream != null else -1.0,
+		"latency": _stream().same_machine_latency() if _stream() != null else -1.0,
 		"waiting": _buffer.waiting(),
 		"lost": _buffer.lost,
 		"damaged": _damaged,
-		"sequence": _buffer.earlier.sequence if _buffer.earlier != null else -1,
-		"next_sequence": _buffer.later.sequence if _buffer.later != null else -1,
-		"share": _buffer.share,
+		"sequence": _shown.earlier.sequence if _shown.earlier != null else -1,
+		"next_sequence": _shown.later.sequence if _shown.later != null else -1,
+		"share": _shown.share,
 	}
 
 
-## Send a request with the name of the character's stage, which is first requested from the service.
-func _request_of_stage(body: Dictionary, done: Callable) -> void:
-	var find := func(reply: Dictionary) -> void:
-		var result: Variant = reply.get("result")
-		var list: Variant = result.get("characters") if result is Dictionary else null
-		for each: Variant in list if list is Array else []:
-			if each is Dictionary and each.get("name") is String and each["name"] == _name:
-				body["stage"] = each.get("stage")
-		request(body, done)
-	request({"do": "describe"}, find)
+## The properties that animations of clips set: `mix/0` and so on.
+func _set(property: StringName, value: Variant) -> bool:
+	var number := _mix_number(property)
+	if number >= 0 and value is Vector2:
+		_clips.mix[number] = value
+	return number >= 0
+
+
+func _get(property: StringName) -> Variant:
+	var number := _mix_number(property)
+	return _clips.mix[number] if number >= 0 else null
+
+
+## Return the number of the mixed clip to which a property belongs; −1 for other properties.
+func _mix_number(property: StringName) -> int:
+	if not property.begins_with(ClipAnimations.PROPERTY_PREFIX):
+		return -1
+	if _clips_stale:
+		_take_clips()
+	var number := property.trim_prefix(ClipAnimations.PROPERTY_PREFIX).to_int()
+	return number if number < _clips.mix.size() else -1
 
 
 func _play() -> void:
 	_show_preview()
-	if clip != null:
-		_play_clip()
-		return
+	var playable := _clips.first()
+	if playable != null:
+		_show_clip_scene()
+	if not _clips.is_used or (playable != null and (live_weight > 0.0 or _link != null)):
+		_poll_service()
+	if is_inside_tree():
+		_show_next()
+
+
+## Read what the service has sent.
+func _poll_service() -> void:
 	# A callback may disconnect this node, or remove it from the scene.
-	if _control != null:
-		_control.poll()
-	if not is_inside_tree() or (_stream == null and not _join()):
+	_made_link().poll_control()
+	if not is_inside_tree() or not _join():
 		return
-	_stream.poll()
+	_link.stream.poll()
 	_receive()
 	if clock == Clock.ENGINE and OS.has_feature("movie"):
 		_wait_for_frame()
-	_show_next()
 
 
-func _play_clip() -> void:
+## Take the clips that have been set. The character stays if they are of the same scene.
+func _take_clips() -> void:
+	_clips_stale = false
+	var before := _clips.first()
+	_clips.set_clips(clip, mixed_clips)
+	var now := _clips.first()
+	if before == null or now == null or before.shared_scene() != now.shared_scene():
+		_link_stale = true
+	update_configuration_warnings()
+
+
+func _show_clip_scene() -> void:
 	if _shared == null:
-		_shared = clip.shared_scene()
-		_name = clip.character()
-		_body_stale = _shared != null
-		update_configuration_warnings()
+		_shared = _clips.first().shared_scene()
+		_name = character if character else _clips.first().character()
+		_body_stale = true
 	if _body_stale:
 		_build()
-	_show_next()
 
 
 func _move_clip(seconds: float) -> void:
+	if clip == null or clip_speed == 0.0:
+		return
 	var moved := clip_position + clip_speed * seconds
 	var length := clip.length()
-	if clip_speed != 0.0:
-		clip_position = fposmod(moved, length) if clip_loops and length > 0.0 else clampf(moved, 0.0, length)
+	clip_position = fposmod(moved, length) if clip_loops and length > 0.0 else clampf(moved, 0.0, length)
 
 
 ## Take notice of what the stream has received.
 func _receive() -> void:
-	if _stream == null:
-		return
-	_notice_state()
-	if _shared == null:
+	if _link != null:
+		_link.notice_state()
+	_link_stale = _link_stale or (_link != null and _link.is_lost())
+	if _link == null or _shared == null or _clips.is_used:
 		return
 	_shared.poll()
 	if _body_stale and _shared.scene != null:
@@ -501,24 +528,43 @@ func _receive() -> void:
 func _wait_for_frame() -> void:
 	var limit := _FIRST_FRAME_TIMEOUT_SECONDS if _buffer.earlier == null else _NEXT_FRAME_TIMEOUT_SECONDS
 	var give_up := Time.get_ticks_msec() + int(1000 * limit)
-	while _waits and _stream != null and not (_buffer as FrameQueue).reaches(_time):
+	while _waits and _stream() != null and not (_buffer as FrameQueue).reaches(_time):
 		if Time.get_ticks_msec() > give_up:
 			_waits = false  # until a frame arrives
 			push_warning("Puppetline: no frame for the movie within %d s. Check that the service plays." % limit)
 		OS.delay_msec(1)
-		_stream.read()
+		_stream().read()
 		_receive()
 
 
 func _show_next() -> void:
-	if _body != null and _buffer.advance(_now()):
+	if _body == null:
+		return
+	var parts: Array[Playback] = []
+	var weights := PackedFloat64Array()
+	var live := live_weight if _clips.is_used else 1.0
+	if live > 0.0 and _buffer.advance(_now()) and _is_wanted(_buffer.earlier.user):
+		parts.append(_buffer)
+		weights.append(live)
+	else:
+		live = 0.0
+	if _clips.is_used and live < 1.0:
+		_clips.advance(clip_position)
+		for i in _clips.shown.size():
+			parts.append(_clips.shown[i])
+			weights.append((1.0 - live) * _clips.weights[i])
+	_shown.mix(parts, weights)
+	if _shown.earlier != null:
 		_show()
+
+
+## Return whether clips are mixed with frames of a performer.
+func _is_wanted(user: int) -> bool:
+	return not _clips.is_used or user_slot < 0 or user == user_slot
 
 
 ## Return a buffer for the clock.
 func _new_buffer() -> Playback:
-	if clip != null:
-		return ClipPlayback.new(clip)
 	var buffer: Playback = JitterBuffer.new() if clock == Clock.REALTIME else FrameQueue.new()
 	buffer.delay = _delay()
 	return buffer
@@ -529,21 +575,35 @@ func _delay() -> float:
 	return 0.0 if clock == Clock.MANUAL or OS.has_feature("movie") else interpolation_delay
 
 
-## Follow the service as soon as its address is known; return false before.
+## Return the connection to the service, which is made on first use.
+func _made_link() -> ServiceLink:
+	if _link == null:
+		_link = ServiceLink.new(name, host, port, _sent_token(), character)
+		_link.state_changed.connect(_on_state_changed)
+		_link.characters_changed.connect(_on_characters)
+		_link.status_received.connect(func(status: Dictionary) -> void: _takes.notice(status, _name))
+	return _link
+
+
+## Follow the character as soon as the address of the service is known; return false before.
 func _join() -> bool:
-	var address := {"host": host, "port": port, "control": port + 1}
-	if host.is_empty():
-		address = _discovered()
-		if address.is_empty():
-			return false
-	_discovery = null
-	_control_port = address["control"]
-	_stream = Stream.shared(address["host"], address["port"], _sent_token())
-	_stream.follow(_CHARACTERS, _on_characters)
-	_stream.follow(_STATUS, _on_status)
-	if character:
+	if not _made_link().join():
+		return false
+	if _clips.is_used:
+		_link.stream.follow(_name + "/performer", _on_performer)
+		_follow_frames()
+	elif character:
 		_follow_character(character)
 	return true
+
+
+## Return the stream; null until the address of the service is known.
+func _stream() -> Stream:
+	return _link.stream if _link != null else null
+
+
+func _is_connected() -> bool:
+	return _link != null and _link.state == Stream.State.CONNECTED
 
 
 ## Return the token, unless it would be sent to a service that is not trusted.
@@ -551,42 +611,15 @@ func _sent_token() -> String:
 	return token if host or trust_network else ""
 
 
-## Return the first service in the network that has the character; empty if there is none.
-func _discovered() -> Dictionary:
-	if _discovery == null:
-		_discovery = Discovery.new()
-		_discovery.search()
-	_discovery.poll()
-	var refused := ["CURVE"] if _sent_token() else ["PLAIN", "CURVE"]
-	for service in _discovery.services:
-		if service["mechanism"] not in refused and (character.is_empty() or character in service["characters"]):
-			return service
-	return {}
-
-
 ## Disconnect from the service and hide the character.
 func _leave() -> void:
 	_link_stale = false
-	_leave_control()
+	_is_other_version = false
 	_unfollow_character()
-	if _stream == null:
-		return
-	_stream.unfollow(_CHARACTERS, _on_characters)
-	_stream.unfollow(_STATUS, _on_status)
-	_change_state(Stream.State.OFFLINE)
-	_stream = null
-	_discovery = null
-	_names.clear()
-
-
-func _leave_control() -> void:
-	var left := _control
-	_control = null
-	_control_port = 0
+	var left := _link
+	_link = null
 	if left != null:
-		# Deferred, because other nodes may be leaving the scene together with this one.
-		var answer := func() -> void: left.fail_all("a node that has disconnected from the service")
-		answer.call_deferred()
+		left.close()
 
 
 func _follow_character(which: String) -> void:
@@ -594,17 +627,18 @@ func _follow_character(which: String) -> void:
 		return
 	_unfollow_character()
 	_name = which
-	_shared = SharedScene.shared(_stream, _name)
+	_shared = SharedScene.shared(_link.stream, _name)
 	_shared.changed.connect(_on_scene)
-	_stream.follow(_name + "/performer", _on_performer)
+	_link.stream.follow(_name + "/performer", _on_performer)
 	_body_stale = true
 
 
 func _unfollow_character() -> void:
 	if _shared == null:
 		return
-	if _stream != null:
-		_stream.unfollow(_name + "/performer", _on_performer)
+	if _stream() != null:
+		_stream().unfollow(_name + "/performer", _on_performer)
+	if _shared.changed.is_connected(_on_scene):
 		_shared.changed.disconnect(_on_scene)
 	_unfollow_frames()
 	_shared = null
@@ -619,9 +653,10 @@ func _unfollow_character() -> void:
 
 func _unfollow_frames() -> void:
 	if _topic:
-		_stream.unfollow(_topic, _on_frame)
+		_link.stream.unfollow(_topic, _on_frame)
 	_topic = ""
 	_buffer = _new_buffer()
+	_shown = MixedPlayback.new()
 
 
 ## Make the node that shows the character, and follow the frames that it needs.
@@ -633,8 +668,7 @@ func _build() -> void:
 	elif _body != null:
 		_body.queue_free()
 	_body = _new_body()
-	_patches.clear()
-	_motions.clear()
+	_poses.clear()
 	_body.follow_root = follow_root
 	_body.set_materials(materials)
 	_body.visible = false
@@ -643,19 +677,24 @@ func _build() -> void:
 	update_configuration_warnings()
 	add_child(_body, false, Node.INTERNAL_MODE_FRONT)
 	MeshProperties.pass_on(self, _body)
-	if _stream != null:
-		_topic = "%s/%s" % [_name, _body.payload_name()]
-		_stream.follow(_topic, _on_frame)
+	_follow_frames()
 	scene_loaded.emit()
+
+
+## Follow the frames that the body needs, unless they are followed or the service is not known.
+func _follow_frames() -> void:
+	if _topic.is_empty() and _stream() != null and _body != null:
+		_topic = "%s/%s" % [_name, _body.payload_name()]
+		_stream().follow(_topic, _on_frame)
 
 
 func _new_body() -> Body:
 	var source := _own_character()
-	if mode == Mode.MORPHS and clip == null:
+	if mode == Mode.MORPHS and not _clips.is_used:
 		return MorphsBody.new(_shared, source)
-	var uses_controls := mode == Mode.CONTROLS or clip != null
+	var uses_controls := mode == Mode.CONTROLS or _clips.is_used
 	var obstacle := RestMesh.obstacle(_shared.scene) if uses_controls else ""
-	if uses_controls and (obstacle.is_empty() or clip != null):
+	if uses_controls and (obstacle.is_empty() or _clips.is_used):
 		var drawn := ControlsBody.new(_shared, source)
 		drawn.problem = obstacle if obstacle else drawn.problem
 		return drawn
@@ -679,10 +718,8 @@ func _own_character() -> Node3D:
 
 
 func _show() -> void:
-	_body.show_frames(_buffer.earlier, _buffer.later, _buffer.share)
-	_body.visible = (
-		clip != null or user_slot < 0 or (_state == Stream.State.CONNECTED and _buffer.earlier.user == user_slot)
-	)
+	_body.show_frames(_shown.earlier, _shown.later, _shown.share)
+	_body.visible = (_clips.is_used or user_slot < 0 or (_is_connected() and _shown.earlier.user == user_slot))
 	if _last_body != null:
 		_last_body.queue_free()
 		_last_body = null
@@ -725,100 +762,29 @@ func _shows_body() -> bool:
 	return _last_body != null or (_body != null and _body.visible)
 
 
-func _notice_state() -> void:
-	if _stream.state != _state:
-		_change_state(_stream.state)
-	if _state == Stream.State.OFFLINE and host.is_empty():
-		_link_stale = true  # it may have another address when it returns
-
-
-func _change_state(to: Stream.State) -> void:
-	var was := _state
-	_state = to
+func _on_state_changed(before: Stream.State) -> void:
 	update_configuration_warnings()
-	if was == Stream.State.CONNECTED:
-		_notice_performer(Message.NO_USER, Message.PerformerState.WAITING)
-		_notice_takes([])
+	if before == Stream.State.CONNECTED:
+		_performer.clear()
+		_takes.clear()
 		disconnected.emit()
-	if to == Stream.State.CONNECTED:
+	if _is_connected():
 		connected.emit()
-	if to == Stream.State.REFUSED:
-		var address := Connections.address(_stream.host, _stream.port)
-		push_warning("Puppetline: %s refuses the connection: %s" % [address, _stream.reason])
-		refused.emit(_stream.reason)
+	if _link != null and _link.state == Stream.State.REFUSED:
+		var address := Connections.address(_link.stream.host, _link.stream.port)
+		push_warning("Puppetline: %s refuses the connection: %s" % [address, _link.stream.reason])
+		refused.emit(_link.stream.reason)
 
 
-func _on_characters(message: Message) -> void:
-	var list: Variant = message.json()
-	if not list is Array:
-		return
-	_names.clear()
-	for entry: Variant in list:
-		if entry is Dictionary and entry.get("name") is String:
-			_names.append(entry["name"])
+func _on_characters() -> void:
 	update_configuration_warnings()
-	if character.is_empty() and not _names.is_empty() and _name not in _names:
-		_follow_character(_names[0])
-
-
-func _on_status(message: Message) -> void:
-	var status: Variant = message.json()
-	if status is Dictionary:
-		_notice_takes(_takes_of_stage(status))
-
-
-## Return the takes that are recorded of the character's stage; of all stages if an older service does not report which
-## one that is.
-func _takes_of_stage(status: Dictionary) -> Array[String]:
-	var own: Variant = null
-	for each: Variant in status["characters"] if status.get("characters") is Array else []:
-		if each is Dictionary and each.get("name") is String and each["name"] == _name:
-			own = each.get("stage")
-	var takes: Array[String] = []
-	for stage: Variant in status["stages"] if status.get("stages") is Array else []:
-		if (
-			stage is Dictionary
-			and stage.get("recording") is String
-			and (own == null or is_same(stage.get("name"), own))
-		):
-			takes.append(stage["recording"])
-	return takes
-
-
-func _notice_takes(takes: Array[String]) -> void:
-	var before := _takes
-	_takes = takes
-	for take in before:
-		if take not in takes:
-			take_stopped.emit(take)
-	for take in takes:
-		if take not in before:
-			take_started.emit(take)
+	var names := _link.characters
+	if not _clips.is_used and character.is_empty() and not names.is_empty() and _name not in names:
+		_follow_character(names[0])
 
 
 func _on_performer(message: Message) -> void:
-	_notice_performer(message.user, message.state)
-
-
-func _notice_performer(user: int, state: Message.PerformerState) -> void:
-	_last_user = user
-	_last_state = state
-	var is_present := state == Message.PerformerState.CALIBRATING or state == Message.PerformerState.PERFORMING
-	var now := user if is_present and (user_slot < 0 or user == user_slot) else Message.NO_USER
-	if now != _user:
-		var before := _user
-		_user = now
-		_calibrated = false
-		if before != Message.NO_USER:
-			performer_lost.emit(before)
-		if now != Message.NO_USER and now == _user:
-			performer_found.emit(now)
-	if now != _user:
-		return  # a receiver of the signal has changed it
-	var calibrated := now != Message.NO_USER and state == Message.PerformerState.PERFORMING
-	if calibrated and not _calibrated:
-		performer_calibrated.emit(now)
-	_calibrated = calibrated
+	_performer.notice(message.user, message.state)
 
 
 func _on_scene() -> void:
@@ -829,7 +795,7 @@ func _on_frame(message: Message) -> void:
 	if _body_stale:
 		return
 	if message.revision != _shared.scene.revision:
-		_shared.ask()
+		_notice_other_version()
 	elif message.payload.size() != _body.frame_size():
 		_damaged += 1
 	else:
@@ -837,6 +803,16 @@ func _on_frame(message: Message) -> void:
 		_arrivals.append(_real_time())
 		_waits = true
 		_buffer.push(message, _now())
+		frame_received.emit(message)
+
+
+## Request the scene again. The scene of clips never changes.
+func _notice_other_version() -> void:
+	if not _clips.is_used:
+		_shared.ask()
+	elif not _is_other_version:
+		_is_other_version = true
+		update_configuration_warnings()
 
 
 func _recent_arrivals() -> int:
@@ -850,10 +826,8 @@ func _warn_of_failure(reply: Dictionary) -> void:
 		push_warning("Puppetline: %s" % (" ".join(error.values().map(str)) if error is Dictionary else str(error)))
 
 
-## Return the time of the clock, or the position of the clip, in seconds.
+## Return the time of the clock in seconds.
 func _now() -> float:
-	if clip != null:
-		return clip_position
 	return _real_time() if clock == Clock.REALTIME else _time
 
 

@@ -1,16 +1,13 @@
 @tool
 class_name PuppetClip
 extends Resource
-## A character and its motion, from `puppetline clip`. A [Puppet3D] plays it without a service.
+## A character and its motion, from `puppetline clip` or a [PuppetRecorder]. A [Puppet3D] plays it without a service.
 ##
 ## Import a .clip file like any other file of the project.
 
 const Message := preload("wire/message.gd")
-const Scene := preload("wire/scene.gd")
+const ClipFile := preload("wire/clip_file.gd")
 const SharedScene := preload("play/shared_scene.gd")
-
-const _HEADER_BYTES := 128
-const _LENGTH_OFFSET := 76
 
 ## The contents of the file.
 @export var data := PackedByteArray():
@@ -22,6 +19,7 @@ const _LENGTH_OFFSET := 76
 var _is_read := false
 var _facts: Dictionary = {}
 var _starts := PackedInt64Array()  # of the frames, in the data
+var _times := PackedFloat64Array()  # of the frames, in seconds
 var _shared: SharedScene
 var _problem := ""
 
@@ -44,15 +42,26 @@ func frame_count() -> int:
 	return _starts.size()
 
 
-## Return the number of frames per second.
-func frames_per_second() -> float:
-	_read()
-	return float(_facts.get("fps", 30.0))
-
-
 ## Return the duration in seconds.
 func length() -> float:
-	return (frame_count() - 1) / frames_per_second() if frame_count() > 0 else 0.0
+	return _times[-1] - _times[0] if frame_count() > 0 else 0.0
+
+
+## Return the number of the last frame that is not after a position in seconds, the first one for earlier positions.
+func frame_at(position: float) -> int:
+	return maxi(_times.bsearch(_times[0] + position, false) - 1, 0) if frame_count() > 0 else -1
+
+
+## Return the position of a frame in seconds.
+func frame_position(number: int) -> float:
+	_read()
+	return _times[number] - _times[0]
+
+
+## Return the revision of the scene to which the frames belong.
+func revision() -> int:
+	_read()
+	return _shared.scene.revision if _shared != null else 0
 
 
 ## Return a frame.
@@ -61,7 +70,7 @@ func frame(number: int) -> Message:
 	return Message.parse(_message_at(_starts[number]))
 
 
-## Return the scene and the resources made from it, which all nodes that play this clip share.
+## Return the scene and the resources made from it, which all clips of the same scene share; null in a damaged clip.
 func shared_scene() -> SharedScene:
 	_read()
 	return _shared
@@ -72,12 +81,16 @@ func _read() -> void:
 		return
 	_is_read = true
 	_facts = {}
-	_starts.clear()
-	_shared = null
+	_forget()
 	_problem = _read_messages()
 	if _problem:
-		_starts.clear()
-		_shared = null
+		_forget()
+
+
+func _forget() -> void:
+	_starts.clear()
+	_times.clear()
+	_shared = null
 
 
 ## Find the messages of the data; return a description of an error.
@@ -96,15 +109,17 @@ func _read_messages() -> String:
 			_facts = facts if facts is Dictionary else {}
 			revision = message.revision
 		elif number == 1:
-			var scene := Scene.parse(message.payload)
-			if scene == null:
+			_shared = SharedScene.of_payload(message.payload)
+			if _shared == null:
 				return "a damaged scene"
-			_shared = SharedScene.of_scene(scene)
+		elif not _times.is_empty() and message.time <= _times[-1]:
+			return "a frame that is not later than the one before at byte %d" % at
 		else:
 			_starts.append(at)
+			_times.append(message.time)
 		if message.revision != revision:
 			return "a frame of another scene at byte %d" % at
-		at += _HEADER_BYTES + message.payload.size()
+		at += ClipFile.HEADER_BYTES + message.payload.size()
 		number += 1
 	if _starts.is_empty() or _starts.size() != int(_facts.get("frames", -1)):
 		return "%d frames, and %s are described" % [_starts.size(), _facts.get("frames", "none")]
@@ -112,6 +127,6 @@ func _read_messages() -> String:
 
 
 func _message_at(at: int) -> PackedByteArray:
-	if at + _HEADER_BYTES > data.size():
+	if at + ClipFile.HEADER_BYTES > data.size():
 		return PackedByteArray()
-	return data.slice(at, at + _HEADER_BYTES + data.decode_u32(at + _LENGTH_OFFSET))
+	return data.slice(at, at + ClipFile.HEADER_BYTES + data.decode_u32(at + ClipFile.LENGTH_OFFSET))

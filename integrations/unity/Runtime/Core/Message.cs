@@ -35,6 +35,9 @@ namespace Puppetline.Protocol
 
         /// <summary>List of characters, in JSON.</summary>
         Characters = 10,
+
+        /// <summary>Description of a clip file, in JSON (docs/clips.md).</summary>
+        Clip = 11,
     }
 
     /// <summary>State of a character's performer.</summary>

@@ -29,7 +29,7 @@ Shader "Puppetline/Controls"
     SubShader
     {
         PackageRequirements { "com.unity.render-pipelines.universal": "12.0" }
-        Tags { "RenderPipeline" = "UniversalPipeline" "RenderType" = "Opaque" "UniversalMaterialType" = "Lit" "DisableBatching" = "True" "AlwaysRenderMotionVectors" = "True" }
+        Tags { "RenderPipeline" = "UniversalPipeline" "RenderType" = "Opaque" "UniversalMaterialType" = "Lit" "DisableBatching" = "True" "AlwaysRenderMotionVectors" = "true" }
         Cull [_Cull]
 
         Pass
@@ -45,6 +45,7 @@ Shader "Puppetline/Controls"
             #pragma fragment PuppetlineFragment
             #pragma multi_compile_instancing
             #pragma multi_compile_local _ _ALPHATEST_ON
+            #pragma multi_compile _ _SURFACE_TYPE_TRANSPARENT
             #pragma multi_compile _ _MAIN_LIGHT_SHADOWS _MAIN_LIGHT_SHADOWS_CASCADE _MAIN_LIGHT_SHADOWS_SCREEN
             #pragma multi_compile _ _ADDITIONAL_LIGHTS_VERTEX _ADDITIONAL_LIGHTS
             #pragma multi_compile _ _FORWARD_PLUS
@@ -134,7 +135,7 @@ Shader "Puppetline/Controls"
     SubShader
     {
         PackageRequirements { "com.unity.render-pipelines.universal": "12.0" }
-        Tags { "RenderPipeline" = "UniversalPipeline" "RenderType" = "Opaque" "UniversalMaterialType" = "Lit" "DisableBatching" = "True" "AlwaysRenderMotionVectors" = "True" }
+        Tags { "RenderPipeline" = "UniversalPipeline" "RenderType" = "Opaque" "UniversalMaterialType" = "Lit" "DisableBatching" = "True" "AlwaysRenderMotionVectors" = "true" }
         Cull [_Cull]
 
         Pass
@@ -150,6 +151,7 @@ Shader "Puppetline/Controls"
             #pragma fragment PuppetlineFragment
             #pragma multi_compile_instancing
             #pragma multi_compile_local _ _ALPHATEST_ON
+            #pragma multi_compile _ _SURFACE_TYPE_TRANSPARENT
             #pragma multi_compile _ _MAIN_LIGHT_SHADOWS _MAIN_LIGHT_SHADOWS_CASCADE _MAIN_LIGHT_SHADOWS_SCREEN
             #pragma multi_compile _ _ADDITIONAL_LIGHTS_VERTEX _ADDITIONAL_LIGHTS
             #pragma multi_compile _ _FORWARD_PLUS
@@ -222,7 +224,7 @@ Shader "Puppetline/Controls"
     SubShader
     {
         PackageRequirements { "com.unity.render-pipelines.high-definition": "12.0" }
-        Tags { "RenderPipeline" = "HDRenderPipeline" "RenderType" = "HDLitShader" "DisableBatching" = "True" "AlwaysRenderMotionVectors" = "True" }
+        Tags { "RenderPipeline" = "HDRenderPipeline" "RenderType" = "HDLitShader" "DisableBatching" = "True" "AlwaysRenderMotionVectors" = "true" }
         Cull [_Cull]
 
         Pass
@@ -285,7 +287,8 @@ Shader "Puppetline/Controls"
         {
             Name "ForwardOnly"
             Tags { "LightMode" = "ForwardOnly" }
-            Blend [_SrcBlend] [_DstBlend], One OneMinusSrcAlpha
+            // HDRP multiplies colours by alpha itself.
+            Blend One [_DstBlend], One OneMinusSrcAlpha
             ZWrite [_ZWrite]
             ZTest LEqual
             HLSLPROGRAM

@@ -112,11 +112,16 @@ half4 PuppetlineFragment(PuppetlineVaryings input, bool front : SV_IsFrontFace) 
     lighting.positionWS = input.positionWS;
     lighting.normalWS = NormalizeNormalPerPixel(front ? input.normalWS : -input.normalWS);
     lighting.viewDirectionWS = GetWorldSpaceNormalizeViewDir(input.positionWS);
-    lighting.shadowCoord = TransformWorldToShadowCoord(input.positionWS);
     lighting.fogCoord = input.lightAndFog.w;
     lighting.vertexLighting = input.lightAndFog.xyz;
     lighting.bakedGI = SampleSH(lighting.normalWS);
     lighting.normalizedScreenSpaceUV = GetNormalizedScreenSpaceUV(input.positionCS);
+#if defined(_MAIN_LIGHT_SHADOWS_SCREEN) && !defined(_SURFACE_TYPE_TRANSPARENT)
+    // URP has computed the shadows of opaque surfaces for the screen.
+    lighting.shadowCoord = float4(lighting.normalizedScreenSpaceUV, 0, 1);
+#else
+    lighting.shadowCoord = TransformWorldToShadowCoord(input.positionWS);
+#endif
     lighting.shadowMask = half4(1, 1, 1, 1);
     half4 color = UniversalFragmentPBR(lighting, surface);
     color.rgb = MixFog(color.rgb, lighting.fogCoord);

@@ -97,7 +97,7 @@ static class Component
         else
         {
             FieldInfo field = typeof(Puppet).GetField(name);
-            field.SetValue(puppet, field.FieldType.IsEnum ? Enum.Parse(field.FieldType, value, true) : Convert.ChangeType(value, field.FieldType));
+            field.SetValue(puppet, field.FieldType.IsEnum ? Enum.Parse(field.FieldType, value, true) : Convert.ChangeType(value, field.FieldType, System.Globalization.CultureInfo.InvariantCulture));
         }
     }
 
@@ -217,13 +217,37 @@ static class Component
                 Set(told[1], told[2]);
                 puppet.Reconnect();
                 break;
+            case "tick":
+                Time.deltaTime = Number(told[1]);
+                Player.Call(puppet, "Update");
+                Time.deltaTime = 0;
+                Said.Line("at", puppet.Shown == null ? -1 : puppet.Shown.Header.Time);
+                Complain();
+                return true;
+            case "advance":
+                puppet.Advance(Number(told[1]));
+                Said.Line("at", puppet.Shown == null ? -1 : puppet.Shown.Header.Time);
+                Complain();
+                return true;
+            case "scale":
+                Time.timeScale = Number(told[1]);
+                break;
+            case "capture":
+                Time.captureDeltaTime = Number(told[1]);
+                return true;
+            case "change":
+                Set(told[1], told[2]);
+                break;
+            case "waiting":
+                Said.Line("waiting", Waiting());
+                break;
             case "disable":
                 Player.Enable(puppet, false);
                 break;
             case "end":
                 return false;
         }
-        if (!puppet.enabled)
+        if (!puppet.enabled || Time.captureDeltaTime > 0)
         {
             return true;
         }
@@ -293,6 +317,16 @@ static class Component
             "bounds", Numbers(mesh.bounds),
             "space", Space(), "attached", Attachments.ConvertAll(each => (object)PoseOf(each)).ToArray(),
             "enabled", renderer.enabled, "uploads", mesh.uploads, "uploaded", mesh.uploadedBytes);
+    }
+
+    static float Number(string text) => float.Parse(text, System.Globalization.CultureInfo.InvariantCulture);
+
+    /// <summary>Number of frames that wait to be shown.</summary>
+    static int Waiting()
+    {
+        const BindingFlags Own = BindingFlags.Instance | BindingFlags.NonPublic;
+        object buffer = typeof(Puppet).GetField("buffer", Own).GetValue(puppet);
+        return ((List<Frame>)typeof(FrameBuffer).GetProperty("Frames", Own).GetValue(buffer)).Count;
     }
 
     /// <summary>What the shader reads: a buffer or a texture.</summary>

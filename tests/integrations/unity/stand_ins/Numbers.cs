@@ -3,6 +3,11 @@ using System;
 
 namespace UnityEngine
 {
+    public static class Mathf
+    {
+        public static float Clamp01(float value) => Math.Max(0, Math.Min(1, value));
+    }
+
     public struct Vector2
     {
         public float x, y;

@@ -85,6 +85,36 @@ namespace UnityEngine
         }
     }
 
+    public class ScriptableObject : Object
+    {
+        public static T CreateInstance<T>()
+            where T : ScriptableObject
+        {
+            return (T)Activator.CreateInstance(typeof(T));
+        }
+    }
+
+    [AttributeUsage(AttributeTargets.Field)]
+    public sealed class SerializeField : Attribute
+    {
+    }
+
+    [AttributeUsage(AttributeTargets.Field)]
+    public sealed class HideInInspector : Attribute
+    {
+    }
+
+    /// <summary>The time of the engine, which tests set.</summary>
+    public static class Time
+    {
+        public static float deltaTime, timeScale = 1, captureDeltaTime;
+    }
+
+    public static class Application
+    {
+        public static bool isPlaying = true;
+    }
+
     public static class Debug
     {
         public static readonly List<string> Warnings = new List<string>();

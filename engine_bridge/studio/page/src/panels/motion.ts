@@ -14,6 +14,12 @@ export function motion(state: State): Node_ {
   return h("div", { class: "stack", key: "motion" }, body(state, puppet), root(puppet), smoothing(state, puppet));
 }
 
+const DIRECTIONS = ["x", "-x", "y", "-y", "z", "-z"] as const;
+
+type Direction = (typeof DIRECTIONS)[number];
+
+const along = (direction: string): string => direction.replace("-", "");
+
 function body(state: State, puppet: Puppet): Node_ {
   const { motion: words } = strings;
   const retarget = puppet.retarget ?? {};
@@ -21,8 +27,31 @@ function body(state: State, puppet: Puppet): Node_ {
     edit({ ...puppet, retarget: { ...retarget, ...values } });
   };
   const scale = retarget.scale ?? "auto";
+  const { up = "y", front = "z" } = puppet.character;
+  const stand = (values: Puppet["character"]): void => {
+    edit({ ...puppet, character: { ...puppet.character, ...values } });
+  };
   return section(
     words.body,
+    !isJoined(state) && [
+      field(
+        words.up,
+        select(DIRECTIONS.map((each) => [each, words.direction(each)] as const), up as Direction, (direction) => {
+          stand(along(direction) === along(front) ? { up: direction, front: along(direction) === "z" ? "y" : "z" } : { up: direction });
+        }),
+      ),
+      field(
+        words.front,
+        select(
+          DIRECTIONS.filter((each) => along(each) !== along(up)).map((each) => [each, words.direction(each)] as const),
+          front as Direction,
+          (direction) => {
+            stand({ front: direction });
+          },
+        ),
+        words.frontHint,
+      ),
+    ],
     checkbox(words.mirror, retarget.mirror ?? false, (mirror) => {
       change({ mirror });
     }),

@@ -1,7 +1,8 @@
 /** Who performs: the source, the figure, and what the sensor sees. */
 
-import { calibrate, chooseSource, look, perform } from "../actions";
-import { type Node_, h } from "../dom";
+import { calibrate, chooseSource, chooseUser, look, perform } from "../actions";
+import { type Child, type Node_, h } from "../dom";
+import type { CharacterState, PerformerState } from "../messages";
 import { type State, isJoined, shownCharacter } from "../store";
 import { strings } from "../strings";
 import { button } from "./parts";
@@ -58,9 +59,7 @@ function body(state: State): Node_ {
     { class: "stack", key: "body" },
     h("div", { class: "figure-box", raw: true, key: "figure" }),
     h("p", { class: `hint ${joint === null ? "" : "strong"}`, "aria-live": "polite" }, hint),
-    (server?.performers ?? []).map(({ user, state: doing }) =>
-      h("p", { class: "small", key: `user${user}` }, words.user(user, words.states[doing] ?? doing)),
-    ),
+    performers(server?.performers ?? [], shown),
     shown !== null &&
       button(words.calibrate, () => {
         void calibrate(shown.name);
@@ -70,4 +69,29 @@ function body(state: State): Node_ {
     }, { pressed: state.looking }),
     state.looking && seen(state),
   );
+}
+
+/** Who is in view, and who of them moves the shown character; the first choice is the service's. */
+function performers(all: readonly PerformerState[], shown: CharacterState | null): Child {
+  const { performer: words } = strings;
+  const here = all.filter(({ stage }) => stage === shown?.stage);
+  return [
+    here.map(({ user, state: doing, character }) =>
+      h(
+        "div",
+        { class: "row", key: `user${user}` },
+        h("p", { class: "small" }, words.user(user, words.states[doing] ?? doing)),
+        shown !== null &&
+          character !== shown.name &&
+          button(words.choose(user), () => {
+            void chooseUser(shown.name, user);
+          }, { quiet: true }),
+      ),
+    ),
+    shown !== null &&
+      here.length > 1 &&
+      button(words.automatic, () => {
+        void chooseUser(shown.name, null);
+      }, { quiet: true, key: "automatic" }),
+  ];
 }

@@ -1,9 +1,10 @@
 /** Smoothing: presets, sliders, and a plot of what they do to a joint. */
 
-import { edit, preview } from "../actions";
+import { plot as choosePlot, edit, preview } from "../actions";
 import { type Node_, h } from "../dom";
 import type { Puppet, Smoothing } from "../model/puppet";
 import { path, range } from "../model/plot";
+import { JOINTS, type Joint } from "../model/skeleton";
 import { PRESETS, presetOf, smoothingOf } from "../model/smoothing";
 import type { SmoothingReply } from "../messages";
 import { type State, isJoined } from "../store";
@@ -56,7 +57,18 @@ export function smoothing(state: State, puppet: Puppet): Node_ {
   return section(
     words.smoothing,
     isJoined(state) ? h("fieldset", { class: "plain stack", disabled: true }, controls) : controls,
-    state.preview !== null && plot(state.preview),
+    field(
+      words.plotted,
+      select(
+        [["", words.test], ...JOINTS.map((joint) => [joint, words.live(joint)] as const)],
+        state.plotted ?? "",
+        (joint) => {
+          void choosePlot(joint === "" ? null : joint);
+        },
+      ),
+    ),
+    state.preview !== null && plot(state.preview, state.plotted),
+    state.preview === null && state.plotted !== null && h("p", { class: "small", role: "status" }, words.noJoint),
   );
 }
 
@@ -68,7 +80,7 @@ function show(values: Smoothing): void {
   void preview(values);
 }
 
-function plot({ times, measured, smoothed, jitter_mm, lag_ms }: SmoothingReply): Node_ {
+function plot({ times, measured, smoothed, measured_mm, jitter_mm, lag_ms }: SmoothingReply, joint: Joint | null): Node_ {
   const { motion: words } = strings;
   const across = range(times);
   const up = range(measured, smoothed);
@@ -78,7 +90,7 @@ function plot({ times, measured, smoothed, jitter_mm, lag_ms }: SmoothingReply):
     { key: "plot" },
     h(
       "svg",
-      { class: "plot", viewBox: `-2 -4 ${FRAME.width + 4} ${FRAME.height + 8}`, role: "img", "aria-label": words.plot(jitter_mm, lag_ms) },
+      { class: "plot", viewBox: `-2 -4 ${FRAME.width + 4} ${FRAME.height + 8}`, role: "img", "aria-label": words.plot(joint, jitter_mm, lag_ms) },
       h("path", { class: "measured", d: line(measured) }),
       h("path", { class: "smoothed", d: line(smoothed) }),
     ),
@@ -87,8 +99,8 @@ function plot({ times, measured, smoothed, jitter_mm, lag_ms }: SmoothingReply):
       {},
       h("span", { class: "key measured" }, words.measured),
       h("span", { class: "key smoothed" }, words.smoothed),
-      h("span", {}, words.jitter(jitter_mm)),
-      h("span", {}, words.lag(lag_ms)),
+      h("span", {}, words.jitter(jitter_mm, measured_mm)),
+      h("span", {}, lag_ms === null ? words.still : words.lag(lag_ms)),
     ),
   );
 }

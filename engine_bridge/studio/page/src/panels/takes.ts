@@ -1,6 +1,6 @@
 /** Takes and other recordings: play, loop, trim, export, download. */
 
-import { deleteTake, exportRecording, offer, perform } from "../actions";
+import { deleteTake, deleteUpload, exportRecording, offer, perform } from "../actions";
 import { type Child, type Node_, h } from "../dom";
 import { type Recording, type State, isJoined, update } from "../store";
 import { strings } from "../strings";
@@ -62,6 +62,7 @@ function line(state: State, recording: Recording, title: string, detail: string)
 function chosen(state: State, recording: Recording): Child {
   const { takes: words } = strings;
   const take = recording.kind === "take" ? state.server?.takes.find(({ name }) => name === recording.name) : undefined;
+  const upload = recording.kind === "upload" ? state.server?.uploads.find((each) => each.upload === recording.name) : undefined;
   const [from, to] = state.trim;
   const forms = state.greeting?.forms ?? ["morph"];
   const exporting = state.busy.includes(strings.busy.export);
@@ -81,6 +82,11 @@ function chosen(state: State, recording: Recording): Child {
         button(words.remove(take.name), () => {
           update({ recording: null });
           void deleteTake(take.name);
+        }, { quiet: true, danger: true }),
+      upload !== undefined &&
+        button(words.removeUpload(upload.name), () => {
+          update({ recording: null });
+          void deleteUpload(upload.upload);
         }, { quiet: true, danger: true }),
     ),
     h(

@@ -117,6 +117,14 @@ export class Viewer {
     return this.figures.get(name)?.bounds() ?? null;
   }
 
+  /** The corners of each character's box at rest, in the view's coordinates. */
+  boxes() {
+    return Object.fromEntries([...this.figures].map(([name, figure]) => {
+      const { low, high } = figure.corners();
+      return [name, [low, high]];
+    }));
+  }
+
   /** Positions of a character's vertices as they are shown, in the mesh file's coordinates. */
   positions(name: string): Float32Array | null {
     return this.figures.get(name)?.positions() ?? null;
@@ -126,6 +134,11 @@ export class Viewer {
   shown(name: string) {
     const figure = this.figures.get(name);
     return figure === undefined ? null : { moment: figure.moment, positions: [...figure.positions()] };
+  }
+
+  /** The frames between which a character's shown pose lies. */
+  moment(name: string) {
+    return this.figures.get(name)?.moment ?? null;
   }
 
   /** Where the parts of the shown puppet are on the screen, in pixels of the view. */

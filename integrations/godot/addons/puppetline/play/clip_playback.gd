@@ -11,17 +11,17 @@ func _init(clip: PuppetClip) -> void:
 
 ## Determine the frames to show at a position in seconds; return false for a clip without frames.
 func advance(position: float) -> bool:
-	var last := _clip.frame_count() - 1
-	if last < 0:
+	var number := _clip.frame_at(position)
+	if number < 0:
 		return false
-	var place := clampf(position * _clip.frames_per_second(), 0.0, last)
-	var number := mini(int(place), maxi(last - 1, 0))
-	var next := mini(number + 1, last)
+	var next := mini(number + 1, _clip.frame_count() - 1)
 	var shown := {number: _frame(number), next: _frame(next)}
 	_frames = shown
 	earlier = shown[number]
 	later = shown[next]
-	share = place - number if number != next else 0.0
+	var start := _clip.frame_position(number)
+	var elapsed := _clip.frame_position(next) - start
+	share = clampf((position - start) / elapsed, 0.0, 1.0) if number != next else 0.0
 	return true
 
 

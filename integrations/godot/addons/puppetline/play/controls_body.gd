@@ -16,7 +16,7 @@ var _bounds: IsolineBounds
 var _transform_count := 0
 ## Textures of the two frames on the graphics card. One of them stays there for the interpolation with the next frame.
 var _textures: Array[ImageTexture] = []
-var _frames: Array[Message] = [null, null]
+var _frames: Array[Message] = [null, null]  # one of them is null if the other one is shown alone
 var _boxes: Array[AABB] = [AABB(), AABB()]
 var _weight := 0.0  # of the second one
 var _mixed := PackedFloat32Array()  # the transforms between them; empty before they are needed
@@ -63,16 +63,19 @@ func set_materials(materials: Array[Material]) -> void:
 func show_frames(earlier: Message, later: Message, share: float) -> void:
 	_surfaces.follow_materials()
 	var first := 1 if _frames[1] == earlier or (_frames[0] == later and earlier != later) else 0
-	var uploaded := _upload(first, earlier)
-	uploaded = _upload(1 - first, later) or uploaded
+	_upload(first, earlier)
+	if earlier == later:
+		_frames[1 - first] = null
+		_boxes[1 - first] = _boxes[first]
+	else:
+		_upload(1 - first, later)
 	_mixed.clear()
 	_weight = share if first == 0 else 1.0 - share
 	_surfaces.set_parameter(&"puppet_share", _weight)
 	_shift = shift(earlier, later, share)
 	if not follow_root:
 		_surfaces.set_parameter(&"puppet_shift", _shift)
-	if uploaded:
-		_surfaces.set_bounds(_boxes[0].merge(_boxes[1]))
+	_surfaces.set_bounds(_boxes[0].merge(_boxes[1]))
 
 
 func follow_patch(patch: SurfacePatch) -> PatchMotion:
@@ -88,7 +91,7 @@ func piece_boxes() -> Array[AABB]:
 
 func piece_transforms() -> Array[Transform3D]:
 	var transforms: Array[Transform3D] = []
-	if _frames[0] == null:
+	if not _has_frame():
 		return transforms
 	_bounds.read(_mixed_floats())
 	for piece in shared.ray.pieces():
@@ -99,7 +102,7 @@ func piece_transforms() -> Array[Transform3D]:
 
 
 func intersect(from: Vector3, to: Vector3) -> Dictionary:
-	if _frames[0] == null:
+	if not _has_frame():
 		return {}
 	var hit := shared.ray.intersect(_mixed_floats(), from - _shift, to - _shift)
 	if not hit.is_empty():
@@ -109,7 +112,7 @@ func intersect(from: Vector3, to: Vector3) -> Dictionary:
 
 
 func evaluate() -> PackedVector3Array:
-	if _frames[0] == null:
+	if not _has_frame():
 		return PackedVector3Array()
 	_bounds.read(_mixed_floats())
 	var positions := PackedVector3Array()
@@ -126,10 +129,14 @@ func _add_scene() -> void:
 	_surfaces.add(instance, Materials.of_scene(shared.scene), Basis.IDENTITY)
 
 
-## Upload a frame to the graphics card; return false if it was already there.
-func _upload(i: int, frame: Message) -> bool:
+func _has_frame() -> bool:
+	return _frames[0] != null or _frames[1] != null
+
+
+## Upload a frame to the graphics card, unless it is already there.
+func _upload(i: int, frame: Message) -> void:
 	if _frames[i] == frame:
-		return false
+		return
 	_frames[i] = frame
 	_textures[i].update(_image(frame.payload))
 	var box := _bounds.around(frame.payload)
@@ -138,7 +145,6 @@ func _upload(i: int, frame: Message) -> bool:
 	if not follow_root:
 		box.position -= frame.root
 	_boxes[i] = box
-	return true
 
 
 ## Return an image with one row per transform, whose pixels are the three rows of its matrix.
@@ -149,8 +155,9 @@ func _image(payload: PackedByteArray) -> Image:
 ## Return the transforms between the two frames, computed once for each pose.
 func _mixed_floats() -> PackedFloat32Array:
 	if _mixed.is_empty():
-		_mixed = _frames[0].payload.to_float32_array()
-		var second := _frames[1].payload.to_float32_array()
-		for i in _mixed.size():
-			_mixed[i] = lerpf(_mixed[i], second[i], _weight)
+		_mixed = (_frames[0] if _frames[0] != null else _frames[1]).payload.to_float32_array()
+		if _frames[0] != null and _frames[1] != null:
+			var second := _frames[1].payload.to_float32_array()
+			for i in _mixed.size():
+				_mixed[i] = lerpf(_mixed[i], second[i], _weight)
 	return _mixed

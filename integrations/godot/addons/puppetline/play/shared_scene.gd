@@ -80,11 +80,20 @@ static func shared(stream: Stream, character: String) -> SharedScene:
 	return found
 
 
-## Return a scene that does not come from a service and never changes.
-static func of_scene(known: Scene) -> SharedScene:
-	var made := SharedScene.new(null, "")
-	made.scene = known
-	return made
+## Return the scene of a message that does not come from a service: one object per message, as long as a reference to
+## it exists. It is null if the message is damaged.
+static func of_payload(payload: PackedByteArray) -> SharedScene:
+	var key := "%d/%d" % [payload.size(), hash(payload)]
+	var found: SharedScene = _scenes[key].get_ref() if key in _scenes else null
+	if found == null or found.scene.encoded != payload:
+		var known := Scene.parse(payload)
+		if known == null:
+			return null
+		found = SharedScene.new(null, "")
+		found.scene = known
+		found._key = key
+		_scenes[key] = weakref(found)
+	return found
 
 
 ## Request the scene again, because a frame of another revision has arrived.
@@ -101,9 +110,11 @@ func poll() -> void:
 
 
 func _notification(what: int) -> void:
-	if what == NOTIFICATION_PREDELETE and _stream != null:
+	if what != NOTIFICATION_PREDELETE:
+		return
+	_scenes.erase(_key)
+	if _stream != null:
 		_stream.unfollow(_topic, _receiver)
-		_scenes.erase(_key)
 
 
 func _take_scene(message: Message) -> void:

@@ -59,6 +59,26 @@ static func parse(bytes: PackedByteArray) -> Message:
 	return message
 
 
+## Return the bytes of the message, from which [method parse] reads it.
+func encode() -> PackedByteArray:
+	var bytes := topic.to_ascii_buffer()
+	bytes.resize(_HEADER_BYTES)
+	bytes[_TOPIC_BYTES] = major
+	bytes[_TOPIC_BYTES + 1] = minor
+	bytes[_TOPIC_BYTES + 2] = kind
+	bytes[_TOPIC_BYTES + 3] = state
+	bytes.encode_s32(_TOPIC_BYTES + 4, user)
+	bytes.encode_u32(_TOPIC_BYTES + 8, revision)
+	bytes.encode_u32(_TOPIC_BYTES + 12, payload.size())
+	bytes.encode_u64(_TOPIC_BYTES + 16, sequence)
+	bytes.encode_double(_TOPIC_BYTES + 24, time)
+	bytes.encode_u64(_TOPIC_BYTES + 32, received)
+	bytes.encode_u64(_TOPIC_BYTES + 40, published)
+	for axis in 3:
+		bytes.encode_float(_TOPIC_BYTES + 48 + 4 * axis, root[axis])
+	return bytes + payload
+
+
 ## Return whether this message is a frame of the motion. Other messages are sent on changes or on request.
 func is_frame() -> bool:
 	return kind >= Kind.CONTROLS and kind <= Kind.HANDLES

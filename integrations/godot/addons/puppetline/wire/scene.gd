@@ -12,6 +12,8 @@ const MAX_DESCRIPTION_BYTES := 1 << 22
 
 const _AXES: Dictionary = {"x": Vector3.RIGHT, "y": Vector3.UP, "z": Vector3.BACK}
 
+## The payload of the message as received, for recordings.
+var encoded := PackedByteArray()
 ## The description as received. Only the values in the members below have been checked.
 var description: Dictionary = {}
 var revision := 0
@@ -61,6 +63,7 @@ var _error := ""
 ## Read the payload of a scene message. If it is damaged, return null and print a warning with the reason.
 static func parse(payload: PackedByteArray) -> Scene:
 	var scene := Scene.new()
+	scene.encoded = payload
 	if scene._read(payload):
 		return scene
 	var error := scene._error if scene._error else "it has an invalid value"

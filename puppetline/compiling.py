@@ -1,0 +1,33 @@
+"""Reports what Numba compiles, which takes a minute the first time on a machine."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+
+@contextmanager
+def reported(report: Callable[[int], None]) -> Iterator[None]:
+    """Call a function with the number of functions compiled so far, whenever one has been; not for cached ones.
+
+    Parameters
+    ----------
+    report : callable
+        Called in the thread that compiles.
+    """
+    from numba.core import event
+
+    class Listener(event.Listener):  # type: ignore[misc]
+        def __init__(self) -> None:
+            self._done = self._depth = 0
+
+        def on_start(self, _: Any) -> None:
+            self._depth += 1
+
+        def on_end(self, _: Any) -> None:
+            self._depth -= 1
+            if self._depth == 0:  # those that it calls are compiled meanwhile
+                self._done += 1
+                report(self._done)
+
+    with event.install_listener("numba:compile", Listener()):
+        yield

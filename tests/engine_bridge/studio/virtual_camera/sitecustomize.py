@@ -1,0 +1,73 @@
+"""Python loads this at its start if its folder is on the path: camera:0 shows a drawn performer who walks."""
+
+import importlib.abc
+import importlib.util
+import sys
+import time
+
+REGISTRY = "capture.sources.registry"
+
+
+class _Patch(importlib.abc.MetaPathFinder):
+    """Replaces `open_source` as soon as the registry of sources is loaded."""
+
+    def find_spec(self, name, path=None, target=None):
+        if name != REGISTRY:
+            return None
+        sys.meta_path.remove(self)
+        spec = importlib.util.find_spec(name)
+        run = spec.loader.exec_module
+
+        def exec_module(module):
+            run(module)
+            others = module.open_source
+            module.open_source = lambda uri, *rest: _camera(uri) if uri == "camera:0" else others(uri, *rest)
+
+        spec.loader.exec_module = exec_module
+        return spec
+
+
+def _camera(uri):
+    import numpy as np
+    from PIL import Image, ImageDraw
+    from puppetline.examples.performances import PERFORMANCES
+
+    from capture.sensors.source import SensorSource
+    from capture.skeleton import JOINT_INDEX, PARENTS
+    from capture.trackers.picture import Lens, Person, Picture
+
+    lens, clip = Lens(640, 480, 420.0), PERFORMANCES["bow"]()
+
+    def pose():
+        return clip.positions[int(30 * time.monotonic()) % len(clip.positions)]
+
+    class Camera:
+        name = "a virtual camera"
+
+        def read(self, timeout):
+            time.sleep(1 / 30)
+            image = Image.new("RGB", (lens.width, lens.height), (70, 92, 104))
+            pen, places = ImageDraw.Draw(image), lens.project(pose())
+            pen.rectangle([0, 380, lens.width, lens.height], (96, 84, 72))
+            for child, parent in PARENTS.items():
+                a, b = places[JOINT_INDEX[child]], places[JOINT_INDEX[parent]]
+                pen.line([*a, *b], (214, 170, 140), 26, "curve")
+            pen.ellipse([*(places[JOINT_INDEX["head"]] - 28), *(places[JOINT_INDEX["head"]] + 28)], (224, 184, 156))
+            return Picture(time.monotonic(), lens, np.asarray(image), None)
+
+        def close(self):
+            pass
+
+    class Tracker:
+        name = "a virtual tracker"
+
+        def track(self, _):
+            return [Person(1, pose().astype(np.float32), np.ones(20, np.float32))]
+
+        def close(self):
+            pass
+
+    return SensorSource(uri, Camera, lambda _: Tracker())
+
+
+sys.meta_path.insert(0, _Patch())

@@ -1,0 +1,168 @@
+"""The clocks of a Puppet: the engine's, with slow motion, pauses and recordings at a fixed rate, and a manual one."""
+
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zmq
+
+from engine_bridge.service.protocol.header import Header, Kind, join, write_json
+from engine_bridge.service.protocol.payloads import decode
+
+from .conftest import TIMEOUT_SECONDS
+
+VECTORS = Path(__file__).parents[2] / "vectors"
+SCENE = decode((VECTORS / "scene.bin").read_bytes())
+CONTROLS = (VECTORS / "1.controls.bin").read_bytes()[128:]
+FPS = 30
+
+
+def message(topic, kind, payload, **fields):
+    return join(topic.encode().ljust(64, b"\0"), Header(kind, len(payload), SCENE.header.revision, **fields), payload)
+
+
+class Service:
+    """A service with one character, which sends the frames that it is told to."""
+
+    def __init__(self):
+        self._commands = []
+        self._ended = False
+        self._socket = zmq.Context.instance().socket(zmq.XPUB)
+        self._socket.linger = 0
+        self.port = self._socket.bind_to_random_port("tcp://127.0.0.1")
+        self._thread = threading.Thread(target=self._serve)
+        self._thread.start()
+
+    def send(self, *numbers, pause=0.0):
+        """Send frames, a pause before each."""
+        self._commands.append((numbers, pause))
+
+    def _serve(self):
+        told = time.monotonic()
+        while not self._ended:
+            if self._socket.poll(10):
+                wanted = self._socket.recv()
+                topic = wanted[1:].rstrip(b"\0").decode()
+                if wanted[0] and topic.startswith("worm/scene/"):
+                    self._socket.send(message(topic, Kind.SCENE, (VECTORS / "scene.bin").read_bytes()[128:]))
+                told = 0.0
+            if time.monotonic() - told > 1:  # a follower treats silence as a lost connection
+                told = time.monotonic()
+                listed = write_json([{"name": "worm", "kinds": ["controls"]}])
+                self._socket.send(message("service/characters", Kind.CHARACTERS, listed))
+            while self._commands:
+                numbers, pause = self._commands.pop(0)
+                for number in numbers:
+                    time.sleep(pause)
+                    fields = {"sequence": number + 1, "time": number / FPS}
+                    self._socket.send(message("worm/controls", Kind.CONTROLS, CONTROLS, **fields))
+
+    def close(self):
+        self._ended = True
+        self._thread.join()
+        self._socket.close()
+
+
+@pytest.fixture
+def service():
+    made = Service()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def puppet(start, service):
+    """Start a puppet with a clock, as soon as it has the scene."""
+
+    def run(clock, **fields):
+        given = {"port": service.port, "character": "worm", "interpolationDelay": 0, "clock": clock, **fields}
+        program = start("Component", "materials=Any/Shader", *(f"{name}={value}" for name, value in given.items()))
+        program.until(lambda said: said.get("event") == "sceneLoaded")
+        return program
+
+    return run
+
+
+def ask(program, *lines):
+    """Tell lines, and return the times that are shown after those that answer with one."""
+    since = len(program.said)
+    for line in lines:
+        program.tell(line)
+    expected = sum(line.startswith(("tick", "advance")) for line in lines)
+    times = []
+    while len(times) < expected:
+        said = program.until(lambda said: "at" in said, since)
+        since = program.said.index(said, since) + 1
+        times.append(said["at"])
+    return times
+
+
+def wait_for(program, frames):
+    """Wait until so many frames are there."""
+    give_up = time.monotonic() + TIMEOUT_SECONDS
+    while time.monotonic() < give_up:
+        since = len(program.said)
+        program.tell("waiting")
+        if program.until(lambda said: "waiting" in said, since)["waiting"] >= frames:
+            return
+    pytest.fail("the frames have not come")
+
+
+def test_a_manual_clock_moves_by_what_it_is_advanced(puppet, service):
+    program = puppet("Manual")
+    service.send(*range(60))
+    wait_for(program, 60)
+    steps = (0.1, 0.0, 0.25, 0.5, 0.01)
+    assert ask(program, *(f"advance {step}" for step in steps)) == pytest.approx(np.cumsum(steps), abs=1e-5)
+    assert ask(program, "tick 0.3", "tick 0.3") == pytest.approx([0.86, 0.86], abs=1e-5)
+    assert ask(program, "advance 9") == pytest.approx([59 / FPS])  # the last frame stays
+    program.finish()
+
+
+def test_the_engines_clock_is_scaled_and_paused(puppet, service):
+    program = puppet("Engine")
+    service.send(*range(60))
+    wait_for(program, 60)
+    # Unity's times are scaled already; at another scale than 1, nothing is made up for.
+    half = ask(program, "scale 0.5", *["tick 0.01"] * 10)
+    assert np.diff([0, *half]) == pytest.approx([0.01] * 10, abs=1e-5)
+    paused = ask(program, "scale 0", *["tick 0"] * 5)
+    assert paused == [half[-1]] * 5
+    again = ask(program, "scale 1", *["tick 0.02"] * 5)
+    assert np.diff([half[-1], *again]) == pytest.approx([0.02 * 1.05] * 5, abs=1e-5)
+    program.finish()
+
+
+def test_a_recording_has_every_frame_once_however_late_it_comes(puppet, service):
+    program = puppet("Engine", interpolationDelay=0.05)
+    program.tell(f"capture {1 / FPS}")
+    service.send(*range(26), pause=0.02)  # one more, since times are rounded
+    times = ask(program, *[f"tick {1 / FPS}"] * 24)
+    assert times == pytest.approx([number / FPS for number in range(1, 25)], abs=1e-5)
+    program.tell("capture 0")
+    assert not any("warning" in said for said in program.finish())
+
+
+def test_a_recording_goes_on_after_a_while_without_frames(puppet, service):
+    program = puppet("Engine")
+    service.send(0)
+    wait_for(program, 1)
+    program.tell(f"capture {1 / FPS}")
+    assert ask(program, *[f"tick {1 / FPS}"] * 3) == [0, 0, 0]
+    program.tell("capture 0")
+    [warning] = [said["warning"] for said in program.finish() if "warning" in said]
+    assert warning == "Puppetline: no frame for the recording within 2 s. Check that the service plays."
+
+
+def test_another_clock_takes_effect_at_run_time(puppet, service):
+    program = puppet("Realtime")
+    service.send(*range(10))
+    program.until(lambda said: said.get("frame") == 10)
+    program.tell("change clock Manual")
+    wait_for(program, 0)  # the command has been followed
+    service.send(*range(10, 20))
+    wait_for(program, 10)
+    assert ask(program, "advance 0.1") == pytest.approx([10 / FPS + 0.1], abs=1e-5)
+    program.finish()

@@ -38,9 +38,10 @@ func photograph(what: Node3D, name: String) -> void:
 	what.free()
 
 
-## Save an image of the stage.
+## Save the second image of the stage: the first one of a new stage has no shadows with Vulkan.
 func save(name: String) -> void:
-	await RenderingServer.frame_post_draw
+	for _image in 2:
+		await RenderingServer.frame_post_draw
 	stage.get_texture().get_image().save_png("%s/%s.png" % [folder, name])
 
 

@@ -154,7 +154,8 @@ class Studio(Backend):
     async def _do_source(self, asked: messages.Source) -> dict[str, Any]:
         self._refuse_while_recording()
         playing = await self._chosen(asked)
-        async with self._changing:
+        others = contextlib.nullcontext() if asked.uri is None else self._listing  # it listens to the same ports
+        async with others, self._changing:
             await self._replace(playing)
         return playing.state.model_dump(mode="json")
 

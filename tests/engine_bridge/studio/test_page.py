@@ -179,6 +179,24 @@ def test_sources_are_listed_and_chosen(window, standing_log):
     assert window.page.locator(".figure .joint").count() == 20
 
 
+def test_a_recording_that_is_dropped_on_the_page_performs(window, standing_log):
+    held = window.page.evaluate_handle(
+        "([name, text]) => { const held = new DataTransfer(); held.items.add(new File([text], name)); return held; }",
+        [standing_log.name, standing_log.read_text()],
+    )
+    window.page.dispatch_event("body", "dragover", {"dataTransfer": held})
+    hint = window.page.get_by_text("Drop the file to open it")
+    hint.wait_for()
+    window.page.dispatch_event("body", "drop", {"dataTransfer": held})
+    hint.wait_for(state="detached")
+    window.until("state.server.source.kind === 'upload' && state.server.source.name === 'bow.txt'")
+    window.idle()
+    window.button("Change…").click()
+    window.page.locator(".sources").get_by_role("button", name="Walk", exact=True).click()
+    window.until("state.server.source.name === 'walk'")
+    window.idle()
+
+
 @pytest.fixture
 def standing_log(tmp_path):
     """A recording in the format of UTKinect-Action3D: a performer who raises a hand."""

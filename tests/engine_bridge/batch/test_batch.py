@@ -215,7 +215,8 @@ def test_two_puppet_files_of_the_same_name_are_refused(mine, here):
     assert "found the same name as" in here("*.log", puppets=["mine.toml", "other/mine.toml"], code=1)
 
 
-def test_an_address_without_a_scheduler_is_one_message(mine, batch):
+def test_an_address_without_a_scheduler_is_one_message(mine, batch, monkeypatch):
+    monkeypatch.setenv("DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT", "1s")
     message = batch("a.log", "--scheduler", "tcp://127.0.0.1:9", puppets=["mine.toml"], code=1)
     assert message.startswith("puppetline: --scheduler tcp://127.0.0.1:9: found no scheduler with workers")
     assert message.count("\n") == 1

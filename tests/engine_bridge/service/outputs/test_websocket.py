@@ -531,7 +531,8 @@ def test_binary_and_oversized_messages_end_the_connection_only(office, connect):
     intruder.send_bytes(b"\1dog/controls\0")
     assert intruder.message() == aiohttp.WSCloseCode.UNSUPPORTED_DATA
     other.send("x" * (websocket_server.MAX_TEXT_BYTES + 1))
-    assert other.message() == aiohttp.WSCloseCode.MESSAGE_TOO_BIG
+    # the operating system may reset a connection that is closed before all is read, and the reason with it
+    assert other.message() in (aiohttp.WSCloseCode.MESSAGE_TOO_BIG, aiohttp.WSCloseCode.ABNORMAL_CLOSURE)
     assert member.ask({"do": "ping"})["ok"]
 
 

@@ -47,6 +47,7 @@ static class Component
         }
         Complain();
         Said.Line("ended", (mesh == null || mesh.destroyed) && GraphicsBuffer.Alive == 0, "rest", new object[] { puppet.rootNode.localPosition.x, puppet.rootNode.localPosition.y });
+        Said.End(0);
         return 0;
     }
 

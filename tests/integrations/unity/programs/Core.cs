@@ -10,6 +10,13 @@ static class Core
 {
     static int Main(string[] arguments)
     {
+        int code = Run(arguments);
+        Said.End(code);
+        return code;
+    }
+
+    static int Run(string[] arguments)
+    {
         switch (arguments[0])
         {
             case "decode":

@@ -33,6 +33,7 @@ static class Sharing
             }
             Thread.Sleep(2);
         }
+        Said.End(0);
     }
 
     static void Read()

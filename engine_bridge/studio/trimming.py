@@ -17,8 +17,8 @@ from puppetline.files import written_whole
 def trimmed(log: Path, path: Path, start: float, stop: float) -> None:
     """Write the events of a recording from second `start` to second `stop` after its first skeleton.
 
-    A take keeps the cue with which it begins, which has the performers' calibrations. Its other commands are omitted,
-    because they refer to what was before.
+    A take keeps the cue with which it begins, which has the performers' calibrations, and the cues with later ones. Its
+    other commands are omitted, because they refer to what was before.
 
     Raises
     ------
@@ -43,21 +43,28 @@ def trimmed(log: Path, path: Path, start: float, stop: float) -> None:
 def _part(log: Path, start: float, stop: float) -> Iterator[Event]:
     origin: float | None = None
     opening: Cue | None = None
+    calibrations: dict[str, Cue] = {}  # the last of each character before the part
     for event in _events(log):
         if isinstance(event, SkeletonFrame) and origin is None:
             origin = event.time
         if isinstance(event, Cue) and event.do == "stage" and origin is None:
             opening = event
-        if origin is None or not isinstance(event, SkeletonFrame | Lost):
+        calibrates = isinstance(event, Cue) and event.do == "begin"
+        if origin is None or not (calibrates or isinstance(event, SkeletonFrame | Lost)):
             continue
         if event.time > origin + stop:
             return
         if event.time < origin + start:
+            if isinstance(event, Cue):
+                calibrations[event.arguments["character"]] = event
             continue
         if opening is not None:
             yield replace(opening, time=event.time)
             opening = None
         yield event
+        if isinstance(event, SkeletonFrame):  # whom the calibrations are of
+            yield from (replace(cue, time=event.time) for cue in calibrations.values())
+            calibrations.clear()
 
 
 def _events(log: Path) -> Iterator[Event]:

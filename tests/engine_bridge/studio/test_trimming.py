@@ -21,8 +21,8 @@ def take(tmp_path):
         recorder.write(Tick(100.0))
         for frame in PERFORMANCES["walk"]().frames():
             recorder.write(replace(frame, time=100.0 + frame.time))
-            if frame.time == 1.0:
-                recorder.write(Cue(101.0, "calibrate", {"character": "dog"}))
+            if frame.time >= 1.0:
+                recorder.write(Cue(100.0 + frame.time, "calibrate", {"character": "dog"}))
     return path
 
 
@@ -46,3 +46,20 @@ def test_a_part_without_a_skeleton_is_refused(take, tmp_path):
     with pytest.raises(SkeletonLogError, match="found no skeleton from second 500 to second 501"):
         trimmed(take, tmp_path / "part.log", 500.0, 501.0)
     assert not (tmp_path / "part.log").exists()
+
+
+@pytest.mark.parametrize(("first", "place"), [(15, 16), (45, 1)])
+def test_a_calibration_stays_and_follows_the_first_skeleton_if_it_was_before_the_part(tmp_path, first, place):
+    """A take may begin while a performer is being calibrated; nobody would move the character otherwise."""
+    path, frames = tmp_path / "take.log", list(PERFORMANCES["walk"]().frames())
+    cue = Cue(frames[30].time, "begin", {"character": "dog", "calibration": {"rest": []}})
+    with Recorder(path) as recorder:
+        for index, frame in enumerate(frames):
+            recorder.write(frame)
+            if index == 30:
+                recorder.write(cue)
+    trimmed(path, tmp_path / "part.log", frames[first].time - frames[0].time - 0.001, 2.0)
+    events = list(puppetline_log.events(tmp_path / "part.log"))
+    assert [index for index, event in enumerate(events) if not isinstance(event, SkeletonFrame)] == [place]
+    assert events[0].time == frames[first].time
+    assert events[place] == replace(cue, time=max(cue.time, events[0].time))

@@ -296,9 +296,12 @@ def vulkan(godot: str) -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    """Start Chromium, with a renderer that needs no graphics card; return Playwright's browser."""
+    """Start Chromium, with a renderer that needs no graphics card; return Playwright's browser.
+
+    Playwright's event loop runs until it is closed, and other tests cannot run theirs meanwhile.
+    """
     program = shutil.which("chromium") or shutil.which("google-chrome")
     if program is None or not importlib.util.find_spec("playwright"):
         missing("browser", "Chromium or Playwright is not installed (Debian: chromium; make peers)")

@@ -130,12 +130,17 @@ class Window:
         return box["x"] + x, box["y"] + y
 
     def drag(self, start, end):
-        """Drag the pointer, and wait until what was dragged is applied."""
-        before = json.dumps(self.puppet)
-        self.page.mouse.move(*start)
-        self.page.mouse.down()
-        self.page.mouse.move(*end, steps=4)
-        self.page.mouse.up()
+        """Drag the pointer, again if a busy page has missed it, and wait until what was dragged is applied."""
+        before = self.puppet
+        for _ in range(5):
+            self.page.mouse.move(*start)
+            self.page.mouse.down()
+            self.page.mouse.move(*end, steps=4)
+            self.page.mouse.up()
+            self.page.wait_for_timeout(1000)
+            if self.puppet != before or self.state("busy"):
+                break
+        before = json.dumps(before)
         self.until(f"JSON.stringify(state.puppets[state.character].present) !== JSON.stringify({before})")
         self.idle()
 

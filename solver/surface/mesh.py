@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
 from puppetline.errors import MeshError
+from solver.surface.disjoint_sets import join, number_sets
 from solver.surface.winding import edges_of, lexicographic_order, pieces, wound_outwards
 
 WELD_TOLERANCE_DIAGONALS = 1e-6
@@ -127,28 +128,13 @@ class SolverMesh:
 
 @compiled
 def _parts(faces, count):
-    """Return the connected part of each vertex, numbered in the order of their first vertices (union-find)."""
-    leader = np.arange(count, dtype=np.int32)
+    """Return the connected part of each vertex (count,), numbered in the order of their first vertices."""
+    part = np.arange(count, dtype=np.int32)
     for f in range(len(faces)):
         for corner in range(1, 3):
-            a, b = _leader(leader, faces[f, 0]), _leader(leader, faces[f, corner])
-            leader[max(a, b)] = min(a, b)
-    parts = 0
-    for v in range(count):
-        if leader[v] == v:
-            leader[v] = parts
-            parts += 1
-        else:
-            leader[v] = leader[leader[v]]
-    return leader
-
-
-@compiled
-def _leader(leader, v):
-    while leader[v] != v:
-        leader[v] = leader[leader[v]]
-        v = leader[v]
-    return v
+            join(part, faces[f, 0], faces[f, corner])
+    number_sets(part)
+    return part
 
 
 def connected_components(count: int, a: NDArray[np.integer], b: NDArray[np.integer]) -> NDArray[np.int32]:

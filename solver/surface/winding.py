@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
+from solver.surface.disjoint_sets import join, number_sets
 
 MIN_VOLUME_RATIO = 1e-6
 """Smallest volume, divided by the area to the power of 3/2, of a patch that has an inside."""
@@ -117,7 +118,7 @@ def _sort_pairs(keys, values):
 
 @compiled
 def pieces(of_side, edges):
-    """Find the pieces of a surface that are connected at edges (union-find).
+    """Find the pieces of a surface that are connected at edges.
 
     Parameters
     ----------
@@ -132,30 +133,14 @@ def pieces(of_side, edges):
         Piece of each face, numbered from 0 in the order of their first faces.
     """
     t = len(of_side) // 3
-    leader, first = np.arange(t), np.full(edges, -1)
+    piece, first = np.arange(t), np.full(edges, -1)
     for side in range(3 * t):
         edge = of_side[side]
         if first[edge] < 0:
             first[edge] = side // 3
-        a, b = _leader(leader, side // 3), _leader(leader, first[edge])
-        leader[max(a, b)] = min(a, b)
-    piece, found = np.empty(t, dtype=np.int64), 0
-    for face in range(t):
-        lead = _leader(leader, face)
-        if lead == face:
-            piece[face] = found
-            found += 1
-        else:
-            piece[face] = piece[lead]
+        join(piece, side // 3, first[edge])
+    number_sets(piece)
     return piece
-
-
-@compiled
-def _leader(leader, face):
-    while leader[face] != face:
-        leader[face] = leader[leader[face]]
-        face = leader[face]
-    return face
 
 
 def wound_consistently(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -1,12 +1,12 @@
 """Throughput, efficiency, memory and overhead of `puppetline batch`.
 
-    python -m benchmarks.batch --data FOLDER --clips 2000      # the numbers of docs/performance.md: hours
-    python -m benchmarks.batch --data FOLDER --clips 2000 --minutes 60    # fewer clips, for about an hour
+    python -m benchmarks.batch --data FOLDER --clips 2000      # the numbers of docs/performance.md: about 40 minutes
     python -m benchmarks.batch --clips 40                      # without recordings of sensors: minutes
 
-Each updates the table of docs/performance.md. The recordings are those of the folder, and others made from them by
-resampling and mirroring. Each is converted with three example characters, once by one worker and once by two. Rates are
-between the first and the last result, so that the start of the workers is not included.
+Each updates the table of docs/performance.md. The recordings are those of the folder, in parts of at most four seconds,
+and others made from them by resampling and mirroring. Each is converted with three example characters by two workers;
+some of them, evenly chosen, also by one. Rates are between the first and the last result, so that the start of the
+workers is not included.
 """
 
 import argparse
@@ -43,8 +43,11 @@ CHARACTERS = ("human", "dog", "dinosaur")
 SPEEDS = (1.0, 0.8, 1.25, 0.9, 1.1, 0.7, 1.4)
 """Speeds at which recordings are resampled; each is also mirrored."""
 
-MAX_SECONDS = 12.0
-"""Duration after which a recording is cut into several."""
+MAX_SECONDS = 4.0
+"""Duration after which a recording is cut into several. Clips of NTU RGB+D have 2.3 seconds on average."""
+
+ONE_WORKER_CLIPS = 200
+"""Largest number of recordings that one worker converts."""
 
 SHORT_CLIPS, SHORT_FRAMES = 60, 30
 """Number of recordings of one second with which the overhead is measured, and of frames of each."""
@@ -193,17 +196,20 @@ def extrapolated(run: Run) -> str:
     return "; ".join(lines)
 
 
-def write_logs(clips: list[SkeletonClip], folder: Path, count: int, frames: float = math.inf) -> int:
-    """Write a number of recordings, fewer if they have more frames in all, and return how many there are."""
+def write_logs(clips: list[SkeletonClip], folder: Path, count: int) -> None:
+    """Write a number of recordings."""
     folder.mkdir()
-    written = 0
     for number, timeline in zip(range(count), variants(clips), strict=False):
-        frames -= len(timeline.positions)
-        if number and frames < 0:
-            break
         write(timeline, folder / f"{number:05}.log")
-        written += 1
-    return written
+
+
+def some_of(logs: Path, folder: Path) -> Path:
+    """Return a folder with some recordings, evenly chosen."""
+    folder.mkdir()
+    found = sorted(logs.iterdir())
+    for path in found[:: math.ceil(len(found) / ONE_WORKER_CLIPS)]:
+        (folder / path.name).hardlink_to(path)
+    return folder
 
 
 def write_short(clips: list[SkeletonClip], folder: Path) -> None:
@@ -226,7 +232,8 @@ def table(count: int, one: Run, two: Run, overhead: tuple[float, float]) -> list
         f"| {two.made:,}, {two.failed:,}, {seconds / 3600:.2f} hours | – |",
         f"| results per hour, one worker and two | {one.per_hour:,.0f} and {two.per_hour:,.0f} | – |",
         f"| two workers / one | {two.per_hour / one.per_hour:.2f} × | ≥ 1.7 × |",
-        f"| whole command, one worker and two | {one.seconds:,.0f} s and {two.seconds:,.0f} s | – |",
+        f"| whole command, one worker ({one.made:,} results) and two "
+        f"| {one.seconds:,.0f} s and {two.seconds:,.0f} s | – |",
         f"| memory of a worker, after {WARM_RESULTS} results → at the end | {'; '.join(growth(two)) or '–'} | flat |",
         f"| recording of one second, in a batch / in a loop in one process "
         f"| {batch:.3f} / {alone:.3f} s = {batch / alone:.2f} × | ≤ 1.3 × |",
@@ -239,9 +246,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, help="folder with real recordings in logs and bvh")
     parser.add_argument("--clips", type=int, default=40, help="number of recordings, at most 2,000 in the docs")
-    parser.add_argument(
-        "--minutes", type=float, default=math.inf, help="use fewer recordings if they would take longer than this"
-    )
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         scratch = Path(temporary)
@@ -250,13 +254,11 @@ def main() -> None:
         write_short(clips, scratch / "short")
         alone = loop(scratch / "short", puppets[0], scratch / "alone")
         batch = 3600 / measured(scratch / "short", puppets[:1], scratch / "short_out", 1).per_hour
-        # once by one worker and once by two, which take half of that
-        frames = 60 * arguments.minutes / (1.5 * len(puppets) * max(batch, alone) / SHORT_FRAMES)
-        count = write_logs(clips, scratch / "logs", arguments.clips, frames)
-        print(f"{count} recordings from {len(clips)}, with {', '.join(CHARACTERS)}", flush=True)
-        one = measured(scratch / "logs", puppets, scratch / "one", 1)
+        write_logs(clips, scratch / "logs", arguments.clips)
+        print(f"{arguments.clips} recordings from {len(clips)}, with {', '.join(CHARACTERS)}", flush=True)
+        one = measured(some_of(scratch / "logs", scratch / "some"), puppets, scratch / "one", 1)
         two = measured(scratch / "logs", puppets, scratch / "two", 2)
-    lines = table(count, one, two, (batch, alone))
+    lines = table(arguments.clips, one, two, (batch, alone))
     print("\n".join(lines))
     DOCUMENT.write_text(replaced(DOCUMENT.read_text(encoding="utf-8"), "batch", lines), encoding="utf-8")
 

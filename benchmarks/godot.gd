@@ -2,11 +2,16 @@ extends SceneTree
 ## Times the characters of a running service in each frame, and attachments to the first one. Arguments: its port, names
 ## of characters. Prints JSON.
 
+## Frames before the characters connect: the first ones of a program are long.
+const START_FRAMES := 30
 const WARM_UP_FRAMES := 120
 const MEASURED_FRAMES := 600
 const ATTACHMENT_COUNT := 16
 
 var _puppets: Array[Puppet3D] = []
+var _started_frames := 0
+var _last_start := 0
+var _loading := PackedFloat64Array()
 var _counted_frames := 0
 var _receiving := PackedFloat64Array()
 var _processing := PackedFloat64Array()
@@ -17,7 +22,7 @@ var _began := 0
 
 
 func _initialize() -> void:
-	Engine.max_fps = 60
+	Engine.max_fps = 0  # until the characters are loaded, the time between two frames is what they take
 	var arguments := OS.get_cmdline_user_args()
 	for name in arguments.slice(1):
 		var puppet := Puppet3D.new()
@@ -30,8 +35,15 @@ func _initialize() -> void:
 
 func _process(delta: float) -> bool:
 	var start := Time.get_ticks_usec()
-	if _puppets[0]._stream != null:
-		_puppets[0]._stream.poll()  # all nodes share the stream, which works once per frame
+	_started_frames += 1
+	if _started_frames <= START_FRAMES:
+		_last_start = start
+		return false
+	if _counted_frames == 0:
+		_loading.append(start - _last_start)
+		_last_start = start
+	if _puppets[0]._stream() != null:
+		_puppets[0]._stream().poll()  # all nodes share the stream, which works once per frame
 	var received := Time.get_ticks_usec()
 	for puppet in _puppets:
 		puppet._process(delta)
@@ -42,6 +54,7 @@ func _process(delta: float) -> bool:
 	if not _puppets.all(func(puppet: Puppet3D) -> bool: return puppet.statistics()["sequence"] > 0):
 		return false
 	_counted_frames += 1
+	Engine.max_fps = 60
 	if _counted_frames == WARM_UP_FRAMES:
 		_first = _sequences()
 		_attach()
@@ -55,6 +68,7 @@ func _process(delta: float) -> bool:
 		return false
 	var frames := (_sequences() - _first) / float(_puppets.size())
 	var found := {
+		"loading_us": Array(_loading),
 		"receiving_us": Array(_receiving),
 		"processing_us": Array(_processing),
 		"attaching_us": Array(_attaching),

@@ -174,6 +174,7 @@ def _summary(character: StreamedCharacter) -> dict[str, Any]:
     return {
         "name": character.name,
         "revision": character.revision,
+        "digest": character.digest,
         "vertices": len(character.rest),
         "kinds": kinds,
     }

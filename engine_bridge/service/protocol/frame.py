@@ -18,7 +18,7 @@ from engine_bridge.performance.rig import Rig
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.service.protocol.header import Kind
 from engine_bridge.service.protocol.quantisation import quantised
-from engine_bridge.service.protocol.scene import encode_scene, with_description
+from engine_bridge.service.protocol.scene import arrays_start, encode_scene, with_description
 from solver.model.binding import ShadedBinding
 from solver.model.reduced_model import Controls
 from solver.motion.deformer import to_file_units
@@ -85,6 +85,16 @@ class StreamedCharacter:
         """The payload of its scene message."""
         return encode_scene(self)
 
+    @property
+    def digest(self) -> str:
+        """The digest of its scene (docs/protocol.md, "Keep scenes"), in hexadecimal digits."""
+        description = self.scene[: arrays_start(self.scene)]
+        return hashlib.sha256(description + self._arrays_digest).hexdigest()
+
+    @cached_property
+    def _arrays_digest(self) -> bytes:
+        return hashlib.sha256(memoryview(self.scene)[arrays_start(self.scene) :]).digest()
+
     def remapped(self, puppet: Puppet) -> "StreamedCharacter":
         """Return the same character with another mapping, and keep all that was computed from its mesh and model.
 
@@ -99,7 +109,7 @@ class StreamedCharacter:
         """Compute what the first frame and the first client would wait for, compiled code included."""
         controls = to_file_units(self.rig.model.rest_controls, self.rig.model)
         quantised(*self.binding.vertices_and_normals(controls))
-        self.scene, self.humanoid  # noqa: B018
+        self.digest, self.humanoid  # noqa: B018
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -78,8 +78,14 @@ def encode_scene(character: DrawnCharacter) -> bytes:
 def with_description(scene: bytes, character: DrawnCharacter) -> bytes:
     """Return a scene payload with the same arrays and a new description."""
     view = memoryview(scene)
-    start = _LENGTH.size + _LENGTH.unpack(view[: _LENGTH.size])[0]
+    start = arrays_start(scene)
     return _described(character, read_json(view[_LENGTH.size : start])["arrays"], view[start:])
+
+
+def arrays_start(scene: bytes) -> int:
+    """Return where the arrays begin in a scene payload, in bytes."""
+    length: int = _LENGTH.unpack_from(scene)[0]
+    return _LENGTH.size + length
 
 
 def _described(character: DrawnCharacter, directory: dict[str, Any], *arrays: memoryview) -> bytes:

@@ -58,6 +58,14 @@ def imported_project(godot, tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="session", autouse=True)
+def user_folders(tmp_path_factory):
+    """Give Godot a place for its users' files that goes with the tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_DATA_HOME", str(tmp_path_factory.mktemp("users")))
+        yield
+
+
 @pytest.fixture
 def project(imported_project, tmp_path):
     """A project of the test's own: the addon in `addons/puppetline`, the scripts beside the tests in `tests`."""
@@ -247,6 +255,8 @@ class StandIn:
         self.port = socket.bind_to_random_port("tcp://127.0.0.1")
         self._character = StreamedCharacter("blob", rig, 1)
         self.controls = to_file_units(rig.model.rest_controls, rig.model).tobytes()
+        self.listed = {"name": "blob"}
+        self.digest = self._character.digest
         self.scenes = 0
         self.topics = set()
         """All topics that have been subscribed to."""
@@ -261,7 +271,7 @@ class StandIn:
                 self.scenes += 1
                 self.send(name, Kind.SCENE, self._character.scene, revision=1)
             if asked[0] and name == "service/characters":
-                self.send(name, Kind.CHARACTERS, write_json([{"name": "blob"}]))
+                self.send(name, Kind.CHARACTERS, write_json([self.listed]))
 
     def send(self, name, kind, payload, **header):
         self._socket.send(join(topic_field(name), Header(kind, len(payload), **header), payload))

@@ -3,10 +3,9 @@ extends "teller.gd"
 ## vertices.bin and vertices16.bin (payloads: scene, controls at rest and bent, vertices of the latter), which also
 ## receives the images.
 
-const Stream := preload("res://addons/puppetline/wire/stream.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")
 const Scene := preload("res://addons/puppetline/wire/scene.gd")
-const SharedScene := preload("res://addons/puppetline/play/shared_scene.gd")
+const SceneResources := preload("res://addons/puppetline/play/scene_resources.gd")
 const Body := preload("res://addons/puppetline/play/body.gd")
 const ControlsBody := preload("res://addons/puppetline/play/controls_body.gd")
 const VerticesBody := preload("res://addons/puppetline/play/vertices_body.gd")
@@ -14,14 +13,13 @@ const VerticesBody := preload("res://addons/puppetline/play/vertices_body.gd")
 var folder := ""
 var stage: SubViewport
 var camera: Camera3D
-var shared: SharedScene
+var resources: SceneResources
 
 
 ## Take the character of a folder.
 func open(path: String) -> void:
 	folder = path
-	shared = SharedScene.shared(Stream.new("nowhere", 1), "figure")
-	shared._take_scene(message("scene"))
+	resources = SceneResources.new(Scene.parse(message("scene").payload))
 
 
 ## Show a frame with a material; null keeps the character's own.
@@ -55,7 +53,7 @@ func make_stage() -> void:
 	stage.mesh_lod_threshold = 0.0  # all triangles, as in the meshes that are compared
 	stage.render_target_update_mode = SubViewport.UPDATE_ALWAYS
 	root.add_child(stage)
-	var box := shared.scene.bounds
+	var box := resources.scene.bounds
 	camera = Camera3D.new()
 	stage.add_child(camera)
 	camera.fov = 34.0
@@ -85,8 +83,8 @@ func bent_mesh() -> ArrayMesh:
 
 
 func mesh_of(positions: PackedVector3Array, normals: PackedVector3Array) -> ArrayMesh:
-	var scene := shared.scene
-	var arrays := shared.mesh.surface_get_arrays(0)
+	var scene := resources.scene
+	var arrays := resources.mesh.surface_get_arrays(0)
 	var colors := PackedColorArray()
 	for i in scene.colors.size() / 3:
 		colors.append(Color(scene.colors[3 * i], scene.colors[3 * i + 1], scene.colors[3 * i + 2]))

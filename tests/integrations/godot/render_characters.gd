@@ -11,14 +11,14 @@ func start() -> void:
 		make_stage()
 		await _draw(arguments()[0])
 		stage.free()
-		shared = null
+		resources = null
 	quit()
 
 
 func _draw(beginning: String) -> void:
 	var own := MeshInstance3D.new()
 	own.mesh = bent_mesh()
-	own.material_override = Materials.of_scene(shared.scene)[0]
+	own.material_override = Materials.of_scene(resources.scene)[0]
 	await photograph(own, beginning + " own")
-	await photograph(shown(ControlsBody.new(shared, null), "bent", null), beginning + " made")
+	await photograph(shown(ControlsBody.new(resources, null), "bent", null), beginning + " made")
 	tell({"folder": folder})

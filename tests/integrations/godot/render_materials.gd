@@ -130,17 +130,17 @@ func start() -> void:
 		await _draw_bent()
 	else:
 		await _draw_imported(load(arguments()[1]))
-	shared = null
+	resources = null
 	quit()
 
 
 func _draw(case: String) -> void:
 	var material := _material(CASES[case], case == "orm")
 	var own := MeshInstance3D.new()
-	own.mesh = mesh_of(shared.scene.positions, shared.scene.normals)
+	own.mesh = mesh_of(resources.scene.positions, resources.scene.normals)
 	own.material_override = material
 	await photograph(own, "%s own" % case)
-	await photograph(shown(ControlsBody.new(shared, null), "rest", material), "%s made" % case)
+	await photograph(shown(ControlsBody.new(resources, null), "rest", material), "%s made" % case)
 	tell({"case": case})
 
 
@@ -150,8 +150,8 @@ func _draw_bent() -> void:
 	own.mesh = bent_mesh()
 	own.material_override = material
 	await photograph(own, "bent own")
-	await photograph(shown(ControlsBody.new(shared, null), "bent", material), "bent made")
-	await photograph(shown(VerticesBody.new(shared), "vertices16", material), "bent vertices")
+	await photograph(shown(ControlsBody.new(resources, null), "bent", material), "bent made")
+	await photograph(shown(VerticesBody.new(resources), "vertices16", material), "bent vertices")
 	tell({"case": "bent"})
 
 
@@ -161,13 +161,13 @@ func _draw_users() -> void:
 	own.material_override = StandardMaterial3D.new()
 	own.material_override.albedo_color = Color(0.8, 0.5, 0.2)
 	await photograph(own, "user's own")
-	await photograph(shown(ControlsBody.new(shared, null), "bent", _users_material()), "user's made")
+	await photograph(shown(ControlsBody.new(resources, null), "bent", _users_material()), "user's made")
 	tell({"case": "user's"})
 
 
 func _draw_imported(scene: PackedScene) -> void:
 	await photograph(scene.instantiate(), "imported own")
-	await photograph(shown(ControlsBody.new(shared, scene.instantiate()), "rest", null), "imported made")
+	await photograph(shown(ControlsBody.new(resources, scene.instantiate()), "rest", null), "imported made")
 	tell({"case": "imported"})
 
 

@@ -11,14 +11,14 @@ func start() -> void:
 	make_stage()
 	await _draw_shadows()
 	await _draw_levels()
-	shared = null
+	resources = null
 	quit()
 
 
 ## Only the share changes between the images: first on the way, then from the start.
 func _draw_shadows() -> void:
 	var light := SpotLight3D.new()
-	var box := shared.scene.bounds
+	var box := resources.scene.bounds
 	light.spot_range = 4.0 * box.size.length()
 	light.spot_angle = 40.0
 	light.light_energy = 8.0
@@ -27,7 +27,7 @@ func _draw_shadows() -> void:
 	stage.add_child(light)
 	var frames: Array[Message] = [message("rest"), message("bent")]
 	for shares: Array in [[0.0, 0.75], [0.75]]:
-		var body := ControlsBody.new(shared, null)
+		var body := ControlsBody.new(resources, null)
 		body.set_materials([])
 		stage.add_child(body)
 		for share: float in shares:
@@ -41,9 +41,9 @@ func _draw_shadows() -> void:
 
 func _draw_levels() -> void:
 	stage.mesh_lod_threshold = 1.0
-	camera.position = 3.0 * (camera.position - shared.scene.bounds.get_center())
+	camera.position = 3.0 * (camera.position - resources.scene.bounds.get_center())
 	for bias: float in [1.0, 100.0]:
-		var body := shown(ControlsBody.new(shared, null), "bent", null)
+		var body := shown(ControlsBody.new(resources, null), "bent", null)
 		var instance: MeshInstance3D = body.find_children("*", "MeshInstance3D", true, false)[0]
 		instance.lod_bias = bias
 		stage.add_child(body)

@@ -1,9 +1,9 @@
 extends "teller.gd"
 ## Deforms the character of the test vectors on the graphics card, and saves the results: FOLDER FILE.
 
-const Stream := preload("res://addons/puppetline/wire/stream.gd")
+const Scene := preload("res://addons/puppetline/wire/scene.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")
-const SharedScene := preload("res://addons/puppetline/play/shared_scene.gd")
+const SceneResources := preload("res://addons/puppetline/play/scene_resources.gd")
 const Body := preload("res://addons/puppetline/play/body.gd")
 const ControlsBody := preload("res://addons/puppetline/play/controls_body.gd")
 const VerticesBody := preload("res://addons/puppetline/play/vertices_body.gd")
@@ -14,7 +14,7 @@ const MOMENTS: Array[Array] = [
 	[0, 0, 0.0], [0, 1, 0.0], [0, 1, 0.25], [1, 1, 0.0], [1, 2, 0.75], [2, 2, 0.0], [0, 2, 0.5]
 ]
 
-var _shared: SharedScene
+var _resources: SceneResources
 var _file: FileAccess
 
 
@@ -22,18 +22,17 @@ func start() -> void:
 	root.disable_3d = true
 	DisplayServer.window_set_size(Vector2i(64, 64))
 	_file = FileAccess.open(arguments()[1], FileAccess.WRITE)
-	_shared = SharedScene.shared(Stream.new("nowhere", 1), "worm")
-	_shared._take_scene(_message("scene"))
-	await _show(ControlsBody.new(_shared, null))
-	await _show(VerticesBody.new(_shared))
-	_shared = null
+	_resources = SceneResources.new(Scene.parse(_message("scene").payload))
+	await _show(ControlsBody.new(_resources, null))
+	await _show(VerticesBody.new(_resources))
+	_resources = null
 	quit()
 
 
 func _show(body: Body) -> void:
 	root.add_child(body)
 	body.set_materials([])
-	var box := _shared.scene.bounds.grow(_shared.scene.diagonal)
+	var box := _resources.scene.bounds.grow(_resources.scene.diagonal)
 	for moment in MOMENTS:
 		body.show_frames(_frame(body, moment[0]), _frame(body, moment[1]), moment[2])
 		var reader := GpuReader.new(root, body, box)

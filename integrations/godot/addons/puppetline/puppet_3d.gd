@@ -628,6 +628,7 @@ func _follow_character(which: String) -> void:
 	_unfollow_character()
 	_name = which
 	_shared = SharedScene.shared(_link.stream, _name)
+	_shared.shows_mesh = _shared.shows_mesh or mesh_source == null
 	_shared.changed.connect(_on_scene)
 	_link.stream.follow(_name + "/performer", _on_performer)
 	_body_stale = true
@@ -691,18 +692,18 @@ func _follow_frames() -> void:
 func _new_body() -> Body:
 	var source := _own_character()
 	if mode == Mode.MORPHS and not _clips.is_used:
-		return MorphsBody.new(_shared, source)
+		return MorphsBody.new(_shared.resources, source)
 	var uses_controls := mode == Mode.CONTROLS or _clips.is_used
 	var obstacle := RestMesh.obstacle(_shared.scene) if uses_controls else ""
 	if uses_controls and (obstacle.is_empty() or _clips.is_used):
-		var drawn := ControlsBody.new(_shared, source)
+		var drawn := ControlsBody.new(_shared.resources, source)
 		drawn.problem = obstacle if obstacle else drawn.problem
 		return drawn
 	if source != null:
 		source.free()
 	if obstacle:
 		push_warning("Puppetline: %s falls back to VERTICES: %s." % [_name, obstacle])
-	var body := VerticesBody.new(_shared)
+	var body := VerticesBody.new(_shared.resources)
 	if mesh_source != null:
 		body.problem = "the mode VERTICES shows the service's mesh; mesh_source is used by CONTROLS and MORPHS only"
 	return body

@@ -7,6 +7,7 @@ import struct
 import time
 from contextlib import suppress
 from dataclasses import replace
+from hashlib import sha256
 
 import numpy as np
 import pytest
@@ -188,6 +189,14 @@ def heard(publisher, client):
     return decode(client.recv())
 
 
+def received_digest(publisher, client):
+    """Run the publisher until the client has a scene, and compute its digest as docs/protocol.md says."""
+    serve(publisher, lambda: client.poll(0))
+    payload = client.recv()[128:]
+    arrays_start = 4 + int.from_bytes(payload[:4], "little")
+    return sha256(payload[:arrays_start] + sha256(payload[arrays_start:]).digest()).hexdigest()
+
+
 def wanted(publisher, name, *kinds, door=0):
     """Run the publisher until just these kinds of a character's frames are wanted at a door."""
     stream = list(publisher._streams.values())[door]
@@ -263,6 +272,7 @@ def test_the_service_says_whom_it_streams_and_how_it_is(publisher, subscribe, do
         {
             "name": name,
             "revision": 1,
+            "digest": received_digest(publisher, subscribe(publisher, f"{name}/scene/mine")),
             "vertices": len(dog.rest),
             "kinds": ["controls", "vertices", "vertices16", "joints", "handles"],
         }

@@ -1,14 +1,14 @@
 extends Node3D
 ## Base of the three nodes that show a character: by controls, vertices or morph targets.
 
-const SharedScene := preload("shared_scene.gd")
+const SceneResources := preload("scene_resources.gd")
 const Message := preload("../wire/message.gd")
 const SurfacePatch := preload("surface_patch.gd")
 const PatchMotion := preload("patch_motion.gd")
 const SurfaceRay := preload("surface_ray.gd")
 
 ## The scene that belongs to the frames.
-var shared: SharedScene
+var resources: SceneResources
 ## Whether root motion moves the character, or it stays in place.
 var follow_root := true
 ## Description of an error for the user; empty if there is none.
@@ -65,11 +65,11 @@ func piece_transforms() -> Array[Transform3D]:
 func intersect(from: Vector3, to: Vector3) -> Dictionary:
 	var hit := {}
 	var positions := evaluate()
-	for triangle in shared.scene.triangle_count if not positions.is_empty() else 0:
+	for triangle in resources.scene.triangle_count if not positions.is_empty() else 0:
 		var corners := PackedVector3Array()
 		for i in 3:
-			corners.append(positions[shared.scene.triangles[3 * triangle + i]])
-		var position: Variant = SurfaceRay.segment_hit(corners, from, to, shared.scene.diagonal)
+			corners.append(positions[resources.scene.triangles[3 * triangle + i]])
+		var position: Variant = SurfaceRay.segment_hit(corners, from, to, resources.scene.diagonal)
 		if position != null:
 			to = position
 			hit = {"triangle": triangle, "corners": corners, "position": position}

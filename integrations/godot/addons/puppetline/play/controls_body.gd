@@ -25,23 +25,23 @@ var _shift := Vector3.ZERO
 
 ## [param source] is the character from `mesh_source`, which becomes a child of this node, or null for the mesh of the
 ## scene. If [param source] has a problem, the mesh of the scene is shown instead.
-func _init(of: SharedScene, source: Node3D) -> void:
-	shared = of
-	_transform_count = shared.scene.field_count * shared.scene.isoline_count
-	_bounds = shared.bounds
+func _init(of: SceneResources, source: Node3D) -> void:
+	resources = of
+	_transform_count = resources.scene.field_count * resources.scene.isoline_count
+	_bounds = resources.bounds
 	var empty := PackedByteArray()
 	empty.resize(frame_size())
 	for i in 2:
 		_textures.append(ImageTexture.create_from_image(_image(empty)))
 	if source != null:
 		add_child(source)
-		_surfaces = Surfaces.new(shared, false)
-		problem = OwnMesh.find(source, shared.scene, _surfaces)
+		_surfaces = Surfaces.new(resources, false)
+		problem = OwnMesh.find(source, resources.scene, _surfaces)
 		if problem:
 			source.free()
 			_surfaces = null
 	if _surfaces == null:
-		_surfaces = Surfaces.new(shared, not shared.scene.colors.is_empty())
+		_surfaces = Surfaces.new(resources, not resources.scene.colors.is_empty())
 		_add_scene()
 	_surfaces.set_parameter(&"puppet_frame_0", _textures[0])
 	_surfaces.set_parameter(&"puppet_frame_1", _textures[1])
@@ -81,12 +81,12 @@ func show_frames(earlier: Message, later: Message, share: float) -> void:
 
 
 func follow_patch(patch: SurfacePatch) -> PatchMotion:
-	return ControlsMotion.new(shared.scene, patch)
+	return ControlsMotion.new(resources.scene, patch)
 
 
 func piece_boxes() -> Array[AABB]:
 	var boxes: Array[AABB] = []
-	for piece in shared.ray.pieces():
+	for piece in resources.ray.pieces():
 		boxes.append(AABB(piece.center - piece.half, 2.0 * piece.half))
 	return boxes
 
@@ -96,7 +96,7 @@ func piece_transforms() -> Array[Transform3D]:
 	if not _has_frame():
 		return transforms
 	_bounds.read(_mixed_floats())
-	for piece in shared.ray.pieces():
+	for piece in resources.ray.pieces():
 		var transform := _bounds.mean_transform(piece)
 		transform.origin += _shift
 		transforms.append(transform)
@@ -106,7 +106,7 @@ func piece_transforms() -> Array[Transform3D]:
 func intersect(from: Vector3, to: Vector3) -> Dictionary:
 	if not _has_frame():
 		return {}
-	var hit := shared.ray.intersect(_mixed_floats(), from - _shift, to - _shift)
+	var hit := resources.ray.intersect(_mixed_floats(), from - _shift, to - _shift)
 	if not hit.is_empty():
 		hit["position"] += _shift
 		hit["corners"] = Transform3D(Basis.IDENTITY, _shift) * (hit["corners"] as PackedVector3Array)
@@ -118,17 +118,17 @@ func evaluate() -> PackedVector3Array:
 		return PackedVector3Array()
 	_bounds.read(_mixed_floats())
 	var positions := PackedVector3Array()
-	positions.resize(shared.scene.vertex_count)
+	positions.resize(resources.scene.vertex_count)
 	for vertex in positions.size():
-		positions[vertex] = _shift + _bounds.position(shared.scene, vertex)
+		positions[vertex] = _shift + _bounds.position(resources.scene, vertex)
 	return positions
 
 
 func _add_scene() -> void:
 	var instance := MeshInstance3D.new()
-	instance.mesh = shared.mesh
+	instance.mesh = resources.mesh
 	add_child(instance)
-	_surfaces.add(instance, Materials.of_scene(shared.scene), Basis.IDENTITY)
+	_surfaces.add(instance, Materials.of_scene(resources.scene), Basis.IDENTITY)
 
 
 func _has_frame() -> bool:
@@ -143,7 +143,7 @@ func _upload(i: int, frame: Message) -> bool:
 	_textures[i].update(_image(frame.payload))
 	var box := _bounds.around(frame.payload)
 	if not box.is_finite():
-		box = shared.scene.bounds
+		box = resources.scene.bounds
 	if not follow_root:
 		box.position -= frame.root
 	_boxes[i] = box

@@ -3,7 +3,7 @@ extends RefCounted
 
 const RestMesh := preload("rest_mesh.gd")
 const Scene := preload("../wire/scene.gd")
-const SharedScene := preload("shared_scene.gd")
+const SceneResources := preload("scene_resources.gd")
 const MaterialCopy := preload("material_copy.gd")
 
 
@@ -56,15 +56,15 @@ static func moving(material: Material, colored: bool) -> Array[MaterialCopy]:
 
 
 ## Set the uniforms that are the same in all frames.
-static func prepare(material: ShaderMaterial, shared: SharedScene) -> void:
-	var scene := shared.scene
+static func prepare(material: ShaderMaterial, resources: SceneResources) -> void:
+	var scene := resources.scene
 	var weights := scene.weights.duplicate()
 	weights.resize(8)
-	material.set_shader_parameter(&"puppet_rest", shared.rest_texture)
+	material.set_shader_parameter(&"puppet_rest", resources.rest_texture)
 	material.set_shader_parameter(
-		&"puppet_rest_rows", shared.rest_texture.get_height() / (2 if scene.colors.is_empty() else 3)
+		&"puppet_rest_rows", resources.rest_texture.get_height() / (2 if scene.colors.is_empty() else 3)
 	)
-	material.set_shader_parameter(&"puppet_slopes", shared.slopes_texture)
+	material.set_shader_parameter(&"puppet_slopes", resources.slopes_texture)
 	material.set_shader_parameter(&"puppet_fields", scene.field_count)
 	material.set_shader_parameter(&"puppet_isolines", scene.isoline_count)
 	material.set_shader_parameter(&"puppet_weights_0", Vector4(weights[0], weights[1], weights[2], weights[3]))

@@ -20,14 +20,14 @@ var _weights := PackedFloat32Array()
 
 
 ## [param source] is the character from `mesh_source`, which becomes a child of this node, or null.
-func _init(of: SharedScene, source: Node3D) -> void:
-	shared = of
+func _init(of: SceneResources, source: Node3D) -> void:
+	resources = of
 	_source = source
 	if source != null:
 		add_child(source)
 		_rest_position = source.position
-	if shared.scene.morphs is Array:
-		_names = shared.scene.morphs
+	if resources.scene.morphs is Array:
+		_names = resources.scene.morphs
 	_weights.resize(_names.size())
 	if _names.is_empty():
 		problem = "the service has no morph targets for it; start it with --morphs and the .glb from `puppetline bake`"
@@ -78,14 +78,14 @@ func follow_patch(patch: SurfacePatch) -> PatchMotion:
 		return null
 	var source := Transform3D(_source.basis, _rest_position)
 	var to_rest := Transform3D(Basis.IDENTITY, _rest_position - _source.position)
-	var box := AABB(source * shared.scene.positions[patch.vertices[0]], Vector3.ZERO)
+	var box := AABB(source * resources.scene.positions[patch.vertices[0]], Vector3.ZERO)
 	for vertex in patch.vertices:
-		box = box.expand(source * shared.scene.positions[vertex])
-	box = box.grow(_SEARCH_MARGIN * shared.scene.diagonal)
+		box = box.expand(source * resources.scene.positions[vertex])
+	box = box.grow(_SEARCH_MARGIN * resources.scene.diagonal)
 	var candidates: Array[MorphMesh.Vertex] = []
 	for mesh in _meshes:
 		candidates.append_array(mesh.vertices_in(box, to_rest * OwnMesh.transform_within(mesh.instance, _source)))
-	return MorphsMotion.new(shared.scene, patch, candidates, source)
+	return MorphsMotion.new(resources.scene, patch, candidates, source)
 
 
 func intersect(from: Vector3, to: Vector3) -> Dictionary:
@@ -96,7 +96,7 @@ func intersect(from: Vector3, to: Vector3) -> Dictionary:
 		for corner in range(0, faces.size(), 3):
 			# Godot's triangles are clockwise.
 			var corners := PackedVector3Array([faces[corner], faces[corner + 2], faces[corner + 1]])
-			var position: Variant = SurfaceRay.segment_hit(corners, from, to, shared.scene.diagonal)
+			var position: Variant = SurfaceRay.segment_hit(corners, from, to, resources.scene.diagonal)
 			if position != null:
 				to = position
 				hit = {"triangle": -1, "corners": corners, "position": position}

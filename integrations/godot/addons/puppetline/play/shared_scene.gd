@@ -8,10 +8,11 @@ const SharedScene := preload("shared_scene.gd")
 const Stream := preload("../wire/stream.gd")
 const Message := preload("../wire/message.gd")
 const Scene := preload("../wire/scene.gd")
-const RestMesh := preload("rest_mesh.gd")
-const IsolineBounds := preload("isoline_bounds.gd")
-const SurfaceRay := preload("surface_ray.gd")
+const SceneResources := preload("scene_resources.gd")
+const SceneLoading := preload("scene_loading.gd")
+const SceneCache := preload("../wire/scene_cache.gd")
 
+const _CHARACTERS := "service/characters"
 ## Time between two requests of the scene, in milliseconds.
 const _REQUEST_INTERVAL_MS := 1000
 ## Time between two requests while a message arrives that may be the scene, in milliseconds. On a slow network, each
@@ -20,53 +21,38 @@ const _RECEIVING_INTERVAL_MS := 16_000
 
 static var _scenes: Dictionary = {}  # key: WeakRef
 
-## The scene; null before it has arrived.
-var scene: Scene
-
-## Resources made from the scene on first use.
-var mesh: ArrayMesh:
+## The newest version of the scene and its resources; null before it has arrived.
+var resources: SceneResources
+var scene: Scene:
 	get:
-		if mesh == null:
-			mesh = RestMesh.build(scene)
-		return mesh
-var rest_texture: ImageTexture:
-	get:
-		if rest_texture == null:
-			rest_texture = RestMesh.rest_texture(scene)
-		return rest_texture
-var slopes_texture: ImageTexture:
-	get:
-		if slopes_texture == null:
-			slopes_texture = RestMesh.slopes_texture(scene)
-		return slopes_texture
-var bounds: IsolineBounds:
-	get:
-		if bounds == null:
-			bounds = IsolineBounds.new(scene)
-		return bounds
-var ray: SurfaceRay:
-	get:
-		if ray == null:
-			ray = SurfaceRay.new(self)
-		return ray
+		return resources.scene if resources != null else null
+## Whether a node shows the service's mesh, which is then made in advance.
+var shows_mesh := false
 
 var _key := ""
 var _stream: Stream
-var _receiver: Callable  # a new Callable cannot be made while this object is freed
+var _character := ""
+var _on_characters: Callable  # new Callables cannot be made while this object is freed
+var _on_scene: Callable
 var _topic := ""
-var _signature := PackedInt64Array()  # distinguishes scene messages
+var _is_followed := false
+var _is_listed := false  # whether the service has the character
+var _announced_digest := ""  # of the service's version; empty if it announces none
+var _digest := ""  # of this version
+var _loading: SceneLoading
 var _is_requested := true
-var _requested_ms := 0
+var _requested_ms := -_RECEIVING_INTERVAL_MS
 
 
 func _init(stream: Stream, character: String) -> void:
 	_stream = stream
+	_character = character
 	if stream == null:
 		return
 	_topic = "%s/scene/%08x%08x" % [character, randi(), randi()]
-	_receiver = _take_scene
-	_stream.follow(_topic, _receiver)
-	_requested_ms = Time.get_ticks_msec()
+	_on_characters = _take_characters
+	_on_scene = _take_scene
+	_stream.follow(_CHARACTERS, _on_characters)
 
 
 ## Return the scene of a character: one object per stream and name, as long as a reference to it exists.
@@ -90,7 +76,7 @@ static func of_payload(payload: PackedByteArray) -> SharedScene:
 		if known == null:
 			return null
 		found = SharedScene.new(null, "")
-		found.scene = known
+		found.resources = SceneResources.new(known)
 		found._key = key
 		_scenes[key] = weakref(found)
 	return found
@@ -101,12 +87,16 @@ func ask() -> void:
 	_is_requested = true
 
 
-## Send requests at the allowed rate until the scene arrives.
+## Take what has been loaded, and send requests at the allowed rate until the scene arrives.
 func poll() -> void:
+	_is_listed = _is_listed and _stream.state == Stream.State.CONNECTED
+	if _loading != null:
+		_take_loaded()
+		return
 	var pause := _RECEIVING_INTERVAL_MS if _stream.is_receiving() else _REQUEST_INTERVAL_MS
-	if _is_requested and Time.get_ticks_msec() >= _requested_ms + pause and _stream.state == Stream.State.CONNECTED:
+	if _is_requested and _is_listed and Time.get_ticks_msec() >= _requested_ms + pause:
 		_requested_ms = Time.get_ticks_msec()
-		_stream.ask(_topic)
+		_request()
 
 
 func _notification(what: int) -> void:
@@ -114,22 +104,54 @@ func _notification(what: int) -> void:
 		return
 	_scenes.erase(_key)
 	if _stream != null:
-		_stream.unfollow(_topic, _receiver)
+		_stream.unfollow(_CHARACTERS, _on_characters)
+		_stream.unfollow(_topic, _on_scene)
+	if _loading != null:
+		_loading.abandon()
+
+
+func _request() -> void:
+	if _announced_digest != _digest and SceneCache.has(_announced_digest):
+		_loading = SceneLoading.of_cache(_announced_digest, shows_mesh)
+	elif _is_followed:
+		_stream.ask(_topic)
+	else:
+		_is_followed = true
+		_stream.follow(_topic, _on_scene)
+
+
+## Find out which version of the character the service has. A new connection may be to another service; later versions
+## are noticed by the revision of their frames.
+func _take_characters(message: Message) -> void:
+	var list: Variant = message.json()
+	var was_listed := _is_listed
+	_is_listed = false
+	for each: Variant in list if list is Array else []:
+		if each is Dictionary and str(each.get("name")) == _character:
+			_is_listed = true
+			_announced_digest = str(each.get("digest", ""))
+	if _is_listed and not was_listed and (_announced_digest.is_empty() or _announced_digest != _digest):
+		ask()
 
 
 func _take_scene(message: Message) -> void:
 	_is_requested = false
-	var signature := PackedInt64Array([message.revision, message.payload.size(), hash(message.payload)])
-	if signature == _signature:
+	_is_followed = false
+	_stream.unfollow(_topic, _on_scene)
+	if _loading != null:
+		_loading.abandon()
+	_loading = SceneLoading.of_payload(message.payload, shows_mesh)
+
+
+func _take_loaded() -> void:
+	if not _loading.is_done():
 		return
-	_signature = signature
-	var found := Scene.parse(message.payload)
-	if found == null:
-		return
-	scene = found
-	mesh = null
-	rest_texture = null
-	slopes_texture = null
-	bounds = null
-	ray = null
-	changed.emit()
+	var loaded := _loading
+	_loading = null
+	if loaded.resources == null:
+		return  # a request for a damaged file stays
+	_is_requested = false
+	if loaded.digest != _digest:
+		_digest = loaded.digest
+		resources = loaded.resources
+		changed.emit()

@@ -5,7 +5,6 @@ extends RefCounted
 ## whose boxes are hit are evaluated. The pieces are divided when they are first hit.
 
 const Scene := preload("../wire/scene.gd")
-const SharedScene := preload("shared_scene.gd")
 const IsolineBounds := preload("isoline_bounds.gd")
 
 ## Number of blocks of a piece along each axis.
@@ -26,9 +25,9 @@ class Block:
 	var blocks: Array[Block] = []
 
 
-func _init(shared: SharedScene) -> void:
-	_scene = shared.scene
-	_bounds = shared.bounds
+func _init(scene: Scene, bounds: IsolineBounds) -> void:
+	_scene = scene
+	_bounds = bounds
 	var piece_of := PackedInt32Array()
 	piece_of.resize(_scene.vertex_count)
 	for i in _bounds.vertices.size():

@@ -1,13 +1,13 @@
 extends RefCounted
 ## Mesh instances whose surfaces deform, and the materials that deform them.
 
-const SharedScene := preload("shared_scene.gd")
+const SceneResources := preload("scene_resources.gd")
 const Materials := preload("materials.gd")
 const MaterialCopy := preload("material_copy.gd")
 
 var instances: Array[MeshInstance3D] = []
 
-var _shared: SharedScene
+var _resources: SceneResources
 var _own: Array[Material] = []  # by surface, the original ones
 var _colored: bool
 var _to_file: Array[Basis] = []  # by instance: from the coordinates of its mesh
@@ -16,8 +16,8 @@ var _next_followed := 0
 var _parameters: Dictionary = {}
 
 
-func _init(shared: SharedScene, colored: bool) -> void:
-	_shared = shared
+func _init(resources: SceneResources, colored: bool) -> void:
+	_resources = resources
 	_colored = colored
 
 
@@ -67,7 +67,7 @@ func set_bounds(box: AABB) -> void:
 func _made(material: Material, to_file: Basis) -> Material:
 	var copies := Materials.moving(material, _colored)
 	for copy in copies:
-		Materials.prepare(copy.material, _shared)
+		Materials.prepare(copy.material, _resources)
 		copy.material.set_shader_parameter(&"puppet_mesh_to_file", to_file)
 		for parameter: StringName in _parameters:
 			copy.material.set_shader_parameter(parameter, _parameters[parameter])

@@ -15,20 +15,20 @@ var _shown: Message
 var _shift := Vector3.ZERO
 
 
-func _init(of: SharedScene) -> void:
-	shared = of
+func _init(of: SceneResources) -> void:
+	resources = of
 	var empty := PackedByteArray()
 	empty.resize(frame_size())
 	_numbers = ImageTexture.create_from_image(_image(empty))
-	_surfaces = Surfaces.new(shared, not shared.scene.colors.is_empty())
+	_surfaces = Surfaces.new(resources, not resources.scene.colors.is_empty())
 	var instance := MeshInstance3D.new()
-	instance.mesh = shared.mesh
+	instance.mesh = resources.mesh
 	add_child(instance)
-	_surfaces.add(instance, Materials.of_scene(shared.scene), Basis.IDENTITY)
+	_surfaces.add(instance, Materials.of_scene(resources.scene), Basis.IDENTITY)
 	_surfaces.set_parameter(&"puppet_frame_0", _numbers)
 	_surfaces.set_parameter(&"puppet_by_vertices", true)
 	_surfaces.set_parameter(&"puppet_positions_start", Vertices16.positions_start())
-	_surfaces.set_parameter(&"puppet_normals_start", Vertices16.normals_start(shared.scene.vertex_count))
+	_surfaces.set_parameter(&"puppet_normals_start", Vertices16.normals_start(resources.scene.vertex_count))
 
 
 func payload_name() -> String:
@@ -36,7 +36,7 @@ func payload_name() -> String:
 
 
 func frame_size() -> int:
-	return Vertices16.size(shared.scene.vertex_count)
+	return Vertices16.size(resources.scene.vertex_count)
 
 
 func set_materials(materials: Array[Material]) -> void:
@@ -54,7 +54,7 @@ func show_frames(earlier: Message, _later: Message, _share: float) -> void:
 	_surfaces.set_parameter(&"puppet_shift", _shift)
 	_surfaces.set_parameter(&"puppet_box_position", box.position)
 	_surfaces.set_parameter(&"puppet_box_size", box.size)
-	_surfaces.set_bounds(AABB(box.position + _shift, box.size) if box.is_finite() else shared.scene.bounds)
+	_surfaces.set_bounds(AABB(box.position + _shift, box.size) if box.is_finite() else resources.scene.bounds)
 
 
 func shown_share(_share: float) -> float:
@@ -70,7 +70,7 @@ func evaluate() -> PackedVector3Array:
 	if _shown == null:
 		return positions
 	var box := Vertices16.box(_shown.payload)
-	positions.resize(shared.scene.vertex_count)
+	positions.resize(resources.scene.vertex_count)
 	for vertex in positions.size():
 		positions[vertex] = _shift + Vertices16.position(_shown.payload, box, vertex)
 	return positions

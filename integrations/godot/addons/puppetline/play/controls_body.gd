@@ -87,7 +87,7 @@ func follow_patch(patch: SurfacePatch) -> PatchMotion:
 func piece_boxes() -> Array[AABB]:
 	var boxes: Array[AABB] = []
 	for piece in resources.ray.pieces():
-		boxes.append(AABB(piece.center - piece.half, 2.0 * piece.half))
+		boxes.append(piece.box)
 	return boxes
 
 

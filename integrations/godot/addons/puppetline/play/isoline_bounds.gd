@@ -22,17 +22,18 @@ const _MIN_SPREAD := 1e-6
 var pieces: Array[Piece] = []
 var vertices: Array[PackedInt32Array] = []
 
-## Columns of each transform.
+## Columns of each transform of the last [method read], and the difference between each one and the next.
 var _x := PackedVector3Array()
 var _y := PackedVector3Array()
 var _z := PackedVector3Array()
 var _origin := PackedVector3Array()
+var _differences: Array[Transform3D] = []
 
 
 ## Vertices with similar isoline coordinates in all fields.
 class Piece:
-	var center: Vector3
-	var half: Vector3
+	## Bounding box at rest.
+	var box: AABB
 	## The transforms whose weighted mean belongs to the middle of the piece, and their weights.
 	var isolines := PackedInt32Array()
 	var shares := PackedFloat32Array()
@@ -76,19 +77,17 @@ func around(controls: PackedByteArray) -> AABB:
 	var low := Vector3.INF
 	var high := -Vector3.INF
 	for piece in pieces:
-		var mean := mean_transform(piece)
-		var middle := mean * piece.center
-		var reach := _reach(piece, mean.basis)
-		low = low.min(middle - reach)
-		high = high.max(middle + reach)
+		var moved := box(piece)
+		low = low.min(moved.position)
+		high = high.max(moved.end)
 	return AABB(low, high - low)
 
 
 ## Return a box that contains the vertices of a piece, for the transforms of [method read].
 func box(piece: Piece) -> AABB:
-	var mean := mean_transform(piece)
-	var reach := _reach(piece, mean.basis)
-	return AABB(mean * piece.center - reach, 2.0 * reach)
+	var spread := _spread(piece)
+	var moved := mean_transform(piece) * piece.box
+	return AABB(moved.position - spread, moved.size + 2.0 * spread)
 
 
 ## Return the mean transform of a piece, for the transforms of [method read].
@@ -123,28 +122,17 @@ func position(scene: Scene, vertex: int) -> Vector3:
 	return sum
 
 
-## Return the maximum distance, by axis, of the vertices of a piece from its middle.
-func _reach(piece: Piece, mean: Basis) -> Vector3:
-	var half := piece.half
-	return mean.x.abs() * half.x + mean.y.abs() * half.y + mean.z.abs() * half.z + _spread(piece)
-
-
 ## Return the maximum distance, by axis, of the vertices of a piece from their positions by the mean transform.
 func _spread(piece: Piece) -> Vector3:
-	var center := piece.center
-	var half := piece.half
+	var rest := piece.box
 	var spread := Vector3.ZERO
 	var entry := 0
 	for count in piece.counts:
 		var below := Vector3.ZERO
 		var above := Vector3.ZERO
 		for _i in count:
-			var gap := piece.gaps[entry]
-			var x := _x[gap + 1] - _x[gap]
-			var y := _y[gap + 1] - _y[gap]
-			var z := _z[gap + 1] - _z[gap]
-			var moved := _origin[gap + 1] - _origin[gap] + x * center.x + y * center.y + z * center.z
-			var change := moved.abs() + x.abs() * half.x + y.abs() * half.y + z.abs() * half.z
+			var moved := _differences[piece.gaps[entry]] * rest
+			var change := moved.position.abs().max(moved.end.abs())
 			below += piece.below[entry] * change
 			above += piece.above[entry] * change
 			entry += 1
@@ -163,6 +151,11 @@ func read(numbers: PackedFloat32Array) -> void:
 		_y[i] = Vector3(numbers[at + 1], numbers[at + 5], numbers[at + 9])
 		_z[i] = Vector3(numbers[at + 2], numbers[at + 6], numbers[at + 10])
 		_origin[i] = Vector3(numbers[at + 3], numbers[at + 7], numbers[at + 11])
+	_differences.resize(count)
+	for i in count - 1:
+		_differences[i] = Transform3D(
+			_x[i + 1] - _x[i], _y[i + 1] - _y[i], _z[i + 1] - _z[i], _origin[i + 1] - _origin[i]
+		)
 
 
 ## Divide the vertices into pieces, by the cuts that were computed from samples.
@@ -254,8 +247,7 @@ static func make_piece(scene: Scene, vertices: PackedInt32Array) -> Piece:
 	for vertex in vertices:
 		low = low.min(scene.positions[vertex])
 		high = high.max(scene.positions[vertex])
-	piece.center = (low + high) / 2.0
-	piece.half = (high - low) / 2.0
+	piece.box = AABB(low, high - low)
 	for field in scene.field_count:
 		var base := field * scene.isoline_count
 		var weight := scene.weights[field]

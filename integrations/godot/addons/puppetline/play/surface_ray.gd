@@ -97,8 +97,8 @@ static func segment_hit(corners: PackedVector3Array, from: Vector3, to: Vector3,
 
 ## Divide the triangles of a block by the places of their first vertices at rest.
 func _divide(block: Block) -> void:
-	var low := block.piece.center - block.piece.half
-	var cell := (2.0 * block.piece.half / _BLOCKS).max(Vector3.ONE * 1e-6 * _scene.diagonal)
+	var low := block.piece.box.position
+	var cell := (block.piece.box.size / _BLOCKS).max(Vector3.ONE * 1e-6 * _scene.diagonal)
 	var cells: Dictionary = {}
 	for triangle in block.triangles:
 		var at := Vector3i((_scene.positions[_scene.triangles[3 * triangle]] - low) / cell)

@@ -97,6 +97,21 @@ def test_a_damaged_clip_is_a_warning(run_godot, clip, tmp_path):
     assert head["problem"].startswith("damaged at byte")
 
 
+def test_a_game_goes_on_while_a_thread_loads_a_clip(run_godot, clip, other_clip, solved, take, blob_puppet):
+    """Before, the node shows what it has shown; the clock MANUAL waits for no thread."""
+    (one, *_), diagonal = solved
+    (other, *_), _ = vertices_of(take, blob_puppet, OTHER)
+    asked = (f"clip:{clip}", f"clip:{other_clip}", f"manual:{clip}", f"mixed:{other_clip}", f"clip:{clip}")
+    told = run_godot("load_clip.gd", *asked)
+    assert [each["when"] for each in told] == ["first", "loaded"] * 4 + ["first"]
+    assert not any(each["looks_for_service"] for each in told)
+    nothing, *shown = positions(told)
+    assert len(nothing) == 0
+    for found, expected in zip(shown, [one, one, other, one, one, one, other, other], strict=True):
+        assert np.abs(found - expected).max() <= 1e-5 * diagonal
+    assert np.abs(one - other).max() > 1e-3 * diagonal
+
+
 def test_an_animation_tree_shows_the_mean_of_two_clips(run_godot, clip, other_clip, solved, take, blob_puppet):
     first, diagonal = solved
     second, _ = vertices_of(take, blob_puppet, OTHER)

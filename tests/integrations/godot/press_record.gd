@@ -73,7 +73,8 @@ func _on_frame(frame: RefCounted) -> void:
 func _on_saved(to: String) -> void:
 	var clip: PuppetClip = load(to)
 	var type := EditorInterface.get_resource_filesystem().get_file_type(to)
-	_tell({"saved": to, "problem": clip.problem(), "frames": clip.frame_count(), "listed": type})
+	_tell({"moments": range(clip.frame_count()).map(clip.frame_position)})
+	_tell({"saved": to, "problem": clip.problem(), "listed": type})
 
 
 func _button() -> Button:
@@ -84,4 +85,4 @@ func _button() -> Button:
 
 
 func _tell(what: Dictionary) -> void:
-	print("RESULT ", JSON.stringify(what))
+	print("RESULT ", JSON.stringify(what, "", false, true))

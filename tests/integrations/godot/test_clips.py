@@ -149,7 +149,7 @@ def test_a_performer_is_mixed_with_a_clip(run_godot, playing, solved, blob_puppe
 
 @pytest.fixture
 def recorded(start_godot, project, playing, blob_puppet, take):
-    """A recording of a service that was killed before its end: the result, and the vertices of its frames."""
+    """A recording of a service that was killed before its end: the result, and the vertices by moments."""
     path = "res://dance.res"
     service = playing(blob_puppet, take)
     reference = Reference(blob_puppet)
@@ -158,9 +158,10 @@ def recorded(start_godot, project, playing, blob_puppet, take):
         script.until(lambda told: told.get("seconds", 0) > 5)
         service.process.kill()
         results = script.end()
-    sequences = [told["frame"] for told in results if "frame" in told]
     vertices = {
-        k: reference.positions(heard[sequence].body) for k, sequence in enumerate(sequences) if sequence in heard
+        told["seconds"]: reference.positions(heard[told["frame"]].body)
+        for told in results
+        if "frame" in told and told["frame"] in heard
     }
     return path, results, vertices, reference.diagonal
 
@@ -172,12 +173,11 @@ def test_a_recording_plays_in_a_game_without_a_service(start_godot, recorded, re
     assert results[-1]["frames"] == sum("frame" in told for told in results)
     assert results[-1]["length"] > 5
     game = request.getfixturevalue("exported_game")
-    numbers = sorted(vertices)[::20]
-    moments = [number / 30 for number in numbers]
+    moments = sorted(vertices)[::20]
     _, *told = start_godot("play_clip.gd", path, *moments, moments[0], game=game).finish(120)
     assert told[0]["positions"] == told[-1]["positions"]
-    for number, found in zip(numbers, positions(told), strict=False):
-        assert np.abs(found - vertices[number]).max() <= 1e-5 * diagonal
+    for moment, found in zip(moments, positions(told), strict=False):
+        assert np.abs(found - vertices[moment]).max() <= 1e-5 * diagonal
 
 
 def test_a_recording_survives_the_end_of_its_process(start_godot, project, playing, blob_puppet, take):

@@ -79,18 +79,19 @@ def test_the_button_records_a_clip(drive_editor, start_godot, playing, blob_pupp
         told = drive_editor("press_record.gd", STAGE.format(port=service.port), PICTURE=str(picture))
     service.stop()
     frames = [each["frame"] for each in told if "frame" in each]
-    assert [each for each in told if "frame" not in each] == [
+    [moments] = [each["moments"] for each in told if "moments" in each]
+    assert len(frames) == len(moments)
+    assert [each for each in told if not each.keys() & {"frame", "moments"}] == [
         {"visible": True, "text": "Record Clip"},
         {"pressed": True, "timed": True},
-        {"saved": "res://dance.res", "problem": "", "frames": len(frames), "listed": "Resource"},
+        {"saved": "res://dance.res", "problem": "", "listed": "Resource"},
         {"pressed": False, "text": "Record Clip"},
         {"visible": False},
     ]
     assert Image.open(picture).size == (1600, 1000)
     reference = Reference(blob_puppet)
     numbers = [number for number, sequence in enumerate(frames) if sequence in heard][::10]
-    moments = [number / 30 for number in numbers]
-    _, *played = start_godot("play_clip.gd", "res://dance.res", *moments).finish()
+    _, *played = start_godot("play_clip.gd", "res://dance.res", *(moments[number] for number in numbers)).finish()
     for number, found in zip(numbers, positions(played), strict=True):
         solved = reference.positions(heard[frames[number]].body)
         assert np.abs(found - solved).max() <= 1e-5 * reference.diagonal

@@ -1,13 +1,17 @@
-"""Characters in Godot's editor, without a service."""
+"""Characters in Godot's editor, and recording them with its button."""
 
 import shutil
 
+import numpy as np
 import pytest
 from PIL import Image
 
 from engine_bridge.export.shader_mesh import write_shader_mesh
 from engine_bridge.performance.settings import Settings
 from engine_bridge.service.clip_export import write_clip
+
+from .test_clips import positions
+from .test_modes import Listener, Reference
 
 pytestmark = pytest.mark.slow
 
@@ -22,6 +26,17 @@ WORLD = """[gd_scene load_steps=3 format=3]
 script = ExtResource("1")
 clip = ExtResource("2")
 clip_speed = 0.0
+"""
+STAGE = """[gd_scene load_steps=3 format=3]
+[ext_resource type="Script" path="res://addons/puppetline/puppet_3d.gd" id="1"]
+[ext_resource type="Script" path="res://addons/puppetline/puppet_recorder.gd" id="2"]
+[node name="World" type="Node3D"]
+[node name="Puppet" type="Node3D" parent="."]
+script = ExtResource("1")
+port = {port}
+[node name="Recorder" type="Node" parent="Puppet"]
+script = ExtResource("2")
+path = "res://dance.res"
 """
 
 
@@ -55,3 +70,28 @@ def test_a_dropped_shader_mesh_becomes_a_character(add_glb, drive_editor, projec
     assert "figure.shader.glb" in scene
     assert "ArrayMesh" not in scene
     assert Image.open(picture).size == (1600, 1000)
+
+
+def test_the_button_records_a_clip(drive_editor, start_godot, playing, blob_puppet, take, tmp_path):
+    service = playing(blob_puppet, take)
+    picture = tmp_path / "editor.png"
+    with Listener(service, "blob", "controls") as (heard,):
+        told = drive_editor("press_record.gd", STAGE.format(port=service.port), PICTURE=str(picture))
+    service.stop()
+    frames = [each["frame"] for each in told if "frame" in each]
+    [moments] = [each["moments"] for each in told if "moments" in each]
+    assert len(frames) == len(moments)
+    assert [each for each in told if not each.keys() & {"frame", "moments"}] == [
+        {"visible": True, "text": "Record Clip"},
+        {"pressed": True, "timed": True},
+        {"saved": "res://dance.res", "problem": "", "listed": "Resource"},
+        {"pressed": False, "text": "Record Clip"},
+        {"visible": False},
+    ]
+    assert Image.open(picture).size == (1600, 1000)
+    reference = Reference(blob_puppet)
+    numbers = [number for number, sequence in enumerate(frames) if sequence in heard][::10]
+    _, *played = start_godot("play_clip.gd", "res://dance.res", *(moments[number] for number in numbers)).finish()
+    for number, found in zip(numbers, positions(played), strict=True):
+        solved = reference.positions(heard[frames[number]].body)
+        assert np.abs(found - solved).max() <= 1e-5 * reference.diagonal

@@ -161,6 +161,7 @@ const _NEXT_FRAME_TIMEOUT_SECONDS := 2.0
 	set(value):
 		_clips_stale = true
 		mixed_clips = value
+		_clips.resize(value.size())
 ## Weight of the performer against the clips: 0 shows the clips, 1 the performer. The node connects to the service when
 ## it is first greater than 0, and shows the clips until a frame arrives.
 @export_range(0.0, 1.0, 0.001) var live_weight := 0.0
@@ -262,7 +263,7 @@ func _init() -> void:
 
 func _process(delta: float) -> void:
 	var plays := preview_in_editor or not Engine.is_editor_hint()
-	if _clips_stale:
+	if _clips_stale and _has_loaded_clips():
 		_take_clips()
 	if _link_stale or not plays:
 		_leave()
@@ -321,6 +322,8 @@ func advance(seconds: float) -> void:
 	if clock != Clock.MANUAL:
 		push_warning("Puppetline: advance() has no effect. Set clock to MANUAL first.")
 		return
+	if _clips_stale:
+		_take_clips()
 	_move_clip(seconds)
 	_time += seconds
 	_show_next()
@@ -455,8 +458,6 @@ func _get(property: StringName) -> Variant:
 func _mix_number(property: StringName) -> int:
 	if not property.begins_with(ClipAnimations.PROPERTY_PREFIX):
 		return -1
-	if _clips_stale:
-		_take_clips()
 	var number := property.trim_prefix(ClipAnimations.PROPERTY_PREFIX).to_int()
 	return number if number < _clips.mix.size() else -1
 
@@ -466,7 +467,8 @@ func _play() -> void:
 	var playable := _clips.first()
 	if playable != null:
 		_show_clip_scene()
-	if not _clips.is_used or (playable != null and (live_weight > 0.0 or _link != null)):
+	var waits := _clips_stale and _link == null
+	if (not _clips.is_used and not waits) or (playable != null and (live_weight > 0.0 or _link != null)):
 		_poll_service()
 	if is_inside_tree():
 		_show_next()
@@ -482,6 +484,17 @@ func _poll_service() -> void:
 	_receive()
 	if clock == Clock.ENGINE and OS.has_feature("movie"):
 		_wait_for_frame()
+
+
+## Return whether threads have loaded the clips that have been set, one after another. Images of the editor, of a movie
+## and of the clock MANUAL do not wait for threads.
+func _has_loaded_clips() -> bool:
+	if Engine.is_editor_hint() or OS.has_feature("movie") or clock == Clock.MANUAL:
+		return true
+	for each: PuppetClip in [clip] + mixed_clips:
+		if each != null and not each.load_in_thread(mesh_source == null):
+			return false
+	return true
 
 
 ## Take the clips that have been set. The character stays if they are of the same scene.
@@ -505,7 +518,7 @@ func _show_clip_scene() -> void:
 
 
 func _move_clip(seconds: float) -> void:
-	if clip == null or clip_speed == 0.0:
+	if clip == null or clip_speed == 0.0 or _clips_stale:
 		return
 	var moved := clip_position + clip_speed * seconds
 	var length := clip.length()

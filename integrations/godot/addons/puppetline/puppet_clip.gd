@@ -6,68 +6,80 @@ extends Resource
 ## Import a .clip file like any other file of the project.
 
 const Message := preload("wire/message.gd")
-const ClipFile := preload("wire/clip_file.gd")
+const ClipMessages := preload("wire/clip_messages.gd")
+const ClipLoading := preload("play/clip_loading.gd")
 const SharedScene := preload("play/shared_scene.gd")
 
 ## The contents of the file.
 @export var data := PackedByteArray():
 	set(value):
 		data = value
-		_is_read = false
+		_messages = null
+		_shared = null
+		_stop_loading()
 		emit_changed()
 
-var _is_read := false
-var _facts: Dictionary = {}
-var _starts := PackedInt64Array()  # of the frames, in the data
-var _times := PackedFloat64Array()  # of the frames, in seconds
+var _messages: ClipMessages  # null before the data has been read
 var _shared: SharedScene
-var _problem := ""
+var _loading: ClipLoading
+
+
+func _notification(what: int) -> void:
+	if what == NOTIFICATION_PREDELETE and _loading != null:
+		_loading.abandon()
+
+
+## Read the data in a thread, and make there what the graphics card needs, the mesh only if it is shown. Return whether
+## that is done. The other functions read the data at once if it has not been read.
+func load_in_thread(with_mesh: bool) -> bool:
+	if _messages != null:
+		return true
+	if _loading == null:
+		_loading = ClipLoading.in_thread(data, SharedScene.known_resources(), with_mesh)
+	elif _loading.is_done():
+		_take(_loading)
+	return _messages != null
 
 
 ## Return a description of an error in the data; empty if there is none.
 func problem() -> String:
-	_read()
-	return _problem
+	return _read().problem
 
 
 ## Return the name of the character.
 func character() -> String:
-	_read()
-	return str(_facts.get("character", ""))
+	return _read().character
 
 
 ## Return the number of frames.
 func frame_count() -> int:
-	_read()
-	return _starts.size()
+	return _read().times.size()
 
 
 ## Return the duration in seconds.
 func length() -> float:
-	return _times[-1] - _times[0] if frame_count() > 0 else 0.0
+	return frame_position(frame_count() - 1) if frame_count() > 0 else 0.0
 
 
 ## Return the number of the last frame that is not after a position in seconds, the first one for earlier positions.
 func frame_at(position: float) -> int:
-	return maxi(_times.bsearch(_times[0] + position, false) - 1, 0) if frame_count() > 0 else -1
+	var times := _read().times
+	return maxi(times.bsearch(times[0] + position, false) - 1, 0) if not times.is_empty() else -1
 
 
 ## Return the position of a frame in seconds.
 func frame_position(number: int) -> float:
-	_read()
-	return _times[number] - _times[0]
+	return _read().times[number] - _messages.times[0]
 
 
 ## Return the revision of the scene to which the frames belong.
 func revision() -> int:
-	_read()
-	return _shared.scene.revision if _shared != null else 0
+	return shared_scene().scene.revision if shared_scene() != null else 0
 
 
 ## Return a frame.
 func frame(number: int) -> Message:
-	_read()
-	return Message.parse(_message_at(_starts[number]))
+	return _read().frame(number)
 
 
 ## Return the scene and the resources made from it, which all clips of the same scene share; null in a damaged clip.
@@ -76,57 +88,20 @@ func shared_scene() -> SharedScene:
 	return _shared
 
 
-func _read() -> void:
-	if _is_read:
-		return
-	_is_read = true
-	_facts = {}
-	_forget()
-	_problem = _read_messages()
-	if _problem:
-		_forget()
+func _read() -> ClipMessages:
+	if _messages == null:
+		_stop_loading()
+		_take(ClipLoading.at_once(data, SharedScene.known_resources()))
+	return _messages
 
 
-func _forget() -> void:
-	_starts.clear()
-	_times.clear()
-	_shared = null
+func _take(loaded: ClipLoading) -> void:
+	_loading = null
+	_messages = loaded.messages
+	_shared = SharedScene.of_resources(loaded.resources, loaded.digest) if loaded.resources != null else null
 
 
-## Find the messages of the data; return a description of an error.
-func _read_messages() -> String:
-	var kinds := PackedInt32Array([Message.Kind.CLIP, Message.Kind.SCENE])
-	var revision := 0
-	var at := 0
-	var number := 0
-	while at < data.size():
-		var message := Message.parse(_message_at(at))
-		var expected := kinds[number] if number < 2 else Message.Kind.CONTROLS
-		if message == null or message.major != Message.MAJOR or message.kind != expected:
-			return "damaged at byte %d" % at
-		if number == 0:
-			var facts: Variant = message.json()
-			_facts = facts if facts is Dictionary else {}
-			revision = message.revision
-		elif number == 1:
-			_shared = SharedScene.of_payload(message.payload)
-			if _shared == null:
-				return "a damaged scene"
-		elif not _times.is_empty() and message.time <= _times[-1]:
-			return "a frame that is not later than the one before at byte %d" % at
-		else:
-			_starts.append(at)
-			_times.append(message.time)
-		if message.revision != revision:
-			return "a frame of another scene at byte %d" % at
-		at += ClipFile.HEADER_BYTES + message.payload.size()
-		number += 1
-	if _starts.is_empty() or _starts.size() != int(_facts.get("frames", -1)):
-		return "%d frames, and %s are described" % [_starts.size(), _facts.get("frames", "none")]
-	return ""
-
-
-func _message_at(at: int) -> PackedByteArray:
-	if at + ClipFile.HEADER_BYTES > data.size():
-		return PackedByteArray()
-	return data.slice(at, at + ClipFile.HEADER_BYTES + data.decode_u32(at + ClipFile.LENGTH_OFFSET))
+func _stop_loading() -> void:
+	if _loading != null:
+		_loading.abandon()
+		_loading = null

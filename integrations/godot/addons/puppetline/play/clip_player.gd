@@ -29,15 +29,20 @@ func set_clips(clip: PuppetClip, mixed: Array[PuppetClip]) -> void:
 	_clips.clear()
 	_playbacks.clear()
 	is_used = false
-	while mix.size() < mixed.size():
-		mix.append(Vector2.ZERO)
-	mix.resize(mixed.size())
+	resize(mixed.size())
 	for each: PuppetClip in [clip] + mixed:
 		is_used = is_used or each != null
 		var obstacle := _obstacle(each) if each != null else ""
 		problem = obstacle if obstacle else problem
 		_clips.append(each if obstacle.is_empty() else null)
 		_playbacks.append(ClipPlayback.new(each) if _clips[-1] != null else null)
+
+
+## Set the number of mixed clips, before they are loaded.
+func resize(count: int) -> void:
+	while mix.size() < count:
+		mix.append(Vector2.ZERO)
+	mix.resize(count)
 
 
 ## Return the first usable clip; null if there is none.
@@ -63,9 +68,9 @@ func advance(position: float) -> void:
 			_show(1 + i, 0.0, 1.0)
 
 
-## Show a clip at a position with a weight; return the weight, which is 0 if there is no such clip.
+## Show a clip at a position with a weight; return the weight, which is 0 if there is no such clip, or not yet.
 func _show(number: int, position: float, weight: float) -> float:
-	if _playbacks[number] == null or not _playbacks[number].advance(position):
+	if number >= _playbacks.size() or _playbacks[number] == null or not _playbacks[number].advance(position):
 		return 0.0
 	shown.append(_playbacks[number])
 	weights.append(weight)

@@ -66,20 +66,27 @@ static func shared(stream: Stream, character: String) -> SharedScene:
 	return found
 
 
-## Return the scene of a message that does not come from a service: one object per message, as long as a reference to
-## it exists. It is null if the message is damaged.
-static func of_payload(payload: PackedByteArray) -> SharedScene:
-	var key := "%d/%d" % [payload.size(), hash(payload)]
-	var found: SharedScene = _scenes[key].get_ref() if key in _scenes else null
-	if found == null or found.scene.encoded != payload:
-		var known := Scene.parse(payload)
-		if known == null:
-			return null
+## Return the scene with a digest that does not come from a service: one object per digest, as long as a reference to it
+## exists.
+static func of_resources(known: SceneResources, digest: String) -> SharedScene:
+	var found: SharedScene = _scenes[digest].get_ref() if digest in _scenes else null
+	if found == null:
 		found = SharedScene.new(null, "")
-		found.resources = SceneResources.new(known)
-		found._key = key
-		_scenes[key] = weakref(found)
+		found.resources = known
+		found._digest = digest
+		found._key = digest
+		_scenes[digest] = weakref(found)
 	return found
+
+
+## Return the resources of all scenes by digest.
+static func known_resources() -> Dictionary:
+	var known := {}
+	for key: String in _scenes:
+		var each: SharedScene = _scenes[key].get_ref()
+		if each.resources != null:
+			known[each._digest] = each.resources
+	return known
 
 
 ## Request the scene again, because a frame of another revision has arrived.

@@ -2,7 +2,7 @@
 
 python -m benchmarks.studio_pictures FOLDER [--docs]
 
-With `--docs`, the images of the documentation are renewed too: `studio.png` and `studio_limb.png` in docs/images.
+With `--docs`, only `studio.png` and `studio_limb.png` are made, the images of docs/images.
 """
 
 import argparse
@@ -22,9 +22,6 @@ CAMERA = {"PYTHONPATH": str(ROOT / "tests" / "engine_bridge" / "studio" / "virtu
 """Environment of a process that has a virtual camera."""
 
 MOVING = "state.busy.length === 0 && studio.viewer.shown(state.character)?.moment"
-
-DOCUMENTED = {"list": "studio", "part": "studio_limb"}
-"""States of the page that the documentation shows, and the names of their images."""
 
 Shoot, Save = Callable[[str], None], Callable[[str, bytes], None]
 
@@ -105,24 +102,44 @@ def joined(folder: Path, browser: Any, scheme: str, save: Save) -> None:
         save("joined", page.screenshot())
 
 
+def documented(folder: Path, browser: Any, save: Save) -> None:
+    """Save the images of the documentation: the example human, and one of its arms."""
+    with studio(folder / "human") as addresses:
+        page = browser.new_context(viewport=SIZE, color_scheme="light").new_page()
+        page.goto(next(addresses))
+        page.get_by_role("button", name="Human", exact=True).click()
+        until(page, f"state.server?.characters.length === 1 && {MOVING}")
+        page.wait_for_timeout(3000)
+        save("studio", page.screenshot())
+        page.get_by_role("button", name="Rest pose", exact=True).click()
+        page.locator(".panel button.line", has_text="left arm").first.click()
+        page.wait_for_timeout(2000)
+        save("studio_limb", page.screenshot())
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--docs", action="store_true", help="renew the images of the documentation")
+    parser.add_argument("--docs", action="store_true", help="make the images of the documentation only")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as name, benchmark.own_cache(Path(name)), chromium() as browser:
         folder = Path(name)
+        if options.docs:
+            documented(folder, browser, lambda name, image: _write(options.folder / f"{name}.png", image))
+            return
         prepare("pegasus", folder)
         for scheme in ("light", "dark"):
 
             def save(state: str, image: bytes, scheme: str = scheme) -> None:
-                (options.folder / f"{state}_{scheme}.png").write_bytes(image)
-                if options.docs and scheme == "light" and state in DOCUMENTED:
-                    (ROOT / "docs" / "images" / f"{DOCUMENTED[state]}.png").write_bytes(image)
+                _write(options.folder / f"{state}_{scheme}.png", image)
 
             pages(folder, browser, scheme, save)
             joined(folder, browser, scheme, save)
+
+
+def _write(path: Path, image: bytes) -> None:
+    path.write_bytes(image)
 
 
 if __name__ == "__main__":

@@ -11,11 +11,8 @@ import argparse
 import gzip
 import itertools
 import os
-import re
 import shutil
 import socket
-import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -28,6 +25,7 @@ import numpy as np
 
 from benchmarks.datagrams import bodies
 from benchmarks.live_peers import free_tcp_ports, free_udp_port
+from benchmarks.studio_page import SIZE, chromium, command
 from engine_bridge.cli import benchmark
 from engine_bridge.studio.app import PAGE
 
@@ -87,19 +85,13 @@ MEASURE = """async ([name, seconds]) => {
 @contextmanager
 def kiosk(puppets: list[Path], port: int, udp: int) -> Iterator[str]:
     """Serve characters with the studio's page; yield the page's address."""
-    command = [sys.executable, "-m", "puppetline", "serve", "--source", f"osc:{udp}", "--calibrate", "at_once"]
     named = [part for puppet in puppets for part in ("--puppet", str(puppet))]
-    given = [*named, "--port", str(port), "--no-announce", "--studio", "0"]
-    service = subprocess.Popen([*command, *given], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-    try:
-        for line in service.stdout or ():
-            if found := re.search(r"http://\S+", line):
-                yield found[0]
-                return
+    given = ["serve", "--source", f"osc:{udp}", "--calibrate", "at_once", *named, "--port", port, "--no-announce"]
+    with command(*given, "--studio", 0) as addresses:
+        for address in addresses:
+            yield address
+            return
         raise SystemExit("the service has ended")
-    finally:
-        service.terminate()
-        service.wait()
 
 
 @contextmanager
@@ -130,20 +122,14 @@ def performing(port: int, performers: int) -> Iterator[None]:
 @contextmanager
 def browsing(address: str) -> Iterator[Any]:
     """Open the page in Chromium without a graphics card; yield Playwright's page as soon as characters move."""
-    from playwright.sync_api import sync_playwright
-
-    program = shutil.which("chromium") or shutil.which("google-chrome")
-    software = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=program, args=software)
-        page = browser.new_page(viewport={"width": 1280, "height": 720})
+    with chromium() as browser:
+        page = browser.new_page(viewport=SIZE)
         page.add_init_script(f"({FOLLOW})()")
         page.goto(address)
         moving = "studio.state().server?.characters.every(({ name }) => studio.viewer.moment(name))"
         while not page.evaluate(f"studio.state().server?.characters.length && {moving}"):
             page.wait_for_timeout(100)
         yield page
-        browser.close()
 
 
 def clock_offset(page: Any) -> float:

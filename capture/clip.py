@@ -7,6 +7,7 @@ from itertools import repeat
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.events import Cue
 from capture.skeleton import JOINTS, LOST, SkeletonFrame
 
 
@@ -30,6 +31,8 @@ class SkeletonClip:
         Sentences for the user about the reader's assumptions and skipped data.
     orientations : (T, 20, 4) float64, optional
         Orientations of the bones (`capture.orientations`), NaN if unknown.
+    cues : tuple of Cue
+        Commands of the whole recording, in its order; only takes have them.
     """
 
     format: str
@@ -39,6 +42,7 @@ class SkeletonClip:
     confidence: NDArray[np.float32]
     notes: tuple[str, ...] = field(default=())
     orientations: NDArray[np.float64] | None = None
+    cues: tuple[Cue, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the conditions on which all later steps rely; a failure is a bug of the reader."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.body import ANKLE_HEIGHT_METRES
+from capture.clip import SkeletonClip
 from capture.orientations import rotated
 from capture.pose import Pose
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
@@ -81,6 +82,13 @@ class SensorTilt:
             return frame
         orientations = None if frame.orientations is None else rotated(frame.orientations, self._pose.rotation)
         return replace(frame, positions=self(frame.positions), orientations=orientations)
+
+    def clip(self, clip: SkeletonClip) -> SkeletonClip:
+        """Return a clip whose positions and orientations have y straight up."""
+        if self == SensorTilt():
+            return clip
+        orientations = None if clip.orientations is None else rotated(clip.orientations, self._pose.rotation)
+        return replace(clip, positions=self(clip.positions), orientations=orientations)
 
     @property
     def _pose(self) -> Pose:

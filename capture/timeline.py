@@ -36,6 +36,8 @@ class Timeline:
         Start and end in seconds of the gaps, without any known joint, that are too long to interpolate.
     orientations : (T, 20, 4) float64, optional
         Orientations of the bones (`capture.orientations`), NaN if unknown.
+    rest : (20, 3) float64, optional
+        The performer's calibration pose in the coordinates of the positions, if it is known otherwise than from them.
     """
 
     fps: float
@@ -43,6 +45,7 @@ class Timeline:
     confidence: NDArray[np.float32]
     gaps: tuple[tuple[float, float], ...]
     orientations: NDArray[np.float64] | None = None
+    rest: NDArray[np.float64] | None = None
 
     @property
     def times(self) -> NDArray[np.float64]:
@@ -63,6 +66,7 @@ class Timeline:
             self.confidence[first:end],
             tuple((max(a, start) - start, min(b, stop) - start) for a, b in self.gaps if a < stop and b > start),
             None if self.orientations is None else self.orientations[first:end],
+            self.rest,
         )
 
     @property

@@ -6,6 +6,7 @@ An incomplete line is skipped, with a note. Any other line that violates the for
 import json
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,7 @@ def matches(head: bytes) -> bool:
 
 
 def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:  # noqa: ARG001 - the format has a clock and a unit
-    """Read one clip per user number.
+    """Read one clip per user number; each has the cues of the whole take.
 
     Raises
     ------
@@ -41,8 +42,14 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:  # noqa: ARG00
         The file cannot be read, a complete line violates the format, or no complete frame shows a performer.
     """
     incomplete: list[int] = []
-    frames = [event for event in _events(path, incomplete) if isinstance(event, SkeletonFrame)]
-    return clips_by_performer(path, "puppetline", frames, _notes(incomplete))
+    frames, cues = [], []
+    for event in _events(path, incomplete):
+        if isinstance(event, SkeletonFrame):
+            frames.append(event)
+        elif isinstance(event, Cue):
+            cues.append(event)
+    clips = clips_by_performer(path, "puppetline", frames, _notes(incomplete))
+    return [replace(clip, cues=tuple(cues)) for clip in clips]
 
 
 def has_old_state(path: Path) -> bool:

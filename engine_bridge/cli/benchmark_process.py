@@ -18,12 +18,11 @@ import igl
 import numpy as np
 from numpy.typing import NDArray
 
-from capture import body
 from capture.skeleton import SkeletonFrame
 from engine_bridge.character.character import load_character
 from engine_bridge.character.drawn_normals import drawn_normals
 from engine_bridge.export.convert import convert
-from engine_bridge.performance.clip import REST_SECONDS, load_timeline
+from engine_bridge.performance.clip import load_timeline, resting_pose
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
@@ -98,12 +97,12 @@ class Playing:
 
     def __init__(self, rig: Rig, log: Path) -> None:
         self.rig = rig
-        timeline, _ = load_timeline(log, Settings())
+        settings = Settings()
+        timeline, _ = load_timeline(log, settings)
         self._positions, self._confidence = timeline.positions, timeline.confidence
-        rest = body.resting_pose(self._positions, self._confidence, 0, round(REST_SECONDS * timeline.fps))
         self._R = np.empty_like(rig.model.rest_controls)
         self._controls = np.empty((len(self._R) // 4, 3, 4), dtype=np.float32)
-        self.performance = Performance(rig.puppet, rig.mesh, rig.model, rest)
+        self.performance = Performance(rig.puppet, rig.mesh, rig.model, resting_pose(timeline, settings))
         it = rig.character
         self.binding = ShadedBinding(rig.model, it.vertices, rig.mesh.of_render, drawn_normals(it), it.triangles)
         self._drawn = np.empty_like(self.binding.rest), np.empty_like(self.binding.rest)

@@ -15,11 +15,10 @@ if TYPE_CHECKING:
 READING = (
     click.option(
         "--rest-at",
-        default=0.0,
-        show_default=True,
         type=Finite(0),
         metavar="SECONDS",
-        help="Time at which the performer's pose matches the character's rest pose.",
+        help="Time at which the performer's pose matches the character's rest pose.  [default: the calibration in a "
+        "take, otherwise 0]",
     ),
     click.option("--fps", default=30.0, show_default=True, type=Finite(1, 240), help="Keyframes per second."),
     click.option(

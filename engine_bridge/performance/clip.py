@@ -1,7 +1,7 @@
 """Recorded skeletons solved for a character."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +17,7 @@ from engine_bridge.performance.frame_store import FrameStore
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig
 from engine_bridge.performance.settings import Settings
+from engine_bridge.performance.take_calibration import of_performer
 from puppetline.errors import SkeletonLogError, at
 from solver.model.batch import BatchBinding
 from solver.model.stretch import EdgeStretch
@@ -89,7 +90,12 @@ def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tup
     """Resample the chosen performer of a recording that has been read; as `load_timeline`."""
     try:
         clip, chosen = choose(clips, settings.user)
+        found, about_rest = (None, ()) if settings.rest_at is not None else of_performer(clips, clip)
+        if found is not None:
+            clip = found.level.clip(clip)
         timeline = resample(clip, settings.fps, settings.max_gap)
+        if found is not None:
+            timeline = replace(timeline, rest=found.level(found.rest))
     except SkeletonLogError as error:  # these errors do not name the file
         where = at(log, field=error.where)
         raise SkeletonLogError(where, found=error.found, expected=error.expected, fix=error.fix) from error
@@ -100,7 +106,7 @@ def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tup
             expected=f"at least {MIN_CLIP_FRAMES} frames",
             fix="Use a longer recording, or raise --fps.",
         )
-    if settings.rest_at > timeline.times[-1]:
+    if settings.rest_at is not None and settings.rest_at > timeline.times[-1]:
         raise SkeletonLogError(
             log,
             found=f"a recording of {timeline.times[-1]:.2f} s",
@@ -116,15 +122,17 @@ def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tup
             fix="Choose an earlier start or a later stop.",
         )
     others = (chosen,) if len(clips) > 1 else ()
-    return timeline, (*clip.notes, *others, *((timeline.summary(),) if timeline.held else ()))
+    return timeline, (*clip.notes, *others, *about_rest, *((timeline.summary(),) if timeline.held else ()))
 
 
 def resting_pose(timeline: Timeline, settings: Settings) -> NDArray[np.float64]:
     """Return the performer's calibration pose (20, 3), which corresponds to the character's rest pose."""
+    if settings.rest_at is None and timeline.rest is not None:
+        return timeline.rest
     return body.resting_pose(
         timeline.positions,
         timeline.confidence,
-        first=int(settings.rest_at * timeline.fps),
+        first=int((settings.rest_at or 0.0) * timeline.fps),
         count=max(1, round(REST_SECONDS * timeline.fps)),
     )
 

@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from capture import body
-from engine_bridge.performance.clip import REST_SECONDS, load_timeline
+from engine_bridge.performance.clip import load_timeline, resting_pose
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.performance.rig import Rig
 from engine_bridge.performance.settings import Settings
@@ -67,11 +66,10 @@ class IdleRecording:
 
     def __init__(self, log: Path, rig: Rig, deformer: Deformer) -> None:
         self.puppet = rig.puppet
-        timeline, _ = load_timeline(log, Settings())
+        settings = Settings()
+        timeline, _ = load_timeline(log, settings)
         self._fps = timeline.fps
-        count = max(1, round(REST_SECONDS * self._fps))
-        rest = body.resting_pose(timeline.positions, timeline.confidence, 0, count)
-        retargeting = Retargeting(rig.puppet, rig.mesh, deformer, rest)
+        retargeting = Retargeting(rig.puppet, rig.mesh, deformer, resting_pose(timeline, settings))
         aims = [retargeting.step(timeline.frame(number)) for number in range(len(timeline.positions))]
         self.targets = _seamless(np.array([aim.targets for aim in aims]), self._fps)
         self.root = _seamless(np.array([aim.root for aim in aims]), self._fps)

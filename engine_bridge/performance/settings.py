@@ -26,8 +26,9 @@ class Settings:
         Keyframes per second.
     max_gap : float
         Maximum time for which a lost joint is interpolated, in seconds; in longer gaps it is held.
-    rest_at : float
-        Time of the performer's calibration pose in the recording, in seconds.
+    rest_at : float or None
+        Time of the performer's calibration pose in the recording, in seconds; None for the calibration of a take or, if
+        it has none of the performer, for the pose at the start.
     start, stop : float, float or None
         Part of the recording that is animated, in seconds; None for its end. The motion in it is that of the whole.
     form : {"morph", "skin", "frames", "rig"}
@@ -50,7 +51,7 @@ class Settings:
     user: int | None = None
     fps: float = 30.0
     max_gap: float = 0.4
-    rest_at: float = 0.0
+    rest_at: float | None = None
     start: float = 0.0
     stop: float | None = None
     form: Form = "morph"

@@ -20,11 +20,12 @@ from capture.skeleton import JOINTS, TRACKED, SkeletonFrame
 from capture.smoothing import JointFilter
 from engine_bridge.performance.idle import IdleRecording, TargetPose
 from engine_bridge.performance.performance import make_deformer
+from engine_bridge.performance.performer_calibration import Calibration, places_of, rows_of
 from engine_bridge.performance.retargeting import PERFORMER, Retargeting, legs_of
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.service.automatic_calibration import AutomaticCalibration, Calibrate
 from engine_bridge.service.easing import MAX_STEP_SECONDS, Easing
-from engine_bridge.service.performer_calibration import Calibration, PreparedCalibration, places_of, rows_of
+from engine_bridge.service.prepared_calibration import PreparedCalibration
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from engine_bridge.service.states import State
 from puppetline.errors import ServiceError

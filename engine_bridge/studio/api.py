@@ -22,6 +22,9 @@ from engine_bridge.studio.workspace import MAX_UPLOAD_BYTES, MAX_UPLOADS
 from puppetline import __version__
 from puppetline.errors import PuppetlineError, ServiceError
 
+MAX_REASON_BYTES = 123
+"""Maximum length of the reason with which a WebSocket is closed (RFC 6455, 5.5)."""
+
 HELLO_SECONDS = 10.0
 """Maximum time until the first frame, in seconds."""
 
@@ -107,7 +110,8 @@ class ApiClient:
             session = self._tokens.enter(token)
         except ServiceError as error:
             _rarely.warning("client refused", reason=error.found, address=address)
-            await self._socket.close(code=CloseCode.REFUSED, message=f"{error.found}. {error.fix}".encode()[:123])
+            text = f"The studio refused {error.found}."
+            await self._socket.close(code=CloseCode.REFUSED, message=text.encode()[:MAX_REASON_BYTES])
             return None
         if session != token:
             self._entered()

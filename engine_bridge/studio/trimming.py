@@ -56,7 +56,7 @@ def _part(log: Path, start: float, stop: float) -> Iterator[Event]:
             return
         if event.time < origin + start:
             if isinstance(event, Cue):
-                calibrations[event.arguments["character"]] = event
+                calibrations[str(event.arguments.get("character"))] = event
             continue
         if opening is not None:
             yield replace(opening, time=event.time)

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from capture.clip import SkeletonClip
 from capture.pose import Pose
 from capture.sensor_tilt import SensorTilt, estimate_tilt
 from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
@@ -99,3 +100,16 @@ def test_invalid_json_values_are_errors(wrong):
 )
 def test_a_tilt_is_described(level, words):
     assert str(level) == words
+
+
+def test_a_clip_is_made_level_as_its_frames_are():
+    random = np.random.default_rng(0)
+    quaternions = random.normal(size=(3, 20, 4))
+    quaternions /= np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    positions = random.normal(size=(3, 20, 3))
+    clip = SkeletonClip("", 1, np.arange(3.0), positions, np.ones((3, 20), np.float32), orientations=quaternions)
+    level = SensorTilt(12.0, 1.1, 3.0)
+    for found, frame in zip(level.clip(clip).frames(), clip.frames(), strict=True):
+        np.testing.assert_allclose(found.positions, level.frame(frame).positions, atol=1e-12)
+        np.testing.assert_allclose(found.orientations, level.frame(frame).orientations, atol=1e-12)
+    assert SensorTilt().clip(clip) is clip

@@ -124,6 +124,13 @@ def test_the_rest_pose_is_the_one_at_the_second_that_is_asked_for(record, dance,
         assert moved[still].max() < 0.05 * moved.max()
 
 
+def test_the_pose_at_the_start_is_the_rest_pose_of_a_recording_without_calibrations(
+    take, blob_puppet, converted, tmp_path
+):
+    convert(take, blob_puppet, tmp_path / "again.glb", Settings(rest_at=0.0))
+    assert (tmp_path / "again.glb").read_bytes() == converted[2].read_bytes()
+
+
 def test_a_part_moves_as_it_does_in_the_whole(take, blob_puppet, tmp_path):
     whole, _ = convert(take, blob_puppet, tmp_path / "whole.glb", Settings())
     part, summary = convert(take, blob_puppet, tmp_path / "part.glb", Settings(start=0.5, stop=1.0))

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from capture.sensor_tilt import SensorTilt
+from engine_bridge.performance.performer_calibration import Calibration
 from engine_bridge.service import calibration_store
-from engine_bridge.service.performer_calibration import Calibration
 
 
 @pytest.fixture

@@ -5,13 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from capture.clip import SkeletonClip
 from capture.events import TICK_SECONDS, Cue, Lost, Tick
 from capture.pose import Pose
-from capture.recording import as_recorded
+from capture.recording import Recorder, as_recorded
 from capture.sensor_tilt import SensorTilt
 from capture.skeleton import SkeletonFrame
 from capture.smoothing import JointFilter
+from capture.timeline import resample
+from engine_bridge.export.convert import convert
 from engine_bridge.performance.performance import Performance
+from engine_bridge.performance.settings import Settings
 from engine_bridge.service.character_player import PlayerSettings
 from engine_bridge.service.stage import StageSettings
 from engine_bridge.service.stage_runner import PREPARATION_SECONDS
@@ -19,6 +23,8 @@ from puppetline.errors import ServiceError
 from solver.motion.limbs import parents_first
 
 EASE = PlayerSettings().ease
+
+KEPT = "time", "positions", "confidence"
 
 
 def with_beginnings(stage, events):
@@ -589,3 +595,36 @@ def test_a_take_says_how_the_sensor_stands(make_stage, blob_rig, kung_fu):
     replay(stage, events[:100])
     replay(other, [beginning(stage)])
     assert other.players[0].level == stage.players[0].level == SensorTilt(12.0, 1.3, 4.0)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 15.0])
+def test_a_take_from_the_middle_of_a_performance_is_converted_as_it_was_streamed(
+    make_stage, blob_rig, blob_puppet, kung_fu, tmp_path, tilt
+):
+    sensor = Pose.of_degrees(tilt, 0.0, 0.0, np.array([0.0, 1.2, 0.0]))
+    even = resample(SkeletonClip("", 1, *(np.array([getattr(each, what) for each in kung_fu]) for what in KEPT)))
+    seen = [
+        SkeletonFrame(time, 1, (positions - sensor.position) @ sensor.rotation, confidence)
+        for time, positions, confidence in zip(even.times, even.positions, even.confidence, strict=True)
+    ]
+    stage = make_stage(player_settings=PlayerSettings(tilt=tilt, height=1.2))
+    events = with_beginnings_of(make_stage(player_settings=PlayerSettings(tilt=tilt, height=1.2)), seen)
+    cut = 100
+    replay(stage, events[:cut])
+    with Recorder(tmp_path / "take.log") as recorder:
+        for event in (beginning(stage), *events[cut:]):
+            recorder.write(as_recorded(event) if isinstance(event, SkeletonFrame) else event)
+    streamed = replay(stage, events[cut:])
+
+    def distance_to_stream(settings):
+        """Return the largest distance of controls and root after a second, in diagonals, and the notes."""
+        clip, summary = convert(tmp_path / "take.log", blob_puppet, tmp_path / "out.glb", settings)
+        assert len(clip.frames) == len(streamed) > 60
+        moved = [np.abs(a - b.R).max() for a, b in zip(clip.frames[:], streamed, strict=True)]
+        travelled = [np.abs(a - b.root).max() for a, b in zip(clip.root, streamed, strict=True)]
+        return max(*moved[30:], *travelled[30:]) / blob_rig.model.diagonal, summary.notes
+
+    distance, notes = distance_to_stream(Settings())
+    assert distance < 1e-4
+    assert "The performer's calibration pose is the one in the take, which was in use when the take began." in notes
+    assert distance_to_stream(Settings(rest_at=0.0))[0] > 0.1

@@ -8,9 +8,13 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 TIMEOUT_SECONDS = 240.0
 """Time after which a test fails, in seconds; the first start of a service compiles."""
+
+CAMERA = {"PYTHONPATH": str(Path(__file__).parent / "virtual_camera")}
+"""Environment of a process that has a virtual camera, camera:0."""
 
 STILL = """() => new Promise((resolve) => {
   let [before, same] = ["", 0];
@@ -37,7 +41,7 @@ COUNT_CLICKS = "window.clicks = 0; addEventListener('pointerdown', () => window.
 
 
 class Studio:
-    """The command `puppetline studio`."""
+    """The command `puppetline studio`, with a virtual camera."""
 
     def __init__(self, folder, *arguments):
         self.folder = folder
@@ -48,7 +52,7 @@ class Studio:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"},
+            env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"} | CAMERA,
         )
         self.pid, self.last_address = self._process.pid, ""
         self.lines = []

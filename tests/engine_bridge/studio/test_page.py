@@ -165,6 +165,10 @@ def test_sources_are_listed_and_chosen(window, standing_log):
     assert window.page.get_by_text("OSC").count() > 0
     window.button("Look again").click()
     window.until("state.sources")
+    window.button("Use /dev/video0").click()
+    window.until("state.server.source.uri === 'camera:0' && state.server.performers.length === 1")
+    window.idle()
+    window.button("Change…").click()
     with window.page.expect_file_chooser() as chooser:
         window.button("Open a recording…").click()
     chooser.value.set_files(standing_log)

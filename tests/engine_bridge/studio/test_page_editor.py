@@ -33,8 +33,10 @@ LIMBS = {
 
 @pytest.fixture(scope="module")
 def studio(tmp_path_factory, blob_file):
-    """A studio with a figure of 1,478 vertices, whose edits take no time."""
-    folder = tmp_path_factory.mktemp("figure")
+    """A studio with a figure of 1,478 vertices, whose edits take no time; a recording performed in the last run."""
+    last_run = tmp_path_factory.mktemp("studio")
+    folder = last_run / "characters" / "figure"
+    folder.mkdir(parents=True)
     shutil.copy(blob_file, folder / "figure.glb")
     tables = [
         f'[[limb]]\nname = "{name}"\npoints = {points}\njoints = {json.dumps(joints)}\n'
@@ -44,7 +46,13 @@ def studio(tmp_path_factory, blob_file):
     solver = "[solver]\nfields = 5\nisolines = 6\n"
     puppet = folder / "figure.toml"
     puppet.write_text("\n".join([character, *tables, solver]), encoding="utf-8")
-    with running(tmp_path_factory.mktemp("studio"), puppet) as running_studio:
+    shutil.copy(puppet, folder / "live.toml")
+    session = {
+        "source": {"kind": "upload", "name": "walk.log"},
+        "characters": [{"name": "figure", "title": "figure", "saved_file": str(puppet)}],
+    }
+    (last_run / "session.json").write_text(json.dumps(session), encoding="utf-8")
+    with running(last_run) as running_studio:
         yield running_studio
 
 
@@ -54,6 +62,10 @@ def window(studio, browser):
     opened = studio.open(browser)
     opened.until("state.server?.characters.length === 1 && studio.viewer.has(state.character)")
     opened.until("state.puppets[state.character]")
+    opened.idle()
+    assert opened.button("Record").is_disabled()  # the recording of the last run was deleted
+    opened.button("Use Walk").click()
+    opened.until("state.server.source.name === 'walk' && studio.viewer.shown(state.character)?.moment")
     opened.idle()
     yield opened
     opened.close()
@@ -122,6 +134,16 @@ def test_arrow_keys_move_the_selected_point_and_delete_removes_it(window):
     window.idle()
     assert len(window.limb("left arm")["points"]) == len(before) - 1
     window.page.keyboard.press("Control+z")
+    window.idle()
+    window.page.keyboard.press("Control+Shift+Z")
+    window.idle()
+    assert len(window.limb("left arm")["points"]) == len(before) - 1
+    window.page.keyboard.press("Control+z")
+    window.idle()
+    window.page.keyboard.press("Control+y")
+    window.idle()
+    assert len(window.limb("left arm")["points"]) == len(before) - 1
+    window.page.keyboard.press("Control+z")
     window.page.keyboard.press("Control+z")
     window.idle()
     assert window.limb("left arm")["points"] == before
@@ -134,6 +156,19 @@ def test_a_joint_moves_the_limb_that_is_clicked_after_it(window):
     window.idle()
     assert window.limb("left arm")["joints"] == ["hip_right", "knee_right", "ankle_right", "foot_right"]
     undo_all(window)
+
+
+def test_a_joint_and_a_tool_are_put_back(window):
+    window.page.locator("#joint-head").click()
+    window.page.locator(".tool-hint").get_by_role("button", name="Cancel").click()
+    assert window.state("joint") is None
+    tools = window.page.get_by_role("group", name="Tool")
+    for tool in ("+ Limb", "+ Handle"):
+        for back in (window.button("Cancel"), tools.get_by_role("button", name="Select")):
+            tools.get_by_role("button", name=tool).click()
+            assert window.state("tool") != "select"
+            back.click()
+            assert window.state("tool") == "select"
 
 
 def test_a_joint_moves_the_point_that_was_selected_before_it(window):
@@ -203,16 +238,27 @@ def test_a_handle_is_added_where_the_surface_is_clicked_and_mapped_tuned_and_del
     window.idle()
     assert window.state("selection") == {"kind": "handle", "name": "handle"}
     window.page.get_by_label("Moved by").select_option("hand_left")
+    for axis in ("x: sideways", "y: up"):
+        window.page.get_by_label(axis).uncheck()
+        window.page.get_by_label(axis).check()
     window.page.get_by_label("z: forwards").uncheck()
     window.page.get_by_label("Gain").fill("2")
     window.page.get_by_label("Gain").press("Tab")
     window.idle()
     handle = window.handle("handle")
     assert (handle["joint"], handle["axes"], handle["gain"]) == ("hand_left", "xy", 2.0)
-    window.page.get_by_label("Position, y").fill(str(handle["position"][1] + 0.05))
-    window.page.get_by_label("Position, y").press("Tab")
+    for axis, value in zip("xyz", handle["position"], strict=True):
+        window.page.get_by_label(f"Position, {axis}").fill(f"{value + 0.05:.3f}")
+        window.page.get_by_label(f"Position, {axis}").press("Tab")
     window.idle()
-    assert window.handle("handle")["position"] != handle["position"]
+    assert window.handle("handle")["position"] == [round(value + 0.05, 3) for value in handle["position"]]
+    window.page.locator(".overlay").focus()
+    window.page.keyboard.press("Backspace")
+    window.idle()
+    assert window.puppet["handle"] == []
+    window.button("Undo").click()
+    window.idle()
+    line(window, "handle").click()
     window.button("Delete handle").click()
     window.idle()
     assert window.puppet["handle"] == []
@@ -238,6 +284,14 @@ def test_a_limb_is_added_by_clicking_its_points(window):
     window.button("Finish limb").click()
     window.idle()
     assert len(window.puppet["limb"]) == count
+    assert len(window.limb("limb")["points"]) == 2
+    window.button("Undo").click()
+    window.idle()
+    window.page.get_by_role("group", name="Tool").get_by_role("button", name="+ Limb").click()
+    window.page.mouse.click(x, y - 15)
+    window.page.mouse.click(x, y - 40)
+    window.page.keyboard.press("Enter")
+    window.idle()
     assert len(window.limb("limb")["points"]) == 2
     undo_all(window)
 
@@ -288,6 +342,16 @@ def test_a_preset_of_smoothing_changes_the_plot_and_its_numbers(window):
     window.idle()
     assert window.puppet["smoothing"]["alpha"] == 0.95
     assert window.page.get_by_label("Preset").input_value() == "custom"
+    sliders = {
+        "Trend": ("gamma", 0.35),
+        "Jitter radius, m": ("jitter_radius", 0.03),
+        "Deviation, m": ("max_deviation", 0.07),
+        "Prediction, frames": ("prediction", 0.4),
+    }
+    for label, (_, value) in sliders.items():
+        window.page.get_by_label(label).fill(str(value))
+    window.idle()
+    assert {key: window.puppet["smoothing"][key] for key, _ in sliders.values()} == dict(sliders.values())
     undo_all(window)
 
 
@@ -296,6 +360,8 @@ def test_tabs_are_reached_by_arrow_keys(window):
     window.page.keyboard.press("ArrowRight")
     assert window.state("tab") == "motion"
     assert window.page.evaluate("document.activeElement.id") == "tab-motion"
+    window.page.keyboard.press("ArrowLeft")
+    assert window.state("tab") == "limbs"
 
 
 def test_bones_can_be_hidden_and_the_view_fitted(window):
@@ -324,6 +390,13 @@ def test_the_puppet_file_is_saved_and_downloaded(window):
     with window.page.expect_download() as download:
         window.button("Save puppet file").click()
     assert "gain = 1.25" in download.value.path().read_text()
+    window.until("state.server.characters[0].saved")
+    window.page.get_by_label("Gain").fill("1")
+    with window.page.expect_download() as download:
+        window.page.get_by_label("Gain").press("Tab")
+        window.idle()
+        window.page.keyboard.press("Control+s")
+    assert "gain = 1.25" not in download.value.path().read_text()
     window.until("state.server.characters[0].saved")
 
 

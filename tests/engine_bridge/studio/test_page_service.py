@@ -3,18 +3,15 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from ..service.conftest import free_port
-from .page_driver import running
+from .page_driver import CAMERA, running
 
 __all__ = ["free_port"]
 
 pytestmark = pytest.mark.slow
-
-CAMERA = Path(__file__).parent / "virtual_camera"
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +19,7 @@ def studio(blob_puppet, free_port, tmp_path_factory):
     """A studio that has joined a service with a camera."""
     port = free_port()
     command = [sys.executable, "-m", "puppetline", "serve", "--puppet", blob_puppet, "--source", "camera:0"]
-    environment = os.environ | {"PYTHONPATH": str(CAMERA), "XDG_STATE_HOME": str(tmp_path_factory.mktemp("state"))}
+    environment = os.environ | CAMERA | {"XDG_STATE_HOME": str(tmp_path_factory.mktemp("state"))}
     given = ["--port", port, "--no-announce", "--calibrate", "at_once", "--takes", tmp_path_factory.mktemp("takes")]
     service = subprocess.Popen([*map(str, [*command, *given])], env=environment, stderr=subprocess.DEVNULL)
     with running(None, "--service", f"127.0.0.1:{port}") as running_studio:

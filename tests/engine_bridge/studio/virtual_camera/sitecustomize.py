@@ -1,18 +1,19 @@
-"""Python loads this at its start if its folder is on the path: camera:0 shows a drawn performer who walks."""
+"""Python loads this at its start if its folder is on the path: /dev/video0 is a camera with a drawn performer."""
 
 import importlib.abc
 import importlib.util
 import sys
 import time
 
-REGISTRY = "capture.sources.registry"
-
 
 class _Patch(importlib.abc.MetaPathFinder):
-    """Replaces `open_source` as soon as the registry of sources is loaded."""
+    """Changes a module as soon as it is loaded."""
+
+    def __init__(self, name, change):
+        self._name, self._change = name, change
 
     def find_spec(self, name, path=None, target=None):
-        if name != REGISTRY:
+        if name != self._name:
             return None
         sys.meta_path.remove(self)
         spec = importlib.util.find_spec(name)
@@ -20,11 +21,25 @@ class _Patch(importlib.abc.MetaPathFinder):
 
         def exec_module(module):
             run(module)
-            others = module.open_source
-            module.open_source = lambda uri, *rest: _camera(uri) if uri == "camera:0" else others(uri, *rest)
+            self._change(module)
 
         spec.loader.exec_module = exec_module
         return spec
+
+
+def _open_camera(registry):
+    others = registry.open_source
+    registry.open_source = lambda uri, *rest: _camera(uri) if uri == "camera:0" else others(uri, *rest)
+
+
+def _list_camera(sensors):
+    others = sensors.examine
+
+    def examine():
+        yield sensors.Finding("/dev/video0", True, "a virtual camera, can be opened")
+        yield from (each for each in others() if each.name not in ("/dev/video0", "cameras"))
+
+    sensors.examine = examine
 
 
 def _camera(uri):
@@ -70,4 +85,5 @@ def _camera(uri):
     return SensorSource(uri, Camera, lambda _: Tracker())
 
 
-sys.meta_path.insert(0, _Patch())
+sys.meta_path.insert(0, _Patch("capture.sources.registry", _open_camera))
+sys.meta_path.insert(0, _Patch("engine_bridge.inspection.sensors", _list_camera))

@@ -1,7 +1,6 @@
-"""The calibration of a performer, alone and with the retargeting that follows from it."""
+"""The calibration of a performer, and its form in JSON."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import Future
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -11,8 +10,6 @@ from numpy.typing import NDArray
 from capture import body
 from capture.sensor_tilt import SensorTilt
 from capture.skeleton import JOINT_INDEX, JOINTS
-from engine_bridge.performance.retargeting import Retargeting
-from engine_bridge.puppet.puppet import Puppet
 
 
 @dataclass(frozen=True)
@@ -57,38 +54,6 @@ class Calibration:
         if rest.shape != (len(JOINTS), 3):
             raise ValueError(f"a pose of shape {rest.shape}")
         return cls(rest, SensorTilt.of_json(value["sensor"]))
-
-
-@dataclass(frozen=True)
-class PreparedCalibration:
-    """A calibration, and the retargeting that follows from it.
-
-    Attributes
-    ----------
-    calibration : Calibration
-    mirror : bool
-    asked : float
-        Time at which it was requested.
-    puppet : Puppet
-        Puppet whose mapping it has.
-    working : Future
-        Computes the retargeting, which takes a tenth of a second.
-    """
-
-    calibration: Calibration
-    mirror: bool
-    asked: float
-    puppet: Puppet
-    working: Future[Retargeting]
-
-    @property
-    def retargeting(self) -> Retargeting:
-        """The retargeting, once it is computed."""
-        return self.working.result()
-
-    def to_json(self) -> dict[str, Any]:
-        """Return values of JSON's types, from which `CharacterPlayer.begin` prepares the same calibration."""
-        return self.calibration.to_json() | {"mirror": self.mirror}
 
 
 def rows_of(places: NDArray[np.float64]) -> list[list[float] | None]:

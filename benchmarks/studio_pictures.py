@@ -1,0 +1,146 @@
+"""Make images of the studio's page in each of its states, light and dark.
+
+python -m benchmarks.studio_pictures FOLDER [--docs]
+
+With `--docs`, only `studio.png` and `studio_limb.png` are made, the images of docs/images.
+"""
+
+import argparse
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from benchmarks.live_peers import free_tcp_ports
+from benchmarks.studio_page import SIZE, chromium, command, studio, until
+from engine_bridge.character.examples import prepare
+from engine_bridge.cli import benchmark
+
+ROOT = Path(__file__).parents[1]
+
+CAMERA = {"PYTHONPATH": str(ROOT / "tests" / "engine_bridge" / "studio" / "virtual_camera")}
+"""Environment of a process that has a virtual camera."""
+
+MOVING = "state.busy.length === 0 && studio.viewer.shown(state.character)?.moment"
+
+Shoot, Save = Callable[[str], None], Callable[[str, bytes], None]
+
+
+def states(page: Any, mesh: Path, shoot: Shoot) -> None:
+    """Go through the states of a studio, and shoot each of them."""
+
+    def button(name: str) -> Any:
+        return page.get_by_role("button", name=name, exact=True)
+
+    until(page, "state.connected === 'open' && state.server")
+    shoot("empty")
+    with page.expect_file_chooser() as chooser:
+        button("Choose a mesh…").click()
+    chooser.value.set_files(mesh)
+    until(page, "state.server.jobs.some((job) => job.state === 'running')")
+    shoot("working")
+    until(page, f"state.server.characters.length === 1 && {MOVING}")
+    page.wait_for_timeout(3000)  # the smooth motion begins
+    shoot("list")
+    page.locator(".panel button.line", has_text="left wing").first.click()
+    shoot("part")
+    page.keyboard.press("Escape")
+    page.get_by_role("tab", name="Motion").click()
+    until(page, "state.preview")
+    shoot("motion")
+    button("Record").click()
+    until(page, "state.server.recording")
+    page.wait_for_timeout(2000)
+    button("Stop recording").click()
+    until(page, "state.recording?.kind === 'take'")
+    shoot("takes")
+    button("Export").click()
+    until(page, "state.exported")
+    shoot("exported")
+    button("Change…").click()
+    until(page, "state.sources")
+    shoot("sources")
+    button("Use /dev/video0").click()
+    until(page, "state.server.source.uri === 'camera:0' && state.server.performers.length === 1")
+    button("Show what the sensor sees").click()
+    until(page, "state.look?.picture && state.look.performers.length === 1")
+    page.wait_for_timeout(500)  # the picture is drawn
+    shoot("sensor")
+
+
+def pages(folder: Path, browser: Any, scheme: str, save: Save) -> None:
+    """Save the image of each state of a studio."""
+
+    def opened(address: str, script: str = "") -> Any:
+        page = browser.new_context(viewport=SIZE, color_scheme=scheme).new_page()
+        page.add_init_script(script)
+        page.goto(address)
+        return page
+
+    with studio(folder / scheme, **CAMERA) as addresses:
+        address = next(addresses)
+        page = opened(address)
+        states(page, folder / "pegasus.glb", lambda name: save(name, page.screenshot()))
+        page.close()
+        refused = opened(address)
+        refused.get_by_role("alert").get_by_text("Open the address").wait_for()
+        save("no_token", refused.screenshot())
+        flat = opened(address, "HTMLCanvasElement.prototype.getContext = () => null;")
+        flat.get_by_role("alert").get_by_text("WebGL").wait_for()
+        save("no_webgl", flat.screenshot())
+
+
+def joined(folder: Path, browser: Any, scheme: str, save: Save) -> None:
+    """Save the image of the page of a service that was started on its own."""
+    puppet = next(folder.glob("*.toml"))
+    serve = ["serve", "--puppet", puppet, "--source", "demo:walk?loop", "--port", free_tcp_ports(), "--no-announce"]
+    with command(*serve, "--studio", 0) as addresses:
+        page = browser.new_context(viewport=SIZE, color_scheme=scheme).new_page()
+        page.goto(next(addresses))
+        until(page, f"state.server?.characters.length === 1 && {MOVING}")
+        page.wait_for_timeout(3000)
+        save("joined", page.screenshot())
+
+
+def documented(folder: Path, browser: Any, save: Save) -> None:
+    """Save the images of the documentation: the example human, and one of its arms."""
+    with studio(folder / "human") as addresses:
+        page = browser.new_context(viewport=SIZE, color_scheme="light").new_page()
+        page.goto(next(addresses))
+        page.get_by_role("button", name="Human", exact=True).click()
+        until(page, f"state.server?.characters.length === 1 && {MOVING}")
+        page.wait_for_timeout(3000)
+        save("studio", page.screenshot())
+        page.get_by_role("button", name="Rest pose", exact=True).click()
+        page.locator(".panel button.line", has_text="left arm").first.click()
+        page.wait_for_timeout(2000)
+        save("studio_limb", page.screenshot())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--docs", action="store_true", help="make the images of the documentation only")
+    options = parser.parse_args()
+    options.folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as name, benchmark.own_cache(Path(name)), chromium() as browser:
+        folder = Path(name)
+        if options.docs:
+            documented(folder, browser, lambda name, image: _write(options.folder / f"{name}.png", image))
+            return
+        prepare("pegasus", folder)
+        for scheme in ("light", "dark"):
+
+            def save(state: str, image: bytes, scheme: str = scheme) -> None:
+                _write(options.folder / f"{state}_{scheme}.png", image)
+
+            pages(folder, browser, scheme, save)
+            joined(folder, browser, scheme, save)
+
+
+def _write(path: Path, image: bytes) -> None:
+    path.write_bytes(image)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,226 @@
+"""Measure a whole task in the studio at the pace of a person: from the empty page to a downloaded .glb.
+
+python -m benchmarks.studio_task
+
+A script brings the winged horse, drags a joint of a proposed limb, maps another limb, watches the
+example performer, records 3 s, exports and downloads. Before each action it waits as long as a person takes by the
+keystroke-level model (Card, Moran and Newell, Communications of the ACM 23(7), 1980): 1.35 s to think, 1.1 s to point,
+0.1 s to press or release a button. It also waits 2 s, which is an assumption, to read what is new. The rest is the time
+of the machine, on which Chromium draws without a graphics card.
+"""
+
+import argparse
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.studio_page import SIZE, chromium, studio, until
+from engine_bridge.character.examples import prepare
+from engine_bridge.cli import benchmark
+
+THINK, POINT, PRESS, READ = 1.35, 1.1, 0.1, 2.0
+"""Seconds that a person takes to think, to point, to press or release a button, and to read a panel."""
+
+RECORDED_SECONDS = 3.0
+
+MOVING = (
+    "state.server?.characters.length === 1 && state.busy.length === 0 && studio.viewer.shown(state.character)?.moment"
+)
+
+
+@dataclass
+class Person:
+    """A person with a mouse; counts clicks and seconds.
+
+    Attributes
+    ----------
+    page : Page
+        Playwright's.
+    clicks : int
+    seconds : float
+        Time for reading, thinking, pointing and pressing.
+    """
+
+    page: Any
+    clicks: int = 0
+    seconds: float = 0.0
+
+    def take(self, seconds: float) -> None:
+        """Let time pass."""
+        self.seconds += seconds
+        self.page.wait_for_timeout(1000 * seconds)
+
+    def click(self, what: Any) -> None:
+        """Think, point at something, and click it."""
+        self.take(THINK + POINT + 2 * PRESS)
+        self.clicks += 1
+        what.click()
+
+    def choose_file(self, button: Any, file: Path) -> None:
+        """Click a button that opens a dialog for files, and double-click a file in it."""
+        with self.page.expect_file_chooser() as chooser:
+            self.click(button)
+        self.take(READ + THINK + POINT + 4 * PRESS)
+        self.clicks += 2
+        chooser.value.set_files(file)
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        """Drag from one place in the window to another."""
+        self.take(THINK + POINT + PRESS)
+        self.clicks += 1
+        self.page.mouse.move(*start)
+        self.page.mouse.down()
+        self.take(POINT + PRESS)
+        self.page.mouse.move(*end, steps=10)
+        self.page.mouse.up()
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one step took: seconds in all and of the person, and clicks."""
+
+    title: str
+    seconds: float
+    person: float
+    clicks: int
+
+
+class Task:
+    """The task in a page that is open.
+
+    Parameters
+    ----------
+    page : Page
+    mesh : Path
+    """
+
+    def __init__(self, page: Any, mesh: Path) -> None:
+        self.person = Person(page)
+        self._page, self._mesh = page, mesh
+
+    def run(self) -> Iterator[Step]:
+        """Do all steps; yield what each of them took."""
+        for step in (self.bring, self.drag_joint, self.remap, self.watch, self.record, self.export):
+            start, person, clicks = time.monotonic(), self.person.seconds, self.person.clicks
+            step()
+            seconds = time.monotonic() - start
+            title = str(step.__doc__).rstrip(".")
+            yield Step(title, seconds, self.person.seconds - person, self.person.clicks - clicks)
+
+    def bring(self) -> None:
+        """Bring the mesh, up to its first motion."""
+        until(self._page, "state.connected === 'open' && state.server")
+        self.person.take(READ)
+        self.person.choose_file(self._button("Choose a mesh…"), self._mesh)
+        until(self._page, MOVING)
+
+    def drag_joint(self) -> None:
+        """Drag a joint of a proposed limb."""
+        self.person.take(READ)
+        self.person.click(self._button("Rest pose"))
+        self.person.click(self._limb(0))
+        place = self._page.evaluate(STILL)
+        box = self._page.locator(".overlay").bounding_box()
+        x, y = box["x"] + place[0], box["y"] + place[1]
+        before = self._puppet()
+        self.person.drag((x, y), (x + 12, y - 12))
+        self._edited(before)
+
+    def remap(self) -> None:
+        """Map a limb to another joint of the performer."""
+        self.person.click(self._button("‹ All limbs and handles"))
+        before = self._puppet()
+        self.person.click(self._page.locator("#joint-hand_left"))
+        self.person.click(self._limb(1))
+        self._edited(before)
+
+    def watch(self) -> None:
+        """Watch the example performer."""
+        self.person.click(self._button("Live"))
+        until(self._page, MOVING)
+        self.person.take(READ)
+
+    def record(self) -> None:
+        """Record 3 s."""
+        self.person.click(self._button("Record"))
+        until(self._page, "state.server.recording")
+        self.person.take(RECORDED_SECONDS)
+        self.person.click(self._button("Stop recording"))
+        until(self._page, "state.recording?.kind === 'take'")
+
+    def export(self) -> None:
+        """Export and download."""
+        self.person.take(READ)
+        self.person.click(self._button("Export"))
+        until(self._page, "state.exported")
+        self.person.take(READ)
+        with self._page.expect_download() as download:
+            self.person.click(self._page.locator(".exported button"))
+        if not download.value.path().read_bytes().startswith(b"glTF"):
+            raise SystemExit("the download is not a .glb")
+
+    def _button(self, name: str) -> Any:
+        return self._page.get_by_role("button", name=name, exact=True)
+
+    def _limb(self, number: int) -> Any:
+        """Return the entry of a limb of arms or legs in the list."""
+        return self._page.locator(".panel button.line", has_text=LIMBS[number]).first
+
+    def _puppet(self) -> str:
+        return str(self._page.evaluate("JSON.stringify(studio.state().puppets[studio.state().character].present)"))
+
+    def _edited(self, before: str) -> None:
+        changed = f"JSON.stringify(state.puppets[state.character].present) !== {before!r}"
+        until(self._page, f"{changed} && state.busy.length === 0")
+
+
+LIMBS = "left front leg", "right wing"
+"""Limbs of the winged horse: one whose joint is dragged, and one that is mapped."""
+
+STILL = f"""() => new Promise((resolve) => {{
+  let before = "";
+  const look = () => {{
+    const limb = studio.viewer.places().limbs.find(({{ name }}) => name.includes("{LIMBS[0]}"));
+    const now = JSON.stringify(limb?.points[1] ?? null);
+    if (now === before && limb !== undefined) resolve(limb.points[1]);
+    else {{
+      before = now;
+      setTimeout(look, 50);
+    }}
+  }};
+  look();
+}})"""
+"""JavaScript: the place of the second point of the limb, in pixels, as soon as the view stands still."""
+
+
+def row(step: Step) -> str:
+    """Return a line of the table."""
+    machine = step.seconds - step.person
+    return f"| {step.title} | {step.seconds:.1f} | {step.person:.1f} | {machine:.1f} | {step.clicks} |"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.parse_args()
+    with tempfile.TemporaryDirectory() as name, benchmark.own_cache(Path(name)):
+        prepare("pegasus", Path(name))
+        with studio(Path(name) / "studio") as addresses, chromium() as browser:
+            page = browser.new_page(viewport=SIZE)
+            page.goto(next(addresses))
+            print("| step | s | of the person | of the machine | clicks |", "| --- | --- | --- | --- | --- |", sep="\n")
+            steps = []
+            for step in Task(page, Path(name) / "pegasus.glb").run():
+                steps.append(step)
+                print(row(step), flush=True)
+            print(
+                row(
+                    Step("all", *(sum(getattr(each, key) for each in steps) for key in ("seconds", "person", "clicks")))
+                )
+            )
+
+
+if __name__ == "__main__":
+    main()

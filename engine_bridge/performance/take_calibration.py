@@ -1,0 +1,127 @@
+"""The calibration of a performer that a take has.
+
+The cue ``stage`` at the beginning of a take has the calibrations of the performers in view, and each cue ``begin`` has
+one that was made later.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from capture import body
+from capture.clip import SkeletonClip
+from capture.events import Cue
+from engine_bridge.performance.performer_calibration import Calibration
+
+MAX_METRES = 100.0
+"""Maximum coordinate of a calibration pose and height of its sensor, in metres; larger ones are damaged."""
+
+IN_VIEW_SECONDS = 1.0
+"""Time before a calibration within which its performer was seen, in seconds."""
+
+
+@dataclass(frozen=True)
+class _Made:
+    """A calibration in a take, None if it is damaged; `user` is whom the cues name, if any."""
+
+    time: float
+    user: int | None
+    opening: bool
+    calibration: Calibration | None
+
+
+def of_performer(clips: Sequence[SkeletonClip], clip: SkeletonClip) -> tuple[Calibration | None, tuple[str, ...]]:
+    """Return the calibration with which a performer drove a character in a take.
+
+    It is the one in use when the performer's clip begins, otherwise the first that was made later.
+
+    Parameters
+    ----------
+    clips : sequence of SkeletonClip
+        Performers of the recording.
+    clip : SkeletonClip
+        The chosen performer, one of them.
+
+    Returns
+    -------
+    calibration : Calibration or None
+        None if the take has none of the performer.
+    notes : tuple of str
+        Sentences for the user: where the calibration is from, and damaged ones.
+    """
+    made = list(_made(clip.cues))
+    damaged = sum(each.calibration is None for each in made)
+    notes = (_about_damaged(damaged),) if damaged else ()
+    own = [each for each in made if each.calibration is not None and _owner(each, clips) == clip.user]
+    if not own:
+        return None, notes
+    used = next((each for each in reversed(own) if each.opening or each.time <= clip.times[0]), own[0])
+    when = "was in use when the take began" if used.opening else f"was made at {used.time - clip.times[0]:.2f} s"
+    return used.calibration, (*notes, f"The performer's calibration pose is the one in the take, which {when}.")
+
+
+def _made(cues: Sequence[Cue]) -> Iterator[_Made]:
+    """Yield the calibrations of a take in its order, damaged ones without their values."""
+    users: dict[str, int | None] = {}
+    for cue in cues:
+        character = cue.arguments.get("character")
+        if cue.do == "stage":
+            for name, state in _states(cue).items():
+                users[name] = _number(state.get("user"))
+                if state.get("calibration") is not None:
+                    yield _Made(cue.time, users[name], True, _valid(state["calibration"]))
+        elif cue.do == "choose_user" and isinstance(character, str):
+            users[character] = _number(cue.arguments.get("user"))
+        elif cue.do == "begin":
+            user = users.get(character) if isinstance(character, str) else None
+            yield _Made(cue.time, user, False, _valid(cue.arguments.get("calibration")))
+
+
+def _states(cue: Cue) -> dict[str, dict[str, Any]]:
+    """Return the states of the characters in a cue ``stage``."""
+    states = cue.arguments.get("characters")
+    if not isinstance(states, dict):
+        return {}
+    return {name: state for name, state in states.items() if isinstance(state, dict)}
+
+
+def _valid(value: Any) -> Calibration | None:
+    """Return the calibration of a cue; None if it is damaged."""
+    try:
+        found = Calibration.of_json(value)
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
+        return None
+    extent = np.abs(np.append(found.rest, found.level.height))
+    known = np.isfinite(found.rest).all(axis=1)
+    if not known.any() or np.isinf(extent).any() or np.nanmax(extent) > MAX_METRES:
+        return None
+    return found if max(body.bone_lengths(found.rest).values()) > 0 else None
+
+
+def _number(user: Any) -> int | None:
+    return user if type(user) is int else None
+
+
+def _owner(made: _Made, clips: Sequence[SkeletonClip]) -> int | None:
+    """Return the performer of a calibration: the one whom the cues name, if in view, otherwise the nearest to it."""
+    if made.opening or made.calibration is None:
+        return made.user
+    if len(clips) == 1:
+        return clips[0].user
+    distances = {}
+    for clip in clips:
+        recent = (made.time - IN_VIEW_SECONDS <= clip.times) & (clip.times <= made.time)
+        apart = np.linalg.norm(clip.positions[recent] - made.calibration.rest, axis=-1)
+        if np.isfinite(apart).any():
+            distances[clip.user] = float(np.nanmedian(apart))
+    if made.user in distances:
+        return made.user
+    return min(distances, key=distances.__getitem__, default=None)
+
+
+def _about_damaged(count: int) -> str:
+    if count == 1:
+        return "A calibration in the take is damaged and was ignored."
+    return f"{count} calibrations in the take are damaged and were ignored."

@@ -1,0 +1,41 @@
+"""The calibration of a performer with the retargeting that follows from it."""
+
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import Any
+
+from engine_bridge.performance.performer_calibration import Calibration
+from engine_bridge.performance.retargeting import Retargeting
+from engine_bridge.puppet.puppet import Puppet
+
+
+@dataclass(frozen=True)
+class PreparedCalibration:
+    """A calibration, and the retargeting that follows from it.
+
+    Attributes
+    ----------
+    calibration : Calibration
+    mirror : bool
+    asked : float
+        Time at which it was requested.
+    puppet : Puppet
+        Puppet whose mapping it has.
+    working : Future
+        Computes the retargeting, which takes a tenth of a second.
+    """
+
+    calibration: Calibration
+    mirror: bool
+    asked: float
+    puppet: Puppet
+    working: Future[Retargeting]
+
+    @property
+    def retargeting(self) -> Retargeting:
+        """The retargeting, once it is computed."""
+        return self.working.result()
+
+    def to_json(self) -> dict[str, Any]:
+        """Return values of JSON's types, from which `CharacterPlayer.begin` prepares the same calibration."""
+        return self.calibration.to_json() | {"mirror": self.mirror}

@@ -5,6 +5,7 @@ const SceneLoading := preload("scene_loading.gd")
 const SceneResources := preload("scene_resources.gd")
 const SceneCache := preload("../wire/scene_cache.gd")
 const Scene := preload("../wire/scene.gd")
+const Message := preload("../wire/message.gd")
 
 static var _abandoned: Array[SceneLoading] = []
 
@@ -16,11 +17,12 @@ var digest := ""
 var _task := -1
 
 
-## Start to load the payload of a message, and to keep it in the cache.
-static func of_payload(payload: PackedByteArray, with_mesh: bool) -> SceneLoading:
+## Start to load the scene of a message, and to keep it in the cache.
+static func of_message(message: Message, with_mesh: bool) -> SceneLoading:
 	var loading := SceneLoading.new()
 	loading._start(
 		func() -> void:
+			var payload := message.payload
 			loading._make(payload, SceneCache.digest_of(payload), with_mesh)
 			if loading.resources != null:
 				SceneCache.save(loading.digest, payload)

@@ -147,7 +147,7 @@ func _take_scene(message: Message) -> void:
 	_stream.unfollow(_topic, _on_scene)
 	if _loading != null:
 		_loading.abandon()
-	_loading = SceneLoading.of_payload(message.payload, shows_mesh)
+	_loading = SceneLoading.of_message(message, shows_mesh)
 
 
 func _take_loaded() -> void:

@@ -39,8 +39,15 @@ var received := 0
 var published := 0
 ## Displacement of the whole character by root motion, in file coordinates.
 var root := Vector3.ZERO
-var payload := PackedByteArray()
+var payload := PackedByteArray():
+	get:
+		if not _bytes.is_empty():
+			payload = _bytes.slice(_HEADER_BYTES, _HEADER_BYTES + _length)
+			_bytes = PackedByteArray()
+		return payload
 
+var _bytes := PackedByteArray()  # the whole message, before the payload is copied from it
+var _length := 0
 var _rows := PackedVector4Array()
 
 
@@ -119,7 +126,7 @@ func _read(bytes: PackedByteArray) -> bool:
 	state = bytes[_TOPIC_BYTES + 3]
 	user = bytes.decode_s32(_TOPIC_BYTES + 4)
 	revision = bytes.decode_u32(_TOPIC_BYTES + 8)
-	var length := bytes.decode_u32(_TOPIC_BYTES + 12)
+	_length = bytes.decode_u32(_TOPIC_BYTES + 12)
 	sequence = bytes.decode_u64(_TOPIC_BYTES + 16)
 	time = bytes.decode_double(_TOPIC_BYTES + 24)
 	received = bytes.decode_u64(_TOPIC_BYTES + 32)
@@ -129,7 +136,7 @@ func _read(bytes: PackedByteArray) -> bool:
 	root.z = bytes.decode_float(_TOPIC_BYTES + 56)
 	if state > PerformerState.LEAVING or not is_finite(time) or not root.is_finite():
 		return false
-	if length > bytes.size() - _HEADER_BYTES:
+	if _length > bytes.size() - _HEADER_BYTES:
 		return false
-	payload = bytes.slice(_HEADER_BYTES, _HEADER_BYTES + length)
+	_bytes = bytes
 	return true

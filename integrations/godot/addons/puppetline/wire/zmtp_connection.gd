@@ -4,8 +4,11 @@ extends "connection.gd"
 ## [method poll] does all the work and never blocks. The peer announces first whether it requires a token. A peer that
 ## does not require one never receives it.
 
-## Maximum number of bytes that one call of [method poll] reads.
-const MAX_POLL_BYTES := 8 << 20
+## Maximum number of bytes that one call of [method poll] reads, so that a scene of several megabytes does not take the
+## time of one image.
+const MAX_POLL_BYTES := 2 << 20
+## Size of a frame, in bytes, from which it is received into an array of its own, which is not copied.
+const LONG_FRAME_BYTES := 1 << 16
 ## Maximum number of frames that one call of [method poll] reads.
 const MAX_POLL_FRAMES := 4096
 ## Maximum size of a command, in bytes. The longest one, HELLO, has about 500 bytes.
@@ -33,6 +36,9 @@ var _greeted := false
 var _input := PackedByteArray()
 var _position := 0
 var _has_whole_frames := false
+var _long := PackedByteArray()  # what has been received of a long frame
+var _long_bytes := 0  # its size; 0 if no long frame is being received
+var _long_flags := 0
 var _output := PackedByteArray()
 var _messages: Array[PackedByteArray] = []
 
@@ -78,7 +84,7 @@ func take() -> Array[PackedByteArray]:
 
 
 func is_receiving() -> bool:
-	return state == State.READY and _position < _input.size()
+	return state == State.READY and (_position < _input.size() or _long_bytes > 0)
 
 
 func send(body: PackedByteArray) -> void:
@@ -169,9 +175,16 @@ func _receive() -> bool:
 		var available := _tcp.get_available_bytes() if _tcp.get_status() == StreamPeerTCP.STATUS_CONNECTED else -1
 		if available <= 0:
 			return available == 0
+		if _long_bytes > 0:
+			available = mini(available, _long_bytes - _long.size())
+			if available == 0:
+				return true
 		var received: Array = _tcp.get_partial_data(mini(available, wanted))
 		var bytes: PackedByteArray = received[1]
-		_input.append_array(bytes)
+		if _long_bytes > 0:
+			_long.append_array(bytes)
+		else:
+			_input.append_array(bytes)
 		wanted -= bytes.size()
 		last_receive_ms = Time.get_ticks_msec()
 		if received[0] != OK or bytes.is_empty():
@@ -238,6 +251,8 @@ func _read_greeting() -> void:
 
 func _read_frames() -> void:
 	_has_whole_frames = false
+	if _long_bytes > 0 and not _read_long_frame():
+		return
 	for _frame in MAX_POLL_FRAMES:
 		var come := _input.size() - _position
 		if come < 2:
@@ -250,16 +265,45 @@ func _read_frames() -> void:
 		if not _allowed(flags, size):
 			return
 		if size > come - head:
+			if size >= LONG_FRAME_BYTES:
+				_begin_long_frame(flags, size, head)
 			return
 		var body := _input.slice(_position + head, _position + head + size)
 		_position += head + size
-		if flags & _COMMAND:
-			_handle_command(body)
-		else:
-			_messages.append(body)
+		_take_frame(flags, body)
 		if state != State.HANDSHAKE and state != State.READY:
 			return
 	_has_whole_frames = true
+
+
+func _begin_long_frame(flags: int, size: int, head: int) -> void:
+	_long = _input.slice(_position + head)
+	_long_bytes = size
+	_long_flags = flags
+	_input.clear()
+	_position = 0
+
+
+## Take a long frame, if it is whole.
+func _read_long_frame() -> bool:
+	if _long.size() < _long_bytes:
+		return false
+	var body := _long
+	_forget_long_frame()
+	_take_frame(_long_flags, body)
+	return state == State.HANDSHAKE or state == State.READY
+
+
+func _forget_long_frame() -> void:
+	_long = PackedByteArray()
+	_long_bytes = 0
+
+
+func _take_frame(flags: int, body: PackedByteArray) -> void:
+	if flags & _COMMAND:
+		_handle_command(body)
+	else:
+		_messages.append(body)
 
 
 func _long_size() -> int:
@@ -355,6 +399,7 @@ func _end(how: State, why: String) -> void:
 	_has_whole_frames = false
 	_input = PackedByteArray()
 	_position = 0
+	_forget_long_frame()
 	_output = PackedByteArray()
 
 

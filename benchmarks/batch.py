@@ -58,6 +58,9 @@ WARM_RESULTS = 10
 POLL_SECONDS = 0.25
 """Time between two measurements of memory, in seconds."""
 
+KEEP_SECONDS = 30.0
+"""Age of a result at which it is deleted, in seconds: 6,000 results would take 90 GB."""
+
 NTU_CLIPS, NTU_FRAMES = 56_880, 4_000_000
 """Number of clips of NTU RGB+D, and of its frames ("more than 4 million", A. Shahroudy et al. 2016)."""
 
@@ -77,7 +80,7 @@ class Run:
     memory : dict
         Memory of each worker process: pairs of the number of results of the batch and megabytes.
     rows : list of dict
-        Rows of the manifest.
+        Rows of the results and failures.
     """
 
     made: int
@@ -134,10 +137,16 @@ def memory_of(process: psutil.Process) -> dict[int, float]:
     return memory
 
 
+def delete_old(output: Path) -> None:
+    """Delete results of a batch that were made some time ago."""
+    for result in output.glob("*/*.glb"):
+        if time.time() - result.stat().st_mtime > KEEP_SECONDS:
+            result.unlink()
+
+
 def measured(logs: Path, puppets: list[Path], output: Path, workers: int) -> Run:
     """Run a batch and measure it."""
     chosen = [each for puppet in puppets for each in ("--puppet", str(puppet))]
-    table = output / "manifest.parquet"
     command = [sys.executable, "-m", "puppetline", "batch", str(logs), *chosen, "-o", str(output), "--no-report"]
     start = time.perf_counter()
     process = subprocess.Popen([*command, "--workers", str(workers), "--json"], stdout=subprocess.PIPE, text=True)
@@ -147,14 +156,13 @@ def measured(logs: Path, puppets: list[Path], output: Path, workers: int) -> Run
         count = sum(1 for _ in records.rglob("*.json"))
         for pid, size in memory_of(psutil.Process(process.pid)).items():
             memory.setdefault(pid, []).append((count, size))
+        delete_old(output)
         time.sleep(POLL_SECONDS)
     seconds = time.perf_counter() - start
     assert process.stdout is not None
     result = json.loads(process.stdout.read())
     times = sorted(path.stat().st_mtime for path in records.rglob("*.json"))
-    import pyarrow.parquet as pq
-
-    rows = pq.read_table(table).to_pylist()
+    rows = [row for path in records.rglob("*.json") for row in json.loads(path.read_text())["rows"]]
     per_hour = 3600 * (len(times) - 1) / (times[-1] - times[0])
     return Run(result["made"], len(result["failures"]), per_hour, seconds, memory, rows)
 

@@ -89,10 +89,7 @@ def point(folder: Path) -> dict[str, float]:
 
 
 def cold(folder: Path, exact: int) -> dict[str, Any]:
-    """Measure the preparation of a character from its file, without caches, with exact or with the usual fields.
-
-    Seconds are of the processor, so that other programs on the machine hardly count.
-    """
+    """Measure the preparation of a character from its file, without caches, with exact or with the usual fields."""
     benchmark_process.warm_up(folder)
     puppet = puppet_file.load(folder / CHARACTER)
     bones = bones_of(puppet.limbs)
@@ -102,15 +99,15 @@ def cold(folder: Path, exact: int) -> dict[str, Any]:
     fine = weld(*igl.upsample(small.mesh.vertices, small.mesh.faces, 2))  # with vertices inside cells
     build(fine, small.puppet.solver.parameters)
     reduced_model.MAX_EXACT_VERTICES = sys.maxsize if exact else coarse_fields.MAX_EXACT_VERTICES
-    start = time.process_time()
+    start = time.perf_counter()
     character = load_character(folder / puppet.character.mesh)
-    read = time.process_time() - start
+    read = time.perf_counter() - start
     mesh = character.solver_mesh()
     build(mesh, puppet.solver.parameters, bones)
     return {
         "vertices": len(mesh.vertices),
         "read_s": read,
-        "cold_s": time.process_time() - start,
+        "cold_s": time.perf_counter() - start,
         "cold_peak_mb": benchmark_process.peak_mb(),
     }
 

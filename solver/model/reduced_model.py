@@ -7,6 +7,7 @@ with A = (KW)ᵀ(KW), B = (KW)ᵀ M^(−1/2) W_δ and K = M^(−1/2) L. A and B 
 *Model units*: the origin is the centre of the character's bounding box, whose diagonal is 1.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -239,13 +240,17 @@ def build(
     )
 
     cluster = clusters.rotation_clusters(isoline_coordinates, weights, operator.areas, operator.samples)
-    reduced = energy_matrices.products(
-        L, surface, mass, rest, isoline_coordinates, weights, parameters.isolines, cluster, by_cells=is_large
-    )
-    covariance = clusters.covariance_map(surface, rest, isoline_coordinates, weights, parameters.isolines, cluster)
+    with ThreadPoolExecutor(1) as other:  # both take seconds with a million vertices
+        products = other.submit(
+            energy_matrices.products,
+            *(L, surface, mass, rest, isoline_coordinates, weights, parameters.isolines, cluster),
+            by_cells=is_large,
+        )
+        covariance = clusters.covariance_map(surface, rest, isoline_coordinates, weights, parameters.isolines, cluster)
+        strips = rotations.crossed_triangles(isoline_coordinates, unit.faces, parameters.isolines)
+        sampled = unit.faces[rotations.sample_strips(unit, strips)].ravel()
+        reduced = products.result()
     A_clusters, B_clusters = clusters.energy(reduced, covariance)
-    strips = rotations.crossed_triangles(isoline_coordinates, unit.faces, parameters.isolines)
-    sampled = unit.faces[rotations.sample_strips(unit, strips)].ravel()
     return ReducedModel(
         center=center,
         diagonal=diagonal,

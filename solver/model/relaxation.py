@@ -6,6 +6,8 @@ product with the matrix (Y. Saad, *Iterative Methods for Sparse Linear Systems*,
 of reading memory, so float32 takes much less.
 """
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -62,10 +64,15 @@ def relaxed(
     given = [each.astype(real, copy=False) for each in (L.data, diagonal, mass, shifts)]
     change = np.zeros_like(start)
     kept, taken, ratio = 0.0, 1 / middle, half / middle
-    for _ in range(STEPS):
-        _step(L.indptr, L.indices, *given, load, start, change, real(kept), real(taken))
-        following = 1 / (2 * middle / half - ratio)
-        kept, taken, ratio = following * ratio, 2 * following / half, following
+    threads = os.cpu_count() or 1
+    ends = np.linspace(0, len(start), threads + 1, dtype=np.int64)
+    with ThreadPoolExecutor(threads) as pool:
+        for _ in range(STEPS):
+            fixed = (L.indptr, L.indices, *given, load, start, change, real(kept), real(taken))
+            list(pool.map(lambda first, end, fixed=fixed: _step(*fixed, first, end), ends[:-1], ends[1:]))
+            list(pool.map(lambda first, end: _add(start, change, first, end), ends[:-1], ends[1:]))
+            following = 1 / (2 * middle / half - ratio)
+            kept, taken, ratio = following * ratio, 2 * following / half, following
     return start
 
 
@@ -86,11 +93,11 @@ def _diagonal(starts, neighbours, entries):
 
 
 @compiled(fastmath=True)
-def _step(starts, neighbours, entries, diagonal, mass, shifts, load, x, change, kept, taken):
-    """Take change = kept · change + taken · D⁻¹ (b − (−L − σ M) x), and add it to x."""
-    n, count = x.shape
+def _step(starts, neighbours, entries, diagonal, mass, shifts, load, x, change, kept, taken, first, end):
+    """Take change = kept · change + taken · D⁻¹ (b − (−L − σ M) x), from the row `first` to before the row `end`."""
+    count = x.shape[1]
     residual = np.empty(count, dtype=x.dtype)
-    for v in range(n):
+    for v in range(first, end):
         b = load[v % len(load)]
         for c in range(count):
             residual[c] = b[c] + mass[v] * shifts[c] * x[v, c]
@@ -101,6 +108,11 @@ def _step(starts, neighbours, entries, diagonal, mass, shifts, load, x, change, 
         for c in range(count):
             scale = taken / (diagonal[v] + abs(shifts[c]) * mass[v])
             change[v, c] = kept * change[v, c] + scale * residual[c]
-    for v in range(n):
-        for c in range(count):
+
+
+@compiled
+def _add(x, change, first, end):
+    """Add the changes to x, from the row `first` to before the row `end`."""
+    for v in range(first, end):
+        for c in range(x.shape[1]):
             x[v, c] += change[v, c]

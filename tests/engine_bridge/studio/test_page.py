@@ -118,8 +118,11 @@ def test_record_export_and_download_what_convert_makes_of_the_take(studio, windo
     window.button("Export").click()
     window.until("state.exported")
     assert "morph targets" in window.page.locator(".exported pre").inner_text()
+    offer = window.page.get_by_role("button", name=re.compile("^Download "))
+    shown = offer.bounding_box()
+    assert shown["y"] + shown["height"] <= window.page.viewport_size["height"]  # without scrolling
     with window.page.expect_download() as download:
-        window.page.get_by_role("button", name=re.compile("^Download ")).click()
+        offer.click()
     exported = tmp_path / "exported.glb"
     download.value.save_as(exported)
 

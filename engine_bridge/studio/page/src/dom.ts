@@ -8,6 +8,8 @@ export interface Attributes {
   readonly key?: string;
   /** Its children are none of `draw`'s business. */
   readonly raw?: boolean;
+  /** It is scrolled into view when it appears. */
+  readonly reveal?: boolean;
 }
 
 export interface Node_ {
@@ -47,10 +49,14 @@ export function draw(parent: Element, children: readonly Child[]): void {
   nodes.forEach((node, index) => {
     const candidate =
       typeof node !== "string" && node.attributes.key !== undefined ? keyed.get(node.attributes.key) : free.shift();
-    const element = matches(candidate, node) ? candidate : create(node);
+    const stays = matches(candidate, node);
+    const element = stays ? candidate : create(node);
     change(element, node);
     const place = parent.childNodes[index] ?? null;
     if (place !== element) parent.insertBefore(element, place);
+    if (!stays && typeof node !== "string" && node.attributes.reveal === true) {
+      (element as Element).scrollIntoView({ block: "nearest" });
+    }
   });
   while (parent.childNodes.length > nodes.length) parent.lastChild?.remove();
 }
@@ -80,7 +86,7 @@ function change(element: ChildNode, node: Node_ | string): void {
 }
 
 function set(element: Element & Record<string, unknown>, name: string, value: Value): void {
-  if (name === "key" || name === "raw") return;
+  if (name === "key" || name === "raw" || name === "reveal") return;
   if (name === "value" || name === "checked" || name === "disabled") element[name] = value ?? (name === "value" ? "" : false);
   else if (name.startsWith("on")) element[name] = value ?? null;
   else if (value === null || value === undefined || value === false) element.removeAttribute(name);

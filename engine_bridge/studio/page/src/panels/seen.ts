@@ -11,7 +11,7 @@ export function seen({ look }: State): Node_ {
   if (look === null) return h("p", { class: "small", key: "look", role: "status" }, words.lookWait);
   return h(
     "div",
-    { class: "look", key: "look" },
+    { class: "look", key: "look", reveal: true },
     look.picture === "" ? h("p", { class: "small" }, words.noPicture) : picture(look),
     look.problems.map(({ text, fix }) => h("p", { class: "small" }, h("strong", {}, text), fix === "" ? "" : ` ${fix}`)),
     look.performers.map(({ text }) => h("p", { class: "small" }, text)),

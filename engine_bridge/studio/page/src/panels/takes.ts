@@ -121,7 +121,7 @@ function chosen(state: State, recording: Recording): Child {
 function exported({ file, name, text }: NonNullable<State["exported"]>): Node_ {
   return h(
     "div",
-    { class: "exported", key: "exported", role: "status" },
+    { class: "exported", key: "exported", role: "status", reveal: true },
     button(strings.takes.download(name), () => {
       void offer(file, name);
     }, { primary: true }),

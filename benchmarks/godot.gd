@@ -23,6 +23,7 @@ var _began := 0
 
 func _initialize() -> void:
 	Engine.max_fps = 0  # until the characters are loaded, the time between two frames is what they take
+	OS.low_processor_usage_mode_sleep_usec = 1000  # without a display, the engine sleeps up to this time in each frame
 	var arguments := OS.get_cmdline_user_args()
 	for name in arguments.slice(1):
 		var puppet := Puppet3D.new()

@@ -77,7 +77,10 @@ def _measure(godot: str, project: Path, folder: Path, count: int) -> dict[str, A
         shutil.copy(folder / CHARACTER, folder / f"{name}.toml")
     with _serving(folder, names) as port:
         command = [godot, "--headless", "--path", project, "-s", "res://benchmark.gd", "--", port, *names]
-        said = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True, timeout=600).stdout
+        environment = os.environ | {"XDG_DATA_HOME": str(folder / f"user_{count}")}  # without scenes of other runs
+        said = subprocess.run(
+            list(map(str, command)), capture_output=True, text=True, check=True, timeout=600, env=environment
+        ).stdout
     [result] = re.findall(r"^RESULT (.*)$", said, re.MULTILINE)
     found: dict[str, Any] = json.loads(result)
     return found

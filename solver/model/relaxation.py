@@ -8,6 +8,7 @@ of reading memory, so float32 takes much less.
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -68,9 +69,9 @@ def relaxed(
     ends = np.linspace(0, len(start), threads + 1, dtype=np.int64)
     with ThreadPoolExecutor(threads) as pool:
         for _ in range(STEPS):
-            fixed = (L.indptr, L.indices, *given, load, start, change, real(kept), real(taken))
-            list(pool.map(lambda first, end, fixed=fixed: _step(*fixed, first, end), ends[:-1], ends[1:]))
-            list(pool.map(lambda first, end: _add(start, change, first, end), ends[:-1], ends[1:]))
+            step = partial(_step, L.indptr, L.indices, *given, load, start, change, real(kept), real(taken))
+            list(pool.map(step, ends[:-1], ends[1:]))
+            list(pool.map(partial(_add, start, change), ends[:-1], ends[1:]))
             following = 1 / (2 * middle / half - ratio)
             kept, taken, ratio = following * ratio, 2 * following / half, following
     return start

@@ -6,7 +6,7 @@ extends "connection.gd"
 
 ## Maximum number of bytes that one call of [method poll] reads, so that a scene of several megabytes does not take the
 ## time of one image.
-const MAX_POLL_BYTES := 2 << 20
+const MAX_POLL_BYTES := 1 << 20
 ## Size of a frame, in bytes, from which it is received into an array of its own, which is not copied.
 const LONG_FRAME_BYTES := 1 << 16
 ## Maximum number of frames that one call of [method poll] reads.

@@ -1,8 +1,10 @@
-"""Scenes that are kept in files of the user's folder, so that they are not transmitted again."""
+"""Scenes that threads load, and that are kept in files of the user's folder, so that they are not transmitted again."""
 
 import json
 
 import pytest
+
+from .resident import Godot
 
 
 @pytest.fixture
@@ -51,3 +53,9 @@ def test_a_digest_that_is_none_is_no_path(show, stand_in, tmp_path, digest):
     stand_in.listed["digest"] = digest
     assert show() == 1
     assert list(kept(tmp_path)) == [f"{stand_in.digest}.scene"]
+
+
+def test_the_end_of_the_program_waits_for_a_thread_that_loads(godot, project):
+    game = Godot(godot, "--headless", "--path", project, "-s", "res://tests/quit_while_loading.gd")
+    game.finish()
+    assert "loaded" in game.lines

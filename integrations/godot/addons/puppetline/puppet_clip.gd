@@ -16,17 +16,12 @@ const SharedScene := preload("play/shared_scene.gd")
 		data = value
 		_messages = null
 		_shared = null
-		_stop_loading()
+		_loading = null
 		emit_changed()
 
 var _messages: ClipMessages  # null before the data has been read
 var _shared: SharedScene
 var _loading: ClipLoading
-
-
-func _notification(what: int) -> void:
-	if what == NOTIFICATION_PREDELETE and _loading != null:
-		_loading.abandon()
 
 
 ## Read the data in a thread, and make there what the graphics card needs, the mesh only if it is shown. Return whether
@@ -90,7 +85,6 @@ func shared_scene() -> SharedScene:
 
 func _read() -> ClipMessages:
 	if _messages == null:
-		_stop_loading()
 		_take(ClipLoading.at_once(data, SharedScene.known_resources()))
 	return _messages
 
@@ -99,9 +93,3 @@ func _take(loaded: ClipLoading) -> void:
 	_loading = null
 	_messages = loaded.messages
 	_shared = SharedScene.of_resources(loaded.resources, loaded.digest) if loaded.resources != null else null
-
-
-func _stop_loading() -> void:
-	if _loading != null:
-		_loading.abandon()
-		_loading = null

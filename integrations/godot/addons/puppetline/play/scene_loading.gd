@@ -7,7 +7,10 @@ const SceneCache := preload("../wire/scene_cache.gd")
 const Scene := preload("../wire/scene.gd")
 const Message := preload("../wire/message.gd")
 
-static var _abandoned: Array[SceneLoading] = []
+## Maximum time for which the end of the program waits for threads, in milliseconds.
+const _MAX_END_MS := 5000
+
+static var _running: Array[SceneLoading] = []  # also those whose result nobody needs any more
 
 ## The result; null if there is none.
 var resources: SceneResources
@@ -42,18 +45,32 @@ func is_done() -> bool:
 	if _task >= 0 and WorkerThreadPool.is_task_completed(_task):
 		WorkerThreadPool.wait_for_task_completion(_task)  # releases it
 		_task = -1
+		_running.erase(self)
 	return _task < 0
 
 
-## Let the thread end without waiting for it. A thread may wait for the main thread, when it makes a resource.
-func abandon() -> void:
-	if not is_done():
-		_abandoned.append(self)
-
-
 func _start(work: Callable) -> void:
-	_abandoned = _abandoned.filter(func(each: SceneLoading) -> bool: return not each.is_done())
+	_release_ended()
+	var root := (Engine.get_main_loop() as SceneTree).root
+	if not root.tree_exiting.is_connected(_end):
+		root.tree_exiting.connect(_end)
 	_task = WorkerThreadPool.add_task(work)
+	_running.append(self)
+
+
+static func _release_ended() -> void:
+	for each: SceneLoading in _running.duplicate():
+		each.is_done()
+
+
+## Wait for all threads at the end of the program, which a running script would crash. A thread could wait for the main
+## thread, so the time is limited.
+static func _end() -> void:
+	var give_up := Time.get_ticks_msec() + _MAX_END_MS
+	_release_ended()
+	while not _running.is_empty() and Time.get_ticks_msec() < give_up:
+		OS.delay_msec(1)
+		_release_ended()
 
 
 func _make(payload: PackedByteArray, of_digest: String, with_mesh: bool) -> void:

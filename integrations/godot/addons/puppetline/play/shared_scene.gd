@@ -113,8 +113,6 @@ func _notification(what: int) -> void:
 	if _stream != null:
 		_stream.unfollow(_CHARACTERS, _on_characters)
 		_stream.unfollow(_topic, _on_scene)
-	if _loading != null:
-		_loading.abandon()
 
 
 func _request() -> void:
@@ -145,8 +143,6 @@ func _take_scene(message: Message) -> void:
 	_is_requested = false
 	_is_followed = false
 	_stream.unfollow(_topic, _on_scene)
-	if _loading != null:
-		_loading.abandon()
 	_loading = SceneLoading.of_message(message, shows_mesh)
 
 

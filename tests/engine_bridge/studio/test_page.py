@@ -70,6 +70,16 @@ def test_an_own_mesh_moves_after_at_most_six_clicks(window):
     assert window.page.locator(".viewer").screenshot() != first
 
 
+def test_the_proposal_says_what_is_unclear(window):
+    notes = window.state("server.characters")[0]["notes"]
+    assert notes
+    assert not window.page.get_by_text(notes[0]).is_visible()
+    window.page.get_by_text("About this proposal").click()
+    for note in notes:
+        assert window.page.get_by_text(note).is_visible()
+    window.page.get_by_text("About this proposal").click()
+
+
 def test_positions_on_the_page_are_those_of_the_solver(studio, window):
     session = window.page.evaluate("sessionStorage['puppetline.session']")
     host = window.page.evaluate("location.host")
@@ -257,11 +267,13 @@ def test_a_performer_in_view_is_chosen_for_the_character_and_the_recording_delet
     window.idle()
     window.button("Change…").click()
     window.until("state.sources")
-    window.button("Use vmc:39539").click()
-    window.until("state.server.source.uri === 'vmc:39539'")
-    window.page.get_by_text("No performer is in view of vmc:39539.").wait_for()
-    window.idle()
-    window.button("Change…").click()
+    for port in ("osc:7110", "vmc:39539"):
+        window.button(f"Use {port}").click()
+        window.until(f"state.server.source.uri === '{port}'")
+        window.page.get_by_text(f"No performer is in view of {port}.").wait_for()
+        window.idle()
+        window.button("Change…").click()
+        window.until("state.sources")
     window.page.locator(".sources").get_by_role("button", name="two.log").click()
     window.until("state.server.source.name === 'two.log'")
     window.idle()

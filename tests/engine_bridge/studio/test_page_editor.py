@@ -206,6 +206,12 @@ def test_points_can_be_added_and_removed(window):
     line(window, "left arm").click()
     count = len(window.limb("left arm")["points"])
     window.button("Point 1").click()
+    x, y, z = window.limb("left arm")["points"][0]
+    height = window.page.get_by_label("Position, y")
+    height.fill(f"{y + 0.05:.3f}")
+    height.press("Tab")
+    window.idle()
+    assert window.limb("left arm")["points"][0] == [x, round(y + 0.05, 3), z]
     window.button("Add point").click()
     window.idle()
     assert len(window.limb("left arm")["points"]) == count + 1

@@ -1,6 +1,6 @@
 """Throughput, efficiency, memory and overhead of `puppetline batch`.
 
-    python -m benchmarks.batch --data FOLDER --clips 2000      # the numbers of docs/performance.md: about 40 minutes
+    python -m benchmarks.batch --data FOLDER --clips 600       # the table of docs/performance.md: about 6 minutes
     python -m benchmarks.batch --clips 40                      # without recordings of sensors: minutes
 
 Each updates the table of docs/performance.md. The recordings are those of the folder, in parts of at most four seconds,

@@ -1,5 +1,6 @@
 """Data and programs that are not part of the project, and the order in which tests run."""
 
+import fcntl
 import gc
 import hashlib
 import importlib
@@ -335,20 +336,33 @@ def of_all_workers(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> 
 
 
 @pytest.fixture(scope="session")
-def example_character(of_all_workers: Path) -> Callable[[str], Any]:
-    """Make an example character, which takes seconds; the first worker that needs it stores it for the others."""
+def made_once(of_all_workers: Path) -> Callable[[str, Callable[[Path], object]], Path]:
+    """Return a folder by its name; the first worker that needs it has a function fill it, and the others wait."""
+
+    def get(name: str, fill: Callable[[Path], object]) -> Path:
+        folder, unfinished = of_all_workers / name, of_all_workers / f"{name}.unfinished"
+        with (of_all_workers / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not folder.exists():
+                shutil.rmtree(unfinished, ignore_errors=True)
+                unfinished.mkdir()
+                fill(unfinished)
+                unfinished.rename(folder)
+        return folder
+
+    return get
+
+
+@pytest.fixture(scope="session")
+def example_character(made_once: Callable[[str, Callable[[Path], object]], Path]) -> Callable[[str], Any]:
+    """Make an example character, which takes seconds, once for all workers."""
     from puppetline.examples.characters import CHARACTERS
 
-    folder = of_all_workers / "characters"
-    folder.mkdir(exist_ok=True)
-
     def make(name: str) -> Any:
-        path = folder / name
-        if not path.exists():
-            beside = path.with_name(f"{name}.{os.getpid()}")
-            beside.write_bytes(pickle.dumps(CHARACTERS[name]()))
-            beside.replace(path)
-        return pickle.loads(path.read_bytes())
+        stored = made_once(
+            f"character_{name}", lambda folder: (folder / name).write_bytes(pickle.dumps(CHARACTERS[name]()))
+        )
+        return pickle.loads((stored / name).read_bytes())
 
     return make
 

@@ -87,15 +87,19 @@ class Program:
 
 
 @pytest.fixture(scope="session")
-def built(mono, tmp_path_factory):
+def built(mono, made_once):
     """Folder of the package and the programs, compiled as Unity's assembly definitions have it."""
-    folder = tmp_path_factory.mktemp("built")
+    return made_once("built", lambda folder: build(mono[0], folder))
+
+
+def build(compiler, folder):
+    """Compile the package and the programs into a folder."""
 
     def compile_(name, sources, *references, target="library", more=()):
         assert sources
         libraries = [f"-r:{reference}.dll" for reference in references]
         output = f"{name}.exe" if target == "exe" else f"{name}.dll"
-        command = [mono[0], *STRICT, f"-target:{target}", f"-out:{output}", *libraries, *more, *map(str, sources)]
+        command = [compiler, *STRICT, f"-target:{target}", f"-out:{output}", *libraries, *more, *map(str, sources)]
         made = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
         assert (made.returncode, made.stdout + made.stderr) == (0, ""), name
 
@@ -135,7 +139,6 @@ def built(mono, tmp_path_factory):
     timeline = ("Puppetline.Timeline", "Unity.Timeline")
     compile_("Clips", [programs / "Clips.cs", programs / "Said.cs"], *unity, *timeline, target="exe")
     compile_("Component", [programs / "Component.cs", programs / "Said.cs"], *unity, target="exe")
-    return folder
 
 
 @pytest.fixture

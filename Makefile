@@ -61,13 +61,20 @@ $(PAGE)/node_modules/.to-check: .venv/.node $(PAGE)/package-lock.json
 $(PAGE)/dist/index.html: $(PAGE)/node_modules/.to-build $(PAGE_SOURCES)
 	$(WITH_NODE) npm run --silent build
 
+# The processes of pytest start together: each would compile all tests and libraries, which here two do
+.venv/.compiled: .venv/.installed
+	for part in tests/engine_bridge "tests --ignore tests/engine_bridge"; do \
+		$(BIN)/pytest --collect-only -qq -p no:cacheprovider $$part >/dev/null & \
+	done; wait
+	@touch $@
+
 demo: setup ## Animate the example characters into out/
 	$(BIN)/puppetline demo --output $(OUT)
 
 # matrices here are small: threads that wait for each other only cost time; tests wait for programs and for real time
 # about a third of the time, so that three at a time keep two cores busy
 test: export OPENBLAS_NUM_THREADS = 1
-test: setup ## Run every test, three at a time (PYTEST="-m 'not slow'" for a quick round)
+test: setup .venv/.compiled ## Run every test, three at a time (PYTEST="-m 'not slow'" for a quick round)
 	$(BIN)/pytest -n 3 $(PYTEST)
 
 # MediaPipe wants an older NumPy than everything else: cameras are tested beside it, and so is what all else rests on

@@ -129,7 +129,6 @@ def carry_along(motions, before, parents, changed):
 @compiled(inner=True)
 def _carry(before, after, T):
     """Apply the change of a parent's motion: T becomes T before⁻¹ after."""
-    rows = np.empty((4, 3))
     for i in range(4):
         v = (T[i, 0], T[i, 1], T[i, 2])
         if i == 3:
@@ -138,5 +137,4 @@ def _carry(before, after, T):
             turned = 0.0
             for k in range(3):
                 turned += (v[0] * before[k, 0] + v[1] * before[k, 1] + v[2] * before[k, 2]) * after[k, axis]
-            rows[i, axis] = turned + (after[3, axis] if i == 3 else 0.0)
-    T[:] = rows
+            T[i, axis] = turned + (after[3, axis] if i == 3 else 0.0)

@@ -63,6 +63,26 @@ One worker runs each group first, so that no loop is compiled twice; a test is i
 INDEPENDENT = ("tests/capture", "tests/examples", "tests/test_")
 """Tests that do not use the solver; other workers run them while its loops are compiled."""
 
+LONGEST = tuple(
+    f"tests/{file}.py"
+    for file in (
+        "engine_bridge/studio/test_page",
+        "engine_bridge/export/test_peers",
+        "engine_bridge/studio/test_page_editor",
+        "integrations/unity/test_following",
+        "engine_bridge/batch/test_faults",
+        "engine_bridge/export/test_bake",
+        "engine_bridge/service/test_service",
+        "engine_bridge/studio/test_studio",
+        "integrations/unity/test_component",
+        "engine_bridge/service/test_mapping",
+        "engine_bridge/cli/test_main",
+        "integrations/unity/test_attachment",
+        "engine_bridge/service/test_soak",
+    )
+)
+"""Files that take longest, in this order; a worker that began one of them last would end long after the others."""
+
 SKIPPED = "puppetline/skipped"
 """Key in pytest's cache of the ids of the tests that the last run has skipped."""
 
@@ -105,19 +125,22 @@ class Skipped:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Start with the tests that compile; files with slow tests precede the others, so that all workers end together."""
+    """Start with the tests that compile; long files precede short ones, so that all workers end together."""
     if config.option.skipped:
         ids = set(config.cache.get(SKIPPED, []))
         items[:] = [item for item in items if not ids.isdisjoint((item.nodeid, item.nodeid.partition("::")[0]))]
 
     slow = {item.path for item in items if item.get_closest_marker("slow")}
 
-    def turn(item: pytest.Item) -> int:
-        if _compiling(item.nodeid):
-            return 0
-        if item.nodeid.startswith(INDEPENDENT):
-            return 1
-        return 2 if item.path in slow else 3
+    def turn(item: pytest.Item) -> tuple[int, int]:
+        file = item.nodeid.partition("::")[0]
+        if _compiling(file):
+            return 0, 0
+        if file.startswith(INDEPENDENT):
+            return 1, 0
+        if file in LONGEST:
+            return 2, LONGEST.index(file)
+        return 3, 0 if item.path in slow else 1
 
     items.sort(key=turn)
 

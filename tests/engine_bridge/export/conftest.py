@@ -1,8 +1,10 @@
 """One figure in many variants of glTF files."""
 
+import hashlib
 import io
 import json
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -364,5 +366,10 @@ class Raw:
 
 @pytest.fixture(scope="session")
 def raw():
-    """Open a .glb without the project's own reader."""
-    return Raw
+    """Open a .glb without the project's own reader, to read only: the same content is parsed once."""
+    parse = lru_cache(maxsize=64)(lambda path, _digest: Raw(path))
+
+    def read(path):
+        return parse(path, hashlib.sha256(Path(path).read_bytes()).digest())
+
+    return read

@@ -3,6 +3,7 @@
 import io
 import shutil
 import subprocess
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -47,7 +48,7 @@ def program(request, player):
 class File:
     """An exported file with its clip and summary."""
 
-    raw: type
+    raw: Callable
     clip: Clip
     summary: Summary
 

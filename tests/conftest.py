@@ -79,6 +79,7 @@ LONGEST = tuple(
         "engine_bridge/cli/test_main",
         "integrations/unity/test_attachment",
         "engine_bridge/service/test_soak",
+        "engine_bridge/service/test_video",
     )
 )
 """Files that take longest, in this order; a worker that began one of them last would end long after the others."""
@@ -131,12 +132,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items[:] = [item for item in items if not ids.isdisjoint((item.nodeid, item.nodeid.partition("::")[0]))]
 
     slow = {item.path for item in items if item.get_closest_marker("slow")}
+    compiles = any(_compiling(item.nodeid) for item in items)
 
     def turn(item: pytest.Item) -> tuple[int, int]:
         file = item.nodeid.partition("::")[0]
         if _compiling(file):
             return 0, 0
-        if file.startswith(INDEPENDENT):
+        if compiles and file.startswith(INDEPENDENT):
             return 1, 0
         if file in LONGEST:
             return 2, LONGEST.index(file)

@@ -78,6 +78,7 @@ LONGEST = tuple(
         "engine_bridge/service/test_mapping",
         "engine_bridge/cli/test_main",
         "integrations/unity/test_attachment",
+        "fuzz/test_characters",
         "engine_bridge/service/test_soak",
         "engine_bridge/service/test_video",
     )

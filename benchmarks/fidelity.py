@@ -308,8 +308,8 @@ def main() -> None:
     if options.sheets:
         options.sheets.mkdir(parents=True, exist_ok=True)
     print(
-        "| character | limbs from | recording | upper arms, ° | forearms | thighs | shins | trunk | noise of the log, ° "
-        "| hands together, % | edges p1 / p99 | those of skinning | distance, % median / 95 % "
+        "| character | limbs from | recording | upper arms, ° | forearms | thighs | shins | trunk "
+        "| noise of the log, ° | hands together, % | edges p1 / p99 | those of skinning | distance, % median / 95 % "
         "| feet: sliding / height, % |"
     )
     print(f"|{' --- |' * 14}")

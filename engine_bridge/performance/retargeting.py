@@ -77,7 +77,8 @@ class Retargeting:
         self.fit = fit_sizes(puppet, deformer, mesh, rest)
         legs = legs_of(puppet)
         self.root_scale = _root_scale(puppet, mesh, rest, legs, deformer.bones)
-        self._feet = Feet(deformer.bones, legs, self.root_scale, self._basis, pelvis=pelvis_of(puppet)) if legs else None
+        pelvis = pelvis_of(puppet)
+        self._feet = Feet(deformer.bones, legs, self.root_scale, self._basis, pelvis=pelvis) if legs else None
         self._limbs = LimbMotion(puppet.limbs, PERFORMER, self._rest, self._basis, turns=puppet.turns)
         self._arms = arms_of(puppet, deformer.bones, rest)
         calibration = self._rest

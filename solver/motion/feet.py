@@ -24,7 +24,7 @@ from solver.motion.resting_feet import HEIGHT, LIFT, TILT, TIME, VOTE_FRAMES, re
 from solver.motion.retarget import RETURN_SECONDS
 from solver.motion.two_bones import bend, carry_along, move_along, moved, place, pole
 
-MAX_HOLD_METRES = 0.2
+MAX_HOLD_METRES = 0.18
 """Largest distance between a held foot and where the leg points, in the performer's metres."""
 
 HOLD_AGAIN_METRES = 0.03

@@ -16,6 +16,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import hypothesis
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -40,6 +41,9 @@ def _separate_compiled_code() -> None:
 
 
 _separate_compiled_code()
+
+hypothesis.settings.register_profile("without a deadline", deadline=None)  # its 200 ms pass on a busy machine
+hypothesis.settings.load_profile("without a deadline")
 
 OPTIONAL = {"assimp", "blender", "browser", "camera", "data", "freenect", "godot", "mono", "node", "openni", "vulkan"}
 REQUIRED = set(filter(None, os.environ.get("PUPPETLINE_TEST_REQUIRE", "").split(",")))

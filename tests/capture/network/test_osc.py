@@ -232,7 +232,7 @@ def _ends_of_elements(datagram):
     return ends
 
 
-@settings(max_examples=1000, deadline=None)
+@settings(max_examples=1000)
 @given(st.data())
 def test_changed_datagrams_are_read_or_refused(data):
     datagram = bytearray(data.draw(st.sampled_from(CORPUS)))
@@ -252,7 +252,7 @@ def test_changed_datagrams_are_read_or_refused(data):
     _check(bytes(datagram))
 
 
-@settings(max_examples=1000, deadline=None)
+@settings(max_examples=1000)
 @given(st.binary(max_size=200).map(lambda data: data + bytes(-len(data) % 4)))
 def test_any_bytes_are_read_or_refused(data):
     _check(data)

@@ -329,7 +329,7 @@ def long_lived():
 
 
 DATAGRAMS = st.lists(st.one_of(MESSAGES, st.lists(MESSAGES, max_size=6), st.binary(max_size=60)), max_size=8)
-ANY = {"deadline": None, "suppress_health_check": [HealthCheck.function_scoped_fixture]}
+ANY = {"suppress_health_check": [HealthCheck.function_scoped_fixture]}
 
 
 @settings(max_examples=round(1000 * EFFORT), **ANY)

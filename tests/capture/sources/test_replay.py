@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import capture.sources.replay
@@ -296,7 +296,6 @@ def test_many_events_at_one_time_are_returned_in_portions(tmp_path, clock):
     assert [len(source.receive()) for _ in range(3)] == [MAX_EVENTS, MAX_EVENTS, 5]
 
 
-@settings(deadline=None)
 @given(
     start=st.sampled_from([0.0, 1.7e9, -12.5, 0.1]),
     gaps=st.lists(st.floats(1e-3, 3), min_size=1, max_size=20),

@@ -56,7 +56,7 @@ def test_little_or_no_depth_gives_no_result():
     assert find_floor(depth, LENS) is None
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     depth=arrays(np.uint16, st.tuples(st.integers(1, 64), st.integers(1, 64)), fill=st.sampled_from([0, 800, 65535])),
     slope=st.integers(0, 400),

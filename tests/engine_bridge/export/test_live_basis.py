@@ -83,7 +83,7 @@ def test_the_rest_pose_is_no_weight_at_all(baked, basis):
     assert not limited
 
 
-@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_a_pose_that_the_directions_span_comes_back_up_to_where_the_limit_begins(data, baked, basis, directions):
     model = baked.rig.model
@@ -101,7 +101,7 @@ def test_a_pose_that_the_directions_span_comes_back_up_to_where_the_limit_begins
     assert not limited
 
 
-@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_no_pose_takes_a_weight_out_of_its_range(data, baked, basis, directions):
     """Each coordinate is limited separately, so that coordinates within the range do not change."""
@@ -282,7 +282,7 @@ json_values = st.recursive(
 )
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(extras=json_values | json_values.map(lambda value: {EXTRAS: value}))
 def test_any_other_content_of_the_extras_is_refused(baked, tmp_path, extras):
     path = with_extras(baked.path, tmp_path / "a.glb", lambda _: extras)

@@ -3,7 +3,7 @@ import os
 import stat
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from capture.skeleton import JOINTS
@@ -134,7 +134,6 @@ mappings = st.tuples(
 roots = st.none() | st.builds(RootTable, joint=st.sampled_from(JOINTS), axes=st.sampled_from(["x", "xz", "xyz"]))
 
 
-@settings(deadline=None)
 @given(st.sampled_from([TEXT, INLINE]), st.lists(st.tuples(st.integers(0, 1), mappings), max_size=4), roots)
 def test_any_edit_is_read_back_as_it_was_made(text, edits, root):
     before: Puppet = loads(text, "dog.toml")

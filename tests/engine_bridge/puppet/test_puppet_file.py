@@ -92,7 +92,7 @@ puppets = st.builds(
 
 
 @given(made=puppets)
-@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=80, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_puppet_that_is_written_and_read_again_is_the_same(made, tmp_path):
     puppet_file.dump(made, tmp_path / "made.toml")
     assert puppet_file.load(tmp_path / "made.toml") == made

@@ -52,7 +52,7 @@ class People(RuleBasedStateMachine):
 
 
 TestPeople = People.TestCase
-TestPeople.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)
+TestPeople.settings = settings(max_examples=60, stateful_step_count=40)
 
 
 def test_turns_go_round():

@@ -2,7 +2,7 @@ import json
 
 import msgpack
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from engine_bridge.service.control.requests import (
@@ -27,7 +27,6 @@ scalars = st.one_of(
 flat = st.dictionaries(st.text(st.characters(codec="utf-8"), max_size=20), scalars, max_size=16)
 
 
-@settings(deadline=None)
 @given(flat)
 def test_both_encodings_say_the_same(values):
     text = json.dumps(values).encode()
@@ -38,7 +37,6 @@ def test_both_encodings_say_the_same(values):
     assert decode(binary, "msgpack") == values
 
 
-@settings(deadline=None)
 @given(flat)
 def test_a_request_cut_anywhere_is_none(values):
     for whole in (json.dumps(values).encode(), msgpack.packb(values)):

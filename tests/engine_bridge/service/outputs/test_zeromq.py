@@ -437,7 +437,7 @@ def test_garbage_subscriptions_are_survived_in_bounded_memory(publisher, subscri
     assert heard(publisher, subscribe(publisher, "dog/scene")).topic == "dog/scene"
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     requests=st.lists(
         st.binary(max_size=80) | st.text("/\0adegcnostrlhk", max_size=20).map(lambda text: b"\1" + text.encode())

@@ -2,7 +2,7 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from engine_bridge.service.protocol.header import (
@@ -98,7 +98,6 @@ messages = st.builds(
 """Messages of which most are valid."""
 
 
-@settings(deadline=None)
 @given(st.binary(max_size=300) | messages)
 def test_any_bytes_are_a_message_or_refused(content):
     try:

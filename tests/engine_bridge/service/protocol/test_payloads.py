@@ -220,7 +220,6 @@ def test_a_box_without_bounds_is_refused():
         decode(join(topic("dog", Kind.VERTICES16), Header(Kind.VERTICES16, len(payload)), payload))
 
 
-@settings(deadline=None)
 @given(kind=st.sampled_from(list(Kind)), payload=st.binary(max_size=200))
 def test_any_payload_is_understood_or_refused(kind, payload):
     name = "service" if kind in (Kind.STATUS, Kind.CHARACTERS) else "dog"
@@ -255,7 +254,7 @@ def assert_has_the_arrays_of(kind, received):
         assert isinstance(body, Scene)
 
 
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(data=st.data(), kind=st.sampled_from(FRAME_KINDS))
 def test_a_message_with_bytes_changed_is_understood_or_refused(frame, data, kind):
     content = bytearray(message(frame, kind))

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -14,7 +14,6 @@ def unit(vectors):
     return (vectors / np.linalg.norm(vectors, axis=1, keepdims=True)).astype(np.float32)
 
 
-@settings(deadline=None)
 @given(arrays(np.float32, st.tuples(st.integers(1, 30), st.just(3)), elements=COORDINATES))
 def test_no_coordinate_is_off_by_more_than_half_a_step_and_rounding(positions):
     box, places, _ = quantised(positions, np.zeros_like(positions))

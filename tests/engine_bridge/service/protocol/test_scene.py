@@ -3,7 +3,7 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from engine_bridge.character.character import load_character
@@ -147,7 +147,6 @@ def test_a_scene_cut_short_is_refused(payload):
         Scene.decode(payload)
 
 
-@settings(deadline=None)
 @given(
     facts=st.recursive(
         st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),

@@ -487,7 +487,7 @@ def test_a_question_with_more_is_a_no(asker):
     assert asker(*GOOD, b"") == answer(b"400")
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.lists(st.one_of(st.sampled_from(GOOD), st.binary(max_size=300)), max_size=12))
 def test_a_request_of_any_form_is_granted_with_the_token_only(asker, frames):
     reply = asker(*frames)
@@ -525,7 +525,7 @@ def test_no_handshake_however_garbled_harms_the_next(house, assert_served, mecha
     opened = house(mechanism)
     ports = [int(address.rsplit(":", 1)[1]) for address in opened.address(mechanism)]
 
-    @settings(max_examples=60, deadline=None)
+    @settings(max_examples=60)
     @given(st.sampled_from(ports), changes, st.booleans())
     def garbled(port, changes, abrupt):
         data, pauses = SESSION[mechanism], set()

@@ -13,6 +13,7 @@ from engine_bridge.character.examples import MOTIONS
 from engine_bridge.studio import messages, performing
 from engine_bridge.studio.backend import Backend
 from engine_bridge.studio.characters import Characters, OpenCharacter
+from engine_bridge.studio.checks import check_known, check_one, in_use
 from engine_bridge.studio.jobs import Jobs, Progress
 from engine_bridge.studio.messages import PuppetReply, SourceState, State
 from engine_bridge.studio.performing import Playing
@@ -140,7 +141,7 @@ class Studio(Backend):
         return await self._open(puppet.name, partial(self.characters.open_puppet, puppet, mesh))
 
     async def _do_open_example(self, asked: messages.OpenExample) -> dict[str, Any]:
-        _check_known(asked.name, list(MOTIONS), "name")
+        check_known(asked.name, list(MOTIONS), "name")
         return await self._open(asked.name, partial(self.characters.open_example, asked.name), MOTIONS[asked.name])
 
     async def _do_close_character(self, asked: messages.CloseCharacter) -> dict[str, Any]:
@@ -226,7 +227,7 @@ class Studio(Backend):
     async def _do_delete_take(self, asked: messages.DeleteTake) -> dict[str, Any]:
         path = self._takes.path(asked.take)
         if self._playing.state.kind == "take" and self._playing.state.name == asked.take:
-            raise _in_use(asked.take)
+            raise in_use(asked.take)
         path.unlink(missing_ok=True)
         self.changed()
         return {}
@@ -234,14 +235,14 @@ class Studio(Backend):
     async def _do_delete_upload(self, asked: messages.DeleteUpload) -> dict[str, Any]:
         upload = self.workspace.upload(asked.upload)
         if self._playing.uri.startswith(f"replay:{upload.path.parent}"):
-            raise _in_use(upload.name)
+            raise in_use(upload.name)
         self.workspace.delete_upload(asked.upload)
         self.changed()
         return {}
 
     async def _do_export(self, asked: messages.Export) -> dict[str, Any]:
         character = self.characters[asked.character]
-        _check_one(asked, ("take", "upload", "example"))
+        check_one(asked, ("take", "upload", "example"))
         title = f"Export of {asked.take or asked.example or self.workspace.upload(str(asked.upload)).name}"
 
         async def work(progress: Progress) -> dict[str, Any]:
@@ -276,7 +277,7 @@ class Studio(Backend):
             return self._takes.path(take)
         if upload is not None:
             return self.workspace.upload(upload, "log").path
-        _check_known(str(example), list(performances()), "example")
+        check_known(str(example), list(performances()), "example")
         path = self.workspace.folder / "examples" / f"{example}.log"
         if not path.exists():
             await self._exporter.run("write_example", example, path)
@@ -304,11 +305,11 @@ class Studio(Backend):
 
     async def _chosen(self, asked: messages.Source) -> Playing:
         """Return what a request wants to perform."""
-        _check_one(asked, ("uri", "upload", "example", "take"))
+        check_one(asked, ("uri", "upload", "example", "take"))
         if asked.uri is not None:
             return performing.live(asked.uri)
         if asked.example is not None:
-            _check_known(asked.example, list(performances()), "example")
+            check_known(asked.example, list(performances()), "example")
             return performing.example(asked.example, asked.loop)
         kind: Literal["upload", "take"] = "take" if asked.upload is None else "upload"
         name = self.workspace.upload(asked.upload, "log").name if asked.upload is not None else str(asked.take)
@@ -371,34 +372,6 @@ def _logged_errors(what: str) -> Iterator[None]:
         yield
     except (PuppetlineError, ValueError, KeyError, TypeError) as error:
         log.warning("%s: %s", what, error)
-
-
-def _check_one(asked: messages.Request, keys: tuple[str, ...]) -> None:
-    """Refuse a request with none or several of some keys."""
-    given = [key for key in keys if getattr(asked, key) is not None]
-    if len(given) != 1:
-        raise ServiceError(
-            "the request",
-            found=" and ".join(given) or "no source",
-            expected=f"one of {', '.join(keys)}",
-            fix="Give exactly one of them.",
-        )
-
-
-def _in_use(name: str) -> ServiceError:
-    return ServiceError(
-        name, found="a recording that performs now", expected="one that does not", fix="Choose another source first."
-    )
-
-
-def _check_known(name: str, known: list[str], key: str) -> None:
-    if name not in known:
-        raise ServiceError(
-            f"the request, {key}",
-            found=f"the unknown name {name!r}",
-            expected=f"one of {', '.join(known)}",
-            fix="Choose one of these.",
-        )
 
 
 def _puppet_reply(character: OpenCharacter) -> dict[str, Any]:

@@ -266,7 +266,7 @@ class CharacterPlayer:
             pose = self._automatic.due(rest, self._directs)
             if pose is not None:
                 self._calibrate(pose, frame.time)
-        levelled = self._level.frame(frame)
+        levelled = self._level.levelled(frame)
         if self._current is None:
             seen = replace(levelled, positions=self._watched.step(frame.time, levelled.positions, frame.confidence))
             return self._show(frame.time, received, self._idle_places(frame.time), seen)

@@ -39,10 +39,11 @@ from engine_bridge.service.security.guard import Guard
 from engine_bridge.service.service_file import ServiceFile
 from engine_bridge.service.signals import Signals
 from engine_bridge.service.stage import Stage
-from engine_bridge.service.stage_loader import LoadedStage, load_stages, trim_memory
+from engine_bridge.service.stage_loader import LoadedStage, load_stages
 from engine_bridge.service.stage_runner import StageRunner
 from engine_bridge.service.takes import Takes
 from puppetline.errors import ServiceError
+from puppetline.memory import trim_memory
 
 STATUS_SECONDS = 1.0
 """Time between two statuses, in seconds."""

@@ -1,7 +1,5 @@
 """Loads the stages of a service file, at the start and at each reload."""
 
-import ctypes
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,14 +55,6 @@ def load_stages(
                 stage.runner.close()
         raise
     return loaded
-
-
-def trim_memory() -> None:
-    """Return the memory of the previous characters to the system: glibc would keep hundreds of megabytes."""
-    if sys.platform == "linux":
-        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # musl has none
-        if trim is not None:
-            trim(0)
 
 
 def _matching(runners: list[StageRunner], name: str, uri: str) -> StageRunner | None:

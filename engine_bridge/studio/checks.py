@@ -1,7 +1,7 @@
 """Checks of requests that the types of messages do not cover."""
 
 from engine_bridge.studio import messages
-from puppetline.errors import ServiceError
+from puppetline.errors import ServiceError, unknown_name
 
 
 def check_one(asked: messages.Request, keys: tuple[str, ...]) -> None:
@@ -26,9 +26,4 @@ def in_use(name: str) -> ServiceError:
 def check_known(name: str, known: list[str], key: str) -> None:
     """Refuse a name that is not one of those known."""
     if name not in known:
-        raise ServiceError(
-            f"the request, {key}",
-            found=f"the unknown name {name!r}",
-            expected=f"one of {', '.join(known)}",
-            fix="Choose one of these.",
-        )
+        raise unknown_name(f"the request, {key}", f"the unknown name {name!r}", known)

@@ -64,7 +64,14 @@ MEASURED_FRAMES = 120
 """Number of frames of each recording that are measured."""
 MAX_TILT_DEGREES = 12.0
 """Largest rotation of a whole recording."""
-SHOWN = {"upper arms": ("arm", 0), "forearms": ("arm", 1), "thighs": ("leg", 0), "shins": ("leg", 1)}
+SHOWN = {
+    "upper arms": ("arm", 0),
+    "forearms": ("arm", 1),
+    "thighs": ("leg", 0),
+    "shins": ("leg", 1),
+    "trunk": (TRUNK, 1),
+}
+"""Kinds of bones that are measured: the end of the limb's name, and the number of the bone."""
 JOINTS = {"arm": ("shoulder", "elbow", "wrist", "hand"), "leg": ("hip", "knee", "ankle", "foot")}
 MAX_STANDING_SPEED = 0.15
 """Largest speed of a standing foot, in metres per second."""
@@ -187,6 +194,7 @@ def performer_directions(timeline: Timeline, frames: NDArray[np.int64]) -> dict[
             for number in range(2):
                 start, end = (JOINT_INDEX[f"{name}_{side}"] for name in names[number : number + 2])
                 found[f"{side} {limb}", number] = joints[:, end] - joints[:, start]
+    found[TRUNK, 1] = joints[:, JOINT_INDEX["shoulder_center"]] - joints[:, JOINT_INDEX["spine"]]
     return {bone: way / np.linalg.norm(way, axis=1, keepdims=True) for bone, way in found.items()}
 
 
@@ -300,11 +308,11 @@ def main() -> None:
     if options.sheets:
         options.sheets.mkdir(parents=True, exist_ok=True)
     print(
-        "| character | limbs from | recording | upper arms, ° | forearms | thighs | shins | noise of the log, ° "
-        "| hands together, % | edges p1 / p99 | those of skinning | distance, % median / 95 % "
+        "| character | limbs from | recording | upper arms, ° | forearms | thighs | shins | trunk "
+        "| noise of the log, ° | hands together, % | edges p1 / p99 | those of skinning | distance, % median / 95 % "
         "| feet: sliding / height, % |"
     )
-    print(f"|{' --- |' * 13}")
+    print(f"|{' --- |' * 14}")
     totals: dict[str, list[NDArray[np.float64]]] = {}
     away: list[NDArray[np.float64]] = []
     with tempfile.TemporaryDirectory() as folder:

@@ -1,14 +1,16 @@
 """Mapping of the joints of a BVH skeleton to the 20 joints of `capture.skeleton`, by their names.
 
-Supported are the skeletons of CMU, Biovision, Mixamo, MotionBuilder, MakeHuman, 3ds Max, Unreal and the Kinect SDK. A
-name is split into a side and a part, so ``LeftUpLeg``, ``mixamorig:LeftUpLeg``, ``UpLeg_L`` and ``Bip01 L UpLeg`` are
-equal. One part means different joints in different skeletons: ``LeftShoulder`` is the collar bone if there is a
-``LeftArm``, and ``LeftFoot`` is the ankle if there is no ``LeftAnkle``. The order in the tables decides.
+Supported are the skeletons of CMU (with the names of BVH or of ASF files), Biovision, Mixamo, MotionBuilder, MakeHuman,
+3ds Max, Unreal and the Kinect SDK. A name is split into a side and a part, so ``LeftUpLeg``, ``mixamorig:LeftUpLeg``,
+``UpLeg_L`` and ``Bip01 L UpLeg`` are equal. One part means different joints in different skeletons: ``LeftShoulder`` is
+the collar bone if there is a ``LeftArm``, and ``LeftFoot`` is the ankle if there is no ``LeftAnkle``. The order in the
+tables decides.
 """
 
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import shorten
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +19,12 @@ from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
 from puppetline.errors import SkeletonLogError
 
 SIDE_PARTS = {
-    "shoulder": ("arm", "upperarm", "uparm", "shldr", "shoulder"),
-    "elbow": ("forearm", "lowerarm", "loarm", "lowarm", "elbow"),
+    "shoulder": ("arm", "upperarm", "uparm", "shldr", "humerus", "shoulder"),
+    "elbow": ("forearm", "lowerarm", "loarm", "lowarm", "radius", "elbow"),
     "wrist": ("wrist", "hand"),
     "hand": ("handend", "handmiddle1", "middle1", "fingers", "handindex1", "finger2", "hand"),
-    "hip": ("upleg", "upperleg", "thigh", "hip"),
-    "knee": ("leg", "loleg", "lowleg", "lowerleg", "shin", "calf", "knee"),
+    "hip": ("upleg", "upperleg", "thigh", "femur", "hip"),
+    "knee": ("leg", "loleg", "lowleg", "lowerleg", "shin", "calf", "tibia", "knee"),
     "ankle": ("ankle", "foot"),
     "foot": ("toebase", "toe", "toes", "toe0", "ball", "foot"),
 }
@@ -30,7 +32,18 @@ SIDE_PARTS = {
 
 MIDDLE_PARTS = {
     "hip_center": ("spinebase", "hips", "pelvis", "hip", "root"),
-    "spine": ("spinemid", "spine", "spine1", "spine01", "spine2", "abdomen", "chest", "torso", "lowerback"),
+    "spine": (
+        "spinemid",
+        "spine",
+        "spine1",
+        "spine01",
+        "spine2",
+        "abdomen",
+        "chest",
+        "torso",
+        "lowerback",
+        "upperback",
+    ),
     "shoulder_center": ("spineshoulder", "lowerneck", "neck", "neck1", "neck01"),
     "head": ("head",),
 }
@@ -107,9 +120,10 @@ def kinect_positions(
     chosen = _choose_nodes([name for name, _ in tree], positions)
     needed = [name for name in JOINTS if name not in chosen and name not in MIDPOINTS and name not in ENDS]
     if needed:
+        names = ", ".join(name for name, _ in tree if name)
         raise SkeletonLogError(
             path,
-            found=f"no joint for {', '.join(needed)} among {', '.join(name for name, _ in tree if name)[:200]}",
+            found=f"no joint for {', '.join(needed)} among {shorten(names, 200, placeholder=' …')}",
             expected="the names of a human skeleton, for example LeftArm or lForeArm",
             fix="Use the joint names of CMU, Mixamo or Biovision, or retarget the motion to such a skeleton.",
         )

@@ -20,7 +20,7 @@ from solver.motion.arms import Arm, Arms
 from solver.motion.deformer import Deformer
 from solver.motion.feet import Feet, Leg
 from solver.motion.limb_motion import LimbMotion
-from solver.motion.limbs import Performer, parents_first
+from solver.motion.limbs import TRUNK, Performer, parents_first
 from solver.motion.motion_limits import limb_reach
 from solver.motion.retarget import Fit, Retargeter, SmoothReturn
 from solver.surface.mesh import SolverMesh
@@ -77,7 +77,8 @@ class Retargeting:
         self.fit = fit_sizes(puppet, deformer, mesh, rest)
         legs = legs_of(puppet)
         self.root_scale = _root_scale(puppet, mesh, rest, legs, deformer.bones)
-        self._feet = Feet(deformer.bones, legs, self.root_scale, self._basis) if legs else None
+        pelvis = pelvis_of(puppet)
+        self._feet = Feet(deformer.bones, legs, self.root_scale, self._basis, pelvis=pelvis) if legs else None
         self._limbs = LimbMotion(puppet.limbs, PERFORMER, self._rest, self._basis, turns=puppet.turns)
         self._arms = arms_of(puppet, deformer.bones, rest)
         calibration = self._rest
@@ -226,6 +227,16 @@ def _leg(puppet: Puppet, side: str) -> Leg | None:
         return None
     thigh, last, _ = found
     return Leg(thigh, thigh + 1, thigh + 2 if last > thigh + 1 else -1, JOINT_INDEX[f"ankle_{side}"])
+
+
+def pelvis_of(puppet: Puppet) -> int | None:
+    """Return the first bone of a trunk that has others as well, if there is one."""
+    bone = 0
+    for limb in parents_first(puppet.limbs):
+        if limb.name == TRUNK and len(limb.points) > 2:
+            return bone
+        bone += len(limb.points) - 1
+    return None
 
 
 def arms_of(puppet: Puppet, bones: Bones, rest: NDArray[np.float64]) -> Arms | None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from capture.skeleton import JOINT_INDEX, mirrored, to_character_axes
 from engine_bridge.performance.clip import Clip
+from engine_bridge.performance.retargeting import legs_of
 from engine_bridge.pictures import stick_figure
 from engine_bridge.pictures.contact_sheet import write_contact_sheet
 from engine_bridge.pictures.renderer import View, render
@@ -62,6 +63,8 @@ def _character(clip: Clip, chosen: NDArray[np.int64]) -> list[NDArray[np.uint8]]
     poses = np.array(solved)[:, rig.mesh.of_render] @ basis.T
     ways = clip.root[chosen] @ basis.T * [1, 0, 1]
     view = View.around(poses - ways[:, None])
+    if legs_of(rig.puppet):  # what hangs from a hand may be lower than the feet
+        view = replace(view, ground=float((rig.character.vertices @ basis[1]).min()))
     images = []
     for pose, way in zip(poses, ways, strict=True):
         along = replace(view, center=tuple(view.center + way))

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from solver.anatomy.folded_legs import folded_leg
 from solver.anatomy.limb_chain import evenly
 from solver.anatomy.limb_curve import LimbCurve, curve_through, leg_joints, shoulder_ways
 from solver.anatomy.limb_ends import MAX_FOOT_HEIGHT, MAX_MIRROR_DISTANCE, MIRROR, LimbEnds, Points
@@ -62,6 +63,8 @@ class LimbBranches(LimbEnds):
     ----------
     legs : dict
         Points of the legs by name.
+    legs_are_folded : bool
+        Whether a leg of a two-legged character is folded at the knee.
     thighs : set of int
         Cells of the legs outside the trunk.
     trunk : LimbCurve
@@ -71,11 +74,16 @@ class LimbBranches(LimbEnds):
     def __init__(self, mesh: SolverMesh, basis: NDArray[np.float64], ends: Mapping[str, Points]) -> None:
         super().__init__(mesh, basis, ends)
         self.legs: dict[str, Points] = {}
+        self.legs_are_folded = False
         self.thighs: set[int] = set()
         for name, pair in zip(("hind leg", "front leg") if self.four_legged else ("leg",), self.feet, strict=False):
             fork = self.skeleton.fork(*pair)
             curves = [curve_through(self.solid, self.skeleton.between(foot, fork)) for foot in pair]
             points, parted = leg_joints(curves, self.solid.size, upright=name == "leg")
+            if name == "leg":
+                folded = [folded_leg(self.skeleton, curve, curve.length - parted) for curve in curves]
+                points = [leg if other is None else other for leg, other in zip(points, folded, strict=True)]
+                self.legs_are_folded = any(leg is not None for leg in folded)
             self.legs |= self.sides(name, points)
             if name != "front leg":
                 self.trunk = self._trunk(curves, parted)

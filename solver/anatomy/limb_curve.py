@@ -197,22 +197,38 @@ def _ankle(leg: LimbCurve, hip: float) -> NDArray[np.float64]:
         Distance from the end.
     """
     ways = np.linspace(0.0, hip, 61)
-    points = np.column_stack([np.interp(ways, leg.along, column) for column in leg.centers.T])
-    last = len(ways) - 1
-    number = np.arange(len(ways), dtype=np.float64)
-    best, ankle = np.inf, points[0]
+    joints, misfit = three_bones(np.column_stack([np.interp(ways, leg.along, column) for column in leg.centers.T]))
+    return _low_corner(leg, hip) if misfit > MAX_LEG_MISFIT * hip else joints[1]
+
+
+def three_bones(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Fit three straight bones to a leg.
+
+    Parameters
+    ----------
+    points : (k, 3) float64
+        Evenly spaced along the leg, from the end of the foot to the hip; the bones begin and end at the first and last.
+
+    Returns
+    -------
+    joints : (4, 3) float64
+        End of the foot, ankle, knee and hip.
+    misfit : float
+        Root mean square distance of the points from the bones.
+    """
+    last = len(points) - 1
+    number = np.arange(len(points), dtype=np.float64)
+    best, joints = np.inf, points[[0, 0, last, last]]
     for low in range(round(ANKLE_SHARES[0] * last), round(ANKLE_SHARES[1] * last) + 1):
         for high in range(round(low + KNEE_SHARES[0] * (last - low)), round(low + KNEE_SHARES[1] * (last - low)) + 1):
             # shares of the foot's end, ankle, knee and hip in each point
             shares = np.column_stack([np.interp(number, [0, low, high, last], corner) for corner in np.eye(4)])
             fixed = points - shares[:, [0, 3]] @ points[[0, last]]
-            joints = np.linalg.solve(shares[:, 1:3].T @ shares[:, 1:3], shares[:, 1:3].T @ fixed)
-            misfit = float(((shares[:, 1:3] @ joints - fixed) ** 2).sum())
+            inner = np.linalg.solve(shares[:, 1:3].T @ shares[:, 1:3], shares[:, 1:3].T @ fixed)
+            misfit = float(((shares[:, 1:3] @ inner - fixed) ** 2).sum())
             if misfit < best:
-                best, ankle = misfit, joints[0]
-    if best > len(ways) * (MAX_LEG_MISFIT * hip) ** 2:
-        return _low_corner(leg, hip)
-    return ankle
+                best, joints = misfit, np.array([points[0], *inner, points[last]])
+    return joints, float(np.sqrt(best / len(points)))
 
 
 def _low_corner(leg: LimbCurve, hip: float) -> NDArray[np.float64]:

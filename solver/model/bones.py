@@ -38,6 +38,9 @@ HELD_SPAN = 0.2, 0.8
 MIN_LIMB_AREA_SHARE = 2 / 3
 """Smallest share of a part's area in one limb with which the whole part belongs to that limb."""
 
+MIN_BONE_AREA_SHARE = 3 / 4
+"""Smallest share of a part's area on one bone with which the whole part belongs to that bone."""
+
 MIN_HELD_WEIGHT = 0.95
 """Smallest skin weight with which a bone holds a vertex; elsewhere the skin bends."""
 
@@ -119,7 +122,8 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
 
     1. Rays are cast at right angles to every bone; where they meet the surface, the distance to the bone is 0.
     2. Every vertex belongs to the bone that is nearest along edges and contacts between parts. Vertices behind the head
-       of a limb's first bone do not belong to it. A part that mostly belongs to one limb belongs to it entirely.
+       of a limb's first bone do not belong to it. A part that mostly belongs to one limb belongs to it entirely. A part
+       that nearly belongs to one bone, such as a plate of armour, belongs to it entirely, and moves rigidly with it.
     3. A bone holds those of its vertices that are within its `HELD_SPAN` and `MAX_HELD_RATIO`. The last bone of a limb
        holds all of its vertices beyond its head. Its first bone also holds those at and behind its head that are of a
        part of the limb.
@@ -144,6 +148,8 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
     if np.any(limb >= 0):
         forbidden = np.where(limb >= 0, bones.limbs != limb, before_its_head)
         owner, distance = _nearest(graph.indptr, graph.indices.astype(np.int64), graph.data, start, forbidden)
+    whole = _bone_of_parts(mesh, bones, owner)[mesh.components]
+    owner = np.where(whole >= 0, whole, owner)
     known = owner >= 0
     place = along[np.arange(len(owner)), owner]
     low, high = HELD_SPAN
@@ -152,6 +158,7 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
     first = np.where(bones.roots, low, 0.0)[owner]
     held = known & np.where(bones.terminal[owner], place >= first, middle)
     held |= known & bones.roots[owner] & (limb[:, 0] >= 0) & (place < low)  # a separate part does not bend there
+    held |= whole >= 0
     coarse = np.bincount(owner[held], minlength=len(bones)) == 0  # a coarse mesh with vertices at joints only
     held |= known & coarse[owner]
     return BoneRegions(owner, held)
@@ -188,6 +195,17 @@ def _limb_of_parts(mesh: SolverMesh, bones: Bones, owner: NDArray[np.int64]) -> 
     np.add.at(area, (mesh.components[limb >= 0], limb[limb >= 0]), mesh.vertex_areas[limb >= 0])
     whole = np.bincount(mesh.components, mesh.vertex_areas, parts)
     return np.where(area.max(axis=1) > MIN_LIMB_AREA_SHARE * whole, area.argmax(axis=1), -1)
+
+
+def _bone_of_parts(mesh: SolverMesh, bones: Bones, owner: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the bone to which nearly all of each part belongs, (parts,) int64; −1 for none."""
+    if mesh.parts == 1:
+        return np.full(1, -1)
+    known = owner >= 0
+    area = np.zeros((mesh.parts, len(bones)))
+    np.add.at(area, (mesh.components[known], owner[known]), mesh.vertex_areas[known])
+    whole = np.bincount(mesh.components, mesh.vertex_areas, mesh.parts)
+    return np.where(area.max(axis=1) > MIN_BONE_AREA_SHARE * whole, area.argmax(axis=1), -1)
 
 
 def _symmetric_lengths(mesh: SolverMesh) -> "csr_matrix":

@@ -72,6 +72,8 @@ def limb_fields(
     -------
     (n, count) float64
     """
+    if count == 0:
+        return np.empty((len(vertices), 0))
     limbs = _limbs(bones, regions)[: 2 * count]
     rises = [_rise(limb, bones) for limb in limbs]
     if shares is None:

@@ -221,7 +221,11 @@ def build(
     try:
         tied = propagation.field_operator(surface, ties, unit.diagonal, holds)
         operator = CoarseFields(tied, L, mass, unit) if is_large else propagation.SurfaceOperator(tied, mass, rest)
-        modes = operator.propagation_fields(parameters.fields - along_limbs)
+        with ThreadPoolExecutor(1) as other:  # both consist of factorisations
+            arguments = operator.smoothed, mesh.vertices, bones, regions, along_limbs, shares
+            limbs = other.submit(limb_fields.limb_fields, *arguments)
+            modes = operator.propagation_fields(parameters.fields - along_limbs)
+            limb_modes = limbs.result()
     except RuntimeError as error:  # SuperLU finds the matrix singular, or ARPACK does not converge
         raise MeshError(
             mesh.name,
@@ -230,11 +234,9 @@ def build(
             fix="Remove what lies far away from the character, or remesh it.",
         ) from error
     weights = propagation.field_weights(rest, mass, modes)
-    if along_limbs:
-        limbs = limb_fields.limb_fields(operator.smoothed, mesh.vertices, bones, regions, along_limbs, shares)
-        modes = np.column_stack([modes, limbs])
-        own = 1 - along_limbs / parameters.fields
-        weights = np.append(own * weights, np.full(along_limbs, 1 / parameters.fields))
+    modes = np.column_stack([modes, limb_modes])
+    own = 1 - along_limbs / parameters.fields
+    weights = np.append(own * weights, np.full(along_limbs, 1 / parameters.fields))
     isoline_coordinates = (
         propagation.compute_isoline_coordinates(modes, parameters.isolines).astype(np.float32).astype(np.float64)
     )

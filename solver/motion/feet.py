@@ -1,7 +1,9 @@
 """Foot locking: while a performer's foot rests (`resting_feet`), the character's foot keeps its position on the floor.
 
-A held foot is flat as in the rest pose. First the whole character is shifted so that its legs turn as little as
-possible; then each leg bends by the remaining distance. A foot is released when the performer's foot moves or rises, or
+A held foot is flat as in the rest pose. First the pelvis is tilted to one side so that no foot is lower than one that
+rests: the same directions of the legs end at different heights if the hips of the character are wider than the
+performer's. Then the whole character is shifted so that its legs turn as little as possible, and each leg bends by the
+remaining distance. A foot is released when the performer's foot moves or rises, or
 when it is held too far from where the leg points; then it eases back. The height of the character follows from its
 legs: the lower foot is on the floor, unless both feet of the performer leave it.
 """
@@ -16,13 +18,13 @@ from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
 from solver.model.bones import Bones
-from solver.model.vectors import dot, length, minus, plus, row_of, scaled
+from solver.model.vectors import cross, dot, length, minus, plus, row_of, scaled, unit
 from solver.motion import quaternions as quat
-from solver.motion.resting_feet import HEIGHT, LIFT, TIME, VOTE_FRAMES, remaining, resting_feet
+from solver.motion.resting_feet import HEIGHT, LIFT, TILT, TIME, VOTE_FRAMES, remaining, resting_feet
 from solver.motion.retarget import RETURN_SECONDS
-from solver.motion.two_bones import bend, carry_along, moved, place, pole
+from solver.motion.two_bones import bend, carry_along, move_along, moved, place, pole
 
-MAX_HOLD_METRES = 0.15
+MAX_HOLD_METRES = 0.18
 """Largest distance between a held foot and where the leg points, in the performer's metres."""
 
 HOLD_AGAIN_METRES = 0.03
@@ -45,8 +47,12 @@ SHIFT_BACK_SECONDS = 0.5
 SETTLE_SECONDS = 0.08
 """Time constant with which a held foot becomes flat on the floor, in seconds."""
 
-HEADING_SECONDS = 1.0
-"""Time constant with which the heading of a held foot follows the performer's, in seconds: sensors measure it badly."""
+HEADING_SECONDS = 4.0
+"""Time constant with which the heading of a held foot follows the performer's, in seconds: sensors measure it badly,
+and a foot that turns slides."""
+
+MAX_TILT = math.radians(20)
+"""Largest angle by which the pelvis is tilted to one side, in radians."""
 
 MAX_VERTICAL_SPEED = 3.0
 """Largest speed with which the character rises or sinks, in the performer's metres per second."""
@@ -81,6 +87,7 @@ class _Plan(NamedTuple):
     poles: NDArray[np.float64]  # (l, 3): direction in which the knee of a straight leg bends at rest
     up: NDArray[np.float64]  # (3,)
     metre: float  # mesh units per metre of the performer
+    pelvis: int  # the bone that is tilted, −1 for none
 
 
 class _State(NamedTuple):
@@ -98,7 +105,7 @@ class _State(NamedTuple):
     still: NDArray[np.float64]  # (l,): seconds for which each foot has been slow
     votes: NDArray[np.float64]  # (l, VOTE_FRAMES)
     shift: NDArray[np.float64]  # (3,): of the whole character, level
-    clock: NDArray[np.float64]  # (4,): time; height of the performer's floor; jump of the character; height of its root
+    clock: NDArray[np.float64]  # (5,): time; height of the performer's floor; the character's jump, height and tilt
 
 
 class Feet:
@@ -113,10 +120,18 @@ class Feet:
         Mesh units per metre of the performer: the ratio of their leg lengths.
     basis : (3, 3) float64, optional
         Rows: the mesh file's directions of the character's left, up and forward.
+    pelvis : int, optional
+        The bone to which two legs are attached; it is tilted to one side where this keeps legs from bending.
     """
 
     def __init__(
-        self, bones: Bones, legs: Sequence[Leg], metre: float, basis: NDArray[np.float64] | None = None
+        self,
+        bones: Bones,
+        legs: Sequence[Leg],
+        metre: float,
+        basis: NDArray[np.float64] | None = None,
+        *,
+        pelvis: int | None = None,
     ) -> None:
         basis = np.eye(3) if basis is None else np.asarray(basis, dtype=np.float64)
         count = len(legs)
@@ -129,6 +144,7 @@ class Feet:
             poles=np.array([pole(bones, leg.thigh, leg.shin, basis[2]) for leg in legs]),
             up=np.ascontiguousarray(basis[1]),
             metre=float(metre),
+            pelvis=-1 if pelvis is None or len(legs) != 2 else pelvis,
         )
         self._state = _State(
             place=np.zeros((count, 3)),
@@ -143,7 +159,7 @@ class Feet:
             still=np.zeros(count),
             votes=np.zeros((count, VOTE_FRAMES)),
             shift=np.zeros(3),
-            clock=np.array([-np.inf, np.nan, 0.0, 0.0]),
+            clock=np.array([-np.inf, np.nan, 0.0, 0.0, 0.0]),
         )
 
     def step(
@@ -194,7 +210,10 @@ def _step(plan, state, time, positions, confidence, motions, root):
     rests, low = resting_feet(plan, state, positions, confidence, elapsed, began)
     _ease(state.stands, rests, elapsed)
     _ease(state.flat, rests | low, elapsed)  # the measured pitch of a low foot is mostly noise
-    _set_height(plan, state, motions, root, elapsed)
+    heights = _heights(plan, state, motions)
+    if plan.pelvis >= 0:
+        _tilt_pelvis(plan, state, motions, heights, elapsed)
+    _set_height(plan, state, heights, root, elapsed)
     _shift(plan, state, motions, root, elapsed)
     changed, before = np.zeros(len(motions), dtype=np.bool_), motions.copy()
     for leg in range(len(plan.legs)):
@@ -212,30 +231,59 @@ def _ease(shares, wanted, elapsed):
 
 
 @compiled(inner=True)
-def _set_height(plan, state, motions, root, elapsed):
+def _heights(plan, state, motions):
+    """Return the heights of the feet over their rest, without the root's motion, as the legs point."""
+    heights = np.empty(len(plan.legs))
+    for leg in range(len(plan.legs)):
+        shin, foot = plan.legs[leg, 1], plan.legs[leg, 2]
+        ankle = plan.tails[shin]
+        height = dot(minus(moved(motions[shin], ankle), ankle), plan.up)
+        # the height of a flat foot is that of its ankle; the tip of another may be lower
+        if foot >= 0:
+            tip = dot(minus(moved(motions[foot], plan.tails[foot]), plan.tails[foot]), plan.up)
+            height += (1 - state.flat[leg]) * min(0.0, tip - height)
+        heights[leg] = height
+    return heights
+
+
+@compiled(inner=True)
+def _tilt_pelvis(plan, state, motions, heights, elapsed):
+    """Tilt the pelvis to one side so that no foot is lower than one that rests; update the heights."""
+    left, right = plan.legs[0, 0], plan.legs[1, 0]
+    hips = minus(moved(motions[left], plan.heads[left]), moved(motions[right], plan.heads[right]))
+    width = length(hips)
+    higher = heights[0] - heights[1]
+    wanted = state.stands[1] * max(0.0, -higher) - state.stands[0] * max(0.0, higher)
+    rise = min(max(dot(hips, plan.up) / width, -1.0), 1.0)
+    angle = math.asin(min(max(rise + wanted / width, -1.0), 1.0)) - math.asin(rise)
+    angle = min(max(angle, -MAX_TILT), MAX_TILT)
+    angle += remaining(SHIFT_SECONDS, elapsed) * (state.clock[TILT] - angle)
+    state.clock[TILT] = angle
+    axis = unit(cross(hips, plan.up))
+    T, head = motions[plan.pelvis], plan.heads[plan.pelvis]
+    before = motions.copy()
+    place(T, quat.product(quat.about(axis, angle), quat.of_rows(T)), head, moved(T, head))
+    move_along(motions, before, plan.heads, plan.parents)
+    for leg in range(2):
+        thigh = plan.legs[leg, 0]
+        heights[leg] += dot(minus(motions[thigh, 3], before[thigh, 3]), plan.up)
+
+
+@compiled(inner=True)
+def _set_height(plan, state, heights, root, elapsed):
     """Write the root's height with which the lower foot is on the floor, or above it by the height of a jump.
 
     If both feet rest, both are on the floor within `SLACK_METRES`.
     """
-    up, heights = plan.up, np.empty(len(plan.legs))
-    for leg in range(len(plan.legs)):
-        shin, foot = plan.legs[leg, 1], plan.legs[leg, 2]
-        ankle = plan.tails[shin]
-        height = dot(minus(moved(motions[shin], ankle), ankle), up)
-        # the height of a flat foot is that of its ankle; the tip of another may be lower
-        if foot >= 0:
-            tip = dot(minus(moved(motions[foot], plan.tails[foot]), plan.tails[foot]), up)
-            height += (1 - state.flat[leg]) * min(0.0, tip - height)
-        heights[leg] = height
     lowest = heights.min()
     apart = (state.stands * (heights - lowest)).max()
     wanted = state.clock[LIFT] - lowest - max(0.0, apart - plan.metre * SLACK_METRES)
     largest = plan.metre * MAX_VERTICAL_SPEED * elapsed
     last = state.clock[HEIGHT]
     state.clock[HEIGHT] = min(max(wanted, last - largest), last + largest)
-    rise = state.clock[HEIGHT] - dot(root, up)
+    rise = state.clock[HEIGHT] - dot(root, plan.up)
     for axis in range(3):
-        root[axis] += rise * up[axis]
+        root[axis] += rise * plan.up[axis]
 
 
 @compiled(inner=True)

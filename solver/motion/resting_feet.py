@@ -46,7 +46,7 @@ MIN_CONFIDENCE = 0.6
 VOTE_FRAMES = 3
 """Number of frames of which most must agree that a foot rests."""
 
-TIME, FLOOR, LIFT, HEIGHT = range(4)
+TIME, FLOOR, LIFT, HEIGHT, TILT = range(5)
 """Entries of the state's clock."""
 
 
@@ -121,6 +121,6 @@ def _find_floor(plan, clock, lowest, still, elapsed):
     if not math.isfinite(clock[FLOOR]):
         clock[FLOOR] = lowest
     stands = still > STILL_SECONDS or (still > 0 and lowest < clock[FLOOR] + RELEASE_HEIGHT_METRES)
-    seconds = FLOOR_SECONDS if stands or lowest < clock[FLOOR] else DRIFT_SECONDS
+    seconds = FLOOR_SECONDS if stands else DRIFT_SECONDS
     clock[FLOOR] = lowest + remaining(seconds, elapsed) * (clock[FLOOR] - lowest)
     clock[LIFT] = plan.metre * max(0.0, lowest - clock[FLOOR] - MIN_JUMP_METRES)

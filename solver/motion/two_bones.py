@@ -127,6 +127,25 @@ def carry_along(motions, before, parents, changed):
 
 
 @compiled(inner=True)
+def move_along(motions, before, heads, parents):
+    """Move bones so that their heads stay on their parents, whose motions have changed; no bone turns.
+
+    Parameters
+    ----------
+    motions, before : (b, 4, 3) float64
+        Motions now, written to, and before the change.
+    heads : (b, 3) float64
+    parents : (b,) int64
+    """
+    for bone in range(len(motions)):
+        parent = parents[bone]
+        if parent >= 0:
+            was, now = moved(before[parent], heads[bone]), moved(motions[parent], heads[bone])
+            for axis in range(3):
+                motions[bone, 3, axis] += now[axis] - was[axis]
+
+
+@compiled(inner=True)
 def _carry(before, after, T):
     """Apply the change of a parent's motion: T becomes T before⁻¹ after."""
     rows = np.empty((4, 3))

@@ -1,3 +1,4 @@
+import re
 from pathlib import Path
 
 import numpy as np
@@ -149,6 +150,26 @@ SKELETONS = {
             "foot_right": "ball_r",
         },
     ),
+    "CMU, the bones of its ASF files": (
+        [
+            *("hip", "lowerback", "upperback", "thorax", "lowerneck", "upperneck", "head"),
+            *short_sides("*hipjoint", "*femur", "*tibia", "*foot", "*toes"),
+            *short_sides("*clavicle", "*humerus", "*radius", "*wrist", "*hand", "*fingers", "*thumb"),
+        ],
+        {
+            "hip_center": "hip",
+            "spine": "lowerback",
+            "shoulder_center": "lowerneck",
+            "shoulder_left": "lhumerus",
+            "elbow_right": "rradius",
+            "wrist_left": "lwrist",
+            "hand_left": "lfingers",
+            "hip_right": "rfemur",
+            "knee_left": "ltibia",
+            "ankle_right": "rfoot",
+            "foot_left": "ltoes",
+        },
+    ),
     "MakeHuman": (
         [
             *("Root", "Spine1", "Spine2", "Neck", "Head", "Hips"),
@@ -221,3 +242,9 @@ def test_names_of_no_human_are_refused() -> None:
     assert "no joint for head, shoulder_left" in str(caught.value)
     assert "Root, Trunk, Tail" in str(caught.value)
     assert "Use the joint names" in str(caught.value)
+
+
+def test_the_error_quotes_many_names_up_to_a_whole_one() -> None:
+    with pytest.raises(SkeletonLogError) as caught:
+        points_of([f"Tail{number}" for number in range(100)])
+    assert re.search(r"Tail0, .*Tail\d\d, …; expected", str(caught.value))

@@ -87,6 +87,24 @@ def test_joints_of_an_example_are_where_its_code_puts_them():
             assert away.max() < 0.05
 
 
+FOLDED = [(0.25, 0.85, 0.0), (0.25, 0.6, 0.35), (0.25, 0.35, -0.2), (0.25, 0.05, 0.2)]
+
+
+def folded_legs(joints):
+    axle = ((0.0, 0.88, 0.0), (0.25, 0.88, 0.0), 0.06)
+    bones = [(start, end, radius) for start, end, radius in zip(joints, joints[1:], (0.1, 0.06, 0.05), strict=False)]
+    return both(axle, *bones)
+
+
+def test_joints_of_legs_that_are_folded_like_a_birds_are_at_their_corners(solver_mesh):
+    body = [((0.0, 0.95, 0.0), (0.0, 1.35, 0.0), 0.18), *BODY[1:], SKULL, *both(*ARM)]
+    mesh = solver_mesh([*body, *folded_legs(FOLDED)])
+    limbs, height = found(mesh), np.ptp(mesh.vertices[:, 1])
+    for side, sign in (("left", np.ones(3)), ("right", IMAGE)):
+        away = np.linalg.norm(limbs[f"{side} leg"] - sign * FOLDED, axis=1) / height
+        assert away.max() < 0.05, (side, away)
+
+
 def test_a_dog_has_front_and_hind_legs_a_neck_and_a_tail(solver_mesh):
     limbs = found(solver_mesh(DOG, 0.05))
     assert list(limbs) == ["trunk", "neck", "head", *FOUR_LEGGED, "tail"]

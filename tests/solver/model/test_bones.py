@@ -205,8 +205,9 @@ def test_a_part_that_touches_follows_the_bone_that_it_touches(two_parts):
     assert regions.held[cube].all()
 
 
-def test_a_part_that_is_a_limb_for_the_most_part_is_so_behind_its_root_as_well():
-    """A ball and a separate arm that intersects it: the end inside belongs to the arm."""
+@pytest.fixture(scope="module")
+def ball_and_arm():
+    """A ball, and a separate arm from x = 3 inside it to x = 21; the mesh and which vertices are of the arm."""
     ball, triangles = igl.upsample(*igl.icosahedron(), 2)
     ring = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1.0]])
     places = np.arange(3.0, 22.0, 2.0)
@@ -216,15 +217,26 @@ def test_a_part_that_is_a_limb_for_the_most_part_is_so_behind_its_root_as_well()
     quads += [[3, 2, 1, 0], [last, last + 1, last + 2, last + 3]]
     faces = np.array([[q[0], q[1], q[2]] for q in quads] + [[q[0], q[2], q[3]] for q in quads])
     mesh = weld(np.concatenate([6 * ball, arm]), np.concatenate([triangles, faces + len(ball)]))
+    return mesh, mesh.components == mesh.components[np.argmax(mesh.vertices[:, 0])]
+
+
+def test_a_part_that_is_a_limb_for_the_most_part_is_so_behind_its_root_as_well(ball_and_arm):
+    mesh, of_arm = ball_and_arm
     bones = chains((-1, [[0, -5, 0], [0, 5, 0]]), (0, [[6, 0, 0], [13, 0, 0], [21, 0, 0]]))
     regions = bone_regions(mesh, bones)
     owner = regions.owner
-    of_arm = mesh.components == mesh.components[np.argmax(mesh.vertices[:, 0])]
     x = mesh.vertices[of_arm, 0]
     np.testing.assert_array_equal(owner[of_arm], np.where(x <= 13, 1, 2))
     assert np.all(owner[~of_arm] != 2)
     assert (x < 6).any()
     assert np.all(regions.held[of_arm][x < 0.8 * 7 + 6])  # nothing bends inside the ball, nor just outside
+
+
+def test_a_part_that_is_nearly_on_one_bone_is_held_by_it_entirely(ball_and_arm):
+    mesh, of_arm = ball_and_arm
+    regions = bone_regions(mesh, chains((-1, [[0, -5, 0], [0, 5, 0]]), (0, [[6, 0, 0], [18, 0, 0], [24, 0, 0]])))
+    assert np.all(regions.owner[of_arm] == 1)
+    assert regions.held[of_arm].all()
 
 
 def test_a_bone_around_whose_middle_there_is_no_vertex_holds_what_it_has():

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from solver.motion.feet import SLACK_METRES, Feet, Leg
+from solver.motion.feet import MAX_HOLD_METRES, SLACK_METRES, Feet, Leg
 from solver.motion.limb_motion import LimbMotion
 from solver.motion.limbs import Limb, Performer
 
@@ -173,8 +173,40 @@ def test_a_foot_that_is_dragged_far_is_let_go_and_comes_after_smoothly():
     assert held[10].all()
     assert not held[:, 0].all()
     away = np.linalg.norm(places[:, 4] - play(poses, free=True)[0][:, 4], axis=1)
-    assert away.max() < 1.1 * 0.2 * METRE
+    assert away.max() < 1.1 * MAX_HOLD_METRES * METRE
     assert np.linalg.norm(np.diff(places[:, 4], axis=0), axis=1).max() < 0.08
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_the_pelvis_tilts_so_that_both_legs_of_a_performer_who_leans_point_as_they_do_and_stand(side):
+    back = np.array([[0.0, 0.25, 0.0], [0.0, 0.5, 0.0]])
+    lean = np.array([[side * 0.05, 0.25, 0.0], [side * 0.1, 0.5, 0.0]])  # by 11°
+    limbs = [
+        Limb("trunk", np.vstack([CHARACTER[HIPS].mean(axis=0), CHARACTER[0] * [0, 1, 1] + back]), ((0, 1), (8,), (9,))),
+        *(
+            Limb(name, CHARACTER[c], tuple((j,) for j in c), parent="trunk")
+            for name, c in (("left", LEFT), ("right", RIGHT))
+        ),
+    ]
+    sides = Performer((0, 1), (0, 1), np.array([1, 0, 3, 2, 5, 4, 7, 6, 8, 9]))
+    standing = np.vstack([PERFORMER, PERFORMER[HIPS].mean(axis=0) + back])
+    leaning = np.vstack([PERFORMER, PERFORMER[HIPS].mean(axis=0) + lean])
+    motion = LimbMotion(limbs, sides, standing)
+    feet = Feet(motion.bones, [Leg(2, 3, 4, 4), Leg(5, 6, 7, 5)], METRE, pelvis=0)
+    for k in range(90):
+        motions, root = motion.step(k * TICK, leaning, np.ones(10, dtype=np.float32)), np.zeros(3)
+        as_performed = motions.copy()
+        feet.step(k * TICK, leaning, np.ones(10, dtype=np.float32), motions, root)
+    ankles = np.array([apply(motions[shin], motion.bones.tails[shin]) for shin in (3, 6)]) + root
+    np.testing.assert_allclose(ankles[:, 1], CHARACTER[4, 1], atol=1e-6)
+    np.testing.assert_allclose(motions[[1, 2, 3, 5, 6], :3], as_performed[[1, 2, 3, 5, 6], :3], atol=1e-6)
+    hips = as_performed[0, 0, :3]
+    assert np.degrees(np.arcsin(abs(hips[1]))) > 10
+    np.testing.assert_allclose(motions[0, 0, 1], 0, atol=1e-6)
+    for bone, parent in enumerate(motion.bones.parents):
+        if parent >= 0:
+            head = motion.bones.heads[bone]
+            np.testing.assert_allclose(apply(motions[bone], head), apply(motions[parent], head), atol=1e-12)
 
 
 def test_feet_out_of_sight_are_left_alone():

@@ -31,7 +31,7 @@ def watch(module):
         still=np.zeros(2),
         held=np.zeros(2),
         votes=np.zeros((2, module.VOTE_FRAMES)),
-        clock=np.array([np.nan, np.nan, 0.0, 0.0]),
+        clock=np.array([np.nan, np.nan, 0.0, 0.0, 0.0]),
     )
     frames = []
 
@@ -90,11 +90,21 @@ def test_a_jump_lifts_the_character_by_its_height_over_the_floor_in_its_own_metr
     assert 0.02 < floor < 0.02 + 0.4 * (1 - math.exp(-10 * FRAME / module.DRIFT_SECONDS))
 
 
-def test_the_floor_follows_feet_that_go_down_with_its_time_constant(watch, module):
+def test_the_floor_follows_a_foot_that_rests_below_it_with_its_time_constant(watch, module):
     for _ in range(30):
         watch(STANDING)
-    watch(STANDING - [0.0, 0.1, 0.0])
-    assert watch.state.clock[module.FLOOR] == pytest.approx(-0.08 + 0.1 * math.exp(-FRAME / module.FLOOR_SECONDS))
+    while watch(STANDING - [0.0, 0.1, 0.0]) and watch.state.still[0] == 0:
+        before = watch.state.clock[module.FLOOR]
+    after = -0.08 + (before + 0.08) * math.exp(-FRAME / module.FLOOR_SECONDS)
+    assert watch.state.clock[module.FLOOR] == pytest.approx(after)
+
+
+def test_a_foot_that_moves_below_the_floor_lowers_it_slowly(watch, module):
+    for _ in range(30):
+        watch(STANDING)
+    watch(moved(left=[0.0, -0.1, 0.0]))
+    after = -0.08 + 0.1 * math.exp(-FRAME / module.DRIFT_SECONDS)
+    assert watch.state.clock[module.FLOOR] == pytest.approx(after)
 
 
 def test_a_foot_that_the_sensor_guesses_stays_where_it_was_seen(watch):

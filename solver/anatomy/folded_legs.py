@@ -1,0 +1,92 @@
+"""Joints of folded legs, such as those of birds and robots.
+
+A curve skeleton takes the shortest way, which cuts the corner of a folded knee. The middle of a leg's cross-sections
+does not.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+from solver.anatomy.curve_skeleton import CurveSkeleton
+from solver.anatomy.limb_curve import LimbCurve, three_bones
+
+FOLDED_DEGREES = 60.0
+"""Angle of the knee in degrees, 0 for a straight leg, from which a leg is folded."""
+
+MAX_MISFIT = 0.03
+"""Maximum root mean square distance of the middles from three straight bones, as a share of the leg's length. Under a
+skirt it is larger."""
+
+SECTION_COUNT = 41
+"""Number of cross-sections of a leg."""
+
+ROUND_COUNT = 3
+"""Number of times that cells are assigned to cross-sections, each time along the curve through the last middles."""
+
+SIDEWAYS_DEGREES = 45.0
+"""Maximum angle in degrees to the left or right at which a curve leads from the trunk to the hip, as an axle does."""
+
+
+def folded_leg(skeleton: CurveSkeleton, leg: LimbCurve, top: float) -> NDArray[np.float64] | None:
+    """Return the joints of a leg if it is folded at the knee.
+
+    Parameters
+    ----------
+    skeleton : CurveSkeleton
+    leg : LimbCurve
+    top : float
+        Distance from the end of the leg at which the two legs part.
+
+    Returns
+    -------
+    (4, 3) float64 or None
+        Hip, knee, ankle and the end of the foot; None if the leg is not folded, or is not three straight bones.
+    """
+    hip = _below_axle(leg, top)
+    joints, misfit = three_bones(_middles(skeleton, leg, hip))
+    thigh, shin = joints[2] - joints[3], joints[1] - joints[2]
+    cosine = thigh @ shin / max(float(np.linalg.norm(thigh) * np.linalg.norm(shin)), 1e-12)
+    if cosine > np.cos(np.radians(FOLDED_DEGREES)) or misfit > MAX_MISFIT * hip:
+        return None
+    return np.array([*joints[:0:-1], leg.at(0.0)])
+
+
+def _below_axle(leg: LimbCurve, top: float) -> float:
+    """Return the distance from the end of a leg at which its curve no longer leads sideways from the trunk."""
+    ways = np.linspace(top, top / 2, 31)
+    steps = np.diff([leg.at(way) for way in ways], axis=0)
+    sideways = np.abs(steps[:, 0]) > np.cos(np.radians(SIDEWAYS_DEGREES)) * np.linalg.norm(steps, axis=1)
+    return float(ways[np.argmin(np.append(sideways, False))])
+
+
+def _middles(skeleton: CurveSkeleton, leg: LimbCurve, hip: float) -> NDArray[np.float64]:
+    """Return the middles (`SECTION_COUNT`, 3) of the cross-sections of a leg, from its end to the hip."""
+    cells, ways = _cells_of(skeleton, leg, hip)
+    width = hip / (SECTION_COUNT - 1)
+    sections = width * np.arange(SECTION_COUNT)
+    middles = leg.points[:0]
+    for _ in range(ROUND_COUNT):
+        if len(middles):
+            steps = np.linalg.norm(np.diff(middles, axis=0), axis=1)
+            along = np.concatenate([[0.0], np.cumsum(steps)])
+            fine = np.linspace(0.0, along[-1], 10 * SECTION_COUNT)
+            curve = np.column_stack([np.interp(fine, along, column) for column in middles.T])
+            ways = fine[cKDTree(curve).query(cells)[1]] * hip / along[-1]
+        weights = np.exp(-0.5 * ((ways - sections[:, None]) / width) ** 2)
+        middles = weights @ cells / np.maximum(weights.sum(axis=1, keepdims=True), 1e-300)
+    return middles
+
+
+def _cells_of(skeleton: CurveSkeleton, leg: LimbCurve, hip: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the centres (m, 3) of the cells nearest to a leg, inside the solid, and their distances from its end."""
+    solid = skeleton.solid
+    paths = np.unique(np.concatenate([skeleton.path(int(tip)) for tip in skeleton.tips]))
+    way = np.full(len(solid.centers), np.inf)
+    way[leg.cells] = np.where(leg.along < hip, leg.along, np.inf)
+    sources = np.union1d(paths, leg.cells)
+    _, _, nearest = dijkstra(solid.graph, directed=False, indices=sources, min_only=True, return_predecessors=True)
+    ways = np.where(nearest < 0, np.inf, way[nearest])
+    mine = np.isfinite(ways)
+    return solid.centers[mine], ways[mine]

@@ -116,7 +116,7 @@ class Characters:
     async def revert(self, name: str, progress: Progress) -> OpenCharacter:
         """Return to the saved puppet."""
         character = self[name]
-        facts = await self._worker.run("revert", character.saved_file, character.folder, progress=progress)
+        facts = await self._worker.run("prepare", character.saved_file, character.folder, progress=progress)
         self._take(character, facts)
         return character
 

@@ -210,9 +210,7 @@ class Studio(Backend):
 
     async def _do_record_start(self, asked: messages.RecordStart) -> dict[str, Any]:
         self._refuse_while_recording()
-        stages = [each["name"] for each in self.running.status.get("stages", [])]
-        name = {} if asked.name is None else {"name": asked.name}
-        begun = await self.running.request("record_start", **name, **({"stage": stages[0]} if stages else {}))
+        begun = await self._begin_take(asked)
         self._take = begun["stage"], begun["take"]
         self.changed()
         return {"take": begun["take"]}

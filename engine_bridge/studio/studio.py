@@ -3,7 +3,7 @@
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -14,13 +14,13 @@ from engine_bridge.studio import messages, performing
 from engine_bridge.studio.backend import Backend
 from engine_bridge.studio.characters import Characters, OpenCharacter
 from engine_bridge.studio.checks import check_known, check_one, in_use
-from engine_bridge.studio.jobs import Jobs, Progress
+from engine_bridge.studio.jobs import Jobs
 from engine_bridge.studio.messages import PuppetReply, SourceState, State
 from engine_bridge.studio.performing import Playing
 from engine_bridge.studio.running import Running
 from engine_bridge.studio.state import character_state, state_of
 from engine_bridge.studio.take_list import TakeList
-from engine_bridge.studio.worker import Worker
+from engine_bridge.studio.worker import Progress, Worker
 from engine_bridge.studio.workspace import Upload, Workspace
 from puppetline.errors import PuppetlineError, ServiceError
 
@@ -89,8 +89,8 @@ class Studio(Backend):
         async with self._changing:
             for each in session.get("characters", []):
                 with _logged_errors("a character of the last run cannot be opened"):
-                    again = self.characters.reopen, each["name"], each["title"], Path(each["saved_file"])
-                    await self._jobs.run(f"Opening {each['title']}", partial(self._reopen, *again))
+                    again = partial(self.characters.reopen, each["name"], each["title"], Path(each["saved_file"]))
+                    await self._jobs.run(f"Opening {each['title']}", partial(self._reopen, again))
             with _logged_errors("the source of the last run cannot be opened"):
                 self._playing = await self._remembered(session.get("source", {}))
             with _logged_errors("the service cannot start"):
@@ -99,10 +99,10 @@ class Studio(Backend):
             with _logged_errors("it cannot be opened"):
                 await self._open(first.name, partial(self._open_first, first))
 
-    async def _reopen(self, again: Callable[..., Any], *arguments: Any) -> dict[str, Any]:
-        *given, progress = arguments
-        character: OpenCharacter = await again(*given, progress)
-        return {"character": character.name}
+    async def _reopen(
+        self, again: Callable[[Progress], Awaitable[OpenCharacter]], progress: Progress
+    ) -> dict[str, Any]:
+        return {"character": (await again(progress)).name}
 
     async def _remembered(self, source: dict[str, Any]) -> Playing:
         """Return what performed in the last run; uploads are not kept."""
@@ -178,7 +178,7 @@ class Studio(Backend):
         self._refuse_while_recording()
         self.characters[asked.character]
         async with self._changing:
-            character = await self.characters.edit(asked.character, asked.puppet, _ignore)
+            character = await self.characters.edit(asked.character, asked.puppet)
             await self._apply()
         return _puppet_reply(character)
 
@@ -204,7 +204,7 @@ class Studio(Backend):
         self._refuse_while_recording()
         self.characters[asked.character]
         async with self._changing:
-            character = await self.characters.revert(asked.character, _ignore)
+            character = await self.characters.revert(asked.character)
             await self._apply()
         return _puppet_reply(character)
 
@@ -376,7 +376,3 @@ def _puppet_reply(character: OpenCharacter) -> dict[str, Any]:
     return PuppetReply(
         character=character.name, puppet=character.puppet, saved=character.puppet == character.saved
     ).model_dump(mode="json")
-
-
-def _ignore(_step: str, _share: float) -> None:
-    """Take no notice of progress."""

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from benchmarks import players
-from engine_bridge.character.document import Document
+from engine_bridge.character.document_reader import load_document
 from engine_bridge.cli import benchmark, examples
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings
@@ -76,7 +76,7 @@ def _real(folder: Path, data: Path) -> Iterator[tuple[str, Path, Path]]:
 
 def _weights(file: Path) -> tuple[float, float]:
     """Return the smallest and the largest weight of the first animation."""
-    document = Document.load(file)
+    document = load_document(file)
     animation = document.gltf["animations"][0]
     keys = [
         document.array(animation["samplers"][channel["sampler"]]["output"])

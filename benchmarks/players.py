@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.document import Document
+from engine_bridge.character.document_reader import load_document
 from engine_bridge.performance.clip import Clip
 from solver.model.reduced_model import position_matrix
 
@@ -91,7 +92,7 @@ def play(command: list[str | Path], file: Path, count: int, base: Path, *more: s
         raise RuntimeError(f"{command[0]} on {file}: exit code {ran.returncode}\n{ran.stdout}\n{ran.stderr}")
     report = json.loads(output.read_text(encoding="utf-8"))
     floats = np.fromfile(base.with_name(f"{base.name}.bin"), dtype="<f4")
-    document = Document.load(file)
+    document = load_document(file)
     used, numbers = (
         vertices_used(document),
         {node.get("name"): index for index, node in enumerate(document.gltf["nodes"])},

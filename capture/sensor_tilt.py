@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass, fields, replace
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,8 @@ MAX_TILT_DEGREES = 50.0
 
 MIN_TILT_CHANGE = 2.0, 0.06
 """Minimum change, in degrees and metres, of a sensor that was moved; smaller changes are measurement errors."""
+
+_Seen = TypeVar("_Seen", SkeletonFrame, SkeletonClip)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,19 +78,12 @@ class SensorTilt:
         """Return (..., 3) positions with y straight up, measured from the floor if the height is known."""
         return positions if self == SensorTilt() else self._pose.apply(positions)
 
-    def frame(self, frame: SkeletonFrame) -> SkeletonFrame:
-        """Return a frame whose positions and orientations have y straight up."""
+    def levelled(self, seen: _Seen) -> _Seen:
+        """Return a frame or clip whose positions and orientations have y straight up."""
         if self == SensorTilt():
-            return frame
-        orientations = None if frame.orientations is None else rotated(frame.orientations, self._pose.rotation)
-        return replace(frame, positions=self(frame.positions), orientations=orientations)
-
-    def clip(self, clip: SkeletonClip) -> SkeletonClip:
-        """Return a clip whose positions and orientations have y straight up."""
-        if self == SensorTilt():
-            return clip
-        orientations = None if clip.orientations is None else rotated(clip.orientations, self._pose.rotation)
-        return replace(clip, positions=self(clip.positions), orientations=orientations)
+            return seen
+        orientations = None if seen.orientations is None else rotated(seen.orientations, self._pose.rotation)
+        return replace(seen, positions=self(seen.positions), orientations=orientations)
 
     @property
     def _pose(self) -> Pose:

@@ -226,11 +226,15 @@ def tube(points: ArrayLike, samples: int = 4) -> Shape:
     return Shape(distance, (ends - radii[:, None]).min(axis=0), (ends + radii[:, None]).max(axis=0))
 
 
-def half_space(point: ArrayLike, normal: ArrayLike, size: float = 100.0) -> Shape:
-    """Half-space behind a plane, up to `size` from its point."""
+HALF_SPACE_METRES = 100.0
+"""Distance from its point up to which a half-space reaches."""
+
+
+def half_space(point: ArrayLike, normal: ArrayLike) -> Shape:
+    """Half-space behind a plane, up to `HALF_SPACE_METRES` from its point."""
     c, n = np.asarray(point, float), np.asarray(normal, float)
     n = n / np.linalg.norm(n)
-    return Shape(lambda p: (p - c) @ n, c - size, c + size)
+    return Shape(lambda p: (p - c) @ n, c - HALF_SPACE_METRES, c + HALF_SPACE_METRES)
 
 
 def mirror(shape: Shape) -> Shape:

@@ -1,6 +1,6 @@
 """Errors that a user can cause and fix."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 
@@ -24,6 +24,11 @@ class PuppetlineError(Exception):
         self.expected = expected
         self.fix = fix
         super().__init__(f"{heading(where)} found {found}; expected {expected}. {fix}")
+
+    @property
+    def parts(self) -> dict[str, str]:
+        """The four parts by name, as programs read them."""
+        return {"where": self.where, "found": self.found, "expected": self.expected, "fix": self.fix}
 
     def __reduce__(self) -> tuple[Callable[[str], "PuppetlineError"], tuple[str]]:
         """Return how to make the error again in another process, which its message alone cannot do."""
@@ -52,6 +57,19 @@ class ServiceError(PuppetlineError):
 
 class OutputError(PuppetlineError):
     """A result cannot be written."""
+
+
+def unknown_name(where: str, found: str, known: Iterable[str]) -> ServiceError:
+    """Return the error for a request with a name that does not exist.
+
+    Parameters
+    ----------
+    where, found : str
+        Parts of the message.
+    known : iterable of str
+        The names that exist.
+    """
+    return ServiceError(where, found=found, expected=f"one of {', '.join(known)}", fix="Choose one of these.")
 
 
 def heading(where: str | Path) -> str:

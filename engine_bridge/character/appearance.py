@@ -11,6 +11,7 @@ from PIL import Image
 from engine_bridge.character import schema
 from engine_bridge.character.document import Document
 from engine_bridge.character.schema import Primitive
+from engine_bridge.character.surfaces.surface import srgb_to_linear
 
 MAX_PIXELS = 8192 * 8192
 """Maximum number of pixels of all images of a character; images beyond it are not shown."""
@@ -84,8 +85,4 @@ def _sample(image: NDArray[np.uint8], uv: NDArray[np.floating]) -> NDArray[np.fl
     place = np.nan_to_num(uv) % 1.0
     column = np.minimum((place[:, 0] * width).astype(int), width - 1)
     row = np.minimum((place[:, 1] * height).astype(int), height - 1)
-    return _linear(image[row, column].astype(np.float32) / np.float32(255))
-
-
-def _linear(srgb: NDArray[np.float32]) -> NDArray[np.float32]:
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    return srgb_to_linear(image[row, column].astype(np.float32) / np.float32(255))

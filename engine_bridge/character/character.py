@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from engine_bridge.character.appearance import Appearance
 from engine_bridge.character.assembly import assemble
 from engine_bridge.character.document import Document
+from engine_bridge.character.document_reader import load_document
 from engine_bridge.character.gltf_file import MAGIC, damaged
 from engine_bridge.character.readers import SURFACE_FILES
 from engine_bridge.character.scene import shown_nodes, skinning, world_transforms
@@ -129,7 +130,7 @@ def load_character(path: Path, cache: Path | None = None) -> Character:
         raise MeshError(path, found=found, expected="a mesh", fix="Check the path to the character's mesh.")
     content = read_whole(path, "a mesh", MeshError)
     if content[:4] == MAGIC or content[:4096].lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{"):
-        return from_document(Document.load(path, content))
+        return from_document(load_document(path, content))
     return from_document(read_document(path, content, cache))
 
 

@@ -1,6 +1,5 @@
 """A glTF document with all its bytes in one buffer, whose accessors are read and added as arrays."""
 
-import io
 import json
 import math
 import struct
@@ -10,13 +9,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
-from engine_bridge.character import meshopt_codec, schema
-from engine_bridge.character.gltf_file import MAGIC, buffer_bytes, damaged, file_beside, parse_description, split_glb
-from engine_bridge.character.schema import Accessor, Buffer, BufferView, Gltf, Kind, Primitive
-from puppetline.errors import MeshError, OutputError, at
-from puppetline.files import read_whole, written_whole
+from engine_bridge.character import schema
+from engine_bridge.character.gltf_file import MAGIC, damaged
+from engine_bridge.character.schema import Accessor, BufferView, Gltf, Kind, Primitive
+from puppetline.errors import OutputError, at
+from puppetline.files import written_whole
 
 COMPONENTS: dict[int, type] = {
     5120: np.int8,
@@ -33,22 +31,7 @@ ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 MAX_GLB_BYTES = 2**32 - 1
 """Maximum size of a .glb, which states its length in 32 bits."""
 
-IMAGE_SIGNATURES = {
-    b"\x89PNG": "image/png",
-    b"\xff\xd8": "image/jpeg",
-    b"RIFF": "image/webp",
-    b"\xabKTX 20": "image/ktx2",
-}
-"""First bytes of images, with their media types."""
-
 MESHOPT = "EXT_meshopt_compression"
-
-UNPACK_COMMANDS = {
-    "KHR_draco_mesh_compression": "npx @gltf-transform/cli copy IN.glb OUT.glb",
-    MESHOPT: "npx @gltf-transform/cli copy IN.glb OUT.glb",
-    "KHR_meshopt_compression": "npx @gltf-transform/cli copy IN.glb OUT.glb",
-}
-"""Extensions that compress arrays, with the commands that decompress them."""
 
 
 class Document:
@@ -74,33 +57,6 @@ class Document:
         self.name = name
         self.notes: list[str] = []
         self.unpacked_size = 0
-
-    @classmethod
-    def load(cls, path: Path, content: bytes | None = None) -> "Document":
-        """Read a .glb or .gltf file with its buffers and images.
-
-        Parameters
-        ----------
-        path : Path
-        content : bytes, optional
-            Content of that file if it has been read already.
-
-        Raises
-        ------
-        MeshError
-            Not glTF 2.0, damaged, compressed, or lacking a buffer's file.
-        """
-        if content is None:
-            content = read_whole(path, "a glTF file", MeshError)
-        text, binary = split_glb(path, content) if content[:4] == MAGIC else (content, b"")
-        description, nulls = parse_description(path, text)
-        document = cls(description, name=str(path))
-        if nulls:
-            document.notes.append(f"Properties that are null are read as absent: {', '.join(nulls)}.")
-        document._drop_compressed()
-        document._join_buffers(path, binary)
-        document._embed_images(path)
-        return document
 
     def copy(self) -> "Document":
         """Return a document that can be changed without changing this one."""
@@ -301,8 +257,7 @@ class Document:
         for view in self.gltf["bufferViews"]:
             place = view.get("byteOffset", 0), view["byteLength"]
             if place not in places:
-                places[place] = self._pad()
-                self.blob += blob[place[0] : sum(place)]
+                places[place] = self.append(blob[place[0] : sum(place)])
             view["byteOffset"] = places[place]
 
     def _add_accessor(self, accessor: Accessor) -> int:
@@ -311,12 +266,18 @@ class Document:
 
     def add_view(self, content: bytes, target: int | None = None) -> int:
         """Append bytes and return their buffer view's index."""
-        view: BufferView = {"buffer": 0, "byteOffset": self._pad(), "byteLength": len(content)}
+        view: BufferView = {"buffer": 0, "byteOffset": self.append(content), "byteLength": len(content)}
         if target is not None:
             view["target"] = target
-        self.blob += content
         self.gltf["bufferViews"].append(view)
         return len(self.gltf["bufferViews"]) - 1
+
+    def append(self, content: bytes | bytearray) -> int:
+        """Append bytes at a multiple of four, which suits all component types, and return where they begin."""
+        self.blob += bytes(-len(self.blob) % 4)
+        start = len(self.blob)
+        self.blob += content
+        return start
 
     def save(self, path: Path) -> None:
         """Write a .glb, completely or not at all.
@@ -325,7 +286,7 @@ class Document:
         ------
         OutputError
         """
-        self._pad()
+        self.append(b"")
         self.gltf["buffers"] = [{"byteLength": len(self.blob)}] if self.blob else []
         if self.unpacked_size:
             fallback = {MESHOPT: {"fallback": True}}
@@ -346,125 +307,6 @@ class Document:
             for kind, content in chunks:
                 file.write(struct.pack("<I4s", len(content), kind))
                 file.write(content)
-
-    def _pad(self) -> int:
-        """Pad the buffer to a multiple of four bytes, which suits all component types; return its length."""
-        self.blob += bytes(-len(self.blob) % 4)
-        return len(self.blob)
-
-    def _drop_compressed(self) -> None:
-        """Refuse arrays that are only present compressed, and drop compressed copies of plain ones.
-
-        A viewer that supports the extension would show the compressed copy, whose vertices have another order.
-        """
-        for extension, command in UNPACK_COMMANDS.items():
-            if extension == MESHOPT and extension in self.gltf["extensionsRequired"] and meshopt_codec.is_installed():
-                continue
-            if extension in self.gltf["extensionsRequired"] or self._only_compressed(extension):
-                install = (
-                    ", or install the package that reads it: pip install 'puppetline[compact]'"
-                    if extension == MESHOPT
-                    else ""
-                )
-                raise MeshError(
-                    self.name,
-                    found=f"data compressed with {extension}",
-                    expected="uncompressed arrays",
-                    fix=f"Decompress the file: {command}{install}",
-                )
-            for mesh in self.gltf["meshes"]:
-                for primitive in mesh["primitives"]:
-                    primitive.get("extensions", {}).pop(extension, None)
-            for packed in (*self.gltf["bufferViews"], *self.gltf["buffers"]):
-                packed.get("extensions", {}).pop(extension, None)
-            if extension in self.gltf["extensionsUsed"]:
-                self.gltf["extensionsUsed"].remove(extension)
-                self.notes.append(f"The copy of the mesh that is compressed with {extension} is omitted.")
-
-    def _only_compressed(self, extension: str) -> bool:
-        """Return whether positions of some primitive are only present in an extension."""
-        return any(
-            extension in primitive.get("extensions", {})
-            and "bufferView" not in self.gltf["accessors"][primitive["attributes"]["POSITION"]]
-            for mesh in self.gltf["meshes"]
-            for primitive in mesh["primitives"]
-            if "POSITION" in primitive["attributes"]
-        )
-
-    def _join_buffers(self, path: Path, binary: bytes) -> None:
-        """Join all buffers into one, which holds each file once."""
-        starts: list[int] = []
-        joined: dict[Path | int, tuple[int, int]] = {}
-        for number, buffer in enumerate(self.gltf["buffers"]):
-            uri = buffer.get("uri")
-            source = number if uri is None or uri.startswith("data:") else file_beside(path, uri) or number
-            if source not in joined:
-                start = self._pad()
-                self.blob += buffer_bytes(path, uri, binary if number == 0 else b"")
-                joined[source] = start, len(self.blob) - start
-            start, length = joined[source]
-            if length < buffer["byteLength"] and not _is_filled_by_decompression(buffer):
-                raise damaged(path, f"{length:,} bytes of data of {buffer['byteLength']:,} announced")
-            starts.append(start)
-        for view in self.gltf["bufferViews"]:
-            about = view.get("extensions", {}).pop(MESHOPT, None)
-            if about is None:
-                view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
-            else:
-                view["byteOffset"] = self._decompress(view, about, starts)
-            view["buffer"] = 0
-        if MESHOPT in self.gltf["extensionsRequired"]:
-            self.gltf["extensionsRequired"].remove(MESHOPT)
-            self.gltf["extensionsUsed"] = [name for name in self.gltf["extensionsUsed"] if name != MESHOPT]
-            self.repack()
-
-    def _decompress(self, view: BufferView, about: Any, starts: list[int]) -> int:
-        """Append the bytes of a compressed buffer view, and return where they begin."""
-        try:
-            start = starts[about["buffer"]] + about.get("byteOffset", 0)
-            content = meshopt_codec.decode(bytes(self.blob[start : start + about["byteLength"]]), about)
-            if len(content) != view["byteLength"]:
-                raise ValueError(f"{len(content):,} bytes for {view['byteLength']:,}")
-        except (AttributeError, KeyError, IndexError, TypeError, ValueError) as error:
-            raise damaged(
-                self.name, f"a buffer view compressed with {MESHOPT} that cannot be read ({error})"
-            ) from error
-        place = self._pad()
-        self.blob += content
-        return place
-
-    def _embed_images(self, path: Path) -> None:
-        """Copy image files into the buffer, because the result may be written to another folder."""
-        embedded: dict[Path | str, tuple[str, int]] = {}
-        for image in self.gltf["images"]:
-            uri = image.get("uri")
-            if uri is None or uri.startswith("data:"):
-                continue
-            file = file_beside(path, uri)
-            source = file or uri
-            if source not in embedded:
-                content = self._image(file, uri)
-                kind = next((kind for start, kind in IMAGE_SIGNATURES.items() if content.startswith(start)), None)
-                embedded[source] = kind or image.get("mimeType", "image/jpeg"), self.add_view(content)
-            if file:
-                image.setdefault("name", file.stem)
-            image["mimeType"], image["bufferView"] = embedded[source]
-            del image["uri"]
-
-    def _image(self, file: Path | None, uri: str) -> bytes:
-        """Read an image; note one that cannot be read, and return a white pixel instead."""
-        try:
-            if file:
-                return file.read_bytes()
-            fault = "is not a file in the folder of the glTF"
-        except FileNotFoundError:
-            fault = "is missing"
-        except OSError as error:
-            fault = f"cannot be read ({error.strerror})"
-        self.notes.append(f"The image {uri[:60]!r} {fault}; it is shown in white.")
-        png = io.BytesIO()
-        Image.new("RGB", (1, 1), "white").save(png, "PNG")
-        return png.getvalue()
 
 
 def component_code(kind: np.dtype[Any]) -> int:
@@ -499,12 +341,6 @@ def _rows(values: NDArray[Any], target: int | None) -> NDArray[Any]:
     if not missing:
         return np.ascontiguousarray(values)
     return np.pad(values.reshape(len(values), -1), ((0, 0), (0, missing // values.itemsize)))
-
-
-def _is_filled_by_decompression(buffer: Buffer) -> bool:
-    """Return whether a buffer has no bytes in the file, because only compressed buffer views refer to it."""
-    about = buffer.get("extensions", {}).get(MESHOPT)
-    return isinstance(about, dict) and about.get("fallback") is True
 
 
 def _component(code: int, where: str) -> np.dtype[Any]:

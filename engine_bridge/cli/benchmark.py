@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -29,6 +29,7 @@ from capture.sources.demo import performances
 from engine_bridge.character.character import load_character, make_character
 from engine_bridge.character.examples import example_character
 from engine_bridge.cli.benchmark_process import CHARACTER, LOG, WARM_UP
+from engine_bridge.cli.progress import Reporter
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from puppetline.errors import PuppetlineError
@@ -91,8 +92,6 @@ RATIOS: dict[str, tuple[str, str, str]] = {
 }
 """Numerators, denominators and meanings of ratios of measured values by name."""
 
-Progress = Callable[[str, float], None]
-
 
 @dataclass(frozen=True)
 class Report:
@@ -126,7 +125,7 @@ def _quotient(a: float | None, b: float | None) -> float | None:
     return None if a is None or b is None else a / b
 
 
-def bench(mesh: Path | None = None, *, progress: Progress = lambda _stage, _share: None) -> Report:
+def bench(mesh: Path | None = None, *, progress: Reporter = lambda _stage, _share: None) -> Report:
     """Measure all values for a character.
 
     Parameters
@@ -200,7 +199,7 @@ def measure(
     frames: int,
     rounds: int,
     *,
-    progress: Progress = lambda _stage, _share: None,
+    progress: Reporter = lambda _stage, _share: None,
 ) -> Report:
     """Measure all values for a folder from `prepare`, with `rounds` processes per measurement."""
     with own_cache(folder):
@@ -257,8 +256,7 @@ def in_process(
     )
     result: dict[str, Any] = json.loads(done.stdout)
     if "error" in result:
-        error = result["error"]
-        raise PuppetlineError(error.pop("where"), **error)
+        raise PuppetlineError(**result["error"])
     return result
 
 

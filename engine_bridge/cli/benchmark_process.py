@@ -3,7 +3,6 @@
 ``python -m engine_bridge.cli.benchmark_process MEASUREMENT FOLDER [COUNT]``
 """
 
-import ctypes
 import gc
 import json
 import math
@@ -16,6 +15,7 @@ from typing import Any
 
 import igl
 import numpy as np
+import psutil
 from numpy.typing import NDArray
 
 from capture.skeleton import SkeletonFrame
@@ -28,6 +28,7 @@ from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file
 from puppetline.errors import PuppetlineError
+from puppetline.memory import trim_memory
 from solver.model.binding import ShadedBinding
 from solver.model.reduced_model import Controls, build
 from solver.motion.deformer import to_file_units
@@ -218,10 +219,9 @@ def load(folder: Path) -> dict[str, float | None]:
     for _ in range(FRAMES_BEFORE_MEMORY):
         playing.vertices(playing.controls())
     after = resident_mb()
-    needed = None if before is None or after is None else after - before
     start = clock()
     load_rig(folder / CHARACTER)
-    return {"first_load_ms": 1000 * first, "cached_load_ms": 1000 * (clock() - start), "character_mb": needed}
+    return {"first_load_ms": 1000 * first, "cached_load_ms": 1000 * (clock() - start), "character_mb": after - before}
 
 
 def converting(folder: Path) -> dict[str, float | None]:
@@ -240,34 +240,23 @@ def warm_up(folder: Path) -> None:
         playing.vertices(playing.controls())
 
 
-def resident_mb() -> float | None:
-    """Return the memory of this process without freed pages, in megabytes; None if the system does not report it."""
+def resident_mb() -> float:
+    """Return the memory of this process without freed pages, in megabytes."""
     gc.collect()
-    if sys.platform == "linux":
-        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # musl has none
-        if trim is not None:
-            trim(0)
-    return _from_status("VmRSS")
+    trim_memory()
+    return psutil.Process().memory_info().rss / 1e6
 
 
 def peak_mb() -> float | None:
-    """Return the peak memory of this process, in megabytes; None on Windows, which has no `resource`."""
-    if sys.platform == "win32":
-        return None
+    """Return the peak memory of this process, in megabytes; None where neither Linux nor macOS reports it."""
     if sys.platform == "darwin":
         import resource
 
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    # not ru_maxrss, which on Linux starts from the value of the parent process
-    return _from_status("VmHWM")
-
-
-def _from_status(name: str) -> float | None:
-    try:
+    if sys.platform == "linux":  # not ru_maxrss, which starts from the value of the parent process
         status = Path("/proc/self/status").read_text(encoding="utf-8")
-    except OSError:
-        return None
-    return next(int(line.split()[1]) * 1.024e-3 for line in status.splitlines() if line.startswith(f"{name}:"))
+        return next(int(line.split()[1]) * 1.024e-3 for line in status.splitlines() if line.startswith("VmHWM:"))
+    return None
 
 
 MEASUREMENTS: dict[str, Callable[..., dict[str, Any]]] = {
@@ -284,7 +273,7 @@ def main(measurements: Mapping[str, Callable[..., dict[str, Any]]]) -> None:
     try:
         result = measurements[name](Path(folder), *map(int, count))
     except PuppetlineError as error:
-        result = {"error": {part: getattr(error, part) for part in ("where", "found", "expected", "fix")}}
+        result = {"error": error.parts}
     sys.stdout.write(json.dumps(result) + "\n")
 
 

@@ -150,7 +150,7 @@ def _as_frames(clip: Clip, name: str, settings: Settings, progress: Progress) ->
     rig, count = clip.rig, len(clip.frames)
     displacements = frames_animation.displacements(rig.character, rig.mesh, rig.model, clip.frames)
     progress("Making keyframes", 1.0)
-    keyframes = _keyframes(clip, name, frames_animation.weights(count))
+    keyframes = _keyframes(clip, name, np.eye(count, dtype=np.float32))  # hat functions with linear interpolation
     if settings.compact:
         return _compact(clip, keyframes, displacements, settings, progress, 0.0, thinning=FRAMES_THINNING_SHARE)
     document = animate(rig.character, keyframes, FloatTargets(rig.character, displacements))

@@ -54,11 +54,6 @@ def check_size(output: Path, character: Character, frames: int, fps: float) -> N
     )
 
 
-def weights(frames: int) -> NDArray[np.float32]:
-    """Return the weights (F, F), which are hat functions with linear interpolation."""
-    return np.eye(frames, dtype=np.float32)
-
-
 def displacements(character: Character, mesh: SolverMesh, model: ReducedModel, frames: Frames) -> Displacements:
     """Return the displacements (F, n, 3) of positions and normals for each part, world coordinates.
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from engine_bridge.character.document import Document
+from engine_bridge.character.document_reader import load_document
 from engine_bridge.export.animation import target_names
 from engine_bridge.export.morph_basis import surface_coordinates
 from engine_bridge.export.unit_weights import UnitWeights
@@ -109,7 +110,7 @@ class LiveBasis:
         PuppetError
             No basis, or a basis for another mesh, other solver settings, or of an earlier version.
         """
-        directions, carried = _stored_basis(Document.load(path), path, rig.model.rest_controls.shape)
+        directions, carried = _stored_basis(load_document(path), path, rig.model.rest_controls.shape)
         lengths = np.array(carried.lengths[:-1]) / (2 * carried.reach)
         metric = _metric(directions, _along(directions, rig.model))
         with np.errstate(all="ignore"):  # NaN is not within the tolerance

@@ -92,7 +92,7 @@ def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tup
         clip, chosen = choose(clips, settings.user)
         found, about_rest = (None, ()) if settings.rest_at is not None else of_performer(clips, clip)
         if found is not None:
-            clip = found.level.clip(clip)
+            clip = found.level.levelled(clip)
         timeline = resample(clip, settings.fps, settings.max_gap)
         if found is not None:
             timeline = replace(timeline, rest=found.level(found.rest))

@@ -28,13 +28,13 @@ class CharacterLoader:
         self._settings, self._folder, self._executor = settings, folder, executor
         self._documents: WeakKeyDictionary[CharacterPlayer, PuppetDocument] = WeakKeyDictionary()
 
-    def load(self, settings: ServiceFile | None = None) -> list[list[CharacterPlayer]]:
+    def load(self, settings: ServiceFile) -> list[list[CharacterPlayer]]:
         """Load all characters and return their players, one list per stage.
 
         Parameters
         ----------
-        settings : ServiceFile, optional
-            A newer service file, for its stages.
+        settings : ServiceFile
+            The service file, or a newer one for its stages.
 
         Raises
         ------
@@ -46,7 +46,7 @@ class CharacterLoader:
                 self._player(stage, table, name)
                 for table, name in zip(stage.character, character_names(stage), strict=True)
             ]
-            for stage in (settings or self._settings).stage
+            for stage in settings.stage
         ]
 
     def document(self, player: CharacterPlayer) -> PuppetDocument:

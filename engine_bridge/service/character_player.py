@@ -16,23 +16,21 @@ from numpy.typing import NDArray
 
 from capture.events import TICK_SECONDS
 from capture.sensor_tilt import MIN_TILT_CHANGE, SensorTilt, estimate_tilt
-from capture.skeleton import JOINTS, TRACKED, SkeletonFrame
+from capture.skeleton import SkeletonFrame
 from capture.smoothing import JointFilter
 from engine_bridge.performance.idle import IdleRecording, TargetPose
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.performer_calibration import Calibration, places_of, rows_of
-from engine_bridge.performance.retargeting import PERFORMER, Retargeting, legs_of
+from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.service.automatic_calibration import AutomaticCalibration, Calibrate
-from engine_bridge.service.easing import MAX_STEP_SECONDS, Easing
+from engine_bridge.service.easing import Easing
 from engine_bridge.service.prepared_calibration import PreparedCalibration
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.rehearsal import rehearse
 from engine_bridge.service.states import State
 from puppetline.errors import ServiceError
-from solver.motion.feet import Feet
-from solver.motion.limb_motion import LimbMotion
 from solver.motion.motion_blend import difference, moved_by
-from solver.motion.retarget import SmoothReturn, soft_limit
 
 MAX_REMEMBERED = 16
 """Maximum number of performers whose calibration is kept after they have left."""
@@ -108,24 +106,7 @@ class CharacterPlayer:
             self._deformer.handles, np.tile(np.eye(4, 3), (len(self._deformer.bones), 1, 1)), np.zeros(3)
         )
         self._easing = Easing(self._deformer.bones, self._rest, settings.ease)
-        self._rehearse()
-
-    def _rehearse(self) -> None:
-        """Run everything that a frame runs once, so that no frame waits for compilation, which takes 15 seconds."""
-        self._watched.step(0.0, np.zeros((len(JOINTS), 3)), np.full(len(JOINTS), TRACKED, dtype=np.float32))
-        self._watched.reset()
-        SmoothReturn(1).step(0.0, np.zeros((1, 3)), np.ones(1, dtype=bool))
-        soft_limit(np.zeros((1, 3)), np.ones((1, 3, 2)))
-        unknown, lost = np.full((len(JOINTS), 3), np.nan), np.zeros(len(JOINTS), dtype=np.float32)
-        puppet = self.character.rig.puppet
-        motions = LimbMotion(puppet.limbs, PERFORMER, unknown).step(0.0, unknown, lost)
-        if legs := legs_of(puppet):
-            Feet(self._deformer.bones, legs, 1.0).step(0.0, unknown, lost, motions, np.zeros(3))
-        easing = Easing(self._deformer.bones, self._rest, 1.0)
-        easing.begin(0.0)
-        easing.show(MAX_STEP_SECONDS, self._rest)
-        self._deformer.solve(self._deformer.handles)
-        self._deformer.reset()
+        rehearse(rig.puppet, self._deformer, self._rest)
 
     @property
     def calibration(self) -> Calibration | None:
@@ -285,7 +266,7 @@ class CharacterPlayer:
             pose = self._automatic.due(rest, self._directs)
             if pose is not None:
                 self._calibrate(pose, frame.time)
-        levelled = self._level.frame(frame)
+        levelled = self._level.levelled(frame)
         if self._current is None:
             seen = replace(levelled, positions=self._watched.step(frame.time, levelled.positions, frame.confidence))
             return self._show(frame.time, received, self._idle_places(frame.time), seen)

@@ -11,7 +11,7 @@ from engine_bridge.service.control import requests
 from engine_bridge.service.control.dispatcher import Command, Deferred
 from engine_bridge.service.service import Service
 from engine_bridge.service.stage_runner import StageRunner
-from puppetline.errors import ServiceError
+from puppetline.errors import ServiceError, unknown_name
 
 
 def commands(service: Service) -> Mapping[str, Command]:
@@ -104,12 +104,7 @@ class _Commands:
         puppet = player.character.rig.puppet
         names = [handle.name for handle in puppet.handle]
         if asked.handle not in names:
-            raise ServiceError(
-                "the request, handle",
-                found=f"no handle {asked.handle!r}",
-                expected=f"one of {', '.join(names)}",
-                fix="Choose one of these.",
-            )
+            raise unknown_name("the request, handle", f"no handle {asked.handle!r}", names)
         index = names.index(asked.handle)
         handle = puppet.handle[index]
         as_it_is = {"joints": handle.driven_by, "axes": handle.axes, "gain": handle.gain}
@@ -186,12 +181,7 @@ class _Commands:
                 if player.character.name == character:
                     return runner, player
         names = [player.character.name for runner in self._service.runners for player in runner.stage.players]
-        raise ServiceError(
-            "the request, character",
-            found=f"no character {character!r}",
-            expected=f"one of {', '.join(names)}",
-            fix="Choose one of these.",
-        )
+        raise unknown_name("the request, character", f"no character {character!r}", names)
 
     def _runner(self, stage: str | None) -> StageRunner:
         runners = self._service.runners
@@ -200,12 +190,7 @@ class _Commands:
             return runners[0]
         if stage in names:
             return runners[names.index(stage)]
-        raise ServiceError(
-            "the request, stage",
-            found="nothing" if stage is None else f"no stage {stage!r}",
-            expected=f"one of {', '.join(names)}",
-            fix="Choose one of these.",
-        )
+        raise unknown_name("the request, stage", "nothing" if stage is None else f"no stage {stage!r}", names)
 
 
 def _refuse_while_recording(runner: StageRunner) -> None:

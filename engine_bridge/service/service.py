@@ -5,7 +5,6 @@ Everything happens in one thread, in the order in which it arrives, and nothing 
 """
 
 import contextlib
-import ctypes
 import ipaddress
 import logging
 import math
@@ -13,7 +12,6 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -38,12 +36,14 @@ from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from engine_bridge.service.reporting import Reporter
 from engine_bridge.service.security.endpoints import Endpoint, endpoints_of
 from engine_bridge.service.security.guard import Guard
-from engine_bridge.service.service_file import ServiceFile, stage_names
+from engine_bridge.service.service_file import ServiceFile
 from engine_bridge.service.signals import Signals
 from engine_bridge.service.stage import Stage
+from engine_bridge.service.stage_loader import LoadedStage, load_stages
 from engine_bridge.service.stage_runner import StageRunner
 from engine_bridge.service.takes import Takes
 from puppetline.errors import ServiceError
+from puppetline.memory import trim_memory
 
 STATUS_SECONDS = 1.0
 """Time between two statuses, in seconds."""
@@ -111,10 +111,8 @@ class Service:
         self._jobs = Jobs()
         keep.callback(self._jobs.close)
         self._loader = CharacterLoader(settings, folder, self._jobs.calibrating)
-        self.runners: list[StageRunner] = []
+        self.runners = [stage.runner for stage in load_stages(settings, folder, self._loader)]
         keep.callback(self._close_runners)
-        for name, table, players in zip(stage_names(settings), settings.stage, self._loader.load(), strict=True):
-            self.runners.append(StageRunner(table.source, Stage(name, players, table.settings), folder))
         calibration_store.recall(self._live_stages(), calibration_store.state_file())
         self._outputs: list[Output] = []
         self._bind(endpoints)
@@ -261,28 +259,10 @@ class Service:
         waiting, self._waiting = self._waiting, []
         self._jobs.start(self._jobs.loading, self._load, lambda loaded: self._take_over(loaded, waiting))
 
-    def _load(self) -> "list[_LoadedStage]":
-        """Load the stages of the service file, and open the sources that no stage has yet; runs in a thread."""
+    def _load(self) -> list[LoadedStage]:
+        """Load the stages of the service file again; runs in a thread."""
         settings = self._settings if self._read_settings is None else self._read_settings()
-        loaded: list[_LoadedStage] = []
-        kept = list(self.runners)
-        try:
-            for name, table, players in zip(
-                stage_names(settings), settings.stage, self._loader.load(settings), strict=True
-            ):
-                runner = _matching(kept, name, table.source)
-                if runner is not None:
-                    kept.remove(runner)
-                    loaded.append(_LoadedStage(name, players, runner, is_new=False))
-                    continue
-                runner = StageRunner(table.source, Stage(name, players, table.settings), self._folder)
-                loaded.append(_LoadedStage(name, players, runner, is_new=True))
-        except BaseException:
-            for stage in loaded:
-                if stage.is_new:
-                    stage.runner.close()
-            raise
-        return loaded
+        return load_stages(settings, self._folder, self._loader, list(self.runners))
 
     def _turn(self) -> None:
         """Wait until something arrives or is due, and do it: skeletons first."""
@@ -340,7 +320,7 @@ class Service:
         self._reporter.received(runner.stage.name, runner.skeletons - before)
         self.show_frames(runner, frames)
 
-    def _take_over(self, loaded: "Future[list[_LoadedStage]]", waiting: list[Deferred]) -> None:
+    def _take_over(self, loaded: Future[list[LoadedStage]], waiting: list[Deferred]) -> None:
         """Continue with stages that were loaded again, or unchanged if they could not be loaded."""
         self._reloading = False
         self._notifier.ready()
@@ -356,12 +336,12 @@ class Service:
             self._announce_characters()
             if self._announcement is not None:
                 self._announcement.rename(self._names())
-            self._jobs.loading.submit(_trim_memory)
+            self._jobs.loading.submit(trim_memory)
             log.info("reloaded", extra=fields(characters=self._names()))
         if self._reload_again:
             self._reload(None)
 
-    def _replace_runners(self, loaded: "list[_LoadedStage]") -> None:
+    def _replace_runners(self, loaded: list[LoadedStage]) -> None:
         """Close the stages that are no longer in the service file, and continue with those that are."""
         before, self.runners = self.runners, [stage.runner for stage in loaded]
         for runner in before:
@@ -369,7 +349,7 @@ class Service:
             if runner not in self.runners:
                 runner.source.close()
         for stage in loaded:
-            if not stage.is_new:
+            if stage.runner in before:
                 stage.runner.stage.name = stage.name
                 stage.runner.replace_players(stage.players)
 
@@ -417,31 +397,3 @@ class Service:
             self._store_at = time.monotonic() + STORE_SECONDS
             known = calibration_store.known_performers(self._live_stages())
             self._jobs.writing.submit(calibration_store.write, known, calibration_store.state_file())
-
-
-@dataclass(frozen=True)
-class _LoadedStage:
-    """A stage that was loaded again: its name, its players, and its runner, which may be one of before."""
-
-    name: str
-    players: list[CharacterPlayer]
-    runner: StageRunner
-    is_new: bool
-
-
-def _matching(runners: list[StageRunner], name: str, uri: str) -> StageRunner | None:
-    """Return the runner of a source, of the same stage if several have it; None if no stage has it.
-
-    A recording belongs to its stage: another stage plays it from the beginning. A sensor or port can be open only once.
-    """
-    same = [runner for runner in runners if runner.source.name == uri]
-    named = [runner for runner in same if runner.stage.name == name]
-    return next(iter([*named, *(runner for runner in same if not runner.recorded)]), None)
-
-
-def _trim_memory() -> None:
-    """Return the memory of the previous characters to the system: glibc would keep hundreds of megabytes."""
-    if sys.platform == "linux":
-        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # musl has none
-        if trim is not None:
-            trim(0)

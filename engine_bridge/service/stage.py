@@ -19,7 +19,7 @@ from capture.skeleton import LOST, SkeletonFrame
 from engine_bridge.service.character_player import CharacterPlayer
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.user_assignment import People, Presence, UserAssignment
-from puppetline.errors import ServiceError
+from puppetline.errors import ServiceError, unknown_name
 
 SOURCE_GAP_SECONDS = 5 * TICK_SECONDS
 """Time without any event after which a gap counts as the source's, not as the performers' absence, in seconds.
@@ -157,12 +157,7 @@ class Stage:
         """Return the player of a character, or all players for None."""
         names = [player.character.name for player in self.players]
         if character is not None and character not in names:
-            raise ServiceError(
-                f"stage {self.name}",
-                found=f"no character {character!r}",
-                expected=f"one of {', '.join(names)}",
-                fix="Choose one of these.",
-            )
+            raise unknown_name(f"stage {self.name}", f"no character {character!r}", names)
         return [player for player in self.players if character in (None, player.character.name)]
 
     def _choose(self, player: CharacterPlayer, user: int | None, time: float) -> None:

@@ -163,8 +163,7 @@ def _status(error: PuppetlineError) -> int:
 
 
 def _error(status: int, error: PuppetlineError) -> web.Response:
-    told = {"where": error.where, "found": error.found, "expected": error.expected, "fix": error.fix}
-    return web.Response(status=status, text=json.dumps({"error": told}), content_type="application/json")
+    return web.Response(status=status, text=json.dumps({"error": error.parts}), content_type="application/json")
 
 
 def _forbidden(refusal: str) -> ServiceError:

@@ -128,8 +128,7 @@ class Backend:
         return await self._pass_on("choose_user", character=asked.character, user=asked.user)
 
     async def _do_look(self, asked: messages.Look) -> dict[str, Any]:
-        stages = [asked.stage] if asked.stage else [each["name"] for each in self.running.status.get("stages", [])]
-        seen = await self.running.request("look", **({"stage": stages[0]} if stages else {}))
+        seen = await self.running.request("look", **({"stage": asked.stage} if asked.stage else self._first_stage()))
         return look_reply(seen, self.workspace.without_folders).model_dump(mode="json")
 
     async def _do_smoothing_preview(self, asked: messages.SmoothingPreview) -> dict[str, Any]:
@@ -156,6 +155,17 @@ class Backend:
             expected="a performer in view for half a second",
             fix="Try again in a second.",
         )
+
+    async def _begin_take(self, asked: messages.RecordStart) -> dict[str, Any]:
+        """Record a take of the first stage, and return the service's reply."""
+        name = {} if asked.name is None else {"name": asked.name}
+        begun: dict[str, Any] = await self.running.request("record_start", **name, **self._first_stage())
+        return begun
+
+    def _first_stage(self) -> dict[str, str]:
+        """Return the argument of a request that names the first stage; none while there is no stage."""
+        stages = [each["name"] for each in self.running.status.get("stages", [])]
+        return {"stage": stages[0]} if stages else {}
 
     async def _pass_on(self, do: str, **arguments: Any) -> dict[str, Any]:
         """Send a request to the service."""

@@ -103,21 +103,19 @@ class Characters:
         """Open a character of the last run as it was, with edits that were not saved."""
         folder = self._workspace.folder / "characters" / name
         character = await self._add(folder, title, saved_file, progress, "prepare", folder / tasks.LIVE, folder)
-        saved = await self._worker.run("values_of_file", saved_file)
-        character.saved = saved
+        character.saved = await self._worker.run("values_of_file", saved_file)
         return character
 
-    async def edit(self, name: str, puppet: dict[str, Any], progress: Progress) -> OpenCharacter:
+    async def edit(self, name: str, puppet: dict[str, Any]) -> OpenCharacter:
         """Replace a character's puppet."""
         character = self[name]
-        self._take(character, await self._worker.run("edit", character.folder, puppet, progress=progress))
+        self._take(character, await self._worker.run("edit", character.folder, puppet))
         return character
 
-    async def revert(self, name: str, progress: Progress) -> OpenCharacter:
+    async def revert(self, name: str) -> OpenCharacter:
         """Return to the saved puppet."""
         character = self[name]
-        facts = await self._worker.run("revert", character.saved_file, character.folder, progress=progress)
-        self._take(character, facts)
+        self._take(character, await self._worker.run("prepare", character.saved_file, character.folder))
         return character
 
     async def save(self, name: str) -> OpenCharacter:

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from engine_bridge.studio.messages import JobState
+from engine_bridge.studio.worker import Progress
 from engine_bridge.studio.workspace import new_id
 from puppetline.errors import PuppetlineError, ServiceError
 
 MAX_FINISHED = 8
 """Number of finished jobs that stay in the list."""
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass

@@ -5,8 +5,6 @@ The files of the service are on its machine. Therefore nothing is opened, closed
 
 import asyncio
 import contextlib
-import hashlib
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Never
@@ -17,7 +15,7 @@ from engine_bridge.studio.joined_service import JoinedService
 from engine_bridge.studio.mappings import puppet_of, requests_of
 from engine_bridge.studio.messages import CharacterState, PuppetReply, SourceState, State, TakeState
 from engine_bridge.studio.performing import Playing
-from engine_bridge.studio.state import state_of
+from engine_bridge.studio.state import state_of, version_of
 from engine_bridge.studio.workspace import Workspace
 from puppetline.errors import PuppetlineError, ServiceError
 
@@ -94,9 +92,7 @@ class JoinedStudio(Backend):
         return self._took(await self.running.request("revert_puppet", character=asked.character))
 
     async def _do_record_start(self, asked: messages.RecordStart) -> dict[str, Any]:
-        stages = [each["name"] for each in self.running.status.get("stages", [])]
-        name = {} if asked.name is None else {"name": asked.name}
-        begun = await self.running.request("record_start", **name, **({"stage": stages[0]} if stages else {}))
+        begun = await self._begin_take(asked)
         await self.running.refresh()
         return {"take": begun["take"]}
 
@@ -138,13 +134,12 @@ class JoinedStudio(Backend):
 
 
 def _character(described: dict[str, Any], mapping: dict[str, Any]) -> CharacterState:
-    version = hashlib.sha256(json.dumps(mapping, sort_keys=True).encode()).hexdigest()[:16]
     return CharacterState(
         name=described["name"],
         title=described["name"],
         limbs=[each["name"] for each in mapping["limbs"]],
         handles=[each["name"] for each in mapping["handles"]],
-        version=version,
+        version=version_of(mapping),
         saved=mapping["saved"],
         **{key: described[key] for key in ("stage", "vertices", "triangles", "performer", "state", "mirror")},
     )

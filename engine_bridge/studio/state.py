@@ -34,7 +34,7 @@ def character_state(character: OpenCharacter, described: dict[str, Any]) -> Char
         handles=[handle["name"] for handle in character.puppet["handle"]],
         vertices=character.vertices,
         triangles=character.triangles,
-        version=_version(character.puppet),
+        version=version_of(character.puppet),
         saved=character.puppet == character.saved,
         model="" if character.model is None else character.model.id,
         notes=character.notes,
@@ -44,7 +44,8 @@ def character_state(character: OpenCharacter, described: dict[str, Any]) -> Char
     )
 
 
-def _version(puppet: dict[str, Any]) -> str:
+def version_of(puppet: dict[str, Any]) -> str:
+    """Return a hash of the values of a puppet, by which a page notices a change."""
     return hashlib.sha256(json.dumps(puppet, sort_keys=True).encode()).hexdigest()[:16]
 
 

@@ -3,7 +3,7 @@
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -13,13 +13,14 @@ from engine_bridge.character.examples import MOTIONS
 from engine_bridge.studio import messages, performing
 from engine_bridge.studio.backend import Backend
 from engine_bridge.studio.characters import Characters, OpenCharacter
-from engine_bridge.studio.jobs import Jobs, Progress
+from engine_bridge.studio.checks import check_known, check_one, in_use
+from engine_bridge.studio.jobs import Jobs
 from engine_bridge.studio.messages import PuppetReply, SourceState, State
 from engine_bridge.studio.performing import Playing
 from engine_bridge.studio.running import Running
 from engine_bridge.studio.state import character_state, state_of
 from engine_bridge.studio.take_list import TakeList
-from engine_bridge.studio.worker import Worker
+from engine_bridge.studio.worker import Progress, Worker
 from engine_bridge.studio.workspace import Upload, Workspace
 from puppetline.errors import PuppetlineError, ServiceError
 
@@ -88,8 +89,8 @@ class Studio(Backend):
         async with self._changing:
             for each in session.get("characters", []):
                 with _logged_errors("a character of the last run cannot be opened"):
-                    again = self.characters.reopen, each["name"], each["title"], Path(each["saved_file"])
-                    await self._jobs.run(f"Opening {each['title']}", partial(self._reopen, *again))
+                    again = partial(self.characters.reopen, each["name"], each["title"], Path(each["saved_file"]))
+                    await self._jobs.run(f"Opening {each['title']}", partial(self._reopen, again))
             with _logged_errors("the source of the last run cannot be opened"):
                 self._playing = await self._remembered(session.get("source", {}))
             with _logged_errors("the service cannot start"):
@@ -98,10 +99,10 @@ class Studio(Backend):
             with _logged_errors("it cannot be opened"):
                 await self._open(first.name, partial(self._open_first, first))
 
-    async def _reopen(self, again: Callable[..., Any], *arguments: Any) -> dict[str, Any]:
-        *given, progress = arguments
-        character: OpenCharacter = await again(*given, progress)
-        return {"character": character.name}
+    async def _reopen(
+        self, again: Callable[[Progress], Awaitable[OpenCharacter]], progress: Progress
+    ) -> dict[str, Any]:
+        return {"character": (await again(progress)).name}
 
     async def _remembered(self, source: dict[str, Any]) -> Playing:
         """Return what performed in the last run; uploads are not kept."""
@@ -140,7 +141,7 @@ class Studio(Backend):
         return await self._open(puppet.name, partial(self.characters.open_puppet, puppet, mesh))
 
     async def _do_open_example(self, asked: messages.OpenExample) -> dict[str, Any]:
-        _check_known(asked.name, list(MOTIONS), "name")
+        check_known(asked.name, list(MOTIONS), "name")
         return await self._open(asked.name, partial(self.characters.open_example, asked.name), MOTIONS[asked.name])
 
     async def _do_close_character(self, asked: messages.CloseCharacter) -> dict[str, Any]:
@@ -177,7 +178,7 @@ class Studio(Backend):
         self._refuse_while_recording()
         self.characters[asked.character]
         async with self._changing:
-            character = await self.characters.edit(asked.character, asked.puppet, _ignore)
+            character = await self.characters.edit(asked.character, asked.puppet)
             await self._apply()
         return _puppet_reply(character)
 
@@ -203,15 +204,13 @@ class Studio(Backend):
         self._refuse_while_recording()
         self.characters[asked.character]
         async with self._changing:
-            character = await self.characters.revert(asked.character, _ignore)
+            character = await self.characters.revert(asked.character)
             await self._apply()
         return _puppet_reply(character)
 
     async def _do_record_start(self, asked: messages.RecordStart) -> dict[str, Any]:
         self._refuse_while_recording()
-        stages = [each["name"] for each in self.running.status.get("stages", [])]
-        name = {} if asked.name is None else {"name": asked.name}
-        begun = await self.running.request("record_start", **name, **({"stage": stages[0]} if stages else {}))
+        begun = await self._begin_take(asked)
         self._take = begun["stage"], begun["take"]
         self.changed()
         return {"take": begun["take"]}
@@ -226,7 +225,7 @@ class Studio(Backend):
     async def _do_delete_take(self, asked: messages.DeleteTake) -> dict[str, Any]:
         path = self._takes.path(asked.take)
         if self._playing.state.kind == "take" and self._playing.state.name == asked.take:
-            raise _in_use(asked.take)
+            raise in_use(asked.take)
         path.unlink(missing_ok=True)
         self.changed()
         return {}
@@ -234,14 +233,14 @@ class Studio(Backend):
     async def _do_delete_upload(self, asked: messages.DeleteUpload) -> dict[str, Any]:
         upload = self.workspace.upload(asked.upload)
         if self._playing.uri.startswith(f"replay:{upload.path.parent}"):
-            raise _in_use(upload.name)
+            raise in_use(upload.name)
         self.workspace.delete_upload(asked.upload)
         self.changed()
         return {}
 
     async def _do_export(self, asked: messages.Export) -> dict[str, Any]:
         character = self.characters[asked.character]
-        _check_one(asked, ("take", "upload", "example"))
+        check_one(asked, ("take", "upload", "example"))
         title = f"Export of {asked.take or asked.example or self.workspace.upload(str(asked.upload)).name}"
 
         async def work(progress: Progress) -> dict[str, Any]:
@@ -276,7 +275,7 @@ class Studio(Backend):
             return self._takes.path(take)
         if upload is not None:
             return self.workspace.upload(upload, "log").path
-        _check_known(str(example), list(performances()), "example")
+        check_known(str(example), list(performances()), "example")
         path = self.workspace.folder / "examples" / f"{example}.log"
         if not path.exists():
             await self._exporter.run("write_example", example, path)
@@ -304,11 +303,11 @@ class Studio(Backend):
 
     async def _chosen(self, asked: messages.Source) -> Playing:
         """Return what a request wants to perform."""
-        _check_one(asked, ("uri", "upload", "example", "take"))
+        check_one(asked, ("uri", "upload", "example", "take"))
         if asked.uri is not None:
             return performing.live(asked.uri)
         if asked.example is not None:
-            _check_known(asked.example, list(performances()), "example")
+            check_known(asked.example, list(performances()), "example")
             return performing.example(asked.example, asked.loop)
         kind: Literal["upload", "take"] = "take" if asked.upload is None else "upload"
         name = self.workspace.upload(asked.upload, "log").name if asked.upload is not None else str(asked.take)
@@ -373,39 +372,7 @@ def _logged_errors(what: str) -> Iterator[None]:
         log.warning("%s: %s", what, error)
 
 
-def _check_one(asked: messages.Request, keys: tuple[str, ...]) -> None:
-    """Refuse a request with none or several of some keys."""
-    given = [key for key in keys if getattr(asked, key) is not None]
-    if len(given) != 1:
-        raise ServiceError(
-            "the request",
-            found=" and ".join(given) or "no source",
-            expected=f"one of {', '.join(keys)}",
-            fix="Give exactly one of them.",
-        )
-
-
-def _in_use(name: str) -> ServiceError:
-    return ServiceError(
-        name, found="a recording that performs now", expected="one that does not", fix="Choose another source first."
-    )
-
-
-def _check_known(name: str, known: list[str], key: str) -> None:
-    if name not in known:
-        raise ServiceError(
-            f"the request, {key}",
-            found=f"the unknown name {name!r}",
-            expected=f"one of {', '.join(known)}",
-            fix="Choose one of these.",
-        )
-
-
 def _puppet_reply(character: OpenCharacter) -> dict[str, Any]:
     return PuppetReply(
         character=character.name, puppet=character.puppet, saved=character.puppet == character.saved
     ).model_dump(mode="json")
-
-
-def _ignore(_step: str, _share: float) -> None:
-    """Take no notice of progress."""

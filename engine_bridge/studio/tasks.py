@@ -114,11 +114,6 @@ def edit(progress: Progress, folder: Path, values: dict[str, Any]) -> dict[str, 
     return _applied(progress, puppet_of(values, puppet_file.load(live).character.mesh), live)
 
 
-def revert(progress: Progress, saved: Path, folder: Path) -> dict[str, Any]:
-    """Return to the saved puppet; see `prepare`."""
-    return prepare(progress, saved, folder)
-
-
 def save(_progress: Progress, saved: Path, folder: Path) -> None:
     """Write the puppet that the service plays into the saved file, with its comments and order."""
     document, live = PuppetDocument(saved), puppet_file.load(folder / LIVE)

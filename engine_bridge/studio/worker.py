@@ -91,7 +91,7 @@ class Worker:
                 if progress is not None:
                     progress(*value)
             elif kind == "error":
-                raise PuppetlineError(value["where"], **{key: value[key] for key in ("found", "expected", "fix")})
+                raise PuppetlineError(**value)
             else:
                 return value
 

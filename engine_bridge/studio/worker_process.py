@@ -34,16 +34,12 @@ def _outcome(task: Callable[..., Any], outcomes: BinaryIO, arguments: tuple[Any,
         with reported(lambda count: progress(f"Compiling, once on this machine: {count} functions so far", 0.0)):
             return "result", task(progress, *arguments)
     except PuppetlineError as error:
-        return "error", _told(error)
+        return "error", error.parts
     except MemoryError:
-        return "error", _told(broken("too little memory", "a smaller file"))
+        return "error", broken("too little memory", "a smaller file").parts
     except Exception as error:
         traceback.print_exc()
-        return "error", _told(broken(f"an internal error ({type(error).__name__}: {error})"[:300], "none"))
-
-
-def _told(error: PuppetlineError) -> dict[str, str]:
-    return {"where": error.where, "found": error.found, "expected": error.expected, "fix": error.fix}
+        return "error", broken(f"an internal error ({type(error).__name__}: {error})"[:300], "none").parts
 
 
 def _send(outcomes: BinaryIO, kind: str, value: Any) -> None:

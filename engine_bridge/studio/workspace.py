@@ -243,8 +243,7 @@ class Workspace:
 
     def told(self, error: PuppetlineError) -> dict[str, str]:
         """Return the parts of an error for a page, without the folders of this machine."""
-        parts = {"where": error.where, "found": error.found, "expected": error.expected, "fix": error.fix}
-        return {key: self.without_folders(text) for key, text in parts.items()}
+        return {key: self.without_folders(text) for key, text in error.parts.items()}
 
     def without_folders(self, text: str) -> str:
         """Return a text for a page, without the folders of this machine."""

@@ -38,18 +38,20 @@ SHOULDER, ELBOW, WRIST = np.array([0.25, 1.55, -0.01]), np.array([0.47, 1.28, -0
 HIP, KNEE, ANKLE = np.array([0.125, 0.98, 0.0]), np.array([0.165, 0.55, 0.02]), np.array([0.185, 0.14, -0.025])
 
 
-def frustum(
-    a: ArrayLike, b: ArrayLike, radius_a: float, radius_b: float, depth: float = 1.0, edge: float = 0.006
-) -> Shape:
+EDGE_METRES = 0.006
+"""Radius of the edges of a cone."""
+
+
+def frustum(a: ArrayLike, b: ArrayLike, radius_a: float, radius_b: float, depth: float = 1.0) -> Shape:
     """Return a cone that is cut flat at a and b, with rounded edges and a scaled depth."""
     start, end = np.asarray(a, float), np.asarray(b, float)
     axis, growth = end - start, radius_b - radius_a
     more = 1.0 if abs(growth) < min(radius_a, radius_b) else 0.9 * min(radius_a, radius_b) / abs(growth)
     cone = round_cone(start - more * axis, end + more * axis, radius_a - more * growth, radius_b + more * growth)
     cut = intersect(
-        intersect(stretch(cone, (1, 1, depth), (0, 0, start[2])), half_space(start, -axis), edge),
+        intersect(stretch(cone, (1, 1, depth), (0, 0, start[2])), half_space(start, -axis), EDGE_METRES),
         half_space(end, axis),
-        edge,
+        EDGE_METRES,
     )
     reach = 1.2 * max(radius_a, radius_b)
     return replace(cut, low=np.minimum(start, end) - reach, high=np.maximum(start, end) + reach)

@@ -14,7 +14,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from solver.surface.mesh import SolverMesh, connected_components
+from solver.surface.mesh import SolverMesh
+from solver.surface.near_points import connected_components
 from solver.surface.surface_tree import SurfaceTree
 
 if TYPE_CHECKING:

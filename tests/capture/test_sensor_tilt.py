@@ -44,11 +44,11 @@ def test_bones_are_turned_with_the_joints_that_are_levelled(upright):
     level, turns = SensorTilt(25.0, 1.4, 5.0), Rotation.random(len(JOINTS), rng=2)
     ends = upright + turns.apply([0.0, 0.3, 0.0])
     seen = SkeletonFrame(1.0, 0, upright, np.ones(len(JOINTS)), turns.as_quat()[:, [3, 0, 1, 2]])
-    frame = level.frame(seen)
+    frame = level.levelled(seen)
     np.testing.assert_array_equal(frame.positions, level(upright))
     found = Rotation.from_quat(frame.orientations[:, [1, 2, 3, 0]]).apply([0.0, 0.3, 0.0])
     np.testing.assert_allclose(frame.positions + found, level(ends), atol=1e-12)
-    assert SensorTilt().frame(seen) is seen
+    assert SensorTilt().levelled(seen) is seen
 
 
 @pytest.mark.parametrize(("tilt", "roll", "height"), [(25.0, 0.0, 1.4), (10.0, -7.0, 0.8), (-15.0, 90.0, 0.0)])
@@ -109,7 +109,7 @@ def test_a_clip_is_made_level_as_its_frames_are():
     positions = random.normal(size=(3, 20, 3))
     clip = SkeletonClip("", 1, np.arange(3.0), positions, np.ones((3, 20), np.float32), orientations=quaternions)
     level = SensorTilt(12.0, 1.1, 3.0)
-    for found, frame in zip(level.clip(clip).frames(), clip.frames(), strict=True):
-        np.testing.assert_allclose(found.positions, level.frame(frame).positions, atol=1e-12)
-        np.testing.assert_allclose(found.orientations, level.frame(frame).orientations, atol=1e-12)
-    assert SensorTilt().clip(clip) is clip
+    for found, frame in zip(level.levelled(clip).frames(), clip.frames(), strict=True):
+        np.testing.assert_allclose(found.positions, level.levelled(frame).positions, atol=1e-12)
+        np.testing.assert_allclose(found.orientations, level.levelled(frame).orientations, atol=1e-12)
+    assert SensorTilt().levelled(clip) is clip

@@ -116,7 +116,7 @@ class Surface:
 
 
 def linear(srgb: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Convert sRGB colours to linear ones (IEC 61966-2-1); opacity in a fourth column is unchanged.
+    """Convert sRGB colours to linear ones; opacity in a fourth column is unchanged.
 
     Parameters
     ----------
@@ -131,8 +131,13 @@ def linear(srgb: NDArray[np.float64]) -> NDArray[np.float64]:
     values = np.clip(values / 255 if values.max(initial=0) > 1 else values, 0.0, 1.0)
     rgba = np.ones((len(values), 4))
     rgba[:, : values.shape[1]] = values
-    rgba[:, :3] = np.where(rgba[:, :3] <= 0.04045, rgba[:, :3] / 12.92, ((rgba[:, :3] + 0.055) / 1.055) ** 2.4)
+    rgba[:, :3] = srgb_to_linear(rgba[:, :3])
     return rgba
+
+
+def srgb_to_linear(srgb: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Convert sRGB values from 0 to 1 to linear ones of the same shape and type (IEC 61966-2-1)."""
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4).astype(srgb.dtype)
 
 
 def upper_left(uvs: NDArray[np.float64]) -> NDArray[np.float64]:

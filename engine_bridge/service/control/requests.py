@@ -234,8 +234,7 @@ def ok_reply(request: RequestId, result: Any) -> dict[str, Any]:
 
 def error_reply(request: RequestId, error: PuppetlineError) -> dict[str, Any]:
     """Return the reply to a request that failed."""
-    told = {"where": error.where, "found": error.found, "expected": error.expected, "fix": error.fix}
-    return {"id": request, "ok": False, "error": {key: _quoted(text) for key, text in told.items()}}
+    return {"id": request, "ok": False, "error": {key: _quoted(text) for key, text in error.parts.items()}}
 
 
 def encode(value: dict[str, Any], encoding: Encoding) -> bytes:

@@ -56,9 +56,6 @@ class Kind(IntEnum):
 FRAME_KINDS = (Kind.CONTROLS, Kind.MORPHS, Kind.VERTICES, Kind.VERTICES16, Kind.JOINTS, Kind.HANDLES)
 """Kinds sent for every frame; the others are sent when they change or are requested."""
 
-SERVICE_KINDS = (Kind.STATUS, Kind.CHARACTERS)
-"""Kinds that describe the whole service, below ``service/``."""
-
 WORDS = {kind.word: kind for kind in Kind if kind != Kind.CLIP}
 """Kinds of the stream by the last part of their topics; `Kind.CLIP` occurs in files only."""
 

@@ -222,7 +222,7 @@ namespace Puppetline
                 motion = new ClipMotion(this);
                 return;
             }
-            follower = new Follower(host, port, token, character, KindOf(mode));
+            follower = new Follower(host, port, token, character, mode.ToKind());
             NewBuffer();
         }
 
@@ -406,21 +406,6 @@ namespace Puppetline
             display = null;
             display = Display.Make(this, scene);
             events.sceneLoaded.Invoke();
-        }
-
-        static Kind KindOf(PuppetMode mode)
-        {
-            switch (mode)
-            {
-                case PuppetMode.Vertices:
-                    return Kind.Vertices;
-                case PuppetMode.Vertices16:
-                    return Kind.Vertices16;
-                case PuppetMode.Morphs:
-                    return Kind.Morphs;
-                default:
-                    return Kind.Controls;
-            }
         }
     }
 }

@@ -1,3 +1,5 @@
+using Puppetline.Protocol;
+
 namespace Puppetline
 {
     /// <summary>How the service sends a character.</summary>
@@ -14,5 +16,25 @@ namespace Puppetline
 
         /// <summary>Weights for the blend shapes of an imported .glb from <c>puppetline bake</c>.</summary>
         Morphs,
+    }
+
+    /// <summary>Conversion of modes.</summary>
+    static class PuppetModes
+    {
+        /// <summary>Return the kind of frames that a mode shows.</summary>
+        public static Kind ToKind(this PuppetMode mode)
+        {
+            switch (mode)
+            {
+                case PuppetMode.Vertices:
+                    return Kind.Vertices;
+                case PuppetMode.Vertices16:
+                    return Kind.Vertices16;
+                case PuppetMode.Morphs:
+                    return Kind.Morphs;
+                default:
+                    return Kind.Controls;
+            }
+        }
     }
 }

@@ -5,7 +5,7 @@ from PIL import Image
 
 from engine_bridge.character.assembly import assemble
 from engine_bridge.character.character import from_document, load_character
-from engine_bridge.character.document import Document
+from engine_bridge.character.document_reader import load_document
 from engine_bridge.character.readers import read_surface
 from engine_bridge.character.surfaces.surface import DEFAULT_MATERIAL, ImageFile, Material, Piece, Surface
 
@@ -37,7 +37,7 @@ def saved(tmp_path, assert_valid_gltf):
         if not any(piece.material.normal_texture for piece in surface.pieces):
             # it would warn of tangents, which are better left to the viewer where a surface is to be deformed
             assert_valid_gltf(tmp_path / "figure.glb")
-        return Document.load(tmp_path / "figure.glb")
+        return load_document(tmp_path / "figure.glb")
 
     return run
 

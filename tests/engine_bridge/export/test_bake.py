@@ -7,7 +7,7 @@ from puppetline.examples.performances import PERFORMANCES
 
 from capture.timeline import resample
 from engine_bridge.character.character import load_character, make_character
-from engine_bridge.character.document import Document
+from engine_bridge.character.document_reader import load_document
 from engine_bridge.export import bake as module
 from engine_bridge.export.bake import DEFAULT_TOLERANCE, bake, fit, synthetic_motion
 from engine_bridge.export.live_basis import REACH, LiveBasis
@@ -42,7 +42,7 @@ def of_nothing(blob_puppet, folder):
 
 def names_in(path):
     """The target names of each mesh of a file."""
-    return [mesh["extras"]["targetNames"] for mesh in Document.load(path).gltf["meshes"]]
+    return [mesh["extras"]["targetNames"] for mesh in load_document(path).gltf["meshes"]]
 
 
 def performed(rig, timeline):
@@ -65,7 +65,7 @@ def shown_places(rig, frames):
 
 def places_from_weights(path, rig, weights):
     """Positions (F, N, 3) of the vertices by the file's accessors, for weights of its last targets."""
-    document = Document.load(path)
+    document = load_document(path)
     nodes, meshes, placed = document.gltf["nodes"], document.gltf["meshes"], []
     for part in load_character(path).parts:
         targets = meshes[nodes[part.node]["mesh"]]["primitives"][part.primitive]["targets"]
@@ -189,7 +189,7 @@ def test_only_the_beginning_of_a_long_motion_is_an_animation(record, dance, blob
     monkeypatch.setattr(module, "SHOWN_SECONDS", 1.0)
     log = record(tmp_path / "long.log", dance(100))
     assert bake(blob_puppet, tmp_path / "a.glb", (log,)).frames == 100
-    made = Document.load(tmp_path / "a.glb")
+    made = load_document(tmp_path / "a.glb")
     (animation,) = made.gltf["animations"]
     assert animation["name"] == "long"
     for sampler in animation["samplers"]:
@@ -270,7 +270,7 @@ def test_all_that_the_character_came_with_is_there_as_it_was(blob, glb, take, wr
     glb.file.asset.extras = {"author": "test"}
     glb.save(tmp_path / "a.glb")
     bake(write_puppet(tmp_path / "a.toml", "a.glb"), tmp_path / "b.glb", (take,), targets=2)
-    before, after = Document.load(tmp_path / "a.glb"), Document.load(tmp_path / "b.glb")
+    before, after = load_document(tmp_path / "a.glb"), load_document(tmp_path / "b.glb")
     assert after.gltf["asset"]["extras"]["author"] == "test"
     assert after.gltf["nodes"][0] == before.gltf["nodes"][0]
     shown, made = before.gltf["meshes"][0], after.gltf["meshes"][0]

@@ -4,7 +4,7 @@ import numpy as np
 import pygltflib as gltf
 import pytest
 
-from engine_bridge.character.document import Document
+from engine_bridge.character.document_reader import load_document
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings
 
@@ -115,7 +115,7 @@ def test_a_node_whose_scale_moves_something_else_keeps_it(
         glb.file.animations.append(gltf.Animation(channels=[channel], samplers=[sampler]))
     puppet = write_puppet(tmp_path / "a.toml", glb.save(tmp_path / "character.glb"))
     clip, summary = convert(take, puppet, tmp_path / "a.glb", Settings(compact=True))
-    document = Document.load(tmp_path / "a.glb")
+    document = load_document(tmp_path / "a.glb")
     assert document.gltf["nodes"][node]["scale"] == [1, 1, 1]
     (played,) = play(tmp_path / "a.glb", len(clip.frames)).meshes
     missed = played.positions - solved(clip)[:, clip.rig.mesh.of_render]

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from capture.formats import read_log
 from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
 from capture.timeline import choose, resample
-from engine_bridge.character.document import Document
+from engine_bridge.character.document_reader import load_document
 from engine_bridge.export.bake import bake
 from engine_bridge.export.live_basis import EXTRAS, REACH, UNLIMITED_REACH, LiveBasis
 from engine_bridge.export.unit_weights import UnitWeights
@@ -53,7 +53,7 @@ def baked(take, blob_puppet, blob_rig, tmp_path_factory):
     W = position_matrix(
         model.to_model(mesh.vertices), model.isoline_coordinates.astype(np.float64), model.weights, model.isolines
     )
-    document = Document.load(path)
+    document = load_document(path)
     (primitive,) = document.gltf["meshes"][0]["primitives"]
     targets = np.stack([document.array(target["POSITION"]) for target in primitive["targets"]], axis=-1)
     of_solver = np.unique(mesh.of_render, return_index=True)[1]
@@ -67,7 +67,7 @@ def basis(baked):
 
 @pytest.fixture(scope="module")
 def directions(baked):
-    document = Document.load(baked.path)
+    document = load_document(baked.path)
     kept = document.array(document.gltf["asset"]["extras"][EXTRAS]["directions"])
     return kept.reshape(-1, *baked.rig.model.rest_controls.shape).astype(np.float64)
 

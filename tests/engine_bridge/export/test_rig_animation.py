@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from capture.skeleton import JOINT_INDEX, to_character_axes
 from engine_bridge.character.character import from_document, load_character
-from engine_bridge.character.document import Document
+from engine_bridge.character.document_reader import load_document
 from engine_bridge.character.scene import influences, world_transforms
 from engine_bridge.cli.main import main
 from engine_bridge.export import rig_animation
@@ -486,7 +486,7 @@ def test_three_plays_real_characters_as_their_weights_blend_the_motions(name, co
 @pytest.mark.parametrize("name", REAL)
 def test_the_limbs_of_real_skeletons_point_where_the_motions_do(name, converted):
     clip, summary = converted(name)
-    document, character = Document.load(Path(summary.output)), clip.rig.character
+    document, character = load_document(Path(summary.output)), clip.rig.character
     rest = world_transforms(character.document)[:, :3, 3]
     size, first = clip.rig.mesh.diagonal, 0
     for each in parents_first(clip.rig.puppet.limbs):
@@ -508,8 +508,8 @@ def test_real_files_stay_as_valid_as_they_were_and_keep_their_animations(name, c
     _, summary = converted(name)
     before, after = validate(real_data / "mesh" / "gltf" / f"{name}.glb"), validate(Path(summary.output))
     assert (after["errors"], after["warnings"]) == (before["errors"], before["warnings"])
-    own = Document.load(real_data / "mesh" / "gltf" / f"{name}.glb").gltf["animations"]
-    made = Document.load(Path(summary.output)).gltf["animations"]
+    own = load_document(real_data / "mesh" / "gltf" / f"{name}.glb").gltf["animations"]
+    made = load_document(Path(summary.output)).gltf["animations"]
     assert made[0]["name"] == "dance"
     assert [each.get("name") for each in made[1:]] == [each.get("name") for each in own]
 
@@ -519,7 +519,7 @@ def test_the_summary_counts_joints_and_says_nothing_of_the_surface(name, convert
     clip, summary = converted(name)
     joints = {joint for skin in clip.rig.character.document.gltf["skins"] for joint in skin["joints"]}
     moved = {
-        channel["target"]["node"] for channel in Document.load(Path(summary.output)).gltf["animations"][0]["channels"]
+        channel["target"]["node"] for channel in load_document(Path(summary.output)).gltf["animations"][0]["channels"]
     }
     assert (summary.bones, summary.bones + summary.following) == (len(moved), len(joints))
     assert (summary.targets, summary.stretch_p99, summary.parts_apart, summary.repairs) == (0, None, None, ())
@@ -539,7 +539,7 @@ def test_a_performer_who_stands_as_the_character_does_leaves_it_as_it_is(real_da
     puppet = write_puppet_of(mesh, tmp_path / "puppet.toml")
     clip, summary = convert(log, puppet, tmp_path / "out.glb", Settings(form="rig"))
     for frame in (0, 11):
-        shown = from_document(posed(Document.load(Path(summary.output)), frame)).vertices
+        shown = from_document(posed(load_document(Path(summary.output)), frame)).vertices
         assert np.abs(shown - character.vertices).max() < 1e-4 * clip.rig.mesh.diagonal
 
 

@@ -1,13 +1,12 @@
 """Editing the mapping from joints to handles while a performer drives the character."""
 
-import itertools
 import time
 from contextlib import contextmanager
 
 import numpy as np
 import pytest
 
-from capture.events import TICK_SECONDS, Cue, Tick
+from capture.events import TICK_SECONDS, Cue
 from engine_bridge.performance.performance import Performance
 from engine_bridge.puppet.puppet import RootTable, with_handle
 from engine_bridge.service.character_player import PlayerSettings
@@ -16,30 +15,14 @@ from engine_bridge.service.protocol.scene import Scene
 from engine_bridge.service.stage_runner import PREPARATION_SECONDS
 
 from .conftest import performing_for_ever
+from .stages import largest_step, replay, ticks, with_beginnings
 
 EASE = PlayerSettings().ease
 
 
 def play(stage, events):
-    """Process events, and begin calibrations as `StageRunner` does for a recording; return the frames."""
-    frames = []
-    for event in events:
-        for player in stage.players:
-            if (
-                player.next_calibration is not None
-                and event.time >= player.next_calibration.asked + PREPARATION_SECONDS
-            ):
-                frames += stage.step(Cue(event.time, "begin", {"character": player.character.name}), 0)
-        frames += stage.step(event, 0)
-    return frames
-
-
-def ticks(start, seconds):
-    return [Tick(start + k * TICK_SECONDS) for k in range(1, round(seconds / TICK_SECONDS) + 1)]
-
-
-def largest_step(frames, diagonal):
-    return max(np.linalg.norm(b.targets - a.targets, axis=1).max() for a, b in itertools.pairwise(frames)) / diagonal
+    """Step through events; return the frames."""
+    return replay(stage, with_beginnings(stage, events))
 
 
 def crossed(puppet):

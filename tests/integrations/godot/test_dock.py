@@ -89,8 +89,7 @@ def test_the_dock_shows_the_characters_state_and_its_buttons_work(dock, start, p
     dock.until(lambda shown: "frames per second" in shown["facts"] and "ms from sensor" in shown["facts"])
     dock.until(lambda shown: shown["performers"] == ["Any performer", "User 1"] and shown["performer"] == "User 1")
     dock.do("toggle", "Mirror", True)
-    dock.until(lambda shown: shown["mirror"])
-    assert service.ask("describe")["characters"][0]["mirror"] is True
+    dock.until(lambda shown: shown["mirror"] and service.ask("describe")["characters"][0]["mirror"])
     dock.do("press", "Calibrate")
     dock.do("select", "Performer", "User 1")
     dock.until(lambda shown: shown["performer"] == "User 1" and not shown["trouble"])

@@ -6,6 +6,7 @@ from puppetline.errors import MeshError
 from solver.model import reduced_model
 from solver.surface import mesh as solver_mesh
 from solver.surface.mesh import Repairs, SolverMesh, snap, weld
+from solver.surface.near_points import connected_components
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
@@ -299,7 +300,7 @@ def test_components_are_those_of_the_graph_of_edges():
     order = np.random.default_rng(3).permutation(len(many))
     all_faces = np.argsort(order)[np.concatenate([faces + len(vertices) * number for number in range(40)])]
     mesh = weld(many[order], all_faces)
-    expected = solver_mesh.connected_components(len(mesh.vertices), *mesh.edges.T)
+    expected = connected_components(len(mesh.vertices), *mesh.edges.T)
     np.testing.assert_array_equal(mesh.components, expected)
     assert (mesh.components.dtype, mesh.parts) == (expected.dtype, 40)
 

@@ -1,7 +1,7 @@
 @tool
 @icon("icons/puppet_3d.svg")
 class_name Puppet3D
-extends Node3D
+extends "play/rendered_node.gd"
 ## Shows a character of `puppetline serve`, driven live by a performer.
 ##
 ## Add the node to a scene and start the service. The character appears with its mesh, in the editor too. The node
@@ -61,25 +61,17 @@ const Message := preload("wire/message.gd")
 const Scene := preload("wire/scene.gd")
 const SharedScene := preload("play/shared_scene.gd")
 const Playback := preload("play/playback.gd")
-const JitterBuffer := preload("play/jitter_buffer.gd")
-const FrameQueue := preload("play/frame_queue.gd")
+const ReceivedFrames := preload("play/received_frames.gd")
 const MixedPlayback := preload("play/mixed_playback.gd")
 const ClipPlayer := preload("play/clip_player.gd")
 const ClipAnimations := preload("play/clip_animations.gd")
+const Display := preload("play/display.gd")
 const Body := preload("play/body.gd")
 const ControlsBody := preload("play/controls_body.gd")
 const VerticesBody := preload("play/vertices_body.gd")
 const MorphsBody := preload("play/morphs_body.gd")
 const RestMesh := preload("play/rest_mesh.gd")
-const MeshProperties := preload("play/mesh_properties.gd")
 const SurfacePatch := preload("play/surface_patch.gd")
-const SurfacePoses := preload("play/surface_poses.gd")
-
-## Maximum number of frames from which the frame rate is measured.
-const _MAX_ARRIVALS := 256
-## Maximum time for which an image of a movie waits for its first frame, and for one of the next frames, in seconds.
-const _FIRST_FRAME_TIMEOUT_SECONDS := 20.0
-const _NEXT_FRAME_TIMEOUT_SECONDS := 2.0
 
 @export_group("Service")
 ## Host name or address of the service. If empty, the first service found in the network that has the [member
@@ -115,7 +107,7 @@ const _NEXT_FRAME_TIMEOUT_SECONDS := 2.0
 @export var user_slot := -1:
 	set(value):
 		user_slot = value
-		_reset_preview()
+		_display.reset_preview()
 		_performer.slot = value
 ## How the service sends the character.
 @export var mode := Mode.CONTROLS:
@@ -128,14 +120,14 @@ const _NEXT_FRAME_TIMEOUT_SECONDS := 2.0
 	set(value):
 		_body_stale = _body_stale or value != mesh_source
 		mesh_source = value
-		_reset_preview()
+		_display.reset_preview()
 ## Materials that replace the character's own, by surface. A surface without one keeps its own. Standard materials are
 ## copied. A shader material must call the function described in `addons/puppetline/play/puppet.gdshaderinc`.
 @export var materials: Array[Material] = []:
 	set(value):
 		materials = value
-		if _body != null:
-			_body.set_materials(materials)
+		if _display.body != null:
+			_display.body.set_materials(materials)
 ## Whether the character walks with its performer, or stays in place.
 @export var follow_root := true:
 	set(value):
@@ -166,66 +158,20 @@ const _NEXT_FRAME_TIMEOUT_SECONDS := 2.0
 ## it is first greater than 0, and shows the clips until a frame arrives.
 @export_range(0.0, 1.0, 0.001) var live_weight := 0.0
 
-@export_group("Rendering")
-## Render layers of the character's meshes. These properties replace those of the meshes in [member mesh_source].
-@export_flags_3d_render var layers := 1:
-	set(value):
-		layers = value
-		_pass_on_rendering()
-## Whether the character casts shadows.
-@export var cast_shadow := GeometryInstance3D.SHADOW_CASTING_SETTING_ON:
-	set(value):
-		cast_shadow = value
-		_pass_on_rendering()
-## How global illumination treats the character.
-@export var gi_mode := GeometryInstance3D.GI_MODE_DYNAMIC:
-	set(value):
-		gi_mode = value
-		_pass_on_rendering()
-## Factor of the distance up to which a level of detail is used: more than 1 keeps more triangles.
-@export_range(0.001, 128.0, 0.001) var lod_bias := 1.0:
-	set(value):
-		lod_bias = value
-		_pass_on_rendering()
-## Distance from the camera at which the character appears; 0 for no limit.
-@export_range(0.0, 4096.0, 0.01, "or_greater", "suffix:m") var visibility_range_begin := 0.0:
-	set(value):
-		visibility_range_begin = value
-		_pass_on_rendering()
-## Width of the fade, or of the hysteresis, at [member visibility_range_begin].
-@export_range(0.0, 4096.0, 0.01, "or_greater", "suffix:m") var visibility_range_begin_margin := 0.0:
-	set(value):
-		visibility_range_begin_margin = value
-		_pass_on_rendering()
-## Distance from the camera at which the character disappears; 0 for no limit.
-@export_range(0.0, 4096.0, 0.01, "or_greater", "suffix:m") var visibility_range_end := 0.0:
-	set(value):
-		visibility_range_end = value
-		_pass_on_rendering()
-## Width of the fade, or of the hysteresis, at [member visibility_range_end].
-@export_range(0.0, 4096.0, 0.01, "or_greater", "suffix:m") var visibility_range_end_margin := 0.0:
-	set(value):
-		visibility_range_end_margin = value
-		_pass_on_rendering()
-## Whether the character fades within the margins (Forward+ only).
-@export var visibility_range_fade_mode := GeometryInstance3D.VISIBILITY_RANGE_FADE_DISABLED:
-	set(value):
-		visibility_range_fade_mode = value
-		_pass_on_rendering()
-
 @export_group("Playing")
 ## The clock that moves the character. A clock that is slower than the performer lets frames wait, and skips none.
 @export var clock := Clock.REALTIME:
 	set(value):
 		if clock != value:
 			clock = value
-			_buffer = _new_buffer()
+			_frames.set_clock(clock == Clock.REALTIME)
+			_frames.delay = _delay()
 ## Delay of the character in seconds, so that each image lies between two frames. Higher values are smoother in a bad
 ## network; lower values react faster.
 @export_range(0.0, 1.0, 0.005, "suffix:s") var interpolation_delay := 0.05:
 	set(value):
 		interpolation_delay = value
-		_buffer.delay = _delay()
+		_frames.delay = _delay()
 ## Whether the character is shown in the editor too.
 @export var preview_in_editor := true
 
@@ -233,27 +179,20 @@ var _link: ServiceLink
 var _performer := Performer.new()
 var _takes := Takes.new()
 var _shared: SharedScene
-var _buffer: Playback = _new_buffer()
+var _frames := ReceivedFrames.new()
 var _clips := ClipPlayer.new()
 var _shown := MixedPlayback.new()
-var _time := 0.0  # of the clocks ENGINE and MANUAL, in seconds
-var _waits := true  # whether a movie waits for frames
-var _body: Body
-var _last_body: Body  # stays until the next one shows a frame
-var _preview: Node3D  # the character from mesh_source until a frame is shown
-var _preview_stale := true
+var _display := Display.new(self)
 var _name := ""  # name of the followed character
 var _topic := ""  # topic of its frames
 var _link_stale := false
 var _clips_stale := false
 var _is_other_version := false  # the service's character, than that of the clips
 var _body_stale := false
-var _damaged := 0
-var _arrivals := PackedFloat64Array()
-var _poses := SurfacePoses.new()
 
 
 func _init() -> void:
+	_frames.delay = _delay()
 	_performer.found.connect(performer_found.emit)
 	_performer.calibrated.connect(performer_calibrated.emit)
 	_performer.lost.connect(performer_lost.emit)
@@ -269,12 +208,11 @@ func _process(delta: float) -> void:
 		_leave()
 	_move_clip(delta if clock != Clock.MANUAL else 0.0)
 	if clock == Clock.ENGINE:
-		_time += delta
-		(_buffer as FrameQueue).catches_up = Engine.time_scale == 1.0 and not OS.has_feature("movie")
+		_frames.advance_clock(delta, Engine.time_scale == 1.0 and not OS.has_feature("movie"))
 	if plays:
 		_play()
 	else:
-		_reset_preview()
+		_display.reset_preview()
 
 
 func _exit_tree() -> void:
@@ -300,8 +238,8 @@ func _get_configuration_warnings() -> PackedStringArray:
 		warnings.append(
 			"The service has another version of %s than the clip, and is not shown. Write it again." % _name
 		)
-	if _body != null and _body.problem:
-		warnings.append("%s: %s." % [_name, _body.problem])
+	if _display.body != null and _display.body.problem:
+		warnings.append("%s: %s." % [_name, _display.body.problem])
 	return warnings
 
 
@@ -325,7 +263,7 @@ func advance(seconds: float) -> void:
 	if _clips_stale:
 		_take_clips()
 	_move_clip(seconds)
-	_time += seconds
+	_frames.advance_clock(seconds, false)
 	_show_next()
 
 
@@ -360,7 +298,7 @@ func stop_recording(done := Callable()) -> void:
 ## Compute the positions of all vertices as they are shown, in the coordinates of this node. This is slow and intended
 ## for tools. The order is that of the scene; in the mode MORPHS, that of the imported meshes.
 func evaluate() -> PackedVector3Array:
-	return _body.evaluate() if _body != null else PackedVector3Array()
+	return _display.body.evaluate() if _display.body != null else PackedVector3Array()
 
 
 ## Return the scene of the character: its mesh, handles and limbs at rest. It is null before [signal scene_loaded].
@@ -375,49 +313,34 @@ func get_surface_transform(vertex: int) -> Transform3D:
 	var scene := get_character_scene()
 	if scene == null or vertex < 0 or vertex >= scene.vertex_count:
 		return Transform3D.IDENTITY
-	return get_patch_transform(_poses.at_vertex(scene, vertex), Transform3D.IDENTITY)
+	return get_patch_transform(_display.patch_at(scene, vertex), Transform3D.IDENTITY)
 
 
 ## Return the shown pose of a patch of the surface, with an orthonormal basis in the space that [param to_space]
 ## transforms to. Before the first frame, it is the pose of this node.
 func get_patch_transform(patch: SurfacePatch, to_space: Transform3D) -> Transform3D:
-	return _poses.pose(patch, _body, _shown, to_space)
+	return _display.patch_pose(patch, _shown, to_space)
 
 
 ## Return where a segment hits the shown surface first: `position` and `normal` in global coordinates, and the number of
 ## the nearest `vertex` in the scene (−1 in the mode MORPHS). It is empty if nothing is hit. Modes other than CONTROLS
 ## are slow.
 func intersect_ray(from: Vector3, to: Vector3) -> Dictionary:
-	var into := global_transform.affine_inverse()
-	var hit := _body.intersect(into * from, into * to) if _body != null else {}
-	if hit.is_empty():
-		return {}
-	var corners: PackedVector3Array = global_transform * (hit["corners"] as PackedVector3Array)
-	var normal := (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalized()
-	var place: Vector3 = global_transform * hit["position"]
-	var nearest := 0
-	for i in 3:
-		if place.distance_squared_to(corners[i]) < place.distance_squared_to(corners[nearest]):
-			nearest = i
-	return {
-		"position": place,
-		"normal": -normal if global_basis.determinant() < 0.0 else normal,
-		"vertex": get_character_scene().triangles[3 * hit["triangle"] + nearest] if hit["triangle"] >= 0 else -1,
-	}
+	return _display.intersect(from, to)
 
 
 ## Return boxes that cover the character at rest, and the transforms that move them now, in the coordinates of this
 ## node. Both are empty before the first frame, and in modes other than CONTROLS.
 func get_piece_boxes() -> Array[AABB]:
-	if _body == null:
+	if _display.body == null:
 		return []
-	return _body.piece_boxes()
+	return _display.body.piece_boxes()
 
 
 func get_piece_transforms() -> Array[Transform3D]:
-	if _body == null:
+	if _display.body == null:
 		return []
-	return _body.piece_transforms()
+	return _display.body.piece_transforms()
 
 
 ## Return the state of the node: `character`, `connected`, `user`, `calibrated`, `frames_per_second`, `latency`
@@ -430,11 +353,11 @@ func statistics() -> Dictionary:
 		"connected": _is_connected(),
 		"user": _performer.user,
 		"calibrated": _performer.is_calibrated,
-		"frames_per_second": _recent_arrivals(),
+		"frames_per_second": _frames.per_second(),
 		"latency": _stream().same_machine_latency() if _stream() != null else -1.0,
-		"waiting": _buffer.waiting(),
-		"lost": _buffer.lost,
-		"damaged": _damaged,
+		"waiting": _frames.playback.waiting(),
+		"lost": _frames.playback.lost,
+		"damaged": _frames.damaged,
 		"sequence": _shown.earlier.sequence if _shown.earlier != null else -1,
 		"next_sequence": _shown.later.sequence if _shown.later != null else -1,
 		"share": _shown.share,
@@ -463,7 +386,7 @@ func _mix_number(property: StringName) -> int:
 
 
 func _play() -> void:
-	_show_preview()
+	_display.show_preview(user_slot < 0, _own_character)
 	var playable := _clips.first()
 	if playable != null:
 		_show_clip_scene()
@@ -483,7 +406,7 @@ func _poll_service() -> void:
 	_link.stream.poll()
 	_receive()
 	if clock == Clock.ENGINE and OS.has_feature("movie"):
-		_wait_for_frame()
+		_frames.wait_for_movie(_read_stream)
 
 
 ## Return whether threads have loaded the clips that have been set, one after another. Images of the editor, of a movie
@@ -537,27 +460,23 @@ func _receive() -> void:
 		_build()
 
 
-## Wait until the frames of this image of a movie have arrived: movies are written faster or slower than real time.
-func _wait_for_frame() -> void:
-	var limit := _FIRST_FRAME_TIMEOUT_SECONDS if _buffer.earlier == null else _NEXT_FRAME_TIMEOUT_SECONDS
-	var give_up := Time.get_ticks_msec() + int(1000 * limit)
-	while _waits and _stream() != null and not (_buffer as FrameQueue).reaches(_time):
-		if Time.get_ticks_msec() > give_up:
-			_waits = false  # until a frame arrives
-			push_warning("Puppetline: no frame for the movie within %d s. Check that the service plays." % limit)
-		OS.delay_msec(1)
-		_stream().read()
-		_receive()
+## Read what has arrived; return false if there is no stream.
+func _read_stream() -> bool:
+	if _stream() == null:
+		return false
+	_stream().read()
+	_receive()
+	return true
 
 
 func _show_next() -> void:
-	if _body == null:
+	if _display.body == null:
 		return
 	var parts: Array[Playback] = []
 	var weights := PackedFloat64Array()
 	var live := live_weight if _clips.is_used else 1.0
-	if live > 0.0 and _buffer.advance(_now()) and _is_wanted(_buffer.earlier.user):
-		parts.append(_buffer)
+	if live > 0.0 and _frames.advance() and _is_wanted(_frames.playback.earlier.user):
+		parts.append(_frames.playback)
 		weights.append(live)
 	else:
 		live = 0.0
@@ -574,13 +493,6 @@ func _show_next() -> void:
 ## Return whether clips are mixed with frames of a performer.
 func _is_wanted(user: int) -> bool:
 	return not _clips.is_used or user_slot < 0 or user == user_slot
-
-
-## Return a buffer for the clock.
-func _new_buffer() -> Playback:
-	var buffer: Playback = JitterBuffer.new() if clock == Clock.REALTIME else FrameQueue.new()
-	buffer.delay = _delay()
-	return buffer
 
 
 ## Return the delay that the clock requires: in real time, frames arrive irregularly.
@@ -657,19 +569,14 @@ func _unfollow_character() -> void:
 	_unfollow_frames()
 	_shared = null
 	_name = ""
-	for body: Body in [_body, _last_body]:
-		if body != null:
-			body.queue_free()
-	_body = null
-	_last_body = null
-	_reset_preview()
+	_display.clear()
 
 
 func _unfollow_frames() -> void:
 	if _topic:
 		_link.stream.unfollow(_topic, _on_frame)
 	_topic = ""
-	_buffer = _new_buffer()
+	_frames.clear()
 	_shown = MixedPlayback.new()
 
 
@@ -677,28 +584,21 @@ func _unfollow_frames() -> void:
 func _build() -> void:
 	_body_stale = false
 	_unfollow_frames()
-	if _body != null and _last_body == null:
-		_last_body = _body
-	elif _body != null:
-		_body.queue_free()
-	_body = _new_body()
-	_poses.clear()
-	_body.follow_root = follow_root
-	_body.set_materials(materials)
-	_body.visible = false
-	if _body.problem:
-		push_warning("Puppetline: %s: %s." % [_name, _body.problem])
+	var body := _new_body()
+	body.follow_root = follow_root
+	body.set_materials(materials)
+	if body.problem:
+		push_warning("Puppetline: %s: %s." % [_name, body.problem])
+	_display.set_body(body)
 	update_configuration_warnings()
-	add_child(_body, false, Node.INTERNAL_MODE_FRONT)
-	MeshProperties.pass_on(self, _body)
 	_follow_frames()
 	scene_loaded.emit()
 
 
 ## Follow the frames that the body needs, unless they are followed or the service is not known.
 func _follow_frames() -> void:
-	if _topic.is_empty() and _stream() != null and _body != null:
-		_topic = "%s/%s" % [_name, _body.payload_name()]
+	if _topic.is_empty() and _stream() != null and _display.body != null:
+		_topic = "%s/%s" % [_name, _display.body.payload_name()]
 		_stream().follow(_topic, _on_frame)
 
 
@@ -732,48 +632,13 @@ func _own_character() -> Node3D:
 
 
 func _show() -> void:
-	_body.show_frames(_shown.earlier, _shown.later, _shown.share)
-	_body.visible = (_clips.is_used or user_slot < 0 or (_is_connected() and _shown.earlier.user == user_slot))
-	if _last_body != null:
-		_last_body.queue_free()
-		_last_body = null
-	_hide_preview()
+	var is_seen := _clips.is_used or user_slot < 0 or (_is_connected() and _shown.earlier.user == user_slot)
+	_display.show_frames(_shown, is_seen)
 	pose_updated.emit()
 
 
-## Show the character from mesh_source at rest until a frame is shown.
-func _show_preview() -> void:
-	if not _preview_stale:
-		return
-	_preview_stale = false
-	if user_slot < 0 and not _shows_body():
-		_preview = _own_character()
-		if _preview != null:
-			add_child(_preview, false, Node.INTERNAL_MODE_FRONT)
-			MeshProperties.pass_on(self, _preview)
-
-
-func _hide_preview() -> void:
-	if _preview != null:
-		_preview.queue_free()
-		_preview = null
-
-
-## Remove the preview, and make it again if it is still needed.
-func _reset_preview() -> void:
-	_hide_preview()
-	_preview_stale = true
-
-
-func _pass_on_rendering() -> void:
-	for shown: Node3D in [_body, _preview]:
-		if shown != null:
-			MeshProperties.pass_on(self, shown)
-
-
-## Return whether a frame has been shown.
-func _shows_body() -> bool:
-	return _last_body != null or (_body != null and _body.visible)
+func _shown_nodes() -> Array[Node3D]:
+	return _display.nodes()
 
 
 func _on_state_changed(before: Stream.State) -> void:
@@ -810,13 +675,7 @@ func _on_frame(message: Message) -> void:
 		return
 	if message.revision != _shared.scene.revision:
 		_notice_other_version()
-	elif message.payload.size() != _body.frame_size():
-		_damaged += 1
-	else:
-		_arrivals = _arrivals.slice(-_MAX_ARRIVALS) if _arrivals.size() > 2 * _MAX_ARRIVALS else _arrivals
-		_arrivals.append(_real_time())
-		_waits = true
-		_buffer.push(message, _now())
+	elif _frames.push(message, _display.body.frame_size()):
 		frame_received.emit(message)
 
 
@@ -829,21 +688,7 @@ func _notice_other_version() -> void:
 		update_configuration_warnings()
 
 
-func _recent_arrivals() -> int:
-	_arrivals = _arrivals.slice(_arrivals.bsearch(_real_time() - 1.0))
-	return _arrivals.size()
-
-
 func _warn_of_failure(reply: Dictionary) -> void:
 	if not reply.get("ok", false):
 		var error: Variant = reply.get("error", {})
 		push_warning("Puppetline: %s" % (" ".join(error.values().map(str)) if error is Dictionary else str(error)))
-
-
-## Return the time of the clock in seconds.
-func _now() -> float:
-	return _real_time() if clock == Clock.REALTIME else _time
-
-
-static func _real_time() -> float:
-	return Time.get_ticks_usec() * 1e-6

@@ -1,37 +1,15 @@
 using System;
-using System.Net;
 using System.Net.Sockets;
 using System.Text;
 
 namespace Puppetline.Protocol
 {
-    /// <summary>A connection failed or was lost, or the peer does not support ZMTP. The client can retry.</summary>
-    public class ZmtpException : Exception
-    {
-        /// <summary>Make an exception with a message.</summary>
-        public ZmtpException(string message)
-            : base(message)
-        {
-        }
-    }
-
-    /// <summary>The peer refuses the connection. Retrying does not help without a change.</summary>
-    public sealed class RefusedException : ZmtpException
-    {
-        /// <summary>Make an exception with the reason.</summary>
-        public RefusedException(string message)
-            : base(message)
-        {
-        }
-    }
-
     /// <summary>
     /// A ZMTP 3 connection over TCP, limited to what the service uses: one peer, messages of one part, mechanism NULL or
     /// PLAIN. Opening and sending wait for the network, so use it on a separate thread.
     /// </summary>
     public sealed class ZmtpConnection : IDisposable
     {
-        const int ConnectTimeoutMilliseconds = 2000;
         const int HandshakeTimeoutMilliseconds = 5000;
         const int GreetingLength = 64, SignatureLength = 10;
         const int MaxCommandBytes = 65536;
@@ -67,7 +45,7 @@ namespace Puppetline.Protocol
         public static ZmtpConnection Open(string host, int port, string socketType, string token, int largestMessage)
         {
             string where = host + ":" + port;
-            var connection = new ZmtpConnection(Connect(host, port, where), where);
+            var connection = new ZmtpConnection(TcpSocket.Connect(host, port, HandshakeTimeoutMilliseconds), where);
             try
             {
                 connection.PerformHandshake(socketType, token ?? "");
@@ -134,45 +112,6 @@ namespace Puppetline.Protocol
         public void Dispose()
         {
             socket.Close();
-        }
-
-        static Socket Connect(string host, int port, string where)
-        {
-            string reason = "has no address";
-            foreach (IPAddress address in Addresses(host))
-            {
-                var socket = new Socket(address.AddressFamily, SocketType.Stream, ProtocolType.Tcp);
-                try
-                {
-                    IAsyncResult connecting = socket.BeginConnect(address, port, null, null);
-                    if (connecting.AsyncWaitHandle.WaitOne(ConnectTimeoutMilliseconds))
-                    {
-                        socket.EndConnect(connecting);
-                        socket.NoDelay = true;
-                        socket.SendTimeout = HandshakeTimeoutMilliseconds;
-                        return socket;
-                    }
-                    reason = "no answer";
-                }
-                catch (SocketException error)
-                {
-                    reason = error.Message;
-                }
-                socket.Close();
-            }
-            throw new ZmtpException(where + ": " + reason + ". Check that puppetline serve is running there.");
-        }
-
-        static IPAddress[] Addresses(string host)
-        {
-            try
-            {
-                return Dns.GetHostAddresses(host);
-            }
-            catch (SocketException error)
-            {
-                throw new ZmtpException(host + ": " + error.Message);
-            }
         }
 
         void PerformHandshake(string socketType, string token)

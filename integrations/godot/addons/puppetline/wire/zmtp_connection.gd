@@ -4,6 +4,8 @@ extends "connection.gd"
 ## [method poll] does all the work and never blocks. The peer announces first whether it requires a token. A peer that
 ## does not require one never receives it.
 
+const HostLookup := preload("host_lookup.gd")
+
 ## Maximum number of bytes that one call of [method poll] reads, so that a scene of several megabytes does not take the
 ## time of one image.
 const MAX_POLL_BYTES := 1 << 20
@@ -29,7 +31,7 @@ var _socket_type: String
 var _token: PackedByteArray
 var _host := ""
 var _port := 0
-var _resolver_id := IP.RESOLVER_INVALID_ID
+var _lookup: HostLookup  # null once the address is known
 var _tcp: StreamPeerTCP
 var _deadline_ms := 0
 var _greeted := false
@@ -49,11 +51,6 @@ func _init(socket_type: String, token := "") -> void:
 	_token = token.to_utf8_buffer()
 
 
-func _notification(what: int) -> void:
-	if what == NOTIFICATION_PREDELETE and _resolver_id != IP.RESOLVER_INVALID_ID:
-		IP.erase_resolve_item(_resolver_id)  # methods of this object cannot be called any more
-
-
 func open(host: String, port: int) -> void:
 	close()
 	_host = host
@@ -65,7 +62,7 @@ func open(host: String, port: int) -> void:
 	elif host.is_valid_ip_address():
 		_start_connection(host)
 	else:
-		_resolver_id = IP.resolve_hostname_queue_item(host)
+		_lookup = HostLookup.new(host)
 
 
 func poll() -> void:
@@ -128,17 +125,15 @@ func _connect() -> void:
 			_end(State.FAILED, "Cannot connect to %s. Check that the service is running." % _address())
 
 
+## Connect as soon as the address of the host is known. The deadline ends the attempt if it is not.
 func _resolve_host() -> void:
-	if _resolver_id == IP.RESOLVER_INVALID_ID:
-		return  # too many hosts are being resolved at the same time; the deadline ends the attempt
-	match IP.get_resolve_item_status(_resolver_id):
-		IP.RESOLVER_STATUS_DONE:
-			var addresses := IP.get_resolve_item_addresses(_resolver_id)
-			_release_resolver()
-			var four := addresses.filter(func(address: String) -> bool: return "." in address)
-			_start_connection((four if not four.is_empty() else addresses)[0])
-		IP.RESOLVER_STATUS_ERROR:
-			_end(State.FAILED, "The host '%s' has no known address." % _host)
+	if _lookup.has_failed():
+		_end(State.FAILED, "The host '%s' has no known address." % _host)
+		return
+	var address := _lookup.address()
+	if address:
+		_lookup = null
+		_start_connection(address)
 
 
 func _start_connection(address: String) -> void:
@@ -393,7 +388,7 @@ func _address() -> String:
 func _end(how: State, why: String) -> void:
 	state = how
 	reason = why
-	_release_resolver()
+	_lookup = null
 	_tcp = null
 	_greeted = false
 	_has_whole_frames = false
@@ -401,9 +396,3 @@ func _end(how: State, why: String) -> void:
 	_position = 0
 	_forget_long_frame()
 	_output = PackedByteArray()
-
-
-func _release_resolver() -> void:
-	if _resolver_id != IP.RESOLVER_INVALID_ID:
-		IP.erase_resolve_item(_resolver_id)
-		_resolver_id = IP.RESOLVER_INVALID_ID

@@ -1,0 +1,29 @@
+"""Checks of requests that the types of messages do not cover."""
+
+from engine_bridge.studio import messages
+from puppetline.errors import ServiceError, unknown_name
+
+
+def check_one(asked: messages.Request, keys: tuple[str, ...]) -> None:
+    """Refuse a request with none or several of some keys."""
+    given = [key for key in keys if getattr(asked, key) is not None]
+    if len(given) != 1:
+        raise ServiceError(
+            "the request",
+            found=" and ".join(given) or "no source",
+            expected=f"one of {', '.join(keys)}",
+            fix="Give exactly one of them.",
+        )
+
+
+def in_use(name: str) -> ServiceError:
+    """Return the error for a recording that cannot be deleted now."""
+    return ServiceError(
+        name, found="a recording that performs now", expected="one that does not", fix="Choose another source first."
+    )
+
+
+def check_known(name: str, known: list[str], key: str) -> None:
+    """Refuse a name that is not one of those known."""
+    if name not in known:
+        raise unknown_name(f"the request, {key}", f"the unknown name {name!r}", known)

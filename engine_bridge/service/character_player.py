@@ -25,9 +25,9 @@ from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.service.automatic_calibration import AutomaticCalibration, Calibrate
 from engine_bridge.service.easing import Easing
+from engine_bridge.service.precompilation import precompile
 from engine_bridge.service.prepared_calibration import PreparedCalibration
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
-from engine_bridge.service.rehearsal import rehearse
 from engine_bridge.service.states import State
 from puppetline.errors import ServiceError
 from solver.motion.motion_blend import difference, moved_by
@@ -106,7 +106,7 @@ class CharacterPlayer:
             self._deformer.handles, np.tile(np.eye(4, 3), (len(self._deformer.bones), 1, 1)), np.zeros(3)
         )
         self._easing = Easing(self._deformer.bones, self._rest, settings.ease)
-        rehearse(rig.puppet, self._deformer, self._rest)
+        precompile(rig.puppet, self._deformer, self._rest)
 
     @property
     def calibration(self) -> Calibration | None:

@@ -1,4 +1,4 @@
-"""Runs everything once that a frame of a character runs, so that no frame waits for compilation."""
+"""Compilation of everything that a frame of a character runs, before the first frame."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from solver.motion.limb_motion import LimbMotion
 from solver.motion.retarget import SmoothReturn, soft_limit
 
 
-def rehearse(puppet: Puppet, deformer: Deformer, rest: TargetPose) -> None:
+def precompile(puppet: Puppet, deformer: Deformer, rest: TargetPose) -> None:
     """Compile what a frame of a character runs, which takes 15 seconds the first time.
 
     Parameters

@@ -3,9 +3,9 @@
 A held foot is flat as in the rest pose. First the pelvis is tilted to one side so that no foot is lower than one that
 rests: the same directions of the legs end at different heights if the hips of the character are wider than the
 performer's. Then the whole character is shifted so that its legs turn as little as possible, and each leg bends by the
-remaining distance. A foot is released when the performer's foot moves or rises, or
-when it is held too far from where the leg points; then it eases back. The height of the character follows from its
-legs: the lower foot is on the floor, unless both feet of the performer leave it.
+remaining distance. A foot is released when the performer's foot moves or rises, or when it is held too far from where
+the leg points; then it eases back. The height of the character follows from its legs: the lower foot is on the floor,
+unless both feet of the performer leave it.
 """
 
 import math
@@ -121,7 +121,7 @@ class Feet:
     basis : (3, 3) float64, optional
         Rows: the mesh file's directions of the character's left, up and forward.
     pelvis : int, optional
-        The bone to which two legs are attached; it is tilted to one side where this keeps legs from bending.
+        The bone that is tilted to one side where this keeps legs from bending, if two legs are attached to it.
     """
 
     def __init__(
@@ -134,7 +134,7 @@ class Feet:
         pelvis: int | None = None,
     ) -> None:
         basis = np.eye(3) if basis is None else np.asarray(basis, dtype=np.float64)
-        count = len(legs)
+        count, thighs = len(legs), [leg.thigh for leg in legs]
         self._plan = _Plan(
             legs=np.array([(leg.thigh, leg.shin, leg.foot) for leg in legs], dtype=np.int64),
             joints=np.array([leg.joint for leg in legs], dtype=np.int64),
@@ -144,7 +144,7 @@ class Feet:
             poles=np.array([pole(bones, leg.thigh, leg.shin, basis[2]) for leg in legs]),
             up=np.ascontiguousarray(basis[1]),
             metre=float(metre),
-            pelvis=-1 if pelvis is None or len(legs) != 2 else pelvis,
+            pelvis=-1 if pelvis is None or count != 2 or np.any(bones.parents[thighs] != pelvis) else pelvis,
         )
         self._state = _State(
             place=np.zeros((count, 3)),
@@ -251,7 +251,9 @@ def _tilt_pelvis(plan, state, motions, heights, elapsed):
     """Tilt the pelvis to one side so that no foot is lower than one that rests; update the heights."""
     left, right = plan.legs[0, 0], plan.legs[1, 0]
     hips = minus(moved(motions[left], plan.heads[left]), moved(motions[right], plan.heads[right]))
-    width = length(hips)
+    width, axis = length(hips), unit(cross(hips, plan.up))
+    if length(axis) == 0:  # both hips are at one place, or one above the other
+        return
     higher = heights[0] - heights[1]
     wanted = state.stands[1] * max(0.0, -higher) - state.stands[0] * max(0.0, higher)
     rise = min(max(dot(hips, plan.up) / width, -1.0), 1.0)
@@ -259,7 +261,6 @@ def _tilt_pelvis(plan, state, motions, heights, elapsed):
     angle = min(max(angle, -MAX_TILT), MAX_TILT)
     angle += remaining(SHIFT_SECONDS, elapsed) * (state.clock[TILT] - angle)
     state.clock[TILT] = angle
-    axis = unit(cross(hips, plan.up))
     T, head = motions[plan.pelvis], plan.heads[plan.pelvis]
     before = motions.copy()
     place(T, quat.product(quat.about(axis, angle), quat.of_rows(T)), head, moved(T, head))

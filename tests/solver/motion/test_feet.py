@@ -209,6 +209,21 @@ def test_the_pelvis_tilts_so_that_both_legs_of_a_performer_who_leans_point_as_th
             np.testing.assert_allclose(apply(motions[bone], head), apply(motions[parent], head), atol=1e-12)
 
 
+def test_hips_at_one_place_do_not_tilt():
+    pose = CHARACTER * [0, 1, 1]
+    limbs = [
+        Limb("trunk", np.array([pose[0], pose[0] + [0, 0.5, 0]]), ((0, 1), (8,))),
+        *(Limb(n, pose[c], tuple((j,) for j in c), parent="trunk") for n, c in (("left", LEFT), ("right", RIGHT))),
+    ]
+    performer = np.vstack([PERFORMER, PERFORMER[HIPS].mean(axis=0) + np.array([0, 0.5, 0])])
+    motion = LimbMotion(limbs, Performer((0, 1), (0, 1), np.array([1, 0, 3, 2, 5, 4, 7, 6, 8])), performer)
+    feet = Feet(motion.bones, [Leg(1, 2, 3, 4), Leg(4, 5, 6, 5)], METRE, pelvis=0)
+    motions = motion.step(0.0, performer, np.ones(9, dtype=np.float32))
+    before = motions[0].copy()
+    feet.step(0.0, performer, np.ones(9, dtype=np.float32), motions, np.zeros(3))
+    np.testing.assert_array_equal(motions[0], before)
+
+
 def test_feet_out_of_sight_are_left_alone():
     confidence = SEEN.copy()
     confidence[4:] = 0.5

@@ -63,7 +63,9 @@ def page():
 def test_the_wheel_holds_the_packages_with_their_types_the_example_puppets_and_the_page(wheel, page):
     def installed(folder, pattern):
         return {
-            Path(PLACES[folder], file.relative_to(ROOT / folder)).as_posix() for file in (ROOT / folder).rglob(pattern)
+            Path(PLACES[folder], file.relative_to(ROOT / folder)).as_posix()
+            for file in (ROOT / folder).rglob(pattern)
+            if "node_modules" not in file.parts
         }
 
     modules = set().union(*(installed(folder, "*.py") for folder in PLACES))

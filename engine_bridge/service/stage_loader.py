@@ -13,7 +13,7 @@ from engine_bridge.service.stage_runner import StageRunner
 
 @dataclass(frozen=True)
 class LoadedStage:
-    """A stage that was loaded: its name, its players, and its runner, which may be one of before."""
+    """A stage that was loaded: its name, its players, and its runner, which a previous load may have made."""
 
     name: str
     players: list[CharacterPlayer]
@@ -32,7 +32,7 @@ def load_stages(
         Folder that files of the sources are relative to.
     loader : CharacterLoader
     runners : sequence of StageRunner
-        Runners of before. They do not change.
+        Runners of the previous load; the sequence is not changed.
 
     Raises
     ------

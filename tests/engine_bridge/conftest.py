@@ -312,10 +312,13 @@ def take(record, dance, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def write_puppet():
-    """Write a puppet file for the figure beside its mesh."""
+    """Write a puppet file for the figure beside its mesh; no two tests write different ones to the same path."""
 
-    def write(path, mesh, root=True, more=SMALL, handles=HANDLES, character=""):
-        path.write_text(f'[character]\nmesh = "{mesh}"\n{character}{handles}\n{ROOT if root else ""}\n{more}')
+    def write(path, mesh, root=True, more=SMALL, handles=HANDLES, character="", replaces=False):
+        text = f'[character]\nmesh = "{mesh}"\n{character}{handles}\n{ROOT if root else ""}\n{more}'
+        if path.exists() and not replaces:
+            assert path.read_text() == text, f"{path} is the puppet file of another test"
+        path.write_text(text)
         return path
 
     return write

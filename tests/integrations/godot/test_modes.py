@@ -280,7 +280,7 @@ def test_a_character_that_stays_in_its_place(show, played, blob_puppet):
 
 def test_more_fields_than_a_vertex_has_room_for_come_vertex_by_vertex(show, playing, blob_file, write_puppet, take):
     more = "[solver]\nfields = 9\nisolines = 6"
-    puppet = write_puppet(blob_file.with_name("many.toml"), blob_file.name, more=more)
+    puppet = write_puppet(blob_file.with_name("nine_fields.toml"), blob_file.name, more=more)
     check_vertices(show, playing(puppet, take), puppet, mode=CONTROLS)
 
 

@@ -117,7 +117,7 @@ def test_a_new_version_of_the_character_replaces_the_old_one(watch, serve, blob_
     service = serve("--puppet", puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
     watched = watch({"port": service.port})
     before = watched.until(moves)
-    write_puppet(puppet, blob_file.name, more="[solver]\nfields = 3\nisolines = 5")
+    write_puppet(puppet, blob_file.name, more="[solver]\nfields = 3\nisolines = 5", replaces=True)
     assert service.ask("reload") == {"characters": ["changed"]}
     watched.until(lambda state: moves(state) and state["instances"] != before["instances"])
     assert watched.signals().count("scene_loaded") == 2

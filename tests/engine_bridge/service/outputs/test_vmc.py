@@ -61,14 +61,14 @@ STRAIGHT = [
 
 
 @pytest.fixture(scope="module")
-def limbed_puppet(blob_file, write_puppet):
-    """A puppet file for the figure, with limbs."""
-    return write_puppet(blob_file.with_name("limbed.toml"), blob_file.name, handles=LIMBS, character="scale = 0.5\n")
+def humanoid_puppet(blob_file, write_puppet):
+    """A puppet file for the figure, with the limbs of a humanoid."""
+    return write_puppet(blob_file.with_name("humanoid.toml"), blob_file.name, handles=LIMBS, character="scale = 0.5\n")
 
 
 @pytest.fixture(scope="module")
-def figure(limbed_puppet):
-    return StreamedCharacter("figure", load_rig(limbed_puppet), 1)
+def figure(humanoid_puppet):
+    return StreamedCharacter("figure", load_rig(humanoid_puppet), 1)
 
 
 @pytest.fixture
@@ -223,12 +223,12 @@ def test_the_clock_is_the_senders_and_the_rate_is_kept(figure, frame_of):
 
 
 @pytest.fixture
-def service_file(limbed_puppet, tmp_path, free_port):
+def service_file(humanoid_puppet, tmp_path, free_port):
     def write(source, port):
         file = tmp_path / "kiosk.toml"
         file.write_text(
             f'announce = false\n[network]\nport = {free_port()}\n[[stage]]\nsource = "{source}"\n'
-            f'[[stage.character]]\npuppet = "{limbed_puppet}"\n[[osc]]\nport = {port}\nrate = 60\nsend = ["vmc"]\n'
+            f'[[stage.character]]\npuppet = "{humanoid_puppet}"\n[[osc]]\nport = {port}\nrate = 60\nsend = ["vmc"]\n'
         )
         return file
 

@@ -64,19 +64,27 @@ def _below_axle(leg: LimbCurve, top: float) -> float:
 def _middles(skeleton: CurveSkeleton, leg: LimbCurve, hip: float) -> NDArray[np.float64]:
     """Return the middles (`SECTION_COUNT`, 3) of the cross-sections of a leg, from its end to the hip."""
     cells, ways = _cells_of(skeleton, leg, hip)
+    middles = _section_middles(cells, ways, hip)
+    for _ in range(ROUND_COUNT - 1):
+        middles = _section_middles(cells, _ways_along(middles, cells, hip), hip)
+    return middles
+
+
+def _section_middles(cells: NDArray[np.float64], ways: NDArray[np.float64], hip: float) -> NDArray[np.float64]:
+    """Return the weighted means (`SECTION_COUNT`, 3) of cells at evenly spaced distances up to the hip."""
     width = hip / (SECTION_COUNT - 1)
     sections = width * np.arange(SECTION_COUNT)
-    middles = leg.points[:0]
-    for _ in range(ROUND_COUNT):
-        if len(middles):
-            steps = np.linalg.norm(np.diff(middles, axis=0), axis=1)
-            along = np.concatenate([[0.0], np.cumsum(steps)])
-            fine = np.linspace(0.0, along[-1], 10 * SECTION_COUNT)
-            curve = np.column_stack([np.interp(fine, along, column) for column in middles.T])
-            ways = fine[cKDTree(curve).query(cells)[1]] * hip / along[-1]
-        weights = np.exp(-0.5 * ((ways - sections[:, None]) / width) ** 2)
-        middles = weights @ cells / np.maximum(weights.sum(axis=1, keepdims=True), 1e-300)
-    return middles
+    weights = np.exp(-0.5 * ((ways - sections[:, None]) / width) ** 2)
+    return weights @ cells / np.maximum(weights.sum(axis=1, keepdims=True), 1e-300)
+
+
+def _ways_along(middles: NDArray[np.float64], cells: NDArray[np.float64], hip: float) -> NDArray[np.float64]:
+    """Return the distances (m,) of cells from the first middle, along the curve through all; the last is at `hip`."""
+    steps = np.linalg.norm(np.diff(middles, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    fine = np.linspace(0.0, along[-1], 10 * SECTION_COUNT)
+    curve = np.column_stack([np.interp(fine, along, column) for column in middles.T])
+    return fine[cKDTree(curve).query(cells)[1]] * hip / along[-1]
 
 
 def _cells_of(skeleton: CurveSkeleton, leg: LimbCurve, hip: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -66,7 +66,7 @@ def test_a_compact_skin_is_within_the_printed_error(variants, distances, name):
 def test_what_is_not_part_of_the_surface_stays_bit_for_bit(variants, take, write_puppet, raw, tmp_path):
     """The mesh's own targets are scaled, but not rounded; its images, weights, joints and indices stay."""
     for name in ("textured", "own_targets", "skinned"):
-        puppet = write_puppet(tmp_path / "a.toml", variants[name].path)
+        puppet = write_puppet(tmp_path / f"{name}.toml", variants[name].path)
         convert(take, puppet, tmp_path / "a.glb", Settings(compact=True))
         before, after = raw(variants[name].path), raw(tmp_path / "a.glb")
         for image, same in zip(before.file.images, after.file.images, strict=True):
@@ -86,7 +86,7 @@ def test_what_is_not_part_of_the_surface_stays_bit_for_bit(variants, take, write
 
 def test_no_byte_is_in_the_file_without_a_use(variants, take, write_puppet, raw, tmp_path):
     for name in ("textured", "shared_mesh", "node_transforms"):
-        puppet = write_puppet(tmp_path / "a.toml", variants[name].path)
+        puppet = write_puppet(tmp_path / f"{name}.toml", variants[name].path)
         convert(take, puppet, tmp_path / "a.glb", Settings(compact=True))
         made = raw(tmp_path / "a.glb")
         used = sum(view.byteLength + -view.byteLength % 4 for view in made.file.bufferViews)

@@ -62,10 +62,11 @@ def find_recordings(arguments: Iterable[str], excluded: Path) -> Recordings:
     Raises
     ------
     SkeletonLogError
-        An argument refers to nothing, or two recordings have the same name.
+        An argument refers to nothing, there is no recording at all, or two recordings have the same name.
     """
     recordings: dict[Path, Recording] = {}
     others: dict[Path, None] = {}
+    arguments = list(arguments)
     for argument in arguments:
         listed = argument.startswith(LIST_MARK)
         for each in _listed(Path(argument[1:])) if listed else [argument]:
@@ -76,6 +77,13 @@ def find_recordings(arguments: Iterable[str], excluded: Path) -> Recordings:
                     recordings[recording.path] = recording
                 else:
                     others[recording.path] = None
+    if not recordings:
+        raise SkeletonLogError(
+            ", ".join(arguments),
+            found=f"{len(others):,} files, none of which is a recording" if others else "no file",
+            expected="recordings in a format that puppetline inspect recognises",
+            fix="Check the path of the folder or list.",
+        )
     return Recordings(sorted(_with_unique_names(list(recordings.values())), key=lambda each: each.name), list(others))
 
 

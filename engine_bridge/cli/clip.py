@@ -20,7 +20,7 @@ from engine_bridge.cli.progress import progress
 @conversion.reading_options
 @options.as_json
 def clip(log: Path, puppet: Path, output: Path, name: str | None, as_json: bool, **choices: Any) -> None:
-    """Convert a recording LOG to a clip, which the Godot addon plays without a service."""
+    """Convert a recording LOG to a clip, which the Godot addon and the Unity package play without a service."""
     from engine_bridge.service.clip_export import write_clip
 
     with progress() as report:

@@ -9,6 +9,9 @@ import click
 from engine_bridge.cli import options
 from engine_bridge.cli.options import FILE
 
+IDENTIFIERS = ("revision",)
+"""Keys of whole numbers that identify something, and are written without commas."""
+
 
 @click.command()
 @click.argument("file", type=FILE)
@@ -34,7 +37,7 @@ def _outline(value: Any, depth: int = 0) -> Iterator[str]:
         elif isinstance(item, list):
             yield f"{label}: {', '.join(map(_plain, item)) or 'none'}"
         else:
-            yield f"{label}: {_plain(item)}"
+            yield f"{label}: {item if key in IDENTIFIERS else _plain(item)}"
 
 
 def _plain(value: Any) -> str:

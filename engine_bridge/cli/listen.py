@@ -40,7 +40,12 @@ def listen(
 
     token = read_token(token_file)
     report = listening.listen(
-        address, seconds=seconds, token=token, characters=characters, kinds=kinds or ("controls",)
+        address,
+        seconds=seconds,
+        token=token,
+        characters=characters,
+        kinds=kinds or ("controls",),
+        notice=lambda text: click.echo(f"puppetline: {text}", err=True),
     )
     if as_json:
         options.echo_json(asdict(report))

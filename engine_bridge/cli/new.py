@@ -70,13 +70,19 @@ def new(
     """
     from engine_bridge.pictures import puppet_diagram
     from engine_bridge.puppet import proposal, puppet_file
+    from puppetline.errors import OutputError
     from puppetline.files import check_writable
 
     picture = preview or output.with_suffix(".handles.png")  # plain .png may be the name of a texture or contact sheet
     check_writable(output, ".toml", inputs=(mesh,))
     check_writable(picture, ".png", inputs=(mesh,))
     if output.exists() and not force:
-        raise click.UsageError(f"{output} exists already; use --force to replace it.")
+        raise OutputError(
+            output,
+            found="an existing file",
+            expected="a new name",
+            fix="Choose another name, or replace it with --force.",
+        )
     proposed = proposal.new_puppet(
         mesh,
         output,

@@ -7,12 +7,14 @@ import math
 import secrets
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import zmq
+from zmq.utils.monitor import recv_monitor_message
 
 from engine_bridge.service.protocol.header import FRAME_KINDS, NAME, Kind, WireError, subscription
 from engine_bridge.service.protocol.payloads import Morphs, Received, decode
@@ -39,6 +41,12 @@ MAX_CHARACTERS = 256
 
 MAX_MESSAGE_BYTES = 1 << 30
 """Maximum size of a message; the connection to a sender of a larger one is closed."""
+
+REFUSALS = zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
+"""Events of a connection that the service refuses: the token is wrong, or is missing."""
+
+NOTICE_SECONDS = 3.0
+"""Time without a message after which the client says what is missing, in seconds."""
 
 LOOPBACK = ("tcp://127.", "tcp://localhost:", "tcp://[::1]:")
 
@@ -113,6 +121,7 @@ def listen(
     token: str | None = None,
     characters: Sequence[str] = (),
     kinds: Sequence[str] = ("controls",),
+    notice: Callable[[str], None] = lambda _text: None,
 ) -> ListenReport:
     """Follow characters, and measure what arrives.
 
@@ -128,6 +137,8 @@ def listen(
         Names of the characters to follow; all by default.
     kinds : sequence of str
         Some of `KINDS`.
+    notice : callable
+        Called once with a text if nothing has been received for `NOTICE_SECONDS`; the client goes on.
 
     Raises
     ------
@@ -147,24 +158,55 @@ def listen(
     context = zmq.Context[zmq.Socket[bytes]]()
     try:
         socket = _connected(context, address, token)
+        silence = _Silence(address, socket, notice)
         listener.follow(socket, characters)
         end = time.monotonic() + (math.inf if seconds is None else seconds)
-        while (now := time.monotonic()) < end:
-            if socket.poll(max(0, round(1000 * min(end - now, POLL_SECONDS)))):
-                listener.take(socket, socket.recv(), time.monotonic_ns())
-    except KeyboardInterrupt:
-        pass
+        with suppress(KeyboardInterrupt):
+            while (now := time.monotonic()) < end:
+                if socket.poll(max(0, round(1000 * min(end - now, POLL_SECONDS)))):
+                    listener.take(socket, socket.recv(), time.monotonic_ns())
+                silence.look(listener)
     finally:
         context.destroy(linger=0)
     report = listener.report()
-    if not report.bytes and not report.refused:
-        raise ServiceError(
-            address,
-            found=f"no message within {report.seconds:.0f} s",
-            expected="a running service that accepts this client",
-            fix="Start one with puppetline serve; check the address, and the token if the service requires one.",
-        )
+    if not listener.has_heard:
+        raise silence.error()
     return report
+
+
+class _Silence:
+    """Why no message has been received, which is told once after `NOTICE_SECONDS`."""
+
+    def __init__(self, address: str, socket: "zmq.Socket[bytes]", notice: Callable[[str], None]) -> None:
+        self._address, self._refusals, self._notice = address, socket.get_monitor_socket(REFUSALS), notice
+        self._begun = time.monotonic()
+        self._is_told = self._is_refused = False
+
+    def look(self, listener: "_Listener") -> None:
+        """Look whether anything has been received or refused."""
+        while self._refusals.poll(0):
+            recv_monitor_message(self._refusals)
+            self._is_refused = True
+        if not self._is_told and time.monotonic() > self._begun + NOTICE_SECONDS:
+            self._is_told = True
+            if not listener.has_heard:
+                self._notice(str(self.error()))
+
+    def error(self) -> ServiceError:
+        """Return the error after the time so far."""
+        if self._is_refused:
+            return ServiceError(
+                self._address,
+                found="a service that refuses this client",
+                expected="a client with the service's token",
+                fix="Name the file with the token: --token-file FILE.",
+            )
+        return ServiceError(
+            self._address,
+            found=f"no message within {time.monotonic() - self._begun:.0f} s",
+            expected="a running service",
+            fix="Start one with puppetline serve, or check the address.",
+        )
 
 
 def _connected(context: "zmq.Context[zmq.Socket[bytes]]", address: str, token: str | None) -> "zmq.Socket[bytes]":
@@ -230,6 +272,11 @@ class _Listener:
         self._all = False
         self._scenes: dict[str, dict[str, Any]] = {}
         self._tallies: dict[str, _Tally] = {}
+
+    @property
+    def has_heard(self) -> bool:
+        """Whether any message has been received."""
+        return self._bytes > 0 or self._refused > 0
 
     def follow(self, socket: "zmq.Socket[bytes]", characters: Sequence[str]) -> None:
         """Subscribe to characters; to all, and to those added later, if none are named."""

@@ -27,11 +27,20 @@ def check_handles(handles: Sequence[HandleTable], mesh: SolverMesh, where: str |
     PuppetError
     """
     for number, handle in enumerate(handles, 1):
-        point = np.array(handle.position)
-        nearest = _if_far(point, mesh)
-        if nearest is not None:
-            field = f"[[handle]] {number} {handle.name!r}, position"
-            raise _off_the_mesh(point, nearest, mesh, at(where, field=field), "on")
+        field = f"[[handle]] {number} {handle.name!r}, position"
+        check_on_surface(np.array(handle.position), mesh, at(where, field=field))
+
+
+def check_on_surface(point: NDArray[np.float64], mesh: SolverMesh, where: str) -> None:
+    """Refuse a point (3,) that is far from the surface.
+
+    Raises
+    ------
+    PuppetError
+    """
+    nearest = _if_far(point, mesh)
+    if nearest is not None:
+        raise _off_the_mesh(point, nearest, mesh, where, "on")
 
 
 def check_limbs(limbs: Sequence[LimbTable], mesh: SolverMesh, where: str | Path) -> None:

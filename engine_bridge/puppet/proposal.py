@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from engine_bridge.character.character import Character, load_character
 from engine_bridge.puppet.handle_proposal import propose_handles
 from engine_bridge.puppet.limb_proposal import LIMB_JOINTS, limb_tables
-from engine_bridge.puppet.placement import check_handles
+from engine_bridge.puppet.placement import check_handles, check_on_surface
 from engine_bridge.puppet.puppet import CharacterTable, Direction, LimbTable, Puppet
 from engine_bridge.puppet.puppet_file import check
 from engine_bridge.puppet.rig_limbs import axes_of, rig_limbs
@@ -93,6 +93,8 @@ def new_puppet(
     where = "the command line"
     places = {name: np.array(_numbers("--limb", name, text)) for name, text in ends.items()}
     _check_ends(ends, where)
+    for name, point in places.items():
+        check_on_surface(point, surface, at(where, field=f"--limb {name}={ends[name]}"))
     rig = None if ends else rig_limbs(character)
     skeleton = _axes(rig, up, front)
     table: dict[str, Any] = {"mesh": Path(os.path.relpath(mesh, output.parent)).as_posix()}
@@ -214,6 +216,6 @@ def _numbers(option: str, name: str, text: str) -> list[float]:
             at("the command line", field=f"{option} {name}={text}"),
             found=repr(text),
             expected="three numbers with commas between them",
-            fix=f"Write it like {option} {name}=0.1,1.5,0.2",
+            fix=f"Write it like {option} '{name}=0.1,1.5,0.2'.",
         ) from error
     return [x, y, z]

@@ -5,6 +5,7 @@ from typing import Any
 
 import tomlkit
 
+from engine_bridge.character.character import CHARACTER_FILES
 from engine_bridge.puppet.puppet import Puppet, RootTable
 from puppetline import toml_schema
 from puppetline.errors import PuppetError
@@ -29,6 +30,13 @@ def read(path: Path) -> str:
     ------
     PuppetError
     """
+    if path.suffix.lower() in CHARACTER_FILES:
+        raise PuppetError(
+            path,
+            found="a mesh",
+            expected="a puppet file",
+            fix=f"Create one for the mesh: puppetline new {path} -o PUPPET.toml",
+        )
     fix = "Check the path, or create a puppet file: puppetline new MESH -o PUPPET.toml"
     return toml_schema.read_text(path, "a puppet file", fix, PuppetError)
 

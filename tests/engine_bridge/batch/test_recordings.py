@@ -39,6 +39,15 @@ def test_a_file_has_its_own_name_and_is_used_whatever_it_contains(find, logs):
     )
 
 
+@pytest.mark.parametrize(("files", "found"), [((), "no file"), (("a.txt", "b.txt"), "2 files, none of which is a")])
+def test_a_folder_without_a_recording_is_an_error(find, tmp_path, files, found):
+    (tmp_path / "logs").mkdir()
+    for name in files:
+        (tmp_path / "logs" / name).write_text("Dear diary\n")
+    with pytest.raises(SkeletonLogError, match=f"logs: found {found}"):
+        find("logs")
+
+
 def test_a_list_has_an_argument_per_line_and_comments(find, logs, tmp_path):
     (tmp_path / "list.txt").write_text(f"# mine\n\n{logs}/b.log\n{logs}/day 1\ngone.log\n")
     found, _ = find("@list.txt")

@@ -288,8 +288,11 @@ def test_new_makes_a_puppet_that_converts_right_away_and_is_not_overwritten(run,
 
     first = (tmp_path / "made.toml").read_bytes()
     again = run("new", "blob.glb", "-o", "made.toml", "--handle", "crown=0,2.1,0.3", "--map", "crown=head")
-    assert (again.returncode, again.stdout) == (2, "")
-    assert "--force" in again.stderr
+    assert (again.returncode, again.stdout) == (1, "")
+    assert again.stderr == (
+        "puppetline: made.toml: found an existing file; expected a new name. Choose another name, or replace it with "
+        "--force.\n"
+    )
     assert (tmp_path / "made.toml").read_bytes() == first
     forced = run("new", "blob.glb", "-o", "made.toml", "--handle", "crown=0,2.1,0.3", "--map", "crown=head", "--force")
     assert (forced.returncode, forced.stderr) == (0, "")

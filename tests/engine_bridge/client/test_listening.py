@@ -5,7 +5,9 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 import zmq
+from zmq.auth.thread import ThreadAuthenticator
 
+from engine_bridge.client import listening
 from engine_bridge.client.listening import describe, listen
 from engine_bridge.service.outputs.zeromq import ZeroMqOutput
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
@@ -128,6 +130,31 @@ def test_no_service_is_an_error_that_says_what_to_do():
         port = free.bind_to_random_port("tcp://127.0.0.1")
     with pytest.raises(ServiceError, match="puppetline serve"):
         listen(f"127.0.0.1:{port}", seconds=0.2)
+
+
+def test_a_silence_is_told_once_while_the_client_goes_on(monkeypatch):
+    monkeypatch.setattr(listening, "NOTICE_SECONDS", 0.2)
+    told = []
+    with zmq.Context() as context, context.socket(zmq.XPUB) as silent:
+        port = silent.bind_to_random_port("tcp://127.0.0.1")
+        with pytest.raises(ServiceError, match="found no message within 1 s; expected a running service"):
+            listen(f"127.0.0.1:{port}", seconds=1, notice=told.append)
+    assert [text.partition("; ")[0] for text in told] == [f"tcp://127.0.0.1:{port}: found no message within 0 s"]
+
+
+@pytest.mark.parametrize("token", [None, "another one"])
+def test_a_service_that_refuses_the_token_is_told_from_none(token):
+    context = zmq.Context()
+    guard = ThreadAuthenticator(context)
+    guard.start()
+    guard.configure_plain(passwords={"puppetline": "the right one"})
+    with context.socket(zmq.XPUB) as locked:
+        locked.plain_server = True
+        port = locked.bind_to_random_port("tcp://127.0.0.1")
+        with pytest.raises(ServiceError, match=r"found a service that refuses this client; .*--token-file"):
+            listen(f"127.0.0.1:{port}", seconds=0.5, token=token)
+    guard.stop()
+    context.destroy(linger=0)
 
 
 @pytest.mark.parametrize(

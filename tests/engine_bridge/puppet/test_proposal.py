@@ -96,6 +96,12 @@ def test_handles_can_be_had_instead_of_limbs(blob_file, tmp_path):
     assert {handle.name: handle.joint for handle in made.handle} == HUMANOID
 
 
+def test_the_end_of_a_limb_far_from_the_mesh_is_refused(blob_file, tmp_path):
+    ends = {"left arm": "1.55,1.32,0.1", "right arm": "-4,1.2,0"}
+    with pytest.raises(PuppetError, match=r"--limb right arm=-4,1.2,0: found .* away from the surface; expected"):
+        new_puppet(blob_file, tmp_path / "a.toml", ends=ends)
+
+
 def test_the_user_says_where_limbs_end(blob_file, tmp_path):
     ends = {"left arm": "-1.5,1.2,-0.05", "right arm": "1.55,1.32,0.1"}  # crossed
     made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", ends=ends).puppet
@@ -185,14 +191,14 @@ def test_limbs_that_overlap_are_replaced_by_handles_with_a_note(blob_file, tmp_p
             {},
             "the command line, --handle paw=1,2",
             "'1,2'",
-            "Write it like --handle paw=0.1,1.5,0.2",
+            "Write it like --handle 'paw=0.1,1.5,0.2'.",
         ),
         (
             {"paw": "1,b,3"},
             {},
             "the command line, --handle paw=1,b,3",
             "'1,b,3'",
-            "Write it like --handle paw=0.1,1.5,0.2",
+            "Write it like --handle 'paw=0.1,1.5,0.2'.",
         ),
         (
             {},
@@ -227,7 +233,7 @@ def test_a_mistake_on_the_command_line_is_named(blob_file, tmp_path, handles, ma
     ("ends", "where", "found", "fix"),
     [
         ({"paw": "1,2,3"}, "--limb paw=1,2,3", "'paw'", "Correct the name of the limb."),
-        ({"head": "1,2"}, "--limb head=1,2", "'1,2'", "Write it like --limb head=0.1,1.5,0.2"),
+        ({"head": "1,2"}, "--limb head=1,2", "'1,2'", "Write it like --limb 'head=0.1,1.5,0.2'."),
         (
             {"left arm": "1,2,3"},
             "--limb left arm=1,2,3",

@@ -136,6 +136,15 @@ def test_a_syntax_error_is_named_with_its_line(tmp_path, content, line):
     assert error.value.found.startswith("a syntax error: ")
 
 
+def test_a_mesh_in_place_of_a_puppet_file_is_said_with_the_command_that_makes_one(blob_file):
+    with pytest.raises(PuppetError) as error:
+        puppet_file.load(blob_file)
+    assert str(error.value) == (
+        f"{blob_file}: found a mesh; expected a puppet file. Create one for the mesh: puppetline new {blob_file} -o "
+        "PUPPET.toml"
+    )
+
+
 def test_a_file_that_is_no_text_or_not_there_or_nested_without_end_is_refused(tmp_path):
     binary, deep = tmp_path / "binary.toml", tmp_path / "deep.toml"
     binary.write_bytes(b"\xff\xfe\x00")

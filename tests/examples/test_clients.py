@@ -4,8 +4,6 @@ import json
 import struct
 import time
 from concurrent.futures import ThreadPoolExecutor
-from importlib.util import module_from_spec, spec_from_file_location
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,24 +15,17 @@ from engine_bridge.export.unit_weights import UnitWeights
 from solver.model.binding import Binding
 from solver.motion.deformer import Deformer, to_file_units
 
-ROOT = Path(__file__).parents[2]
-VECTORS = ROOT / "tests" / "vectors"
-EXPECTED = json.loads((VECTORS / "expected.json").read_text(encoding="utf-8"))
+from ..modules import load
+from ..recorded import EXPECTED, VECTORS
+
 SCENE = EXPECTED["scene"]["facts"]
 MODES = ("controls", "morphs", "vertices")
 TOLD = ("sequence", "time", "state", "user", "received", "published")
 TIMEOUT_SECONDS = 20.0
 
 
-def load(path):
-    spec = spec_from_file_location(path.stem, path)
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-client = load(ROOT / "examples" / "clients" / "follow.py")
-morph_targets = load(ROOT / "examples" / "clients" / "morph_targets.py")
+client = load("examples/clients/follow.py")
+morph_targets = load("examples/clients/morph_targets.py")
 
 
 def recorded(name, **header):
@@ -122,7 +113,7 @@ def service():
 @pytest.fixture(scope="module")
 def baked(tmp_path_factory):
     """The recorded morphs' targets in a .glb, in a node that is turned and stretched, after a target of its own."""
-    record = load(VECTORS / "record.py")
+    record = load("tests/vectors/record.py")
     rig = record.worm()
     deformer = Deformer(rig.model, rig.mesh, rig.puppet.handle_positions)
     pulls = [*record.PULLS, record.IN_BETWEEN]

@@ -1,11 +1,12 @@
 """Frames that come unevenly are shown evenly, a little later, and mixed where none is due."""
 
 import json
-from pathlib import Path
 
 import pytest
 
-SCENE = Path(__file__).parents[2] / "vectors" / "scene.bin"
+from ...recorded import VECTORS
+
+SCENE = VECTORS / "scene.bin"
 AHEAD = 1000.0
 """This machine's clock is that far ahead of the source's."""
 

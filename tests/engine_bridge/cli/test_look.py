@@ -2,8 +2,6 @@ import json
 import signal
 import socket
 import threading
-from contextlib import contextmanager
-from itertools import cycle
 
 import numpy as np
 import pytest
@@ -73,19 +71,6 @@ def look_live(tmp_path, commands):
         terminal.kill()
 
 
-@contextmanager
-def performing(sender, frames, user=1):
-    """Send frames in a loop."""
-    done = threading.Event()
-    playing = threading.Thread(target=sender.play, args=[cycle(frames)], kwargs={"user": user, "until": done.is_set})
-    playing.start()
-    try:
-        yield
-    finally:
-        done.set()
-        playing.join()
-
-
 def printed_last(terminal):
     """Return what a closed terminal shows after its status line was erased."""
     assert terminal.heard.count("\x1b[?25h") == terminal.heard.count("\x1b[?25l") > 0  # the cursor is there again
@@ -126,7 +111,7 @@ def test_after_its_seconds_or_the_end_of_a_recording_the_live_look_ends(look_liv
 def test_a_sender_that_comes_later_is_seen_and_one_that_goes_is_missed(look_live, sender, kung_fu):
     terminal = look_live(sender.uri)
     terminal.hear("No packet received for")
-    with performing(sender, kung_fu):
+    with sender.playing(kung_fu):
         terminal.hear("user 1: 20 of 20 joints tracked")
     before = terminal.heard.count("No packet received for")
     while terminal.heard.count("No packet received for") == before:

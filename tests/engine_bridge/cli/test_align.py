@@ -42,7 +42,7 @@ def sender_pair(sender):
 
 
 @pytest.fixture
-def run(recordings, monkeypatch):
+def invoke(recordings, monkeypatch):
     monkeypatch.chdir(recordings)
 
     def invoke(*arguments, code=0):
@@ -53,23 +53,23 @@ def run(recordings, monkeypatch):
     return invoke
 
 
-def test_align_finds_the_pose_and_the_file_plays_the_recordings_as_one(run, recordings):
+def test_align_finds_the_pose_and_the_file_plays_the_recordings_as_one(invoke, recordings):
     (recordings / "set").mkdir()
-    [found] = json.loads(run("align", "left.log", "right.log", "-o", "set/two.toml", "--json").output)
+    [found] = json.loads(invoke("align", "left.log", "right.log", "-o", "set/two.toml", "--json").output)
     np.testing.assert_allclose(found["position"], POSE.position, atol=1e-3)
     np.testing.assert_allclose(found["rotation"], [4.0, -75.0, 2.0], atol=0.02)
     assert found["clock"] == pytest.approx(0.02, abs=1e-3)
     assert found["residual_cm"] < 0.1
     assert found["source"] == "replay:../right.log"
-    run("record", "--source", "fused:set/two.toml", "-o", "fused.log", "--seconds", 2)
+    invoke("record", "--source", "fused:set/two.toml", "-o", "fused.log", "--seconds", 2)
     [clip] = read_log(recordings / "fused.log")
     walk = clean("walk")
     assert 40 < len(clip.times) < 70
     np.testing.assert_allclose(clip.positions, walk.positions[: len(clip.times)], atol=0.01)
 
 
-def test_the_text_states_the_pose_and_the_residual(run, recordings):
-    text = run("align", "left.log", "right.log", "-o", "two.toml", "--source", "osc:1", "--source", "osc:2").output
+def test_the_text_states_the_pose_and_the_residual(invoke, recordings):
+    text = invoke("align", "left.log", "right.log", "-o", "two.toml", "--source", "osc:1", "--source", "osc:2").output
     assert "right.log: at (2.40, 0.30, 1.90) m, tilt 4.0°, turn -75.0°, roll 2.0°, clock +20.0 ms" in text
     assert "joints 0.0 cm apart (mean) in 9.2 s; left and right differ in 0 % of the frames" in text
     assert 'source = "osc:2"' in (recordings / "two.toml").read_text()
@@ -85,11 +85,13 @@ def test_the_text_states_the_pose_and_the_residual(run, recordings):
         (["left.log", "other.log", "-o", "two.toml"], 1, "left.log and other.log: found"),
     ],
 )
-def test_recordings_that_cannot_be_aligned_are_errors_and_no_file_is_written(run, recordings, arguments, code, message):
+def test_recordings_that_cannot_be_aligned_are_errors_and_no_file_is_written(
+    invoke, recordings, arguments, code, message
+):
     with Recorder(recordings / "other.log") as recorder:
         for frame in clean("lean").frames():
             recorder.write(frame)
-    result = run("align", *arguments, code=code)
+    result = invoke("align", *arguments, code=code)
     assert message in (result.output if code == 2 else str(result.exception) + result.output)
     assert not (recordings / "two.toml").exists()
 

@@ -165,7 +165,7 @@ def tips(vertices):
 
 
 @pytest.fixture(scope="module")
-def play(file, player):
+def played_in(file, player):
     """Export a character and play it in a program, once for all tests; return the file and the result."""
     played = {}
 
@@ -239,8 +239,8 @@ def allowed(program, made, expected):
 
 @pytest.mark.parametrize("name", [*MADE, *REAL])
 @pytest.mark.parametrize("form", FORMS)
-def test_every_vertex_is_where_it_was_solved_to_be(program, form, name, play, players):
-    made, shown = play(program, name, form)
+def test_every_vertex_is_where_it_was_solved_to_be(program, form, name, played_in, players):
+    made, shown = played_in(program, name, form)
     np.testing.assert_allclose(shown.times, np.arange(TIMES) * 2.5 / FPS, atol=1e-6)
     between = np.arange(TIMES) % 2 == 1
     expected = players.solved(made.clip)(shown.times)
@@ -271,8 +271,8 @@ def targets(made, node):
 
 @pytest.mark.parametrize("name", ["animated", "several_primitives", *REAL])
 @pytest.mark.parametrize("form", ["morph", "skin"])
-def test_animations_nodes_and_targets_have_the_names_that_the_file_gives_them(program, form, name, play):
-    made, shown = play(program, name, form)
+def test_animations_nodes_and_targets_have_the_names_that_the_file_gives_them(program, form, name, played_in):
+    made, shown = played_in(program, name, form)
     own, report = made.gltf, shown.report
     assert own.animations[0].name == "one_second"
     animations, nodes = names(own.animations), set(names(own.nodes))
@@ -308,8 +308,8 @@ def looks(made, node, primitive):
 
 @pytest.mark.parametrize("name", ["animated", "several_primitives", *REAL])
 @pytest.mark.parametrize("form", ["morph", "skin"])
-def test_every_part_has_its_material(program, form, name, play):
-    made, shown = play(program, name, form)
+def test_every_part_has_its_material(program, form, name, played_in):
+    made, shown = played_in(program, name, form)
     own = made.gltf
     for mesh in shown.report["meshes"]:
         if program == "Blender":  # one mesh for all primitives of a node, with the materials that they have
@@ -336,8 +336,8 @@ def test_every_part_has_its_material(program, form, name, play):
 
 @pytest.mark.parametrize("name", ["own_targets", "animated", "node_transforms", *REAL])
 @pytest.mark.parametrize("form", FORMS)
-def test_blender_plays_the_recording_at_once_with_a_keyframe_a_frame(form, name, play):
-    made, shown = play("Blender", name, form)
+def test_blender_plays_the_recording_at_once_with_a_keyframe_a_frame(form, name, played_in):
+    made, shown = played_in("Blender", name, form)
     report = shown.report
     assert report["fps"] == FPS
     assert report["actions"]["one_second"]["frames"] == [0, FRAMES - 1]

@@ -60,7 +60,7 @@ def floats(name, *shape):
 
 
 @pytest.fixture(scope="module")
-def record():
+def recorder():
     """The script that has recorded them."""
     return load("tests/vectors/record.py")
 
@@ -72,8 +72,8 @@ def test_there_is_one_of_every_kind_that_belongs_to_a_character():
 
 
 @pytest.mark.parametrize("name", EXPECTED)
-def test_recorded_messages_decode_to_the_recorded_values(name, record):
-    found = json.loads(json.dumps(record.expected(recorded(name))))
+def test_recorded_messages_decode_to_the_recorded_values(name, recorder):
+    found = json.loads(json.dumps(recorder.expected(recorded(name))))
 
     def same(a, b):
         if isinstance(b, dict):
@@ -91,8 +91,8 @@ def test_recorded_messages_are_joined_to_the_same_bytes(name):
     assert join(topic_field(message.topic), message.header, message.payload) == recorded(name)
 
 
-def test_messages_recorded_now_have_the_recorded_headers_and_sizes(record):
-    made = record.messages()
+def test_messages_recorded_now_have_the_recorded_headers_and_sizes(recorder):
+    made = recorder.messages()
     assert set(made) == set(EXPECTED)
     for name, message in made.items():
         if name != "scene":  # whose description holds numbers of any length

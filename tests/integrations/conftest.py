@@ -20,7 +20,8 @@ make_shape, blob, blob_file, write_puppet, blob_puppet, blob_rig, limbed_puppet 
     figures.blob_rig,
     figures.limbed_puppet,
 )
-standing, dance, frames, record, take = figures.standing, figures.dance, figures.frames, figures.record, figures.take
+standing, dance, frames = figures.standing, figures.dance, figures.frames
+record_events, record, take = figures.record_events, figures.record, figures.take
 serve, serve_module, listen = services.serve, services.serve_module, services.listen
 sender, free_port, kung_fu = services.sender, services.free_port, services.kung_fu
 

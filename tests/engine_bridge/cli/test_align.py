@@ -11,7 +11,6 @@ from puppetline.examples.performances import clean
 
 from capture.formats import read_log
 from capture.pose import Pose
-from capture.recording import Recorder
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 from engine_bridge.cli.main import main
 
@@ -25,12 +24,10 @@ def seen(frame, pose, clock=0.0):
 
 
 @pytest.fixture
-def recordings(tmp_path):
+def recordings(record_events, tmp_path):
     """Recordings of a walk by two sensors, the second with a clock that is 20 ms ahead."""
     for name, pose, clock in (("left", HERE, 0.0), ("right", POSE, 0.02)):
-        with Recorder(tmp_path / f"{name}.log") as recorder:
-            for frame in clean("walk").frames():
-                recorder.write(seen(frame, pose, clock))
+        record_events(tmp_path / f"{name}.log", (seen(frame, pose, clock) for frame in clean("walk").frames()))
     return tmp_path
 
 
@@ -86,11 +83,9 @@ def test_the_text_states_the_pose_and_the_residual(invoke, recordings):
     ],
 )
 def test_recordings_that_cannot_be_aligned_are_errors_and_no_file_is_written(
-    invoke, recordings, arguments, code, message
+    invoke, record_events, recordings, arguments, code, message
 ):
-    with Recorder(recordings / "other.log") as recorder:
-        for frame in clean("lean").frames():
-            recorder.write(frame)
+    record_events(recordings / "other.log", clean("lean").frames())
     result = invoke("align", *arguments, code=code)
     assert message in (result.output if code == 2 else str(result.exception) + result.output)
     assert not (recordings / "two.toml").exists()

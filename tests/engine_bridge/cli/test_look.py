@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from capture.recording import Recorder
 from capture.trackers.mediapipe import LANDMARK_WEIGHTS
 from engine_bridge.pictures.source_view import PANEL_HEIGHT, PERFORMER_COLORS
 
@@ -98,10 +97,8 @@ def test_a_signal_ends_the_live_look_and_leaves_the_report(look_live, number):
     assert "  user 1: 20 of 20 joints tracked" in printed_last(terminal)
 
 
-def test_after_its_seconds_or_the_end_of_a_recording_the_live_look_ends(look_live, kung_fu, tmp_path):
-    with Recorder(tmp_path / "short.log") as recorder:
-        for frame in kung_fu[:30]:
-            recorder.write(frame)
+def test_after_its_seconds_or_the_end_of_a_recording_the_live_look_ends(look_live, record_events, kung_fu, tmp_path):
+    record_events(tmp_path / "short.log", kung_fu[:30])
     for source, seconds in (("demo:walk?loop", 1), ("replay:short.log", 600)):
         terminal = look_live(source, "--seconds", seconds)
         assert terminal.end() == 0

@@ -21,6 +21,8 @@ from engine_bridge.performance.clip import Clip
 from engine_bridge.performance.frame_store import FrameStore
 from engine_bridge.performance.settings import Settings
 
+from .conftest import outermost_handles
+
 pytestmark = pytest.mark.slow
 
 PROGRAMS = ["Blender", "three.js", "Babylon.js", "Godot", "assimp"]
@@ -139,7 +141,7 @@ def file(character, second, write_puppet, raw, tmp_path_factory):
             vertices = load_character(path).vertices
             scale = np.linalg.norm(np.ptp(vertices, axis=0)) / 4
             more = f"[retarget]\nscale = {scale}\n\n[solver]\nfields = 5\nisolines = 6\n"
-            write_puppet(puppet, path, handles=tips(vertices), more=more)
+            write_puppet(puppet, path, handles=outermost_handles(vertices), more=more)
         else:
             write_puppet(puppet, path)
         return File(raw, *convert(second, puppet, output, Settings(form=form, bones=8 if form == "skin" else None)))
@@ -152,16 +154,6 @@ def file(character, second, write_puppet, raw, tmp_path_factory):
         return exported[name, form]
 
     return once
-
-
-def tips(vertices):
-    """Handles at the outermost points of a character."""
-    picks = dict.fromkeys(int(pick) for axis in vertices.T for pick in (axis.argmin(), axis.argmax()))
-    joints = ["hand_left", "hand_right", "head", "foot_left", "foot_right", "spine"]
-    return "".join(
-        f'[[handle]]\nname = "{joint}"\nposition = {vertices[pick].tolist()}\njoint = "{joint}"\n\n'
-        for pick, joint in zip(picks, joints, strict=False)
-    )
 
 
 @pytest.fixture(scope="module")

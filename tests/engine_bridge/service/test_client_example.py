@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from capture.recording import Recorder
 from engine_bridge.export.live_basis import LiveBasis
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.service.character_player import CharacterPlayer, PlayerSettings
@@ -69,12 +68,8 @@ def baked(puppet, take, commands):
 
 
 @pytest.fixture(scope="module")
-def log(puppet, kung_fu):
-    path = puppet.with_name("played.log")
-    with Recorder(path) as recorder:
-        for frame in kung_fu:
-            recorder.write(frame)
-    return path
+def log(puppet, record_events, kung_fu):
+    return record_events(puppet.with_name("played.log"), kung_fu)
 
 
 @pytest.fixture

@@ -20,7 +20,6 @@ from pythonosc.osc_message import OscMessage
 
 from capture import body
 from capture.events import Cue
-from capture.recording import Recorder
 from capture.skeleton import JOINT_INDEX
 from engine_bridge.service.discovery import find
 from engine_bridge.service.protocol.scene import Scene
@@ -381,13 +380,12 @@ def test_the_status_is_in_the_terminal_at_prometheus_and_in_the_announcement(blo
         process.stdout.close()
 
 
-def test_the_status_has_the_performers_height_and_the_sensors_position(serve, blob_puppet, tmp_path, kung_fu):
+def test_the_status_has_the_performers_height_and_the_sensors_position(
+    serve, blob_puppet, record_events, tmp_path, kung_fu
+):
     stands = {"tilt": 12.0, "height": 1.3, "roll": -2.0}
-    with Recorder(tmp_path / "take.log") as recorder:
-        recorder.write(Cue(kung_fu[0].time, "level", stands))
-        for frame in kung_fu:
-            recorder.write(frame)
-    service = serve("--puppet", blob_puppet, "--source", f"replay:{tmp_path / 'take.log'}?loop")
+    take = record_events(tmp_path / "take.log", [Cue(kung_fu[0].time, "level", stands), *kung_fu])
+    service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop")
 
     def stage():
         return service.ask("describe")["status"]["stages"][0]

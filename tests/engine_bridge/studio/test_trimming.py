@@ -49,15 +49,13 @@ def test_a_part_without_a_skeleton_is_refused(walk_take, tmp_path):
 
 
 @pytest.mark.parametrize(("first", "place"), [(15, 16), (45, 1)])
-def test_a_calibration_stays_and_follows_the_first_skeleton_if_it_was_before_the_part(tmp_path, first, place):
+def test_a_calibration_stays_and_follows_the_first_skeleton_if_it_was_before_the_part(
+    record_events, tmp_path, first, place
+):
     """A take may begin while a performer is being calibrated; nobody would move the character otherwise."""
-    path, frames = tmp_path / "take.log", list(PERFORMANCES["walk"]().frames())
+    frames = list(PERFORMANCES["walk"]().frames())
     cue = Cue(frames[30].time, "begin", {"character": "dog", "calibration": {"rest": []}})
-    with Recorder(path) as recorder:
-        for index, frame in enumerate(frames):
-            recorder.write(frame)
-            if index == 30:
-                recorder.write(cue)
+    path = record_events(tmp_path / "take.log", [*frames[:31], cue, *frames[31:]])
     trimmed(path, tmp_path / "part.log", frames[first].time - frames[0].time - 0.001, 2.0)
     events = list(puppetline_log.events(tmp_path / "part.log"))
     assert [index for index, event in enumerate(events) if not isinstance(event, SkeletonFrame)] == [place]

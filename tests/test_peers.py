@@ -4,6 +4,8 @@ import numpy as np
 import pygltflib as gltf
 import pytest
 
+from .engine_bridge.conftest import Glb
+
 BASE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
 UP = np.tile(np.float32([0, 0, 1]), (4, 1))
 FACES = np.array([0, 1, 2, 0, 2, 3], np.uint16)
@@ -14,56 +16,14 @@ WEIGHTS = np.array([[0, 0], [1, 0], [0, 0.5]], np.float32)
 TRANSLATIONS = np.array([[0, 0, 0], [0, 10, 0], [4, 10, 0]], np.float32)
 
 
-class Glb:
-    """A .glb put together by hand: one buffer, one view an array."""
-
-    def __init__(self):
-        self.file = gltf.GLTF2(scene=0, scenes=[gltf.Scene(nodes=[0])])
-        self.blob = b""
-
-    def add(self, array, kind, target=None, bounds=False):
-        accessor = gltf.Accessor(
-            bufferView=len(self.file.bufferViews),
-            componentType=gltf.UNSIGNED_SHORT if array.dtype == np.uint16 else gltf.FLOAT,
-            count=array.size // {"SCALAR": 1, "VEC3": 3}[kind],
-            type=kind,
-        )
-        if bounds:
-            flat = array.reshape(accessor.count, -1)
-            accessor.min, accessor.max = flat.min(0).tolist(), flat.max(0).tolist()
-        self.file.bufferViews.append(
-            gltf.BufferView(buffer=0, byteOffset=len(self.blob), byteLength=array.nbytes, target=target)
-        )
-        self.file.accessors.append(accessor)
-        self.blob += array.tobytes()
-        return len(self.file.accessors) - 1
-
-    def save(self, path):
-        self.file.buffers = [gltf.Buffer(byteLength=len(self.blob))]
-        self.file.set_binary_blob(self.blob)
-        self.file.save_binary(path)
-        return path
-
-
 @pytest.fixture
 def quad():
     """Two triangles with two morph targets, both morphed and moved by an animation."""
     glb = Glb()
-    vertices = gltf.ARRAY_BUFFER
-    primitive = gltf.Primitive(
-        indices=glb.add(FACES, "SCALAR", gltf.ELEMENT_ARRAY_BUFFER),
-        attributes=gltf.Attributes(
-            POSITION=glb.add(BASE, "VEC3", vertices, bounds=True), NORMAL=glb.add(UP, "VEC3", vertices)
-        ),
-        targets=[
-            {"POSITION": glb.add(move, "VEC3", vertices, bounds=True), "NORMAL": glb.add(turn, "VEC3", vertices)}
-            for move, turn in zip(MOVES, TURNS, strict=True)
-        ],
-    )
-    glb.file.meshes = [gltf.Mesh(primitives=[primitive], weights=[0, 0])]
-    glb.file.nodes = [gltf.Node(mesh=0, name="quad")]
-    keys = glb.add(KEYS, "SCALAR", bounds=True)
-    tracks = {"weights": glb.add(WEIGHTS, "SCALAR"), "translation": glb.add(TRANSLATIONS, "VEC3")}
+    targets = [{"POSITION": move, "NORMAL": turn} for move, turn in zip(MOVES, TURNS, strict=True)]
+    glb.node(glb.mesh(glb.primitive(BASE, FACES, targets=targets, NORMAL=UP), weights=[0, 0]), name="quad")
+    keys = glb.add(KEYS, None)
+    tracks = {"weights": glb.add(WEIGHTS.ravel(), None), "translation": glb.add(TRANSLATIONS, None)}
     glb.file.animations = [
         gltf.Animation(
             samplers=[gltf.AnimationSampler(input=keys, output=output) for output in tracks.values()],

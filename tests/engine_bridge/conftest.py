@@ -292,16 +292,22 @@ def frames():
 
 
 @pytest.fixture(scope="session")
-def record(frames):
-    """Write joints as a recording of the project's own format."""
+def record_events():
+    """Write events as a recording of the project's own format; return its path."""
 
-    def write(path, positions):
+    def write(path, events):
         with Recorder(path) as recorder:
-            for frame in frames(positions):
-                recorder.write(frame)
+            for event in events:
+                recorder.write(event)
         return path
 
     return write
+
+
+@pytest.fixture(scope="session")
+def record(record_events, frames):
+    """The same of joints."""
+    return lambda path, positions: record_events(path, frames(positions))
 
 
 @pytest.fixture(scope="session")

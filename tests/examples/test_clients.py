@@ -4,8 +4,6 @@ import json
 import struct
 import time
 from concurrent.futures import ThreadPoolExecutor
-from importlib.util import module_from_spec, spec_from_file_location
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,24 +15,17 @@ from engine_bridge.export.unit_weights import UnitWeights
 from solver.model.binding import Binding
 from solver.motion.deformer import Deformer, to_file_units
 
-ROOT = Path(__file__).parents[2]
-VECTORS = ROOT / "tests" / "vectors"
-EXPECTED = json.loads((VECTORS / "expected.json").read_text(encoding="utf-8"))
+from ..modules import load
+from ..recorded import EXPECTED, VECTORS
+
 SCENE = EXPECTED["scene"]["facts"]
 MODES = ("controls", "morphs", "vertices")
 TOLD = ("sequence", "time", "state", "user", "received", "published")
 TIMEOUT_SECONDS = 20.0
 
 
-def load(path):
-    spec = spec_from_file_location(path.stem, path)
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-client = load(ROOT / "examples" / "clients" / "follow.py")
-morph_targets = load(ROOT / "examples" / "clients" / "morph_targets.py")
+client = load("examples/clients/follow.py")
+morph_targets = load("examples/clients/morph_targets.py")
 
 
 def recorded(name, **header):
@@ -99,6 +90,14 @@ class Service:
         for message in messages:
             self._socket.send(message)
 
+    def show_first(self, mode, name):
+        """Let a client show a recorded message after the scene, and wait for the next."""
+        self.begin(mode)
+        self.send_scene()
+        self.send(recorded(name))
+        self.shown()
+        self.wait()
+
     def send_scene(self, revision=7, length=None):
         message = recorded("scene", revision=revision).replace(b'"revision":7', b'"revision":%d' % revision)
         self._socket.send((self._scene.encode().ljust(64, b"\0") + message[64:])[:length])
@@ -122,7 +121,7 @@ def service():
 @pytest.fixture(scope="module")
 def baked(tmp_path_factory):
     """The recorded morphs' targets in a .glb, in a node that is turned and stretched, after a target of its own."""
-    record = load(VECTORS / "record.py")
+    record = load("tests/vectors/record.py")
     rig = record.worm()
     deformer = Deformer(rig.model, rig.mesh, rig.puppet.handle_positions)
     pulls = [*record.PULLS, record.IN_BETWEEN]
@@ -212,11 +211,7 @@ def test_without_a_scene_it_shows_nothing_and_asks_again(service):
 
 
 def test_frames_of_another_revision_are_dropped_until_their_scene_has_come(service):
-    service.begin("controls")
-    service.send_scene()
-    service.send(recorded("0.controls"))
-    service.shown()
-    service.wait()
+    service.show_first("controls", "0.controls")
     service.send(recorded("1.controls", revision=8))
     assert service.asked_for_the_scene()
     service.send_scene(revision=8)
@@ -227,11 +222,7 @@ def test_frames_of_another_revision_are_dropped_until_their_scene_has_come(servi
 
 
 def test_after_a_new_start_of_the_service_the_scene_is_asked_for(service):
-    service.begin("controls")
-    service.send_scene()
-    service.send(recorded("1.controls"))
-    service.shown()
-    service.wait()
+    service.show_first("controls", "1.controls")
     service.send(recorded("0.controls"))
     assert service.asked_for_the_scene()
     service.send_scene()
@@ -241,11 +232,7 @@ def test_after_a_new_start_of_the_service_the_scene_is_asked_for(service):
 
 @pytest.mark.parametrize("length", [64, 65, 127, 128, 131, 1000, 19003])
 def test_a_scene_that_is_cut_short_changes_nothing(service, length):
-    service.begin("controls")
-    service.send_scene()
-    service.send(recorded("0.controls"))
-    service.shown()
-    service.wait()
+    service.show_first("controls", "0.controls")
     service.send_scene(length=length)
     service.send(recorded("1.controls"))
     assert service.shown()[0].sequence == 42

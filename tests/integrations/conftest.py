@@ -1,37 +1,29 @@
 """The service that engines talk to, as its own tests start it: the real process, on free ports, with a small figure."""
 
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
-BRIDGE = Path(__file__).parents[1] / "engine_bridge"
+from engine_bridge.performance.settings import Settings
+from engine_bridge.service.clip_export import write_clip
 
+from ..engine_bridge import conftest as figures
+from ..engine_bridge.service import conftest as services
 
-def load(path: Path) -> ModuleType:
-    spec = spec_from_file_location(f"integrations_{path.parent.name}", path)
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-figure = load(BRIDGE / "conftest.py")
-own_cache, new_glb = figure.own_cache, figure.new_glb
+own_cache, new_glb = figures.own_cache, figures.new_glb
 make_shape, blob, blob_file, write_puppet, blob_puppet, blob_rig, limbed_puppet = (
-    figure.make_shape,
-    figure.blob,
-    figure.blob_file,
-    figure.write_puppet,
-    figure.blob_puppet,
-    figure.blob_rig,
-    figure.limbed_puppet,
+    figures.make_shape,
+    figures.blob,
+    figures.blob_file,
+    figures.write_puppet,
+    figures.blob_puppet,
+    figures.blob_rig,
+    figures.limbed_puppet,
 )
-standing, dance, frames, record, take = figure.standing, figure.dance, figure.frames, figure.record, figure.take
-
-live = load(BRIDGE / "service" / "conftest.py")
-serve, serve_module, listen = live.serve, live.serve_module, live.listen
-sender, free_port, kung_fu = live.sender, live.free_port, live.kung_fu
+standing, dance, frames = figures.standing, figures.dance, figures.frames
+record_events, record, take = figures.record_events, figures.record, figures.take
+serve, serve_module, listen = services.serve, services.serve_module, services.listen
+sender, free_port, kung_fu = services.sender, services.free_port, services.kung_fu
 
 
 @pytest.fixture(scope="session")
@@ -39,4 +31,12 @@ def token_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("token") / "token"
     path.write_text("correct-horse-battery-staple")
     path.chmod(0o600)
+    return path
+
+
+@pytest.fixture(scope="session")
+def clip(take: Path, blob_puppet: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The figure moved by the take, in a clip file."""
+    path = tmp_path_factory.mktemp("clips") / "dance.clip"
+    write_clip(take, blob_puppet, path, "dancer", Settings())
     return path

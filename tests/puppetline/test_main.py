@@ -1,6 +1,7 @@
 import os
 import subprocess
 import sys
+from functools import partial
 from importlib.metadata import version
 
 import pytest
@@ -8,10 +9,12 @@ import pytest
 import puppetline
 from engine_bridge.cli.main import COMMANDS
 
+run = partial(subprocess.run, capture_output=True, text=True)
+MODULE, SCRIPT = [sys.executable, "-m", "puppetline"], [sys.executable, "-c"]
+
 
 def test_the_module_is_the_command():
-    done = subprocess.run([sys.executable, "-m", "puppetline", "--help"], capture_output=True, text=True, check=True)
-    assert "convert" in done.stdout
+    assert "convert" in run([*MODULE, "--help"], check=True).stdout
 
 
 @pytest.mark.slow
@@ -26,19 +29,13 @@ def test_an_interrupt_while_it_is_being_loaded_ends_in_one_line():
         "from puppetline.__main__ import run\n"
         "run()\n"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    done = run([*SCRIPT, script], check=False)
     assert (done.returncode, done.stderr) == (1, "puppetline: stopped\n")
 
 
 def test_an_interrupt_in_what_a_module_executes_ends_in_the_same_way(tmp_path):
     (tmp_path / "click.py").write_text("exec('raise KeyboardInterrupt')")
-    done = subprocess.run(
-        [sys.executable, "-m", "puppetline"],
-        env=os.environ | {"PYTHONPATH": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = run(MODULE, env=os.environ | {"PYTHONPATH": str(tmp_path)}, check=False)
     assert (done.returncode, done.stderr) == (1, "puppetline: stopped\n")
 
 
@@ -57,12 +54,12 @@ def test_help_is_there_before_anything_heavy_is_imported(command):
         "except SystemExit: pass\n"
         f"print('imported:', *sorted({HEAVY} & set(sys.modules)))\n"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    done = run([*SCRIPT, script], check=True)
     assert done.stdout.splitlines()[-1] == "imported:"
 
 
 def test_the_version_is_that_of_the_installed_package():
-    done = subprocess.run([sys.executable, "-m", "puppetline", "--version"], capture_output=True, text=True, check=True)
+    done = run([*MODULE, "--version"], check=True)
     assert done.stdout == f"python -m puppetline, version {version('puppetline')}\n"
     assert puppetline.__version__ == version("puppetline")
     with pytest.raises(AttributeError, match="__versoin__"):
@@ -81,5 +78,5 @@ def test_matrix_products_take_one_thread_unless_the_user_sets_another_number(mon
         "try: run()\n"
         "except SystemExit: print(os.environ['OPENBLAS_NUM_THREADS'])\n"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    done = run([*SCRIPT, script], check=True)
     assert done.stdout.split()[-1] == threads

@@ -30,7 +30,7 @@ def video_file(camera, tmp_path_factory):
 
 
 @pytest.fixture
-def opened(video_file):
+def opened_video(video_file):
     videos = []
 
     def open_it(path=video_file, **options):
@@ -83,8 +83,8 @@ def test_wrong_options_are_errors(rest, message):
         parse("camera:" + rest, rest)
 
 
-def test_images_have_the_times_and_colours_of_the_video(opened):
-    pictures = all_of(opened())
+def test_images_have_the_times_and_colours_of_the_video(opened_video):
+    pictures = all_of(opened_video())
     np.testing.assert_allclose([picture.time for picture in pictures], np.arange(COUNT) / RATE, atol=1e-9)
     for k, picture in enumerate(pictures):
         assert picture.color.shape == (HEIGHT, WIDTH, 3)
@@ -92,42 +92,42 @@ def test_images_have_the_times_and_colours_of_the_video(opened):
         np.testing.assert_allclose(picture.color.mean(axis=(0, 1)), (30 * k, 200, 10), atol=4)
 
 
-def test_the_end_of_a_video_is_an_error(opened):
-    video = opened()
+def test_the_end_of_a_video_is_an_error(opened_video):
+    video = opened_video()
     all_of(video)
     with pytest.raises(SourceError, match=r"found the end of the video; expected more images. Add \?loop"):
         video.read(1.0)
 
 
-def test_the_angle_between_the_images_corners_is_the_field_of_view(opened):
-    lens = opened(fov=80.0).read(1.0).lens
+def test_the_angle_between_the_images_corners_is_the_field_of_view(opened_video):
+    lens = opened_video(fov=80.0).read(1.0).lens
     left, right = lens.unproject(np.array([[0, 0], [WIDTH, HEIGHT]]), np.ones(2))
     cosine = left @ right / np.linalg.norm(left) / np.linalg.norm(right)
     assert math.degrees(math.acos(cosine)) == pytest.approx(80)
 
 
-def test_the_time_of_a_looped_video_increases(opened):
-    video = opened(loop=True)
+def test_the_time_of_a_looped_video_increases(opened_video):
+    video = opened_video(loop=True)
     pictures = [video.read(1.0) for _ in range(3 * COUNT)]
     np.testing.assert_allclose([picture.time for picture in pictures], np.arange(3 * COUNT) / RATE, atol=1e-9)
     np.testing.assert_array_equal(pictures[3].color, pictures[3 + 2 * COUNT].color)
 
 
 @pytest.mark.parametrize("content", [b"", b"no video at all" * 100, b"RIFF\xff\xff\xff\xffAVI LIST"])
-def test_a_file_without_images_is_an_error(opened, tmp_path, content):
+def test_a_file_without_images_is_an_error(opened_video, tmp_path, content):
     broken = tmp_path / "broken.avi"
     broken.write_bytes(content)
     with pytest.raises(SourceError, match=rf"video:clip: found no image in .*broken.avi \({len(content)} bytes\)"):
-        opened(broken)
+        opened_video(broken)
 
 
-def test_an_incomplete_video_plays_up_to_its_end(opened, video_file, tmp_path):
+def test_an_incomplete_video_plays_up_to_its_end(opened_video, video_file, tmp_path):
     half = tmp_path / "half.avi"
     whole = video_file.read_bytes()
     half.write_bytes(whole[: (whole.index(b"movi") + whole.index(b"idx1")) // 2])
-    pictures = all_of(opened(half))
+    pictures = all_of(opened_video(half))
     assert 0 < len(pictures) < COUNT
-    for before, after in zip(all_of(opened()), pictures[:-1], strict=False):
+    for before, after in zip(all_of(opened_video()), pictures[:-1], strict=False):
         np.testing.assert_array_equal(before.color, after.color)
 
 

@@ -19,7 +19,7 @@ INTACT = HEAD + b"".join(BODY) + _record(END)
 
 
 @pytest.fixture
-def recording(tmp_path):
+def written(tmp_path):
     def written(content):
         path = tmp_path / "take.oni"
         path.write_bytes(content)
@@ -29,37 +29,37 @@ def recording(tmp_path):
 
 
 @pytest.mark.parametrize("behind", [b"", bytes(500)])
-def test_an_intact_recording_passes_with_the_recorders_padding(recording, behind):
-    check_intact("openni:", recording(INTACT + behind))
+def test_an_intact_recording_passes_with_the_recorders_padding(written, behind):
+    check_intact("openni:", written(INTACT + behind))
 
 
 @pytest.mark.parametrize("length", [24, 40, 60, 200, len(INTACT) - 28, len(INTACT) - 1])
-def test_an_incomplete_recording_is_an_error_with_the_position(recording, length):
+def test_an_incomplete_recording_is_an_error_with_the_position(written, length):
     starts = [24]
     for record in BODY:
         starts.append(starts[-1] + len(record))
     missing = next(start for start in starts if start + 28 > length)
     with pytest.raises(SourceError, match=f"take.oni, which is damaged at byte {missing};") as caught:
-        check_intact("openni:", recording(INTACT[:length]))
+        check_intact("openni:", written(INTACT[:length]))
     assert caught.value.fix.startswith("Record it again")
 
 
-def test_an_overwritten_record_is_an_error_with_the_position(recording):
+def test_an_overwritten_record_is_an_error_with_the_position(written):
     at = 24 + len(BODY[0])
     with pytest.raises(SourceError, match=f"damaged at byte {at};"):
-        check_intact("openni:", recording(INTACT[:at] + bytes(30) + INTACT[at + 30 :]))
+        check_intact("openni:", written(INTACT[:at] + bytes(30) + INTACT[at + 30 :]))
 
 
-def test_a_record_without_size_is_an_error(recording):
+def test_a_record_without_size_is_an_error(written):
     nowhere = struct.pack("<4sIIIIQ", b"NIR\0", DATA, 1, 0, 0, 0)
     with pytest.raises(SourceError, match="damaged at byte 24;"):
-        check_intact("openni:", recording(HEAD + nowhere + INTACT))
+        check_intact("openni:", written(HEAD + nowhere + INTACT))
 
 
 @pytest.mark.parametrize("content", [b"", b"NI", b"RIFF" + INTACT])
-def test_a_file_of_another_kind_is_an_error(recording, content):
+def test_a_file_of_another_kind_is_an_error(written, content):
     with pytest.raises(SourceError, match=r"take\.oni, which is another kind of file;"):
-        check_intact("openni:", recording(content))
+        check_intact("openni:", written(content))
 
 
 def test_a_missing_file_or_a_folder_is_an_error(tmp_path):

@@ -96,22 +96,24 @@ def check_joints(rendered_body, positions, shots):
 
 
 @pytest.fixture
-def sensor(virtual_sensors, tmp_path, monkeypatch):
+def only_sensor(virtual_sensors, tmp_path, monkeypatch):
     """A virtual OpenNI2 sensor that is plugged in, without NiTE2."""
     monkeypatch.setenv("NITE2_REDIST", str(tmp_path))
     virtual_sensors[0].plug()
     return virtual_sensors[0]
 
 
-def test_joints_through_openni2_have_the_true_positions_and_the_times_of_their_images(sensor, shown, rendered_body):
+def test_joints_through_openni2_have_the_true_positions_and_the_times_of_their_images(
+    only_sensor, shown, rendered_body
+):
     frames, moments = [], []
     with closing(open_source("openni:")) as source:
         watched = Watched(source)
-        sensor.wait_for_streams()
+        only_sensor.wait_for_streams()
         start = time.monotonic()
         for shot in shown:
             before = time.monotonic()
-            sensor.show(shot.picture.depth, shot.picture.color, before - start)
+            only_sensor.show(shot.picture.depth, shot.picture.color, before - start)
             frames += watched.frames()
             moments.append((before, time.monotonic()))
     assert [frame.user for frame in frames] == [1] * len(shown)
@@ -122,8 +124,8 @@ def test_joints_through_openni2_have_the_true_positions_and_the_times_of_their_i
     check_joints(rendered_body, positions, shown)
 
 
-def test_joints_of_a_recording_are_those_of_the_recorded_images(sensor, shown, record, tmp_path, rendered_body):
-    record(sensor, tmp_path / "take.oni", [(shot.picture.depth, shot.picture.color) for shot in shown], step=STEP)
+def test_joints_of_a_recording_are_those_of_the_recorded_images(only_sensor, shown, record, tmp_path, rendered_body):
+    record(only_sensor, tmp_path / "take.oni", [(shot.picture.depth, shot.picture.color) for shot in shown], step=STEP)
     with closing(open_source("openni:file=take.oni&fast", tmp_path)) as source:
         events = Watched(source).events(len(shown) + 1)
     [stands] = [SensorTilt.of_json(event.arguments) for event in events if isinstance(event, Cue)]

@@ -27,7 +27,7 @@ class Clock:
 
 
 @pytest.fixture
-def clock(monkeypatch):
+def own_clock(monkeypatch):
     clock = Clock()
     monkeypatch.setattr(capture.sources.replay, "time", clock)
     return clock
@@ -58,15 +58,15 @@ def take(path, events):
     return path
 
 
-def play(source, clock, step=1 / 120, most=10_000):
+def play(source, own_clock, step=1 / 120, most=10_000):
     """Call the source like the service until it ends; return the events, each with the clock's time."""
     came = []
     for _ in range(most):
         try:
-            came += [(clock.now, event) for event in source.receive()]
+            came += [(own_clock.now, event) for event in source.receive()]
         except SourceError:
             return came
-        clock.now = max(clock.now + step, min(source.due(), clock.now + 10 * step))
+        own_clock.now = max(own_clock.now + step, min(source.due(), own_clock.now + 10 * step))
     raise AssertionError("no end")
 
 
@@ -89,62 +89,62 @@ def performance():
     yield make_frame(103.1)
 
 
-def test_a_stages_take_yields_exactly_the_recorded_events(tmp_path, clock):
+def test_a_stages_take_yields_exactly_the_recorded_events(tmp_path, own_clock):
     written = list(performance())
     source = RecordingSource.of_file("replay:take", take(tmp_path / "take", written))
     assert (source.name, source.fileno()) == ("replay:take", None)
     expected = [key(as_recorded(e) if isinstance(e, SkeletonFrame) else e) for e in written]
-    assert [key(event) for _, event in play(source, clock)] == expected
+    assert [key(event) for _, event in play(source, own_clock)] == expected
     assert (source.counts.received, source.counts.dropped, source.counts.refused) == (len(written), 0, {})
 
 
-def test_each_event_is_returned_at_its_time(tmp_path, clock):
-    start = clock.now
-    came = play(RecordingSource.of_file("r", take(tmp_path / "take", performance())), clock, step=0.001)
+def test_each_event_is_returned_at_its_time(tmp_path, own_clock):
+    start = own_clock.now
+    came = play(RecordingSource.of_file("r", take(tmp_path / "take", performance())), own_clock, step=0.001)
     late = [moment - start - (event.time - 100) for moment, event in came]
     assert min(late) >= -1e-9
     assert max(late) <= 0.001 + 1e-9
 
 
-def test_the_recordings_clock_starts_with_the_first_call(clock):
+def test_the_recordings_clock_starts_with_the_first_call(own_clock):
     source = RecordingSource.of_clips("demo:x", [make_clip([3.0, 3.5])])
-    clock.now += 100
+    own_clock.now += 100
     assert source.now() == 3.0
-    assert source.due() == clock.now
+    assert source.due() == own_clock.now
     assert [event.time for event in source.receive()] == [3.0]
-    assert source.due() == clock.now + MAX_SILENCE_SECONDS - 2 * TICK_SECONDS
+    assert source.due() == own_clock.now + MAX_SILENCE_SECONDS - 2 * TICK_SECONDS
 
 
-def test_a_late_caller_gets_all_that_is_due_in_order(clock):
+def test_a_late_caller_gets_all_that_is_due_in_order(own_clock):
     source = RecordingSource.of_clips("demo:x", [make_clip(np.arange(90) / 30)])
     source.receive()
-    clock.now += MAX_LATENESS_SECONDS - 0.01
+    own_clock.now += MAX_LATENESS_SECONDS - 0.01
     assert [event.time for event in source.receive()] == [k / 30 for k in range(1, 30)]
     assert source.counts.dropped == 0
 
 
-def test_a_late_caller_delays_the_recording(clock):
+def test_a_late_caller_delays_the_recording(own_clock):
     times = np.arange(90) / 30
     source = RecordingSource.of_clips("demo:x", [make_clip(times)])
     came = source.receive()
-    clock.now += 60
+    own_clock.now += 60
     came += source.receive()
     assert [event.time for event in came] == [0.0, 1 / 30]
     assert source.now() == 1 / 30
-    came += [event for _, event in play(source, clock)]
+    came += [event for _, event in play(source, own_clock)]
     np.testing.assert_array_equal([event.time for event in came], times)
 
 
-def test_the_end_is_an_error_on_every_call(clock):
+def test_the_end_is_an_error_on_every_call(own_clock):
     source = RecordingSource.of_clips("demo:x", [make_clip([0.0])])
     assert len(source.receive()) == 1
     for _ in range(2):
         with pytest.raises(SourceError, match=r"demo:x: found the end of the recording; .* \?loop"):
             source.receive()
-        assert source.due() == clock.now
+        assert source.due() == own_clock.now
 
 
-def test_in_a_loop_the_first_pass_is_exact_and_times_increase(tmp_path, clock):
+def test_in_a_loop_the_first_pass_is_exact_and_times_increase(tmp_path, own_clock):
     written = list(performance())
     users = sorted({event.user for event in written if isinstance(event, SkeletonFrame)})
     whole = len(written) + len(users)
@@ -152,7 +152,7 @@ def test_in_a_loop_the_first_pass_is_exact_and_times_increase(tmp_path, clock):
     came = []
     while len(came) < 3 * whole:
         came += source.receive()
-        clock.now = max(clock.now, source.due())
+        own_clock.now = max(own_clock.now, source.due())
     passes = [came[k * whole : (k + 1) * whole] for k in range(3)]
     first, second, third = (each[: len(written)] for each in passes)
     assert [key(e) for e in first] == [key(as_recorded(e) if isinstance(e, SkeletonFrame) else e) for e in written]
@@ -167,14 +167,14 @@ def test_in_a_loop_the_first_pass_is_exact_and_times_increase(tmp_path, clock):
     assert times == sorted(times)
 
 
-def test_several_performers_play_together(clock):
+def test_several_performers_play_together(own_clock):
     clips = [make_clip([0.0, 0.05, 0.1], user=4), make_clip([0.02, 0.05], user=7)]
-    came = [event for _, event in play(RecordingSource.of_clips("demo:x", clips), clock)]
+    came = [event for _, event in play(RecordingSource.of_clips("demo:x", clips), own_clock)]
     assert [(event.time, event.user) for event in came] == [(0.0, 4), (0.02, 7), (0.05, 4), (0.05, 7), (0.1, 4)]
     assert [key(e) for e in came if e.user == 7] == [key(frame) for frame in clips[1].frames()]
 
 
-def test_ticks_fill_the_gaps_of_a_recording(tmp_path, clock):
+def test_ticks_fill_the_gaps_of_a_recording(tmp_path, own_clock):
     clip = make_clip([1.0, 1.05, 2.0, 2.09])
     ticks = [1.05 + k * TICK_SECONDS for k in range(1, 29)]
     expected = [1.0, 1.05, *ticks, 2.0, 2.09]
@@ -182,12 +182,12 @@ def test_ticks_fill_the_gaps_of_a_recording(tmp_path, clock):
         RecordingSource.of_clips("demo:x", [clip]),
         RecordingSource.of_file("r", take(tmp_path / "take", map(as_recorded, clip.frames()))),
     ):
-        came = [event for _, event in play(source, clock)]
+        came = [event for _, event in play(source, own_clock)]
         assert [event.time for event in came] == expected
         assert [event for event in came if isinstance(event, Tick)] == list(map(Tick, ticks))
 
 
-def test_a_take_of_an_earlier_version_is_played_and_logged_once(tmp_path, clock, caplog):
+def test_a_take_of_an_earlier_version_is_played_and_logged_once(tmp_path, own_clock, caplog):
     frames = [as_recorded(make_frame(k / 30)) for k in range(3)]
     old = b'{"beginning": {"version": 3, "roles": []}}\n'
     (tmp_path / "take").write_bytes(HEADER + old + b"".join(map(encode, frames)))
@@ -195,34 +195,36 @@ def test_a_take_of_an_earlier_version_is_played_and_logged_once(tmp_path, clock,
     came = []
     while len(came) < 9:
         came += source.receive()
-        clock.now = max(clock.now, source.due())
+        own_clock.now = max(own_clock.now, source.due())
     assert [key(event) for event in came[:3]] == [key(frame) for frame in frames]
     assert caplog.messages == [f"{tmp_path / 'take'}: recorded by an earlier version: performers are calibrated again"]
 
 
-def test_a_foreign_log_plays_as_it_reads(tmp_path, clock):
+def test_a_foreign_log_plays_as_it_reads(tmp_path, own_clock):
     rng = np.random.default_rng(0)
     rows = [(frame, *rng.normal(size=60).round(3) + 2) for frame in (1, 2, 3, 4, 30)]
     log = tmp_path / "utkinect.txt"
     log.write_text("\n".join(" ".join(map(str, row)) for row in rows) + "\n")
     (clip,) = read_log(log)
-    came = [event for _, event in play(RecordingSource.of_file("replay:log", log), clock)]
+    came = [event for _, event in play(RecordingSource.of_file("replay:log", log), own_clock)]
     assert [key(e) for e in came if isinstance(e, SkeletonFrame)] == [key(frame) for frame in clip.frames()]
     assert sum(isinstance(event, Tick) for event in came) == 25
 
 
-def test_real_logs_play_all_their_frames(real_logs, clock):
+def test_real_logs_play_all_their_frames(real_logs, own_clock):
     logs = [log for log in sorted(real_logs.rglob("*.*"))[::12] if recognize(log)]
     assert len(logs) > 5
     for log in logs:
         clips = read_log(log)
-        played = [event for _, event in play(RecordingSource.of_file("replay:log", log), clock, step=0.5, most=100_000)]
+        played = [
+            event for _, event in play(RecordingSource.of_file("replay:log", log), own_clock, step=0.5, most=100_000)
+        ]
         for clip in clips:
             frames = [key(e) for e in played if isinstance(e, SkeletonFrame) and e.user == clip.user]
             assert frames == [key(frame) for frame in clip.frames()]
 
 
-def test_events_that_go_back_in_time_are_skipped(tmp_path, clock):
+def test_events_that_go_back_in_time_are_skipped(tmp_path, own_clock):
     """The recording was continued after a restart of the machine, whose clock restarted."""
     events = [
         make_frame(50.0),
@@ -234,20 +236,20 @@ def test_events_that_go_back_in_time_are_skipped(tmp_path, clock):
     ]
     path = take(tmp_path / "take", [*events, make_frame(50.1)])
     source = RecordingSource.of_file("r", path)
-    came = [(event.time, event.user) for _, event in play(source, clock)]
+    came = [(event.time, event.user) for _, event in play(source, own_clock)]
     assert came == [(50.0, 1), (50.05, 1), (50.05, 2), (50.1, 1)]
     assert source.counts.refused == {"goes back in time": 3}
     assert [list(clip.times) for clip in read_log(path)] == [[50.0, 50.05, 50.1], [50.05]]
 
 
-def test_a_loop_over_decreasing_times_continues(tmp_path, clock):
+def test_a_loop_over_decreasing_times_continues(tmp_path, own_clock):
     source = RecordingSource.of_file(
         "r", take(tmp_path / "t", [make_frame(50.0), make_frame(50.01), Tick(0.5)]), loop=True
     )
     times = []
     while len(times) < 6:
         times += [event.time for event in source.receive() if not isinstance(event, Lost)]
-        clock.now = source.due()
+        own_clock.now = source.due()
     np.testing.assert_allclose(np.diff(times), [0.01, TICK_SECONDS, 0.01, TICK_SECONDS, 0.01], atol=1e-9)
 
 
@@ -258,19 +260,19 @@ def test_a_loop_over_decreasing_times_continues(tmp_path, clock):
         (encode(make_frame(0.02)).replace(b'"p": [[', b'"p": [[9e9, 1, 1], ['), "20"),
     ],
 )
-def test_an_invalid_line_ends_the_recording_there(tmp_path, clock, line, error):
+def test_an_invalid_line_ends_the_recording_there(tmp_path, own_clock, line, error):
     path = tmp_path / "take"
     path.write_bytes(HEADER + encode(make_frame(0.0)) + encode(make_frame(0.01)) + line + encode(make_frame(0.03)))
     source = RecordingSource.of_file("r", path)
-    clock.now += 1
+    own_clock.now += 1
     source.receive()
-    clock.now += 0.5
+    own_clock.now += 0.5
     assert [event.time for event in source.receive()] == [0.01]
     with pytest.raises(SourceError, match=f"line 4.*{error}"):
         source.receive()
 
 
-def test_a_position_out_of_range_ends_the_recording(tmp_path, clock):
+def test_a_position_out_of_range_ends_the_recording(tmp_path, own_clock):
     far = SkeletonFrame(0.01, 1, np.full((20, 3), 2 * MAX_DISTANCE_METRES), np.ones(20, np.float32))
     source = RecordingSource.of_file("r", take(tmp_path / "take", [make_frame(0.0), far]))
     assert len(source.receive()) == 1
@@ -291,7 +293,7 @@ def test_a_file_that_cannot_be_opened_is_refused_immediately(tmp_path):
             RecordingSource.of_file("r", tmp_path / name)
 
 
-def test_many_events_at_one_time_are_returned_in_portions(tmp_path, clock):
+def test_many_events_at_one_time_are_returned_in_portions(tmp_path, own_clock):
     source = RecordingSource.of_file("r", take(tmp_path / "take", [Tick(1.0)] * (2 * MAX_EVENTS + 5)))
     assert [len(source.receive()) for _ in range(3)] == [MAX_EVENTS, MAX_EVENTS, 5]
 
@@ -333,7 +335,7 @@ def test_on_the_real_clock_no_event_is_early(tmp_path):
     assert came == [key(frame) for frame in clip.frames()]
 
 
-def test_closing_closes_the_file_and_ends_the_recording(tmp_path, clock):
+def test_closing_closes_the_file_and_ends_the_recording(tmp_path, own_clock):
     source = RecordingSource.of_file("r", take(tmp_path / "take", performance()))
     source.receive()
     source.close()

@@ -2,14 +2,11 @@ import json
 import signal
 import socket
 import threading
-from contextlib import contextmanager
-from itertools import cycle
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from capture.recording import Recorder
 from capture.trackers.mediapipe import LANDMARK_WEIGHTS
 from engine_bridge.pictures.source_view import PANEL_HEIGHT, PERFORMER_COLORS
 
@@ -73,19 +70,6 @@ def look_live(tmp_path, commands):
         terminal.kill()
 
 
-@contextmanager
-def performing(sender, frames, user=1):
-    """Send frames in a loop."""
-    done = threading.Event()
-    playing = threading.Thread(target=sender.play, args=[cycle(frames)], kwargs={"user": user, "until": done.is_set})
-    playing.start()
-    try:
-        yield
-    finally:
-        done.set()
-        playing.join()
-
-
 def printed_last(terminal):
     """Return what a closed terminal shows after its status line was erased."""
     assert terminal.heard.count("\x1b[?25h") == terminal.heard.count("\x1b[?25l") > 0  # the cursor is there again
@@ -113,10 +97,8 @@ def test_a_signal_ends_the_live_look_and_leaves_the_report(look_live, number):
     assert "  user 1: 20 of 20 joints tracked" in printed_last(terminal)
 
 
-def test_after_its_seconds_or_the_end_of_a_recording_the_live_look_ends(look_live, kung_fu, tmp_path):
-    with Recorder(tmp_path / "short.log") as recorder:
-        for frame in kung_fu[:30]:
-            recorder.write(frame)
+def test_after_its_seconds_or_the_end_of_a_recording_the_live_look_ends(look_live, record_events, kung_fu, tmp_path):
+    record_events(tmp_path / "short.log", kung_fu[:30])
     for source, seconds in (("demo:walk?loop", 1), ("replay:short.log", 600)):
         terminal = look_live(source, "--seconds", seconds)
         assert terminal.end() == 0
@@ -126,7 +108,7 @@ def test_after_its_seconds_or_the_end_of_a_recording_the_live_look_ends(look_liv
 def test_a_sender_that_comes_later_is_seen_and_one_that_goes_is_missed(look_live, sender, kung_fu):
     terminal = look_live(sender.uri)
     terminal.hear("No packet received for")
-    with performing(sender, kung_fu):
+    with sender.playing(kung_fu):
         terminal.hear("user 1: 20 of 20 joints tracked")
     before = terminal.heard.count("No packet received for")
     while terminal.heard.count("No packet received for") == before:

@@ -28,7 +28,7 @@ if not Path(COMMAND).exists():
 
 
 @pytest.fixture
-def run(tmp_path, monkeypatch):
+def invoke(tmp_path, monkeypatch):
     """Run the command in an empty folder and in this process; what a process adds are tests of their own."""
     monkeypatch.chdir(tmp_path)
 
@@ -68,6 +68,20 @@ def assert_one_line(result, *parts):
         assert part in result.stderr
 
 
+@pytest.fixture
+def assert_refused(invoke, tmp_path):
+    """Assert that a command prints one line with some parts, fails, and changes no name in the folder."""
+
+    def check(*arguments, parts):
+        before = names(tmp_path)
+        result = invoke(*arguments)
+        assert result.returncode == 1
+        assert_one_line(result, *parts)
+        assert names(tmp_path) == before
+
+    return check
+
+
 def test_exit_code_and_streams_of_a_process_are_those_of_the_command(commands, tmp_path, stage):
     """Right use, wrong use, and an error of a file."""
     shown, wrong, bad = (
@@ -83,14 +97,14 @@ def test_exit_code_and_streams_of_a_process_are_those_of_the_command(commands, t
 
 
 @pytest.mark.parametrize("command", [[], *([command] for command in COMMANDS)], ids=lambda c: " ".join(c) or "all")
-def test_help_of_every_command_is_there(run, command):
-    result = run(*command, "--help")
+def test_help_of_every_command_is_there(invoke, command):
+    result = invoke(*command, "--help")
     assert (result.returncode, result.stderr) == (0, "")
     assert result.stdout.startswith(f"Usage: puppetline {' '.join(command)}".rstrip())
 
 
-def test_the_help_lists_every_command_and_no_former_name(run):
-    lines = run("--help").stdout.split("Commands:")[1].splitlines()
+def test_the_help_lists_every_command_and_no_former_name(invoke):
+    lines = invoke("--help").stdout.split("Commands:")[1].splitlines()
     assert [line.split()[0] for line in lines if line.strip()] == sorted(COMMANDS)
 
 
@@ -99,8 +113,8 @@ def test_a_former_name_is_the_same_command():
         assert main.get_command(None, former) is main.get_command(None, name)
 
 
-def test_a_misspelled_command_gets_a_suggestion(run):
-    assert "No such command 'conver'. Did you mean 'convert'?" in run("conver").stderr
+def test_a_misspelled_command_gets_a_suggestion(invoke):
+    assert "No such command 'conver'. Did you mean 'convert'?" in invoke("conver").stderr
 
 
 def test_a_command_imports_no_other_command():
@@ -126,9 +140,9 @@ def test_a_command_imports_no_other_command():
     ],
     ids=" ".join,
 )
-def test_wrong_use_is_exit_code_2_with_the_usage(run, stage, tmp_path, arguments):
+def test_wrong_use_is_exit_code_2_with_the_usage(invoke, stage, tmp_path, arguments):
     before = names(tmp_path)
-    result = run(*arguments)
+    result = invoke(*arguments)
     assert (result.returncode, result.stdout) == (2, "")
     assert result.stderr.startswith("Usage: puppetline")
     assert "Traceback" not in result.stderr
@@ -155,22 +169,14 @@ BAD_LOGS = {
         for name, case in BAD_LOGS.items()
     ],
 )
-def test_a_bad_log_is_one_line_and_leaves_nothing(run, stage, tmp_path, content, parts):
+def test_a_bad_log_is_one_line_and_leaves_nothing(assert_refused, stage, tmp_path, content, parts):
     (tmp_path / "bad.log").write_text(content)
-    before = names(tmp_path)
-    result = run("convert", "bad.log", "--puppet", stage, "-o", "out.glb")
-    assert result.returncode == 1
-    assert_one_line(result, *parts)
-    assert names(tmp_path) == before
+    assert_refused("convert", "bad.log", "--puppet", stage, "-o", "out.glb", parts=parts)
 
 
-def test_a_log_without_a_tracked_frame_is_one_line_and_leaves_nothing(run, stage, record, tmp_path):
+def test_a_log_without_a_tracked_frame_is_one_line_and_leaves_nothing(assert_refused, stage, record, tmp_path):
     record(tmp_path / "lost.log", np.full((9, 20, 3), np.nan))
-    before = names(tmp_path)
-    result = run("convert", "lost.log", "--puppet", stage, "-o", "out.glb")
-    assert result.returncode == 1
-    assert_one_line(result, "lost.log")
-    assert names(tmp_path) == before
+    assert_refused("convert", "lost.log", "--puppet", stage, "-o", "out.glb", parts=["lost.log"])
 
 
 BAD_PUPPETS = {
@@ -190,13 +196,9 @@ BAD_PUPPETS = {
     ("old", "new", "parts"),
     [pytest.param(*case, id=name, marks=[ALSO] * (name == "a syntax error")) for name, case in BAD_PUPPETS.items()],
 )
-def test_a_bad_puppet_is_one_line_and_leaves_nothing(run, stage, tmp_path, old, new, parts):
+def test_a_bad_puppet_is_one_line_and_leaves_nothing(assert_refused, stage, old, new, parts):
     stage.write_text(stage.read_text().replace(old, new, 1))
-    before = names(tmp_path)
-    result = run("convert", "take.log", "--puppet", stage, "-o", "out.glb")
-    assert result.returncode == 1
-    assert_one_line(result, *parts)
-    assert names(tmp_path) == before
+    assert_refused("convert", "take.log", "--puppet", stage, "-o", "out.glb", parts=parts)
 
 
 @pytest.mark.parametrize(
@@ -212,12 +214,8 @@ def test_a_bad_puppet_is_one_line_and_leaves_nothing(run, stage, tmp_path, old, 
         ),
     ],
 )
-def test_a_bad_output_is_one_line_before_any_work(run, stage, tmp_path, output, parts):
-    before = names(tmp_path)
-    result = run("convert", "take.log", "--puppet", stage, "-o", output)
-    assert result.returncode == 1
-    assert_one_line(result, *parts)
-    assert names(tmp_path) == before
+def test_a_bad_output_is_one_line_before_any_work(assert_refused, stage, output, parts):
+    assert_refused("convert", "take.log", "--puppet", stage, "-o", output, parts=parts)
 
 
 @pytest.mark.parametrize(
@@ -231,12 +229,8 @@ def test_a_bad_output_is_one_line_before_any_work(run, stage, tmp_path, output, 
     ],
     ids=" ".join,
 )
-def test_a_file_that_is_not_there_is_one_line(run, stage, tmp_path, arguments):
-    before = names(tmp_path)
-    result = run(*arguments)
-    assert result.returncode == 1
-    assert_one_line(result, "none.")
-    assert names(tmp_path) == before
+def test_a_file_that_is_not_there_is_one_line(assert_refused, stage, arguments):
+    assert_refused(*arguments, parts=["none."])
 
 
 def test_convert_writes_the_file_and_prints_results_only(stage, tmp_path):
@@ -249,11 +243,11 @@ def test_convert_writes_the_file_and_prints_results_only(stage, tmp_path):
     assert names(tmp_path) == before | {"out.glb", "out.png"}
 
 
-def test_convert_prints_what_a_skin_and_a_vertex_cache_consist_of(run, stage):
-    skin = run("convert", "take.log", "--puppet", stage.name, "-o", "skin.glb", "--as", "skin", "--bones", 5)
+def test_convert_prints_what_a_skin_and_a_vertex_cache_consist_of(invoke, stage):
+    skin = invoke("convert", "take.log", "--puppet", stage.name, "-o", "skin.glb", "--as", "skin", "--bones", 5)
     assert "bones          5, largest error 0.0" in skin.stdout
     assert "root mean square 0.00" in skin.stdout
-    frames = run("convert", "take.log", "--puppet", stage.name, "-o", "frames.glb", "--as", "frames")
+    frames = invoke("convert", "take.log", "--puppet", stage.name, "-o", "frames.glb", "--as", "frames")
     assert "morph targets  58, one for each keyframe, exactly as solved" in frames.stdout
 
 
@@ -264,40 +258,41 @@ def test_an_option_of_another_form_is_refused(option, form, wanted):
     assert f"{option} requires --as {wanted}." in result.output
 
 
-def test_json_of_convert_and_inspect_is_json_and_nothing_else(run, stage):
-    converted = run("convert", "take.log", "--puppet", stage, "-o", "out.glb", "--targets", "3", "--json")
+def test_json_of_convert_and_inspect_is_json_and_nothing_else(invoke, stage):
+    converted = invoke("convert", "take.log", "--puppet", stage, "-o", "out.glb", "--targets", "3", "--json")
     assert (converted.returncode, converted.stderr) == (0, "")
     summary = json.loads(converted.stdout)
     assert (summary["frames"], summary["targets"], summary["output"]) == (58, 3, "out.glb")
     for file, kind in (("out.glb", "character"), ("take.log", "log"), ("blob.toml", "puppet")):
-        result = run("inspect", file, "--json")
+        result = invoke("inspect", file, "--json")
         assert (result.returncode, result.stderr) == (0, "")
         assert json.loads(result.stdout)["kind"] == kind
 
 
-def test_new_makes_a_puppet_that_converts_right_away_and_is_not_overwritten(run, stage, tmp_path):
-    made = run("new", "blob.glb", "-o", "made.toml", "--map", "head=hand_left,hand_right")
+def test_new_makes_a_puppet_that_converts_right_away_and_is_not_overwritten(invoke, stage, tmp_path):
+    made = invoke("new", "blob.glb", "-o", "made.toml", "--map", "head=hand_left,hand_right")
     assert (made.returncode, made.stderr) == (0, "")
     assert made.stdout.startswith(
         "made.toml: 6 limbs, shown in made.handles.png\n  assumed: y looks like up: it stands\n"
     )
     assert "  head             (direction)  ←  hand_left, hand_right\n" in made.stdout
     assert names(tmp_path) >= {"made.toml", "made.handles.png"}
-    assert run("convert", "take.log", "--puppet", "made.toml", "-o", "out.glb").returncode == 0
+    assert invoke("convert", "take.log", "--puppet", "made.toml", "-o", "out.glb").returncode == 0
     assert (tmp_path / "out.glb").stat().st_size > 10_000
 
     first = (tmp_path / "made.toml").read_bytes()
-    again = run("new", "blob.glb", "-o", "made.toml", "--handle", "crown=0,2.1,0.3", "--map", "crown=head")
+    another = ("new", "blob.glb", "-o", "made.toml", "--handle", "crown=0,2.1,0.3", "--map", "crown=head")
+    again = invoke(*another)
     assert (again.returncode, again.stdout) == (1, "")
     assert again.stderr == (
         "puppetline: made.toml: found an existing file; expected a new name. Choose another name, or replace it with "
         "--force.\n"
     )
     assert (tmp_path / "made.toml").read_bytes() == first
-    forced = run("new", "blob.glb", "-o", "made.toml", "--handle", "crown=0,2.1,0.3", "--map", "crown=head", "--force")
+    forced = invoke(*another, "--force")
     assert (forced.returncode, forced.stderr) == (0, "")
     assert "crown" in forced.stdout
-    assert run("convert", "take.log", "--puppet", "made.toml", "-o", "out.glb").returncode == 0
+    assert invoke("convert", "take.log", "--puppet", "made.toml", "-o", "out.glb").returncode == 0
 
 
 @pytest.mark.parametrize(
@@ -305,27 +300,20 @@ def test_new_makes_a_puppet_that_converts_right_away_and_is_not_overwritten(run,
     [["--handle", "paw=1,2"], *[pytest.param(["--map", text], marks=ALSO) for text in ("nose=head", "head=heat")]],
     ids=" ".join,
 )
-def test_new_with_a_wrong_option_prints_one_line_and_writes_nothing(run, stage, tmp_path, option):
-    before = names(tmp_path)
-    result = run("new", "blob.glb", "-o", "made.toml", *option)
-    assert result.returncode == 1
-    assert_one_line(result, "the command line")
-    assert names(tmp_path) == before
+def test_new_with_a_wrong_option_prints_one_line_and_writes_nothing(assert_refused, stage, option):
+    assert_refused("new", "blob.glb", "-o", "made.toml", *option, parts=["the command line"])
 
 
-def test_new_takes_axes_scale_and_the_pictures_name(run, stage, tmp_path):
+def test_new_takes_axes_scale_and_the_pictures_name(invoke, assert_refused, stage, tmp_path):
     before = names(tmp_path)
     options = ["--up", "z", "--front=-y", "--scale", "0.01", "--preview", "look.png"]
-    made = run("new", "blob.glb", "-o", "made.toml", *options)
+    made = invoke("new", "blob.glb", "-o", "made.toml", *options)
     assert (made.returncode, made.stderr) == (0, "")
     assert "assumed" not in made.stdout
     assert names(tmp_path) == before | {"made.toml", "look.png"}
     table = tomllib.loads((tmp_path / "made.toml").read_text())["character"]
     assert table == {"mesh": "blob.glb", "up": "z", "front": "-y", "scale": 0.01}
-    wrong = run("new", "blob.glb", "-o", "other.toml", "--preview", "look.jpg")
-    assert wrong.returncode == 1
-    assert_one_line(wrong, "look.jpg")
-    assert names(tmp_path) == before | {"made.toml", "look.png"}
+    assert_refused("new", "blob.glb", "-o", "other.toml", "--preview", "look.jpg", parts=["look.jpg"])
 
 
 def drain(terminal, process, seconds=60):
@@ -389,19 +377,15 @@ def test_a_number_that_is_none_is_wrong_use(option, value):
     assert option in result.output
 
 
-def test_a_result_never_replaces_what_it_is_made_from(run, stage, tmp_path):
-    mesh = tmp_path / "blob.glb"
-    before = mesh.read_bytes()
-    result = run("convert", "take.log", "--puppet", stage, "-o", mesh.name)
-    assert result.returncode == 1
-    assert_one_line(result, "blob.glb", "an input file")
-    assert mesh.read_bytes() == before
+def test_a_result_never_replaces_what_it_is_made_from(assert_refused, stage, tmp_path):
+    before = (tmp_path / "blob.glb").read_bytes()
+    assert_refused("convert", "take.log", "--puppet", stage, "-o", "blob.glb", parts=["blob.glb", "an input file"])
+    assert (tmp_path / "blob.glb").read_bytes() == before
 
 
-def test_a_rest_pose_after_the_end_of_the_log_is_refused(run, stage):
-    result = run("convert", "take.log", "--puppet", stage, "-o", "out.glb", "--rest-at", "100")
-    assert result.returncode == 1
-    assert_one_line(result, "take.log", "the rest pose, 100 s", "--rest-at")
+def test_a_rest_pose_after_the_end_of_the_log_is_refused(assert_refused, stage):
+    parts = ["take.log", "the rest pose, 100 s", "--rest-at"]
+    assert_refused("convert", "take.log", "--puppet", stage, "-o", "out.glb", "--rest-at", "100", parts=parts)
 
 
 def test_handles_given_twice_are_wrong_use(tmp_path):
@@ -411,9 +395,9 @@ def test_handles_given_twice_are_wrong_use(tmp_path):
     assert "each name once" in result.output
 
 
-def test_a_compact_file_is_less_than_half_as_large(run, stage, tmp_path):
+def test_a_compact_file_is_less_than_half_as_large(invoke, stage, tmp_path):
     options = ("convert", "take.log", "--puppet", stage, "-o", "out.glb")
-    plain = json.loads(run(*options, "--json").stdout)
-    result = run(*options, "--compact")
+    plain = json.loads(invoke(*options, "--json").stdout)
+    result = invoke(*options, "--compact")
     assert result.returncode == 0
     assert (tmp_path / "out.glb").stat().st_size < plain["bytes"] / 2

@@ -77,7 +77,7 @@ class Sender:
 
 
 @pytest.fixture
-def sender():
+def numbers():
     sender = Sender()
     yield sender
     sender.close()
@@ -112,12 +112,12 @@ def test_a_recording_replays_the_same_events_and_records_again_to_the_same_bytes
     assert second.read_bytes() == first.read_bytes()
 
 
-def test_all_events_of_a_live_source_are_recorded_as_they_arrive(tmp_path, sender):
-    sender.send(1, 4, 0, 4, 99)
-    summary = record(sender, tmp_path / "take")
+def test_all_events_of_a_live_source_are_recorded_as_they_arrive(tmp_path, numbers):
+    numbers.send(1, 4, 0, 4, 99)
+    summary = record(numbers, tmp_path / "take")
     assert (summary.frames, summary.users, summary.ended) == (0, (), "source")  # the end came in the same breath
-    sender.send(1, 4, 0, 4)
-    summary = record(sender, tmp_path / "other", seconds=0.2)
+    numbers.send(1, 4, 0, 4)
+    summary = record(numbers, tmp_path / "other", seconds=0.2)
     assert (summary.frames, summary.users, summary.ended) == (3, (1, 4), "time")
     assert (summary.dropped, summary.refused) == (3, {"short": 2})
     came = list(events(tmp_path / "other"))
@@ -167,30 +167,30 @@ def test_the_end_of_fused_recordings_is_no_error(tmp_path):
     assert summary.frames > 0
 
 
-def test_a_silent_source_leaves_a_take_without_events(tmp_path, sender):
-    summary = record(sender, tmp_path / "take", seconds=0.05)
+def test_a_silent_source_leaves_a_take_without_events(tmp_path, numbers):
+    summary = record(numbers, tmp_path / "take", seconds=0.05)
     assert (summary.frames, summary.seconds, summary.ended) == (0, 0.0, "time")
     assert list(events(tmp_path / "take")) == []
 
 
-def test_a_take_that_is_there_is_replaced_only_by_force(tmp_path, sender):
+def test_a_take_that_is_there_is_replaced_only_by_force(tmp_path, numbers):
     path = tmp_path / "take.log"
     path.write_text("dear to me")
     with pytest.raises(OutputError, match="--force"):
-        record(sender, path, seconds=0)
+        record(numbers, path, seconds=0)
     assert path.read_text() == "dear to me"
-    sender.send(5)
-    assert record(sender, path, seconds=0.1, force=True).users == (5,)
+    numbers.send(5)
+    assert record(numbers, path, seconds=0.1, force=True).users == (5,)
     assert [event.user for event in events(path)] == [5]
 
 
-def test_an_unwritable_path_is_refused_before_any_event_is_received(tmp_path, sender):
-    sender.send(5)
+def test_an_unwritable_path_is_refused_before_any_event_is_received(tmp_path, numbers):
+    numbers.send(5)
     with pytest.raises(OutputError):
-        record(sender, tmp_path / "none" / "take", seconds=1)
+        record(numbers, tmp_path / "none" / "take", seconds=1)
     with pytest.raises(OutputError):
-        record(sender, tmp_path, seconds=1, force=True)
-    assert [event.user for event in sender.receive()] == [5]
+        record(numbers, tmp_path, seconds=1, force=True)
+    assert [event.user for event in numbers.receive()] == [5]
 
 
 CHILD = """

@@ -2,7 +2,6 @@ import threading
 import time
 from dataclasses import asdict, replace
 
-import numpy as np
 import pytest
 import zmq
 from zmq.auth.thread import ThreadAuthenticator
@@ -10,15 +9,10 @@ from zmq.auth.thread import ThreadAuthenticator
 from engine_bridge.client import listening
 from engine_bridge.client.listening import describe, listen
 from engine_bridge.service.outputs.zeromq import ZeroMqOutput
-from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.frame import StreamedCharacter
 from puppetline.errors import ServiceError
 
-
-class Open:
-    stream = "tcp://127.0.0.1:*"
-
-    def prepare(self, socket):
-        pass
+from ..service.outputs.frames import Open, frame_of
 
 
 class Playing(threading.Thread):
@@ -46,19 +40,8 @@ class Playing(threading.Thread):
             self.publisher.send_due()
             sequence += 2 if sequence % 10 == 8 else 1
             for character in self.characters:
-                self.publisher.offer(
-                    Frame(
-                        character=character,
-                        sequence=sequence,
-                        time=sequence / 100,
-                        received=time.monotonic_ns() - 5_000_000,
-                        state="performing",
-                        user=7,
-                        R=character.rig.model.rest_controls,
-                        root=np.zeros(3),
-                        targets=character.rig.puppet.handle_positions,
-                    )
-                )
+                came = {"time": sequence / 100, "received": time.monotonic_ns() - 5_000_000}
+                self.publisher.offer(frame_of(character, sequence, state="performing", user=7, **came))
         self.publisher.close()
         self.context.term()
 

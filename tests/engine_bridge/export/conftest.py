@@ -330,6 +330,16 @@ def solved():
     return vertices
 
 
+def outermost_handles(vertices):
+    """Return the tables of handles at the outermost points of a character."""
+    picks = dict.fromkeys(int(pick) for axis in vertices.T for pick in (axis.argmin(), axis.argmax()))
+    joints = ["hand_left", "hand_right", "head", "foot_left", "foot_right", "spine"]
+    return "".join(
+        f'[[handle]]\nname = "{joint}"\nposition = {vertices[pick].tolist()}\njoint = "{joint}"\n\n'
+        for pick, joint in zip(picks, joints, strict=False)
+    )
+
+
 class Raw:
     """A .glb as read by pygltflib, with accessors as arrays."""
 

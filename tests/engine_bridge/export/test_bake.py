@@ -79,6 +79,18 @@ def farthest(a, b, rig):
     return np.linalg.norm(a - b, axis=-1).max() / rig.mesh.diagonal
 
 
+def frames_of(rig, log):
+    """The solver's frames (F, 4m, 3) float32 of a recording."""
+    return performed(rig, load_timeline(log, Settings())[0])[0]
+
+
+def live_error(path, rig, frames):
+    """The largest distance of vertices by live weights of a baked file from the solver's, over the diagonal."""
+    basis = LiveBasis.load(path, rig)
+    there = places_from_weights(path, rig, np.array([basis.project(R).weights for R in frames]))
+    return farthest(there, shown_places(rig, frames), rig)
+
+
 def test_the_summary_says_what_the_file_and_the_motion_are(of_take):
     summary, path, _ = of_take
     assert (summary.output, summary.bytes) == (str(path), path.stat().st_size)
@@ -91,11 +103,10 @@ def test_live_weights_put_vertices_where_the_solver_does_within_the_error_that_w
     """Frames are projected one by one, and evaluated with the rest positions and targets in the file."""
     summary, path, _ = of_take
     basis = LiveBasis.load(path, blob_rig)
-    frames, _ = performed(blob_rig, load_timeline(take, Settings())[0])
-    weights = np.array([basis.project(R).weights for R in frames])
-    there, solved = places_from_weights(path, blob_rig, weights), shown_places(blob_rig, frames)
-    assert farthest(there, solved, blob_rig) == pytest.approx(summary.error, abs=1e-6)
+    frames = frames_of(blob_rig, take)
+    assert live_error(path, blob_rig, frames) == pytest.approx(summary.error, abs=1e-6)
     shown = [basis.project(R) for R in frames]
+    weights = np.array([each.weights for each in shown])
     assert np.sqrt(np.mean([each.residual**2 for each in shown])) == pytest.approx(summary.rms, rel=1e-3)
     assert not any(each.limited for each in shown)
     assert weights.min() == 0
@@ -127,25 +138,18 @@ def test_two_logs_are_both_in_it(take, record, dance, blob_puppet, blob_rig, tmp
     backwards = record(tmp_path / "backwards.log", dance()[::-1] * [1, 1, 1.02])
     summary = bake(blob_puppet, tmp_path / "a.glb", (take, backwards), tolerance=5e-4)
     assert summary.frames == 2 * 58
-    basis = LiveBasis.load(tmp_path / "a.glb", blob_rig)
     for log in (take, backwards):
-        frames, _ = performed(blob_rig, load_timeline(log, Settings())[0])
-        weights = np.array([basis.project(R).weights for R in frames])
-        there = places_from_weights(tmp_path / "a.glb", blob_rig, weights)
-        assert farthest(there, shown_places(blob_rig, frames), blob_rig) <= summary.error + 1e-6 <= 5e-4 + 1e-6
+        assert live_error(tmp_path / "a.glb", blob_rig, frames_of(blob_rig, log)) <= summary.error + 1e-6 <= 5e-4 + 1e-6
 
 
 def test_without_logs_it_covers_performances_and_handles(of_nothing, blob_rig, standing):
     summary, path = of_nothing
-    basis = LiveBasis.load(path, blob_rig)
     timelines = [resample(make(), 30.0, 0.4) for make in PERFORMANCES.values()]
     motions = [performed(blob_rig, timeline)[0] for timeline in timelines]
     motions.append(np.concatenate(list(exercise(blob_rig, timelines[0].positions[0], 64))))
     assert summary.frames == sum(map(len, motions))
     for frames in motions[:-1]:
-        some = frames[::5]
-        there = places_from_weights(path, blob_rig, np.array([basis.project(R).weights for R in some]))
-        assert farthest(there, shown_places(blob_rig, some), blob_rig) <= summary.error + 1e-6
+        assert live_error(path, blob_rig, frames[::5]) <= summary.error + 1e-6
 
 
 def test_made_up_motion_covers_a_performance_that_it_was_not_made_of(blob_rig):
@@ -174,9 +178,8 @@ def test_a_limit_to_the_targets_is_kept_and_the_error_said_is_the_one_that_follo
     summary = bake(blob_puppet, tmp_path / "a.glb", (take,), targets=3)
     basis = LiveBasis.load(tmp_path / "a.glb", blob_rig)
     assert summary.targets == len(basis.names) == 3
-    frames, _ = performed(blob_rig, load_timeline(take, Settings())[0])
-    there = places_from_weights(tmp_path / "a.glb", blob_rig, np.array([basis.project(R).weights for R in frames]))
-    assert farthest(there, shown_places(blob_rig, frames), blob_rig) == pytest.approx(summary.error, abs=1e-6)
+    error = live_error(tmp_path / "a.glb", blob_rig, frames_of(blob_rig, take))
+    assert error == pytest.approx(summary.error, abs=1e-6)
     assert summary.error > DEFAULT_TOLERANCE
 
 
@@ -241,9 +244,7 @@ def test_all_parts_take_the_same_weights_after_the_targets_that_they_have(
     rig = load_rig(puppet)
     basis = LiveBasis.load(output, rig)
     assert names_in(output) == [list(basis.names), ["smile", *basis.names]]
-    frames, _ = performed(rig, load_timeline(take, Settings())[0])
-    there = places_from_weights(output, rig, np.array([basis.project(R).weights for R in frames]))
-    assert farthest(there, shown_places(rig, frames), rig) == pytest.approx(summary.error, abs=2e-6)
+    assert live_error(output, rig, frames_of(rig, take)) == pytest.approx(summary.error, abs=2e-6)
 
 
 def test_a_file_that_was_baked_is_a_character_that_can_be_baked_again(of_take, take, write_puppet, tmp_path):
@@ -252,10 +253,8 @@ def test_a_file_that_was_baked_is_a_character_that_can_be_baked_again(of_take, t
     puppet = write_puppet(tmp_path / "again.toml", "again.glb")
     summary = bake(puppet, tmp_path / "twice.glb", (take,), targets=4)
     rig = load_rig(puppet)
-    basis = LiveBasis.load(tmp_path / "twice.glb", rig)
-    frames, _ = performed(rig, load_timeline(take, Settings())[0])
-    there = places_from_weights(tmp_path / "twice.glb", rig, np.array([basis.project(R).weights for R in frames]))
-    assert farthest(there, shown_places(rig, frames), rig) == pytest.approx(summary.error, abs=2e-6)
+    error = live_error(tmp_path / "twice.glb", rig, frames_of(rig, take))
+    assert error == pytest.approx(summary.error, abs=2e-6)
 
 
 def test_all_that_the_character_came_with_is_there_as_it_was(blob, glb, take, write_puppet, tmp_path):

@@ -131,8 +131,8 @@ def test_the_pose_at_the_start_is_the_rest_pose_of_a_recording_without_calibrati
     assert (tmp_path / "again.glb").read_bytes() == converted[2].read_bytes()
 
 
-def test_a_part_moves_as_it_does_in_the_whole(take, blob_puppet, tmp_path):
-    whole, _ = convert(take, blob_puppet, tmp_path / "whole.glb", Settings())
+def test_a_part_moves_as_it_does_in_the_whole(take, blob_puppet, converted, tmp_path):
+    whole = converted[0]
     part, summary = convert(take, blob_puppet, tmp_path / "part.glb", Settings(start=0.5, stop=1.0))
     assert summary.frames == 16
     assert summary.seconds == 0.5

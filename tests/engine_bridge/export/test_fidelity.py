@@ -13,6 +13,8 @@ from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings
 from solver.model.reduced_model import position_matrix
 
+from .conftest import outermost_handles
+
 CHARACTERS = [
     "gltf/cubevc.glb",
     "gltf/kaykit_Knight.glb",
@@ -76,13 +78,7 @@ def converted(request, real_data, take, tmp_path_factory):
     """A real character moved by handles at its six outermost points."""
     path = real_data / "mesh" / request.param
     folder = tmp_path_factory.mktemp("fidelity")
-    vertices = load_character(path).vertices
-    tips = dict.fromkeys(int(pick) for axis in vertices.T for pick in (axis.argmin(), axis.argmax()))
-    joints = ["hand_left", "hand_right", "head", "foot_left", "foot_right", "spine"]
-    handles = "".join(
-        f'[[handle]]\nname = "{joint}"\nposition = {vertices[tip].tolist()}\njoint = "{joint}"\n\n'
-        for tip, joint in zip(tips, joints, strict=False)
-    )
+    handles = outermost_handles(load_character(path).vertices)
     puppet, out = folder / "puppet.toml", folder / "out.glb"
     puppet.write_text(f'[character]\nmesh = "{path}"\n\n{handles}[root]\n\n[solver]\nfields = 5\nisolines = 6\n')
     clip, summary = convert(take, puppet, out, Settings())

@@ -21,6 +21,8 @@ from engine_bridge.performance.clip import Clip
 from engine_bridge.performance.frame_store import FrameStore
 from engine_bridge.performance.settings import Settings
 
+from .conftest import outermost_handles
+
 pytestmark = pytest.mark.slow
 
 PROGRAMS = ["Blender", "three.js", "Babylon.js", "Godot", "assimp"]
@@ -139,7 +141,7 @@ def file(character, second, write_puppet, raw, tmp_path_factory):
             vertices = load_character(path).vertices
             scale = np.linalg.norm(np.ptp(vertices, axis=0)) / 4
             more = f"[retarget]\nscale = {scale}\n\n[solver]\nfields = 5\nisolines = 6\n"
-            write_puppet(puppet, path, handles=tips(vertices), more=more)
+            write_puppet(puppet, path, handles=outermost_handles(vertices), more=more)
         else:
             write_puppet(puppet, path)
         return File(raw, *convert(second, puppet, output, Settings(form=form, bones=8 if form == "skin" else None)))
@@ -154,18 +156,8 @@ def file(character, second, write_puppet, raw, tmp_path_factory):
     return once
 
 
-def tips(vertices):
-    """Handles at the outermost points of a character."""
-    picks = dict.fromkeys(int(pick) for axis in vertices.T for pick in (axis.argmin(), axis.argmax()))
-    joints = ["hand_left", "hand_right", "head", "foot_left", "foot_right", "spine"]
-    return "".join(
-        f'[[handle]]\nname = "{joint}"\nposition = {vertices[pick].tolist()}\njoint = "{joint}"\n\n'
-        for pick, joint in zip(picks, joints, strict=False)
-    )
-
-
 @pytest.fixture(scope="module")
-def play(file, player):
+def played_in(file, player):
     """Export a character and play it in a program, once for all tests; return the file and the result."""
     played = {}
 
@@ -239,8 +231,8 @@ def allowed(program, made, expected):
 
 @pytest.mark.parametrize("name", [*MADE, *REAL])
 @pytest.mark.parametrize("form", FORMS)
-def test_every_vertex_is_where_it_was_solved_to_be(program, form, name, play, players):
-    made, shown = play(program, name, form)
+def test_every_vertex_is_where_it_was_solved_to_be(program, form, name, played_in, players):
+    made, shown = played_in(program, name, form)
     np.testing.assert_allclose(shown.times, np.arange(TIMES) * 2.5 / FPS, atol=1e-6)
     between = np.arange(TIMES) % 2 == 1
     expected = players.solved(made.clip)(shown.times)
@@ -271,8 +263,8 @@ def targets(made, node):
 
 @pytest.mark.parametrize("name", ["animated", "several_primitives", *REAL])
 @pytest.mark.parametrize("form", ["morph", "skin"])
-def test_animations_nodes_and_targets_have_the_names_that_the_file_gives_them(program, form, name, play):
-    made, shown = play(program, name, form)
+def test_animations_nodes_and_targets_have_the_names_that_the_file_gives_them(program, form, name, played_in):
+    made, shown = played_in(program, name, form)
     own, report = made.gltf, shown.report
     assert own.animations[0].name == "one_second"
     animations, nodes = names(own.animations), set(names(own.nodes))
@@ -308,8 +300,8 @@ def looks(made, node, primitive):
 
 @pytest.mark.parametrize("name", ["animated", "several_primitives", *REAL])
 @pytest.mark.parametrize("form", ["morph", "skin"])
-def test_every_part_has_its_material(program, form, name, play):
-    made, shown = play(program, name, form)
+def test_every_part_has_its_material(program, form, name, played_in):
+    made, shown = played_in(program, name, form)
     own = made.gltf
     for mesh in shown.report["meshes"]:
         if program == "Blender":  # one mesh for all primitives of a node, with the materials that they have
@@ -336,8 +328,8 @@ def test_every_part_has_its_material(program, form, name, play):
 
 @pytest.mark.parametrize("name", ["own_targets", "animated", "node_transforms", *REAL])
 @pytest.mark.parametrize("form", FORMS)
-def test_blender_plays_the_recording_at_once_with_a_keyframe_a_frame(form, name, play):
-    made, shown = play("Blender", name, form)
+def test_blender_plays_the_recording_at_once_with_a_keyframe_a_frame(form, name, played_in):
+    made, shown = played_in("Blender", name, form)
     report = shown.report
     assert report["fps"] == FPS
     assert report["actions"]["one_second"]["frames"] == [0, FRAMES - 1]

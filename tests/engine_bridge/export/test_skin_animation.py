@@ -21,7 +21,7 @@ IN_THE_WORLD = {"textured", "colored", "float_colors", "without_normals", "witho
 
 
 @pytest.fixture(scope="module")
-def take(record, dance, tmp_path_factory):
+def short_take(record, dance, tmp_path_factory):
     """A recording of every third frame of the dance, for which bones are found in less time."""
     frames = dance()[::3]
     assert len(frames) == FRAMES
@@ -29,13 +29,13 @@ def take(record, dance, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def skins(variants, take, write_puppet):
+def skins(variants, short_take, write_puppet):
     """All variants with 8 bones: the variant, the clip and the summary."""
 
     def make(variant):
         puppet = write_puppet(variant.path.with_name(f"{variant.name}_skin.toml"), variant.path.name)
         output = variant.path.with_name(f"{variant.name}_skin.glb")
-        return variant, *convert(take, puppet, output, Settings(form="skin", bones=8))
+        return variant, *convert(short_take, puppet, output, Settings(form="skin", bones=8))
 
     return {name: make(variant) for name, variant in variants.items()}
 
@@ -240,11 +240,11 @@ def furnished(glb, blob, tmp_path):
 
 
 def test_a_node_comes_to_the_top_and_what_hangs_on_it_stays(
-    furnished, take, write_puppet, tmp_path, raw, assert_valid_gltf
+    furnished, short_take, write_puppet, tmp_path, raw, assert_valid_gltf
 ):
     handles = '[[handle]]\nname = "head"\nposition = [0.6, 4.2, 1.0]\njoint = "head"\n'
     puppet = write_puppet(tmp_path / "furnished.toml", "furnished.glb", handles=handles)
-    _, summary = convert(take, puppet, tmp_path / "out.glb", Settings(form="skin", bones=4))
+    _, summary = convert(short_take, puppet, tmp_path / "out.glb", Settings(form="skin", bones=4))
     assert_valid_gltf(tmp_path / "out.glb")
     file = raw(tmp_path / "out.glb").file
     body = next(node for node in file.nodes if node.name == "body")
@@ -264,7 +264,7 @@ def test_a_node_comes_to_the_top_and_what_hangs_on_it_stays(
 
 @pytest.mark.parametrize("scale", [[0, 0, 0], [1, 1, 0], [-1, 1, 0]])
 def test_directions_that_are_scaled_to_nothing_point_up(
-    scale, glb, blob, take, write_puppet, tmp_path, raw, assert_valid_gltf
+    scale, glb, blob, short_take, write_puppet, tmp_path, raw, assert_valid_gltf
 ):
     count, faces = len(blob.vertices), blob.faces.astype(np.uint32)
     towards_z = {
@@ -275,7 +275,7 @@ def test_directions_that_are_scaled_to_nothing_point_up(
     glb.node(glb.mesh(glb.primitive(blob.vertices, faces, **towards_z)), scale=scale, name="hidden")
     glb.save(tmp_path / "hidden.glb")
     puppet = write_puppet(tmp_path / "hidden.toml", "hidden.glb")
-    convert(take, puppet, tmp_path / "out.glb", Settings(form="skin", bones=4))
+    convert(short_take, puppet, tmp_path / "out.glb", Settings(form="skin", bones=4))
     assert_valid_gltf(tmp_path / "out.glb")
     made = raw(tmp_path / "out.glb")
     hidden = next(node for node in made.file.nodes if node.name == "hidden")
@@ -285,7 +285,9 @@ def test_directions_that_are_scaled_to_nothing_point_up(
     np.testing.assert_array_equal(made.array(attributes.TANGENT), np.tile([0, 1, 0, -1], (count, 1)))
 
 
-def test_lines_without_joints_stand_where_their_node_is(variants, take, write_puppet, tmp_path, raw, assert_valid_gltf):
+def test_lines_without_joints_stand_where_their_node_is(
+    variants, short_take, write_puppet, tmp_path, raw, assert_valid_gltf
+):
     before = raw(variants["skinned"].path)
     (mesh,) = before.file.meshes
     bound = mesh.primitives[0].attributes.POSITION
@@ -293,7 +295,7 @@ def test_lines_without_joints_stand_where_their_node_is(variants, take, write_pu
     next(node for node in before.file.nodes if node.name == "elsewhere").translation = [1, 2, 3]
     before.file.save(tmp_path / "lined.glb")
     puppet = write_puppet(tmp_path / "lined.toml", "lined.glb")
-    convert(take, puppet, tmp_path / "out.glb", Settings(form="skin", bones=4))
+    convert(short_take, puppet, tmp_path / "out.glb", Settings(form="skin", bones=4))
     assert_valid_gltf(tmp_path / "out.glb")
     made = raw(tmp_path / "out.glb")
     surface, lines = (primitive.attributes for primitive in made.file.meshes[0].primitives)
@@ -302,10 +304,10 @@ def test_lines_without_joints_stand_where_their_node_is(variants, take, write_pu
     np.testing.assert_array_equal(made.array(lines.JOINTS_0), 0)
 
 
-def test_the_same_input_gives_the_same_bytes(skins, take, tmp_path):
+def test_the_same_input_gives_the_same_bytes(skins, short_take, tmp_path):
     variant, _, summary = skins["textured"]
     puppet = variant.path.with_name("textured_skin.toml")
-    convert(take, puppet, tmp_path / "again.glb", Settings(form="skin", bones=8))
+    convert(short_take, puppet, tmp_path / "again.glb", Settings(form="skin", bones=8))
     assert (tmp_path / "again.glb").read_bytes() == Path(summary.output).read_bytes()
 
 

@@ -4,19 +4,14 @@ import numpy as np
 import pytest
 from puppetline.examples.performances import PERFORMANCES
 
-from capture.recording import Recorder
 from engine_bridge.performance.idle import IdleRecording
 from engine_bridge.performance.performance import make_deformer
 from puppetline.errors import SkeletonLogError
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory):
-    path = tmp_path_factory.mktemp("idle") / "lean.log"
-    with Recorder(path) as recorder:
-        for frame in PERFORMANCES["lean"]().frames():
-            recorder.write(frame)
-    return path
+def log(record_events, tmp_path_factory):
+    return record_events(tmp_path_factory.mktemp("idle") / "lean.log", PERFORMANCES["lean"]().frames())
 
 
 @pytest.fixture(scope="module")

@@ -47,6 +47,14 @@ def play(rig, puppet, frames, rest):
     return vertices, np.array([pose.root for pose in poses])
 
 
+def last_handles(rig, puppet, sequence, rest):
+    """Return where the handles are at rest, and where the surface at them is in the last frame."""
+    performance = Performance(puppet, rig.mesh, rig.model, rest)
+    handles = performance.deformer.handles
+    pose = [performance.step(frame) for frame in sequence][-1]
+    return handles, rig.model.rows(rig.mesh, handles) @ pose.R * rig.model.diagonal + rig.model.center
+
+
 def changed(puppet, **tables):
     return puppet.model_copy(update=tables)
 
@@ -113,11 +121,7 @@ def test_with_a_number_for_scale_handles_go_that_far_without_limit(rig, puppet, 
     numeric = changed(puppet, root=None, retarget=RetargetTable(scale=0.5))
     takes = np.tile(standing, (40, 1, 1))
     takes[:, JOINT_INDEX["hand_left"]] += np.linspace(0, 1, 40)[:, None] * [-0.2, 0.9, -0.6]
-    performance = Performance(numeric, rig.mesh, rig.model, standing)
-    handles = performance.deformer.handles
-    for frame in frames(takes):
-        pose = performance.step(frame)
-    there = rig.model.rows(rig.mesh, handles) @ pose.R * rig.model.diagonal + rig.model.center
+    handles, there = last_handles(rig, numeric, frames(takes), standing)
     expected = handles.copy()
     expected[0] += 0.5 * np.array([0.2, 0.9, 0.6])  # the figure's axes: −x, y, −z of the sensor's
     np.testing.assert_allclose(there, expected, atol=1e-3 * rig.mesh.diagonal)
@@ -147,10 +151,7 @@ def test_handles_take_the_mean_of_their_joints_their_axes_and_their_gain(rig, pu
     takes[1, JOINT_INDEX["hand_right"]] += [0, 0.2, 0]
     takes[1, JOINT_INDEX["wrist_right"]] += [0.1, 0, 0]
     takes[1, JOINT_INDEX["head"]] += [0.1, 0.3, -0.2]
-    performance = Performance(numeric, rig.mesh, rig.model, standing)
-    handles = performance.deformer.handles
-    pose = [performance.step(frame) for frame in frames(takes)][-1]
-    there = rig.model.rows(rig.mesh, handles) @ pose.R * rig.model.diagonal + rig.model.center
+    handles, there = last_handles(rig, numeric, frames(takes), standing)
     moved = np.zeros_like(handles)
     moved[1] = [-0.05, 0.1, 0]
     moved[2] = 0.8 * np.array([-0.1, 0, 0.2])
@@ -201,10 +202,7 @@ def test_with_auto_scale_a_performer_twice_as_large_gives_the_same_motion(rig, p
 def test_a_joint_that_is_never_known_moves_nothing(rig, puppet, frames, dance, standing):
     takes, rest = dance(10), standing.copy()
     takes[:, JOINT_INDEX["hand_left"]] = rest[JOINT_INDEX["hand_left"]] = np.nan
-    performance = Performance(puppet, rig.mesh, rig.model, rest)
-    handles = performance.deformer.handles
-    pose = [performance.step(frame) for frame in frames(takes)][-1]
-    there = rig.model.rows(rig.mesh, handles) @ pose.R * rig.model.diagonal + rig.model.center
+    handles, there = last_handles(rig, puppet, frames(takes), rest)
     np.testing.assert_allclose(there[0], handles[0], atol=1e-3 * rig.mesh.diagonal)
 
 

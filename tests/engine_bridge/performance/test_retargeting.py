@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from capture import body
 from capture.formats import read_log
-from capture.recording import Recorder, as_recorded
+from capture.recording import as_recorded
 from capture.skeleton import JOINT_INDEX, mirrored, to_character_axes
 from capture.timeline import resample
 from engine_bridge.performance.performance import make_deformer
@@ -229,12 +229,11 @@ def test_a_straight_forearm_turns_about_itself_by_as_much_as_the_performers(pupp
     np.testing.assert_allclose(without, 0, atol=1e-6)
 
 
-def test_a_take_turns_the_forearm_as_the_performance_that_it_recorded(puppet, retargeting, twisted, tmp_path):
+def test_a_take_turns_the_forearm_as_the_performance_that_it_recorded(
+    puppet, retargeting, twisted, record_events, tmp_path
+):
     live = [as_recorded(frame) for frame in twisted.frames()]
-    with Recorder(tmp_path / "take") as recorder:
-        for frame in twisted.frames():
-            recorder.write(frame)
-    (take,) = read_log(tmp_path / "take")
+    (take,) = read_log(record_events(tmp_path / "take", twisted.frames()))
     played, again = (retargeting(puppet, live[0].positions)[0] for _ in range(2))
     for one, other in zip(live, take.frames(), strict=True):
         np.testing.assert_array_equal(played.step(one).motions, again.step(other).motions)

@@ -3,7 +3,6 @@ import pytest
 
 from capture.events import Cue
 from capture.formats import read_log
-from capture.recording import Recorder
 from capture.sensor_tilt import SensorTilt
 from engine_bridge.performance.clip import load_timeline, resting_pose
 from engine_bridge.performance.performer_calibration import Calibration
@@ -14,7 +13,7 @@ SENSOR = SensorTilt(10.0, 1.2)
 
 
 @pytest.fixture
-def write_take(frames, standing, tmp_path):
+def write_take(record_events, frames, standing, tmp_path):
     """Write a take of users who stand beside each other for two seconds, and of cues."""
 
     def write(*cues, users=(1,)):
@@ -24,10 +23,7 @@ def write_take(frames, standing, tmp_path):
             for user, seen in zip(users, beside, strict=True)
             for frame in seen
         ]
-        with Recorder(tmp_path / "take.log") as recorder:
-            for event in sorted([*cues, *events], key=lambda event: event.time):
-                recorder.write(event)
-        return tmp_path / "take.log"
+        return record_events(tmp_path / "take.log", sorted([*cues, *events], key=lambda event: event.time))
 
     return write
 

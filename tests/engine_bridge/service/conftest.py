@@ -148,18 +148,18 @@ class Sender:
             time.sleep(interval)
         return sent
 
-
-@contextmanager
-def performing_for_ever(sender, frames):
-    """Send frames again and again until the end of the block."""
-    stop = threading.Event()
-    performer = threading.Thread(target=sender.play, args=(itertools.cycle(frames),), kwargs={"until": stop.is_set})
-    performer.start()
-    try:
-        yield
-    finally:
-        stop.set()
-        performer.join()
+    @contextmanager
+    def playing(self, frames, **options):
+        """Play frames again and again until the end of the block."""
+        stop = threading.Event()
+        options["until"] = stop.is_set
+        performer = threading.Thread(target=self.play, args=(itertools.cycle(frames),), kwargs=options)
+        performer.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            performer.join()
 
 
 class Client:

@@ -5,14 +5,11 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
-from importlib.util import module_from_spec, spec_from_file_location
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from capture.recording import Recorder
 from engine_bridge.export.live_basis import LiveBasis
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.service.character_player import CharacterPlayer, PlayerSettings
@@ -21,30 +18,25 @@ from engine_bridge.service.stage import Stage, StageSettings
 from engine_bridge.service.stage_runner import StageRunner
 from engine_bridge.service.states import STATES
 
+from ...conftest import ROOT
+from ...modules import load
+
 SAID = re.compile(r"frame (?P<frame>\d+), (?P<state>\w+), \d+ fps, \[(?P<low>[-.e\d ]+)\] to \[(?P<high>[-.e\d ]+)\]\n")
 
 pytestmark = pytest.mark.slow
 
-CLIENTS = Path(__file__).parents[3] / "examples" / "clients"
 BEFORE_THE_END = 0.5
 """Seconds: what comes last may be dropped."""
 
 
-def load(name):
-    spec = spec_from_file_location(name, CLIENTS / f"{name}.py")
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture(scope="module")
 def follow():
-    return load("follow").follow
+    return load("examples/clients/follow.py").follow
 
 
 @pytest.fixture(scope="module")
 def targets(baked):
-    return load("morph_targets").read_targets(baked)
+    return load("examples/clients/morph_targets.py").read_targets(baked)
 
 
 @pytest.fixture(scope="module")
@@ -76,12 +68,8 @@ def baked(puppet, take, commands):
 
 
 @pytest.fixture(scope="module")
-def log(puppet, kung_fu):
-    path = puppet.with_name("played.log")
-    with Recorder(path) as recorder:
-        for frame in kung_fu:
-            recorder.write(frame)
-    return path
+def log(puppet, record_events, kung_fu):
+    return record_events(puppet.with_name("played.log"), kung_fu)
 
 
 @pytest.fixture
@@ -148,7 +136,8 @@ def test_as_a_program_it_says_once_a_second_what_it_sees(serve, puppet, sender, 
     token.write_text("correct-horse-battery-staple")
     token.chmod(0o600)
     service = serve("--puppet", puppet, "--source", sender.uri, "--token-file", token)
-    command = [sys.executable, "-u", CLIENTS / "follow.py", "parts", "vertices", "--address", service.stream]
+    client = ROOT / "examples" / "clients" / "follow.py"
+    command = [sys.executable, "-u", client, "parts", "vertices", "--address", service.stream]
     with subprocess.Popen([*command, "--token", token.read_text()], stdout=subprocess.PIPE, text=True) as program:
         found = [SAID.fullmatch(program.stdout.readline()) for _ in range(3)]
         program.terminate()

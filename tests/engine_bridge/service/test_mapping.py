@@ -14,7 +14,6 @@ from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.scene import Scene
 from engine_bridge.service.stage_runner import PREPARATION_SECONDS
 
-from .conftest import performing_for_ever
 from .stages import largest_step, replay, ticks, with_beginnings
 
 EASE = PlayerSettings().ease
@@ -168,7 +167,7 @@ def dog(blob_puppet):
 @contextmanager
 def performing(service, sender, kung_fu):
     """Send a performer to the service until the end of the block, and wait for the calibration."""
-    with performing_for_ever(sender, kung_fu):
+    with sender.playing(kung_fu):
         service.client("dog/controls").until(lambda message: message.header.state == 2)
         yield
 

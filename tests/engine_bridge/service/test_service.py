@@ -20,13 +20,12 @@ from pythonosc.osc_message import OscMessage
 
 from capture import body
 from capture.events import Cue
-from capture.recording import Recorder
 from capture.skeleton import JOINT_INDEX
 from engine_bridge.service.discovery import find
 from engine_bridge.service.protocol.scene import Scene
 from solver.model.binding import Binding
 
-from .conftest import Sender, performing_for_ever
+from .conftest import Sender
 
 pytestmark = pytest.mark.slow
 
@@ -37,7 +36,7 @@ SERVE = ("serve", "--port", "0", "--no-announce")
 def playing(serve, blob_puppet, sender, kung_fu):
     """Start a service with one character, and a performer who moves until the end of the test."""
     service = serve("--puppet", blob_puppet, "--source", sender.uri, "--calibrate", "at_once")
-    with performing_for_ever(sender, kung_fu):
+    with sender.playing(kung_fu):
         yield service
 
 
@@ -46,7 +45,7 @@ def shared(serve_module, blob_puppet, kung_fu):
     """Start the same for all tests that only read; return the service and the performer's sender."""
     with closing(Sender()) as sender:
         service = serve_module("--puppet", blob_puppet, "--source", sender.uri, "--calibrate", "at_once")
-        with performing_for_ever(sender, kung_fu):
+        with sender.playing(kung_fu):
             yield service, sender
 
 
@@ -182,20 +181,10 @@ def test_clients_and_performer_continue_after_a_killed_service_is_restarted(
     service.process.wait()
     last = max(message.header.sequence for message in [*seen, *client.pending()])
     serve(*arguments)
-    moving = kung_fu[
-        100:
-    ]  # never still for a second: only a stored calibration lets this performer drive the character
-    stop = threading.Event()
-    performer = threading.Thread(
-        target=sender.play, args=(itertools.cycle(moving),), kwargs={"interval": 1 / 30, "until": stop.is_set}
-    )
-    performer.start()
-    try:
+    # never still for a second: only a stored calibration lets this performer drive the character
+    with sender.playing(kung_fu[100:], interval=1 / 30):
         restarted = client.until(lambda message: message.header.sequence < last, "controls")
         frames = client.until(performing, "controls")
-    finally:
-        stop.set()
-        performer.join()
     assert restarted[-1].header.revision == frames[-1].header.revision
     assert frames[-1].header.state == 2
 
@@ -391,13 +380,12 @@ def test_the_status_is_in_the_terminal_at_prometheus_and_in_the_announcement(blo
         process.stdout.close()
 
 
-def test_the_status_has_the_performers_height_and_the_sensors_position(serve, blob_puppet, tmp_path, kung_fu):
+def test_the_status_has_the_performers_height_and_the_sensors_position(
+    serve, blob_puppet, record_events, tmp_path, kung_fu
+):
     stands = {"tilt": 12.0, "height": 1.3, "roll": -2.0}
-    with Recorder(tmp_path / "take.log") as recorder:
-        recorder.write(Cue(kung_fu[0].time, "level", stands))
-        for frame in kung_fu:
-            recorder.write(frame)
-    service = serve("--puppet", blob_puppet, "--source", f"replay:{tmp_path / 'take.log'}?loop")
+    take = record_events(tmp_path / "take.log", [Cue(kung_fu[0].time, "level", stands), *kung_fu])
+    service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop")
 
     def stage():
         return service.ask("describe")["status"]["stages"][0]

@@ -6,7 +6,7 @@ import pytest
 from capture.clip import SkeletonClip
 from capture.events import Cue, Lost
 from capture.pose import Pose
-from capture.recording import Recorder, as_recorded
+from capture.recording import as_recorded
 from capture.sensor_tilt import SensorTilt
 from capture.skeleton import SkeletonFrame
 from capture.timeline import resample
@@ -246,7 +246,7 @@ def test_a_sensor_that_stands_like_nothing_is_refused_and_counts_for_nothing(mak
 
 @pytest.mark.parametrize("tilt", [0.0, 15.0])
 def test_a_take_from_the_middle_of_a_performance_is_converted_as_it_was_streamed(
-    make_stage, blob_rig, blob_puppet, kung_fu, tmp_path, tilt
+    make_stage, blob_rig, blob_puppet, kung_fu, record_events, tmp_path, tilt
 ):
     sensor = Pose.of_degrees(tilt, 0.0, 0.0, np.array([0.0, 1.2, 0.0]))
     even = resample(SkeletonClip("", 1, *(np.array([getattr(each, what) for each in kung_fu]) for what in KEPT)))
@@ -258,9 +258,8 @@ def test_a_take_from_the_middle_of_a_performance_is_converted_as_it_was_streamed
     events = with_beginnings_of(make_stage(player_settings=PlayerSettings(tilt=tilt, height=1.2)), seen)
     cut = 100
     replay(stage, events[:cut])
-    with Recorder(tmp_path / "take.log") as recorder:
-        for event in (beginning(stage), *events[cut:]):
-            recorder.write(as_recorded(event) if isinstance(event, SkeletonFrame) else event)
+    rounded = (as_recorded(event) if isinstance(event, SkeletonFrame) else event for event in events[cut:])
+    record_events(tmp_path / "take.log", [beginning(stage), *rounded])
     streamed = replay(stage, events[cut:])
 
     def distance_to_stream(settings):

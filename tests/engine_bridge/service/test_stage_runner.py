@@ -36,10 +36,8 @@ def run(clock):
 
 
 @pytest.fixture
-def short(tmp_path, kung_fu):
-    with Recorder(tmp_path / "short.log") as recorder:
-        for frame in kung_fu[:10]:
-            recorder.write(frame)
+def short(record_events, tmp_path, kung_fu):
+    record_events(tmp_path / "short.log", kung_fu[:10])
     return "replay:short.log"
 
 

@@ -8,6 +8,8 @@ from scipy.spatial import cKDTree
 
 from engine_bridge.performance.rig import load_rig
 
+from ..surface import affine, outward
+
 CONTROLS, VERTICES, MORPHS = range(3)
 SAMPLES = 20
 ALIKE = 1e-5
@@ -53,13 +55,6 @@ def assert_rigid(pose):
     assert np.linalg.det(pose[:3]) == pytest.approx(1.0, abs=1e-5)
 
 
-def outward(positions, triangles, vertex):
-    """Return the area-weighted normal of the triangles at a vertex."""
-    corners = positions[triangles[(triangles == vertex).any(axis=1)]]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).sum(axis=0)
-    return normal / np.linalg.norm(normal)
-
-
 @pytest.mark.parametrize("mode", [CONTROLS, VERTICES])
 @pytest.mark.parametrize("parent", [TURNED, MIRRORED], ids=["turned", "mirrored"])
 def test_they_lie_on_the_vertices(attach, playing, blob_puppet, take, mode, parent):
@@ -99,15 +94,6 @@ def test_morph_targets_carry_them_too(attach, playing, add_glb, blob_puppet, tak
             away = pose[3] - sample.positions[imported[vertex]]
             assert np.abs(away).max() <= 1e-4 * rig.mesh.diagonal * sample.scale  # Godot's targets are compressed
     assert np.ptp([sample.poses for sample in samples], axis=0).max() > 0.01 * rig.mesh.diagonal
-
-
-def affine(rest, positions, point):
-    """Return where the least-squares affine map of the vertices around a point takes it and the direction down."""
-    distance = np.linalg.norm(rest - point, axis=1)
-    near = np.flatnonzero(distance <= 1.4 * distance.min())
-    near = near[(np.arange(min(len(near), 32)) * max(1.0, len(near) / 32)).astype(int)]
-    design = np.hstack([rest[near] - point, np.ones((len(near), 1))])
-    return np.linalg.lstsq(design, positions[near], rcond=None)[0]
 
 
 def test_handles_limbs_and_rotations(attach, playing, limbed_puppet, take):

@@ -7,24 +7,14 @@ import shutil
 import numpy as np
 import pytest
 
-from engine_bridge.performance.clip import load_timeline, solve
-from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.service.clip_export import write_clip
-from solver.model.binding import Binding
-from solver.motion.deformer import to_file_units
 
+from ..surface import vertices_of
 from .test_modes import Listener, Reference
 
 FRAMES = (0, 7, 30, 57)
 OTHER = Settings(rest_at=1.0)
-
-
-@pytest.fixture(scope="module")
-def clip(take, blob_puppet, tmp_path_factory):
-    path = tmp_path_factory.mktemp("clips") / "dance.clip"
-    write_clip(take, blob_puppet, path, "dancer", Settings())
-    return path
 
 
 @pytest.fixture(scope="module")
@@ -38,18 +28,6 @@ def other_clip(take, blob_puppet, tmp_path_factory):
 @pytest.fixture(scope="module")
 def solved(take, blob_puppet):
     return vertices_of(take, blob_puppet, Settings())
-
-
-def vertices_of(take, puppet, settings):
-    """Return the vertices of all frames, and the diagonal."""
-    rig = load_rig(puppet)
-    timeline, _ = load_timeline(take, settings)
-    (frames,) = solve(rig, timeline, settings, 1000)
-    binding = Binding(rig.model, rig.character.vertices, rig.mesh.of_render)
-    vertices = [
-        binding.vertices(to_file_units(R, rig.model)) + root for R, root in zip(frames.R, frames.root, strict=True)
-    ]
-    return np.array(vertices), rig.mesh.diagonal
 
 
 def positions(told):

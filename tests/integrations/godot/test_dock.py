@@ -57,12 +57,8 @@ def puppet(blob_puppet):
 @pytest.fixture
 def performer(sender, kung_fu):
     """A performer who never stops."""
-    stop = threading.Event()
-    performing = threading.Thread(target=sender.play, args=(itertools.cycle(kung_fu),), kwargs={"until": stop.is_set})
-    performing.start()
-    yield sender
-    stop.set()
-    performing.join()
+    with sender.playing(kung_fu):
+        yield sender
 
 
 @pytest.fixture

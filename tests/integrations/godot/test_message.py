@@ -3,20 +3,13 @@
 import base64
 import json
 import struct
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from engine_bridge.service.protocol.header import FRAME_KINDS, WireError, split
 
-VECTORS = Path(__file__).parents[2] / "vectors"
-EXPECTED = json.loads((VECTORS / "expected.json").read_text(encoding="utf-8"))
-RECORDED = sorted(path.stem for path in VECTORS.glob("*.bin"))
-
-
-def recorded(name):
-    return (VECTORS / f"{name}.bin").read_bytes()
+from ...recorded import EXPECTED, NAMES, recorded
 
 
 @pytest.fixture
@@ -60,7 +53,7 @@ def signed(number):
 
 
 def test_recorded_messages_are_what_they_are_for_python(decoded):
-    names = [name for name in RECORDED if name != "scene"]
+    names = [name for name in NAMES if name != "scene"]
     results = decoded(map(recorded, names))
     for name, result in zip(names, results, strict=True):
         parsed = result.pop("json")

@@ -3,7 +3,6 @@
 import base64
 import json
 import struct
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,9 @@ import pytest
 from engine_bridge.service.protocol.header import WireError, split
 from engine_bridge.service.protocol.scene import Scene
 
-RECORDED = (Path(__file__).parents[2] / "vectors" / "scene.bin").read_bytes()
+from ...recorded import recorded
+
+RECORDED = recorded("scene")
 ARRAYS = {"triangles": "<i4", **dict.fromkeys(("positions", "normals", "ladder", "slopes", "uv", "colors"), "<f4")}
 
 

@@ -1,15 +1,11 @@
 """Results of the real shader on a real renderer for the test vectors, read back from the graphics card."""
 
-from importlib.util import module_from_spec, spec_from_file_location
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from engine_bridge.service.protocol.payloads import decode
+from ...modules import load
+from ...recorded import VECTORS, decoded, recorded
 
-ROOT = Path(__file__).parents[3]
-VECTORS = ROOT / "tests" / "vectors"
 ALIKE = 2e-6
 """Of the diagonal, and for normals and tangents: what numbers of f32, read in 24 bits, may differ."""
 
@@ -20,10 +16,7 @@ ROUNDED = 3e-4
 @pytest.fixture(scope="module")
 def follow():
     """The example client, which has the formulas of docs/protocol.md."""
-    spec = spec_from_file_location("follow", ROOT / "examples" / "clients" / "follow.py")
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load("examples/clients/follow.py")
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +25,7 @@ def scene(follow):
 
 
 def payload(name, kind="u1"):
-    return np.frombuffer((VECTORS / f"{name}.bin").read_bytes()[128:], kind)
+    return np.frombuffer(recorded(name)[128:], kind)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +41,7 @@ def expected(follow, scene, told):
     """Return positions and normals as NumPy has them."""
     first, second, share = told["moment"]
     if told["mode"] == "vertices16":  # shown is the frame before now
-        return decode((VECTORS / f"{int(first)}.vertices16.bin").read_bytes()).body
+        return decoded(f"{int(first)}.vertices16")
     before, after = (payload(f"{int(number)}.controls", "<f4").astype(float) for number in (first, second))
     return follow.vertices("controls", scene, (0, 0, 0), ((1 - share) * before + share * after).astype(np.float32))
 

@@ -22,7 +22,7 @@ def connect(start_godot):
 
 
 @pytest.fixture
-def playing(serve, blob_puppet):
+def web_service(serve, blob_puppet):
     """Start a service with a character, and return it with the address of its WebSocket."""
 
     def start(*more, port=0):
@@ -40,8 +40,8 @@ def fails(script, state):
     return reason
 
 
-def test_frames_are_byte_for_byte_those_of_zeromq(connect, playing):
-    service, address = playing()
+def test_frames_are_byte_for_byte_those_of_zeromq(connect, web_service):
+    service, address = web_service()
     client = service.client("blob/controls", "blob/joints")
     client.until(lambda _: True)
     script = connect(address, "blob/controls", "blob/joints")
@@ -53,8 +53,8 @@ def test_frames_are_byte_for_byte_those_of_zeromq(connect, playing):
     assert set(hashes(script)[:40]) <= over_zeromq
 
 
-def test_a_scene_arrives_whole(connect, playing):
-    service, address = playing()
+def test_a_scene_arrives_whole(connect, web_service):
+    service, address = web_service()
     script = connect(address, "blob/scene/mine")
     size = script.until(lambda told: "size" in told)["size"]
     script.end()
@@ -66,8 +66,8 @@ def hashes(script):
     return [told["sha256"] for told in script.results if "sha256" in told]
 
 
-def test_a_token_is_sent_and_a_wrong_or_missing_one_is_final(connect, playing, token_file):
-    _, address = playing("--token-file", token_file)
+def test_a_token_is_sent_and_a_wrong_or_missing_one_is_final(connect, web_service, token_file):
+    _, address = web_service("--token-file", token_file)
     script = connect(address, "service/characters", token=token_file.read_text())
     script.until(lambda told: "size" in told)
     script.end()
@@ -82,8 +82,8 @@ def test_without_a_service_the_reason_says_so(connect, free_port):
     assert fails(connect(address), "FAILED") == told
 
 
-def test_requests_get_their_replies(start_godot, playing):
-    service, address = playing()
+def test_requests_get_their_replies(start_godot, web_service):
+    service, address = web_service()
     bodies = [{"do": "ping"}, {"do": "list"}, {"do": "mirror", "character": "cat", "on": True}]
     results = start_godot("request.gd", address, 1, "", *map(json.dumps, bodies)).finish()
     replies = {told["request"]["do"]: told["reply"] for told in results}
@@ -92,15 +92,15 @@ def test_requests_get_their_replies(start_godot, playing):
     assert replies["mirror"]["error"] == service.ask("mirror", character="cat", on=True)
 
 
-def test_a_puppet_follows_a_websocket_and_outlives_a_killed_service(start_godot, playing, free_port, tmp_path):
+def test_a_puppet_follows_a_websocket_and_outlives_a_killed_service(start_godot, web_service, free_port, tmp_path):
     port, stream = free_port(), free_port()
-    service, address = playing("--port", stream, port=port)
+    service, address = web_service("--port", stream, port=port)
     script = start_godot("watch_puppet.gd", json.dumps([{"host": address}]), tmp_path / "orders")
     script.until(moves)
     service.stop(signal.SIGKILL)
     script.until(lambda told: told.get("signal") == "disconnected")
     count = len(script.results)
-    playing("--port", stream, port=port)
+    web_service("--port", stream, port=port)
     script.until(lambda _: any(moves(told) for told in script.results[count:]))
     script.end()
 

@@ -15,7 +15,7 @@ import zmq
 
 from engine_bridge.service.protocol.payloads import decode
 
-from ..conftest import live
+from ...engine_bridge.service.conftest import Served
 
 HERE = Path(__file__).parent
 PACKAGE = HERE.parents[2] / "integrations" / "unity"
@@ -282,7 +282,7 @@ def serve_figure(serve, played, free_port):
 def served(commands, folder, *arguments):
     """Serve for many tests: none of them asks for what others would see."""
     state = {"XDG_STATE_HOME": str(folder)}
-    return live.Served(commands, *arguments, "--no-announce", "--takes", folder, "--port", 0, env=state)
+    return Served(commands, *arguments, "--no-announce", "--takes", folder, "--port", 0, env=state)
 
 
 def end(service):

@@ -5,6 +5,7 @@ import pytest
 
 from engine_bridge.performance.rig import load_rig
 
+from ..surface import affine, outward
 from .conftest import shown
 
 UNITY = np.float32([-1, 1, 1])
@@ -17,13 +18,6 @@ def world(said, theirs):
     return space, (theirs.positions * UNITY) @ space[:3] + space[3]
 
 
-def outward(positions, triangles, vertex, side):
-    """Return the area-weighted normal of the triangles at a vertex; side is 1 in Unity, whose triangles turn over."""
-    corners = positions[triangles[(triangles == vertex).any(axis=1)]]
-    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 1] - corners[:, 0]).sum(axis=0)
-    return side * normal / np.linalg.norm(normal)
-
-
 @pytest.mark.parametrize("mode", ["Controls", "Vertices", "Vertices16"])
 @pytest.mark.parametrize("scale", SCALES)
 def test_an_object_lies_on_its_vertex_and_turns_with_the_surface(show, python, blob_rig, mode, scale):
@@ -31,7 +25,7 @@ def test_an_object_lies_on_its_vertex_and_turns_with_the_surface(show, python, b
     chosen = [0, count // 3, count // 2, count - 1]
     fields = {"materials": "Any/Shader", "mode": mode, "attach": ",".join(f"vertex:{each}" for each in chosen)}
     program = show(**fields, **({} if SCALES[scale] is None else {"scale": SCALES[scale]}))
-    side = -1 if scale == "mirrored" else 1
+    side = 1 if scale == "mirrored" else -1  # in Unity, triangles turn over
     poses = []
     for said, theirs in shown(program, python, 60):  # of 58 in the take, in some of which little moves
         space, vertices = world(said, theirs)
@@ -41,7 +35,7 @@ def test_an_object_lies_on_its_vertex_and_turns_with_the_surface(show, python, b
             np.testing.assert_allclose(pose[:3] @ pose[:3].T, np.eye(3), atol=1e-5)
             assert np.linalg.det(pose[:3]) == pytest.approx(1, abs=1e-5)
             assert np.abs(pose[3] - vertices[vertex]).max() <= tolerance
-            assert pose[1] @ outward(vertices, blob_rig.character.triangles, vertex, side) > 0.97
+            assert side * pose[1] @ outward(vertices, blob_rig.character.triangles, vertex) > 0.97
         poses.append(said["attached"])
     assert np.ptp(poses, axis=0)[:, :9].max() > 0.05
     program.finish()
@@ -86,12 +80,3 @@ def test_a_limb_carries_the_affine_mean_of_the_vertices_around_its_point(
         direction = (end - start) @ [along_x, along_y, along_z]
         assert pose[1] @ direction / np.linalg.norm(direction) > 0.9
     program.finish()
-
-
-def affine(rest, positions, point):
-    """Return where the least-squares affine map of the vertices around a point takes it and the three axes."""
-    distance = np.linalg.norm(rest - point, axis=1)
-    near = np.flatnonzero(distance <= 1.4 * distance.min())
-    near = near[(np.arange(min(len(near), 32)) * max(1.0, len(near) / 32)).astype(int)]
-    design = np.hstack([rest[near] - point, np.ones((len(near), 1))])
-    return np.linalg.lstsq(design, positions[near], rcond=None)[0]

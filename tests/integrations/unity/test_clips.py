@@ -6,13 +6,9 @@ import struct
 import numpy as np
 import pytest
 
-from engine_bridge.performance.clip import load_timeline, solve
-from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
-from engine_bridge.service.clip_export import write_clip
-from solver.model.binding import Binding
-from solver.motion.deformer import to_file_units
 
+from ..surface import vertices_of
 from .conftest import array
 
 UNITY = np.float32([-1, 1, 1])
@@ -21,27 +17,14 @@ FPS = 30
 
 
 @pytest.fixture(scope="module")
-def clip(take, blob_puppet, tmp_path_factory):
-    path = tmp_path_factory.mktemp("clips") / "dance.clip"
-    write_clip(take, blob_puppet, path, "dancer", Settings())
-    return path
-
-
-@pytest.fixture(scope="module")
 def solved(take, blob_puppet):
     """The vertices of all frames in Unity's axes, and the diagonal."""
-    rig = load_rig(blob_puppet)
-    timeline, _ = load_timeline(take, Settings())
-    (frames,) = solve(rig, timeline, Settings(), 1000)
-    binding = Binding(rig.model, rig.character.vertices, rig.mesh.of_render)
-    vertices = [
-        binding.vertices(to_file_units(R, rig.model)) + root for R, root in zip(frames.R, frames.root, strict=True)
-    ]
-    return np.array(vertices) * UNITY, rig.mesh.diagonal
+    vertices, diagonal = vertices_of(take, blob_puppet, Settings())
+    return vertices * UNITY, diagonal
 
 
 @pytest.fixture
-def play(start, clip):
+def play_clip(start, clip):
     """Play the clip, and another one, in steps; return what was shown after each, and everything that was said."""
 
     def run(*steps, first=clip, second=clip):
@@ -55,10 +38,10 @@ def positions(said):
     return array(said["vertices"], columns=6)[:, :3]
 
 
-def test_frames_are_those_of_the_solver_and_in_between_their_mean(play, solved):
+def test_frames_are_those_of_the_solver_and_in_between_their_mean(play_clip, solved):
     vertices, diagonal = solved
     half = (FRAMES[1] + 0.5) / FPS
-    (*shown, between), said = play(*(f"at:{number / FPS}" for number in FRAMES), f"at:{half}")
+    (*shown, between), said = play_clip(*(f"at:{number / FPS}" for number in FRAMES), f"at:{half}")
     assert said[0] == {"loaded": "dancer"}
     for number, each in zip(FRAMES, shown, strict=True):
         assert np.abs(positions(each) - vertices[number]).max() <= 1e-5 * diagonal
@@ -66,21 +49,23 @@ def test_frames_are_those_of_the_solver_and_in_between_their_mean(play, solved):
     assert np.abs(vertices[30] - vertices[0]).max() > 0.005 * diagonal
 
 
-def test_seeking_twice_shows_the_same_bytes(play):
-    (first, _, again), _ = play("at:0.73", "at:1.5", "at:0.73")
+def test_seeking_twice_shows_the_same_bytes(play_clip):
+    (first, _, again), _ = play_clip("at:0.73", "at:1.5", "at:0.73")
     assert first["vertices"] == again["vertices"]
 
 
-def test_before_the_beginning_and_after_the_end_the_nearest_frame_is_shown(play, solved):
-    (before, after), _ = play("at:-3", "at:99")
+def test_before_the_beginning_and_after_the_end_the_nearest_frame_is_shown(play_clip, solved):
+    (before, after), _ = play_clip("at:-3", "at:99")
     assert np.abs(positions(before) - solved[0][0]).max() <= 1e-5 * solved[1]
     assert np.abs(positions(after) - solved[0][57]).max() <= 1e-5 * solved[1]
 
 
 @pytest.mark.parametrize("weight", [0.0, 0.25, 0.5, 1.0])
-def test_two_clips_are_mixed_linearly(play, solved, weight):
+def test_two_clips_are_mixed_linearly(play_clip, solved, weight):
     vertices, diagonal = solved
-    (alone_a, alone_b, mixed), said = play(f"at:{7 / FPS}", f"at:{40 / FPS}", f"blend:{7 / FPS}:{40 / FPS}:{weight}")
+    (alone_a, alone_b, mixed), said = play_clip(
+        f"at:{7 / FPS}", f"at:{40 / FPS}", f"blend:{7 / FPS}:{40 / FPS}:{weight}"
+    )
     mean = (1 - weight) * vertices[7] + weight * vertices[40]
     assert np.abs(positions(mixed) - mean).max() <= 1e-5 * diagonal
     roots = (1 - weight) * np.array(alone_a["root"]) + weight * np.array(alone_b["root"])
@@ -88,23 +73,23 @@ def test_two_clips_are_mixed_linearly(play, solved, weight):
     assert sum("loaded" in each for each in said) == 1
 
 
-def test_a_cut_to_another_clip_of_the_character_keeps_its_mesh(play, solved):
-    (_, after), said = play("at:0", "swap", f"at:{30 / FPS}")
+def test_a_cut_to_another_clip_of_the_character_keeps_its_mesh(play_clip, solved):
+    (_, after), said = play_clip("at:0", "swap", f"at:{30 / FPS}")
     assert np.abs(positions(after) - solved[0][30]).max() <= 1e-5 * solved[1]
     assert sum("loaded" in each for each in said) == 1
 
 
-def test_it_plays_at_its_speed_and_begins_again(play):
-    shown, _ = play("play:0", "play:0.5", "speed:2", "play:0.5", "play:0.5")
+def test_it_plays_at_its_speed_and_begins_again(play_clip):
+    shown, _ = play_clip("play:0", "play:0.5", "speed:2", "play:0.5", "play:0.5")
     assert [each["position"] for each in shown] == pytest.approx([0, 0.5, 1.5, 2.5 - 57 / FPS], abs=1e-5)
-    shown, _ = play("once", "play:1.5", "play:1.5", "speed:-1", "play:1", "play:1")
+    shown, _ = play_clip("once", "play:1.5", "play:1.5", "speed:-1", "play:1", "play:1")
     assert [each["position"] for each in shown] == pytest.approx([1.5, 1.9, 0.9, 0], abs=1e-5)
 
 
-def test_a_manual_clock_moves_it(play):
-    shown, said = play("clock:Manual", "play:0.5", "advance:0.25", "play:0.5", "advance:0.25")
+def test_a_manual_clock_moves_it(play_clip):
+    shown, said = play_clip("clock:Manual", "play:0.5", "advance:0.25", "play:0.5", "advance:0.25")
     assert [each["position"] for each in shown] == pytest.approx([0, 0.25, 0.25, 0.5])
-    _, said = play("advance:0.25")
+    _, said = play_clip("advance:0.25")
     assert [each["warning"] for each in said if "warning" in each] == [
         "Puppetline: Advance has no effect. Set the clock to Manual first."
     ]
@@ -159,63 +144,65 @@ DAMAGES = {
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_clip_is_a_warning(play, clip, tmp_path, damage):
+def test_a_damaged_clip_is_a_warning(play_clip, clip, tmp_path, damage):
     change, reason = DAMAGES[damage]
     damaged = tmp_path / "damaged.clip"
     damaged.write_bytes(change(clip.read_bytes()))
-    shown, said = play("at:0", "play:1", first=damaged)
+    shown, said = play_clip("at:0", "play:1", first=damaged)
     [warning] = [each["warning"] for each in said if "warning" in each]
     assert warning.startswith("Puppetline: first: found ")
     assert reason in warning
     assert {each["vertices"] for each in shown} == {""}
 
 
-def test_a_pause_in_a_recording_is_a_pause_in_its_clip(play, clip, tmp_path, solved):
+def test_a_pause_in_a_recording_is_a_pause_in_its_clip(play_clip, clip, tmp_path, solved):
     """Frames have times of their own, from any beginning."""
     vertices, diagonal = solved
     paused = tmp_path / "paused.clip"
     paused.write_bytes(at_times(clip.read_bytes(), lambda k: 100 + k / FPS + (2 if k > 7 else 0)))
-    shown, _ = play(f"at:{7 / FPS}", f"at:{7 / FPS + (2 + 1 / FPS) / 2}", f"at:{2 + 30 / FPS}", "at:99", first=paused)
+    shown, _ = play_clip(
+        f"at:{7 / FPS}", f"at:{7 / FPS + (2 + 1 / FPS) / 2}", f"at:{2 + 30 / FPS}", "at:99", first=paused
+    )
     expected = (vertices[7], vertices[[7, 8]].mean(axis=0), vertices[30], vertices[57])
     for each, wanted in zip(shown, expected, strict=True):
         assert np.abs(positions(each) - wanted).max() <= 1e-5 * diagonal
 
 
-def test_a_clip_of_another_character_is_not_blended(play, clip, tmp_path, solved):
+def test_a_clip_of_another_character_is_not_blended(play_clip, clip, tmp_path, solved):
     other = tmp_path / "other.clip"
     other.write_bytes(of_another_scene(clip.read_bytes()))
-    (shown,), said = play("blend:0.5:1.0:0.5", second=other)
+    (shown,), said = play_clip("blend:0.5:1.0:0.5", second=other)
     warnings = [each["warning"] for each in said if "warning" in each]
     assert warnings == ["Puppetline: second is a clip of another character than first, and cannot be blended with it."]
     assert np.abs(positions(shown) - solved[0][15]).max() <= 1e-5 * solved[1]
 
 
-def test_an_object_is_attached_to_a_clip(play, solved):
+def test_an_object_is_attached_to_a_clip(play_clip, solved):
     vertices, diagonal = solved
-    _, said = play(f"at:{7 / FPS}", "attach:5", f"blend:{7 / FPS}:{40 / FPS}:0.5", "attach:5", "attach:9")
+    _, said = play_clip(f"at:{7 / FPS}", "attach:5", f"blend:{7 / FPS}:{40 / FPS}:0.5", "attach:5", "attach:9")
     places = [each["attached"] for each in said if "attached" in each]
     mean = vertices[[7, 40]].mean(axis=0)
     assert np.abs(places - np.array([vertices[7][5], mean[5], mean[9]])).max() <= 1e-5 * diagonal
 
 
 @pytest.mark.parametrize("weights", [(1.0, 0.0), (0.75, 0.25), (0.2, 0.2), (0.25, 0.75), (0.0, 0.5)])
-def test_timeline_mixes_what_overlaps_on_a_track(play, solved, weights):
+def test_timeline_mixes_what_overlaps_on_a_track(play_clip, solved, weights):
     vertices, diagonal = solved
-    (shown,), said = play(f"timeline:{7 / FPS}:{weights[0]}:{57 / FPS + 10 / FPS}:{weights[1]}")
+    (shown,), said = play_clip(f"timeline:{7 / FPS}:{weights[0]}:{57 / FPS + 10 / FPS}:{weights[1]}")
     assert [each["duration"] for each in said if "duration" in each] == pytest.approx([57 / FPS] * 2)
     share = weights[1] / sum(weights)  # the second clip loops
     mean = (1 - share) * vertices[7] + share * vertices[10]
     assert np.abs(positions(shown) - mean).max() <= 1e-5 * diagonal
 
 
-def test_timeline_holds_the_pose_in_a_gap(play):
-    (before, after), said = play("at:0.5", "timeline:0:0:0:0")
+def test_timeline_holds_the_pose_in_a_gap(play_clip):
+    (before, after), said = play_clip("at:0.5", "timeline:0:0:0:0")
     assert before["vertices"] == after["vertices"]
     assert not any("warning" in each for each in said)
 
 
-def test_timeline_changes_nothing_outside_of_play_mode(play):
-    (before, after), _ = play("at:0.5", "editing", "timeline:1:1:0:0")
+def test_timeline_changes_nothing_outside_of_play_mode(play_clip):
+    (before, after), _ = play_clip("at:0.5", "editing", "timeline:1:1:0:0")
     assert (after["position"], after["vertices"]) == (before["position"], before["vertices"])
 
 
@@ -245,13 +232,13 @@ PLAIN = {
 
 
 @pytest.fixture
-def material(play, clip, tmp_path):
+def material(play_clip, clip, tmp_path):
     """Return the material that the package makes of one of the file."""
 
     def of(**values):
         path = tmp_path / "painted.clip"
         path.write_bytes(with_material(clip.read_bytes(), **values))
-        _, said = play("materials", first=path)
+        _, said = play_clip("materials", first=path)
         return next(each for each in said if "queue" in each)
 
     return of

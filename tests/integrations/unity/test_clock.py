@@ -2,7 +2,6 @@
 
 import threading
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,11 +10,11 @@ import zmq
 from engine_bridge.service.protocol.header import Header, Kind, join, write_json
 from engine_bridge.service.protocol.payloads import decode
 
+from ...recorded import recorded
 from .conftest import TIMEOUT_SECONDS
 
-VECTORS = Path(__file__).parents[2] / "vectors"
-SCENE = decode((VECTORS / "scene.bin").read_bytes())
-CONTROLS = (VECTORS / "1.controls.bin").read_bytes()[128:]
+SCENE = decode(recorded("scene"))
+CONTROLS = recorded("1.controls")[128:]
 FPS = 30
 
 
@@ -46,7 +45,7 @@ class Service:
                 wanted = self._socket.recv()
                 topic = wanted[1:].rstrip(b"\0").decode()
                 if wanted[0] and topic.startswith("worm/scene/"):
-                    self._socket.send(message(topic, Kind.SCENE, (VECTORS / "scene.bin").read_bytes()[128:]))
+                    self._socket.send(message(topic, Kind.SCENE, recorded("scene")[128:]))
                 told = 0.0
             if time.monotonic() - told > 1:  # a follower treats silence as a lost connection
                 told = time.monotonic()

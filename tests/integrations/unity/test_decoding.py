@@ -3,7 +3,6 @@
 import base64
 import json
 import struct
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +11,9 @@ from engine_bridge.service.protocol.header import Kind
 from engine_bridge.service.protocol.payloads import decode
 from engine_bridge.service.states import STATES
 
+from ...recorded import NAMES, VECTORS, decoded, recorded
 from .conftest import array
 
-VECTORS = Path(__file__).parents[2] / "vectors"
-NAMES = sorted(path.stem for path in VECTORS.glob("*.bin"))
 KINDS = {kind: kind.name.capitalize() for kind in Kind}
 
 
@@ -39,7 +37,7 @@ def vectors(read):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_recorded_messages_have_the_same_topic_and_header(vectors, name):
-    expected = decode((VECTORS / f"{name}.bin").read_bytes())
+    expected = decode(recorded(name))
     head = expected.header
     kind, state, *rest = vectors[name]["header"]
     assert vectors[name]["topic"] == expected.topic
@@ -50,7 +48,7 @@ def test_recorded_messages_have_the_same_topic_and_header(vectors, name):
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name[0].isdigit()])
 def test_recorded_frames_have_the_same_numbers(vectors, name):
-    body = decode((VECTORS / f"{name}.bin").read_bytes()).body
+    body = decoded(name)
     found = array(vectors[name]["values"])
     assert vectors[name]["finite"]
     if "vertices16" in name:
@@ -66,11 +64,11 @@ def test_recorded_frames_have_the_same_numbers(vectors, name):
 
 @pytest.mark.parametrize("name", ["performer", "characters"])
 def test_recorded_json_is_the_same(vectors, name):
-    assert vectors[name]["json"] == decode((VECTORS / f"{name}.bin").read_bytes()).body
+    assert vectors[name]["json"] == decoded(name)
 
 
 def test_the_recorded_scene_is_the_same(vectors):
-    found, expected = vectors["scene"], decode((VECTORS / "scene.bin").read_bytes()).body
+    found, expected = vectors["scene"], decoded("scene")
     facts, arrays = expected.facts, expected.arrays
     assert found["description"] == facts
     names = ("revision", "vertices", "triangles", "fields", "isolines")
@@ -87,7 +85,7 @@ def test_messages_cut_off_anywhere_are_refused(read, tmp_path):
     """But not where only what a later version may add behind the payload is missing: here, nothing."""
     paths = []
     for name in ("1.controls", "1.joints", "1.vertices16", "performer"):
-        whole = (VECTORS / f"{name}.bin").read_bytes()
+        whole = recorded(name)
         for length in {0, 1, 63, 64, 127, 128, 129, len(whole) // 2, len(whole) - 1}:
             paths.append(tmp_path / f"{name}.{length}")
             paths[-1].write_bytes(whole[:length])
@@ -98,7 +96,7 @@ def test_messages_cut_off_anywhere_are_refused(read, tmp_path):
 
 def damaged_scenes():
     """Scenes with a wrong description."""
-    whole = (VECTORS / "scene.bin").read_bytes()
+    whole = recorded("scene")
     head, payload = whole[:128], whole[128:]
     start = 4 + int.from_bytes(payload[:4], "little")
     facts, arrays = json.loads(payload[4:start]), payload[start:]
@@ -151,7 +149,7 @@ def test_bytes_changed_anywhere_are_refused_or_other_numbers(read, tmp_path):
     random = np.random.default_rng(5)
     paths = []
     for name in ("scene", "1.controls", "1.vertices16", "characters"):
-        whole = np.frombuffer((VECTORS / f"{name}.bin").read_bytes(), np.uint8)
+        whole = np.frombuffer(recorded(name), np.uint8)
         for number in range(100):
             changed = whole.copy()
             places = random.integers(0, min(len(whole), 3000), 4)
@@ -162,13 +160,13 @@ def test_bytes_changed_anywhere_are_refused_or_other_numbers(read, tmp_path):
 
 
 def test_another_major_version_is_reported(read, tmp_path):
-    whole = (VECTORS / "1.controls.bin").read_bytes()
+    whole = recorded("1.controls")
     (tmp_path / "two").write_bytes(whole[:64] + b"\2" + whole[65:])
     assert read([tmp_path / "two"]) == [{"refused": "message", "major": 2}]
 
 
 def test_additions_of_a_later_minor_version_are_ignored(read, tmp_path, vectors):
-    whole = (VECTORS / "1.controls.bin").read_bytes()
+    whole = recorded("1.controls")
     (tmp_path / "later").write_bytes(whole[:65] + b"\7" + whole[66:124] + b"\1\2\3\4" + whole[128:] + b"more")
     assert read([tmp_path / "later"]) == [vectors["1.controls"]]
 

@@ -1,15 +1,13 @@
 """The importer, the inspector and the package's own tests, with stand-ins for Unity's editor and NUnit."""
 
-from pathlib import Path
-
 import pytest
 
 from engine_bridge.service.protocol.clip_file import read_clip
 from engine_bridge.service.protocol.payloads import decode
 
+from ...recorded import decoded, recorded
 from .conftest import PACKAGE
 
-VECTORS = Path(__file__).parents[2] / "vectors"
 WORM = PACKAGE / "Tests" / "Editor" / "worm.clip"
 
 
@@ -25,11 +23,11 @@ def edit(start):
 
 def test_the_clip_of_the_tests_is_made_of_the_recorded_messages():
     _, scene, *frames = read_clip(WORM.read_bytes())
-    expected = decode((VECTORS / "scene.bin").read_bytes())
+    expected = decode(recorded("scene"))
     assert scene.header.revision == expected.header.revision
     assert scene.body.facts == expected.body.facts
     for number, frame in enumerate(frames):
-        assert (frame.body == decode((VECTORS / f"{number}.controls.bin").read_bytes()).body).all()
+        assert (frame.body == decoded(f"{number}.controls")).all()
 
 
 def test_the_packages_own_tests_pass_and_its_clip_is_imported(edit):

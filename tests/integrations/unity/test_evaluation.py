@@ -3,26 +3,19 @@
 import base64
 import shutil
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from engine_bridge.service.protocol.payloads import decode
-
+from ...recorded import VECTORS, decoded
 from .conftest import HERE, PACKAGE, array
 
-VECTORS = Path(__file__).parents[2] / "vectors"
 UNITY = np.float32([-1, 1, 1])
-
-
-def body(name):
-    return decode((VECTORS / f"{name}.bin").read_bytes()).body
 
 
 @pytest.fixture(scope="module")
 def scene():
-    return body("scene")
+    return decoded("scene")
 
 
 @pytest.fixture(scope="module", params=range(3))
@@ -55,7 +48,7 @@ def cofactor_normals(scene, controls):
 def test_positions_and_the_surfaces_own_normals_are_those_of_the_service(evaluated, scene):
     number, made = evaluated
     positions, normals, *_ = made["Slopes", "File"]
-    expected = body(f"{number}.vertices")
+    expected = decoded(f"{number}.vertices")
     assert np.abs(positions - expected.positions).max() <= 1e-6 * scene.facts["diagonal"]
     assert np.abs(normals - expected.normals).max() <= 1e-5
 
@@ -64,7 +57,7 @@ def test_quick_normals_are_those_of_the_cofactor_matrix(evaluated, scene):
     number, made = evaluated
     positions, normals, *_ = made["Cofactors", "File"]
     np.testing.assert_allclose(positions, made["Slopes", "File"][0], rtol=0, atol=1e-6 * scene.facts["diagonal"])
-    np.testing.assert_allclose(normals, cofactor_normals(scene, body(f"{number}.controls")), rtol=0, atol=1e-5)
+    np.testing.assert_allclose(normals, cofactor_normals(scene, decoded(f"{number}.controls")), rtol=0, atol=1e-5)
 
 
 @pytest.mark.parametrize("normals", ["Slopes", "Cofactors"])
@@ -130,15 +123,15 @@ def blocks_with(facts, shown, before):
 @pytest.mark.parametrize("number", range(3))
 def test_the_shaders_arithmetic_is_the_services(shader, scene, number):
     facts = scene.facts
-    controls, controls_before = body(f"{number}.controls"), body(f"{(number + 1) % 3}.controls")
+    controls, controls_before = decoded(f"{number}.controls"), decoded(f"{(number + 1) % 3}.controls")
     by_slopes, by_cofactors, before = shader(blocks_with(facts, controls, controls_before), *streams(scene))
-    expected = body(f"{number}.vertices")
+    expected = decoded(f"{number}.vertices")
     for points in (by_slopes, by_cofactors):
         assert np.abs(points[:, :3] * UNITY - expected.positions).max() <= 1e-6 * facts["diagonal"]
     assert np.abs(by_slopes[:, 3:] * UNITY - expected.normals).max() <= 1e-5
     normals = cofactor_normals(scene, controls.reshape(facts["fields"], facts["isolines"], 3, 4))
     np.testing.assert_allclose(by_cofactors[:, 3:] * UNITY, normals, rtol=0, atol=1e-5)
-    moved_from = body(f"{(number + 1) % 3}.vertices").positions
+    moved_from = decoded(f"{(number + 1) % 3}.vertices").positions
     assert np.abs(before * UNITY - moved_from).max() <= 1e-6 * facts["diagonal"]
 
 
@@ -175,7 +168,7 @@ def webgl_shader(tmp_path_factory):
 def test_a_browser_computes_the_services_vertices_with_the_shader(browser, webgl_shader, scene, number):
     """WebGL 2, which has the transforms in a texture; positions, normals and positions before come back."""
     facts, other = scene.facts, (number + 1) % 3
-    rows = blocks_with(facts, body(f"{number}.controls"), body(f"{other}.controls"))
+    rows = blocks_with(facts, decoded(f"{number}.controls"), decoded(f"{other}.controls"))
     moving, constant = streams(scene)
     place = {"positionOS": 0, "normalOS": 3, "block": 6, "isolines0": 8, "isolines1": 12}
     place |= {f"slopes{k}": 16 + 4 * k for k in range(4)}
@@ -191,7 +184,7 @@ def test_a_browser_computes_the_services_vertices_with_the_shader(browser, webgl
     page.close()
     assert told["error"] == ""
     position, normal, before = np.split(array(told["values"], columns=9), 3, axis=1)
-    expected = body(f"{number}.vertices")
+    expected = decoded(f"{number}.vertices")
     assert np.abs(position * UNITY - expected.positions).max() <= 1e-6 * facts["diagonal"]
     assert np.abs(normal * UNITY - expected.normals).max() <= 1e-5
-    assert np.abs(before * UNITY - body(f"{other}.vertices").positions).max() <= 1e-6 * facts["diagonal"]
+    assert np.abs(before * UNITY - decoded(f"{other}.vertices").positions).max() <= 1e-6 * facts["diagonal"]

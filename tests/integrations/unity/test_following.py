@@ -13,7 +13,8 @@ import pytest
 
 from engine_bridge.character import examples
 
-from .conftest import HERE, TIMEOUT_SECONDS, array
+from ...recorded import recorded
+from .conftest import TIMEOUT_SECONDS, array
 
 FRAMES = 20
 FEW, EVERY = 6, 25
@@ -369,12 +370,9 @@ def test_a_service_that_says_nothing_any_more_is_left(follow, free_port):
     program.finish()
 
 
-VECTORS = HERE.parents[1] / "vectors"
-
-
 def sent(topic, name):
     """Return a recorded message as it goes over the wire, under another topic."""
-    message = topic.ljust(64, b"\0") + (VECTORS / f"{name}.bin").read_bytes()[64:]
+    message = topic.ljust(64, b"\0") + recorded(name)[64:]
     return b"\x02" + struct.pack(">Q", len(message)) + message
 
 

@@ -1,17 +1,18 @@
 """Frames that come unevenly are shown evenly, a little later, and mixed where none is due."""
 
 import json
-from pathlib import Path
 
 import pytest
 
-SCENE = Path(__file__).parents[2] / "vectors" / "scene.bin"
+from ...recorded import VECTORS
+
+SCENE = VECTORS / "scene.bin"
 AHEAD = 1000.0
 """This machine's clock is that far ahead of the source's."""
 
 
 @pytest.fixture
-def play(run_core):
+def play_back(run_core):
     """Give a playback frames [time, arrived, value], and ask at some moments what is shown; return (value, changed)."""
 
     def run(delay, *steps):
@@ -25,39 +26,39 @@ def came(time, value, late=0.0):
     return [time, AHEAD + time + late, value]
 
 
-def test_there_is_nothing_before_something_has_come(play):
-    assert play(0.1, AHEAD) == [(None, False)]
+def test_there_is_nothing_before_something_has_come(play_back):
+    assert play_back(0.1, AHEAD) == [(None, False)]
 
 
-def test_without_delay_the_newest_frame_is_shown_as_it_is_and_once(play):
+def test_without_delay_the_newest_frame_is_shown_as_it_is_and_once(play_back):
     steps = [came(0.0, 5.0), AHEAD, AHEAD + 0.01, came(0.1, 6.0), came(0.2, 7.0), AHEAD + 0.2]
-    assert play(0.0, *steps) == [(5, True), (5, False), (7, True)]
+    assert play_back(0.0, *steps) == [(5, True), (5, False), (7, True)]
 
 
-def test_between_two_frames_there_is_a_mixture_of_them_by_the_sources_time(play):
+def test_between_two_frames_there_is_a_mixture_of_them_by_the_sources_time(play_back):
     frames = [came(0.0, 0.0), came(0.1, 10.0), came(0.3, 20.0)]
     moments = [AHEAD + 0.4 + t for t in (0.0, 0.025, 0.1, 0.15, 0.2, 0.3, 0.35)]
-    shown = [value for value, _ in play(0.4, *frames, *moments)]
+    shown = [value for value, _ in play_back(0.4, *frames, *moments)]
     assert shown == pytest.approx([0, 2.5, 10, 12.5, 15, 20, 20], abs=0.02)
 
 
-def test_frames_that_were_late_on_the_way_are_shown_in_their_time(play):
+def test_frames_that_were_late_on_the_way_are_shown_in_their_time(play_back):
     """Sixty frames a second whose value is their time, up to 40 ms late; shown 60 ms after, at another rate."""
     lateness = (0.0, 0.031, 0.015, 0.04, 0.024, 0.008, 0.0)
     steps = [came(number / 60, number / 60, lateness[number % 7]) for number in range(120)]
     asked = [AHEAD + number / 75 for number in range(140)]
     steps = sorted([*steps, *asked], key=lambda step: step if isinstance(step, float) else step[1])
-    shown = play(0.06, *steps)
+    shown = play_back(0.06, *steps)
     for moment, (value, _) in list(zip(asked, shown, strict=True))[20:]:
         assert value == pytest.approx(moment - AHEAD - 0.06, abs=0.002)
 
 
-def test_a_source_that_begins_anew_is_followed_from_its_beginning(play):
+def test_a_source_that_begins_anew_is_followed_from_its_beginning(play_back):
     steps = [came(50.0, 1.0), came(50.1, 2.0), AHEAD + 50.1, [0.0, AHEAD + 51, 3.0], AHEAD + 51.2]
-    assert play(0.05, *steps)[-1] == (3, True)
+    assert play_back(0.05, *steps)[-1] == (3, True)
 
 
-def test_a_source_that_has_stood_still_goes_on_at_once(play):
+def test_a_source_that_has_stood_still_goes_on_at_once(play_back):
     """Ten seconds without a frame, and the source's clock has stood still as well."""
     steps = [
         came(0.0, 1.0),
@@ -67,12 +68,12 @@ def test_a_source_that_has_stood_still_goes_on_at_once(play):
         [0.3, AHEAD + 10.3, 4.0],
         AHEAD + 10.35,
     ]
-    assert [value for value, _ in play(0.05, *steps)] == pytest.approx([3, 4], abs=0.02)
+    assert [value for value, _ in play_back(0.05, *steps)] == pytest.approx([3, 4], abs=0.02)
 
 
-def test_frames_that_nobody_looks_at_do_not_pile_up(play):
+def test_frames_that_nobody_looks_at_do_not_pile_up(play_back):
     steps = [came(number / 30, float(number)) for number in range(1000)]
-    assert play(10.0, *steps, AHEAD + 40) == [(936, True)]
+    assert play_back(10.0, *steps, AHEAD + 40) == [(936, True)]
 
 
 def test_frames_cost_the_garbage_collector_nothing(run_core):

@@ -11,7 +11,8 @@ from engine_bridge.service.protocol.header import PAYLOAD_OFFSET, Kind, WireErro
 from engine_bridge.service.protocol.payloads import decode
 from engine_bridge.service.protocol.scene import Scene
 
-VECTORS = Path(__file__).parents[2] / "vectors"
+from ...recorded import VECTORS
+
 FILES = sorted(path.name for path in VECTORS.glob("*.bin"))
 TYPES = {"Float32Array": "<f4", "Uint32Array": "<u4"}
 NAMES = {

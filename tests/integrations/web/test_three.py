@@ -1,22 +1,17 @@
 """Characters that three.js draws in a real browser, read back from the graphics card."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from engine_bridge.export.shader_mesh import write_shader_mesh
 from engine_bridge.service.protocol.payloads import decode
 
+from ...recorded import VECTORS, decoded, recorded
+
 pytestmark = pytest.mark.slow
 
-VECTORS = Path(__file__).parents[2] / "vectors"
 ALIKE = 2e-6
 """Of the diagonal, and for normals: what numbers of f32 may differ."""
-
-
-def vector(name):
-    return decode((VECTORS / f"{name}.bin").read_bytes()).body
 
 
 @pytest.fixture
@@ -52,16 +47,16 @@ SHOWN = """([first, second, share]) => {
 def test_positions_and_normals_are_those_of_the_service_and_the_sphere_holds_them(worm, moment):
     shown = worm.run(SHOWN, moment)
     first, second, share = moment
-    diagonal = vector("scene").facts["diagonal"]
+    diagonal = decoded("scene").facts["diagonal"]
     positions = shown["positions"].reshape(-1, 3)
-    at_ends = [vector(f"{number}.vertices").positions for number in (first, second)]
+    at_ends = [decoded(f"{number}.vertices").positions for number in (first, second)]
     expected = (1 - share) * at_ends[0] + share * at_ends[1]  # positions are linear in the transforms
     assert np.abs(positions - expected).max() <= ALIKE * diagonal
     assert np.abs(shown["evaluated"]["positions"] - expected.ravel()).max() <= ALIKE * diagonal
     assert np.abs(shown["normals"] - shown["evaluated"]["normals"]).max() <= ALIKE
     if share in (0.0, 1.0):
         assert (
-            np.abs(shown["normals"] - vector(f"{(first, second)[int(share)]}.vertices").normals.ravel()).max() <= 1e-5
+            np.abs(shown["normals"] - decoded(f"{(first, second)[int(share)]}.vertices").normals.ravel()).max() <= 1e-5
         )
     *center, radius = shown["sphere"]
     distances = np.linalg.norm(positions - center, axis=1)
@@ -73,10 +68,10 @@ def test_a_character_that_does_not_follow_the_root_stays_in_place(worm):
     worm.run("() => { window.mesh = new drawing.PuppetMesh(mesh.scene, { followRoot: false }); }")
     positions = worm.run(SHOWN, (1, 2, 0.5))["positions"].reshape(-1, 3)
     at_ends = [
-        vector(f"{number}.vertices").positions - decode((VECTORS / f"{number}.controls.bin").read_bytes()).header.root
+        decoded(f"{number}.vertices").positions - decode(recorded(f"{number}.controls")).header.root
         for number in (1, 2)
     ]
-    assert np.abs(positions - np.mean(at_ends, axis=0)).max() <= ALIKE * vector("scene").facts["diagonal"]
+    assert np.abs(positions - np.mean(at_ends, axis=0)).max() <= ALIKE * decoded("scene").facts["diagonal"]
 
 
 def test_frames_of_another_size_are_not_shown(worm):
@@ -86,7 +81,7 @@ def test_frames_of_another_size_are_not_shown(worm):
 
 
 def test_tangents_turn_with_the_surface(worm):
-    scene = vector("scene")
+    scene = decoded("scene")
     normals = scene.arrays["normals"].astype(float)
     along = np.cross([0.3, -0.5, 0.8], normals)
     along /= np.linalg.norm(along, axis=1, keepdims=True)
@@ -94,7 +89,7 @@ def test_tangents_turn_with_the_surface(worm):
     rest = worm.run(TANGENTS, [tangents.ravel().tolist(), 0])
     assert np.abs(rest.reshape(-1, 3) - along).max() <= 1e-5
     moved = worm.run(TANGENTS, [tangents.ravel().tolist(), 1]).reshape(-1, 3)
-    new_normals = vector("1.vertices").normals
+    new_normals = decoded("1.vertices").normals
     assert np.abs(np.linalg.norm(moved, axis=1) - 1).max() <= 1e-5
     assert np.abs((moved * new_normals).sum(axis=1)).max() <= 1e-5
     assert np.abs(moved - along).max() > 0.1

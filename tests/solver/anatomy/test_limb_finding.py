@@ -45,7 +45,7 @@ def solver_mesh(march_capsules):
 
 
 @pytest.fixture(scope="module")
-def figure(solver_mesh):
+def person(solver_mesh):
     return solver_mesh(FIGURE)
 
 
@@ -59,10 +59,10 @@ def assert_same(one, other, tolerance):
         np.testing.assert_allclose(points, other[name], atol=tolerance, err_msg=name)
 
 
-def test_joints_of_a_figure_are_where_it_was_made(figure):
-    limbs = found(figure)
+def test_joints_of_a_figure_are_where_it_was_made(person):
+    limbs = found(person)
     assert list(limbs) == PERSON
-    height = np.ptp(figure.vertices[:, 1])
+    height = np.ptp(person.vertices[:, 1])
     wanted = {"arm": [SHOULDER, ELBOW], "leg": [HIP, KNEE, ANKLE, TOES]}
     for limb, joints in wanted.items():
         for side, sign in (("left", np.ones(3)), ("right", IMAGE)):
@@ -124,11 +124,11 @@ def test_wings_are_beside_four_legs(solver_mesh):
     assert {*FOUR_LEGGED, "tail"} < limbs.keys()
 
 
-def test_ears_and_horns_are_neither_arms_nor_wings(solver_mesh, figure):
+def test_ears_and_horns_are_neither_arms_nor_wings(solver_mesh, person):
     ears = both(((0.08, 1.8, 0.0), (0.35, 2.2, 0.0), 0.06))
     assert_same(
         {name: points for name, points in found(solver_mesh([*FIGURE, *ears])).items() if name != "head"},
-        {name: points for name, points in found(figure).items() if name != "head"},
+        {name: points for name, points in found(person).items() if name != "head"},
         0.06,
     )
     horns = both(((0.1, 1.75, 1.6), (0.5, 2.3, 1.7), 0.06))
@@ -218,14 +218,14 @@ def test_a_tail_on_the_ground_is_no_foot_and_no_head(solver_mesh):
     np.testing.assert_allclose(limbs["left leg"][-1], TOES, atol=0.1)
 
 
-def test_a_sword_is_left_out_of_the_arm_and_said(solver_mesh, figure):
+def test_a_sword_is_left_out_of_the_arm_and_said(solver_mesh, person):
     point = np.add(HAND, (0.1, -0.1, 1.3))
     armed = find_limbs(solver_mesh([*FIGURE, (HAND, tuple(point), 0.02)], 0.02), np.eye(3))
     assert len(armed.notes) == 1
     assert armed.notes[0].startswith("Something long and thin at the end of the left arm is not part of it.")
     assert "--limb 'left arm=" in armed.notes[0]
-    np.testing.assert_allclose(armed.points["left arm"][-1], found(figure)["left arm"][-1], atol=0.12)
-    assert find_limbs(figure, np.eye(3)).notes == ()
+    np.testing.assert_allclose(armed.points["left arm"][-1], found(person)["left arm"][-1], atol=0.12)
+    assert find_limbs(person, np.eye(3)).notes == ()
 
 
 def test_joints_given_by_the_user_take_precedence(solver_mesh):
@@ -247,11 +247,11 @@ def test_a_limb_that_is_not_found_is_reported(solver_mesh):
     )
 
 
-def test_the_order_of_vertices_does_not_matter(figure):
-    order = np.random.default_rng(1).permutation(len(figure.vertices))
+def test_the_order_of_vertices_does_not_matter(person):
+    order = np.random.default_rng(1).permutation(len(person.vertices))
     place = np.argsort(order)
-    shuffled = SolverMesh(figure.vertices[order], place[figure.faces], np.arange(len(order)))
-    assert_same(found(shuffled), found(figure), 1e-9)
+    shuffled = SolverMesh(person.vertices[order], place[person.faces], np.arange(len(order)))
+    assert_same(found(shuffled), found(person), 1e-9)
 
 
 @pytest.mark.parametrize(
@@ -262,40 +262,40 @@ def test_the_order_of_vertices_does_not_matter(figure):
         [[-1, 0, 0], [0, 1, 0], [0, 0, -1]],
     ],
 )
-def test_a_character_that_is_turned_has_its_joints_turned(figure, basis):
+def test_a_character_that_is_turned_has_its_joints_turned(person, basis):
     turn = np.array(basis, dtype=np.float64)
-    turned = SolverMesh(figure.vertices @ turn, figure.faces, figure.of_render)
-    expected = {name: points @ turn for name, points in found(figure).items()}
+    turned = SolverMesh(person.vertices @ turn, person.faces, person.of_render)
+    expected = {name: points @ turn for name, points in found(person).items()}
     assert_same(found(turned, turn), expected, 1e-9)
 
 
-def test_size_and_place_do_not_matter(figure):
-    larger = SolverMesh(64.0 * figure.vertices + [3.0, -7.0, 11.0], figure.faces, figure.of_render)
-    expected = {name: 64.0 * points + [3.0, -7.0, 11.0] for name, points in found(figure).items()}
+def test_size_and_place_do_not_matter(person):
+    larger = SolverMesh(64.0 * person.vertices + [3.0, -7.0, 11.0], person.faces, person.of_render)
+    expected = {name: 64.0 * points + [3.0, -7.0, 11.0] for name, points in found(person).items()}
     assert_same(found(larger), expected, 64 * 0.02)
 
 
-def test_in_the_mirror_image_left_and_right_are_swapped(figure):
-    image = SolverMesh(figure.vertices * IMAGE, figure.faces[:, ::-1], figure.of_render)
+def test_in_the_mirror_image_left_and_right_are_swapped(person):
+    image = SolverMesh(person.vertices * IMAGE, person.faces[:, ::-1], person.of_render)
     swapped = {"left": "right", "right": "left"}
     mirrored = {
         " ".join(swapped.get(word, word) for word in name.split()): points * IMAGE
         for name, points in found(image).items()
     }
-    expected = found(figure)
+    expected = found(person)
     assert mirrored.keys() == expected.keys()
     for name, points in expected.items():
         np.testing.assert_allclose(mirrored[name], points, atol=0.02, err_msg=name)
 
 
-def test_parts_that_overlap_are_one_body(solver_mesh, figure):
+def test_parts_that_overlap_are_one_body(solver_mesh, person):
     pieces = [solver_mesh([limb], 0.03) for limb in FIGURE]
     starts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
     vertices = np.concatenate([piece.vertices for piece in pieces])
     faces = np.concatenate([piece.faces + start for piece, start in zip(pieces, starts, strict=False)])
     mesh = weld(vertices, faces)
     assert mesh.parts == len(FIGURE)
-    limbs, expected = found(mesh), found(figure)
+    limbs, expected = found(mesh), found(person)
     assert list(limbs) == PERSON
     for name in ("left leg", "right leg", "left arm", "right arm"):
         np.testing.assert_allclose(limbs[name], expected[name], atol=0.12, err_msg=name)

@@ -27,22 +27,18 @@ def test_percentiles_are_those_of_all_edges_in_all_frames(creature):
         assert low <= value <= min(high, MAX_STRETCH)
 
 
-def test_the_rest_pose_is_stretched_by_one(creature):
+@pytest.mark.parametrize(
+    ("scale", "offset", "stretch"),
+    [
+        pytest.param(1, 0, 1, id="the rest pose"),
+        pytest.param(2.5, 7, 2.5, id="a larger mesh elsewhere"),
+        pytest.param(9, 0, MAX_STRETCH, id="beyond the last bin"),
+    ],
+)
+def test_a_scaled_mesh_is_stretched_by_its_scale_up_to_the_last_bin(creature, scale, offset, stretch):
     measure = EdgeStretch(creature)
-    measure.add(creature.vertices.astype(np.float32)[:, :, None])
-    assert measure.percentiles(1, 50, 99) == pytest.approx((1, 1, 1), abs=BIN_WIDTH)
-
-
-def test_stretch_is_relative_to_the_size_of_the_mesh(creature):
-    measure = EdgeStretch(creature)
-    measure.add((2.5 * creature.vertices + 7).astype(np.float32)[:, :, None])
-    assert measure.percentiles(50) == pytest.approx((2.5,), abs=BIN_WIDTH)
-
-
-def test_a_stretch_beyond_the_scale_is_counted_in_its_last_bin(creature):
-    measure = EdgeStretch(creature)
-    measure.add((9 * creature.vertices).astype(np.float32)[:, :, None])
-    assert measure.percentiles(1, 100) == pytest.approx((MAX_STRETCH, MAX_STRETCH), abs=BIN_WIDTH)
+    measure.add((scale * creature.vertices + offset).astype(np.float32)[:, :, None])
+    assert measure.percentiles(1, 50, 99, 100) == pytest.approx((stretch,) * 4, abs=BIN_WIDTH)
 
 
 def test_each_edge_counts_once_and_not_once_a_face():

@@ -11,8 +11,10 @@ from capture.skeleton import JOINTS
 from engine_bridge.export.live_basis import Projection
 from engine_bridge.service.monitoring.status import OutputStatus
 from engine_bridge.service.outputs.osc import CHUNK_VERTICES, EARLY_SHARE, KINDS, OscOutput, OscTable, part_names
-from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.frame import StreamedCharacter
 from puppetline.errors import ServiceError
+
+from .frames import OwnClock, frame_of
 
 
 class Basis:
@@ -22,16 +24,9 @@ class Basis:
         return Projection(np.array([0.5, 1], dtype=np.float32), 0.125, False)
 
 
-class Clock:
-    now = 1000.0
-
-    def __call__(self):
-        return self.now
-
-
 @pytest.fixture
-def clock():
-    return Clock()
+def own_clock():
+    return OwnClock()
 
 
 @pytest.fixture(scope="module")
@@ -50,11 +45,11 @@ def receiver():
 
 
 @pytest.fixture
-def output(receiver, clock):
+def output(receiver, own_clock):
     made = []
 
     def make(**more):
-        made.append(OscOutput(OscTable(port=receiver.getsockname()[1], **more), clock))
+        made.append(OscOutput(OscTable(port=receiver.getsockname()[1], **more), own_clock))
         return made[-1]
 
     yield make
@@ -62,25 +57,19 @@ def output(receiver, clock):
         each.close()
 
 
-def frame_of(character, sequence=0, **more):
+def performed(character, sequence=0, **more):
+    """Return a frame with a value in every field; one joint is unknown."""
     joints = np.arange(60.0).reshape(20, 3)
     joints[3] = np.nan
-    return Frame(
-        **{
-            "character": character,
-            "sequence": sequence,
-            "time": sequence / 30,
-            "received": 0,
-            "state": "performing",
-            "user": 2,
-            "R": character.rig.model.rest_controls * (1 + 0.01 * sequence),
-            "root": np.array([1.0, 2.0, 3.0]),
-            "targets": character.rig.puppet.handle_positions,
-            "joints": joints,
-            "confidence": np.linspace(0, 1, 20, dtype=np.float32),
-            **more,
-        }
-    )
+    values = {
+        "state": "performing",
+        "user": 2,
+        "R": character.rig.model.rest_controls * (1 + 0.01 * sequence),
+        "root": np.array([1.0, 2.0, 3.0]),
+        "joints": joints,
+        "confidence": np.linspace(0, 1, 20, dtype=np.float32),
+    }
+    return frame_of(character, sequence, **values | more)
 
 
 def received(receiver):
@@ -103,7 +92,7 @@ def messages(receiver):
 
 
 def test_controls_are_one_datagram_of_floats(output, receiver, dog):
-    out, frame = output(send=("controls",)), frame_of(dog, 3)
+    out, frame = output(send=("controls",)), performed(dog, 3)
     out.offer(frame)
     out.send_due()
     ((address, numbers),) = messages(receiver)
@@ -114,7 +103,7 @@ def test_controls_are_one_datagram_of_floats(output, receiver, dog):
 
 def test_morphs_are_weights_in_one_datagram_and_what_goes_with_them(output, receiver, dog):
     out = output(send=("morphs",))
-    out.offer(frame_of(dog))
+    out.offer(performed(dog))
     out.send_due()
     assert messages(receiver) == [
         ("/puppetline/dog/morphs", [0.5, 1]),
@@ -124,7 +113,7 @@ def test_morphs_are_weights_in_one_datagram_and_what_goes_with_them(output, rece
 
 
 def test_joints_that_are_known_and_handles_have_their_names_in_the_address(output, receiver, dog):
-    out, frame = output(send=("joints", "handles")), frame_of(dog)
+    out, frame = output(send=("joints", "handles")), performed(dog)
     out.offer(frame)
     out.send_due()
     got = dict(messages(receiver))
@@ -138,7 +127,7 @@ def test_joints_that_are_known_and_handles_have_their_names_in_the_address(outpu
 
 
 def test_vertices_come_in_numbered_chunks_that_fit_a_datagram(output, receiver, dog):
-    out, frame = output(send=("vertices",)), frame_of(dog, 2**31 + 5)
+    out, frame = output(send=("vertices",)), performed(dog, 2**31 + 5)
     out.offer(frame)
     out.send_due()
     datagrams = received(receiver)
@@ -156,38 +145,39 @@ def test_vertices_come_in_numbered_chunks_that_fit_a_datagram(output, receiver, 
 
 def test_a_value_that_a_frame_lacks_is_not_sent(output, receiver, dog):
     out = output(send=KINDS)
-    out.offer(frame_of(replace(dog, basis=None), joints=None, confidence=None))
+    out.offer(performed(replace(dog, basis=None), joints=None, confidence=None))
     out.send_due()
     addresses = {address for address, _ in messages(receiver)}
     assert not any("morphs" in address or "/joint/" in address for address in addresses)
     assert "/puppetline/dog/controls" in addresses
 
 
-def test_the_performer_is_sent_on_each_change_and_every_second(output, receiver, dog, clock):
+def test_the_performer_is_sent_on_each_change_and_every_second(output, receiver, dog, own_clock):
     out = output(send=("performer",), rate=100)
     for step in range(251):
-        out.offer(frame_of(dog, step, state="leaving" if step >= 120 else "performing", user=2 if step < 120 else None))
+        state, user = ("performing", 2) if step < 120 else ("leaving", None)
+        out.offer(performed(dog, step, state=state, user=user))
         out.send_due()
-        clock.now += 0.01
+        own_clock.now += 0.01
     told = [params for address, params in messages(receiver) if address == "/puppetline/dog/performer"]
     assert told == [["performing", 2], ["performing", 2], ["leaving", -1], ["leaving", -1]]
 
 
 @pytest.mark.parametrize(("offered", "rate"), [(30, 30), (120, 30), (60, 25), (1000, 7.5), (30, 100)])
-def test_frames_are_sent_at_most_at_the_rate_and_the_newest_is_chosen(output, receiver, dog, clock, offered, rate):
+def test_frames_are_sent_at_most_at_the_rate_and_the_newest_is_chosen(output, receiver, dog, own_clock, offered, rate):
     out = output(rate=rate, send=("handles",))
     sent, seconds, tick = [], 4, 0.001
     random = np.random.default_rng(3)
     frames, arrivals = 0, np.arange(offered * seconds) / offered + random.uniform(0, 0.1 / offered, offered * seconds)
     for step in range(int(seconds / tick)):
-        clock.now = 1000 + step * tick
+        own_clock.now = 1000 + step * tick
         while frames < len(arrivals) and arrivals[frames] <= step * tick:
-            out.offer(frame_of(dog, frames, targets=dog.rig.puppet.handle_positions * 0 + frames))
+            out.offer(performed(dog, frames, targets=dog.rig.puppet.handle_positions * 0 + frames))
             frames += 1
-        if out.due() <= clock.now:
+        if out.due() <= own_clock.now:
             out.send_due()
             got = messages(receiver)
-            sent.append((clock.now, got[0][1][0]))
+            sent.append((own_clock.now, got[0][1][0]))
             assert got[0][1][0] == frames - 1  # the newest that has been offered
     times = np.array([time for time, _ in sent])
     for count in (1, 5, 50):
@@ -198,20 +188,20 @@ def test_frames_are_sent_at_most_at_the_rate_and_the_newest_is_chosen(output, re
     assert out.statistics.skipped == frames - len(sent) - (out.due() < float("inf"))
 
 
-def test_the_turns_of_characters_and_targets_are_their_own(receiver, dog, clock):
+def test_the_turns_of_characters_and_targets_are_their_own(receiver, dog, own_clock):
     port = receiver.getsockname()[1]
     cat = replace(dog, name="cat")
     targets = [
         OscTable(port=port, send=("handles",)),
         OscTable(port=port, send=("handles",), characters=("cat",), rate=1),
     ]
-    outputs = [OscOutput(target, clock) for target in targets]
+    outputs = [OscOutput(target, own_clock) for target in targets]
     for _ in range(2):
         for out in outputs:
             for character in (dog, cat):
-                out.offer(frame_of(character))
+                out.offer(performed(character))
             out.send_due()
-        clock.now += 0.5
+        own_clock.now += 0.5
     for out in outputs:
         out.close()
     counts = [address.split("/")[2] for address, _ in messages(receiver) if address.endswith("head")]
@@ -219,36 +209,36 @@ def test_the_turns_of_characters_and_targets_are_their_own(receiver, dog, clock)
 
 
 def test_a_payload_is_computed_only_when_it_is_sent(output, dog):
-    out, frame = output(send=("controls",)), frame_of(dog)
+    out, frame = output(send=("controls",)), performed(dog)
     out.offer(frame)
     assert "controls" not in vars(frame)
-    out.offer(frame_of(dog))
+    out.offer(performed(dog))
     out.send_due()
     assert "controls" not in vars(frame)
 
 
-def test_errors_are_counted_and_the_next_frame_is_another_try(output, receiver, dog, clock):
+def test_errors_are_counted_and_the_next_frame_is_another_try(output, receiver, dog, own_clock):
     out = output(send=("controls",))
-    many = replace(frame_of(dog))
+    many = replace(performed(dog))
     many.__dict__["controls"] = np.zeros((2000, 3, 4), dtype=np.float32)  # no datagram is so large
     out.offer(many)
     out.send_due()
     assert (out.statistics.sent, out.statistics.failed) == (0, 1)
-    clock.now += 1
-    out.offer(frame_of(dog))
+    own_clock.now += 1
+    out.offer(performed(dog))
     out.send_due()
     assert (out.statistics.sent, out.statistics.failed) == (1, 1)
     assert len(received(receiver)) == 1
 
 
-def test_sending_without_a_receiver_is_no_error(dog, clock):
+def test_sending_without_a_receiver_is_no_error(dog, own_clock):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as closed:
         closed.bind(("127.0.0.1", 0))
         port = closed.getsockname()[1]
-    out = OscOutput(OscTable(host="localhost", port=port, send=("performer",)), clock)
+    out = OscOutput(OscTable(host="localhost", port=port, send=("performer",)), own_clock)
     for step in range(5):
-        clock.now += 1
-        out.offer(frame_of(dog, step))
+        own_clock.now += 1
+        out.offer(performed(dog, step))
         out.send_due()
     out.close()
     assert out.statistics == OutputStatus(
@@ -276,12 +266,12 @@ def test_names_in_addresses_hold_nothing_that_osc_forbids_and_differ():
     ]
 
 
-def test_a_whole_network_can_be_a_target(dog, clock):
+def test_a_whole_network_can_be_a_target(dog, own_clock):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as heard:
         heard.bind(("", 0))
         heard.settimeout(5)
-        out = OscOutput(OscTable(host="127.255.255.255", port=heard.getsockname()[1], send=("performer",)), clock)
-        out.offer(frame_of(dog, 0))
+        out = OscOutput(OscTable(host="127.255.255.255", port=heard.getsockname()[1], send=("performer",)), own_clock)
+        out.offer(performed(dog, 0))
         out.send_due()
         assert heard.recv(1000).startswith(b"/puppetline/")
         out.close()

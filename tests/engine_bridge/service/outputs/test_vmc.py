@@ -1,7 +1,6 @@
 import itertools
 import math
 import socket
-import threading
 import time
 from select import select
 
@@ -16,8 +15,10 @@ from engine_bridge.performance.retargeting import PERFORMER
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.service.outputs.osc import OscOutput, OscTable
 from engine_bridge.service.outputs.vmc import DATAGRAM_BYTES, datagrams
-from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.frame import StreamedCharacter
 from solver.motion.limb_motion import LimbMotion
+
+from .frames import frame_of
 
 TIMEOUT_SECONDS = 60.0
 SIDE = """
@@ -72,20 +73,9 @@ def figure(humanoid_puppet):
 
 
 @pytest.fixture
-def frame_of(figure):
+def moved_by(figure):
     def make(motions, sequence=0, state="performing", root=(0.0, 0.0, 0.0), character=figure):
-        return Frame(
-            character=character,
-            sequence=sequence,
-            time=sequence / 30,
-            received=0,
-            state=state,
-            user=1,
-            R=character.rig.model.rest_controls,
-            root=np.array(root),
-            targets=np.zeros((0, 3)),
-            motions=motions,
-        )
+        return frame_of(character, sequence, state=state, user=1, root=np.array(root), motions=motions)
 
     return make
 
@@ -109,8 +99,8 @@ def bones(sent):
     }
 
 
-def test_a_frame_is_bundles_that_travel_in_one_piece_and_say_all_that_the_protocol_wants(figure, frame_of):
-    sent = list(datagrams(frame_of(still(figure), root=(2.0, 0.0, -1.0)), 12.5))
+def test_a_frame_is_bundles_that_travel_in_one_piece_and_say_all_that_the_protocol_wants(figure, moved_by):
+    sent = list(datagrams(moved_by(still(figure), root=(2.0, 0.0, -1.0)), 12.5))
     assert all(len(datagram) <= DATAGRAM_BYTES and OscBundle.dgram_is_bundle(datagram) for datagram in sent)
     assert len(sent) == 2
     assert sum(map(len, sent)) > DATAGRAM_BYTES
@@ -139,12 +129,12 @@ def test_a_frame_is_bundles_that_travel_in_one_piece_and_say_all_that_the_protoc
         ("leaving", [1, 0, 0, 0]),
     ],
 )
-def test_the_state_is_the_protocols(figure, frame_of, state, expected):
-    assert messages(datagrams(frame_of(still(figure), state=state), 0.0))[0] == ("/VMC/Ext/OK", expected)
+def test_the_state_is_the_protocols(figure, moved_by, state, expected):
+    assert messages(datagrams(moved_by(still(figure), state=state), 0.0))[0] == ("/VMC/Ext/OK", expected)
 
 
-def test_a_character_without_limbs_is_not_sent(blob_rig, frame_of):
-    assert not list(datagrams(frame_of(None, character=StreamedCharacter("blob", blob_rig, 1)), 0.0))
+def test_a_character_without_limbs_is_not_sent(blob_rig, moved_by):
+    assert not list(datagrams(moved_by(None, character=StreamedCharacter("blob", blob_rig, 1)), 0.0))
 
 
 def directions(joints):
@@ -165,7 +155,7 @@ def own_directions(figure, motions):
     return np.array([found[pair] for pair in STRAIGHT])
 
 
-def test_a_vmc_reader_recovers_the_directions_of_the_characters_bones(figure, frame_of, kung_fu):
+def test_a_vmc_reader_recovers_the_directions_of_the_characters_bones(figure, moved_by, kung_fu):
     """Our own reader, which poses a body of its own by them."""
     motion = LimbMotion(figure.rig.puppet.limbs, PERFORMER, np.full((20, 3), np.nan))
     source = open_vmc("127.0.0.1:0")
@@ -175,7 +165,7 @@ def test_a_vmc_reader_recovers_the_directions_of_the_characters_bones(figure, fr
         seen = 0
         for number, performed in enumerate(kung_fu[30:180:5]):
             motions = motion.step(performed.time, to_character_axes(performed.positions), performed.confidence)
-            output.offer(frame_of(motions, number))
+            output.offer(moved_by(motions, number))
             output.send_due()
             clock[0] += 0.1
             frame = next_frame(source)
@@ -200,7 +190,7 @@ def next_frame(source):
     raise AssertionError("no frame")
 
 
-def test_the_clock_is_the_senders_and_the_rate_is_kept(figure, frame_of):
+def test_the_clock_is_the_senders_and_the_rate_is_kept(figure, moved_by):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind(("127.0.0.1", 0))
         receiver.setblocking(False)
@@ -208,7 +198,7 @@ def test_the_clock_is_the_senders_and_the_rate_is_kept(figure, frame_of):
         target = OscTable(host="127.0.0.1", port=receiver.getsockname()[1], rate=10, send=("vmc", "performer"))
         output = OscOutput(target, lambda: clock[0])
         for number in range(60):
-            output.offer(frame_of(still(figure), number))
+            output.offer(moved_by(still(figure), number))
             output.send_due()
             clock[0] += 1 / 60
         output.close()
@@ -244,10 +234,7 @@ def test_a_vmc_program_sees_the_arms_where_the_performer_has_them(serve, service
         receiver.bind(("127.0.0.1", 0))
         receiver.settimeout(TIMEOUT_SECONDS)
         serve("--config", service_file(sender.uri, receiver.getsockname()[1]))
-        stop = threading.Event()
-        thread = threading.Thread(target=sender.play, args=(frames,), kwargs={"until": stop.is_set})
-        thread.start()
-        try:
+        with sender.playing(frames):
             expected = directions(to_character_axes(held.positions))[3:5]  # the left upper arm and forearm
             give_up = time.monotonic() + TIMEOUT_SECONDS
             calibrated, latest, apart = [], {}, 180.0
@@ -262,8 +249,5 @@ def test_a_vmc_program_sees_the_arms_where_the_performer_has_them(serve, service
                     lower = upper * latest["LeftLowerArm"][1]
                     arms = np.array([turn.apply([-1, 0, 0]) for turn in (upper, lower)]) * [-1, 1, 1]
                     apart = math.degrees(np.arccos(np.clip((arms * expected).sum(axis=1), -1, 1)).max())
-        finally:
-            stop.set()
-            thread.join()
     assert apart <= 2
     assert [1, 3, 0, 1] in calibrated

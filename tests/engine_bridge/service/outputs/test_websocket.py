@@ -18,11 +18,13 @@ from engine_bridge.service.outputs import websocket_server
 from engine_bridge.service.outputs.output import Opening
 from engine_bridge.service.outputs.websocket import WebSocketTable
 from engine_bridge.service.outputs.zeromq import ZeroMqOutput
-from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.header import FRAME_KINDS, Kind, subscription
 from engine_bridge.service.protocol.payloads import decode
 from engine_bridge.service.security.endpoints import Endpoint
 from puppetline.errors import ServiceError
+
+from .frames import Open, frame_of
 
 SECONDS = 30
 """After which what a test waits for has not come."""
@@ -40,24 +42,11 @@ def dog(blob_rig):
     return StreamedCharacter("dog", blob_rig, 1)
 
 
-def frame_of(character, sequence=0, **more):
-    model = character.rig.model
-    return Frame(
-        **{
-            "character": character,
-            "sequence": sequence,
-            "time": sequence / 30,
-            "received": time.monotonic_ns(),
-            "state": "waiting",
-            "user": None,
-            "R": model.rest_controls,
-            "root": np.array([0.0, 0.1 * sequence, 0.0]),
-            "targets": character.rig.puppet.handle_positions,
-            "joints": np.full((20, 3), 1.5),
-            "confidence": np.ones(20, dtype=np.float32),
-            **more,
-        }
-    )
+def tracked(character, sequence=0, **more):
+    """Return a frame with joints and a root that rises."""
+    joints, confidence = np.full((20, 3), 1.5), np.ones(20, dtype=np.float32)
+    root = np.array([0.0, 0.1 * sequence, 0.0])
+    return frame_of(character, sequence, root=root, joints=joints, confidence=confidence, **more)
 
 
 class Office:
@@ -218,13 +207,13 @@ def test_a_message_is_byte_for_byte_that_of_zeromq(office, connect, dog):
     web.subscribe(*topics)
     wait_for(lambda: office.kinds() == set(LIVE))
     with zmq.Context() as context, context.socket(zmq.SUB) as subscriber:
-        beside = ZeroMqOutput(context, [Loopback()], [dog])
+        beside = ZeroMqOutput(context, [Open()], [dog])
         try:
             subscriber.connect(beside.endpoints[0])
             for each in topics:
                 subscriber.subscribe(subscription(each))
             wait_for(lambda: served(beside) and set(beside._streams[beside.sockets[0]].kinds_of("dog")) == set(LIVE))
-            frame = frame_of(dog, 3, state="performing", user=2)
+            frame = tracked(dog, 3, state="performing", user=2)
             beside.offer(frame)
             office.offer(frame)
             over_zeromq = [subscriber.recv() for _ in range(1 + len(LIVE))]
@@ -235,13 +224,6 @@ def test_a_message_is_byte_for_byte_that_of_zeromq(office, connect, dog):
     performer, same = decode(over_web[0]), decode(over_zeromq[0])
     assert performer.body == same.body
     assert performer.header == same.header._replace(published=performer.header.published)
-
-
-class Loopback:
-    stream = "tcp://127.0.0.1:*"
-
-    def prepare(self, socket):
-        pass
 
 
 def served(output):
@@ -278,13 +260,13 @@ def test_only_what_is_subscribed_to_is_computed_and_nothing_after_the_end_of_it(
     wait_for(lambda: office.kinds() == {Kind.CONTROLS, Kind.VERTICES})
     web.send({"unsubscribe": "dog/vertices"})
     wait_for(lambda: office.kinds() == {Kind.CONTROLS})
-    frame = frame_of(dog)
+    frame = tracked(dog)
     office.offer(frame)
     assert decode(web.message()).topic == "dog/controls"
     assert computed & set(vars(frame)) == {"controls"}
     web.close()
     wait_for(lambda: office.counts.clients == 0 and office.kinds() == set())
-    frame = frame_of(dog)
+    frame = tracked(dog)
     office.offer(frame)
     assert not computed & set(vars(frame))
 
@@ -295,7 +277,7 @@ def test_two_clients_receive_the_same_bytes(office, connect, dog):
         each.subscribe("dog/vertices16")
     wait_for(lambda: office.do(lambda: [len(s.kinds_of("dog")) for s in office.output._streams.values()]) == [1, 1])
     assert office.counts.clients == 2
-    office.offer(frame_of(dog))
+    office.offer(tracked(dog))
     assert one.message() == two.message()
 
 
@@ -336,10 +318,10 @@ def test_a_slow_client_receives_the_newest_frames_and_costs_the_others_nothing(o
         slow.send({"subscribe": each})
     quick.subscribe("dog/controls")
     wait_for(lambda: office.kinds() == {Kind.VERTICES, Kind.JOINTS, Kind.CONTROLS})
-    size = len(frame_of(dog).vertices_and_normals.tobytes())
+    size = len(tracked(dog).vertices_and_normals.tobytes())
     count = 200 + 8_000_000 // size
     for sequence in range(count):
-        office.offer(frame_of(dog, sequence))
+        office.offer(tracked(dog, sequence))
         assert decode(quick.message()).header.sequence == sequence
     assert office.counts.skipped > 100
     received = [decode(slow.message()) for _ in range(5)]

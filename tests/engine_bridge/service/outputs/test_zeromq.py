@@ -17,27 +17,19 @@ from hypothesis import strategies as st
 
 from engine_bridge.service.outputs.subscriptions import MAX_SUBSCRIPTIONS
 from engine_bridge.service.outputs.zeromq import REQUESTS_PER_TURN, ZeroMqOutput
-from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.header import FRAME_KINDS, Kind, subscription
 from engine_bridge.service.protocol.payloads import decode
 from engine_bridge.service.protocol.scene import Scene
 from engine_bridge.service.security.endpoints import Endpoint
 from engine_bridge.service.security.guard import Guard
 
+from .frames import Open, OwnClock, frame_of
+
 SECONDS = 20
 """After which what a test waits for has not come."""
 
 COMPUTED = {"controls", "vertices_and_normals", "morphs"}
-
-
-class Open:
-    """An address without credentials, at any free port."""
-
-    def __init__(self, stream="tcp://127.0.0.1:*"):
-        self.stream = stream
-
-    def prepare(self, socket):
-        socket.maxmsgsize = 1024
 
 
 @pytest.fixture(scope="module")
@@ -55,18 +47,6 @@ def context():
     made = zmq.Context()
     yield made
     made.destroy(linger=0)
-
-
-class Clock:
-    now = 1000.0
-
-    def __call__(self):
-        return self.now
-
-
-@pytest.fixture
-def clock():
-    return Clock()
 
 
 @pytest.fixture
@@ -203,24 +183,6 @@ def wanted(publisher, name, *kinds, door=0):
     serve(publisher, lambda: set(stream.kinds_of(name)) == set(kinds))
 
 
-def frame_of(character, sequence=0, **more):
-    model = character.rig.model
-    return Frame(
-        **{
-            "character": character,
-            "sequence": sequence,
-            "time": sequence / 30,
-            "received": time.monotonic_ns(),
-            "state": "waiting",
-            "user": None,
-            "R": model.rest_controls,
-            "root": np.zeros(3),
-            "targets": character.rig.puppet.handle_positions,
-            **more,
-        }
-    )
-
-
 def test_a_late_subscriber_gets_the_scene_at_once(publisher, subscribe, dog):
     for sequence in range(5):
         publisher.offer(frame_of(dog, sequence))
@@ -343,7 +305,8 @@ def test_two_doors_serve_their_own_clients_and_compute_once(open_publisher, subs
     assert not first.poll(50)
 
 
-def test_a_topic_is_answered_once_a_second_and_nobody_is_forgotten(open_publisher, subscribe, dog, clock):
+def test_a_topic_is_answered_once_a_second_and_nobody_is_forgotten(open_publisher, subscribe, dog):
+    clock = OwnClock()
     publisher = open_publisher(dog, clock=clock)
     first = subscribe(publisher, "service/characters")
     heard(publisher, first)

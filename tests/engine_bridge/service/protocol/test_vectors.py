@@ -1,25 +1,19 @@
 """The recorded messages, read by a client that knows docs/protocol.md and nothing of this project."""
 
-import importlib.util
 import json
 import struct
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from engine_bridge.service.protocol.header import FRAME_KINDS, Kind, join, split, topic_field
 
-VECTORS = Path(__file__).parents[3] / "vectors"
-EXPECTED = json.loads((VECTORS / "expected.json").read_text(encoding="utf-8"))
-
-
-def load(name):
-    return (VECTORS / f"{name}.bin").read_bytes()
+from ....modules import load
+from ....recorded import EXPECTED, VECTORS, recorded
 
 
 def payload(name):
-    message = load(name)
+    message = recorded(name)
     (length,) = struct.unpack_from("<I", message, 64 + 12)
     return message[128 : 128 + length]
 
@@ -66,12 +60,9 @@ def floats(name, *shape):
 
 
 @pytest.fixture(scope="module")
-def record():
+def recorder():
     """The script that has recorded them."""
-    spec = importlib.util.spec_from_file_location("record", VECTORS / "record.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load("tests/vectors/record.py")
 
 
 def test_there_is_one_of_every_kind_that_belongs_to_a_character():
@@ -81,8 +72,8 @@ def test_there_is_one_of_every_kind_that_belongs_to_a_character():
 
 
 @pytest.mark.parametrize("name", EXPECTED)
-def test_recorded_messages_decode_to_the_recorded_values(name, record):
-    found = json.loads(json.dumps(record.expected(load(name))))
+def test_recorded_messages_decode_to_the_recorded_values(name, recorder):
+    found = json.loads(json.dumps(recorder.expected(recorded(name))))
 
     def same(a, b):
         if isinstance(b, dict):
@@ -96,17 +87,17 @@ def test_recorded_messages_decode_to_the_recorded_values(name, record):
 
 @pytest.mark.parametrize("name", EXPECTED)
 def test_recorded_messages_are_joined_to_the_same_bytes(name):
-    message = split(load(name))
-    assert join(topic_field(message.topic), message.header, message.payload) == load(name)
+    message = split(recorded(name))
+    assert join(topic_field(message.topic), message.header, message.payload) == recorded(name)
 
 
-def test_messages_recorded_now_have_the_recorded_headers_and_sizes(record):
-    made = record.messages()
+def test_messages_recorded_now_have_the_recorded_headers_and_sizes(recorder):
+    made = recorder.messages()
     assert set(made) == set(EXPECTED)
     for name, message in made.items():
         if name != "scene":  # whose description holds numbers of any length
-            assert message[:128] == load(name)[:128]
-            assert len(message) == len(load(name))
+            assert message[:128] == recorded(name)[:128]
+            assert len(message) == len(recorded(name))
 
 
 @pytest.mark.parametrize("number", range(3))

@@ -57,12 +57,12 @@ class SensorTilt:
             A value is missing, not a number or not finite.
         """
         try:
-            level = cls(**{each.name: float(values[each.name]) for each in fields(cls)})
+            tilt = cls(**{each.name: float(values[each.name]) for each in fields(cls)})
         except (KeyError, TypeError, OverflowError) as error:
             raise ValueError(f"no tilt, height and roll: {error}") from error
-        if not all(map(math.isfinite, astuple(level))):
+        if not all(map(math.isfinite, astuple(tilt))):
             raise ValueError("tilt, height and roll must be finite")
-        return level
+        return tilt
 
     def __str__(self) -> str:
         looks = f"looks {abs(self.tilt):.0f}° {'down' if self.tilt > 0 else 'up'}" if abs(self.tilt) >= 1 else "level"
@@ -74,7 +74,7 @@ class SensorTilt:
         angle = max(abs(self.tilt - other.tilt), abs(self.roll - other.roll))
         return angle <= degrees and abs(self.height - other.height) <= metres
 
-    def __call__(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def upright(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (..., 3) positions with y straight up, measured from the floor if the height is known."""
         return positions if self == SensorTilt() else self._pose.apply(positions)
 
@@ -83,7 +83,7 @@ class SensorTilt:
         if self == SensorTilt():
             return seen
         orientations = None if seen.orientations is None else rotated(seen.orientations, self._pose.rotation)
-        return replace(seen, positions=self(seen.positions), orientations=orientations)
+        return replace(seen, positions=self.upright(seen.positions), orientations=orientations)
 
     @property
     def _pose(self) -> Pose:
@@ -116,8 +116,8 @@ def estimate_tilt(pose: NDArray[np.float64]) -> SensorTilt | None:
     tilt = math.degrees(math.atan2(-forward, up))
     if abs(tilt) > MAX_TILT_DEGREES:
         return None
-    upright = SensorTilt(tilt if abs(tilt) > MIN_TILT_DEGREES else 0.0)
-    return SensorTilt(upright.tilt, ANKLE_HEIGHT_METRES - float(upright(ankles)[1]))
+    measured = SensorTilt(tilt if abs(tilt) > MIN_TILT_DEGREES else 0.0)
+    return SensorTilt(measured.tilt, ANKLE_HEIGHT_METRES - float(measured.upright(ankles)[1]))
 
 
 def _cosine(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:

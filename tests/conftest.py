@@ -85,6 +85,7 @@ LONGEST = tuple(
         "fuzz/test_characters",
         "engine_bridge/service/test_soak",
         "engine_bridge/service/test_video",
+        "examples/test_clients",
     )
 )
 """Files that take longest, in this order; a worker that began one of them last would end long after the others."""
@@ -143,7 +144,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         file = item.nodeid.partition("::")[0]
         if _compiling(file):
             return 0, 0
-        if compiles and file.startswith(INDEPENDENT):
+        if compiles and file.startswith(INDEPENDENT) and file not in LONGEST:
             return 1, 0
         if file in LONGEST:
             return 2, LONGEST.index(file)

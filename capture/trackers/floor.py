@@ -66,9 +66,9 @@ def find_floor(depth: NDArray[np.uint16], lens: Lens) -> SensorTilt | None:
     if np.ptp(points[on_it][:, [0, 2]], axis=0).min() < _MIN_EXTENT_METRES:
         return None
     right, up, away, height = plane
-    level = SensorTilt(math.degrees(math.asin(-away)), float(height), math.degrees(math.atan2(right, up)))
-    steepest = max(abs(level.tilt), abs(level.roll))
-    return level if level.height >= MIN_HEIGHT_METRES and steepest <= MAX_TILT_DEGREES else None
+    found = SensorTilt(math.degrees(math.asin(-away)), float(height), math.degrees(math.atan2(right, up)))
+    steepest = max(abs(found.tilt), abs(found.roll))
+    return found if found.height >= MIN_HEIGHT_METRES and steepest <= MAX_TILT_DEGREES else None
 
 
 def _points(depth: NDArray[np.uint16], lens: Lens) -> Floats:

@@ -93,10 +93,10 @@ def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tup
         clip, chosen = choose(clips, settings.user)
         found, about_rest = (None, ()) if settings.rest_at is not None else of_performer(clips, clip)
         if found is not None:
-            clip = found.level.levelled(clip)
+            clip = found.sensor.levelled(clip)
         timeline = resample(clip, settings.fps, settings.max_gap)
         if found is not None:
-            timeline = replace(timeline, rest=found.level(found.rest))
+            timeline = replace(timeline, rest=found.sensor.upright(found.rest))
     except SkeletonLogError as error:  # these errors do not name the file
         where = at(log, field=error.where)
         raise SkeletonLogError(where, found=error.found, expected=error.expected, fix=error.fix) from error

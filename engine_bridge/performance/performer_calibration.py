@@ -20,12 +20,12 @@ class Calibration:
     ----------
     rest : (20, 3) float64
         Joint positions in metres, sensor coordinates.
-    level : SensorTilt
+    sensor : SensorTilt
         Position of the sensor at that time.
     """
 
     rest: NDArray[np.float64]
-    level: SensorTilt
+    sensor: SensorTilt
 
     @property
     def height(self) -> float:
@@ -39,7 +39,7 @@ class Calibration:
 
     def to_json(self) -> dict[str, Any]:
         """Return values of JSON's types, from which `of_json` restores the calibration bit for bit."""
-        return {"rest": rows_of(self.rest), "sensor": asdict(self.level)}
+        return {"rest": rows_of(self.rest), "sensor": asdict(self.sensor)}
 
     @classmethod
     def of_json(cls, value: Mapping[str, Any]) -> "Calibration":

@@ -93,7 +93,7 @@ def _valid(value: Any) -> Calibration | None:
         found = Calibration.of_json(value)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
         return None
-    extent = np.abs(np.append(found.rest, found.level.height))
+    extent = np.abs(np.append(found.rest, found.sensor.height))
     known = np.isfinite(found.rest).all(axis=1)
     if not known.any() or np.isinf(extent).any() or np.nanmax(extent) > MAX_METRES:
         return None

@@ -97,7 +97,7 @@ class CharacterPlayer:
         self._held: TargetPose | None = None
         self._watched = JointFilter(rig.puppet.smoothing.parameters)  # before the calibration
         self._automatic = AutomaticCalibration(settings.calibrate)
-        self._level = SensorTilt(settings.tilt or 0.0, settings.height or 0.0)
+        self._sensor = SensorTilt(settings.tilt or 0.0, settings.height or 0.0)
         self._floor: SensorTilt | None = None  # measured from the floor in the image
         self._remembered: dict[int, tuple[Calibration, float]] = {}
         self._sequence = 0
@@ -114,9 +114,9 @@ class CharacterPlayer:
         return None if self._current is None else self._current.calibration
 
     @property
-    def level(self) -> SensorTilt:
-        """Position of the sensor; zeros until it is known."""
-        return self._level
+    def sensor(self) -> SensorTilt:
+        """Position of the sensor; values that are not known are zero."""
+        return self._sensor
 
     def enter(self, user: int, time: float) -> None:
         """Assign a performer to the character."""
@@ -126,7 +126,7 @@ class CharacterPlayer:
         if calibration is not None and self._floor is not None:
             stands = self._with_settings(self._floor)
             calibration = (
-                calibration if calibration.level.near(stands, *MIN_TILT_CHANGE) else None
+                calibration if calibration.sensor.near(stands, *MIN_TILT_CHANGE) else None
             )  # the sensor was moved
         if calibration is not None and time - left > self._settings.remember:
             calibration = None
@@ -145,18 +145,18 @@ class CharacterPlayer:
         self.user = self._current = self._held = None
         self._drop_next()
 
-    def set_level(self, level: SensorTilt, time: float) -> None:
+    def set_sensor(self, sensor: SensorTilt, time: float) -> None:
         """Set the position of the sensor, which was measured from the floor in the image.
 
         It applies immediately without a calibration, otherwise with the next one. If the first measurement differs from
         the position in the present calibration, that calibration is prepared again.
         """
-        first, self._floor, level = self._floor is None, level, self._with_settings(level)
+        first, self._floor, sensor = self._floor is None, sensor, self._with_settings(sensor)
         prepared = self.next_calibration or self._current
-        if first and prepared is not None and not level.near(prepared.calibration.level, *MIN_TILT_CHANGE):
-            self._prepare(Calibration(prepared.calibration.rest, level), time)
+        if first and prepared is not None and not sensor.near(prepared.calibration.sensor, *MIN_TILT_CHANGE):
+            self._prepare(Calibration(prepared.calibration.rest, sensor), time)
         if self._current is None:
-            self._level = level
+            self._sensor = sensor
             self._watched.reset()
 
     def calibrate(self, time: float) -> bool:
@@ -234,7 +234,7 @@ class CharacterPlayer:
                 fix="Stand still again, completely in view.",
             ) from error
         self._current, self._held = prepared, None
-        self._level = prepared.calibration.level
+        self._sensor = prepared.calibration.sensor
         self.state = "performing"
         self._easing.begin(time)
 
@@ -270,7 +270,7 @@ class CharacterPlayer:
             pose = self._automatic.due(rest, self._directs)
             if pose is not None:
                 self._calibrate(pose, frame.time)
-        levelled = self._level.levelled(frame)
+        levelled = self._sensor.levelled(frame)
         if self._current is None:
             seen = replace(levelled, positions=self._watched.step(frame.time, levelled.positions, frame.confidence))
             return self._show(frame.time, received, self._idle_places(frame.time), seen)
@@ -292,7 +292,7 @@ class CharacterPlayer:
         return any(limb.follow == "direction" for limb in self.character.rig.puppet.limb)
 
     def _calibrate(self, rest: NDArray[np.float64], time: float) -> None:
-        found = self._floor or estimate_tilt(rest) or self._level
+        found = self._floor or estimate_tilt(rest) or self._sensor
         self._prepare(Calibration(rest, self._with_settings(found)), time)
 
     def _with_settings(self, found: SensorTilt) -> SensorTilt:
@@ -319,7 +319,9 @@ class CharacterPlayer:
     def _retarget(self, puppet: Puppet, calibration: Calibration, mirror: bool) -> Retargeting:
         retarget = puppet.retarget.model_copy(update={"mirror": mirror})
         puppet = puppet.model_copy(update={"retarget": retarget})
-        return Retargeting(puppet, self.character.rig.mesh, self._deformer, calibration.level(calibration.rest))
+        return Retargeting(
+            puppet, self.character.rig.mesh, self._deformer, calibration.sensor.upright(calibration.rest)
+        )
 
     def _idle_places(self, time: float) -> TargetPose:
         """Return the target pose without a performer's motion."""
@@ -365,7 +367,7 @@ class CharacterPlayer:
         if self.character.rig.puppet.retarget.mirror == other.character.rig.puppet.retarget.mirror:
             self.mirror = other.mirror
         self.remember(other.remembered())
-        self._level, self._floor, self._sequence = other._level, other._floor, other._sequence
+        self._sensor, self._floor, self._sequence = other._sensor, other._floor, other._sequence
         self._idle_since = other._idle_since
         self._easing.shown, self._easing.shown_at = self._places_of(other), other._easing.shown_at
         self._easing.begin(other._easing.shown_at)
@@ -403,7 +405,7 @@ class CharacterPlayer:
             "state": self.state,
             "mirror": self.mirror,
             "manner": asdict(self._settings),
-            "sensor": asdict(self._level),
+            "sensor": asdict(self._sensor),
             "floor": None if self._floor is None else asdict(self._floor),
             "calibration": None if self._current is None else self._current.to_json(),
             "standing": [] if self._current is None else rows_of(self._current.retargeting.standing),
@@ -451,7 +453,7 @@ class CharacterPlayer:
         )
         self._settings = PlayerSettings(**snapshot["manner"])
         self._easing.seconds, self._automatic.calibrate = self._settings.ease, self._settings.calibrate
-        self._level = SensorTilt.of_json(snapshot["sensor"])
+        self._sensor = SensorTilt.of_json(snapshot["sensor"])
         self._floor = None if snapshot["floor"] is None else SensorTilt.of_json(snapshot["floor"])
         self.mirror, self.user, self.state = bool(snapshot["mirror"]), snapshot["user"], state
         self._drop_next()

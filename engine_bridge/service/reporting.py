@@ -56,7 +56,7 @@ class Reporter:
     def _stage(self, runner: StageRunner) -> StageStatus:
         stage, source = runner.stage, runner.source
         frames, rate, latency = self._statistics.stage(stage.name)
-        level = next((player.level for player in stage.players if player.level != SensorTilt()), SensorTilt())
+        sensor = next((player.sensor for player in stage.players if player.sensor != SensorTilt()), SensorTilt())
         return StageStatus(
             name=stage.name,
             source=source.name,
@@ -67,7 +67,7 @@ class Reporter:
             faults=runner.faults,
             latency_ms=latency,
             users=_users(runner),
-            sensor=SensorStatus(**{name: round(value, 2) for name, value in asdict(level).items()}),
+            sensor=SensorStatus(**{name: round(value, 2) for name, value in asdict(sensor).items()}),
             recording=runner.recording,
         )
 

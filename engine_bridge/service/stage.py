@@ -149,9 +149,9 @@ class Stage:
             case "choose_user":
                 self._choose(chosen[0], cue.arguments.get("user"), cue.time)
             case "level":
-                level = self._level_of(cue)
+                sensor = self._sensor_of(cue)
                 for player in chosen:
-                    player.set_level(level, cue.time)
+                    player.set_sensor(sensor, cue.time)
 
     def _named(self, character: str | None) -> list[CharacterPlayer]:
         """Return the player of a character, or all players for None."""
@@ -171,7 +171,7 @@ class Stage:
             )
         self.assignment.choose(self.players.index(player), user, time)
 
-    def _level_of(self, cue: Cue) -> SensorTilt:
+    def _sensor_of(self, cue: Cue) -> SensorTilt:
         try:
             return SensorTilt.of_json(cue.arguments)
         except ValueError as error:

@@ -31,23 +31,23 @@ def upright():
 @pytest.mark.parametrize("height", [0.0, 0.9, 2.2])
 def test_a_performer_who_stands_upright_determines_the_tilt(upright, degrees, height):
     seen = turned(upright, degrees, height)
-    level = estimate_tilt(seen)
-    assert level.tilt == pytest.approx(degrees, abs=1.5)
-    np.testing.assert_allclose(level(seen)[:, 1], upright[:, 1], atol=0.04)
+    sensor = estimate_tilt(seen)
+    assert sensor.tilt == pytest.approx(degrees, abs=1.5)
+    np.testing.assert_allclose(sensor.upright(seen)[:, 1], upright[:, 1], atol=0.04)
 
 
 def test_levelling_undoes_the_sensor_exactly(upright):
-    np.testing.assert_allclose(SensorTilt(25.0, 1.4)(turned(upright, 25.0, 1.4)), upright, atol=1e-12)
+    np.testing.assert_allclose(SensorTilt(25.0, 1.4).upright(turned(upright, 25.0, 1.4)), upright, atol=1e-12)
 
 
 def test_bones_are_turned_with_the_joints_that_are_levelled(upright):
-    level, turns = SensorTilt(25.0, 1.4, 5.0), Rotation.random(len(JOINTS), rng=2)
+    sensor, turns = SensorTilt(25.0, 1.4, 5.0), Rotation.random(len(JOINTS), rng=2)
     ends = upright + turns.apply([0.0, 0.3, 0.0])
     seen = SkeletonFrame(1.0, 0, upright, np.ones(len(JOINTS)), turns.as_quat()[:, [3, 0, 1, 2]])
-    frame = level.levelled(seen)
-    np.testing.assert_array_equal(frame.positions, level(upright))
+    frame = sensor.levelled(seen)
+    np.testing.assert_array_equal(frame.positions, sensor.upright(upright))
     found = Rotation.from_quat(frame.orientations[:, [1, 2, 3, 0]]).apply([0.0, 0.3, 0.0])
-    np.testing.assert_allclose(frame.positions + found, level(ends), atol=1e-12)
+    np.testing.assert_allclose(frame.positions + found, sensor.upright(ends), atol=1e-12)
     assert SensorTilt().levelled(seen) is seen
 
 
@@ -55,11 +55,11 @@ def test_bones_are_turned_with_the_joints_that_are_levelled(upright):
 def test_a_tilt_equals_the_pose_of_its_angles(upright, tilt, roll, height):
     pose = Pose.of_degrees(tilt, 0.0, roll, np.array([0.0, height, 0.0]))
     seen = (upright - pose.position) @ pose.rotation
-    np.testing.assert_allclose(SensorTilt(tilt, height, roll)(seen), upright, atol=1e-12)
+    np.testing.assert_allclose(SensorTilt(tilt, height, roll).upright(seen), upright, atol=1e-12)
 
 
 def test_a_level_sensor_changes_nothing(upright):
-    assert SensorTilt()(upright) is upright
+    assert SensorTilt().upright(upright) is upright
 
 
 def test_bent_seated_or_incomplete_performers_determine_nothing(upright):
@@ -91,15 +91,15 @@ def test_invalid_json_values_are_errors(wrong):
 
 
 @pytest.mark.parametrize(
-    ("level", "words"),
+    ("sensor", "words"),
     [
         (SensorTilt(12.2, 1.304, -2.6), "1.30 m above the floor, looks 12° down, leans by 3°"),
         (SensorTilt(-7.0, 0.8, 0.6), "0.80 m above the floor, looks 7° up"),
         (SensorTilt(0.4, 0.8), "0.80 m above the floor, level"),
     ],
 )
-def test_a_tilt_is_described(level, words):
-    assert str(level) == words
+def test_a_tilt_is_described(sensor, words):
+    assert str(sensor) == words
 
 
 def test_a_clip_is_made_level_as_its_frames_are():
@@ -108,8 +108,8 @@ def test_a_clip_is_made_level_as_its_frames_are():
     quaternions /= np.linalg.norm(quaternions, axis=-1, keepdims=True)
     positions = random.normal(size=(3, 20, 3))
     clip = SkeletonClip("", 1, np.arange(3.0), positions, np.ones((3, 20), np.float32), orientations=quaternions)
-    level = SensorTilt(12.0, 1.1, 3.0)
-    for found, frame in zip(level.levelled(clip).frames(), clip.frames(), strict=True):
-        np.testing.assert_allclose(found.positions, level.levelled(frame).positions, atol=1e-12)
-        np.testing.assert_allclose(found.orientations, level.levelled(frame).orientations, atol=1e-12)
+    sensor = SensorTilt(12.0, 1.1, 3.0)
+    for found, frame in zip(sensor.levelled(clip).frames(), clip.frames(), strict=True):
+        np.testing.assert_allclose(found.positions, sensor.levelled(frame).positions, atol=1e-12)
+        np.testing.assert_allclose(found.orientations, sensor.levelled(frame).orientations, atol=1e-12)
     assert SensorTilt().levelled(clip) is clip

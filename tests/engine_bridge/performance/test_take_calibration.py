@@ -10,7 +10,7 @@ from engine_bridge.performance.performer_calibration import Calibration
 from engine_bridge.performance.settings import Settings
 from engine_bridge.performance.take_calibration import of_performer
 
-LEVEL = SensorTilt(10.0, 1.2)
+SENSOR = SensorTilt(10.0, 1.2)
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def calibration(standing):
     """Make calibrations in JSON's types."""
 
     def make(offset=0.0, user=1):
-        return Calibration(standing + np.array([2.0 * user, offset, 0]), LEVEL).to_json() | {"mirror": False}
+        return Calibration(standing + np.array([2.0 * user, offset, 0]), SENSOR).to_json() | {"mirror": False}
 
     return make
 
@@ -105,9 +105,9 @@ def test_the_timeline_is_level_and_has_the_calibration_unless_another_time_is_as
     used = calibration(0.1)
     log = write_take(opening(dog={"user": 1, "calibration": used}))
     timeline, _ = load_timeline(log, Settings())
-    expected = LEVEL(standing + np.array([2.0, 0, 0]))
+    expected = SENSOR.upright(standing + np.array([2.0, 0, 0]))
     np.testing.assert_allclose(timeline.positions[0], expected, atol=1e-4)
-    np.testing.assert_allclose(resting_pose(timeline, Settings()), LEVEL(np.array(used["rest"])), atol=1e-12)
+    np.testing.assert_allclose(resting_pose(timeline, Settings()), SENSOR.upright(np.array(used["rest"])), atol=1e-12)
     np.testing.assert_array_equal(timeline.part(3, 9).rest, timeline.rest)
     at_start = Settings(rest_at=0.0)
     timeline, notes = load_timeline(log, at_start)

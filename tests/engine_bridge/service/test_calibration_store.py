@@ -26,7 +26,7 @@ def test_calibrations_come_back_to_the_same_character_of_the_same_source(played,
     [(user, (calibration, left))] = later.players[0].remembered().items()
     before, _ = stage.players[0].remembered()[user]
     np.testing.assert_array_equal(calibration.rest, before.rest)
-    assert calibration.level == before.level
+    assert calibration.sensor == before.sensor
     assert left == pytest.approx(1000.0, abs=1.0)
     assert later.players[1].remembered() == {}
     elsewhere = make_stage(("dog",))

@@ -253,7 +253,7 @@ def test_a_sensor_that_sees_the_floor_is_set_upright_at_once_and_exactly(make_st
 def test_the_sensors_settings_take_precedence_over_the_measured_floor(make_stage, kung_fu):
     stage = make_stage(player_settings=PlayerSettings(tilt=3.0, height=0.7))
     play(stage, [level(kung_fu[0].time - TICK_SECONDS), *kung_fu[:60]])
-    assert stage.players[0].level == SensorTilt(3.0, 0.7, 4.0)
+    assert stage.players[0].sensor == SensorTilt(3.0, 0.7, 4.0)
 
 
 def test_a_performer_keeps_the_calibration_when_the_sensor_is_moved(make_stage, kung_fu):
@@ -266,7 +266,7 @@ def test_a_performer_keeps_the_calibration_when_the_sensor_is_moved(make_stage, 
         np.testing.assert_array_equal(one.targets, other.targets)
     moved_stage.step(Cue(kung_fu[-1].time, "calibrate"), 0)
     moved_stage.step(Cue(kung_fu[-1].time, "begin"), 0)
-    assert moved_stage.players[0].level == SensorTilt(12.0, 1.3, 4.0)
+    assert moved_stage.players[0].sensor == SensorTilt(12.0, 1.3, 4.0)
 
 
 def test_a_performer_calibrated_before_the_floor_was_seen_is_set_upright_too(make_stage, blob_rig, kung_fu):
@@ -276,7 +276,7 @@ def test_a_performer_calibrated_before_the_floor_was_seen_is_set_upright_too(mak
     late_stage = make_stage()
     late = play(late_stage, [*seen[:moment], level(seen[moment - 1].time), *seen[moment:]])["dog"]
     assert late[moment].state == "performing"
-    assert late_stage.players[0].level == SensorTilt(12.0, 1.3, 4.0)
+    assert late_stage.players[0].sensor == SensorTilt(12.0, 1.3, 4.0)
     settled = kung_fu[moment].time + PREPARATION_SECONDS + EASE + TICK_SECONDS
     pairs = [(e, la) for e, la in zip(early[-len(late) :], late, strict=True) if la.time > settled]
     assert len(pairs) > 60
@@ -303,4 +303,4 @@ def test_a_take_says_how_the_sensor_stands(make_stage, blob_rig, kung_fu):
     stage, other = make_stage(), make_stage()
     replay(stage, events[:100])
     replay(other, [beginning(stage)])
-    assert other.players[0].level == stage.players[0].level == SensorTilt(12.0, 1.3, 4.0)
+    assert other.players[0].sensor == stage.players[0].sensor == SensorTilt(12.0, 1.3, 4.0)

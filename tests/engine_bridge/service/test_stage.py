@@ -241,7 +241,7 @@ def test_a_sensor_that_stands_like_nothing_is_refused_and_counts_for_nothing(mak
         stage.step(level(1.0, **wrong), 0)
     with pytest.raises(ServiceError, match="a position of the sensor that is not understood"):
         stage.step(Cue(1.0, "level", {}), 0)
-    assert stage.players[0].level == SensorTilt()
+    assert stage.players[0].sensor == SensorTilt()
 
 
 @pytest.mark.parametrize("tilt", [0.0, 15.0])

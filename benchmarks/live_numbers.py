@@ -119,7 +119,7 @@ def crowd(folder: Path, puppet: Path, clients: int, rate: float, frames: int) ->
         time.sleep(1.0)
         heard = [one["one/controls"] for peer in reading for one in peer.end()]
         stalled.end()
-        faults = service.log.count("a fault")
+        faults = service.log.count("internal error")
     last = max(one["last"] for one in heard)
     return {
         "rate": rate,

@@ -199,7 +199,7 @@ def soak(
         "overtaken": stage["dropped"],
         "refused": stage["refused"],
         "clients_refused": status["clients"]["refused"],
-        "faults": stage["faults"] + events["a fault in the service"] + events["a fault cost a frame"],
+        "faults": stage["faults"] + events["internal error"] + events["an internal error cost an event"],
         "tracebacks": service.log.lower().count("traceback"),
         "done": {name: done.get(name, 0) for name in Faults.names()},
         "unanswered": done.get("no answer", 0),

@@ -69,7 +69,7 @@ def align(first: SkeletonClip, other: SkeletonClip, where: str) -> Alignment:
     ----------
     first, other : SkeletonClip
     where : str
-        Name of the two recordings in errors.
+        Names of the two recordings, for errors.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def _common_frames(first: SkeletonClip, other: SkeletonClip, clock: float) -> ND
 
 
 def _common_seconds(first: SkeletonClip, other: SkeletonClip, clock: float) -> float:
-    """Return the time for which both saw the performer, from the number of frames, because there may be gaps."""
+    """Return the time for which both sensors saw the performer; frames are counted, because there may be gaps."""
     return len(_common_frames(first, other, clock)) * float(np.median(np.diff(first.times)))
 
 

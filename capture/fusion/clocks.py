@@ -13,7 +13,7 @@ SAMPLES_PER_SECOND = 60.0
 HALF_WINDOW_SAMPLES = 3
 """Number of samples on either side over which a speed is measured: 0.1 s smooths the noise of sensors."""
 MAX_GAP_SECONDS = 0.2
-"""Maximum length of a joint's gap that is interpolated."""
+"""Maximum length of a gap over which a joint is interpolated."""
 MIN_SPEED_VARIATION = 0.01
 """Minimum root mean square variation of the joints' speeds, in metres per second; less counts as no motion."""
 MIN_MOTION_SHARE = 0.25

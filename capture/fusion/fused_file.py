@@ -19,7 +19,7 @@ from puppetline.toml_schema import Table, mistake
 SCHEME = "fused:"
 
 MAX_POSITION_METRES = 100.0
-"""Maximum coordinate of a sensor that sees the same performer as the first."""
+"""Maximum absolute coordinate of a sensor in the first sensor's coordinates, in metres."""
 MAX_CLOCK_DIFFERENCE_SECONDS = 0.5
 """Maximum time by which a live sensor may be later than another."""
 
@@ -136,7 +136,7 @@ def write(path: Path, members: Sequence[Member]) -> None:
         rotation = [round(x, 3) + 0.0 for x in member.pose.degrees]
         blocks.append(
             f"[[sensor]]\nsource = {json.dumps(member.uri)}\n"
-            f"position = {position}   # metres, in the first sensor's frame\n"
+            f"position = {position}   # metres, in the first sensor's coordinates\n"
             f"rotation = {rotation}   # degrees: tilted down, turned to its left, rolled\n"
             f"clock = {round(member.clock, 4)}   # seconds by which it is later than the first\n"
         )

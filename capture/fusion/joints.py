@@ -100,7 +100,7 @@ def fuse(
 
 
 def _outliers(positions: Array, weights: Array, before: Array | None) -> NDArray[np.bool_]:
-    """Return which positions (sensors, 20, 3) are far from the most likely one.
+    """Return which positions (sensors, 20, 3) of joints are far from the most likely one, as (sensors, 20) bool.
 
     The most likely position of a joint is nearest to all others and to the previous frame, `before`. Joints of weight
     0 are not tracked.

@@ -117,7 +117,10 @@ class Performers:
         return [Lost(time, each.user) for each in removed if each.last_frame is not None]
 
     def _performer(self, sensor: int, frame: SkeletonFrame) -> _Performer | None:
-        """Return the performer of a sensor's frame; None while two performers are too close to distinguish."""
+        """Return the performer of a sensor's frame.
+
+        None while the sensor has another user at the same performer, so that two performers cannot be distinguished.
+        """
         position = _position(frame)
         known = next((each for each in self._performers if each.users.get(sensor) == frame.user), None)
         if known is not None:

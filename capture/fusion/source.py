@@ -99,7 +99,7 @@ class FusedSource:
         return None if descriptor is None else descriptor()
 
     def due(self) -> float:
-        """Return the earliest time at which a member, the reopening of a member, or a tick is due."""
+        """Return when to call `receive` even if nothing has arrived, in seconds of `time.monotonic`."""
         dues = [member.source.due() for member in self._members if not member.ended]
         if self._waiting:
             dues.append(time.monotonic() + self._waiting[0][0] - self._now())

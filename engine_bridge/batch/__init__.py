@@ -1,1 +1,1 @@
-"""Conversion of many recordings with several characters, on many cores or machines, that can be resumed at any time."""
+"""Conversion of many recordings with several characters, on many cores or machines; it can be resumed at any time."""

@@ -1,4 +1,4 @@
-"""A batch: which jobs there are, which of them have to run, and their outcomes."""
+"""A batch: its jobs, the choice of those that have to run, and their outcomes."""
 
 import hashlib
 import uuid
@@ -32,7 +32,7 @@ class Shard:
 
 @dataclass(frozen=True)
 class Workers:
-    """Where jobs run.
+    """The processes that run jobs.
 
     Attributes
     ----------
@@ -58,9 +58,9 @@ class Plan:
     jobs : list of Job
         All jobs, ordered by puppet.
     settled : dict
-        Record of each job, by its name, that needs no conversion.
+        Records of the jobs that need no conversion, by the jobs' names.
     waiting : list of Job
-        The others.
+        The other jobs, which have to run.
     """
 
     jobs: list[Job]
@@ -78,7 +78,7 @@ def make_jobs(
 ) -> list[Job]:
     """Return the jobs for all recordings with all puppets.
 
-    Each character is prepared, so that mistakes are found before the work, and workers find it in the cache.
+    Each character is prepared, so that errors are found before the jobs start, and workers find it in the cache.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def make_jobs(
 
 
 def make_plan(jobs: list[Job], batch: BatchSettings) -> Plan:
-    """Find out which jobs have to run."""
+    """Return the plan for jobs: those with a current record are settled, and the others wait."""
     store = Store(batch.folder, batch.run)
     records = ((job, store.load(job.name)) for job in jobs)
     settled = {job.name: record for job, record in records if record and is_settled(record, job, store, batch)}
@@ -116,7 +116,7 @@ def make_plan(jobs: list[Job], batch: BatchSettings) -> Plan:
 def run(
     plan: Plan, batch: BatchSettings, workers: Workers, check: Callable[[], None]
 ) -> Generator[Outcome, None, None]:
-    """Run the waiting jobs of a plan and yield their outcomes as they come.
+    """Run the waiting jobs of a plan, and yield each outcome as soon as it is known.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Jobs on the workers of Dask distributed: a cluster on this machine, or an existing one."""
+"""Runs jobs on the workers of Dask distributed, in a cluster on this machine or in an existing one."""
 
 import logging
 import time
@@ -19,10 +19,10 @@ START_SECONDS = 120
 """Time for which a scheduler may be without any worker, in seconds."""
 
 POLL_SECONDS = 1.0
-"""Time after which waiting for a task is interrupted to look at the workers, in seconds."""
+"""Maximum time to wait for a task before the workers are checked, in seconds."""
 
 TASKS_PER_WORKER = 2
-"""Number of tasks per thread of the workers that are submitted: one that runs and one that is next."""
+"""Number of submitted tasks per thread of the workers: one that runs and one that is next."""
 
 DASHBOARD_ADDRESS = "127.0.0.1:8787"
 """Address of the dashboard of a cluster on this machine."""
@@ -73,7 +73,7 @@ def connected(scheduler: str | None, workers: int | None, max_workers: int, *, d
     workers : int or None
         Number of processes of the cluster; None for one per CPU that this process may use.
     max_workers : int
-        Limit of this number.
+        Maximum of this number.
     dashboard : bool
         Show the dashboard of the cluster.
 
@@ -125,7 +125,7 @@ def connected(scheduler: str | None, workers: int | None, max_workers: int, *, d
 def run_on(
     client: "Client", grouping: Grouping, batch: BatchSettings, check: Callable[[], None]
 ) -> Generator[Outcome, None, None]:
-    """Convert jobs on the workers of a client, and yield the outcomes as they come.
+    """Convert jobs on the workers of a client, and yield each outcome as soon as it is known.
 
     Parameters
     ----------
@@ -133,12 +133,12 @@ def run_on(
     grouping : Grouping
     batch : BatchSettings
     check : callable
-        Called every second; raises an error to stop.
+        Called at least every second; raises an error to stop.
 
     Raises
     ------
     PuppetlineError
-        See `engine_bridge.batch.conversion.convert_jobs`; or the scheduler has ended.
+        See `engine_bridge.batch.conversion.convert_jobs`; also if the scheduler has ended.
     """
     tasks = _Tasks(client, grouping, batch)
     try:
@@ -167,7 +167,7 @@ class _Tasks:
         return bool(self._grouping or self._running)
 
     def submit(self) -> None:
-        """Submit as many tasks as the workers need next, and start workers again that have failed to start."""
+        """Submit as many tasks as the workers need next, and replace workers that have failed to start."""
         with suppress(TimeoutError):
             threads = sum(self._client.nthreads().values())
             if threads:
@@ -179,7 +179,7 @@ class _Tasks:
             self._submit(self._grouping.take(self._workers), 0)
 
     def outcomes(self) -> Iterator[Outcome]:
-        """Wait for a task, but not long, and yield the outcomes of all that have ended."""
+        """Wait for a task, at most `POLL_SECONDS`, and yield the outcomes of all tasks that have ended."""
         from distributed import wait
         from distributed.client import FutureCancelledError, FuturesCancelledError
 
@@ -208,7 +208,7 @@ class _Tasks:
         try:
             return future.result()
         except KilledWorker:
-            # each death but those of tasks that had not begun is counted as a start of some job
+            # a death of a worker that had begun a job is counted as a start of that job, see `Store.start`
             if deaths > MAX_STARTS * len(group):
                 raise _no_workers() from None
             self._submit(group, deaths + 1)
@@ -230,7 +230,7 @@ def _reaching(scheduler: str) -> Iterator[None]:
 
 
 def _replace_workers(client: "Client") -> None:
-    """Start workers again that have ended before they had started, of a cluster on this machine."""
+    """Replace workers that ended before they had started, in a cluster on this machine."""
     from distributed.core import Status
 
     cluster = client.cluster
@@ -248,7 +248,7 @@ def _replace_workers(client: "Client") -> None:
 def _scheduler_ended() -> PuppetlineError:
     return PuppetlineError(
         "the scheduler",
-        found="no connection any more",
+        found="a lost connection",
         expected="a scheduler that runs until the batch ends",
         fix="Start it and its workers, and run the command again; it continues where it was.",
     )

@@ -28,7 +28,7 @@ MAX_RIGS = 8
 SUMMARY_COLUMNS = sorted(
     {field.name for field in fields(Row)} & {field.name for field in fields(Summary)} - {"form", "output"}
 )
-"""Columns that a conversion's summary has too."""
+"""Columns whose values a conversion's summary has."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class BatchSettings:
     fail_fast : bool
         Start nothing after a failure.
     retry_failed : bool
-        Try again what has failed in an earlier batch.
+        Retry jobs that have failed in an earlier batch.
     """
 
     folder: Path
@@ -68,9 +68,9 @@ class Outcome:
 
 
 def convert_jobs(jobs: Iterable[Job], batch: BatchSettings, check: Callable[[], None] = lambda: None) -> list[Outcome]:
-    """Convert some recordings one after another; a recording that cannot be converted is a failed row.
+    """Convert some recordings one after another; one that cannot be converted results in a failed row.
 
-    What is up to date is not converted, so that the jobs of a killed process can be given to another one.
+    Jobs with a current record are not converted again, so that another process can continue those of a killed one.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def convert_jobs(jobs: Iterable[Job], batch: BatchSettings, check: Callable[[], 
     OutputError
         Results cannot be written, for example because the disk is full.
     PuppetError
-        A puppet or character is not that of the batch any more.
+        A puppet or character has changed since the start of the batch.
     """
     store = Store(batch.folder, batch.run)
     outcomes = []
@@ -100,14 +100,14 @@ def convert_jobs(jobs: Iterable[Job], batch: BatchSettings, check: Callable[[], 
 
 
 def is_settled(record: Record, job: Job, store: Store, batch: BatchSettings) -> bool:
-    """Return whether a job needs no conversion, because its results are there, or because it has failed before."""
+    """Return whether a job needs no conversion, because its results are current, or because it has failed before."""
     if record.has_failed and batch.retry_failed and record.run != batch.run:
         return False
     return store.is_current(record, job)
 
 
 def solve_again(row: Row, settings: Settings) -> Clip:
-    """Return the solved clip of a result, for pictures.
+    """Return the solved clip of a result, for images.
 
     Raises
     ------
@@ -156,7 +156,7 @@ class _Conversion:
         """Convert the recording, and return its record with a row per performer."""
         try:
             clips = read_log(self._job.log, self._batch.settings.log)
-        except Exception as error:  # a mistake of the program about one recording must not stop the others either
+        except Exception as error:  # an internal error with one recording must not stop the others either
             self._check()  # compiled code turns an interrupt into another error
             return replace(record, rows=(_failed(self._row, error),))
         rows, files = [], {}

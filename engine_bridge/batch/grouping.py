@@ -1,4 +1,4 @@
-"""Grouping of jobs to tasks that take some seconds, whatever the length of the recordings."""
+"""Groups jobs into tasks that take a few seconds, whatever the length of the recordings."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -7,19 +7,19 @@ from engine_bridge.batch.conversion import Outcome
 from engine_bridge.batch.store import Job
 
 TASK_SECONDS = 4.0
-"""Expected duration of a task, in seconds: long against its start, short against a batch."""
+"""Expected duration of a task, in seconds: long compared with its start, and short compared with a batch."""
 
 Kind = tuple[str, str]
 
 
 class Grouping:
-    """Jobs that wait, and what the jobs so far have taken.
+    """Jobs that wait, and the durations of the jobs so far.
 
     Parameters
     ----------
     jobs : sequence of Job
     sizes : sequence of int
-        Size of each job's recording in bytes. Jobs with the same puppet and format take a time in proportion to it.
+        Size of each job's recording in bytes. Durations of jobs with the same puppet and format are proportional to it.
     """
 
     def __init__(self, jobs: Sequence[Job], sizes: Sequence[int]) -> None:
@@ -62,7 +62,7 @@ class Grouping:
         return group
 
     def _expected(self, kind: Kind, size: int) -> float | None:
-        """Return the expected duration of recordings in seconds; None if none of their kind was converted yet."""
+        """Return the expected duration of recordings in seconds; None if none of their kind has been converted yet."""
         seconds, total = self._taken.get(kind, (0.0, 0))
         return seconds / total * size if total else None
 

@@ -17,7 +17,7 @@ CHUNK_BYTES = 2**20
 
 @dataclass(frozen=True)
 class FileState:
-    """Content of a file, and by what it is recognised without reading it.
+    """Content of a file, and the values that identify it without reading it.
 
     Attributes
     ----------

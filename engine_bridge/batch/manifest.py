@@ -48,10 +48,10 @@ def check_manifest(path: Path) -> None:
 
 
 def write_whole_manifest(path: Path, store: Store) -> list[Row]:
-    """Write the rows of all records in a folder whose results are there, and return them.
+    """Write the rows of all records whose results are complete, and return them.
 
-    Another batch may write to the folder at the same time. So the records are compared after the manifest was written,
-    and read again if they have changed: the last batch that writes the manifest has seen all of them.
+    Another batch may write to the folder at the same time. If the records have changed while the manifest was written,
+    it is therefore written again: the last batch that writes it has read all of them.
 
     Raises
     ------

@@ -39,7 +39,7 @@ class Recordings:
     found : list of Recording
         Sorted by name; names and paths are unique.
     others : list of Path
-        Files in folders that are no recordings.
+        Files in folders that are not recordings.
     """
 
     found: list[Recording]
@@ -50,8 +50,8 @@ def find_recordings(arguments: Iterable[str], excluded: Path) -> Recordings:
     """Find the recordings that the arguments of a command refer to.
 
     An argument is a file, a folder, which is searched with all folders in it, a pattern with ``*``, ``?``, ``[…]`` or
-    ``**``, or ``@`` and the name of a file with one of these per line. Of folders, only files with the content of a
-    recording are used, and empty files, which are reported as failed. Hidden files are not.
+    ``**``, or ``@`` and the name of a file with one of these per line. In folders, only files with the content of a
+    recording are used, and empty or unreadable files, which are reported as failed. Hidden files are skipped.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def _listed(path: Path) -> list[str]:
 
 
 def _candidates(argument: str, excluded: Path, *, must_exist: bool) -> Iterator[tuple[Recording, bool]]:
-    """Yield the files of an argument, and whether they are chosen whatever they contain."""
+    """Yield the files of an argument, and whether each is used whatever it contains."""
     path = Path(argument)
     if path.is_dir():
         yield from _files_in(path, path.rglob("*"), excluded)

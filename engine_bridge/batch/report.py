@@ -1,4 +1,4 @@
-"""The report: a page with histograms and contact sheets of the worst results, without any other file."""
+"""The report: a page in one file, with histograms and contact sheets of the worst results."""
 
 import base64
 import io
@@ -37,7 +37,7 @@ Progress = Callable[[float], None]
 def write_report(path: Path, rows: Sequence[Row], store: Store, batch: BatchSettings, progress: Progress) -> None:
     """Write the report about the results in a folder.
 
-    The contact sheets are kept, so that the next report draws only those that are new among the worst.
+    The contact sheets are kept, so that the next report draws only those that do not exist yet.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def write_report(path: Path, rows: Sequence[Row], store: Store, batch: BatchSett
     store : Store
     batch : BatchSettings
     progress : callable
-        Called with the share of the contact sheets that are drawn.
+        Called with the share of the contact sheets that are done.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def write_report(path: Path, rows: Sequence[Row], store: Store, batch: BatchSett
 
 
 def badness(row: Row) -> tuple[float, float]:
-    """Return by what results are compared: the stretch or compression of edges, and the error.
+    """Return the key that sorts results: the stretch or compression of edges, then the error.
 
     The stretch is the 99th percentile, or the inverse of the 1st one if that is larger.
     """
@@ -122,7 +122,7 @@ def _sheet(row: Row, store: Store, batch: BatchSettings) -> str:
     Raises
     ------
     PuppetlineError
-        The recording or the puppet is not there any more.
+        The recording or the puppet can no longer be read.
     """
     path = store.sheet(row)
     if not path.is_file():

@@ -6,7 +6,7 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Row:
-    """A result, or a recording or performer without one. What is unknown is None.
+    """A result, or a recording or performer without one. Unknown values are None.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Row:
     notes : tuple of str
         Sentences about the recording and the character.
     reason, message : str
-        What was found where it failed, and the whole message; empty otherwise.
+        The part of the error message that says what was found, and the whole message; empty for a result.
     key : str
         Hash of all that determines the result; empty if the recording cannot be read.
     """

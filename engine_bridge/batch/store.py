@@ -1,9 +1,9 @@
-"""The folder of a batch: results, and beside each a record of what it was made from.
+"""The folder of a batch: results, and records of what they were made from.
 
 Every file is written to `PARTIAL_FOLDER` under a unique name, synchronised to the disk and then renamed. A result is
-renamed before its record is written, and the record contains the hash of the result. So a result under its name is
-always complete, wherever a process is killed; a result and a record that do not belong together are recognised, and the
-result is made again. No locks are needed: processes that convert the same recording at the same time write equal files.
+renamed before its record is written, and the record contains the hash of the result. A result under its name is
+therefore always complete, whenever a process is killed. A result that does not match its record is recognised and made
+again. No locks are needed: processes that convert the same recording at the same time write equal files.
 """
 
 import json
@@ -59,7 +59,7 @@ class Record:
     identity : str
         The job's.
     run : str
-        The batch that has written this record.
+        Unique name of the batch that has written this record.
     log : FileState or None
         The recording; None if it could not be read.
     rows : tuple of Row
@@ -98,9 +98,9 @@ class Store:
 
     @contextmanager
     def opened(self) -> Iterator[None]:
-        """Create the folders and check that files can be written; at the end, delete what killed workers have left.
+        """Create the folders and check that files can be written; at the end, delete incomplete files of this batch.
 
-        Incomplete files of earlier batches are deleted at the start, once they are old.
+        At the start, incomplete files of other batches are deleted if they are older than `STALE_SECONDS`.
 
         Raises
         ------
@@ -125,7 +125,7 @@ class Store:
                         path.unlink(missing_ok=True)
 
     def load(self, name: str) -> Record | None:
-        """Read the record of a job; None if there is none, or none that is complete."""
+        """Read the record of a job; None if it is missing, damaged or of another version."""
         return _read(self._record(name))
 
     def records(self) -> Iterator[tuple[str, Record]]:
@@ -154,7 +154,7 @@ class Store:
         )
 
     def is_whole(self, record: Record) -> bool:
-        """Return whether all results of a record are there and complete."""
+        """Return whether all results of a record exist and are complete."""
         return all(state.is_of(self.folder / name) for name, state in record.files.items())
 
     def save(self, job: Job, record: Record) -> None:
@@ -200,7 +200,7 @@ class Store:
             partial.unlink(missing_ok=True)
 
     def start(self, job: Job) -> int:
-        """Note that the conversion of a job starts; return how often it has started in this batch without an end.
+        """Record that the conversion of a job starts; return how often it has started in this batch without a record.
 
         Raises
         ------
@@ -228,7 +228,7 @@ class Store:
 
 @contextmanager
 def refused_as_output_error(path: Path) -> Iterator[None]:
-    """Raise an `OutputError` about a path instead of an `OSError`."""
+    """Turn an `OSError` into an `OutputError` about a path."""
     try:
         yield
     except OSError as error:

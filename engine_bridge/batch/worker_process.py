@@ -4,5 +4,5 @@ import signal
 
 
 def dask_setup(_worker: object) -> None:
-    """Ignore Ctrl-C, after which the command ends the workers."""
+    """Ignore Ctrl-C, because the command ends the workers itself."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

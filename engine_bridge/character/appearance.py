@@ -1,4 +1,4 @@
-"""Colours of primitives for previews: one colour per vertex."""
+"""Colours of primitives for previews, one per vertex."""
 
 import base64
 import io
@@ -14,7 +14,7 @@ from engine_bridge.character.schema import Primitive
 from engine_bridge.character.surfaces.surface import srgb_to_linear
 
 MAX_PIXELS = 8192 * 8192
-"""Maximum number of pixels of all images of a character; images beyond it are not shown."""
+"""Maximum number of pixels of all images of a character together; an image that exceeds it is not shown."""
 
 
 class Appearance:

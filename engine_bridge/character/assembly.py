@@ -1,4 +1,4 @@
-"""glTF documents of surfaces from files in other formats."""
+"""Makes glTF documents of surfaces from files in other formats."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from engine_bridge.character.schema import Primitive
 from engine_bridge.character.surfaces.surface import ImageFile, Material, Piece, Surface
 
 MAX_UINT16_INDEX = 65534
-"""Largest 16-bit index of a vertex; 65535 restarts a strip."""
+"""Largest 16-bit index of a vertex, because 65535 restarts a strip."""
 
 MAX_ORIGIN_DISTANCE = 10.0
 """Maximum distance of a surface from the origin, in diagonals, at which float32 positions are exact to 1e-6 of the
@@ -19,18 +19,19 @@ diagonal."""
 def assemble(surface: Surface, title: str, name: str | None = None) -> Document:
     """Make a glTF document of a surface.
 
-    All pieces of one name become one node with one mesh, in the order in which the names first appear. Each piece is a
-    primitive with its own vertices and triangles. Materials and images are stored once. A surface far from the origin
-    is stored around its middle, where float32 is exact enough, and the translation of its nodes moves it back.
+    All pieces with the same name become one node with one mesh, in the order in which the names first appear. Each
+    piece is a primitive with its own vertices and triangles. Materials and images are stored once. A surface far from
+    the origin is stored relative to its middle, where float32 is exact enough, and its nodes are translated by the
+    middle.
 
     Parameters
     ----------
     surface : Surface
         With unit normals, see `engine_bridge.character.shading.shaded`.
     title : str
-        Name of pieces without one.
+        Name of the node and mesh of pieces without a name.
     name : str, optional
-        Name of the document in error messages, if not its title.
+        Name of the document in error messages; `title` by default.
 
     Returns
     -------
@@ -61,7 +62,7 @@ def assemble(surface: Surface, title: str, name: str | None = None) -> Document:
 
 
 def _origin(surface: Surface) -> NDArray[np.float64]:
-    """Return the origin of stored positions: the world's, or the middle of a far surface as float32."""
+    """Return the origin of stored positions: the world's, or the middle, rounded to float32, of a far surface."""
     low = np.min([piece.positions.min(axis=0) for piece in surface.pieces], axis=0)
     high = np.max([piece.positions.max(axis=0) for piece in surface.pieces], axis=0)
     middle = (low + high) / 2
@@ -107,7 +108,7 @@ def _material(document: Document, material: Material, textures: dict[ImageFile, 
 
 
 def _texture(document: Document, image: ImageFile, textures: dict[ImageFile, int]) -> int:
-    """Return the index of an image's texture, which is also the image's."""
+    """Return the index of an image's texture, which is also the index of the image."""
     if image not in textures:
         textures[image] = len(textures)
         view = document.add_view(image.content)

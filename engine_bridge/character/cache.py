@@ -1,4 +1,4 @@
-"""Cache of computed arrays in files, each named by a hash of the inputs."""
+"""Cache of computed arrays in files, whose names are hashes of the inputs."""
 
 import hashlib
 import logging
@@ -26,7 +26,7 @@ CONTENTS_ARRAY = "content"
 
 
 def cache_key(*things: object) -> str:
-    """Return a name for results of some inputs: equal if all arrays and the `repr` of all other inputs are equal."""
+    """Return a name for the results of inputs: a hash of all arrays and of the `repr` of all other inputs."""
     digest = hashlib.sha256(str(VERSION).encode())
     for thing in things:
         if isinstance(thing, np.ndarray):
@@ -42,8 +42,8 @@ def load_or_compute(
 ) -> Arrays:
     """Read arrays from their file, or compute them and write the file.
 
-    A damaged file, or one with other contents, is replaced with a warning in the log. If the folder cannot be written,
-    a warning is logged too.
+    A damaged file, or one with other contents, is replaced, and a warning is logged. If the folder cannot be written, a
+    warning is logged too. A file that is no longer current is replaced without a warning.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def load_or_compute(
 
 
 def _read(path: Path, key: str) -> Arrays:
-    """Read a file, whose arrays have checksums."""
+    """Read a file, whose arrays have checksums, and mark it as used."""
     with np.load(path, allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}
     if arrays.pop(CONTENTS_ARRAY).tolist() != [key, *arrays]:
@@ -87,7 +87,7 @@ def _read(path: Path, key: str) -> Arrays:
 
 
 def _write(path: Path, key: str, arrays: Arrays) -> None:
-    """Write a temporary file and rename it."""
+    """Write a file completely: under a temporary name, which is then changed."""
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     content: dict[str, Any] = {CONTENTS_ARRAY: np.array([key, *arrays]), **arrays}

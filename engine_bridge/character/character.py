@@ -46,7 +46,7 @@ class Part:
     to_world : (1 or n, 4, 4) float64
         The node's transform, or each vertex's own if it has a skin; for column vectors.
     vertices : (n, 3) float64
-        World positions at rest, with the morph targets and skeleton of the file as they are at rest.
+        World positions at rest: with the rest weights of the file's morph targets, and its skeleton at rest.
     triangles : (t, 3) int64
     normals : (n, 3) float64 or None
         World unit normals, None if the file has none.
@@ -154,7 +154,7 @@ def make_character(
     Raises
     ------
     MeshError
-        No surface.
+        There is no surface.
     """
     rgba = None if colors is None else np.column_stack([colors, np.ones(len(colors))])
     piece = Piece(title, vertices, triangles, material=material_for(rgba), colors=rgba)
@@ -168,7 +168,7 @@ def from_document(document: Document) -> Character:
     Raises
     ------
     MeshError
-        No surface, inconsistent data, or positions that are not finite.
+        There is no surface, data are inconsistent, or positions are not finite.
     """
     _check_size(document)
     world = world_transforms(document)
@@ -184,7 +184,7 @@ def from_document(document: Document) -> Character:
 
 
 def _check_size(document: Document) -> None:
-    """Refuse a huge scene. A small file can hold one, because nodes can share meshes, and primitives arrays."""
+    """Refuse a huge scene, which a small file can have, because nodes can share meshes, and primitives arrays."""
     gltf = document.gltf
     parts = vertices = 0
     for node in shown_nodes(document):

@@ -1,4 +1,4 @@
-"""A glTF document with all its bytes in one buffer, whose accessors are read and added as arrays."""
+"""A glTF document with all its bytes in one buffer; its accessors are read and added as arrays."""
 
 import json
 import math
@@ -46,9 +46,9 @@ class Document:
     name : str
         Name in error messages.
     notes : list of str
-        Sentences about changes and omissions when it was read.
+        Sentences about changes and omissions during reading.
     unpacked_size : int
-        Size of the buffer that readers fill with decompressed arrays, in bytes; 0 without compressed ones.
+        Size of the buffer that readers fill with decompressed arrays, in bytes; 0 without compressed arrays.
     """
 
     def __init__(self, gltf: Gltf, blob: bytes | bytearray = b"", name: str = "document") -> None:
@@ -72,7 +72,7 @@ class Document:
         Raises
         ------
         MeshError
-            An accessor that points outside the buffer.
+            The accessor is empty, or refers to bytes outside the buffer.
         """
         accessor, where = self.gltf["accessors"][index], at(self.name, field=f"accessors[{index}]")
         dtype, width, count = (
@@ -120,7 +120,7 @@ class Document:
         Raises
         ------
         MeshError
-            Another number of values or components.
+            The attribute has another number of values or components.
         """
         if name not in primitive["attributes"]:
             return None
@@ -199,7 +199,7 @@ class Document:
         return made
 
     def add_sparse(self, values: NDArray[Any], *, bounds: bool = False, normalized: bool = False) -> int:
-        """Append an array (count, width) that stores only its rows that are not zero, and return its accessor's index.
+        """Append an array (count, width) of which only non-zero rows are stored, and return its accessor's index.
 
         Options are those of `add`.
         """
@@ -251,7 +251,7 @@ class Document:
                 yield image["bufferView"]
 
     def repack(self) -> None:
-        """Drop all bytes that are in no buffer view."""
+        """Drop all bytes that are in no buffer view, and store equal ranges once."""
         blob, places = self.blob, dict[tuple[int, int], int]()
         self.blob = bytearray()
         for view in self.gltf["bufferViews"]:
@@ -315,12 +315,12 @@ def component_code(kind: np.dtype[Any]) -> int:
 
 
 def index_type(count: int) -> type:
-    """Return the smallest type of indices below a count."""
+    """Return the smallest unsigned type that holds all indices below a count."""
     return next(kind for kind in (np.uint8, np.uint16, np.uint32) if count - 1 <= np.iinfo(kind).max)
 
 
 def described(values: NDArray[Any], *, bounds: bool = False, normalized: bool = False) -> Accessor:
-    """Return the accessor of an array, without its place in the buffer."""
+    """Return the accessor of an array, without its position in the buffer."""
     columns = values.reshape(len(values), -1)
     accessor: Accessor = {
         "componentType": component_code(values.dtype),

@@ -1,4 +1,4 @@
-"""Reads a glTF file as a document: joins its buffers, decompresses them, and takes in the images beside it."""
+"""Reads a glTF file as a document: joins and decompresses its buffers, and embeds the image files that it names."""
 
 import io
 from pathlib import Path
@@ -40,7 +40,7 @@ def load_document(path: Path, content: bytes | None = None) -> Document:
     Raises
     ------
     MeshError
-        Not glTF 2.0, damaged, compressed, or lacking a buffer's file.
+        The file is not glTF 2.0, is damaged, requires a decompression that is not installed, or names a missing buffer.
     """
     if content is None:
         content = read_whole(path, "a glTF file", MeshError)
@@ -97,7 +97,7 @@ def _only_compressed(document: Document, extension: str) -> bool:
 
 
 def _join_buffers(document: Document, path: Path, binary: bytes) -> None:
-    """Join all buffers into one, which holds each file once."""
+    """Join all buffers into one, in which each file is stored once."""
     starts: list[int] = []
     joined: dict[Path | int, tuple[int, int]] = {}
     for number, buffer in enumerate(document.gltf["buffers"]):
@@ -138,7 +138,7 @@ def _decompress(document: Document, view: BufferView, about: Any, starts: list[i
 
 
 def _embed_images(document: Document, path: Path) -> None:
-    """Copy image files into the buffer, because the result may be written to another folder."""
+    """Copy image files into the buffer, because the document may be written to another folder."""
     embedded: dict[Path | str, tuple[str, int]] = {}
     for image in document.gltf["images"]:
         uri = image.get("uri")
@@ -157,7 +157,7 @@ def _embed_images(document: Document, path: Path) -> None:
 
 
 def _image(document: Document, file: Path | None, uri: str) -> bytes:
-    """Read an image; note one that cannot be read, and return a white pixel instead."""
+    """Read an image; if it cannot be read, add a note and return a white pixel."""
     try:
         if file:
             return file.read_bytes()
@@ -173,6 +173,6 @@ def _image(document: Document, file: Path | None, uri: str) -> bytes:
 
 
 def _is_filled_by_decompression(buffer: Buffer) -> bool:
-    """Return whether a buffer has no bytes in the file, because only compressed buffer views refer to it."""
+    """Return whether a buffer may lack its bytes in the file, because decompression fills it."""
     about = buffer.get("extensions", {}).get(MESHOPT)
     return isinstance(about, dict) and about.get("fallback") is True

@@ -8,7 +8,7 @@ from engine_bridge.character.character import Character
 
 
 def drawn_normals(character: Character) -> NDArray[np.float64]:
-    """Return unit normals (n, 3): the file's, smooth ones for parts without, zero for vertices without a direction.
+    """Return unit normals (n, 3): the file's, or smooth ones for parts without normals; zero without a direction.
 
     Subnormal float32 numbers become zero, because graphics cards treat them as zero and would choose other tangents
     (docs/protocol.md).

@@ -44,7 +44,7 @@ def prepare(name: str, folder: Path, progress: Progress = lambda _stage, _share:
     name : str
         A key of `MOTIONS`.
     folder : Path
-        It is created if it does not exist.
+        Created if it does not exist.
     progress : callable, optional
         Called with the name of a step and the share of it that is done.
 

@@ -1,4 +1,4 @@
-"""Bytes of a glTF file: its description, its binary chunk, and the files that it names."""
+"""Reads the bytes of a glTF file: its description, its binary chunk, and the files that it names."""
 
 import base64
 import binascii
@@ -18,10 +18,10 @@ MAGIC = b"glTF"
 """First bytes of a .glb."""
 
 INTEGER_NUMBER = re.compile(r"-?[1-9][0-9]*\.0+|0\.0+")
-"""Number that glTF accepts as an integer although it is written with a fraction of zero."""
+"""Pattern of a number that glTF accepts as an integer although it is written with a fraction of zero."""
 
 SPARE_NESTING_LEVELS = 200
-"""Number of brackets around a description that JSON must still be able to write."""
+"""Number of further levels of nesting around a description that JSON must still be able to write."""
 
 
 def parse_description(path: Path, text: bytes) -> tuple[Gltf, list[str]]:
@@ -54,9 +54,9 @@ def _number(text: str) -> float:
 
 
 def _check_writable(values: dict[str, Any]) -> None:
-    """Raise an error for numbers like 1e999, halves of surrogate pairs, and brackets nested too deeply.
+    """Raise an error for numbers like 1e999, halves of surrogate pairs, and nesting that is too deep to be written.
 
-    The description is written deeper in the call stack, so it must bear some more nesting.
+    The description will be written deeper in the call stack, so that some more levels must be possible.
     """
     deeper: Any = values
     for _ in range(SPARE_NESTING_LEVELS):
@@ -113,7 +113,7 @@ def buffer_bytes(path: Path, uri: str | None, binary: bytes) -> bytes:
 
 
 def file_beside(path: Path, uri: str) -> Path | None:
-    """Return the path of a file that a glTF names, in its folder or below; None for any other reference."""
+    """Return the path of a file that a glTF file names, in its folder or below; None for any other reference."""
     try:
         file = (path.parent / unquote(uri).replace("\\", "/")).resolve()
         if file.is_relative_to(path.parent.resolve()) and (file.is_file() or not file.exists()):

@@ -1,9 +1,9 @@
 """Lossless compression of a document's arrays by EXT_meshopt_compression.
 
 Each buffer view is compressed alone: triangles by their connectivity, other arrays by differences of bytes between
-consecutive rows. A *filter* is a conversion that a reader applies after decompression. A filter is used only where it
-returns the very same bytes. Values that suit a filter therefore have to be rounded before: floats to multiples of a
-power of two (exponential), unit vectors by `meshopt_codec.octahedral_rounded` (octahedral).
+consecutive rows. A *filter* is a conversion that a reader applies after decompression. A filter is used only if its
+result is the same bytes. Values for a filter must therefore be rounded before: floats to multiples of a power of two
+(exponential), unit vectors by `meshopt_codec.octahedral_rounded` (octahedral).
 """
 
 from collections.abc import Iterator
@@ -138,7 +138,7 @@ def _encodings(view: BufferView, content: codec.Bytes, uses: list[Use]) -> Itera
 
 
 def _strides(view: BufferView, length: int, uses: list[Use]) -> list[int]:
-    """Return sizes of rows by which a buffer view can be compressed.
+    """Return the sizes of rows in bytes with which a buffer view can be compressed.
 
     Properties over time are best compressed by keyframes, all of which have the same values.
     """

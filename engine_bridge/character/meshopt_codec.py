@@ -23,10 +23,10 @@ EXPONENT_LIMIT = 100
 """Maximum absolute exponent of the exponential filter."""
 
 MAX_RATIO = 100
-"""Maximum ratio of decompressed to compressed bytes, more than the encodings reach; others are damaged."""
+"""Maximum ratio of decompressed to compressed bytes; no valid encoding reaches it."""
 
 STRIDES = {"OCTAHEDRAL": (4, 8), "QUATERNION": (8,)}
-"""Sizes of rows that a filter accepts, in bytes; others accept all."""
+"""Sizes of rows in bytes that a filter accepts; filters that are not listed accept all sizes."""
 
 MAX_INT16 = 32767
 """Integer that stands for 1 in a unit vector."""
@@ -82,7 +82,7 @@ def exponential(content: Bytes, stride: int) -> Encoded | None:
 
 
 def octahedral(content: Bytes) -> Encoded | None:
-    """Encode rows of four normalised integers of 16 bits as places on an octahedron; None if these are not exact."""
+    """Encode rows of four normalised integers of 16 bits as points of an octahedron; None if these are not exact."""
     values = content.view(np.int16).reshape(-1, 4)
     packed = _on_octahedron(values)
     if not np.array_equal(_from_octahedron(packed), values):
@@ -123,7 +123,7 @@ def decode(content: bytes, about: dict[str, Any]) -> bytes:
     Raises
     ------
     ValueError
-        Damaged bytes, or a description that does not fit them.
+        The bytes are damaged, or the description does not match them.
     """
     import meshoptimizer
 
@@ -182,7 +182,7 @@ def _mantissas(values: NDArray[np.float32]) -> Bytes | None:
 def octahedral_rounded(vectors: NDArray[np.floating]) -> NDArray[np.int16]:
     """Return unit vectors (n, 3) or (n, 4) as normalised integers that the octahedral filter stores exactly.
 
-    They are up to 0.3° off. A fourth component is 1 or −1 and stays.
+    Their error is up to 0.3°. A fourth component is 1 or −1 and does not change.
     """
     values = np.zeros((len(vectors), 4))
     values[:, : vectors.shape[1]] = MAX_INT16 * np.clip(vectors, -1, 1)
@@ -190,7 +190,7 @@ def octahedral_rounded(vectors: NDArray[np.floating]) -> NDArray[np.int16]:
 
 
 def _on_octahedron(values: NDArray[Any]) -> NDArray[np.int16]:
-    """Return vectors (n, 4) as places on an unfolded octahedron: x, y, the number that stands for 1, and w."""
+    """Return vectors (n, 4) as points of an unfolded octahedron: x, y, the integer that stands for 1, and w."""
     x, y, z = values[:, :3].T.astype(np.float64)
     size = np.maximum(np.abs(x) + np.abs(y) + np.abs(z), 1e-9)
     x, y = x / size, y / size

@@ -14,7 +14,7 @@ from solver.model.reduced_model import ModelParameters, ReducedModel, build
 from solver.surface.mesh import Repairs, SolverMesh, weld
 
 ARRAY_GROUPS = {"bones": Bones, "regions": BoneRegions}
-"""Fields of a model that consist of several arrays."""
+"""Fields of a model that consist of several arrays, and their types."""
 
 MODEL_ARRAYS = tuple(
     f"{field.name}.{part.name}" if field.name in ARRAY_GROUPS else field.name

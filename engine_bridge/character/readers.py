@@ -13,7 +13,7 @@ READERS = {".obj": obj.read, ".off": off.read, ".ply": ply.read, ".stl": stl.rea
 SURFACE_FILES = tuple(READERS)
 
 HEAD_BYTES = 65536
-"""Number of bytes by which a format is recognised."""
+"""Number of bytes at the beginning of a file by which its format is recognised."""
 
 
 def read_surface(path: Path, content: bytes | None = None) -> Surface:
@@ -33,7 +33,7 @@ def read_surface(path: Path, content: bytes | None = None) -> Surface:
     Raises
     ------
     MeshError
-        A file that cannot be opened, has another format, is damaged, or has no surface.
+        The file cannot be opened, has another format, is damaged, or has no surface.
     """
     if content is None:
         content = read_whole(path, "a mesh", MeshError)

@@ -12,7 +12,7 @@ from engine_bridge.character.schema import Gltf, Node, Primitive
 from puppetline.errors import MeshError, at
 
 MAX_JOINT_SETS = 16
-"""Maximum number of sets of 4 joints per vertex; in a small file, many sets can share one array."""
+"""Maximum number of sets of 4 joints per vertex; without a limit, a small file could have many that share one array."""
 
 
 def top_nodes(gltf: Gltf) -> list[int]:
@@ -34,7 +34,7 @@ def shown_nodes(document: Document) -> list[int]:
     Raises
     ------
     MeshError
-        Nodes that do not form a tree.
+        The nodes do not form a tree.
     """
     nodes, tops = document.gltf["nodes"], top_nodes(document.gltf)
     shown = [index for index, _ in _walk(document, tops) if "mesh" in nodes[index]]
@@ -63,7 +63,7 @@ def tree(document: Document) -> list[tuple[int, int | None]]:
     Raises
     ------
     MeshError
-        Nodes that do not form a tree.
+        The nodes do not form a tree.
     """
     return list(_walk(document, _roots(document.gltf)))
 
@@ -137,7 +137,7 @@ def skinning(
     Raises
     ------
     MeshError
-        Joints that are not in the skin.
+        There are no valid joints and weights, or a joint is not in the skin.
     """
     table = document.gltf["skins"][skin]
     where = at(document.name, field=f"skins[{skin}]")
@@ -167,7 +167,7 @@ def influences(
     Raises
     ------
     MeshError
-        Joints that are not in the skin.
+        There are no valid joints and weights, or a joint is not in the skin.
     """
     where, joints = at(document.name, field=f"skins[{skin}]"), document.gltf["skins"][skin]["joints"]
     sets = [name.removeprefix("JOINTS_") for name in primitive["attributes"] if name.startswith("JOINTS_")]

@@ -206,7 +206,7 @@ class Animation(Named):
 
 
 class Gltf(Named):
-    """A description, with empty lists for those that the file omits."""
+    """A description; lists that the file omits are empty."""
 
     asset: AssetTable
     scene: NotRequired[Index]
@@ -275,7 +275,7 @@ def checked(values: dict[str, Any]) -> Gltf:
     Parameters
     ----------
     values : dict
-        Parsed JSON; missing lists are added, empty.
+        Parsed JSON; empty lists are added for missing ones.
 
     Returns
     -------
@@ -285,7 +285,7 @@ def checked(values: dict[str, Any]) -> Gltf:
     Raises
     ------
     ValueError
-        With the path of the first error.
+        The description has an error; the message has the path of the first one.
     """
     for name in LISTS:
         values.setdefault(name, [])

@@ -14,13 +14,13 @@ from solver.surface.mesh import weld
 from solver.surface.winding import edges_of, lexicographic_order, wound_consistently
 
 MIN_SOLIDITY = 1e-6
-"""Minimum volume of a closed part that has an inside, as a share of its area^1.5; a leaf with two sides has none."""
+"""Minimum volume of a closed part that has an inside, as a share of its area^1.5; a two-sided leaf has no inside."""
 
 MIN_SIZE = 1e-30
 """Minimum size of a surface whose areas can be compared."""
 
 HARD_EDGE_COSINE, FLAT_EDGE_COSINE = np.cos(np.radians(40)), np.cos(np.radians(2))
-"""Cosines of the angles between two faces above which their edge is hard, and above which it is not flat."""
+"""Cosines of the angles between two faces beyond which their edge is hard, and beyond which it is not flat."""
 
 UP = (0.0, 1.0, 0.0)
 """Normal of a vertex without a face of positive area."""
@@ -30,9 +30,9 @@ def shaded(surface: Surface, name: str) -> Surface:
     """Complete a surface without changing the order or number of its vertices and triangles.
 
     If no piece has normals, triangles that contradict their neighbours or face the inside of a closed part are flipped.
-    Missing normals are computed: smooth ones across all vertices at one position, or see `Surface.faceted`. A surface
-    with mostly hard edges gets none, which glTF shows with flat shading. Pieces of open parts get a double-sided
-    material.
+    Missing normals are computed: smooth ones across all vertices at one position, or those of the triangles for a
+    faceted surface (`Surface.faceted`). A surface with mostly hard edges and no normals gets none, so that viewers use
+    flat shading. Pieces of open parts get a double-sided material.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def shaded(surface: Surface, name: str) -> Surface:
     Raises
     ------
     MeshError
-        No surface, see `solver.surface.mesh.weld`, or a tiny one.
+        There is no surface, see `solver.surface.mesh.weld`, or a tiny one.
     """
     positions = np.concatenate([piece.positions for piece in surface.pieces])
     starts = np.cumsum([0] + [len(piece.positions) for piece in surface.pieces])
@@ -110,7 +110,7 @@ def _check_size(positions: NDArray[np.float64], triangles: NDArray[np.int64], na
 
 
 def wrongly_wound(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which triangles have the wrong winding: counter-clockwise from outside is right.
+    """Return which triangles have the wrong winding; the right one is counter-clockwise as seen from outside.
 
     Triangles that meet in pairs at edges form a patch with consistent winding. A closed patch faces outwards (its
     volume is positive); in any other patch, the smaller part of its area is wrong.
@@ -146,9 +146,9 @@ def wrongly_wound(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> ND
 
 
 def in_open_part(faces: NDArray[np.int64], vertices: int) -> NDArray[np.bool_]:
-    """Return which of the (t, 3) faces are connected to an edge where the surface ends or flips.
+    """Return which of the (t, 3) faces are in a part with an edge where the surface ends or its winding flips.
 
-    Two equal faces with opposite windings do not count as an end.
+    The edges of two equal faces with opposite windings are not such edges.
     """
     ends = faces[_unbalanced(faces)]
     if not len(ends):

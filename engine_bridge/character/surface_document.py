@@ -13,13 +13,13 @@ from engine_bridge.character.readers import read_surface
 from engine_bridge.character.surfaces.files import Folder
 
 DESCRIPTION, BUFFER = "description", "buffer"
-"""Names of the cached arrays: JSON with the glTF, the notes and hashes of other files; and the binary buffer."""
+"""Names of the cached arrays: JSON with the glTF description, notes and hashes of named files; the binary buffer."""
 
 
 def read_document(path: Path, content: bytes, cache: Path | None = None) -> Document:
     """Read a mesh file that is not glTF as a glTF document.
 
-    With a cache, a file is not parsed again unless it, or a file that it names, such as an image, has changed.
+    With a cache, a file is parsed again only if it or a file that it names, such as an image, has changed.
 
     Parameters
     ----------

@@ -40,7 +40,10 @@ class Keyframes:
 
 
 Displacements = Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32] | None]]
-"""Callable from a part's number to its displacements (K, n, 3) of positions, and of normals or None; in the world."""
+"""Returns the displacements (K, n, 3) of a part's positions and of its normals or None; world coordinates.
+
+Its argument is the number of the part.
+"""
 
 
 class TargetWriter(Protocol):
@@ -100,13 +103,13 @@ def animate(character: Character, keyframes: Keyframes, targets: TargetWriter) -
 
 
 def show_all(gltf: Gltf) -> None:
-    """Add a scene of all nodes to a file without scenes, of which viewers would show nothing."""
+    """Add a scene with all nodes to a file without scenes, because viewers would show nothing of it."""
     if not gltf["scenes"]:
         gltf["scenes"], gltf["scene"] = [{"nodes": top_nodes(gltf)}], 0
 
 
 def own_mesh(document: Document, node: int, shown: Counter[int | None]) -> Mesh:
-    """Return a mesh that only this node shows, because displacements differ between the spaces of nodes.
+    """Return a mesh that only this node shows, because displacements are in the coordinates of a node.
 
     Parameters
     ----------
@@ -147,7 +150,7 @@ class LocalSpace:
 
 @dataclass(frozen=True)
 class FloatTargets:
-    """Targets and weights as they are, in float32.
+    """Writes targets and weights without quantisation, in float32.
 
     Attributes
     ----------
@@ -253,7 +256,7 @@ def connect(animation: Animation, clock: int, output: int, node: int, path: str)
 
 
 def add_root(document: Document) -> int:
-    """Add a node above all others of the scene, and return it.
+    """Add a node above all others of the scene, and return its number.
 
     Skinned meshes stay at the top, because they follow their joints and not their parents.
     """

@@ -1,6 +1,6 @@
 """Baking of a character with a morph basis for live motion, as a .glb that engines show without an addon.
 
-The basis is fitted to recorded motion, or to synthetic motion: all performances of the examples, and an exercise
+The basis is fitted to recorded motion, or to synthetic motion: all example motions, and an exercise
 of the handles. It does not contain the motion of the root, which is a separate translation in live frames.
 """
 
@@ -28,7 +28,7 @@ from solver.model.batch import MAX_BATCH_FRAMES as CHUNK
 from solver.model.batch import BatchBinding
 
 DEFAULT_TOLERANCE = 0.002
-"""Default tolerance as a fraction of the diagonal, which poses at the end of the reach determine."""
+"""Default tolerance as a fraction of the diagonal; the poses at the limits of the exercise have the largest errors."""
 
 SHOWN_SECONDS = 20.0
 """Maximum duration of the animation in the file, in seconds."""
@@ -87,7 +87,7 @@ def bake(
     tolerance: float | None = None,
     progress: Progress = lambda _stage, _share: None,
 ) -> BakeSummary:
-    """Write a .glb of a puppet's character with morph targets onto which live poses can be projected.
+    """Write a .glb of a puppet's character with morph targets on which live poses can be projected.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def recorded_motion(rig: Rig, logs: Sequence[Path], settings: Settings, progress
 
 
 def synthetic_motion(rig: Rig, names: Sequence[str], settings: Settings, progress: Progress) -> Motion:
-    """Return the motion of some of the examples' performances, followed by an exercise of the handles."""
+    """Return the motion by some of the example motions, followed by an exercise of the handles."""
     timelines = {name: resample(performances()[name](), settings.fps, settings.max_gap) for name in names}
     clips = [(name, timeline, ()) for name, timeline in timelines.items()]
     motion = _play(rig, clips, len(clips), settings, progress)
@@ -193,7 +193,7 @@ def _play(
 
 
 def fit(rig: Rig, motion: Motion, settings: Settings, progress: Progress) -> MorphBasis:
-    """Fit a basis to motion, with a range of weights for larger motion."""
+    """Fit a basis to motion, with weights that leave room for larger motion."""
     return morph_basis.fit(
         rig.model,
         BatchBinding.of_solver_mesh(rig.model, rig.mesh),

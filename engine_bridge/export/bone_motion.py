@@ -1,9 +1,9 @@
 """Rigid motion of bones with known skin weights, for all frames at once.
 
-Minimises Σ_v ‖Σ_j w_vj (R_j u_v + t_j) − x_v‖² over one bone after the other: with fixed other bones, the best rotation
-is a polar decomposition (B. H. Le, Z. Deng, *Smooth Skinning Decomposition with Rigid Bones*, 2012, section
+Minimises Σ_v ‖Σ_j w_vj (R_j u_v + t_j) − x_v‖² over one bone after the other: with the other bones fixed, the best
+rotation is a polar decomposition (B. H. Le, Z. Deng, *Smooth Skinning Decomposition with Rigid Bones*, 2012, section
 4.2). Because x = W R is linear in the control variables, sums over vertices are computed only once, not for each frame.
-Each frame has the same continuous steps and start, so that its result does not jump between frames.
+All frames start and iterate in the same way, and all steps are continuous, so that results do not jump between frames.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from scipy.sparse import csr_matrix, hstack
 from solver.model import polar
 
 ITERATIONS = 30
-"""Number of iterations over all bones; from the 20th on, only the third digit of the error changes."""
+"""Number of iterations over all bones; after the 20th, only the third digit of the error changes."""
 
 AFFINITY_WEIGHT = 0.01
 """Weight of the term that keeps a bone near its vertices, because bones could drift apart without it."""

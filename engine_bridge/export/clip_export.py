@@ -21,10 +21,10 @@ from engine_bridge.puppet.rig_bones import rig_bones
 from solver.model.batch import BatchBinding
 
 TARGETS_SHARE = 0.8
-"""Share of the tolerance for the number of morph targets, if their rounding takes the rest."""
+"""Share of the tolerance for the number of morph targets or bones; quantisation may use the rest."""
 
 FRAMES_THINNING_SHARE = 0.6
-"""Share of the tolerance for omitted keyframes, each of which saves a whole target."""
+"""Share of the tolerance for omitted keyframes in the form "frames", where each saves a whole target."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def _compact(
     error: float,
     **options: Any,
 ) -> tuple[Document, ExportResult]:
-    """Quantise targets whose own error is in mesh units; options are those of `quantized_targets.fit`."""
+    """Quantise targets that have an error of their own, in mesh units; options are those of `quantized_targets.fit`."""
     rig, diagonal = clip.rig, float(clip.rig.model.diagonal)
     places = rig.character.vertex_slices
     bindings = [

@@ -24,7 +24,7 @@ QUANTIZATION = "KHR_mesh_quantization"
 MAX_BYTE, MAX_INT16, MAX_UINT16 = 127, 32767, 65535
 
 ACCESSOR_BYTES = 150
-"""Approximate size of the description of a sparse accessor beyond that of a dense one."""
+"""Approximate number of bytes by which the description of a sparse accessor is larger than that of a dense one."""
 
 FLOAT = 5126
 """Code of float32."""
@@ -83,7 +83,7 @@ def compact_skin(document: Document, character: Character, *, for_meshopt: bool)
     Returns
     -------
     float
-        Upper bound of the distance of a vertex from its position by floats, world units.
+        Upper bound of the distance of a vertex from its position before quantisation, world units.
     """
     gltf = document.gltf
     nodes = list(dict.fromkeys(part.node for part in character.parts))
@@ -130,7 +130,7 @@ class Array:
 class Rewriting:
     """Replacement of vertex attributes by other arrays, which does not leave unused ones behind.
 
-    Arrays are replaced in place if all that refer to them want the same. Otherwise new ones are added.
+    An array is replaced in place if all references to it have the same change. Otherwise, each change adds an array.
     """
 
     def __init__(self, document: Document) -> None:
@@ -140,7 +140,7 @@ class Rewriting:
     def plan(
         self, attributes: dict[str, int], name: str, key: Any, change: Callable[[NDArray[Any]], Array | None]
     ) -> None:
-        """Plan to change an attribute; equal keys mean equal changes, which return None to keep an array."""
+        """Plan to change an attribute; equal keys mean equal changes. `change` returns None to keep an array."""
         planned = self._planned.setdefault(attributes[name], {})
         planned.setdefault((name, key), ([], change))[0].append((attributes, name))
 
@@ -181,14 +181,14 @@ def _references(document: Document) -> dict[int, int]:
 
 
 def require_quantization(document: Document) -> None:
-    """Name the extension that allows integers in vertex attributes."""
+    """List the extension that allows integers in vertex attributes in a document."""
     for names in (document.gltf["extensionsUsed"], document.gltf["extensionsRequired"]):
         if QUANTIZATION not in names:
             names.append(QUANTIZATION)
 
 
 def quantize_attributes(rewriting: Rewriting, primitive: Primitive, *, for_meshopt: bool) -> None:
-    """Plan to quantise what a primitive has beside positions and skin."""
+    """Plan to quantise a primitive's normals, tangents, texture coordinates and colours."""
     attributes = primitive["attributes"]
     for name, accessor in attributes.items():
         if not rewriting.is_float(accessor):
@@ -204,7 +204,7 @@ def _given(new: Array, _old: NDArray[Any]) -> Array:
 
 
 def _where(used: NDArray[np.bool_], old: NDArray[Any]) -> Array:
-    """Return the joints of vertices, 0 for those without a weight, as glTF requires."""
+    """Return the joint numbers of vertices, 0 for those without a weight, as glTF requires."""
     return Array(np.where(used, old, 0).astype(old.dtype))
 
 
@@ -217,7 +217,7 @@ def _on_grid(middle: NDArray[np.float64], scale: float, old: NDArray[Any]) -> Ar
 
 
 def _shares(old: NDArray[Any]) -> Array:
-    """Return skin weights as normalised integers of 16 bits, whose sum is 1; the largest one takes the rest."""
+    """Return skin weights as normalised integers of 16 bits, whose sum is 1; the largest is adjusted for this."""
     shares = np.round(MAX_WEIGHT * old).astype(np.int64)
     rows = np.arange(len(shares))
     shares[rows, shares.argmax(axis=1)] += MAX_WEIGHT - shares.sum(axis=1)

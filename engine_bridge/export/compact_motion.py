@@ -1,7 +1,8 @@
 """Skeletal animations with fewer keyframes and rotations in 16 bits, within a tolerance.
 
-A vertex is a weighted mean of the positions by its joints. It is therefore off by no more than the corners of boxes
-around the vertices of each joint, which move with that joint: the distance of an affine motion from another is convex.
+The position of a vertex is a weighted mean of its positions by its joints. Its error is therefore at most the largest
+error of the corners of boxes around the vertices of each joint, which move with that joint: the distance between two
+affine motions is a convex function of the point.
 """
 
 from collections.abc import Iterator
@@ -15,7 +16,7 @@ from engine_bridge.character.schema import Animation
 from engine_bridge.export.key_thinning import interpolated, thin
 
 THINNING_SHARES = (0.8, 0.4, 0.2, 0.1, 0.0)
-"""Shares of the tolerance for omitted keyframes, of which the first is used that keeps the tolerance."""
+"""Shares of the tolerance for omitted keyframes; the first one whose result is within the tolerance is used."""
 
 MAX_INT16 = 32767
 
@@ -33,7 +34,7 @@ def compact_motion(document: Document, tolerance: float) -> tuple[int, float]:
     ----------
     document : Document
     tolerance : float
-        Maximum distance of a vertex from its position by the animation as it is, world units.
+        Maximum distance of a vertex from its position by the original animation, world units.
 
     Returns
     -------

@@ -24,7 +24,8 @@ class Summary:
     which describe the surface, are None.
 
     `keyframes` is the number of frames in the file, which is lower than `frames` if others are interpolated. `bones` is
-    the number of bones of a skin, or of joints with keyframes; `following` joints move with their parents.
+    the number of bones of a skin, or of joints with keyframes, and `following` that of joints that move with their
+    parents.
     """
 
     output: str
@@ -94,7 +95,7 @@ def convert(
     Returns
     -------
     clip : Clip
-        Solved clip, for pictures.
+        Solved clip, for images.
     summary : Summary
 
     Raises

@@ -1,4 +1,4 @@
-"""Surfaces of a character at rest, for shaders that move vertices.
+"""A character at rest as plain surfaces, for shaders that move vertices.
 
 Such a shader needs positions in the file's coordinates, and numbers at each vertex. The document has no transforms of
 nodes, no skeleton, no morph targets and no animations. Its materials and images are those of the character.
@@ -22,7 +22,7 @@ KEPT_SETS = 2
 """Number of the character's sets of texture coordinates that are kept; engines read no others."""
 
 APPEARANCE_KEYS = ("asset", "materials", "textures", "samplers", "images")
-"""Keys of a description that are copied."""
+"""Keys of a document's description that are copied."""
 
 
 def flatten(character: Character, normals: NDArray[np.floating], sets: Sequence[NDArray[np.float32]]) -> Document:
@@ -46,7 +46,7 @@ def flatten(character: Character, normals: NDArray[np.floating], sets: Sequence[
     Raises
     ------
     MeshError
-        A material whose image uses a set that is replaced.
+        An image of a material uses a set of texture coordinates that is replaced.
     """
     document = _with_the_look_of(character.document)
     meshes: dict[int, Mesh] = {}
@@ -100,7 +100,7 @@ def _values(json: Any, name: str) -> Iterable[Any]:
 
 
 def _new_mesh(document: Document, character: Character, part: Part) -> Mesh:
-    """Add a node with an empty mesh, which have the names of a part's node and mesh."""
+    """Add a node and an empty mesh, with the names of a part's node and mesh; return the mesh."""
     node = character.document.gltf["nodes"][part.node]
     shown = character.document.gltf["meshes"][node["mesh"]]
     mesh: Mesh = {"primitives": []}

@@ -20,7 +20,7 @@ from solver.model.reduced_model import ReducedModel
 from solver.surface.mesh import SolverMesh
 
 MAX_CACHE_BYTES = 1_000_000_000
-"""Maximum size of a vertex cache in bytes, less than that of a .glb, because players keep it on the graphics card."""
+"""Maximum size of a vertex cache in bytes; it is less than that of a .glb, because players keep it on the GPU."""
 
 JSON_BYTES_PER_ARRAY = 300
 """Estimated size of the JSON for an array, in bytes."""
@@ -32,7 +32,7 @@ def check_size(output: Path, character: Character, frames: int, fps: float) -> N
     Raises
     ------
     OutputError
-        With a frame rate that gives a smaller cache.
+        The cache would be too large; the message has a frame rate at which it would fit.
     """
     arrays = sum(1 if part.normals is None else 2 for part in character.parts)
     values = sum(len(part.vertices) * (1 if part.normals is None else 2) for part in character.parts)

@@ -1,4 +1,4 @@
-"""Fewer keyframes for the same motion: those between which linear interpolation stays within a tolerance."""
+"""Chooses fewer keyframes for a motion, between which linear interpolation stays within a tolerance."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -79,7 +79,7 @@ class LiveBasis:
     directions : (K, 4m, 3) float32
         Directions, which move vertices by W times them; model units, orthogonal in the metric WᵀW.
     reach : float
-        Maximum coordinate along a direction that has weights within [0, 1].
+        Maximum coordinate along a direction that weights within [0, 1] represent.
     model : ReducedModel
     """
 
@@ -106,9 +106,9 @@ class LiveBasis:
         Raises
         ------
         MeshError
-            Not glTF, or damaged.
+            The file is not glTF, or damaged.
         PuppetError
-            No basis, or a basis for another mesh, other solver settings, or of an earlier version.
+            The file has no basis, a basis for another mesh or other solver settings, or one of an earlier version.
         """
         directions, carried = _stored_basis(load_document(path), path, rig.model.rest_controls.shape)
         lengths = np.array(carried.lengths[:-1]) / (2 * carried.reach)
@@ -132,7 +132,7 @@ class LiveBasis:
         Raises
         ------
         ValueError
-            Array of another shape.
+            The array has another shape.
         """
         if R.shape != self._rest.shape:  # compiled loops would read beyond it
             raise ValueError(f"control variables {R.shape}, expected {self._rest.shape}")
@@ -236,7 +236,7 @@ def _project(duals, at_rest, R, reach, weights):
 
 @compiled(fastmath=True)
 def _product(a, b):
-    """Return the scalar product of two vectors; only here may the compiler reorder additions."""
+    """Return the scalar product of two vectors; the compiler may reorder additions here, but not in the caller."""
     total = 0.0
     for j in range(len(a)):
         total += a[j] * b[j]
@@ -245,7 +245,7 @@ def _product(a, b):
 
 @compiled(fastmath=True)
 def _left_over(left, targets, weights, surface):
-    """Return the square of the remainder of a difference (3, 4m) of control variables after the targets."""
+    """Return the squared length of a difference (3, 4m) of control variables minus the weighted targets."""
     for k in range(len(targets)):
         for axis in range(3):
             for j in range(left.shape[1]):

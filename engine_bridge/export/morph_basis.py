@@ -1,4 +1,4 @@
-"""Few morph targets for a clip, by SVD in the space of control variables, whose size does not depend on the mesh.
+"""A small number of morph targets for a clip, by SVD in the space of control variables, whatever the size of the mesh.
 
 Every frame is X = W R, so displacements D = W (R − R_0) of all frames span at most 960 dimensions. With WᵀW = CᵀC the
 map R ↦ C R keeps lengths of vertex displacements; an SVD of the frames' C (R − R_0) gives the best basis of any size in
@@ -30,7 +30,7 @@ SAMPLE_SIZE = 500
 """Number of vertices, and of frames, for the estimate of the number of targets."""
 
 MAX_ADDED_SAMPLES = 8
-"""Maximum number of large errors that are added to the sample after a wrong estimate."""
+"""Maximum number of frames and of vertices with large errors that are added to the sample after a wrong estimate."""
 
 NOISE_ENERGY_SHARE = 1e-14
 """Share of a clip's energy below which a direction is a rounding error."""
@@ -118,7 +118,7 @@ def fit(
 def surface_coordinates(model: ReducedModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return C (r, 4m) with CᵀC = WᵀW, which keeps lengths of vertex displacements, and its inverse (4m, r).
 
-    They do not contain directions that move no vertex.
+    Directions that move no vertex are omitted.
     """
     values, vectors = np.linalg.eigh(model.gram)
     kept = values > MAX_NULL_EIGENVALUE_RATIO * values[-1]
@@ -263,7 +263,7 @@ def _normal_targets(turning: TurningNormals, frames: Frames, weights: NDArray[np
     """Fit normal displacements (K, N, 3) to a clip's weights by least squares.
 
     Unlike positions, normals are not linear in the weights, so that no basis is exact. This one is the best for a
-    sample of frames, whose number depends on the number of targets only.
+    sample of frames, whose maximum number depends on the number of targets only.
     """
     count = weights.shape[1]
     chosen = evenly(len(frames), max(64, NORMAL_FRAMES_PER_TARGET * count))

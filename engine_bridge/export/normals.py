@@ -40,7 +40,7 @@ class TurningNormals:
         return len(self._normals)
 
     def displacements(self, frames: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Return the displacement of each normal in some frames.
+        """Return the displacement of each normal in given frames.
 
         Parameters
         ----------

@@ -1,9 +1,9 @@
-"""Morph targets as small integers, whose error is part of a tolerance.
+"""Quantises morph targets to small integers within a tolerance.
 
-Displacements of positions are rounded to multiples of one step for all targets of a character. It is the largest step
-with which every vertex stays within the tolerance in every frame. This distance is that from the solver's position to
-the position that a player computes from the file. It contains the errors of the rounded rest pose, of rounded weights,
-of omitted keyframes, and of the limited number of targets.
+Displacements of positions are rounded to multiples of one step for all targets of a character: the largest step that a
+search finds with which every vertex stays within the tolerance in every frame. The error of a vertex is the distance
+from the solver's position to the position that a player computes from the file. It includes the errors of the rounded
+rest pose, of rounded weights, of omitted keyframes, and of the limited number of targets.
 
 A player multiplies the integers by the scale of the mesh's node (KHR_mesh_quantization), by which all other positions
 of the mesh are divided. If the scale of a node cannot be changed, its targets are floats. Their step is then a power of
@@ -23,7 +23,7 @@ from engine_bridge.export.key_thinning import interpolated, thin
 from engine_bridge.performance.frame_store import evenly
 
 Solved = Callable[[int, NDArray[np.int64]], NDArray[np.float32]]
-"""Callable from a part's number and frames to the solver's displacements (n, 3, F), world, without the root's."""
+"""Returns the solver's displacements (n, 3, F) of a part in some frames, world coordinates, without the root's."""
 
 FRAMES_PER_CHUNK = 64
 """Number of frames that are compared with the solver at once."""
@@ -86,9 +86,9 @@ class PartTargets:
     number : int
         Number of the part.
     displacements : callable
-        Returns the displacements of its targets.
+        Returns the displacements of a part's targets, by the part's number.
     opposite : (K - 1,) float or None
-        Coefficients by which the last target is the sum of the others.
+        Coefficients with which the last target is the sum of the others.
 
     Attributes
     ----------
@@ -144,12 +144,12 @@ class PartTargets:
         return steps / np.float32(REST_STEPS)
 
     def moved(self, vertices: NDArray[np.int64], weights: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return displacements (F, v, 3) of some vertices by exact targets, world."""
+        """Return displacements (F, v, 3) of some vertices by exact targets, world coordinates."""
         linear = self._linear if len(self._linear) == 1 else self._linear[vertices]
         return np.matmul(linear, _blended(self.positions[:, vertices], weights)).transpose(2, 0, 1)
 
     def missed(self, grid: Grid) -> Callable[[NDArray[np.float32], NDArray[np.float32]], NDArray[np.float32]]:
-        """Return a function from weights (F, K), as a player has them, and solved displacements to errors.
+        """Return a function that computes errors from weights (F, K), as a player reads them, and solved displacements.
 
         Displacements and errors are (n, 3, F) in the world.
         """
@@ -173,15 +173,15 @@ def _blended(targets: NDArray[np.float32], weights: NDArray[np.float32]) -> NDAr
 
 @dataclass(frozen=True)
 class QuantizedTargets:
-    """Targets of a character with the step of their rounding, and their keyframes.
+    """Targets of a character, their grids, and the remaining keyframes.
 
     Attributes
     ----------
     parts : list of PartTargets
     keyframes : Keyframes
-        The keyframes that are left, with exact weights.
+        The remaining keyframes, with exact weights.
     grids : dict
-        Node to its grid.
+        Grid of each node, by the node's number.
     error : float
         Maximum distance of a vertex from the solver's position over all frames, world units.
     """
@@ -214,8 +214,8 @@ def fit(
     tolerance : float
         Maximum distance of a vertex from the solver's position, world units; more than the error of the exact targets.
     opposite : (K - 1,) float, optional
-        Coefficients by which the last target is the sum of the others. By default, targets are independent; those
-        without a weight at the keyframes that are left are omitted.
+        Coefficients with which the last target is the sum of the others. By default, targets are independent; those
+        without a weight at the remaining keyframes are omitted.
     thinning : float
         Share of the tolerance for omitted keyframes.
 

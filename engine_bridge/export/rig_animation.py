@@ -1,4 +1,4 @@
-"""Animation of a character by rotations of the joints in its file's own skeleton."""
+"""Animation of a character by rotations of the joints of its file's own skeleton."""
 
 from dataclasses import dataclass
 
@@ -34,8 +34,8 @@ class RigAnimation:
     animated, following : int
         Numbers of joints with keyframes, and of joints that keep their transform relative to their parent.
     error : float
-        Maximum distance of a joint from the position by its bones, mesh units. Distances differ at joints that are not
-        where the bones bend, because joints keep their lengths.
+        Maximum distance of a joint from its position by its bones, mesh units. It is not zero if a joint is not where
+        the bones bend, because joints keep their distances from their parents.
     uneven : tuple of str
         Names of joints below a scale that differs by axis, whose rotations are approximate.
     """
@@ -52,9 +52,9 @@ def animate_rig(
     """Add an animation to a copy of a character's document that turns the joints of its own skeleton.
 
     With T_b the motion of a bone, a joint's rotation in the world becomes that of T_b times its own at rest. Its local
-    rotation follows from the new transform of its parent. Local translations and scales stay, except for translations
-    of joints that move with their bones: those at the top of a skeleton, which include the root's translation, and
-    targets of inverse kinematics. Nothing else in the document changes.
+    rotation follows from the new transform of its parent. Local translations and scales do not change, except for the
+    translations of joints that move with their bones: joints at the top of a skeleton, which include the root's
+    translation, and targets of inverse kinematics. Nothing else in the document changes.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def animate_rig(
     Raises
     ------
     MeshError
-        A joint with a sheared matrix, which glTF cannot animate.
+        A joint has a sheared matrix, which glTF cannot animate.
     """
     document = character.document.copy()
     show_all(document.gltf)

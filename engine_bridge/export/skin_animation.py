@@ -23,7 +23,7 @@ UP = (0.0, 1.0, 0.0)
 
 TRANSFORMS = ("translation", "rotation", "scale")
 PLACE_KEYS = (*TRANSFORMS, "matrix", "children", "camera")
-"""Keys that stay in place when the node of a mesh moves to the top of the scene."""
+"""Keys that stay with a new node in its place when the node of a mesh moves to the top of the scene."""
 
 
 def animate_skin(
@@ -50,7 +50,7 @@ def animate_skin(
     document : Document
         Animated document.
     notes : tuple of str
-        Sentences about omissions.
+        Sentences about what was replaced or omitted.
     """
     document = character.document.copy()
     gltf = document.gltf
@@ -111,7 +111,7 @@ def _drop_animations(gltf: Gltf, nodes: list[int]) -> tuple[str, ...]:
 
 
 def _pointer(target: ChannelTarget) -> str:
-    """Return the pointer to a channel's property, as in KHR_animation_pointer."""
+    """Return the JSON pointer to a channel's property, as in KHR_animation_pointer."""
     if target["path"] != "pointer":
         return f"/nodes/{target.get('node')}/{target['path']}"
     found: Any = target

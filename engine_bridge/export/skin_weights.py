@@ -13,14 +13,15 @@ MAX_INFLUENCES = 4
 """Maximum number of bones per vertex that all players support (glTF 2.0, section 3.7.3.3)."""
 
 REGULARISATION_WEIGHT = 1e-6
-"""λ per frame, in squared diagonals; of values from 1e-8 to 1e-3, it causes the fewest creases."""
+"""λ per frame, in squared diagonals; among values from 1e-8 to 1e-3, it causes the fewest creases."""
 
 
 def solve(missed: NDArray[np.float64], expected: NDArray[np.float64]) -> NDArray[np.float64]:
     """Find the weights of each vertex for a few candidate bones.
 
-    Beginning with all candidates, the one with the most negative weight is removed, or if there are too many, the one
-    whose removal costs least (B. Hassibi, D. G. Stork, *Optimal Brain Surgeon*, 1993: w_k² / (H⁻¹)_kk).
+    From all candidates, the one with the most negative weight is removed repeatedly. If no weight is negative and there
+    are more than `MAX_INFLUENCES`, the one whose removal costs least is removed (B. Hassibi, D. G. Stork, *Optimal
+    Brain Surgeon*, 1993: w_k² / (H⁻¹)_kk).
 
     Parameters
     ----------
@@ -32,7 +33,7 @@ def solve(missed: NDArray[np.float64], expected: NDArray[np.float64]) -> NDArray
     Returns
     -------
     (n, K) float64
-        Weights, at most `MAX_INFLUENCES` per vertex not 0, none negative; their sum is 1.
+        Weights, none negative and at most `MAX_INFLUENCES` per vertex not 0; their sum is 1.
     """
     count, candidates, _ = missed.shape
     likeness = REGULARISATION_WEIGHT * missed.shape[2] / 3

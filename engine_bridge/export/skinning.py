@@ -37,7 +37,7 @@ PROBE_VERTICES = 500
 """Number of vertices with which frames are compared."""
 
 COMPARED_POSES = 5
-"""Number of poses, including the rest pose, with which vertices are compared: vertices near in all move alike."""
+"""Number of poses, including the rest pose, in which vertices are compared; those near each other in all move alike."""
 
 CANDIDATE_VERTICES = 20_000
 """Number of vertices from which the sample is chosen."""
@@ -124,7 +124,7 @@ def fit(
     tolerance : float
         Maximum error as a fraction of the diagonal.
     bones : int, optional
-        Number of bones, regardless of the error; at most 128. Simple motion may get fewer.
+        Number of bones, regardless of the error; at most 128. Simple motion may need fewer.
     progress : callable, optional
         Receives the share of the work that is done.
 
@@ -280,9 +280,9 @@ def dem_bones(
     places : (n, F, 3) float64
         Positions in the frames.
     edges : (e, 2) int64
-        Connected graph, of whose connected parts bones begin.
+        Edges of a connected graph of the points, whose connected parts Dem Bones uses as first bones.
     count : int
-        Number of bones; simple motion may get fewer.
+        Number of bones; simple motion may need fewer.
 
     Returns
     -------

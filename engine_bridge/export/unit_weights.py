@@ -34,7 +34,7 @@ class UnitWeights:
 
     @classmethod
     def of_clip(cls, coordinates: NDArray[np.floating]) -> Self:
-        """Return the conversion for a clip's coordinates (F, K) in which the largest weight of each target is 1."""
+        """Return the conversion for a clip's coordinates (F, K), with which the largest weight of each target is 1."""
         lowest = np.minimum(coordinates.min(axis=0, initial=0), 0).astype(np.float64)
         spans = cls(lowest, np.ones_like(lowest))._shifted(coordinates)[0].max(axis=0, initial=0)
         return cls(lowest, np.where(spans > 0, spans, 1.0))

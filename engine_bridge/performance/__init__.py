@@ -1,1 +1,1 @@
-"""From a performer's frames to a character's controls, live and offline."""
+"""Conversion of a performer's frames to a character's controls, live and offline."""

@@ -1,4 +1,4 @@
-"""Detection of a performer who stands still, and of the pose."""
+"""Detection of a performer who stands still, and measurement of the pose."""
 
 from collections import deque
 
@@ -12,16 +12,19 @@ STILL_SECONDS = 1.0
 """Time for which a performer must stand still, in seconds."""
 
 POSE_SECONDS = 0.4
-"""Time over which the median gives the current pose, in seconds."""
+"""Time over which the median is the present pose, in seconds."""
 
 MAX_FRAMES = 240
 """Maximum number of stored frames."""
 
 MAX_DRIFT_METRES = 0.03
-"""Maximum motion of a joint between the means of both halves of the time, in metres; noise averages out."""
+"""Maximum distance between the mean positions of a joint in the first and second half of the time, in metres.
+
+Means are compared because noise averages out.
+"""
 
 MAX_MOVING_SHARE = 0.1
-"""Maximum share of joints that move more, because sensors guess at hands and feet."""
+"""Maximum share of joints that move more; hands and feet may, because sensors measure them imprecisely."""
 
 MIN_FRAMES, MIN_JOINTS = 8, 6
 """Minimum numbers of frames, and of joints known in both halves, that determine a pose."""
@@ -47,7 +50,7 @@ class RecentFrames:
         self._frames.clear()
 
     def is_still(self) -> bool:
-        """Return whether the performer stood still for the whole second."""
+        """Return whether the performer has stood still for the whole last second."""
         if len(self._frames) < MIN_FRAMES or self._frames[-1].time - self._frames[0].time < 0.9 * STILL_SECONDS:
             return False
         positions, confidence = self._stacked(STILL_SECONDS)
@@ -66,7 +69,7 @@ class RecentFrames:
         return body.resting_pose(positions, confidence, 0, len(positions))
 
     def cover(self, seconds: float) -> bool:
-        """Return whether at least two frames cover this time."""
+        """Return whether there are two frames or more, and they cover this time."""
         return len(self._frames) > 1 and self._frames[-1].time - self._frames[0].time >= seconds
 
     def _stacked(self, seconds: float) -> tuple[NDArray[np.float64], NDArray[np.float32]]:

@@ -1,4 +1,4 @@
-"""Recorded skeletons solved for a character."""
+"""Solves recorded skeletons for a character."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ REST_SECONDS = 0.5
 """Time over which the median pose is the performer's rest pose, in seconds."""
 
 MIN_MEASURED_FRAMES, MAX_MEASURED_STRIDE = 600, 3
-"""Minimum number of frames by which the stretch of a long clip is measured, and their maximum distance in frames."""
+"""Minimum number of frames with which the stretch of a long clip is measured, and their maximum interval in frames."""
 
 MIN_CLIP_FRAMES = 2
 """Minimum number of frames of an animation."""
@@ -53,7 +53,8 @@ class Clip:
         (F, b, 4, 3) float32: motions of the bones for row vectors, mesh file's coordinates, without the root's. Empty
         unless the file's own skeleton is animated.
     stretch : tuple of float
-        Edge stretch over the clip: 1st, 50th and 99th percentile, for a long clip of every second or third frame.
+        Edge stretch over the clip: 1st, 50th and 99th percentile. In a long clip, only every second or third frame is
+        measured.
     parts_apart : float or None
         Maximum separation of parts that touch at rest, as a fraction of the diagonal; None for a character of one part.
     notes : tuple of str
@@ -87,7 +88,7 @@ def load_timeline(log: Path, settings: Settings) -> tuple[Timeline, tuple[str, .
 
 
 def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tuple[Timeline, tuple[str, ...]]:
-    """Resample the chosen performer of a recording that has been read; as `load_timeline`."""
+    """Resample the chosen performer of a recording that has been read; see `load_timeline`."""
     try:
         clip, chosen = choose(clips, settings.user)
         found, about_rest = (None, ()) if settings.rest_at is not None else of_performer(clips, clip)
@@ -178,7 +179,7 @@ def solve(rig: Rig, timeline: Timeline, settings: Settings, chunk_size: int) -> 
 
 
 def _part(timeline: Timeline, settings: Settings) -> tuple[int, int]:
-    """Return the number of the first frame to animate, and of the one after the last."""
+    """Return the number of the first frame to animate, and that of the frame after the last one."""
     last = len(timeline.positions) - 1
     if settings.stop is not None:
         last = min(round(settings.stop * timeline.fps), last)
@@ -186,7 +187,7 @@ def _part(timeline: Timeline, settings: Settings) -> tuple[int, int]:
 
 
 def _between(first: int, end: int, chunks: Iterator[Solved]) -> Iterator[Solved]:
-    """Yield the frames from the first to the one before the end."""
+    """Yield the frames from number `first` to the one before `end`."""
     number = 0
     for chunk in chunks:
         inside = slice(max(first - number, 0), end - number)

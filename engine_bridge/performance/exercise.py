@@ -1,4 +1,4 @@
-"""Synthetic motion that takes each handle and bone of a puppet through its range, one by one and all at once."""
+"""Synthetic motion that moves each handle and bone of a puppet through its range, one by one and then all together."""
 
 from collections.abc import Iterator, Sequence
 
@@ -19,7 +19,7 @@ SINGLE_FRAMES = 15
 """Number of frames for one handle along one axis and back, and for one bone about one axis and back."""
 
 COMBINED_FRAMES = 900
-"""Number of frames in which all handles and bones move at once."""
+"""Number of frames in which all handles and bones move together."""
 
 WAVE_COUNT = 3
 """Number of sine waves in the combined motion of each coordinate of a handle, and of each axis of a bone."""
@@ -28,7 +28,7 @@ LIMB_TURN_RADIANS, TRUNK_TURN_RADIANS = 1.8, 0.7
 """Rotation of a bone relative to its parent, in a limb and in the trunk, in radians."""
 
 TARGET_SHARE = 1.2
-"""Distance to which handles are pulled, as a share of their reach; the limit of motion then applies."""
+"""Largest displacement of handles before the limit of motion applies, as a share of their reach."""
 
 SEED = 1
 """Seed of the random frequencies and phases."""

@@ -66,10 +66,10 @@ PARENTS: dict[str, str] = {
 """Parent of each bone."""
 
 SHOULDER_SHARE = 0.25
-"""Start of a shoulder, as a share of the distance from the end of the trunk to the upper arm."""
+"""Position of a shoulder's start, as a share of the way from the end of the trunk to the upper arm."""
 
 MIN_HEADING_SHARE = 0.1
-"""Minimum horizontal share of a foot's direction that gives it a heading."""
+"""Minimum horizontal length of a foot's unit direction for the foot to have a heading."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +193,8 @@ def _first_bones(limbs: Sequence[Limb]) -> dict[str, int]:
 def _named(limb: Limb, names: Sequence[str]) -> Iterator[tuple[str, int, NDArray[np.float64]]]:
     """Yield the named bones of a limb: name, number in the limb, and start.
 
-    Names beyond the limb's bones are spaced evenly along its last bone, those of hands and feet at its end.
+    If there are more names than bones, the further ones start at equal intervals along the last bone; hands and feet
+    start at its end.
     """
     count = len(limb.points) - 1
     steps = max(len(names) - count + (limb.name in UPRIGHT_LIMBS), 1)

@@ -16,7 +16,7 @@ from solver.motion.motion_blend import difference, moved_by
 
 
 class TargetPose(NamedTuple):
-    """Positions of a character's handles and bones.
+    """Pose that a character's handles and bones are moved to.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class IdleRecording:
         self.motions = _seamless_motions(np.array([aim.motions for aim in aims]), self._fps, self._bones)
 
     def at(self, seconds: float) -> TargetPose:
-        """Return the positions at a time in seconds since the start of the loop."""
+        """Return the pose at a time in seconds since the start of the loop."""
         place = seconds * self._fps % len(self.targets)
         before, share = int(place), place % 1
         after = (before + 1) % len(self.targets)

@@ -1,4 +1,4 @@
-"""The calibration of a performer, and its form in JSON."""
+"""The calibration of a performer, and its conversion to and from JSON."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -38,17 +38,17 @@ class Calibration:
         return float(body.reach(self.rest)[[JOINT_INDEX["hand_left"], JOINT_INDEX["hand_right"]]].mean())
 
     def to_json(self) -> dict[str, Any]:
-        """Return values of JSON's types, from which `of_json` makes the same calibration, bit for bit."""
+        """Return values of JSON's types, from which `of_json` restores the calibration bit for bit."""
         return {"rest": rows_of(self.rest), "sensor": asdict(self.sensor)}
 
     @classmethod
     def of_json(cls, value: Mapping[str, Any]) -> "Calibration":
-        """Make a calibration of the values of `to_json`.
+        """Restore a calibration from the values of `to_json`.
 
         Raises
         ------
         KeyError, TypeError, ValueError
-            Other values.
+            The values are not those of a calibration.
         """
         rest = places_of(value["rest"])
         if rest.shape != (len(JOINTS), 3):
@@ -57,11 +57,11 @@ class Calibration:
 
 
 def rows_of(places: NDArray[np.float64]) -> list[list[float] | None]:
-    """Return places (n, 3) as JSON has them."""
+    """Return positions (n, 3) as lists for JSON; None for those that are not finite."""
     return [place.tolist() if np.isfinite(place).all() else None for place in places]
 
 
 def places_of(places: Iterable[Sequence[float] | None]) -> NDArray[np.float64]:
-    """Return the places that `rows_of` was given."""
+    """Return the positions (n, 3) of a value of `rows_of`; NaN for None."""
     rows = [(np.nan,) * 3 if place is None else place for place in places]
     return np.array(rows, dtype=np.float64).reshape(-1, 3)

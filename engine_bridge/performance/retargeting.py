@@ -159,8 +159,8 @@ class Retargeting:
 def fit_sizes(puppet: Puppet, deformer: Deformer, mesh: SolverMesh, rest: NDArray[np.float64]) -> Fit:
     """Find the scale from the performer to the character (the paper's Eq. 5, without its window).
 
-    With ``scale = "auto"``, a fully stretched limb of the performer takes its handles to the end of their reach, which
-    test deformations determine. A number is used without limits.
+    With ``scale = "auto"``, a fully stretched limb of the performer moves its handles by their reach, which test
+    deformations determine. If the scale is a number, it is used without limits.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def _leg(puppet: Puppet, side: str) -> Leg | None:
 
 
 def pelvis_of(puppet: Puppet) -> int | None:
-    """Return the first bone of a trunk that has others as well, if there is one."""
+    """Return the first bone of the trunk if the trunk has several bones, else None."""
     bone = 0
     for limb in parents_first(puppet.limbs):
         if limb.name == TRUNK and len(limb.points) > 2:
@@ -240,7 +240,7 @@ def pelvis_of(puppet: Puppet) -> int | None:
 
 
 def arms_of(puppet: Puppet, bones: Bones, rest: NDArray[np.float64]) -> Arms | None:
-    """Return the adjustment of arms to a body with another build; None without two arms that follow directions.
+    """Return the correction of arms for different proportions; None without two arms that follow directions.
 
     Parameters
     ----------

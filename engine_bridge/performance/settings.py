@@ -16,7 +16,7 @@ COMPACT_TOLERANCES: dict[Form, float] = {**DEFAULT_TOLERANCES, "frames": 0.0005,
 
 @dataclass(frozen=True)
 class Settings:
-    """What a user may choose for one conversion.
+    """Settings of one conversion.
 
     Attributes
     ----------
@@ -30,7 +30,8 @@ class Settings:
         Time of the performer's calibration pose in the recording, in seconds; None for the calibration of a take or, if
         it has none of the performer, for the pose at the start.
     start, stop : float, float or None
-        Part of the recording that is animated, in seconds; None for its end. The motion in it is that of the whole.
+        Part of the recording that is animated, in seconds; None for its end. The motion is computed for the whole
+        recording, so that it is the same in the part.
     form : {"morph", "skin", "frames", "rig"}
         Form of the animation: a few morph targets, bones, one morph target per keyframe, or the joints of the file's
         own skeleton.

@@ -1,7 +1,7 @@
-"""The calibration of a performer that a take has.
+"""Finds the calibration of a performer in a take.
 
-The cue ``stage`` at the beginning of a take has the calibrations of the performers in view, and each cue ``begin`` has
-one that was made later.
+The cue ``stage`` at the beginning of a take has the calibrations in use at that time, and each cue ``begin`` has one
+that was made later.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,15 +16,15 @@ from capture.events import Cue
 from engine_bridge.performance.performer_calibration import Calibration
 
 MAX_METRES = 100.0
-"""Maximum coordinate of a calibration pose and height of its sensor, in metres; larger ones are damaged."""
+"""Maximum coordinate of a calibration pose and maximum height of its sensor, in metres; beyond it, it is damaged."""
 
 IN_VIEW_SECONDS = 1.0
-"""Time before a calibration within which its performer was seen, in seconds."""
+"""Time before a calibration within which a performer must have been tracked to be its performer, in seconds."""
 
 
 @dataclass(frozen=True)
 class _Made:
-    """A calibration in a take, None if it is damaged; `user` is whom the cues name, if any."""
+    """A calibration in a take, None if it is damaged; `user` is the performer according to the cues, if known."""
 
     time: float
     user: int | None
@@ -49,7 +49,7 @@ def of_performer(clips: Sequence[SkeletonClip], clip: SkeletonClip) -> tuple[Cal
     calibration : Calibration or None
         None if the take has none of the performer.
     notes : tuple of str
-        Sentences for the user: where the calibration is from, and damaged ones.
+        Sentences for the user about the origin of the calibration, and about damaged calibrations.
     """
     made = list(_made(clip.cues))
     damaged = sum(each.calibration is None for each in made)
@@ -105,7 +105,11 @@ def _number(user: Any) -> int | None:
 
 
 def _owner(made: _Made, clips: Sequence[SkeletonClip]) -> int | None:
-    """Return the performer of a calibration: the one whom the cues name, if in view, otherwise the nearest to it."""
+    """Return the user number of a calibration's performer.
+
+    It is the one in the cue at the beginning of the take, or the only one of the recording. Otherwise, it is the one
+    according to the cues if in view, else the one whose pose is nearest to the calibration pose.
+    """
     if made.opening or made.calibration is None:
         return made.user
     if len(clips) == 1:

@@ -9,15 +9,15 @@ from capture.skeleton import SkeletonFrame
 from engine_bridge.performance.calibration import POSE_SECONDS, RecentFrames, same_body
 
 Calibrate = Literal["still", "at_once", "command"]
-"""After the first second without motion; after a moment, in any pose; or only by command."""
+"""When to calibrate: after the first second without motion; after a moment, in any pose; or only by command."""
 
 
 class AutomaticCalibration:
     """Watches a performer for a pose to calibrate with.
 
-    A limb that follows directions needs no rest pose: a character with such limbs is calibrated after a moment, and
-    again when the performer first stands still. A returning performer who stands still and has another body than before
-    is calibrated again.
+    A limb that follows directions needs no calibration pose. With ``"still"``, a performer of a character with such
+    limbs is therefore calibrated after a moment, and again when they first stand still. A returning performer who
+    stands still and whose body differs from the one in the calibration is calibrated again.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class AutomaticCalibration:
         self._recent.clear()
 
     def forget(self) -> None:
-        """Forget what the performer did until now."""
+        """Forget the performer's frames so far."""
         self._recent.clear()
 
     def add(self, frame: SkeletonFrame) -> None:
@@ -53,7 +53,7 @@ class AutomaticCalibration:
         Parameters
         ----------
         rest : (20, 3) float64 or None
-            Calibration pose that the performer has already.
+            Pose of the performer's calibration; None without a calibration.
         directs : bool
             Whether the character has limbs that follow directions.
 
@@ -73,7 +73,7 @@ class AutomaticCalibration:
         return None
 
     def _again(self, rest: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """Return the pose to calibrate a performer with who is calibrated already."""
+        """Return the pose with which to repeat a performer's calibration; None to keep the calibration."""
         if not (self._provisional or self._returning) or not self._recent.is_still():
             return None
         pose = self._recent.pose()

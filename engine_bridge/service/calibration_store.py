@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 
 
 def state_file() -> Path:
-    """Return the file that they are stored in."""
+    """Return the path of the file with the stored calibrations."""
     return platformdirs.user_state_path("puppetline") / "performers.json"
 
 
@@ -55,7 +55,7 @@ def write(known: Any, path: Path) -> None:
 
 
 def recall(stages: dict[str, tuple[Stage, float]], path: Path) -> None:
-    """Restore the calibrations of an earlier run; a missing or damaged file has none."""
+    """Restore the calibrations of an earlier run; ignore a missing, damaged or older file."""
     try:
         known = json.loads(path.read_text(encoding="utf-8"))
         if known["version"] != VERSION:

@@ -19,7 +19,7 @@ class CharacterLoader:
     ----------
     settings : ServiceFile
     folder : Path
-        Folder that files are relative to.
+        Folder that the paths in the service file are relative to.
     executor : Executor
         Computes calibrations.
     """
@@ -50,7 +50,7 @@ class CharacterLoader:
         ]
 
     def document(self, player: CharacterPlayer) -> PuppetDocument:
-        """Return the file that a character's puppet was loaded from."""
+        """Return the puppet file that a character was loaded from."""
         return self._documents[player]
 
     def _player(self, stage: StageTable, table: CharacterTable, name: str) -> CharacterPlayer:

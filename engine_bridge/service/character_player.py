@@ -1,7 +1,7 @@
 """One character: its performer, its calibrations and mapping, and its motion without a performer.
 
-Every change (a performer arrives, leaves, is calibrated again, is mirrored) changes what handles and bones follow. They
-ease from where they were last shown, see `easing`.
+Every change (a performer arrives, leaves or is calibrated again, or mirroring is switched) changes what handles and
+bones follow. They ease from where they were last shown, see `easing`.
 """
 
 import math
@@ -48,7 +48,7 @@ class PlayerSettings:
     remember : float
         Time within which a returning performer resumes without a calibration, in seconds.
     tilt, height : float or None
-        Of the sensor, see `SensorTilt`; None detects them from performers who stand upright.
+        Tilt in degrees and height in metres of the sensor, see `SensorTilt`; None detects them.
     """
 
     calibrate: Calibrate = "still"
@@ -115,7 +115,7 @@ class CharacterPlayer:
 
     @property
     def sensor(self) -> SensorTilt:
-        """Position of the sensor, as far as it is known."""
+        """Position of the sensor; values that are not known are zero."""
         return self._sensor
 
     def enter(self, user: int, time: float) -> None:
@@ -146,11 +146,15 @@ class CharacterPlayer:
         self._drop_next()
 
     def set_sensor(self, sensor: SensorTilt, time: float) -> None:
-        """Set the position of the sensor: at once or, while a performer is calibrated, with the next calibration."""
+        """Set the position of the sensor, which was measured from the floor in the image.
+
+        It applies immediately without a calibration, otherwise with the next one. If the first measurement differs from
+        the position in the present calibration, that calibration is prepared again.
+        """
         first, self._floor, sensor = self._floor is None, sensor, self._with_settings(sensor)
         prepared = self.next_calibration or self._current
         if first and prepared is not None and not sensor.near(prepared.calibration.sensor, *MIN_TILT_CHANGE):
-            self._prepare(Calibration(prepared.calibration.rest, sensor), time)  # which was made without it
+            self._prepare(Calibration(prepared.calibration.rest, sensor), time)
         if self._current is None:
             self._sensor = sensor
             self._watched.reset()
@@ -188,7 +192,7 @@ class CharacterPlayer:
         return IdleRecording(self._idle_log, rig, self._deformer)
 
     def take_idle(self, idle: IdleRecording | None, time: float) -> None:
-        """Use a new idle motion, unless the mapping has changed since it was computed."""
+        """Ease into a new idle motion, unless the mapping has changed since it was computed."""
         if self._idle is None or idle is None or idle.puppet is self._idle.puppet:
             return  # several edits in a row are computed and eased once
         if idle.puppet is self.character.rig.puppet:
@@ -235,7 +239,7 @@ class CharacterPlayer:
         self._easing.begin(time)
 
     def _take_recorded(self, recorded: Mapping[str, Any], time: float) -> None:
-        """Prepare the calibration of a take, if it is not the one that waits."""
+        """Prepare the calibration of a take, unless it is the one that is already prepared."""
         if self.next_calibration is not None and self.next_calibration.to_json() == recorded:
             return
         try:
@@ -258,7 +262,7 @@ class CharacterPlayer:
         frame : SkeletonFrame
             Later than the one before; sensor coordinates.
         received : int
-            `time.monotonic_ns` at which it came.
+            `time.monotonic_ns` at which it arrived.
         """
         self._automatic.add(frame)
         if self.next_calibration is None:
@@ -297,7 +301,7 @@ class CharacterPlayer:
         return SensorTilt(found.tilt if tilt is None else tilt, found.height if height is None else height, found.roll)
 
     def _prepare(self, calibration: Calibration, time: float) -> None:
-        """Compute a retargeting while the stream continues, instead of one that still waits."""
+        """Start to compute a retargeting, in place of one that is not in use yet; the stream continues meanwhile."""
         self._drop_next()
         self.next_calibration = self._preparing(calibration, self.mirror, time)
 
@@ -320,7 +324,7 @@ class CharacterPlayer:
         )
 
     def _idle_places(self, time: float) -> TargetPose:
-        """Return the places without a performer's motion."""
+        """Return the target pose without a performer's motion."""
         if self._held is not None:
             return self._held
         if self._idle is None:
@@ -359,7 +363,7 @@ class CharacterPlayer:
         self._remembered = dict(list(known.items())[-MAX_REMEMBERED:])
 
     def succeed(self, other: "CharacterPlayer") -> None:
-        """Continue for the same character as it was before a reload."""
+        """Take over the performer, the calibrations and the shown pose from the player that a reload replaces."""
         if self.character.rig.puppet.retarget.mirror == other.character.rig.puppet.retarget.mirror:
             self.mirror = other.mirror
         self.remember(other.remembered())
@@ -374,7 +378,11 @@ class CharacterPlayer:
             self._held = self._easing.shown if playing and self.next_calibration is not None else None
 
     def _places_of(self, other: "CharacterPlayer") -> TargetPose:
-        """Return where another player shows handles and limbs, by name; new ones are in their rest position."""
+        """Return the pose that another player shows, for this player's handles and limbs.
+
+        Handles are matched by name, and new ones are in their rest position. Limbs are matched only if all of them have
+        the same names and numbers of points; otherwise, all are in their rest position.
+        """
         names = [handle.name for handle in other.character.rig.puppet.handle]
         moved = dict(zip(names, other._easing.shown.targets - other._deformer.handles, strict=True))
         ours = [handle.name for handle in self.character.rig.puppet.handle]
@@ -411,7 +419,7 @@ class CharacterPlayer:
         }
 
     def resume(self, snapshot: Mapping[str, Any], time: float, shift: float) -> None:
-        """Continue as `snapshot` says; filters start again.
+        """Continue from a value of `snapshot`; filters start again.
 
         Parameters
         ----------
@@ -423,7 +431,7 @@ class CharacterPlayer:
         Raises
         ------
         KeyError, TypeError, ValueError
-            Values that are no snapshot.
+            The value is not a snapshot.
         """
         state: State = "waiting" if snapshot["user"] is None else "calibrating"
         prepared = (
@@ -465,5 +473,5 @@ class CharacterPlayer:
 
 
 def _finite(time: float) -> float | None:
-    """Return a time as JSON has it."""
+    """Return a time; None for infinity, which JSON cannot represent."""
     return time if math.isfinite(time) else None

@@ -38,7 +38,7 @@ def write_clip(
     settings: Settings,
     progress: Progress = lambda _stage, _share: None,
 ) -> ClipSummary:
-    """Write a recording, performed by a puppet's character, as a clip file.
+    """Write the motion of a puppet's character, driven by a recording, as a clip file.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ def commands(service: Service) -> Mapping[str, Command]:
 
 
 class _Commands:
-    """Each command as a method of its name."""
+    """One method per command, of the same name."""
 
     def __init__(self, service: Service) -> None:
         self._service = service
@@ -141,7 +141,7 @@ class _Commands:
         return _described(runner, player)
 
     def _editable(self, character: str) -> tuple[StageRunner, CharacterPlayer]:
-        """Find a character whose mapping may change: a take has one mapping from beginning to end."""
+        """Find a character whose mapping may change, which it may not while a take is recorded."""
         runner, player = self._player(character)
         _refuse_while_recording(runner)
         return runner, player

@@ -33,7 +33,7 @@ CLOSE_SECONDS = 0.5
 """Maximum time that closing waits for the withdrawal of the announcement, in seconds."""
 
 RESOLVE_SECONDS = 0.5
-"""Maximum time for all addresses that did not come with the announcements, in seconds."""
+"""Maximum time that `find` waits for addresses that did not arrive with the announcements, in seconds."""
 
 _TEXT_LENGTH = 255  # of a string in a TXT record, key and = included, RFC 6763
 _LABEL_LENGTH = 63  # of a part of a name, RFC 1035
@@ -74,8 +74,8 @@ class Announcement:
     Parameters
     ----------
     host : str
-        Address that the service listens at: one of this machine's, or ``"*"`` or ``"0.0.0.0"`` for all. A service on
-        loopback is announced on loopback only.
+        Address that the service listens at: one of this machine's, or ``"*"``, ``"0.0.0.0"`` or ``"::"`` for all of
+        them. A service on loopback is announced on loopback only.
     port, control : int
         Of the stream and of the control socket.
     mechanism : {"NULL", "PLAIN", "CURVE"}
@@ -114,7 +114,7 @@ class Announcement:
                 self._announce()
             except Exception as error:  # without multicast, the stream continues
                 if not warned:
-                    log.warning("not announced in the network: %s", str(error) or type(error).__name__)
+                    log.warning("could not announce the service on the network: %s", str(error) or type(error).__name__)
                     warned = True
                 self._changed.wait(RETRY_SECONDS)
 
@@ -207,7 +207,7 @@ def _port(text: str) -> int | None:
 
 
 def _as_many_as_fit(names: Sequence[str]) -> str:
-    """Join as many names with commas as a TXT record has room for."""
+    """Join as many of the first names with commas as fit into a string of a TXT record."""
     joined = ""
     for name in names:
         longer = f"{joined},{name}" if joined else name

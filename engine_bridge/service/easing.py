@@ -1,4 +1,4 @@
-"""Eases handles and bones from where they are shown to what they follow, so that nothing ever jumps."""
+"""Eases handles and bones from the pose that is shown into the pose that they follow, so that nothing ever jumps."""
 
 import math
 
@@ -11,18 +11,21 @@ from solver.model.bones import Bones
 from solver.motion.motion_blend import difference, moved_by
 
 MAX_STEP_SECONDS = 2 * TICK_SECONDS
-"""Maximum time between two frames by which easing continues, in seconds; after a longer pause it would jump."""
+"""Maximum time by which easing continues from one frame to the next, in seconds.
+
+After a longer pause, the rest of the pause does not count, because the character would jump.
+"""
 
 
 class Easing:
-    """What is shown of the handles, bones and root of a character.
+    """The pose of handles, bones and root that is shown of a character.
 
     Parameters
     ----------
     bones : Bones
         Bones of the deformer.
     rest : TargetPose
-        Shown first.
+        Pose that is shown first.
     seconds : float
         Duration of an easing.
 
@@ -43,7 +46,7 @@ class Easing:
         self._apart: NDArray[np.float64] | None = None  # from what bones follow to where they eased from
 
     def begin(self, time: float) -> None:
-        """Ease from what is shown to what is followed from now on."""
+        """Ease from the pose that is shown into the one that is followed from now on."""
         self._start, self.since, self._apart = self.shown, time, None
 
     def finished(self, time: float) -> bool:
@@ -51,7 +54,7 @@ class Easing:
         return time - self.since >= self.seconds
 
     def show(self, time: float, places: TargetPose) -> TargetPose:
-        """Return the places to show at a time, on the way to those that are followed."""
+        """Return the pose to show at a time, on the way to the one that is followed."""
         if math.isfinite(self.since):
             self.since += max(0.0, time - max(self.shown_at, self.since) - MAX_STEP_SECONDS)
         share = min((time - self.since) / self.seconds, 1.0) if self.seconds > 0 else 1.0
@@ -61,10 +64,10 @@ class Easing:
         return places
 
     def _between(self, places: TargetPose, share: float) -> TargetPose:
-        """Return the places after a share of the way.
+        """Return the pose after a share of the way.
 
-        The rest of the way is a rotation relative to the one that a bone follows, computed once per easing: a bone that
-        follows beyond a half turn would jump otherwise.
+        The rest of the way is a rotation relative to the one that a bone follows. It is computed once per easing;
+        otherwise a bone would jump when the rotation that it follows passes a half turn.
         """
         start = self._start
         if self._apart is None:

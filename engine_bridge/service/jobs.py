@@ -1,4 +1,4 @@
-"""Work beside the service's loop: calibrations, loading and writing files."""
+"""Work in threads beside the service's loop: calibrations, loading and writing files, images for `look`."""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -8,13 +8,13 @@ Result = TypeVar("Result")
 
 
 class Jobs:
-    """Runs functions in threads; what is to follow is called in the loop.
+    """Runs functions in threads; what has to follow is called in the loop.
 
     Attributes
     ----------
     calibrating, loading, writing, looking : ThreadPoolExecutor
-        Calibrations may run two at a time; files are loaded, and are written, one after the other, and so are pictures
-        of what sensors see made.
+        Two calibrations run at a time. Each of the other pools runs one job at a time: it loads files, writes files, or
+        draws images of what sensors see.
     """
 
     def __init__(self) -> None:
@@ -37,7 +37,7 @@ class Jobs:
         return finished
 
     def close(self) -> None:
-        """Wait until everything is written, and give up everything else; closing again does nothing."""
+        """Wait until everything is written, and abandon everything else; closing again does nothing."""
         self.writing.shutdown()
         self.looking.shutdown(wait=False, cancel_futures=True)
         self.loading.shutdown(wait=False, cancel_futures=True)

@@ -1,6 +1,6 @@
 """The command `look`: what the source of a stage sees, and why nothing moves (docs/control.md).
 
-A stage remembers what arrives only while clients ask. Pictures are made beside the loop, one at a time.
+A stage remembers what arrives only while clients ask. Images are drawn in a thread, one at a time.
 """
 
 import base64
@@ -25,7 +25,7 @@ FIRST_SECONDS = 1.0
 """Time for which a stage's source is watched before the first answer, in seconds."""
 
 PERIOD_SECONDS = 0.1
-"""Minimum time between two answers about a stage, in seconds; requests in between get the same one."""
+"""Minimum time between two answers about a stage, in seconds; the requests in between share the next answer."""
 
 NO_STAGE = ServiceError(
     "the service", found="a stage that no longer exists", expected="one of the stages", fix='List them: {"do": "list"}'
@@ -50,14 +50,14 @@ class Looking:
         self._due: dict[StageRunner, float] = {}
 
     def ask(self, runner: StageRunner) -> Deferred:
-        """Look at the source of a stage; the answer comes when the picture is made."""
+        """Look at the source of a stage; the answer is sent when the image is drawn."""
         deferred = Deferred()
         self._waiting.setdefault(runner, []).append(deferred)
         runner.report()  # which begins to remember what arrives
         return deferred
 
     def advance(self, runners: Collection[StageRunner]) -> None:
-        """Make the pictures that are due."""
+        """Start to draw the images that are due."""
         for runner in [*self._waiting]:
             if runner not in runners:
                 gone: Future[Any] = Future()
@@ -81,9 +81,9 @@ class Looking:
 
 
 def seen(stage: str, report: SourceReport) -> dict[str, Any]:
-    """Return what `puppetline look --json` prints of a report, with the picture, and where the joints are in it.
+    """Return what `puppetline look --json` prints of a report, with the image and the positions of the joints in it.
 
-    Confidences are omitted: joints that are lost have no place.
+    Confidences are omitted, because lost joints have no position.
 
     Parameters
     ----------
@@ -94,10 +94,10 @@ def seen(stage: str, report: SourceReport) -> dict[str, Any]:
     Returns
     -------
     dict
-        The picture is a JPEG in base64 under ``picture.jpeg``. Each performer has a line of ``text`` and, if there is a
-        picture, ``joints``: 20 times x and y, as shares of the picture's width and height, or None.
+        The image is a JPEG in base64 under ``picture.jpeg``. Each performer has a line of ``text`` and ``joints``: 20
+        times x and y, as shares of the image's width and height, or None. Without an image, ``joints`` is None.
     """
-    from capture.sensors.picture_jpeg import jpeg  # a service whose picture is never asked for does not load Pillow
+    from capture.sensors.picture_jpeg import jpeg  # a service whose image is never requested does not load Pillow
 
     picture = report.picture
     values = summary(report, diagnose(report))

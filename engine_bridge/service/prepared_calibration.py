@@ -1,4 +1,4 @@
-"""The calibration of a performer with the retargeting that follows from it."""
+"""The calibration of a performer and the retargeting that is computed from it."""
 
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from engine_bridge.puppet.puppet import Puppet
 
 @dataclass(frozen=True)
 class PreparedCalibration:
-    """A calibration, and the retargeting that follows from it.
+    """A calibration, and the retargeting that is computed from it.
 
     Attributes
     ----------
@@ -20,7 +20,7 @@ class PreparedCalibration:
     asked : float
         Time at which it was requested.
     puppet : Puppet
-        Puppet whose mapping it has.
+        The character's puppet when it was requested, whose mapping the retargeting applies.
     working : Future
         Computes the retargeting, which takes a tenth of a second.
     """

@@ -1,4 +1,4 @@
-"""The status put together from the parts of a running service."""
+"""Collects the status from the parts of a running service."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from engine_bridge.service.stage_runner import StageRunner
 
 
 class Reporter:
-    """Counts what stages receive and what characters send, and makes the status of it; one thread calls it."""
+    """Counts what stages receive and what characters send, and builds the status from it; one thread calls it."""
 
     def __init__(self) -> None:
         self._statistics = Statistics()
@@ -34,7 +34,7 @@ class Reporter:
             self._statistics.taken(stage)
 
     def sent(self, stage: str, frame: Frame) -> None:
-        """Count a frame that has been given to all outputs."""
+        """Count a frame that has been offered to all outputs."""
         name = frame.character.name
         self._statistics.performed(stage, name, frame.received)
         if "morphs" in frame.__dict__ and frame.morphs is not None:  # computed for an output
@@ -42,7 +42,7 @@ class Reporter:
             self._limited[name] += frame.morphs.limited
 
     def status(self, runners: Sequence[StageRunner], clients: ClientsStatus, outputs: Sequence[OutputStatus]) -> Status:
-        """Return the status of now; figures of stages and characters that no longer exist are forgotten."""
+        """Return the present status; the numbers of stages and characters that no longer exist are forgotten."""
         names = {player.character.name for runner in runners for player in runner.stage.players}
         self._statistics.keep({runner.stage.name for runner in runners}, names)
         return Status(

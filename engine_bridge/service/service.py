@@ -71,8 +71,8 @@ class Service:
     show : callable, optional
         Called with each status.
     read_settings : callable, optional
-        Reads the service file again at each reload. Its stages replace those of before; its other tables apply at the
-        next start. Without it, the stages stay.
+        Reads the service file again at each reload. Its stages replace the previous ones; its other tables apply at the
+        next start. Without it, the service file is not read again, only the puppet files.
 
     Attributes
     ----------
@@ -218,11 +218,11 @@ class Service:
         return deferred
 
     def look(self, runner: StageRunner) -> Deferred:
-        """Say what the source of a stage sees; the answer comes when the picture is made."""
+        """Report what the source of a stage sees; the answer comes when the image is drawn."""
         return self._looking.ask(runner)
 
     def document(self, player: CharacterPlayer) -> PuppetDocument:
-        """Return the file that a character's puppet was loaded from."""
+        """Return the puppet file that a character was loaded from."""
         return self._loader.document(player)
 
     def remap(self, runner: StageRunner, player: CharacterPlayer, puppet: Puppet) -> None:
@@ -234,21 +234,21 @@ class Service:
         self._jobs.start(self._jobs.loading, player.make_idle, lambda idle: runner.take_idle(player, idle.result()))
 
     def save(self, player: CharacterPlayer, result: Callable[[], Any]) -> Deferred:
-        """Write a character's mapping into its puppet file; the answer, made then, comes when it is written."""
+        """Write a character's mapping into its puppet file; the answer is `result()`, called when it is written."""
         deferred = Deferred()
         write = partial(self.document(player).save, player.character.rig.puppet)
         self._jobs.start(self._jobs.writing, write, lambda saved: self._answer(deferred, saved, lambda _: result()))
         return deferred
 
     def show_frames(self, runner: StageRunner, frames: list[Frame]) -> None:
-        """Give frames to all outputs."""
+        """Offer frames to all outputs."""
         for frame in frames:
             for output in self._outputs:
                 self._guarded(output.offer, frame)
             self._guarded(self._reporter.sent, runner.stage.name, frame)
 
     def _reload(self, deferred: Deferred | None) -> None:
-        """Load now, or again when what is being loaded is complete, because files may have changed since."""
+        """Load now; if files are being loaded, load again afterwards, because they may have changed since."""
         if deferred is not None:
             self._waiting.append(deferred)
         self._reload_again = self._reloading
@@ -265,7 +265,7 @@ class Service:
         return load_stages(settings, self._folder, self._loader, list(self.runners))
 
     def _turn(self) -> None:
-        """Wait until something arrives or is due, and do it: skeletons first."""
+        """Wait until something arrives or is due, and process it: skeletons first."""
         self._watch_sockets()
         due = [runner.due() for runner in self.runners] + [output.due() for output in self._outputs]
         timeout = max(0.0, min(*due, self._status_at) - time.monotonic())
@@ -282,7 +282,7 @@ class Service:
             for each in reader.sockets:
                 if each in ready:
                     self._guarded(reader.handle, each)
-        self._guarded(self._look_after)
+        self._guarded(self._finish_jobs)
         self._notifier.watchdog(sum(runner.events for runner in self.runners))
 
     def _watch_sockets(self) -> None:
@@ -296,7 +296,7 @@ class Service:
             self._poller.register(new, zmq.POLLIN)
         self._polled = polled
 
-    def _look_after(self) -> None:
+    def _finish_jobs(self) -> None:
         """Finish jobs, and report the status when it is due."""
         for future, finish in self._jobs.take_finished():
             self._guarded(finish, future)
@@ -311,8 +311,8 @@ class Service:
         try:
             do(*arguments)
         except Exception as error:
-            _rarely.warning("a fault in the service", why=f"{type(error).__name__}: {error}")
-            log.debug("a fault in the service", exc_info=True)
+            _rarely.warning("internal error", why=f"{type(error).__name__}: {error}")
+            log.debug("internal error", exc_info=True)
 
     def _take_in(self, runner: StageRunner) -> None:
         before = runner.skeletons

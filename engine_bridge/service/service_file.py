@@ -1,6 +1,6 @@
 """The service file: sources, characters and outputs, in TOML.
 
-`load` checks all of it; `from_flags` makes the same settings from the options of the command line.
+`load` reads and checks a file; `from_flags` builds the same settings from the options of the command line.
 """
 
 import re
@@ -128,18 +128,18 @@ class ServiceFile(OutputTables):
 
 
 def stage_names(service: ServiceFile) -> list[str]:
-    """Return the names of the stages; a stage without a name is called by its number."""
+    """Return the names of the stages; one without a name is called ``stage``, with its number if there are several."""
     alone = len(service.stage) == 1
     return [stage.name or ("stage" if alone else f"stage{number}") for number, stage in enumerate(service.stage, 1)]
 
 
 def character_names(stage: StageTable) -> list[str]:
-    """Return the names of a stage's characters; one without a name is called as its puppet file."""
+    """Return the names of a stage's characters; a character without one is named after its puppet file."""
     return [each.name or name_from_stem(Path(each.puppet).stem) for each in stage.character]
 
 
 def name_from_stem(stem: str) -> str:
-    """Return the name of a character whose puppet file is called so."""
+    """Return the default name of a character from its puppet file's name without the ending."""
     return re.sub(r"[^A-Za-z0-9_-]+", "_", stem).strip("_")[:32] or "character"
 
 
@@ -149,7 +149,7 @@ def load(path: Path) -> ServiceFile:
     Raises
     ------
     ServiceError
-        With the line of a syntax error, or the table and key of anything else.
+        The file cannot be read, or has an error; the message has the line of a syntax error, else the table and key.
     """
     fix = "Check the path, or use --puppet and --source instead."
     values = toml_schema.parse(toml_schema.read_text(path, "a service file", fix, ServiceError), path, ServiceError)

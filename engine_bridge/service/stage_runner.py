@@ -33,7 +33,7 @@ Computing it takes less. With a live source, it is used as soon as it is compute
 """
 
 WATCHED_SECONDS = 3.0
-"""Period that a report on the source describes, in seconds; who asks less often gets a new one."""
+"""Maximum period that a report on the source covers, in seconds; it starts again after so long without a request."""
 
 _AnyEvent = TypeVar("_AnyEvent", bound=Event)
 
@@ -107,7 +107,7 @@ class StageRunner:
         return frames
 
     def report(self) -> SourceReport:
-        """Return what has arrived from the source since the first of the calls that follow each other."""
+        """Return what has arrived from the source while reports were requested, at most `WATCHED_SECONDS` ago."""
         return self._watched().report()
 
     def trace(self, joint: str) -> dict[int, tuple[list[float], list[list[float]]]]:
@@ -181,14 +181,14 @@ class StageRunner:
             log.error("the take is incomplete: %s", error)
 
     def _watched(self) -> SourceMonitor:
-        """Return what remembers the events from now on, until nobody has asked for a while."""
+        """Return the monitor of the source, which is dropped after `WATCHED_SECONDS` without a request."""
         self._reported_at = time.monotonic()
         if self._monitor is None:
             self._monitor = SourceMonitor(self.source, WATCHED_SECONDS)
         return self._monitor
 
     def _watch(self, events: list[Event]) -> None:
-        """Remember events if there is somebody who asks."""
+        """Remember events while reports are requested."""
         if self._monitor is None:
             return
         if time.monotonic() - self._reported_at > WATCHED_SECONDS:
@@ -197,7 +197,7 @@ class StageRunner:
             self._monitor.remember(events)
 
     def _beginnings(self, moment: float) -> list[Cue]:
-        """Return cues for the calibrations to use from now on; a take has those of its own characters."""
+        """Return cues for the calibrations to use from now on, except for characters whose cues are in a take."""
         return [
             Cue(moment, "begin", {"character": player.character.name, "calibration": player.next_calibration.to_json()})
             for player in self.stage.players
@@ -226,8 +226,10 @@ class StageRunner:
             _rarely.warning("an event was refused", stage=self.stage.name, why=str(error))
         except Exception as error:
             self.faults += 1
-            _rarely.warning("a fault cost a frame", stage=self.stage.name, why=f"{type(error).__name__}: {error}")
-            log.debug("a fault cost a frame", exc_info=True)
+            _rarely.warning(
+                "an internal error cost an event", stage=self.stage.name, why=f"{type(error).__name__}: {error}"
+            )
+            log.debug("an internal error cost an event", exc_info=True)
         return []
 
     def _overrule(self) -> None:

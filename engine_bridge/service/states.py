@@ -3,7 +3,7 @@
 from typing import Literal, get_args
 
 State = Literal["waiting", "calibrating", "performing", "leaving"]
-"""No performer; the performer is being calibrated; the performer drives the character; it eases into its rest pose."""
+"""No performer; calibration of a performer; a performer drives the character; it eases away after one has left."""
 
 STATES: tuple[State, ...] = get_args(State)
 """All states, in the order of their numbers in the wire protocol."""

@@ -51,7 +51,7 @@ class UserAssignment:
     performers : list of (int or None)
         User number of each character's performer.
     since : list of float
-        Time at which each of them began.
+        Time at which each character's performer was assigned.
     present : dict
         From user numbers to `Presence`.
     chosen : set of int
@@ -109,7 +109,7 @@ class UserAssignment:
                 self._give(character, waiting[0], time)
 
     def blind(self, seconds: float) -> None:
-        """Extend everyone's presence by a time during which the source sent nothing."""
+        """Extend the presence of all performers by a time during which the source sent nothing."""
         for presence in self.present.values():
             presence.seen += seconds
 

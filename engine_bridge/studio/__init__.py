@@ -1,1 +1,1 @@
-"""The studio: a server for a page in the browser, on which a character is set up, played, recorded and exported."""
+"""The studio: a server for a page in the browser, on which characters are set up, driven, recorded and exported."""

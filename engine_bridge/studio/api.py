@@ -1,4 +1,4 @@
-"""One page's connection to ``/api``: its requests, and what it is sent."""
+"""One page's connection to ``/api``: its requests, the replies, and pushed events."""
 
 import asyncio
 import contextlib
@@ -26,7 +26,7 @@ MAX_REASON_BYTES = 123
 """Maximum length of the reason with which a WebSocket is closed (RFC 6455, 5.5)."""
 
 HELLO_SECONDS = 10.0
-"""Maximum time until the first frame, in seconds."""
+"""Maximum time until a page sends its first frame, in seconds."""
 
 STATE_SECONDS = 0.1
 """Minimum time between two states that are pushed to a client, in seconds."""
@@ -38,7 +38,7 @@ MAX_REPLIES = 256
 """Maximum number of replies that wait for a client."""
 
 MAX_MISTAKES = 100
-"""Number of frames in a row that are no request, after which a client is disconnected."""
+"""Number of frames in a row that are not requests after which a client is disconnected."""
 
 HEARTBEAT_SECONDS = 20.0
 """Interval of pings, in seconds; a client that does not answer is disconnected."""
@@ -47,7 +47,10 @@ LOG_SUFFIXES = ".log", ".bvh", ".csv", ".json", ".mat", ".skeleton", ".txt"
 """Usual endings of recordings, for the page's file chooser; the format is detected by content."""
 
 FAILED = ServiceError(
-    "the studio", found="an internal error", expected="none", fix="Read the log of the studio, and report the error."
+    "the studio",
+    found="an internal error",
+    expected="a result",
+    fix="Read the log of the studio, and report the error.",
 )
 
 log = logging.getLogger(__name__)
@@ -165,7 +168,7 @@ class ApiClient:
         self._wake.set()
 
     async def _write(self) -> None:
-        """Send what waits: replies first, of states and progress only the newest."""
+        """Send what waits: first replies, then the newest progress of each job and the newest state."""
         loop, state_at = asyncio.get_running_loop(), 0.0
         with contextlib.suppress(ConnectionError):
             while True:

@@ -33,7 +33,7 @@ _rarely = OnceASecond(log)
 
 @dataclass(frozen=True)
 class Access:
-    """Who may use the server: its addresses and tokens, and a callback when a one-time token was used."""
+    """Access to the server: its addresses and tokens, and a callback for when a one-time token is used."""
 
     addresses: Addresses
     tokens: Tokens
@@ -94,14 +94,14 @@ class _Server:
         return web.FileResponse(self._assets["index.html"])
 
     async def asset(self, request: web.Request) -> web.StreamResponse:
-        """Send a file of the page, of those that were there at the start."""
+        """Send a file of the page that existed when the server started."""
         path = self._assets.get(request.match_info["path"])
         if path is None:
             raise web.HTTPNotFound
         return web.FileResponse(path)
 
     async def api(self, request: web.Request) -> web.StreamResponse:
-        """Speak the protocol of `engine_bridge.studio.messages`."""
+        """Serve the protocol of `engine_bridge.studio.messages`."""
         client = ApiClient(self._studio, self._access.tokens, self._access.entered)
         return await client.run(request)
 

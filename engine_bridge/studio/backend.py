@@ -1,4 +1,4 @@
-"""What the web server serves: answers to requests, and a state that all pages show.
+"""Provides the web server with answers to requests, and with a state that all pages show.
 
 `engine_bridge.studio.studio` has a service of its own, and `engine_bridge.studio.joined` one that runs elsewhere.
 """
@@ -36,7 +36,7 @@ class Backend:
     joined : bool
         Whether the service was started elsewhere.
     version : int
-        Grows with every change of the state.
+        Increases with every change of the state.
     """
 
     joined = False
@@ -54,7 +54,7 @@ class Backend:
         raise NotImplementedError
 
     async def begin(self, first: Path | None = None) -> None:
-        """Open what was open in the last run, and a puppet file or mesh; errors are logged."""
+        """Open the characters of the last run, and a puppet file or mesh; errors are logged."""
 
     async def receive(self, name: str, path: Path) -> Upload:
         """Check a file that was received, and keep it.
@@ -71,7 +71,10 @@ class Backend:
         await self.running.close()
 
     def watch(self, watcher: Callable[[JobState | None], None]) -> Callable[[], None]:
-        """Call a function with None when the state has changed, and with a job that has advanced; return the end."""
+        """Call a function with None after a change of the state, and with each job that has advanced.
+
+        Returns a function that ends this.
+        """
         self._watchers.add(watcher)
         return lambda: self._watchers.discard(watcher)
 
@@ -163,7 +166,7 @@ class Backend:
         return begun
 
     def _first_stage(self) -> dict[str, str]:
-        """Return the argument of a request that names the first stage; none while there is no stage."""
+        """Return the argument of a request that names the first stage; empty while there is no stage."""
         stages = [each["name"] for each in self.running.status.get("stages", [])]
         return {"stage": stages[0]} if stages else {}
 

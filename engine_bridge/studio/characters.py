@@ -16,7 +16,7 @@ MAX_CHARACTERS = 16
 
 @dataclass
 class OpenCharacter:
-    """A character on the stage.
+    """An open character.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class OpenCharacter:
     saved_file : Path
         Puppet file that `Characters.save` writes to.
     puppet, saved : dict
-        Values of the puppet as it is played, and as it was opened or last saved.
+        Values of the puppet in the service, and of the one that was opened or last saved.
     digest : str
         Hash of what the page's model depends on.
     model : Download or None
@@ -49,7 +49,7 @@ class OpenCharacter:
 
     @property
     def live_file(self) -> Path:
-        """Puppet file that the service plays."""
+        """Puppet file that the service loads."""
         return self.folder / tasks.LIVE
 
 
@@ -172,7 +172,7 @@ class Characters:
         return character
 
     def _take(self, character: OpenCharacter, facts: dict[str, Any]) -> None:
-        """Take over what a task reports of a character's puppet and model."""
+        """Update a character with what a task reports of its puppet and model."""
         character.puppet = facts["puppet"]
         character.vertices, character.triangles = facts["vertices"], facts["triangles"]
         if facts["digest"] == character.digest:

@@ -21,7 +21,7 @@ class ControlLink:
     Parameters
     ----------
     address : str
-        ``tcp://127.0.0.1:7401``.
+        Address of the control socket, such as ``tcp://127.0.0.1:7401``.
     token : str or None
     """
 
@@ -44,7 +44,7 @@ class ControlLink:
         Raises
         ------
         ServiceError
-            The service's own, or there is no reply in time.
+            The service's own error, or no reply within `seconds`.
         """
         number = next(self._numbers)
         reply = self._waiting[number] = asyncio.get_running_loop().create_future()
@@ -71,7 +71,10 @@ class ControlLink:
             if not reply.done():
                 reply.set_exception(
                     ServiceError(
-                        "the service", found="its end", expected="a running service", fix="Try again in a second."
+                        "the service",
+                        found="a service that has ended",
+                        expected="a running service",
+                        fix="Try again in a second.",
                     )
                 )
         self._context.destroy(linger=0)

@@ -30,7 +30,7 @@ class Jobs:
     advanced : callable
         Called with the state of a job that has advanced.
     told : callable
-        Returns the parts of an error for a page.
+        Returns the parts of an error as pages may see them, see `Workspace.told`.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class Jobs:
 
     @property
     def states(self) -> list[JobState]:
-        """All jobs that run, and the last ones that have ended."""
+        """All jobs that are running, and the last `MAX_FINISHED` that have ended."""
         return [job.state for job in self._jobs.values()]
 
     async def run(self, title: str, work: Callable[[Progress], Awaitable[dict[str, Any]]]) -> dict[str, Any]:
@@ -53,7 +53,7 @@ class Jobs:
         Raises
         ------
         PuppetlineError
-            It has failed or was cancelled.
+            The work has failed or was cancelled.
         """
         job = _Job(JobState(job=new_id(), title=title))
         self._jobs[job.state.job] = job
@@ -72,7 +72,7 @@ class Jobs:
                 raise
             self._end(job, "cancelled")
             raise ServiceError(
-                title, found="a job that was cancelled", expected="its result", fix="Start it again."
+                title, found="a job that was cancelled", expected="a completed job", fix="Start it again."
             ) from error
         except PuppetlineError as error:
             self._end(job, "failed", error=self._told(error))
@@ -89,7 +89,7 @@ class Jobs:
         Raises
         ------
         ServiceError
-            No such job runs.
+            No job with this id is running.
         """
         job = self._jobs.get(key)
         if job is None or job.task is None or job.task.done():
@@ -97,7 +97,7 @@ class Jobs:
                 "the request, job",
                 found=f"no running job {key!r}",
                 expected="the id of a running job",
-                fix="Ignore it.",
+                fix="Ignore this error: the job has ended.",
             )
         job.task.cancel()
 

@@ -20,16 +20,16 @@ from engine_bridge.studio.workspace import Workspace
 from puppetline.errors import PuppetlineError, ServiceError
 
 MAPPING_SECONDS = 1.0
-"""Interval at which the service is asked for mappings and takes, which others may change, in seconds."""
+"""Interval at which the service is asked for mappings and takes, which other clients may change, in seconds."""
 
 
 class JoinedStudio(Backend):
-    """Everything behind the page, the web server aside, with a service that runs elsewhere.
+    """The backend of the page for a service that runs elsewhere.
 
     Parameters
     ----------
     workspace : Workspace
-        Stays empty.
+        It stays empty.
     running : JoinedService
     invite : callable
         Returns an address with a new one-time token.

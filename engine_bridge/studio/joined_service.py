@@ -20,7 +20,7 @@ class JoinedService(ServiceLink):
     Raises
     ------
     ServiceError
-        The address is no address.
+        The address is not of this form.
     """
 
     def __init__(self, address: str, token: str | None) -> None:
@@ -38,14 +38,14 @@ class JoinedService(ServiceLink):
 
     @property
     def state(self) -> ServiceState:
-        """Whether it answers."""
+        """State of the service: whether it answers, its control socket, and the problem if it does not answer."""
         running = bool(self.status)
         problem = "" if running else f"The service at {self.address} does not answer."
         return ServiceState(running=running, address=self._reached.control, problem=problem)
 
     @property
     def reached(self) -> Reached:
-        """Its addresses."""
+        """Its addresses and token."""
         return self._reached
 
     async def mapping(self, character: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What a source sees, and why nothing moves, in the form that pages read."""
+"""Converts the service's report of what a source sees, and why nothing moves, to the form that pages read."""
 
 from collections.abc import Callable
 from typing import Any

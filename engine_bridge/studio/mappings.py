@@ -1,4 +1,4 @@
-"""The mapping of a joined service as a puppet of the page, and a changed puppet as requests of docs/control.md."""
+"""Converts a joined service's mapping to the page's puppet, and a changed puppet to requests of docs/control.md."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -28,24 +28,24 @@ def puppet_of(mapping: dict[str, Any]) -> dict[str, Any]:
 
 
 def requests_of(before: dict[str, Any], after: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the commands and arguments that make one puppet from another.
+    """Yield the commands and arguments that change one puppet into another.
 
     Parameters
     ----------
     before, after : dict
-        As from `puppet_of`; `after` comes from the page.
+        Values in the form of `puppet_of`; `after` comes from the page.
 
     Raises
     ------
     ServiceError
-        Something else than a mapping differs.
+        The puppets differ in more than the mapping.
     """
     for key in ("limb", "smoothing"):
         if after.get(key) != before[key]:
             raise _fixed({"limb": "other limbs", "smoothing": "another smoothing"}[key])
     handles = after.get("handle") or []
-    if [_place(each) for each in handles] != [_place(each) for each in before["handle"]]:
-        raise _fixed("other handles, or handles in other places")
+    if [_fixed_values(each) for each in handles] != [_fixed_values(each) for each in before["handle"]]:
+        raise _fixed("other handles, or handles at other positions")
     for old, new in zip(before["handle"], handles, strict=True):
         if new != old:
             joints = new.get("joints") or ([] if new.get("joint") is None else [new["joint"]])
@@ -53,7 +53,7 @@ def requests_of(before: dict[str, Any], after: dict[str, Any]) -> Iterator[tuple
             yield "set_handle", {"handle": new["name"], **given}
     retarget = before["retarget"] | (after.get("retarget") or {})
     if retarget.keys() != before["retarget"].keys():
-        raise _fixed("another setting of the body")
+        raise _fixed("retarget keys other than mirror and scale")
     if retarget["scale"] != before["retarget"]["scale"]:
         yield "set_scale", {"scale": retarget["scale"]}
     if retarget["mirror"] != before["retarget"]["mirror"]:
@@ -72,7 +72,7 @@ def _handle(mapped: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _place(handle: dict[str, Any]) -> dict[str, Any]:
+def _fixed_values(handle: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in handle.items() if key not in HANDLE_KEYS}
 
 
@@ -80,6 +80,6 @@ def _fixed(found: str) -> ServiceError:
     return ServiceError(
         "the puppet",
         found=found,
-        expected="changes of what moves handles, of their axes and gain, of walking, scale and mirror",
+        expected="changes of the handles' joints, axes and gains, of root motion, scale and mirroring only",
         fix="Change the rest in the puppet file on the service's machine, and reload it there.",
     )

@@ -1,7 +1,7 @@
 """Passes the service's stream through to a page, so that the page needs one address and one token.
 
-The newest message of each topic wins here too: a page that reads slowly gets fewer frames, none of them old, and costs
-the others nothing.
+Only the newest message of each topic waits for a page. A page that reads slowly therefore skips frames, but gets no old
+ones, and does not delay other pages.
 """
 
 import asyncio
@@ -22,7 +22,7 @@ from engine_bridge.studio.service_process import Reached
 from engine_bridge.studio.stream_link import streaming
 
 HELLO_SECONDS = 10.0
-"""Maximum time until the first frame, in seconds."""
+"""Maximum time until a page sends its first frame, in seconds."""
 
 TOPIC_BYTES = 64
 """Length of a message's topic in bytes (docs/protocol.md)."""
@@ -77,7 +77,10 @@ class _Newest:
 async def pass_through(
     request: web.Request, tokens: Tokens, reached: Callable[[], Reached | None]
 ) -> web.WebSocketResponse:
-    """Serve a page's WebSocket until the page or the service closes it; a service that was joined has ZeroMQ only."""
+    """Serve a page's WebSocket until the page or the service closes it.
+
+    The service is connected to by WebSocket or, if it was started elsewhere, by ZeroMQ.
+    """
     page = web.WebSocketResponse(heartbeat=20.0, max_msg_size=MAX_TEXT_BYTES, compress=False)
     await page.prepare(request)
     _limit_buffers(request)
@@ -87,7 +90,7 @@ async def pass_through(
         return page
     service = reached()
     if service is None or not service.stream:
-        await page.close(code=CloseCode.NO_SERVICE, message=b"the service does not run")
+        await page.close(code=CloseCode.NO_SERVICE, message=b"the service is not running")
         return page
     with contextlib.suppress(aiohttp.ClientError, OSError):
         if service.stream.startswith("tcp://"):
@@ -106,7 +109,7 @@ async def pass_through(
 
 
 class _Upstream(Protocol):
-    """The service's side: takes texts, and yields texts and messages until it ends."""
+    """The service's side of a connection: accepts texts, and yields texts and messages until it ends."""
 
     async def send(self, text: str) -> str | None: ...
 

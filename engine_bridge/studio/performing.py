@@ -1,4 +1,4 @@
-"""What performs, and the stages of the service file that follow from it and from the open characters."""
+"""Sources that can be chosen, and the stages of the service file for a source and the open characters."""
 
 import os
 from collections.abc import Iterable
@@ -17,14 +17,14 @@ LIVE_SCHEMES = "osc", "vmc", "freenect", "openni", "camera"
 
 @dataclass(frozen=True)
 class Playing:
-    """What performs: the URI that the service opens, and what pages are shown, which contains no path."""
+    """The chosen source: the URI that the service opens, and its state on pages, which contains no path."""
 
     uri: str
     state: SourceState
 
 
 NOTHING = Playing("demo:walk", SourceState())
-"""Before anything was chosen. A stage needs a source: the example plays once."""
+"""The source before one was chosen. A stage requires a source, so the example plays once."""
 
 
 def stages(characters: Iterable[OpenCharacter], playing: Playing, folder: Path) -> list[dict[str, Any]]:
@@ -49,7 +49,7 @@ def stages(characters: Iterable[OpenCharacter], playing: Playing, folder: Path) 
 
 
 def example(name: str, loop: bool = True) -> Playing:
-    """Return an example performance."""
+    """Return the source of an example motion."""
     uri = f"demo:{name}{LOOP_SUFFIX if loop else ''}"
     text = f"Example: {name.replace('_', ' ')}"
     return Playing(uri, SourceState(uri=uri, kind="example", name=name, text=text, loop=loop))
@@ -69,7 +69,7 @@ def live(uri: str) -> Playing:
             "the request, uri",
             found=f"{uri!r:.80}",
             expected=f"a live source: {', '.join(f'{each}:' for each in LIVE_SCHEMES)}",
-            fix="Choose one of the list. To play a file, upload it.",
+            fix="Choose a source from the list. To play a file, upload it.",
         )
     return Playing(uri, SourceState(uri=uri, kind="live", name=uri, text=uri))
 
@@ -77,6 +77,6 @@ def live(uri: str) -> Playing:
 def recording(
     path: Path, name: str, kind: Literal["upload", "take"], loop: bool, start: float | None, stop: float | None
 ) -> Playing:
-    """Return a file that plays, already trimmed; `name` is for people."""
+    """Return the source of a recording that is already trimmed; `name` is for people."""
     state = SourceState(uri=f"replay:{name}", kind=kind, name=name, text=name, loop=loop, start=start, stop=stop)
     return Playing(f"replay:{path}{LOOP_SUFFIX if loop else ''}", state)

@@ -1,4 +1,4 @@
-"""A puppet as values of JSON, with all keys, as the page edits it."""
+"""Converts a puppet to values of JSON's types, with all keys, for the page, and back."""
 
 import math
 from pathlib import PurePath
@@ -20,12 +20,12 @@ def values_of(puppet: Puppet) -> dict[str, Any]:
 
 
 def puppet_of(values: dict[str, Any], mesh: str) -> Puppet:
-    """Return the puppet of values from the page, with a mesh that the page does not choose.
+    """Return the puppet with values from the page; its mesh is `mesh`, whatever the page has sent.
 
     Raises
     ------
     PuppetError
-        For the first mistake.
+        The first error in the values.
     """
     given = dict(values)
     character, smoothing = given.get("character"), given.get("smoothing")

@@ -1,4 +1,4 @@
-"""A running service as the studio sees it: what it plays, what it reports, and requests to it."""
+"""The studio's side of a service: starting it, its reports, and requests to it."""
 
 import asyncio
 import contextlib
@@ -19,7 +19,7 @@ DESCRIBE_SECONDS = 2.0
 
 
 class ServiceLink:
-    """A service, wherever it was started: its reports, and requests to it.
+    """A service, started by the studio or elsewhere: its reports, and requests to it.
 
     Attributes
     ----------
@@ -39,12 +39,12 @@ class ServiceLink:
 
     @property
     def state(self) -> ServiceState:
-        """Whether it runs."""
+        """State of the service."""
         raise NotImplementedError
 
     @property
     def reached(self) -> Reached | None:
-        """Its addresses; None while it does not run."""
+        """Its addresses and token; None while it does not run."""
         raise NotImplementedError
 
     def watch(self, watcher: Callable[[], None]) -> None:
@@ -57,7 +57,7 @@ class ServiceLink:
         Raises
         ------
         ServiceError
-            The service's own, or it does not run.
+            The service's own error, or it does not run.
         """
         link = await self._connected()
         if link is None:
@@ -88,7 +88,10 @@ class ServiceLink:
     def _absence(self) -> ServiceError:
         """Return the error for a request without a service."""
         return ServiceError(
-            "the service", found="no running service", expected="a service that runs", fix="Try again in a second."
+            "the service",
+            found="a service that is not running",
+            expected="a running service",
+            fix="Try again in a second.",
         )
 
     async def _connected(self) -> ControlLink | None:
@@ -126,21 +129,21 @@ class Running(ServiceLink):
 
     @property
     def state(self) -> ServiceState:
-        """Whether it runs."""
+        """State of the service."""
         return self._process.state
 
     @property
     def reached(self) -> Reached | None:
-        """Its addresses; None while it does not run."""
+        """Its addresses and token; None while it does not run."""
         return self._process.reached
 
     async def play(self, stages: list[dict[str, Any]]) -> None:
-        """Play the stages of a service file, which are tables [[stage]].
+        """Run the service with these stages, which are tables [[stage]]; end it if there are none.
 
         Raises
         ------
         ServiceError
-            They cannot be played.
+            The service cannot start or reload with them.
         """
         self._stages = stages
         if not stages:
@@ -156,8 +159,8 @@ class Running(ServiceLink):
             await self._process.stop()
             raise ServiceError(
                 "the service",
-                found=f"an end at its start: {problem}",
-                expected="a service that runs",
+                found=f"a service that did not start: {problem}",
+                expected="a running service",
                 fix="Choose another source, or close this character.",
             )
 
@@ -170,7 +173,7 @@ class Running(ServiceLink):
         if self._stages:
             return super()._absence()
         return ServiceError(
-            "the service", found="no character", expected="a service that runs", fix="Open a character first."
+            "the service", found="no character", expected="an open character", fix="Open a character first."
         )
 
     def _process_changed(self) -> None:

@@ -1,4 +1,4 @@
-"""Who may use the studio: addresses, tokens and the headers of pages (docs/security.md).
+"""Security of the studio: addresses, tokens and the headers of pages (docs/security.md).
 
 A page of another site can make a browser send requests to this machine. It cannot change the headers Host and Origin,
 and does not know a token. Therefore every request must name an address at which the studio is served, and everything
@@ -45,7 +45,7 @@ class Addresses:
     Raises
     ------
     ServiceError
-        The host is no address of this machine, or an origin is no address of a page.
+        The host has no IP address, or an origin is not the beginning of an address.
     """
 
     def __init__(self, host: str, port: int, origins: Sequence[str] = ()) -> None:
@@ -118,10 +118,11 @@ def bearer(headers: Mapping[str, str]) -> str:
 
 
 def page_headers(host: str) -> dict[str, str]:
-    """Return the headers of every answer to a request with this header Host.
+    """Return the headers of every answer to a request whose header Host is `host`.
 
-    The page may load only what this server sends. ``blob:`` are textures that the page unpacks from a .glb, and
-    pictures that it draws. The WebSocket's address is written out, because not every browser includes it in 'self'.
+    The page may load only what this server sends. ``blob:`` is for textures that the page unpacks from a .glb, and
+    ``data:`` for images of a sensor. The WebSocket's address is written out, because not every browser includes it in
+    'self'.
     """
     policy = (
         "default-src 'self'",

@@ -34,7 +34,7 @@ class StudioSettings:
     Attributes
     ----------
     folder : Path
-        Of the workspace.
+        Folder of the workspace.
     host : str
     port : int
         0 for any free port.
@@ -65,7 +65,7 @@ class StudioSettings:
 
 @dataclass(frozen=True)
 class Served:
-    """A studio that is served: what it serves, its port, and a function that makes a link with a new one-time token."""
+    """A studio that is served: its backend, its port, and a function that makes a link with a new one-time token."""
 
     studio: Backend
     port: int

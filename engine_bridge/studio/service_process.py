@@ -1,4 +1,4 @@
-"""The service that the studio starts: a child process, started again if it ends, and its service file."""
+"""The service that the studio starts: a child process, which is restarted if it ends, and its service file."""
 
 import asyncio
 import contextlib
@@ -25,13 +25,13 @@ STOP_SECONDS = 10.0
 """Maximum time that the service may take to end, in seconds."""
 
 ABOUT_COMPILED = 40
-"""Number of functions that the first start on a machine compiles, about; the page shows how far it is."""
+"""Approximate number of functions that the first start on a machine compiles, for the progress on the page."""
 
 RETRY_SECONDS = 0.5, 1.0, 2.0, 5.0
-"""Time before the service is started again, after its first, second, … failure in a row, in seconds."""
+"""Time before a restart of the service, in seconds: after its first, second, … failure in a row."""
 
 STEADY_SECONDS = 30.0
-"""Time after which a service that ends counts as failed for the first time, in seconds."""
+"""Run time of the service after which its earlier failures no longer count, in seconds."""
 
 MAX_LINES = 200
 """Number of log lines of the service that are kept, for the reason of its end."""
@@ -41,7 +41,10 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Reached:
-    """A running service: addresses of its control socket and of its WebSocket, and its token."""
+    """A running service: addresses of its control socket and its stream, and its token.
+
+    The stream's address is ``ws://…`` for a service of the studio, and ``tcp://…`` (ZeroMQ) for one that it has joined.
+    """
 
     control: str
     stream: str
@@ -54,7 +57,7 @@ class ServiceProcess:
     Parameters
     ----------
     file : Path
-        Service file; written by `apply`.
+        Service file; written by `write`.
     token : str
         Token in the file that the service file names.
     changed : callable
@@ -77,7 +80,7 @@ class ServiceProcess:
         self._serving = asyncio.Event()
 
     async def start(self) -> None:
-        """Start the service, and wait until it serves, or has failed."""
+        """Start the service, and wait until it serves or has failed, at most `START_SECONDS`."""
         self._wanted = True
         if self._keeper is None or self._keeper.done():
             self._keeper = asyncio.create_task(self._keep())
@@ -123,19 +126,19 @@ class ServiceProcess:
             problem = _reason(lines)
             log.warning("the service has ended: %s", problem)
             self._set(running=False, starting=True, restarts=self.state.restarts + 1, problem=problem, address="")
-            self._serving.set()  # who waits for it sees the problem
+            self._serving.set()  # `start` returns, and its caller sees the problem
             await asyncio.sleep(RETRY_SECONDS[min(failures, len(RETRY_SECONDS)) - 1])
         self._serving.clear()
         self._set(running=False, starting=False, address="")
 
     def _end_leftover(self) -> None:
-        """End a service that an earlier studio, which was killed, has left behind."""
+        """End a service that an earlier studio left running when it was killed."""
         try:
             process = psutil.Process(int(self._pid_file.read_text()))
             if str(self._file) in process.cmdline():
                 process.terminate()
                 process.wait(STOP_SECONDS)
-        except (OSError, ValueError, psutil.Error):  # there is none, or it belongs to somebody else
+        except (OSError, ValueError, psutil.Error):  # there is none, or it belongs to another user
             pass
 
     async def _run(self) -> deque[str]:
@@ -148,7 +151,7 @@ class ServiceProcess:
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.DEVNULL,
             stderr=asyncio.subprocess.PIPE,
-            start_new_session=True,  # Ctrl-C is for the studio, which then ends the service
+            start_new_session=True,  # Ctrl-C goes to the studio, which then ends the service
             env=os.environ | {"PUPPETLINE_STUDIO": str(os.getpid())},
         )
         self._pid_file.write_text(str(process.pid))
@@ -174,9 +177,7 @@ class ServiceProcess:
             self._serving.set()
         elif str(record.get("event")).startswith("compiling") and self.state.starting:
             count = record["fields"]["functions"]
-            self._set(
-                text=f"It compiles its functions, once on this machine: {count} so far, of about {ABOUT_COMPILED}."
-            )
+            self._set(text=f"It compiles functions, once on this machine: {count} so far, of about {ABOUT_COMPILED}.")
         elif record.get("level") in ("WARNING", "ERROR", "warning", "error"):
             log.warning("service: %s", record.get("event"), extra={"fields": record.get("fields", {})})
 

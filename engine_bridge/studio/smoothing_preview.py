@@ -1,4 +1,4 @@
-"""What a smoothing does to a joint: noise that is left, lag, and the response to a step (docs/smoothing.md)."""
+"""The effect of smoothing settings on a joint: remaining noise, lag, and step response (docs/smoothing.md)."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -14,26 +14,26 @@ NOISE_METRES, STEP_METRES, SPEED = 0.005, 0.3, 1.0
 """Standard deviation of the noise in metres, height of the step in metres, and speed in metres per second."""
 
 NOISE_FRAMES, START_FRAMES = 1200, 300
-"""Number of frames over which the noise is measured, after those in which the filter starts."""
+"""Number of frames over which the noise is measured, and number of frames before them in which the filter starts."""
 
 SHOWN_FRAMES, STEP_FRAME = 75, 30
-"""Number of frames of the curve, and that of the step in it."""
+"""Number of frames of the curve, and number of the frame with the step."""
 
 SETTLED_SHARE = 0.9
-"""Share of the step after which it counts as made."""
+"""Share of the step at which the rise time ends."""
 
 MIN_FRAMES = 15
-"""Number of frames of a live joint from which its noise and lag are computed."""
+"""Minimum number of frames of a live joint for its noise and lag to be computed."""
 
 MOVED_METRES = 0.05
 """Extent of a joint's motion below which its lag is not computed, in metres."""
 
 MAX_LAG_SECONDS = 0.4
-"""Largest lag of a live joint that is looked for, in seconds."""
+"""Largest lag of a live joint that is detected, in seconds; a prediction of up to half of it is detected too."""
 
 
 def preview(smoothing: Smoothing) -> SmoothingReply:
-    """Return the effect of a smoothing at 30 Hz."""
+    """Return the effect of smoothing settings on a test signal at 30 Hz."""
     noise = _noise()
     steps = np.where(np.arange(SHOWN_FRAMES + 300) < STEP_FRAME, 0.0, STEP_METRES)
     ramp = np.maximum(np.arange(300) - 10, 0) * SPEED / FRAMES_PER_SECOND
@@ -55,10 +55,11 @@ def preview(smoothing: Smoothing) -> SmoothingReply:
 
 
 def preview_of(smoothing: Smoothing, times: Sequence[float], positions: Sequence[Sequence[float]]) -> SmoothingReply:
-    """Return the effect of a smoothing on a measured joint.
+    """Return the effect of smoothing settings on a measured joint.
 
-    Noise is computed from third differences, which motion hardly changes: of white noise, their standard deviation is
-    √20 times as large. The median of their sizes is used, because a few frames of fast motion would outweigh the rest.
+    Noise is computed from third differences, to which motion contributes little: for white noise, their standard
+    deviation is √20 times as large. The median of their magnitudes is used, because a few frames of fast motion would
+    dominate a mean.
 
     Parameters
     ----------
@@ -86,7 +87,7 @@ def preview_of(smoothing: Smoothing, times: Sequence[float], positions: Sequence
 
 
 def _jitter(positions: NDArray[np.float64]) -> float:
-    """Return the noise of a path (frames, 3) per axis, in its unit; a normal deviate's median size is 0.6745."""
+    """Return the noise of a path (frames, 3) per axis, in its unit; a normal deviate's median magnitude is 0.6745."""
     return float(np.median(np.abs(np.diff(positions, n=3, axis=0))) / (0.6745 * np.sqrt(20)))
 
 

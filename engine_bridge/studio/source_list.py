@@ -1,4 +1,4 @@
-"""What could perform: sensors and cameras that are connected, and ports with what arrives there now."""
+"""Lists available sources: connected sensors and cameras, and ports with what arrives there now."""
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -13,13 +13,13 @@ from engine_bridge.studio.messages import Device, Port
 from puppetline.errors import PuppetlineError
 
 LISTEN_SECONDS = 1.0
-"""How long a port is listened to, in seconds."""
+"""Time for which each port is observed, in seconds."""
 
 PORTS = {
     f"osc:{OSC_PORT}": f"OSC, port {OSC_PORT}: OSCeleton, NI mate, Nuitrack and others",
     f"vmc:{VMC_PORT}": f"VMC, port {VMC_PORT}: VSeeFace, VMC senders on phones and others",
 }
-"""Ports that are listened to, and their names for people."""
+"""URIs of the ports that are observed, and their names for people."""
 
 
 def devices() -> list[Device]:
@@ -28,7 +28,7 @@ def devices() -> list[Device]:
 
 
 def ports(used: str) -> list[Port]:
-    """Return what arrives at each of the `PORTS` but the one that is used, a URI."""
+    """Return what arrives at each of the `PORTS`; the one whose URI is `used` is not opened."""
     with ThreadPoolExecutor(len(PORTS)) as pool:
         return list(pool.map(lambda uri: _port(uri, used), PORTS))
 
@@ -44,7 +44,7 @@ def _device(finding: Finding) -> Device:
 
 
 def _uris(finding: Finding) -> Iterator[str]:
-    """Yield the URI of a device that can be opened."""
+    """Yield the URI of a device, if it can be opened."""
     if finding.ok is not True:
         return
     if finding.name.startswith("/dev/video"):
@@ -57,7 +57,7 @@ def _uris(finding: Finding) -> Iterator[str]:
 
 def _port(uri: str, used: str) -> Port:
     if uri == used:
-        return Port(uri=uri, text=PORTS[uri], problem="This port performs now; the status shows what arrives.")
+        return Port(uri=uri, text=PORTS[uri], problem="This port is the chosen source; the status shows what arrives.")
     try:
         with closing(open_source(uri)) as source:
             report = observe(source, LISTEN_SECONDS, LISTEN_SECONDS)

@@ -1,4 +1,4 @@
-"""The state that pages show, put together from its parts."""
+"""Builds the state that pages show from its parts."""
 
 import hashlib
 import json
@@ -45,7 +45,7 @@ def character_state(character: OpenCharacter, described: dict[str, Any]) -> Char
 
 
 def version_of(puppet: dict[str, Any]) -> str:
-    """Return a hash of the values of a puppet, by which a page notices a change."""
+    """Return a hash of a puppet's values, by which a page detects a change."""
     return hashlib.sha256(json.dumps(puppet, sort_keys=True).encode()).hexdigest()[:16]
 
 
@@ -129,8 +129,8 @@ def _banner(
     stages: list[StageState],
     performers: list[PerformerState],
 ) -> Banner:
-    """Return what is most important now: a service that has ended, then a stage without a performer."""
-    if service.problem and not service.running and not service.restarts:  # of a service that was joined
+    """Return the most important message: about the service first, then characters, the source, and performers."""
+    if service.problem and not service.running and not service.restarts:  # the service was started elsewhere
         return Banner(level="error", text=service.problem, fix="Start it, or check its address and token.")
     if not characters:
         return Banner(level="info", text="No character is open.", fix="Drop a mesh here, or open an example.")
@@ -144,7 +144,7 @@ def _banner(
         fix = "This takes a minute or two." if service.text else "Wait a few seconds."
         return Banner(level="info", text=f"The service starts. {service.text}".strip(), fix=fix)
     if source.kind == "none":
-        return Banner(level="info", text="No source performs.", fix="Choose an example, a recording or a sensor.")
+        return Banner(level="info", text="No source is chosen.", fix="Choose an example, a recording or a sensor.")
     refused = sorted({reason for stage in stages for reason in stage.refused})
     if source.kind == "live" and not performers and refused:
         return Banner(
@@ -156,7 +156,7 @@ def _banner(
         return Banner(
             level="warning",
             text=f"No performer is in view of {source.text}.",
-            fix="Stand 2 m in front of the sensor, completely in view. Look at its picture for the reason.",
+            fix="Stand 2 m in front of the sensor, completely in view. Look at its image for the reason.",
         )
     if any(each.state == "calibrating" for each in characters):
         return Banner(level="info", text="A performer is being calibrated.", fix="Stand still for a second.")

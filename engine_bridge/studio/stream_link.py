@@ -19,7 +19,7 @@ REFUSED = {
     "expected": "subscribe or unsubscribe, with a topic",
     "fix": "Send requests to /api.",
 }
-"""Error for a text that is no subscription."""
+"""Error for a text that is not a subscription."""
 
 
 class StreamLink:
@@ -30,7 +30,7 @@ class StreamLink:
         self._topics: set[str] = set()
 
     async def send(self, text: str) -> str | None:
-        """Subscribe or unsubscribe as a WebSocket client does; return the reply to what is no subscription."""
+        """Subscribe or unsubscribe as a WebSocket client does; return an error reply to any other text."""
         try:
             asked = json.loads(text)
             ((key, topic),) = asked.items()
@@ -38,7 +38,7 @@ class StreamLink:
                 raise ValueError(key)
         except (ValueError, AttributeError, RecursionError):
             return json.dumps({"id": None, "ok": False, "error": REFUSED})
-        if topic in self._topics:  # to subscribe again is to ask again
+        if topic in self._topics:  # subscribing again requests the topic again
             self._socket.unsubscribe(topic.encode() + b"\0")
             self._topics.discard(topic)
         if key == "subscribe":

@@ -25,13 +25,13 @@ from engine_bridge.studio.workspace import Upload, Workspace
 from puppetline.errors import PuppetlineError, ServiceError
 
 FIRST_EXAMPLE = "walk"
-"""Example that performs for the first character, if nothing else does."""
+"""Example motion that drives the first character, if no source has been chosen."""
 
 log = logging.getLogger(__name__)
 
 
 class Studio(Backend):
-    """Everything behind the page, the web server aside, with a service that the studio starts.
+    """The backend of the page for a service that the studio starts.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class Studio(Backend):
         )
 
     async def receive(self, name: str, path: Path) -> Upload:
-        """Check a file that was received in the worker, and keep it."""
+        """Check a received file, in the worker, and keep it."""
         try:
             facts = await self._worker.run("inspect", path)
         except BaseException:
@@ -96,7 +96,7 @@ class Studio(Backend):
             with _logged_errors("the service cannot start"):
                 await self._replace(self._playing)
         if first is not None:
-            with _logged_errors("it cannot be opened"):
+            with _logged_errors(f"{first.name} cannot be opened"):
                 await self._open(first.name, partial(self._open_first, first))
 
     async def _reopen(
@@ -105,7 +105,7 @@ class Studio(Backend):
         return {"character": (await again(progress)).name}
 
     async def _remembered(self, source: dict[str, Any]) -> Playing:
-        """Return what performed in the last run; uploads are not kept."""
+        """Return the source of the last run; uploads are not kept."""
         state = SourceState.model_validate(source)
         given: dict[str, str | None] = {"uri": None, "example": None, "take": None}
         key = {"live": "uri", "example": "example", "take": "take"}.get(state.kind)
@@ -257,10 +257,10 @@ class Studio(Backend):
         self._jobs.cancel(asked.job)
         return {}
 
-    # ------------------------------------------------------------------------------------------------ their parts
+    # ------------------------------------------------------------------------------------------------ shared steps
 
     def _refuse_while_recording(self) -> None:
-        """Refuse a change of what plays: a take has the same characters and source from beginning to end."""
+        """Refuse a change during a take, which has the same characters and source from beginning to end."""
         if self._take is not None:
             raise ServiceError(
                 "the stage",
@@ -282,7 +282,7 @@ class Studio(Backend):
         return path
 
     async def _open(self, title: str, make: Callable[[Progress], Any], motion: str = FIRST_EXAMPLE) -> dict[str, Any]:
-        """Open a character as a job, and put it on the stage."""
+        """Open a character as a job, and add it to the service."""
         self._refuse_while_recording()
 
         async def work(progress: Progress) -> dict[str, Any]:
@@ -302,7 +302,7 @@ class Studio(Backend):
         return await self._jobs.run(f"Opening {title}", work)
 
     async def _chosen(self, asked: messages.Source) -> Playing:
-        """Return what a request wants to perform."""
+        """Return the source that a request chooses."""
         check_one(asked, ("uri", "upload", "example", "take"))
         if asked.uri is not None:
             return performing.live(asked.uri)
@@ -318,7 +318,7 @@ class Studio(Backend):
         return performing.recording(path, name, kind, asked.loop, asked.start, asked.stop)
 
     async def _replace(self, playing: Playing) -> None:
-        """Let something perform; what performed before continues if that cannot be opened."""
+        """Change the source; the previous one continues if the new one cannot be opened."""
         before, self._playing = self._playing, playing
         try:
             await self._apply()
@@ -330,7 +330,7 @@ class Studio(Backend):
             raise
 
     async def _apply(self) -> None:
-        """Make the service play what is open."""
+        """Run the service with the open characters and the chosen source."""
         try:
             await self.running.play(performing.stages(self.characters.all, self._playing, self.workspace.folder))
         finally:
@@ -365,7 +365,7 @@ class Studio(Backend):
 
 @contextlib.contextmanager
 def _logged_errors(what: str) -> Iterator[None]:
-    """Log errors of what is opened at the start, with which the studio continues."""
+    """Log errors of what is opened at the start; the studio continues."""
     try:
         yield
     except (PuppetlineError, ValueError, KeyError, TypeError) as error:

@@ -12,10 +12,10 @@ from puppetline.errors import ServiceError
 from solver.surface.mesh import SolverMesh, snap
 
 SKIN_SHARE = 1e-4
-"""Distance from the surface within which the opposite side is not looked for, as a share of the diagonal."""
+"""Minimum distance of the opposite surface, as a share of the diagonal; nearer hits are the point's own surface."""
 
 DECIMALS = 6
-"""Number of significant digits of a mirrored point."""
+"""Number of significant digits of a mirrored coordinate."""
 
 OTHER = {"left": "right", "right": "left"}
 """Words that are swapped in names."""
@@ -29,7 +29,7 @@ def snapped(mesh: SolverMesh, point: tuple[float, float, float]) -> dict[str, An
     Returns
     -------
     dict
-        As `engine_bridge.studio.messages.SnapReply`.
+        The keys of `engine_bridge.studio.messages.SnapReply`.
     """
     corners, blend = snap(mesh, np.array(point))
     triangle = mesh.vertices[corners[0]]
@@ -80,7 +80,7 @@ def mirrored(puppet: Puppet, mesh: SolverMesh, name: str) -> dict[str, Any]:
 
 
 def _other_side(table: dict[str, Any], left: NDArray[np.float64], mesh: SolverMesh) -> dict[str, Any]:
-    """Return the values of a limb or handle on the other side of the plane across `left` in the character's middle."""
+    """Return a limb or handle mirrored at the plane normal to `left` through the median vertex."""
     middle = float(np.median(mesh.vertices @ left))
 
     def reflect(point: list[float]) -> list[float]:

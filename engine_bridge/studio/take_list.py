@@ -28,7 +28,7 @@ class TakeList:
         return list(self._known.values())
 
     def state(self, name: str) -> TakeState:
-        """Return the facts of one take.
+        """Return the name, duration, frames, size and time of one take.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""The heavy work of the studio, run in a `Worker`: each function's first argument reports its progress."""
+"""The studio's tasks that take long, run in a `Worker`: each function's first argument reports its progress."""
 
 import hashlib
 import math
@@ -33,14 +33,14 @@ from puppetline.files import written_whole
 from solver.surface.mesh import SolverMesh
 
 LIVE = "live.toml"
-"""Name of the puppet file that the service plays, in a character's folder."""
+"""Name of the puppet file that the service loads, in a character's folder."""
 
 MODEL = "model.glb"
-"""Name of the character at rest for the page's shader, in the same folder."""
+"""Name of the file with the character at rest for the page's shader, in the same folder."""
 
 
 def inspect(_progress: Progress, path: Path) -> dict[str, Any]:
-    """Return what `puppetline inspect` says of a file."""
+    """Return what `puppetline inspect` reports about a file."""
     return files.inspect(path)
 
 
@@ -78,7 +78,7 @@ def open_example(progress: Progress, name: str, made: Path, folder: Path) -> dic
 
 
 def prepare(progress: Progress, saved: Path, folder: Path) -> dict[str, Any]:
-    """Prepare a character: compute its model, and write the file that the service plays and the page's model.
+    """Prepare a character: compute its model, and write the puppet file that the service loads and the page's model.
 
     Parameters
     ----------
@@ -103,19 +103,19 @@ def prepare(progress: Progress, saved: Path, folder: Path) -> dict[str, Any]:
 
 
 def edit(progress: Progress, folder: Path, values: dict[str, Any]) -> dict[str, Any]:
-    """Replace the puppet that the service plays; the mesh stays. Returns what `prepare` does.
+    """Replace the puppet in the file that the service loads; the mesh stays. Returns what `prepare` does.
 
     Raises
     ------
     PuppetError
-        The values are no puppet, or its handles or limbs are not on the mesh; nothing changes.
+        The values are not a puppet, or do not fit the mesh; nothing changes.
     """
     live = folder / LIVE
     return _applied(progress, puppet_of(values, puppet_file.load(live).character.mesh), live)
 
 
 def save(_progress: Progress, saved: Path, folder: Path) -> None:
-    """Write the puppet that the service plays into the saved file, with its comments and order."""
+    """Write the puppet that the service loads into the saved file, whose comments and order are kept."""
     document, live = PuppetDocument(saved), puppet_file.load(folder / LIVE)
     character = live.character.model_copy(update={"mesh": document.puppet.character.mesh})
     document.save(live.model_copy(update={"character": character}))
@@ -133,7 +133,7 @@ def _applied(progress: Progress, puppet: Puppet, live: Path) -> dict[str, Any]:
         try:
             write_shader_mesh(live, model)
             stamp.write_text(digest)
-        except PuppetlineError as error:  # more fields than a shader has attributes for
+        except PuppetlineError as error:  # for example more fields than a shader has attributes for
             notes.append(f"The character is drawn without its materials: {error}")
             model.unlink(missing_ok=True)
             has_model = False
@@ -180,7 +180,7 @@ def export(
 
 
 def write_example(_progress: Progress, name: str, path: Path) -> None:
-    """Write an example performance as a recording."""
+    """Write an example motion as a recording."""
     with written_whole(path) as beside, Recorder(beside) as recorder:
         for frame in performances()[name]().frames():
             recorder.write(frame)

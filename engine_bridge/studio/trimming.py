@@ -1,4 +1,4 @@
-"""A part of a recording as a recording of its own, so that it can be played."""
+"""Writes a part of a recording as a recording of its own, so that it can be played."""
 
 import math
 from collections.abc import Iterator
@@ -17,8 +17,9 @@ from puppetline.files import written_whole
 def trimmed(log: Path, path: Path, start: float, stop: float) -> None:
     """Write the events of a recording from second `start` to second `stop` after its first skeleton.
 
-    A take keeps the cue with which it begins, which has the performers' calibrations, and the cues with later ones. Its
-    other commands are omitted, because they refer to what was before.
+    A take keeps its first cue, which has the performers and their calibrations, and the cues of later calibrations; if
+    these are before the part, the last one of each character moves to its beginning. Other cues are omitted, because
+    they refer to what was before.
 
     Raises
     ------
@@ -62,7 +63,7 @@ def _part(log: Path, start: float, stop: float) -> Iterator[Event]:
             yield replace(opening, time=event.time)
             opening = None
         yield event
-        if isinstance(event, SkeletonFrame):  # whom the calibrations are of
+        if isinstance(event, SkeletonFrame):  # the calibrations require a performer
             yield from (replace(cue, time=event.time) for cue in calibrations.values())
             calibrations.clear()
 

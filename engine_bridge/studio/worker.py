@@ -1,6 +1,6 @@
-"""A process for heavy work.
+"""A process for tasks that take long.
 
-The stream passes without delay meanwhile, and a file that breaks a library breaks no more than the work on it.
+The stream is not delayed meanwhile, and a file that crashes a library ends only the task that reads it.
 
 A worker runs one task after another. It is started when it is needed, and again after it has died; cancelling a task
 ends it. A task is a function of `engine_bridge.studio.tasks`. It is called with a function for progress and with
@@ -25,7 +25,7 @@ MAX_SECONDS = 1800.0
 """Maximum duration of a task in seconds."""
 
 LENGTH = struct.Struct("<Q")
-"""Length of a message in bytes, before each message in both directions."""
+"""Layout of the length in bytes that precedes each message in both directions."""
 
 Progress = Callable[[str, float], None]
 
@@ -55,7 +55,7 @@ class Worker:
         Raises
         ------
         PuppetlineError
-            The error of the task; or it has ended the process, or took too long.
+            The task's own error, or the task crashed the process or took too long.
         """
         async with self._turn:
             try:
@@ -104,11 +104,11 @@ class Worker:
                 stdin=asyncio.subprocess.PIPE,
                 stdout=asyncio.subprocess.PIPE,
                 env={"OPENBLAS_NUM_THREADS": "1", **os.environ},  # as `puppetline.__main__`, for the same results
-                start_new_session=True,  # Ctrl-C is for the server, which then ends this process
+                start_new_session=True,  # Ctrl-C goes to the server, which then ends this process
             )
         return self._process
 
 
 def broken(found: str, expected: str) -> ServiceError:
-    """Return the error for work that has failed for a reason that the user did not cause."""
+    """Return the error for a task that failed for a reason other than an error of the user."""
     return ServiceError("the work", found=found, expected=expected, fix="Try again; if it fails again, report it.")

@@ -17,9 +17,9 @@ from puppetline.errors import PuppetlineError
 def main() -> None:
     """Run tasks until the studio ends."""
     if hasattr(os, "nice"):
-        os.nice(5)  # the stream goes first
+        os.nice(5)  # the stream has priority
     outcomes = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what libraries print must not get between the outcomes
+    os.dup2(2, 1)  # output of libraries must not mix with the outcomes
     requests = sys.stdin.buffer
     while length := requests.read(LENGTH.size):
         task, arguments = pickle.loads(requests.read(*LENGTH.unpack(length)))  # noqa: S301 - the studio wrote it
@@ -39,7 +39,7 @@ def _outcome(task: Callable[..., Any], outcomes: BinaryIO, arguments: tuple[Any,
         return "error", broken("too little memory", "a smaller file").parts
     except Exception as error:
         traceback.print_exc()
-        return "error", broken(f"an internal error ({type(error).__name__}: {error})"[:300], "none").parts
+        return "error", broken(f"an internal error ({type(error).__name__}: {error})"[:300], "a result").parts
 
 
 def _send(outcomes: BinaryIO, kind: str, value: Any) -> None:

@@ -1,13 +1,13 @@
-"""The studio's folder: uploads, characters, takes and exports. Nothing else is written but saved puppet files.
+"""The studio's folder: uploads, characters, takes and exports. Outside it, the studio writes saved puppet files only.
 
-A name from the page never becomes a path: files are in folders that this program names, and their own names are made of
-letters, digits, `_` and `-`, so that people recognise them.
+A name from the page never becomes a path. Files are in folders that this program names; their own names are the page's,
+reduced to letters, digits, `_` and `-`, so that people recognise them.
 
-    uploads/ID/NAME.glb        what the page has sent
-    characters/NAME/           a character that is on the stage: its mesh and its puppet as it is edited
-    takes/NAME.log             what the service records
-    exports/ID/NAME.glb        what can be downloaded
-    examples/                  example characters, which take seconds to make
+    uploads/ID/NAME.glb        files that the page has sent
+    characters/NAME/           an open character: its mesh and its edited puppet
+    takes/NAME.log             recordings of the service
+    exports/ID/NAME.glb        files that can be downloaded
+    examples/                  example characters and recordings, which take seconds to make
     service.toml, token        of the service that the studio starts
     session.json               which characters were open
 """
@@ -46,16 +46,17 @@ Kind = Literal["character", "log", "puppet"]
 
 @dataclass(frozen=True)
 class Upload:
-    """A checked file of the page.
+    """A checked file from the page.
 
     Attributes
     ----------
-    id, name : str
-        Name as the page gave it, for people; the file has another one.
+    id : str
+    name : str
+        Name that the page gave it, for people; the file's own name differs.
     path : Path
     kind : {"character", "log", "puppet"}
     facts : dict
-        What `puppetline inspect` says of it.
+        What `puppetline inspect` reports about it.
     """
 
     id: str
@@ -91,12 +92,12 @@ class Workspace:
     Parameters
     ----------
     folder : Path
-        Created if it does not exist. Uploads of an earlier run are deleted.
+        Created if it does not exist. Uploads and exports of an earlier run are deleted.
 
     Raises
     ------
     OutputError
-        It cannot be created.
+        The folder cannot be created.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -156,7 +157,7 @@ class Workspace:
         Raises
         ------
         UploadError
-            It is too large, or there are too many uploads; nothing is left of it.
+            The file is too large, or there are too many uploads; nothing of it is kept.
         OutputError
         """
         if len(self.uploads) + self._pending >= MAX_UPLOADS:
@@ -217,7 +218,7 @@ class Workspace:
         del self.uploads[key]
 
     def new_export(self, stem: str, suffix: str) -> Path:
-        """Return a file for a result in a new folder; the oldest results beyond `MAX_EXPORTS` are deleted."""
+        """Return the path of a new file in a new folder; the oldest exports beyond `MAX_EXPORTS` are deleted."""
         exports = [each for each in self.downloads.values() if each.kind != "model" and self._is_export(each.path)]
         for old in exports[: max(0, len(exports) + 1 - MAX_EXPORTS)]:
             del self.downloads[old.id]
@@ -227,18 +228,18 @@ class Workspace:
         return path
 
     def offer(self, path: Path, name: str, kind: Literal["export", "puppet", "take", "model"]) -> Download:
-        """Let the page download a file."""
+        """Allow the page to download a file."""
         download = Download(new_id(), shown(name), path, kind)
         self.downloads[download.id] = download
         return download
 
     def offer_puppet(self, path: Path) -> Download:
-        """Let the page download a saved puppet file; saving it again does not offer it twice."""
+        """Allow the page to download a saved puppet file; a file that is saved again keeps its id."""
         known = [each for each in self.downloads.values() if each.path == path]
         return known[0] if known else self.offer(path, path.name, "puppet")
 
     def withdraw(self, key: str) -> None:
-        """Let the page no longer download a file, which stays."""
+        """End the page's access to a file, which is not deleted."""
         self.downloads.pop(key, None)
 
     def told(self, error: PuppetlineError) -> dict[str, str]:
@@ -269,7 +270,7 @@ class Workspace:
             beside.write_text(json.dumps(values, indent=2), encoding="utf-8")
 
     def read_session(self) -> dict[str, Any]:
-        """Return what the last run has stored; empty if that cannot be read."""
+        """Return the values that the last run stored; empty if they cannot be read."""
         try:
             values = json.loads((self.folder / "session.json").read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -281,7 +282,7 @@ class Workspace:
 
 
 class UploadError(PuppetlineError):
-    """An upload is too large, or there are too many."""
+    """Raised for an upload that is too large, or for too many uploads."""
 
 
 def file_name(name: str) -> str:

@@ -1,1 +1,1 @@
-"""What a character's shape says of its limbs: its ends, its curve skeleton, its orientation."""
+"""Anatomy of a character, detected from its shape: ends of limbs, curve skeleton, limbs and orientation."""

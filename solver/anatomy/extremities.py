@@ -33,7 +33,7 @@ class Extremities:
     ----------
     vertices : (k,) int64
     prominence : (k,) float64
-        Rise of each above the place where its limb branches off, as a share of the range of mean distances, 0 to 1.
+        Rise of the mean distance from where the limb branches off to its end, as a share of the range, 0 to 1.
     """
 
     vertices: NDArray[np.int64]
@@ -54,7 +54,7 @@ def distances(graph: csr_matrix, source: int, limit: float = np.inf) -> NDArray[
 
 
 def extremities(mesh: SolverMesh, graph: csr_matrix) -> Extremities:
-    """Find limb ends: prominent maxima of the mean distance to all of the surface.
+    """Find limb ends: prominent maxima of the mean distance to the whole surface.
 
     The mean geodesic distance is lowest in the trunk and rises along every limb. Small bumps are maxima too, but they
     hardly rise above their surroundings and are skipped. Of the fingers of one hand, the most prominent is kept.

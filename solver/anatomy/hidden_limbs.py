@@ -15,8 +15,8 @@ HIDDEN_LEG_RATIO = 1.3
 legs."""
 
 LONG_LEG_RATIO, MAX_HEM_SHARE = 0.75, 0.1
-"""Length of the arms, as a share of that of the legs, below which hips are raised to the usual height, and the maximum
-raise as a share of the body's height: a skirt's hem hides them."""
+"""Length of the arms, as a share of that of the legs, below which hips are raised to the usual height, because the hem
+of a skirt hides them; and the maximum raise, as a share of the body's height."""
 
 HIP_HEIGHT_SHARE, HIP_WIDTH_SHARE = 0.63, 0.5
 """Height of the hips, and the distance between them, as shares of those of the shoulders."""

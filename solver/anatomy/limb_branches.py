@@ -14,13 +14,13 @@ from solver.anatomy.limb_ends import MAX_FOOT_HEIGHT, MAX_MIRROR_DISTANCE, MIRRO
 from solver.surface.mesh import SolverMesh
 
 MAX_TAIL_OFFSET, MAX_TAIL_FRONT = 0.15, -0.15
-"""Maximum distance of a tail's end from the middle plane, and its maximum place towards the front, in units."""
+"""Maximum distance of a tail's end from the middle plane, and its maximum position towards the front, in units."""
 
 MIN_ARM_SCORE = -0.2
 """Minimum score of a pair of arms."""
 
 SHOULDER_SHARE = 0.6
-"""Place of shoulders that are not visible, as a share of the distance from hips to crown."""
+"""Position of shoulders that are not visible, as a share of the distance from hips to crown."""
 
 MIN_ARM_LENGTH, FULL_ARM_LENGTH = 0.06, 0.35
 """Minimum length of an arm outside the body, and the length above which its score does not increase, in heights."""
@@ -47,8 +47,8 @@ SKULL_SPANS = 0.35, 0.2, 0.12
 one is used if the chest or neck is at the beginning of the larger one."""
 
 MIN_BIG_HEAD_SHARE = 0.55
-"""If a two-legged body is thickest beyond this share of the distance from hips to crown, that is its head, not its
-chest."""
+"""If a two-legged body is thickest beyond this share of the distance from hips to crown, its thickest part is the head
+and not the chest."""
 
 
 class LimbBranches(LimbEnds):

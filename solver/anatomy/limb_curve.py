@@ -1,4 +1,4 @@
-"""A curve inside a limb, from its end to the trunk, and where the joints are on it."""
+"""A curve inside a limb, from its end to the trunk, and the positions of the joints on it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ UPPER_ARM_SHARE, THIGH_SHARE = 0.48, 0.51
 ankle, if the limb is straight: the mean of people and of game characters."""
 
 WRIST_SHARE, WRIST_SPREAD = 0.70, 0.15
-"""Usual place of the wrist, as a share of the distance from shoulder to fingertip, and its maximum deviation."""
+"""Usual position of the wrist, as a share of the distance from shoulder to fingertip, and its maximum deviation."""
 
 HIP_RATIO, SHOULDER_RATIO = 0.6, 2.3
 """Half the distance between the curves of two legs at the hips, and the distance of an arm's curve from the trunk's at

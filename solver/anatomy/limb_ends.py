@@ -102,7 +102,7 @@ class LimbEnds:
         self.head = self._head()
 
     def place(self, cell: int) -> Points:
-        """Return a cell's place (3,) left of the middle, above the ground and in front, in units and heights."""
+        """Return a cell's position (3,): left of the middle and in front of it in units; the height in heights."""
         middle = np.array([self.middle, self.low[1], (self.low[2] + self.high[2]) / 2])
         return np.asarray((self.cells[cell] - middle) / [self.unit, self.height, self.unit])
 
@@ -112,7 +112,7 @@ class LimbEnds:
         return float(np.linalg.norm(one - image) / self.unit)
 
     def option_value(self, place: Points) -> str:
-        """Return a place as an option's value: the mesh file's coordinates."""
+        """Return a position as the value of a command-line option, in the mesh file's coordinates."""
         return ",".join(f"{value:.4g}" for value in place @ self.basis)
 
     def _feet(self) -> list[_Pair]:

@@ -1,9 +1,9 @@
 """Up, front and unit of a character, proposed from its shape alone.
 
-The left and right of a character mirror each other. Its feet are spread and clear of the middle, its toes point
-forwards, its head is at the front, and most of its vertices are in its face. These signs give each of the 24
-orientations along the axes a score. Their weights are rounded results of a conditional logistic regression over thirty
-characters (people, animals, dinosaurs, machines).
+The left and right of a character mirror each other. Its feet are spread and away from the middle, its toes point
+forwards, its head is at the front, and its face has more vertices per area than the rest. These signs determine a score
+for each of the 24 orientations along the axes. Their weights are rounded results of a conditional logistic regression
+over thirty characters (people, animals, dinosaurs, machines).
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The space inside a character, divided into cells. Touching parts are united; flat cloth has no inside."""
+"""The space inside a character, divided into cells. Touching parts are united; flat cloth has no cells."""
 
 from dataclasses import dataclass
 
@@ -19,8 +19,8 @@ MAX_CELLS_PER_AXIS = 400
 """Maximum number of cells along an axis."""
 
 TIE_DISTANCE_RATIO = 2.0
-"""Parts are tied to the rest together with the nearest one if their distance is at most this multiple of its
-distance."""
+"""Maximum distance of parts that are tied to the rest in one step, as a multiple of the distance of the nearest
+part."""
 
 NEIGHBOR_STEPS = np.array(
     [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)], dtype=np.int64

@@ -1,1 +1,1 @@
-"""Motion of a reduced model: joints to bones and handles, bones and handles to control variables."""
+"""Motion of a reduced model: from joints to bones and handles, and from these to control variables."""

@@ -148,7 +148,7 @@ def _step(plan, state, time, positions, confidence, motions, heading):
 
 @compiled(inner=True)
 def _hold_away(plan, arm, motions):
-    """Turn an arm about its parent's forward axis, in proportion to how far it points down."""
+    """Turn an arm away from the body about its parent's forward axis, in proportion to its downward component."""
     upper = plan.arms[arm, 0]
     shoulder = moved(motions[upper], plan.heads[upper])
     along = unit(minus(moved(motions[upper], plan.tails[upper]), shoulder))

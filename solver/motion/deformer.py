@@ -75,7 +75,7 @@ class Deformer:
     Raises
     ------
     MeshError
-        A surface whose energy has no unique minimum, or bones that hold no surface and no handle.
+        The surface's energy has no unique minimum, or there is no handle and the bones hold no surface.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class Deformer:
                 mesh.name,
                 found=f"a surface whose deformation is not unique ({error})",
                 expected="a surface whose triangles are not all needles or crossed",
-                fix="Remesh it, or ask for fewer fields.",
+                fix="Remesh it, or use fewer fields.",
             ) from error
         from_turns = scipy.linalg.cho_solve(factor, B)
         anchor = nearby_motions(model, mesh) if len(self.bones) else np.zeros((len(A), 0))
@@ -217,7 +217,7 @@ class Deformer:
         Raises
         ------
         ValueError
-            Arrays of other shapes, or numbers that are not finite.
+            An array has another shape, or a number is not finite.
         """
         out = np.empty_like(self.model.rest_controls) if out is None else out
         targets = np.ascontiguousarray(targets, dtype=np.float64)
@@ -354,7 +354,7 @@ def to_file_units(R: NDArray[np.floating], model: ReducedModel, out: Controls | 
     Raises
     ------
     ValueError
-        An output array of another shape.
+        The output array has another shape.
     """
     shape = (*R.shape[:-2], R.shape[-2] // 4, 3, 4)
     out = np.empty(shape, dtype=np.float32) if out is None else out

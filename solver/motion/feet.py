@@ -25,7 +25,7 @@ from solver.motion.retarget import RETURN_SECONDS
 from solver.motion.two_bones import bend, carry_along, move_along, moved, place, pole
 
 MAX_HOLD_METRES = 0.18
-"""Largest distance between a held foot and where the leg points, in the performer's metres."""
+"""Largest level distance between a held foot and where the leg points, in the performer's metres."""
 
 HOLD_AGAIN_METRES = 0.03
 """Distance between a released foot and where the leg points below which it can be held again, in the performer's
@@ -48,8 +48,8 @@ SETTLE_SECONDS = 0.08
 """Time constant with which a held foot becomes flat on the floor, in seconds."""
 
 HEADING_SECONDS = 4.0
-"""Time constant with which the heading of a held foot follows the performer's, in seconds: sensors measure it badly,
-and a foot that turns slides."""
+"""Time constant with which the heading of a held foot follows the performer's, in seconds. It is long, because sensors
+measure the heading imprecisely and a foot that turns slides."""
 
 MAX_TILT = math.radians(20)
 """Largest angle by which the pelvis is tilted to one side, in radians."""
@@ -232,7 +232,7 @@ def _ease(shares, wanted, elapsed):
 
 @compiled(inner=True)
 def _heights(plan, state, motions):
-    """Return the heights of the feet over their rest, without the root's motion, as the legs point."""
+    """Return the heights of the feet over their height at rest, as the legs point and without the root's motion."""
     heights = np.empty(len(plan.legs))
     for leg in range(len(plan.legs)):
         shin, foot = plan.legs[leg, 1], plan.legs[leg, 2]

@@ -12,8 +12,8 @@ from solver.motion.retarget import is_position
 
 INNER_JOINT_SHARES = 0.15, 0.35
 """Distances of a joint within the trunk from the trunk's ends, as shares of its length, above which it counts, and
-counts fully. The spine joint of Kinect v1 is 7 cm above the hips and a few behind; its direction is not that of the
-back."""
+counts fully. The spine joint of Kinect v1 is 7 cm above the hips and a few centimetres behind them; its direction is
+not that of the back."""
 
 MIN_WIDTH_SHARES = 0.12, 0.25
 """Widths of hips and of shoulders, as shares of the trunk's length, below which left and right are unknown."""

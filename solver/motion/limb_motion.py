@@ -1,4 +1,4 @@
-"""A performer's joints to the motions of a character's bones.
+"""Maps a performer's joints to the motions of a character's bones.
 
 A limb is a chain of bones that follows a chain of the performer's joints. Its bones have the directions of the
 performer's (`follow = "direction"`), or turn from their rest as the performer's have turned from theirs (`"turn"`). The

@@ -13,10 +13,10 @@ MAX_TURN_RATE = 25.0
 """Largest angular speed of a limb relative to its base, in radians per second; a thrower's forearm reaches about 40."""
 
 MAX_FOOT_RADIANS = 0.9
-"""Largest rotation of a foot relative to its shin, in radians; the joint of a foot is a sensor's noisiest."""
+"""Largest rotation of a foot from rest relative to its shin, in radians; the joint of a foot is a sensor's noisiest."""
 
 FOOT_SECONDS = 0.05
-"""Time constant with which a foot follows the performer's, in seconds; it starts from the rest pose."""
+"""Time constant with which a foot follows the performer's, in seconds; the foot starts from the rest pose."""
 
 HINGE_RATE = 20.0
 """Rate, per second, with which the roll of an upper arm or thigh follows the plane of a bent limb."""

@@ -65,7 +65,7 @@ def parents_first(limbs: Sequence[Limb]) -> list[Limb]:
     Raises
     ------
     ValueError
-        A parent that is missing, or a cycle of parents.
+        A parent is missing, or there is a cycle of parents.
     """
     ordered: list[Limb] = []
     waiting = list(limbs)

@@ -1,4 +1,4 @@
-"""Limits of the motion of limbs, found by moving them on the reduced model until edges are strained too much."""
+"""Limits of the motion of limbs, found by moving them on the reduced model until their edges are strained too much."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Joint motion to handle targets (Section 3.3, Eq. 6-7).
+"""Maps joint motion to handle targets (Section 3.3, Eq. 6-7).
 
 The paper adds up the joints' motion from frame to frame, C^t+1 = C + H^t. While every joint is tracked, that sum is the
 displacement from the first pose. `Retargeter` uses the displacement, which does not drift after a joint was lost.

@@ -1,6 +1,6 @@
-"""Removal of rotations that handles do not determine: with one handle any, with several on a line those about it.
+"""Removal of rotations that handles do not determine: any rotation for one handle, that about their line for several.
 
-Neither the deformation energy nor such handles prevent this rotation. The character would roll a little with every
+Neither the deformation energy nor such handles prevent these rotations. The character would roll a little with every
 motion and never roll back.
 """
 

@@ -1,4 +1,4 @@
-"""Vertices from corners with separate indices of position, texture coordinates and normal."""
+"""Finds the vertices of corners that have separate indices of position, texture coordinates and normal."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ def unique_rows(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.
     Parameters
     ----------
     rows : (r, k) int64
-        Integers from −1 to a number that is not much larger than r.
+        Integers from −1 on; the time is also proportional to the largest one.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Files that a mesh file names: materials and images in its folder or below."""
+"""Finds and reads files that a mesh file names: materials and images in its folder or below."""
 
 import hashlib
 import io
@@ -16,7 +16,7 @@ MAX_TOTAL_PIXELS = 8 * MAX_IMAGE_PIXELS
 """Maximum number of pixels of all images of a mesh."""
 
 MAX_PIXELS_PER_BYTE = 8192
-"""Maximum compression of an image: one bit per pixel, and the maximum ratio of deflate, 1032 : 1."""
+"""Maximum number of pixels per byte of an image file: eight at one bit each, times deflate's maximum ratio of 1032."""
 
 KEPT_FORMATS = {"PNG": "image/png", "JPEG": "image/jpeg", "MPO": "image/jpeg"}
 """Image formats that glTF supports, by their names in Pillow; MPO is a JPEG with a second image."""
@@ -25,7 +25,7 @@ CONVERTED_FORMATS = ("BMP", "DDS", "GIF", "PPM", "TGA", "TIFF", "WEBP")
 """Image formats that are converted to PNG. Others are excluded: for EPS, Pillow would run another program."""
 
 FILE_NAME_ERRORS = (OSError, ValueError, RuntimeError)
-"""Errors raised for a name that is too long, has a zero byte in it, or is a cycle of links."""
+"""Errors raised for a name that is too long or has a zero byte in it, or for a cycle of links."""
 
 
 class Folder:
@@ -54,7 +54,7 @@ class Folder:
         self._namesakes: dict[Path, dict[str, list[Path]]] = {}
 
     def find(self, name: str, below: Path, where: str) -> Path | None:
-        """Find a file that the mesh, or a material file, names; note if it is missing.
+        """Find a file that the mesh, or a material file, names; add a note if it is missing.
 
         A path outside the mesh file's folder, usually on its author's computer, refers to the file of the same name in
         the folder. Files outside the folder are never opened.
@@ -65,7 +65,7 @@ class Folder:
         below : Path
             Folder of the file that names it.
         where : str
-            Line that names it, for a note.
+            File and line that name it, for a note.
         """
         self.files[name, str(below)] = self.state(name, below)
         try:
@@ -98,7 +98,7 @@ class Folder:
         return self._states[found]
 
     def image(self, name: str, below: Path, where: str) -> ImageFile | None:
-        """Read an image that a file names; note if it is missing or unreadable.
+        """Read an image that a file names; add a note if it is missing or unreadable.
 
         Parameters as for `find`.
         """

@@ -48,7 +48,7 @@ def read(path: Path, folder: Folder) -> dict[str, Material]:
     Raises
     ------
     MeshError
-        Not a text file.
+        The file is not text.
     """
     found: dict[str, _Statements] = {}
     current = None
@@ -96,7 +96,7 @@ class _Statements:
         )
 
     def _numbers(self, kind: str) -> list[float]:
-        """Return a statement's numbers, none if it is missing or not understood."""
+        """Return a statement's numbers; an empty list if it is missing or not understood."""
         line, value = self.lines.get(kind, (0, ""))
         try:
             numbers = [float(field) for field in value.removeprefix("-halo").split()]
@@ -147,7 +147,7 @@ class _Statements:
         return name.strip().strip('"'), options
 
     def _image_of(self, kind: str) -> ImageFile | None:
-        """Return the unchanged image of a map, and note options that would change it."""
+        """Return the unchanged image of a map; add a note about options that would change it."""
         name, options = self._map(kind)
         where = at(self.path, line=self.lines[kind][0] if name else None)
         image = self.folder.image(name, self.path.parent, where) if name else None

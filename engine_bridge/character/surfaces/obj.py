@@ -27,7 +27,7 @@ from engine_bridge.character.surfaces.text import Rows, decoded, parsed
 from puppetline.errors import at
 
 LINE_CONTINUATION = "\r"
-"""Placeholder for the end of a line that continues on the next."""
+"""Placeholder for the end of a line that continues on the next line."""
 
 IGNORED_STATEMENT = re.compile(
     "bevel|bmat|con|cstype|[cs]tech|[cd]_interp|curv2?|deg|end|hole|lod|maplib|mg|parm|scrv|shadow_obj|sp|step|surf"
@@ -49,7 +49,7 @@ MAX_INDEX = 10**18
 """Limit of indices, because NumPy reads numbers of more than 64 bits as other numbers."""
 
 MISSING_NUMBER = re.compile(r"(?<![-+\d])(?=/)|(?<=/)(?![-+\d])")
-"""Place before or after a slash where a corner has no number."""
+"""Position before or after a slash where a corner has no number."""
 
 
 def matches(head: bytes) -> bool:
@@ -69,7 +69,7 @@ def read(path: Path, content: bytes) -> Surface:
     Raises
     ------
     MeshError
-        With the line that cannot be read.
+        The file has no surface or a line that cannot be read; the message has the line.
     """
     text = decoded(path, content)
     if "\\" in text:  # faster than a search for pairs
@@ -219,7 +219,7 @@ class _Statements:
         triangles: NDArray[np.int64],
         kind_of_triangle: NDArray[np.int64],
     ) -> list[Piece]:
-        """Return pieces with vertices of their own from triangles of corners."""
+        """Return the pieces, each of which has vertices of its own."""
         uvs = _texture_coordinates(self.coordinates.table(1))
         normals = self.normals.table(3)[:, :3]
         colors = linear(table[:, 3:6]) if table.shape[1] >= 6 else None

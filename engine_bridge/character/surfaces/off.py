@@ -29,7 +29,7 @@ def read(path: Path, content: bytes) -> Surface:
     Raises
     ------
     MeshError
-        With the line that cannot be read.
+        The file has no surface or a line that cannot be read; the message has the line.
     """
     binary = re.match(rb"\s*\w*OFF\s+BINARY", content[:100])
     if binary:
@@ -70,7 +70,7 @@ def read(path: Path, content: bytes) -> Surface:
 
 
 def _divided(path: Path, lines: Rows) -> tuple[Rows, Rows, list[str]]:
-    """Return the lines of vertices, the lines of faces, and notes about the rest."""
+    """Return the lines of vertices, the lines of faces, and notes about further lines."""
     if not len(lines):
         raise damaged(path, "no counts", lines.expected)
     counts = lines.texts[0].split()

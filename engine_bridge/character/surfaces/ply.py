@@ -52,7 +52,7 @@ def read(path: Path, content: bytes) -> Surface:
     Raises
     ------
     MeshError
-        With the line, or the element and row, that cannot be read.
+        The file has no surface or a part that cannot be read; the message has the line, or the element and row.
     """
     tables, images = read_tables(path, content)
     vertex, notes = tables.get("vertex", {}), _ignored(tables)
@@ -121,7 +121,7 @@ def _triangles(
 def _lists(
     path: Path, tables: dict[str, Table], element: str, names: tuple[str, ...]
 ) -> tuple[NDArray[Any], NDArray[np.int64]] | None:
-    """Return values and lengths of the first existing column that is not empty."""
+    """Return the values and the lengths of the lists of the first column that exists and is not empty."""
     for column in (tables[element][name] for name in names if name in tables.get(element, {})):
         if column.lengths is None:
             raise damaged(at(path, field=f"element {element}"), "one corner per face", "a list of corners")

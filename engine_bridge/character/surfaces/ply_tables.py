@@ -89,7 +89,7 @@ def read_tables(path: Path, content: bytes) -> tuple[dict[str, Table], list[tupl
     Raises
     ------
     MeshError
-        With the line, or the element and row, that cannot be read.
+        A part of the file cannot be read; the message has the line, or the element and row.
     """
     end = END.search(content[:MAX_HEADER_BYTES].replace(b"\r", b"\n"))
     if not matches(content) or end is None:
@@ -173,7 +173,7 @@ def _text_columns(rows: Rows, element: Element) -> Table:
 
 
 class _BinaryElement:
-    """Bytes of an element, from `start` on."""
+    """Reader of an element, whose bytes begin at `start`."""
 
     def __init__(self, path: Path, content: bytes, start: int, element: Element, order: Order) -> None:
         self.path = path
@@ -191,7 +191,7 @@ class _BinaryElement:
         return self._read_alike() or self._read_each()
 
     def _read_alike(self) -> tuple[Table, int] | None:
-        """Read rows whose lists are as long as those of the first row, the usual case; return None for others."""
+        """Read rows whose lists are as long as those of the first row, the usual case; return None for other rows."""
         rows, properties = self.element.rows, self.element.properties
         if not rows:
             return None

@@ -1,4 +1,4 @@
-"""Triangulation of polygons by fans, and by ear clipping for concave polygons."""
+"""Triangulates polygons by fans, and by ear clipping for concave polygons."""
 
 from itertools import pairwise
 
@@ -16,7 +16,8 @@ def triangulate(points: NDArray[np.float64], sizes: NDArray[np.int64]) -> tuple[
     """Split polygons into triangles without new vertices.
 
     A polygon of n corners becomes n − 2 triangles, or none if n is less than 3. A convex polygon becomes a fan around
-    its first corner; others are cut by ear clipping (Meisters 1975) in a projection along their mean normal.
+    its first corner, and so does one of more than `MAX_CONCAVE_CORNERS`. Other concave polygons are cut by ear clipping
+    (Meisters 1975) in a projection along the axis that is nearest to their mean normal.
 
     Parameters
     ----------
@@ -72,7 +73,7 @@ def _flattened(points: NDArray[np.float64], normal: NDArray[np.float64]) -> NDAr
 
 
 def _ears(points: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Cut a counter-clockwise polygon (n, 2) into n − 2 triangles; the rest of one that intersects itself is a fan."""
+    """Cut a counter-clockwise polygon (n, 2) into n − 2 triangles; if no ears are left, the rest becomes a fan."""
     ring = list(range(len(points)))
     triangles = []
     place, attempts = 0, ATTEMPTS_PER_CORNER * len(points)
@@ -82,7 +83,7 @@ def _ears(points: NDArray[np.float64]) -> NDArray[np.int64]:
         if _is_ear(points, ear, ring):
             triangles.append(ear)
             del ring[place]
-            place -= 1  # its neighbours may be ears now; in a winding band, no others are
+            place -= 1  # its neighbours may be ears now; in a spiral, no other corners are
         else:
             place += 1
             attempts -= 1

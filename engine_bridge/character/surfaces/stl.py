@@ -51,7 +51,7 @@ def read(path: Path, content: bytes) -> Surface:
     Raises
     ------
     MeshError
-        With the line or the facet that cannot be read.
+        The file has no facet or a part that cannot be read; the message has the line or the facet.
     """
     as_text = _is_text(content) and not _is_binary(content, len(content))
     return _read_text(path, content) if as_text else _read_binary(path, content)
@@ -101,7 +101,7 @@ def _statements(path: Path, text: str) -> tuple[Rows, list[tuple[str, int]], lis
     Raises
     ------
     MeshError
-        With the first line that may not follow the one before it, or that ends a facet without exactly 3 vertices.
+        A line may not follow the one before it, or ends a facet without exactly 3 vertices; the message has the line.
     """
     vertices = Rows(path, "'vertex x y z' with finite numbers")
     solids: list[tuple[str, int]] = []

@@ -45,7 +45,7 @@ class Material:
     emissive : (3,) float
         Linear RGB, 0 to 1.
     texture, normal_texture : ImageFile or None
-        Base colour, which is multiplied by `base_color`, and normals in tangent space.
+        Images of the base colour, which is multiplied by `base_color`, and of normals in tangent space.
     alpha_mode : str
         Interpretation of opacity.
     double_sided : bool
@@ -146,7 +146,7 @@ def upper_left(uvs: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def material_for(colors: NDArray[np.float64] | None) -> Material:
-    """Return the material of a piece without one, which does not change vertex colours."""
+    """Return the default material of a piece, which does not change vertex colours."""
     if colors is None:
         return DEFAULT_MATERIAL
     return Material(alpha_mode="OPAQUE" if (colors[:, 3] == 1).all() else "BLEND")
@@ -158,7 +158,7 @@ def damaged(where: str | Path, found: str, expected: str) -> MeshError:
 
 
 def outside(positions: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which positions (n, 3) are not finite or beyond the maximum coordinate."""
+    """Return which positions (n, 3) are not finite or exceed the maximum coordinate."""
     return np.logical_not((np.abs(positions) <= MAX_COORDINATE).all(axis=1))
 
 

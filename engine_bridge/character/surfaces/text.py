@@ -1,4 +1,4 @@
-"""Text files as rows of numbers, whose errors name the line."""
+"""Reads text files as rows of numbers, with errors that name the line."""
 
 import warnings
 from collections.abc import Iterator
@@ -42,7 +42,7 @@ def filled_lines(text: str) -> Iterator[tuple[int, str]]:
 def parsed(text: str, kind: type) -> NDArray[Any] | None:
     """Return numbers separated by spaces, or None for any other text."""
     with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # older versions of NumPy stop with it at invalid text
+        warnings.simplefilter("error", DeprecationWarning)  # older versions of NumPy only warn about invalid text
         try:
             return np.fromstring(text, kind, sep=" ")
         except (ValueError, DeprecationWarning):
@@ -94,7 +94,7 @@ class Rows:
         Raises
         ------
         MeshError
-            With the first line that has other text.
+            A line has other text than numbers; the message has the first such line.
         """
         values = parsed(" ".join(self.texts), np.float64)
         if values is not None and len(values) == self.widths.sum():

@@ -1,1 +1,1 @@
-"""The control socket and the requests that it takes."""
+"""The control socket and the requests that it accepts."""

@@ -68,7 +68,7 @@ class Control:
         return [cast(bytes, socket.last_endpoint).rstrip(b"\0").decode() for socket in self.sockets]
 
     def handle(self, socket: "zmq.Socket[bytes]") -> None:
-        """Read and answer requests, up to `REQUESTS_PER_TURN`."""
+        """Read and answer requests, until `REQUESTS_PER_TURN` or `BYTES_PER_TURN` is reached."""
         taken = 0
         for _ in range(REQUESTS_PER_TURN):
             try:
@@ -97,7 +97,10 @@ class Control:
 
         if len(frames) > start + 1:
             parts = ServiceError(
-                WHERE, found=f"{len(frames) - start} parts", expected="one", fix="Send a request in one part."
+                WHERE,
+                found=f"{len(frames) - start} message parts",
+                expected="one part",
+                fix="Send each request in one part.",
             )
             reply(refusal(parts, encoding))
         else:
@@ -118,14 +121,14 @@ def request(
     Parameters
     ----------
     address : str
-        Of its control socket: ``tcp://127.0.0.1:7401``.
+        Address of the control socket, such as ``tcp://127.0.0.1:7401``.
     do : str
         See `engine_bridge.service.control.requests.ARGUMENTS`.
     token : str, optional
         Required if the service has one.
     encoding : {"json", "msgpack"}
     timeout : float
-        Seconds.
+        Maximum time to wait for the answer, in seconds.
     **arguments
         Arguments of the command.
 
@@ -137,7 +140,7 @@ def request(
     Raises
     ------
     ServiceError
-        The service's own error; or no answer, or one that is not understood.
+        The service's own error, no answer within `timeout`, or an answer that is not understood.
     """
     password = None if token is None else check_token(token, "the token").encode()
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()

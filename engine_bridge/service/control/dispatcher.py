@@ -21,16 +21,19 @@ from puppetline.errors import PuppetlineError, ServiceError
 from puppetline.toml_schema import Table
 
 MAX_DEFERRED = 256
-"""Maximum number of answers that are given later."""
+"""Maximum number of answers that are sent in a later turn of the loop."""
 
 Command = tuple[type[Table], Callable[[Any], Any]]
-"""Model of the arguments, and the function that is called with them; it returns JSON types or a `Deferred`."""
+"""Model of the arguments, and the function that is called with them; it returns JSON's types or a `Deferred`."""
 
 Reply = Callable[[bytes], None]
 """Sends a reply to the client that made the request."""
 
 FAILED = ServiceError(
-    "the service", found="an internal error", expected="none", fix="Read the log of the service, and report the error."
+    "the service",
+    found="an internal error",
+    expected="a result",
+    fix="Read the log of the service, and report the error.",
 )
 BUSY = ServiceError(
     "the service",
@@ -43,7 +46,7 @@ log = logging.getLogger(__name__)
 
 
 class Deferred:
-    """An answer that a command gives in a later turn of the loop, by `Dispatcher.finish`."""
+    """An answer that is sent in a later turn of the loop, by `Dispatcher.finish`."""
 
 
 @dataclass
@@ -61,7 +64,7 @@ class Dispatcher:
     Parameters
     ----------
     commands : mapping
-        By name. The client receives a `PuppetlineError`; any other exception is logged.
+        Commands by name. The client receives a `PuppetlineError`; any other exception is logged.
     """
 
     def __init__(self, commands: Mapping[str, Command]) -> None:
@@ -96,7 +99,7 @@ class Dispatcher:
 
 
 def refusal(error: PuppetlineError, encoding: Encoding) -> bytes:
-    """Return the reply to a message that is no request."""
+    """Return the reply to a message that is not a request."""
     return encode(error_reply(None, error), encoding)
 
 

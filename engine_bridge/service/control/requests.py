@@ -24,7 +24,7 @@ WHERE = "the request"
 MAX_REQUEST_BYTES = 65_536
 MAX_KEYS = 16
 MAX_QUOTED_CHARACTERS = 500
-"""Maximum length of each text of an error, which may quote a request."""
+"""Maximum length of each string of an error reply, which may quote a request."""
 
 NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 SCALARS = (str, int, float, bool, type(None))
@@ -41,14 +41,14 @@ def _plain_name(name: str) -> str:
 
 
 def _joint_names(value: Any) -> Any:
-    """Split a text into names, because a request has no lists."""
+    """Split a string into names, because a request has no lists."""
     if value is None:
         return ()
     if not isinstance(value, str):
         raise mistake(
             found=repr(value),
             expected="names of joints separated by spaces, or null",
-            fix="Write 'hand_left'.",
+            fix="Write for example 'wrist_left hand_left'.",
         )
     return tuple(value.split())
 
@@ -70,7 +70,7 @@ class ChooseUser(Table):
 
 
 class Mirror(Table):
-    """Turn mirroring on or off: the performer's left moves the character's right."""
+    """Turn mirroring on or off; if it is on, the performer's left moves the character's right."""
 
     character: Name
     on: Annotated[bool, Field(strict=True)]
@@ -204,7 +204,7 @@ def take_id(values: dict[str, Any]) -> RequestId:
         f"{WHERE}, id",
         found=repr(found),
         expected="an integer of 64 bits, or a string of up to 64 printable characters",
-        fix="Count your requests: 1, 2, 3.",
+        fix="Number your requests: 1, 2, 3.",
     )
 
 
@@ -263,6 +263,6 @@ def _beginning(body: bytes) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Shorten a text that a client may have sent, and escape what is no character."""
+    """Shorten a string that a client may have sent, and escape what is not valid Unicode."""
     short = text if len(text) <= MAX_QUOTED_CHARACTERS else text[: MAX_QUOTED_CHARACTERS - 1] + "…"
     return short.encode("utf-8", "backslashreplace").decode()

@@ -1,1 +1,1 @@
-"""What the service reports about itself: status, metrics, logs, systemd."""
+"""Monitoring of the service: status, metrics, logs and notifications to systemd."""

@@ -26,7 +26,7 @@ MAX_QUEUED = 1000
 """Maximum number of records that wait to be written."""
 
 CLOSE_SECONDS = 0.3
-"""Maximum time that closing waits for them to be written, in seconds."""
+"""Maximum time that closing waits for queued records to be written, in seconds."""
 
 
 def fields(**values: Any) -> dict[str, Any]:

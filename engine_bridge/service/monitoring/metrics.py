@@ -28,7 +28,7 @@ CLIENT_SECONDS = 2.0
 MAX_CLIENTS = 16
 """Maximum number of clients served at the same time; further connections are closed."""
 
-_POLL_SECONDS = 0.1  # until the server notices that it is to close
+_POLL_SECONDS = 0.1  # maximum time until the server notices that it has to close
 
 
 class MetricsServer:
@@ -109,7 +109,7 @@ def _local_only(application: Callable[..., Iterable[bytes]]) -> Callable[..., It
         if _is_local(environ.get("HTTP_HOST", "")):
             return application(environ, start_response)
         start_response("421 Misdirected Request", [("Content-Type", "text/plain; charset=utf-8")])
-        return [b"Ask for 127.0.0.1 or localhost.\n"]
+        return [b"Use 127.0.0.1 or localhost as the host name.\n"]
 
     return answer
 
@@ -143,7 +143,7 @@ def _service(service: ServiceStatus, clients: ClientsStatus) -> Iterator[Metric]
     yield _gauge("uptime_seconds", "Time since the start.", (), [((), service.uptime)])
     yield _gauge("resident_memory_bytes", "Memory of the process.", (), [((), service.memory)])
     yield _gauge("cpu_share", "Share of one core since the last status.", (), [((), service.cpu)])
-    yield _gauge("clients_connected", "ZeroMQ clients.", (), [((), clients.connected)])
+    yield _gauge("clients_connected", "Connected ZeroMQ clients.", (), [((), clients.connected)])
     yield _gauge("clients_limit", "Maximum number of ZeroMQ clients.", (), [((), clients.limit)])
     yield _counter("clients_refused", "Refused ZeroMQ connections.", (), [((), clients.refused)])
 

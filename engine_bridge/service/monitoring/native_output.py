@@ -12,7 +12,7 @@ from typing import TextIO
 
 _Streams = tuple[TextIO, TextIO]
 
-_CLOSE_SECONDS = 0.3  # maximum time that closing waits for them
+_CLOSE_SECONDS = 0.3  # maximum time that closing waits for the last lines
 
 log = logging.getLogger(__name__)
 
@@ -25,7 +25,7 @@ def logged() -> Iterator[None]:
     """
     before = sys.stdout, sys.stderr
     if os.name != "posix" or None in before or not _are_the_systems(before):
-        yield  # another program has redirected them
+        yield  # other code has replaced the streams
         return
     for stream in before:
         stream.flush()
@@ -35,7 +35,7 @@ def logged() -> Iterator[None]:
         os.dup2(write, descriptor)
     after = _on(kept[0], before[0]), _on(kept[1], before[1])
     _bind(before, after)
-    os.set_blocking(write, False)  # what exceeds the pipe is lost, and nothing waits
+    os.set_blocking(write, False)  # output that does not fit into the pipe is lost, and nothing waits
     os.close(write)
     faulthandler.enable(after[1])  # a crash is no debug message
     reader = threading.Thread(target=_log, args=[read], name="native output", daemon=True)

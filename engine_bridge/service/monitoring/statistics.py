@@ -49,7 +49,7 @@ class Statistics:
         _window(self._performed, character).add(now * 1e-9)
 
     def service(self) -> ServiceStatus:
-        """Return the state of the process; the processor's share is that since the call before."""
+        """Return the state of the process; the share of the processor is measured since the previous call."""
         now = time.monotonic()
         return ServiceStatus(
             version=self._version,
@@ -75,14 +75,14 @@ class Statistics:
                 del windows[name]
 
     def _cpu_share(self, now: float) -> float:
-        """Return the share of one core since the last snapshot."""
+        """Return the share of one core since the previous call."""
         used = time.process_time()
         (then, used_then), self._cpu = self._cpu, (now, used)
         return (used - used_then) / max(now - then, 1e-3)
 
 
 class _Window:
-    """Moments of the last `WINDOW_SECONDS`, each with a number, and the count of all moments so far."""
+    """Times of events in the last `WINDOW_SECONDS`, each with a value, and the number of all events so far."""
 
     def __init__(self, since: float) -> None:
         self._since = since
@@ -95,14 +95,14 @@ class _Window:
         self._count += 1
 
     def count_and_rate(self, now: float) -> tuple[int, float]:
-        """Return the number of moments so far and their present rate per second."""
+        """Return the number of events so far and their present rate per second."""
         self._forget(now)
         full = len(self._moments) == WINDOW_FRAMES
         since = self._moments[0][0] if full else max(self._since, now - WINDOW_SECONDS)
         return self._count, len(self._moments) / max(now - since, 1.0)
 
     def percentiles(self, now: float) -> LatencyStatus:
-        """Return the percentiles of the numbers."""
+        """Return the percentiles of the values."""
         self._forget(now)
         if not self._moments:
             return LatencyStatus()

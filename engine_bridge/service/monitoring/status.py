@@ -21,7 +21,7 @@ class ServiceStatus:
     memory : int
         Resident bytes.
     cpu : float
-        Share of one core since the status before.
+        Share of one core since the previous status.
     """
 
     version: str
@@ -173,7 +173,7 @@ class OutputStatus:
     sent, bytes : int
         Messages sent so far, and their size; over ZeroMQ, a message counts once, however many clients receive it.
     skipped : int or None
-        Frames replaced by newer ones before they were sent; None if the wire cannot tell.
+        Messages replaced by newer ones, or dropped, before they were sent; None if the wire cannot count them.
     failed : int
         Messages that could not be sent.
     clients : int or None

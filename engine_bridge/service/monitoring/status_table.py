@@ -18,12 +18,12 @@ CLOSE_SECONDS = 0.5
 
 
 class StatusDisplay:
-    """Shows each status in a thread of its own, so that a terminal that is halted halts nothing else.
+    """Shows each status in a thread of its own, so that a paused terminal does not stop the service.
 
     Parameters
     ----------
     console : Console, optional
-        Standard output where none is given.
+        Standard output by default.
     """
 
     def __init__(self, console: Console | None = None) -> None:
@@ -35,20 +35,20 @@ class StatusDisplay:
         self._thread.start()
 
     def update(self, status: Status) -> None:
-        """Show this from now on."""
+        """Show a status from now on."""
         with self._changed:
             self._latest = status
             self._changed.notify()
 
     def close(self) -> None:
-        """Leave the last status standing."""
+        """Stop; the last status stays visible."""
         with self._changed:
             self._open = False
             self._changed.notify()
         self._thread.join(CLOSE_SECONDS)
 
     def _next(self) -> Status | None:
-        """Wait for a status; None when it is over."""
+        """Wait for the next status; None once the display is closed and has shown the last one."""
         with self._changed:
             self._changed.wait_for(lambda: self._latest is not None or not self._open)
             status, self._latest = self._latest, None

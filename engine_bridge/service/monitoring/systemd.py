@@ -70,7 +70,7 @@ class Notifier:
 
     def _send(self, message: str) -> None:
         if self._socket is not None:
-            with suppress(OSError):  # systemd restarts, or its queue is full: the next one arrives
+            with suppress(OSError):  # systemd restarts, or its queue is full: the next notification will arrive
                 self._socket.sendto(message.encode(), self._address)
 
 

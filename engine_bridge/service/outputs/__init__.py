@@ -1,1 +1,1 @@
-"""What carries a service's frames out: a module a wire."""
+"""Outputs, which send the service's frames: one module per wire."""

@@ -1,4 +1,4 @@
-"""Calls that other threads ask for, made in the service's loop."""
+"""Calls that other threads request and that are made in the service's loop."""
 
 import contextlib
 import socket
@@ -24,7 +24,7 @@ class Calls:
         return self._readable.fileno()
 
     def ask(self, call: Callable[[], None]) -> "Future[None]":
-        """Ask for a call, in any thread; the future is done when it has been made, with its error."""
+        """Request a call, from any thread; the future is done when the call has returned or raised."""
         done: Future[None] = Future()
         self._waiting.append((call, done))
         self._wake()

@@ -32,7 +32,7 @@ from solver.motion.limbs import TRUNK
 Kind = Literal["controls", "morphs", "joints", "handles", "vertices", "performer", "vmc"]
 
 KINDS = get_args(Kind)
-"""What can be sent."""
+"""All kinds of data that can be sent."""
 
 CHUNK_VERTICES = 250
 """Number of vertices per datagram: 7.6 kB, because some systems send no more than 9 kB."""
@@ -41,13 +41,15 @@ PERFORMER_SECONDS = 1.0
 """Time after which an unchanged performer is sent again, in seconds, because datagrams get lost."""
 
 EARLY_SHARE = 0.1
-"""Share of the sending period by which a send may come early after a late one, so that no frame of that very rate is
-lost."""
+"""Share of the sending period by which a send may come early after a late one.
+
+Without it, frames that arrive at exactly the rate would be lost.
+"""
 
 SEND_BUFFER_BYTES = 1 << 20
 
 UNFIT = re.compile(r"[^!-~]|[#*,/?\[\]{}]")
-"""Characters that a part of an OSC address must not contain."""
+"""A character that a part of an OSC address must not contain."""
 
 
 class OscTable(OutputTable):
@@ -58,8 +60,9 @@ class OscTable(OutputTable):
     port, host
         Its address.
     rate : float
-        Frames per second of each character: n more of them never take less than n − `EARLY_SHARE` periods.
+        Maximum frames per second of each character: n more frames take at least n − `EARLY_SHARE` periods.
     send : tuple of Kind
+        Kinds of data to send.
     characters : tuple of str
         Names; empty for all characters.
     """
@@ -124,7 +127,7 @@ class OscTable(OutputTable):
 
 @dataclass
 class _Turn:
-    """The newest frame of a character that has not been sent, and when the next one may be."""
+    """The newest frame of a character if it has not been sent, and when the next one may be sent."""
 
     frame: Frame | None = None
     earliest: float = -math.inf
@@ -144,7 +147,7 @@ class OscOutput(Output):
     Raises
     ------
     ServiceError
-        An unknown host.
+        The host is unknown.
     """
 
     def __init__(self, target: OscTable, clock: Callable[[], float] = time.monotonic) -> None:
@@ -152,7 +155,7 @@ class OscOutput(Output):
         self._clock, self._began = clock, clock()
         self._turns: dict[str, _Turn] = {}
         self._sent = self._bytes = self._skipped = self._failed = 0
-        family, self._address = _resolved(target)  # once: sending to a name would ask for its address each time
+        family, self._address = _resolved(target)  # once: sending to a name would look up its address each time
         self._socket = _socket(family)
 
     @property
@@ -205,7 +208,7 @@ class OscOutput(Output):
 
 
 def part_names(names: Sequence[str]) -> list[str]:
-    """Return names for addresses, without the characters that OSC forbids there, and each name once."""
+    """Return names for parts of addresses: characters that OSC forbids become _, and repeated names get numbers."""
     fit: list[str] = []
     for number, name in enumerate(names):
         own = UNFIT.sub("_", name)

@@ -68,7 +68,7 @@ class Output(ABC):
 
 @dataclass(frozen=True)
 class Opening:
-    """What the service provides to an output that is opened.
+    """What the service provides to an output when it opens it.
 
     Attributes
     ----------

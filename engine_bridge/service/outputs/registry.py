@@ -20,7 +20,7 @@ class OutputTables(Table):
     websocket: WebSocketTable | None = None
 
     def output_tables(self) -> Iterator[tuple[tuple[str | int, ...], OutputTable]]:
-        """Yield all tables in the order of the rows, each after its place in the file."""
+        """Yield the keys and indices of each table in the file, and the table, in the order of the rows."""
         for key in OutputTables.model_fields:
             value = getattr(self, key)
             if isinstance(value, tuple):

@@ -1,6 +1,6 @@
-"""What all wires with subscribers share: who subscribes to what, and the messages that they receive (docs/protocol.md).
+"""Subscriptions and messages, which all wires with subscribers share (docs/protocol.md).
 
-Only what somebody subscribes to is computed, once for all wires.
+Only messages with a subscriber are computed, and once for all wires.
 """
 
 import time
@@ -32,7 +32,10 @@ Peer = TypeVar("Peer", bound=Hashable)
 
 @dataclass
 class Stream:
-    """A peer's side of things; `kinds` are those wanted of a character, as long as subscriptions stay the same."""
+    """The subscriptions of a peer and the answers that are due to it.
+
+    `kinds` has the kinds of frames that it subscribes to, by character; it is cleared when subscriptions change.
+    """
 
     subscriptions: Subscriptions = field(default_factory=Subscriptions)
     answers: Answers = field(default_factory=Answers)
@@ -64,10 +67,10 @@ class StreamOutput(Output, Generic[Peer]):
 
     @abstractmethod
     def _send(self, peer: Peer, *parts: bytes) -> None:
-        """Send a message without waiting; it is the parts one after the other."""
+        """Send a message, which is the parts one after the other, without waiting."""
 
     def announce(self, characters: Sequence[StreamedCharacter]) -> None:
-        """Replace the characters; scenes with another revision go to the clients that have subscribed to them."""
+        """Replace the characters; send scenes with another revision to the clients that subscribe to them."""
         before, self._characters = self._characters, {each.name: each for each in characters}
         for name in before.keys() - self._characters.keys():
             self._kept.pop(topic(name, Kind.PERFORMER), None)
@@ -86,7 +89,7 @@ class StreamOutput(Output, Generic[Peer]):
         self.send_due()
 
     def offer(self, frame: Frame) -> None:
-        """Send a frame in all the kinds that peers subscribe to, and the performer if it has changed."""
+        """Send a frame in all kinds that peers subscribe to, and the performer if the state or the user has changed."""
         name, performer = frame.character.name, (frame.state, frame.user)
         if self._performers.get(name) != performer:
             self._performers[name] = performer
@@ -131,7 +134,7 @@ class StreamOutput(Output, Generic[Peer]):
         stream.kinds.clear()
 
     def _publish_json(self, name: str, value: Any) -> None:
-        """Send a value that concerns the whole service, and keep it for clients that subscribe later."""
+        """Send a value about the whole service, and keep it for clients that subscribe later."""
         place, payload, kind = topic_field(name), write_json(value), WORDS[name.removeprefix("service/")]
         self._keep(place, join(place, Header(kind, len(payload), published=time.monotonic_ns()), payload))
 
@@ -142,7 +145,7 @@ class StreamOutput(Output, Generic[Peer]):
                 self._send(peer, message)
 
     def _private_scene(self, prefix: bytes) -> bytes | None:
-        """Return the topic field of a scene that one client requests under a topic of its own."""
+        """Return the topic field if a subscription requests a scene under a client's own topic, else None."""
         text = prefix.decode("latin-1").removesuffix("\0")
         name, scene, own = (*text.split("/", 2), "", "")[:3]
         return topic_field(text) if scene == "scene" and own and name in self._characters and is_topic(text) else None

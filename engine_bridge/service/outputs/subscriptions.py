@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from engine_bridge.service.protocol.header import NAME, TOPIC_BYTES, WORDS
 
 MAX_SUBSCRIPTIONS = 4096
-"""Maximum number of different subscriptions at which those to characters that do not exist yet are still kept."""
+"""Number of different subscriptions from which on new ones to characters that do not exist yet are ignored."""
 
 MAX_PENDING = 1024
 """Maximum number of topics that wait for an answer."""
@@ -55,7 +55,7 @@ class Subscriptions:
         self._made.setdefault(prefix, Counter())[connection] += 1
 
     def remove(self, prefix: bytes, connection: int | None) -> None:
-        """Remove a subscription that a client withdraws or, without a connection, of one that has disconnected."""
+        """Remove a subscription that a client withdraws; `connection` is None if the client has disconnected."""
         if prefix not in self._held:
             return
         if connection is not None:
@@ -99,7 +99,7 @@ class Answers:
         self._free = float("-inf")
 
     def ask(self, field: bytes, now: float) -> bool:
-        """Add a topic if it does not wait yet; return False if too many wait."""
+        """Add a topic unless it is pending already; return False if too many are pending."""
         if field not in self._pending and len(self._pending) >= MAX_PENDING:
             return False
         self._pending.setdefault(field, max(now, self._given.get(field, now - ANSWER_SECONDS) + ANSWER_SECONDS))

@@ -1,6 +1,6 @@
 """Frames in the VMC protocol: local rotations and positions of Unity's humanoid bones, for one receiver.
 
-The hips carry the character's root motion, and the root stays at the origin, as other senders of people do it.
+The hips have the character's root motion, and the root stays at the origin, as in other programs that send VMC.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,7 +19,7 @@ CALIBRATION = {"waiting": 0, "calibrating": 2, "performing": 3, "leaving": 0}
 """The protocol's number for each state: not calibrated, being calibrated, calibrated."""
 
 AT_ORIGIN = np.array([0, 0, 0, 0, 0, 0, 1], dtype=np.float32)
-"""A place, and a quaternion."""
+"""Position (x, y, z) and rotation (a unit quaternion x, y, z, w) of the root."""
 
 
 def datagrams(frame: Frame, seconds: float) -> Iterator[bytes]:
@@ -29,7 +29,7 @@ def datagrams(frame: Frame, seconds: float) -> Iterator[bytes]:
     ----------
     frame : Frame
     seconds : float
-        The sender's clock.
+        Time on the sender's clock, in seconds.
 
     Yields
     ------
@@ -51,7 +51,7 @@ def datagrams(frame: Frame, seconds: float) -> Iterator[bytes]:
 
 
 def _bundles(messages: Sequence[bytes]) -> Iterator[bytes]:
-    """Put messages into as few bundles as hold them in their order."""
+    """Put messages, in their order, into as few bundles as hold them."""
     waiting: list[bytes] = []
     for each in messages:
         if waiting and len(bundle(*waiting, each)) > DATAGRAM_BYTES:

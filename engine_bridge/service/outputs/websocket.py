@@ -1,4 +1,4 @@
-"""The output over WebSocket: the stream and requests of the control socket, for web pages (docs/protocol.md)."""
+"""The output over WebSocket: the stream and the control socket's requests, for web pages (docs/protocol.md)."""
 
 import json
 import re
@@ -40,7 +40,7 @@ Origin = Annotated[str, Field(strict=True), AfterValidator(_origin)]
 
 
 class WebSocketTable(OutputTable):
-    """[websocket]: where web pages connect, and which pages may.
+    """[websocket]: the address that web pages connect to, and which pages may connect.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class WebSocketOutput(StreamOutput["Client"]):
     Raises
     ------
     ServiceError
-        An address that cannot be bound, or that other machines could reach without a token.
+        The address cannot be bound, or other machines could connect to it without a token.
     """
 
     def __init__(self, table: WebSocketTable, opening: Opening) -> None:
@@ -99,13 +99,13 @@ class WebSocketOutput(StreamOutput["Client"]):
         return [self._calls.fileno()]
 
     def handle(self, socket: int) -> None:  # noqa: ARG002
-        """Carry out what clients have sent."""
+        """Carry out what clients have sent, and answer the subscriptions whose time has come."""
         self._calls.make()
         self.send_due()
 
     @property
     def statistics(self) -> OutputStatus:
-        """Messages sent to each client, frames replaced by newer ones, clients."""
+        """Messages sent to all clients, messages replaced or dropped, connected clients and refused connections."""
         counts = self._server.counts
         return OutputStatus(
             "websocket",
@@ -152,7 +152,7 @@ class WebSocketOutput(StreamOutput["Client"]):
 
 
 def _subscription(text: str) -> tuple[str | None, str]:
-    """Return ``"subscribe"`` or ``"unsubscribe"`` and a topic; None and nothing if a text is neither."""
+    """Return ``"subscribe"`` or ``"unsubscribe"`` and a topic; None and an empty string for any other text."""
     try:
         values = json.loads(text)
     except (ValueError, RecursionError):
@@ -165,7 +165,7 @@ def _subscription(text: str) -> tuple[str | None, str]:
 
 
 def _token(opening: Opening, address: IPAddress) -> bytes | None:
-    """Return the token of [network], which other machines must have.
+    """Return the token of [network], which clients must send; None without one.
 
     Raises
     ------

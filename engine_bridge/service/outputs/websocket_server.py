@@ -1,7 +1,7 @@
 """The WebSocket server of the stream: connections, credentials and delivery, in a thread with an event loop of its own.
 
-A client gets the newest message of each topic when it can take one: a slow client skips frames, and costs the others
-and the service nothing. What a client sends is carried out in the service's loop, one message at a time.
+A client gets the newest message of each topic when it can take one. A slow client skips frames, and delays neither the
+others nor the service. What a client sends is carried out in the service's loop, one message at a time.
 """
 
 import asyncio
@@ -44,7 +44,7 @@ SEND_BUFFER_BYTES = 128 * 1024
 """Size of the system's send buffer per client; what waits there is old when it arrives."""
 
 HEARTBEAT_SECONDS = 20.0
-"""Time without data from a client after which it must answer a ping, in seconds; it has half of it for the answer."""
+"""Time without data from a client after which it must answer a ping, in seconds; it has half that time to answer."""
 
 CLOSE_SECONDS = 0.5
 """Maximum time that closing waits for clients and for the thread, in seconds."""
@@ -54,7 +54,7 @@ WRONG_TOKEN = 4401
 
 
 class Service(Protocol):
-    """What clients ask of the service; each is called in the service's loop."""
+    """What clients ask of the service; each method is called in the service's loop."""
 
     def join(self, client: "Client") -> None:
         """Add a client that has authenticated."""
@@ -78,7 +78,7 @@ class Counts:
 
 
 class Client:
-    """A connected client, and what waits for it: replies, and the newest message of each topic.
+    """A connected client, and what waits to be sent to it: replies, and the newest message of each topic.
 
     The service's loop puts messages in, and the server's thread takes them out.
     """
@@ -92,7 +92,7 @@ class Client:
         self._replies: deque[str] = deque()
 
     def put(self, *parts: bytes) -> None:
-        """Hold a message, the parts one after the other, in place of an older one of its topic."""
+        """Hold a message, which is the parts one after the other, in place of an older one of its topic."""
         place = parts[0][:TOPIC_BYTES]
         with self._lock:
             if place in self._messages or len(self._messages) >= MAX_WAITING_TOPICS:
@@ -126,7 +126,7 @@ class WebSocketServer:
         0 chooses a free one.
     access : WebAccess
     token : bytes or None
-        What clients must send; None lets in all that `access` accepts.
+        Token that clients must send; None accepts every client that `access` accepts.
     max_clients : int
     calls : Calls
         Made in the service's loop.
@@ -135,7 +135,7 @@ class WebSocketServer:
     Attributes
     ----------
     address : str
-        What clients connect to.
+        Address that clients connect to.
     counts : Counts
 
     Raises
@@ -195,15 +195,15 @@ class WebSocketServer:
         listening = await self._loop.create_server(partial(self._accept, server), sock=self._socket)
         await self._closing.wait()
         listening.close()
-        farewells = [
+        closures = [
             asyncio.create_task(each.close(code=WSCloseCode.GOING_AWAY, drain=False)) for each in self._clients.values()
         ]
-        if farewells:
-            await asyncio.wait(farewells, timeout=CLOSE_SECONDS)
+        if closures:
+            await asyncio.wait(closures, timeout=CLOSE_SECONDS)
         await server.shutdown(0)
 
     def _accept(self, server: web.Server) -> asyncio.BaseProtocol:
-        """Return what speaks with a new connection, which is closed unless it authenticates in time."""
+        """Return the protocol of a new connection, which is closed unless it authenticates in time."""
         if len(server.connections) - len(self._admitted) >= MAX_HANDSHAKES:
             self._refuse("too many connections without authentication")
             return _Refusing()
@@ -224,7 +224,7 @@ class WebSocketServer:
         self._log.warning("web client refused", reason=reason, **address, **shown)
 
     async def _handle(self, request: web.BaseRequest) -> web.StreamResponse:
-        """Check where a request comes from, its credentials, and then serve it as a client."""
+        """Check the origin and the credentials of a request, and then serve it as a client."""
         reason = self._access.refusal(request.headers.get("Host"), request.headers.get("Origin"))
         if reason is not None:
             self._refuse(reason, request)
@@ -276,7 +276,7 @@ class WebSocketServer:
                 self._calls.ask(partial(self._service.leave, client))
 
     def _authenticates(self, first: WSMessage) -> bool:
-        """Tell whether a client's first message has the token."""
+        """Tell whether a client's first message is a JSON object, with the token if one is required."""
         if first.type is not WSMsgType.TEXT:
             return False
         try:
@@ -305,7 +305,8 @@ class WebSocketServer:
 async def _end(transport: asyncio.Transport) -> None:
     """Close a connection, and do not wait for a client that does not read.
 
-    While data of the client is unread, closing resets the connection; that could overtake the frame with the reason.
+    Closing while data of the client is unread resets the connection, and the reset could overtake the close frame. The
+    client therefore has `CLOSE_SECONDS` to close the connection itself.
     """
     try:
         with suppress(TimeoutError):
@@ -333,7 +334,7 @@ async def _send(client: Client, stream: web.WebSocketResponse, counts: Counts) -
 
 
 class _Refusing(asyncio.Protocol):
-    """Closes a connection at once."""
+    """Closes a connection immediately."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         transport.abort()  # type: ignore[attr-defined]

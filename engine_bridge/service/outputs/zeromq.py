@@ -16,7 +16,7 @@ from engine_bridge.service.protocol.header import FRAME_KINDS
 from engine_bridge.service.security.endpoints import Endpoint, NetworkSettings
 
 QUEUED_FRAMES = 2
-"""Number of frames of all kinds queued for a slow client; later ones are dropped for that client."""
+"""Number of frames per character and kind that are queued for a slow client; later ones are dropped for it."""
 
 QUEUED_OTHERS = 8
 """Number of further messages, such as scenes, queued for a client."""
@@ -55,7 +55,7 @@ class ZeroMqOutput(StreamOutput[zmq.Socket[bytes]]):
     Raises
     ------
     zmq.ZMQError
-        An endpoint that cannot be bound.
+        An endpoint cannot be bound.
     """
 
     def __init__(
@@ -100,12 +100,12 @@ class ZeroMqOutput(StreamOutput[zmq.Socket[bytes]]):
 
     @property
     def ignored(self) -> int:
-        """Number of subscriptions so far that no topic can match."""
+        """Number of subscriptions so far that were ignored, see `Subscriptions`."""
         return sum(stream.subscriptions.ignored for stream in self._streams.values())
 
     @property
     def statistics(self) -> OutputStatus:
-        """Messages and bytes so far; libzmq does not tell what it drops for slow clients."""
+        """Messages and bytes so far; libzmq does not report what it drops for slow clients."""
         return OutputStatus("zeromq", " ".join(self.endpoints), self._messages, self._bytes, None, 0)
 
     def handle(self, socket: zmq.Socket[bytes]) -> None:

@@ -1,4 +1,4 @@
-"""Frames, which stages make and outputs send: one character at one moment.
+"""Frames, which stages produce and outputs send: one character at one moment.
 
 Each property is computed when it is first used, and once.
 """
@@ -37,7 +37,7 @@ class StreamedCharacter:
         Name in topics: ``[A-Za-z0-9_-]{1,32}``.
     rig : Rig
     revision : int
-        Differs between characters that differ in anything that clients know; it fits in 32 bits.
+        32 bits of a hash of the scene and the morph targets. A new mapping does not change it, see `remapped`.
     basis : LiveBasis or None
         Morph targets that poses are projected on.
     """
@@ -77,7 +77,7 @@ class StreamedCharacter:
 
     @cached_property
     def humanoid(self) -> Humanoid | None:
-        """Its limbs as bones of a humanoid; None if they are not those of one."""
+        """Its limbs as bones of a humanoid; None if it is not a humanoid."""
         return humanoid_of(self.rig.puppet, self.rest) if is_humanoid(self.rig.puppet) else None
 
     @cached_property
@@ -136,8 +136,8 @@ class Frame:
     targets : (h, 3) float64
         Target positions of the handles, with the root, mesh file's coordinates.
     joints : (20, 3) float64 or None
-        The performer's, filtered and corrected for the sensor's tilt: metres, sensor coordinates, NaN if never tracked;
-        None without a performer.
+        The performer's joints, filtered and corrected for the sensor's tilt: metres, sensor coordinates, NaN if never
+        tracked; None without a performer.
     confidence : (20,) float32 or None
     motions : (b, 4, 3) float64 or None
         Motions of the bones for row vectors, without the root, mesh file's coordinates.

@@ -14,7 +14,7 @@ from typing_extensions import Buffer  # of collections.abc from Python 3.12
 from engine_bridge.service.states import STATES
 
 MAJOR, MINOR = 1, 0
-"""Clients refuse other major versions, and accept all minor ones."""
+"""Protocol version; clients refuse other major versions, and accept all minor ones."""
 
 TOPIC_BYTES = 64
 
@@ -29,7 +29,7 @@ NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
 
 
 class WireError(ValueError):
-    """Raised for bytes that are no message of this protocol."""
+    """Raised for bytes that are not a message of this protocol."""
 
 
 class Kind(IntEnum):
@@ -137,7 +137,7 @@ class Message(NamedTuple):
 
 
 def topic(name: str, kind: Kind) -> bytes:
-    """Return the topic field of a character's kind, or of ``service``'s."""
+    """Return the topic field of a kind of message of a character, or of ``service``."""
     return topic_field(f"{name}/{kind.word}")
 
 
@@ -147,7 +147,7 @@ def topic_field(text: str) -> bytes:
     Raises
     ------
     ValueError
-        An invalid topic, or one that is too long.
+        The topic is invalid or too long.
     """
     if not is_topic(text):
         raise ValueError(f"{text!r:.80} is no topic of 1 to {TOPIC_BYTES - 1} printable ASCII characters")
@@ -155,12 +155,12 @@ def topic_field(text: str) -> bytes:
 
 
 def is_topic(text: str) -> bool:
-    """Tell whether a text and a zero after it fit in a topic field."""
+    """Tell whether a text is a topic: printable ASCII that fits in a topic field with a zero after it."""
     return 0 < len(text) < TOPIC_BYTES and text.isascii() and text.isprintable()
 
 
 def subscription(text: str) -> bytes:
-    """Return the subscription to exactly this topic; without the zero, longer topics would match as well."""
+    """Return the subscription to exactly one topic, ended by a zero; without it, longer topics would match as well."""
     return topic_field(text)[: len(text) + 1]
 
 

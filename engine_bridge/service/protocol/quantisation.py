@@ -1,4 +1,7 @@
-"""Vertices in ten bytes: positions as 16 bits per axis of their bounding box, normals folded onto a square."""
+"""Vertices in ten bytes: positions in 16 bits per axis of their bounding box, normals in an octahedral encoding.
+
+The octahedral encoding projects unit normals on an octahedron, and unfolds it into a square.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +18,7 @@ SQUARE_STEPS = 32767
 def quantised(
     positions: NDArray[np.float32], normals: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.uint16], NDArray[np.int16]]:
-    """Return the bounding box (2, 3), and the vertices in steps of it.
+    """Return the bounding box of vertices, and positions and normals as integers.
 
     Parameters
     ----------
@@ -27,8 +30,9 @@ def quantised(
     box : (2, 3) float32
         Lower and upper corner.
     places : (n, 3) uint16
-        The error of each coordinate is at most half a step and the rounding of float32.
+        Positions in steps of the box. The error of each coordinate is at most half a step plus the rounding of float32.
     folded : (n, 2) int16
+        Normals as points of the square.
     """
     box = np.empty((2, 3), dtype=np.float32)
     places, folded = np.empty(positions.shape, dtype=np.uint16), np.empty((len(normals), 2), dtype=np.int16)

@@ -83,7 +83,7 @@ def with_description(scene: bytes, character: DrawnCharacter) -> bytes:
 
 
 def arrays_start(scene: bytes) -> int:
-    """Return where the arrays begin in a scene payload, in bytes."""
+    """Return the offset of the arrays in a scene payload, in bytes."""
     length: int = _LENGTH.unpack_from(scene)[0]
     return _LENGTH.size + length
 
@@ -235,7 +235,7 @@ class Scene:
             raise WireError(f"a description of {start - 4} bytes in a scene of {len(view)}")
         facts = read_json(view[4:start])
         if not isinstance(facts, dict) or not isinstance(facts.get("arrays"), dict):
-            raise WireError("a scene that does not say what arrays it has")
+            raise WireError("a scene without a list of its arrays")
         arrays = {name: _array(view[start:], entry, name) for name, entry in facts["arrays"].items()}
         scene = cls(facts, arrays)
         scene._check()
@@ -258,11 +258,11 @@ class Scene:
         for name, shape in shapes.items():
             array = self.arrays.get(name)
             if array is None or array.shape != shape or (array.dtype.kind == "u") != (name == "triangles"):
-                raise WireError(f"a scene whose {name} are not there or do not fit the rest")
+                raise WireError(f"a scene whose {name} are missing or inconsistent with its description")
         if self.arrays["triangles"].max() >= n:
-            raise WireError("a triangle of a vertex that is not there")
+            raise WireError("a triangle with a vertex that does not exist")
         if not ((self.arrays["ladder"] >= 0) & (self.arrays["ladder"] <= isolines - 1)).all():
-            raise WireError("a isoline coordinate beyond the isolines")
+            raise WireError("an isoline coordinate beyond the isolines")
 
 
 def _count(facts: dict[str, Any], name: str) -> int:
@@ -273,7 +273,7 @@ def _count(facts: dict[str, Any], name: str) -> int:
 
 
 def _array(data: memoryview, entry: Any, name: str) -> Array:
-    """Return an array at the offset that the description has."""
+    """Return the array of an entry of the description."""
     if not isinstance(entry, dict) or not isinstance(entry.get("shape"), list):
         raise WireError(f"an array {name!r:.40} without a shape")
     dtype, shape, offset = TYPES.get(str(entry.get("type"))), entry["shape"], entry.get("offset", -1)

@@ -1,1 +1,1 @@
-"""Who may connect to the service, and how that is checked."""
+"""Security of the service: addresses, credentials and the checks of clients."""

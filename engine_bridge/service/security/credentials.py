@@ -33,7 +33,7 @@ def read_token(path: Path | None) -> str | None:
     Raises
     ------
     ServiceError
-        A file that cannot be read or that others can read, or no valid token.
+        The file cannot be read, others can read it, or the token is invalid.
     """
     if path is not None:
         _check_file(path, "a token file", READABLE_BY_OTHERS)
@@ -52,13 +52,13 @@ def check_token(token: str, where: str | Path) -> str:
     Raises
     ------
     ServiceError
-        It does not show the token.
+        The token is invalid; the message does not show it.
     """
     if not TOKEN.fullmatch(token):
         raise ServiceError(
             where,
             found=f"a token of {len(token)} characters",
-            expected="16 to 255 letters, digits and signs of ASCII, without spaces",
+            expected="16 to 255 letters, digits and symbols of ASCII, without spaces",
             fix="Make a new one: puppetline token FILE",
         )
     return token
@@ -85,7 +85,7 @@ def make_curve_keys(path: Path) -> None:
     Raises
     ------
     OutputError
-        Another ending; one of the files exists, or cannot be written.
+        The path has another ending, or one of the files exists or cannot be written.
     """
     if path.suffix != SECRET:
         raise OutputError(
@@ -169,7 +169,7 @@ def _no_key(path: Path, which: str) -> PuppetlineError:
 
 
 def _check_file(path: Path, what: str, forbidden: int) -> None:
-    """Refuse what is no small file, and a file that others may read or change."""
+    """Refuse a path that is not a small file, and a file that others may read or change."""
     try:
         if not path.is_file():  # reading a pipe would wait
             raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))

@@ -1,7 +1,7 @@
 """The addresses that the service listens at, and the credentials that each requires (docs/security.md).
 
-A loopback address requires none. Any other address requires a token (PLAIN), which every small client can send, or
-keys (CURVE), which also encrypt and which clients of libzmq support.
+A loopback address requires none. Any other address requires a token (PLAIN), which clients can send without libzmq, or
+keys (CURVE), which also encrypt and which clients with libzmq support.
 """
 
 import hmac
@@ -119,9 +119,9 @@ class Endpoint:
 
 
 def keep_alive(socket: "zmq.Socket[Any]") -> None:
-    """Let the system find out within `DEAD_PEER_SECONDS` that the other side's machine has disappeared.
+    """Make the system detect within `DEAD_PEER_SECONDS` that the other side's machine has disappeared.
 
-    ZeroMQ's own heartbeats do not serve: libzmq 4.3.5 aborts the process if one falls due on a connection that has
+    ZeroMQ's own heartbeats are not used: libzmq 4.3.5 aborts the process if one becomes due on a connection that has
     just failed (stream_engine_base.cpp, ``!_io_error``), which a client can cause.
     """
     socket.tcp_keepalive = 1
@@ -136,7 +136,7 @@ def endpoints_of(network: NetworkSettings, folder: Path = Path()) -> list[Endpoi
     ----------
     network : NetworkSettings
     folder : Path
-        Folder that the files it names are relative to.
+        Folder that the files in the settings are relative to.
 
     Raises
     ------
@@ -176,7 +176,7 @@ def address_of(host: str, where: str) -> IPAddress:
     Raises
     ------
     ServiceError
-        The host, which the settings have at `where`, is no address.
+        The host, which is the setting `where`, has no IP address.
     """
     if host == "*":
         return ipaddress.IPv4Address("0.0.0.0")  # noqa: S104
@@ -186,8 +186,8 @@ def address_of(host: str, where: str) -> IPAddress:
     except (OSError, UnicodeError, ValueError) as error:
         raise ServiceError(
             where,
-            found=f"{host!r}, which is no address of this machine",
-            expected="an IP address, or a name of one",
+            found=f"{host!r}, which has no IP address",
+            expected="an IP address of this machine, or a name that has one",
             fix='Use "127.0.0.1", or list the machine\'s addresses: ip address',
         ) from error
 

@@ -53,7 +53,7 @@ class _Connections:
     admitted: deque[float] = field(default_factory=deque)
 
     def count(self, now: float, undecided: int = 0) -> int:
-        """Return the number of accepted clients that are connected, if `undecided` connections are of none of them.
+        """Return the number of accepted clients that are connected, where `undecided` connections do not count.
 
         Clients that are not accepted do not count, even if they keep their connection open.
         """
@@ -86,7 +86,7 @@ class Guard:
     Attributes
     ----------
     refused : int
-        Number of connections refused so far: no credentials, too many clients, no handshake.
+        Number of connections refused so far: wrong credentials, too many clients, no handshake.
     """
 
     def __init__(
@@ -157,7 +157,7 @@ class Guard:
         self._socket.close()
 
     def _judge(self, request: Sequence[bytes]) -> bytes:
-        """Decide about version, request id, domain, address, identity, mechanism and credentials."""
+        """Return the status code for a request: version, id, domain, address, identity, mechanism and credentials."""
         if len(request) < 6 or request[0] != b"1.0":
             return self._refuse(NOT_UNDERSTOOD, "request not understood", b"")
         _, _, domain, address, _, mechanism, *credentials = request

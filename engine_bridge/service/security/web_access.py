@@ -1,7 +1,7 @@
-"""Which requests a web server accepts, by the headers Host and Origin that browsers send (docs/security.md).
+"""Decides which requests a web server accepts, by the headers Host and Origin of browsers (docs/security.md).
 
-A page of another site can make a browser connect to this machine. The browser then says which site the page is of
-(Origin), and which name it connected to (Host): a name that the site has pointed to this machine is not this machine's.
+A page of another site can make a browser connect to this machine. The browser then sends the site of the page (Origin)
+and the name that it connected to (Host). If that site has made its own name point to this machine, Host has that name.
 """
 
 import ipaddress
@@ -22,7 +22,7 @@ class WebAccess:
     address : IPv4Address or IPv6Address
         The address that the server is bound to.
     host : str
-        The name by which it was given.
+        The host name or address in the settings.
     origins : iterable of str
         Origins of further pages, such as ``https://stage.example``; clients may connect to their hosts' names too,
         because a proxy may pass these on.

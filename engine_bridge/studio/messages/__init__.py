@@ -1,7 +1,7 @@
-"""The messages of the WebSocket ``/api``: requests, their results, and what the server pushes.
+"""The messages of the WebSocket ``/api``: requests, their results, and events that the server pushes.
 
-The client's first text frame is `Hello`. The server answers with `Greeting`, then with an event `StateEvent`, or closes
-the connection with one of the `CloseCode`. From then on, the client sends requests, one flat or nested JSON map each::
+The client's first text frame is `Hello`. The server answers with `Greeting` and a `StateEvent`, or closes the
+connection with a `CloseCode`. From then on, the client sends requests, each of which is a JSON map::
 
     {"id": 7, "do": "edit", "character": "dragon", "puppet": {…}}
 
@@ -161,4 +161,4 @@ REQUESTS: dict[str, type[Request]] = {
     "smoothing_preview": SmoothingPreview,
     "look": Look,
 }
-"""Every request that the server carries out, by its `do`. Requests above that are not listed here are refused."""
+"""Every request that the server accepts, by its `do`."""

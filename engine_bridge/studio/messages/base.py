@@ -19,16 +19,16 @@ Seconds = Annotated[FiniteFloat, Field(ge=0, le=86_400)]
 
 
 class Request(Table):
-    """A request; `id` and `do` are in every one."""
+    """A request; all requests have the keys `id` and `do`."""
 
     id: int
 
 
 class JobResult(Table):
-    """Result of a request that starts a job and waits for it: the job's id, and its own keys.
+    """Result of a request that starts a job and waits for it: the job's id, and further keys.
 
-    The job is in `State.jobs` with its progress as long as it runs. The reply comes when it is done; it is an error
-    reply if it has failed or was cancelled.
+    While the job runs, it is in `State.jobs` with its progress. The reply comes when it is done; it is an error reply
+    if the job has failed or was cancelled.
     """
 
     job: str

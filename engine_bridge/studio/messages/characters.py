@@ -9,10 +9,10 @@ from puppetline.toml_schema import Table
 
 
 class OpenCharacter(Request):
-    """Propose a puppet for an uploaded mesh and put it on the stage; a job, see `JobResult`.
+    """Propose a puppet for an uploaded mesh and open it; a job, see `JobResult`.
 
-    `up`, `front` and `scale` are as in the puppet file; None to find them. `limbs` false proposes handles. If no source
-    performs, the example performer starts, so that the character moves.
+    `up`, `front` and `scale` are as in the puppet file; None detects them. `limbs` false proposes handles only. If no
+    source has been chosen, an example performer starts, so that the character moves.
 
     Result: `JobResult` with ``{"character": name}``.
     """
@@ -27,7 +27,7 @@ class OpenCharacter(Request):
 
 
 class OpenPuppet(Request):
-    """Open an uploaded puppet file with its mesh: an upload too, or by default the one with the name in the file.
+    """Open an uploaded puppet file with an uploaded mesh: by default, the one whose name is in the puppet file.
 
     Result: `JobResult` with ``{"character": name}``.
     """
@@ -45,14 +45,14 @@ class OpenExample(Request):
 
 
 class CloseCharacter(Request):
-    """Take a character off the stage; unsaved edits are lost. Result: ``{}``."""
+    """Close a character; unsaved edits are lost. Result: ``{}``."""
 
     do: Literal["close_character"]
     character: Name
 
 
 class GetPuppet(Request):
-    """Result: `PuppetReply`."""
+    """Request a character's puppet. Result: `PuppetReply`."""
 
     do: Literal["puppet"]
     character: Name
@@ -79,11 +79,11 @@ class PuppetReply(Table):
 
 
 class Edit(Request):
-    """Replace a puppet with another one of the same mesh, while it performs. Result: `PuppetReply`.
+    """Replace a puppet with another one of the same mesh, while the service runs. Result: `PuppetReply`.
 
-    `puppet` is as in `PuppetReply`; omitted keys have their defaults, and ``character.mesh`` is ignored. A mapping is
-    applied at once. Other points of limbs, or other handles, take a second to compute for a large mesh; the character
-    moves as before until then, and the reply comes after it.
+    `puppet` is as in `PuppetReply`; omitted keys have their defaults, and ``character.mesh`` is ignored. A new mapping
+    is applied immediately. New points of limbs or new handles take a second to compute for a large mesh; until then,
+    the character moves as before, and the reply comes afterwards.
     """
 
     do: Literal["edit"]
@@ -108,10 +108,11 @@ class SnapReply(Table):
 
 
 class MirrorLimb(Request):
-    """Make the other side's limb or handle from one: names and joints swap left and right, points are mirrored.
+    """Make the other side's limb or handle from one.
 
-    Points are mirrored at the character's plane of symmetry, and limbs keep their follow and gain. An existing limb or
-    handle of the other side's name is replaced. Result: `PuppetReply`; its puppet is not applied: send it as `Edit`.
+    Left and right are swapped in names and joints, and points are mirrored at the character's plane of symmetry. Limbs
+    keep their follow and gain. An existing limb or handle with the other side's name is replaced. Result:
+    `PuppetReply`; its puppet is not applied until it is sent as `Edit`.
     """
 
     do: Literal["mirror_limb"]
@@ -120,7 +121,10 @@ class MirrorLimb(Request):
 
 
 class SavePuppet(Request):
-    """Save the puppet: into the file that was opened, with its comments and order. Result: `SaveReply`."""
+    """Save the puppet into its file, whose comments and order are kept. Result: `SaveReply`.
+
+    The file is the one that was opened from the command line, otherwise a copy in the studio's folder.
+    """
 
     do: Literal["save_puppet"]
     character: Name

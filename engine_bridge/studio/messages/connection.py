@@ -11,13 +11,13 @@ class CloseCode(IntEnum):
     """Why the server closes a WebSocket."""
 
     NOT_UNDERSTOOD = 4400
-    """The first frame is not `Hello`, or frame after frame is not understood."""
+    """The first frame is not `Hello`, or many frames in a row are not understood."""
     REFUSED = 4401
     """The token is wrong, or a one-time token that was used before. Open the address that the terminal shows."""
     TOO_SLOW = 4408
     """More replies wait for this client than the server keeps. Connect again."""
     NO_SERVICE = 4503
-    """Of ``/stream``: the service is not running, or has ended. Connect again in a second."""
+    """Only on ``/stream``: the service is not running, or has ended. Connect again in a second."""
 
 
 class Hello(Table):
@@ -66,13 +66,13 @@ class Greeting(Table):
 
 
 class Ping(Request):
-    """Result: ``"pong"``."""
+    """Test the connection. Result: ``"pong"``."""
 
     do: Literal["ping"]
 
 
 class GetState(Request):
-    """Result: `State`. It is pushed on every change, so this is for tests and for programs without events."""
+    """Request the state, for tests and programs that ignore events. Result: `State`."""
 
     do: Literal["state"]
 

@@ -1,4 +1,4 @@
-"""Requests about what performs: sources, what they see, calibration and smoothing."""
+"""Requests about performers: sources, what they see, calibration and smoothing."""
 
 from typing import Annotated, Literal
 
@@ -11,7 +11,7 @@ from puppetline.toml_schema import Table
 
 
 class Source(Request):
-    """Choose what performs: exactly one of `uri`, `upload`, `example`, `take`. Result: `SourceState`.
+    """Choose the source: exactly one of `uri`, `upload`, `example`, `take`. Result: `SourceState`.
 
     `uri` is a live source: ``osc:7110``, ``vmc:39539``, ``freenect:``, ``openni:…`` or ``camera:0``. Recordings are
     chosen by upload, example or take; they play in a loop unless `loop` is false, from second `start` to `stop`.
@@ -28,7 +28,7 @@ class Source(Request):
 
 
 class GetSources(Request):
-    """List what could perform. Result: `Sources`. It takes about two seconds, in which ports are listened to."""
+    """List the available sources, which takes about two seconds. Result: `Sources`."""
 
     do: Literal["sources"]
 
@@ -36,8 +36,9 @@ class GetSources(Request):
 class Port(Table):
     """A port where skeletons of another program may arrive.
 
-    `uri` opens it. `arriving` are performers seen in about a second, `refused` the packets that were not understood, by
-    reason, and `problem` says why the port cannot be listened to.
+    `uri` opens it. `arriving` is the number of performers tracked within about a second, `rate` their skeletons per
+    second, and `refused` the number of packets that were not understood, by reason. `problem` is the reason if the port
+    cannot be opened.
     """
 
     uri: str
@@ -59,7 +60,7 @@ class Device(Table):
 
 
 class Sources(Table):
-    """What could perform.
+    """The available sources, and the example characters.
 
     Attributes
     ----------
@@ -101,17 +102,17 @@ class ChooseUser(Request):
 
 
 class Look(Request):
-    """Say what the source of a stage, by default the first, delivers, and why nothing moves. Result: `LookReply`."""
+    """Report what the source of a stage, by default the first, delivers, and why nothing moves. Result: `LookReply`."""
 
     do: Literal["look"]
     stage: Name | None = None
 
 
 class SeenPerformer(Table):
-    """A performer whom a source sees.
+    """A performer in view of a source.
 
     `text` is a line about how well the performer is tracked. `joints` are x and y of the 20 joints as shares of the
-    picture's width and height, None for joints that are lost; it is None without a picture.
+    image's width and height, None for joints that are lost; it is None without an image.
     """
 
     user: int
@@ -123,7 +124,7 @@ class LookReply(Table):
     """What a source delivers.
 
     `picture` is a JPEG in base64, of `width` times `height` pixels before it was reduced; it is empty for a source
-    without pictures. `problems` are sentences with what to do, the most important first.
+    without images. `problems` are sentences with what to do, the most important first.
     """
 
     picture: str
@@ -134,10 +135,10 @@ class LookReply(Table):
 
 
 class SmoothingPreview(Request):
-    """Compute what a smoothing does to a joint. Result: `SmoothingReply`.
+    """Compute the effect of smoothing settings on a joint. Result: `SmoothingReply`.
 
-    With `joint` and `character`, it is this joint of the performer who moves the character, in the last three seconds
-    as the source delivers it; an error if nobody does. Otherwise it is a test signal.
+    With `joint` and `character`, the input is this joint of the performer who moves the character, in the last three
+    seconds as the source delivers it; without a performer, the reply is an error. Otherwise, it is a test signal.
     """
 
     do: Literal["smoothing_preview"]
@@ -151,7 +152,7 @@ class SmoothingPreview(Request):
 
 
 class SmoothingReply(Table):
-    """The effect of a smoothing.
+    """The effect of smoothing settings.
 
     Attributes
     ----------

@@ -58,7 +58,10 @@ class CharacterState(Table):
 
 
 class SourceState(Table):
-    """What performs: its URI (empty for none), its kind, a text for people, and seconds at which it begins and ends."""
+    """The source: its URI (empty for none), its kind, its name, a text for people, and how a recording is played.
+
+    `start` and `stop` are the seconds of the recording at which it begins and ends; None for the whole recording.
+    """
 
     uri: str = ""
     kind: Literal["none", "example", "upload", "take", "live"] = "none"
@@ -98,15 +101,15 @@ class ServiceState(Table):
     running : bool
         Whether it streams.
     starting : bool
-        Whether it is being started or started again.
+        Whether it is being started or restarted.
     address : str
         Address of its control socket; empty while it does not run.
     restarts : int
-        How often it has ended without being asked to.
+        Number of times that it has ended unexpectedly.
     problem : str
-        Why it does not run, or why it ended last; empty if nothing is wrong.
+        Why it does not run; empty if nothing is wrong.
     text : str
-        What its start waits for, as a sentence; empty if it is quick.
+        What its start is waiting for, as a sentence; empty otherwise.
     """
 
     running: bool = False
@@ -118,7 +121,7 @@ class ServiceState(Table):
 
 
 class UploadState(Table):
-    """An uploaded file: its kind, and what `puppetline inspect` says of it."""
+    """An uploaded file: its kind, and what `puppetline inspect` reports about it."""
 
     upload: str
     name: str
@@ -128,7 +131,7 @@ class UploadState(Table):
 
 
 class TakeState(Table):
-    """A take: seconds from its first frame to its last (None while it is being recorded), bytes, time of writing."""
+    """A take: seconds from its first frame to its last (None if unknown), frames, bytes, time of writing."""
 
     name: str
     seconds: float | None
@@ -176,10 +179,11 @@ class JobState(Table):
 
 
 class StatusState(Table):
-    """Numbers of the service over the last second.
+    """Numbers of the service's last status.
 
-    `fps` is the skeletons per second of all stages, `latency_ms` the median time from a skeleton to its frame,
-    `clients` the clients of the stream, and `drops` the skeletons and frames that newer ones have replaced so far.
+    `fps` is the skeletons per second of all stages, and `latency_ms` the median time from a skeleton to its frame on
+    the slowest stage, both over ten seconds. `clients` is the number of clients of the stream, and `drops` that of
+    skeletons and frames that newer ones have replaced so far.
     """
 
     fps: float = 0.0
@@ -189,7 +193,7 @@ class StatusState(Table):
 
 
 class Banner(Table):
-    """The most important thing to know now, in plain words, and what to do."""
+    """The most important message for the user now, and what to do."""
 
     level: Literal["none", "info", "warning", "error"] = "none"
     text: str = ""
@@ -221,7 +225,7 @@ class StateEvent(Table):
 
 
 class ProgressEvent(Table):
-    """``{"event": "progress", …}``: a job has advanced; `JobState` of the next state has the same."""
+    """``{"event": "progress", …}``: a job has advanced; its `JobState` in the next state has the same values."""
 
     event: Literal["progress"] = "progress"
     job: str

@@ -7,7 +7,7 @@ from engine_bridge.studio.messages.base import Id, JobResult, Name, Request, Sec
 
 
 class RecordStart(Request):
-    """Begin a take of what performs now. `name` by default has the time. Result: ``{"take": name}``."""
+    """Begin a take of the first stage. The default `name` has the stage and the time. Result: ``{"take": name}``."""
 
     do: Literal["record_start"]
     name: Name | None = None
@@ -27,7 +27,7 @@ class DeleteTake(Request):
 
 
 class Export(Request):
-    """Convert a recording for a character: exactly one of `take`, `upload`, `example`; as `puppetline convert` does.
+    """Convert a recording (exactly one of `take`, `upload`, `example`) for a character, as `puppetline convert` does.
 
     `form` is the value of ``--as``. `start` and `stop` trim the recording, in seconds from its beginning. A job, see
     `JobResult`. Result: `ExportReply`.

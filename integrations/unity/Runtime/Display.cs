@@ -21,7 +21,7 @@ namespace Puppetline
 
         public abstract void Show(Frame frame);
 
-        /// <summary>Show the same frame in another picture.</summary>
+        /// <summary>Show the same frame in another image.</summary>
         public virtual void Hold()
         {
         }

@@ -77,7 +77,7 @@ namespace Puppetline
             control.Request(command, arguments, done ?? WarnOfError);
         }
 
-        /// <summary>Return the arguments of a request about the character's stage.</summary>
+        /// <summary>Return the arguments of a request for the character's stage.</summary>
         Dictionary<string, object> OfStage()
         {
             var arguments = new Dictionary<string, object>();

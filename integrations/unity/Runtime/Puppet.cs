@@ -5,8 +5,8 @@ using UnityEngine;
 namespace Puppetline
 {
     /// <summary>
-    /// Shows a character of <c>puppetline serve</c>, or plays a clip. Host, port, token, character and mode take effect when the component
-    /// is enabled; call <see cref="Reconnect"/> after you change them.
+    /// Shows a character of <c>puppetline serve</c>, or plays a clip. Host, port, token, character and mode take effect when
+    /// the component is enabled; call <see cref="Reconnect"/> after you change them.
     /// </summary>
     [AddComponentMenu("Puppetline/Puppet")]
     [DisallowMultipleComponent]
@@ -65,13 +65,13 @@ namespace Puppetline
         [Tooltip("Shown position of the other clip, in seconds.")]
         public float blendPosition;
 
-        /// <summary>Share of the other clip: 0 shows the clip, 1 the other one.</summary>
-        [Tooltip("Share of the other clip: 0 shows the clip, 1 the other one.")]
+        /// <summary>Weight of the other clip: 0 shows the clip, 1 the other one.</summary>
+        [Tooltip("Weight of the other clip: 0 shows the clip, 1 the other one.")]
         [Range(0, 1)]
         public float blendWeight;
 
-        /// <summary>One material per part; the last one is used for all remaining parts. Empty for plain ones.</summary>
-        [Tooltip("One material per part; the last one is used for all remaining parts. Empty for plain ones.")]
+        /// <summary>One material per part; the last one is used for all remaining parts. If empty, plain materials are made.</summary>
+        [Tooltip("One material per part; the last one is used for all remaining parts. If empty, plain materials are made.")]
         public Material[] materials = new Material[0];
 
         /// <summary>Faster normals for controls on the CPU: some degrees off where limbs bend.</summary>
@@ -105,7 +105,7 @@ namespace Puppetline
         /// <summary>Time of the clocks Engine and Manual, in seconds.</summary>
         double time;
 
-        /// <summary>Whether a recording waits for frames; not if they do not come.</summary>
+        /// <summary>Whether a recording waits for frames: not after a wait without a frame, until one arrives.</summary>
         bool waits;
 
         /// <summary>Delay that the clock requires, in seconds: in real time, frames arrive irregularly.</summary>
@@ -166,12 +166,12 @@ namespace Puppetline
             }
         }
 
-        /// <summary>Show a moment of a clip now, mixed with another clip of the same character.</summary>
+        /// <summary>Show a position of a clip immediately, mixed with another clip of the same character.</summary>
         /// <param name="one">The clip.</param>
         /// <param name="position">Position of the clip, in seconds.</param>
         /// <param name="other">The other clip; null for none.</param>
         /// <param name="otherPosition">Position of the other clip, in seconds.</param>
-        /// <param name="weight">Share of the other clip, from 0 to 1.</param>
+        /// <param name="weight">Weight of the other clip, from 0 to 1.</param>
         public void ShowClips(PuppetClip one, float position, PuppetClip other = null, float otherPosition = 0, float weight = 0)
         {
             clip = one;
@@ -307,7 +307,7 @@ namespace Puppetline
             }
         }
 
-        /// <summary>Take the scene and the frames that have arrived.</summary>
+        /// <summary>Take the scene, and add the frames that have arrived to the buffer.</summary>
         void Receive()
         {
             Follower current = follower;
@@ -347,7 +347,7 @@ namespace Puppetline
             }
         }
 
-        /// <summary>Wait until the frames of this image of a recording have arrived: images take more or less than real time.</summary>
+        /// <summary>Wait until the frames for this image of a recording have arrived: recording is faster or slower than real time.</summary>
         void WaitForFrame()
         {
             Follower current = follower;
@@ -358,7 +358,7 @@ namespace Puppetline
                 if (Clock.Now > end)
                 {
                     waits = false;
-                    Debug.LogWarning("Puppetline: no frame for the recording within " + seconds + " s. Check that the service plays.", this);
+                    Debug.LogWarning("Puppetline: no frame for the recording within " + seconds + " s. Check that the service is sending frames.", this);
                     return;
                 }
                 Thread.Sleep(1);

@@ -20,16 +20,16 @@ namespace Puppetline
         [Tooltip("Number of a vertex of the character's scene; −1 for none.")]
         public int vertex = -1;
 
-        /// <summary>Name of a handle, whose place on the surface is followed if there is no vertex.</summary>
-        [Tooltip("Name of a handle, whose place on the surface is followed if there is no vertex.")]
+        /// <summary>Name of a handle, whose position on the surface is followed if there is no vertex.</summary>
+        [Tooltip("Name of a handle, whose position on the surface is followed if there is no vertex.")]
         public string handle = "";
 
         /// <summary>Name of a limb, which is followed if there is neither a vertex nor a handle.</summary>
         [Tooltip("Name of a limb, which is followed if there is neither a vertex nor a handle.")]
         public string limb = "";
 
-        /// <summary>Place along the limb: 0 at its root, 1 at its tip.</summary>
-        [Tooltip("Place along the limb: 0 at its root, 1 at its tip.")]
+        /// <summary>Position along the limb: 0 at its root, 1 at its tip.</summary>
+        [Tooltip("Position along the limb: 0 at its root, 1 at its tip.")]
         [Range(0, 1)]
         public float limbPosition = 1;
 

@@ -7,8 +7,8 @@ namespace Puppetline
 {
     /// <summary>
     /// The transforms of all characters, in one buffer for the shader (Puppetline.hlsl), with a block for each. The vertices
-    /// of a character have the number of its block. So materials are neither copied nor given property blocks, which would
-    /// disable the SRP Batcher.
+    /// of a character have the number of its block. Materials therefore need neither copies nor property blocks, which
+    /// would disable the SRP Batcher.
     /// </summary>
     static class TransformBlocks
     {
@@ -59,11 +59,11 @@ namespace Puppetline
             }
         }
 
-        /// <summary>Show a pose. The one that was shown becomes the pose in the picture before.</summary>
+        /// <summary>Show a pose. The one that was shown becomes the pose of the previous image.</summary>
         /// <param name="block">The character's block.</param>
         /// <param name="pose">Rows of the transforms.</param>
         /// <param name="count">Number of rows.</param>
-        /// <param name="first">Whether there is no pose before.</param>
+        /// <param name="first">Whether this is the first pose of the block.</param>
         public static void Show(int block, Vector4[] pose, int count, bool first)
         {
             int head = block * BlockRows;
@@ -77,7 +77,7 @@ namespace Puppetline
             Apply();
         }
 
-        /// <summary>Show the same pose in another picture.</summary>
+        /// <summary>Show the same pose in another image.</summary>
         public static void Hold(int block)
         {
             int head = block * BlockRows;

@@ -97,7 +97,7 @@ namespace Puppetline
             }
         }
 
-        /// <summary>Report the takes of the character's stage that have started or stopped.</summary>
+        /// <summary>Report takes of the character's stage that have started or stopped.</summary>
         void Takes(Json stages, string stage)
         {
             var now = new List<string>();

@@ -128,7 +128,7 @@ def test_without_a_network_there_is_one_warning_and_it_is_tried_again(caplog, mo
     assert not announcement._thread.is_alive()
     assert tried == [["192.0.2.77"]] * 3
     assert [record.getMessage() for record in caplog.records] == [
-        "not announced in the network: [Errno 19] No such device"
+        "could not announce the service on the network: [Errno 19] No such device"
     ]
 
 

@@ -67,8 +67,8 @@ def test_walking_begins_with_the_hips(puppet):
     [
         ({"limb": []}, "other limbs"),
         ({"smoothing": {"alpha": 0.3}}, "another smoothing"),
-        ({"handle": []}, "other handles, or handles in other places"),
-        ({"retarget": {"mirror": False, "scale": "auto", "arm_space": 5}}, "another setting of the body"),
+        ({"handle": []}, "other handles, or handles at other positions"),
+        ({"retarget": {"mirror": False, "scale": "auto", "arm_space": 5}}, "retarget keys other than mirror and scale"),
     ],
 )
 def test_what_the_service_cannot_change_is_refused(puppet, change, found):

@@ -230,9 +230,9 @@ def standing_log(tmp_path):
 def test_a_source_without_pictures_says_so_and_the_performer_is_calibrated(window):
     window.button("Show what the sensor sees").click()
     window.until("state.look?.performers.length === 1")
-    window.page.get_by_text("This source has no pictures.").wait_for()
+    window.page.get_by_text("This source has no images.").wait_for()
     assert window.page.locator(".look").get_by_text(re.compile(r"^user \d+: \d+ of 20 joints tracked")).count() == 1
-    window.button("Hide the sensor's picture").click()
+    window.button("Hide what the sensor sees").click()
     window.until("state.look === null && !state.looking")
     window.button("Calibrate now").click()
     window.idle()
@@ -261,7 +261,7 @@ def test_a_performer_in_view_is_chosen_for_the_character_and_the_recording_delet
     playing = "state.server.performers.find(({ character }) => character === 'pegasus')?.user"
     first = window.until(f"state.server.source.name === 'two.log' && state.server.performers.length === 2 && {playing}")
     window.idle()
-    window.button(f"Let performer {3 - first} play").click()
+    window.button(f"Choose performer {3 - first}").click()
     window.until(f"{playing} === {3 - first}")
     window.button("Choose the performer automatically").click()
     window.idle()
@@ -280,7 +280,7 @@ def test_a_performer_in_view_is_chosen_for_the_character_and_the_recording_delet
     window.tab("Takes")
     window.page.locator(".panel button.line", has_text="two.log").click()
     window.button("Delete recording two.log").click()
-    assert "found a recording that performs now" in window.until("state.notice?.text")
+    assert "found a recording that is playing now" in window.until("state.notice?.text")
     window.button("Dismiss").click()
     window.button("Change…").click()
     window.page.locator(".sources").get_by_role("button", name="Walk", exact=True).click()

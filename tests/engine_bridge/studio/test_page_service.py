@@ -55,7 +55,7 @@ def test_the_cameras_picture_is_shown_with_the_joints_over_it(window):
     assert frame["y"] < head["y"] < frame["y"] + frame["height"] / 2
     first = window.state("look.picture")
     window.until(f"state.look?.picture && state.look.picture !== {first!r}")
-    window.button("Hide the sensor's picture").click()
+    window.button("Hide what the sensor sees").click()
     window.until("!state.looking")
     assert window.page.locator(".sensor").count() == 0
 

@@ -18,6 +18,6 @@ def test_the_state_says_what_the_first_start_compiles_until_it_serves(tmp_path):
         return starting, process.state, process.reached
 
     starting, serving, reached = asyncio.run(run())
-    assert starting.text == "It compiles its functions, once on this machine: 12 so far, of about 40."
+    assert starting.text == "It compiles functions, once on this machine: 12 so far, of about 40."
     assert (serving.running, serving.starting, serving.text) == (True, False, "")
     assert (reached.stream, reached.control) == ("ws://127.0.0.1:2", "tcp://127.0.0.1:3")

@@ -189,7 +189,7 @@ def test_a_take_plays_from_one_second_to_another(stage):
     state = stage.result("source", take="walking", start=0.3, stop=1.0, loop=True)
     assert (state["uri"], state["start"], state["stop"]) == ("replay:walking", 0.3, 1.0)
     assert stage.until(performing)["source"]["name"] == "walking"
-    assert stage.error("delete_take", take="walking")["found"] == "a recording that performs now"
+    assert stage.error("delete_take", take="walking")["found"] == "a recording that is playing now"
     stage.result("source", example="walk")
     stage.result("delete_take", take="walking")
     assert stage.state["takes"] == []

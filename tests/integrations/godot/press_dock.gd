@@ -49,7 +49,7 @@ func type(field: String, text: String) -> void:
 		_part(field).text_submitted.emit(text)
 
 
-## Choose a service from the menu of those that were found in the network.
+## Choose a service from the menu of those that were found on the network.
 func find(host: String, port: int) -> void:
 	var characters := PackedStringArray(["dog"])
 	var found := {"name": "found", "host": host, "port": port, "control": port + 1}

@@ -371,7 +371,7 @@ def test_a_token_is_not_sent_to_whoever_announces_itself(
     serve("--config", service)
     watched = watch({"host": "", "character": name, "token": token_file.read_text()})
     [warning] = watched.until(lambda _state: True)["warnings"]
-    assert warning == "The token is not sent to services found in the network. Set host, or turn on trust_network."
+    assert warning == "The token is not sent to services found on the network. Set host, or turn on trust_network."
     time.sleep(3.0)  # three times as long as it takes to find the service
     assert watched.signals() == []
     watched.order(set={"trust_network": True})

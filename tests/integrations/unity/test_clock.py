@@ -152,7 +152,7 @@ def test_a_recording_goes_on_after_a_while_without_frames(puppet, service):
     assert ask(program, *[f"tick {1 / FPS}"] * 3) == [0, 0, 0]
     program.tell("capture 0")
     [warning] = [said["warning"] for said in program.finish() if "warning" in said]
-    assert warning == "Puppetline: no frame for the recording within 2 s. Check that the service plays."
+    assert warning == "Puppetline: no frame for the recording within 2 s. Check that the service is sending frames."
 
 
 def test_another_clock_takes_effect_at_run_time(puppet, service):

@@ -73,7 +73,7 @@ async function refresh({ name, version }: CharacterState): Promise<void> {
   }
 }
 
-/** Do what takes a moment: the page shows `text` until it is done, and the server's reason if it is refused. */
+/** Do work while the page shows `text`. If the work fails, the page shows the error, and the result is null. */
 async function doing<T>(text: string, work: () => Promise<T>): Promise<T | null> {
   update(({ busy }) => ({ busy: [...busy, text], notice: null }));
   try {
@@ -93,7 +93,7 @@ const request = <T>(text: string, what: string, values: object = {}): Promise<T 
 
 // ------------------------------------------------------------------------------------------ files and characters
 
-/** Open dropped or chosen files: a mesh or puppet becomes a character, a recording performs. */
+/** Open dropped or chosen files: a mesh or puppet becomes a character, a recording becomes the performer. */
 export async function openFiles(files: readonly File[]): Promise<void> {
   // a puppet file finds its mesh among the uploads
   const ordered = [...files].sort((a, b) => Number(a.name.endsWith(".toml")) - Number(b.name.endsWith(".toml")));
@@ -120,7 +120,7 @@ export function show(character: string): void {
 }
 
 export async function closeCharacter(character: string): Promise<void> {
-  await request(strings.busy.open, "close_character", { character });
+  await request(strings.busy.close, "close_character", { character });
 }
 
 // ---------------------------------------------------------------------------------------------------- performers
@@ -140,7 +140,7 @@ export async function performLive(uri: string): Promise<void> {
   update({ choosing: false, atRest: false });
 }
 
-/** Let a recording perform, from where to where it is trimmed. */
+/** Make a recording the performer: all of it in a loop, or what it is trimmed to. */
 export async function perform({ kind, name }: Recording, trimmed = false): Promise<void> {
   const { loop, trim } = current();
   const [start, stop] = trimmed ? trim : [null, null];
@@ -149,17 +149,17 @@ export async function perform({ kind, name }: Recording, trimmed = false): Promi
 }
 
 export async function calibrate(character: string): Promise<void> {
-  await request(strings.busy.source, "calibrate", { character });
+  await request(strings.busy.calibrate, "calibrate", { character });
 }
 
-/** Let a performer in view move a character; null lets the service choose. */
+/** Choose the performer who drives a character; with null, the service chooses. */
 export async function chooseUser(character: string, user: number | null): Promise<void> {
-  await request(strings.busy.source, "choose_user", { character, user });
+  await request(strings.busy.choose, "choose_user", { character, user });
 }
 
 let looking = 0;
 
-/** Show what the source sees, again and again until it is hidden. */
+/** Show what the source sees, and update it until it is hidden; or hide it. */
 export async function look(on: boolean): Promise<void> {
   const turn = ++looking;
   update({ looking: on, look: null });
@@ -178,7 +178,7 @@ export async function look(on: boolean): Promise<void> {
 
 const editing = new Set<string>();
 
-/** Show a puppet now, and send it; if more edits come while it is being applied, only the newest one is sent next. */
+/** Show a puppet immediately, and send it. Of the edits made while it is being applied, only the newest is sent next. */
 export function edit(puppet: Puppet): void {
   const { character, puppets } = current();
   if (character === null) return;
@@ -281,7 +281,7 @@ export function mirrorSelected(bounds: readonly [Vector, Vector]): void {
   select(mirrored.part);
 }
 
-/** Show what a smoothing does: to a test signal, or to a joint of the performer who moves the shown character. */
+/** Show the effect of a smoothing on a test signal, or on a joint of the performer who drives the shown character. */
 export async function preview(smoothing: Smoothing): Promise<void> {
   const { plotted } = current();
   const shown = shownCharacter(current());
@@ -292,7 +292,7 @@ export async function preview(smoothing: Smoothing): Promise<void> {
 
 let plotting = 0;
 
-/** Choose what the plot of the smoothing shows; a joint is plotted again and again while its plot is on the page. */
+/** Choose what the plot of the smoothing shows; a joint's plot is updated while it is on the page. */
 export async function plot(joint: Joint | null): Promise<void> {
   const turn = ++plotting;
   update({ plotted: joint, preview: null });
@@ -312,18 +312,18 @@ export async function save(character: string): Promise<void> {
 // --------------------------------------------------------------------------------------------------------- takes
 
 export async function record(on: boolean): Promise<void> {
-  const take = await request<{ name?: string }>(strings.busy.source, on ? "record_start" : "record_stop");
+  const take = await request<{ name?: string }>(on ? strings.busy.record : strings.busy.stop, on ? "record_start" : "record_stop");
   if (!on && take?.name !== undefined) {
     update({ tab: "takes", recording: { kind: "take", name: take.name }, trim: [null, null], exported: null });
   }
 }
 
 export async function deleteTake(take: string): Promise<void> {
-  await request(strings.busy.source, "delete_take", { take });
+  await request(strings.busy.remove, "delete_take", { take });
 }
 
 export async function deleteUpload(upload: string): Promise<void> {
-  await request(strings.busy.source, "delete_upload", { upload });
+  await request(strings.busy.remove, "delete_upload", { upload });
 }
 
 export async function exportRecording(): Promise<void> {

@@ -6,7 +6,7 @@ type Value = string | number | boolean | null | undefined | Handler;
 export interface Attributes {
   readonly [name: string]: Value;
   readonly key?: string;
-  /** Its children are none of `draw`'s business. */
+  /** `draw` does not change its children. */
   readonly raw?: boolean;
   /** It is scrolled into view when it appears. */
   readonly reveal?: boolean;

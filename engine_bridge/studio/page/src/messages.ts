@@ -134,12 +134,12 @@ export interface Sources {
 export interface SeenPerformer {
   readonly user: number;
   readonly text: string;
-  /** Places of the 20 joints, as shares of the picture's width and height. */
+  /** Positions of the 20 joints, as shares of the image's width and height. */
   readonly joints: readonly (readonly [number, number] | null)[] | null;
 }
 
 export interface LookReply {
-  /** JPEG in base64; empty for a source without pictures. */
+  /** JPEG in base64; empty for a source without images. */
   readonly picture: string;
   readonly width: number;
   readonly height: number;

@@ -1,4 +1,4 @@
-/** Starts the page, or says why it cannot start. */
+/** Starts the page, or shows why it cannot start. */
 
 import { draw, h } from "./dom";
 import { strings } from "./strings";

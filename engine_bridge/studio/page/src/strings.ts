@@ -1,4 +1,4 @@
-/** Every word of the page. */
+/** All texts of the page. */
 
 import { spoken } from "./model/skeleton";
 
@@ -15,7 +15,7 @@ export const strings = {
 
   empty: {
     title: "Drop a 3D mesh here, and it moves.",
-    text: "Puppetline finds its limbs and lets an example performer play it. Then you change the limbs, choose who performs, record and export.",
+    text: "Puppetline finds its limbs and lets an example performer drive it. Then you change the limbs, choose a performer, record and export.",
     choose: "Choose a mesh…",
     formats: (suffixes: readonly string[]) => `Formats: ${suffixes.join(", ")}. A puppet file (.toml) opens too.`,
     examples: "Or start with an example character:",
@@ -91,18 +91,18 @@ export const strings = {
     figure: "The performer's joints",
     hint: "Click a joint, then the limb or handle that it should move.",
     hintPart: (part: string) => `Click the joint that should move ${part}.`,
-    waiting: "No performer moves the character yet. Let an example performer walk, or choose another with Change…",
+    waiting: "No performer drives the character yet. Use an example performer, or choose another with Change…",
     joint: (joint: string, moves: readonly string[]) =>
       moves.length === 0 ? `${spoken(joint)}: moves nothing` : `${spoken(joint)}: moves ${moves.join(", ")}`,
     calibrate: "Calibrate now",
     calibrateHint: "Maps the present pose to the character's rest pose.",
     look: "Show what the sensor sees",
-    lookHide: "Hide the sensor's picture",
-    lookWait: "Waiting for a picture…",
+    lookHide: "Hide what the sensor sees",
+    lookWait: "Waiting for an image…",
     lookFine: "No problems found.",
-    noPicture: "This source has no pictures.",
+    noPicture: "This source has no images.",
     picture: "What the source sees, with the joints that it found",
-    choose: (user: number) => `Let performer ${user} play`,
+    choose: (user: number) => `Choose performer ${user}`,
     automatic: "Choose the performer automatically",
     user: (user: number, state: string) => `Performer ${user}: ${state}`,
     states: {
@@ -114,7 +114,7 @@ export const strings = {
   },
 
   sources: {
-    title: "Who performs?",
+    title: "Choose a performer",
     examples: "Examples",
     recordings: "Your recordings",
     drop: "Open a recording…",
@@ -140,7 +140,7 @@ export const strings = {
     points: (n: number) => count(n, "point"),
     notes: "About this proposal",
     elsewhere: "This service was started elsewhere: points, names and limbs are those of its puppet file.",
-    selectHint: "Select a limb or handle here or in the picture to change it.",
+    selectHint: "Select a limb or handle here or in the 3D view to change it.",
     name: "Name",
     rename: "Rename",
     follow: "Follows by",
@@ -276,7 +276,13 @@ export const strings = {
     upload: (name: string) => `Reading ${name}…`,
     open: "Finding limbs…",
     edit: "Applying the change…",
+    close: "Closing the character…",
     source: "Starting the performer…",
+    calibrate: "Calibrating…",
+    choose: "Choosing the performer…",
+    record: "Starting the recording…",
+    stop: "Saving the take…",
+    remove: "Deleting…",
     save: "Saving…",
     invite: "Making an address…",
     export: "Exporting…",

@@ -74,7 +74,7 @@ const RestMesh := preload("play/rest_mesh.gd")
 const SurfacePatch := preload("play/surface_patch.gd")
 
 @export_group("Service")
-## Host name or address of the service. If empty, the first service found in the network that has the [member
+## Host name or address of the service. If empty, the first service found on the network that has the [member
 ## character]. One that requires a token is used only with [member trust_network].
 @export var host := "127.0.0.1":
 	set(value):
@@ -90,8 +90,8 @@ const SurfacePatch := preload("play/surface_patch.gd")
 	set(value):
 		_link_stale = _link_stale or value != token
 		token = value
-## Whether the [member token] is sent to a service that was found in the network because [member host] is empty. Any
-## program in the network can announce itself as a service, and then receives the token.
+## Whether the [member token] is sent to a service that was found on the network because [member host] is empty. Any
+## program on the network can announce itself as a service, and then receives the token.
 @export var trust_network := false:
 	set(value):
 		_link_stale = _link_stale or value != trust_network
@@ -142,8 +142,8 @@ const SurfacePatch := preload("play/surface_patch.gd")
 		clip = value
 ## Shown position of the [member clip], in seconds. An AnimationPlayer can animate it, with a [member clip_speed] of 0.
 @export_range(0.0, 600.0, 0.001, "or_greater", "suffix:s") var clip_position := 0.0
-## Speed at which the [member clip] plays by itself. Pauses of the game and `Engine.time_scale` apply; with the clock
-## MANUAL, [method advance] moves it.
+## Speed at which the [member clip] plays automatically. Pauses of the game and `Engine.time_scale` apply; with the
+## clock MANUAL, [method advance] moves it.
 @export var clip_speed := 1.0
 ## Whether the [member clip] begins again after its end.
 @export var clip_loops := true
@@ -155,18 +155,18 @@ const SurfacePatch := preload("play/surface_patch.gd")
 		mixed_clips = value
 		_clips.resize(value.size())
 ## Weight of the performer against the clips: 0 shows the clips, 1 the performer. The node connects to the service when
-## it is first greater than 0, and shows the clips until a frame arrives.
+## the weight is first greater than 0, and shows the clips until a frame arrives.
 @export_range(0.0, 1.0, 0.001) var live_weight := 0.0
 
 @export_group("Playing")
-## The clock that moves the character. A clock that is slower than the performer lets frames wait, and skips none.
+## The clock that moves the character. With a clock that is slower than the performer, frames wait, and none is skipped.
 @export var clock := Clock.REALTIME:
 	set(value):
 		if clock != value:
 			clock = value
 			_frames.set_clock(clock == Clock.REALTIME)
 			_frames.delay = _delay()
-## Delay of the character in seconds, so that each image lies between two frames. Higher values are smoother in a bad
+## Delay of the character in seconds, so that each image lies between two frames. Higher values are smoother on a bad
 ## network; lower values react faster.
 @export_range(0.0, 1.0, 0.005, "suffix:s") var interpolation_delay := 0.05:
 	set(value):
@@ -187,7 +187,7 @@ var _name := ""  # name of the followed character
 var _topic := ""  # topic of its frames
 var _link_stale := false
 var _clips_stale := false
-var _is_other_version := false  # the service's character, than that of the clips
+var _is_other_version := false  # whether the service's character differs from that of the clips
 var _body_stale := false
 
 
@@ -226,7 +226,7 @@ func _get_configuration_warnings() -> PackedStringArray:
 	elif mode == Mode.MORPHS and mesh_source == null:
 		warnings.append("The mode MORPHS requires a mesh_source. Import the .glb from `puppetline bake` and assign it.")
 	if token and _sent_token().is_empty():
-		warnings.append("The token is not sent to services found in the network. Set host, or turn on trust_network.")
+		warnings.append("The token is not sent to services found on the network. Set host, or turn on trust_network.")
 	if _link != null and _link.state == Stream.State.REFUSED:
 		warnings.append("The service refuses the connection: %s" % _link.stream.reason)
 	var names: Array[String] = []
@@ -236,7 +236,7 @@ func _get_configuration_warnings() -> PackedStringArray:
 		warnings.append("The service has no character '%s'. Its characters are: %s." % [character, ", ".join(names)])
 	if _is_other_version:
 		warnings.append(
-			"The service has another version of %s than the clip, and is not shown. Write it again." % _name
+			"The service's version of %s differs from the clip's, and is not shown. Write the clip again." % _name
 		)
 	if _display.body != null and _display.body.problem:
 		warnings.append("%s: %s." % [_name, _display.body.problem])
@@ -306,9 +306,9 @@ func get_character_scene() -> Scene:
 	return _shared.scene if _shared != null else null
 
 
-## Return a frame on the shown surface, in the coordinates of this node: the origin is the vertex of the scene, the y
-## axis points out of the surface, and the z axis to where the character's front is at rest. Only the vertices around it
-## are evaluated. Before the first frame, it is the identity.
+## Return the pose of a point of the shown surface, in the coordinates of this node: the origin is the vertex of the
+## scene, the y axis points out of the surface, and the z axis to the front of the character at rest. Only the vertices
+## around it are evaluated. Before the first frame, it is the identity.
 func get_surface_transform(vertex: int) -> Transform3D:
 	var scene := get_character_scene()
 	if scene == null or vertex < 0 or vertex >= scene.vertex_count:
@@ -420,7 +420,7 @@ func _has_loaded_clips() -> bool:
 	return true
 
 
-## Take the clips that have been set. The character stays if they are of the same scene.
+## Begin to show the clips that have been set. The meshes are kept if the clips are of the same scene.
 func _take_clips() -> void:
 	_clips_stale = false
 	var before := _clips.first()
@@ -490,7 +490,7 @@ func _show_next() -> void:
 		_show()
 
 
-## Return whether clips are mixed with frames of a performer.
+## Return whether frames with a user number are shown: those that are mixed with clips must be of [member user_slot].
 func _is_wanted(user: int) -> bool:
 	return not _clips.is_used or user_slot < 0 or user == user_slot
 

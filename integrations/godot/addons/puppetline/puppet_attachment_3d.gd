@@ -21,7 +21,7 @@ const Scene := preload("wire/scene.gd")
 	set(value):
 		vertex = value
 		_reset()
-## Name of a handle, whose place on the surface is followed if there is no [member vertex].
+## Name of a handle, whose position on the surface is followed if there is no [member vertex].
 @export var handle := "":
 	set(value):
 		handle = value
@@ -31,7 +31,7 @@ const Scene := preload("wire/scene.gd")
 	set(value):
 		limb = value
 		_reset()
-## Place along the limb: 0 at its root, 1 at its tip.
+## Position along the limb: 0 at its root, 1 at its tip.
 @export_range(0.0, 1.0, 0.01) var limb_position := 1.0:
 	set(value):
 		limb_position = value

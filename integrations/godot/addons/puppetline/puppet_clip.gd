@@ -24,8 +24,8 @@ var _shared: SharedScene
 var _loading: ClipLoading
 
 
-## Read the data in a thread, and make there what the graphics card needs, the mesh only if it is shown. Return whether
-## that is done. The other functions read the data at once if it has not been read.
+## Read the data in a thread, which also makes what the graphics card needs; the mesh only if [param with_mesh]. Return
+## whether that is done. The other functions read the data immediately if it has not been read.
 func load_in_thread(with_mesh: bool) -> bool:
 	if _messages != null:
 		return true

@@ -1,8 +1,7 @@
 @icon("icons/puppet_colliders_3d.svg")
 class_name PuppetColliders3D
 extends Node3D
-## Lets bodies collide with a [Puppet3D]: boxes that cover the pieces of the character and move with it, about 48 of
-## them.
+## Makes bodies collide with a [Puppet3D], by about 48 boxes that cover the pieces of the character and move with it.
 ##
 ## The character pushes rigid bodies, and nothing pushes the character. A collision or a ray reports one of the bodies
 ## below this node. Only the mode CONTROLS has pieces.
@@ -96,7 +95,7 @@ func _add(_box: AABB) -> void:
 	_shapes.append(shape.shape)
 
 
-## Move a box. Physics requires bodies without scale and shear, so these go into the sides of the box.
+## Move a box. Physics requires bodies without scale and shear, so these become the lengths of its sides.
 func _move(i: int, transform: Transform3D) -> void:
 	var basis := transform.basis
 	var size := _boxes[i].size * Vector3(basis.x.length(), basis.y.length(), basis.z.length())

@@ -16,7 +16,7 @@ const Playback := preload("play/playback.gd")
 
 ## Time between two frames that do not belong to one motion, in seconds: a pause of the service is not recorded.
 const _CUT_SECONDS := 1.0 / 30.0
-## Age of the last change after which a file is not being written any more, in seconds.
+## Time since the last change after which a file counts as not being written any more, in seconds.
 const _IDLE_SECONDS := 10.0
 const _PART := ".part"
 
@@ -90,8 +90,8 @@ func get_duration() -> float:
 	return _time
 
 
-## Save the recordings to a path that were not finished, because their program has ended; return the files. The last
-## change of a recording must be as old as [param idle_seconds], because another program may still be recording.
+## Save the recordings to a path that were not finished because their program has ended; return the files. A recording
+## that has changed within [param idle_seconds] is left alone, because another program may still be writing it.
 static func recover(to: String, idle_seconds := _IDLE_SECONDS) -> PackedStringArray:
 	var found := PackedStringArray()
 	var folder := to.get_base_dir()
@@ -131,7 +131,8 @@ func _record(frame: Message) -> void:
 	_count += 1
 
 
-## Save a written file as a clip and remove it. Return the path; empty if there are no frames or it cannot be saved.
+## Save a written file as a clip, and remove it unless that fails. Return the path of the clip; empty if there are no
+## frames or it cannot be saved.
 static func _save(part: String, to: String) -> String:
 	var clip := PuppetClip.new()
 	clip.data = ClipFile.completed(FileAccess.get_file_as_bytes(part))

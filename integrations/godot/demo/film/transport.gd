@@ -39,7 +39,7 @@ func _process(delta: float) -> void:
 		_clock.text = "%02d:%04.1f" % [int(_seconds / 60.0), fmod(_seconds, 60.0)]
 
 
-## Record the performer of one puppet.
+## Choose the puppet whose performer is recorded.
 func follow(puppet: Puppet3D) -> void:
 	_puppet = puppet
 	puppet.connected.connect(_ask)

@@ -1,5 +1,5 @@
 extends Node3D
-## Two characters on a stage, for a public place. Without a performer, attract mode invites people.
+## Two characters on a stage, for a public place. Without a performer, attract mode invites visitors to perform.
 ##
 ## The nodes `Left/Puppet` and `Right/Puppet` define the characters and their service.
 

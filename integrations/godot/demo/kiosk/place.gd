@@ -1,5 +1,5 @@
 extends Node3D
-## A character on the stage with its lights and its name. The lights are bright while there is a performer.
+## A place on the stage: a character with its lights and its name. The lights are bright while there is a performer.
 
 ## Emitted when a performer for this character has arrived or left.
 signal taken_changed(taken: bool)
@@ -9,7 +9,7 @@ const DIM_SPOT_ENERGY := 2.0
 const RIM_ENERGY := 5.0
 const RING_ENERGY := 0.9
 const FADE_SECONDS := 1.2
-## Time after which a place retries that a service has refused, in seconds: its token may have changed.
+## Time after which a connection that the service has refused is tried again, in seconds: its token may have changed.
 const RETRY_SECONDS := 30.0
 
 ## Colour of the ring and of the light from behind.

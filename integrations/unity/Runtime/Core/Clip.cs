@@ -97,7 +97,7 @@ namespace Puppetline.Protocol
                 Scene = Scene.Parse(message);
                 return;
             }
-            // Only the header is decoded: the numbers of a long clip would take as much memory again.
+            // Only the header is decoded: the decoded numbers of a long clip would take as much memory as the file.
             if (message.Payload.Count != 4 * Scene.ControlCount)
             {
                 throw Damaged(at);

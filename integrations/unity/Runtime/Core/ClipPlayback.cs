@@ -23,7 +23,7 @@ namespace Puppetline.Protocol
             int number = clip.FrameAt(seconds);
             if (number == laterNumber)
             {
-                // Time goes on: the later frame is now the earlier one.
+                // Time has passed the later frame, which is now the earlier one.
                 Swap();
             }
             Read(earlier, ref earlierNumber, number);

@@ -86,7 +86,7 @@ namespace Puppetline.Protocol
             return frame != null;
         }
 
-        /// <summary>Stop following. The connection ends with its last follower, without being waited for.</summary>
+        /// <summary>Stop following. Disposing the last follower also ends the connection, which is not waited for.</summary>
         public void Dispose()
         {
             connection.Leave(this);

@@ -169,7 +169,7 @@ namespace Puppetline.Protocol
             }
         }
 
-        /// <summary>Return a frame that is not used any more. It is free when all followers that hold it have returned it.</summary>
+        /// <summary>Return a frame that is not used any more. It is reused when all followers that hold it have returned it.</summary>
         public void Return(Frame frame)
         {
             if (Interlocked.Decrement(ref frame.Holders) > 0)

@@ -15,10 +15,10 @@ namespace Puppetline.Protocol
         /// <summary>Approximate size of a frame besides its numbers, in bytes.</summary>
         const int FrameBytes = 512;
 
-        /// <summary>Relative change of the speed that makes up for a lag.</summary>
+        /// <summary>Relative increase of the speed that reduces a lag.</summary>
         const double MaxRateChange = 0.05;
 
-        /// <summary>Lag beyond the delay that is not made up for, in seconds.</summary>
+        /// <summary>Lag beyond the delay that is not reduced, in seconds.</summary>
         const double ToleratedLagSeconds = 0.25;
 
         readonly List<double> times = new List<double>();
@@ -34,7 +34,7 @@ namespace Puppetline.Protocol
         {
         }
 
-        /// <summary>Whether a lag behind the source is made up for. It grows while the clock is slower than the source.</summary>
+        /// <summary>Whether a lag behind the source is reduced by faster playback. It grows while the clock is slower than the source.</summary>
         public bool CatchesUp { get; set; }
 
         /// <inheritdoc/>

@@ -30,7 +30,7 @@ namespace Puppetline.Protocol
 
         public List<Follower> Followers { get; } = new List<Follower>();
 
-        /// <summary>Add a follower. It gets the scene immediately if that is here.</summary>
+        /// <summary>Add a follower. It gets the scene immediately if that has arrived.</summary>
         public void Add(Follower follower)
         {
             Followers.Add(follower);

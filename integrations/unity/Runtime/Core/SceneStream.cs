@@ -29,7 +29,7 @@ namespace Puppetline.Protocol
         /// <summary>The scene; null while it is requested.</summary>
         public Scene Current { get; private set; }
 
-        /// <summary>Request the scene, because frames of another one have come.</summary>
+        /// <summary>Remove the scene, because frames of another one have arrived, which is requested next.</summary>
         public void Discard()
         {
             Current = null;

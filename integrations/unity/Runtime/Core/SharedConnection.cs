@@ -36,7 +36,7 @@ namespace Puppetline.Protocol
         volatile string reason = "";
         volatile Json status = Json.Null;
 
-        /// <summary>Whether followers have come or gone since the thread subscribed for them.</summary>
+        /// <summary>Whether followers have been added or removed since the thread subscribed for them.</summary>
         volatile bool changed;
 
         // Only the thread uses these.
@@ -89,7 +89,7 @@ namespace Puppetline.Protocol
             }
         }
 
-        /// <summary>End the thread, and let the next follower open another connection.</summary>
+        /// <summary>End the thread. The next follower opens another connection.</summary>
         void Close()
         {
             lock (Joinable)

@@ -125,7 +125,7 @@ namespace Puppetline.Protocol
             return box;
         }
 
-        /// <summary>Return the factor that normalises a vector of this squared length; 0 for 0.</summary>
+        /// <summary>Return the factor that normalises a vector with this squared length; 0 for a length of 0.</summary>
         internal static float OneOver(float squared)
         {
             return squared > 0 ? 1 / (float)System.Math.Sqrt(squared) : 0;

@@ -58,7 +58,7 @@ namespace Puppetline.Protocol
         readonly Scene scene;
         readonly int[] vertices;
 
-        /// <summary>Weights of the vertices in the point and in the two axes, three per vertex.</summary>
+        /// <summary>Weights of the vertices for the point and for the two axes, three per vertex.</summary>
         readonly double[] weights;
 
         SurfacePatch(Scene scene, List<int> vertices, double[] origin, double[] first, double[] front, bool inLimb)
@@ -105,7 +105,7 @@ namespace Puppetline.Protocol
         /// <summary>Make the patch around a point inside of a limb.</summary>
         /// <param name="scene">The character.</param>
         /// <param name="limb">Name of the limb.</param>
-        /// <param name="share">Place along the limb: 0 at its root, 1 at its tip.</param>
+        /// <param name="share">Position along the limb: 0 at its root, 1 at its tip.</param>
         /// <returns>Null if the scene has no limb of this name.</returns>
         public static SurfacePatch InsideLimb(Scene scene, string limb, double share)
         {
@@ -201,7 +201,7 @@ namespace Puppetline.Protocol
             }
         }
 
-        /// <summary>Fit a linear map of the rest positions; return its values at the origin and along two of three axes.</summary>
+        /// <summary>Fit a linear map of the rest positions; return the weights of the vertices in the point and in two axes.</summary>
         double[] Fit(double[] origin, double[] first, double[] second, double[] front)
         {
             int n = vertices.Length;

@@ -5,8 +5,8 @@
 #define PUPPETLINE_INCLUDED
 
 // The rows of all characters, four numbers each. Every character has a block of 512 rows. The first row has the number of
-// fields, the number of isolines per field, the place of the rows of the shown pose in the block, and the place of those of
-// the pose in the picture before. The three rows of a transform are multiplied by the weight of their field. With no fields,
+// fields, the number of isolines per field, the index in the block of the first row of the shown pose, and that of the pose
+// of the previous image. The three rows of a transform are multiplied by the weight of their field. With no fields,
 // vertices are not changed; block 0 has none.
 #if defined(SHADER_TARGET_SURFACE_ANALYSIS)
 // Unity analyses surface shaders with a compiler that does not know buffers.
@@ -102,7 +102,7 @@ struct PuppetlinePose
     int start;
 };
 
-// The shown pose, or the one in the picture before.
+// The shown pose, or the one of the previous image.
 PuppetlinePose PuppetlinePoseOf(PuppetlineRest rest, bool before)
 {
     float4 head = PuppetlineRow(rest.block);
@@ -113,7 +113,7 @@ PuppetlinePose PuppetlinePoseOf(PuppetlineRest rest, bool before)
     return pose;
 }
 
-// The isoline below an isoline coordinate that has one above.
+// The isoline below an isoline coordinate. It is never the last isoline, so there is always one above it.
 float PuppetlineLower(PuppetlinePose pose, float coordinate)
 {
     return min(floor(coordinate), pose.isolines - 2);
@@ -209,7 +209,7 @@ PuppetlinePoint PuppetlineByCofactors(PuppetlineRest rest, PuppetlinePose pose)
     return blended;
 }
 
-// The position in the picture before, for motion vectors.
+// The position in the previous image, for motion vectors.
 float3 PuppetlinePositionBefore(PuppetlineRest rest)
 {
     return PuppetlineByCofactors(rest, PuppetlinePoseOf(rest, true)).position;

@@ -1,5 +1,5 @@
 // Blends the transforms of controls on the graphics card, in every pipeline. Unity takes the first SubShader that fits the
-// pipeline and the graphics API; HLSL files beside this one have the code. Graphics APIs with buffers in vertex shaders use
+// pipeline and the graphics API; the code is in the HLSL files in this folder. Graphics APIs with buffers in vertex shaders use
 // those; OpenGL, OpenGL ES 3 and WebGL 2 use a texture.
 Shader "Puppetline/Controls"
 {

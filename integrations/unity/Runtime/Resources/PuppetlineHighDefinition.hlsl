@@ -61,13 +61,13 @@ void GetSurfaceAndBuiltinData(
     surfaceData.normalWS = normalize(input.tangentToWorld[2]);
     surfaceData.tangentWS = Orthonormalize(input.tangentToWorld[0], surfaceData.normalWS);
     InitBuiltinData(posInput, base.a, surfaceData.normalWS, -surfaceData.normalWS, input.texCoord1, input.texCoord2, builtinData);
-    // As bright on the screen as in the other pipelines, whatever the camera's exposure.
+    // The result is as bright on the screen as in the other pipelines, whatever the camera's exposure.
     builtinData.emissiveColor = PuppetlineEmission(input.texCoord0.xy) * GetInverseCurrentExposureMultiplier();
     PostInitBuiltinData(V, posInput, surfaceData, builtinData);
 }
 
 #if SHADERPASS == SHADERPASS_MOTION_VECTORS
-// HDRP takes the position before from the mesh only for what it has deformed itself. It is told that it has.
+// HDRP reads the previous position from the vertex input only for meshes that Unity has deformed. This makes it do so here.
 float4 PuppetlineMotionParameters()
 {
     return float4(1, unity_MotionVectorsParams.yzw);
@@ -98,7 +98,7 @@ PackedVaryingsType PuppetlineVertex(PuppetlineInputs input)
     UNITY_TRANSFER_INSTANCE_ID(input, mesh);
     mesh.positionOS = shown.position;
     mesh.normalOS = shown.normal;
-    // There are no tangents and no normal maps; any direction in the surface will do.
+    // There are no tangents and no normal maps, so any direction in the surface is suitable.
     mesh.tangentOS = float4(PuppetlineTangent(shown.normal), 1);
     mesh.uv0 = PuppetlineTexturePlace(input.uv);
     mesh.color = input.color;

@@ -135,7 +135,7 @@ half4 PuppetlineFragment(PuppetlineVaryings input, bool front : SV_IsFrontFace) 
     return half4(NormalizeNormalPerPixel(front ? input.normalWS : -input.normalWS), 0);
 }
 #elif PUPPETLINE_PASS == PUPPETLINE_MOTION
-// Motion on the screen since the picture before, from 0 to 1 across the screen.
+// Motion on the screen since the previous image, from 0 to 1 across the screen.
 half4 PuppetlineFragment(PuppetlineVaryings input) : SV_Target
 {
     UNITY_SETUP_STEREO_EYE_INDEX_POST_VERTEX(input);

@@ -19,7 +19,7 @@ namespace Puppetline
             }
             if (second >= 0 && second < heaviest)
             {
-                // In the order of the track, so that the two do not change places in the middle.
+                // The order is that of the track, so that the two are not exchanged in the middle of a transition.
                 first = second;
                 second = heaviest;
             }
@@ -35,7 +35,7 @@ namespace Puppetline
                 weight / (weight + playable.GetInputWeight(first)));
         }
 
-        /// <summary>Return the input with the largest weight, another one than the given; −1 if no input has a weight.</summary>
+        /// <summary>Return the input with the largest weight, except a given one; −1 if no other input has a weight.</summary>
         static int Heaviest(Playable playable, int except)
         {
             int heaviest = -1;
@@ -55,7 +55,7 @@ namespace Puppetline
             return ((ScriptPlayable<PuppetClipBehaviour>)playable.GetInput(input)).GetBehaviour().Clip;
         }
 
-        /// <summary>Return the position in the clip, which Timeline does not take back to the beginning when a clip loops.</summary>
+        /// <summary>Return the position in the clip, which Timeline itself does not restart when a clip loops.</summary>
         static float Position(Playable playable, int input)
         {
             double time = playable.GetInput(input).GetTime();

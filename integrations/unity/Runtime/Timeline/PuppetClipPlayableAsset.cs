@@ -11,7 +11,7 @@ namespace Puppetline
         [Tooltip("The clip.")]
         public PuppetClip clip;
 
-        /// <summary>What Timeline can do with the clip.</summary>
+        /// <summary>The features of Timeline that the clip supports.</summary>
         public ClipCaps clipCaps => ClipCaps.Blending | ClipCaps.ClipIn | ClipCaps.Looping | ClipCaps.SpeedMultiplier;
 
         /// <summary>Duration of the clip, in seconds.</summary>

@@ -171,7 +171,7 @@ export function addPoint(puppet: Puppet, name: string, after: number): Puppet {
   });
 }
 
-/** Remove a part. A limb keeps at least two points; limbs that hung on a removed one hang on the trunk. */
+/** Remove a part. A limb keeps at least two points; limbs that were attached to a removed one are then attached to the trunk. */
 export function remove(puppet: Puppet, part: Part): Puppet {
   if (part.kind === "handle") return { ...puppet, handle: handlesOf(puppet).filter((h) => h.name !== part.name) };
   const { point } = part;
@@ -186,7 +186,7 @@ export function remove(puppet: Puppet, part: Part): Puppet {
   return { ...puppet, limb: rest.map((limb) => (limb.parent === part.name ? without(limb, "parent") : limb)) };
 }
 
-/** Rename a part; limbs that hang on it keep hanging on it. */
+/** Rename a part; limbs that are attached to it stay attached. */
 export function rename(puppet: Puppet, part: Part, name: string): Puppet {
   if (part.kind === "handle") return withHandle(puppet, part.name, (handle) => ({ ...handle, name }));
   return {
@@ -254,7 +254,7 @@ export function mirror(puppet: Puppet, part: Part, through: Vector): { puppet: P
   return { puppet: { ...puppet, limb: put(limbsOf(puppet), copy) }, part: { kind: "limb", name } };
 }
 
-/** A point of the plane of symmetry: the middle of the limbs without a side, else that of the box. */
+/** A point of the plane of symmetry: the mean of the points of the limb "trunk", or the middle of the box without one. */
 export function symmetryPoint(puppet: Puppet, bounds: readonly [Vector, Vector]): Vector {
   const trunk = limbsOf(puppet).find((limb) => limb.name === "trunk")?.points;
   const points = trunk ?? bounds;

@@ -1,4 +1,4 @@
-/** What is wrong, and what to do about it, in plain words; and what is being done. */
+/** Messages: problems with their fixes, and the work in progress. */
 
 import { cancel } from "../actions";
 import { type Node_, h } from "../dom";
@@ -19,7 +19,7 @@ function words({ connected, refusal, notice, server }: State): Words | null {
   if (connected === "lost") return { level: "error", text: banner.lost, fix: banner.lostFix, dismiss: false };
   if (notice !== null) return { ...notice, fix: "", dismiss: true };
   if (server === null || server.banner.level === "none") return null;
-  const isSaid = server.characters.length === 0 && server.banner.level === "info"; // by the empty page itself
+  const isSaid = server.characters.length === 0 && server.banner.level === "info"; // on the empty page itself
   if (!isSaid) return { ...server.banner, dismiss: false };
   return null;
 }

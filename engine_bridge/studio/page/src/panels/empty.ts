@@ -8,7 +8,7 @@ import { button } from "./parts";
 
 const FALLBACK = [".glb", ".gltf", ".obj", ".off", ".ply", ".stl"];
 
-/** Let the user choose files; the chooser shows those with these endings. */
+/** Let the user choose files; the chooser shows those with these suffixes. */
 export function chooseFiles(suffixes: readonly string[]): void {
   const input = document.createElement("input");
   input.type = "file";

@@ -34,7 +34,7 @@ const STANDING: Readonly<Record<Joint, readonly [number, number]>> = {
   foot_right: [-0.25, -0.93],
 };
 
-/** Places of the joints in the figure: those of a frame (x, y, z, confidence of each), or of a standing body. */
+/** Positions of the joints in the figure: those of a frame (x, y, z, confidence of each), or of a standing body. */
 export function places(joints: Float32Array | null): (readonly [number, number])[] {
   const hips = joints === null ? Number.NaN : (joints[0] ?? Number.NaN);
   const scale = 150;

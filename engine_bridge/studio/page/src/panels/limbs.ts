@@ -1,4 +1,4 @@
-/** Limbs and handles: the list of all, and everything about the selected one. */
+/** Limbs and handles: the list of all, and the settings of the selected one. */
 
 import { edit, mirrorSelected, pickPart, removeSelected, select as choose } from "../actions";
 import { type Child, type Node_, h } from "../dom";
@@ -252,7 +252,7 @@ function position(puppet: Puppet, part: Part, point: Vector): Node_ {
   );
 }
 
-/** What is done with a whole part: copied to the other side, or deleted. */
+/** Buttons for a whole part: copy it to the other side, or delete it. */
 function ends(part: Part, bounds: Bounds): Node_ {
   const { limbs: words } = strings;
   const sideless = otherSide(part.name) === null;

@@ -1,4 +1,4 @@
-/** How the whole character follows: mirrored, how far, walking, smoothed. */
+/** Settings of the motion of the whole character: mirroring, scale, walking, smoothing. */
 
 import { edit } from "../actions";
 import { type Node_, h } from "../dom";

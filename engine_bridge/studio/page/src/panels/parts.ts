@@ -32,7 +32,7 @@ export function button(text: Child, onclick: () => void, options: Options = {}):
   );
 }
 
-/** Buttons of which one is on. */
+/** Buttons of which exactly one is on. */
 export function choice<T extends string>(label: string, values: readonly (readonly [T, string])[], chosen: T, choose: (value: T) => void): Node_ {
   return h(
     "div",
@@ -81,7 +81,7 @@ export function number(value: number, change: (value: number) => void, limits: {
   return h("input", { type: "number", value: String(round(value)), min, max, step: step ?? "any", onchange, "aria-label": label });
 }
 
-/** A slider with its number beside it: `slide` while it moves, `change` when it is let go. */
+/** A slider with its number beside it: `slide` while it moves, `change` when it is released. */
 export function slider(
   label: string,
   value: number,

@@ -1,4 +1,4 @@
-/** Who performs: the source, the figure, and what the sensor sees. */
+/** The performer: the source, the figure, and what the sensor sees. */
 
 import { calibrate, chooseSource, chooseUser, look, perform } from "../actions";
 import { type Child, type Node_, h } from "../dom";
@@ -34,7 +34,7 @@ function sourceLine(state: State): Node_ {
   );
 }
 
-/** The first thing to do with a character for which nobody performs. */
+/** The first step for a character without a performer. */
 function start(): Node_ {
   return h(
     "div",
@@ -71,7 +71,7 @@ function body(state: State): Node_ {
   );
 }
 
-/** Who is in view, and who of them moves the shown character; the first choice is the service's. */
+/** The performers in view, and which of them drives the shown character; with the first choice, the service decides. */
 function performers(all: readonly PerformerState[], shown: CharacterState | null): Child {
   const { performer: words } = strings;
   const here = all.filter(({ stage }) => stage === shown?.stage);

@@ -1,4 +1,4 @@
-/** What the sensor sees: its picture with the joints over it, and why nobody is seen. */
+/** What the sensor sees: its image with the joints drawn over it, and the problems if no performer is found. */
 
 import { type Child, type Node_, h } from "../dom";
 import type { LookReply, SeenPerformer } from "../messages";

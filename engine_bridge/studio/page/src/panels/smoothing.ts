@@ -1,4 +1,4 @@
-/** Smoothing: presets, sliders, and a plot of what they do to a joint. */
+/** Smoothing: presets, sliders, and a plot of their effect on a joint. */
 
 import { plot as choosePlot, edit, preview } from "../actions";
 import { type Node_, h } from "../dom";
@@ -72,7 +72,7 @@ export function smoothing(state: State, puppet: Puppet): Node_ {
   );
 }
 
-/** Ask for the effect of settings, once. */
+/** Request the effect of settings, once. */
 function show(values: Smoothing): void {
   const key = JSON.stringify(values);
   if (key === asked) return;

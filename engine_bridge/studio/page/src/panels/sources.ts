@@ -1,4 +1,4 @@
-/** Everything that could perform: examples, recordings, sensors, and ports with what arrives there. */
+/** All available sources: examples, recordings, sensors, and ports with what arrives there. */
 
 import { lookAgain, perform, performLive } from "../actions";
 import { type Child, type Node_, h } from "../dom";

@@ -1,4 +1,4 @@
-/** The line at the bottom: how the service does. */
+/** The line at the bottom: the status of the service. */
 
 import { invite } from "../actions";
 import { type Node_, h } from "../dom";

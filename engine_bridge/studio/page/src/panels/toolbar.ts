@@ -1,4 +1,4 @@
-/** What floats over the 3D view: which pose, which tool, and what to do with it. */
+/** The toolbar of the 3D view: the pose that is shown, the tools, and instructions for the chosen one. */
 
 import { edit, select } from "../actions";
 import { type Node_, h } from "../dom";
@@ -49,7 +49,7 @@ export function toolbar(state: State, fit: () => void): Node_ {
   );
 }
 
-/** What to do with the tool that is chosen. */
+/** Instructions for the chosen tool. */
 export function toolHint(state: State): Node_ | false {
   const { viewer: words } = strings;
   const { tool, drawn, joint } = state;

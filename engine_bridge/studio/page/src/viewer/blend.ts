@@ -2,7 +2,7 @@
 
 import type { Vector } from "../model/vector";
 
-/** What a frame's controls need of a scene (docs/protocol.md). */
+/** The data of a scene that is needed to apply a frame's controls (docs/protocol.md). */
 export interface Shape {
   readonly count: number;
   readonly fields: number;

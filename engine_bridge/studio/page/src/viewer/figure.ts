@@ -1,4 +1,4 @@
-/** One streamed character in the 3D view: its mesh, its pose of this moment, and its materials. */
+/** One streamed character in the 3D view: its mesh, its present pose, and its materials. */
 
 import { Group, type Object3D, Vector3 } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
@@ -52,7 +52,7 @@ export class Figure {
     this.group.removeFromParent();
   }
 
-  /** Draw with the materials and textures of a file of the server; an empty id is none. */
+  /** Load the materials and textures of a file of the server, and draw with them; an empty id loads none. */
   async dress(model: string): Promise<void> {
     if (model === this.model) return;
     this.model = model;
@@ -64,7 +64,7 @@ export class Figure {
     this.rebuild();
   }
 
-  /** Show the pose of this moment, or the rest pose; return whether it differs from what is shown. */
+  /** Show the present pose, or the rest pose; return whether it differs from the one shown before. */
   pose(atRest: boolean): boolean {
     if (this.mesh === null) return false;
     const moving = this.buffer.advance(performance.now() / 1000) && !atRest;
@@ -91,7 +91,7 @@ export class Figure {
     return { earlier: earlier.header.sequence, later: later.header.sequence, share: share ?? 0 };
   }
 
-  /** How far the whole character has walked from its place, in the view's coordinates. */
+  /** Displacement of the whole character by walking, in the view's coordinates. */
   walked(): Vector3 {
     const [earlier, later, share] = this.shown as [Frame?, Frame?, number?];
     if (earlier === undefined || later === undefined) return new Vector3();

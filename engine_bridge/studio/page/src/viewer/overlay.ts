@@ -4,7 +4,7 @@ import { type Part, type Puppet, handlesOf, limbsOf } from "../model/puppet";
 import { type Side, sideOf } from "../model/skeleton";
 import { type Vector, toSegment } from "../model/vector";
 
-/** Radius around a point of a limb or a handle in which the pointer takes it, in pixels. */
+/** Radius around a point of a limb or a handle in which the pointer selects it, in pixels. */
 export const REACH = 12;
 
 export interface Marks {
@@ -12,7 +12,7 @@ export interface Marks {
   readonly handles: readonly { name: string; side: Side; point: Vector | null }[];
 }
 
-/** The places of all limbs and handles on the screen: x, y in pixels, and depth. */
+/** The positions of all limbs and handles on the screen: x, y in pixels, and depth. */
 export function marksOf(puppet: Puppet, project: (part: Part, point: Vector) => Vector | null): Marks {
   return {
     limbs: limbsOf(puppet).map(({ name, points }) => ({
@@ -28,7 +28,7 @@ export function marksOf(puppet: Puppet, project: (part: Part, point: Vector) => 
   };
 }
 
-/** The part under a place of the screen: handles and points before bones, the nearest first. */
+/** The part at a position on the screen: handles and points before bones, the nearest first. */
 export function partAt(marks: Marks, x: number, y: number): Part | null {
   const place: Vector = [x, y, 0];
   const flat = ([px, py]: Vector): Vector => [px, py, 0];

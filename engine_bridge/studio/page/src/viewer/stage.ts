@@ -1,4 +1,4 @@
-/** The room in which characters are shown: camera, light, floor, and colours of the theme. */
+/** The 3D scene in which characters are shown: camera, light, floor, and colours of the theme. */
 
 import {
   AmbientLight,
@@ -79,7 +79,7 @@ export class Stage {
     this.renderer.render(this.scene, this.camera);
   }
 
-  /** Begin to measure again: nothing was drawn for a while. */
+  /** Begin to measure again, after a time in which nothing was drawn. */
   pause(): void {
     this.images = 0;
   }
@@ -162,7 +162,7 @@ export class Stage {
     return point.z > 1 ? null : [((point.x + 1) / 2) * this.width, ((1 - point.y) / 2) * this.height, point.z];
   }
 
-  /** The ray through a place of the screen, in the coordinates of a character's file. */
+  /** The ray through a position on the screen, in the coordinates of a character's file. */
   ray(figure: Figure, x: number, y: number): Ray {
     const caster = new Raycaster();
     caster.setFromCamera(new Vector2((2 * x) / this.width - 1, 1 - (2 * y) / this.height), this.camera);

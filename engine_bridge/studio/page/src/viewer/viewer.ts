@@ -1,4 +1,4 @@
-/** The 3D view: characters that move as the stream says, bones and handles over them, and what the pointer does. */
+/** The 3D view: characters that the stream moves, bones and handles over them, and the actions of the pointer. */
 
 import { Vector3 } from "three";
 
@@ -27,9 +27,9 @@ const ARROWS: Readonly<Record<string, readonly [number, number]>> = {
 export interface Callbacks {
   /** A part was clicked; null for none. */
   picked: (part: Part | null) => void;
-  /** A part was dragged to another place. */
+  /** A part was dragged to another position. */
   moved: (puppet: Puppet) => void;
-  /** A place was clicked with a tool: the point inside the body and the one on its surface. */
+  /** The body was clicked with a tool: the point inside the body and the one on its surface. */
   placed: (inside: Vector, surface: Vector) => void;
   /** A drag has begun: edits are made on the rest pose. */
   resting: () => void;
@@ -130,7 +130,7 @@ export class Viewer {
     return this.figures.get(name)?.positions() ?? null;
   }
 
-  /** The frames that a character shows, and what they make of its vertices. */
+  /** The frames between which a character's shown pose lies, and the positions of its vertices. */
   shown(name: string) {
     const figure = this.figures.get(name);
     return figure === undefined ? null : { moment: figure.moment, positions: [...figure.positions()] };

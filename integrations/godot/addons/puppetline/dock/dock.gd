@@ -129,9 +129,7 @@ func _show_found() -> void:
 			menu.set_item_disabled(-1, true)
 			menu.set_item_tooltip(-1, CURVE_TOOLTIP)
 	_found.disabled = menu.item_count == 0
-	_found.tooltip_text = (
-		"Services in this network" if menu.item_count else "No service announces itself in this network"
-	)
+	_found.tooltip_text = ("Services on this network" if menu.item_count else "No service found on this network")
 
 
 func _choose_found(index: int) -> void:

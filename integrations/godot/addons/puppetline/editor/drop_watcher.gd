@@ -2,8 +2,8 @@
 extends RefCounted
 ## Replaces a file of `puppetline shader-mesh` that was dropped into the edited scene by a [Puppet3D] that shows it.
 ##
-## The editor does not tell plugins of a drop, so this watches for new nodes. Undoing first brings the file's own nodes
-## back, which then stay.
+## The editor does not notify plugins of a drop, so this class watches for new nodes. The first undo restores the file's
+## own nodes, which are not replaced again.
 
 const OwnMesh := preload("../play/own_mesh.gd")
 const Puppet3DNode := preload("../puppet_3d.gd")
@@ -12,7 +12,7 @@ const Puppet3DNode := preload("../puppet_3d.gd")
 const _SUFFIX := ".shader"
 
 var _undo_redo: EditorUndoRedoManager
-var _seen: Dictionary = {}  # numbers of instances that are not replaced any more
+var _seen: Dictionary = {}  # instance numbers of nodes that have been considered, and are not considered again
 var _root: Node
 var _version := -1  # of the history of the edited scene
 

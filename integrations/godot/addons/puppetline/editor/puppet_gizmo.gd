@@ -12,7 +12,7 @@ const _INTERVAL_SECONDS := 0.1
 ## Size of the mark of a handle, relative to the diagonal of the character.
 const _MARK := 0.01
 
-var _puppets: Dictionary = {}  # instance number: its places, null before they are needed
+var _puppets: Dictionary = {}  # instance number: its Places, null before they are needed
 var _pause := 0.0
 
 
@@ -37,7 +37,7 @@ func _has_gizmo(node: Node3D) -> bool:
 	return node is Puppet3D
 
 
-## Update the gizmos of moving characters, at most as often as they can be followed by hand.
+## Update the gizmos of all characters, at most ten times per second.
 func follow(delta: float) -> void:
 	_pause -= delta
 	if _pause > 0.0:
@@ -100,7 +100,7 @@ func _draw_places(gizmo: EditorNode3DGizmo, puppet: Puppet3D) -> void:
 		gizmo.add_lines(marks, get_material("handles", gizmo))
 
 
-## Return the places of a character, found once.
+## Return the points of a character's handles and limbs, which are determined once per scene.
 func _places(puppet: Puppet3D) -> Places:
 	var scene := puppet.get_character_scene()
 	var known: Places = _puppets[puppet.get_instance_id()]

@@ -50,11 +50,12 @@ func follow_patch(_patch: SurfacePatch) -> PatchMotion:
 	return null
 
 
-## Return the boxes of the pieces of the character at rest, and the transforms that move them; empty if there are none.
+## Return boxes that cover the pieces of the character at rest; empty if there are none.
 func piece_boxes() -> Array[AABB]:
 	return []
 
 
+## Return the transform that moves each of these boxes to the shown pose; empty if there are none.
 func piece_transforms() -> Array[Transform3D]:
 	return []
 

@@ -1,14 +1,14 @@
 extends "scene_loading.gd"
-## Reads a clip and its scene, at once or in a thread of the engine.
+## Reads a clip and its scene, immediately or in a thread of the engine.
 
 const ClipLoading := preload("clip_loading.gd")
 const ClipMessages := preload("../wire/clip_messages.gd")
 
-## The contents of the clip; null before the end.
+## The contents of the clip; null until they have been read.
 var messages: ClipMessages
 
 
-## Read the data of a clip. [param known] are resources by the digest of their scene, which are used again.
+## Read the data of a clip immediately. [param known] are resources by the digest of their scene, which are reused.
 static func at_once(data: PackedByteArray, known: Dictionary) -> ClipLoading:
 	var loading := ClipLoading.new()
 	loading._read(data, known)

@@ -1,5 +1,5 @@
 extends RefCounted
-## The clips of a [Puppet3D]: one that plays by itself, and those that animations mix.
+## The clips of a [Puppet3D]: one that plays automatically, and those that animations mix.
 
 const SharedScene := preload("shared_scene.gd")
 const Playback := preload("playback.gd")
@@ -19,11 +19,11 @@ var problem := ""
 var shown: Array[Playback] = []
 var weights := PackedFloat64Array()
 
-var _clips: Array[PuppetClip] = []  # the one that plays by itself, then the mixed ones; all are of one scene
+var _clips: Array[PuppetClip] = []  # the one that plays automatically, then the mixed ones; all are of one scene
 var _playbacks: Array[ClipPlayback] = []  # by clip; null for no clip
 
 
-## Set the clip that plays by itself, and the mixed ones. Damaged ones, and those of another scene, are omitted.
+## Set the clip that plays automatically, and the mixed ones. Damaged ones, and those of another scene, are omitted.
 func set_clips(clip: PuppetClip, mixed: Array[PuppetClip]) -> void:
 	problem = ""
 	_clips.clear()
@@ -53,8 +53,8 @@ func first() -> PuppetClip:
 	return null
 
 
-## Determine the frames to show. The clip that plays by itself is at a position in seconds, and has the weight that the
-## others leave of 1. If no clip has a weight, the first mixed one is shown at its beginning.
+## Determine the frames to show. The clip that plays automatically is at a position in seconds, and its weight is 1
+## minus those of the others. If no clip has a weight, the first usable mixed one is shown at its beginning.
 func advance(position: float) -> void:
 	shown.clear()
 	weights.clear()
@@ -68,7 +68,7 @@ func advance(position: float) -> void:
 			_show(1 + i, 0.0, 1.0)
 
 
-## Show a clip at a position with a weight; return the weight, which is 0 if there is no such clip, or not yet.
+## Show a clip at a position with a weight; return the weight, or 0 if the clip is missing, unusable or not loaded yet.
 func _show(number: int, position: float, weight: float) -> float:
 	if number >= _playbacks.size() or _playbacks[number] == null or not _playbacks[number].advance(position):
 		return 0.0

@@ -6,16 +6,16 @@ extends "playback.gd"
 const MAX_BYTES := 64 << 20
 ## Approximate size of a frame besides its payload, in bytes.
 const FRAME_BYTES := 512
-## Relative change of the playback speed that makes up for a lag.
+## Relative increase of the playback speed that reduces a lag.
 const MAX_RATE_CHANGE := 0.05
-## Lag beyond [member delay] that is not made up for, in seconds.
+## Lag beyond [member delay] that is not reduced, in seconds.
 const TOLERATED_LAG_SECONDS := 0.25
 
-## Whether a lag behind the source is made up for. It grows while the clock is slower than the source.
+## Whether a lag behind the source is reduced by faster playback. It grows while the clock is slower than the source.
 var catches_up := false
 
 var _frames: Array[Message] = []
-var _times := PackedFloat64Array()  # by frame: when it is shown, on the time of the playhead
+var _times := PackedFloat64Array()  # by frame: position of the playhead at which it is shown
 var _bytes := 0
 var _playhead := 0.0
 var _last_now := NAN

@@ -90,7 +90,8 @@ func _follow_features() -> void:
 	_set_properties(writer.properties)
 
 
-## Set the uniforms to follow, and forget their values, so that all are set.
+## Choose the uniforms to follow. They are compared with the present values of the copy, so that [method follow] sets
+## those that differ.
 func _set_properties(properties: Array[StringName]) -> void:
 	_properties = properties
 	_values.clear()

@@ -60,7 +60,7 @@ static func _difference(mesh: ArrayMesh, scene: Scene) -> String:
 				var expected := scene.isoline_coordinates[number * scene.field_count + field]
 				same = same and absf(coordinates[vertex * 4 + field] - expected) <= _TOLERANCE
 			if not same:
-				return "mesh_source is another mesh than the service has; run `puppetline shader-mesh` again"
+				return "mesh_source is not the mesh that the service has; run `puppetline shader-mesh` again"
 	return ""
 
 

@@ -1,5 +1,5 @@
 extends RefCounted
-## The frames that have arrived for a character, and the clock by which they are shown.
+## The frames that have arrived for a character, and the clock that determines when they are shown.
 
 const Message := preload("../wire/message.gd")
 const Playback := preload("playback.gd")
@@ -76,7 +76,9 @@ func wait_for_movie(read: Callable) -> void:
 	while _waits and not (playback as FrameQueue).reaches(_time) and read.call():
 		if Time.get_ticks_msec() > give_up:
 			_waits = false  # until a frame arrives
-			push_warning("Puppetline: no frame for the movie within %d s. Check that the service plays." % limit)
+			push_warning(
+				"Puppetline: no frame for the movie within %d s. Check that the service is sending frames." % limit
+			)
 		OS.delay_msec(1)
 
 

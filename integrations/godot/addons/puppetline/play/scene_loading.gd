@@ -10,7 +10,7 @@ const Message := preload("../wire/message.gd")
 ## Maximum time for which the end of the program waits for threads, in milliseconds.
 const _MAX_END_MS := 5000
 
-static var _running: Array[SceneLoading] = []  # also those whose result nobody needs any more
+static var _running: Array[SceneLoading] = []  # also those whose results are not needed any more
 
 ## The result; null if there is none.
 var resources: SceneResources
@@ -40,7 +40,7 @@ static func of_cache(from_digest: String, with_mesh: bool) -> SceneLoading:
 	return loading
 
 
-## Return whether the result is there.
+## Return whether loading has ended, with a result or without one.
 func is_done() -> bool:
 	if _task >= 0 and WorkerThreadPool.is_task_completed(_task):
 		WorkerThreadPool.wait_for_task_completion(_task)  # releases it
@@ -63,8 +63,8 @@ static func _release_ended() -> void:
 		each.is_done()
 
 
-## Wait for all threads at the end of the program, which a running script would crash. A thread could wait for the main
-## thread, so the time is limited.
+## Wait for all threads at the end of the program, because a script that still runs then would crash it. A thread could
+## be waiting for the main thread, so the time is limited.
 static func _end() -> void:
 	var give_up := Time.get_ticks_msec() + _MAX_END_MS
 	_release_ended()

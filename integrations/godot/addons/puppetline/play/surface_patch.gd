@@ -1,5 +1,5 @@
 extends RefCounted
-## A few vertices of a character around a point, and the sums of their positions that give a pose.
+## A few vertices of a character around a point, and the weighted sums of their positions that determine a pose.
 ##
 ## Origin and axes of the pose are linear in the positions of the vertices, which are linear in each frame's data. A
 ## frame therefore takes a few sums for each pose, whatever the size of the mesh.
@@ -28,14 +28,14 @@ var to_z := PackedFloat64Array()
 var _in_limb := false
 
 
-## Return the patch around a vertex: the vertex and its neighbours. The y axis points out of the surface, and the z axis
-## to the front of the character at rest, or up where the surface faces the front.
+## Return the patch around a vertex: the vertex, its neighbours and theirs. The y axis points out of the surface, and
+## the z axis to the front of the character at rest, or up where the surface faces the front.
 static func at_vertex(scene: Scene, vertex: int) -> SurfacePatch:
 	var patch := SurfacePatch.new()
 	var normal := scene.normals[vertex]
 	normal = normal.normalized() if normal.length_squared() > 0.0 else scene.up
 	patch.vertices = _neighbours(scene, _neighbours(scene, PackedInt32Array([vertex])))
-	# The vertex itself comes first. If it had neighbours of a second ring only, the fit would be the same.
+	# The vertex itself comes first.
 	patch.vertices.remove_at(patch.vertices.find(vertex))
 	patch.vertices.insert(0, vertex)
 	var z := _within(scene, normal)
@@ -88,26 +88,26 @@ func pose(sums: PackedVector3Array, to_space: Transform3D) -> Transform3D:
 	return Transform3D(basis, to_space * sums[0])
 
 
-## Fit a linear map of the rest positions, and take its values at the origin and along the axes of a frame.
-func _fit(scene: Scene, origin: Vector3, frame: Basis) -> void:
-	var in_frame := PackedVector3Array()
+## Fit a linear map of the rest positions, and determine its coefficients at the origin and along the axes of a basis.
+func _fit(scene: Scene, origin: Vector3, axes: Basis) -> void:
+	var local := PackedVector3Array()
 	var mean := Vector3.ZERO
 	for vertex in vertices:
-		in_frame.append((scene.positions[vertex] - origin) * frame)  # coordinates along the axes
-		mean += in_frame[-1] / vertices.size()
+		local.append((scene.positions[vertex] - origin) * axes)  # coordinates along the axes
+		mean += local[-1] / vertices.size()
 	var extent := 0.0
-	for i in in_frame.size():
-		in_frame[i] -= mean
-		extent = maxf(extent, in_frame[i].length())
+	for i in local.size():
+		local[i] -= mean
+		extent = maxf(extent, local[i].length())
 	extent = maxf(extent, 1e-30)
 	var squares := Basis(Vector3.ZERO, Vector3.ZERO, Vector3.ZERO)
-	for offset in in_frame:
+	for offset in local:
 		for axis in 3:
 			squares[axis] += offset / extent * (offset[axis] / extent)
 	for axis in 3:
 		squares[axis][axis] += _REGULARIZATION
 	var inverse := squares.inverse()
-	for offset in in_frame:
+	for offset in local:
 		var slopes := inverse * (offset / extent) / extent
 		to_origin.append(1.0 / vertices.size() - slopes.dot(mean))
 		to_first.append(slopes.y if _in_limb else slopes.x)

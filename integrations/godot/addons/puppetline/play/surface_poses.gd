@@ -1,5 +1,5 @@
 extends RefCounted
-## The poses of patches of a shown character's surface. The data of each patch is kept for the next image.
+## Computes the poses of patches of a shown character's surface. The data of each patch is kept for the next image.
 
 const Scene := preload("../wire/scene.gd")
 const Body := preload("body.gd")

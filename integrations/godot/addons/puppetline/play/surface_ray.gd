@@ -1,5 +1,5 @@
 extends RefCounted
-## Search for the point where a segment hits the surface of a character by controls.
+## Searches for the point where a segment hits the surface of a character that is shown by controls.
 ##
 ## The triangles are divided into the pieces of the bounds, and each piece into blocks. Only the vertices of blocks
 ## whose boxes are hit are evaluated. The pieces are divided when they are first hit.
@@ -9,7 +9,8 @@ const IsolineBounds := preload("isoline_bounds.gd")
 
 ## Number of blocks of a piece along each axis.
 const _BLOCKS := 3
-## Diagonal of the character for the intersection, which treats small triangles as if they were none.
+## Diagonal to which the character is scaled for the intersection test, because the engine's function ignores triangles
+## that are very small.
 const _SCALE := 1000.0
 
 var _scene: Scene
@@ -95,7 +96,7 @@ static func segment_hit(corners: PackedVector3Array, from: Vector3, to: Vector3,
 	return null if found == null else found / scale
 
 
-## Divide the triangles of a block by the places of their first vertices at rest.
+## Divide the triangles of a block by the positions of their first vertices at rest.
 func _divide(block: Block) -> void:
 	var low := block.piece.box.position
 	var cell := (block.piece.box.size / _BLOCKS).max(Vector3.ONE * 1e-6 * _scene.diagonal)

@@ -30,7 +30,7 @@ static func find(data: PackedByteArray) -> ClipMessages:
 	return found
 
 
-## Do without the frames because of an error.
+## Keep the description of an error, and remove the scene and the frames.
 func fail(because: String) -> void:
 	problem = because
 	scene.clear()

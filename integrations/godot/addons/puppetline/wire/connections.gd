@@ -14,6 +14,6 @@ static func make(host: String, socket_type: String, token: String) -> Connection
 	return ZmtpConnection.new(socket_type, token)
 
 
-## Return the address of a service in messages to people.
+## Return the address of a service, as it is written in messages for the user.
 static func address(host: String, port: int) -> String:
 	return host if WebSocketConnection.is_address(host) else "%s:%d" % [host, port]

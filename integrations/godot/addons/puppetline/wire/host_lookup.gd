@@ -1,5 +1,5 @@
 extends RefCounted
-## The search for the address of a host name by the engine's resolver. It ends when this object is freed.
+## Searches for the address of a host name by the engine's resolver. The search ends when this object is freed.
 
 var _id := IP.RESOLVER_INVALID_ID
 
@@ -13,8 +13,8 @@ func _notification(what: int) -> void:
 		IP.erase_resolve_item(_id)
 
 
-## Return the address, of IPv4 if there is one; empty while it is not known. If too many hosts are searched for at the
-## same time, it never is.
+## Return the address, of IPv4 if there is one; empty while it is not known. It stays unknown if too many hosts are
+## searched for at the same time.
 func address() -> String:
 	if _id == IP.RESOLVER_INVALID_ID or IP.get_resolve_item_status(_id) != IP.RESOLVER_STATUS_DONE:
 		return ""
@@ -23,6 +23,6 @@ func address() -> String:
 	return (four if not four.is_empty() else addresses)[0]
 
 
-## Return whether the host has no known address.
+## Return whether the search has ended without an address.
 func has_failed() -> bool:
 	return _id != IP.RESOLVER_INVALID_ID and IP.get_resolve_item_status(_id) == IP.RESOLVER_STATUS_ERROR

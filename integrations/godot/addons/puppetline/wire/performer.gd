@@ -10,7 +10,7 @@ signal lost(user: int)
 
 const Message := preload("message.gd")
 
-## User number to which the character belongs; others are ignored. −1 for any.
+## User number of the performer to report; others are ignored. −1 for any performer.
 var slot := -1:
 	set(value):
 		slot = value

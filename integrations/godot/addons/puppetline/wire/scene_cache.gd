@@ -25,7 +25,7 @@ static func load_payload(digest: String) -> PackedByteArray:
 	return PackedByteArray()
 
 
-## Keep a payload. The file is written under another name and renamed, so that it is never there in part.
+## Keep a payload. The file is written under another name and then renamed, so that it is never incomplete.
 static func save(digest: String, payload: PackedByteArray) -> void:
 	if has(digest):
 		return
@@ -57,7 +57,7 @@ static func _sha256(bytes: PackedByteArray) -> PackedByteArray:
 	return hashing.finish()
 
 
-## The digest comes from the service and becomes part of a path.
+## Return whether a text is a digest. It comes from the service and becomes part of a path.
 static func _is_digest(text: String) -> bool:
 	return text.length() == _DIGEST_CHARACTERS and text.is_valid_hex_number()
 

@@ -1,5 +1,5 @@
 extends RefCounted
-## The connection of a node to a service: its stream and its control socket, and the search for it in the network if the
+## The connection of a node to a service: its stream, its control socket, and the search for it on the network if the
 ## host is empty.
 
 ## Emitted when [member state] has changed.
@@ -33,8 +33,8 @@ var _control: ControlSocket
 var _control_port := 0
 
 
-## [param owner] is the name of the node for error messages. A service that is found in the network must have the
-## [param character], or any one if that is empty.
+## [param owner] is the name of the node for error messages. A service that is found on the network must have the [param
+## character], unless that is empty.
 func _init(owner: String, host: String, port: int, token: String, character: String) -> void:
 	_owner = owner
 	_host = host
@@ -61,7 +61,7 @@ func join() -> bool:
 	return true
 
 
-## Disconnect; requests without a reply fail.
+## Disconnect. Requests without a reply get an error.
 func close() -> void:
 	_close_control()
 	if stream == null:
@@ -72,7 +72,7 @@ func close() -> void:
 	stream = null
 
 
-## Return whether the service must be searched for again: one that was found in the network may have another address
+## Return whether the service must be searched for again: one that was found on the network may have another address
 ## when it returns.
 func is_lost() -> bool:
 	return _host.is_empty() and stream != null and state == Stream.State.OFFLINE
@@ -96,7 +96,7 @@ func request(body: Dictionary, done: Callable) -> void:
 	var address := _host if stream == null else stream.host
 	if address.is_empty():
 		var fix := "Start a service, or set host."
-		var error := {"where": _owner, "found": "no service", "expected": "a service in the network", "fix": fix}
+		var error := {"where": _owner, "found": "no service", "expected": "a service on the network", "fix": fix}
 		done.call({"ok": false, "error": error})
 		return
 	if _control == null:
@@ -116,7 +116,7 @@ func request_of_stage(body: Dictionary, character: String, done: Callable) -> vo
 	request({"do": "describe"}, find)
 
 
-## Return the first service in the network that has the character; empty if there is none.
+## Return the first service on the network that has the character; empty if there is none.
 func _discovered() -> Dictionary:
 	if _discovery == null:
 		_discovery = Discovery.new()

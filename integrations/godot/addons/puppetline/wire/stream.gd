@@ -113,7 +113,7 @@ func is_receiving() -> bool:
 	return _connection.is_receiving()
 
 
-## Retry immediately, even if the service has refused the connection.
+## Connect again at the next [method poll], even if the service has refused the connection.
 func retry() -> void:
 	_tried = false
 	_retry_seconds = MIN_RETRY_SECONDS
@@ -184,7 +184,7 @@ func _subscribe(topic: String) -> void:
 	_requested_ms[topic] = Time.get_ticks_msec()
 
 
-## Wait before the next attempt, longer each time.
+## Schedule the next attempt, with a longer pause each time.
 func _retry_later(why: String) -> void:
 	_reset()
 	_next_try_ms = Time.get_ticks_msec() + int(1000 * _retry_seconds)
@@ -197,7 +197,7 @@ func _refuse(why: String) -> void:
 	_change(State.REFUSED, why)
 
 
-## Forget what belongs to this run of the service: scenes, users and clocks change when it restarts.
+## Remove what belongs to this run of the service: scenes, users and clocks change when it restarts.
 func _reset() -> void:
 	_connection.close()
 	_latest.clear()

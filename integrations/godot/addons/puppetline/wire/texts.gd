@@ -2,7 +2,7 @@ extends RefCounted
 ## Decoding of strings in untrusted datagrams. The engine's own functions would print an error for each invalid string.
 
 
-## Decode UTF-8; empty if the bytes are not valid UTF-8 or contain a zero byte.
+## Return the decoded UTF-8; empty if the bytes are not valid UTF-8 or contain a zero byte.
 static func read(bytes: PackedByteArray) -> String:
 	if bytes.is_empty():
 		return ""

@@ -10,7 +10,7 @@ const INPUT_BUFFER_BYTES := 1 << 25
 const PATH := "/stream"
 ## Close code of a wrong token.
 const WRONG_TOKEN := 4401
-## By socket type: from the port of the socket to that of the WebSocket.
+## Difference between the port of the WebSocket and the port of the socket, by socket type.
 const _PORTS_UP := {"SUB": 2, "DEALER": 1}
 
 var _socket_type: String
@@ -98,7 +98,7 @@ func _exchange() -> void:
 		_receive()
 
 
-## Keep the received messages: of the stream those in bytes, of requests the replies, which are texts.
+## Keep the received messages: binary ones of the stream, and text ones, which are the replies to requests.
 func _receive() -> void:
 	while _peer.get_available_packet_count() > 0:
 		var packet := _peer.get_packet()

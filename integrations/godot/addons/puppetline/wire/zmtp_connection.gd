@@ -6,8 +6,8 @@ extends "connection.gd"
 
 const HostLookup := preload("host_lookup.gd")
 
-## Maximum number of bytes that one call of [method poll] reads, so that a scene of several megabytes does not take the
-## time of one image.
+## Maximum number of bytes that one call of [method poll] reads, so that a scene of several megabytes does not delay an
+## image.
 const MAX_POLL_BYTES := 1 << 20
 ## Size of a frame, in bytes, from which it is received into an array of its own, which is not copied.
 const LONG_FRAME_BYTES := 1 << 16
@@ -15,7 +15,7 @@ const LONG_FRAME_BYTES := 1 << 16
 const MAX_POLL_FRAMES := 4096
 ## Maximum size of a command, in bytes. The longest one, HELLO, has about 500 bytes.
 const MAX_COMMAND_BYTES := 1 << 16
-## Maximum number of bytes that wait to be sent. If there are more, the peer does not read.
+## Maximum number of bytes that wait to be sent. If there are more, the connection ends, because the peer does not read.
 const MAX_UNSENT_BYTES := 1 << 20
 
 const _MORE := 1
@@ -117,7 +117,7 @@ func _connect() -> void:
 		StreamPeerTCP.STATUS_CONNECTED:
 			_tcp.set_no_delay(true)
 			state = State.HANDSHAKE
-			# Signature and version make the peer name its mechanism. The rest of the greeting depends on that.
+			# When the peer has received signature and version, it names its mechanism, on which the rest depends.
 			_output = PackedByteArray([0xFF, 0, 0, 0, 0, 0, 0, 0, 0, 0x7F, 3, 0])
 		StreamPeerTCP.STATUS_CONNECTING:
 			pass
@@ -212,14 +212,14 @@ func _end_by_peer() -> void:
 
 ## Check the greeting as far as it has been received, and answer it when it is complete.
 func _read_greeting() -> void:
-	var come := _input.size()
+	var received := _input.size()
 	if (
-		(come > 0 and _input[0] != 0xFF)
-		or (come > _VERSION_OFFSET - 1 and not _input[_VERSION_OFFSET - 1] & 1)
-		or (come > _VERSION_OFFSET and _input[_VERSION_OFFSET] < 3)
+		(received > 0 and _input[0] != 0xFF)
+		or (received > _VERSION_OFFSET - 1 and not _input[_VERSION_OFFSET - 1] & 1)
+		or (received > _VERSION_OFFSET and _input[_VERSION_OFFSET] < 3)
 	):
 		_end(State.FAILED, "The program at %s does not support ZMTP 3. Check the port." % _address())
-	if come < _GREETING_BYTES or state != State.HANDSHAKE:
+	if received < _GREETING_BYTES or state != State.HANDSHAKE:
 		return
 	_greeted = true
 	_position = _GREETING_BYTES
@@ -249,17 +249,17 @@ func _read_frames() -> void:
 	if _long_bytes > 0 and not _read_long_frame():
 		return
 	for _frame in MAX_POLL_FRAMES:
-		var come := _input.size() - _position
-		if come < 2:
+		var available := _input.size() - _position
+		if available < 2:
 			return
 		var flags := _input[_position]
 		var head := 9 if flags & _LONG else 2
-		if come < head:
+		if available < head:
 			return
 		var size := _input[_position + 1] if head == 2 else _long_size()
 		if not _allowed(flags, size):
 			return
-		if size > come - head:
+		if size > available - head:
 			if size >= LONG_FRAME_BYTES:
 				_begin_long_frame(flags, size, head)
 			return
@@ -279,7 +279,7 @@ func _begin_long_frame(flags: int, size: int, head: int) -> void:
 	_position = 0
 
 
-## Take a long frame, if it is whole.
+## Take the long frame if it is complete. Return whether further frames can be read.
 func _read_long_frame() -> bool:
 	if _long.size() < _long_bytes:
 		return false

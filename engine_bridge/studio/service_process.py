@@ -122,7 +122,7 @@ class ServiceProcess:
             self.reached = None
             if not self._wanted:
                 break
-            failures = 0 if asyncio.get_running_loop().time() - started > STEADY_SECONDS else failures + 1
+            failures = 1 if asyncio.get_running_loop().time() - started > STEADY_SECONDS else failures + 1
             problem = _reason(lines)
             log.warning("the service has ended: %s", problem)
             self._set(running=False, starting=True, restarts=self.state.restarts + 1, problem=problem, address="")

@@ -42,8 +42,9 @@ MAX_CHARACTERS = 256
 MAX_MESSAGE_BYTES = 1 << 30
 """Maximum size of a message; the connection to a sender of a larger one is closed."""
 
-REFUSALS = zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
-"""Events of a connection that the service refuses: the token is wrong, or is missing."""
+REFUSALS = zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
+"""Events of a connection that the service refuses: the token is wrong; it is missing; it is missing, and the service
+closes the connection before this client has read what the service requires."""
 
 NOTICE_SECONDS = 3.0
 """Time without a message after which the client says what is missing, in seconds."""
@@ -138,7 +139,8 @@ def listen(
     kinds : sequence of str
         Some of `KINDS`.
     notice : callable
-        Called once with a text if nothing has been received for `NOTICE_SECONDS`; the client goes on.
+        Called once with a text if the service refuses the client, or if nothing has been received for
+        `NOTICE_SECONDS`; the client goes on.
 
     Raises
     ------
@@ -175,7 +177,7 @@ def listen(
 
 
 class _Silence:
-    """Why no message has been received, which is told once after `NOTICE_SECONDS`."""
+    """Why no message has been received, which is told once: after a refusal, or after `NOTICE_SECONDS`."""
 
     def __init__(self, address: str, socket: "zmq.Socket[bytes]", notice: Callable[[str], None]) -> None:
         self._address, self._refusals, self._notice = address, socket.get_monitor_socket(REFUSALS), notice
@@ -187,7 +189,7 @@ class _Silence:
         while self._refusals.poll(0):
             recv_monitor_message(self._refusals)
             self._is_refused = True
-        if not self._is_told and time.monotonic() > self._begun + NOTICE_SECONDS:
+        if not self._is_told and (self._is_refused or time.monotonic() > self._begun + NOTICE_SECONDS):
             self._is_told = True
             if not listener.has_heard:
                 self._notice(str(self.error()))

@@ -125,6 +125,10 @@ def test_a_silence_is_told_once_while_the_client_goes_on(monkeypatch):
     assert [text.partition("; ")[0] for text in told] == [f"tcp://127.0.0.1:{port}: found no message within 0 s"]
 
 
+def interrupt(_text):
+    raise KeyboardInterrupt
+
+
 @pytest.mark.parametrize("token", [None, "another one"])
 def test_a_service_that_refuses_the_token_is_told_from_none(token):
     context = zmq.Context()
@@ -135,7 +139,7 @@ def test_a_service_that_refuses_the_token_is_told_from_none(token):
         locked.plain_server = True
         port = locked.bind_to_random_port("tcp://127.0.0.1")
         with pytest.raises(ServiceError, match=r"found a service that refuses this client; .*--token-file"):
-            listen(f"127.0.0.1:{port}", seconds=0.5, token=token)
+            listen(f"127.0.0.1:{port}", seconds=60, token=token, notice=interrupt)
     guard.stop()
     context.destroy(linger=0)
 

@@ -77,6 +77,24 @@ def check_writable(path: Path, ending: str, inputs: Iterable[Path] = ()) -> None
         raise write_error(path, error) from error
 
 
+def check_new(path: Path, fix: str, expected: str = "a new name") -> None:
+    """Check before the work that a result replaces no file.
+
+    Parameters
+    ----------
+    path : Path
+    fix, expected : str
+        Parts of the error's message.
+
+    Raises
+    ------
+    OutputError
+        The file exists.
+    """
+    if path.exists():
+        raise OutputError(path, found="an existing file", expected=expected, fix=fix)
+
+
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
     """Yield a name in the folder of `path` to write to; rename it to `path` if the block succeeds.

@@ -70,19 +70,13 @@ def new(
     """
     from engine_bridge.pictures import puppet_diagram
     from engine_bridge.puppet import proposal, puppet_file
-    from puppetline.errors import OutputError
-    from puppetline.files import check_writable
+    from puppetline.files import check_new, check_writable
 
     picture = preview or output.with_suffix(".handles.png")  # plain .png may be the name of a texture or contact sheet
     check_writable(output, ".toml", inputs=(mesh,))
     check_writable(picture, ".png", inputs=(mesh,))
-    if output.exists() and not force:
-        raise OutputError(
-            output,
-            found="an existing file",
-            expected="a new name",
-            fix="Choose another name, or replace it with --force.",
-        )
+    if not force:
+        check_new(output, options.REPLACING)
     proposed = proposal.new_puppet(
         mesh,
         output,

@@ -11,8 +11,9 @@ from capture.recording import Recorder
 from capture.skeleton import SkeletonFrame
 from capture.source import SkeletonSource, wait
 from capture.sources.replay import RecordingSource
+from engine_bridge.cli.options import REPLACING
 from puppetline.errors import OutputError, SourceError
-from puppetline.files import check_writable
+from puppetline.files import check_new, check_writable
 
 
 @dataclass(frozen=True)
@@ -121,13 +122,8 @@ def record(
 
 def _remove_existing(path: Path, force: bool) -> None:
     check_writable(path, path.suffix.lower())
-    if path.exists() and not force:
-        raise OutputError(
-            path,
-            found="an existing file",
-            expected="a new name",
-            fix="Choose another name, or replace it with --force.",
-        )
+    if not force:
+        check_new(path, REPLACING)
     try:
         path.unlink(missing_ok=True)
     except OSError as error:

@@ -43,8 +43,8 @@ MAX_MESSAGE_BYTES = 1 << 30
 """Maximum size of a message; the connection to a sender of a larger one is closed."""
 
 REFUSALS = zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
-"""Events of a connection that the service refuses: the token is wrong; it is missing; it is missing, and the service
-closes the connection before this client has read what the service requires."""
+"""Events of a connection that the service refuses. They differ by what this client has read before the connection was
+closed."""
 
 NOTICE_SECONDS = 3.0
 """Time without a message after which the client says what is missing, in seconds."""

@@ -3,8 +3,7 @@
 A tree of curves runs through the inside of the character, one curve per limb (`solver.anatomy.curve_skeleton`). Its
 ends are named by their positions and by where they branch off: feet are pairs on the ground, the head is an end near
 the middle that is high, in front and thick, and arms are a pair that branches off between legs and head. The joints are
-on the curves
-(`solver.anatomy.limb_curve`).
+on the curves (`solver.anatomy.limb_curve`).
 """
 
 from collections.abc import Mapping, Sequence

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from puppetline.errors import MeshError, OutputError
-from puppetline.files import check_writable, read_whole, written_whole
+from puppetline.files import check_new, check_writable, read_whole, written_whole
 
 
 def names(folder):
@@ -87,6 +87,14 @@ def test_an_interrupt_while_a_place_is_checked_leaves_no_file(tmp_path, monkeypa
     with pytest.raises(KeyboardInterrupt):
         check_writable(tmp_path / "out.glb", ".glb")
     assert names(tmp_path) == []
+
+
+def test_a_file_that_exists_is_not_new(tmp_path):
+    check_new(tmp_path / "a", "Choose another name.")
+    (tmp_path / "a").touch()
+    with pytest.raises(OutputError) as error:
+        check_new(tmp_path / "a", "Choose another name.")
+    assert str(error.value) == f"{tmp_path / 'a'}: found an existing file; expected a new name. Choose another name."
 
 
 def test_a_good_place_is_left_as_it_was(tmp_path):

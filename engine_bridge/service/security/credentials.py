@@ -13,7 +13,7 @@ import zmq.auth
 from zmq.utils import z85
 
 from puppetline.errors import OutputError, PuppetlineError, ServiceError
-from puppetline.files import written_whole
+from puppetline.files import check_new, written_whole
 
 TOKEN_VARIABLE = "PUPPETLINE_TOKEN"  # noqa: S105
 TOKEN = re.compile(r"[!-~]{16,255}")
@@ -202,10 +202,5 @@ def _unreadable(path: Path, what: str, error: OSError) -> PuppetlineError:
 
 
 def _check_new(path: Path) -> None:
-    if path.exists():
-        raise OutputError(
-            path,
-            found="an existing file",
-            expected="a new file, because the old one's secret may be in use",
-            fix="Choose another name, or delete the file first.",
-        )
+    expected = "a new file, because the old one's secret may be in use"
+    check_new(path, "Choose another name, or delete the file first.", expected)

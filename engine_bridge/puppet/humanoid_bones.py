@@ -29,6 +29,9 @@ PARENTS: dict[str, str] = {
 }
 """Parent of each bone but the hips, parents first. Bones that VRM does not require may be missing."""
 
+HUMANOID_BONES = ("hips", *PARENTS)
+"""All bones, parents first."""
+
 REQUIRED = (
     "hips",
     "spine",

@@ -107,7 +107,7 @@ def bones_of(limbs: Sequence[Limb]) -> Bones:
         if limb.parent is not None:
             start = first[limb.parent]
             candidates = range(start, start + count[limb.parent])
-            on = min(candidates, key=lambda bone: _distance(limb.points[0], heads[bone], tails[bone]))
+            on = min(candidates, key=lambda bone: distance_from_segment(limb.points[0], heads[bone], tails[bone]))
         for head, tail in zip(limb.points[:-1], limb.points[1:], strict=True):
             parents.append(on)
             numbers.append(-1 if limb.name in bases else number)
@@ -122,7 +122,9 @@ def bones_of(limbs: Sequence[Limb]) -> Bones:
     )
 
 
-def _distance(point: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]) -> float:
+def distance_from_segment(
+    point: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]
+) -> float:
     """Return the distance of a point from a segment."""
     along = end - start
     share = min(max(float((point - start) @ along) / max(float(along @ along), 1e-300), 0.0), 1.0)

@@ -17,8 +17,9 @@ from pydantic import Field, FiniteFloat
 
 from capture.network.osc import bundle, encode
 from capture.skeleton import JOINTS
-from engine_bridge.performance.humanoid import LIMBS, UPRIGHT_LIMBS, is_humanoid
 from engine_bridge.puppet.puppet import Puppet
+from engine_bridge.rigging.humanoid import is_humanoid
+from engine_bridge.rigging.joints import LIMB_JOINTS, MIDDLE_LIMBS
 from engine_bridge.service.monitoring.status import OutputStatus
 from engine_bridge.service.outputs import vmc
 from engine_bridge.service.outputs.output import Opening, Output, OutputTable
@@ -112,7 +113,7 @@ class OscTable(OutputTable):
         if "vmc" not in self.send or not self.receives(name) or is_humanoid(puppet):
             return
         limbs = ", ".join(limb.name for limb in puppet.limb)
-        sided = ", ".join(name for name in LIMBS if name not in UPRIGHT_LIMBS)
+        sided = ", ".join(name for name in LIMB_JOINTS if name not in MIDDLE_LIMBS)
         raise PuppetError(
             at(path, field="[[limb]]"),
             found=f"the limbs {limbs}" if limbs else "no limb",

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.drawn_normals import drawn_normals
-from engine_bridge.performance.humanoid import Humanoid, humanoid_of, is_humanoid
 from engine_bridge.performance.rig import Rig
 from engine_bridge.puppet.puppet import Puppet
+from engine_bridge.rigging.humanoid import humanoid_of, is_humanoid
+from engine_bridge.rigging.skeleton import Skeleton
 from engine_bridge.service.protocol.header import Kind
 from engine_bridge.service.protocol.quantisation import quantised
 from engine_bridge.service.protocol.scene import arrays_start, encode_scene, with_description
@@ -76,7 +77,7 @@ class StreamedCharacter:
         return ShadedBinding(self.rig.model, self.rest, self.rig.mesh.of_render, self.normals, self.triangles)
 
     @cached_property
-    def humanoid(self) -> Humanoid | None:
+    def humanoid(self) -> Skeleton | None:
         """Its limbs as bones of a humanoid; None if it is not a humanoid."""
         return humanoid_of(self.rig.puppet, self.rest) if is_humanoid(self.rig.puppet) else None
 

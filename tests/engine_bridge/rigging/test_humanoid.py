@@ -6,9 +6,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from capture.skeleton import JOINT_INDEX, JOINTS
-from engine_bridge.performance.humanoid import PARENTS, humanoid_of, is_humanoid
 from engine_bridge.performance.retargeting import PERFORMER
 from engine_bridge.puppet.puppet import CharacterTable, LimbTable, Puppet
+from engine_bridge.rigging.humanoid import humanoid_of, is_humanoid
 from solver.motion.limb_motion import LimbMotion
 
 HALF = math.sqrt(0.5)
@@ -57,7 +57,7 @@ T_POSE = {
 EVERY_BONE = {"Hips", "Spine", "Chest", "Neck", "Head"} | {
     f"{side}{bone}"
     for side in ("Left", "Right")
-    for bone in ("Shoulder", "UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Foot")
+    for bone in ("Shoulder", "UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Foot", "Toes")
 }
 
 
@@ -128,9 +128,10 @@ def turns(humanoid, rotations):
 def in_world(humanoid, positions, rotations):
     """Forward kinematics, by scipy: the frames of the bones in Unity's world."""
     frames = {}
-    for name, place, turn in zip(humanoid.names, positions, turns(humanoid, rotations).values(), strict=True):
-        start, base = frames.get(PARENTS.get(name), (np.zeros(3), Rotation.identity()))
-        frames[name] = start + base.apply(place), base * turn
+    for joint, place, turn in zip(humanoid.joints, positions, turns(humanoid, rotations).values(), strict=True):
+        above = humanoid.joints[joint.parent].name if joint.parent >= 0 else None
+        start, base = frames.get(above, (np.zeros(3), Rotation.identity()))
+        frames[joint.name] = start + base.apply(place), base * turn
     return frames
 
 
@@ -143,7 +144,7 @@ def angle(a, b):
 def test_a_performer_in_a_t_pose_turns_no_bone_whatever_the_rest_pose_of_the_character(rest, axes):
     humanoid, _, rotations, _ = posed(puppet(rest, **axes), T_POSED)
     assert set(humanoid.names) == EVERY_BONE
-    np.testing.assert_allclose(rotations, np.tile([0, 0, 0, 1], (19, 1)), atol=1e-7)
+    np.testing.assert_allclose(rotations, np.tile([0, 0, 0, 1], (21, 1)), atol=1e-7)
 
 
 @pytest.mark.parametrize(
@@ -174,7 +175,7 @@ def test_a_body_that_turns_to_its_left_turns_the_hips_alone():
     humanoid, _, rotations, _ = posed(puppet(A_POSED), quarter.apply(T_POSED))
     assert humanoid.names[0] == "Hips"
     np.testing.assert_allclose(rotations[0], (0, -HALF, 0, HALF), atol=1e-7)
-    np.testing.assert_allclose(rotations[1:], np.tile([0, 0, 0, 1], (18, 1)), atol=1e-7)
+    np.testing.assert_allclose(rotations[1:], np.tile([0, 0, 0, 1], (20, 1)), atol=1e-7)
 
 
 def random_poses(rng, count=20):

@@ -1,0 +1,1 @@
+"""Rigs that are made for characters: named joints, skin weights, and documents with both."""

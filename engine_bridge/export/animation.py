@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character, Part, rest_weights
 from engine_bridge.character.document import ARRAY_BUFFER, Document
+from engine_bridge.character.document_edits import own_mesh, show_all
 from engine_bridge.character.gltf_file import damaged
-from engine_bridge.character.scene import top_nodes
-from engine_bridge.character.schema import Animation, Gltf, Mesh, Node, Primitive, copied
+from engine_bridge.character.schema import Animation, Mesh, Node, Primitive
 from engine_bridge.character.surfaces.surface import MAX_COORDINATE
 from puppetline.errors import at
 
@@ -100,31 +100,6 @@ def animate(character: Character, keyframes: Keyframes, targets: TargetWriter) -
     if animation["channels"]:
         gltf["animations"].insert(0, animation)  # viewers play the first one
     return document
-
-
-def show_all(gltf: Gltf) -> None:
-    """Add a scene with all nodes to a file without scenes, because viewers would show nothing of it."""
-    if not gltf["scenes"]:
-        gltf["scenes"], gltf["scene"] = [{"nodes": top_nodes(gltf)}], 0
-
-
-def own_mesh(document: Document, node: int, shown: Counter[int | None]) -> Mesh:
-    """Return a mesh that only this node shows, because displacements are in the coordinates of a node.
-
-    Parameters
-    ----------
-    document : Document
-    node : int
-    shown : Counter
-        Number of nodes that show each mesh; it is updated.
-    """
-    gltf = document.gltf
-    mesh = gltf["nodes"][node]["mesh"]
-    if shown[mesh] > 1:
-        shown[mesh] -= 1
-        gltf["meshes"].append(copied(gltf["meshes"][mesh]))
-        gltf["nodes"][node]["mesh"] = mesh = len(gltf["meshes"]) - 1
-    return gltf["meshes"][mesh]
 
 
 class LocalSpace:

@@ -8,9 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from engine_bridge.character.character import Character
 from engine_bridge.character.document import Document
+from engine_bridge.character.document_edits import show_all
 from engine_bridge.character.scene import local_transform, rotation_matrix, tree, world_transforms
 from engine_bridge.character.schema import Animation
-from engine_bridge.export.animation import Keyframes, add_channel, show_all
+from engine_bridge.export.animation import Keyframes, add_channel
 from engine_bridge.performance.frame_store import Frames
 from engine_bridge.puppet.rig_bones import RigBones
 from puppetline.errors import MeshError, at

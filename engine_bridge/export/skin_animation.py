@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.character import TRIANGLES, Character, rest_weights
 from engine_bridge.character.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
+from engine_bridge.character.document_edits import own_mesh, show_all
 from engine_bridge.character.scene import skinning as carried_by_skin
 from engine_bridge.character.scene import world_transforms
 from engine_bridge.character.schema import Animation, ChannelTarget, Gltf, Node, Primitive
-from engine_bridge.export.animation import Keyframes, add_channel, add_root, own_mesh, show_all
+from engine_bridge.export.animation import Keyframes, add_channel, add_root
 from engine_bridge.export.skinning import Skinning
 
 MIN_LENGTH = 1e-30

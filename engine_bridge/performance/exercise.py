@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture import body
+from capture.skeleton import JOINTS
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.retargeting import fit_sizes
 from engine_bridge.performance.rig import Rig
@@ -30,6 +31,12 @@ LIMB_TURN_RADIANS, TRUNK_TURN_RADIANS = 1.8, 0.7
 TARGET_SHARE = 1.2
 """Largest displacement of handles before the limit of motion applies, as a share of their reach."""
 
+RANDOM_SHARE = 0.7
+"""Largest displacement in a random pose, as a share of that of the exercise."""
+
+RANDOM_ITERATIONS = 12
+"""Iterations per random pose, with which the pose before it does not matter."""
+
 SEED = 1
 """Seed of the random frequencies and phases."""
 
@@ -50,27 +57,72 @@ def exercise(rig: Rig, rest: NDArray[np.float64], chunk_size: int) -> Iterator[N
     (f, 4m, 3) float32
         Control variables of the next frames, at most `chunk_size`; model units.
     """
-    deformer = make_deformer(rig.puppet, rig.mesh, rig.model)
-    mapping, fit = rig.puppet.mapping, fit_sizes(rig.puppet, deformer, rig.mesh, rest)
-    without_limit = np.abs(fit.scale * (mapping.matrix @ body.reach(rest)))[:, None, None]
-    reach = np.where(np.isfinite(fit.reach), fit.reach, np.maximum(without_limit, 1e-9 * rig.mesh.diagonal))
-    free = mapping.axes & (mapping.matrix != 0).any(axis=1, keepdims=True)
-    axes = _axes(rig.puppet.limbs, deformer.bones)
-    shares = _shares(np.concatenate([free, axes.any(axis=2)]))
-    moved = TARGET_SHARE * (shares[:, : len(free)] @ rig.puppet.character.basis)
-    moved *= np.where(moved < 0, reach[..., 0], reach[..., 1])
-    targets = deformer.handles + mapping.gain[:, None] * soft_limit(moved, reach)
-    turned = np.einsum("fba,bax->fbx", shares[:, len(free) :], axes)
-    apart = np.concatenate([turned, np.zeros_like(turned)], axis=2)
-    rest = np.tile(np.eye(4, 3), (len(deformer.bones), 1, 1))
-    trunk = _names(rig.puppet.limbs).index(TRUNK) if TRUNK in _names(rig.puppet.limbs) else None
-    for start in range(0, len(targets), chunk_size):
-        solved = []
-        for frame, turns in zip(targets[start : start + chunk_size], apart[start : start + chunk_size], strict=True):
-            motions = moved_by(deformer.bones, rest, turns, 1.0)
-            carried = frame if trunk is None else frame @ motions[trunk, :3] + motions[trunk, 3]
-            solved.append(deformer.solve(carried, motions))
-        yield np.array(solved, dtype=np.float32)
+    course = _Course(rig, rest)
+    shares = _shares(course.free)
+    for start in range(0, len(shares), chunk_size):
+        yield course.solve(shares[start : start + chunk_size])[0]
+
+
+def random_poses(rig: Rig, count: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """Return poses in which all bones and handles have random displacements, each pose independent of the others.
+
+    Parameters
+    ----------
+    rig : Rig
+    count : int
+
+    Returns
+    -------
+    R : (count, 4m, 3) float32
+        Control variables, model units.
+    motions : (count, b, 4, 3) float64
+        Motions of the bones for row vectors, mesh file's coordinates.
+    """
+    course = _Course(rig, np.full((len(JOINTS), 3), np.nan), RANDOM_ITERATIONS)
+    shares = np.random.default_rng(SEED).uniform(-RANDOM_SHARE, RANDOM_SHARE, (count, *course.free.shape))
+    return course.solve(shares * course.free)
+
+
+class _Course:
+    """Displacements of a puppet's handles along their axes, and of its bones about theirs.
+
+    Attributes
+    ----------
+    free : (k, 3) bool
+        Axes along which handles, and then bones, can move.
+    """
+
+    def __init__(self, rig: Rig, rest: NDArray[np.float64], iterations: int | None = None) -> None:
+        puppet = rig.puppet
+        deformer = make_deformer(puppet, rig.mesh, rig.model)
+        self._deformer = deformer if iterations is None else deformer.another(iterations)
+        self._basis, self._mapping = puppet.character.basis, puppet.mapping
+        fit = fit_sizes(puppet, deformer, rig.mesh, rest)
+        without_limit = np.abs(fit.scale * (self._mapping.matrix @ body.reach(rest)))[:, None, None]
+        self._reach = np.where(np.isfinite(fit.reach), fit.reach, np.maximum(without_limit, 1e-9 * rig.mesh.diagonal))
+        self._axes = _axes(puppet.limbs, deformer.bones)
+        handles = self._mapping.axes & (self._mapping.matrix != 0).any(axis=1, keepdims=True)
+        self.free = np.concatenate([handles, self._axes.any(axis=2)])
+        names = _names(puppet.limbs)
+        self._trunk = names.index(TRUNK) if TRUNK in names else None
+
+    def solve(self, shares: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        """Return the controls (F, 4m, 3) and the motions of the bones (F, b, 4, 3) for displacements (F, k, 3)."""
+        bones, handles = self._deformer.bones, len(self._reach)
+        moved = TARGET_SHARE * (shares[:, :handles] @ self._basis)
+        moved *= np.where(moved < 0, self._reach[..., 0], self._reach[..., 1])
+        targets = self._deformer.handles + self._mapping.gain[:, None] * soft_limit(moved, self._reach)
+        turned = np.einsum("fba,bax->fbx", shares[:, handles:], self._axes)
+        apart = np.concatenate([turned, np.zeros_like(turned)], axis=2)
+        rest = np.tile(np.eye(4, 3), (len(bones), 1, 1))
+        motions = np.empty((len(shares), len(bones), 4, 3))
+        solved = np.empty((len(shares), *self._deformer.model.rest_controls.shape), dtype=np.float32)
+        for frame, aims in enumerate(targets):
+            motions[frame] = moved_by(bones, rest, apart[frame], 1.0)
+            if self._trunk is not None:
+                aims = aims @ motions[frame, self._trunk, :3] + motions[frame, self._trunk, 3]
+            solved[frame] = self._deformer.solve(aims, motions[frame])
+        return solved, motions
 
 
 def _names(limbs: Sequence[Limb]) -> list[str]:

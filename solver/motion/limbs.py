@@ -122,9 +122,7 @@ def bones_of(limbs: Sequence[Limb]) -> Bones:
     )
 
 
-def distance_from_segment(
-    point: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]
-) -> float:
+def distance_from_segment(point: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]) -> float:
     """Return the distance of a point from a segment."""
     along = end - start
     share = min(max(float((point - start) @ along) / max(float(along @ along), 1e-300), 0.0), 1.0)

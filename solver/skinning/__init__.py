@@ -1,0 +1,1 @@
+"""Skin weights of bones, for programs that animate a surface by rotations of joints."""

@@ -176,7 +176,7 @@ class _Conversion:
     def _of_performer(self, clips: list[SkeletonClip], row: Row, output: str) -> Row:
         """Write the result of one performer, and return its row."""
         start = time.perf_counter()
-        settings = replace(self._batch.settings, user=row.user)
+        settings = replace(self._batch.settings, user=row.user).for_puppet(self._rig.puppet)
         timeline, notes = timeline_of(clips, self._job.log, settings)
         with self._store.written(output) as partial:
             try:
@@ -198,6 +198,7 @@ class _Conversion:
             row,
             state="done",
             output=output,
+            form=settings.form,
             user=choose(clips, row.user)[0].user,
             conversion_seconds=time.perf_counter() - start,
             **{name: getattr(summary, name) for name in SUMMARY_COLUMNS},

@@ -19,8 +19,8 @@ class Row:
         Format of the recording.
     user : int or None
         User number of the performer.
-    form : str
-        Form of the animation: "morph", "skin", "frames" or "rig".
+    form : str or None
+        Form of the animation: "morph", "skin", "frames" or "rig"; None for the one that suits the puppet.
     frames, seconds, keyframes
         Number of frames and duration of the clip, and number of keyframes in the file.
     targets, bones
@@ -45,7 +45,7 @@ class Row:
     puppet: str
     format: str | None
     user: int | None
-    form: str
+    form: str | None
     frames: int | None = None
     seconds: float | None = None
     keyframes: int | None = None

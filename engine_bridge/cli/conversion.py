@@ -46,17 +46,16 @@ WRITING = (
     click.option(
         "--as",
         "form",
-        default="morph",
-        show_default=True,
-        type=click.Choice(["morph", "skin", "frames", "rig"]),
-        help="What is animated: a few morph targets; new bones with a skin; a morph target per keyframe, for short "
-        "clips; or the joints of the skeleton in the character's file.",
+        type=click.Choice(["rig", "morph", "skin", "frames"]),
+        help="What is animated: named joints, of the skeleton in the character's file or of a new one; a few morph "
+        "targets; nameless bones, for a puppet with handles only; or a morph target per keyframe, for short clips.  "
+        "[default: rig if the puppet has limbs, otherwise morph]",
     ),
     click.option(
         "--tolerance",
         type=Finite(0, 1, min_open=True),
-        help="Largest error of a vertex, as a fraction of the character's diagonal.  "
-        "[default: 0.0005; for a skin 0.002]",
+        help="Largest error of a vertex, as a fraction of the character's diagonal; for a rig, of its keyframes.  "
+        "[default: 0.0005; for a skin 0.002, for a rig 0.0001]",
     ),
     options.targets,
     click.option(
@@ -114,6 +113,8 @@ def settings(**choices: Any) -> "Settings":
         Options that do not fit each other.
     """
     for option, form in (("targets", "morph"), ("bones", "skin")):
+        if choices[option] is not None and choices["form"] is None:
+            choices["form"] = form
         if choices[option] is not None and choices["form"] != form:
             raise click.UsageError(f"--{option} requires --as {form}.")
     return reading_settings(**choices)

@@ -13,11 +13,10 @@ from engine_bridge.export import frames_animation, morph_basis, quantized_target
 from engine_bridge.export.animation import Displacements, FloatTargets, Keyframes, animate
 from engine_bridge.export.compact_document import animate_compact, compact_skin
 from engine_bridge.export.compact_motion import compact_motion
-from engine_bridge.export.rig_animation import animate_rig
+from engine_bridge.export.rig_export import export_rig
 from engine_bridge.export.skin_animation import animate_skin
 from engine_bridge.performance.clip import Clip, Progress
 from engine_bridge.performance.settings import Form, Settings
-from engine_bridge.puppet.rig_bones import rig_bones
 from solver.model.batch import BatchBinding
 
 TARGETS_SHARE = 0.8
@@ -57,7 +56,7 @@ def export_clip(clip: Clip, name: str, settings: Settings, progress: Progress) -
         Animated document.
     result : ExportResult
     """
-    document, result = _EXPORTERS[settings.form](clip, name, settings, progress)
+    document, result = _EXPORTERS[settings.for_puppet(clip.rig.puppet).form or "morph"](clip, name, settings, progress)
     if settings.meshopt:
         meshopt.compress(document)
     return document, result
@@ -158,33 +157,16 @@ def _as_frames(clip: Clip, name: str, settings: Settings, progress: Progress) ->
 
 
 def _as_rig(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
-    rig = clip.rig
-    bones = rig_bones(rig.character, rig.puppet.limbs)
     no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
-    document, moved = animate_rig(rig.character, _keyframes(clip, name, no_weights), bones, clip.motions)
-    progress("Turning joints", 1.0)
-    notes = []
-    if bones.missing:
-        notes.append(
-            f"The skeleton has no joint for {', '.join(bones.missing)}; parts that only these limbs move stay still."
-        )
-    if bones.loose:
-        notes.append(f"Without a joint above them, {', '.join(bones.loose)} follow the nearest bones.")
-    if moved.uneven:
-        notes.append(
-            f"The scale above {', '.join(moved.uneven)} differs by axis, so that the rotation of these joints is "
-            "approximate. Use --as morph for the exact motion."
-        )
-    error, keyframes, diagonal = moved.error, len(clip.frames), float(rig.model.diagonal)
-    if settings.compact and document.gltf["animations"]:
-        keyframes, more = compact_motion(document, settings.max_error * diagonal)
-        error += more
-    return document, ExportResult(
-        error / diagonal,
-        bones=moved.animated,
-        following=moved.following,
-        keyframes=keyframes,
-        notes=tuple(notes),
+    exported = export_rig(clip, _keyframes(clip, name, no_weights), settings, progress)
+    diagonal = float(clip.rig.model.diagonal)
+    return exported.document, ExportResult(
+        exported.error / diagonal,
+        None if exported.rms is None else exported.rms / diagonal,
+        bones=exported.joints.animated,
+        following=exported.joints.following,
+        keyframes=exported.keyframes,
+        notes=exported.notes,
     )
 
 

@@ -27,7 +27,7 @@ Tracks = dict[tuple[int, str], NDArray[np.float32]]
 """Node and path to values (F, width) in all frames."""
 
 
-def compact_motion(document: Document, tolerance: float) -> tuple[int, float]:
+def compact_motion(document: Document, tolerance: float, *, quantised: bool = True) -> tuple[int, float]:
     """Reduce the first animation of a document, all of whose channels have the same key times.
 
     Parameters
@@ -35,6 +35,8 @@ def compact_motion(document: Document, tolerance: float) -> tuple[int, float]:
     document : Document
     tolerance : float
         Maximum distance of a vertex from its position by the original animation, world units.
+    quantised : bool, optional
+        Whether rotations are stored in 16 bits.
 
     Returns
     -------
@@ -54,13 +56,15 @@ def compact_motion(document: Document, tolerance: float) -> tuple[int, float]:
     exact = _moved(document, tracks, boxes, len(times))
     for share in THINNING_SHARES:
         kept = thin(exact, share * tolerance) if share else np.arange(len(times))
-        stored = {key: _stored(key[1], values[kept]) for key, values in tracks.items()}
+        stored = {key: values[kept] for key, values in tracks.items()}
+        if quantised:
+            stored = {key: _stored(key[1], values) for key, values in stored.items()}
         played = {key: _played(key[1], values, kept) for key, values in stored.items()}
         missed = _moved(document, played, boxes, len(times)) - exact
         error = float(np.sqrt(np.einsum("fpc,fpc->fp", missed, missed).max(initial=0)))
         if error <= tolerance:
             break
-    _rewrite(document, animation, times[kept], stored)
+    _rewrite(document, animation, times[kept], stored, quantised)
     return len(kept), error
 
 
@@ -141,14 +145,16 @@ def _played(path: str, values: NDArray[np.float32], kept: NDArray[np.int64]) -> 
     return np.where(cosine > NEARLY_EQUAL, (1 - share) * a + share * b, arc).astype(np.float32)
 
 
-def _rewrite(document: Document, animation: Animation, times: NDArray[np.float32], stored: Tracks) -> None:
+def _rewrite(
+    document: Document, animation: Animation, times: NDArray[np.float32], stored: Tracks, quantised: bool
+) -> None:
     """Replace the arrays of an animation."""
     samplers = animation["samplers"]
     document.replace(samplers[animation["channels"][0]["sampler"]]["input"], times, None, bounds=True)
     for channel in animation["channels"]:
         target, output = channel["target"], samplers[channel["sampler"]]["output"]
         values = stored[target["node"], target["path"]]
-        if target["path"] == "rotation":
+        if quantised and target["path"] == "rotation":
             document.replace(output, np.round(values * MAX_INT16).astype(np.int16), None, normalized=True)
         else:
             document.replace(output, values if target["path"] != "weights" else values.ravel(), None)

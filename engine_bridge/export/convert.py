@@ -10,7 +10,7 @@ from engine_bridge.export.clip_export import export_clip
 from engine_bridge.performance.clip import Clip, Progress, load_timeline, perform
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Form, Settings
-from engine_bridge.puppet.rig_bones import require_joints
+from puppetline.errors import PuppetError, at
 from puppetline.files import check_writable
 
 
@@ -19,8 +19,9 @@ class Summary:
     """Result of `convert`.
 
     `error` and `rms` are the maximum and the root mean square distance of vertices from the solver's positions, over
-    all vertices and keyframes, as fractions of the diagonal. If the file's own skeleton is animated, `error` is the
-    maximum distance of a joint from its bone, and `rms`, `stretch_p1`, `stretch_p50`, `stretch_p99` and `parts_apart`,
+    all vertices and keyframes, as fractions of the diagonal. For a rig that was made, a long clip is compared in some
+    of its frames. If the file's own skeleton is animated, `error` is the maximum distance of a joint from its bone, and
+    `rms`, `stretch_p1`, `stretch_p50`, `stretch_p99` and `parts_apart`,
     which describe the surface, are None.
 
     `keyframes` is the number of frames in the file, which is lower than `frames` if others are interpolated. `bones` is
@@ -57,11 +58,11 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
     """
     document, result = export_clip(clip, name, settings, progress)
     document.save(output)
-    of_solver = settings.form != "rig"
+    of_solver = settings.form != "rig" or result.rms is not None
     p1, p50, p99 = clip.stretch if of_solver else (None, None, None)
     return Summary(
         output=str(output),
-        form=settings.form,
+        form=settings.form or "morph",
         frames=len(clip.frames),
         seconds=float(clip.timeline.times[-1]),
         keyframes=len(clip.frames) if result.keyframes is None else result.keyframes,
@@ -119,13 +120,18 @@ def load_rig_for(puppet: Path, settings: Settings) -> Rig:
     ------
     PuppetlineError
     """
-    if settings.form == "skin":
-        skinning.require_dem_bones()
     if settings.meshopt:
         require_meshoptimizer()
     rig = load_rig(puppet)
-    if settings.form == "rig":
-        require_joints(rig.character, rig.puppet.limbs, puppet)
+    if settings.form == "skin":
+        if rig.puppet.limb:
+            raise PuppetError(
+                at(puppet, field="[[limb]]"),
+                found="limbs, whose bones have names",
+                expected="a puppet with handles only, for --as skin",
+                fix="Use --as rig, which animates named joints along the limbs.",
+            )
+        skinning.require_dem_bones()
     return rig
 
 
@@ -162,6 +168,7 @@ def convert_timeline(
     ------
     PuppetlineError
     """
+    settings = settings.for_puppet(rig.puppet)
     if settings.form == "frames":
         frames_animation.check_size(output, rig.character, len(timeline.positions), settings.fps)
     clip = perform(rig, timeline, settings, notes, progress)
@@ -191,10 +198,16 @@ def _describe_form(summary: Summary) -> str:
     """Return what the animation consists of, and its error."""
     if summary.form == "frames" and not summary.error:
         return f"  morph targets  {summary.targets}, one for each keyframe, exactly as solved"
+    if summary.form == "rig" and summary.rms is None:
+        return (
+            f"  joints         {summary.bones} animated, {summary.following} follow, of the file's own skeleton; "
+            f"at most {summary.error:.2g} of the diagonal from where their bones take them"
+        )
     if summary.form == "rig":
         return (
-            f"  joints         {summary.bones} animated, {summary.following} follow; "
-            f"at most {summary.error:.2g} of the diagonal from where their bones take them"
+            f"  joints         {summary.bones} animated, {summary.following} follow, of a new skeleton; largest error "
+            f"{summary.error:.2g} of the diagonal, root mean square {summary.rms:.2g}\n"
+            "                 --as morph is closer to the solved surface, in a larger file without a skeleton"
         )
     name, count = ("bones", summary.bones) if summary.form == "skin" else ("morph targets", summary.targets)
     over = "" if summary.error <= summary.tolerance else f": the closest with this number of {name.split()[-1]}"

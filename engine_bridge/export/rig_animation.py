@@ -1,4 +1,4 @@
-"""Animation of a character by rotations of the joints of its file's own skeleton."""
+"""Animation of a skeleton by rotations of its joints."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from engine_bridge.character.character import Character
 from engine_bridge.character.document import Document
 from engine_bridge.character.document_edits import show_all
 from engine_bridge.character.scene import local_transform, rotation_matrix, tree, world_transforms
@@ -48,9 +47,9 @@ class RigAnimation:
 
 
 def animate_rig(
-    character: Character, keyframes: Keyframes, bones: RigBones, motions: Frames
+    original: Document, keyframes: Keyframes, bones: RigBones, motions: Frames
 ) -> tuple[Document, RigAnimation]:
-    """Add an animation to a copy of a character's document that turns the joints of its own skeleton.
+    """Add an animation to a copy of a document that turns the joints of its skeleton.
 
     With T_b the motion of a bone, a joint's rotation in the world becomes that of T_b times its own at rest. Its local
     rotation follows from the new transform of its parent. Local translations and scales do not change, except for the
@@ -59,11 +58,11 @@ def animate_rig(
 
     Parameters
     ----------
-    character : Character
+    original : Document
     keyframes : Keyframes
         Keyframes, whose weights are ignored.
     bones : RigBones
-        Bones of the character's joints.
+        Bones of the document's joints.
     motions : (F, b, 4, 3) float32
         Motions of the bones for row vectors, mesh file's coordinates, without the root's motion.
 
@@ -78,7 +77,7 @@ def animate_rig(
     MeshError
         A joint has a sheared matrix, which glTF cannot animate.
     """
-    document = character.document.copy()
+    document = original.copy()
     show_all(document.gltf)
     moves = bones.shares.any(axis=1) | (keyframes.root is not None and bool(keyframes.root.any()))
     shown = np.abs(np.linalg.det(_Rest.of(document, bones).above)) > 0  # a scale of 0 hides all nodes below it

@@ -17,7 +17,7 @@ from solver.motion.limbs import bones_of
 from solver.surface.mesh import SolverMesh
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rig:
     """A puppet with its character, mesh and reduced model."""
 

@@ -1,14 +1,16 @@
 """Settings of a conversion."""
 
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import Literal, Self
 
 from capture.formats.options import ReadOptions
+from engine_bridge.puppet.puppet import Puppet
 
 Form = Literal["morph", "skin", "frames", "rig"]
 
-DEFAULT_TOLERANCES: dict[Form, float] = {"morph": 0.0005, "skin": 0.002, "frames": 0.0, "rig": 0.0}
-"""Default tolerance of each form, as a fraction of the diagonal; a few rigid bones are less precise."""
+DEFAULT_TOLERANCES: dict[Form, float] = {"morph": 0.0005, "skin": 0.002, "frames": 0.0, "rig": 0.0001}
+"""Default tolerance of each form, as a fraction of the diagonal; a few rigid bones are less precise. That of a rig is
+for its keyframes: its error beside the solver's surface follows from its weights."""
 
 COMPACT_TOLERANCES: dict[Form, float] = {**DEFAULT_TOLERANCES, "frames": 0.0005, "rig": 0.0005}
 """Default tolerance of each form if arrays are quantised; none of them is exact then."""
@@ -32,9 +34,10 @@ class Settings:
     start, stop : float, float or None
         Part of the recording that is animated, in seconds; None for its end. The motion is computed for the whole
         recording, so that it is the same in the part.
-    form : {"morph", "skin", "frames", "rig"}
-        Form of the animation: a few morph targets, bones, one morph target per keyframe, or the joints of the file's
-        own skeleton.
+    form : {"morph", "skin", "frames", "rig"} or None
+        Form of the animation: a few morph targets, nameless bones, one morph target per keyframe, or named joints,
+        which are those of the file's own skeleton if it has one. None for a rig if the puppet has limbs, else morph
+        targets; see `for_puppet`.
     tolerance : float or None
         Maximum error of the animation relative to the solver, as a fraction of the diagonal; None for the default.
     targets : int or None
@@ -55,7 +58,7 @@ class Settings:
     rest_at: float | None = None
     start: float = 0.0
     stop: float | None = None
-    form: Form = "morph"
+    form: Form | None = None
     tolerance: float | None = None
     targets: int | None = None
     bones: int | None = None
@@ -68,4 +71,8 @@ class Settings:
         """The tolerance, or the default one of the form."""
         if self.tolerance is not None:
             return self.tolerance
-        return (COMPACT_TOLERANCES if self.compact else DEFAULT_TOLERANCES)[self.form]
+        return (COMPACT_TOLERANCES if self.compact else DEFAULT_TOLERANCES)[self.form or "morph"]
+
+    def for_puppet(self, puppet: Puppet) -> Self:
+        """Return the settings with the form that suits a puppet, if they have none."""
+        return self if self.form is not None else replace(self, form="rig" if puppet.limb else "morph")

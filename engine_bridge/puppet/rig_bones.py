@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 from engine_bridge.character.character import Character
 from engine_bridge.character.scene import tree
 from engine_bridge.puppet.file_skeleton import FileSkeleton
-from puppetline.errors import PuppetError, at
 from solver.motion.limbs import TRUNK, Limb, bones_of, parents_first
 
 MAX_LIMB_DISTANCE = 0.01
@@ -95,44 +93,20 @@ def rig_bones(character: Character, limbs: Sequence[Limb]) -> RigBones:
     return _BoneAssignment(FileSkeleton.of(character), limbs).result()
 
 
-def require_joints(character: Character, limbs: Sequence[Limb], where: Path) -> None:
-    """Refuse a puppet without limbs along the skeleton in its character's file.
+def own_bones(character: Character, limbs: Sequence[Limb]) -> RigBones | None:
+    """Return the bones that the joints of a file's skeleton follow; None if no limb is along the skeleton.
 
     Parameters
     ----------
     character : Character
     limbs : sequence of Limb
-    where : Path
-        The puppet file.
-
-    Raises
-    ------
-    PuppetError
-        No limbs, no skeleton, or no limb on it.
+        Mesh file's coordinates.
     """
-    if not limbs:
-        raise PuppetError(
-            at(where, field="[[limb]]"),
-            found="no limb",
-            expected="limbs along the skeleton of the character's file",
-            fix="Use --as morph, or propose limbs: puppetline new MESH -o PUPPET.toml",
-        )
-    found = rig_bones(character, limbs)
-    if not len(found.nodes):
-        raise PuppetError(
-            at(where, field="[character], mesh"),
-            found="a file without a skeleton",
-            expected="a file with a skeleton, which --as rig requires",
-            fix="Use --as morph.",
-        )
+    found = rig_bones(character, limbs) if limbs else None
     others = [limb.name for limb in limbs if limb.name != TRUNK]
-    if others and len(found.missing) == len(others):
-        raise PuppetError(
-            at(where, field="[[limb]], points"),
-            found="no limb whose first point is at a joint of the file's skeleton",
-            expected="points at the skeleton's joints",
-            fix="Use --as morph, or propose limbs from the skeleton: puppetline new MESH -o PUPPET.toml",
-        )
+    if found is None or not len(found.nodes) or (others and len(found.missing) == len(others)):
+        return None
+    return found
 
 
 @dataclass(frozen=True, eq=False)

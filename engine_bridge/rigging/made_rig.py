@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,17 @@ class MadeRig:
 
     skeleton: Skeleton
     weights: Weights
+
+
+_MADE: WeakKeyDictionary[Rig, MadeRig] = WeakKeyDictionary()
+"""Rigs that were made, for the next clips of the same characters."""
+
+
+def made_rig(rig: Rig, progress: Callable[[float], None] = lambda _share: None) -> MadeRig:
+    """Return the rig of a puppet with at most 4 joints per vertex, which is made once."""
+    if rig not in _MADE:
+        _MADE[rig] = make_rig(rig, progress=progress)
+    return _MADE[rig]
 
 
 def make_rig(

@@ -208,10 +208,10 @@ def _bind(document: Document, primitive: Primitive, weights: Weights, follows: N
         return
     if follows is None:
         shares = np.tile(np.eye(1, INFLUENCES_PER_SET, dtype=np.float32), (_count(document, primitive), 1))
-        joints = np.zeros(shares.shape, dtype=np.uint8)
+        joints: NDArray[np.integer] = np.zeros(shares.shape, dtype=np.uint8)
     else:
-        shares, joints = weights.weights[follows], weights.bones[follows]
-        joints = joints.astype(np.uint8 if joints.max(initial=0) <= np.iinfo(np.uint8).max else np.uint16)
+        shares, wide = weights.weights[follows], weights.bones[follows]
+        joints = wide.astype(np.uint8) if wide.max(initial=0) <= np.iinfo(np.uint8).max else wide
     for number in range(shares.shape[1] // INFLUENCES_PER_SET):
         chosen = slice(number * INFLUENCES_PER_SET, (number + 1) * INFLUENCES_PER_SET)
         attributes[f"JOINTS_{number}"] = document.add(joints[:, chosen], ARRAY_BUFFER)

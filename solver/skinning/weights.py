@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
 from puppetline.compiled import compiled
 from solver.model.reduced_model import ReducedModel
@@ -94,6 +95,13 @@ def fit(
     shares, bones = np.zeros((len(rest), influences)), np.zeros((len(rest), influences), dtype=np.int64)
     _fit(rest, np.ascontiguousarray(squares), products, float(len(controls)), _rigid_parts(model, mesh), shares, bones)
     return packed(shares, bones)
+
+
+def as_matrix(weights: Weights, bones: int) -> csr_matrix:
+    """Return weights as a sparse matrix (n, bones)."""
+    rows, columns = np.nonzero(weights.weights)
+    values = weights.weights[rows, columns].astype(np.float64)
+    return csr_matrix((values, (rows, weights.bones[rows, columns])), shape=(len(weights.weights), bones))
 
 
 def packed(shares: NDArray[np.float64], bones: NDArray[np.int64]) -> Weights:

@@ -147,7 +147,7 @@ def keyframes_of(motions, root=None):
 
 def animated(character, limbs, motions, root=None):
     bones = rig_bones(character, limbs)
-    return *animate_rig(character, keyframes_of(motions, root), bones, motions.astype(np.float32)), bones
+    return *animate_rig(character.document, keyframes_of(motions, root), bones, motions.astype(np.float32)), bones
 
 
 def keys_of(document, animation=0):

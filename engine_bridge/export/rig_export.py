@@ -1,0 +1,141 @@
+"""Export of a clip as an animation of named joints, of the file's own skeleton or of a rig that is made."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from engine_bridge.character.document import Document
+from engine_bridge.export import bone_motion
+from engine_bridge.export.animation import Keyframes
+from engine_bridge.export.compact_document import compact_skin
+from engine_bridge.export.compact_motion import compact_motion
+from engine_bridge.export.rig_animation import RigAnimation, animate_rig
+from engine_bridge.performance.clip import Clip, Progress
+from engine_bridge.performance.settings import Settings
+from engine_bridge.puppet.rig_bones import RigBones, own_bones
+from engine_bridge.rigging.made_rig import MadeRig, made_rig, with_handles
+from engine_bridge.rigging.rig_document import rigged_document
+from engine_bridge.rigging.skeleton import Skeleton
+from solver.model.batch import BatchBinding
+from solver.skinning.weights import as_matrix
+
+MAX_COMPARED_FRAMES = 400
+"""Approximate maximum number of frames in which a made rig is compared with the solver's surface."""
+
+FRAMES_PER_CHUNK = 64
+"""Number of frames that are compared at once."""
+
+
+@dataclass(frozen=True)
+class RigExport:
+    """An exported rig, see `engine_bridge.export.clip_export.ExportResult`; errors are in mesh units."""
+
+    document: Document
+    joints: RigAnimation
+    keyframes: int
+    error: float
+    rms: float | None
+    notes: tuple[str, ...]
+
+
+def export_rig(clip: Clip, keyframes: Keyframes, settings: Settings, progress: Progress) -> RigExport:
+    """Animate the joints of the file's own skeleton, or of a new one if no limb of the puppet is along it.
+
+    Parameters
+    ----------
+    clip : Clip
+    keyframes : Keyframes
+        Keyframes, whose weights are ignored.
+    settings : Settings
+    progress : callable
+    """
+    own = own_bones(clip.rig.character, clip.rig.puppet.limbs)
+    exported = _of_own(clip, keyframes, own) if own is not None else _of_made(clip, keyframes, settings, progress)
+    document, diagonal = exported.document, float(clip.rig.model.diagonal)
+    count, error = exported.keyframes, exported.error
+    if settings.max_error and document.gltf["animations"]:
+        count, more = compact_motion(document, settings.max_error * diagonal, quantised=settings.compact)
+        error += more
+    progress("Turning joints", 1.0)
+    return RigExport(document, exported.joints, count, error, exported.rms, exported.notes)
+
+
+def _of_own(clip: Clip, keyframes: Keyframes, bones: RigBones) -> RigExport:
+    """Animate the file's own skeleton."""
+    document, moved = animate_rig(clip.rig.character.document, keyframes, bones, clip.motions)
+    notes = []
+    if bones.missing:
+        notes.append(
+            f"The skeleton has no joint for {', '.join(bones.missing)}; parts that only these limbs move stay still."
+        )
+    if bones.loose:
+        notes.append(f"Without a joint above them, {', '.join(bones.loose)} follow the nearest bones.")
+    if moved.uneven:
+        notes.append(
+            f"The scale above {', '.join(moved.uneven)} differs by axis, so that the rotation of these joints is "
+            "approximate. Use --as morph for the exact motion."
+        )
+    return RigExport(document, moved, len(clip.frames), moved.error, None, tuple(notes))
+
+
+def _of_made(clip: Clip, keyframes: Keyframes, settings: Settings, progress: Progress) -> RigExport:
+    """Rig the character, and animate the rig."""
+    rig = clip.rig
+    made = made_rig(rig, lambda share: progress("Fitting skin weights", share))
+    rigged, nodes, notes = rigged_document(rig.character, made.skeleton, made.weights, rig.mesh.of_render)
+    motions = clip.motions[:]
+    if rig.puppet.handle:
+        motions = with_handles(rig, clip.frames[:], motions).astype(np.float32)
+    document, moved = animate_rig(rigged, keyframes, bones_of_joints(made.skeleton, nodes, motions.shape[1]), motions)
+    error, rms = _distances(clip, made, motions)
+    if settings.compact:
+        error += compact_skin(document, rig.character, for_meshopt=settings.meshopt)
+    return RigExport(document, moved, len(clip.frames), error + moved.error, rms, notes)
+
+
+def bones_of_joints(skeleton: Skeleton, nodes: list[int], bones: int) -> RigBones:
+    """Return the bones that the joints of a made rig follow; joints of handles and those without a parent are placed.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+    nodes : list of int
+        Nodes of the joints.
+    bones : int
+        Number of bones and handles.
+    """
+    of_joint = skeleton.bones
+    shares = np.zeros((len(nodes), bones))
+    moved = of_joint >= 0
+    shares[moved, of_joint[moved]] = 1
+    placed = (skeleton.parents < 0) | np.array([not joint.limb for joint in skeleton.joints])
+    return RigBones(np.array(nodes), skeleton.parents, shares, placed, (), ())
+
+
+def _distances(clip: Clip, made: MadeRig, motions: NDArray[np.float32]) -> tuple[float, float]:
+    """Return the maximum and the root mean square distance of vertices from the solver's, mesh units."""
+    rig = clip.rig
+    stride = -(-len(motions) // MAX_COMPARED_FRAMES)
+    solved, surface = clip.frames[::stride], BatchBinding.of_solver_mesh(rig.model, rig.mesh)
+    of_bones = as_matrix(made.weights, len(made.skeleton.joints)) @ _joints_to_bones(made.skeleton, motions.shape[1])
+    lines = bone_motion.blend_lines(rig.mesh.vertices - rig.model.center, csr_matrix(of_bones))
+    largest = total = 0.0
+    for start in range(0, len(solved), FRAMES_PER_CHUNK):
+        part = slice(start, start + FRAMES_PER_CHUNK)
+        # about the middle, like the displacements of the surface
+        moved = motions[::stride][part].astype(np.float64)
+        moved[:, :, 3] += np.einsum("i,fbij->fbj", rig.model.center, moved[:, :, :3]) - rig.model.center
+        off = bone_motion.carried(lines, moved.swapaxes(2, 3)) - surface.displacements(solved[part]).swapaxes(1, 2)
+        square = np.einsum("nfx,nfx->nf", off, off)
+        largest, total = max(largest, float(square.max())), total + float(square.mean(axis=0).sum())
+    return float(np.sqrt(largest)), float(np.sqrt(total / len(solved)))
+
+
+def _joints_to_bones(skeleton: Skeleton, bones: int) -> NDArray[np.float64]:
+    """Return a matrix (j, b) that adds up the weights of the joints of each bone."""
+    sums = np.zeros((len(skeleton.joints), bones))
+    moved = skeleton.bones >= 0
+    sums[moved, skeleton.bones[moved]] = 1
+    return sums

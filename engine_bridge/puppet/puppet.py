@@ -1,6 +1,7 @@
 """Contents of a puppet file: a character, its limbs and handles, and the joints that move them."""
 
 import difflib
+import re
 from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
@@ -34,7 +35,18 @@ def _known_joint(name: str) -> str:
     return name
 
 
+def _web_address(text: str) -> str:
+    if not re.fullmatch(r"https?://[^\s/]+\S*", text):
+        raise mistake(
+            found=repr(text),
+            expected="the web address of a licence's text",
+            fix="Write it like https://creativecommons.org/licenses/by/4.0/",
+        )
+    return text
+
+
 JointName = Annotated[str, AfterValidator(_known_joint)]
+Text = Annotated[str, Field(min_length=1)]
 # strict, because TOML has types: true is not 1.0
 Number = Annotated[FiniteFloat, Field(strict=True, ge=-1e9, le=1e9)]
 Count = Annotated[int, Field(strict=True)]
@@ -44,7 +56,7 @@ Scale = Literal["auto"] | Annotated[Number, Field(gt=0)]
 class CharacterTable(Table):
     """[character]: the mesh's path relative to the puppet file, its orientation, and metres per mesh unit."""
 
-    mesh: Annotated[str, Field(min_length=1)]
+    mesh: Text
     up: Direction = "y"
     front: Direction = "z"
     scale: Annotated[Number, Field(gt=0)] = 1.0
@@ -73,7 +85,7 @@ Point = tuple[Number, Number, Number]
 class HandleTable(Table):
     """[[handle]]: a point on the surface, and the joints whose mean motion it follows."""
 
-    name: Annotated[str, Field(min_length=1)]
+    name: Text
     position: Point
     joint: JointName | None = None
     joints: Annotated[tuple[JointName, ...], Field(min_length=1)] | None = None
@@ -100,12 +112,12 @@ class HandleTable(Table):
 class LimbTable(Table):
     """[[limb]]: a chain of points inside the character, and the chain of joints that it follows."""
 
-    name: Annotated[str, Field(min_length=1)]
+    name: Text
     points: tuple[Point, ...]
     joints: tuple[JointName | Annotated[tuple[JointName, ...], Field(min_length=1)], ...]
     follow: Follow = "direction"
     gain: Number = 1.0
-    parent: Annotated[str, Field(min_length=1)] | None = None
+    parent: Text | None = None
 
     @model_validator(mode="after")
     def _check_chain(self) -> Self:
@@ -198,6 +210,15 @@ class SolverTable(Table):
         return ModelParameters(fields=self.fields, isolines=self.isolines)
 
 
+class VrmTable(Table):
+    """[vrm]: what an avatar in VRM states about itself."""
+
+    name: Text
+    authors: Annotated[tuple[Text, ...], Field(min_length=1)]
+    licence: Annotated[str, AfterValidator(_web_address)]
+    version: Text | None = None
+
+
 class Puppet(Table):
     """All tables of a puppet file."""
 
@@ -208,6 +229,7 @@ class Puppet(Table):
     retarget: RetargetTable = RetargetTable()
     smoothing: SmoothingTable = SmoothingTable()
     solver: SolverTable = SolverTable()
+    vrm: VrmTable | None = None
 
     @model_validator(mode="after")
     def _check_not_empty(self) -> Self:

@@ -104,6 +104,8 @@ def dumps(puppet: Puppet) -> str:
     for name in ("retarget", "smoothing", "solver"):
         if name in values:
             document[name] = values[name]
+    if "vrm" in values:
+        document["vrm"] = {key: as_list(value) for key, value in values["vrm"].items()}
     return tomlkit.dumps(document)
 
 

@@ -15,6 +15,7 @@ from engine_bridge.puppet.puppet import (
     RootTable,
     SmoothingTable,
     SolverTable,
+    VrmTable,
 )
 from puppetline.errors import PuppetError
 
@@ -87,6 +88,14 @@ puppets = st.builds(
         isolines=st.integers(2, 10),
         iterations=st.integers(1, 1000),
         rotations=st.sampled_from(["clusters", "covariance", "triangles", None]),
+    ),
+    vrm=st.none()
+    | st.builds(
+        VrmTable,
+        name=text,
+        authors=st.lists(text, min_size=1, max_size=3),
+        licence=st.just("https://creativecommons.org/licenses/by/4.0/"),
+        version=st.none() | text,
     ),
 )
 

@@ -25,6 +25,7 @@ COMMANDS = (
     "look",
     "new",
     "record",
+    "rig",
     "serve",
     "shader-mesh",
     "studio",

@@ -3,11 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 
 from engine_bridge.character.document import Document
-from engine_bridge.export import bone_motion
 from engine_bridge.export.animation import Keyframes
 from engine_bridge.export.compact_document import compact_skin
 from engine_bridge.export.compact_motion import compact_motion
@@ -15,17 +12,14 @@ from engine_bridge.export.rig_animation import RigAnimation, animate_rig
 from engine_bridge.performance.clip import Clip, Progress
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet.rig_bones import RigBones, own_bones
-from engine_bridge.rigging.made_rig import MadeRig, made_rig, with_handles
+from engine_bridge.rigging.made_rig import made_rig, with_handles
 from engine_bridge.rigging.rig_document import rigged_document
 from engine_bridge.rigging.skeleton import Skeleton
-from solver.model.batch import BatchBinding
-from solver.skinning.weights import as_matrix
+from engine_bridge.rigging.surface_distance import distances
+from solver.skinning.weights import Weights
 
 MAX_COMPARED_FRAMES = 400
 """Approximate maximum number of frames in which a made rig is compared with the solver's surface."""
-
-FRAMES_PER_CHUNK = 64
-"""Number of frames that are compared at once."""
 
 
 @dataclass(frozen=True)
@@ -84,12 +78,17 @@ def _of_made(clip: Clip, keyframes: Keyframes, settings: Settings, progress: Pro
     """Rig the character, and animate the rig."""
     rig = clip.rig
     made = made_rig(rig, lambda share: progress("Fitting skin weights", share))
-    rigged, nodes, notes = rigged_document(rig.character, made.skeleton, made.weights, rig.mesh.of_render)
+    rigged, nodes, notes = rigged_document(rig.character, made, rig.mesh.of_render)
     motions = clip.motions[:]
     if rig.puppet.handle:
         motions = with_handles(rig, clip.frames[:], motions).astype(np.float32)
     document, moved = animate_rig(rigged, keyframes, bones_of_joints(made.skeleton, nodes, motions.shape[1]), motions)
-    error, rms = _distances(clip, made, motions)
+    stride = -(-len(motions) // MAX_COMPARED_FRAMES)
+    of_bones = Weights(made.weights.weights, made.skeleton.bones[made.weights.bones].astype(np.uint16))
+    rms, error = (
+        float(rig.model.diagonal) * each
+        for each in distances(rig, of_bones, rig.mesh.vertices, clip.frames[::stride], motions[::stride])
+    )
     if settings.compact:
         error += compact_skin(document, rig.character, for_meshopt=settings.meshopt)
     return RigExport(document, moved, len(clip.frames), error + moved.error, rms, notes)
@@ -112,30 +111,3 @@ def bones_of_joints(skeleton: Skeleton, nodes: list[int], bones: int) -> RigBone
     shares[moved, of_joint[moved]] = 1
     placed = (skeleton.parents < 0) | np.array([not joint.limb for joint in skeleton.joints])
     return RigBones(np.array(nodes), skeleton.parents, shares, placed, (), ())
-
-
-def _distances(clip: Clip, made: MadeRig, motions: NDArray[np.float32]) -> tuple[float, float]:
-    """Return the maximum and the root mean square distance of vertices from the solver's, mesh units."""
-    rig = clip.rig
-    stride = -(-len(motions) // MAX_COMPARED_FRAMES)
-    solved, surface = clip.frames[::stride], BatchBinding.of_solver_mesh(rig.model, rig.mesh)
-    of_bones = as_matrix(made.weights, len(made.skeleton.joints)) @ _joints_to_bones(made.skeleton, motions.shape[1])
-    lines = bone_motion.blend_lines(rig.mesh.vertices - rig.model.center, csr_matrix(of_bones))
-    largest = total = 0.0
-    for start in range(0, len(solved), FRAMES_PER_CHUNK):
-        part = slice(start, start + FRAMES_PER_CHUNK)
-        # about the middle, like the displacements of the surface
-        moved = motions[::stride][part].astype(np.float64)
-        moved[:, :, 3] += np.einsum("i,fbij->fbj", rig.model.center, moved[:, :, :3]) - rig.model.center
-        off = bone_motion.carried(lines, moved.swapaxes(2, 3)) - surface.displacements(solved[part]).swapaxes(1, 2)
-        square = np.einsum("nfx,nfx->nf", off, off)
-        largest, total = max(largest, float(square.max())), total + float(square.mean(axis=0).sum())
-    return float(np.sqrt(largest)), float(np.sqrt(total / len(solved)))
-
-
-def _joints_to_bones(skeleton: Skeleton, bones: int) -> NDArray[np.float64]:
-    """Return a matrix (j, b) that adds up the weights of the joints of each bone."""
-    sums = np.zeros((len(skeleton.joints), bones))
-    moved = skeleton.bones >= 0
-    sums[moved, skeleton.bones[moved]] = 1
-    return sums

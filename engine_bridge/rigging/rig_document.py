@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from engine_bridge.character.document_edits import own_mesh, show_all
 from engine_bridge.character.scene import skinning as carried_by_skin
 from engine_bridge.character.scene import world_transforms
 from engine_bridge.character.schema import Animation, ChannelTarget, Gltf, Node, Primitive
+from engine_bridge.rigging.made_rig import MadeRig
 from engine_bridge.rigging.skeleton import Skeleton
 from solver.skinning.weights import Weights
 
@@ -34,7 +36,10 @@ INFLUENCES_PER_SET = 4
 
 
 def rigged_document(
-    character: Character, skeleton: Skeleton, weights: Weights, follows: NDArray[np.int64]
+    character: Character,
+    made: MadeRig,
+    follows: NDArray[np.int64],
+    placed: NDArray[np.float64] | None = None,
 ) -> tuple[Document, list[int], tuple[str, ...]]:
     """Bind the meshes of a copy of a character's document to new joints.
 
@@ -45,12 +50,11 @@ def rigged_document(
     Parameters
     ----------
     character : Character
-    skeleton : Skeleton
-        In the mesh file's coordinates.
-    weights : Weights
-        Weights of the skeleton's joints, for the solver's vertices.
+    made : MadeRig
     follows : (N,) int64
         Solver vertex of each vertex of all parts, one part after another.
+    placed : (4, 4) float64, optional
+        Rotation, even scale and translation of the whole character, for column vectors.
 
     Returns
     -------
@@ -65,15 +69,17 @@ def rigged_document(
     show_all(gltf)
     shown = list(dict.fromkeys(part.node for part in character.parts))
     notes = _drop_animations(gltf, shown)
-    _convert_to_world(document, character, shown)
-    skin, joints = _add_skeleton(document, skeleton)
+    everywhere = np.eye(4) if placed is None else placed
+    of_vertices = everywhere[None] if made.bind is None else everywhere @ made.bind.transforms[follows]
+    _convert_to_world(document, character, shown, everywhere, of_vertices)
+    skin, joints = _add_skeleton(document, _placed(made.skeleton, everywhere))
     bound = {
         (part.node, part.primitive): follows[place]
         for part, place in zip(character.parts, character.vertex_slices, strict=True)
     }
     for node in shown:
         for index, primitive in enumerate(gltf["meshes"][gltf["nodes"][node]["mesh"]]["primitives"]):
-            _bind(document, primitive, weights, bound.get((node, index)))
+            _bind(document, primitive, made.weights, bound.get((node, index)))
         _move_to_top(gltf, node)
         gltf["nodes"][node]["skin"] = skin
     _drop_unused_skins(gltf)
@@ -114,16 +120,48 @@ def _pointer(target: ChannelTarget) -> str:
     return str(found)
 
 
-def _convert_to_world(document: Document, character: Character, nodes: Iterable[int]) -> None:
-    """Convert the vertices of some nodes' meshes to world coordinates, with nodes and skins at rest."""
+def _placed(skeleton: Skeleton, transform: NDArray[np.float64]) -> Skeleton:
+    """Return a skeleton after a rotation, even scale and translation."""
+
+    def moved(point: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(transform[:3, :3] @ point + transform[:3, 3])
+
+    joints = [replace(joint, head=moved(joint.head), tail=moved(joint.tail)) for joint in skeleton.joints]
+    turn = transform[:3, :3] / np.cbrt(np.linalg.det(transform[:3, :3]))
+    return replace(skeleton, joints=tuple(joints), axes=turn @ skeleton.axes)
+
+
+def _convert_to_world(
+    document: Document,
+    character: Character,
+    nodes: Iterable[int],
+    everywhere: NDArray[np.float64],
+    of_vertices: NDArray[np.float64],
+) -> None:
+    """Convert the vertices of some nodes' meshes to world coordinates, with nodes and skins at rest.
+
+    Parameters
+    ----------
+    document : Document
+    character : Character
+    nodes : iterable of int
+    everywhere : (4, 4) float64
+        Transform of points and lines, from the world.
+    of_vertices : (1 or N, 4, 4) float64
+        Transform of the vertices of all parts, from the world.
+    """
     gltf = document.gltf
     world = world_transforms(document)
-    parts = {(part.node, part.primitive): part for part in character.parts}
+    places = zip(character.parts, character.vertex_slices, strict=True)
+    parts = {(part.node, part.primitive): (part, place) for part, place in places}
     shown = Counter(node.get("mesh") for node in gltf["nodes"])
     for node in nodes:
         for index, primitive in enumerate(own_mesh(document, node, shown)["primitives"]):
-            part = parts.get((node, index))
-            to_world = _to_world(document, node, primitive, world) if part is None else part.to_world
+            part, place = parts.get((node, index), (None, slice(None)))
+            if part is None:
+                to_world = everywhere @ _to_world(document, node, primitive, world)
+            else:
+                to_world = (of_vertices if len(of_vertices) == 1 else of_vertices[place]) @ part.to_world
             if np.array_equal(to_world, np.eye(4)[None]):
                 continue
             _transform(document, primitive, to_world)

@@ -61,6 +61,7 @@ def fit(
     controls: NDArray[np.floating],
     motions: NDArray[np.floating],
     *,
+    rest: NDArray[np.float64] | None = None,
     influences: int = MAX_INFLUENCES,
 ) -> Weights:
     """Fit the weights of bones to the surface of a reduced model in some poses.
@@ -76,6 +77,8 @@ def fit(
         Control variables of the poses, model units.
     motions : (F, b, 4, 3)
         Motions of the bones in these poses for row vectors, mesh file's coordinates. The bones of the model are first.
+    rest : (n, 3) float64, optional
+        Positions that the bones move, mesh file's coordinates; by default the rest positions of the mesh.
     influences : int, optional
         Maximum number of bones per vertex.
 
@@ -90,10 +93,12 @@ def fit(
     by_bone = transforms.transpose(1, 2, 0, 3).reshape(4 * count, -1)
     squares = (by_bone @ by_bone.T).reshape(count, 4, count, 4).transpose(0, 2, 1, 3)
     mixed = np.tensordot(controls.astype(np.float64), by_bone.reshape(4 * count, -1, 3), axes=((0, 2), (1, 2)))
-    rest = np.column_stack([model.to_model(mesh.vertices), np.ones(len(mesh.vertices))])
-    products = np.einsum("nbi,ni->nb", (W @ mixed).reshape(-1, count, 4), rest)
-    shares, bones = np.zeros((len(rest), influences)), np.zeros((len(rest), influences), dtype=np.int64)
-    _fit(rest, np.ascontiguousarray(squares), products, float(len(controls)), _rigid_parts(model, mesh), shares, bones)
+    points = np.column_stack([model.to_model(mesh.vertices if rest is None else rest), np.ones(len(mesh.vertices))])
+    products = np.einsum("nbi,ni->nb", (W @ mixed).reshape(-1, count, 4), points)
+    shares, bones = np.zeros((len(points), influences)), np.zeros((len(points), influences), dtype=np.int64)
+    _fit(
+        points, np.ascontiguousarray(squares), products, float(len(controls)), _rigid_parts(model, mesh), shares, bones
+    )
     return packed(shares, bones)
 
 

@@ -1,0 +1,189 @@
+"""Files of rigged characters: a skeleton and skin weights, without an animation."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from engine_bridge.character.character import CHARACTER_FILES
+from engine_bridge.character.document import Document
+from engine_bridge.character.scene import world_transforms
+from engine_bridge.performance.clip import Progress
+from engine_bridge.performance.rig import Rig, load_rig, proposed_rig
+from engine_bridge.puppet.rig_bones import own_bones
+from engine_bridge.puppet.rig_limbs import vertex_influences
+from engine_bridge.rigging.made_rig import make_rig
+from engine_bridge.rigging.naming_schemes import NAMES, Scheme
+from engine_bridge.rigging.rig_document import rigged_document
+from engine_bridge.rigging.skeleton import Skeleton
+from puppetline.errors import PuppetError, at
+from puppetline.files import check_writable
+
+BindPoseName = Literal["rest", "t"]
+
+SAME_PLACE_DIAGONALS = 0.002
+"""Maximum distance between a joint of the file's skeleton and one of the puppet that count as one, in diagonals."""
+
+
+@dataclass(frozen=True)
+class RigSettings:
+    """How a character is rigged.
+
+    Attributes
+    ----------
+    names : {"vrm", "mixamo", "unreal", "rigify", "godot"} or None
+        Naming scheme of humanoid joints; None for VRM's in a new skeleton, and for the file's own otherwise.
+    pose : {"rest", "t"}
+        Pose in which the mesh is bound to the joints.
+    influences : int
+        Maximum number of joints per vertex, 4 or 8.
+    keep_skin : bool
+        Whether a file with a skeleton along the puppet's limbs keeps it.
+    """
+
+    names: Scheme | None = None
+    pose: BindPoseName = "rest"
+    influences: int = 4
+    keep_skin: bool = True
+
+
+@dataclass(frozen=True)
+class RigSummary:
+    """Result of `write_rig`.
+
+    `rms` and `error` are the root mean square and the maximum distance of vertices from the reduced model's surface in
+    random poses, as fractions of the diagonal; None if the file keeps its skin.
+    """
+
+    output: str
+    joints: tuple[str, ...]
+    kept: bool
+    rms: float | None
+    error: float | None
+    bytes: int
+    notes: tuple[str, ...]
+
+
+def write_rig(
+    source: Path, output: Path, settings: RigSettings, progress: Progress = lambda _stage, _share: None
+) -> RigSummary:
+    """Write a .glb of a character with a skeleton and skin weights.
+
+    Parameters
+    ----------
+    source : Path
+        A puppet file, or a mesh, for which limbs are proposed.
+    output : Path
+    settings : RigSettings
+    progress : callable, optional
+
+    Raises
+    ------
+    PuppetlineError
+        The character has no limbs, among other reasons.
+    """
+    check_writable(output, ".glb", inputs=(source,))
+    progress("Preparing the character", 0.0)
+    rig, notes = load_rig_of(source, output)
+    check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
+    progress("Preparing the character", 1.0)
+    kept = settings.keep_skin and settings.pose == "rest" and _has_skin(rig)
+    if kept:
+        document = rig.character.document.copy()
+        names = _rename_own(document, rig, settings.names)
+        notes += ("The file keeps its own skeleton and weights. For new ones, use --new-skin.",)
+        rms = error = None
+    else:
+        made = make_rig(
+            rig,
+            in_t_pose=settings.pose == "t",
+            influences=settings.influences,
+            progress=lambda share: progress("Fitting skin weights", share),
+        )
+        document, nodes, more = rigged_document(rig.character, made, rig.mesh.of_render)
+        names, rms, error = _rename(document, nodes, settings.names), made.rms, made.error
+        notes += more
+    document.save(output)
+    notes = (*rig.character.document.notes, *notes)
+    return RigSummary(str(output), names, kept, rms, error, output.stat().st_size, notes)
+
+
+def load_rig_of(source: Path, output: Path) -> tuple[Rig, tuple[str, ...]]:
+    """Load a puppet file and its character, or propose limbs for a mesh.
+
+    Parameters
+    ----------
+    source : Path
+        A puppet file or a mesh.
+    output : Path
+        File that will be written.
+
+    Returns
+    -------
+    rig : Rig
+    notes : tuple of str
+        Sentences about what was assumed, or is unclear.
+
+    Raises
+    ------
+    PuppetlineError
+    """
+    if source.suffix.lower() not in CHARACTER_FILES:
+        return load_rig(source), ()
+    rig, notes = proposed_rig(source, output)
+    if not rig.puppet.limb:
+        raise PuppetError(
+            at(source),
+            found="a mesh in which no limbs were found",
+            expected="a character with arms, legs, wings or a tail",
+            fix="Give the tips of its limbs: puppetline new MESH -o PUPPET.toml --limb 'left leg=X,Y,Z' "
+            "--limb 'right leg=X,Y,Z'. Then rig the puppet file.",
+        )
+    return rig, notes
+
+
+def _has_skin(rig: Rig) -> bool:
+    """Return whether a character's file has a skin, and a skeleton along the puppet's limbs."""
+    return bool(rig.character.document.gltf["skins"]) and own_bones(rig.character, rig.puppet.limbs) is not None
+
+
+def _rename(document: Document, nodes: list[int], scheme: Scheme | None) -> tuple[str, ...]:
+    """Rename the joints of a document, and return their names."""
+    names = NAMES[scheme or "vrm"]
+    for node in nodes:
+        table = document.gltf["nodes"][node]
+        table["name"] = names.get(table["name"], table["name"])
+    return tuple(document.gltf["nodes"][node]["name"] for node in nodes)
+
+
+def _rename_own(document: Document, rig: Rig, scheme: Scheme | None) -> tuple[str, ...]:
+    """Rename the joints of the file's own skeleton that are at a humanoid joint of the puppet; return all names.
+
+    Of several joints at one place, such as targets of inverse kinematics, the one that moves most vertices is renamed.
+    """
+    gltf = document.gltf
+    joints = list(dict.fromkeys(node for skin in gltf["skins"] for node in skin["joints"]))
+    places = world_transforms(document)[joints][:, :3, 3]
+    which, share = vertex_influences(rig.character)
+    moved = np.bincount(which.ravel(), share.ravel(), len(gltf["nodes"]))[joints]
+    if scheme is not None:
+        for joint in Skeleton.along_bones(rig.puppet).joints:
+            away = np.linalg.norm(places - joint.head, axis=1)
+            near = away <= SAME_PLACE_DIAGONALS * float(rig.model.diagonal)
+            if joint.name in NAMES[scheme] and near.any():
+                gltf["nodes"][joints[int(np.where(near, moved, -1).argmax())]]["name"] = NAMES[scheme][joint.name]
+    return tuple(gltf["nodes"][node].get("name", f"node {node}") for node in joints)
+
+
+def describe(summary: RigSummary) -> str:
+    """Return the summary of a rig as lines of text."""
+    lines = [f"{summary.output}: {len(summary.joints)} joints, {summary.bytes / 1e6:.1f} MB"]
+    lines.append(f"  joints         {', '.join(summary.joints)}")
+    if summary.rms is not None:
+        lines.append(
+            f"  weights        fitted in random poses; largest error {summary.error:.2g} of the diagonal, "
+            f"root mean square {summary.rms:.2g}"
+        )
+    lines += [f"  note: {note}" for note in summary.notes]
+    return "\n".join(lines)

@@ -12,7 +12,7 @@ from engine_bridge.cli.progress import progress
 
 @click.command()
 @click.argument("source", type=FILE, metavar="MESH|PUPPET")
-@options.output("The .glb file to write.")
+@options.output("The .glb or .vrm file to write. A .vrm is bound with straight arms and legs to a new skeleton.")
 @click.option(
     "--names",
     type=click.Choice(["vrm", "mixamo", "unreal", "rigify", "godot"]),
@@ -38,6 +38,9 @@ from engine_bridge.cli.progress import progress
     default=True,
     help="Keep the skeleton and weights of a file that has them, or make new ones.  [default: keep]",
 )
+@click.option("--name", metavar="TEXT", help="Name of the avatar in a .vrm.  [default: as in the puppet file]")
+@click.option("--author", "authors", multiple=True, metavar="TEXT", help="Author of the avatar; may be repeated.")
+@click.option("--licence", metavar="URL", help="Web address of the avatar's licence.")
 @options.as_json
 def rig(
     source: Path,
@@ -46,14 +49,26 @@ def rig(
     pose: str,
     influences: int,
     keep_skin: bool,
+    name: str | None,
+    authors: tuple[str, ...],
+    licence: str | None,
     as_json: bool,
 ) -> None:
-    """Write a .glb with a skeleton and skin weights for a MESH, or for the limbs in a PUPPET file."""
+    """Write a .glb with a skeleton and skin weights for a MESH, or for the limbs in a PUPPET file; or an avatar."""
     from engine_bridge.export.rig_file import RigSettings, describe, write_rig
+    from engine_bridge.export.vrm_file import VRM_ENDING, write_vrm
 
     settings = RigSettings(names, pose, influences, keep_skin)  # type: ignore[arg-type]  # the choices are those
+    stated = {"name": name, "authors": authors, "licence": licence}
+    given = {key: value for key, value in stated.items() if value}
+    avatar = output.suffix.lower() == VRM_ENDING
+    if given and not avatar:
+        raise click.UsageError("--name, --author and --licence require -o CHARACTER.vrm.")
     with progress() as report:
-        summary = write_rig(source, output, settings, report)
+        if avatar:
+            summary = write_vrm(source, output, settings, given, report)
+        else:
+            summary = write_rig(source, output, settings, report)
     if as_json:
         options.echo_json(asdict(summary))
     else:

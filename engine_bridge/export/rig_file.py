@@ -102,7 +102,7 @@ def write_rig(
             progress=lambda share: progress("Fitting skin weights", share),
         )
         document, nodes, more = rigged_document(rig.character, made, rig.mesh.of_render)
-        names, rms, error = _rename(document, nodes, settings.names), made.rms, made.error
+        names, rms, error = rename(document, nodes, settings.names), made.rms, made.error
         notes += more
     document.save(output)
     notes = (*rig.character.document.notes, *notes)
@@ -148,7 +148,7 @@ def _has_skin(rig: Rig) -> bool:
     return bool(rig.character.document.gltf["skins"]) and own_bones(rig.character, rig.puppet.limbs) is not None
 
 
-def _rename(document: Document, nodes: list[int], scheme: Scheme | None) -> tuple[str, ...]:
+def rename(document: Document, nodes: list[int], scheme: Scheme | None) -> tuple[str, ...]:
     """Rename the joints of a document, and return their names."""
     names = NAMES[scheme or "vrm"]
     for node in nodes:

@@ -1,0 +1,93 @@
+"""Facial expressions of a VRM humanoid from the names of morph targets (VRMC_vrm 1.0, expressions)."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from engine_bridge.character.schema import Gltf
+
+_SIDES = ("Left", "Right")
+
+PRESETS: dict[str, tuple[tuple[str, ...], ...]] = {
+    "aa": (("aa",), ("viseme_aa",), ("Fcl_MTH_A",), ("A",), ("jawOpen",)),
+    "ih": (("ih",), ("viseme_I",), ("Fcl_MTH_I",), ("I",)),
+    "ou": (("ou",), ("viseme_U",), ("Fcl_MTH_U",), ("U",), ("mouthPucker",)),
+    "ee": (("ee",), ("viseme_E",), ("Fcl_MTH_E",), ("E",)),
+    "oh": (("oh",), ("viseme_O",), ("Fcl_MTH_O",), ("O",), ("mouthFunnel",)),
+    "blink": (
+        ("blink",),
+        ("Fcl_EYE_Close",),
+        ("eyesClosed",),
+        tuple(f"eyeBlink{side}" for side in _SIDES),
+        tuple(f"eyeBlink_{side[0]}" for side in _SIDES),
+        tuple(f"blink{side}" for side in _SIDES),
+    ),
+    **{
+        f"blink{side}": (
+            (f"blink{side}",),
+            (f"blink_{side[0]}",),
+            (f"Fcl_EYE_Close_{side[0]}",),
+            (f"eyeBlink{side}",),
+            (f"eyeBlink_{side[0]}",),
+        )
+        for side in _SIDES
+    },
+    "happy": (("happy",), ("joy",), ("Fcl_ALL_Joy",), ("mouthSmileLeft", "mouthSmileRight")),
+    "angry": (("angry",), ("Fcl_ALL_Angry",)),
+    "sad": (("sad",), ("sorrow",), ("Fcl_ALL_Sorrow",), ("mouthFrownLeft", "mouthFrownRight")),
+    "relaxed": (("relaxed",), ("fun",), ("Fcl_ALL_Fun",)),
+    "surprised": (("surprised",), ("Fcl_ALL_Surprised",)),
+    "neutral": (("neutral",), ("Fcl_ALL_Neutral",)),
+    "lookUp": (("lookUp",), ("eyesLookUp",), ("eyeLookUpLeft", "eyeLookUpRight")),
+    "lookDown": (("lookDown",), ("eyesLookDown",), ("eyeLookDownLeft", "eyeLookDownRight")),
+    "lookLeft": (("lookLeft",), ("eyeLookOutLeft", "eyeLookInRight")),
+    "lookRight": (("lookRight",), ("eyeLookInLeft", "eyeLookOutRight")),
+}
+"""Morph targets that make each of VRM's expressions; those of the first row that a file has. The names are VRM's own,
+those of visemes, VRoid Studio and VRM 0, and ARKit's."""
+
+GAZE = ("lookUp", "lookDown", "lookLeft", "lookRight")
+"""Expressions that move the eyes."""
+
+
+def expressions(gltf: Gltf) -> dict[str, dict[str, Any]]:
+    """Return VRM's expressions for the named morph targets of a file.
+
+    Each named target also is an expression of its own under its name, as face tracking drives ARKit's.
+
+    Returns
+    -------
+    dict
+        The property `expressions`: ``preset`` and ``custom``, if they are not empty.
+    """
+    named: dict[str, list[dict[str, Any]]] = {}
+    for name, bind in _binds(gltf):
+        named.setdefault(name, []).append(bind)
+    by_lower: dict[str, list[dict[str, Any]]] = {}
+    for name, binds in named.items():
+        by_lower.setdefault(name.lower(), binds)
+    preset = {}
+    for expression, choices in PRESETS.items():
+        rows = [[by_lower.get(name.lower(), []) for name in names] for names in choices]
+        chosen = next((row for row in rows if all(row)), None)
+        if chosen is not None:
+            preset[expression] = _expression([bind for binds in chosen for bind in binds])
+    reserved = {name.lower() for name in PRESETS}
+    custom = {name: _expression(binds) for name, binds in named.items() if name.lower() not in reserved}
+    return {kind: found for kind, found in (("preset", preset), ("custom", custom)) if found}
+
+
+def _expression(binds: list[dict[str, Any]]) -> dict[str, Any]:
+    return {"morphTargetBinds": binds}
+
+
+def _binds(gltf: Gltf) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield each named morph target of each node's mesh, with what binds an expression to it."""
+    for node, table in enumerate(gltf["nodes"]):
+        if "mesh" not in table:
+            continue
+        mesh = gltf["meshes"][table["mesh"]]
+        extras, targets = mesh.get("extras"), mesh["primitives"][0].get("targets", [])
+        names = extras.get("targetNames") if isinstance(extras, dict) else None
+        for index, name in enumerate(names[: len(targets)] if isinstance(names, list) else []):
+            if isinstance(name, str) and name:
+                yield name, {"node": node, "index": index, "weight": 1.0}

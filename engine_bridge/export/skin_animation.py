@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.character import Character, rest_weights
+from engine_bridge.character.character import Character
 from engine_bridge.character.document import Document
 from engine_bridge.character.schema import Animation
-from engine_bridge.export.animation import Keyframes, add_channel, add_root
+from engine_bridge.export.animation import Keyframes, add_channel, add_root, hold_targets
 from engine_bridge.export.skinning import Skinning
 from engine_bridge.rigging.joints import ROOT, Joint
 from engine_bridge.rigging.made_rig import MadeRig
@@ -40,17 +40,12 @@ def animate_skin(
     """
     document, joints, notes = rigged_document(character, _rig(skinning), follows)
     gltf = document.gltf
-    nodes = list(dict.fromkeys(part.node for part in character.parts))
     animation: Animation = {"name": keyframes.name, "channels": [], "samplers": []}
     clock = document.add(keyframes.times, bounds=True)
     for bone, joint in enumerate(joints[1:]):
         add_channel(document, animation, clock, skinning.rotations[:, bone], joint, "rotation")
         add_channel(document, animation, clock, skinning.translations[:, bone], joint, "translation")
-    for node in nodes:
-        held = rest_weights(gltf["nodes"][node], gltf["meshes"][gltf["nodes"][node]["mesh"]])
-        if any(held):  # Godot ignores the rest weights of a mesh, but not those of an animation
-            weights = np.tile(np.array(held, dtype=np.float32), len(keyframes.times))
-            add_channel(document, animation, clock, weights, node, "weights")
+    hold_targets(document, animation, clock, len(keyframes.times), character)
     if keyframes.root is not None:
         add_channel(document, animation, clock, keyframes.root, add_root(document), "translation")
     gltf["animations"].insert(0, animation)  # viewers play the first one

@@ -158,4 +158,4 @@ def _omit(gltf: Gltf) -> None:
         if left:
             table["extensions"] = left
     for name in ("extensionsUsed", "extensionsRequired"):
-        gltf[name] = [used for used in gltf[name] if used not in OF_OLD_SKELETON]  # type: ignore[literal-required]
+        gltf[name] = [used for used in gltf[name] if used not in OF_OLD_SKELETON]

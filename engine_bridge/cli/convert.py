@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 @click.option("--preview", type=FILE, metavar="PNG", help="Draw a contact sheet of the clip to this file.")
 @options.as_json
 def convert(log: Path, puppet: Path | None, output: Path, preview: Path | None, as_json: bool, **choices: Any) -> None:
-    """Convert a recording LOG to an animated .glb of a character, or to an animation of the performer's own skeleton."""
+    """Convert a recording LOG to an animated .glb of a character, or to an animation of its performers."""
     from engine_bridge.export.convert import convert, describe
     from engine_bridge.pictures import clip_sheet
     from puppetline.files import check_writable

@@ -81,7 +81,7 @@ def stage_of(clips: list[SkeletonClip]) -> Stage:
     """
     known = any(clip.format == "bvh" or of_performer(clips, clip)[0] is not None for clip in clips)
     sensor = SensorTilt() if known else tilt_of_recording(clips)
-    notes = ()
+    notes: tuple[str, ...] = ()
     if sensor.tilt:
         notes = (f"The sensor looks down by {sensor.tilt:.0f}°, from performers who stand upright; this is corrected.",)
     levelled = [sensor.levelled(clip) for clip in clips]
@@ -175,8 +175,10 @@ def convert_performer(
     ------
     PuppetlineError
     """
-    clip, _ = choose(stage.clips, settings.user)
+    clip, chosen = choose(stage.clips, settings.user)
     timeline, notes = timeline_of(stage.clips, log, replace(settings, user=clip.user))
+    if settings.user is not None:
+        notes = tuple(note for note in notes if note != chosen)
     progress("Performing", 0.0)
     motion = motion_of(timeline, stage.origin).part(*part_of(timeline, settings))
     progress("Performing", 1.0)

@@ -1,8 +1,8 @@
 """A performer's motion as a glTF document: a skeleton with octahedra for its bones, or a VRM animation.
 
 At rest, the skeleton stands in a T-pose, faces +z, and all its joints have the axes of the world, as VRMC_vrm_animation
-recommends. Joints have animated rotations, and the hips an animated position. Every frame is a keyframe: a sensor's noise
-leaves none between which a motion is linear.
+recommends. Joints have animated rotations, and the hips an animated position. Every frame is a keyframe: the noise of
+sensors leaves few that could be omitted.
 """
 
 from typing import Any
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.character import schema
 from engine_bridge.character.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
-from engine_bridge.character.schema import Animation, Node
+from engine_bridge.character.schema import Animation, Material, Node
 from engine_bridge.export.animation import add_channel
 from engine_bridge.export.performer.motion import PerformerMotion
 
@@ -29,7 +29,7 @@ RING = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 FACES = np.array([[k, (k + 1) % 4, 5] for k in range(4)] + [[(k + 1) % 4, k, 4] for k in range(4)])
 """Triangles of an octahedron: four corners of the ring, then the joint and its child."""
 
-GREY = {"pbrMetallicRoughness": {"baseColorFactor": [0.6, 0.6, 0.65, 1.0], "metallicFactor": 0.0}}
+GREY: Material = {"pbrMetallicRoughness": {"baseColorFactor": [0.6, 0.6, 0.65, 1.0], "metallicFactor": 0.0}}
 
 
 def vrm_animation(motion: PerformerMotion, name: str) -> Document:
@@ -98,7 +98,9 @@ def _octahedra(
     document: Document, heads: NDArray[np.float64], segments: list[tuple[int, NDArray[np.float64]]]
 ) -> schema.Primitive:
     """Add an octahedron for each segment from a joint, which it moves with, to a point."""
-    points, owners, faces = [], [], []
+    points: list[NDArray[np.float64]] = []
+    owners: list[int] = []
+    faces: list[NDArray[np.int64]] = []
     for joint, end in segments:
         along = end - heads[joint]
         length = float(np.linalg.norm(along))

@@ -1,8 +1,8 @@
 """A performer's own skeleton: limbs in a T-pose with the lengths of the performer's bones, and joints with VRM's names.
 
-Coordinates are character axes: left +x, up +y, forward +z, metres; the floor is at y = 0, the hips are above the origin.
-In the T-pose, all joints have the axes of the world, as in VRM. Both sides of the body are equal. Lengths and positions
-of hips, shoulders and feet are medians over the recording, in the axes of the performer's pelvis, chest or body.
+Coordinates are character axes: left +x, up +y, forward +z, metres. The floor is at y = 0, the hips are above the
+origin. In the T-pose, all joints have the axes of the world, as in VRM. Both sides of the body are equal. Lengths, and
+the positions of hips, shoulders and feet, are medians over the recording, in the axes of the performer's trunk.
 """
 
 from dataclasses import dataclass

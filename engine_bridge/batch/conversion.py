@@ -14,10 +14,10 @@ from engine_bridge.batch.identity import FileState, identity, performer_identity
 from engine_bridge.batch.row import Row
 from engine_bridge.batch.store import Job, Record, Store
 from engine_bridge.export.convert import Summary, convert_timeline, load_rig_for
-from engine_bridge.export.performer.convert import PerformerFormat, PerformerSummary, convert_performer, stage_of
+from engine_bridge.export.performer.convert import PerformerSummary, convert_performer, stage_of
 from engine_bridge.performance.clip import Clip, load_timeline, perform, timeline_of
 from engine_bridge.performance.rig import Rig, load_rig
-from engine_bridge.performance.settings import Settings
+from engine_bridge.performance.settings import PerformerFormat, Settings
 from puppetline.errors import OutputError, PuppetError, PuppetlineError, SkeletonLogError
 
 MAX_STARTS = 3

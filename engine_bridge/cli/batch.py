@@ -10,7 +10,7 @@ from engine_bridge.cli.options import FILE
 
 if TYPE_CHECKING:
     from engine_bridge.batch.batch import Shard
-    from engine_bridge.export.performer.convert import PerformerFormat
+    from engine_bridge.performance.settings import PerformerFormat
 
 
 class PartOfBatch(click.ParamType):  # type: ignore[type-arg]  # generic in newer versions of click only

@@ -28,7 +28,8 @@ def write_bvh(path: Path, motion: PerformerMotion) -> None:
     ------
     OutputError
     """
-    values = np.concatenate([UNITS_PER_METRE * motion.hips[:, None], _angles(motion.rotations)], axis=1)
+    order = list(_depth_first(motion.body.skeleton.parents, 0))
+    values = np.concatenate([UNITS_PER_METRE * motion.hips[:, None], _angles(motion.rotations[:, order])], axis=1)
     text = io.StringIO()
     text.write("HIERARCHY\n")
     text.writelines(f"{line}\n" for line in _hierarchy(motion, 0))
@@ -36,6 +37,13 @@ def write_bvh(path: Path, motion: PerformerMotion) -> None:
     np.savetxt(text, values.reshape(len(values), -1), fmt="%.6f")
     with written_whole(path) as beside:
         beside.write_text(text.getvalue(), encoding="ascii", newline="\n")
+
+
+def _depth_first(parents: NDArray[np.int64], row: int) -> Iterator[int]:
+    """Yield the rows of a joint and of all joints below it in the order of the file."""
+    yield row
+    for child in np.flatnonzero(parents == row):
+        yield from _depth_first(parents, int(child))
 
 
 def _hierarchy(motion: PerformerMotion, row: int) -> Iterator[str]:

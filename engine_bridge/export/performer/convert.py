@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, NamedTuple, get_args
+from typing import NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,10 @@ from engine_bridge.export.performer.bvh import write_bvh
 from engine_bridge.export.performer.gltf import skeleton_animation, vrm_animation
 from engine_bridge.export.performer.motion import PerformerMotion, motion_of
 from engine_bridge.performance.clip import Progress, part_of, timeline_of
-from engine_bridge.performance.settings import Settings
+from engine_bridge.performance.settings import PerformerFormat, Settings
 from engine_bridge.performance.take_calibration import of_performer
 from puppetline.errors import OutputError, SkeletonLogError
 from puppetline.files import check_writable
-
-PerformerFormat = Literal["bvh", "vrma", "glb"]
 
 ENDINGS = tuple(f".{each}" for each in get_args(PerformerFormat))
 """Endings of files that can have the animation of a performer."""

@@ -230,6 +230,28 @@ def connect(animation: Animation, clock: int, output: int, node: int, path: str)
     animation["channels"].append({"sampler": sampler, "target": {"node": node, "path": path}})
 
 
+def hold_targets(document: Document, animation: Animation, clock: int, count: int, character: Character) -> None:
+    """Add channels that keep the weights of a character's own morph targets at rest.
+
+    Godot ignores the rest weights of a mesh, but not those of an animation.
+
+    Parameters
+    ----------
+    document : Document
+    animation : Animation
+    clock : int
+        Accessor of the keyframes' times.
+    count : int
+        Number of keyframes.
+    character : Character
+    """
+    gltf = document.gltf
+    for node in dict.fromkeys(part.node for part in character.parts):
+        held = rest_weights(gltf["nodes"][node], gltf["meshes"][gltf["nodes"][node]["mesh"]])
+        if any(held):
+            add_channel(document, animation, clock, np.tile(np.array(held, dtype=np.float32), count), node, "weights")
+
+
 def add_root(document: Document) -> int:
     """Add a node above all others of the scene, and return its number.
 

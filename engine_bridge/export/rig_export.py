@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine_bridge.character.document import Document
-from engine_bridge.export.animation import Keyframes
+from engine_bridge.export.animation import Keyframes, hold_targets
 from engine_bridge.export.compact_document import compact_skin
 from engine_bridge.export.compact_motion import compact_motion
 from engine_bridge.export.rig_animation import RigAnimation, animate_rig
@@ -83,6 +83,10 @@ def _of_made(clip: Clip, keyframes: Keyframes, settings: Settings, progress: Pro
     if rig.puppet.handle:
         motions = with_handles(rig, clip.frames[:], motions).astype(np.float32)
     document, moved = animate_rig(rigged, keyframes, bones_of_joints(made.skeleton, nodes, motions.shape[1]), motions)
+    if document.gltf["animations"]:
+        animation = document.gltf["animations"][0]
+        clock = animation["samplers"][0]["input"]
+        hold_targets(document, animation, clock, len(keyframes.times), rig.character)
     stride = -(-len(motions) // MAX_COMPARED_FRAMES)
     of_bones = Weights(made.weights.weights, made.skeleton.bones[made.weights.bones].astype(np.uint16))
     rms, error = (

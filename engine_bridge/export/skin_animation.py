@@ -1,30 +1,18 @@
-"""Animation of a character as a skinned mesh: joints, weights, and the motion of the bones."""
-
-from collections import Counter
-from collections.abc import Iterable
-from typing import Any
+"""Animation of a character as a skinned mesh whose bones have no names: those that a clip needs."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.character import TRIANGLES, Character, rest_weights
-from engine_bridge.character.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
-from engine_bridge.character.document_edits import own_mesh, show_all
-from engine_bridge.character.scene import skinning as carried_by_skin
-from engine_bridge.character.scene import world_transforms
-from engine_bridge.character.schema import Animation, ChannelTarget, Gltf, Node, Primitive
-from engine_bridge.export.animation import Keyframes, add_channel, add_root
+from engine_bridge.character.character import Character
+from engine_bridge.character.document import Document
+from engine_bridge.character.schema import Animation
+from engine_bridge.export.animation import Keyframes, add_channel, add_root, hold_targets
 from engine_bridge.export.skinning import Skinning
-
-MIN_LENGTH = 1e-30
-"""Minimum length of a transformed normal or tangent that has a direction."""
-
-UP = (0.0, 1.0, 0.0)
-"""Normal or tangent without a direction."""
-
-TRANSFORMS = ("translation", "rotation", "scale")
-PLACE_KEYS = (*TRANSFORMS, "matrix", "children", "camera")
-"""Keys that stay with a new node in its place when the node of a mesh moves to the top of the scene."""
+from engine_bridge.rigging.joints import ROOT, Joint
+from engine_bridge.rigging.made_rig import MadeRig
+from engine_bridge.rigging.rig_document import rigged_document
+from engine_bridge.rigging.skeleton import Skeleton
+from solver.skinning.weights import Weights
 
 
 def animate_skin(
@@ -32,10 +20,7 @@ def animate_skin(
 ) -> tuple[Document, tuple[str, ...]]:
     """Bind the meshes of a copy of a character's document to new bones, and add their animation.
 
-    A skinned mesh ignores its parent nodes (glTF 2.0, section 3.7.3.3). Its vertices are therefore converted to world
-    coordinates, and its node is moved to the top of the scene. The bones are children of a new node, `skeleton`; points
-    and lines are bound to this node, which does not move. The character's own skeleton is replaced, and animations that
-    move the character's nodes or skeleton are omitted.
+    The bones are children of a joint that does not move, to which points and lines are bound.
 
     Parameters
     ----------
@@ -53,195 +38,25 @@ def animate_skin(
     notes : tuple of str
         Sentences about what was replaced or omitted.
     """
-    document = character.document.copy()
+    document, joints, notes = rigged_document(character, _rig(skinning), follows)
     gltf = document.gltf
-    show_all(gltf)
-    nodes = list(dict.fromkeys(part.node for part in character.parts))
-    notes = _drop_animations(gltf, nodes)
-    _convert_to_world(document, character, nodes)
-    skin, joints = _add_skeleton(document, skinning)
-    bound = {
-        (part.node, part.primitive): follows[place]
-        for part, place in zip(character.parts, character.vertex_slices, strict=True)
-    }
-    for node in nodes:
-        for index, primitive in enumerate(gltf["meshes"][gltf["nodes"][node]["mesh"]]["primitives"]):
-            _bind(document, primitive, skinning, bound.get((node, index)))
-        _move_to_top(gltf, node)
-        gltf["nodes"][node]["skin"] = skin
-    _drop_unused_skins(gltf)
-
     animation: Animation = {"name": keyframes.name, "channels": [], "samplers": []}
     clock = document.add(keyframes.times, bounds=True)
-    for bone, joint in enumerate(joints):
+    for bone, joint in enumerate(joints[1:]):
         add_channel(document, animation, clock, skinning.rotations[:, bone], joint, "rotation")
         add_channel(document, animation, clock, skinning.translations[:, bone], joint, "translation")
-    for node in nodes:
-        held = rest_weights(gltf["nodes"][node], gltf["meshes"][gltf["nodes"][node]["mesh"]])
-        if any(held):  # Godot ignores the rest weights of a mesh, but not those of an animation
-            weights = np.tile(np.array(held, dtype=np.float32), len(keyframes.times))
-            add_channel(document, animation, clock, weights, node, "weights")
+    hold_targets(document, animation, clock, len(keyframes.times), character)
     if keyframes.root is not None:
         add_channel(document, animation, clock, keyframes.root, add_root(document), "translation")
     gltf["animations"].insert(0, animation)  # viewers play the first one
     return document, notes
 
 
-def _drop_animations(gltf: Gltf, nodes: list[int]) -> tuple[str, ...]:
-    """Remove the animations that move the nodes, their ancestors or their skeletons; return notes."""
-    above = {child: parent for parent, node in enumerate(gltf["nodes"]) for child in node.get("children", [])}
-    skins = {gltf["nodes"][node]["skin"] for node in nodes if "skin" in gltf["nodes"][node]}
-    placing: set[int] = set()
-    for node in (*nodes, *(joint for skin in skins for joint in gltf["skins"][skin]["joints"])):
-        way: int | None = node
-        while way is not None and way not in placing:
-            placing.add(way)
-            way = above.get(way)
-
-    moving = {f"/nodes/{node}/{transform}" for node in placing for transform in TRANSFORMS}
-
-    def moves_it(animation: Animation) -> bool:
-        return any(_pointer(channel["target"]) in moving for channel in animation["channels"])
-
-    dropped = [animation for animation in gltf["animations"] if moves_it(animation)]
-    gltf["animations"] = [animation for animation in gltf["animations"] if animation not in dropped]
-    notes = ["The character's own skeleton is replaced."] if skins else []
-    if dropped:
-        notes.append(f"Omitted {len(dropped)} of the file's animations, which moved the character's nodes or skeleton.")
-    return tuple(notes)
-
-
-def _pointer(target: ChannelTarget) -> str:
-    """Return the JSON pointer to a channel's property, as in KHR_animation_pointer."""
-    if target["path"] != "pointer":
-        return f"/nodes/{target.get('node')}/{target['path']}"
-    found: Any = target
-    for name in ("extensions", "KHR_animation_pointer", "pointer"):
-        found = found.get(name) if isinstance(found, dict) else None
-    return str(found)
-
-
-def _convert_to_world(document: Document, character: Character, nodes: Iterable[int]) -> None:
-    """Convert the vertices of some nodes' meshes to world coordinates, with nodes and skins at rest."""
-    gltf = document.gltf
-    world = world_transforms(document)
-    parts = {(part.node, part.primitive): part for part in character.parts}
-    shown = Counter(node.get("mesh") for node in gltf["nodes"])
-    for node in nodes:
-        for index, primitive in enumerate(own_mesh(document, node, shown)["primitives"]):
-            part = parts.get((node, index))
-            to_world = _to_world(document, node, primitive, world) if part is None else part.to_world
-            if np.array_equal(to_world, np.eye(4)[None]):
-                continue
-            _transform(document, primitive, to_world)
-            if part is not None and np.linalg.det(to_world[:, :3, :3]).mean() < 0:  # a mirror flipped the triangles
-                corners = part.triangles.astype(np.uint32).ravel()
-                primitive["indices"], primitive["mode"] = document.add(corners, ELEMENT_ARRAY_BUFFER), TRIANGLES
-
-
-def _to_world(document: Document, node: int, primitive: Primitive, world: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the transforms (1 or n, 4, 4) of points and lines; a skin does not move those without joints."""
-    shown = document.gltf["nodes"][node]
-    if "skin" not in shown or not {"POSITION", "JOINTS_0"} <= primitive["attributes"].keys():
-        return world[None, node]
-    return carried_by_skin(document, primitive, shown["skin"], _count(document, primitive), world)
-
-
-def _count(document: Document, primitive: Primitive) -> int:
-    return document.gltf["accessors"][primitive["attributes"]["POSITION"]]["count"]
-
-
-def _transform(document: Document, primitive: Primitive, to_world: NDArray[np.float64]) -> None:
-    """Transform positions, normals and tangents of a primitive and of its own morph targets."""
-    if "POSITION" not in primitive["attributes"]:
-        return
-    count = _count(document, primitive)
-    linear = to_world[:, :3, :3]
-    matrices = {"POSITION": linear, "NORMAL": np.linalg.pinv(linear).swapaxes(1, 2), "TANGENT": linear}
-    flipped = np.where(np.linalg.det(linear) < 0, -1.0, 1.0)
-    lengths: dict[str, NDArray[np.float64]] = {}
-    for name, matrix in matrices.items():
-        base = document.attribute(primitive, name, count, 3, 4)
-        if base is None:
-            continue
-        turned = (matrix @ base[:, :3, None].astype(np.float64))[:, :, 0]
-        if name == "POSITION":
-            turned += to_world[:, :3, 3]
-        else:
-            turned[np.linalg.norm(turned, axis=1) < MIN_LENGTH] = UP  # of a part that is scaled to zero
-            lengths[name] = np.linalg.norm(turned, axis=1, keepdims=True)
-            turned /= lengths[name]
-        if name == "TANGENT":
-            turned = np.column_stack([turned, base[:, 3] * flipped])
-        primitive["attributes"][name] = _add_vertices(document, turned, name)
-    for target in primitive.get("targets", []):
-        for name, matrix in matrices.items():
-            moved = document.attribute({"attributes": target}, name, count, 3)
-            if moved is not None:
-                turned = (matrix @ moved[:, :, None].astype(np.float64))[:, :, 0] / lengths.get(name, 1.0)
-                target[name] = _add_vertices(document, turned, name)
-
-
-def _add_vertices(document: Document, values: NDArray[np.floating], name: str) -> int:
-    return document.add(values.astype(np.float32), ARRAY_BUFFER, bounds=name == "POSITION")
-
-
-def _add_skeleton(document: Document, skinning: Skinning) -> tuple[int, list[int]]:
-    """Add a node for the skeleton, with a child for each bone; return the skin and the nodes of the bones."""
-    gltf = document.gltf
-    skeleton = len(gltf["nodes"])
-    joints = [skeleton + 1 + bone for bone in range(len(skinning.joints))]
-    gltf["nodes"].append({"name": "skeleton", "children": joints})
-    for bone, place in enumerate(skinning.joints):
-        gltf["nodes"].append({"name": f"bone_{bone}", "translation": place.astype(float).tolist()})
-    gltf["scenes"][gltf.get("scene", 0)].setdefault("nodes", []).append(skeleton)
-    back = np.tile(np.eye(4, dtype=np.float32), (1 + len(joints), 1, 1))
-    back[1:, 3, :3] = -skinning.joints  # matrices are stored by columns
-    matrices = document.add(back.reshape(-1, 16))
-    skin = {"joints": [skeleton, *joints], "skeleton": skeleton, "inverseBindMatrices": matrices}
-    gltf["skins"].append({"name": "skeleton", **skin})  # type: ignore[typeddict-item]
-    return len(gltf["skins"]) - 1, joints
-
-
-def _bind(document: Document, primitive: Primitive, skinning: Skinning, follows: NDArray[np.int64] | None) -> None:
-    """Bind a primitive to the bones of its solver vertices, or without these to the skeleton's node."""
-    attributes = primitive["attributes"]
-    for name in [name for name in attributes if name.startswith(("JOINTS_", "WEIGHTS_"))]:
-        del attributes[name]
-    if follows is not None:
-        weights = skinning.weights[follows]
-        joints = skinning.bones[follows] + (weights > 0).astype(np.uint8)  # joint 0 is the skeleton's node
-    elif "POSITION" in attributes:
-        weights = np.tile(np.eye(1, 4, dtype=np.float32), (_count(document, primitive), 1))
-        joints = np.zeros(weights.shape, dtype=np.uint8)
-    else:
-        return
-    attributes["JOINTS_0"] = document.add(joints, ARRAY_BUFFER)
-    attributes["WEIGHTS_0"] = document.add(weights, ARRAY_BUFFER)
-
-
-def _move_to_top(gltf: Gltf, node: int) -> None:
-    """Move a node to the top of the scene without its transform; a new node in its place keeps its children."""
-    table = gltf["nodes"][node]
-    left: Node = {key: table.pop(key) for key in PLACE_KEYS if key in table}  # type: ignore[misc, assignment]
-    tops = gltf["scenes"][gltf.get("scene", 0)]["nodes"]
-    rows = [tops, *(other["children"] for other in gltf["nodes"] if "children" in other)]
-    row = next((row for row in rows if node in row), tops)
-    if "children" in left or "camera" in left:
-        gltf["nodes"].append(left)
-        row[row.index(node)] = len(gltf["nodes"]) - 1
-        tops.append(node)
-    elif row is not tops:
-        row.remove(node)
-        tops.append(node)
-    for parent in gltf["nodes"]:
-        if parent.get("children") == []:
-            del parent["children"]
-
-
-def _drop_unused_skins(gltf: Gltf) -> None:
-    used = sorted({node["skin"] for node in gltf["nodes"] if "skin" in node})
-    gltf["skins"] = [gltf["skins"][skin] for skin in used]
-    for node in gltf["nodes"]:
-        if "skin" in node:
-            node["skin"] = used.index(node["skin"])
+def _rig(skinning: Skinning) -> MadeRig:
+    """Return the bones as joints below one that does not move, all with the axes of the file."""
+    places = skinning.joints.astype(np.float64)
+    bones = (Joint(f"bone_{bone}", 0, bone, place, place) for bone, place in enumerate(places))
+    joints = (Joint(ROOT, -1, -1, np.zeros(3), np.zeros(3)), *bones)
+    skeleton = Skeleton(joints, np.tile(np.eye(3), (len(joints), 1, 1)), np.eye(3), np.zeros(3))
+    rows = np.where(skinning.weights > 0, skinning.bones + 1, 0).astype(np.uint16)
+    return MadeRig(skeleton, Weights(skinning.weights, rows), None, skinning.rms, skinning.error)

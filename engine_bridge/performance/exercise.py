@@ -63,13 +63,14 @@ def exercise(rig: Rig, rest: NDArray[np.float64], chunk_size: int) -> Iterator[N
         yield course.solve(shares[start : start + chunk_size])[0]
 
 
-def random_poses(rig: Rig, count: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+def random_poses(rig: Rig, count: int, seed: int = SEED) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
     """Return poses in which all bones and handles have random displacements, each pose independent of the others.
 
     Parameters
     ----------
     rig : Rig
     count : int
+    seed : int, optional
 
     Returns
     -------
@@ -79,7 +80,7 @@ def random_poses(rig: Rig, count: int) -> tuple[NDArray[np.float32], NDArray[np.
         Motions of the bones for row vectors, mesh file's coordinates.
     """
     course = _Course(rig, np.full((len(JOINTS), 3), np.nan), RANDOM_ITERATIONS)
-    shares = np.random.default_rng(SEED).uniform(-RANDOM_SHARE, RANDOM_SHARE, (count, *course.free.shape))
+    shares = np.random.default_rng(seed).uniform(-RANDOM_SHARE, RANDOM_SHARE, (count, *course.free.shape))
     return course.solve(shares * course.free)
 
 

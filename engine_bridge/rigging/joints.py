@@ -28,6 +28,9 @@ LIMB_JOINTS: dict[str, tuple[str, ...]] = {
 }
 """VRM's joints for each limb of a puppet file, root to tip; a joint belongs to the first limb that lists it."""
 
+ROOT = "root"
+"""Name of the joint above all others, where one is needed; it does not move."""
+
 MIDDLE_LIMBS = (TRUNK, "neck", "head")
 """Limbs in the middle of the body. Their further joints are at equal intervals before the tip, those of others beyond
 it."""
@@ -73,7 +76,7 @@ class Joint:
 def joints_of(limbs: Sequence[Limb], handles: Iterable[tuple[str, NDArray[np.float64]]] = ()) -> list[Joint]:
     """Return the joints of limbs and handles, parents before their children.
 
-    If several bones have no parent, or there is no bone at all, they hang on a joint `root` that does not move.
+    If several bones have no parent, or there is no bone at all, they hang on a joint `ROOT` that does not move.
 
     Parameters
     ----------
@@ -98,7 +101,7 @@ class _Builder:
         bones = bones_of(limbs)
         tops = int((bones.parents < 0).sum()) + (0 if limbs else len(handles))
         if tops > 1:
-            self._add("root", -1, -1, np.zeros(3), np.zeros(3))
+            self._add(ROOT, -1, -1, np.zeros(3), np.zeros(3))
         first = 0
         for limb in limbs:
             self._add_limb(limb, first, int(bones.parents[first]))
@@ -131,7 +134,7 @@ class _Builder:
     def _parent_row(self, limb: Limb, parent_bone: int) -> int:
         """Return the joint on which a limb hangs."""
         if parent_bone < 0:
-            return 0 if self.joints and self.joints[0].name == "root" else -1
+            return 0 if self.joints and self.joints[0].name == ROOT else -1
         own = [joint for joint in self.joints if joint.bone == parent_bone and not joint.name.endswith("Shoulder")]
         return self._nearest(own, limb.points[0])
 

@@ -343,6 +343,12 @@ def blob_rig(blob_puppet):
 
 
 @pytest.fixture(scope="session")
+def limb_tables():
+    """Tables of the figure's limbs and of one handle."""
+    return LIMB_TABLES + HUMP
+
+
+@pytest.fixture(scope="session")
 def limbed_puppet(blob_file, write_puppet):
     """A puppet file for the figure with limbs and one handle."""
     return write_puppet(blob_file.with_name("limbed.toml"), blob_file.name, handles=LIMB_TABLES + HUMP)

@@ -26,7 +26,7 @@ from .conftest import outermost_handles
 pytestmark = pytest.mark.slow
 
 PROGRAMS = ["Blender", "three.js", "Babylon.js", "Godot", "assimp"]
-FORMS = ["morph", "skin", "frames"]
+FORMS = ["morph", "skin", "frames", "rig"]
 MADE = ["textured", "several_primitives", "node_transforms", "shared_mesh", "own_targets", "skinned", "animated"]
 REAL = ["kaykit_Knight", "quaternius_Adventurer", "khronos_Fox"]
 
@@ -130,14 +130,16 @@ def add_texture(glb, uv):
 
 
 @pytest.fixture(scope="module")
-def file(character, second, write_puppet, raw, tmp_path_factory):
-    """Export a character, once for all tests; synthetic ones have a root."""
+def file(character, second, write_puppet, limb_tables, raw, tmp_path_factory):
+    """Export a character, once for all tests; synthetic ones have a root, and limbs for a rig."""
     folder, exported = tmp_path_factory.mktemp("exported"), {}
 
     def make(name, form):
         path = character(name)
-        puppet, output = folder / f"{name}.toml", folder / f"{name}_{form}.glb"
-        if name in REAL:
+        puppet, output = folder / f"{name}_{form}.toml", folder / f"{name}_{form}.glb"
+        if form == "rig":
+            write_puppet(puppet, path, handles=limb_tables)
+        elif name in REAL:
             vertices = load_character(path).vertices
             scale = np.linalg.norm(np.ptp(vertices, axis=0)) / 4
             more = f"[retarget]\nscale = {scale}\n\n[solver]\nfields = 5\nisolines = 6\n"
@@ -229,15 +231,16 @@ def allowed(program, made, expected):
     return rounding
 
 
-@pytest.mark.parametrize("name", [*MADE, *REAL])
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(
+    ("form", "name"), [(form, name) for form in FORMS for name in (*MADE, *([] if form == "rig" else REAL))]
+)
 def test_every_vertex_is_where_it_was_solved_to_be(program, form, name, played_in, players):
     made, shown = played_in(program, name, form)
     np.testing.assert_allclose(shown.times, np.arange(TIMES) * 2.5 / FPS, atol=1e-6)
     between = np.arange(TIMES) % 2 == 1
     expected = players.solved(made.clip)(shown.times)
     rounding = allowed(program, made, expected)
-    if form == "skin":  # between two keyframes bones turn, and do not go in straight lines
+    if form in ("skin", "rig"):  # between two keyframes bones turn, and do not go in straight lines
         exact = Skinned(made.reader)
         turned = {(p.node, p.primitive): exact.positions(p, shown.times) for p in made.clip.rig.character.parts}
         assert players.farthest(shown.meshes, turned) <= rounding

@@ -21,7 +21,7 @@ from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import rig_limbs
-from puppetline.errors import MeshError, PuppetError
+from puppetline.errors import MeshError
 from solver.motion.limbs import Limb, bones_of, parents_first
 
 HALF = np.sqrt(0.5)
@@ -556,27 +556,3 @@ def test_other_forms_keep_no_motions(blob_puppet, take, tmp_path):
     clip, summary = convert(take, blob_puppet, tmp_path / "out.glb", Settings())
     assert len(clip.motions) == 0
     assert summary.following == 0
-
-
-LIMB = '\n[[limb]]\nname = "left arm"\npoints = [[0.1, 1.1, 0], [0.8, 1.2, 0], [1.4, 1.3, 0.1]]\n' + (
-    'joints = ["shoulder_left", "elbow_left", "wrist_left"]\n'
-)
-
-
-@pytest.mark.parametrize(
-    ("character", "more", "found"),
-    [
-        ("blob", "", "no limb; expected limbs"),
-        ("blob", LIMB, "a file without a skeleton; expected"),
-        ("skinned", LIMB, "no limb whose first point is at a joint"),
-    ],
-)
-def test_a_character_without_a_skeleton_or_limbs_on_it_is_refused(
-    character, more, found, blob_file, variants, write_puppet, take, tmp_path
-):
-    mesh = variants["skinned"].path if character == "skinned" else blob_file
-    puppet = write_puppet(tmp_path / "puppet.toml", mesh, more=more)
-    with pytest.raises(PuppetError, match=found) as error:
-        convert(take, puppet, tmp_path / "out.glb", Settings(form="rig"))
-    assert "Use --as morph" in str(error.value)
-    assert not (tmp_path / "out.glb").exists()

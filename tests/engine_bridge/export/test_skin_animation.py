@@ -161,8 +161,10 @@ def test_joints_lie_under_one_node_with_the_root_above(skins, raw):
     (table,) = file.skins
     skeleton = file.nodes[table.skeleton]
     assert skeleton.name == "skeleton"
-    assert table.joints == [table.skeleton, *skeleton.children]
-    assert [file.nodes[joint].name for joint in skeleton.children] == [f"bone_{i}" for i in range(8)]
+    (still,) = skeleton.children
+    bones = file.nodes[still].children
+    assert table.joints == [still, *bones]
+    assert [file.nodes[joint].name for joint in table.joints] == ["root", *(f"bone_{i}" for i in range(8))]
     top, *others = file.scenes[file.scene].nodes
     assert file.nodes[top].name == "puppetline_root"
     assert table.skeleton in file.nodes[top].children
@@ -170,9 +172,7 @@ def test_joints_lie_under_one_node_with_the_root_above(skins, raw):
     (animation,) = file.animations
     assert animation.name == "dance"
     moved = {(channel.target.node, channel.target.path) for channel in animation.channels}
-    assert moved == {(j, path) for j in skeleton.children for path in ("rotation", "translation")} | {
-        (top, "translation")
-    }
+    assert moved == {(j, path) for j in bones for path in ("rotation", "translation")} | {(top, "translation")}
 
 
 def test_lines_stand_on_the_skeleton_itself(skins, raw):

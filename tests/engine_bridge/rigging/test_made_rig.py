@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+
+from engine_bridge.performance.exercise import random_poses
+from engine_bridge.rigging.made_rig import made_rig, make_rig, with_handles
+from engine_bridge.rigging.surface_distance import distances
+from solver.skinning.weights import Weights, as_matrix
+
+
+@pytest.fixture(scope="module")
+def made(limbed_rig):
+    return make_rig(limbed_rig)
+
+
+def test_every_vertex_has_weights_of_at_most_four_joints_whose_sum_is_one(made, limbed_rig):
+    assert made.weights.weights.shape == (len(limbed_rig.mesh.vertices), 4)
+    np.testing.assert_allclose(made.weights.weights.astype(np.float64).sum(axis=1), 1, atol=1e-6)
+    assert made.weights.bones.max() < len(made.skeleton.joints)
+
+
+def test_weights_are_near_the_reduced_models_surface_in_other_poses(made, limbed_rig):
+    """The poses of another seed were not used for the fit."""
+    controls, motions = random_poses(limbed_rig, 40, seed=7)
+    motions = with_handles(limbed_rig, controls, motions)
+    of_bones = Weights(made.weights.weights, made.skeleton.bones[made.weights.bones].astype(np.uint16))
+    rms, error = distances(limbed_rig, of_bones, limbed_rig.mesh.vertices, controls, motions)
+    assert rms < 0.01
+    assert error < 0.1
+    assert rms == pytest.approx(made.rms, rel=0.3)
+
+
+def test_a_limb_moves_its_own_end_and_not_another(made, limbed_rig):
+    vertices = limbed_rig.mesh.vertices
+    shares = as_matrix(made.weights, len(made.skeleton.joints)).toarray()
+    of = dict(zip(made.skeleton.names, shares.T, strict=True))
+    left, right = vertices[:, 0].argmax(), vertices[:, 0].argmin()
+    assert of["leftHand"][left] + of["leftLowerArm"][left] > 0.9
+    assert of["rightHand"][right] + of["rightLowerArm"][right] > 0.9
+    assert of["leftUpperLeg"][right] == 0
+
+
+def test_rigs_are_the_same_each_time_and_made_once_for_clips(made, limbed_rig):
+    again = make_rig(limbed_rig)
+    np.testing.assert_array_equal(again.weights.weights, made.weights.weights)
+    np.testing.assert_array_equal(again.weights.bones, made.weights.bones)
+    assert made_rig(limbed_rig) is made_rig(limbed_rig)
+
+
+def test_eight_influences_are_at_least_as_near(made, limbed_rig):
+    eight = make_rig(limbed_rig, influences=8)
+    assert eight.weights.weights.shape[1] == 8
+    assert eight.rms <= made.rms
+
+
+def test_in_a_t_pose_arms_are_level_legs_are_upright_and_the_rest_pose_comes_back(limbed_rig, made):
+    straight = make_rig(limbed_rig, in_t_pose=True)
+    aims = {joint.name: joint.tail - joint.head for joint in straight.skeleton.joints}
+    for name, aim in {"leftUpperArm": [1, 0, 0], "rightLowerArm": [-1, 0, 0], "leftUpperLeg": [0, -1, 0]}.items():
+        np.testing.assert_allclose(aims[name] / np.linalg.norm(aims[name]), aim, atol=1e-9)
+    assert straight.rms < 1.5 * made.rms
+    placed = straight.bind.vertices(limbed_rig.mesh.vertices)
+    shares = as_matrix(straight.weights, len(straight.skeleton.joints)).toarray()
+    elbow = straight.skeleton.names.index("leftLowerArm")
+    forearm = shares[:, elbow : elbow + 2].sum(axis=1) > 0.9
+    assert forearm.sum() > 10
+    around = placed[forearm] - straight.skeleton.joints[elbow].head
+    assert np.abs(around[:, 1:]).max() < 0.1 * limbed_rig.mesh.diagonal  # the radius of the arm
+    assert around[:, 0].min() > -0.1 * limbed_rig.mesh.diagonal

@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from engine_bridge.puppet.puppet import CharacterTable, HandleTable, LimbTable, Puppet
+from engine_bridge.rigging.skeleton import Skeleton, from_t_pose
+
+JOINTS = ("hip_center", "spine", "shoulder_center", "head")
+
+
+def limb(name, *points, **more):
+    return LimbTable(name=name, points=points, joints=JOINTS[: len(points)], **more)
+
+
+A_POSED = Puppet(
+    character=CharacterTable(mesh="a.glb"),
+    limb=(
+        limb("trunk", (0, 1, 0), (0, 1.2, 0), (0, 1.5, 0)),
+        limb("left arm", (0.2, 1.5, 0), (0.4, 1.3, 0), (0.6, 1.1, 0), (0.7, 1.0, 0)),
+        limb("right leg", (-0.1, 1, 0), (-0.1, 0.5, 0), (-0.1, 0.1, 0), (-0.2, 0, 0.1)),
+        limb("tail", (0, 1, -0.1), (0, 0.8, -0.4)),
+    ),
+    handle=(HandleTable(name="hump", position=(0, 1.3, -0.3)),),
+)
+
+
+def in_world(skeleton, positions, rotations):
+    """Forward kinematics by scipy: positions and rotations of the joints."""
+    found = []
+    for joint, place, turn in zip(skeleton.joints, positions, rotations, strict=True):
+        start, base = found[joint.parent] if joint.parent >= 0 else (np.zeros(3), Rotation.identity())
+        found.append((start + base.apply(place), base * Rotation.from_quat(turn)))
+    return found
+
+
+def still(skeleton):
+    return np.tile(np.eye(4, 3), (skeleton.bones.max() + 1, 1, 1))
+
+
+def test_at_rest_joints_are_at_their_heads_and_point_to_their_tails():
+    skeleton = Skeleton.along_bones(A_POSED)
+    posed = in_world(skeleton, *skeleton.pose(still(skeleton), np.zeros(3)))
+    for joint, (place, turn) in zip(skeleton.joints, posed, strict=True):
+        np.testing.assert_allclose(place, joint.head, atol=1e-12)
+        along = joint.tail - joint.head
+        if along.any():
+            np.testing.assert_allclose(turn.apply([0, 1, 0]), along / np.linalg.norm(along), atol=1e-12)
+
+
+def test_the_z_axis_is_near_the_front_or_for_bones_that_point_there_near_up():
+    skeleton = Skeleton.along_bones(A_POSED)
+    axes = dict(zip(skeleton.names, skeleton.axes, strict=True))
+    np.testing.assert_allclose(axes["hips"], np.column_stack([[1, 0, 0], [0, 1, 0], [0, 0, 1]]), atol=1e-12)
+    np.testing.assert_allclose(axes["leftUpperArm"][:, 2], [0, 0, 1], atol=1e-12)
+    forward = Puppet(character=CharacterTable(mesh="a.glb"), limb=(limb("nose", (0, 0, 0), (0, 0, 1)),))
+    np.testing.assert_allclose(Skeleton.along_bones(forward).axes[0][:, 2], [0, 1, 0], atol=1e-12)
+    for each in axes.values():
+        np.testing.assert_allclose(each @ each.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(each) > 0
+
+
+def test_posed_joints_are_where_their_bones_take_them():
+    rng = np.random.default_rng(1)
+    skeleton = Skeleton.along_bones(A_POSED)
+    turns = Rotation.from_rotvec(rng.normal(size=(skeleton.bones.max() + 1, 3)))
+    motions = np.concatenate([turns.as_matrix(), rng.normal(size=(len(turns), 1, 3))], axis=1)
+    root = np.array([1.0, 2.0, 3.0])
+    posed = in_world(skeleton, *skeleton.pose(motions, root))
+    for joint, axes, (place, turn) in zip(skeleton.joints, skeleton.axes, posed, strict=True):
+        own = motions[joint.bone]
+        np.testing.assert_allclose(place, joint.head @ own[:3] + own[3] + root, atol=1e-9)
+        np.testing.assert_allclose(turn.as_matrix(), own[:3].T @ axes, atol=1e-9)
+
+
+def test_the_turn_from_the_t_pose_takes_its_directions_to_those_at_rest():
+    skeleton = Skeleton.along_bones(A_POSED)
+    turns = dict(zip(skeleton.names, from_t_pose(A_POSED, skeleton.joints), strict=True))
+    down_left = np.array([1, -1, 0]) / np.sqrt(2)
+    for name in ("leftUpperArm", "leftLowerArm", "leftHand"):
+        np.testing.assert_allclose(turns[name] @ [1, 0, 0], down_left, atol=1e-12)
+    for name in ("hips", "chest", "rightUpperLeg", "tail_1", "leftShoulder"):
+        np.testing.assert_allclose(turns[name], np.eye(3), atol=1e-12)
+    foot = Rotation.from_matrix(turns["rightFoot"]).as_rotvec(degrees=True)
+    np.testing.assert_allclose(foot, [0, -45, 0], atol=1e-9)
+    np.testing.assert_array_equal(turns["rightToes"], turns["rightFoot"])
+
+
+@pytest.mark.parametrize(("up", "front"), [("z", "-y"), ("x", "y")])
+def test_the_turn_from_the_t_pose_is_in_character_axes(up, front):
+    character = CharacterTable(mesh="a.glb", up=up, front=front)
+    limbs = tuple(
+        limb(each.name, *map(tuple, (np.array(each.points) @ character.basis).tolist())) for each in A_POSED.limb
+    )
+    turned = Puppet(character=character, limb=limbs)
+    expected = from_t_pose(A_POSED, Skeleton.along_bones(A_POSED).joints)
+    found = from_t_pose(turned, Skeleton.along_bones(turned).joints)
+    np.testing.assert_allclose(found, expected[:-1], atol=1e-12)  # without the handle

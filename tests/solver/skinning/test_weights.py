@@ -1,0 +1,185 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from solver.model.binding import Binding
+from solver.model.bones import Bones
+from solver.model.reduced_model import ModelParameters, build
+from solver.motion.deformer import to_file_units
+from solver.skinning import weights as module
+from solver.skinning.weights import Weights, as_matrix, fit, packed
+from solver.surface.mesh import weld
+
+POSES = 40
+
+
+def box(at, size):
+    """A closed box: vertices and triangles."""
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=np.float64)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = [tri for a, b, c, d in quads for tri in ((a, b, c), (a, c, d))]
+    return corners * size + at, np.array(triangles)
+
+
+@pytest.fixture(scope="module")
+def bar():
+    """A bar along y with two bones, and its reduced model."""
+    rings, around = 33, 12
+    angle = np.arange(around) * 2 * np.pi / around
+    height = np.linspace(0, 4, rings)
+    ring = np.column_stack([np.cos(angle), np.zeros(around), np.sin(angle)])
+    vertices = np.concatenate([0.4 * ring + [0, y, 0] for y in height])
+    i, j = np.arange(rings - 1)[:, None] * around, np.arange(around)
+    k = (j + 1) % around
+    sides = np.stack([i + j, i + around + j, i + around + k, i + j, i + around + k, i + k], axis=-1).reshape(-1, 3)
+    ends = [(0, a, a + 1) for a in range(1, around - 1)]
+    last = len(vertices) - around
+    faces = np.concatenate([sides, ends, [(last, last + b, last + a) for _, a, b in ends]])
+    mesh = weld(vertices, faces, "bar")
+    heads = np.array([[0.0, 0.1, 0.0], [0.0, 2.0, 0.0]])
+    tails = np.array([[0.0, 2.0, 0.0], [0.0, 3.9, 0.0]])
+    bones = Bones(heads, tails, np.array([-1, 0]), np.array([0, 0]))
+    return mesh, build(mesh, ModelParameters(fields=4, isolines=6), bones)
+
+
+def bent(bones, seed=0):
+    """Random motions (F, b, 4, 3) of a chain."""
+    rng = np.random.default_rng(seed)
+    motions = np.empty((POSES, len(bones), 4, 3))
+    for frame in motions:
+        for bone, parent in enumerate(bones.parents):
+            turn = Rotation.from_rotvec(rng.uniform(-1, 1, 3)).as_matrix()
+            above = np.eye(4, 3) if parent < 0 else frame[parent]
+            turn = above[:3] @ turn
+            place = bones.heads[bone] @ above[:3] + above[3]
+            frame[bone, :3], frame[bone, 3] = turn, place - bones.heads[bone] @ turn
+    return motions
+
+
+def moved(model, motions, shares):
+    """Controls (F, 4m, 3) that move each isoline by a mean of the motions."""
+    transforms = motions.copy()
+    transforms[:, :, 3] += np.einsum("i,fbij->fbj", model.center, motions[:, :, :3]) - model.center
+    transforms[:, :, 3] /= float(model.diagonal)
+    return np.einsum("mb,fbij->fmij", shares, transforms).reshape(len(motions), -1, 3)
+
+
+def test_a_surface_that_is_a_blend_of_bones_has_the_weights_of_the_blend(bar):
+    """Isolines move by known means of two motions, so the surface is a known linear blend skin."""
+    mesh, model = bar
+    count = len(model.rest_controls) // 4
+    share = np.linspace(0.05, 0.95, count)
+    motions = bent(model.bones)
+    controls = moved(model, motions, np.column_stack([share, 1 - share]))
+    found = as_matrix(fit(model, mesh, controls, motions), 2).toarray()
+    blend = model.position_matrix(mesh.vertices)[:, 3::4]
+    expected = blend @ np.column_stack([share, 1 - share])
+    away = np.linalg.norm(mesh.vertices - model.bones.heads[1], axis=1) > 0.5  # at the joint both motions are equal
+    np.testing.assert_allclose(found[away], expected[away], atol=1e-3)
+
+
+def test_weights_are_convex_and_their_sum_is_one(bar):
+    mesh, model = bar
+    motions = bent(model.bones)
+    count = len(model.rest_controls) // 4
+    controls = moved(model, motions, np.tile([0.5, 0.5], (count, 1)))
+    found = fit(model, mesh, controls, motions)
+    assert found.weights.shape == (len(mesh.vertices), 4)
+    assert (found.weights >= 0).all()
+    assert (np.diff(found.weights, axis=1) <= 0).all()
+    np.testing.assert_allclose(found.weights.astype(np.float64).sum(axis=1), 1, atol=1e-6)
+
+
+def test_at_most_the_allowed_number_of_bones_moves_a_vertex(bar):
+    """Nine bones move alike but for noise, so that all of them have a share."""
+    mesh, model = bar
+    rng = np.random.default_rng(2)
+    turns = Rotation.from_rotvec(rng.normal(0, 0.3, (POSES * 9, 3))).as_matrix().reshape(POSES, 9, 3, 3)
+    motions = np.concatenate([turns, rng.normal(0, 0.1, (POSES, 9, 1, 3))], axis=2)
+    count = len(model.rest_controls) // 4
+    controls = moved(model, motions, np.full((count, 9), 1 / 9))
+    for allowed in (1, 4, 8):
+        found = fit(model, mesh, controls, motions, influences=allowed)
+        assert found.weights.shape[1] == allowed
+        assert ((found.weights > 0).sum(axis=1) == allowed).all()
+
+
+def test_a_rigid_motion_of_all_poses_and_a_permutation_of_bones_change_no_weight(bar):
+    mesh, model = bar
+    motions = bent(model.bones)
+    count = len(model.rest_controls) // 4
+    share = np.linspace(0, 1, count)
+    controls = moved(model, motions, np.column_stack([share, 1 - share]))
+    first = as_matrix(fit(model, mesh, controls, motions), 2).toarray()
+    turn, shift = Rotation.from_rotvec([0.3, 1.0, -0.5]).as_matrix(), np.array([1.0, -2.0, 0.5])
+    carried = motions @ turn
+    carried[:, :, 3] += shift
+    also = moved(model, carried, np.column_stack([share, 1 - share]))
+    np.testing.assert_allclose(as_matrix(fit(model, mesh, also, carried), 2).toarray(), first, atol=1e-5)
+    swapped = as_matrix(fit(model, mesh, controls, motions[:, ::-1]), 2).toarray()
+    np.testing.assert_allclose(swapped[:, ::-1], first, atol=1e-6)
+
+
+def test_weights_of_other_rest_positions_move_these(bar):
+    """The rest positions are turned, and the motions begin with the turn back."""
+    mesh, model = bar
+    motions = bent(model.bones)
+    count = len(model.rest_controls) // 4
+    share = np.linspace(0, 1, count)
+    controls = moved(model, motions, np.column_stack([share, 1 - share]))
+    turn = Rotation.from_rotvec([0.0, 0.0, 1.2]).as_matrix()
+    after = motions.copy()
+    after[:, :, :3] = turn @ motions[:, :, :3]
+    first = as_matrix(fit(model, mesh, controls, motions), 2).toarray()
+    again = as_matrix(fit(model, mesh, controls, after, rest=mesh.vertices @ turn.T), 2).toarray()
+    np.testing.assert_allclose(again, first, atol=1e-5)
+
+
+def test_a_part_that_one_bone_holds_moves_with_it_alone():
+    parts = [box([-0.5, 0, -0.5], [1, 2, 1]), box([-0.5, 2.05, -0.5], [1, 2, 1])]
+    vertices = np.concatenate([part for part, _ in parts])
+    faces = np.concatenate([triangles + 8 * number for number, (_, triangles) in enumerate(parts)])
+    mesh = weld(vertices, faces, "plates")
+    heads, tails = np.array([[0, 0.1, 0], [0, 2.1, 0.0]]), np.array([[0, 2.0, 0], [0, 3.9, 0.0]])
+    model = build(
+        mesh, ModelParameters(fields=3, isolines=4), Bones(heads, tails, np.array([-1, 0]), np.array([-1, 0]))
+    )
+    assert model.regions.held.all()
+    motions = bent(model.bones)
+    controls = moved(model, motions, np.tile([0.5, 0.5], (len(model.rest_controls) // 4, 1)))
+    found = fit(model, mesh, controls, motions)
+    np.testing.assert_array_equal(found.weights, np.tile([1, 0, 0, 0], (len(mesh.vertices), 1)))
+    np.testing.assert_array_equal(found.bones[:, 0], model.regions.owner)
+
+
+def test_the_surface_of_the_weights_is_near_that_of_the_model(bar):
+    mesh, model = bar
+    motions = bent(model.bones)
+    share = np.linspace(0, 1, len(model.rest_controls) // 4)
+    controls = moved(model, motions, np.column_stack([share, 1 - share]))
+    shares = as_matrix(fit(model, mesh, controls, motions), 2).toarray()
+    binding = Binding.of_solver_mesh(model, mesh)
+    for R, motion in zip(controls[:5], motions[:5], strict=True):
+        skin = np.einsum("nb,nbj->nj", shares, np.einsum("ni,bij->nbj", mesh.vertices, motion[:, :3]) + motion[:, 3])
+        off = np.linalg.norm(skin - binding.vertices(to_file_units(R, model)), axis=1)
+        assert off.max() < 1e-3 * float(model.diagonal)
+
+
+def test_packed_weights_are_sorted_and_bones_without_weight_are_zero():
+    found = packed(np.array([[0.25, 0.0, 0.75]]), np.array([[7, 5, 3]]))
+    np.testing.assert_array_equal(found.weights, np.array([[0.75, 0.25, 0]], dtype=np.float32))
+    np.testing.assert_array_equal(found.bones, [[3, 7, 0]])
+
+
+def test_the_matrix_adds_up_repeated_bones():
+    made = Weights(np.array([[0.5, 0.5]], dtype=np.float32), np.array([[1, 1]], dtype=np.uint16))
+    np.testing.assert_array_equal(as_matrix(made, 3).toarray(), [[0, 1, 0]])
+
+
+def test_a_bone_without_motion_can_hold_vertices(bar):
+    mesh, model = bar
+    motions = np.concatenate([np.tile(np.eye(4, 3), (POSES, 1, 1, 1)), bent(model.bones)], axis=1)
+    controls = np.tile(model.rest_controls, (POSES, 1, 1))
+    found = fit(model, mesh, controls, motions)
+    still = as_matrix(found, 3).toarray()[:, 0]
+    assert still.min() > 1 - 10 * module.NEGLIGIBLE_WEIGHT

@@ -27,7 +27,7 @@ from puppetline.errors import MeshError, at
 from puppetline.files import read_whole
 from solver.surface.mesh import SolverMesh, weld
 
-CHARACTER_FILES = (".glb", ".gltf", *SURFACE_FILES)
+CHARACTER_FILES = (".glb", ".gltf", ".vrm", *SURFACE_FILES)
 
 MAX_PARTS, MAX_VERTICES = 10_000, 10_000_000
 """Maximum numbers of parts and vertices of a character."""

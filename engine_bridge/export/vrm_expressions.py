@@ -60,14 +60,13 @@ def expressions(gltf: Gltf) -> dict[str, dict[str, Any]]:
         The property `expressions`: ``preset`` and ``custom``, if they are not empty.
     """
     named: dict[str, list[dict[str, Any]]] = {}
+    in_any_case: dict[str, list[dict[str, Any]]] = {}
     for name, bind in _binds(gltf):
         named.setdefault(name, []).append(bind)
-    by_lower: dict[str, list[dict[str, Any]]] = {}
-    for name, binds in named.items():
-        by_lower.setdefault(name.lower(), binds)
+        in_any_case.setdefault(name.lower(), []).append(bind)
     preset = {}
     for expression, choices in PRESETS.items():
-        rows = [[by_lower.get(name.lower(), []) for name in names] for names in choices]
+        rows = [[in_any_case.get(name.lower(), []) for name in names] for names in choices]
         chosen = next((row for row in rows if all(row)), None)
         if chosen is not None:
             preset[expression] = _expression([bind for binds in chosen for bind in binds])

@@ -135,6 +135,22 @@ def refuse_without_puppet(**choices: Any) -> None:
             raise click.UsageError(f"--{names.get(option, option)} is about a character and requires --puppet.")
 
 
+def check_animated(output: Path) -> None:
+    """Check that the file for an animation is no avatar.
+
+    Raises
+    ------
+    OutputError
+    """
+    if output.suffix.lower() == ".vrm":
+        raise OutputError(
+            output,
+            found="the ending '.vrm', of an avatar",
+            expected="a file that contains an animation",
+            fix=f"Write the animation as {output.stem}.vrma, without --puppet, and the avatar with puppetline rig.",
+        )
+
+
 def check_character_output(output: Path) -> None:
     """Check that the file for a character has no ending of animations without one.
 

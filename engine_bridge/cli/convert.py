@@ -42,6 +42,7 @@ def convert(log: Path, puppet: Path | None, output: Path, preview: Path | None, 
     from engine_bridge.pictures import clip_sheet
     from puppetline.files import check_writable
 
+    conversion.check_animated(output)
     if puppet is None:
         conversion.refuse_without_puppet(preview=preview, **choices)
         _convert_performers(log, output, conversion.settings(**choices), as_json)

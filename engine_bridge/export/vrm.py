@@ -55,7 +55,7 @@ def humanoid_rows(joints: Sequence[Joint], where: Path) -> dict[str, int]:
     found = {bone: named[bone] for bone in HUMANOID_BONES if bone in named}
     missing = [bone for bone in REQUIRED if bone not in found]
     if missing:
-        raise _no_humanoid(where, f"no limb for {', '.join(missing)}", "Check the names of the limbs and their points.")
+        raise _no_humanoid(where, f"no limb for {', '.join(missing)}", "Check the limbs in its puppet file.")
     while apart := _apart(found, joints):
         bone, parent = apart
         if parent in REQUIRED:

@@ -5,7 +5,7 @@
 
 import { readFile } from "node:fs/promises";
 import { VRMLoaderPlugin } from "@pixiv/three-vrm";
-import { VRMAnimationLoaderPlugin, createVRMAnimationClip } from "@pixiv/three-vrm-animation";
+import { VRMAnimationLoaderPlugin, VRMLookAtQuaternionProxy, createVRMAnimationClip } from "@pixiv/three-vrm-animation";
 import { AnimationMixer, LoopOnce, Texture, Vector3 } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 
@@ -27,6 +27,11 @@ async function load(file, plugin) {
 
 const [avatar, animation, count] = process.argv.slice(2);
 const { vrm } = await load(avatar, (parser) => new VRMLoaderPlugin(parser));
+if (vrm.lookAt) {
+  const gaze = new VRMLookAtQuaternionProxy(vrm.lookAt);
+  gaze.name = "VRMLookAtQuaternionProxy"; // as the library asks for, which otherwise warns that it makes one
+  vrm.scene.add(gaze);
+}
 const { vrmAnimations } = await load(animation, (parser) => new VRMAnimationLoaderPlugin(parser));
 const clip = createVRMAnimationClip(vrmAnimations[0], vrm);
 const mixer = new AnimationMixer(vrm.scene);

@@ -134,7 +134,11 @@ def test_an_earlier_vrm_and_animations_are_replaced(made):
     node = {"extensions": {"VRMC_node_constraint": {}}}
     used = [*older, "VRMC_node_constraint", "VRMC_vrm"]
     gltf = made(
-        extensions=older, nodes=[node, {}], extensionsUsed=used, extensionsRequired=["VRM"], animations=[{"name": "nod"}]
+        extensions=older,
+        nodes=[node, {}],
+        extensionsUsed=used,
+        extensionsRequired=["VRM"],
+        animations=[{}],
     )
     assert gltf["extensions"].keys() == {"KHR_lights_punctual", "VRMC_vrm"}
     assert gltf["extensionsUsed"] == ["KHR_lights_punctual", "VRMC_vrm"]

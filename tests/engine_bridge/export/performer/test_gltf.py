@@ -7,6 +7,8 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from engine_bridge.export.performer.gltf import skeleton_animation, vrm_animation
 from engine_bridge.export.performer.motion import PerformerMotion
+from engine_bridge.export.rig_file import RigSettings
+from engine_bridge.export.vrm_file import write_vrm
 
 from .conftest import joints_of
 
@@ -64,6 +66,16 @@ def avatar(new_glb, motion, tmp_path_factory):
     return glb.save(tmp_path_factory.mktemp("avatar") / "avatar.vrm")
 
 
+def assert_same_directions(played, places):
+    """Assert that an avatar's limbs and neck, which are straight in the T-pose, are along the performer's."""
+    for start, end in LIMBS:
+        found = np.array(played["bones"][end]) - played["bones"][start]
+        expected = places[end] - places[start]
+        lengths = np.linalg.norm(found, axis=1) * np.linalg.norm(expected, axis=1)
+        cosines = np.einsum("fi,fi->f", found, expected) / lengths
+        np.testing.assert_allclose(cosines, 1, atol=1e-9, err_msg=f"{start} {end}")
+
+
 def test_both_documents_are_valid(second, assert_valid_gltf, tmp_path):
     for make in (skeleton_animation, vrm_animation):
         make(second, "test").save(tmp_path / "made.glb")
@@ -98,17 +110,19 @@ def test_an_avatar_with_other_proportions_has_the_performers_directions(second, 
     assert played["warnings"] == []
     places = joints_of(at_times(second, np.clip(played["times"], 0, 1)))
     rest = dict(zip(second.body.skeleton.names, second.body.skeleton.heads, strict=True))
-    for start, end in LIMBS:
-        found = np.array(played["bones"][end]) - played["bones"][start]
-        expected = places[end] - places[start]
-        # the avatar's arms, legs and neck are along the performer's in the T-pose
-        cosines = (
-            np.einsum("fi,fi->f", found, expected) / np.linalg.norm(found, axis=1) / np.linalg.norm(expected, axis=1)
-        )
-        np.testing.assert_allclose(cosines, 1, atol=1e-9, err_msg=f"{start} {rest[start]}")
+    assert_same_directions(played, places)
     hips = np.array(played["bones"]["hips"])
     scale = (0.6 * rest["hips"][1] + 0.02) / rest["hips"][1]
     np.testing.assert_allclose(hips - hips[0], scale * (places["hips"] - places["hips"][0]), atol=1e-6)
+
+
+def test_a_character_that_becomes_an_avatar_has_the_performers_directions(second, limbed_puppet, node, tmp_path):
+    vrm_animation(second, "test").save(tmp_path / "second.vrma")
+    stated = {"name": "Figure", "authors": ["Ada"], "licence": "https://vrm.dev/licenses/1.0/"}
+    write_vrm(limbed_puppet, tmp_path / "figure.vrm", RigSettings(), stated)
+    played = json.loads(node("play_vrma.mjs", tmp_path / "figure.vrm", tmp_path / "second.vrma", str(TIMES)))
+    assert played["warnings"] == []
+    assert_same_directions(played, joints_of(at_times(second, np.clip(played["times"], 0, 1))))
 
 
 def test_ten_seconds_are_tens_of_kilobytes(motion, tmp_path):

@@ -1,0 +1,135 @@
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from engine_bridge.export.rig_file import RigSettings
+from engine_bridge.export.vrm_file import statement, write_vrm
+from engine_bridge.puppet import puppet_file
+from engine_bridge.puppet.puppet import VrmTable
+from engine_bridge.rigging.naming_schemes import NAMES
+from puppetline.errors import OutputError, PuppetError
+
+LICENCE = "https://creativecommons.org/licenses/by/4.0/"
+GIVEN = {"name": "Figure", "authors": ["Ada", "Ben"], "licence": LICENCE}
+ARM, LEG = ("UpperArm", "LowerArm", "Hand"), ("UpperLeg", "LowerLeg", "Foot")
+STRAIGHT = {
+    ("hips", "spine", "chest", "neck", "head"): (0, 1, 0),
+    tuple(f"left{bone}" for bone in ARM): (1, 0, 0),
+    tuple(f"right{bone}" for bone in ARM): (-1, 0, 0),
+    **{tuple(f"{side}{bone}" for bone in LEG): (0, -1, 0) for side in ("left", "right")},
+}
+"""Directions of chains of bones in VRM's T-pose."""
+
+
+@pytest.fixture(scope="module")
+def avatar(limbed_puppet, tmp_path_factory):
+    """The figure, which stands with its arms raised and its legs apart, as an avatar: path and summary."""
+    path = tmp_path_factory.mktemp("avatars") / "figure.vrm"
+    return path, write_vrm(limbed_puppet, path, RigSettings(), GIVEN)
+
+
+@pytest.fixture(scope="module")
+def shown(avatar, node):
+    """The avatar as three-vrm shows it."""
+    return json.loads(node("describe_vrm.mjs", avatar[0]))
+
+
+def test_an_avatar_is_a_valid_file(avatar, assert_valid_gltf):
+    path, summary = avatar
+    assert summary.bytes == path.stat().st_size
+    assert {"hips", "leftHand", "hump"} <= set(summary.joints)
+    assert_valid_gltf(path)
+
+
+def test_three_vrm_loads_an_avatar_without_a_warning(shown):
+    assert shown["warnings"] == []
+    stated = {"name": "Figure", "authors": ["Ada", "Ben"], "otherLicenseUrl": LICENCE}
+    assert shown["meta"] == stated | {"metaVersion": "1", "licenseUrl": "https://vrm.dev/licenses/1.0/"}
+
+
+def test_an_avatar_stands_on_the_floor_in_a_t_pose(shown):
+    bones = {name: np.array(place) for name, place in shown["bones"].items()}
+    for chain, direction in STRAIGHT.items():
+        for start, end in pairwise(chain):
+            along = bones[end] - bones[start]
+            np.testing.assert_allclose(along / np.linalg.norm(along), direction, atol=1e-6, err_msg=f"{start} {end}")
+    np.testing.assert_allclose(bones["hips"][[0, 2]], 0, atol=1e-9)
+    low, high = np.array(shown["box"])
+    np.testing.assert_allclose(low[1], 0, atol=1e-6)
+    assert low[0] < bones["rightHand"][0]
+    assert high[0] > bones["leftHand"][0]
+    assert bones["head"][1] < bones["head"][1] + shown["viewpoint"][1] < high[1]
+
+
+def test_axes_and_units_of_the_file_do_not_matter(
+    limbed_puppet, shown, blob, new_glb, write_puppet, node, tmp_path_factory
+):
+    """The figure in centimetres, with z up and x in front."""
+    folder = tmp_path_factory.mktemp("turned")
+    turn = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])  # rows: left, up, front
+    glb = new_glb()
+    glb.node(glb.mesh(glb.primitive((100 * blob.vertices @ turn).astype(np.float32), blob.faces.astype(np.uint32))))
+    glb.save(folder / "turned.glb")
+    before = puppet_file.load(limbed_puppet)
+    limbs = tuple(
+        limb.model_copy(update={"points": tuple(map(tuple, (100 * np.array(limb.points) @ turn).tolist()))})
+        for limb in before.limb
+    )
+    table = before.character.model_copy(update={"mesh": "turned.glb", "up": "z", "front": "x", "scale": 0.01})
+    puppet_file.dump(
+        before.model_copy(update={"character": table, "limb": limbs, "handle": ()}), folder / "turned.toml"
+    )
+    write_vrm(folder / "turned.toml", folder / "turned.vrm", RigSettings(), GIVEN)
+    other = json.loads(node("describe_vrm.mjs", folder / "turned.vrm"))
+    assert other["bones"].keys() == shown["bones"].keys()
+    low, high = np.array(shown["box"])
+    np.testing.assert_allclose(other["box"], [low, high], atol=0.01 * np.linalg.norm(high - low))
+    hips = np.array(other["bones"]["hips"]) - shown["bones"]["hips"]  # the soles differ as the surface does
+    for name, place in shown["bones"].items():
+        np.testing.assert_allclose(np.array(other["bones"][name]) - hips, place, atol=1e-6, err_msg=name)
+
+
+def test_morph_targets_with_known_names_are_expressions(variants, limb_tables, write_puppet, node, tmp_path):
+    """The targets of this file are called smile and frown."""
+    puppet = write_puppet(tmp_path / "faces.toml", variants["own_targets"].path, handles=limb_tables)
+    write_vrm(puppet, tmp_path / "faces.vrm", RigSettings(), GIVEN)
+    found = json.loads(node("describe_vrm.mjs", tmp_path / "faces.vrm"))
+    assert found["warnings"] == []
+    assert found["expressions"] == {"smile": 1, "frown": 1}
+
+
+def test_joints_can_have_other_names(limbed_puppet, avatar, node, shown, tmp_path):
+    named = write_vrm(limbed_puppet, tmp_path / "named.vrm", RigSettings(names="mixamo"), GIVEN)
+    assert named.joints == tuple(NAMES["mixamo"].get(name, name) for name in avatar[1].joints)
+    assert json.loads(node("describe_vrm.mjs", tmp_path / "named.vrm"))["bones"] == shown["bones"]
+
+
+def test_a_character_that_is_no_humanoid_is_refused_and_nothing_is_written(blob_puppet, tmp_path):
+    with pytest.raises(PuppetError, match="no limb for hips, spine, head"):
+        write_vrm(blob_puppet, tmp_path / "none.vrm", RigSettings(), GIVEN)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_avatar_that_states_nothing_is_refused_and_nothing_is_written(limbed_puppet, tmp_path):
+    with pytest.raises(PuppetError, match=r"no name and no authors and no licence.*--licence"):
+        write_vrm(limbed_puppet, tmp_path / "none.vrm", RigSettings(), {})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_avatar_replaces_no_mesh(avatar):
+    with pytest.raises(OutputError, match="an input file"):
+        write_vrm(avatar[0], avatar[0], RigSettings(), GIVEN)
+
+
+def test_options_replace_what_the_puppet_file_states(tmp_path):
+    table = VrmTable(name="Old", authors=["Ada"], licence=LICENCE, version="3")
+    assert statement(table, {}, tmp_path) == table
+    assert statement(table, {"name": "New"}, tmp_path) == table.model_copy(update={"name": "New"})
+    assert statement(None, GIVEN, tmp_path).authors == ("Ada", "Ben")
+
+
+def test_a_licence_is_a_web_address(tmp_path):
+    with pytest.raises(PuppetError, match=r"\[vrm\], licence: found 'MIT'"):
+        statement(None, GIVEN | {"licence": "MIT"}, tmp_path)

@@ -120,7 +120,7 @@ class ReducedModel:
         return np.tile(np.eye(4, 3), (self.B.shape[1] // 3, 1))
 
     def held_shares(self) -> "csr_matrix":
-        """Return the share (n, b) of each bone in the motion of each vertex; rows of vertices that are not held are 0."""
+        """Return the share (n, b) of each bone in each vertex; rows of vertices that are not held are 0."""
         if len(self.shares):
             return scipy.sparse.csr_matrix(self.shares.astype(np.float64))
         held = np.flatnonzero(self.regions.held)

@@ -45,8 +45,8 @@ class BoneTerms:
 def bone_terms(model: ReducedModel, mesh: SolverMesh, scale: float) -> BoneTerms:
     """Add up the terms λ Σ_v m_v ‖W_v R − Σ_b s_vb [x_v 1] T_b‖² of held vertices.
 
-    s_vb are the model's shares of the bones, and m_v = Σ_b s_vb a_v / Σ_u s_ub a_u, with the areas a. All bones thus have
-    the same weight: with weights by area, the head and hands of a cartoon body would outweigh its arms.
+    s_vb are the model's shares of the bones, and m_v = Σ_b s_vb a_v / Σ_u s_ub a_u, with the areas a. All bones thus
+    have the same weight: with weights by area, the head and hands of a cartoon body would outweigh its arms.
 
     Parameters
     ----------

@@ -19,6 +19,10 @@ BONE_STIFFNESS = 40.0
 """Weight λ in units of trace(A) / trace(Wᵀ diag(m) W). With it, errors of a cartoon body's limbs are 2 to 6°; with
 a weight of 10, they are 8°."""
 
+BLEND_POWER = 8
+"""Power p of a vertex's largest share, which lessens its weight where bones blend. With 0, joints crease as in skinning;
+with 8, edges of people stretch to 1.19 at the 99th percentile."""
+
 PRIOR_WEIGHT = 1.0
 """Weight μ of a bone's rotation relative to the surface's covariance; a weight of 4 has the same result."""
 
@@ -45,8 +49,9 @@ class BoneTerms:
 def bone_terms(model: ReducedModel, mesh: SolverMesh, scale: float) -> BoneTerms:
     """Add up the terms λ Σ_v m_v ‖W_v R − Σ_b s_vb [x_v 1] T_b‖² of held vertices.
 
-    s_vb are the model's shares of the bones, and m_v = Σ_b s_vb a_v / Σ_u s_ub a_u, with the areas a. All bones thus
-    have the same weight: with weights by area, the head and hands of a cartoon body would outweigh its arms.
+    s_vb are the model's shares of the bones, and m_v = Σ_b s_vb a_v / Σ_u s_ub a_u, with the areas a, times
+    (max_b s_vb)^p. All bones thus have about the same weight: with weights by area, the head and hands of a cartoon
+    body would outweigh its arms.
 
     Parameters
     ----------
@@ -59,6 +64,7 @@ def bone_terms(model: ReducedModel, mesh: SolverMesh, scale: float) -> BoneTerms
     normal, pull = np.zeros((unknowns, unknowns)), np.zeros((unknowns, 4 * count))
     shares, area = model.held_shares(), mesh.vertex_areas
     mass = area * (shares @ (1 / np.maximum(shares.T @ area, 1e-300)))
+    mass *= shares.max(axis=1).toarray().ravel() ** BLEND_POWER
     first = np.where(mass > 0, model.regions.owner, -1)
     for bone in range(count):  # vertices on one bone use few columns of W
         held = np.flatnonzero(first == bone)

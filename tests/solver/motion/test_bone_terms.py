@@ -7,7 +7,7 @@ import pytest
 
 from solver.model.bones import Bones
 from solver.model.reduced_model import build
-from solver.motion.bone_terms import bone_terms
+from solver.motion.bone_terms import BLEND_POWER, bone_terms
 
 TWO_BONES = Bones(
     np.array([[0.0, 0.0, 0.0], [0.0, 0.6, 0.0]]),
@@ -34,6 +34,7 @@ def test_vertices_are_held_to_the_blend_of_their_bones(figure, model, shares):
     kept = model.shares.astype(np.float64)
     np.testing.assert_allclose(kept, shares, atol=1e-7)
     mass = figure.vertex_areas * (kept / (figure.vertex_areas @ kept)).sum(axis=1)
+    mass *= kept.max(axis=1) ** BLEND_POWER
     W = model.position_matrix(figure.vertices).toarray()
     rest = np.column_stack([model.to_model(figure.vertices), np.ones(len(W))])
     normal = W.T @ (mass[:, None] * W)

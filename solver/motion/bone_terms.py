@@ -20,7 +20,7 @@ BONE_STIFFNESS = 40.0
 a weight of 10, they are 8°."""
 
 BLEND_POWER = 8
-"""Power p of a vertex's largest share, which lessens its weight where bones blend. With 0, joints crease as in skinning;
+"""Power p of a vertex's largest share, by which it is held less where bones blend. With 0, joints crease;
 with 8, edges of people stretch to 1.19 at the 99th percentile."""
 
 PRIOR_WEIGHT = 1.0

@@ -5,11 +5,7 @@ extends "teller.gd"
 const Message := preload("res://addons/puppetline/wire/message.gd")
 
 
-func _init() -> void:
-	_run.call_deferred()
-
-
-func _run() -> void:
+func start() -> void:
 	var told: Dictionary = JSON.parse_string(FileAccess.get_file_as_string(arguments()[0]))
 	var skeleton := Skeleton3D.new()
 	for bone: Dictionary in told["bones"]:

@@ -85,7 +85,8 @@ def _binds(gltf: Gltf) -> Iterator[tuple[str, dict[str, Any]]]:
         if "mesh" not in table:
             continue
         mesh = gltf["meshes"][table["mesh"]]
-        extras, targets = mesh.get("extras"), mesh["primitives"][0].get("targets", [])
+        extras = mesh.get("extras")
+        targets = mesh["primitives"][0].get("targets", []) if mesh["primitives"] else []
         names = extras.get("targetNames") if isinstance(extras, dict) else None
         for index, name in enumerate(names[: len(targets)] if isinstance(names, list) else []):
             if isinstance(name, str) and name:

@@ -62,6 +62,7 @@ def test_half_of_a_pair_is_no_expression():
         {"primitives": [{"targets": [{}]}], "extras": {"targetNames": "jawOpen"}},
         {"primitives": [{"targets": [{}]}], "extras": {"targetNames": [None, "jawOpen"]}},
         {"primitives": [{}], "extras": {"targetNames": ["jawOpen"]}},
+        {"primitives": [], "extras": {"targetNames": ["jawOpen"]}},
     ],
 )
 def test_targets_without_names_and_names_without_targets_are_no_expressions(mesh):

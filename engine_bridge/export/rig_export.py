@@ -113,5 +113,4 @@ def bones_of_joints(skeleton: Skeleton, nodes: list[int], bones: int) -> RigBone
     shares = np.zeros((len(nodes), bones))
     moved = of_joint >= 0
     shares[moved, of_joint[moved]] = 1
-    placed = (skeleton.parents < 0) | np.array([not joint.limb for joint in skeleton.joints])
-    return RigBones(np.array(nodes), skeleton.parents, shares, placed, (), ())
+    return RigBones(np.array(nodes), skeleton.parents, shares, skeleton.travelling, (), ())

@@ -222,8 +222,7 @@ def _add_skeleton(document: Document, skeleton: Skeleton) -> tuple[int, list[int
     gltf = document.gltf
     top = len(gltf["nodes"])
     nodes = [top + 1 + row for row in range(len(skeleton.joints))]
-    count = 1 + max(int(skeleton.bones.max()), 0)
-    positions, rotations = skeleton.pose(np.tile(np.eye(4, 3), (count, 1, 1)), np.zeros(3))
+    positions, rotations = skeleton.rest
     gltf["nodes"].append({"name": SKELETON, "children": []})
     for joint, place, turn in zip(skeleton.joints, positions.tolist(), rotations.tolist(), strict=True):
         gltf["nodes"].append({"name": joint.name, "translation": place, "rotation": turn})

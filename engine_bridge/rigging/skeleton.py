@@ -11,14 +11,16 @@ since rest, and M_p F_p belong to its parent. Two kinds of axes are in use:
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.rigging.joints import LIMB_JOINTS, MIDDLE_LIMBS, Joint, joints_of
+from puppetline.compiled import compiled
+from solver.motion import quaternions as quat
 from solver.motion.limbs import Limb, parents_first
 
 T_POSE: dict[str, tuple[float, float, float]] = {
@@ -72,20 +74,31 @@ class Skeleton:
         """Names of the joints."""
         return tuple(joint.name for joint in self.joints)
 
-    @property
+    @cached_property
     def parents(self) -> NDArray[np.int64]:
         """(n,) int64: row of each joint's parent, −1 for none."""
         return np.array([joint.parent for joint in self.joints], dtype=np.int64)
 
-    @property
+    @cached_property
     def bones(self) -> NDArray[np.int64]:
         """(n,) int64: the bone that each joint moves with, see `Joint`."""
         return np.array([joint.bone for joint in self.joints], dtype=np.int64)
 
-    @property
+    @cached_property
     def heads(self) -> NDArray[np.float64]:
         """(n, 3) float64: positions at rest, mesh file's coordinates."""
         return np.array([joint.head for joint in self.joints], dtype=np.float64).reshape(-1, 3)
+
+    @cached_property
+    def travelling(self) -> NDArray[np.bool_]:
+        """(n,) bool: joints that move relative to their parents: those without a parent, and those of handles."""
+        return (self.parents < 0) | np.array([not joint.limb for joint in self.joints])
+
+    @property
+    def rest(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The pose at rest, see `pose`."""
+        still = np.tile(np.eye(4, 3), (max(int(self.bones.max(initial=0)), 0) + 1, 1, 1))
+        return self.pose(still, np.zeros(3))
 
     def pose(
         self, motions: NDArray[np.float64], root: NDArray[np.float64]
@@ -106,16 +119,39 @@ class Skeleton:
         rotations : (n, 4) float64
             Unit quaternions x, y, z, w, with w ≥ 0.
         """
-        parents = self.parents
-        # a bone or parent of −1 is the last row: no motion, and the world
-        own = np.concatenate([motions, np.eye(4, 3)[None]])[self.bones]
-        turned = own[:, :3].swapaxes(1, 2) @ self.axes
-        places = np.einsum("ni,nij->nj", self.heads, own[:, :3]) + own[:, 3] + root
-        to_parent = np.concatenate([turned, self.world[None]])[parents].swapaxes(1, 2)
-        beside = places - np.concatenate([places, self.origin[None]])[parents]
-        positions = self.scale * np.einsum("nij,nj->ni", to_parent, beside)
-        rotations = scipy.spatial.transform.Rotation.from_matrix(to_parent @ turned)
-        return positions, rotations.as_quat(canonical=True)
+        positions, rotations = np.empty((len(self.joints), 3)), np.empty((len(self.joints), 4))
+        world = self.origin, np.ascontiguousarray(self.world), float(self.scale)
+        _pose(self.parents, self.bones, self.heads, self.axes, *world, motions, root, positions, rotations)
+        return positions, rotations
+
+
+@compiled
+def _pose(parents, bones, heads, axes, origin, world, scale, motions, root, positions, rotations):
+    """Write the joints' positions and rotations relative to their parents."""
+    turned, places, local = np.empty((len(parents), 3, 3)), np.empty((len(parents), 3)), np.empty((3, 3))
+    for j in range(len(parents)):
+        b, p = bones[j], parents[j]
+        for i in range(3):
+            places[j, i] = root[i] + (motions[b, 3, i] if b >= 0 else heads[j, i])
+            for k in range(3):
+                turned[j, i, k] = 0.0 if b >= 0 else axes[j, i, k]
+                if b >= 0:
+                    places[j, i] += heads[j, k] * motions[b, k, i]
+                    for x in range(3):
+                        turned[j, i, k] += motions[b, x, i] * axes[j, x, k]
+        above, start = (turned[p], places[p]) if p >= 0 else (world, origin)
+        for i in range(3):
+            positions[j, i] = 0.0
+            for k in range(3):
+                positions[j, i] += scale * above[k, i] * (places[j, k] - start[k])
+                local[k, i] = 0.0  # rows and columns exchanged: a rotation for row vectors
+                for x in range(3):
+                    local[k, i] += above[x, i] * turned[j, x, k]
+        q = quat.of_rows(local)
+        sign = -1.0 if q[0] < 0 else 1.0
+        for x in range(3):
+            rotations[j, x] = sign * q[x + 1]
+        rotations[j, 3] = sign * q[0]
 
 
 def along_bones(joints: Sequence[Joint], basis: NDArray[np.float64]) -> NDArray[np.float64]:

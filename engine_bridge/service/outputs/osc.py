@@ -30,7 +30,7 @@ from puppetline.errors import PuppetError, ServiceError, at
 from puppetline.toml_schema import mistake
 from solver.motion.limbs import TRUNK
 
-Kind = Literal["controls", "morphs", "joints", "handles", "vertices", "performer", "vmc"]
+Kind = Literal["controls", "morphs", "joints", "handles", "bones", "vertices", "performer", "vmc"]
 
 KINDS = get_args(Kind)
 """All kinds of data that can be sent."""
@@ -242,6 +242,17 @@ def _handles(base: str, frame: Frame) -> Iterator[bytes]:
         yield bundle(*(encode(f"{base}/handle/{name}", target) for name, target in zip(names, targets, strict=True)))
 
 
+def _bones(base: str, frame: Frame) -> Iterator[bytes]:
+    skeleton, pose = frame.character.skeleton, frame.bones
+    if skeleton is None or pose is None:
+        return
+    names = part_names(skeleton.names)
+    travelling = [name for name, travels in zip(names, skeleton.travelling, strict=True) if travels]
+    turned = [encode(f"{base}/bone/{name}", turn) for name, turn in zip(names, pose.rotations, strict=True)]
+    moved = [encode(f"{base}/bone_position/{name}", at) for name, at in zip(travelling, pose.translations, strict=True)]
+    yield bundle(*turned, *moved)
+
+
 def _vertices(base: str, frame: Frame) -> Iterator[bytes]:
     positions, normals = frame.vertices_and_normals
     chunks = math.ceil(len(positions) / CHUNK_VERTICES)
@@ -261,6 +272,7 @@ _DATAGRAMS: dict[str, Callable[[str, Frame], Iterator[bytes]]] = {
     "morphs": _morphs,
     "joints": _joints,
     "handles": _handles,
+    "bones": _bones,
     "vertices": _vertices,
     "performer": _performer,
 }

@@ -7,7 +7,7 @@ import hashlib
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from engine_bridge.service.protocol.scene import arrays_start, encode_scene, wit
 from solver.model.binding import ShadedBinding
 from solver.model.reduced_model import Controls
 from solver.motion.deformer import to_file_units
+from solver.motion.handle_motion import HandleMotions
 
 if TYPE_CHECKING:
     from engine_bridge.export.live_basis import LiveBasis, Projection
@@ -82,6 +83,17 @@ class StreamedCharacter:
         return humanoid_of(self.rig.puppet, self.rest) if is_humanoid(self.rig.puppet) else None
 
     @cached_property
+    def skeleton(self) -> Skeleton | None:
+        """Its named joints, with axes along the bones; None if the puppet has no limbs."""
+        return Skeleton.along_bones(self.rig.puppet) if self.rig.puppet.limb else None
+
+    @cached_property
+    def handle_motions(self) -> HandleMotions | None:
+        """Rigid motions of its handles; None if it has none."""
+        handles = self.rig.puppet.handle_positions
+        return HandleMotions(self.rig.model, self.rig.mesh, handles) if len(handles) else None
+
+    @cached_property
     def scene(self) -> bytes:
         """The payload of its scene message."""
         return encode_scene(self)
@@ -103,6 +115,8 @@ class StreamedCharacter:
         """
         other = copy(self)
         vars(other)["rig"] = replace(self.rig, puppet=puppet)
+        for name in ("skeleton", "humanoid", "handle_motions"):
+            vars(other).pop(name, None)
         vars(other)["scene"] = with_description(self.scene, other)
         return other
 
@@ -110,7 +124,24 @@ class StreamedCharacter:
         """Compute what the first frame and the first client would wait for, compiled code included."""
         controls = to_file_units(self.rig.model.rest_controls, self.rig.model)
         quantised(*self.binding.vertices_and_normals(controls))
-        self.digest, self.humanoid  # noqa: B018
+        self.digest, self.humanoid, self.handle_motions  # noqa: B018
+        if self.skeleton is not None:
+            self.skeleton.rest  # noqa: B018
+
+
+class BonePose(NamedTuple):
+    """A character's joints relative to their parents.
+
+    Attributes
+    ----------
+    rotations : (j, 4) float32
+        Unit quaternions x, y, z, w.
+    translations : (t, 3) float32
+        Positions of the joints that are not at a constant position (`Skeleton.travelling`), mesh file's units.
+    """
+
+    rotations: NDArray[np.float32]
+    translations: NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -176,6 +207,18 @@ class Frame:
         """The pose on the character's morph basis; None without a basis."""
         basis = self.character.basis
         return None if basis is None else basis.project(self.R)
+
+    @cached_property
+    def bones(self) -> "BonePose | None":
+        """The pose of its joints, the root included; None without limbs or motions."""
+        skeleton = self.character.skeleton
+        if skeleton is None or self.motions is None:
+            return None
+        motions = self.motions
+        if self.character.handle_motions is not None:
+            motions = np.concatenate([motions, self.character.handle_motions.of(self.R[None])[0]])
+        positions, rotations = skeleton.pose(motions, self.root)
+        return BonePose(rotations.astype("<f4"), positions[skeleton.travelling].astype("<f4"))
 
     @cached_property
     def messages(self) -> dict[Kind, bytes | None]:

@@ -46,6 +46,7 @@ class Kind(IntEnum):
     STATUS = 9
     CHARACTERS = 10
     CLIP = 11
+    BONES = 12
 
     @property
     def word(self) -> str:
@@ -53,7 +54,7 @@ class Kind(IntEnum):
         return self.name.lower()
 
 
-FRAME_KINDS = (Kind.CONTROLS, Kind.MORPHS, Kind.VERTICES, Kind.VERTICES16, Kind.JOINTS, Kind.HANDLES)
+FRAME_KINDS = (Kind.CONTROLS, Kind.MORPHS, Kind.VERTICES, Kind.VERTICES16, Kind.JOINTS, Kind.HANDLES, Kind.BONES)
 """Kinds sent for every frame; the others are sent when they change or are requested."""
 
 WORDS = {kind.word: kind for kind in Kind if kind != Kind.CLIP}

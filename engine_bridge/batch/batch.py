@@ -8,7 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from engine_bridge.batch import cluster
-from engine_bridge.batch.conversion import BatchSettings, Outcome, convert_jobs, is_settled
+from engine_bridge.batch.conversion import (
+    BatchSettings,
+    Outcome,
+    convert_jobs,
+    identity_of_performers,
+    is_settled,
+)
 from engine_bridge.batch.grouping import Grouping
 from engine_bridge.batch.identity import identity
 from engine_bridge.batch.recordings import Recording
@@ -76,7 +82,7 @@ def new_run() -> str:
 def make_jobs(
     recordings: Sequence[Recording], puppets: Sequence[Path], batch: BatchSettings, shard: Shard | None
 ) -> list[Job]:
-    """Return the jobs for all recordings with all puppets.
+    """Return the jobs for all recordings with all puppets, or for the performers of all recordings without a puppet.
 
     Each character is prepared, so that errors are found before the jobs start, and workers find it in the cache.
 
@@ -96,13 +102,14 @@ def make_jobs(
                 fix="Rename one of them.",
             )
     jobs = []
+    if batch.performer is not None:
+        of_performers = identity_of_performers(batch)
+        jobs = [Job(recording.name, recording.path, None, of_performers) for recording in recordings]
     for name, puppet in names.items():
         of_puppet = identity(load_rig_for(puppet, batch.settings), batch.settings, batch.users)
         for recording in recordings:
-            job = Job(f"{name}/{recording.name}", recording.path, puppet.absolute(), of_puppet)
-            if shard is None or shard.has(job.name):
-                jobs.append(job)
-    return jobs
+            jobs.append(Job(f"{name}/{recording.name}", recording.path, puppet.absolute(), of_puppet))
+    return [job for job in jobs if shard is None or shard.has(job.name)]
 
 
 def make_plan(jobs: list[Job], batch: BatchSettings) -> Plan:

@@ -5,17 +5,19 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from capture.clip import SkeletonClip
 from capture.formats import read_log
 from capture.timeline import choose
-from engine_bridge.batch.identity import FileState, identity, result_key
+from engine_bridge.batch.identity import FileState, identity, performer_identity, result_key
 from engine_bridge.batch.row import Row
 from engine_bridge.batch.store import Job, Record, Store
 from engine_bridge.export.convert import Summary, convert_timeline, load_rig_for
+from engine_bridge.export.performer.convert import PerformerSummary, convert_performer, stage_of
 from engine_bridge.performance.clip import Clip, load_timeline, perform, timeline_of
 from engine_bridge.performance.rig import Rig, load_rig
-from engine_bridge.performance.settings import Settings
+from engine_bridge.performance.settings import PerformerFormat, Settings
 from puppetline.errors import OutputError, PuppetError, PuppetlineError, SkeletonLogError
 
 MAX_STARTS = 3
@@ -25,10 +27,11 @@ MAX_RIGS = 8
 """Number of characters that a process keeps; jobs are ordered by character."""
 
 
-SUMMARY_COLUMNS = sorted(
-    {field.name for field in fields(Row)} & {field.name for field in fields(Summary)} - {"form", "output"}
+SUMMARY_COLUMNS, PERFORMER_COLUMNS = (
+    sorted({field.name for field in fields(Row)} & {field.name for field in fields(kind)} - {"form", "output", "user"})
+    for kind in (Summary, PerformerSummary)
 )
-"""Columns whose values a conversion's summary has."""
+"""Columns whose values the summary of a conversion has, for a character and for a performer."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,8 @@ class BatchSettings:
     settings : Settings
     users : {"longest", "all"}
         Performers of a recording that are converted.
+    performer : {"bvh", "vrma", "glb"}, optional
+        Format of animations of the performers themselves, without characters.
     fail_fast : bool
         Start nothing after a failure.
     retry_failed : bool
@@ -54,8 +59,14 @@ class BatchSettings:
     run: str
     settings: Settings
     users: str
+    performer: PerformerFormat | None = None
     fail_fast: bool = False
     retry_failed: bool = False
+
+    @property
+    def ending(self) -> str:
+        """The ending of the results' names."""
+        return f".{self.performer or 'glb'}"
 
 
 @dataclass(frozen=True)
@@ -131,8 +142,11 @@ class _Conversion:
 
     def __init__(self, job: Job, store: Store, batch: BatchSettings, check: Callable[[], None]) -> None:
         self._job, self._store, self._batch, self._check = job, store, batch, check
-        self._rig = _rig(job, batch)
-        self._row = Row("failed", "", str(job.log), str(job.puppet), None, None, batch.settings.form)
+        self._rig = None if job.puppet is None else _rig(job, job.puppet, batch)
+        if job.puppet is None and identity_of_performers(batch) != job.identity:
+            raise _changed(job.log)
+        form = batch.performer or batch.settings.form
+        self._row = Row("failed", "", str(job.log), str(job.puppet or ""), None, None, form)
 
     def record(self) -> Record:
         """Convert the recording for its performers, write the record, and return it."""
@@ -162,7 +176,7 @@ class _Conversion:
         rows, files = [], {}
         for user in [clip.user for clip in clips] if self._batch.users == "all" and clips else [None]:
             row = replace(self._row, format=clips[0].format if clips else None, user=user)
-            output = f"{self._job.name}.glb" if user is None else f"{self._job.name}.user{user}.glb"
+            output = self._job.name + ("" if user is None else f".user{user}") + self._batch.ending
             try:
                 rows.append(self._of_performer(clips, row, output))
                 files[output] = FileState.of(self._batch.folder / output)
@@ -176,19 +190,9 @@ class _Conversion:
     def _of_performer(self, clips: list[SkeletonClip], row: Row, output: str) -> Row:
         """Write the result of one performer, and return its row."""
         start = time.perf_counter()
-        settings = replace(self._batch.settings, user=row.user).for_puppet(self._rig.puppet)
-        timeline, notes = timeline_of(clips, self._job.log, settings)
         with self._store.written(output) as partial:
             try:
-                _, summary = convert_timeline(
-                    self._rig,
-                    timeline,
-                    partial,
-                    self._job.log.stem,
-                    settings,
-                    notes,
-                    lambda _stage, _share: self._check(),
-                )
+                values = self._write(clips, row, partial)
             except OutputError as error:  # it has the temporary name of the file
                 if error.where != str(partial):
                     raise
@@ -198,11 +202,24 @@ class _Conversion:
             row,
             state="done",
             output=output,
-            form=settings.form,
             user=choose(clips, row.user)[0].user,
             conversion_seconds=time.perf_counter() - start,
-            **{name: getattr(summary, name) for name in SUMMARY_COLUMNS},
+            **values,
         )
+
+    def _write(self, clips: list[SkeletonClip], row: Row, output: Path) -> dict[str, Any]:
+        """Write a file, and return values of its row."""
+        log, settings = self._job.log, replace(self._batch.settings, user=row.user)
+        if self._rig is None:
+            made = convert_performer(stage_of(clips), log, output, log.stem, settings, self._progress)
+            return {name: getattr(made, name) for name in PERFORMER_COLUMNS}
+        settings = settings.for_puppet(self._rig.puppet)
+        timeline, notes = timeline_of(clips, log, settings)
+        _, summary = convert_timeline(self._rig, timeline, output, log.stem, settings, notes, self._progress)
+        return {"form": settings.form, **{name: getattr(summary, name) for name in SUMMARY_COLUMNS}}
+
+    def _progress(self, _stage: str, _share: float) -> None:
+        self._check()
 
     def _killed(self) -> SkeletonLogError:
         return SkeletonLogError(
@@ -238,14 +255,23 @@ def _loaded(puppet: Path, settings: Settings, users: str) -> tuple[Rig, str]:
     return rig, identity(rig, settings, users)
 
 
-def _rig(job: Job, batch: BatchSettings) -> Rig:
+def identity_of_performers(batch: BatchSettings) -> str:
+    """Return the identity of jobs without a puppet."""
+    return performer_identity(batch.settings, batch.users, batch.ending)
+
+
+def _rig(job: Job, puppet: Path, batch: BatchSettings) -> Rig:
     """Return the prepared character of a job; raise an error if it is not the one that the batch began with."""
-    rig, found = _loaded(job.puppet, batch.settings, batch.users)
+    rig, found = _loaded(puppet, batch.settings, batch.users)
     if found != job.identity:
-        raise PuppetError(
-            job.puppet,
-            found="another puppet file, character or version of Puppetline than at the start of the batch",
-            expected="the same on all machines during the whole batch",
-            fix="Run the command again, with the same version of Puppetline on all workers.",
-        )
+        raise _changed(puppet)
     return rig
+
+
+def _changed(where: Path) -> PuppetError:
+    return PuppetError(
+        where,
+        found="another puppet file, character or version of Puppetline than at the start of the batch",
+        expected="the same on all machines during the whole batch",
+        fix="Run the command again, with the same version of Puppetline on all workers.",
+    )

@@ -80,6 +80,12 @@ def identity(rig: Rig, settings: Settings, users: str) -> str:
     return digest.hexdigest()
 
 
+def performer_identity(settings: Settings, users: str, ending: str) -> str:
+    """Return such a hash for animations of performers, in files with this ending."""
+    chosen = asdict(settings) | {"users": users}
+    return hashlib.sha256(_text(chosen, puppetline.__version__, ending)).hexdigest()
+
+
 def result_key(identity: str, log: FileState, name: str) -> str:
     """Return the key of a recording's results: a hash of `identity`, the recording, and its name."""
     return hashlib.sha256(_text(identity, log.sha256, name)).hexdigest()

@@ -54,7 +54,7 @@ def write_report(path: Path, rows: Sequence[Row], store: Store, batch: BatchSett
     """
     done = [row for row in rows if row.state == "done"]
     failed = [row for row in rows if row.state == "failed"]
-    worst = sorted(done, key=badness, reverse=True)[:WORST_COUNT]
+    worst = sorted((row for row in done if row.puppet), key=badness, reverse=True)[:WORST_COUNT]
     figures = []
     for number, row in enumerate(worst, 1):
         figures.append(_figure(row, store, batch))

@@ -14,13 +14,14 @@ class Row:
     output : str
         Path of the result relative to the folder of the batch; empty if it failed.
     log, puppet : str
-        Absolute paths.
+        Absolute paths; no puppet for an animation of the performer.
     format : str or None
         Format of the recording.
     user : int or None
         User number of the performer.
     form : str or None
-        Form of the animation: "morph", "skin", "frames" or "rig"; None for the one that suits the puppet.
+        Form of the animation: "morph", "skin", "frames" or "rig", or "bvh", "vrma" or "glb" for that of the
+        performer; None for the one that suits the puppet.
     frames, seconds, keyframes
         Number of frames and duration of the clip, and number of keyframes in the file.
     targets, bones

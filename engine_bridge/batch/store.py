@@ -38,15 +38,17 @@ class Job:
     ----------
     name : str
         Name of the results without ending, relative to the folder of the batch.
-    log, puppet : Path
-        Absolute paths.
+    log : Path
+        Absolute path.
+    puppet : Path or None
+        Absolute path; None for an animation of the performer.
     identity : str
         From `engine_bridge.batch.identity.identity`.
     """
 
     name: str
     log: Path
-    puppet: Path
+    puppet: Path | None
     identity: str
 
 

@@ -1,4 +1,4 @@
-"""`puppetline batch`: many recordings become animated .glb files of several characters."""
+"""`puppetline batch`: many recordings become animated characters, or animations of their performers."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +10,7 @@ from engine_bridge.cli.options import FILE
 
 if TYPE_CHECKING:
     from engine_bridge.batch.batch import Shard
+    from engine_bridge.performance.settings import PerformerFormat
 
 
 class PartOfBatch(click.ParamType):  # type: ignore[type-arg]  # generic in newer versions of click only
@@ -29,8 +30,11 @@ class PartOfBatch(click.ParamType):  # type: ignore[type-arg]  # generic in newe
 
 @click.command()
 @click.argument("logs", nargs=-1, required=True)
+@click.option("--puppet", "puppets", multiple=True, type=FILE, help="Puppet file of a character. Can be repeated.")
 @click.option(
-    "--puppet", "puppets", required=True, multiple=True, type=FILE, help="Puppet file of a character. Can be repeated."
+    "--performer",
+    type=click.Choice(["bvh", "vrma", "glb"]),
+    help="Instead of characters, write the performers' own skeletons in this format.",
 )
 @options.output("Folder for the results; it is created if it does not exist.")
 @click.option(
@@ -72,6 +76,7 @@ class PartOfBatch(click.ParamType):  # type: ignore[type-arg]  # generic in newe
 def batch(
     logs: tuple[str, ...],
     puppets: tuple[Path, ...],
+    performer: "PerformerFormat | None",
     output: Path,
     users: str,
     workers: int | None,
@@ -86,7 +91,7 @@ def batch(
     as_json: bool,
     **choices: Any,
 ) -> None:
-    """Convert many recordings LOGS with one or more characters.
+    """Convert many recordings LOGS with one or more characters, or to animations of their performers.
 
     LOGS are files, folders, quoted patterns like 'data/**/*.txt', and @LIST for a file with one of these per line.
 
@@ -100,11 +105,23 @@ def batch(
         raise click.UsageError("--scheduler excludes --workers and --dashboard.")
     if shard is not None and workers is None:
         workers = 0
+    if bool(puppets) == (performer is not None):
+        raise click.UsageError("Name characters with --puppet, or choose a format with --performer.")
+    if performer is not None:
+        conversion.refuse_without_puppet(**choices)
     settings = conversion.settings(user=None, **choices)
     given = batch_run.Request(
         logs,
         tuple(dict.fromkeys(puppets)),
-        BatchSettings(output.absolute(), new_run(), settings, users, fail_fast=fail_fast, retry_failed=retry_failed),
+        BatchSettings(
+            output.absolute(),
+            new_run(),
+            settings,
+            users,
+            performer,
+            fail_fast=fail_fast,
+            retry_failed=retry_failed,
+        ),
         shard,
     )
     if dry_run:

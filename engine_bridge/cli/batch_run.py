@@ -66,7 +66,7 @@ class Result:
 def list_waiting(request: Request) -> list[str]:
     """Return the names of the results that are missing or out of date."""
     _, plan = _prepare(request, lambda _step, _share: None)
-    ending = ".user*.glb" if request.batch.users == "all" else ".glb"
+    ending = (".user*" if request.batch.users == "all" else "") + request.batch.ending
     return [job.name + ending for job in plan.waiting]
 
 
@@ -159,9 +159,9 @@ def _prepare(request: Request, report: Callable[[str, float], None]) -> tuple[li
     report("Looking for recordings", 0.0)
     recordings = find_recordings(request.logs, request.batch.folder)
     report("Looking for recordings", 1.0)
-    report("Preparing the characters", 0.0)
+    report("Preparing the characters" if request.puppets else "Listing the results", 0.0)
     jobs = make_jobs(recordings.found, request.puppets, request.batch, request.shard)
-    report("Preparing the characters", 1.0)
+    report("Preparing the characters" if request.puppets else "Listing the results", 1.0)
     report("Looking for results", 0.0)
     plan = make_plan(jobs, request.batch)
     report("Looking for results", 1.0)

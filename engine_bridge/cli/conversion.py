@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from functools import reduce
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from engine_bridge.cli import options
 from engine_bridge.cli.options import Finite, Function
+from puppetline.errors import OutputError
 
 if TYPE_CHECKING:
     from engine_bridge.performance.settings import Settings
@@ -118,3 +120,33 @@ def settings(**choices: Any) -> "Settings":
         if choices[option] is not None and choices["form"] != form:
             raise click.UsageError(f"--{option} requires --as {form}.")
     return reading_settings(**choices)
+
+
+def refuse_without_puppet(**choices: Any) -> None:
+    """Check that no option about a character is used.
+
+    Raises
+    ------
+    click.UsageError
+    """
+    names = {"form": "as", "rest_at": "rest-at"}
+    for option in ("form", "tolerance", "targets", "bones", "compact", "meshopt", "rest_at", "preview"):
+        if choices.get(option):
+            raise click.UsageError(f"--{names.get(option, option)} is about a character and requires --puppet.")
+
+
+def check_character_output(output: Path) -> None:
+    """Check that the file for a character has no ending of animations without one.
+
+    Raises
+    ------
+    OutputError
+    """
+    ending = output.suffix.lower()
+    if ending in (".bvh", ".vrma"):
+        raise OutputError(
+            output,
+            found=f"the ending {ending!r}, of an animation of the performer's own skeleton, and a puppet",
+            expected="'.glb' for a character",
+            fix=f"Omit --puppet, or call it {output.stem}.glb.",
+        )

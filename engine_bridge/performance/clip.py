@@ -178,7 +178,7 @@ def solve(rig: Rig, timeline: Timeline, settings: Settings, chunk_size: int) -> 
         yield Solved(R, root, motions)
 
 
-def _part(timeline: Timeline, settings: Settings) -> tuple[int, int]:
+def part_of(timeline: Timeline, settings: Settings) -> tuple[int, int]:
     """Return the number of the first frame to animate, and that of the frame after the last one."""
     last = len(timeline.positions) - 1
     if settings.stop is not None:
@@ -204,7 +204,7 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
     separation = PartSeparation(rig.mesh) if rig.mesh.parts > 1 else None
     frames = FrameStore(rig.model.rest_controls.shape)
     motions = FrameStore((len(bones_of(rig.puppet.limbs)), 4, 3))
-    first, end = _part(timeline, settings)
+    first, end = part_of(timeline, settings)
     root = np.empty((end - first, 3), dtype=np.float32)
 
     def measure(vertices: NDArray[np.float32]) -> None:

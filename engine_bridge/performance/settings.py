@@ -8,6 +8,9 @@ from engine_bridge.puppet.puppet import Puppet
 
 Form = Literal["morph", "skin", "frames", "rig"]
 
+PerformerFormat = Literal["bvh", "vrma", "glb"]
+"""Formats of animations of performers themselves, which are the endings of their files."""
+
 DEFAULT_TOLERANCES: dict[Form, float] = {"morph": 0.0005, "skin": 0.002, "frames": 0.0, "rig": 0.0001}
 """Default tolerance of each form, as a fraction of the diagonal; a few rigid bones are less precise. That of a rig is
 for its keyframes: its error beside the solver's surface follows from its weights."""

@@ -6,13 +6,13 @@ import json
 import logging
 from collections import deque
 from collections.abc import Callable
-from typing import Any
+from typing import Any, get_args
 
 from aiohttp import WSMsgType, web
 
 from capture.skeleton import JOINTS, PARENTS
 from engine_bridge.character.character import CHARACTER_FILES
-from engine_bridge.performance.settings import DEFAULT_TOLERANCES
+from engine_bridge.performance.settings import DEFAULT_TOLERANCES, PerformerFormat
 from engine_bridge.service.control.requests import error_reply, ok_reply
 from engine_bridge.service.monitoring.logs import OnceASecond
 from engine_bridge.studio.backend import Backend
@@ -209,7 +209,7 @@ def _greeting(session: str, joined: bool) -> Greeting:
         version=__version__,
         joints=list(JOINTS),
         parents=dict(PARENTS),
-        forms=list(DEFAULT_TOLERANCES),
+        forms=[*DEFAULT_TOLERANCES, *get_args(PerformerFormat)],
         suffixes={"character": list(CHARACTER_FILES), "log": list(LOG_SUFFIXES), "puppet": [".toml"]},
         limits={"upload_bytes": MAX_UPLOAD_BYTES, "uploads": MAX_UPLOADS},
         joined=joined,

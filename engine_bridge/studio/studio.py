@@ -6,10 +6,11 @@ import logging
 from collections.abc import Awaitable, Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from capture.sources.demo import performances
 from engine_bridge.character.examples import MOTIONS
+from engine_bridge.performance.settings import PerformerFormat
 from engine_bridge.studio import messages, performing
 from engine_bridge.studio.backend import Backend
 from engine_bridge.studio.characters import Characters, OpenCharacter
@@ -245,9 +246,14 @@ class Studio(Backend):
 
         async def work(progress: Progress) -> dict[str, Any]:
             log = await self._recording(asked.take, asked.upload, asked.example)
-            output = self.workspace.new_export(f"{character.name}_{log.stem}", ".glb")
-            arguments = log, character.folder, output, asked.form, asked.start or 0.0, asked.stop
-            made = await self._exporter.run("export", *arguments, progress=progress)
+            part = asked.start or 0.0, asked.stop
+            if asked.form in get_args(PerformerFormat):
+                output = self.workspace.new_export(log.stem, f".{asked.form}")
+                made = await self._exporter.run("export_performer", log, output, *part, progress=progress)
+            else:
+                output = self.workspace.new_export(f"{character.name}_{log.stem}", ".glb")
+                arguments = log, character.folder, output, asked.form, *part
+                made = await self._exporter.run("export", *arguments, progress=progress)
             file = self.workspace.offer(output, output.name, "export")
             return {"file": file.id, "name": file.name, **made}
 

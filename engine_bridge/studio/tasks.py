@@ -11,11 +11,13 @@ from typing import Any
 
 import tomlkit
 
+from capture.formats import read_log
 from capture.recording import Recorder
 from capture.sources.demo import performances
 from engine_bridge.character import examples
 from engine_bridge.character.character import load_character
 from engine_bridge.export.convert import convert, describe
+from engine_bridge.export.performer import convert as performer_conversion
 from engine_bridge.export.shader_mesh import write_shader_mesh
 from engine_bridge.inspection import files
 from engine_bridge.performance.rig import Rig, rig_of
@@ -176,6 +178,18 @@ def export(
     return {
         "numbers": asdict(summary) | {"output": output.name},
         "text": describe(replace(summary, output=output.name)),
+    }
+
+
+def export_performer(progress: Progress, log: Path, output: Path, start: float, stop: float | None) -> dict[str, Any]:
+    """Convert a recording to an animation of the performer who is tracked longest, like `export`."""
+    stage = performer_conversion.stage_of(read_log(log))
+    summary = performer_conversion.convert_performer(
+        stage, log, output, log.stem, Settings(start=start, stop=stop), progress
+    )
+    return {
+        "numbers": asdict(summary) | {"output": output.name},
+        "text": performer_conversion.describe([replace(summary, output=output.name)]),
     }
 
 

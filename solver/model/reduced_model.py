@@ -87,6 +87,9 @@ class ReducedModel:
         Bones for which the model was made.
     regions : BoneRegions
         The part of the surface that belongs to each bone.
+    shares : (n or 0, b) float32
+        Share of each bone in the motion of each vertex, whose rows sum to 1, or to 0 for vertices that no bone moves.
+        Without rows, held vertices move with their owner, and no others are held.
     """
 
     center: NDArray[np.float64]
@@ -104,6 +107,7 @@ class ReducedModel:
     B_clusters: NDArray[np.float64]
     bones: Bones
     regions: BoneRegions
+    shares: NDArray[np.float32]
 
     @property
     def isolines(self) -> int:
@@ -114,6 +118,14 @@ class ReducedModel:
     def rest_controls(self) -> NDArray[np.float64]:
         """(4m, 3) float64: R of the rest pose, the identity for every isoline."""
         return np.tile(np.eye(4, 3), (self.B.shape[1] // 3, 1))
+
+    def held_shares(self) -> "csr_matrix":
+        """Return the share (n, b) of each bone in each vertex; rows of vertices that are not held are 0."""
+        if len(self.shares):
+            return scipy.sparse.csr_matrix(self.shares.astype(np.float64))
+        held = np.flatnonzero(self.regions.held)
+        entries = np.ones(len(held)), (held, self.regions.owner[held])
+        return scipy.sparse.csr_matrix(entries, shape=(len(self.regions.owner), len(self.bones)))
 
     def rows(self, mesh: SolverMesh, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return Φ W for the surface points nearest to some points.
@@ -271,7 +283,14 @@ def build(
         B_clusters=B_clusters,
         bones=bones,
         regions=regions,
+        shares=(np.zeros((0, len(bones))) if shares is None else _unit_rows(shares)).astype(np.float32),
     )
+
+
+def _unit_rows(shares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return rows (n, b) whose sum is 1; rows of zeros are kept."""
+    total = shares.sum(axis=1, keepdims=True)
+    return np.asarray(np.divide(shares, total, out=np.zeros_like(shares), where=total > 0))
 
 
 def _null_projector(gram: NDArray[np.float64]) -> NDArray[np.float64]:

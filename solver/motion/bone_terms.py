@@ -16,8 +16,12 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 BONE_STIFFNESS = 40.0
-"""Weight λ in units of trace(A) / trace(Σ_b W_bᵀ M_b W_b). With it, errors of a cartoon body's limbs are 2 to 6°; with
+"""Weight λ in units of trace(A) / trace(Wᵀ diag(m) W). With it, errors of a cartoon body's limbs are 2 to 6°; with
 a weight of 10, they are 8°."""
+
+BLEND_POWER = 8
+"""Power p of a vertex's largest share, by which it is held less where bones blend. With 0, joints crease;
+with 8, edges of people stretch to 1.19 at the 99th percentile."""
 
 PRIOR_WEIGHT = 1.0
 """Weight μ of a bone's rotation relative to the surface's covariance; a weight of 4 has the same result."""
@@ -33,9 +37,9 @@ class BoneTerms:
     Attributes
     ----------
     normal : (4m, 4m) float64
-        λ Σ_b W_bᵀ M_b W_b.
+        λ Wᵀ diag(m) W.
     pull : (4m, 4b) float64
-        λ W_bᵀ M_b [X_b 1] for each bone; times the stack of T_b in model units, it is the right-hand side.
+        λ Wᵀ diag(m s_b) [X 1] for each bone; times the stack of T_b in model units, it is the right-hand side.
     """
 
     normal: NDArray[np.float64]
@@ -43,9 +47,11 @@ class BoneTerms:
 
 
 def bone_terms(model: ReducedModel, mesh: SolverMesh, scale: float) -> BoneTerms:
-    """Add up the terms of the vertices that each bone holds, weighted by their share of its area.
+    """Add up the terms λ Σ_v m_v ‖W_v R − Σ_b s_vb [x_v 1] T_b‖² of held vertices.
 
-    All bones have the same weight: with weights by area, the head and hands of a cartoon body would outweigh its arms.
+    s_vb are the model's shares of the bones, and m_v = Σ_b s_vb a_v / Σ_u s_ub a_u, with the areas a, times
+    (max_b s_vb)^p. All bones thus have about the same weight: with weights by area, the head and hands of a cartoon
+    body would outweigh its arms.
 
     Parameters
     ----------
@@ -56,18 +62,24 @@ def bone_terms(model: ReducedModel, mesh: SolverMesh, scale: float) -> BoneTerms
     """
     unknowns, count = len(model.A), len(model.bones)
     normal, pull = np.zeros((unknowns, unknowns)), np.zeros((unknowns, 4 * count))
-    affine = np.tile(np.eye(4), (unknowns // 4, 1))  # W of it is [X 1]
-    for bone in range(count):
-        held = model.regions.of(bone)
+    shares, area = model.held_shares(), mesh.vertex_areas
+    mass = area * (shares @ (1 / np.maximum(shares.T @ area, 1e-300)))
+    mass *= shares.max(axis=1).toarray().ravel() ** BLEND_POWER
+    first = np.where(mass > 0, model.regions.owner, -1)
+    for bone in range(count):  # vertices on one bone use few columns of W
+        held = np.flatnonzero(first == bone)
         if not len(held):
             continue
         W = model.position_matrix(mesh.vertices[held], held)
         there = np.unique(W.indices)
-        area = mesh.vertex_areas[held]
-        dense = np.sqrt(area / max(float(area.sum()), 1e-300))[:, None] * W[:, there].toarray()
-        product = dense.T @ dense
-        normal[np.ix_(there, there)] += product
-        pull[there, 4 * bone : 4 * bone + 4] = product @ affine[there]
+        root = np.sqrt(mass[held])[:, None]
+        dense = root * W[:, there].toarray()
+        normal[np.ix_(there, there)] += dense.T @ dense
+        own = shares[held]
+        bones = np.unique(own.indices)
+        rest = root * np.column_stack([model.to_model(mesh.vertices[held]), np.ones(len(held))])
+        blended = (own[:, bones].toarray()[:, :, None] * rest[:, None]).reshape(len(held), -1)
+        pull[np.ix_(there, (4 * bones[:, None] + np.arange(4)).ravel())] += dense.T @ blended
     trace = np.trace(normal)
     stiffness = BONE_STIFFNESS * scale / trace if trace > 0 else 0.0
     return BoneTerms(stiffness * normal, stiffness * pull)

@@ -2,7 +2,7 @@
 
 from typing import Any, Literal
 
-from engine_bridge.performance.settings import Form
+from engine_bridge.performance.settings import Form, PerformerFormat
 from engine_bridge.studio.messages.base import Id, JobResult, Name, Request, Seconds
 
 
@@ -29,7 +29,8 @@ class DeleteTake(Request):
 class Export(Request):
     """Convert a recording (exactly one of `take`, `upload`, `example`) for a character, as `puppetline convert` does.
 
-    `form` is the value of ``--as``. `start` and `stop` trim the recording, in seconds from its beginning. A job, see
+    `form` is the value of ``--as``, or a format for the skeleton of the performer who is tracked longest, without the
+    character. `start` and `stop` trim the recording, in seconds from its beginning. A job, see
     `JobResult`. Result: `ExportReply`.
     """
 
@@ -38,15 +39,16 @@ class Export(Request):
     take: Name | None = None
     upload: Id | None = None
     example: Name | None = None
-    form: Form = "morph"
+    form: Form | PerformerFormat = "morph"
     start: Seconds | None = None
     stop: Seconds | None = None
 
 
 class ExportReply(JobResult):
-    """An exported .glb.
+    """An exported file.
 
-    `numbers` is `engine_bridge.export.convert.Summary`, and `text` the lines that `puppetline convert` prints.
+    `numbers` is `engine_bridge.export.convert.Summary`, or for a performer's skeleton `PerformerSummary` of
+    `engine_bridge.export.performer.convert`, and `text` the lines that `puppetline convert` prints.
     """
 
     file: str

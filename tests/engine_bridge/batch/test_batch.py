@@ -242,3 +242,22 @@ def test_the_text_has_a_table_of_reasons_the_most_frequent_first(mine, commands)
     assert page.count('src="data:image/jpeg;base64,') == 1
     assert page.count("src=") == 1
     assert "http" not in page.replace("http://www.w3.org", "")
+
+
+def test_performers_are_converted_without_characters(mine, here, rows, commands):
+    assert here("*.log", "--performer", "bvh", puppets=[])["made"] == 3
+    assert [(row["output"], row["puppet"], row["form"]) for row in rows()] == [
+        (f"{name}.bvh", "", "bvh") for name in "abc"
+    ]
+    commands.run("convert", "a.log", "-o", "a.bvh", cwd=mine)
+    assert (mine / "out/a.bvh").read_bytes() == (mine / "a.bvh").read_bytes()
+    again = here("*.log", "--performer", "bvh", puppets=[])
+    assert (again["made"], again["unchanged"]) == (0, 3)
+    assert here("*.log", "--performer", "vrma", "--dry-run", puppets=[]) == {"waiting": ["a.vrma", "b.vrma", "c.vrma"]}
+
+
+def test_characters_or_a_format_of_performers_are_required(mine, here):
+    message = "Name characters with --puppet, or choose a format with --performer."
+    assert message in here("*.log", puppets=[], code=2)
+    assert message in here("*.log", "--performer", "bvh", puppets=["mine.toml"], code=2)
+    assert "--as is about a character" in here("*.log", "--performer", "bvh", "--as", "rig", puppets=[], code=2)

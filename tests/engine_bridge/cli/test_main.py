@@ -132,6 +132,7 @@ def test_a_command_imports_no_other_command():
     [
         ["dance"],
         ["convert", "take.log"],
+        ["convert", "take.log", "-o", "out.bvh", "--as", "morph"],
         ["convert", "take.log", "--puppet", "blob.toml", "-o", "out.glb", "--fps", "0"],
         ["convert", "take.log", "--puppet", "blob.toml", "-o", "out.glb", "--targets", "none"],
         ["new", "blob.glb", "-o", "x.toml", "--handle", "head"],

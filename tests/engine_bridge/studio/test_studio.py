@@ -182,6 +182,9 @@ def test_an_export_reports_progress_and_can_be_cancelled(stage):
     exported = stage.result("export", character="figure_one", example="walk", form="frames", start=0.5, stop=1.0)
     assert exported["numbers"]["frames"] == 16
     assert exported["numbers"]["seconds"] == 0.5
+    exported = stage.result("export", character="figure_one", example="walk", form="bvh", start=0.5, stop=1.0)
+    assert (exported["name"], exported["numbers"]["frames"]) == ("walk.bvh", 16)
+    assert stage.download(exported["file"]).startswith(b"HIERARCHY\nROOT hips\n")
 
 
 def test_a_take_plays_from_one_second_to_another(stage):

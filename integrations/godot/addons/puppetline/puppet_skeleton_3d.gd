@@ -1,210 +1,202 @@
 @tool
+@icon("icons/puppet_skeleton_3d.svg")
 class_name PuppetSkeleton3D
 extends SkeletonModifier3D
-## Turns the bones of a [Skeleton3D] as a performer of `puppetline serve` moves.
+## Drives the [Skeleton3D] above it by the joints of a character of a Puppetline service.
 ##
-## Add the node below the [Skeleton3D] of any rigged character, which keeps its mesh and materials. The names of
-## [SkeletonProfileHumanoid], VRM, Mixamo, Unreal and Rigify are recognised; [member bone_map] adds others. [member
-## SkeletonModifier3D.influence] mixes the performer with other animations.
+## A game's own rigged character follows the performer with its own mesh and materials. Bones are recognised by their
+## names; [member bone_map] adds others or replaces them. [member SkeletonModifier3D.influence] blends the pose with the
+## animations that play below.
+
+## Emitted when the joints of the character are known.
+signal joints_loaded
 
 const Stream := preload("wire/stream.gd")
-const ServiceLink := preload("wire/service_link.gd")
 const Message := preload("wire/message.gd")
 const Scene := preload("wire/scene.gd")
-const SharedScene := preload("play/shared_scene.gd")
-const ReceivedFrames := preload("play/received_frames.gd")
+const Joints := preload("wire/skeleton.gd")
+const JitterBuffer := preload("play/jitter_buffer.gd")
+const SkeletonPose := preload("play/skeleton_pose.gd")
 const BoneNames := preload("play/bone_names.gd")
-const BonePose := preload("play/bone_pose.gd")
-const Retargeting := preload("play/retargeting.gd")
 
-@export_group("Service")
-## Host name or address of the service. If empty, the first service found on the network that has the [member
-## character].
+## Address of the service.
 @export var host := "127.0.0.1":
 	set(value):
-		_link_stale = _link_stale or value != host
 		host = value
+		_reconnect()
 ## Port of the stream.
 @export_range(1, 65534) var port := 7400:
 	set(value):
-		_link_stale = _link_stale or value != port
 		port = value
-## The service's token, if it requires one. It is saved with the scene in plain text, and not sent to services found on
-## the network.
+		_reconnect()
+## Token of the service, if it requires one.
 @export var token := "":
 	set(value):
-		_link_stale = _link_stale or value != token
 		token = value
-
-@export_group("Character")
-## Name of the service's character whose performer is followed. If empty, the first one.
+		_reconnect()
+## Name of the character; empty for the first one.
 @export var character := "":
 	set(value):
-		_link_stale = _link_stale or value != character
 		character = value
-## Follow only the performer with this user number; −1 for any.
-@export var user_slot := -1
-## Bones by joints of the service's character, both by name, for bones whose names are not recognised: `{"tail_1":
-## "Tail"}`. An empty bone leaves a joint out.
+		_reconnect()
+## Name of the bone for the name of a joint, besides the bones that are recognised. An empty name leaves a joint out.
 @export var bone_map: Dictionary = {}:
 	set(value):
 		bone_map = value
-		_is_stale = true
-## Whether the skeleton walks with the performer, or stays in place.
-@export var follow_root := true
-
-@export_group("Playing")
-## Delay in seconds, so that each image lies between two frames.
-@export_range(0.0, 1.0, 0.005, "suffix:s") var interpolation_delay := 0.05:
+		_prepare()
+## Whether the hips travel with the character, in proportion to the length of the legs.
+@export var moves_hips := true
+## Time by which the pose lags behind the received frames, in seconds; it hides irregular arrival.
+@export_range(0.0, 1.0, 0.01) var delay := 0.05:
 	set(value):
-		interpolation_delay = value
+		delay = value
 		_frames.delay = value
+## Whether the skeleton moves in the editor too.
+@export var preview_in_editor := false:
+	set(value):
+		preview_in_editor = value
+		_reconnect()
 
-var _link: ServiceLink
-var _shared: SharedScene
-var _frames := ReceivedFrames.new()
-var _retargeting: Retargeting
-var _name := ""  # name of the followed character
-var _link_stale := false
-var _is_stale := false  # whether the bones must be found again
-var _problem := ""
-var _mapped: Dictionary = {}
+var _stream: Stream
+var _followed := ""  # the character whose topics are followed
+var _up := Vector3.UP
+var _front := Vector3.BACK
+var _joints: Joints
+var _pose: SkeletonPose
+var _frames := JitterBuffer.new()
+var _damaged := 0
 
 
-func _init() -> void:
-	_frames.delay = interpolation_delay
-
-
-func _process(_delta: float) -> void:
-	if _link_stale:
-		_leave()
-	if _link == null:
-		_link = ServiceLink.new(name, host, port, token if host else "", character)
-		_link.characters_changed.connect(_on_characters)
-		_link.state_changed.connect(func(_before: Stream.State) -> void: update_configuration_warnings())
-	if not _link.join():
-		return
-	if character and _name.is_empty():
-		_follow(character)
-	_link.stream.poll()
-	_link.notice_state()
-	_link_stale = _link_stale or _link.is_lost()
-	if _shared != null:
-		_shared.poll()
-	if _is_stale and get_skeleton() != null and _scene() != null:
-		_find_bones()
+func _enter_tree() -> void:
+	_reconnect()
 
 
 func _exit_tree() -> void:
-	_leave()
+	_disconnect()
 
 
-func _process_modification() -> void:
-	if _retargeting == null or not _frames.advance():
-		return
-	var shown := _frames.playback
-	if user_slot >= 0 and shown.earlier.user != user_slot:
-		return
-	var pose := BonePose.between(_scene().bones, shown.earlier, shown.later, shown.share)
-	var root := shown.earlier.root.lerp(shown.later.root, shown.share)
-	_retargeting.apply(get_skeleton(), pose, Vector3.ZERO if follow_root else -root)
+func _process(_delta: float) -> void:
+	if _stream != null:
+		_stream.poll()
 
 
 func _get_configuration_warnings() -> PackedStringArray:
 	var warnings := PackedStringArray()
-	var skeleton := get_skeleton()
-	if skeleton == null:
-		warnings.append("No skeleton to move. Put the node below a Skeleton3D.")
-	for joint: Variant in bone_map if skeleton != null else {}:
-		if bone_map[joint] and skeleton.find_bone(str(bone_map[joint])) < 0:
-			warnings.append("bone_map: the skeleton has no bone '%s'." % bone_map[joint])
-		if _scene() != null and str(joint) not in _joint_names():
-			var names := ", ".join(_joint_names())
-			warnings.append("bone_map: %s has no joint '%s'. Its joints are: %s." % [_name, joint, names])
-	if _link != null and _link.state == Stream.State.REFUSED:
-		warnings.append("The service refuses the connection: %s" % _link.stream.reason)
-	if _link != null and character and not _link.characters.is_empty() and character not in _link.characters:
-		var names := ", ".join(_link.characters)
-		warnings.append("The service has no character '%s'. Its characters are: %s." % [character, names])
-	if _problem:
-		warnings.append(_problem)
+	if get_skeleton() == null:
+		warnings.append("No skeleton to drive. Put this node below a Skeleton3D.")
+	elif _joints != null and _pose != null and _pose.bones.is_empty():
+		warnings.append(
+			"No bone of the skeleton has a known name. Set bone_map: %s." % ", ".join(_joints.names.slice(0, 5))
+		)
+	for joint: String in bone_map:
+		if _joints != null and _joints.find(joint) < 0:
+			warnings.append("The character has no joint '%s'." % joint)
+		if get_skeleton() != null and bone_map[joint] and get_skeleton().find_bone(bone_map[joint]) < 0:
+			warnings.append("The skeleton has no bone '%s'." % bone_map[joint])
 	return warnings
 
 
-## Return the name of the bone that follows each joint, by the joint's name. It is empty before the service's character
-## has arrived.
-func get_followed_bones() -> Dictionary:
-	var bones := {}
-	for joint: String in _mapped:
-		bones[joint] = get_skeleton().get_bone_name(_mapped[joint])
-	return bones
+## Return the names of the joints of the character; empty until they are known.
+func joint_names() -> PackedStringArray:
+	return _joints.names if _joints != null else PackedStringArray()
 
 
-func _scene() -> Scene:
-	return _shared.scene if _shared != null else null
+## Return the name of the driven bone for the name of each joint.
+func driven_bones() -> Dictionary:
+	var found: Dictionary = {}
+	for joint: int in _pose.bones if _pose != null else {}:
+		found[_joints.names[joint]] = get_skeleton().get_bone_name(_pose.bones[joint])
+	return found
 
 
-func _joint_names() -> Array:
-	return _scene().bones.map(func(bone: Dictionary) -> String: return bone["name"])
+## Return the number of frames that were lost, and of those with a wrong size.
+func statistics() -> Dictionary:
+	return {"character": _followed, "lost": _frames.lost, "damaged": _damaged}
 
 
-func _find_bones() -> void:
-	_is_stale = false
-	_retargeting = null
-	_problem = ""
-	_frames.clear()
-	_mapped = BoneNames.bones_of(get_skeleton(), _joint_names(), bone_map)
-	if _scene().bones.is_empty():
-		_problem = "The service's character %s has no bones. Give it limbs in its puppet file." % _name
-	elif _mapped.is_empty():
-		_problem = "No bone of the skeleton has a known name. Set bone_map."
-	else:
-		_retargeting = Retargeting.new(_scene(), get_skeleton(), _mapped)
-	if _problem:
-		push_warning("Puppetline: %s" % _problem)
-	update_configuration_warnings()
-
-
-func _follow(which: String) -> void:
-	_name = which
-	_shared = SharedScene.shared(_link.stream, _name)
-	_shared.changed.connect(_on_scene)
-	_link.stream.follow(_name + "/bones", _on_frame)
-	_is_stale = true
-
-
-func _leave() -> void:
-	_link_stale = false
-	if _shared != null:
-		_shared.changed.disconnect(_on_scene)
-		_link.stream.unfollow(_name + "/bones", _on_frame)
-	_shared = null
-	_retargeting = null
-	_mapped = {}
-	_name = ""
-	_frames.clear()
-	var left := _link
-	_link = null
-	if left != null:
-		left.close()
-
-
-func _on_characters() -> void:
-	update_configuration_warnings()
-	if _name.is_empty() and not _link.characters.is_empty():
-		_follow(_link.characters[0])
-
-
-func _on_scene() -> void:
-	_is_stale = true
-
-
-func _on_frame(message: Message) -> void:
-	if _scene() == null or _is_stale:
+func _process_modification() -> void:
+	if _pose == null or not _frames.advance(Time.get_ticks_usec() * 1e-6):
 		return
-	if message.revision != _scene().revision:
-		_shared.ask()
-	elif BonePose.is_valid(message.payload, _scene().bones):
-		_frames.push(message, message.payload.size())
+	var earlier := _frames.earlier
+	var later := _frames.later if JitterBuffer.continues(_frames.earlier, _frames.later) else _frames.earlier
+	var share := _frames.share if later != earlier else 0.0
+	var moved := _joints.displacement(earlier, later, share)
+	_pose.apply(get_skeleton(), _joints.motions(earlier, later, share), moved, moves_hips)
+
+
+func _reconnect() -> void:
+	_disconnect()
+	if not is_inside_tree() or (Engine.is_editor_hint() and not preview_in_editor):
+		return
+	_stream = Stream.shared(host, port, token)
+	if character:
+		_follow(character)
 	else:
-		_frames.damaged += 1
+		_stream.follow("service/characters", _take_characters)
+
+
+func _disconnect() -> void:
+	if _stream != null:
+		_stream.unfollow("service/characters", _take_characters)
+		_unfollow()
+	_stream = null
+	_followed = ""
+
+
+func _follow(name_of_character: String) -> void:
+	_followed = name_of_character
+	_stream.follow(name_of_character + "/scene", _take_scene)
+	_stream.follow(name_of_character + "/bones", _take_frame)
+
+
+func _unfollow() -> void:
+	if _followed:
+		_stream.unfollow(_followed + "/scene", _take_scene)
+		_stream.unfollow(_followed + "/bones", _take_frame)
+	_joints = null
+	_pose = null
+	_frames.clear()
+
+
+func _take_characters(message: Message) -> void:
+	var listed: Variant = message.json()
+	if not listed is Array or listed.is_empty() or not listed[0] is Dictionary or not listed[0].get("name") is String:
+		return
+	if listed[0]["name"] != _followed:
+		_unfollow()
+		_follow(listed[0]["name"])
+
+
+func _take_scene(message: Message) -> void:
+	var scene := Scene.parse(message.payload)
+	if scene == null:
+		return
+	_up = scene.up
+	_front = scene.front
+	_joints = Joints.parse(scene.description)
+	_frames.clear()
+	if _joints == null:
+		push_warning(
+			"Puppetline: the character '%s' has no joints. Its puppet file needs a table [[limb]]." % _followed
+		)
+	_prepare()
+	joints_loaded.emit()
+
+
+func _take_frame(message: Message) -> void:
+	if _joints == null:
+		return
+	if message.payload.size() != _joints.payload_size():
+		_damaged += 1
+		return
+	_frames.push(message, Time.get_ticks_usec() * 1e-6)
+
+
+func _prepare() -> void:
+	_pose = null
+	var skeleton := get_skeleton()
+	if skeleton != null and _joints != null:
+		var map := BoneNames.recognised(skeleton, _joints.names)
+		map.merge(bone_map, true)
+		_pose = SkeletonPose.new(_joints, _up, _front, skeleton, map)
+	update_configuration_warnings()

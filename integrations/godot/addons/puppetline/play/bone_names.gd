@@ -1,59 +1,83 @@
 extends RefCounted
-## Names of humanoid bones in common rigs, and the joints of the service that they are: Godot's SkeletonProfileHumanoid,
-## VRM, Mixamo, Unreal, Rigify and others.
+## Recognises the bones of a humanoid by their names in other programs: Godot's SkeletonProfileHumanoid, VRM, Mixamo,
+## Unreal, Rigify and common English names, with a side in any spelling.
 
 const _MIDDLE: Dictionary = {
-	"hips": ["hips", "hip", "pelvis"],
-	"spine": ["spine", "spine01", "abdomen"],
-	"chest": ["chest", "spine1", "spine02", "torso"],
-	"upperChest": ["upperchest", "spine2", "spine03"],
-	"neck": ["neck", "neck01"],
-	"head": ["head"],
+	"hips": ["hips", "pelvis", "hip"],
+	"spine": ["spine", "spine1st", "spine01", "abdomen"],
+	"chest": ["chest", "spine1", "spine02", "torso", "spine001"],
+	"upperChest": ["upperchest", "spine2", "spine03", "spine002"],
+	"neck": ["neck", "neck01", "spine004"],
+	"head": ["head", "spine006"],
 }
 const _SIDED: Dictionary = {
-	"Shoulder": ["shoulder", "clavicle"],
-	"UpperArm": ["upperarm", "arm"],
-	"LowerArm": ["lowerarm", "forearm"],
+	"Shoulder": ["shoulder", "clavicle", "collar"],
+	"UpperArm": ["upperarm", "arm", "armupper"],
+	"LowerArm": ["lowerarm", "forearm", "elbow", "armlower"],
 	"Hand": ["hand", "wrist"],
-	"UpperLeg": ["upperleg", "upleg", "thigh"],
-	"LowerLeg": ["lowerleg", "leg", "shin", "calf"],
-	"Foot": ["foot"],
-	"Toes": ["toes", "toe", "toebase", "ball"],
+	"UpperLeg": ["upperleg", "upleg", "thigh", "legupper"],
+	"LowerLeg": ["lowerleg", "leg", "shin", "calf", "knee", "leglower"],
+	"Foot": ["foot", "ankle"],
+	"Toes": ["toes", "toebase", "toe", "ball"],
 }
-const _PREFIX := "^(mixamorig\\d*[:_]|J_Bip_[CLR]_|DEF[-_]|.*:)"
-const _SIDE := "^(left|right)[ ._-]?|^([lr])[ ._-]|[ ._-]([lr]|left|right)$"
+const _PREFIXES: Array[String] = ["def", "org", "mixamorig", "bip01", "bip001", "jbip", "valvebiped"]
 
 
-## Return the bone of a skeleton for each of these joints that it has, by name. The [param edits], bones by joint, come
-## first; an empty bone leaves a joint out.
-static func bones_of(skeleton: Skeleton3D, joints: Array, edits: Dictionary) -> Dictionary:
-	var found := {}
+## Return the bone of a skeleton for each joint of a service that is recognised, by the joint's name.
+static func recognised(skeleton: Skeleton3D, joints: PackedStringArray) -> Dictionary:
+	var found: Dictionary = {}
+	var by_meaning: Dictionary = {}
 	for bone in skeleton.get_bone_count():
-		var name := skeleton.get_bone_name(bone)
-		var joint: String = name if name in joints else recognised(name)
-		if joint in joints and joint not in edits and joint not in found:
-			found[joint] = bone
-	for joint: Variant in edits:
-		var bone := skeleton.find_bone(str(edits[joint]))
-		if str(joint) in joints and bone >= 0:
-			found[str(joint)] = bone
+		var own := skeleton.get_bone_name(bone)
+		if own in joints:
+			found[own] = own
+		var meaning := meaning_of(own)
+		if meaning and not meaning in by_meaning:
+			by_meaning[meaning] = own
+	for joint in joints:
+		if joint not in found and joint in by_meaning and not by_meaning[joint] in found.values():
+			found[joint] = by_meaning[joint]
 	return found
 
 
-## Return the joint of a humanoid that a bone's name means; empty if it is not known.
-static func recognised(bone: String) -> String:
-	var prefix := RegEx.create_from_string(_PREFIX).search(bone)
-	var rest := bone.substr(prefix.get_end() if prefix != null else 0).to_lower()
-	var side := RegEx.create_from_string(_SIDE).search(rest)
-	var word := ""
-	if prefix != null and prefix.get_string().begins_with("J_Bip_"):
-		word = {"L": "left", "R": "right"}.get(prefix.get_string()[6], "")
-	elif side != null:
-		word = "left" if side.get_string().lstrip(" ._-").begins_with("l") else "right"
-		rest = rest.substr(0, side.get_start()) + rest.substr(side.get_end())
-	rest = RegEx.create_from_string("[^a-z0-9]").sub(rest, "", true)
-	var names: Dictionary = _SIDED if word else _MIDDLE
-	for joint: String in names:
-		if rest in names[joint]:
-			return word + joint
+## Return VRM's name for the name of a bone; empty if it is unknown.
+static func meaning_of(bone: String) -> String:
+	var words := PackedStringArray()
+	for word in _words(bone):
+		if word not in _PREFIXES:
+			words.append(word)
+	var side := ""
+	var left := PackedStringArray()
+	for word in words:
+		if word in ["left", "l"]:
+			side = "left"
+		elif word in ["right", "r"]:
+			side = "right"
+		else:
+			left.append(word)
+	var own := "".join(left)
+	var table := _MIDDLE if side.is_empty() else _SIDED
+	for meaning: String in table:
+		if own in table[meaning]:
+			return side + meaning
 	return ""
+
+
+## Return the words of a name in lower case, without its namespace: "mixamorig:LeftUpLeg" has left, up and leg.
+static func _words(bone: String) -> PackedStringArray:
+	var own := bone.get_slice(":", bone.get_slice_count(":") - 1).get_slice("|", bone.get_slice_count("|") - 1)
+	var words := PackedStringArray()
+	var word := ""
+	var before := ""
+	for letter in own:
+		var is_upper := letter != letter.to_lower()
+		var is_word := letter.to_lower() != letter.to_upper() or letter.is_valid_int()
+		if word and (not is_word or (is_upper and before == before.to_lower())):
+			words.append(word)
+			word = ""
+		if is_word:
+			word += letter.to_lower()
+		before = letter
+	if word:
+		words.append(word)
+	return words

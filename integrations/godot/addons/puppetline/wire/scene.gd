@@ -48,10 +48,6 @@ var diagonal := 0.0
 var handles: Array = []
 ## Dictionaries of `name` and `points` (PackedVector3Array, root to tip, in the rest pose).
 var limbs: Array = []
-## The character's own joints, parents first; empty if it has none. Dictionaries of `name`, `parent` (−1 for none),
-## `position` (Vector3) and `rotation` (Quaternion) at rest relative to the parent, `travels` (whether frames have its
-## position), and `from_t_pose` (Quaternion, or null for joints that a humanoid does not have).
-var bones: Array[Dictionary] = []
 ## Axes that point up and to the front of the character.
 var up := Vector3.UP
 var front := Vector3.BACK
@@ -199,7 +195,6 @@ func _read_names() -> bool:
 			}
 		)
 	_read_limbs()
-	_read_bones()
 	up = _axis("up", up)
 	front = _axis("front", front)
 	return _error.is_empty()
@@ -218,41 +213,6 @@ func _read_limbs() -> void:
 			_fail("a limb does not have two points")
 			return
 		limbs.append({"name": str(found.get("name", "")), "points": points})
-
-
-## Read the joints, which earlier versions of the service do not send.
-func _read_bones() -> void:
-	for found: Variant in _list(description, "bones") if description.get("bones") != null else []:
-		var entry: Dictionary = found if found is Dictionary else {}
-		var parent := _integer(entry, "parent", -1, bones.size() - 1)
-		var position := _numbers(entry.get("position"), 3)
-		var from_t_pose: Variant = entry.get("from_t_pose")
-		var rotations := [_quaternion(entry.get("rotation")), _quaternion(from_t_pose)]
-		if position.is_empty() or rotations[0] == null or (from_t_pose != null and rotations[1] == null):
-			_fail("a bone has no rest pose")
-			return
-		(
-			bones
-			. append(
-				{
-					"name": str(entry.get("name", "")),
-					"parent": parent,
-					"position": Vector3(position[0], position[1], position[2]),
-					"rotation": rotations[0],
-					"travels": entry.get("travels") is bool and entry["travels"],
-					"from_t_pose": rotations[1],
-				}
-			)
-		)
-
-
-## Return a unit quaternion; null if it is anything else.
-func _quaternion(found: Variant) -> Variant:
-	var numbers := _numbers(found, 4)
-	if numbers.is_empty():
-		return null
-	var turn := Quaternion(numbers[0], numbers[1], numbers[2], numbers[3])
-	return turn.normalized() if absf(turn.length() - 1.0) < 0.01 else null
 
 
 ## Return an axis such as "y" or "-z".

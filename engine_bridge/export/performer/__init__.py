@@ -1,0 +1,1 @@
+"""Animations of a performer's own skeleton, without a character."""

@@ -1,0 +1,94 @@
+import json
+import subprocess
+
+import numpy as np
+import pytest
+
+from capture.formats import read_log
+from capture.formats.bvh import forward_kinematics
+from capture.formats.bvh_parser import parse
+from capture.formats.options import ReadOptions
+from capture.skeleton import JOINT_INDEX
+from engine_bridge.export.performer.bvh import UNITS_PER_METRE, write_bvh
+
+from .conftest import OF_JOINTS
+
+METRES = 1e-5
+"""Largest difference of a joint's position, which other programs read."""
+
+BLENDER = """
+import json, sys, bpy
+bpy.ops.wm.read_factory_settings(use_empty=True)
+bpy.ops.import_anim.bvh(filepath=sys.argv[1], global_scale=0.01, update_scene_fps=True, update_scene_duration=True)
+(armature,) = bpy.data.objects
+frames = []
+for frame in range(1, bpy.context.scene.frame_end + 1, 25):
+    bpy.context.scene.frame_set(frame)
+    frames.append({b.name: list(armature.matrix_world @ b.head) for b in armature.pose.bones})
+json.dump(frames, open(sys.argv[2], "w"))
+"""
+
+
+@pytest.fixture(scope="module")
+def path(motion, tmp_path_factory):
+    path = tmp_path_factory.mktemp("bvh") / "kung_fu.bvh"
+    write_bvh(path, motion)
+    return path
+
+
+def test_joint_positions_are_equal_when_the_file_is_read_back(path, places):
+    nodes, motion, frame_time, _ = parse(path, None)
+    positions, _ = forward_kinematics(nodes, motion)
+    assert frame_time == pytest.approx(1 / 30)
+    for node, found in zip(nodes, positions, strict=True):
+        name = node.name or f"{nodes[node.parent].name}_end"
+        np.testing.assert_allclose(found / UNITS_PER_METRE, places[name], rtol=0, atol=METRES)
+
+
+def test_it_is_a_recording_of_the_same_joints(path, places):
+    (clip,) = read_log(path, ReadOptions(unit=1 / UNITS_PER_METRE))
+    hips = clip.positions[:, JOINT_INDEX["hip_center"]]
+    for joint, bone in OF_JOINTS.items():
+        found = np.linalg.norm(clip.positions[:, JOINT_INDEX[joint]] - hips, axis=1)
+        expected = np.linalg.norm(places[bone] - places["hips"], axis=1)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=METRES)
+
+
+def test_the_zero_pose_is_the_t_pose(path, motion):
+    nodes, values, _, _ = parse(path, None)
+    zero = np.zeros_like(values[:1])
+    zero[0, 1] = UNITS_PER_METRE * motion.body.pose[0, 1]
+    positions, _ = forward_kinematics(nodes, zero)
+    rows = {node.name: found[0] / UNITS_PER_METRE for node, found in zip(nodes, positions, strict=True) if node.name}
+    for name, head in zip(motion.body.skeleton.names, motion.body.skeleton.heads, strict=True):
+        np.testing.assert_allclose(rows[name], head, rtol=0, atol=METRES)
+
+
+def test_angles_do_not_jump(path):
+    _, values, _, _ = parse(path, None)
+    assert np.abs(np.diff(values[:, 3:], axis=0)).max() < 180
+
+
+def test_bvhio_reads_the_same_positions(path, places):
+    bvhio = pytest.importorskip("bvhio", reason="bvhio is not installed (make peers)")
+    root = bvhio.readAsHierarchy(str(path))
+    for frame in (0, 100, 309):
+        root.loadPose(frame)
+        for joint, _, _ in root.layout():
+            if joint.Name in places:
+                found = np.array(joint.PositionWorld) / UNITS_PER_METRE
+                np.testing.assert_allclose(found, places[joint.Name][frame], rtol=0, atol=METRES)
+
+
+@pytest.mark.slow
+def test_blender_reads_the_same_positions(path, places, players, tmp_path):
+    command = players.commands()["Blender"]
+    if command is None:
+        pytest.skip("bpy is not installed (make peers)")
+    (tmp_path / "script.py").write_text(BLENDER)
+    subprocess.run([command[0], tmp_path / "script.py", path, tmp_path / "out.json"], check=True, capture_output=True)
+    frames = json.loads((tmp_path / "out.json").read_text())
+    assert len(frames) == 13
+    for number, frame in enumerate(frames):
+        for name, (x, y, z) in frame.items():
+            np.testing.assert_allclose([x, z, -y], places[name][25 * number], rtol=0, atol=METRES)

@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+
+from capture.body import ANKLE_HEIGHT_METRES
+from capture.clip import SkeletonClip
+from capture.skeleton import JOINT_INDEX, LIMBS, PARENTS, to_character_axes
+from capture.timeline import resample
+from engine_bridge.export.performer.skeleton import skeleton_of
+from engine_bridge.puppet.humanoid_bones import REQUIRED, parent_of
+
+
+@pytest.fixture
+def timeline_of():
+    """Make a timeline of positions (T, 20, 3) in character axes."""
+
+    def make(positions):
+        confidence = np.where(np.isnan(positions[..., 0]), 0, 1).astype(np.float32)
+        return resample(
+            SkeletonClip("test", 0, np.arange(len(positions)) / 30, to_character_axes(positions), confidence)
+        )
+
+    return make
+
+
+def length(pose, joint):
+    return np.linalg.norm(pose[JOINT_INDEX[joint]] - pose[JOINT_INDEX[PARENTS[joint]]])
+
+
+def test_a_performer_in_a_t_pose_is_the_skeleton_at_rest(motion, timeline_of):
+    pose = motion.body.pose
+    turned = pose[:, [2, 1, 0]] * [-1, 1, 1] + [0.4, 0.1, 2.0]  # facing −x
+    found = skeleton_of(timeline_of(np.tile(turned, (30, 1, 1)))).pose
+    np.testing.assert_allclose(found, pose, atol=1e-9)
+
+
+def test_lengths_are_the_medians_of_both_sides(motion, timeline_of):
+    poses = np.tile(motion.body.pose, (31, 1, 1))
+    poses[::2, JOINT_INDEX["wrist_left"], 0] += 0.1  # more than half of the frames
+    poses[:14, JOINT_INDEX["head"], 1] += 0.5  # less than half
+    found = skeleton_of(timeline_of(poses)).pose
+    expected = length(motion.body.pose, "wrist_left") + 0.05
+    assert length(found, "wrist_left") == length(found, "wrist_right") == pytest.approx(expected)
+    assert length(found, "head") == pytest.approx(length(motion.body.pose, "head"))
+
+
+def test_the_names_and_the_hierarchy_are_those_of_vrm(motion):
+    skeleton = motion.body.skeleton
+    assert set(REQUIRED) <= set(skeleton.names)
+    for joint in skeleton.joints:
+        parent = parent_of(joint.name, skeleton.names)
+        assert joint.parent == (-1 if parent is None else skeleton.names.index(parent))
+
+
+def test_feet_stand_on_the_floor_and_the_head_joint_is_halfway_to_its_tip(motion):
+    body = motion.body
+    assert body.pose[JOINT_INDEX["ankle_left"], 1] == pytest.approx(ANKLE_HEIGHT_METRES)
+    neck, head = (body.skeleton.heads[body.skeleton.names.index(name)] for name in ("neck", "head"))
+    np.testing.assert_allclose((head + body.tips["head"]) / 2, body.pose[JOINT_INDEX["head"]], atol=1e-12)
+    np.testing.assert_allclose(neck, body.pose[JOINT_INDEX["shoulder_center"]], atol=1e-12)
+
+
+def test_unknown_legs_are_those_of_a_typical_body_of_the_same_size(motion, timeline_of):
+    poses = np.tile(motion.body.pose, (30, 1, 1))
+    legs = [JOINT_INDEX[joint] for limb in ("left leg", "right leg") for joint in LIMBS[limb]]
+    poses[:, legs] = np.nan
+    found = skeleton_of(timeline_of(poses))
+    assert np.isfinite(found.pose).all()
+    assert 0.6 < found.pose[JOINT_INDEX["hip_center"], 1] < 1.2
+    np.testing.assert_allclose(length(found.pose, "elbow_left"), length(motion.body.pose, "elbow_left"))

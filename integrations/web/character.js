@@ -18,7 +18,7 @@ export class Character extends EventTarget {
   /**
    * @param {Client} client
    * @param {string} name
-   * @param {"controls" | "vertices" | "vertices16" | "morphs"} [kind] of the frames
+   * @param {"controls" | "vertices" | "vertices16" | "morphs" | "bones"} [kind] of the frames
    */
   constructor(client, name, kind = "controls") {
     super();

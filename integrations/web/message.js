@@ -1,6 +1,6 @@
 // Messages of Puppetline's wire protocol, version 1 (docs/protocol.md): decoded without copies, and checked.
 
-/** @typedef {"scene" | "controls" | "morphs" | "vertices" | "vertices16" | "joints" | "handles" | "performer" | "status" | "characters"} Kind */
+/** @typedef {"scene" | "controls" | "morphs" | "vertices" | "vertices16" | "joints" | "handles" | "performer" | "status" | "characters" | "bones"} Kind */
 
 /**
  * @typedef {object} Header
@@ -31,6 +31,16 @@
  */
 
 /**
+ * @typedef {object} Bone a joint at rest, relative to its parent
+ * @property {string} name
+ * @property {number} parent −1 for none
+ * @property {number[]} position
+ * @property {number[]} rotation unit quaternion x, y, z, w
+ * @property {boolean} travels whether frames have its position
+ * @property {number[] | null} from_t_pose rotation from the T-pose to rest
+ */
+
+/**
  * @typedef {object} Description what a scene says about its character; later versions may add keys
  * @property {string} character
  * @property {number} revision
@@ -45,6 +55,7 @@
  * @property {string} front
  * @property {number} metres_a_unit
  * @property {{name: string, position: number[], joints: string[]}[]} handles
+ * @property {Bone[] | null} [bones] the character's own joints, parents first
  * @property {string[]} joints
  * @property {string[] | null} morphs
  * @property {Part[]} parts
@@ -55,7 +66,7 @@
  *
  * @typedef {{topic: string, header: Header} & (
  *   | {kind: "scene", body: Scene}
- *   | {kind: "controls" | "joints" | "handles", body: Float32Array}
+ *   | {kind: "controls" | "joints" | "handles" | "bones", body: Float32Array}
  *   | {kind: "morphs", body: Morphs}
  *   | {kind: "vertices" | "vertices16", body: Vertices}
  *   | {kind: "performer" | "status", body: Json}
@@ -70,10 +81,11 @@ export const MAJOR = 1;
 /** Names of the kinds by their numbers. @type {readonly (Kind | null)[]} */
 export const KINDS = [
   null, "scene", "controls", "morphs", "vertices", "vertices16", "joints", "handles", "performer", "status", "characters",
+  null, "bones",
 ];
 
 /** Kinds that are sent for every frame. @type {ReadonlySet<Kind | null>} */
-export const FRAME_KINDS = new Set(["controls", "morphs", "vertices", "vertices16", "joints", "handles"]);
+export const FRAME_KINDS = new Set(["controls", "morphs", "vertices", "vertices16", "joints", "handles", "bones"]);
 
 /** States of a character by their numbers. */
 export const STATES = /** @type {const} */ (["waiting", "calibrating", "performing", "leaving"]);
@@ -155,6 +167,7 @@ const BODIES = {
     return floats(payload, 4);
   },
   handles: (payload) => floats(payload, 3),
+  bones: (payload) => floats(payload, 1),
   performer: readJson,
   status: readJson,
   characters: readJson,

@@ -274,3 +274,33 @@ def test_a_message_with_bytes_changed_is_understood_or_refused(frame, data, kind
 def test_every_kind_has_an_encoder_and_a_decoder():
     assert set(payloads._PARTS) == set(FRAME_KINDS)
     assert set(payloads._BODIES) == set(Kind)
+
+
+def test_bones_at_rest_are_those_of_the_scene_moved_by_the_root(limbed_rig):
+    character = StreamedCharacter("dog", limbed_rig, 3)
+    still = np.tile(np.eye(4, 3), (sum(len(limb.points) - 1 for limb in limbed_rig.puppet.limbs), 1, 1))
+    handles = limbed_rig.puppet.handle_positions
+    frame = Frame(
+        character=character,
+        sequence=1,
+        time=0.0,
+        received=0,
+        state="waiting",
+        user=None,
+        R=limbed_rig.model.rest_controls,
+        root=ROOT,
+        targets=handles + ROOT,
+        motions=still,
+    )
+    table = Scene.decode(memoryview(character.scene)).facts["bones"]
+    values = decode(message(frame, Kind.BONES)).body
+    turns, places = values[: 4 * len(table)].reshape(-1, 4), values[4 * len(table) :].reshape(-1, 3)
+    np.testing.assert_allclose(turns, [bone["rotation"] for bone in table], atol=1e-5)
+    travelling = [bone for bone in table if bone["travels"]]
+    expected = [np.array(bone["position"]) + (ROOT if bone["parent"] < 0 else 0) for bone in travelling]
+    np.testing.assert_allclose(places, expected, atol=1e-4)
+
+
+def test_a_character_without_limbs_has_no_bones(frame):
+    assert frame.character.skeleton is None
+    assert message(frame, Kind.BONES) is None

@@ -219,7 +219,7 @@ def _to_rest(limb: Limb, number: int, parent: NDArray[np.float64], basis: NDArra
     names = LIMB_JOINTS.get(limb.name, ())
     aim = basis @ (limb.points[number + 1] - limb.points[number])
     aim /= np.linalg.norm(aim)
-    if number < len(names) and names[number].endswith("Foot"):
+    if number < len(names) and names[number].endswith(("Foot", "Toes")):
         return _heading(aim)
     if limb.name not in T_POSE or (limb.follow == "turn" and limb.name in MIDDLE_LIMBS):
         return parent

@@ -62,6 +62,8 @@ def bone_terms(model: ReducedModel, mesh: SolverMesh, scale: float) -> BoneTerms
     """
     unknowns, count = len(model.A), len(model.bones)
     normal, pull = np.zeros((unknowns, unknowns)), np.zeros((unknowns, 4 * count))
+    if not count:
+        return BoneTerms(normal, pull)
     shares, area = model.held_shares(), mesh.vertex_areas
     mass = area * (shares @ (1 / np.maximum(shares.T @ area, 1e-300)))
     mass *= shares.max(axis=1).toarray().ravel() ** BLEND_POWER

@@ -109,7 +109,7 @@ def messages() -> dict[str, bytes]:
                 made[f"{number}.{kind.word}"] = message
     performer = {"character": "worm", "state": "calibrating", "user": 3, "time": played[1].time}
     made["performer"] = json_message("worm/performer", Kind.PERFORMER, performer, revision=7, state=1, user=3)
-    kinds = [kind.word for kind in FRAME_KINDS]
+    kinds = [kind.word for kind in FRAME_KINDS if kind is not Kind.BONES]  # the worm has no limbs
     listed = [{"name": "worm", "revision": 7, "digest": character.digest, "vertices": 162, "kinds": kinds}]
     made["characters"] = json_message("service/characters", Kind.CHARACTERS, listed)
     return made

@@ -173,7 +173,8 @@ class StreamOutput(Output, Generic[Peer]):
 
 
 def _summary(character: StreamedCharacter) -> dict[str, Any]:
-    kinds = [kind.word for kind in FRAME_KINDS if kind is not Kind.MORPHS or character.basis is not None]
+    missing = {Kind.MORPHS: character.basis is None, Kind.BONES: character.skeleton is None}
+    kinds = [kind.word for kind in FRAME_KINDS if not missing.get(kind, False)]
     return {
         "name": character.name,
         "revision": character.revision,

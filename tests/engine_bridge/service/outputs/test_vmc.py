@@ -112,7 +112,7 @@ def test_a_frame_is_bundles_that_travel_in_one_piece_and_say_all_that_the_protoc
     ]
     assert {address for address, _ in read[3:]} == {"/VMC/Ext/Bone/Pos"}
     assert [values[0] for _, values in read[3:]] == list(figure.humanoid.names)
-    assert len(read) == 3 + 19
+    assert len(read) == 3 + 21
     place, turn = bones(sent)["Hips"]
     floor = figure.rest[:, 1].min()
     np.testing.assert_allclose(place, [-1.0, -0.5 * floor, -0.5], rtol=1e-6)
@@ -243,7 +243,7 @@ def test_a_vmc_program_sees_the_arms_where_the_performer_has_them(serve, service
                 assert len(sent[0]) <= DATAGRAM_BYTES
                 calibrated += [values for address, values in messages(sent) if address == "/VMC/Ext/OK"]
                 latest |= bones(sent)
-                if len(latest) == 19:
+                if len(latest) == 21:
                     chest = latest["Hips"][1] * latest["Spine"][1] * latest["Chest"][1] * latest["LeftShoulder"][1]
                     upper = chest * latest["LeftUpperArm"][1]
                     lower = upper * latest["LeftLowerArm"][1]

@@ -67,7 +67,7 @@ def recorder():
 
 def test_there_is_one_of_every_kind_that_belongs_to_a_character():
     kinds = {EXPECTED[path.stem]["header"]["kind"] for path in VECTORS.glob("*.bin")}
-    assert kinds == {*FRAME_KINDS, Kind.SCENE, Kind.PERFORMER, Kind.CHARACTERS}
+    assert kinds == {*FRAME_KINDS, Kind.SCENE, Kind.PERFORMER, Kind.CHARACTERS} - {Kind.BONES}  # it has no limbs
     assert {path.stem for path in VECTORS.glob("*.bin")} == set(EXPECTED)
 
 

@@ -2,10 +2,15 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from engine_bridge.character.examples import prepare
+from engine_bridge.performance.exercise import random_poses
+from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.service.clip_export import write_clip
+from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 
 from ..engine_bridge import conftest as figures
 from ..engine_bridge.service import conftest as services
@@ -40,3 +45,18 @@ def clip(take: Path, blob_puppet: Path, tmp_path_factory: pytest.TempPathFactory
     path = tmp_path_factory.mktemp("clips") / "dance.clip"
     write_clip(take, blob_puppet, path, "dancer", Settings())
     return path
+
+
+@pytest.fixture(scope="session")
+def human(tmp_path_factory):
+    """The example human."""
+    _, puppet = prepare("human", tmp_path_factory.mktemp("example"))
+    return StreamedCharacter.of("figure", load_rig(puppet))
+
+
+@pytest.fixture(scope="session")
+def posed_human(human):
+    """A frame in a random pose."""
+    controls, motions = random_poses(human.rig, 3)
+    R, root = controls[-1].astype(np.float64), np.array([0.3, 0.1, 0.2])
+    return Frame(human, 1, 0.5, 0, "performing", 0, R, root, np.zeros((0, 3)), motions=motions[-1])

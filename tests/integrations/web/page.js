@@ -4,6 +4,7 @@ import * as THREE from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import * as puppetline from "/puppetline.js";
 import * as drawing from "/puppetline-three.js";
+import * as driving from "/skeleton.js";
 
 const WIDTH = 256;
 
@@ -72,4 +73,4 @@ function readVertices(mesh, uniforms, value, defines = {}) {
   return Float32Array.from({ length: 3 * count }, (_, i) => pixels[4 * Math.floor(i / 3) + (i % 3)]);
 }
 
-Object.assign(window, { THREE, GLTFLoader, puppetline, drawing, pack, load, renderer, readVertices });
+Object.assign(window, { THREE, GLTFLoader, puppetline, drawing, driving, pack, load, renderer, readVertices });

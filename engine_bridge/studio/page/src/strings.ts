@@ -238,8 +238,8 @@ export const strings = {
     form: "Format",
     forms: {
       morph: "Morph targets: plays everywhere",
-      skin: "Skin with bones",
-      rig: "The file's own rig",
+      skin: "Nameless bones, for handles only",
+      rig: "Skeleton with named joints",
       bones: "Bones",
       frames: "One mesh per frame",
       bvh: "Performer only: BVH",

@@ -186,7 +186,7 @@ func _take_scene(message: Message) -> void:
 func _take_frame(message: Message) -> void:
 	if _joints == null:
 		return
-	if message.payload.size() != _joints.payload_size():
+	if not _joints.is_pose(message.payload):
 		_damaged += 1
 		return
 	_frames.push(message, Time.get_ticks_usec() * 1e-6)

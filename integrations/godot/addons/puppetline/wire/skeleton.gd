@@ -36,9 +36,14 @@ static func parse(description: Dictionary) -> Skeleton:
 	return skeleton
 
 
-## Return the size of the payload of a frame in bytes.
-func payload_size() -> int:
-	return 16 * names.size() + 12 * travels.count(true)
+## Return whether a payload is a pose of these joints: it has their size, and all of its numbers are finite.
+func is_pose(payload: PackedByteArray) -> bool:
+	if payload.size() != 16 * names.size() + 12 * travels.count(true):
+		return false
+	for number in payload.to_float32_array():
+		if not is_finite(number):
+			return false
+	return true
 
 
 ## Return the index of a joint, −1 if there is none of that name.
@@ -107,12 +112,12 @@ static func _numbers(value: Variant, count: int) -> Variant:
 	return null if count == 4 and Vector4(value[0], value[1], value[2], value[3]).length_squared() < 1e-12 else value
 
 
-## Return a rotation of a payload; no rotation if it is damaged.
+## Return a rotation of a payload; none for a quaternion of length 0.
 static func _rotation(payload: PackedByteArray, joint: int) -> Quaternion:
 	var numbers := Vector4.ZERO
 	for i in 4:
 		numbers[i] = payload.decode_float(16 * joint + 4 * i)
-	if not numbers.is_finite() or numbers.length_squared() < 1e-12:
+	if numbers.length_squared() < 1e-12:
 		return Quaternion.IDENTITY
 	return Quaternion(numbers.x, numbers.y, numbers.z, numbers.w).normalized()
 
@@ -121,4 +126,4 @@ static func _vector(payload: PackedByteArray, start: int) -> Vector3:
 	var found := Vector3.ZERO
 	for i in 3:
 		found[i] = payload.decode_float(start + 4 * i)
-	return found if found.is_finite() else Vector3.ZERO
+	return found

@@ -5,6 +5,8 @@ A quaternion turns column vectors: `rotated(q, v)` is q v q⁻¹, and `product(a
 
 import math
 
+import numpy as np
+
 from puppetline.compiled import compiled
 from solver.model.vectors import cross, dot, length, perpendicular, plus, scaled, unit
 
@@ -115,6 +117,17 @@ def of_rows(A):
     else:
         q = (A[0, 1] - A[1, 0], A[2, 0] + A[0, 2], A[1, 2] + A[2, 1], 1 + 2 * A[2, 2] - trace)
     return normalised(q)
+
+
+@compiled
+def of_matrices(turns):
+    """Return the quaternions (n, 4) float64 of rotations (n, 3, 3) for column vectors: x, y, z, w, with w ≥ 0."""
+    found = np.empty((len(turns), 4))
+    for k in range(len(turns)):
+        w, x, y, z = of_rows(turns[k].T)
+        sign = -1.0 if w < 0 else 1.0
+        found[k, 0], found[k, 1], found[k, 2], found[k, 3] = sign * x, sign * y, sign * z, sign * w
+    return found
 
 
 @compiled(inner=True)

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from capture.skeleton import JOINTS
 from engine_bridge.puppet.humanoid_bones import HUMANOID_BONES
 from engine_bridge.rigging.skeleton import from_t_pose
 from engine_bridge.service.protocol.header import WireError, read_json, write_json
+from solver.motion import quaternions as quat
 from solver.surface import tangents
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ def bones(skeleton: "Skeleton", puppet: "Puppet") -> list[dict[str, Any]]:
     All are in the mesh file's axes. Joints that a VRM humanoid does not have have no T-pose.
     """
     basis = puppet.character.basis
-    turns = Rotation.from_matrix(basis.T @ from_t_pose(puppet, skeleton.joints) @ basis).as_quat(canonical=True)
+    turns = quat.of_matrices(basis.T @ from_t_pose(puppet, skeleton.joints) @ basis)
     rows = zip(skeleton.joints, *skeleton.rest, skeleton.travelling.tolist(), turns.tolist(), strict=True)
     return [
         {

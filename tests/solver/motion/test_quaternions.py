@@ -96,3 +96,8 @@ def test_the_twist_is_the_angle_about_the_axis_alone(quat, degrees):
     angle = math.radians(degrees)
     before, after = (1.0, 0.0, 5.0), (2 * math.cos(angle), 2 * math.sin(angle), -1.0)  # other lengths along the axis
     assert quat.twist(before, after, (0.0, 0.0, 1.0)) == pytest.approx(angle)
+
+
+def test_quaternions_of_matrices_are_those_of_scipy(quat):
+    found = quat.of_matrices(ROTATIONS.as_matrix())
+    np.testing.assert_allclose(found, ROTATIONS.as_quat(canonical=True), atol=1e-12)

@@ -10,8 +10,10 @@ from engine_bridge.character.character import CHARACTER_FILES
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import world_transforms
 from engine_bridge.performance.clip import Progress
-from engine_bridge.performance.rig import Rig, load_rig, proposed_rig
+from engine_bridge.performance.rig import Rig, load_rig
+from engine_bridge.performance.rig import make_rig as prepared
 from engine_bridge.puppet.humanoid_bones import REQUIRED
+from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.rig_bones import own_bones
 from engine_bridge.puppet.rig_limbs import vertex_influences
 from engine_bridge.rigging.made_rig import make_rig
@@ -135,8 +137,8 @@ def load_rig_of(source: Path, output: Path) -> tuple[Rig, tuple[str, ...]]:
     """
     if source.suffix.lower() not in CHARACTER_FILES:
         return load_rig(source), ()
-    rig, notes = proposed_rig(source, output)
-    if not rig.puppet.limb:
+    proposal = new_puppet(source, output)
+    if not proposal.puppet.limb:
         raise PuppetError(
             at(source),
             found="a mesh in which no limbs were found",
@@ -144,7 +146,8 @@ def load_rig_of(source: Path, output: Path) -> tuple[Rig, tuple[str, ...]]:
             fix="Give the tips of its limbs: puppetline new MESH -o PUPPET.toml --limb 'left leg=X,Y,Z' "
             "--limb 'right leg=X,Y,Z'. Then rig the puppet file.",
         )
-    return rig, notes
+    rig = prepared(proposal.puppet, proposal.character)
+    return rig, (*proposal.assumed, *proposal.notes)
 
 
 def _has_skin(rig: Rig) -> bool:

@@ -9,7 +9,6 @@ from engine_bridge.character.character import Character, load_character
 from engine_bridge.character.preparation import prepare
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.placement import check_handles, check_limbs
-from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.skin_shares import skin_shares
 from puppetline.errors import PuppetError, at
@@ -62,29 +61,6 @@ def rig_of(puppet: Puppet, path: Path) -> Rig:
     check_limbs(puppet.limb, rig.mesh, path)
     check_handles(puppet.handle, rig.mesh, path)
     return rig
-
-
-def proposed_rig(mesh: Path, output: Path) -> tuple[Rig, tuple[str, ...]]:
-    """Propose a puppet for a mesh, and prepare its character.
-
-    Parameters
-    ----------
-    mesh : Path
-    output : Path
-        A file in the folder to which the puppet's path of the mesh is relative.
-
-    Returns
-    -------
-    rig : Rig
-    notes : tuple of str
-        Sentences about what was assumed, or is unclear.
-
-    Raises
-    ------
-    PuppetlineError
-    """
-    proposal = new_puppet(mesh, output)
-    return make_rig(proposal.puppet, proposal.character), (*proposal.assumed, *proposal.notes)
 
 
 def make_rig(puppet: Puppet, character: Character) -> Rig:

@@ -142,11 +142,10 @@ def test_record_export_and_download_what_convert_makes_of_the_take(studio, windo
     mesh = re.search(r'mesh = "([^"]+)"', (tmp_path / "pegasus.toml").read_text())
     (tmp_path / mesh[1]).write_bytes(horse.read_bytes())
     (log,) = (studio.folder / "takes").glob(f"{take['name']}*")
-    result = commands.run(
-        "convert", log, "--puppet", tmp_path / "pegasus.toml", "-o", tmp_path / "converted.glb", "--as", "morph"
-    )
+    puppet, converted = tmp_path / "pegasus.toml", tmp_path / "converted.glb"
+    result = commands.run("convert", log, "--puppet", puppet, "-o", converted, "--as", "morph")
     assert result.returncode == 0, result.stderr
-    assert exported.read_bytes() == (tmp_path / "converted.glb").read_bytes()
+    assert exported.read_bytes() == converted.read_bytes()
     request.getfixturevalue("assert_valid_gltf")(exported)
 
 

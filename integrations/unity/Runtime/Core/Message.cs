@@ -38,6 +38,9 @@ namespace Puppetline.Protocol
 
         /// <summary>Description of a clip file, in JSON (docs/clips.md).</summary>
         Clip = 11,
+
+        /// <summary>Rotations of the character's joints, a kind that this package does not use.</summary>
+        Bones = 12,
     }
 
     /// <summary>State of a character's performer.</summary>

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, hstack
+from scipy.sparse import csr_matrix
 
 from solver.model import polar
+from solver.skinning.weights import blend_lines
 
 ITERATIONS = 30
 """Number of iterations over all bones; after the 20th, only the third digit of the error changes."""
@@ -107,18 +108,6 @@ def _rigid(moment: NDArray[np.float64], mass: NDArray[np.float64]) -> NDArray[np
     middle = mass[:3] / mass[3]
     turns = polar.of_matrices((moment[..., :3] - moment[..., 3:] * middle).reshape(-1, 3, 3))
     return np.concatenate([turns, moment[..., 3:] / mass[3] - (turns @ middle)[..., None]], axis=-1)
-
-
-def blend_lines(rest: NDArray[np.floating], weights: csr_matrix) -> csr_matrix:
-    """Return the matrix (n, 4B) that blends motions: w_j x of all bones, then w_j y, w_j z and w_j.
-
-    Parameters
-    ----------
-    rest : (n, 3)
-    weights : (n, B) sparse
-    """
-    columns = (*np.split(rest.astype(np.float64), 3, axis=1), np.ones((len(rest), 1)))
-    return hstack([weights.multiply(column) for column in columns]).tocsr()
 
 
 def carried(lines: csr_matrix, motion: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -22,6 +22,7 @@ from puppetline.errors import OutputError
 from solver.model.binding import Binding
 from solver.model.reduced_model import ReducedModel, position_matrix
 from solver.motion.deformer import to_file_units
+from solver.skinning.weights import blend_lines
 from solver.surface.mesh import SolverMesh
 
 BONE_COUNTS = (4, 6, 8, 12, 16, 24, 32, 48, 64)
@@ -186,7 +187,7 @@ class _Sample:
         better = better[:, np.flatnonzero(better.max(axis=0).toarray())]
         sums = bone_motion.moments(rest, better, self._W[self._vertices])
         motion = bone_motion.solve(sums, self._frames)
-        off = bone_motion.carried(bone_motion.blend_lines(rest, better), motion) - places
+        off = bone_motion.carried(blend_lines(rest, better), motion) - places
         return _Bones(better.toarray(), motion, float(np.linalg.norm(off, axis=-1).max()))
 
     def skin(self, found: "_Bones") -> Skinning:
@@ -237,7 +238,7 @@ class _Sample:
     ) -> tuple[float, float]:
         """Return the maximum and the root mean square error when the skeleton is played, mesh units."""
         binding = Binding.of_solver_mesh(self._model, self._mesh)
-        lines = bone_motion.blend_lines(binding.rest, weights)
+        lines = blend_lines(binding.rest, weights)
         largest = total = 0.0
         for start in range(0, len(rotations), FRAMES_PER_CHUNK):
             part = slice(start, start + FRAMES_PER_CHUNK)

@@ -2,11 +2,10 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import hstack
 
 from engine_bridge.performance.rig import Rig
 from solver.model.batch import BatchBinding
-from solver.skinning.weights import Weights, as_matrix
+from solver.skinning.weights import Weights, as_matrix, blend_lines
 
 FRAMES_PER_CHUNK = 64
 """Number of frames that are compared at once."""
@@ -34,9 +33,7 @@ def distances(
         Motions of bones and handles for row vectors, mesh file's coordinates.
     """
     model, surface = rig.model, BatchBinding.of_solver_mesh(rig.model, rig.mesh)
-    matrix = as_matrix(weights, motions.shape[1])
-    columns = (*np.split(vertices - model.center, 3, axis=1), np.ones((len(vertices), 1)))
-    lines = hstack([matrix.multiply(column) for column in columns]).tocsr()  # w x of all bones, then w y, w z and w
+    lines = blend_lines(vertices - model.center, as_matrix(weights, motions.shape[1]))
     largest = total = 0.0
     for start in range(0, len(controls), FRAMES_PER_CHUNK):
         part = slice(start, start + FRAMES_PER_CHUNK)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, hstack
 
 from puppetline.compiled import compiled
 from solver.model.reduced_model import ReducedModel
@@ -107,6 +107,18 @@ def as_matrix(weights: Weights, bones: int) -> csr_matrix:
     rows, columns = np.nonzero(weights.weights)
     values = weights.weights[rows, columns].astype(np.float64)
     return csr_matrix((values, (rows, weights.bones[rows, columns])), shape=(len(weights.weights), bones))
+
+
+def blend_lines(rest: NDArray[np.floating], weights: csr_matrix) -> csr_matrix:
+    """Return the matrix (n, 4B) that blends motions: w_j x of all bones, then w_j y, w_j z and w_j.
+
+    Parameters
+    ----------
+    rest : (n, 3)
+    weights : (n, B) sparse
+    """
+    columns = (*np.split(rest.astype(np.float64), 3, axis=1), np.ones((len(rest), 1)))
+    return hstack([weights.multiply(column) for column in columns]).tocsr()
 
 
 def packed(shares: NDArray[np.float64], bones: NDArray[np.int64]) -> Weights:

@@ -4,6 +4,7 @@ from scipy.sparse import csr_matrix
 from scipy.spatial.transform import Rotation
 
 from engine_bridge.export import bone_motion
+from solver.skinning.weights import blend_lines
 
 BONES = 5
 
@@ -16,7 +17,7 @@ def skin():
     place = (rest[:, :1] + 0.5) * (BONES - 1)
     weights = np.maximum(0, 1.3 - np.abs(place - np.arange(BONES)))
     weights = csr_matrix(weights / weights.sum(axis=1, keepdims=True))
-    return rest, weights, bone_motion.blend_lines(rest, weights)
+    return rest, weights, blend_lines(rest, weights)
 
 
 def motions(count, angle, seed=4):

@@ -118,6 +118,8 @@ class LimbTable(Table):
     follow: Follow = "direction"
     gain: Number = 1.0
     parent: Text | None = None
+    stands: StrictBool = False
+    delay: Annotated[Number, Field(ge=0, le=2)] = 0.0
 
     @model_validator(mode="after")
     def _check_chain(self) -> Self:
@@ -326,6 +328,8 @@ class Puppet(Table):
                 limb.follow,
                 limb.gain,
                 parents[limb.name],
+                limb.stands,
+                limb.delay,
             )
             for limb in self.limb
         )

@@ -32,6 +32,10 @@ class Limb:
         Factor of the angle by which each bone turns from rest relative to its parent.
     parent : str or None
         Name of the parent limb.
+    stands : bool
+        Whether the limb is a leg that stands on the floor and steps (`solver.motion.steps`).
+    delay : float
+        Time, in seconds, by which the limb's tip follows the bone that carries it (`solver.motion.late_limbs`).
     """
 
     name: str
@@ -40,6 +44,8 @@ class Limb:
     follow: Follow = "direction"
     gain: float = 1.0
     parent: str | None = None
+    stands: bool = False
+    delay: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from solver.motion.limbs import TRUNK, Limb, bones_of, parents_first
 MAX_LIMB_DISTANCE = 0.01
 """Maximum distance between a limb and its first joint, as a fraction of the diagonal."""
 
-MAX_TARGET_DISTANCE = 0.02
+MAX_TARGET_DISTANCE = 0.05
 """Maximum distance between a limb and a target of inverse kinematics, as a fraction of the diagonal."""
 
 HEAD_TOLERANCE = 0.002
@@ -171,13 +171,18 @@ class _BoneAssignment:
         ]
         self.shares = np.zeros((len(skeleton), len(self.bones)))
         self.stretches: dict[int, tuple[_Polyline, float, float]] = {}  # of joints on polylines
+        self.beyond: set[int] = set()  # joints beside the end of a limb, such as ears, that follow the next one
 
     def result(self) -> RigBones:
         """Assign bones to all joints."""
         for first, name in self.firsts.items():
-            below = (row for row, path in enumerate(self.skeleton.paths_to_top) if first in path)
+            below = [row for row, path in enumerate(self.skeleton.paths_to_top) if first in path]
             members = [row for row in below if self.limb_of[row] == name]
             polyline = self.polylines[name]
+            following = self._following(polyline)
+            after = [row for row in below if following is not None and self.firsts.get(row) == following.limb.name]
+            if after:
+                members = [self.skeleton.parents[row] for row in after]
             end = min(members, key=lambda row: self._away(row, polyline.limb.points[-1]))
             path = self.skeleton.paths_to_top[end]
             self._assign_path(polyline, path[path.index(first) :: -1])
@@ -191,7 +196,12 @@ class _BoneAssignment:
             nodes=np.array(self.skeleton.nodes, dtype=np.int64),
             parents=parents,
             shares=self.shares,
-            placed=np.array([parent < 0 or not self._joined(row, parent) for row, parent in enumerate(parents)]),
+            placed=np.array(
+                [
+                    parent < 0 or row in self.beyond or not self._joined(row, parent)
+                    for row, parent in enumerate(parents)
+                ]
+            ),
             missing=tuple(name for name in self.polylines if name != TRUNK and name not in self.firsts.values()),
             loose=tuple(self.skeleton.loose.values()),
         )
@@ -292,7 +302,9 @@ class _BoneAssignment:
             last = number == len(path) - 1
             end = float(polyline.heads[-1] if last else along[number + 1])
             lengths = polyline.overlaps(start, end)
-            if not lengths.any() or (last and polyline is not self.trunk):
+            if last and polyline is not self.trunk:
+                self.shares[row, polyline.bones.start + int(np.abs(polyline.heads[:-1] - start).argmin())] = 1
+            elif not lengths.any():
                 self.shares[row, polyline.bone_at(start)] = 1
             elif last:  # it moves the rest of the trunk, which is mostly this bone
                 self.shares[row, polyline.bones.start + int(lengths.argmax())] = 1
@@ -316,8 +328,20 @@ class _BoneAssignment:
             polyline, start, end = self.stretches[parent]
             along, _ = polyline.nearest(position)
             if start <= along <= end:
+                following = self._following(polyline) if along == polyline.heads[-1] else None
+                if following is not None:
+                    self.beyond.add(row)
+                    return self._single(following.bones.start)
                 return self._single(polyline.bone_at(along))
         return self.shares[parent]
+
+    def _following(self, polyline: _Polyline) -> _Polyline | None:
+        """Return the limb that begins where a limb ends, such as the head after the neck; None without one."""
+        for other in self.polylines.values():
+            at_end = np.linalg.norm(other.limb.points[0] - polyline.limb.points[-1]) <= polyline.near
+            if polyline is not self.trunk and other.limb.parent == polyline.limb.name and at_end:
+                return other
+        return None
 
     def _target_bone(self, position: NDArray[np.float64]) -> int | None:
         """Return the bone at a target of inverse kinematics, which is never a limb's first bone; None without one."""

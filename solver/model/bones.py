@@ -116,6 +116,14 @@ class BoneRegions:
         """Return the vertices that a bone holds."""
         return np.flatnonzero(self.held & (self.owner == bone))
 
+    def whole_parts(self, mesh: SolverMesh) -> NDArray[np.int64]:
+        """Return the bone that holds the whole part of each vertex, (n,) int64; −1 for none, as on a single part."""
+        held = np.where(self.held, self.owner, -1)
+        low, high = np.full(mesh.parts, np.iinfo(np.int64).max), np.full(mesh.parts, -1)
+        np.minimum.at(low, mesh.components, held)
+        np.maximum.at(high, mesh.components, held)
+        return np.where(low == high, high, -1)[mesh.components] if mesh.parts > 1 else np.full(len(held), -1)
+
 
 def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
     """Find the part of the surface that belongs to each bone.

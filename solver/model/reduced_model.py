@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from puppetline.errors import MeshError
 from solver.model import clusters, energy_matrices, limb_fields, rotations
 from solver.model import fields as propagation
+from solver.model.bone_heat import heat_shares
 from solver.model.bones import NO_BONES, BoneRegions, Bones, bone_regions, regions_of_shares
 from solver.model.coarse_fields import MAX_EXACT_VERTICES, CoarseFields
 from solver.surface.contacts import contacts
@@ -223,12 +224,15 @@ def build(
     rest = (mesh.vertices - center) / diagonal
     unit = SolverMesh(vertices=rest, faces=mesh.faces, of_render=mesh.of_render)
 
-    regions = bone_regions(mesh, bones) if shares is None else regions_of_shares(shares)
-    along_limbs = limb_fields.limb_field_count(bones, regions, parameters.fields)
-    is_large = len(rest) > MAX_EXACT_VERTICES
+    is_large, is_skinned = len(rest) > MAX_EXACT_VERTICES, shares is not None
     surface, mass = propagation.laplacian(unit)
     ties = replace(contacts(mesh), gap=contacts(mesh).gap / diagonal)
-    holds = limb_fields.contacts_that_hold(ties, rest, regions, bones, skinned=shares is not None)
+    if shares is None and len(bones):
+        connected = propagation.energy_operator(surface, ties, mass, unit.diagonal)
+        shares = heat_shares(connected, mass, mesh, bones, bone_regions(mesh, bones))
+    regions = bone_regions(mesh, bones) if shares is None else regions_of_shares(shares)
+    along_limbs = limb_fields.limb_field_count(bones, regions, parameters.fields)
+    holds = limb_fields.contacts_that_hold(ties, rest, regions, bones, skinned=is_skinned)
     L = propagation.energy_operator(surface, ties.only(holds), mass, unit.diagonal)
     try:
         tied = propagation.field_operator(surface, ties, unit.diagonal, holds)

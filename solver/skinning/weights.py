@@ -97,7 +97,7 @@ def fit(
     products = np.einsum("nbi,ni->nb", (W @ mixed).reshape(-1, count, 4), points)
     shares, bones = np.zeros((len(points), influences)), np.zeros((len(points), influences), dtype=np.int64)
     _fit(
-        points, np.ascontiguousarray(squares), products, float(len(controls)), _rigid_parts(model, mesh), shares, bones
+        points, np.ascontiguousarray(squares), products, float(len(controls)), model.regions.whole_parts(mesh), shares, bones
     )
     return packed(shares, bones)
 
@@ -136,15 +136,6 @@ def _in_model_units(motions: NDArray[np.float64], model: ReducedModel) -> NDArra
     out[:, :, 3] += np.einsum("i,fbij->fbj", model.center, motions[:, :, :3]) - model.center
     out[:, :, 3] /= float(model.diagonal)
     return out
-
-
-def _rigid_parts(model: ReducedModel, mesh: SolverMesh) -> NDArray[np.int64]:
-    """Return the bone that holds the whole part of each vertex, (n,) int64; −1 for none."""
-    held = np.where(model.regions.held, model.regions.owner, -1)
-    low, high = np.full(mesh.parts, np.iinfo(np.int64).max), np.full(mesh.parts, -1)
-    np.minimum.at(low, mesh.components, held)
-    np.maximum.at(high, mesh.components, held)
-    return np.where(low == high, high, -1)[mesh.components] if mesh.parts > 1 else np.full(len(held), -1)
 
 
 @compiled

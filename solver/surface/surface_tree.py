@@ -1,4 +1,4 @@
-"""Nearest surface points with a different label than the query point.
+"""Nearest surface points with a different label than the query point, and segments that cross the surface.
 
 libigl finds nearest points on a whole mesh; a search for each of thousands of parts would take minutes. Here one tree
 holds all triangles, and a search skips branches whose triangles all have the label of the query point.
@@ -85,6 +85,15 @@ class SurfaceTree:
         )
         return np.where(slot < 0, -1, self._order[slot]), blend, np.sqrt(square)
 
+    def crossed(
+        self, starts: NDArray[np.float64], ends: NDArray[np.float64], away: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Return which segments (n,) cross the surface farther than a distance (n,) from their start."""
+        found = np.zeros(len(starts), dtype=np.bool_)
+        first = np.minimum(1.0, away / np.maximum(np.linalg.norm(ends - starts, axis=1), np.finfo(float).tiny))
+        _cross(starts, ends - starts, first, self._triangles, self._low, self._high, found)
+        return found
+
 
 def _morton(points: NDArray[np.float64]) -> NDArray[np.uint64]:
     """Return each point's Morton code: the interleaved bits of its three coordinates."""
@@ -138,6 +147,53 @@ def _box_distance(p, low, high):
         away = max(low[c] - p[c], p[c] - high[c], 0.0)
         square += away * away
     return square
+
+
+@compiled
+def _cross(starts, ways, first, triangles, low, high, found):
+    """Write whether each segment meets a triangle between a share of its length and its end."""
+    leaves = len(low) // 2
+    stack = np.empty(128, dtype=np.int64)
+    for i in range(len(starts)):
+        top = 1
+        stack[0] = 1
+        while top and not found[i]:
+            top -= 1
+            node = stack[top]
+            if not _passes(starts[i], ways[i], first[i], low[node], high[node]):
+                continue
+            if node >= leaves:
+                found[i] = _meets(starts[i], ways[i], first[i], triangles[node - leaves])
+            else:
+                stack[top], stack[top + 1] = 2 * node, 2 * node + 1
+                top += 2
+
+
+@compiled(inner=True)
+def _passes(start, way, first, low, high):
+    """Return whether a segment passes through a box between a share of its length and its end."""
+    last = 1.0
+    for c in range(3):
+        if way[c] == 0:
+            if start[c] < low[c] or start[c] > high[c]:
+                return False
+            continue
+        one, other = (low[c] - start[c]) / way[c], (high[c] - start[c]) / way[c]
+        first, last = max(first, min(one, other)), min(last, max(one, other))
+    return first <= last
+
+
+@compiled(inner=True)
+def _meets(start, way, first, triangle):
+    """Return whether a segment meets a triangle between a share of its length and its end (Möller, Trumbore 1997)."""
+    one, other, offset = triangle[1] - triangle[0], triangle[2] - triangle[0], start - triangle[0]
+    across = np.cross(way, other)
+    size = np.dot(one, across)
+    if size == 0:
+        return False
+    beside = np.cross(offset, one)
+    u, v, place = np.dot(offset, across) / size, np.dot(way, beside) / size, np.dot(other, beside) / size
+    return u >= 0 and v >= 0 and u + v <= 1 and first < place < 1
 
 
 @compiled

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from capture import body, orientations
 from capture.skeleton import JOINT_INDEX, LIMBS, LOST, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
 from capture.smoothing import JointFilter
+from engine_bridge.performance.standing_legs import steps_of
 from engine_bridge.puppet.puppet import Puppet, axis_mask
 from solver.model.bones import Bones
 from solver.motion.arms import Arm, Arms
@@ -23,6 +24,7 @@ from solver.motion.limb_motion import LimbMotion
 from solver.motion.limbs import TRUNK, Performer, parents_first
 from solver.motion.motion_limits import limb_reach
 from solver.motion.retarget import Fit, Retargeter, SmoothReturn
+from solver.motion.steps import Steps
 from solver.surface.mesh import SolverMesh
 
 
@@ -75,10 +77,11 @@ class Retargeting:
         self._filter = JointFilter(puppet.smoothing.parameters)
         self._rest = self._to_character(rest)
         self.fit = fit_sizes(puppet, deformer, mesh, rest)
-        legs = legs_of(puppet)
-        self.root_scale = _root_scale(puppet, mesh, rest, legs, deformer.bones)
-        pelvis = pelvis_of(puppet)
-        self._feet = Feet(deformer.bones, legs, self.root_scale, self._basis, pelvis=pelvis) if legs else None
+        legs, steps = legs_of(puppet), steps_of(puppet, deformer.bones, rest)
+        self.root_scale = _root_scale(puppet, mesh, rest, legs, deformer.bones) if steps is None else steps.metre
+        self._feet: Feet | Steps | None = steps
+        if legs and steps is None:
+            self._feet = Feet(deformer.bones, legs, self.root_scale, self._basis, pelvis=pelvis_of(puppet))
         self._limbs = LimbMotion(puppet.limbs, PERFORMER, self._rest, self._basis, turns=puppet.turns)
         self._arms = arms_of(puppet, deformer.bones, rest)
         calibration = self._rest

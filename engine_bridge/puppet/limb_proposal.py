@@ -90,6 +90,7 @@ def _limb(chain: LimbChain, follow: str, points: Mapping[str, NDArray[np.float64
         "joints": joints,
         "follow": follow,
         "gain": LIMB_GAINS.get(chain.name, 1.0),
+        "stands": limb.endswith("leg") and follow == "turn",
         "parent": "neck" if chain.name == "head" and "neck" in points else None,
     }
     return LimbTable.model_validate(table)

@@ -1,0 +1,160 @@
+"""Lean, crouch and height of a body that stands on legs (`solver.motion.steps`).
+
+A body on several pairs of legs leans little: its neck and head do what the performer's back does. If the performer
+crouches, such a body sits: its hind legs fold more than its front legs. If both front legs are lifted, it rears. Then
+the body sinks until every leg that stands reaches its foot.
+"""
+
+import math
+
+from puppetline.compiled import compiled
+from solver.model.vectors import dot, minus, plus, row_of, scaled
+from solver.motion import quaternions as quat
+from solver.motion.resting_feet import FLOOR, LIFT, remaining
+from solver.motion.retarget import is_position
+from solver.motion.step_plan import CROUCH, DROP, HEADING, PITCH
+from solver.motion.two_bones import move_along, moved, place
+
+MAX_REACH = 0.985
+"""Largest distance between hip and ankle of a leg that stands, as a share of its length, unless it is straighter at
+rest."""
+
+MAX_DROP = 0.5
+"""Largest way by which a body sinks, in leg lengths."""
+
+DROP_SECONDS, RISE_SECONDS = 0.03, 0.15
+"""Time constants with which a body sinks and rises, in seconds."""
+
+STANDING_HEIGHT = 0.9
+"""Height of the performer's hips over the ankles, as a share of the length of the legs, below which the performer
+crouches."""
+
+MAX_CROUCH = 0.6
+"""Largest crouch, as a share of the height of the hips."""
+
+FRONT_CROUCH = 0.25
+"""Share of a crouch by which the front of a body sinks that sits."""
+
+MAX_SITTING_PITCH, REARING_PITCH = math.radians(40), math.radians(40)
+"""Largest pitch of a body that sits, and that of one that rears, in radians."""
+
+POSE_SECONDS = 0.15
+"""Time constant of crouch and pitch, in seconds."""
+
+PITCH_SHARE = 0.5
+"""Share of the body's pitch that neck, wings and tail follow."""
+
+
+@compiled(inner=True)
+def pose_body(plan, state, positions, confidence, motions, root, elapsed):
+    """Lean, pitch and lower the body, and return its pitch as a rotation.
+
+    Parameters
+    ----------
+    plan, state
+        From `step_plan`.
+    positions, confidence
+        The performer's joints.
+    motions : (b, 4, 3) float64
+        Written to.
+    root : (3,) float64
+        Written to: its height is set.
+    elapsed : float
+        Seconds.
+    """
+    body, up = state.body, row_of(plan.axes, 1)
+    fading = remaining(POSE_SECONDS, elapsed)
+    crouch = _crouch(plan, state, positions, confidence)
+    body[CROUCH] = crouch + fading * (body[CROUCH] - crouch)
+    sunk = body[CROUCH] * plan.leg_length
+    wanted = REARING_PITCH * _rearing(plan, state)
+    if plan.span > 0:
+        wanted += min(math.asin(min((1 - FRONT_CROUCH) * sunk / plan.span, 1.0)), MAX_SITTING_PITCH)
+    body[PITCH] = wanted + fading * (body[PITCH] - wanted)
+    across = quat.rotated(quat.about(up, body[HEADING]), row_of(plan.axes, 0))
+    pitch = quat.about(across, -body[PITCH])
+    _turn_trunk(plan, state, motions, pitch)
+    # the feet take the body's height: at rest, plus a jump, less a crouch and what the legs do not reach
+    height = state.watch.clock[LIFT] - sunk
+    level = dot(root, up)
+    for axis in range(3):
+        root[axis] += (height - level) * up[axis]
+    drop = min(_missing(plan, state, motions, root), MAX_DROP * plan.leg_length)
+    seconds = DROP_SECONDS if drop > body[DROP] else RISE_SECONDS
+    body[DROP] = drop + remaining(seconds, elapsed) * (body[DROP] - drop)
+    for axis in range(3):
+        root[axis] -= body[DROP] * up[axis]
+    return pitch
+
+
+@compiled(inner=True)
+def _crouch(plan, state, positions, confidence):
+    """Return how far the performer's hips are below those of a person who stands, as a share of that height."""
+    left, right = plan.performers_hips
+    floor = state.watch.clock[FLOOR]
+    known = confidence[left] > 0 and confidence[right] > 0 and math.isfinite(floor)
+    if not (known and is_position(positions[left]) and is_position(positions[right])):
+        return state.body[CROUCH]
+    lowest = min(state.watch.last[0, 1], state.watch.last[1, 1])
+    height = (positions[left, 1] + positions[right, 1]) / 2 - (lowest if lowest > floor else floor)
+    return min(max(1 - height / (STANDING_HEIGHT * plan.performers_leg), 0.0), MAX_CROUCH)
+
+
+@compiled(inner=True)
+def _rearing(plan, state):
+    """Return the share with which all front legs are lifted."""
+    share, count = 1.0, 0
+    for leg in range(len(plan.feet)):
+        if plan.front[leg]:
+            share *= state.lift[leg, 1]
+            count += 1
+    return share if count > 1 else 0.0
+
+
+@compiled(inner=True)
+def _turn_trunk(plan, state, motions, pitch):
+    """Limit the lean of the trunk's bones and pitch them; neck, wings and tail keep their directions but for a share."""
+    if len(plan.trunk) == 0:
+        return
+    up, before = row_of(plan.axes, 1), motions.copy()
+    shared = quat.from_vector(scaled(quat.to_vector(pitch), PITCH_SHARE))
+    trunk = -1
+    for bone in range(len(motions)):
+        turn = quat.of_rows(motions[bone])
+        if trunk + 1 < len(plan.trunk) and plan.trunk[trunk + 1] == bone:
+            trunk += 1
+            turn = quat.product(pitch, _upright(turn, up, plan.max_lean))
+        else:
+            turn = quat.product(shared, turn)
+        place(motions[bone], turn, plan.heads[bone], moved(before[bone], plan.heads[bone]))
+    move_along(motions, before, plan.heads, plan.parents)
+
+
+@compiled(inner=True)
+def _upright(turn, up, most):
+    """Return a rotation whose lean levels off towards the largest one; its heading stays."""
+    heading = quat.about(up, 2 * math.atan2(turn[1] * up[0] + turn[2] * up[1] + turn[3] * up[2], turn[0]))
+    lean = quat.to_vector(quat.product(turn, quat.inverse(heading)))
+    angle = math.sqrt(dot(lean, lean))
+    if angle < 1e-9:
+        return turn
+    return quat.product(quat.from_vector(scaled(lean, most * math.tanh(angle / most) / angle)), heading)
+
+
+@compiled(inner=True)
+def _missing(plan, state, motions, root):
+    """Return how far the body has to sink until each leg that stands, or will stand soon, reaches its foot."""
+    up, jump, most = row_of(plan.axes, 1), state.watch.clock[LIFT], 0.0
+    for leg in range(len(plan.feet)):
+        carrier, hip = plan.carriers[leg], row_of(plan.hips, leg)
+        rest = minus(hip, plan.ankles[leg])
+        if carrier >= 0:
+            hip = moved(motions[carrier], hip)
+        away = minus(plus(hip, root, 1.0), plus(row_of(state.place, leg), up, jump))
+        reach = max(MAX_REACH * plan.chains.reach[leg], math.sqrt(dot(rest, rest)))
+        high = dot(away, up)
+        flat = dot(away, away) - high * high
+        share = state.swing[leg]
+        weight = (2 * share - 1) ** 2 * (1 - state.lift[leg, 1])
+        most = max(most, weight * (high - math.sqrt(max(0.0, reach * reach - flat))))
+    return most

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from capture.skeleton import JOINT_INDEX
 from capture.timeline import Timeline
-from engine_bridge.performance.clip import load_timeline, perform, resting_pose
+from engine_bridge.performance.clip import load_timeline, perform, reference_pose
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig, make_rig
 from engine_bridge.performance.settings import Settings
@@ -138,7 +138,7 @@ def soles_of(rig: Rig) -> list[NDArray[np.int64]]:
 
 def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[np.int64]]) -> Row:
     """Play a recording, and measure the feet."""
-    performance = Performance(rig.puppet, rig.mesh, rig.model, resting_pose(timeline, settings))
+    performance = Performance(rig.puppet, rig.mesh, rig.model, reference_pose(rig.puppet, timeline, settings))
     surface, stretch = BatchBinding.of_solver_mesh(rig.model, rig.mesh), EdgeStretch(rig.mesh)
     basis, rest = rig.puppet.character.basis, rig.mesh.vertices
     size = float(np.ptp(rest @ basis[1]))

@@ -20,6 +20,7 @@ from solver.model.bones import Bones
 from solver.motion.arms import Arm, Arms
 from solver.motion.deformer import Deformer
 from solver.motion.feet import Feet, Leg
+from solver.motion.late_limbs import LateLimbs
 from solver.motion.limb_motion import LimbMotion
 from solver.motion.limbs import TRUNK, Performer, parents_first
 from solver.motion.motion_limits import limb_reach
@@ -83,6 +84,7 @@ class Retargeting:
         if legs and steps is None:
             self._feet = Feet(deformer.bones, legs, self.root_scale, self._basis, pelvis=pelvis_of(puppet))
         self._limbs = LimbMotion(puppet.limbs, PERFORMER, self._rest, self._basis, turns=puppet.turns)
+        self._late = LateLimbs(self._limbs.limbs, deformer.bones)
         self._arms = arms_of(puppet, deformer.bones, rest)
         calibration = self._rest
         if self._limbs.trunk is not None:
@@ -116,6 +118,7 @@ class Retargeting:
         root = self.root_scale * moved @ self._basis
         if self._feet is not None:
             self._feet.step(frame.time, positions, confidence, motions, root)
+        self._late.step(frame.time, motions, root)
         return RetargetedFrame(targets, motions, root, joints)
 
     @property

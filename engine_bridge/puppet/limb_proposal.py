@@ -31,6 +31,9 @@ LIMB_GAINS = {"neck": 0.5, "tail": -0.7, "left wing": 0.5, "right wing": 0.5}
 """Gains other than 1. A neck turns half as far as the head; a tail turns opposite to the head, and less. Wings that are
 spread at rest would intersect the body if a raised arm moved them fully."""
 
+DELAYS = {"tail": 0.25, "ear": 0.15}
+"""Times, in seconds, by which the tips of limbs follow late."""
+
 UPRIGHT_COSINE = np.cos(np.radians(40))
 """Cosine of the largest angle between up and the trunk, or the head, of an upright body."""
 
@@ -90,6 +93,7 @@ def _limb(chain: LimbChain, follow: str, points: Mapping[str, NDArray[np.float64
         "joints": joints,
         "follow": follow,
         "gain": LIMB_GAINS.get(chain.name, 1.0),
+        "delay": DELAYS.get(limb or side, 0.0),
         "stands": limb.endswith("leg") and follow == "turn",
         "parent": "neck" if chain.name == "head" and "neck" in points else None,
     }

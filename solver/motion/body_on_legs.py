@@ -1,6 +1,6 @@
 """Lean, crouch and height of a body that stands on legs (`solver.motion.steps`).
 
-A body on several pairs of legs leans little: its neck and head do what the performer's back does. If the performer
+A body on several pairs of legs leans and twists little: its neck and head do what the performer's back does. If the performer
 crouches, such a body sits: its hind legs fold more than its front legs. If both front legs are lifted, it rears. Then
 the body sinks until every leg that stands reaches its foot.
 """
@@ -8,19 +8,19 @@ the body sinks until every leg that stands reaches its foot.
 import math
 
 from puppetline.compiled import compiled
-from solver.model.vectors import dot, minus, plus, row_of, scaled
+from solver.model.vectors import dot, length, minus, plus, row_of, scaled
 from solver.motion import quaternions as quat
 from solver.motion.resting_feet import FLOOR, LIFT, remaining
 from solver.motion.retarget import is_position
-from solver.motion.step_plan import CROUCH, DROP, HEADING, PITCH
+from solver.motion.step_plan import CROUCH, DROP, HEADING, JUMP, PITCH
 from solver.motion.two_bones import move_along, moved, place
 
 MAX_REACH = 0.985
 """Largest distance between hip and ankle of a leg that stands, as a share of its length, unless it is straighter at
 rest."""
 
-MAX_DROP = 0.5
-"""Largest way by which a body sinks, in leg lengths."""
+MAX_DROP = 0.15
+"""Largest way by which a body sinks for its legs to reach their feet, in leg lengths."""
 
 DROP_SECONDS, RISE_SECONDS = 0.03, 0.15
 """Time constants with which a body sinks and rises, in seconds."""
@@ -29,8 +29,11 @@ STANDING_HEIGHT = 0.9
 """Height of the performer's hips over the ankles, as a share of the length of the legs, below which the performer
 crouches."""
 
-MAX_CROUCH = 0.6
+MAX_CROUCH = 0.45
 """Largest crouch, as a share of the height of the hips."""
+
+JUMP_CROUCH = 0.1
+"""Crouch from which the performer does not jump, though the sensor loses the feet."""
 
 FRONT_CROUCH = 0.25
 """Share of a crouch by which the front of a body sinks that sits."""
@@ -75,7 +78,8 @@ def pose_body(plan, state, positions, confidence, motions, root, elapsed):
     pitch = quat.about(across, -body[PITCH])
     _turn_trunk(plan, state, motions, pitch)
     # the feet take the body's height: at rest, plus a jump, less a crouch and what the legs do not reach
-    height = state.watch.clock[LIFT] - sunk
+    body[JUMP] = state.watch.clock[LIFT] * max(0.0, 1 - body[CROUCH] / JUMP_CROUCH)
+    height = body[JUMP] - sunk
     level = dot(root, up)
     for axis in range(3):
         root[axis] += (height - level) * up[axis]
@@ -113,38 +117,43 @@ def _rearing(plan, state):
 
 @compiled(inner=True)
 def _turn_trunk(plan, state, motions, pitch):
-    """Limit the lean of the trunk's bones and pitch them; neck, wings and tail keep their directions but for a share."""
+    """Limit the turns of the trunk's bones and pitch them.
+
+    A tail moves with the trunk. Neck and wings keep what the performer's back does, and follow a share of the pitch.
+    """
     if len(plan.trunk) == 0:
         return
-    up, before = row_of(plan.axes, 1), motions.copy()
+    before, stand = motions.copy(), quat.about(row_of(plan.axes, 1), state.body[HEADING])
     shared = quat.from_vector(scaled(quat.to_vector(pitch), PITCH_SHARE))
-    trunk = -1
+    of_rear = (1.0, 0.0, 0.0, 0.0)
+    trunk = 0
     for bone in range(len(motions)):
-        turn = quat.of_rows(motions[bone])
-        if trunk + 1 < len(plan.trunk) and plan.trunk[trunk + 1] == bone:
+        turn = quat.of_rows(before[bone])
+        if trunk < len(plan.trunk) and plan.trunk[trunk] == bone:
+            now = quat.product(pitch, _near_stand(turn, stand, plan.max_turn))
+            if trunk == 0:
+                of_rear = quat.product(now, quat.inverse(turn))
             trunk += 1
-            turn = quat.product(pitch, _upright(turn, up, plan.max_lean))
         else:
-            turn = quat.product(shared, turn)
-        place(motions[bone], turn, plan.heads[bone], moved(before[bone], plan.heads[bone]))
+            now = quat.product(of_rear if plan.behind[bone] else shared, turn)
+        place(motions[bone], now, plan.heads[bone], moved(before[bone], plan.heads[bone]))
     move_along(motions, before, plan.heads, plan.parents)
 
 
 @compiled(inner=True)
-def _upright(turn, up, most):
-    """Return a rotation whose lean levels off towards the largest one; its heading stays."""
-    heading = quat.about(up, 2 * math.atan2(turn[1] * up[0] + turn[2] * up[1] + turn[3] * up[2], turn[0]))
-    lean = quat.to_vector(quat.product(turn, quat.inverse(heading)))
-    angle = math.sqrt(dot(lean, lean))
+def _near_stand(turn, stand, most):
+    """Return a rotation whose way from how the body stands levels off towards an angle."""
+    way = quat.to_vector(quat.product(turn, quat.inverse(stand)))
+    angle = length(way)
     if angle < 1e-9:
         return turn
-    return quat.product(quat.from_vector(scaled(lean, most * math.tanh(angle / most) / angle)), heading)
+    return quat.product(quat.from_vector(scaled(way, most * math.tanh(angle / most) / angle)), stand)
 
 
 @compiled(inner=True)
 def _missing(plan, state, motions, root):
     """Return how far the body has to sink until each leg that stands, or will stand soon, reaches its foot."""
-    up, jump, most = row_of(plan.axes, 1), state.watch.clock[LIFT], 0.0
+    up, jump, most = row_of(plan.axes, 1), state.body[JUMP], 0.0
     for leg in range(len(plan.feet)):
         carrier, hip = plan.carriers[leg], row_of(plan.hips, leg)
         rest = minus(hip, plan.ankles[leg])

@@ -1,5 +1,6 @@
 """Constants and state of a body that stands on legs and steps (`solver.motion.steps`)."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,11 +14,15 @@ from solver.motion.leg_chain import Chains, chains_of
 from solver.motion.resting_feet import VOTE_FRAMES
 
 MIN_FOOT_BONES = 3
-"""Smallest number of bones of a leg whose last one is a foot."""
+"""Smallest number of bones of a leg whose last one can be a foot."""
 
-HEADING, TURNING, DROP, PITCH, CROUCH = range(5)
-"""Entries of a body's state: heading in radians; its rate; how far the body is lowered for its legs to reach; pitch in
-radians; crouch of the performer."""
+MAX_FOOT_SHARE, MAX_FOOT_SLOPE = 0.2, math.radians(50)
+"""Largest length of a foot as a share of its leg's, and largest slope of a longer one in radians. A longer and steeper
+last bone is part of the leg, which stands on its tip."""
+
+HEADING, TURNING, FOLLOWS, DROP, PITCH, CROUCH, JUMP = range(7)
+"""Entries of a body's state: heading of its homes in radians; its rate; 1 while the homes follow the body; how far the
+body is lowered for its legs to reach; pitch in radians; crouch of the performer; height of a jump."""
 
 
 @dataclass(frozen=True)
@@ -89,12 +94,13 @@ class StepPlan(NamedTuple):
     heads: NDArray[np.float64]  # (b, 3)
     parents: NDArray[np.int64]  # (b,)
     trunk: NDArray[np.int64]  # (t,)
+    behind: NDArray[np.bool_]  # (b,): bones that hang on the rear half of the trunk
     axes: NDArray[np.float64]  # (3, 3): rows left, up and forward
     pivot: NDArray[np.float64]  # (3,): the point about which the body turns
-    leg_length: float  # mean height of the hips over the ankles
+    leg_length: float  # mean height of the hips over the tips of the legs
     span: float  # distance from the hind hips to the front hips along the body, 0 for a single pair
     metre: float
-    max_lean: float  # radians
+    max_turn: float  # radians: of the trunk from upright, and from the heading of the homes
     watch: Watch
     performers_hips: NDArray[np.int64]  # (2,)
     performers_leg: float
@@ -112,15 +118,16 @@ class StepState(NamedTuple):
     swing: NDArray[np.float64]  # (l,): share of the swing that is over, 0 for a foot that stands
     seconds: NDArray[np.float64]  # (l,): length of the swing
     lift: NDArray[np.float64]  # (l, 2): time for which the hand has been up; share of the gesture, 0 to 1
-    body: NDArray[np.float64]  # (5,)
-    velocity: NDArray[np.float64]  # (3,): of the body, level, mesh units per second
-    walked: NDArray[np.float64]  # (2, 3): way added by walking in place; the last root with it
+    body: NDArray[np.float64]  # (7,)
+    velocity: NDArray[np.float64]  # (3,): of the homes, mesh units per second
+    base: NDArray[np.float64]  # (3,): translation of the homes from rest
+    walked: NDArray[np.float64]  # (3,): way added by walking in place
     gait: NDArray[np.float64]
     watch: WatchState
 
 
-MAX_LEAN = np.radians([35.0, 12.0])
-"""Largest lean of the trunk, in radians, of bodies with one pair of legs, and with several."""
+MAX_TURNS = np.radians([35.0, 12.0])
+"""Largest turn of the trunk from how it stands, in radians, of bodies with one pair of legs, and with several."""
 
 
 def plan_of(
@@ -134,10 +141,11 @@ def plan_of(
 ) -> StepPlan:
     """Compute the constants of a character that steps; see `solver.motion.steps.Steps`."""
     _, up, ahead = basis
-    feet = np.array([leg.bones[-1] if len(leg.bones) >= MIN_FOOT_BONES else -1 for leg in legs], dtype=np.int64)
+    feet = np.array([_foot(bones, leg, up) for leg in legs], dtype=np.int64)
     numbers = [list(leg.bones if foot < 0 else leg.bones[:-1]) for leg, foot in zip(legs, feet, strict=True)]
     hips = bones.heads[[leg.bones[0] for leg in legs]]
     ankles = bones.tails[[chain[-1] for chain in numbers]]
+    tips = bones.tails[[leg.bones[-1] for leg in legs]]
     sides, rows = _pairs(ankles, basis)
     front = (rows == rows.max()) & (rows > 0)
     towards = np.where(front[:, None], -ahead, ahead)
@@ -155,18 +163,41 @@ def plan_of(
         heads=np.ascontiguousarray(bones.heads),
         parents=bones.parents,
         trunk=np.array(trunk, dtype=np.int64),
+        behind=_behind(bones, trunk),
         axes=np.ascontiguousarray(basis),
         pivot=np.ascontiguousarray(bones.heads[trunk[0]] if len(trunk) else hips.mean(axis=0)),
-        leg_length=float(max(((hips - ankles) @ up).mean(), 1e-9)),
+        leg_length=float(max(((hips - tips) @ up).mean(), 1e-9)),
         span=max(span, 0.0),
         metre=float(metre),
-        max_lean=float(MAX_LEAN[1 if front.any() else 0]),
+        max_turn=float(MAX_TURNS[1 if front.any() else 0]),
         watch=Watch(np.array(performer.ankles, dtype=np.int64), float(metre)),
         performers_hips=np.array(performer.hips, dtype=np.int64),
         performers_leg=float(performer.leg),
         performers_arm=float(performer.arm),
         goes_forward=goes_forward,
     )
+
+
+def _behind(bones: Bones, trunk: Sequence[int]) -> NDArray[np.bool_]:
+    """Return which bones (b,) hang on the rear half of the trunk."""
+    out = np.zeros(len(bones), dtype=bool)
+    if not len(trunk):
+        return out
+    start, chord = bones.heads[trunk[0]], bones.tails[trunk[-1]] - bones.heads[trunk[0]]
+    for bone, parent in enumerate(bones.parents):  # parents precede their children
+        if parent in trunk:
+            out[bone] = bone not in trunk and (bones.heads[bone] - start) @ chord < 0.5 * (chord @ chord)
+        elif parent >= 0:
+            out[bone] = out[parent]
+    return out
+
+
+def _foot(bones: Bones, leg: StandingLeg, up: NDArray[np.float64]) -> int:
+    """Return the bone that is a leg's foot, −1 for none."""
+    foot, lengths = leg.bones[-1], bones.lengths[list(leg.bones)]
+    steep = abs(math.asin(min(1.0, abs((bones.tails[foot] - bones.heads[foot]) @ up) / lengths[-1]))) > MAX_FOOT_SLOPE
+    is_leg = len(leg.bones) < MIN_FOOT_BONES or (steep and lengths[-1] > MAX_FOOT_SHARE * lengths.sum())
+    return -1 if is_leg else foot
 
 
 def _pairs(
@@ -201,9 +232,10 @@ def state_of(plan: StepPlan) -> StepState:
         swing=np.zeros(count),
         seconds=np.ones(count),
         lift=np.zeros((count, 2)),
-        body=np.zeros(5),
+        body=np.zeros(7),
         velocity=np.zeros(3),
-        walked=np.zeros((2, 3)),
+        base=np.zeros(3),
+        walked=np.zeros(3),
         gait=new_gait(),
         watch=WatchState(
             held=np.zeros(2),

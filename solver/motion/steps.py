@@ -15,15 +15,17 @@ from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
 from solver.model.bones import Bones
-from solver.model.vectors import length, minus, plus, row_of, scaled
+from solver.model.vectors import dot, length, minus, plus, row_of, scaled
 from solver.motion import quaternions as quat
 from solver.motion.body_on_legs import pose_body
-from solver.motion.gait import DUTY, RATE, STOPPED, WALKS, share_of_stride, update
+from solver.motion.gait import DUTY, RATE, RESTED, RESTED_SECONDS, STOPPED, WALKS, share_of_stride, update
 from solver.motion.leg_chain import stretch
 from solver.motion.lifted_legs import apply_gesture, watch_hands
-from solver.motion.resting_feet import LIFT, TIME, remaining, resting_feet
+from solver.motion.resting_feet import TIME, remaining, resting_feet
 from solver.motion.step_plan import (
+    FOLLOWS,
     HEADING,
+    JUMP,
     TURNING,
     PerformersLegs,
     StandingLeg,
@@ -38,11 +40,27 @@ VELOCITY_SECONDS = 0.15
 MAX_AHEAD = 0.33
 """Largest distance at which a foot is put down from its home, in leg lengths."""
 
-TOO_FAR, TOO_FAR_WALKING = 0.22, 0.45
+TOO_FAR, TOO_FAR_WALKING = 0.22, 0.36
 """Distances between a foot and its home, in leg lengths, from which a leg steps while the body stands and walks."""
 
-TIDY_DISTANCE, TIDY_SECONDS = 0.06, (0.3, 2.0)
+MAX_AWAY = 0.45
+"""Largest distance between a foot that stands and its home, in leg lengths."""
+
+TIDY_DISTANCE, TIDY_SECONDS = 0.1, (0.0, 1.0)
 """Distance from home, in leg lengths, from which a leg steps once more in this time after a walk, in seconds."""
+
+LEAN_AWAY, TURN_AWAY = 0.45, math.radians(40)
+"""Distance, in leg lengths, and angle, in radians, by which a body can be away from its homes while the performer's feet
+rest; then the homes follow."""
+
+CAUGHT_UP = 0.2
+"""Share of these below which the homes rest again."""
+
+MAX_SHIFT = 0.2
+"""Distance towards which the body's way from its homes levels off, in leg lengths."""
+
+BASE_SECONDS = 0.15
+"""Time constant with which the homes follow the body, in seconds."""
 
 TOO_TURNED = math.radians(20)
 """Angle between a foot and its home from which a leg steps, in radians."""
@@ -157,7 +175,7 @@ def _step(plan, state, time, positions, confidence, motions, root):
     rests, low = resting_feet(plan.watch, state.watch, positions, confidence, elapsed, began)
     for foot in range(2):
         state.watch.held[foot] = 1.0 if rests[foot] else 0.0
-    _move_body(plan, state, motions, root, elapsed, began)
+    _move_homes(plan, state, motions, root, elapsed, began)
     speed = length(state.velocity)
     update(state.gait, time, elapsed, ~(rests | low), rests, speed, plan.leg_length, plan.metre)
     watch_hands(plan, state, positions, confidence, elapsed)
@@ -178,32 +196,41 @@ def _step(plan, state, time, positions, confidence, motions, root):
 
 
 @compiled(inner=True)
-def _move_body(plan, state, motions, root, elapsed, began):
-    """Update the body's heading and velocity, and add the way that a walk in place goes."""
+def _move_homes(plan, state, motions, root, elapsed, began):
+    """Let the homes follow the body, unless the performer's feet rest; limit the body's way from them.
+
+    A performer who bends, sits down or looks around moves the hips while the feet stay.
+    """
     up, body = row_of(plan.axes, 1), state.body
-    heading = 0.0
+    if plan.goes_forward and began and state.gait[WALKS] > 0:
+        ahead = quat.rotated(quat.about(up, body[HEADING]), row_of(plan.axes, 2))
+        state.walked[:] = plus(state.walked, ahead, FORWARD_SPEED * plan.leg_length * state.gait[RATE] * elapsed)
+    height = dot(root, up)
+    level = plus(plus(root, state.walked, 1.0), up, -height - dot(state.walked, up))
+    heading = body[HEADING]
     if len(plan.trunk):
         turn = quat.of_rows(motions[plan.trunk[0]])
         heading = 2 * math.atan2(turn[1] * up[0] + turn[2] * up[1] + turn[3] * up[2], turn[0])
+    way = minus(level, state.base)
     turned = (heading - body[HEADING] + math.pi) % (2 * math.pi) - math.pi
-    body[HEADING] += turned
-    if plan.goes_forward and began and state.gait[WALKS] > 0:
-        ahead = quat.rotated(quat.about(up, body[HEADING]), row_of(plan.axes, 2))
-        way = FORWARD_SPEED * plan.leg_length * state.gait[RATE] * elapsed
-        state.walked[0] = plus(state.walked[0], ahead, way)
-    moved_by = 0.0
-    for axis in range(3):
-        root[axis] += state.walked[0, axis]
-        moved_by += (root[axis]) * up[axis]
-    level = plus((root[0], root[1], root[2]), up, -moved_by)
-    if began and elapsed > 0:
+    away = max(length(way) / (LEAN_AWAY * plan.leg_length), abs(turned) / TURN_AWAY)
+    rests = state.gait[RESTED] > RESTED_SECONDS
+    body[FOLLOWS] = 1.0 if not rests or away > (CAUGHT_UP if body[FOLLOWS] > 0 else 1.0) else 0.0
+    moved_share = (1 - remaining(BASE_SECONDS, elapsed)) * body[FOLLOWS] if began else 1.0
+    if elapsed > 0 and began:
         fading = remaining(VELOCITY_SECONDS, elapsed)
         for axis in range(3):
-            now = (level[axis] - state.walked[1, axis]) / elapsed
+            now = moved_share * way[axis] / elapsed
             state.velocity[axis] = now + fading * (state.velocity[axis] - now)
-        now = turned / elapsed
+        now = moved_share * turned / elapsed
         body[TURNING] = now + fading * (body[TURNING] - now)
-    state.walked[1] = level
+    body[HEADING] += moved_share * turned
+    state.base[:] = plus(state.base, way, moved_share)
+    way = scaled(way, 1 - moved_share)
+    size, most = length(way), MAX_SHIFT * plan.leg_length
+    if size > 1e-9 * most:
+        way = scaled(way, most * math.tanh(size / most) / size)
+    root[:] = plus(plus(state.base, way, 1.0), up, height)
 
 
 @compiled(inner=True)
@@ -212,7 +239,7 @@ def _home(plan, state, leg, ahead):
     up = row_of(plan.axes, 1)
     turn = quat.about(up, state.body[HEADING] + state.body[TURNING] * ahead)
     out = quat.rotated(turn, minus(plan.ankles[leg], plan.pivot))
-    return plus(plus(plus(out, plan.pivot, 1.0), state.walked[1], 1.0), state.velocity, ahead)
+    return plus(plus(plus(out, plan.pivot, 1.0), state.base, 1.0), state.velocity, ahead)
 
 
 @compiled(inner=True)
@@ -292,6 +319,10 @@ def _swing(plan, state, leg, elapsed):
         _stand_at_home(plan, state, leg)
         return
     if state.swing[leg] == 0:
+        way = minus(state.place[leg], _home(plan, state, leg, 0.0))
+        size = length(way)
+        if size > MAX_AWAY * plan.leg_length:  # the leg does not reach; it drags its foot rather than tear
+            state.place[leg] = plus(_home(plan, state, leg, 0.0), way, MAX_AWAY * plan.leg_length / size)
         return
     state.swing[leg] = min(1.0, state.swing[leg] + elapsed / state.seconds[leg])
     share = state.swing[leg]
@@ -324,7 +355,7 @@ def _aim(plan, state, leg, left):
 def _put_leg(plan, state, leg, motions, root, changed):
     """Bend a leg so that its ankle is where its foot stands or swings, and turn its foot as it is at rest."""
     up, carrier = row_of(plan.axes, 1), plan.carriers[leg]
-    jump = state.watch.clock[LIFT]
+    jump = state.body[JUMP]
     hip = row_of(plan.hips, leg)
     if carrier >= 0:
         hip = moved(motions[carrier], hip)

@@ -143,7 +143,7 @@ def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[n
     basis, rest = rig.puppet.character.basis, rig.mesh.vertices
     size = float(np.ptp(rest @ basis[1]))
     steps = getattr(performance.retargeting, "_feet", None)
-    heights, places, bodies, standing = [], [], [], []
+    heights, places, bodies, swinging, lifted = [], [], [], [], []
     used = np.concatenate(soles) if soles else np.zeros(0, dtype=np.int64)
     starts = np.cumsum([0, *map(len, soles)])
     trunk = _trunk(rig)
@@ -155,12 +155,14 @@ def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[n
         heights.append([now[a:b, 1].min() - (rest[used[a:b]] @ basis[1]).min() for a, b in zip(starts[:-1], starts[1:])])
         places.append([now[a:b].mean(axis=0) for a, b in zip(starts[:-1], starts[1:])])
         bodies.append(pose.motions[trunk, 3] + rig_head(rig, trunk) @ pose.motions[trunk, :3] + pose.root)
-        standing.append(np.array(getattr(steps, "standing", np.ones(len(soles), dtype=bool))))
+        swinging.append(np.array(getattr(steps, "swinging", np.zeros(len(soles), dtype=bool))))
+        lifted.append(bool(getattr(steps, "lifted", False)))
     return _row(
         np.array(heights) / size,
         np.array(places) / size,
         np.array(bodies) / size,
-        np.array(standing),
+        np.array(swinging),
+        np.array(lifted),
         timeline,
         performance.retargeting.root_scale / size,
         stretch.percentiles(1, 99),
@@ -185,7 +187,8 @@ def _row(
     heights: Floats,
     places: Floats,
     bodies: Floats,
-    standing: NDArray[np.bool_],
+    swinging: NDArray[np.bool_],
+    lifted: NDArray[np.bool_],
     timeline: Timeline,
     scale: float,
     edges: tuple[float, ...],
@@ -202,12 +205,12 @@ def _row(
     both = touches[1:] & touches[:-1]
     speeds = np.linalg.norm(np.diff(places[..., [0, 2]], axis=0), axis=2)[both] * rate
     stands = performer_stands(timeline)
-    began = (standing[:-1] & ~standing[1:]) & stands[1:, None]
+    began = (~swinging[:-1] & swinging[1:]) & stands[1:, None]
     return Row(
         above=float(np.percentile(np.maximum(lowest, 0), 95)),
         below=float(np.percentile(np.maximum(-heights.min(axis=1), 0), 95)),
-        fewest=int(touches.sum(axis=1).min()),
-        touching=float(touches.any(axis=1).mean()),
+        fewest=int(touches[~lifted].sum(axis=1).min(initial=heights.shape[1])),
+        touching=float(touches[~lifted].any(axis=1).mean()),
         slide=float(np.median(speeds)) if len(speeds) else np.nan,
         slide95=float(np.percentile(speeds, 95)) if len(speeds) else np.nan,
         acceleration=ratio,

@@ -22,8 +22,8 @@ rest."""
 MAX_DROP = 0.15
 """Largest way by which a body sinks for its legs to reach their feet, in leg lengths."""
 
-DROP_SECONDS, RISE_SECONDS = 0.03, 0.15
-"""Time constants with which a body sinks and rises, in seconds."""
+RISE_SECONDS = 0.15
+"""Time constant with which a body rises again, in seconds. It sinks at once: feet that stand do not leave the floor."""
 
 STANDING_HEIGHT = 0.9
 """Height of the performer's hips over the ankles, as a share of the length of the legs, below which the performer
@@ -84,8 +84,7 @@ def pose_body(plan, state, positions, confidence, motions, root, elapsed):
     for axis in range(3):
         root[axis] += (height - level) * up[axis]
     drop = min(_missing(plan, state, motions, root), MAX_DROP * plan.leg_length)
-    seconds = DROP_SECONDS if drop > body[DROP] else RISE_SECONDS
-    body[DROP] = drop + remaining(seconds, elapsed) * (body[DROP] - drop)
+    body[DROP] = max(drop, drop + remaining(RISE_SECONDS, elapsed) * (body[DROP] - drop))
     for axis in range(3):
         root[axis] -= body[DROP] * up[axis]
     return pitch

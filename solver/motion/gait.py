@@ -30,10 +30,10 @@ half, so that half of the feet always stand."""
 TROT_FROUDE = 0.3, 0.6
 """Froude numbers above which four legs begin to trot, and trot. Animals change near 0.5."""
 
-WALK_SPEED, STOP_SPEED = 0.09, 0.05
+WALK_SPEED, STOP_SPEED = 0.12, 0.06
 """Speeds, as a share of √(g L), above which a body begins to walk and below which it stops."""
 
-MAX_STANCE_SHARE = 0.7
+MAX_STANCE_SHARE = 0.9
 """Longest way of the body over a foot that stands, in leg lengths."""
 
 MIN_STEP_SECONDS, MAX_STEP_SECONDS = 0.18, 1.1
@@ -52,10 +52,16 @@ RESTED_SECONDS = 0.35
 """Time for which both of a performer's feet must rest until the performer stands, in seconds. It is longer than both
 feet rest during a walk."""
 
+FIRST_SHARE = 0.5
+"""Share of its time in the air at which the first leg of a walk begins: its first step is half a step."""
+
+UNREST_RATE = 3.0
+"""Rate at which this time shrinks while a foot does not rest: sensors lose feet for some frames."""
+
 PHASE, RATE, BEHIND, DUTY, TROT, WALKS, LAST_FOOT, LIFTED_AT, STEP_TIME, RESTED, STOPPED = range(11)
 """Entries of a gait's state: phase 0 to 1; strides per second; phase by which it is behind the performer's; share of time
 on the floor; share of the trot; 1 while walking; performer's foot that lifted last, −1 for none; when; time between two
-lifts, 0 until known; seconds for which both feet rest; seconds since the walk ended."""
+lifts, 0 until known; seconds for which both feet have rested; seconds since the walk ended."""
 
 
 def new_gait() -> NDArray[np.float64]:
@@ -117,6 +123,8 @@ def update(gait, time, elapsed, lifted, rests, speed, leg_length, metre):
     if gait[WALKS] == 0:
         gait[BEHIND] = 0.0
         return
+    if not walked and not seen:
+        gait[PHASE] = FIRST_SHARE * (1 - gait[DUTY])
     period = 2 * gait[STEP_TIME]
     if not seen:
         stride = STRIDE_FACTOR * leg_length * froude**STRIDE_POWER
@@ -131,7 +139,8 @@ def update(gait, time, elapsed, lifted, rests, speed, leg_length, metre):
 @compiled(inner=True)
 def _watch_steps(gait, time, elapsed, lifted, rests):
     """Update the cadence and phase of a performer's steps."""
-    gait[RESTED] = gait[RESTED] + elapsed if rests[0] and rests[1] else 0.0
+    rested = gait[RESTED] + (elapsed if rests[0] and rests[1] else -UNREST_RATE * elapsed)
+    gait[RESTED] = min(max(rested, 0.0), 2 * RESTED_SECONDS)
     if gait[RESTED] > RESTED_SECONDS:
         gait[STEP_TIME] = 0.0
     for foot in range(2):

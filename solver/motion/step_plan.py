@@ -96,7 +96,8 @@ class StepPlan(NamedTuple):
     trunk: NDArray[np.int64]  # (t,)
     behind: NDArray[np.bool_]  # (b,): bones that hang on the rear half of the trunk
     axes: NDArray[np.float64]  # (3, 3): rows left, up and forward
-    pivot: NDArray[np.float64]  # (3,): the point about which the body turns
+    pivot: NDArray[np.float64]  # (3,): the point about which the body turns: the middle of its hips
+    radius: float  # mean level distance of the ankles from it
     leg_length: float  # mean height of the hips over the tips of the legs
     span: float  # distance from the hind hips to the front hips along the body, 0 for a single pair
     metre: float
@@ -119,7 +120,8 @@ class StepState(NamedTuple):
     seconds: NDArray[np.float64]  # (l,): length of the swing
     lift: NDArray[np.float64]  # (l, 2): time for which the hand has been up; share of the gesture, 0 to 1
     body: NDArray[np.float64]  # (7,)
-    velocity: NDArray[np.float64]  # (3,): of the homes, mesh units per second
+    velocity: NDArray[np.float64]  # (3,): of the body, level, mesh units per second
+    last: NDArray[np.float64]  # (3,): the body's level translation in the last frame
     base: NDArray[np.float64]  # (3,): translation of the homes from rest
     walked: NDArray[np.float64]  # (3,): way added by walking in place
     gait: NDArray[np.float64]
@@ -146,6 +148,7 @@ def plan_of(
     hips = bones.heads[[leg.bones[0] for leg in legs]]
     ankles = bones.tails[[chain[-1] for chain in numbers]]
     tips = bones.tails[[leg.bones[-1] for leg in legs]]
+    pivot = np.ascontiguousarray(hips.mean(axis=0))
     sides, rows = _pairs(ankles, basis)
     front = (rows == rows.max()) & (rows > 0)
     towards = np.where(front[:, None], -ahead, ahead)
@@ -165,7 +168,8 @@ def plan_of(
         trunk=np.array(trunk, dtype=np.int64),
         behind=_behind(bones, trunk),
         axes=np.ascontiguousarray(basis),
-        pivot=np.ascontiguousarray(bones.heads[trunk[0]] if len(trunk) else hips.mean(axis=0)),
+        pivot=pivot,
+        radius=float(np.linalg.norm((ankles - pivot) - np.outer((ankles - pivot) @ up, up), axis=1).mean()),
         leg_length=float(max(((hips - tips) @ up).mean(), 1e-9)),
         span=max(span, 0.0),
         metre=float(metre),
@@ -234,6 +238,7 @@ def state_of(plan: StepPlan) -> StepState:
         lift=np.zeros((count, 2)),
         body=np.zeros(7),
         velocity=np.zeros(3),
+        last=np.zeros(3),
         base=np.zeros(3),
         walked=np.zeros(3),
         gait=new_gait(),

@@ -37,21 +37,21 @@ from solver.motion.two_bones import carry_along, moved, place
 VELOCITY_SECONDS = 0.15
 """Time constant of the body's velocity and turning rate, in seconds: sensors measure them imprecisely."""
 
-MAX_AHEAD = 0.33
+MAX_AHEAD = 0.42
 """Largest distance at which a foot is put down from its home, in leg lengths."""
 
-TOO_FAR, TOO_FAR_WALKING = 0.22, 0.36
+TOO_FAR, TOO_FAR_WALKING = 0.22, 0.42
 """Distances between a foot and its home, in leg lengths, from which a leg steps while the body stands and walks."""
 
-MAX_AWAY = 0.45
+MAX_AWAY = 0.5
 """Largest distance between a foot that stands and its home, in leg lengths."""
 
 TIDY_DISTANCE, TIDY_SECONDS = 0.1, (0.0, 1.0)
 """Distance from home, in leg lengths, from which a leg steps once more in this time after a walk, in seconds."""
 
-LEAN_AWAY, TURN_AWAY = 0.45, math.radians(40)
-"""Distance, in leg lengths, and angle, in radians, by which a body can be away from its homes while the performer's feet
-rest; then the homes follow."""
+LEAN_AWAY, TURN_AWAY = (0.2, 0.45), (math.radians(25), math.radians(40))
+"""Distances, in leg lengths, and angles, in radians, by which a body that does not walk can be away from its homes until
+they follow: usually, and while the performer's feet rest."""
 
 CAUGHT_UP = 0.2
 """Share of these below which the homes rest again."""
@@ -64,6 +64,9 @@ BASE_SECONDS = 0.15
 
 TOO_TURNED = math.radians(20)
 """Angle between a foot and its home from which a leg steps, in radians."""
+
+MAX_LEAD = math.radians(15)
+"""Largest angle by which a foot is put down turned further than the body, in radians."""
 
 STEP_SECONDS = 0.35
 """Length of a step that is not part of a walk, in seconds."""
@@ -148,14 +151,20 @@ class Steps:
         return self._plan.metre
 
     @property
-    def standing(self) -> NDArray[np.bool_]:
-        """(l,) bool: the feet that stand on the floor."""
-        return (self._state.swing == 0) & (self._state.lift[:, 1] == 0)
+    def swinging(self) -> NDArray[np.bool_]:
+        """(l,) bool: the feet that swing from one place to the next."""
+        return self._state.swing > 0
+
+    @property
+    def lifted(self) -> bool:
+        """Whether a hand lifts a leg, or the body jumps."""
+        return bool(self._state.lift[:, 1].any() or self._state.body[JUMP] > 0)
 
     @property
     def places(self) -> NDArray[np.float64]:
         """(l, 3) float64: positions of feet that stand, mesh file's coordinates; NaN for others."""
-        return np.where(self.standing[:, None], self._state.place, np.nan)
+        stands = (self._state.swing == 0) & (self._state.lift[:, 1] == 0)
+        return np.where(stands[:, None], self._state.place, np.nan)
 
     def hold(self, places: NDArray[np.float64]) -> None:
         """Let feet stand from the first frame on at the `places` of another instance."""
@@ -176,7 +185,7 @@ def _step(plan, state, time, positions, confidence, motions, root):
     for foot in range(2):
         state.watch.held[foot] = 1.0 if rests[foot] else 0.0
     _move_homes(plan, state, motions, root, elapsed, began)
-    speed = length(state.velocity)
+    speed = math.hypot(length(state.velocity), plan.radius * state.body[TURNING])
     update(state.gait, time, elapsed, ~(rests | low), rests, speed, plan.leg_length, plan.metre)
     watch_hands(plan, state, positions, confidence, elapsed)
     if not began:
@@ -197,9 +206,9 @@ def _step(plan, state, time, positions, confidence, motions, root):
 
 @compiled(inner=True)
 def _move_homes(plan, state, motions, root, elapsed, began):
-    """Let the homes follow the body, unless the performer's feet rest; limit the body's way from them.
+    """Let the homes follow the body while it walks or is far from them; limit its way from them.
 
-    A performer who bends, sits down or looks around moves the hips while the feet stay.
+    A performer who bends, sits down or looks around moves the hips while the feet stay, and sensors are imprecise.
     """
     up, body = row_of(plan.axes, 1), state.body
     if plan.goes_forward and began and state.gait[WALKS] > 0:
@@ -213,33 +222,44 @@ def _move_homes(plan, state, motions, root, elapsed, began):
         heading = 2 * math.atan2(turn[1] * up[0] + turn[2] * up[1] + turn[3] * up[2], turn[0])
     way = minus(level, state.base)
     turned = (heading - body[HEADING] + math.pi) % (2 * math.pi) - math.pi
-    away = max(length(way) / (LEAN_AWAY * plan.leg_length), abs(turned) / TURN_AWAY)
-    rests = state.gait[RESTED] > RESTED_SECONDS
-    body[FOLLOWS] = 1.0 if not rests or away > (CAUGHT_UP if body[FOLLOWS] > 0 else 1.0) else 0.0
+    rests = 1 if state.gait[RESTED] > RESTED_SECONDS else 0
+    away = max(length(way) / (LEAN_AWAY[rests] * plan.leg_length), abs(turned) / TURN_AWAY[rests])
+    walks = state.gait[WALKS] > 0
+    body[FOLLOWS] = 1.0 if walks or away > (CAUGHT_UP if body[FOLLOWS] > 0 else 1.0) else 0.0
     moved_share = (1 - remaining(BASE_SECONDS, elapsed)) * body[FOLLOWS] if began else 1.0
     if elapsed > 0 and began:
         fading = remaining(VELOCITY_SECONDS, elapsed)
         for axis in range(3):
-            now = moved_share * way[axis] / elapsed
+            now = (level[axis] - state.last[axis]) / elapsed
             state.velocity[axis] = now + fading * (state.velocity[axis] - now)
         now = moved_share * turned / elapsed
         body[TURNING] = now + fading * (body[TURNING] - now)
+    state.last[:] = level
     body[HEADING] += moved_share * turned
     state.base[:] = plus(state.base, way, moved_share)
     way = scaled(way, 1 - moved_share)
     size, most = length(way), MAX_SHIFT * plan.leg_length
     if size > 1e-9 * most:
         way = scaled(way, most * math.tanh(size / most) / size)
-    root[:] = plus(plus(state.base, way, 1.0), up, height)
+    # the trunk turns about its first bone; the body turns about its middle
+    beside = minus(plan.pivot, plan.heads[plan.trunk[0]]) if len(plan.trunk) else (0.0, 0.0, 0.0)
+    turned_about = minus(beside, quat.rotated(quat.about(up, body[HEADING]), beside))
+    root[:] = plus(plus(plus(state.base, way, 1.0), up, height), turned_about, 1.0)
+
+
+@compiled(inner=True)
+def _heading(state, ahead):
+    """Return the heading that the homes will have after some time."""
+    return state.body[HEADING] + min(max(state.body[TURNING] * ahead, -MAX_LEAD), MAX_LEAD)
 
 
 @compiled(inner=True)
 def _home(plan, state, leg, ahead):
     """Return the home that a foot will have after some time, if the body moves on as it does."""
     up = row_of(plan.axes, 1)
-    turn = quat.about(up, state.body[HEADING] + state.body[TURNING] * ahead)
+    turn = quat.about(up, _heading(state, ahead))
     out = quat.rotated(turn, minus(plan.ankles[leg], plan.pivot))
-    return plus(plus(plus(out, plan.pivot, 1.0), state.base, 1.0), state.velocity, ahead)
+    return plus(plus(plus(out, plan.pivot, 1.0), state.base, 1.0), state.velocity, ahead * state.body[FOLLOWS])
 
 
 @compiled(inner=True)
@@ -348,7 +368,7 @@ def _aim(plan, state, leg, left):
     if size > MAX_AHEAD * plan.leg_length:
         way = scaled(way, MAX_AHEAD * plan.leg_length / size)
     state.aim[leg] = plus(home, way, 1.0)
-    state.yaw[leg, 2] = state.body[HEADING] + state.body[TURNING] * (left + stance / 2)
+    state.yaw[leg, 2] = _heading(state, left + stance / 2)
 
 
 @compiled(inner=True)

@@ -86,6 +86,7 @@ def _follow(name: str, points: Mapping[str, NDArray[np.float64]], up: NDArray[np
 def _limb(chain: LimbChain, follow: str, points: Mapping[str, NDArray[np.float64]]) -> LimbTable:
     side, _, limb = chain.name.partition(" ")
     joints = MIDDLE_JOINTS.get(chain.name) or tuple(f"{joint}_{side}" for joint in LIMB_JOINTS[limb])
+    joints += joints[-1:] * (len(chain.points) - len(joints))  # a leg with more bends than the performer's
     size = max(float(np.ptp(np.concatenate(list(points.values())), axis=0).max()), 1e-12)
     table = {
         "name": chain.name,

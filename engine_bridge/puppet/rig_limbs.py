@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,9 @@ LYING_COSINE = np.cos(np.radians(45))
 
 MAX_HAND_HEIGHT_SHARE = 0.3
 """Maximum height of the ends of forelegs, as a share of the height of the shoulders."""
+
+MIN_LEG_BONE_SHARE = 0.08
+"""Minimum length of the bones of a leg below the third joint, as a share of the leg's length."""
 
 UP = np.array([0.0, 1.0, 0.0])
 """Up direction in glTF."""
@@ -83,6 +87,8 @@ def limbs_of_joints(joints: Sequence[Joint]) -> Limbs:
     skeleton = _Skeleton(joints)
     found = skeleton.arms_and_legs()
     four_legged = _is_four_legged(found)
+    if not four_legged:  # legs of people have hip, knee, ankle and foot
+        found = {name: np.vstack([points[:3], points[-1:]]) for name, points in found.items()}
     names = {"arm": "front leg", "leg": "hind leg"} if four_legged else {"front leg": "arm", "hind leg": "leg"}
     found = {_renamed(name, names): points for name, points in found.items()}
     behind, before = ("hind leg", "front leg") if four_legged else ("leg", "arm")
@@ -198,7 +204,7 @@ class _Skeleton:
         top = max(legs, key=lambda index: (len(set(named) & set(self.below(index))), -index))
         chain = [top]
         for index in named:
-            twice = self.part(index) not in ("leg", "girdle") and self.part(index) in map(self.part, chain)
+            twice = self.part(index) not in ("leg", "girdle", "foot") and self.part(index) in map(self.part, chain)
             if chain[-1] in self.ancestors(index) and not twice:
                 chain.append(index)
         feet = [index for index in tops if index != top]
@@ -210,9 +216,18 @@ class _Skeleton:
             del chain[0]
         if len(chain) < 3 or self.part(chain[0]) == "girdle":
             return None
-        held = [below for index in chain[2:] for below in self.below(index)]
-        points = [self.place(index) for index in chain[:3]]
-        return np.array([*points, self.end(points[1], points[2], held)])
+        held = [below for index in chain[3:] or chain[2:] for below in self.below(index)]
+        points = self.bends([self.place(index) for index in chain])
+        return np.array([*points, self.end(points[-2], points[-1], held)])
+
+    def bends(self, points: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+        """Return the points of a leg without those that follow others closely, which are twists and controls."""
+        size = sum(float(np.linalg.norm(after - before)) for before, after in pairwise(points))
+        kept = points[:3]
+        for point in points[3:]:
+            if np.linalg.norm(point - kept[-1]) > MIN_LEG_BONE_SHARE * size:
+                kept.append(point)
+        return kept
 
     def across(self, quarter: str | None) -> NDArray[np.float64]:
         """Return the direction from right to left legs."""

@@ -69,7 +69,7 @@ def pose_body(plan, state, positions, confidence, motions, root, elapsed):
     fading = remaining(POSE_SECONDS, elapsed)
     crouch = _crouch(plan, state, positions, confidence)
     body[CROUCH] = crouch + fading * (body[CROUCH] - crouch)
-    sunk = body[CROUCH] * plan.leg_length
+    sunk = min(body[CROUCH] * plan.leg_length, plan.depth)
     wanted = REARING_PITCH * _rearing(plan, state)
     if plan.span > 0:
         wanted += min(math.asin(min((1 - FRONT_CROUCH) * sunk / plan.span, 1.0)), MAX_SITTING_PITCH)

@@ -44,6 +44,7 @@ class Chains(NamedTuple):
     bends: NDArray[np.float64]  # (l, k): angle of that joint at rest, radians
     range: NDArray[np.float64]  # (l, 2): smallest and largest κ
     reach: NDArray[np.float64]  # (l,): length of the leg at the smallest κ
+    shortest: NDArray[np.float64]  # (l,): and at the largest κ
 
 
 def chains_of(
@@ -62,16 +63,16 @@ def chains_of(
     legs, most = len(bones), max(map(len, bones))
     rows, bends = np.full((legs, most), -1, dtype=np.int64), np.zeros((legs, most))
     ways, hinges = np.zeros((legs, most, 3)), np.zeros((legs, most, 3))
-    limits, reach = np.zeros((legs, 2)), np.zeros(legs)
+    limits, reach, shortest = np.zeros((legs, 2)), np.zeros(legs), np.zeros(legs)
     for leg, numbers in enumerate(bones):
         count = len(numbers)
         rows[leg, :count] = numbers
         ways[leg, :count] = tails[numbers] - heads[numbers]
         hinges[leg, 1:count], bends[leg, 1:count] = _hinges(ways[leg, :count], towards[leg])
-    found = Chains(rows, ways, hinges, bends, limits, reach)
+    found = Chains(rows, ways, hinges, bends, limits, reach, shortest)
     for leg in range(legs):
         limits[leg] = [_turning_point(found, leg, end) for end in (-1.0, MOST_FOLDED)]
-        reach[leg] = _length(found, leg, limits[leg, 0])
+        reach[leg], shortest[leg] = (_length(found, leg, kappa) for kappa in limits[leg])
     return found
 
 

@@ -7,7 +7,7 @@ when the hand is lowered. While the body walks, the hand must be raised further,
 import math
 
 from puppetline.compiled import compiled
-from solver.model.vectors import length, row_of, scaled
+from solver.model.vectors import dot, length, row_of, scaled
 from solver.motion import quaternions as quat
 from solver.motion.gait import WALKS
 from solver.motion.retarget import is_position
@@ -27,6 +27,9 @@ GESTURE_SECONDS = 0.35
 
 MAX_TURN = math.radians(85)
 """Angle towards which the turn of a lifted bone relative to the one before it levels off, in radians."""
+
+HALVINGS = 6
+"""Number of steps with which the share is found at which a leg is above the floor."""
 
 
 @compiled(inner=True)
@@ -54,8 +57,8 @@ def watch_hands(plan, state, positions, confidence, elapsed):
 
 
 @compiled(inner=True)
-def apply_gesture(plan, state, leg, free, pitch, motions):
-    """Turn the bones of a lifted leg towards the performer's arm, as far as the leg is lifted.
+def apply_gesture(plan, state, leg, free, pitch, motions, floor):
+    """Turn the bones of a lifted leg towards the performer's arm, as far as the leg is lifted and above the floor.
 
     Parameters
     ----------
@@ -65,42 +68,52 @@ def apply_gesture(plan, state, leg, free, pitch, motions):
         Of the body.
     motions : (b, 4, 3) float64
         Motions of a leg that stands; written to.
+    floor : float
+        Height of the floor, without the root's motion, over that at rest.
     """
     share = state.lift[leg, 1]
     if share == 0:
         return
     share = share * share * (3 - 2 * share)
-    turned, stood = (1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
-    joint = moved(motions[plan.chains.bones[leg, 0]], row_of(plan.heads, plan.chains.bones[leg, 0]))
-    before_free = before_stood = (1.0, 0.0, 0.0, 0.0)
-    for k in range(plan.chains.bones.shape[1] + 1):
-        bone = plan.feet[leg] if k == plan.chains.bones.shape[1] else plan.chains.bones[leg, k]
+    stood = motions.copy()
+    if _blend(plan, leg, free, pitch, stood, motions, share) >= floor:
+        return
+    low = 0.0
+    for _ in range(HALVINGS):
+        middle = (low + share) / 2
+        if _blend(plan, leg, free, pitch, stood, motions, middle) >= floor:
+            low = middle
+        else:
+            share = middle
+    _blend(plan, leg, free, pitch, stood, motions, low)
+
+
+@compiled(inner=True)
+def _blend(plan, leg, free, pitch, stood, motions, share):
+    """Write the motions between those of a leg that stands and of a free one; return its lowest rise from rest."""
+    up, count = row_of(plan.axes, 1), plan.chains.bones.shape[1]
+    first = plan.chains.bones[leg, 0]
+    joint = moved(stood[first], row_of(plan.heads, first))
+    turned = before_free = before_stood = (1.0, 0.0, 0.0, 0.0)
+    lowest = math.inf
+    for k in range(count + 1):
+        bone = plan.feet[leg] if k == count else plan.chains.bones[leg, k]
         if bone < 0:
             continue
-        stood = quat.of_rows(motions[bone])
-        follows = quat.product(pitch, quat.of_rows(free[bone]))
+        of_stood = quat.of_rows(stood[bone])
+        of_free = quat.product(pitch, quat.of_rows(free[bone]))
         # relative to the bone before, so that angles stay small
-        own = quat.product(quat.inverse(before_free), follows)
-        there = quat.product(quat.inverse(before_stood), stood)
-        before_free, before_stood = follows, stood
+        own = quat.product(quat.inverse(before_free), of_free)
+        there = quat.product(quat.inverse(before_stood), of_stood)
+        before_free, before_stood = of_free, of_stood
         way = quat.to_vector(quat.product(own, quat.inverse(there)))
         angle = length(way)
         if angle > 1e-9:
             way = scaled(way, share * MAX_TURN * math.tanh(angle / MAX_TURN) / angle)
         turned = quat.product(turned, quat.product(quat.from_vector(way), there))
-        head, tail = row_of(plan.heads, bone), _tail(plan, leg, k, bone)
-        place(motions[bone], turned, head, joint)
+        place(motions[bone], turned, row_of(plan.heads, bone), joint)
+        tail = row_of(plan.tails, bone)
         joint = moved(motions[bone], tail)
-
-
-@compiled(inner=True)
-def _tail(plan, leg, k, bone):
-    """Return the end of a bone at rest."""
-    if k == plan.chains.bones.shape[1]:
-        return row_of(plan.heads, bone)
-    head = row_of(plan.heads, bone)
-    return (
-        head[0] + plan.chains.ways[leg, k, 0],
-        head[1] + plan.chains.ways[leg, k, 1],
-        head[2] + plan.chains.ways[leg, k, 2],
-    )
+        if k >= 1:
+            lowest = min(lowest, dot(joint, up) - min(dot(tail, up), plan.ground[leg]))
+    return lowest

@@ -25,6 +25,10 @@ HEADING, TURNING, FOLLOWS, DROP, PITCH, CROUCH, JUMP = range(7)
 body is lowered for its legs to reach; pitch in radians; crouch of the performer; height of a jump."""
 
 
+MAX_FOLD = 0.9
+"""Share of the way from how legs are at rest to where they are fully folded by which a body crouches at most."""
+
+
 @dataclass(frozen=True)
 class StandingLeg:
     """A leg that stands on the floor.
@@ -91,7 +95,9 @@ class StepPlan(NamedTuple):
     front: NDArray[np.bool_]  # (l,): the first of several pairs
     hands: NDArray[np.int64]  # (l,): −1 for legs that are not lifted
     shoulders: NDArray[np.int64]  # (l,)
+    ground: NDArray[np.float64]  # (l,): height of the lower end of the foot, or of the leg, at rest
     heads: NDArray[np.float64]  # (b, 3)
+    tails: NDArray[np.float64]  # (b, 3)
     parents: NDArray[np.int64]  # (b,)
     trunk: NDArray[np.int64]  # (t,)
     behind: NDArray[np.bool_]  # (b,): bones that hang on the rear half of the trunk
@@ -99,6 +105,7 @@ class StepPlan(NamedTuple):
     pivot: NDArray[np.float64]  # (3,): the point about which the body turns: the middle of its hips
     radius: float  # mean level distance of the ankles from it
     leg_length: float  # mean height of the hips over the tips of the legs
+    depth: float  # how far the body can sink until a leg is folded
     span: float  # distance from the hind hips to the front hips along the body, 0 for a single pair
     metre: float
     max_turn: float  # radians: of the trunk from upright, and from the heading of the homes
@@ -153,8 +160,10 @@ def plan_of(
     front = (rows == rows.max()) & (rows > 0)
     towards = np.where(front[:, None], -ahead, ahead)
     span = float(((hips[front].mean(axis=0) - hips[rows == 0].mean(axis=0)) @ ahead) if front.any() else 0.0)
+    chains = chains_of(numbers, bones.heads, bones.tails, towards)
+    lengths = np.linalg.norm(hips - ankles, axis=1)
     return StepPlan(
-        chains=chains_of(numbers, bones.heads, bones.tails, towards),
+        chains=chains,
         feet=feet,
         carriers=bones.parents[[leg.bones[0] for leg in legs]],
         hips=hips,
@@ -163,7 +172,9 @@ def plan_of(
         front=front,
         hands=np.array([leg.hand if front[k] else -1 for k, leg in enumerate(legs)], dtype=np.int64),
         shoulders=np.array([leg.shoulder for leg in legs], dtype=np.int64),
+        ground=np.minimum(tips @ up, ankles @ up),
         heads=np.ascontiguousarray(bones.heads),
+        tails=np.ascontiguousarray(bones.tails),
         parents=bones.parents,
         trunk=np.array(trunk, dtype=np.int64),
         behind=_behind(bones, trunk),
@@ -171,6 +182,7 @@ def plan_of(
         pivot=pivot,
         radius=float(np.linalg.norm((ankles - pivot) - np.outer((ankles - pivot) @ up, up), axis=1).mean()),
         leg_length=float(max(((hips - tips) @ up).mean(), 1e-9)),
+        depth=float(max(0.0, MAX_FOLD * (lengths - chains.shortest)[~front].min())),
         span=max(span, 0.0),
         metre=float(metre),
         max_turn=float(MAX_TURNS[1 if front.any() else 0]),

@@ -59,8 +59,8 @@ CAUGHT_UP = 0.2
 MAX_SHIFT = 0.2
 """Distance towards which the body's way from its homes levels off, in leg lengths."""
 
-BASE_SECONDS = 0.15
-"""Time constant with which the homes follow the body, in seconds."""
+BASE_SECONDS, SLOW_BASE_SECONDS = 0.15, 0.5
+"""Time constants with which the homes follow a body that walks, and one that does not, in seconds."""
 
 TOO_TURNED = math.radians(20)
 """Angle between a foot and its home from which a leg steps, in radians."""
@@ -88,6 +88,10 @@ FOOT_PITCH = math.radians(25)
 
 FORWARD_SPEED = 1.0
 """Leg lengths per stride by which walking in place moves a character that goes forward."""
+
+
+FOOT_CLEARANCE = 0.8
+"""Share of the height of a swing by which the tip of a foot hangs down at most."""
 
 
 class Steps:
@@ -200,7 +204,8 @@ def _step(plan, state, time, positions, confidence, motions, root):
     changed, before = np.zeros(len(motions), dtype=np.bool_), motions.copy()
     for leg in range(len(plan.feet)):
         _put_leg(plan, state, leg, motions, root, changed)
-        apply_gesture(plan, state, leg, free, pitch, motions)
+        floor = state.body[JUMP] - dot(root, row_of(plan.axes, 1))
+        apply_gesture(plan, state, leg, free, pitch, motions, floor)
     carry_along(motions, before, plan.parents, changed)
 
 
@@ -226,7 +231,7 @@ def _move_homes(plan, state, motions, root, elapsed, began):
     away = max(length(way) / (LEAN_AWAY[rests] * plan.leg_length), abs(turned) / TURN_AWAY[rests])
     walks = state.gait[WALKS] > 0
     body[FOLLOWS] = 1.0 if walks or away > (CAUGHT_UP if body[FOLLOWS] > 0 else 1.0) else 0.0
-    moved_share = (1 - remaining(BASE_SECONDS, elapsed)) * body[FOLLOWS] if began else 1.0
+    moved_share = (1 - remaining(BASE_SECONDS if walks else SLOW_BASE_SECONDS, elapsed)) * body[FOLLOWS] if began else 1.0
     if elapsed > 0 and began:
         fading = remaining(VELOCITY_SECONDS, elapsed)
         for axis in range(3):
@@ -388,6 +393,9 @@ def _put_leg(plan, state, leg, motions, root, changed):
     foot = plan.feet[leg]
     if foot >= 0:
         hanging = FOOT_PITCH * math.sin(math.pi * min(1.0, state.swing[leg] / 0.85))
+        size = length(minus(plan.tails[foot], plan.heads[foot]))
+        rise = max(0.0, dot(minus(state.place[leg], plan.ankles[leg]), up))
+        hanging = min(hanging, math.asin(min(1.0, FOOT_CLEARANCE * rise / size)))
         turn = quat.product(quat.about(up, state.yaw[leg, 0]), quat.about(row_of(plan.axes, 0), hanging))
         place(motions[foot], turn, plan.heads[foot], ankle)
         changed[foot] = True

@@ -188,7 +188,7 @@ def test_a_body_turns_on_the_spot_by_stepping():
 
 
 def test_legs_reach_their_feet_because_the_body_sinks():
-    walk = Walk(walking(1.1))
+    walk = Walk(walking(1.0))
 
     ankles = walk.feet[~walk.swinging]
     assert np.abs(ankles[:, 1] - 0.05).max() < 1e-6

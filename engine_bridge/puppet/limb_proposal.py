@@ -74,7 +74,7 @@ def _limb(
     chain: LimbChain, plan: Plan, points: Mapping[str, NDArray[np.float64]], up: NDArray[np.float64]
 ) -> LimbTable:
     side, _, limb = chain.name.partition(" ")
-    joints = MIDDLE_JOINTS.get(chain.name) or tuple(f"{joint}_{side}" for joint in LIMB_JOINTS[limb])
+    joints = MIDDLE_JOINTS.get(chain.name) or tuple(f"{joint}_{side}" for joint in _limb_joints(limb))
     joints += joints[-1:] * (len(chain.points) - len(joints))  # a leg with more bends than the performer's
     size = max(float(np.ptp(np.concatenate(list(points.values())), axis=0).max()), 1e-12)
     table = {
@@ -88,6 +88,12 @@ def _limb(
         "parent": "neck" if chain.name == "head" and "neck" in points else None,
     }
     return LimbTable.model_validate(table)
+
+
+def _limb_joints(limb: str) -> tuple[str, ...]:
+    """Return the joints that drive a limb of either side; odd rows of legs follow arms, even ones legs."""
+    kind, _, row = limb.rpartition(" ")
+    return LIMB_JOINTS.get(limb) or ((LEG, ARM)[int(row) % 2] if row.isdigit() else LIMB_JOINTS[kind])
 
 
 def _rounded(point: NDArray[np.float64], size: float) -> tuple[float, ...]:

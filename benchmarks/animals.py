@@ -124,7 +124,9 @@ def soles_of(rig: Rig) -> list[NDArray[np.int64]]:
     vertices = rig.mesh.vertices
     heights = vertices @ up
     size = float(np.ptp(heights))
-    tips = np.array([limb.points[-1] for limb in rig.puppet.limbs if limb.name.split()[-1] == "leg" or " leg " in limb.name])
+    tips = np.array(
+        [limb.points[-1] for limb in rig.puppet.limbs if limb.name.split()[-1] == "leg" or " leg " in limb.name]
+    )
     if not len(tips):
         return []
     away = np.linalg.norm(vertices[:, None] - tips, axis=2)
@@ -152,7 +154,9 @@ def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[n
         moved = surface.vertices(pose.R[None].astype(np.float32))
         stretch.add(moved)
         now = (moved[used, :, 0] + pose.root) @ basis.T
-        heights.append([now[a:b, 1].min() - (rest[used[a:b]] @ basis[1]).min() for a, b in zip(starts[:-1], starts[1:])])
+        heights.append(
+            [now[a:b, 1].min() - (rest[used[a:b]] @ basis[1]).min() for a, b in zip(starts[:-1], starts[1:])]
+        )
         places.append([now[a:b].mean(axis=0) for a, b in zip(starts[:-1], starts[1:])])
         bodies.append(pose.motions[trunk, 3] + rig_head(rig, trunk) @ pose.motions[trunk, :3] + pose.root)
         swinging.append(np.array(getattr(steps, "swinging", np.zeros(len(soles), dtype=bool))))

@@ -68,9 +68,7 @@ class LateLimbs:
         self._plan = _Plan(
             np.array(numbers, dtype=np.int64), np.array(rates), np.array(lengths), heads, tails, bones.parents
         )
-        self._state = _State(
-            np.zeros((count, 4)), np.zeros((count, 3)), np.zeros((count, 2, 3)), np.array([-np.inf])
-        )
+        self._state = _State(np.zeros((count, 4)), np.zeros((count, 3)), np.zeros((count, 2, 3)), np.array([-np.inf]))
 
     def step(self, time: float, motions: NDArray[np.float64], root: NDArray[np.float64]) -> None:
         """Delay the limbs in one frame.

@@ -31,8 +31,8 @@ MOST_FOLDED = 12.0
 SAMPLES = 120
 """Number of values of κ at which a leg's length is sampled."""
 
-HALVINGS = 28
-"""Number of steps with which κ is found; the distance is then right to 1e-7 of the leg's length."""
+STEPS = 40
+"""Largest number of steps with which κ is found; five to ten are usual."""
 
 
 class Chains(NamedTuple):
@@ -76,9 +76,7 @@ def chains_of(
     return found
 
 
-def _hinges(
-    ways: NDArray[np.float64], towards: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _hinges(ways: NDArray[np.float64], towards: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the axis (k − 1, 3) and the angle (k − 1,) of each joint at rest.
 
     A straight joint bends in the plane of the most bent one, to the other side than its neighbour, as knee and hock do.
@@ -143,16 +141,24 @@ def _folded(chains, leg, distance):
     low, high = chains.range[leg, 0], chains.range[leg, 1]
     if distance >= chains.reach[leg]:
         return low
-    middle = 0.0  # exact at rest
-    for _ in range(HALVINGS):
+    if distance <= chains.shortest[leg]:
+        return high
+    above, below = chains.reach[leg] - distance, chains.shortest[leg] - distance
+    middle, last = 0.0, 0  # exact at rest
+    for _ in range(STEPS):
         away = length(_way(chains, leg, middle)) - distance
         if abs(away) < 1e-9 * distance:
             break
+        # the method of false position; halving the other end's value keeps it from getting stuck (Illinois)
         if away > 0:
-            low = middle
+            low, above = middle, away
+            below = below / 2 if last > 0 else below
+            last = 1
         else:
-            high = middle
-        middle = (low + high) / 2
+            high, below = middle, away
+            above = above / 2 if last < 0 else above
+            last = -1
+        middle = (low * below - high * above) / (below - above)
     return middle
 
 

@@ -216,9 +216,7 @@ def _foot(bones: Bones, leg: StandingLeg, up: NDArray[np.float64]) -> int:
     return -1 if is_leg else foot
 
 
-def _pairs(
-    ankles: NDArray[np.float64], basis: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _pairs(ankles: NDArray[np.float64], basis: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return each leg's side, 0 for left, and its row from the hind legs to the front.
 
     A leg in the middle counts for the side that has fewer.

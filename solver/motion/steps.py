@@ -231,7 +231,9 @@ def _move_homes(plan, state, motions, root, elapsed, began):
     away = max(length(way) / (LEAN_AWAY[rests] * plan.leg_length), abs(turned) / TURN_AWAY[rests])
     walks = state.gait[WALKS] > 0
     body[FOLLOWS] = 1.0 if walks or away > (CAUGHT_UP if body[FOLLOWS] > 0 else 1.0) else 0.0
-    moved_share = (1 - remaining(BASE_SECONDS if walks else SLOW_BASE_SECONDS, elapsed)) * body[FOLLOWS] if began else 1.0
+    moved_share = (
+        (1 - remaining(BASE_SECONDS if walks else SLOW_BASE_SECONDS, elapsed)) * body[FOLLOWS] if began else 1.0
+    )
     if elapsed > 0 and began:
         fading = remaining(VELOCITY_SECONDS, elapsed)
         for axis in range(3):
@@ -399,4 +401,3 @@ def _put_leg(plan, state, leg, motions, root, changed):
         turn = quat.product(quat.about(up, state.yaw[leg, 0]), quat.about(row_of(plan.axes, 0), hanging))
         place(motions[foot], turn, plan.heads[foot], ankle)
         changed[foot] = True
-

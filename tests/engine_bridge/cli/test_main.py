@@ -289,7 +289,8 @@ def test_new_makes_a_puppet_that_converts_right_away_and_is_not_overwritten(invo
     made = invoke("new", "blob.glb", "-o", "made.toml", "--map", "head=hand_left,hand_right")
     assert (made.returncode, made.stderr) == (0, "")
     assert made.stdout.startswith(
-        "made.toml: 6 limbs, shown in made.handles.png\n  assumed: y looks like up: it stands\n"
+        "made.toml: 6 limbs, shown in made.handles.png\n  Body plan 'upright'. Two legs and an upright body: limbs point as the "
+        "performer's do.\n  assumed: y looks like up: it stands\n"
     )
     assert "  head             (direction)  ←  hand_left, hand_right\n" in made.stdout
     assert names(tmp_path) >= {"made.toml", "made.handles.png"}

@@ -43,7 +43,9 @@ def play(speed, lifted=lambda time: REST, seconds=4.0, gait=None, resting=False,
 
 
 def alternating(period):
-    return lambda time: LEFT_UP if time % period < 0.3 * period else RIGHT_UP if 0.5 < time % period / period < 0.8 else REST
+    return lambda time: (
+        LEFT_UP if time % period < 0.3 * period else RIGHT_UP if 0.5 < time % period / period < 0.8 else REST
+    )
 
 
 @pytest.mark.parametrize("speed", [0.6, 0.8, 0.95])

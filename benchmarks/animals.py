@@ -10,6 +10,7 @@ held, for comparison; with `--pictures` a contact sheet of each clip is drawn.
 import argparse
 import tempfile
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,7 +29,6 @@ from puppetline.errors import PuppetlineError
 from solver.model.batch import BatchBinding
 from solver.model.stretch import EdgeStretch
 from solver.motion.limbs import bones_of, parents_first
-from solver.surface.mesh import SolverMesh
 
 ANIMALS = (
     *("Alpaca", "Cow", "Fox", "Frog", "Horse", "Husky", "khronos_Fox", "Parasaurolophus", "Rat", "Shark", "Snake"),
@@ -154,10 +154,8 @@ def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[n
         moved = surface.vertices(pose.R[None].astype(np.float32))
         stretch.add(moved)
         now = (moved[used, :, 0] + pose.root) @ basis.T
-        heights.append(
-            [now[a:b, 1].min() - (rest[used[a:b]] @ basis[1]).min() for a, b in zip(starts[:-1], starts[1:])]
-        )
-        places.append([now[a:b].mean(axis=0) for a, b in zip(starts[:-1], starts[1:])])
+        heights.append([now[a:b, 1].min() - (rest[used[a:b]] @ basis[1]).min() for a, b in pairwise(starts)])
+        places.append([now[a:b].mean(axis=0) for a, b in pairwise(starts)])
         bodies.append(pose.motions[trunk, 3] + rig_head(rig, trunk) @ pose.motions[trunk, :3] + pose.root)
         swinging.append(np.array(getattr(steps, "swinging", np.zeros(len(soles), dtype=bool))))
         lifted.append(bool(getattr(steps, "lifted", False)))

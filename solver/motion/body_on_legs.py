@@ -1,8 +1,8 @@
 """Lean, crouch and height of a body that stands on legs (`solver.motion.steps`).
 
-A body on several pairs of legs leans and twists little: its neck and head do what the performer's back does. If the performer
-crouches, such a body sits: its hind legs fold more than its front legs. If both front legs are lifted, it rears. Then
-the body sinks until every leg that stands reaches its foot.
+A body on several pairs of legs leans and twists little: its neck and head do what the performer's back does. If the
+performer crouches, such a body sits: its hind legs fold more than its front legs. If both front legs are lifted, it
+rears. Then the body sinks until every leg that stands reaches its foot.
 """
 
 import math
@@ -12,7 +12,7 @@ from solver.model.vectors import dot, length, minus, plus, row_of, scaled
 from solver.motion import quaternions as quat
 from solver.motion.resting_feet import FLOOR, LIFT, remaining
 from solver.motion.retarget import is_position
-from solver.motion.step_plan import CROUCH, DROP, HEADING, JUMP, PITCH
+from solver.motion.step_plan import CROUCH, DROP, HEADING, JUMP, PITCH, REARING
 from solver.motion.two_bones import move_along, moved, place
 
 MAX_REACH = 0.985
@@ -40,6 +40,9 @@ FRONT_CROUCH = 0.25
 
 MAX_SITTING_PITCH, REARING_PITCH = math.radians(40), math.radians(40)
 """Largest pitch of a body that sits, and that of one that rears, in radians."""
+
+REARED = 0.15
+"""Share of that pitch from which a body does not sink for its front legs."""
 
 POSE_SECONDS = 0.15
 """Time constant of crouch and pitch, in seconds."""
@@ -70,10 +73,11 @@ def pose_body(plan, state, positions, confidence, motions, root, elapsed):
     crouch = _crouch(plan, state, positions, confidence)
     body[CROUCH] = crouch + fading * (body[CROUCH] - crouch)
     sunk = min(body[CROUCH] * plan.leg_length, plan.depth)
-    wanted = REARING_PITCH * _rearing(plan, state)
+    rearing = _rearing(plan, state)
+    body[REARING] = rearing + fading * (body[REARING] - rearing)
+    body[PITCH] = REARING_PITCH * body[REARING]
     if plan.span > 0:
-        wanted += min(math.asin(min((1 - FRONT_CROUCH) * sunk / plan.span, 1.0)), MAX_SITTING_PITCH)
-    body[PITCH] = wanted + fading * (body[PITCH] - wanted)
+        body[PITCH] += min(math.asin(min((1 - FRONT_CROUCH) * sunk / plan.span, 1.0)), MAX_SITTING_PITCH)
     across = quat.rotated(quat.about(up, body[HEADING]), row_of(plan.axes, 0))
     pitch = quat.about(across, -body[PITCH])
     _turn_trunk(plan, state, motions, pitch)
@@ -164,5 +168,7 @@ def _missing(plan, state, motions, root):
         flat = dot(away, away) - high * high
         share = state.swing[leg]
         weight = (2 * share - 1) ** 2 * (1 - state.lift[leg, 1])
+        if plan.front[leg]:  # a body that has reared does not drop to its front feet
+            weight *= max(0.0, 1 - state.body[REARING] / REARED)
         most = max(most, weight * (high - math.sqrt(max(0.0, reach * reach - flat))))
     return most

@@ -59,9 +59,9 @@ UNREST_RATE = 3.0
 """Rate at which this time shrinks while a foot does not rest: sensors lose feet for some frames."""
 
 PHASE, RATE, BEHIND, DUTY, TROT, WALKS, LAST_FOOT, LIFTED_AT, STEP_TIME, RESTED, STOPPED = range(11)
-"""Entries of a gait's state: phase 0 to 1; strides per second; phase by which it is behind the performer's; share of time
-on the floor; share of the trot; 1 while walking; performer's foot that lifted last, −1 for none; when; time between two
-lifts, 0 until known; seconds for which both feet have rested; seconds since the walk ended."""
+"""Entries of a gait's state: phase 0 to 1; strides per second; phase by which it is behind the performer's; share of
+time on the floor; share of the trot; 1 while walking; performer's foot that lifted last, −1 for none; when; time
+between two lifts, 0 until known; seconds for which both feet have rested; seconds since the walk ended."""
 
 
 def new_gait() -> NDArray[np.float64]:

@@ -54,7 +54,10 @@ class LateLimbs:
     """
 
     def __init__(self, limbs: Sequence[Limb], bones: Bones) -> None:
-        numbers, rates, lengths, first = [], [], [], 0
+        numbers: list[int] = []
+        rates: list[float] = []
+        lengths: list[float] = []
+        first = 0
         for limb in limbs:
             count = len(limb.points) - 1
             if limb.delay > 0:

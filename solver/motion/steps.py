@@ -50,8 +50,8 @@ TIDY_DISTANCE, TIDY_SECONDS = 0.1, (0.0, 1.0)
 """Distance from home, in leg lengths, from which a leg steps once more in this time after a walk, in seconds."""
 
 LEAN_AWAY, TURN_AWAY = (0.2, 0.45), (math.radians(25), math.radians(40))
-"""Distances, in leg lengths, and angles, in radians, by which a body that does not walk can be away from its homes until
-they follow: usually, and while the performer's feet rest."""
+"""Distances, in leg lengths, and angles, in radians, by which a body that does not walk can be away from its homes
+until they follow: usually, and while the performer's feet rest."""
 
 CAUGHT_UP = 0.2
 """Share of these below which the homes rest again."""
@@ -297,7 +297,7 @@ def _begin_swings(plan, state):
                 chosen, worst = leg, urgency
         if chosen < 0:
             return
-        _begin_swing(plan, state, chosen, walks)
+        _begin_swing(state, chosen, walks)
         flying += 1
 
 
@@ -329,7 +329,7 @@ def _urgency(plan, state, leg, walks):
 
 
 @compiled(inner=True)
-def _begin_swing(plan, state, leg, walks):
+def _begin_swing(state, leg, walks):
     """Lift a foot."""
     seconds = STEP_SECONDS
     if walks:

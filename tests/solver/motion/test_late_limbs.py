@@ -34,7 +34,7 @@ def play(angles, tick=1 / 60, roots=None, limbs=LIMBS):
 
 
 def test_a_body_at_rest_leaves_its_tail_at_rest():
-    headings, motions = play(np.zeros(20))
+    _, motions = play(np.zeros(20))
 
     assert np.allclose(motions[:, :, :3], np.eye(3))
     assert np.allclose(motions[:, :, 3], 0)

@@ -20,7 +20,7 @@ def stand():
     out = np.empty((8, 3))
     for joints, width, height in ((HIPS, 0.1, LEG), (ANKLES, 0.1, 0.0), (SHOULDERS, 0.2, 1.35), (HANDS, 0.25, 0.75)):
         out[list(joints)] = [width, height, 0] * np.hstack([side, np.ones((2, 2))])
-    return out + [0, 0.1, 0]
+    return out + np.array([0, 0.1, 0])
 
 
 def animal(pairs, basis=None):
@@ -30,7 +30,7 @@ def animal(pairs, basis=None):
         for side in range(2):
             x = 0.15 - 0.3 * side
             knee = 0.08 if row == 0 else -0.08
-            points = np.array([[x, 0.6, 0], [x, 0.33, knee], [x, 0.05, 0], [x, 0.0, 0.1]]) + [0, 0, place]
+            points = np.array([[x, 0.6, place], [x, 0.33, place + knee], [x, 0.05, place], [x, 0.0, place + 0.1]])
             first = len(heads)
             heads += points[:-1].tolist()
             tails += points[1:].tolist()
@@ -83,7 +83,7 @@ def walking(speed, seconds=4.0):
     way = 0.0
     for number in range(round(seconds / TICK)):
         way += speed * min(1.0, number * TICK) * TICK
-        pose = stand() + [0, 0, way]
+        pose = stand() + np.array([0, 0, way])
         pose[list(ANKLES)] = np.nan
         yield pose
 
@@ -197,7 +197,7 @@ def test_legs_reach_their_feet_because_the_body_sinks():
 
 def test_a_jump_lifts_the_whole_body():
     poses = [stand()] * 60
-    poses += [stand() + [0, 0.4 * np.sin(np.pi * k / 30), 0] for k in range(30)] + [stand()] * 60
+    poses += [stand() + np.array([0, 0.4 * np.sin(np.pi * k / 30), 0]) for k in range(30)] + [stand()] * 60
 
     walk = Walk(poses)
 

@@ -33,12 +33,15 @@ HEAD_TOP_METRES, ANKLE_HEIGHT_METRES = 0.11, 0.09
 """Distances from the head joint to the top of the head, and from the sole to the ankle."""
 
 
+HANGING = math.sin(math.radians(10)), -math.cos(math.radians(10))
+"""Direction of arms that hang, outwards and up."""
+
 UPRIGHT_WAYS: dict[str, tuple[float, float]] = {
     "shoulder": (1.0, 0.0),
     "hip": (1.0, 0.0),
-    "elbow": (0.17, -0.985),
-    "wrist": (0.17, -0.985),
-    "hand": (0.17, -0.985),
+    "elbow": HANGING,
+    "wrist": HANGING,
+    "hand": HANGING,
     "knee": (0.0, -1.0),
     "ankle": (0.0, -1.0),
 }
@@ -151,6 +154,8 @@ def upright(pose: NDArray[np.float64]) -> NDArray[np.float64]:
     for joint, parent in PARENTS.items():  # parents precede their children
         bone, _, side = joint.partition("_")
         here, before = JOINT_INDEX[joint], JOINT_INDEX[parent]
+        if np.isnan(pose[before]).any():
+            continue
         own = pose[here] - pose[before]
         outwards = right if side == "right" else -right
         way = UPRIGHT_WAYS.get(bone if joint != "shoulder_center" else joint, (0.0, 1.0))

@@ -126,6 +126,7 @@ class StepState(NamedTuple):
     yaw: NDArray[np.float64]  # (l, 3): heading of the foot now, at the beginning and at the end of its swing
     swing: NDArray[np.float64]  # (l,): share of the swing that is over, 0 for a foot that stands
     seconds: NDArray[np.float64]  # (l,): length of the swing
+    held: NDArray[np.float64]  # (l,): 1 for a foot that stands at a place of an earlier recording in the first frame
     lift: NDArray[np.float64]  # (l, 2): time for which the hand has been up; share of the gesture, 0 to 1
     body: NDArray[np.float64]  # (8,)
     velocity: NDArray[np.float64]  # (3,): of the body, level, mesh units per second
@@ -246,6 +247,7 @@ def state_of(plan: StepPlan) -> StepState:
         yaw=np.zeros((count, 3)),
         swing=np.zeros(count),
         seconds=np.ones(count),
+        held=np.zeros(count),
         lift=np.zeros((count, 2)),
         body=np.zeros(8),
         velocity=np.zeros(3),

@@ -173,9 +173,7 @@ class Steps:
     def hold(self, places: NDArray[np.float64]) -> None:
         """Let feet stand from the first frame on at the `places` of another instance."""
         held = np.isfinite(places).all(axis=1)
-        self._state.place[held] = places[held]
-        self._state.swing[~held] = AIM_SHARE  # they land soon
-        self._state.body[HEADING] = 0.0
+        self._state.place[held], self._state.held[held] = places[held], 1.0
 
 
 @compiled
@@ -194,7 +192,9 @@ def _step(plan, state, time, positions, confidence, motions, root):
     watch_hands(plan, state, positions, confidence, elapsed)
     if not began:
         for leg in range(len(plan.feet)):
-            if state.swing[leg] == 0:
+            if state.held[leg] > 0:
+                state.yaw[leg] = state.body[HEADING]
+            else:
                 _stand_at_home(plan, state, leg)
     _begin_swings(plan, state)
     for leg in range(len(plan.feet)):

@@ -11,6 +11,7 @@ from solver.model.vectors import dot, length, row_of, scaled
 from solver.motion import quaternions as quat
 from solver.motion.gait import WALKS
 from solver.motion.retarget import is_position
+from solver.motion.step_plan import REARING
 from solver.motion.two_bones import moved, place
 
 LIFT_RAISE, LOWER_RAISE = 0.3, 0.18
@@ -24,6 +25,9 @@ RAISED_SECONDS = 0.1
 
 GESTURE_SECONDS = 0.35
 """Time in which a leg begins or ends to follow an arm, in seconds."""
+
+LANDING_SHARE = 0.3
+"""Share of a gesture that remains until a body that reared has come down."""
 
 MAX_TURN = math.radians(85)
 """Angle towards which the turn of a lifted bone relative to the one before it levels off, in radians."""
@@ -53,7 +57,8 @@ def watch_hands(plan, state, positions, confidence, elapsed):
             state.lift[leg, 0] = 0.0
         goal = 1.0 if state.lift[leg, 0] > RAISED_SECONDS else 0.0
         most = elapsed / GESTURE_SECONDS
-        state.lift[leg, 1] += min(max(goal - state.lift[leg, 1], -most), most)
+        lowered = max(goal, min(LANDING_SHARE, state.body[REARING]))
+        state.lift[leg, 1] += min(max(lowered - state.lift[leg, 1], -most), most)
 
 
 @compiled(inner=True)

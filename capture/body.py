@@ -1,5 +1,6 @@
 """Size of a performer: bone lengths, reach of each joint, height; and the rest pose."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -30,6 +31,27 @@ TRUNK = LIMBS["trunk"][1:]
 
 HEAD_TOP_METRES, ANKLE_HEIGHT_METRES = 0.11, 0.09
 """Distances from the head joint to the top of the head, and from the sole to the ankle."""
+
+
+HANGING = math.sin(math.radians(10)), -math.cos(math.radians(10))
+"""Direction of arms that hang, outwards and up."""
+
+UPRIGHT_WAYS: dict[str, tuple[float, float]] = {
+    "shoulder": (1.0, 0.0),
+    "hip": (1.0, 0.0),
+    "elbow": HANGING,
+    "wrist": HANGING,
+    "hand": HANGING,
+    "knee": (0.0, -1.0),
+    "ankle": (0.0, -1.0),
+}
+"""Directions of bones of a person who stands upright, outwards and up; others point up."""
+
+UPRIGHT_ANGLE = math.radians(25)
+"""Largest angle from these directions of a bone that is taken to stand upright or to hang, in radians."""
+
+MIN_WIDTH_METRES = 0.05
+"""Smallest width of hips and shoulders that determines a heading, in metres."""
 
 
 def typical_bone_length(joint: str) -> float:
@@ -105,6 +127,45 @@ def height(pose: NDArray[np.float64]) -> float:
     return float(
         legs + bones["spine"] + bones["shoulder_center"] + bones["head"] + HEAD_TOP_METRES + ANKLE_HEIGHT_METRES
     )
+
+
+def upright(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a pose in which a person stands upright with hanging arms, with the bone lengths and heading of another.
+
+    Bones that are nearly in that direction, and the feet, keep theirs: a sensor's joints are not quite where a body's
+    are.
+
+    Parameters
+    ----------
+    pose : (20, 3) float64
+        Metres, sensor coordinates; NaN for unknown joints, which stay unknown.
+
+    Returns
+    -------
+    (20, 3) float64
+    """
+    across = np.zeros(3)
+    for pair in ("hip", "shoulder"):
+        way = pose[JOINT_INDEX[f"{pair}_right"]] - pose[JOINT_INDEX[f"{pair}_left"]]
+        across += np.where(np.isfinite(way), way, 0.0) * [1, 0, 1]
+    size = float(np.linalg.norm(across))
+    right = across / size if size > MIN_WIDTH_METRES else np.array([1.0, 0.0, 0.0])
+    lengths, out = bone_lengths(pose), pose.copy()
+    for joint, parent in PARENTS.items():  # parents precede their children
+        bone, _, side = joint.partition("_")
+        here, before = JOINT_INDEX[joint], JOINT_INDEX[parent]
+        if np.isnan(pose[before]).any():
+            continue
+        own = pose[here] - pose[before]
+        outwards = right if side == "right" else -right
+        way = UPRIGHT_WAYS.get(bone if joint != "shoulder_center" else joint, (0.0, 1.0))
+        wanted = way[0] * outwards + np.array([0.0, way[1], 0.0])
+        near = own @ wanted > math.cos(UPRIGHT_ANGLE) * np.linalg.norm(own)
+        if bone == "foot" or near or not np.isfinite(own).all():
+            out[here] = out[before] + own
+        else:
+            out[here] = out[before] + lengths[joint] * wanted
+    return out
 
 
 def resting_pose(

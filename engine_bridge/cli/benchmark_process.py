@@ -22,7 +22,7 @@ from capture.skeleton import SkeletonFrame
 from engine_bridge.character.character import load_character
 from engine_bridge.character.drawn_normals import drawn_normals
 from engine_bridge.export.convert import convert
-from engine_bridge.performance.clip import load_timeline, resting_pose
+from engine_bridge.performance.clip import load_timeline, reference_pose
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
@@ -103,7 +103,7 @@ class Playing:
         self._positions, self._confidence = timeline.positions, timeline.confidence
         self._R = np.empty_like(rig.model.rest_controls)
         self._controls = np.empty((len(self._R) // 4, 3, 4), dtype=np.float32)
-        self.performance = Performance(rig.puppet, rig.mesh, rig.model, resting_pose(timeline, settings))
+        self.performance = Performance(rig.puppet, rig.mesh, rig.model, reference_pose(rig.puppet, timeline, settings))
         it = rig.character
         self.binding = ShadedBinding(rig.model, it.vertices, rig.mesh.of_render, drawn_normals(it), it.triangles)
         self._drawn = np.empty_like(self.binding.rest), np.empty_like(self.binding.rest)

@@ -9,6 +9,7 @@ from engine_bridge.cli import options
 from engine_bridge.cli.options import FILE, Finite
 
 if TYPE_CHECKING:
+    from engine_bridge.puppet.body_plans import BodyPlan
     from engine_bridge.puppet.puppet import Direction, Puppet
 
 AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
@@ -46,6 +47,11 @@ AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
     metavar="METRES",
     help="Metres per mesh unit.  [default: from the character's height]",
 )
+@click.option(
+    "--plan",
+    type=click.Choice(["upright", "two legs", "four legs", "many legs", "wings", "no legs"]),
+    help="How limbs follow the performer.  [default: from the limbs that are found]",
+)
 @click.option("--mirror", is_flag=True, help="Make the character the performer's mirror image.")
 @click.option(
     "--preview", type=FILE, metavar="PNG", help="File for the image of the puppet.  [default: OUTPUT with .handles.png]"
@@ -60,6 +66,7 @@ def new(
     up: "Direction | None",
     front: "Direction | None",
     scale: float | None,
+    plan: "BodyPlan | None",
     mirror: bool,
     preview: Path | None,
     force: bool,
@@ -70,6 +77,7 @@ def new(
     """
     from engine_bridge.pictures import puppet_diagram
     from engine_bridge.puppet import proposal, puppet_file
+    from engine_bridge.puppet.body_plans import PLANS
     from puppetline.files import check_new, check_writable
 
     picture = preview or output.with_suffix(".handles.png")  # plain .png may be the name of a texture or contact sheet
@@ -87,13 +95,17 @@ def new(
         front=front,
         scale=scale,
         mirror=mirror,
+        plan=plan,
     )
-    puppet_file.dump(proposed.puppet, output)
+    about = f"Body plan {proposed.plan!r}. {PLANS[proposed.plan].about}" if proposed.plan else ""
+    puppet_file.dump(proposed.puppet, output, about)
     puppet_diagram.draw(proposed.puppet, proposed.character, picture, f"{output.stem} · {mesh.name}")
     counts = {"limbs": len(proposed.puppet.limb), "handles": len(proposed.puppet.handle)}
     click.echo(
         f"{output}: {', '.join(f'{count} {what}' for what, count in counts.items() if count)}, shown in {picture}"
     )
+    if about:
+        click.echo(f"  {about}")
     for reason in proposed.assumed:
         click.echo(f"  assumed: {reason}")
     for note in proposed.notes:

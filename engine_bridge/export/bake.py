@@ -17,7 +17,7 @@ from engine_bridge.export import morph_basis
 from engine_bridge.export.animation import FloatTargets, Keyframes, animate
 from engine_bridge.export.live_basis import REACH, LiveBasis, store_basis
 from engine_bridge.export.morph_basis import MorphBasis
-from engine_bridge.performance.clip import Progress, load_timeline, resting_pose, solve
+from engine_bridge.performance.clip import Progress, load_timeline, reference_pose, solve
 from engine_bridge.performance.exercise import exercise
 from engine_bridge.performance.frame_store import FrameStore
 from engine_bridge.performance.rig import Rig, load_rig
@@ -161,7 +161,7 @@ def synthetic_motion(rig: Rig, names: Sequence[str], settings: Settings, progres
     timelines = {name: resample(performances()[name](), settings.fps, settings.max_gap) for name in names}
     clips = [(name, timeline, ()) for name, timeline in timelines.items()]
     motion = _play(rig, clips, len(clips), settings, progress)
-    rest = resting_pose(timelines[names[0]], settings)
+    rest = reference_pose(rig.puppet, timelines[names[0]], settings)
     for solved in exercise(rig, rest, CHUNK):
         motion.frames.append(solved)
     return motion

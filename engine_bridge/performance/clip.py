@@ -18,6 +18,7 @@ from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.performance.take_calibration import of_performer
+from engine_bridge.puppet.puppet import Puppet
 from puppetline.errors import SkeletonLogError, at
 from solver.model.batch import BatchBinding
 from solver.model.stretch import EdgeStretch
@@ -138,6 +139,18 @@ def resting_pose(timeline: Timeline, settings: Settings) -> NDArray[np.float64]:
     )
 
 
+def reference_pose(puppet: Puppet, timeline: Timeline, settings: Settings) -> NDArray[np.float64]:
+    """Return the pose (20, 3) that corresponds to the character's rest pose.
+
+    It is the calibration pose; limbs that turn are compared with an upright stand unless somebody calibrated, because
+    recordings begin in mid step.
+    """
+    pose = resting_pose(timeline, settings)
+    calibrated = settings.rest_at is not None or timeline.rest is not None
+    turns = any(limb.follow == "turn" for limb in puppet.limbs)
+    return body.upright(pose) if turns and not calibrated else pose
+
+
 class Solved(NamedTuple):
     """Solved frames.
 
@@ -164,7 +177,7 @@ def solve(rig: Rig, timeline: Timeline, settings: Settings, chunk_size: int) -> 
     Solved
         The next frames, at most `chunk_size`.
     """
-    performance = Performance(rig.puppet, rig.mesh, rig.model, resting_pose(timeline, settings))
+    performance = Performance(rig.puppet, rig.mesh, rig.model, reference_pose(rig.puppet, timeline, settings))
     count = len(timeline.positions)
     bones = len(performance.deformer.bones)
     for start in range(0, count, chunk_size):

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.performance.clip import load_timeline, resting_pose
+from engine_bridge.performance.clip import load_timeline, reference_pose
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.performance.rig import Rig
 from engine_bridge.performance.settings import Settings
@@ -69,7 +69,7 @@ class IdleRecording:
         settings = Settings()
         timeline, _ = load_timeline(log, settings)
         self._fps = timeline.fps
-        retargeting = Retargeting(rig.puppet, rig.mesh, deformer, resting_pose(timeline, settings))
+        retargeting = Retargeting(rig.puppet, rig.mesh, deformer, reference_pose(rig.puppet, timeline, settings))
         aims = [retargeting.step(timeline.frame(number)) for number in range(len(timeline.positions))]
         self.targets = _seamless(np.array([aim.targets for aim in aims]), self._fps)
         self.root = _seamless(np.array([aim.root for aim in aims]), self._fps)

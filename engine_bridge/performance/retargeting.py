@@ -14,15 +14,18 @@ from numpy.typing import NDArray
 from capture import body, orientations
 from capture.skeleton import JOINT_INDEX, LIMBS, LOST, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
 from capture.smoothing import JointFilter
+from engine_bridge.performance.standing_legs import steps_of
 from engine_bridge.puppet.puppet import Puppet, axis_mask
 from solver.model.bones import Bones
 from solver.motion.arms import Arm, Arms
 from solver.motion.deformer import Deformer
 from solver.motion.feet import Feet, Leg
+from solver.motion.late_limbs import LateLimbs
 from solver.motion.limb_motion import LimbMotion
 from solver.motion.limbs import TRUNK, Performer, parents_first
 from solver.motion.motion_limits import limb_reach
 from solver.motion.retarget import Fit, Retargeter, SmoothReturn
+from solver.motion.steps import Steps
 from solver.surface.mesh import SolverMesh
 
 
@@ -75,11 +78,13 @@ class Retargeting:
         self._filter = JointFilter(puppet.smoothing.parameters)
         self._rest = self._to_character(rest)
         self.fit = fit_sizes(puppet, deformer, mesh, rest)
-        legs = legs_of(puppet)
-        self.root_scale = _root_scale(puppet, mesh, rest, legs, deformer.bones)
-        pelvis = pelvis_of(puppet)
-        self._feet = Feet(deformer.bones, legs, self.root_scale, self._basis, pelvis=pelvis) if legs else None
+        legs, steps = legs_of(puppet), steps_of(puppet, deformer.bones, rest)
+        self.root_scale = _root_scale(puppet, mesh, rest, legs, deformer.bones) if steps is None else steps.metre
+        self._feet: Feet | Steps | None = steps
+        if legs and steps is None:
+            self._feet = Feet(deformer.bones, legs, self.root_scale, self._basis, pelvis=pelvis_of(puppet))
         self._limbs = LimbMotion(puppet.limbs, PERFORMER, self._rest, self._basis, turns=puppet.turns)
+        self._late = LateLimbs(self._limbs.limbs, deformer.bones)
         self._arms = arms_of(puppet, deformer.bones, rest)
         calibration = self._rest
         if self._limbs.trunk is not None:
@@ -113,6 +118,7 @@ class Retargeting:
         root = self.root_scale * moved @ self._basis
         if self._feet is not None:
             self._feet.step(frame.time, positions, confidence, motions, root)
+        self._late.step(frame.time, motions, root)
         return RetargetedFrame(targets, motions, root, joints)
 
     @property

@@ -63,7 +63,9 @@ def _character(clip: Clip, chosen: NDArray[np.int64]) -> list[NDArray[np.uint8]]
     poses = np.array(solved)[:, rig.mesh.of_render] @ basis.T
     ways = clip.root[chosen] @ basis.T * [1, 0, 1]
     view = View.around(poses - ways[:, None])
-    if legs_of(rig.puppet):  # what hangs from a hand may be lower than the feet
+    if legs_of(rig.puppet) or any(
+        limb.stands for limb in rig.puppet.limb
+    ):  # what hangs from a hand may be lower than the feet
         view = replace(view, ground=float((rig.character.vertices @ basis[1]).min()))
     images = []
     for pose, way in zip(poses, ways, strict=True):

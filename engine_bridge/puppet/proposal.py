@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character, load_character
+from engine_bridge.puppet.body_plans import BodyPlan, fits, plan_of
 from engine_bridge.puppet.handle_proposal import propose_handles
 from engine_bridge.puppet.limb_proposal import LIMB_JOINTS, limb_tables
 from engine_bridge.puppet.placement import check_handles, check_on_surface
@@ -44,12 +45,15 @@ class Proposal:
         Assumptions about the orientation and scale of the mesh, as sentences.
     notes : tuple of str
         Sentences about what is unclear.
+    plan : BodyPlan or None
+        None for a puppet without limbs.
     """
 
     puppet: Puppet
     character: Character
     assumed: tuple[str, ...]
     notes: tuple[str, ...] = ()
+    plan: BodyPlan | None = None
 
 
 def new_puppet(
@@ -64,6 +68,7 @@ def new_puppet(
     scale: float | None = None,
     mirror: bool = False,
     limbs: bool = True,
+    plan: BodyPlan | None = None,
 ) -> Proposal:
     """Propose a puppet for a mesh file, with the user's handles and joints where they are given.
 
@@ -81,6 +86,8 @@ def new_puppet(
     up, front, scale
         As in the puppet file; None to find it from the file's skeleton or the shape.
     mirror : bool
+    plan : BodyPlan or None
+        How limbs follow the performer; None to choose it from the limbs that are found.
     limbs : bool
         False for handles at the ends of limbs instead of limbs.
 
@@ -112,7 +119,7 @@ def new_puppet(
     standing = check(values | {"handle": PLACEHOLDER_HANDLES}, where).character
     notes: list[str] = []
     if places or not handles:
-        found = _limbs(rig, surface, standing, places, notes) if limbs else []
+        found = _limbs(rig, surface, standing, places, notes, plan) if limbs else []
         tables = [limb.model_dump(exclude_none=True) for limb in found]
         if tables and not places and not _is_valid(values | {"handle": [], "limb": tables}):
             found, tables = [], []
@@ -131,7 +138,14 @@ def new_puppet(
     if skeleton:
         reasons[:2] = (f"{name} is {axis}, by the file's skeleton" for name, axis in zip(AXES, skeleton, strict=True))
     assumed = tuple(reason for value, reason in zip(given.values(), reasons, strict=True) if value is None)
-    return Proposal(puppet, character, assumed, tuple(notes))
+    return Proposal(puppet, character, assumed, tuple(notes), _plan(puppet, plan))
+
+
+def _plan(puppet: Puppet, plan: BodyPlan | None) -> BodyPlan | None:
+    """Return the plan of a puppet's limbs; None for handles."""
+    if not puppet.limb:
+        return None
+    return plan or plan_of({limb.name: np.array(limb.points) for limb in puppet.limb}, puppet.character.basis[1])
 
 
 def _is_valid(values: dict[str, Any]) -> bool:
@@ -157,16 +171,30 @@ def _limbs(
     standing: CharacterTable,
     ends: Mapping[str, NDArray[np.float64]],
     notes: list[str],
+    plan: BodyPlan | None,
 ) -> list[LimbTable]:
     """Return the limbs of the file's skeleton if its names are known, else those of the shape; add to the notes."""
     if rig is not None:
         notes += rig.notes
-        tables = limb_tables(rig, standing)
+        tables = limb_tables(rig, standing, _checked(plan, rig))
         if tables:
             return tables
     shape = find_limbs(surface, standing.basis, ends)
     notes += shape.notes
-    return limb_tables(shape, standing)
+    return limb_tables(shape, standing, _checked(plan, shape))
+
+
+def _checked(plan: BodyPlan | None, limbs: Limbs) -> BodyPlan | None:
+    """Return a plan that the user chose, or refuse it for a body without the limbs that it needs."""
+    if plan is not None and not fits(plan, limbs.points):
+        found = ", ".join(limbs.points) or "none"
+        raise PuppetError(
+            at("the command line", field=f"--plan {plan}"),
+            found=f"a character with these limbs: {found}",
+            expected="trunk, head, arms and legs" if plan == "upright" else "at least one leg",
+            fix="Choose another plan, or give the ends of the missing limbs with --limb.",
+        )
+    return plan
 
 
 def _check_ends(ends: Mapping[str, str], where: str) -> None:

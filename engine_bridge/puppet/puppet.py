@@ -161,6 +161,7 @@ class RootTable(Table):
     axes: AxisSet = "xz"
     turns: StrictBool = True
     feet: Literal["lock", "free"] = "lock"
+    walk: Literal["in place", "forward"] = "in place"
 
 
 class RetargetTable(Table):

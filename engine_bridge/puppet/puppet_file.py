@@ -76,15 +76,22 @@ def check(values: dict[str, Any], where: str | Path) -> Puppet:
     return toml_schema.check(Puppet, values, where, PuppetError)
 
 
-def dump(puppet: Puppet, path: Path) -> None:
+def dump(puppet: Puppet, path: Path, comment: str = "") -> None:
     """Write a puppet file, completely or not at all; `load` returns an equal puppet.
+
+    Parameters
+    ----------
+    puppet : Puppet
+    path : Path
+    comment : str
+        First line of the file, if there is one.
 
     Raises
     ------
     OutputError
     """
     with written_whole(path) as beside:
-        beside.write_text(dumps(puppet), encoding="utf-8")
+        beside.write_text((f"# {comment}\n\n" if comment else "") + dumps(puppet), encoding="utf-8")
 
 
 def dumps(puppet: Puppet) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,9 @@ LYING_COSINE = np.cos(np.radians(45))
 
 MAX_HAND_HEIGHT_SHARE = 0.3
 """Maximum height of the ends of forelegs, as a share of the height of the shoulders."""
+
+MIN_LEG_BONE_SHARE = 0.08
+"""Minimum length of the bones of a leg below the third joint, as a share of the leg's length."""
 
 UP = np.array([0.0, 1.0, 0.0])
 """Up direction in glTF."""
@@ -83,6 +87,8 @@ def limbs_of_joints(joints: Sequence[Joint]) -> Limbs:
     skeleton = _Skeleton(joints)
     found = skeleton.arms_and_legs()
     four_legged = _is_four_legged(found)
+    if four_legged:
+        found = skeleton.arms_and_legs(every_bend=True)
     names = {"arm": "front leg", "leg": "hind leg"} if four_legged else {"front leg": "arm", "hind leg": "leg"}
     found = {_renamed(name, names): points for name, points in found.items()}
     behind, before = ("hind leg", "front leg") if four_legged else ("leg", "arm")
@@ -160,12 +166,15 @@ class _Skeleton:
         ]
         return sorted(wanted, key=lambda index: (self.depth[index], index))
 
-    def arms_and_legs(self) -> dict[str, NDArray[np.float64]]:
-        """Return arms and legs by their names in the skeleton."""
+    def arms_and_legs(self, every_bend: bool = False) -> dict[str, NDArray[np.float64]]:
+        """Return arms and legs by their names in the skeleton.
+
+        Legs of people have hip, knee, ankle and foot; with `every_bend` they have all the joints of the file.
+        """
         found: dict[str, NDArray[np.float64]] = {}
         for side in ("left", "right"):
-            arm, leg = self.arm(side), self.leg(side, None)
-            front, hind = self.leg(side, "front"), self.leg(side, "hind")
+            arm, leg = self.arm(side), self.leg(side, None, every_bend)
+            front, hind = (self.leg(side, quarter, every_bend) for quarter in ("front", "hind"))
             if front is not None and hind is None:  # only the front legs are marked as such
                 leg, hind = None, leg
             limbs = {"arm": arm, "leg": leg, "front leg": front, "hind leg": hind}
@@ -189,7 +198,7 @@ class _Skeleton:
             chain += [self.place(wrist), self.end(chain[1], self.place(wrist), self.below(wrist))]
         return np.array(chain)
 
-    def leg(self, side: str, quarter: str | None) -> NDArray[np.float64] | None:
+    def leg(self, side: str, quarter: str | None, every_bend: bool) -> NDArray[np.float64] | None:
         named = self.named(side, quarter, "girdle", *LEG_PARTS)
         tops = [index for index in named if not set(named) & set(self.ancestors(index))]
         legs = [top for top in tops if set(self.below(top)) & set(self.named(side, quarter, "thigh", "leg"))]
@@ -198,7 +207,8 @@ class _Skeleton:
         top = max(legs, key=lambda index: (len(set(named) & set(self.below(index))), -index))
         chain = [top]
         for index in named:
-            twice = self.part(index) not in ("leg", "girdle") and self.part(index) in map(self.part, chain)
+            known = ("leg", "girdle", "foot") if every_bend else ("leg", "girdle")
+            twice = self.part(index) not in known and self.part(index) in map(self.part, chain)
             if chain[-1] in self.ancestors(index) and not twice:
                 chain.append(index)
         feet = [index for index in tops if index != top]
@@ -210,9 +220,19 @@ class _Skeleton:
             del chain[0]
         if len(chain) < 3 or self.part(chain[0]) == "girdle":
             return None
-        held = [below for index in chain[2:] for below in self.below(index)]
-        points = [self.place(index) for index in chain[:3]]
-        return np.array([*points, self.end(points[1], points[2], held)])
+        last = 3 if every_bend and len(chain) > 3 else 2
+        held = [below for index in chain[last:] for below in self.below(index)]
+        points = self.bends([self.place(index) for index in (chain if every_bend else chain[:3])])
+        return np.array([*points, self.end(points[-2], points[-1], held)])
+
+    def bends(self, points: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+        """Return the points of a leg without those that follow others closely, which are twists and controls."""
+        size = sum(float(np.linalg.norm(after - before)) for before, after in pairwise(points))
+        kept = points[:3]
+        for point in points[3:]:
+            if np.linalg.norm(point - kept[-1]) > MIN_LEG_BONE_SHARE * size:
+                kept.append(point)
+        return kept
 
     def across(self, quarter: str | None) -> NDArray[np.float64]:
         """Return the direction from right to left legs."""

@@ -61,6 +61,8 @@ class LimbBranches(LimbEnds):
 
     Attributes
     ----------
+    leg_names : tuple of str
+        Names of the pairs of legs without the side, from hind to front.
     legs : dict
         Points of the legs by name.
     legs_are_folded : bool
@@ -76,7 +78,8 @@ class LimbBranches(LimbEnds):
         self.legs: dict[str, Points] = {}
         self.legs_are_folded = False
         self.thighs: set[int] = set()
-        for name, pair in zip(("hind leg", "front leg") if self.four_legged else ("leg",), self.feet, strict=False):
+        self.leg_names = leg_names(len(self.feet))
+        for name, pair in zip(self.leg_names, self.feet, strict=True):
             fork = self.skeleton.fork(*pair)
             curves = [curve_through(self.solid, self.skeleton.between(foot, fork)) for foot in pair]
             points, parted = leg_joints(curves, self.solid.size, upright=name == "leg")
@@ -85,7 +88,7 @@ class LimbBranches(LimbEnds):
                 points = [leg if other is None else other for leg, other in zip(points, folded, strict=True)]
                 self.legs_are_folded = any(leg is not None for leg in folded)
             self.legs |= self.sides(name, points)
-            if name != "front leg":
+            if pair == self.feet[0]:
                 self.trunk = self._trunk(curves, parted)
             for curve in curves:
                 self.thighs.update(curve.cells[curve.along < curve.length - parted].tolist())
@@ -277,6 +280,12 @@ class LimbBranches(LimbEnds):
     @cached_property
     def _tree(self) -> cKDTree:
         return cKDTree(self.cells)
+
+
+def leg_names(pairs: int) -> tuple[str, ...]:
+    """Return the names of pairs of legs, from hind to front; three pairs and more are counted from the front."""
+    few = {0: (), 1: ("leg",), 2: ("hind leg", "front leg")}
+    return few.get(pairs, tuple(f"leg {row}" for row in range(pairs, 0, -1)))
 
 
 def _straightness(points: Points) -> float:

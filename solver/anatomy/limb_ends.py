@@ -33,6 +33,12 @@ MIN_STRIDE = 0.25
 """Minimum distance from hind feet to front feet. This and most of the following constants are shares of the unit: the
 largest of height, width and length."""
 
+MIN_ROW_STRIDE = 0.04
+"""Minimum distance from a pair of feet to the next one, if there are more than two pairs."""
+
+MIN_ROW_THICKNESS = 0.5
+"""Minimum thickness of feet between two other pairs, as a share of theirs."""
+
 MAX_MIRROR_DISTANCE = 0.3
 """Maximum distance between the places of two feet, ears or wings of a pair after mirroring one of them."""
 
@@ -78,7 +84,7 @@ class LimbEnds:
     ends : dict
         Cells of the ends that the user has given, by name.
     feet : list of (int, int)
-        Cells at the feet: no pair, one pair, or hind and front feet; the left foot of each pair first.
+        Cells at the feet: no pair, one pair, or several from hind to front; the left foot of each pair first.
     four_legged : bool
     head : int
         Cell at the end of the head.
@@ -116,7 +122,7 @@ class LimbEnds:
         return ",".join(f"{value:.4g}" for value in place @ self.basis)
 
     def _feet(self) -> list[_Pair]:
-        """Return no pair of feet, one pair, or hind feet and front feet; the left foot of each pair first."""
+        """Return no pair of feet, one pair, or several from hind to front; the left foot of each pair first."""
         candidates = [tip for tip in self.skeleton.tips.tolist() if self.place(tip)[1] < MAX_FOOT_HEIGHT]
         stout = max((self._thicknesses(tip)[0] for tip in candidates), default=0.0)
         low: list[int] = []
@@ -139,12 +145,21 @@ class LimbEnds:
                 pair = self.ends[f"left {given}"], self.ends[f"right {given}"]
                 pairs = [pair] if given != "front leg" else [pairs[0], pair]
         if len(pairs) > 1 and self._stride(pairs[0], pairs[-1]) > MIN_STRIDE:
-            return [pairs[0], pairs[-1]]
+            between = [pair for pair in pairs[1:-1] if self._is_row(pair, pairs[0], pairs[-1])]
+            return [pairs[0], *between, pairs[-1]]
         heights = [max(self.place(tip)[1] for tip in pair) for pair in pairs]
         lowest = [
             pair for pair, height in zip(pairs, heights, strict=True) if height < min(heights) + MAX_LEVEL_DIFFERENCE
         ]
         return sorted(lowest, key=lambda pair: self.cells[pair[1], 0] - self.cells[pair[0], 0])[:1]
+
+    def _is_row(self, pair: _Pair, hind: _Pair, front: _Pair) -> bool:
+        """Return whether a pair of feet between two others stands on the ground as they do, on legs of its own."""
+        on_ground = max(self.place(tip)[1] for tip in pair) < MAX_GROUND_HEIGHT
+        apart = min(self._stride(hind, pair), self._stride(pair, front)) > MIN_ROW_STRIDE
+        thickness = min(self._thicknesses(tip)[0] for tip in pair)
+        stout = min(self._thicknesses(tip)[0] for other in (hind, front) for tip in other)
+        return on_ground and apart and thickness > MIN_ROW_THICKNESS * stout
 
     def _foot_distance(self, one: int, other: int, stride: float = 1.0) -> float:
         """Return how far two feet are from mirroring each other in place and thickness, as a share of the unit.

@@ -135,7 +135,7 @@ class _Finder(LimbBranches):
     def _trunk_and_head(self, found: dict[str, Points]) -> dict[str, Points]:
         trunk = self.trunk
         near = cKDTree(trunk.points)
-        legs, arms = ("hind leg", "front leg") if self.four_legged else ("leg", "arm")
+        legs, arms = (self.leg_names[0], self.leg_names[-1]) if self.four_legged else ("leg", "arm")
         low, high = trunk.points[0], trunk.at(SHOULDER_SHARE * trunk.length)
         if f"left {legs}" in found:
             low = (found[f"left {legs}"][0] + found[f"right {legs}"][0]) / 2

@@ -10,6 +10,7 @@ from capture.body import (
     reach,
     resting_pose,
     typical_bone_length,
+    upright,
 )
 from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST, PARENTS, TRACKED
 
@@ -223,3 +224,52 @@ def test_inferred_joints_count_as_known(take):
     positions, confidence = take
     confidence[:, 5] = INFERRED
     np.testing.assert_array_equal(resting_pose(positions, confidence, first=0, count=3)[5], [1.0, 5, 0])
+
+
+def in_step():
+    """A pose (20, 3) in mid step: a thigh, a shin, both arms and the trunk are far from upright."""
+    ways = {"spine": (0, 0.1, -0.06), "shoulder_center": (0, 0.3, -0.2), "head": (0, 0.3, -0.05)}
+    sides = {"shoulder": (0.2, 0, 0), "elbow": (0.2, 0, -0.2), "wrist": (0, 0.1, -0.2), "hand": (0, 0.08, 0)}
+    sides |= {"hip": (0.1, -0.02, 0), "knee": (0, -0.3, -0.3), "ankle": (0, -0.4, 0.05), "foot": (0, -0.02, -0.15)}
+    pose = np.zeros((len(JOINTS), 3))
+    for joint, parent in PARENTS.items():
+        bone, _, side = joint.partition("_")
+        way = ways.get(joint) or np.multiply(sides[bone], [1 if side == "right" else -1, 1, 1])
+        pose[JOINT_INDEX[joint]] = pose[JOINT_INDEX[parent]] + way
+    return pose
+
+
+def way_to(pose, joint):
+    return pose[JOINT_INDEX[joint]] - pose[JOINT_INDEX[PARENTS[joint]]]
+
+
+def test_an_upright_stand_has_the_bone_lengths_and_the_heading_of_the_pose():
+    angle = 0.6
+    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+
+    stand = upright(in_step() @ turn)
+
+    assert bone_lengths(stand) == pytest.approx(bone_lengths(in_step()))
+    for joint in ("shoulder_center", "spine"):
+        assert way_to(stand, joint)[1] == pytest.approx(np.linalg.norm(way_to(stand, joint)))
+    for joint in ("knee_left", "knee_right", "elbow_left", "wrist_right"):
+        assert way_to(stand, joint)[1] < -0.98 * np.linalg.norm(way_to(stand, joint))
+    assert np.allclose(stand, upright(in_step()) @ turn)
+
+
+def test_bones_that_nearly_stand_upright_and_feet_stay_as_they_are():
+    stand = upright(in_step())
+
+    for joint in ("head", "ankle_left", "ankle_right", "foot_left", "hip_right"):
+        assert np.allclose(way_to(stand, joint), way_to(in_step(), joint))
+    assert np.allclose(upright(stand), stand)
+
+
+def test_joints_beside_unknown_ones_stay_where_they_are():
+    pose = in_step()
+    pose[JOINT_INDEX["elbow_left"]] = np.nan
+
+    stand = upright(pose)
+
+    assert np.flatnonzero(np.isnan(stand).any(axis=1)).tolist() == [JOINT_INDEX["elbow_left"]]
+    assert np.array_equal(stand[JOINT_INDEX["wrist_left"]], pose[JOINT_INDEX["wrist_left"]])

@@ -304,3 +304,22 @@ def test_parts_that_overlap_are_one_body(solver_mesh, person):
 def test_points_along_a_polyline_are_at_equal_ways():
     line = np.array([[0.0, 0, 0], [1, 0, 0], [1, 2, 0]])
     np.testing.assert_allclose(evenly(line, 4), [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 2, 0]])
+
+
+@pytest.mark.parametrize("pairs", [3, 4, 6])
+def test_every_leg_of_a_body_with_many_is_a_limb_in_rows_from_the_front(solver_mesh, pairs):
+    rows = np.linspace(0.9, -0.9, pairs)
+    knees, tips = ([np.array([x, y, far * z]) for z in rows] for x, y, far in ((0.8, 1.0, 1.0), (1.2, 0.05, 1.3)))
+    legs = [((0.25, 0.6, 0.6 * z), tuple(knee), 0.07) for z, knee in zip(rows, knees, strict=True)]
+    legs += [(tuple(knee), tuple(tip), 0.06) for knee, tip in zip(knees, tips, strict=True)]
+    body = [((0.0, 0.6, -0.8), (0.0, 0.6, 0.8), 0.3), ((0.0, 0.6, 0.8), (0.0, 0.65, 1.25), 0.2)]
+
+    limbs = found(solver_mesh([*body, *both(*legs)]))
+
+    for row, (knee, tip) in enumerate(zip(knees, tips, strict=True), 1):
+        for side, image in (("left", 1), ("right", IMAGE)):
+            points = limbs[f"{side} leg {row}"]
+            assert np.linalg.norm(points[1] - image * knee) < 0.15
+            assert np.linalg.norm(points[-1] - image * tip) < 0.15
+            assert np.linalg.norm(points[0] - image * [0.15, 0.6, 0.6 * rows[row - 1]]) < 0.15
+    assert sum("leg" in name for name in limbs) == 2 * pairs

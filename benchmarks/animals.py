@@ -1,0 +1,237 @@
+"""Animals that a performer drives: how they stand, step and stretch.
+
+    python -m benchmarks.animals --data FOLDER [--only NAME …] [--logs NAME …] [--pictures FOLDER] [--free]
+
+Each character of FOLDER/mesh plays each recording with the puppet that `puppetline new` proposes. Heights and speeds
+are those of the lowest vertices of each foot, in body heights, and stretch that of all edges. With `--free` no foot is
+held, for comparison; with `--pictures` a contact sheet of each clip is drawn.
+"""
+
+import argparse
+import tempfile
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.skeleton import JOINT_INDEX
+from capture.timeline import Timeline
+from engine_bridge.performance.clip import load_timeline, perform, reference_pose
+from engine_bridge.performance.performance import Performance
+from engine_bridge.performance.rig import Rig, make_rig
+from engine_bridge.performance.settings import Settings
+from engine_bridge.pictures import clip_sheet
+from engine_bridge.puppet.proposal import new_puppet
+from puppetline.errors import PuppetlineError
+from solver.model.batch import BatchBinding
+from solver.model.stretch import EdgeStretch
+from solver.motion.limbs import bones_of, parents_first
+
+ANIMALS = (
+    *("Alpaca", "Cow", "Fox", "Frog", "Horse", "Husky", "khronos_Fox", "Parasaurolophus", "Rat", "Shark", "Snake"),
+    *("Stegosaurus", "Trex", "cat_7k", "dog_10k", "dinosaur_14k", "feline", "spot_cow"),
+)
+LOGS = ("s01_e01", "s03_e01", "s09_e01", "Ges01", "a26_s1", "P1_1_1_p19")
+
+ON_FLOOR = 0.01
+"""Height over the floor below which a foot touches it, in body heights."""
+
+SOLE = 0.03
+"""Height of the vertices of a foot over the lowest of them, in body heights."""
+
+STANDS_SECONDS, STANDS_SPEED = 0.5, 0.15
+"""Time for which the performer's feet must be slower than this, in metres per second, to stand."""
+
+Floats = NDArray[np.float64]
+
+
+class Row(NamedTuple):
+    """Measures of a clip, in body heights, shares and edge lengths."""
+
+    above: float
+    below: float
+    fewest: int
+    touching: float
+    slide: float
+    slide95: float
+    acceleration: float
+    steps_standing: int
+    low: float
+    high: float
+
+
+def main() -> None:
+    """Print a row per character and recording, and one over all."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--only", nargs="*", default=list(ANIMALS))
+    parser.add_argument("--logs", nargs="*", default=list(LOGS))
+    parser.add_argument("--pictures", type=Path)
+    parser.add_argument("--free", action="store_true")
+    chosen = parser.parse_args()
+    print("| character | recording | legs | above | below | fewest on floor | on floor | slide | 95 % | acceleration "
+          "| steps while standing | edges p1 | p99 |")  # fmt: skip
+    print("| --- |" + " --- |" * 12)
+    rows = []
+    for mesh in sorted(path for path in (chosen.data / "mesh").rglob("*") if path.suffix in (".glb", ".obj", ".off")):
+        if any(part in mesh.stem for part in chosen.only):
+            rows += list(measured(mesh, chosen))
+    if rows:
+        table = np.array(rows)
+        print("\nMedian and 95 % of all: " + ", ".join(
+            f"{name} {np.nanmedian(column):.3g} / {np.nanpercentile(column, 95):.3g}"
+            for name, column in zip(Row._fields, table.T, strict=True)
+        ))  # fmt: skip
+
+
+def measured(mesh: Path, chosen: argparse.Namespace) -> Iterator[Row]:
+    """Yield the rows of a character."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            proposal = new_puppet(mesh, Path(folder) / "puppet.toml")
+        except PuppetlineError as error:
+            print(f"| {mesh.stem} | {error.found} |")
+            return
+        puppet = proposal.puppet
+        if chosen.free and puppet.root is not None:
+            puppet = puppet.model_copy(update={"root": puppet.root.model_copy(update={"feet": "free"})})
+        rig = make_rig(puppet, proposal.character)
+        logs = sorted(path for path in (chosen.data / "logs").rglob("*") if path.is_file())
+        for log in (log for log in logs if any(part in log.stem for part in chosen.logs) and "depth" not in log.stem):
+            settings = Settings(form="morph")
+            timeline, notes = load_timeline(log, settings)
+            soles = soles_of(rig)
+            row = play(rig, timeline, settings, soles)
+            print(
+                f"| {mesh.stem} | {log.stem} | {len(soles)} | {100 * row.above:.1f} | {100 * row.below:.1f} "
+                f"| {row.fewest} | {100 * row.touching:.0f} % | {row.slide:.3f} | {row.slide95:.2f} "
+                f"| {row.acceleration:.1f} | {row.steps_standing} | {row.low:.2f} | {row.high:.2f} |",
+                flush=True,
+            )
+            if chosen.pictures:
+                chosen.pictures.mkdir(parents=True, exist_ok=True)
+                clip = perform(rig, timeline, settings, notes, lambda *_: None)
+                clip_sheet.draw(clip, chosen.pictures / f"{mesh.stem}-{log.stem}.png", f"{mesh.stem}, {log.stem}")
+            yield row
+
+
+def soles_of(rig: Rig) -> list[NDArray[np.int64]]:
+    """Return the lowest vertices of each foot: of the surface near the tip of each leg."""
+    up = rig.puppet.character.basis[1]
+    vertices = rig.mesh.vertices
+    heights = vertices @ up
+    size = float(np.ptp(heights))
+    tips = np.array(
+        [limb.points[-1] for limb in rig.puppet.limbs if limb.name.split()[-1] == "leg" or " leg " in limb.name]
+    )
+    if not len(tips):
+        return []
+    away = np.linalg.norm(vertices[:, None] - tips, axis=2)
+    soles = []
+    for leg in range(len(tips)):
+        near = np.flatnonzero((away.argmin(axis=1) == leg) & (away[:, leg] < 0.15 * size))
+        if len(near):
+            soles.append(near[heights[near] < heights[near].min() + SOLE * size])
+    return soles
+
+
+def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[np.int64]]) -> Row:
+    """Play a recording, and measure the feet."""
+    performance = Performance(rig.puppet, rig.mesh, rig.model, reference_pose(rig.puppet, timeline, settings))
+    surface, stretch = BatchBinding.of_solver_mesh(rig.model, rig.mesh), EdgeStretch(rig.mesh)
+    basis, rest = rig.puppet.character.basis, rig.mesh.vertices
+    size = float(np.ptp(rest @ basis[1]))
+    steps = getattr(performance.retargeting, "_feet", None)
+    heights, places, bodies, swinging, lifted = [], [], [], [], []
+    used = np.concatenate(soles) if soles else np.zeros(0, dtype=np.int64)
+    starts = np.cumsum([0, *map(len, soles)])
+    trunk = _trunk(rig)
+    for number in range(len(timeline.positions)):
+        pose = performance.step(timeline.frame(number))
+        moved = surface.vertices(pose.R[None].astype(np.float32))
+        stretch.add(moved)
+        now = (moved[used, :, 0] + pose.root) @ basis.T
+        heights.append([now[a:b, 1].min() - (rest[used[a:b]] @ basis[1]).min() for a, b in pairwise(starts)])
+        places.append([now[a:b].mean(axis=0) for a, b in pairwise(starts)])
+        bodies.append(pose.motions[trunk, 3] + rig_head(rig, trunk) @ pose.motions[trunk, :3] + pose.root)
+        swinging.append(np.array(getattr(steps, "swinging", np.zeros(len(soles), dtype=bool))))
+        lifted.append(bool(getattr(steps, "lifted", False)))
+    return _row(
+        np.array(heights) / size,
+        np.array(places) / size,
+        np.array(bodies) / size,
+        np.array(swinging),
+        np.array(lifted),
+        timeline,
+        performance.retargeting.root_scale / size,
+        stretch.percentiles(1, 99),
+    )
+
+
+def rig_head(rig: Rig, bone: int) -> Floats:
+    """Return where a bone begins at rest."""
+    return bones_of(rig.puppet.limbs).heads[bone] if rig.puppet.limbs else np.zeros(3)
+
+
+def _trunk(rig: Rig) -> int:
+    first = 0
+    for limb in parents_first(rig.puppet.limbs):
+        if limb.name == "trunk":
+            return first
+        first += len(limb.points) - 1
+    return 0
+
+
+def _row(
+    heights: Floats,
+    places: Floats,
+    bodies: Floats,
+    swinging: NDArray[np.bool_],
+    lifted: NDArray[np.bool_],
+    timeline: Timeline,
+    scale: float,
+    edges: tuple[float, ...],
+) -> Row:
+    rate = timeline.fps
+    acceleration = np.linalg.norm(np.diff(bodies, 2, axis=0), axis=1) * rate**2
+    hips = timeline.positions[:, JOINT_INDEX["hip_center"]]
+    own = np.linalg.norm(np.diff(hips, 2, axis=0), axis=1) * rate**2 * scale
+    ratio = float(np.percentile(acceleration, 99) / max(np.percentile(own, 99), 1e-9))
+    if not heights.shape[1]:
+        return Row(np.nan, np.nan, 0, np.nan, np.nan, np.nan, ratio, 0, *edges)
+    lowest = heights.min(axis=1)
+    touches = np.abs(heights) < ON_FLOOR
+    both = touches[1:] & touches[:-1]
+    speeds = np.linalg.norm(np.diff(places[..., [0, 2]], axis=0), axis=2)[both] * rate
+    stands = performer_stands(timeline)
+    began = (~swinging[:-1] & swinging[1:]) & stands[1:, None]
+    return Row(
+        above=float(np.percentile(np.maximum(lowest, 0), 95)),
+        below=float(np.percentile(np.maximum(-heights.min(axis=1), 0), 95)),
+        fewest=int(touches[~lifted].sum(axis=1).min(initial=heights.shape[1])),
+        touching=float(touches[~lifted].any(axis=1).mean()),
+        slide=float(np.median(speeds)) if len(speeds) else np.nan,
+        slide95=float(np.percentile(speeds, 95)) if len(speeds) else np.nan,
+        acceleration=ratio,
+        steps_standing=int(began.sum()),
+        low=edges[0],
+        high=edges[1],
+    )
+
+
+def performer_stands(timeline: Timeline) -> NDArray[np.bool_]:
+    """Return the frames (f,) in which both feet of the performer have been slow for a while."""
+    feet = timeline.positions[:, [JOINT_INDEX["ankle_left"], JOINT_INDEX["ankle_right"]]]
+    frames = round(STANDS_SECONDS * timeline.fps)
+    speed = np.zeros(len(feet))
+    way = np.linalg.norm(feet[frames:] - feet[:-frames], axis=2).max(axis=1) / STANDS_SECONDS
+    speed[frames:] = way
+    speed[:frames] = way[0] if len(way) else 0.0
+    return np.asarray(speed < STANDS_SPEED)
+
+
+if __name__ == "__main__":
+    main()

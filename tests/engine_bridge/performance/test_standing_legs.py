@@ -1,0 +1,89 @@
+import numpy as np
+import pytest
+
+from capture import body
+from capture.skeleton import JOINTS, PARENTS
+from engine_bridge.performance.standing_legs import steps_of
+from engine_bridge.puppet.puppet import Puppet
+from solver.motion.limbs import bones_of
+
+HIP_HEIGHT = 0.6
+
+
+def leg(name, kind, x, z):
+    side = name.split()[0]
+    joints = {"front": ("shoulder", "elbow", "wrist", "hand"), "hind": ("hip", "knee", "ankle", "foot")}[kind]
+    points = [[x, HIP_HEIGHT, z], [x, 0.3, z + 0.05], [x, 0.05, z], [x, 0.0, z + 0.1]]
+    return {"name": name, "points": points, "joints": [f"{joint}_{side}" for joint in joints], "follow": "turn"}
+
+
+LEGS = [
+    leg(f"{side} {kind} leg", kind, x, z) | {"stands": True}
+    for kind, z in (("hind", -0.5), ("front", 0.5))
+    for side, x in (("left", 0.15), ("right", -0.15))
+]
+TRUNK = {
+    "name": "trunk",
+    "points": [[0, HIP_HEIGHT, -0.5], [0, HIP_HEIGHT, 0], [0, HIP_HEIGHT, 0.5]],
+    "joints": ["hip_center", "spine", "shoulder_center"],
+    "follow": "turn",
+}
+
+
+def puppet(legs=LEGS, **tables):
+    values = {"character": {"mesh": "any.glb"}, "limb": [TRUNK, *legs], "root": {}} | tables
+    return Puppet.model_validate(values)
+
+
+@pytest.fixture(scope="module")
+def rest():
+    """A performer who stands upright with typical bones."""
+    pose = np.zeros((len(JOINTS), 3))
+    for joint, parent in PARENTS.items():
+        way = np.array([0, 1.0 if joint in ("spine", "shoulder_center", "head") else -1.0, 0])
+        pose[JOINTS.index(joint)] = pose[JOINTS.index(parent)] + body.typical_bone_length(joint) * way
+    return body.upright(pose)
+
+
+def steps(made, rest):
+    return steps_of(made, bones_of(made.limbs), rest)
+
+
+def test_an_animal_travels_in_proportion_to_the_height_of_its_hips(rest):
+    leg_length = body.TYPICAL_BONE_METRES["knee"] + body.TYPICAL_BONE_METRES["ankle"]
+
+    assert steps(puppet(), rest).metre == pytest.approx(HIP_HEIGHT / leg_length)
+    assert steps(puppet(retarget={"scale": 2.0}), rest).metre == 2.0
+
+
+def test_all_legs_that_stand_step(rest):
+    assert steps(puppet(), rest).places.shape == (4, 3)
+    assert steps(puppet(LEGS[:2]), rest).places.shape == (2, 3)
+
+
+@pytest.mark.parametrize("made", [puppet(root=None), puppet(root={"feet": "free"})])
+def test_a_character_without_a_root_or_with_free_feet_does_not_step(made, rest):
+    assert steps(made, rest) is None
+
+
+def test_legs_that_do_not_stand_do_not_step(rest):
+    assert steps(puppet([each | {"stands": False} for each in LEGS]), rest) is None
+
+
+def test_a_raised_hand_lifts_the_front_leg_of_its_side(rest):
+    made = steps(puppet(), rest)
+    up = rest[:, [0, 1, 2]] * [-1, 1, -1]  # sensor axes to character axes
+    up[JOINTS.index("hand_left"), 1] = up[JOINTS.index("head"), 1]
+    motions = np.zeros((14, 4, 3))
+    motions[:, :3] = np.eye(3)
+
+    for number in range(20):
+        made.step(number / 30, up, np.ones(20, dtype=np.float32), motions.copy(), np.zeros(3))
+
+    lifted = np.isnan(made.places).any(axis=1)
+    names = [each.name for each in made_limbs() if each.stands]
+    assert [name for name, is_up in zip(names, lifted, strict=True) if is_up] == ["left front leg"]
+
+
+def made_limbs():
+    return [limb for limb in puppet().limbs if limb.name != "trunk"]

@@ -1,0 +1,137 @@
+import numpy as np
+import pytest
+
+from puppetline.compiled import compiled
+from solver.motion.gait import (
+    DUTY,
+    PHASE,
+    RATE,
+    RESTED_SECONDS,
+    WALKS,
+    new_gait,
+    phases,
+    share_of_stride,
+    update,
+)
+
+TICK = 1 / 60
+LEG = 0.8
+NATURAL = np.sqrt(9.81 * LEG)
+REST, LEFT_UP, RIGHT_UP = (False, False), (True, False), (False, True)
+
+
+@compiled
+def call(gait, time, elapsed, lifted, rests, speed, leg_length, metre):
+    update(gait, time, elapsed, lifted, rests, speed, leg_length, metre)
+
+
+@compiled
+def share(gait, offsets):
+    return share_of_stride(gait, offsets)
+
+
+def play(speed, lifted=lambda time: REST, seconds=4.0, gait=None, resting=False, scale=1.0):
+    """Return the states of a gait, frame by frame."""
+    gait = new_gait() if gait is None else gait
+    found = []
+    for number in range(1, round(seconds / TICK)):
+        time = number * TICK
+        up = np.array(lifted(time))
+        call(gait, time, TICK, up, ~up & resting, scale * speed, scale * LEG, scale)
+        found.append(gait.copy())
+    return np.array(found)
+
+
+def alternating(period):
+    return lambda time: (
+        LEFT_UP if time % period < 0.3 * period else RIGHT_UP if 0.5 < time % period / period < 0.8 else REST
+    )
+
+
+@pytest.mark.parametrize("speed", [0.6, 0.8, 0.95])
+def test_a_stride_is_as_long_as_that_of_animals_of_the_same_froude_number(speed):
+    last = play(speed)[-1]
+
+    stride = 2.3 * LEG * (speed / NATURAL) ** 0.6
+    assert last[WALKS] == 1
+    assert last[RATE] == pytest.approx(speed / stride)
+
+
+def test_a_faster_body_has_its_feet_on_the_floor_for_less_time_but_never_less_than_half():
+    duties = [play(speed)[-1, DUTY] for speed in (0.4, 1.0, 1.6, 2.5)]
+
+    assert duties == sorted(duties, reverse=True)
+    assert duties[0] < 0.75
+    assert duties[-1] == 0.5
+
+
+@pytest.mark.parametrize("scale", [0.01, 100.0])
+def test_the_unit_of_the_mesh_does_not_matter(scale):
+    assert np.allclose(play(1.1, scale=scale), play(1.1))
+
+
+def test_a_body_that_hardly_moves_does_not_walk():
+    assert not play(0.11 * NATURAL)[:, WALKS].any()
+
+
+def test_a_body_walks_on_until_it_is_slower_than_when_it_began():
+    gait = new_gait()
+    play(0.13 * NATURAL, gait=gait)
+
+    assert play(0.08 * NATURAL, gait=gait)[-1, WALKS] == 1
+    assert play(0.05 * NATURAL, gait=gait)[-1, WALKS] == 0
+
+
+def test_a_performer_whose_feet_rest_stands_whatever_the_hips_do():
+    states = play(1.0, resting=True)
+
+    assert not states[round(RESTED_SECONDS / TICK) + 1 :, WALKS].any()
+
+
+@pytest.mark.parametrize("period", [0.8, 1.1])
+def test_a_walk_in_place_has_the_performers_cadence_and_phase(period):
+    states = play(0.0, alternating(period), seconds=8 * period)
+
+    assert states[-1, WALKS] == 1
+    assert 1 / states[-1, RATE] == pytest.approx(period, rel=0.05)
+    lifts = round(7 * period / TICK)  # the left foot has just lifted
+    assert abs((states[lifts, PHASE] + 0.5) % 1 - 0.5) < 0.1
+
+
+def test_a_walk_in_place_ends_when_the_feet_stop():
+    gait = new_gait()
+    play(0.0, alternating(0.9), seconds=5.0, gait=gait)
+
+    assert gait[WALKS] == 1
+    for number in range(120):
+        call(gait, 5 + number * TICK, TICK, np.array(REST), np.array(REST), 0.0, LEG, 1.0)
+    assert gait[WALKS] == 0
+
+
+def test_two_legs_alternate():
+    assert phases(np.array([0, 1]), np.array([0, 0])).tolist() == [[0.0, 0.0], [0.5, 0.5]]
+
+
+def test_four_legs_walk_one_after_the_other_and_trot_in_diagonal_pairs():
+    left_hind, right_hind, left_front, right_front = phases(np.array([0, 1, 0, 1]), np.array([0, 0, 1, 1]))
+
+    assert [left_hind[0], left_front[0], right_hind[0], right_front[0]] == [0.0, 0.25, 0.5, 0.75]
+    assert left_hind[1] == right_front[1] == 0.0
+    assert right_hind[1] == left_front[1] == 0.5
+
+
+@pytest.mark.parametrize("pairs", [3, 4])
+def test_more_legs_walk_in_two_groups_of_neighbours_that_alternate(pairs):
+    found = phases(np.repeat([0, 1], pairs), np.tile(np.arange(pairs), 2)).reshape(2, pairs, 2)
+
+    assert np.array_equal(found[..., 0], found[..., 1])
+    assert np.all(np.abs(np.diff(found[..., 1], axis=0)) == 0.5)
+    assert np.all(np.abs(np.diff(found[..., 1], axis=1)) == 0.5)
+
+
+def test_a_leg_lifts_when_the_gait_reaches_its_phase():
+    gait = new_gait()
+    gait[PHASE] = 0.25
+
+    assert share(gait, np.array([0.25, 0.5])) == 0.0
+    assert share(gait, np.array([0.0, 0.5])) == 0.25

@@ -1,8 +1,8 @@
 """Shares of bones in the motion of a surface without a skin: heat that spreads from bones over the surface.
 
 I. Baran and J. Popović, *Automatic Rigging and Animation of 3D Characters* (2007), section 4: the share w_b of bone b
-solves −Δ w_b + H w_b = H p_b, with p_b = 1 on vertices whose nearest bone is b, and H = c / d² with the distance d. H is
-0 on vertices that do not see their nearest bone, such as those of ears; heat reaches them over the surface.
+solves −Δ w_b + H w_b = H p_b, with p_b = 1 on vertices whose nearest bone is b, and H = c / d² with the distance d. H
+is 0 on vertices that do not see their nearest bone, such as those of ears; heat reaches them over the surface.
 
 Two rules are ours. A bone also reaches to each child that begins beside it: the rump belongs to the trunk, not to the
 tail or to a thigh. And the last bone of a limb, such as the head, is stiff: d is small where rays from the bone

@@ -123,7 +123,7 @@ class ReducedModel:
     def held_shares(self) -> "csr_matrix":
         """Return the share (n, b) of each bone in each vertex; rows of vertices that are not held are 0."""
         if len(self.shares):
-            return scipy.sparse.csr_matrix(self.shares.astype(np.float64))
+            return scipy.sparse.csr_matrix(_unit_rows(self.shares.astype(np.float64)))
         held = np.flatnonzero(self.regions.held)
         entries = np.ones(len(held)), (held, self.regions.owner[held])
         return scipy.sparse.csr_matrix(entries, shape=(len(self.regions.owner), len(self.bones)))
@@ -227,10 +227,11 @@ def build(
     is_large, is_skinned = len(rest) > MAX_EXACT_VERTICES, shares is not None
     surface, mass = propagation.laplacian(unit)
     ties = replace(contacts(mesh), gap=contacts(mesh).gap / diagonal)
-    if shares is None and len(bones):
-        connected = propagation.energy_operator(surface, ties, mass, unit.diagonal)
-        shares = heat_shares(connected, mass, mesh, bones, bone_regions(mesh, bones))
     regions = bone_regions(mesh, bones) if shares is None else regions_of_shares(shares)
+    if shares is None and (regions.owner >= 0).any():
+        connected = propagation.energy_operator(surface, ties, mass, unit.diagonal)
+        shares = heat_shares(connected, mass, mesh, bones, regions)
+        regions = regions_of_shares(shares)
     along_limbs = limb_fields.limb_field_count(bones, regions, parameters.fields)
     holds = limb_fields.contacts_that_hold(ties, rest, regions, bones, skinned=is_skinned)
     L = propagation.energy_operator(surface, ties.only(holds), mass, unit.diagonal)

@@ -97,7 +97,13 @@ def fit(
     products = np.einsum("nbi,ni->nb", (W @ mixed).reshape(-1, count, 4), points)
     shares, bones = np.zeros((len(points), influences)), np.zeros((len(points), influences), dtype=np.int64)
     _fit(
-        points, np.ascontiguousarray(squares), products, float(len(controls)), model.regions.whole_parts(mesh), shares, bones
+        points,
+        np.ascontiguousarray(squares),
+        products,
+        float(len(controls)),
+        model.regions.whole_parts(mesh),
+        shares,
+        bones,
     )
     return packed(shares, bones)
 

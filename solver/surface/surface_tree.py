@@ -174,6 +174,8 @@ def _passes(start, way, first, low, high):
     """Return whether a segment passes through a box between a share of its length and its end."""
     last = 1.0
     for c in range(3):
+        if low[c] > high[c]:  # a box that pads the tree
+            return False
         if way[c] == 0:
             if start[c] < low[c] or start[c] > high[c]:
                 return False

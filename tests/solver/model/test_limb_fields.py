@@ -158,15 +158,15 @@ def test_a_model_with_bones_has_the_surfaces_smoothest_fields_and_those_of_the_l
     )
     np.testing.assert_allclose(model.weights[6:], 1 / 8)
     assert model.weights.sum() == pytest.approx(1)
-    limbs = fields.compute_isoline_coordinates(made_in_model_units(figure, both_arms), 10)
+    limbs = fields.compute_isoline_coordinates(made_in_model_units(figure, both_arms, model), 10)
     np.testing.assert_allclose(model.isoline_coordinates[:, 6:], limbs, rtol=0, atol=1e-5)
     np.testing.assert_array_equal(build(figure).isoline_coordinates, figure_model.isoline_coordinates)
 
 
-def made_in_model_units(mesh, bones):
+def made_in_model_units(mesh, bones, model):
     center = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
     unit = dataclasses.replace(mesh, vertices=(mesh.vertices - center) / mesh.diagonal)
     smaller = dataclasses.replace(
         bones, heads=(bones.heads - center) / mesh.diagonal, tails=(bones.tails - center) / mesh.diagonal
     )
-    return made(unit, smaller, 2)
+    return made(unit, smaller, 2, model.regions, model.shares.astype(np.float64))

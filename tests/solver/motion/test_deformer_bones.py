@@ -9,7 +9,7 @@ from solver.model import fields, matrix_blocks, polar
 from solver.model.bones import Bones
 from solver.model.clusters import EDGE_WEIGHT
 from solver.model.reduced_model import build
-from solver.motion.bone_terms import BONE_STIFFNESS, DISTANT_BONE_WEIGHT, PRIOR_WEIGHT
+from solver.motion.bone_terms import BLEND_POWER, BONE_STIFFNESS, DISTANT_BONE_WEIGHT, PRIOR_WEIGHT
 from solver.motion.deformer import HANDLE_STIFFNESS, NEARBY_BONE_WEIGHT, Deformer
 from solver.surface.mesh import SolverMesh
 
@@ -134,15 +134,10 @@ def test_the_solution_with_bones_is_that_of_the_dense_least_squares_problem(
     rows = model.rows(creature, creature_handles[:2])
     handles = np.sqrt(HANDLE_STIFFNESS["clusters"] * scale / np.sum(rows * rows))
     regions = model.regions
-    held = np.concatenate([regions.of(bone) for bone in range(6)])
-    at = [
-        np.column_stack([creature.vertices[regions.of(b)], np.ones(len(regions.of(b)))]) @ motions[b] for b in range(6)
-    ]
-    shares = [
-        creature.vertex_areas[regions.of(bone)] / creature.vertex_areas[regions.of(bone)].sum() for bone in range(6)
-    ]
-    area = np.sqrt(np.concatenate(shares))[:, None]
-    bones = np.sqrt(BONE_STIFFNESS * scale / np.sum((area * W[held]) ** 2)) * area
+    shares, area = model.held_shares().toarray(), creature.vertex_areas
+    at = np.einsum("vb,vx,bxk->vk", shares, np.column_stack([creature.vertices, np.ones(len(rest))]), motions)
+    held = np.sqrt(area * (shares @ (1 / (shares.T @ area))) * shares.max(axis=1) ** BLEND_POWER)[:, None]
+    bones = np.sqrt(BONE_STIFFNESS * scale / np.sum((held * W) ** 2)) * held
     hats = np.maximum(0, 1 - np.abs(model.isoline_coordinates[:, :, None] - np.arange(10.0))).reshape(len(rest), 80)
     near = np.array([hats[regions.owner == b].T @ creature.vertex_areas[regions.owner == b] for b in range(6)])
     near /= np.maximum(hats.T @ creature.vertex_areas, 1e-300)  # an isoline may have no vertex near it
@@ -152,9 +147,9 @@ def test_the_solution_with_bones_is_that_of_the_dense_least_squares_problem(
     in_model_units[:, 3] = model.to_model(motions[:, 3] + np.einsum("x,bxk->bk", model.center, motions[:, :3]))
     mean = np.einsum("bi,bxk->ixk", near, in_model_units).reshape(320, 3)
     anchor = np.sqrt(NEARBY_BONE_WEIGHT * scale / 320)
-    left = np.concatenate([bending, edges, handles * rows, bones * W[held], anchor * np.eye(320)])
+    left = np.concatenate([bending, edges, handles * rows, bones * W, anchor * np.eye(320)])
     right = np.concatenate(
-        [bent, stretched, handles * model.to_model(targets), bones * model.to_model(np.concatenate(at)), anchor * mean]
+        [bent, stretched, handles * model.to_model(targets), bones * model.to_model(at), anchor * mean]
     )
     expected = W @ np.linalg.lstsq(left, right, rcond=1e-12)[0] * model.diagonal + model.center
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * creature.diagonal)

@@ -90,13 +90,13 @@ def _sources(mesh: SolverMesh, bones: Bones) -> tuple[NDArray[np.float64], NDArr
     vertices, size = mesh.vertices, mesh.diagonal
     normals = np.nan_to_num(igl.per_vertex_normals(vertices, mesh.faces))
     distance, foot = np.empty((len(vertices), len(bone))), np.empty((len(bone), len(vertices), 3))
-    for segment, (head, axis) in enumerate(zip(heads, tails - heads, strict=True)):
+    for number, (head, axis) in enumerate(zip(heads, tails - heads, strict=True)):
         along = np.clip((vertices - head) @ axis / (axis @ axis), 0.0, 1.0)
-        foot[segment] = head + along[:, None] * axis
-        offset = vertices - foot[segment]
+        foot[number] = head + along[:, None] * axis
+        offset = vertices - foot[number]
         away = np.linalg.norm(offset, axis=1)
         cosine = np.einsum("nx,nx->n", offset, normals) / np.maximum(away, 1e-12 * size)
-        distance[:, segment] = away / size / (0.5 * (cosine + OUTSIDE_COSINE))
+        distance[:, number] = away / size / (0.5 * (cosine + OUTSIDE_COSINE))
     nearest = distance.min(axis=1)
     vertex, segment = np.nonzero(distance <= EQUAL_DISTANCE_RATIO * nearest[:, None])
     tree = SurfaceTree(vertices[mesh.faces])

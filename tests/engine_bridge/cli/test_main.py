@@ -276,6 +276,18 @@ def test_an_avatar_is_rigged_and_has_no_animation(invoke, assert_refused, stage,
     stated = ("--name", "Figure", "--author", "Ada", "--licence", "https://vrm.dev/licenses/1.0/")
     made = invoke("rig", "figure.toml", "-o", "figure.vrm", *stated)
     assert (made.returncode, made.stderr) == (0, "")
+    assert made.stdout.startswith("figure.vrm: ")
+    assert_refused("rig", "blob.toml", "-o", "blob.vrm", *stated, parts=["no limb for hips", "leftHand"])
+    assert_refused("rig", "figure.toml", "-o", "none.vrm", parts=["[vrm]", "--licence"])
+    assert_refused("convert", "take.log", "--puppet", "figure.toml", "-o", "take.vrm", parts=["take.vrma"])
+    wrong = invoke("rig", "figure.toml", "-o", "figure.glb", *stated)
+    assert wrong.returncode == 2
+    assert "require -o CHARACTER.vrm" in wrong.stderr
+
+
+def test_new_makes_a_puppet_that_converts_right_away_and_is_not_overwritten(invoke, stage, tmp_path):
+    made = invoke("new", "blob.glb", "-o", "made.toml", "--map", "head=hand_left,hand_right")
+    assert (made.returncode, made.stderr) == (0, "")
     assert made.stdout.startswith(
         "made.toml: 6 limbs, shown in made.handles.png\n"
         "  Body plan 'upright'. Two legs and an upright body: limbs point as the performer's do.\n"

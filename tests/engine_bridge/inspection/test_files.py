@@ -19,7 +19,7 @@ def test_a_puppet_is_described_with_all_values_including_defaults(blob_puppet):
     assert facts["handles"]["right hand"]["joints"] == ["hand_right", "wrist_right"]
     assert facts["handles"]["left foot"]["joints"] == []
     assert facts["limbs"] == {}
-    assert facts["root"] == {"joint": "hip_center", "axes": "xz", "turns": True, "feet": "lock"}
+    assert facts["root"] == {"joint": "hip_center", "axes": "xz", "turns": True, "feet": "lock", "walk": "in place"}
     assert facts["retarget"] == {"mirror": False, "scale": 1.3, "arm_space": 0.0, "hands_meet": True}
     assert facts["solver"] == {"fields": 5, "isolines": 6, "iterations": 4, "rotations": None}
     assert json.loads(json.dumps(facts)) == facts

@@ -203,7 +203,7 @@ def test_a_mapping_is_edited_saved_and_loaded_again(serve, dog, sender, kung_fu)
     text = dog.read_text()
     puppet = service.ask("puppet", character="dog")
     assert puppet["saved"]
-    assert puppet["root"] == {"joint": "hip_center", "axes": "xz", "turns": True, "feet": "lock"}
+    assert puppet["root"] == {"joint": "hip_center", "axes": "xz", "turns": True, "feet": "lock", "walk": "in place"}
     assert puppet["scale"] == 1.3
     assert len(puppet["joints"]) == 20
     assert row(puppet, "head") == {
@@ -255,7 +255,7 @@ def test_reverting_and_reloading_restore_the_mapping_of_the_file(serve, dog, sen
     assert scene.header.revision == service.ask("describe")["characters"][0]["revision"]
     assert service.ask("revert_puppet", character="dog") == was
     root = service.ask("set_root", character="dog", joint="spine", turns=False)["root"]
-    assert root == {"joint": "spine", "axes": "xz", "turns": False, "feet": "lock"}
+    assert root == {"joint": "spine", "axes": "xz", "turns": False, "feet": "lock", "walk": "in place"}
     service.ask("reload")
     assert service.ask("puppet", character="dog") == was
 

@@ -13,7 +13,7 @@ MAPPING = {
         {"name": "foot", "position": [0.1, 0.0, 0.0], "joints": [], "axes": "xyz", "gain": 1.0},
     ],
     "limbs": [{"name": "arm", "points": [[0, 0, 0], [1, 0, 0]], "joints": ["elbow_left", "hand_left"]}],
-    "root": {"joint": "hip_center", "axes": "xz", "turns": True, "feet": "lock"},
+    "root": {"joint": "hip_center", "axes": "xz", "turns": True, "feet": "lock", "walk": "in place"},
     "mirror": False,
     "scale": "auto",
     "smoothing": {"alpha": 0.6},

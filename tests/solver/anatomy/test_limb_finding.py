@@ -194,7 +194,7 @@ def test_arms_in_the_body_go_straight_to_where_the_user_says(solver_mesh):
     np.testing.assert_allclose(limbs["right arm"], arm * IMAGE, atol=0.05)
 
 
-def test_six_legs_are_four_that_follow_and_two_that_are_left(solver_mesh):
+def test_the_legs_of_an_insect_are_limbs_though_they_begin_close_together(solver_mesh):
     insect = [((0.0, 0.5, -0.9), (0.0, 0.5, 0.35), 0.18), ((0.0, 0.5, 0.55), (0.0, 0.5, 0.6), 0.16)]
     knees = [
         ((0.55, 0.75, z + reach / 2), (1.0, 0.03, z + reach)) for z, reach in ((0.3, 0.45), (0.1, 0), (-0.1, -0.45))
@@ -205,9 +205,10 @@ def test_six_legs_are_four_that_follow_and_two_that_are_left(solver_mesh):
         for bone in both(((0.1, 0.45, z), knee, 0.03), (knee, foot, 0.03))
     ]
     limbs = found(solver_mesh([*insect, *legs], 0.03))
-    assert limbs.keys() - {"tail"} == {"trunk", "head", *FOUR_LEGGED}  # its hind part may count as a tail
-    np.testing.assert_allclose(limbs["left front leg"][-1], (1, 0, 0.75), atol=0.1)
-    np.testing.assert_allclose(limbs["left hind leg"][-1], (1, 0, -0.55), atol=0.1)
+    legs = {f"{side} leg {row}" for side in ("left", "right") for row in (1, 2, 3)}
+    assert limbs.keys() - {"tail"} == {"trunk", "head", *legs}  # its hind part may count as a tail
+    for row, place in enumerate((0.75, 0.1, -0.55), 1):
+        np.testing.assert_allclose(limbs[f"left leg {row}"][-1], (1, 0, place), atol=0.1)
 
 
 def test_a_tail_on_the_ground_is_no_foot_and_no_head(solver_mesh):

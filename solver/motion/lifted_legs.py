@@ -29,6 +29,9 @@ GESTURE_SECONDS = 0.35
 LANDING_SHARE = 0.3
 """Share of a gesture that remains until a body that reared has come down."""
 
+CAME_DOWN = 0.03
+"""Share of rearing below which a body has come down."""
+
 MAX_TURN = math.radians(85)
 """Angle towards which the turn of a lifted bone relative to the one before it levels off, in radians."""
 
@@ -57,8 +60,9 @@ def watch_hands(plan, state, positions, confidence, elapsed):
             state.lift[leg, 0] = 0.0
         goal = 1.0 if state.lift[leg, 0] > RAISED_SECONDS else 0.0
         most = elapsed / GESTURE_SECONDS
-        lowered = max(goal, min(LANDING_SHARE, state.body[REARING]))
-        state.lift[leg, 1] += min(max(lowered - state.lift[leg, 1], -most), most)
+        if state.lift[leg, 1] > 0 and state.body[REARING] > CAME_DOWN:
+            goal = max(goal, min(LANDING_SHARE, state.body[REARING]))
+        state.lift[leg, 1] += min(max(goal - state.lift[leg, 1], -most), most)
 
 
 @compiled(inner=True)

@@ -57,6 +57,12 @@ def remaining(seconds, elapsed):
 
 
 @compiled(inner=True)
+def is_seen(joint, positions, confidence):
+    """Return whether the sensor sees a foot's joint."""
+    return confidence[joint] > MIN_CONFIDENCE and is_position(positions[joint])
+
+
+@compiled(inner=True)
 def resting_feet(plan, state, positions, confidence, elapsed, began):
     """Return which of the performer's feet rest and which are low; update their velocities and the floor."""
     _follow(plan, state, positions, confidence, elapsed)
@@ -92,7 +98,7 @@ def _follow(plan, state, positions, confidence, elapsed):
     fading = remaining(VELOCITY_SECONDS, elapsed)
     for leg in range(len(plan.joints)):
         j = plan.joints[leg]
-        if not (confidence[j] > MIN_CONFIDENCE and is_position(positions[j])):
+        if not is_seen(j, positions, confidence):
             continue
         away = 0.0
         for axis in range(3):

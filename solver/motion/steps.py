@@ -21,7 +21,7 @@ from solver.motion.body_on_legs import pose_body
 from solver.motion.gait import DUTY, RATE, RESTED, RESTED_SECONDS, STOPPED, WALKS, share_of_stride, update
 from solver.motion.leg_chain import stretch
 from solver.motion.lifted_legs import apply_gesture, watch_hands
-from solver.motion.resting_feet import TIME, remaining, resting_feet
+from solver.motion.resting_feet import TIME, is_seen, remaining, resting_feet
 from solver.motion.step_plan import (
     FOLLOWS,
     HEADING,
@@ -186,6 +186,8 @@ def _step(plan, state, time, positions, confidence, motions, root):
     rests, low = resting_feet(plan.watch, state.watch, positions, confidence, elapsed, began)
     for foot in range(2):
         state.watch.held[foot] = 1.0 if rests[foot] else 0.0
+        # a lost foot keeps its position, which says nothing about whether the performer stands
+        rests[foot] = rests[foot] and is_seen(plan.watch.joints[foot], positions, confidence)
     _move_homes(plan, state, motions, root, elapsed, began)
     speed = math.hypot(length(state.velocity), plan.radius * state.body[TURNING])
     update(state.gait, time, elapsed, ~(rests | low), rests, speed, plan.leg_length, plan.metre)

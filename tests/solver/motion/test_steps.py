@@ -251,6 +251,18 @@ def test_both_raised_hands_let_the_body_rear():
     assert np.abs(walk.feet[-1, :2] - walk.feet[0, :2]).max() < 1e-6
 
 
+def test_a_body_that_has_reared_walks_on_all_its_legs():
+    up = stand()
+    up[list(HANDS), 1] = up[SHOULDERS[0], 1] + 0.3
+
+    walk = Walk([*[up] * 60, *[stand()] * 90, *walking(0.8)])
+
+    after = slice(150, None)
+    assert walk.swinging[after].any(axis=0).all()
+    stands = ~walk.swinging[after][1:] & ~walk.swinging[after][:-1]
+    assert np.linalg.norm(np.diff(walk.feet[after], axis=0), axis=2)[stands].max() < 1e-6
+
+
 def test_a_crouching_performer_lets_four_legs_sit():
     low = stand()
     low[list(HIPS + SHOULDERS + HANDS), 1] -= 0.4

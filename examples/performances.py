@@ -1,4 +1,4 @@
-"""Performances made by code: the poses of the paper (Section 4.1) in front of a Kinect.
+"""Performances made by code: what performers do in front of a Kinect.
 
 `clean` returns the motion of a body with constant bones, and `PERFORMANCES` the same with the noise of a Kinect.
 """

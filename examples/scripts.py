@@ -1,4 +1,4 @@
-"""Moves of the example performances: the poses of the paper (Section 4.1), in the units of `performer.REST`."""
+"""Moves of the example performances, in the units of `performer.REST`."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -143,168 +143,157 @@ def _kung_fu() -> Script:
     )
 
 
-def _lean() -> Script:
-    """Lean forwards, to the right and to the left with bent arms like a dinosaur, and look around."""
-    paw, paw_up = (0.02, -0.27, 0.24), (0.03, -0.16, 0.3)
+def _steps(
+    start: float, seconds: float, lift: float, stops: Sequence[float]
+) -> tuple[list[Move], dict[str, list[Move]]]:
+    """Return the moves of the hips, and of the ankles, of steps with the right and the left foot in turn.
+
+    Parameters
+    ----------
+    start, seconds : float
+        Time of the first step, and time of a step.
+    lift : float
+        Height of a step, in metres.
+    stops : sequence of float
+        Where each step ends, in metres ahead of the initial position.
+    """
+    hips: list[Move] = []
+    ankles: dict[str, list[Move]] = {"ankle_right": [], "ankle_left": []}
+    places = dict.fromkeys(ankles, 0.0)
+    for step, stop in enumerate(stops):
+        foot, aside = ("ankle_left", 0.05) if step % 2 else ("ankle_right", -0.05)
+        begin, end = start + step * seconds, start + (step + 1) * seconds
+        half = (begin + end) / 2
+        ankles[foot] += [(begin, half, (0.0, lift, (places[foot] + stop) / 2)), (half, end, (0.0, 0.0, stop))]
+        places[foot] = stop
+        hips.append((begin, end - 0.05, (aside, -0.045, sum(places.values()) / 2)))
+    hips.append((end, end + 0.5, (0.0, 0.0, sum(places.values()) / 2)))
+    return hips, ankles
+
+
+def _roar() -> Script:
+    """Stomp towards the sensor, roar with raised claws and the body bent forward, and look around."""
+    hips, ankles = _steps(start=0.9, seconds=0.62, lift=0.2, stops=(0.3, 0.6, 0.9, 0.9))
+    claws, raised = (0.05, -0.2, 0.36), (0.2, 0.12, 0.42)
+    arm = [(3.8, 4.3, claws), (4.5, 4.8, raised), (6.1, 6.8, _HANG)]
     return Script(
-        duration=8.4,
+        duration=9.4,
+        distance=3.25,
         seed=5,
         moves={
             "hips": [
-                (0.8, 1.7, (0.0, -0.04, -0.13)),
-                (2.0, 2.7, _STILL),
-                (2.8, 3.4, (-0.07, -0.02, 0.0)),
-                (3.6, 4.4, (0.07, -0.02, 0.0)),
-                (4.7, 5.3, _STILL),
+                *hips,
+                (3.9, 4.4, (0.0, -0.03, 0.82)),
+                (4.5, 4.9, (0.0, -0.06, 0.95)),
+                (6.2, 6.7, (0.0, 0.0, 0.9)),
             ],
-            "pelvis": [
-                (0.8, 1.7, (22.0, 0.0, 0.0)),
-                (2.0, 2.7, _STILL),
-                (2.8, 3.4, (0.0, 8.0, 0.0)),
-                (3.6, 4.4, (0.0, -8.0, 0.0)),
-                (4.7, 5.3, _STILL),
-            ],
+            "pelvis": [(4.5, 4.9, (6.0, 0.0, 0.0)), (6.2, 6.7, _STILL)],
             "trunk": [
-                (0.8, 1.7, (33.0, 0.0, 0.0)),
-                (2.0, 2.7, _STILL),
-                (2.8, 3.4, (3.0, 27.0, 6.0)),
-                (3.6, 4.4, (3.0, -27.0, -6.0)),
-                (4.7, 5.3, _STILL),
-                (5.5, 5.95, (0.0, 0.0, 12.0)),
-                (6.1, 6.8, (0.0, 0.0, -12.0)),
-                (6.9, 7.4, _STILL),
+                (1.0, 1.5, (0.0, 6.0, 8.0)),
+                (1.6, 2.1, (0.0, -6.0, -8.0)),
+                (2.2, 2.8, (0.0, 6.0, 8.0)),
+                (2.9, 3.4, _STILL),
+                (3.9, 4.4, (-14.0, 0.0, 0.0)),
+                (4.5, 4.9, (16.0, 0.0, 0.0)),
+                (5.1, 5.4, (12.0, 0.0, 16.0)),
+                (5.5, 5.9, (12.0, 0.0, -16.0)),
+                (6.2, 6.8, _STILL),
+                (7.0, 7.4, (0.0, 14.0, 12.0)),
+                (7.6, 8.1, (0.0, -14.0, -12.0)),
+                (8.2, 8.8, _STILL),
             ],
             "head": [
-                (0.8, 1.6, (-28.0, 0.0, 0.0)),
-                (2.0, 2.6, _STILL),
-                (2.8, 3.4, (0.0, -8.0, 0.0)),
-                (3.6, 4.4, (0.0, 8.0, 0.0)),
-                (4.7, 5.3, _STILL),
-                (5.4, 5.9, (6.0, 12.0, 45.0)),
-                (6.1, 6.8, (-12.0, -12.0, -45.0)),
-                (6.9, 7.4, _STILL),
+                (3.9, 4.4, (6.0, 0.0, 0.0)),
+                (4.5, 4.9, (-28.0, 0.0, 0.0)),
+                (6.2, 6.8, _STILL),
+                (7.0, 7.4, (0.0, 0.0, 40.0)),
+                (7.6, 8.1, (0.0, 0.0, -40.0)),
+                (8.2, 8.8, _STILL),
             ],
-            **{
-                f"hand_{side}": [
-                    (0.8, 1.6, paw),
-                    *((start, start + 0.28, place) for start, place in paws),
-                    (7.0, 7.8, _HANG),
-                ]
-                for side, paws in {
-                    "left": ((1.7, paw_up), (2.0, paw), (5.35, paw_up), (5.65, paw), (6.2, paw_up), (6.5, paw)),
-                    "right": ((1.85, paw_up), (2.15, paw), (5.5, paw_up), (5.8, paw), (6.35, paw_up), (6.65, paw)),
-                }.items()
-            },
+            "hand_left": arm,
+            "hand_right": arm,
+            **ankles,
         },
     )
 
 
-def _bow() -> Script:
-    """Lower the left hand (a Pegasus' head) to the knee and raise it, swish the right (its tail), paw with the feet."""
-    head_up = (-0.02, 0.0, 0.47)
+def _rear() -> Script:
+    """Trot towards the sensor with quick steps, raise both arms, beat them like wings, and nod."""
+    hips, ankles = _steps(start=0.9, seconds=0.42, lift=0.14, stops=(0.25, 0.5, 0.75, 0.96, 0.96))
+    high, wide, low = (0.3, 0.55, 0.12), (0.55, 0.1, 0.15), (0.62, -0.12, 0.15)
+    beats = [
+        move for start in (5.4, 6.2, 7.0) for move in ((start, start + 0.4, high), (start + 0.4, start + 0.8, low))
+    ]
+    arm = [(3.9, 4.5, high), (4.9, 5.3, wide), *beats, (7.9, 8.6, _HANG)]
     return Script(
-        duration=10.2,
-        seed=7,
+        duration=9.8,
+        distance=3.25,
+        seed=8,
         moves={
-            "hips": [
-                (1.7, 3.2, (0.0, -0.17, -0.12)),
-                (3.6, 4.8, _STILL),
-                (6.7, 7.0, (-0.075, -0.02, 0.0)),
-                (7.3, 7.65, (0.075, -0.02, 0.0)),
-                (7.95, 8.3, (-0.075, -0.02, 0.0)),
-                (8.6, 8.95, (0.075, -0.02, 0.0)),
-                (9.25, 9.55, _STILL),
+            "hips": [*hips, (3.9, 4.5, (0.0, 0.0, 0.9)), (4.9, 5.5, (0.0, 0.0, 0.96))],
+            "trunk": [(3.9, 4.5, (-10.0, 0.0, 0.0)), (4.9, 5.5, _STILL)],
+            "head": [
+                (3.9, 4.5, (-14.0, 0.0, 0.0)),
+                (4.9, 5.5, _STILL),
+                (8.4, 8.8, (16.0, 0.0, 0.0)),
+                (8.9, 9.3, _STILL),
             ],
-            "pelvis": [(1.7, 3.2, (24.0, 0.0, 0.0)), (3.6, 4.8, _STILL)],
-            "trunk": [
-                (1.6, 3.2, (36.0, 0.0, 12.0)),
-                (3.6, 4.8, _STILL),
-                (6.7, 7.0, (0.0, 6.0, 0.0)),
-                (7.3, 7.65, (0.0, -6.0, 0.0)),
-                (7.95, 8.3, (0.0, 6.0, 0.0)),
-                (8.6, 8.95, (0.0, -6.0, 0.0)),
-                (9.25, 9.55, _STILL),
-            ],
-            "head": [(1.6, 3.1, (12.0, 0.0, 0.0)), (3.6, 4.8, _STILL)],
-            "hand_left": [
-                (0.8, 1.5, head_up),
-                (1.7, 3.2, (0.0, -0.42, 0.4)),
-                (3.6, 4.8, head_up),
-                (8.9, 9.7, _HANG),
-            ],
-            "hand_right": [
-                (1.7, 3.2, (0.16, -0.42, 0.25)),
-                (3.6, 4.5, (0.1, -0.45, 0.02)),
-                (4.6, 4.95, (0.47, -0.27, 0.02)),
-                (4.95, 5.3, (0.02, -0.42, 0.15)),
-                (5.3, 5.65, (0.5, -0.2, 0.02)),
-                (5.65, 6.0, (0.05, -0.4, 0.15)),
-                (6.0, 6.5, (0.42, 0.25, 0.05)),
-                (6.6, 7.3, _HANG),
-            ],
-            "ankle_right": [
-                (6.95, 7.15, (0.0, 0.22, 0.14)),
-                (7.15, 7.35, _STILL),
-                (8.25, 8.45, (0.0, 0.22, 0.14)),
-                (8.45, 8.65, _STILL),
-            ],
-            "ankle_left": [
-                (7.6, 7.8, (0.0, 0.22, 0.14)),
-                (7.8, 8.0, _STILL),
-                (8.9, 9.1, (0.0, 0.22, 0.14)),
-                (9.1, 9.3, _STILL),
-            ],
-            "foot_right": [
-                (6.95, 7.1, (25.0, 0.0, 0.0)),
-                (7.15, 7.35, _STILL),
-                (8.25, 8.4, (25.0, 0.0, 0.0)),
-                (8.45, 8.65, _STILL),
-            ],
-            "foot_left": [
-                (7.6, 7.75, (25.0, 0.0, 0.0)),
-                (7.8, 8.0, _STILL),
-                (8.9, 9.05, (25.0, 0.0, 0.0)),
-                (9.1, 9.3, _STILL),
-            ],
+            "hand_left": arm,
+            "hand_right": arm,
+            **ankles,
         },
     )
 
 
 def _bark() -> Script:
-    """Bark three times, wag the right foot, bark three times: the hands are the jaws, head and trunk jerk along."""
-    barks = (1.7, 2.15, 2.6, 4.9, 5.35, 5.8)
+    """Do a dog's tricks: walk, sit, give the right paw, bark three times, get up, and wag with the trunk."""
+    hips, ankles = _steps(start=0.95, seconds=0.6, lift=0.11, stops=(0.32, 0.64, 0.64))
+    bark_times, wag_times = (6.5, 6.95, 7.4), [8.9 + 0.32 * k for k in range(6)]
 
-    def barking(ready: tuple[float, ...], open_: tuple[float, ...]) -> list[Move]:
-        return [move for t in barks for move in ((t, t + 0.15, open_), (t + 0.17, t + 0.4, ready))]
+    def barking(open_: tuple[float, ...], closed: tuple[float, ...]) -> list[Move]:
+        return [move for t in bark_times for move in ((t, t + 0.15, open_), (t + 0.17, t + 0.4, closed))]
 
-    crouch, lower, upper = (0.0, -0.12, 0.0), (-0.13, -0.3, 0.38), (-0.13, -0.22, 0.4)
-    wags = [(3.45 + 0.2 * k, 3.65 + 0.2 * k, (0.2 if k % 2 == 0 else 0.0, 0.1, -0.05)) for k in range(5)]
+    def wagging(*target: float) -> list[Move]:
+        """Alternate between a value and its mirror image."""
+        forward, right, turn = target
+        return [
+            *((t, t + 0.32, (forward, right * (-1) ** k, turn * (-1) ** k)) for k, t in enumerate(wag_times)),
+            (10.9, 11.2, _STILL),
+        ]
+
+    upright, paw = (-4.0, 0.0, 0.0), (0.05, 0.02, 0.45)
     return Script(
-        duration=8.2,
-        seed=8,
+        duration=11.6,
+        distance=3.25,
+        seed=9,
         moves={
             "hips": [
-                (0.8, 1.4, crouch),
-                *barking(crouch, (0.0, -0.01, 0.08))[:6],
-                (3.05, 3.35, (-0.08, -0.08, 0.0)),
-                (4.55, 4.85, crouch),
-                *barking(crouch, (0.0, -0.01, 0.08))[6:],
-                (6.7, 7.3, _STILL),
+                *hips,
+                (3.3, 4.0, (0.0, -0.36, 0.48)),
+                (8.0, 8.7, (0.0, 0.0, 0.64)),
+                *((t, t + 0.32, (0.06 * (-1) ** k, -0.01, 0.64)) for k, t in enumerate(wag_times)),
+                (10.9, 11.2, (0.0, 0.0, 0.64)),
             ],
             "trunk": [
-                (0.8, 1.4, (12.0, 0.0, 0.0)),
-                *barking((12.0, 0.0, 0.0), (24.0, 0.0, 0.0)),
-                (6.7, 7.3, _STILL),
+                (3.3, 4.0, upright),
+                *barking((8.0, 0.0, 0.0), upright),
+                (8.0, 8.7, _STILL),
+                *wagging(4.0, -16.0, 0.0),
             ],
             "head": [
-                (0.8, 1.4, (8.0, 0.0, 0.0)),
-                *barking((8.0, 0.0, 0.0), (-32.0, 0.0, 0.0)),
-                (6.7, 7.3, _STILL),
+                (4.2, 4.7, (0.0, 12.0, 10.0)),
+                (5.7, 6.1, _STILL),
+                *barking((-28.0, 0.0, 0.0), _STILL),
+                *wagging(0.0, 12.0, 0.0),
             ],
-            "hand_left": [(0.8, 1.4, lower), *barking(lower, (-0.13, -0.37, 0.36)), (6.7, 7.4, _HANG)],
-            "hand_right": [(0.8, 1.4, upper), *barking(upper, (-0.13, 0.08, 0.42)), (6.7, 7.4, _HANG)],
-            "ankle_right": [(3.2, 3.45, (0.0, 0.1, -0.05)), *wags, (4.45, 4.65, _STILL)],
-            "foot_right": [(3.2, 3.45, (20.0, 0.0, 0.0)), (4.45, 4.65, _STILL)],
+            "hand_right": [
+                (4.2, 4.8, paw),
+                (4.9, 5.1, (0.05, -0.06, 0.44)),
+                (5.1, 5.3, paw),
+                (5.6, 6.2, _HANG),
+            ],
+            "hand_left": barking((0.05, -0.25, 0.5), _HANG),
+            **ankles,
         },
     )
 
@@ -387,8 +376,8 @@ def _walk() -> Script:
 
 SCRIPTS: dict[str, Callable[[], Script]] = {
     "kung_fu": _kung_fu,
-    "lean": _lean,
-    "bow": _bow,
+    "roar": _roar,
+    "rear": _rear,
     "bark": _bark,
     "walk": _walk,
 }

@@ -17,11 +17,12 @@ def compiled(function: Callable[..., Any] | None = None, *, inner: bool = False,
         Its parameters have no type hints: Numba infers their types from a call. Without a function, the result is a
         decorator.
     inner : bool
-        Whether only compiled functions call this one. It is compiled with them, and not cached separately.
+        Whether only compiled functions call this one. It is compiled with them, not cached separately, and Python
+        cannot call it.
     **options
         Further options of `numba.njit`, such as `fastmath` and `error_model`.
     """
-    if not inner:
-        options |= {"cache": True, "nogil": True}
+    # a wrapper, with which Python or C calls a function, can take as long to compile as the function
+    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True} if inner else {"cache": True, "nogil": True}
     decorator: Any = numba.njit(**options)
     return decorator if function is None else decorator(function)

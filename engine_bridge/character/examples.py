@@ -19,13 +19,13 @@ from puppetline.errors import OutputError
 from puppetline.files import check_writable, written_whole
 
 MOTIONS: dict[str, str] = {
-    "dinosaur": "lean",
-    "pegasus": "bow",
+    "dinosaur": "roar",
+    "pegasus": "rear",
     "biped": "walk",
     "dog": "bark",
     "human": "kung_fu",
 }
-"""Motion of each character: the poses of the paper's user study, and a walk."""
+"""Motion of each character."""
 
 Progress = Callable[[str, float], None]
 

@@ -85,7 +85,7 @@ def test_the_text_states_the_pose_and_the_residual(invoke, recordings):
 def test_recordings_that_cannot_be_aligned_are_errors_and_no_file_is_written(
     invoke, record_events, recordings, arguments, code, message
 ):
-    record_events(recordings / "other.log", clean("lean").frames())
+    record_events(recordings / "other.log", clean("roar").frames())
     result = invoke("align", *arguments, code=code)
     assert message in (result.output if code == 2 else str(result.exception) + result.output)
     assert not (recordings / "two.toml").exists()

@@ -11,7 +11,7 @@ from puppetline.errors import SkeletonLogError
 
 @pytest.fixture(scope="module")
 def log(record_events, tmp_path_factory):
-    return record_events(tmp_path_factory.mktemp("idle") / "lean.log", PERFORMANCES["lean"]().frames())
+    return record_events(tmp_path_factory.mktemp("idle") / "rear.log", PERFORMANCES["rear"]().frames())
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def test_an_idle_motion_repeats_itself(idle):
 
 def test_a_log_that_cannot_be_read_is_refused(blob_rig, tmp_path):
     with pytest.raises(SkeletonLogError):
-        IdleRecording(tmp_path / "none.log", blob_rig, make_deformer(blob_rig.puppet, blob_rig.mesh, blob_rig.model))
+        IdleRecording(tmp_path / "rear.log", blob_rig, make_deformer(blob_rig.puppet, blob_rig.mesh, blob_rig.model))
 
 
 def test_a_character_idles_while_nobody_plays_it_and_eases_back_into_it(make_stage, log, kung_fu, blob_rig):

@@ -420,7 +420,7 @@ def test_a_reload_reads_the_stages_of_the_service_file_again(serve, blob_puppet,
     service = serve("--config", file)
     client = service.client("one/controls", "two/controls", "one/scene")
     [before] = client.until(performing, "controls")[-1:]
-    write(("one", "demo:walk?loop"), ("two", "demo:bow?loop"))
+    write(("one", "demo:walk?loop"), ("two", "demo:rear?loop"))
     assert service.ask("reload") == {"characters": ["one", "two"]}
     client.until(lambda message: performing(message) and message.topic == "two/controls", "controls")
     later = client.until(lambda message: performing(message) and message.topic == "one/controls", "controls")[-1]
@@ -430,10 +430,10 @@ def test_a_reload_reads_the_stages_of_the_service_file_again(serve, blob_puppet,
     error = service.ask("reload")
     assert "nothing" in error["found"]
     assert service.ask("list")["characters"] == ["one", "two"]
-    write(("two", "demo:lean?loop"))
+    write(("two", "demo:roar?loop"))
     assert service.ask("reload") == {"characters": ["two"]}
     wait = time.monotonic() + 30
-    while stages(service) != {"two": "demo:lean?loop"}:
+    while stages(service) != {"two": "demo:roar?loop"}:
         assert time.monotonic() < wait
         time.sleep(0.1)
     client.until(lambda message: performing(message) and message.topic == "two/controls", "controls")

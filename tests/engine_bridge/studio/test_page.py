@@ -163,10 +163,10 @@ def test_a_take_is_played_trimmed_in_a_loop_and_deleted(window):
     source = window.state("server.source")
     assert (source["name"], source["start"], source["stop"], source["loop"]) == (take, 0.5, 1.5, True)
     window.idle()
-    window.page.locator(".panel").get_by_role("button", name="Bow", exact=True).click()
+    window.page.locator(".panel").get_by_role("button", name="Trot and rear", exact=True).click()
     window.page.get_by_label("Format").select_option("skin")
     window.button("Play").click()
-    window.until("state.server.source.name === 'bow'")
+    window.until("state.server.source.name === 'rear'")
     window.idle()
     window.page.locator(".panel button.line", has_text=take).first.click()
     window.button(f"Delete take {take}").click()
@@ -207,7 +207,7 @@ def test_a_recording_that_is_dropped_on_the_page_performs(window, standing_log):
     hint.wait_for()
     window.page.dispatch_event("body", "drop", {"dataTransfer": held})
     hint.wait_for(state="detached")
-    window.until("state.server.source.kind === 'upload' && state.server.source.name === 'bow.txt'")
+    window.until("state.server.source.kind === 'upload' && state.server.source.name === 'rear.txt'")
     window.idle()
     window.button("Change…").click()
     window.page.locator(".sources").get_by_role("button", name="Walk", exact=True).click()
@@ -218,12 +218,12 @@ def test_a_recording_that_is_dropped_on_the_page_performs(window, standing_log):
 @pytest.fixture
 def standing_log(tmp_path):
     """A recording in the format of UTKinect-Action3D: a performer who raises a hand."""
-    clip = PERFORMANCES["bow"]()
+    clip = PERFORMANCES["rear"]()
     rows = [
         " ".join([str(frame + 1), *(f"{x:.5f}" for x in np.nan_to_num(positions).ravel())])
         for frame, positions in enumerate(clip.positions)
     ]
-    path = tmp_path / "bow.txt"
+    path = tmp_path / "rear.txt"
     path.write_text("\n".join(rows) + "\n")
     return path
 
@@ -392,7 +392,7 @@ def test_axe_finds_no_serious_violation(studio, browser, window, scheme):
     other.until("state.preview")
     check("motion")
     other.tab("Takes")
-    other.page.locator(".panel").get_by_role("button", name="Bow", exact=True).click()
+    other.page.locator(".panel").get_by_role("button", name="Trot and rear", exact=True).click()
     check("takes")
     other.button("Change…").click()
     other.until("state.sources")

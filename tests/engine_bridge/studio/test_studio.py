@@ -146,7 +146,7 @@ def test_a_recording_is_the_same_as_on_the_command_line(stage, tmp_path):
     for refused in (
         {"do": "record_start"},
         {"do": "edit", "character": "figure_one", "puppet": puppet_of(stage)},
-        {"do": "source", "example": "bow"},
+        {"do": "source", "example": "rear"},
         {"do": "close_character", "character": "figure_one"},
     ):
         assert stage.error(**refused)["found"] == "the take 'walking', which is being recorded"
@@ -245,14 +245,14 @@ def test_a_new_run_continues_with_the_characters_of_the_last(start_studio, blob_
     puppet = first.result("puppet", character=character)["puppet"]
     puppet["limb"][2]["gain"] = 0.5
     first.result("edit", character=character, puppet=puppet)
-    first.result("source", example="bow")
+    first.result("source", example="rear")
     text = limbed_puppet.read_text()
     first.close()
     again = start_studio(tmp_path / "studio")
     state = again.until(lambda state: len(state["characters"]) == 1 and performing(state))
     assert again.result("puppet", character=character)["puppet"] == puppet
     assert not state["characters"][0]["saved"]
-    assert state["source"]["name"] == "bow"
+    assert state["source"]["name"] == "rear"
     assert limbed_puppet.read_text() == text
     service = service_of(again)
     again.close()

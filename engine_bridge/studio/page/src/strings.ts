@@ -35,9 +35,9 @@ export const strings = {
   } as Record<string, string>,
   performances: {
     walk: "Walk",
-    lean: "Lean and turn",
-    bow: "Bow",
-    bark: "Bark",
+    roar: "Stomp and roar",
+    rear: "Trot and rear",
+    bark: "Sit, paw and bark",
     kung_fu: "Kung fu",
   } as Record<string, string>,
 

@@ -51,7 +51,7 @@ def _camera(uri):
     from capture.skeleton import JOINT_INDEX, PARENTS
     from capture.trackers.picture import Lens, Person, Picture
 
-    lens, clip = Lens(640, 480, 420.0), PERFORMANCES["bow"]()
+    lens, clip = Lens(640, 480, 420.0), PERFORMANCES["rear"]()
 
     def pose():
         return clip.positions[int(30 * time.monotonic()) % len(clip.positions)]

@@ -21,9 +21,7 @@ from engine_bridge.cli.progress import progress
 @click.option(
     "--pose",
     type=click.Choice(["rest", "t"]),
-    default="rest",
-    show_default=True,
-    help="Bind the mesh as the file has it, or with straight arms and legs.",
+    help="Bind the mesh as the file has it, or with straight arms and legs.  [default: rest; .vrm: t]",
 )
 @click.option(
     "--influences",
@@ -35,8 +33,8 @@ from engine_bridge.cli.progress import progress
 @click.option(
     "--keep-skin/--new-skin",
     "keep_skin",
-    default=True,
-    help="Keep the skeleton and weights of a file that has them, or make new ones.  [default: keep]",
+    default=None,
+    help="Keep the skeleton and weights of a file that has them, or make new ones.  [default: keep; .vrm and t: new]",
 )
 @click.option("--name", metavar="TEXT", help="Name of the avatar in a .vrm.  [default: as in the puppet file]")
 @click.option("--author", "authors", multiple=True, metavar="TEXT", help="Author of the avatar; may be repeated.")
@@ -46,9 +44,9 @@ def rig(
     source: Path,
     output: Path,
     names: str | None,
-    pose: str,
+    pose: str | None,
     influences: int,
-    keep_skin: bool,
+    keep_skin: bool | None,
     name: str | None,
     authors: tuple[str, ...],
     licence: str | None,
@@ -58,12 +56,17 @@ def rig(
     from engine_bridge.export.rig_file import RigSettings, describe, write_rig
     from engine_bridge.export.vrm_file import VRM_ENDING, write_vrm
 
-    settings = RigSettings(names, pose, influences, keep_skin)  # type: ignore[arg-type]  # the choices are those
+    settings = RigSettings(names, pose or "rest", influences, keep_skin is not False)  # type: ignore[arg-type]  # the choices
     stated = {"name": name, "authors": authors, "licence": licence}
     given = {key: value for key, value in stated.items() if value}
     avatar = output.suffix.lower() == VRM_ENDING
     if given and not avatar:
         raise click.UsageError("--name, --author and --licence require -o CHARACTER.vrm.")
+    if avatar and pose == "rest":
+        raise click.UsageError("--pose rest requires a .glb: a .vrm is bound in a T-pose.")
+    if keep_skin and (avatar or pose == "t"):
+        cause = "a .vrm" if avatar else "--pose t"
+        raise click.UsageError(f"--keep-skin cannot be combined with {cause}, which requires a new skin.")
     with progress() as report:
         if avatar:
             summary = write_vrm(source, output, settings, given, report)

@@ -16,7 +16,7 @@ from solver.motion.resting_feet import VOTE_FRAMES
 MIN_FOOT_BONES = 3
 """Smallest number of bones of a leg whose last one can be a foot."""
 
-MAX_FOOT_SHARE, MAX_FOOT_SLOPE = 0.2, math.radians(50)
+MAX_FOOT_SHARE, MAX_FOOT_SLOPE = 0.2, math.radians(65)
 """Largest length of a foot as a share of its leg's, and largest slope of a longer one in radians. A longer and steeper
 last bone is part of the leg, which stands on its tip."""
 

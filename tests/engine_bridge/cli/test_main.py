@@ -285,6 +285,20 @@ def test_an_avatar_is_rigged_and_has_no_animation(invoke, assert_refused, stage,
     assert "require -o CHARACTER.vrm" in wrong.stderr
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("-o", "out.vrm", "--pose", "rest"), "--pose rest requires a .glb"),
+        (("-o", "out.vrm", "--keep-skin"), "--keep-skin cannot be combined with a .vrm"),
+        (("-o", "out.glb", "--keep-skin", "--pose", "t"), "--keep-skin cannot be combined with --pose t"),
+    ],
+)
+def test_rig_refuses_options_that_it_could_not_follow(options, message):
+    refused = CliRunner().invoke(main, ["rig", __file__, *options])
+    assert refused.exit_code == 2
+    assert message in " ".join(refused.output.split())
+
+
 def test_new_makes_a_puppet_that_converts_right_away_and_is_not_overwritten(invoke, stage, tmp_path):
     made = invoke("new", "blob.glb", "-o", "made.toml", "--map", "head=hand_left,hand_right")
     assert (made.returncode, made.stderr) == (0, "")

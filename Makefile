@@ -77,10 +77,10 @@ demo: setup ## Animate the example characters into out/
 	$(BIN)/puppetline demo --output $(OUT)
 
 # matrices here are small: threads that wait for each other only cost time; tests wait for programs and for real time
-# about a third of the time, so that three at a time keep two cores busy
+# about a third of the time, so that three at a time keep two cores busy; a worker that crashed would run its test again
 test: export OPENBLAS_NUM_THREADS = 1
 test: setup .venv/.compiled ## Run every test, three at a time (PYTEST="-m 'not slow'" for a quick round)
-	$(BIN)/pytest -n 3 $(PYTEST)
+	$(BIN)/pytest -n 3 --max-worker-restart 0 $(PYTEST)
 
 # MediaPipe wants an older NumPy than everything else: cameras are tested beside it, and so is what all else rests on
 test-camera: export OPENBLAS_NUM_THREADS = 1

@@ -17,8 +17,8 @@ def compiled(function: Callable[..., Any] | None = None, *, inner: bool = False,
         Its parameters have no type hints: Numba infers their types from a call. Without a function, the result is a
         decorator.
     inner : bool
-        Whether only compiled functions call this one. It is compiled with them, not cached separately, and Python
-        cannot call it.
+        Whether only compiled functions call this one. It is compiled with them, and not cached separately. A call
+        from Python would crash the process.
     **options
         Further options of `numba.njit`, such as `fastmath` and `error_model`.
     """

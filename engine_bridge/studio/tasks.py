@@ -171,7 +171,7 @@ def mirror_limb(_progress: Progress, folder: Path, name: str) -> dict[str, Any]:
 
 
 def export(
-    progress: Progress, log: Path, folder: Path, output: Path, form: Form, start: float, stop: float | None
+    progress: Progress, log: Path, folder: Path, output: Path, form: Form | None, start: float, stop: float | None
 ) -> dict[str, Any]:
     """Convert a recording for a character; returns the numbers and the text of `puppetline convert`."""
     _, summary = convert(log, folder / LIVE, output, Settings(form=form, start=start, stop=stop), progress)

@@ -34,12 +34,17 @@ def test_a_second_process_loads_what_the_first_has_compiled(tmp_path):
 
 
 def test_options_of_numba_are_passed_on():
+    @compiled
     def quotient(a, b):
         return a / b
 
+    @compiled(error_model="numpy")
+    def quotient_of_numpy(a, b):
+        return a / b
+
     with pytest.raises(ZeroDivisionError):
-        compiled(inner=True)(quotient)(1.0, 0.0)
-    assert compiled(inner=True, error_model="numpy")(quotient)(1.0, 0.0) == float("inf")
+        quotient(1.0, 0.0)
+    assert quotient_of_numpy(1.0, 0.0) == float("inf")
 
 
 def test_only_functions_that_are_compiled_have_no_type_hints():

@@ -29,8 +29,8 @@ class DeleteTake(Request):
 class Export(Request):
     """Convert a recording (exactly one of `take`, `upload`, `example`) for a character, as `puppetline convert` does.
 
-    `form` is the value of ``--as``, or a format for the skeleton of the performer who is tracked longest, without the
-    character. `start` and `stop` trim the recording, in seconds from its beginning. A job, see
+    `form` is the value of ``--as``, None for its default, or a format for the skeleton of the performer who is tracked
+    longest, without the character. `start` and `stop` trim the recording, in seconds from its beginning. A job, see
     `JobResult`. Result: `ExportReply`.
     """
 
@@ -39,7 +39,7 @@ class Export(Request):
     take: Name | None = None
     upload: Id | None = None
     example: Name | None = None
-    form: Form | PerformerFormat = "morph"
+    form: Form | PerformerFormat | None = None
     start: Seconds | None = None
     stop: Seconds | None = None
 

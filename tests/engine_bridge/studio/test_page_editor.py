@@ -294,6 +294,7 @@ def test_a_limb_is_added_by_clicking_its_points(window):
     window.button("Undo").click()
     window.idle()
     window.page.get_by_role("group", name="Tool").get_by_role("button", name="+ Limb").click()
+    x, y = window.place("trunk", 2)
     window.page.mouse.click(x, y - 15)
     window.page.mouse.click(x, y - 40)
     window.page.keyboard.press("Enter")

@@ -159,7 +159,6 @@ def test_a_recording_is_the_same_as_on_the_command_line(stage, tmp_path):
     folder = stage.settings.folder
     command = [sys.executable, "-m", "puppetline", "convert", folder / "takes" / "walking.log"]
     command += ["--puppet", folder / "characters" / "figure_one" / "figure_one.toml", "-o", tmp_path / "own.glb"]
-    command += ["--as", "morph"]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     assert stage.download(exported["file"]) == (tmp_path / "own.glb").read_bytes()
     assert exported["text"].splitlines()[1:] == done.stdout.splitlines()[1:]

@@ -330,7 +330,7 @@ export async function exportRecording(): Promise<void> {
   const { character, recording, form, trim } = current();
   if (character === null || recording === null) return;
   const [start, stop] = trim;
-  const values = { character, [recording.kind]: recording.name, form, start, stop };
+  const values = { character, [recording.kind]: recording.name, form: form || null, start, stop };
   update({ exported: null });
   update({ exported: await request<ExportReply>(strings.busy.export, "export", values) });
 }

@@ -56,6 +56,7 @@ export interface State {
   readonly recording: Recording | null;
   readonly trim: readonly [number | null, number | null];
   readonly loop: boolean;
+  /** A value of `Greeting.forms`; empty for the one that suits the character. */
   readonly form: string;
   readonly exported: ExportReply | null;
   readonly progress: Readonly<Record<string, { text: string; fraction: number }>>;
@@ -90,7 +91,7 @@ export const INITIAL: State = {
   recording: null,
   trim: [null, null],
   loop: true,
-  form: "morph",
+  form: "",
   exported: null,
   progress: {},
   busy: [],

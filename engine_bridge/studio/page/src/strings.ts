@@ -237,6 +237,7 @@ export const strings = {
     export: "Export",
     form: "Format",
     forms: {
+      "": "Skeleton for limbs, morph targets for handles",
       morph: "Morph targets: plays everywhere",
       skin: "Nameless bones, for handles only",
       rig: "Skeleton with named joints",

@@ -64,7 +64,7 @@ function chosen(state: State, recording: Recording): Child {
   const take = recording.kind === "take" ? state.server?.takes.find(({ name }) => name === recording.name) : undefined;
   const upload = recording.kind === "upload" ? state.server?.uploads.find((each) => each.upload === recording.name) : undefined;
   const [from, to] = state.trim;
-  const forms = state.greeting?.forms ?? ["morph"];
+  const forms = ["", ...(state.greeting?.forms ?? [])];
   const exporting = state.busy.includes(strings.busy.export);
   return h(
     "div",

@@ -13,6 +13,10 @@ namespace Puppetline
             {
                 return new BlendShapeDisplay(puppet, scene);
             }
+            if (puppet.ShownMode == PuppetMode.Bones)
+            {
+                return new SkeletonDisplay(puppet, scene);
+            }
             var look = new Look(puppet.materials, scene);
             return puppet.ShownMode == PuppetMode.Controls && look.BlendsTransforms && GraphicsCardDisplay.Supports(scene)
                 ? new GraphicsCardDisplay(puppet, scene, look)
@@ -23,6 +27,11 @@ namespace Puppetline
 
         /// <summary>Show the same frame in another image.</summary>
         public virtual void Hold()
+        {
+        }
+
+        /// <summary>Show the frame after the animations of this image.</summary>
+        public virtual void ShowOverAnimations()
         {
         }
 

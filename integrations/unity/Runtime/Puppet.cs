@@ -86,6 +86,18 @@ namespace Puppetline
         [Tooltip("Morphs: the object that root motion moves; its name in the .glb is puppetline_root.")]
         public Transform rootNode;
 
+        /// <summary>Bones: the object above the bones of the rigged model; empty for this object.</summary>
+        [Tooltip("Bones: the object above the bones of the rigged model; empty for this object.")]
+        public Transform skeleton;
+
+        /// <summary>Bones: names of bones for joints that are not recognised; an empty name leaves a joint out.</summary>
+        [Tooltip("Bones: names of bones for joints that are not recognised; an empty name leaves a joint out.")]
+        public BoneName[] boneMap = new BoneName[0];
+
+        /// <summary>Bones: whether the hips travel with the character, in proportion to the length of the legs.</summary>
+        [Tooltip("Bones: whether the hips travel with the character, in proportion to the length of the legs.")]
+        public bool movesHips = true;
+
         /// <summary>Events of the connection, the character and the performer.</summary>
         public PuppetEvents events = new PuppetEvents();
 
@@ -270,6 +282,11 @@ namespace Puppetline
             {
                 control?.Poll();
             }
+        }
+
+        void LateUpdate()
+        {
+            display?.ShowOverAnimations();
         }
 
         /// <summary>Begin again if a clip has been set or removed.</summary>

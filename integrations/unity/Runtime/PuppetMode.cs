@@ -16,6 +16,9 @@ namespace Puppetline
 
         /// <summary>Weights for the blend shapes of an imported .glb from <c>puppetline bake</c>.</summary>
         Morphs,
+
+        /// <summary>Rotations for the bones of another rigged model, which are found by their names.</summary>
+        Bones,
     }
 
     /// <summary>Conversion of modes.</summary>
@@ -32,6 +35,8 @@ namespace Puppetline
                     return Kind.Vertices16;
                 case PuppetMode.Morphs:
                     return Kind.Morphs;
+                case PuppetMode.Bones:
+                    return Kind.Bones;
                 default:
                     return Kind.Controls;
             }

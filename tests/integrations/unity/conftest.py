@@ -138,7 +138,9 @@ def build(compiler, folder):
     compile_("Sharing", [programs / "Sharing.cs", programs / "Said.cs"], "Puppetline.Core", target="exe")
     timeline = ("Puppetline.Timeline", "Unity.Timeline")
     compile_("Clips", [programs / "Clips.cs", programs / "Said.cs"], *unity, *timeline, target="exe")
-    compile_("Component", [programs / "Component.cs", programs / "Said.cs"], *unity, target="exe")
+    posing = [programs / f"{name}.cs" for name in ("Skeletons", "Said")]
+    compile_("Component", [programs / "Component.cs", *posing], *unity, target="exe")
+    compile_("Posing", [programs / "Posing.cs", *posing], *unity, target="exe")
 
 
 @pytest.fixture

@@ -42,10 +42,10 @@ namespace Puppetline.Protocol
         /// <param name="port">The stream's port, usually 7400.</param>
         /// <param name="token">The service's token; null or empty if it has none.</param>
         /// <param name="character">Name of the character; null or empty for the first one.</param>
-        /// <param name="kind">Kind of frames: controls, morphs, vertices or vertices16.</param>
+        /// <param name="kind">Kind of frames: controls, morphs, vertices, vertices16 or bones.</param>
         public Follower(string host, int port, string token, string character, Kind kind)
         {
-            if (kind < Kind.Controls || kind > Kind.Vertices16)
+            if (kind != Kind.Bones && (kind < Kind.Controls || kind > Kind.Vertices16))
             {
                 throw new ArgumentException("frames of a character have the kind controls, morphs, vertices or vertices16, not " + kind);
             }
@@ -116,7 +116,8 @@ namespace Puppetline.Protocol
             {
                 streamed |= mine["kinds"][i].Text == FrameKind.ToString().ToLowerInvariant();
             }
-            reason = streamed ? "" : mine["name"].Text + " is not streamed as " + FrameKind + ". Start the service with --morphs and the .glb from puppetline bake.";
+            string remedy = FrameKind == Kind.Bones ? "Its puppet file needs a [[limb]]." : "Start the service with --morphs and the .glb from puppetline bake.";
+            reason = streamed ? "" : mine["name"].Text + " is not streamed as " + FrameKind + ". " + remedy;
             character = mine["name"].Text;
         }
 

@@ -18,7 +18,8 @@ namespace Puppetline.Protocol
 
         /// <summary>
         /// The numbers, of which only the first <see cref="Count"/> are valid: 12 per transform for controls; the residual and
-        /// the weights for morphs; positions and then normals for both kinds of vertices; four per joint; three per handle.
+        /// the weights for morphs; positions and then normals for both kinds of vertices; four per joint; three per handle; for bones a
+        /// quaternion per joint of the character, and then three per joint that travels.
         /// </summary>
         public float[] Values = new float[0];
 
@@ -46,6 +47,8 @@ namespace Puppetline.Protocol
                     return ReadVertices16(payload);
                 case Kind.Joints:
                     return payload.Count == 20 * 16 && ReadFloats(payload, 16);
+                case Kind.Bones:
+                    return ReadFloats(payload, 4);
                 case Kind.Handles:
                     return ReadFloats(payload, 12);
                 default:
@@ -71,6 +74,25 @@ namespace Puppetline.Protocol
             for (int i = 0; i < Count; i++)
             {
                 values[i] = one[i] + (other[i] - one[i]) * share;
+            }
+            if (Header.Kind == Kind.Bones)
+            {
+                MixOpposite(one, other, share);
+            }
+        }
+
+        /// <summary>Mix again quaternions that are on opposite sides, with one negated: it is the same rotation.</summary>
+        void MixOpposite(float[] one, float[] other, float share)
+        {
+            for (int i = 0; i < 4 * Scene.Joints.Count; i += 4)
+            {
+                if (one[i] * other[i] + one[i + 1] * other[i + 1] + one[i + 2] * other[i + 2] + one[i + 3] * other[i + 3] < 0)
+                {
+                    for (int k = i; k < i + 4; k++)
+                    {
+                        Values[k] = one[k] - (other[k] + one[k]) * share;
+                    }
+                }
             }
         }
 

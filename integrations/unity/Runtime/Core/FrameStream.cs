@@ -100,6 +100,8 @@ namespace Puppetline.Protocol
                     return scene.ControlCount;
                 case Kind.Morphs:
                     return 1 + scene.Morphs.Count;
+                case Kind.Bones:
+                    return scene.BoneValueCount;
                 default:
                     return 6 * scene.VertexCount;
             }

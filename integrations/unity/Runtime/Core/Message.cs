@@ -39,7 +39,7 @@ namespace Puppetline.Protocol
         /// <summary>Description of a clip file, in JSON (docs/clips.md).</summary>
         Clip = 11,
 
-        /// <summary>Rotations of the character's joints, a kind that this package does not use.</summary>
+        /// <summary>Rotations of the character's joints, and positions of those that travel: <see cref="Joint"/>.</summary>
         Bones = 12,
     }
 

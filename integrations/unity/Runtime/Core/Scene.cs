@@ -75,6 +75,7 @@ namespace Puppetline.Protocol
             Colors = Optional("colors", VertexCount, 3);
             Parts = ReadParts();
             Morphs = Strings(Description["morphs"]);
+            Joints = ReadJoints();
             arrays = default;
             Check();
         }
@@ -127,11 +128,28 @@ namespace Puppetline.Protocol
         /// <summary>Names of the morph targets; empty if there are none.</summary>
         public IReadOnlyList<string> Morphs { get; }
 
+        /// <summary>The character's joints, parents first; empty if its puppet file has no limbs.</summary>
+        public IReadOnlyList<Joint> Joints { get; }
+
         /// <summary>Length of the diagonal of the bounding box at rest.</summary>
         public float Diagonal => (float)Description["diagonal"].Number;
 
         /// <summary>Number of values in a payload of controls.</summary>
         public int ControlCount => FieldCount * IsolineCount * Deformation.TransformSize;
+
+        /// <summary>Number of values in a payload of bones.</summary>
+        public int BoneValueCount
+        {
+            get
+            {
+                int count = 4 * Joints.Count;
+                foreach (Joint joint in Joints)
+                {
+                    count += joint.Travels ? 3 : 0;
+                }
+                return count;
+            }
+        }
 
         /// <summary>Read the message of a scene.</summary>
         /// <exception cref="FormatException">The message is damaged: a length, an offset or a number is invalid.</exception>
@@ -226,7 +244,18 @@ namespace Puppetline.Protocol
             return parts;
         }
 
-        static float[] Numbers(Json list)
+        Joint[] ReadJoints()
+        {
+            Json entries = Description["bones"];
+            var joints = new Joint[entries.Count];
+            for (int i = 0; i < joints.Length; i++)
+            {
+                joints[i] = new Joint(entries[i], i);
+            }
+            return joints;
+        }
+
+        internal static float[] Numbers(Json list)
         {
             var numbers = new float[list.Count];
             for (int i = 0; i < numbers.Length; i++)

@@ -19,6 +19,9 @@ static class Component
     static ulong sequenceBefore;
     static string leaveOn = "";
 
+    /// <summary>Bones of the driven skeleton, for mode Bones.</summary>
+    static List<Transform> bones = new List<Transform>();
+
     /// <summary>Attachments by vertex, handle or limb.</summary>
     static readonly List<PuppetAttachment> Attachments = new List<PuppetAttachment>();
 
@@ -79,6 +82,15 @@ static class Component
         else if (name == "attach")
         {
             Array.ForEach(value.Split(','), Attach);
+        }
+        else if (name == "bones")
+        {
+            puppet.skeleton = new Transform { name = "Armature" };
+            bones = Skeletons.Make(puppet.skeleton, Json.Parse(System.IO.File.ReadAllText(value)));
+        }
+        else if (name == "boneMap")
+        {
+            puppet.boneMap = new[] { new BoneName { joint = value, bone = "nobody" } };
         }
         else if (name == "scale")
         {
@@ -310,6 +322,12 @@ static class Component
                 weights.Add(new object[] { pair.Key, pair.Value });
             }
             Said.Line("frame", header.Sequence, "weights", weights.ToArray(), "root", new object[] { at.x, at.y, at.z });
+            return;
+        }
+        if (puppet.mode == PuppetMode.Bones)
+        {
+            Player.Call(puppet, "LateUpdate");
+            Said.Line("frame", header.Sequence, "time", header.Time, "bones", Skeletons.PosesOf(puppet.skeleton, bones));
             return;
         }
         puppet.TryGetComponent(out MeshRenderer renderer);

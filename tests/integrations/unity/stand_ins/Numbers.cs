@@ -49,6 +49,8 @@ namespace UnityEngine
 
         public static Vector3 Scale(Vector3 a, Vector3 b) => new Vector3(a.x * b.x, a.y * b.y, a.z * b.z);
 
+        public float magnitude => (float)Math.Sqrt(Dot(this, this));
+
         public Vector3 normalized => (1 / (float)Math.Sqrt(Dot(this, this))) * this;
 
         public static Vector3 operator +(Vector3 a, Vector3 b) => new Vector3(a.x + b.x, a.y + b.y, a.z + b.z);
@@ -107,6 +109,25 @@ namespace UnityEngine
         {
             Vector3 axis = new Vector3(a.x, a.y, a.z), across = 2 * Vector3.Cross(axis, v);
             return v + a.w * across + Vector3.Cross(axis, across);
+        }
+
+        public Quaternion normalized
+        {
+            get
+            {
+                float length = (float)Math.Sqrt(x * x + y * y + z * z + w * w);
+                return new Quaternion(x / length, y / length, z / length, w / length);
+            }
+        }
+
+        public static Quaternion Inverse(Quaternion a) => new Quaternion(-a.x, -a.y, -a.z, a.w);
+
+        public static Quaternion AngleAxis(float angle, Vector3 axis) => About(axis, angle);
+
+        public static Quaternion FromToRotation(Vector3 from, Vector3 to)
+        {
+            Vector3 axis = Vector3.Cross(from, to);
+            return new Quaternion(axis.x, axis.y, axis.z, from.magnitude * to.magnitude + Vector3.Dot(from, to)).normalized;
         }
 
         static Quaternion About(Vector3 axis, float degrees)

@@ -71,8 +71,20 @@ namespace UnityEngine
 
     public class Transform : Component
     {
-        public Vector3 localPosition, position, lossyScale = new Vector3(1, 1, 1);
-        public Quaternion rotation = Quaternion.identity;
+        public Vector3 localPosition, position, lossyScale = new Vector3(1, 1, 1), localScale = new Vector3(1, 1, 1);
+        public Quaternion rotation = Quaternion.identity, localRotation = Quaternion.identity;
+        public Transform parent;
+        readonly List<Transform> children = new List<Transform>();
+
+        public int childCount => children.Count;
+
+        public Transform GetChild(int index) => children[index];
+
+        public void SetParent(Transform above)
+        {
+            parent = above;
+            above.children.Add(this);
+        }
 
         public Vector3 TransformVector(Vector3 vector) => rotation * Vector3.Scale(lossyScale, vector);
 

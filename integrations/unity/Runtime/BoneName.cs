@@ -1,0 +1,106 @@
+using System;
+using System.Collections.Generic;
+using System.Linq;
+using System.Text.RegularExpressions;
+
+namespace Puppetline
+{
+    /// <summary>Name of a bone for the name of a joint.</summary>
+    [Serializable]
+    public struct BoneName
+    {
+        /// <summary>Name of a joint of the service's character, such as leftUpperArm or tail_1.</summary>
+        public string joint;
+
+        /// <summary>Name of the bone that it drives; empty for none.</summary>
+        public string bone;
+    }
+
+    /// <summary>
+    /// Recognises the bones of a humanoid by their names in other programs: VRM, Mixamo, Unreal, Rigify, Godot, and common
+    /// English names, with a side in any spelling.
+    /// </summary>
+    static class BoneNames
+    {
+        /// <summary>Names of VRM's bones in the middle of the body, as words without spaces.</summary>
+        static readonly Dictionary<string, string> Middle = Meanings(
+            "hips: hips pelvis hip",
+            "spine: spine spine01 abdomen",
+            "chest: chest spine1 spine02 torso spine001",
+            "upperChest: upperchest spine2 spine03 spine002",
+            "neck: neck neck01 spine004",
+            "head: head spine006");
+
+        /// <summary>Those of a side.</summary>
+        static readonly Dictionary<string, string> Sided = Meanings(
+            "Shoulder: shoulder clavicle collar",
+            "UpperArm: upperarm arm",
+            "LowerArm: lowerarm forearm",
+            "Hand: hand wrist",
+            "UpperLeg: upperleg upleg thigh",
+            "LowerLeg: lowerleg leg shin calf",
+            "Foot: foot ankle",
+            "Toes: toes toebase toe ball");
+
+        static readonly Dictionary<string, string> Sides = Meanings("left: left l", "right: right r");
+
+        static readonly HashSet<string> Prefixes = new HashSet<string> { "def", "org", "mixamorig", "bip01", "bip001" };
+
+        static readonly Regex Word = new Regex("[A-Z]?[a-z0-9]+|[A-Z0-9]+");
+
+        /// <summary>Return VRM's name for the name of a bone; null if it is unknown.</summary>
+        public static string MeaningOf(string bone)
+        {
+            string own = bone.Substring(bone.LastIndexOfAny(new[] { ':', '|' }) + 1), side = null, rest = "";
+            foreach (Match match in Word.Matches(own))
+            {
+                string word = match.Value.ToLowerInvariant();
+                if (Sides.TryGetValue(word, out string found))
+                {
+                    side = side ?? found;
+                }
+                else if (!Prefixes.Contains(word))
+                {
+                    rest += word;
+                }
+            }
+            return (side == null ? Middle : Sided).TryGetValue(rest, out string meaning) ? side + meaning : null;
+        }
+
+        /// <summary>Return the number of the bone for each joint: one of the same name, or of the same meaning.</summary>
+        /// <param name="joints">Names of the joints.</param>
+        /// <param name="bones">Names of the bones.</param>
+        /// <param name="map">Names that replace those that are recognised.</param>
+        public static Dictionary<string, int> Recognise(IReadOnlyList<string> joints, List<string> bones, IEnumerable<BoneName> map)
+        {
+            var found = new Dictionary<string, int>();
+            foreach (string joint in joints)
+            {
+                int same = bones.IndexOf(joint), bone = same >= 0 ? same : bones.FindIndex(each => MeaningOf(each) == joint);
+                if (bone >= 0 && !found.ContainsValue(bone))
+                {
+                    found[joint] = bone;
+                }
+            }
+            foreach (BoneName pair in map.Where(pair => joints.Contains(pair.joint)))
+            {
+                found[pair.joint] = bones.IndexOf(pair.bone);
+            }
+            return found;
+        }
+
+        static Dictionary<string, string> Meanings(params string[] lines)
+        {
+            var meanings = new Dictionary<string, string>();
+            foreach (string line in lines)
+            {
+                string[] words = line.Split(' ');
+                foreach (string word in words.Skip(1))
+                {
+                    meanings[word] = words[0].TrimEnd(':');
+                }
+            }
+            return meanings;
+        }
+    }
+}

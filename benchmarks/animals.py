@@ -156,7 +156,8 @@ def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[n
         now = (moved[used, :, 0] + pose.root) @ basis.T
         heights.append([now[a:b, 1].min() - (rest[used[a:b]] @ basis[1]).min() for a, b in pairwise(starts)])
         places.append([now[a:b].mean(axis=0) for a, b in pairwise(starts)])
-        bodies.append(pose.motions[trunk, 3] + rig_head(rig, trunk) @ pose.motions[trunk, :3] + pose.root)
+        body = pose.motions[trunk, 3] + rig_head(rig, trunk) @ pose.motions[trunk, :3] if rig.puppet.limbs else 0.0
+        bodies.append(body + pose.root)
         swinging.append(np.array(getattr(steps, "swinging", np.zeros(len(soles), dtype=bool))))
         lifted.append(bool(getattr(steps, "lifted", False)))
     return _row(
@@ -173,7 +174,7 @@ def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[n
 
 def rig_head(rig: Rig, bone: int) -> Floats:
     """Return where a bone begins at rest."""
-    return bones_of(rig.puppet.limbs).heads[bone] if rig.puppet.limbs else np.zeros(3)
+    return bones_of(rig.puppet.limbs).heads[bone]
 
 
 def _trunk(rig: Rig) -> int:

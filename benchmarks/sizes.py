@@ -9,7 +9,8 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from engine_bridge.cli import benchmark, examples
+from engine_bridge.character import examples
+from engine_bridge.cli import benchmark
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings
 

@@ -168,6 +168,14 @@ def upright(pose: NDArray[np.float64]) -> NDArray[np.float64]:
     return out
 
 
+def not_upright(pose: NDArray[np.float64]) -> list[str]:
+    """Return the joints of a pose (20, 3) whose bones `upright` turns: those of a pose that is no upright stand."""
+    parents = [JOINT_INDEX.get(PARENTS.get(joint, ""), JOINT_INDEX[joint]) for joint in JOINTS]
+    stand = upright(pose)
+    off = np.linalg.norm((stand - stand[parents]) - (pose - pose[parents]), axis=1)
+    return [joint for joint, each in zip(JOINTS, off, strict=True) if each > 1e-6]
+
+
 def resting_pose(
     positions: NDArray[np.float64], confidence: NDArray[np.float32], first: int, count: int
 ) -> NDArray[np.float64]:

@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
+from capture import body
 from capture.events import Cue, Event
 from capture.reconnecting import ReopeningSource
 from capture.recording import Recorder, as_recorded
@@ -103,6 +104,7 @@ class StageRunner:
                 continue
             received = now_ns - int((now - event.time) * 1e9)
             for each in (*self._beginnings(event.time), event):
+                self._warn_of_pose(each)
                 frames += self._perform(each, received)
         return frames
 
@@ -209,6 +211,22 @@ class StageRunner:
                 else player.next_calibration.working.done()
             )
         ]
+
+    def _warn_of_pose(self, event: Event) -> None:
+        """Log a calibration that limbs which turn count from, in another pose than an upright stand."""
+        if not isinstance(event, Cue) or event.do != "begin":
+            return
+        for player in self.stage.players:
+            prepared = player.next_calibration
+            if player.character.name != event.arguments.get("character") or prepared is None:
+                continue
+            pose = prepared.calibration.sensor.upright(prepared.calibration.rest)
+            bent = body.not_upright(pose) if any(limb.follow == "turn" for limb in prepared.puppet.limb) else []
+            if bent:
+                log.warning(
+                    "the performer did not stand upright with hanging arms; the character is at rest in that pose",
+                    extra=fields(character=player.character.name, bent=", ".join(bent)),
+                )
 
     def _perform(self, event: Event, received: int) -> list[Frame]:
         event = self._in_order(event)

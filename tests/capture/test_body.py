@@ -7,6 +7,7 @@ from capture.body import (
     TYPICAL_BONE_METRES,
     bone_lengths,
     height,
+    not_upright,
     reach,
     resting_pose,
     typical_bone_length,
@@ -255,6 +256,14 @@ def test_an_upright_stand_has_the_bone_lengths_and_the_heading_of_the_pose():
     for joint in ("knee_left", "knee_right", "elbow_left", "wrist_right"):
         assert way_to(stand, joint)[1] < -0.98 * np.linalg.norm(way_to(stand, joint))
     assert np.allclose(stand, upright(in_step()) @ turn)
+
+
+def test_joints_that_do_not_stand_upright_are_those_whose_bones_an_upright_stand_turns():
+    turned = {"spine", "shoulder_center", "elbow", "wrist", "hand", "knee"}
+    assert {
+        joint.partition("_")[0] if "_" in joint and "center" not in joint else joint for joint in not_upright(in_step())
+    } == turned
+    assert not_upright(upright(in_step())) == []
 
 
 def test_bones_that_nearly_stand_upright_and_feet_stay_as_they_are():

@@ -1,14 +1,17 @@
 import socket
 import time
+from dataclasses import replace
 from pathlib import Path
 from select import select
 
 import numpy as np
 import pytest
 
+from capture.body import upright
 from capture.events import Tick
 from capture.formats import read_log
 from capture.recording import Recorder
+from capture.skeleton import SkeletonFrame
 from capture.source import SilentSource
 from engine_bridge.service.character_player import PlayerSettings
 from engine_bridge.service.stage_runner import StageRunner
@@ -244,3 +247,22 @@ def test_a_take_of_a_runner_is_a_skeleton_log(run, short, make_stage, tmp_path, 
     assert b'"do": "mirror"' in (tmp_path / "take.log").read_bytes()
     assert b"horse" not in (tmp_path / "take.log").read_bytes()
     runner.close()
+
+
+@pytest.mark.parametrize(
+    ("follow", "hanging", "told"), [("turn", False, True), ("turn", True, False), ("direction", False, False)]
+)
+def test_a_calibration_with_raised_arms_is_logged_if_limbs_turn(
+    run, make_stage, limbed_rig, tmp_path, record_events, standing, caplog, follow, hanging, told
+):
+    """The performer of the fixture stretches the arms out."""
+    pose, sure = upright(standing) if hanging else standing, np.ones(20, dtype=np.float32)
+    record_events(tmp_path / "still.log", [SkeletonFrame(number / 30, 1, pose, sure) for number in range(60)])
+    limbs = [limb.model_copy(update={"follow": follow}) for limb in limbed_rig.puppet.limb]
+    stage = make_stage(rig=replace(limbed_rig, puppet=limbed_rig.puppet.model_copy(update={"limb": limbs})))
+    runner = StageRunner("replay:still.log", stage, tmp_path)
+    run(runner, until=lambda: stage.players[0].state == "performing")
+    runner.close()
+    warnings = [record.fields for record in caplog.records if "hanging arms" in record.message]
+    assert [each["character"] for each in warnings] == ["dog"] * told
+    assert all("elbow_left" in each["bent"] for each in warnings)

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from benchmarks import players
-from engine_bridge.character.document_reader import load_document
 from engine_bridge.character import examples
+from engine_bridge.character.document_reader import load_document
 from engine_bridge.cli import benchmark
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings

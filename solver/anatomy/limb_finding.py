@@ -29,6 +29,9 @@ HEAD_WIDTH_RATIO = 1.5
 MIN_NECK_SHARE = 0.3
 """Minimum length of a neck that is a limb, as a share of the trunk's length."""
 
+MAX_END_HEIGHT, MIN_END_DISTANCE = 0.03, 0.15
+"""Height above the ground, and distance from all limbs, of an end that stands there without a leg, in heights."""
+
 UPRIGHT_COSINE = np.cos(np.radians(50))
 """Minimum cosine between up and the direction from trunk to head at which the head is upright on the trunk."""
 
@@ -79,7 +82,9 @@ class _Finder(LimbBranches):
         if wings is not None:
             found |= self.sides("wing", [evenly(wing.points[::-1], 4) for wing in wings])
         self._note_missing_limbs(found)
-        return self._trunk_and_head(found) | found
+        found = self._trunk_and_head(found) | found
+        self._note_other_feet(found)
+        return found
 
     def _note_other_heads(self, branches: Sequence[LimbCurve]) -> None:
         """Note ends whose head scores are close to that of the head, and that are not its ears or horns."""
@@ -185,4 +190,19 @@ class _Finder(LimbBranches):
             self.notes.append(
                 "No arms were found. If there are any, give where they end: "
                 "--limb 'left arm=X,Y,Z' --limb 'right arm=X,Y,Z'"
+            )
+
+    def _note_other_feet(self, found: dict[str, Points]) -> None:
+        """Note what stands on the ground besides the legs, such as a third leg: legs are found in pairs."""
+        if not self.feet:
+            return
+        limbs = cKDTree(np.concatenate([evenly(points, 9) for points in found.values()]))
+        tips = self.cells[self.skeleton.tips]
+        low = tips[:, 1] - self.low[1] < MAX_END_HEIGHT * self.height + self.solid.size
+        others = tips[low & (limbs.query(tips)[0] > MIN_END_DISTANCE * self.height)]
+        if len(others):
+            places = " and at ".join(self.option_value(place) for place in others)
+            self.notes.append(
+                f"Something else reaches the floor at {places}. Legs are found in pairs, so it moves with the body "
+                "above it and takes no steps."
             )

@@ -248,6 +248,14 @@ def test_a_limb_that_is_not_found_is_reported(solver_mesh):
     )
 
 
+def test_a_third_leg_is_reported(solver_mesh):
+    limbs = find_limbs(solver_mesh([*FIGURE, ((0.0, 0.95, 0.1), (0.0, 0.08, 1.0), 0.07)]), np.eye(3))
+    assert {"left leg", "right leg"} <= limbs.points.keys()
+    (note,) = (note for note in limbs.notes if note.startswith("Something else reaches the floor at"))
+    place = np.array(note.split(" at ")[1].split(". ")[0].split(","), dtype=float)
+    np.testing.assert_allclose(place, [0.0, 0.08, 1.0], atol=0.15)
+
+
 def test_the_order_of_vertices_does_not_matter(person):
     order = np.random.default_rng(1).permutation(len(person.vertices))
     place = np.argsort(order)

@@ -217,12 +217,29 @@ def fit(
         Coefficients with which the last target is the sum of the others. By default, targets are independent; those
         without a weight at the remaining keyframes are omitted.
     thinning : float
-        Share of the tolerance for omitted keyframes.
+        Share of the tolerance for omitted keyframes; less if the error would exceed the tolerance.
 
     Returns
     -------
     QuantizedTargets
     """
+    for share in (thinning, thinning / 2, thinning / 4, 0.0):
+        targets = _fitted(character, keyframes, displacements, solved, tolerance, opposite, share)
+        if targets.error <= tolerance:
+            break
+    return targets
+
+
+def _fitted(
+    character: Character,
+    keyframes: Keyframes,
+    displacements: Displacements,
+    solved: Solved,
+    tolerance: float,
+    opposite: NDArray[np.floating] | None,
+    thinning: float,
+) -> QuantizedTargets:
+    """Return the targets of `fit` for a share of omitted keyframes, which were chosen by a part of the vertices."""
     parts = [PartTargets(character, number, displacements, opposite) for number in range(len(character.parts))]
     kept = thin(_watched(parts, keyframes), thinning * tolerance)
     root = None if keyframes.root is None else keyframes.root[kept]

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from engine_bridge.character.character import make_character
+from engine_bridge.export import quantized_targets
 from engine_bridge.export.animation import Keyframes
 from engine_bridge.export.quantized_targets import MAX_WEIGHT, Grid, PartTargets, fit, stored_weights
 
@@ -77,3 +78,18 @@ def test_targets_of_omitted_keyframes_are_omitted(character):
     np.testing.assert_array_equal(made.keyframes.times, [0, 3, 4])
     np.testing.assert_array_equal(made.keyframes.weights, np.eye(3))
     assert made.parts[0].positions.shape == (3, 4, 3)
+
+
+def test_fewer_keyframes_are_omitted_if_vertices_that_were_not_watched_move_more(character, monkeypatch):
+    """Between keyframes, the watched vertex is 0.4 times as far from a line as the others are."""
+    monkeypatch.setattr(quantized_targets, "THINNING_VERTICES", 1)
+    shapes = np.zeros((41, 4, 3), np.float32)
+    shapes[:, :, 0] = np.outer(np.linspace(0, 1, 41) ** 2, [0.4, 1, 1, 1])
+    clip = Keyframes("clip", np.arange(41, dtype=np.float32), np.eye(41, dtype=np.float32), None)
+
+    def moved(_part, frames):
+        return shapes[frames].transpose(1, 2, 0)
+
+    made = fit(character, clip, lambda _: (shapes, None), moved, 0.01, thinning=0.5)
+    assert made.error <= 0.01
+    assert 5 < len(made.keyframes.times) < 20

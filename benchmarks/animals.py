@@ -34,7 +34,10 @@ ANIMALS = (
     *("Alpaca", "Cow", "Fox", "Frog", "Horse", "Husky", "khronos_Fox", "Parasaurolophus", "Rat", "Shark", "Snake"),
     *("Stegosaurus", "Trex", "cat_7k", "dog_10k", "dinosaur_14k", "feline", "spot_cow"),
 )
-LOGS = ("s01_e01", "s03_e01", "s09_e01", "Ges01", "a26_s1", "P1_1_1_p19")
+LOGS = (
+    *("utkinect/joints_s01_e01", "utkinect/joints_s03_e01", "utkinect/joints_s09_e01", "Ges01", "a26_s1", "P1_1_1_p19"),
+    *("cmu_01_01_hops", "jumping_jacks"),
+)
 
 ON_FLOOR = 0.01
 """Height over the floor below which a foot touches it, in body heights."""
@@ -42,8 +45,11 @@ ON_FLOOR = 0.01
 SOLE = 0.03
 """Height of the vertices of a foot over the lowest of them, in body heights."""
 
-STANDS_SECONDS, STANDS_SPEED = 0.5, 0.15
-"""Time for which the performer's feet must be slower than this, in metres per second, to stand."""
+STANDS_SECONDS, STANDS_METRES = 1.0, 0.05
+"""A performer's foot stands while it stays this close to one place for at least this time, in seconds and metres."""
+
+ARRIVAL_SECONDS = 1.0
+"""Time after which a performer's stand counts, in seconds: the animal's last steps end a walk."""
 
 Floats = NDArray[np.float64]
 
@@ -99,8 +105,8 @@ def measured(mesh: Path, chosen: argparse.Namespace) -> Iterator[Row]:
         if chosen.free and puppet.root is not None:
             puppet = puppet.model_copy(update={"root": puppet.root.model_copy(update={"feet": "free"})})
         rig = make_rig(puppet, proposal.character)
-        logs = sorted(path for path in (chosen.data / "logs").rglob("*") if path.is_file())
-        for log in (log for log in logs if any(part in log.stem for part in chosen.logs) and "depth" not in log.stem):
+        logs = sorted(path for folder in ("logs", "bvh") for path in (chosen.data / folder).rglob("*"))
+        for log in (log for log in logs if any(part in str(log) for part in chosen.logs) and "depth" not in log.stem):
             settings = Settings(form="morph")
             timeline, notes = load_timeline(log, settings)
             soles = soles_of(rig)
@@ -224,14 +230,23 @@ def _row(
 
 
 def performer_stands(timeline: Timeline) -> NDArray[np.bool_]:
-    """Return the frames (f,) in which both feet of the performer have been slow for a while."""
-    feet = timeline.positions[:, [JOINT_INDEX["ankle_left"], JOINT_INDEX["ankle_right"]]]
-    frames = round(STANDS_SECONDS * timeline.fps)
-    speed = np.zeros(len(feet))
-    way = np.linalg.norm(feet[frames:] - feet[:-frames], axis=2).max(axis=1) / STANDS_SECONDS
-    speed[frames:] = way
-    speed[:frames] = way[0] if len(way) else 0.0
-    return np.asarray(speed < STANDS_SPEED)
+    """Return the frames (f,) in which both feet of the performer have stood where they are, and go on standing.
+
+    A foot stands while it is seen within `STANDS_METRES` of its median over `STANDS_SECONDS`. The first seconds of a
+    stand are left out: the body arrives, and its feet come together.
+    """
+    ankles = [JOINT_INDEX["ankle_left"], JOINT_INDEX["ankle_right"]]
+    feet, frames = timeline.positions[:, ankles], round(STANDS_SECONDS * timeline.fps)
+    known = (timeline.confidence[:, ankles] > 0).all(axis=1)
+    stands = np.zeros(len(feet), dtype=bool)
+    for first in range(len(feet) - frames + 1):
+        part = slice(first, first + frames)
+        away = np.linalg.norm(feet[part] - np.median(feet[part], axis=0), axis=2)
+        if known[part].all() and away.max() < STANDS_METRES:
+            stands[part] = True
+    arrived = np.array([stands[max(0, frame - round(ARRIVAL_SECONDS * timeline.fps)) : frame + 1].all()
+                        for frame in range(len(feet))])  # fmt: skip
+    return np.asarray(stands & arrived)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from engine_bridge.character.character import Character
 from engine_bridge.character.scene import tree
 from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import vertex_influences
-from solver.motion.limbs import Limb
+from solver.motion.limbs import Limb, parents_first
 
 
 def skin_shares(character: Character, limbs: Sequence[Limb]) -> NDArray[np.float64] | None:
@@ -34,4 +34,22 @@ def skin_shares(character: Character, limbs: Sequence[Limb]) -> NDArray[np.float
     for node, parent in tree(character.document):
         of_node[node] = own.get(node, of_node[parent] if parent is not None else 0.0)
     which, share = vertex_influences(character)
-    return np.einsum("nk,nkb->nb", share, of_node[which])
+    shares = np.einsum("nk,nkb->nb", share, of_node[which])
+    _keep_feet(shares, limbs)
+    return shares
+
+
+def _keep_feet(shares: NDArray[np.float64], limbs: Sequence[Limb]) -> None:
+    """Let vertices of a standing foot follow it and the bone before it only.
+
+    In some files soles also follow the hips a little, and would sink into the floor with them.
+    """
+    last = -1
+    for limb in parents_first(limbs):
+        last += len(limb.points) - 1
+        if not limb.stands or len(limb.points) < 3:
+            continue
+        of_foot = np.flatnonzero(shares.argmax(axis=1) == last)
+        own = shares[of_foot, last - 1 : last + 1]
+        shares[of_foot] = 0.0
+        shares[of_foot, last - 1 : last + 1] = own / own.sum(axis=1, keepdims=True)

@@ -22,8 +22,12 @@ rest."""
 MAX_DROP = 0.18
 """Largest way by which a body sinks for its legs to reach their feet, in leg lengths."""
 
+MAX_RISE = 0.3
+"""Largest way by which a body rises for its legs not to fold more than they can, in leg lengths."""
+
 RISE_SECONDS = 0.15
-"""Time constant with which a body rises again, in seconds. It sinks at once: feet that stand do not leave the floor."""
+"""Time constant with which a body returns from there, in seconds. It goes there at once: feet that stand do not leave
+the floor."""
 
 STANDING_HEIGHT = 0.9
 """Height of the performer's hips over the ankles, as a share of the length of the legs, below which the performer
@@ -87,8 +91,10 @@ def pose_body(plan, state, positions, confidence, motions, root, elapsed):
     level = dot(root, up)
     for axis in range(3):
         root[axis] += (height - level) * up[axis]
-    drop = min(_missing(plan, state, motions, root), MAX_DROP * plan.leg_length)
-    body[DROP] = max(drop, drop + remaining(RISE_SECONDS, elapsed) * (body[DROP] - drop))
+    too_high, too_low = _away_from_feet(plan, state, motions, root)
+    drop = min(too_high, MAX_DROP * plan.leg_length) if too_high > 0 else -min(too_low, MAX_RISE * plan.leg_length)
+    eased = drop + remaining(RISE_SECONDS, elapsed) * (body[DROP] - drop)
+    body[DROP] = max(drop, eased) if drop > 0 else (min(drop, eased) if drop < 0 else eased)
     for axis in range(3):
         root[axis] -= body[DROP] * up[axis]
     return pitch
@@ -154,9 +160,10 @@ def _near_stand(turn, stand, most):
 
 
 @compiled(inner=True)
-def _missing(plan, state, motions, root):
-    """Return how far the body has to sink until each leg that stands, or will stand soon, reaches its foot."""
-    up, jump, most = row_of(plan.axes, 1), state.body[JUMP], 0.0
+def _away_from_feet(plan, state, motions, root):
+    """Return how far the body has to sink until each leg that stands, or will stand soon, reaches its foot, and how far
+    it has to rise until none is folded more than it can be."""
+    up, jump, too_high, too_low = row_of(plan.axes, 1), state.body[JUMP], 0.0, 0.0
     for leg in range(len(plan.feet)):
         carrier, hip = plan.carriers[leg], row_of(plan.hips, leg)
         rest = minus(hip, plan.ankles[leg])
@@ -170,5 +177,7 @@ def _missing(plan, state, motions, root):
         weight = (2 * share - 1) ** 2 * (1 - state.lift[leg, 1])
         if plan.front[leg]:  # a body that has reared does not drop to its front feet
             weight *= max(0.0, 1 - state.body[REARING] / REARED)
-        most = max(most, weight * (high - math.sqrt(max(0.0, reach * reach - flat))))
-    return most
+        too_high = max(too_high, weight * (high - math.sqrt(max(0.0, reach * reach - flat))))
+        folded = min(plan.chains.shortest[leg], math.sqrt(dot(rest, rest)))
+        too_low = max(too_low, weight * (math.sqrt(max(0.0, folded * folded - flat)) - high))
+    return too_high, too_low

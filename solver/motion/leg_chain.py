@@ -23,7 +23,7 @@ STRAIGHT = math.radians(3)
 """Largest angle of a joint at rest, in radians, that does not determine in which direction it bends."""
 
 MAX_BEND = math.radians(150)
-"""Largest angle of a joint, in radians."""
+"""Largest angle of a joint, in radians, unless it is bent further at rest."""
 
 MOST_FOLDED = 12.0
 """Largest κ."""
@@ -115,7 +115,7 @@ def _turning_point(chains: Chains, leg: int, end: float) -> float:
 def _angle(chains, leg, joint, kappa):
     """Return the angle by which a joint turns from rest."""
     bend = chains.bends[leg, joint]
-    return min(max(kappa * max(bend, MIN_WEIGHT), -bend), MAX_BEND - bend)
+    return min(max(kappa * max(bend, MIN_WEIGHT), -bend), max(MAX_BEND - bend, 0.0))
 
 
 @compiled(inner=True)

@@ -133,6 +133,7 @@ class StepState(NamedTuple):
     last: NDArray[np.float64]  # (3,): the body's level translation in the last frame
     base: NDArray[np.float64]  # (3,): translation of the homes from rest
     walked: NDArray[np.float64]  # (3,): way added by walking in place
+    stand: NDArray[np.float64]  # (2, 3): where the performer's feet came to rest, metres, character axes
     gait: NDArray[np.float64]
     watch: WatchState
 
@@ -254,6 +255,7 @@ def state_of(plan: StepPlan) -> StepState:
         last=np.zeros(3),
         base=np.zeros(3),
         walked=np.zeros(3),
+        stand=np.full((2, 3), np.nan),
         gait=new_gait(),
         watch=WatchState(
             held=np.zeros(2),

@@ -46,12 +46,16 @@ TOO_FAR, TOO_FAR_WALKING = 0.22, 0.47
 MAX_AWAY = 0.52
 """Largest distance between a foot that stands and its home, in leg lengths."""
 
-TIDY_DISTANCE, TIDY_SECONDS = 0.1, (0.0, 1.0)
+TIDY_DISTANCE, TIDY_SECONDS = 0.1, 0.65
 """Distance from home, in leg lengths, from which a leg steps once more in this time after a walk, in seconds."""
 
-LEAN_AWAY, TURN_AWAY = (0.2, 0.45), (math.radians(25), math.radians(40))
-"""Distances, in leg lengths, and angles, in radians, by which a body that does not walk can be away from its homes
-until they follow: usually, and while the performer's feet rest."""
+LEAN_AWAY, TURN_AWAY = 0.2, math.radians(25)
+"""Distance, in leg lengths, and angle, in radians, by which a body that does not walk can be away from its homes until
+they follow."""
+
+STEPPED_METRES = 0.18
+"""Distance between a performer's foot and where it came to rest, in metres, from which it has stepped, though so slowly
+that it seemed to rest."""
 
 CAUGHT_UP = 0.2
 """Share of these below which the homes rest again."""
@@ -186,8 +190,9 @@ def _step(plan, state, time, positions, confidence, motions, root):
     rests, low = resting_feet(plan.watch, state.watch, positions, confidence, elapsed, began)
     for foot in range(2):
         state.watch.held[foot] = 1.0 if rests[foot] else 0.0
-        # a lost foot keeps its position, which says nothing about whether the performer stands
-        rests[foot] = rests[foot] and is_seen(plan.watch.joints[foot], positions, confidence)
+        # a lost foot keeps its position, which says nothing about whether the performer stands; a foot that is held up
+        # does not carry the body on, and on tilted sensors feet on the floor differ in height
+        rests[foot] = state.watch.still[foot] > 0 and is_seen(plan.watch.joints[foot], positions, confidence)
     _move_homes(plan, state, motions, root, elapsed, began)
     speed = math.hypot(length(state.velocity), plan.radius * state.body[TURNING])
     update(state.gait, time, elapsed, ~(rests | low), rests, speed, plan.leg_length, plan.metre)
@@ -215,7 +220,8 @@ def _step(plan, state, time, positions, confidence, motions, root):
 def _move_homes(plan, state, motions, root, elapsed, began):
     """Let the homes follow the body while it walks or is far from them; limit its way from them.
 
-    A performer who bends, sits down or looks around moves the hips while the feet stay, and sensors are imprecise.
+    While the performer's feet rest, the homes stay: a performer who bends, sits down or looks around moves the hips, and
+    sensors are imprecise.
     """
     up, body = row_of(plan.axes, 1), state.body
     if plan.goes_forward and began and state.gait[WALKS] > 0:
@@ -229,10 +235,10 @@ def _move_homes(plan, state, motions, root, elapsed, began):
         heading = 2 * math.atan2(turn[1] * up[0] + turn[2] * up[1] + turn[3] * up[2], turn[0])
     way = minus(level, state.base)
     turned = (heading - body[HEADING] + math.pi) % (2 * math.pi) - math.pi
-    rests = 1 if state.gait[RESTED] > RESTED_SECONDS else 0
-    away = max(length(way) / (LEAN_AWAY[rests] * plan.leg_length), abs(turned) / TURN_AWAY[rests])
+    away = max(length(way) / (LEAN_AWAY * plan.leg_length), abs(turned) / TURN_AWAY)
     walks = state.gait[WALKS] > 0
-    body[FOLLOWS] = 1.0 if walks or away > (CAUGHT_UP if body[FOLLOWS] > 0 else 1.0) else 0.0
+    follows = walks or away > (CAUGHT_UP if body[FOLLOWS] > 0 else 1.0)
+    body[FOLLOWS] = 1.0 if follows and not _stays(state) else 0.0
     moved_share = (
         (1 - remaining(BASE_SECONDS if walks else SLOW_BASE_SECONDS, elapsed)) * body[FOLLOWS] if began else 1.0
     )
@@ -254,6 +260,21 @@ def _move_homes(plan, state, motions, root, elapsed, began):
     beside = minus(plan.pivot, plan.heads[plan.trunk[0]]) if len(plan.trunk) else (0.0, 0.0, 0.0)
     turned_about = minus(beside, quat.rotated(quat.about(up, body[HEADING]), beside))
     root[:] = plus(plus(plus(state.base, way, 1.0), up, height), turned_about, 1.0)
+
+
+@compiled(inner=True)
+def _stays(state):
+    """Return whether the performer stands where both feet came to rest; update where that is."""
+    gait = state.gait
+    if gait[RESTED] <= RESTED_SECONDS or gait[STOPPED] < TIDY_SECONDS:
+        state.stand[:] = state.watch.last
+        return False
+    for foot in range(2):
+        way = minus(row_of(state.watch.last, foot), row_of(state.stand, foot))
+        if not math.hypot(way[0], way[2]) < STEPPED_METRES:
+            gait[RESTED] = 0.0
+            return False
+    return True
 
 
 @compiled(inner=True)
@@ -323,7 +344,7 @@ def _urgency(plan, state, leg, walks):
         share = share_of_stride(gait, plan.offsets[leg])
         due = share < LATE_SHARE * air
         return 1.0 + away if due else (away if away > TOO_FAR_WALKING else 0.0)
-    tidy = TIDY_SECONDS[0] < gait[STOPPED] < TIDY_SECONDS[1]
+    tidy = gait[STOPPED] < TIDY_SECONDS
     too_far = TIDY_DISTANCE if tidy else TOO_FAR
     if away > too_far or turned > TOO_TURNED:
         return away / too_far + turned / TOO_TURNED

@@ -59,7 +59,7 @@ class Row(NamedTuple):
 
     above: float
     below: float
-    fewest: int
+    few: float
     touching: float
     slide: float
     slide95: float
@@ -78,7 +78,7 @@ def main() -> None:
     parser.add_argument("--pictures", type=Path)
     parser.add_argument("--free", action="store_true")
     chosen = parser.parse_args()
-    print("| character | recording | legs | above | below | fewest on floor | on floor | slide | 95 % | acceleration "
+    print("| character | recording | legs | above | below | fewer than half on floor | on floor | slide | 95 % | acceleration "
           "| steps while standing | edges p1 | p99 |")  # fmt: skip
     print("| --- |" + " --- |" * 12)
     rows = []
@@ -113,7 +113,7 @@ def measured(mesh: Path, chosen: argparse.Namespace) -> Iterator[Row]:
             row = play(rig, timeline, settings, soles)
             print(
                 f"| {mesh.stem} | {log.stem} | {len(soles)} | {100 * row.above:.1f} | {100 * row.below:.1f} "
-                f"| {row.fewest} | {100 * row.touching:.0f} % | {row.slide:.3f} | {row.slide95:.2f} "
+                f"| {100 * row.few:.1f} % | {100 * row.touching:.0f} % | {row.slide:.3f} | {row.slide95:.2f} "
                 f"| {row.acceleration:.1f} | {row.steps_standing} | {row.low:.2f} | {row.high:.2f} |",
                 flush=True,
             )
@@ -218,7 +218,7 @@ def _row(
     return Row(
         above=float(np.percentile(np.maximum(lowest, 0), 95)),
         below=float(np.percentile(np.maximum(-heights.min(axis=1), 0), 95)),
-        fewest=int(touches[~lifted].sum(axis=1).min(initial=heights.shape[1])),
+        few=float((touches[~lifted].sum(axis=1) < heights.shape[1] // 2).mean()),
         touching=float(touches[~lifted].any(axis=1).mean()),
         slide=float(np.median(speeds)) if len(speeds) else np.nan,
         slide95=float(np.percentile(speeds, 95)) if len(speeds) else np.nan,

@@ -10,24 +10,31 @@ import math
 from puppetline.compiled import compiled
 from solver.model.vectors import dot, length, minus, plus, row_of, scaled
 from solver.motion import quaternions as quat
+from solver.motion.limb_directions import smooth_step
 from solver.motion.resting_feet import FLOOR, LIFT, remaining
 from solver.motion.retarget import is_position
-from solver.motion.step_plan import CROUCH, DROP, HEADING, JUMP, PITCH, REARING
+from solver.motion.step_plan import CROUCH, DROP, HEADING, JUMP, PITCH, REARING, SINKING
 from solver.motion.two_bones import move_along, moved, place
 
 MAX_REACH = 0.985
 """Largest distance between hip and ankle of a leg that stands, as a share of its length, unless it is straighter at
 rest."""
 
-MAX_DROP = 0.18
+MAX_DROP = 0.3
 """Largest way by which a body sinks for its legs to reach their feet, in leg lengths."""
 
 MAX_RISE = 0.3
 """Largest way by which a body rises for its legs not to fold more than they can, in leg lengths."""
 
-RISE_SECONDS = 0.15
-"""Time constant with which a body returns from there, in seconds. It goes there at once: feet that stand do not leave
-the floor."""
+SINK_SECONDS, RETURN_SECONDS = 0.05, 0.3
+"""Time constants of the critically damped spring with which a body goes there and returns, in seconds. A walk swings
+less if it returns slowly."""
+
+AHEAD_SECONDS = 0.08
+"""Time by which the place of the body is predicted for this, in seconds: about what the spring is late."""
+
+SLACK = 0.015
+"""Largest way by which the spring may be behind, in leg lengths."""
 
 STANDING_HEIGHT = 0.9
 """Height of the performer's hips over the ankles, as a share of the length of the legs, below which the performer
@@ -42,7 +49,7 @@ JUMP_CROUCH = 0.1
 FRONT_CROUCH = 0.25
 """Share of a crouch by which the front of a body sinks that sits."""
 
-MAX_SITTING_PITCH, REARING_PITCH = math.radians(40), math.radians(40)
+MAX_SITTING_PITCH, REARING_PITCH = math.radians(40), math.radians(36)
 """Largest pitch of a body that sits, and that of one that rears, in radians."""
 
 REARED = 0.15
@@ -91,10 +98,9 @@ def pose_body(plan, state, positions, confidence, motions, root, elapsed):
     level = dot(root, up)
     for axis in range(3):
         root[axis] += (height - level) * up[axis]
-    too_high, too_low = _away_from_feet(plan, state, motions, root)
-    drop = min(too_high, MAX_DROP * plan.leg_length) if too_high > 0 else -min(too_low, MAX_RISE * plan.leg_length)
-    eased = drop + remaining(RISE_SECONDS, elapsed) * (body[DROP] - drop)
-    body[DROP] = max(drop, eased) if drop > 0 else (min(drop, eased) if drop < 0 else eased)
+    _ease_drop(
+        plan, state, _drop(plan, state, motions, root, 0.0), _drop(plan, state, motions, root, AHEAD_SECONDS), elapsed
+    )
     for axis in range(3):
         root[axis] -= body[DROP] * up[axis]
     return pitch
@@ -119,7 +125,7 @@ def _rearing(plan, state):
     share, count = 1.0, 0
     for leg in range(len(plan.feet)):
         if plan.front[leg]:
-            share *= state.lift[leg, 1]
+            share *= smooth_step(state.lift[leg, 1], (0.0, 1.0))
             count += 1
     return share if count > 1 else 0.0
 
@@ -160,9 +166,11 @@ def _near_stand(turn, stand, most):
 
 
 @compiled(inner=True)
-def _away_from_feet(plan, state, motions, root):
-    """Return how far the body has to sink until each leg that stands, or will stand soon, reaches its foot, and how far
-    it has to rise until none is folded more than it can be."""
+def _drop(plan, state, motions, root, ahead):
+    """Return how far the body has to sink until each leg that will stand after some time reaches its foot.
+
+    It is negative if the body has to rise until no leg is folded more than it can be.
+    """
     up, jump, too_high, too_low = row_of(plan.axes, 1), state.body[JUMP], 0.0, 0.0
     for leg in range(len(plan.feet)):
         carrier, hip = plan.carriers[leg], row_of(plan.hips, leg)
@@ -170,14 +178,37 @@ def _away_from_feet(plan, state, motions, root):
         if carrier >= 0:
             hip = moved(motions[carrier], hip)
         away = minus(plus(hip, root, 1.0), plus(row_of(state.place, leg), up, jump))
-        reach = max(MAX_REACH * plan.chains.reach[leg], math.sqrt(dot(rest, rest)))
         high = dot(away, up)
-        flat = dot(away, away) - high * high
         share = state.swing[leg]
-        weight = (2 * share - 1) ** 2 * (1 - state.lift[leg, 1])
+        if share > 0:
+            share = min(share + ahead / state.seconds[leg], 1.0)
+        else:
+            away = plus(away, state.velocity, ahead)
+        flat = dot(away, away) - dot(away, up) ** 2
+        weight = math.cos(math.pi * share) ** 2 * (1 - smooth_step(state.lift[leg, 1], (0.0, 1.0)))
         if plan.front[leg]:  # a body that has reared does not drop to its front feet
-            weight *= max(0.0, 1 - state.body[REARING] / REARED)
-        too_high = max(too_high, weight * (high - math.sqrt(max(0.0, reach * reach - flat))))
-        folded = min(plan.chains.shortest[leg], math.sqrt(dot(rest, rest)))
-        too_low = max(too_low, weight * (math.sqrt(max(0.0, folded * folded - flat)) - high))
-    return too_high, too_low
+            weight *= 1 - smooth_step(state.body[REARING], (0.0, REARED))
+        longest = max(MAX_REACH * plan.chains.reach[leg], length(rest))
+        shortest = min(plan.chains.shortest[leg], length(rest))
+        too_high = max(too_high, weight * (high - math.sqrt(max(0.0, longest * longest - flat))))
+        too_low = max(too_low, weight * (math.sqrt(max(0.0, shortest * shortest - flat)) - high))
+    return min(too_high, MAX_DROP * plan.leg_length) if too_high > 0 else -min(too_low, MAX_RISE * plan.leg_length)
+
+
+@compiled(inner=True)
+def _ease_drop(plan, state, now, soon, elapsed):
+    """Move the body's drop towards the one that will be needed soon, and near the one that is needed now."""
+    body = state.body
+    if not elapsed < math.inf:
+        body[DROP], body[SINKING] = now, 0.0
+        return
+    rate = 1 / (SINK_SECONDS if abs(soon) > abs(body[DROP]) else RETURN_SECONDS)
+    away, decay = body[DROP] - soon, math.exp(-rate * elapsed)
+    pull = body[SINKING] + rate * away
+    body[DROP] = soon + (away + pull * elapsed) * decay
+    body[SINKING] = (body[SINKING] - rate * pull * elapsed) * decay
+    slack = SLACK * plan.leg_length
+    if now > 0:
+        body[DROP] = max(body[DROP], now - slack)
+    elif now < 0:
+        body[DROP] = min(body[DROP], now + slack)

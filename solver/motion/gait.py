@@ -23,7 +23,7 @@ STRIDE_FACTOR, STRIDE_POWER = 2.3, 0.3
 MIN_PERIOD, MAX_PERIOD = 0.4, 1.4
 """Shortest and longest stride, in seconds."""
 
-SLOW_DUTY, FAST_DUTY, FAST_FROUDE = 0.75, 0.5, 0.5
+SLOW_DUTY, FAST_DUTY, FAST_FROUDE = 0.7, 0.5, 0.5
 """Share of a stride for which a foot is on the floor: at a slow walk, and from this Froude number on. It is at least
 half, so that half of the feet always stand."""
 
@@ -33,7 +33,7 @@ TROT_FROUDE = 0.3, 0.6
 WALK_SPEED, STOP_SPEED = 0.12, 0.06
 """Speeds, as a share of √(g L), above which a body begins to walk and below which it stops."""
 
-MAX_STANCE_SHARE = 0.85
+MAX_STANCE_SHARE = 1.0
 """Longest way of the body over a foot that stands, in leg lengths."""
 
 MIN_STEP_SECONDS, MAX_STEP_SECONDS = 0.18, 1.1

@@ -11,7 +11,7 @@ from solver.model.vectors import dot, length, row_of, scaled
 from solver.motion import quaternions as quat
 from solver.motion.gait import WALKS
 from solver.motion.retarget import is_position
-from solver.motion.step_plan import REARING
+from solver.motion.step_plan import HEADING, REARING
 from solver.motion.two_bones import moved, place
 
 LIFT_RAISE, LOWER_RAISE = 0.3, 0.18
@@ -32,8 +32,11 @@ LANDING_SHARE = 0.3
 CAME_DOWN = 0.03
 """Share of rearing below which a body has come down."""
 
-MAX_TURN = math.radians(85)
+MAX_TURN = math.radians(72)
 """Angle towards which the turn of a lifted bone relative to the one before it levels off, in radians."""
+
+OVERHEAD = math.radians(120)
+"""Angle of an arm from hanging above which a leg rises to the front, although the arm may be a little behind the head."""
 
 HALVINGS = 6
 """Number of steps with which the share is found at which a leg is above the floor."""
@@ -85,25 +88,26 @@ def apply_gesture(plan, state, leg, free, pitch, motions, floor):
         return
     share = share * share * (3 - 2 * share)
     stood = motions.copy()
-    if _blend(plan, leg, free, pitch, stood, motions, share) >= floor:
+    across = quat.rotated(quat.about(row_of(plan.axes, 1), state.body[HEADING]), row_of(plan.axes, 0))
+    if _blend(plan, leg, free, pitch, across, stood, motions, share) >= floor:
         return
     low = 0.0
     for _ in range(HALVINGS):
         middle = (low + share) / 2
-        if _blend(plan, leg, free, pitch, stood, motions, middle) >= floor:
+        if _blend(plan, leg, free, pitch, across, stood, motions, middle) >= floor:
             low = middle
         else:
             share = middle
-    _blend(plan, leg, free, pitch, stood, motions, low)
+    _blend(plan, leg, free, pitch, across, stood, motions, low)
 
 
 @compiled(inner=True)
-def _blend(plan, leg, free, pitch, stood, motions, share):
+def _blend(plan, leg, free, pitch, across, stood, motions, share):
     """Write the motions between those of a leg that stands and of a free one; return its lowest rise from rest."""
     up, count = row_of(plan.axes, 1), plan.chains.bones.shape[1]
     first = plan.chains.bones[leg, 0]
     joint = moved(stood[first], row_of(plan.heads, first))
-    turned = before_free = before_stood = (1.0, 0.0, 0.0, 0.0)
+    turned = before_free = before_stood = pitch
     lowest = math.inf
     for k in range(count + 1):
         bone = plan.feet[leg] if k == count else plan.chains.bones[leg, k]
@@ -111,12 +115,14 @@ def _blend(plan, leg, free, pitch, stood, motions, share):
             continue
         of_stood = quat.of_rows(stood[bone])
         of_free = quat.product(pitch, quat.of_rows(free[bone]))
-        # relative to the bone before, so that angles stay small
+        # relative to the body and to the bone before, so that angles stay small
         own = quat.product(quat.inverse(before_free), of_free)
         there = quat.product(quat.inverse(before_stood), of_stood)
         before_free, before_stood = of_free, of_stood
         way = quat.to_vector(quat.product(own, quat.inverse(there)))
         angle = length(way)
+        if k == 0 and angle > OVERHEAD and dot(way, across) > 0:
+            way, angle = scaled(way, 1 - 2 * math.pi / angle), 2 * math.pi - angle
         if angle > 1e-9:
             way = scaled(way, share * MAX_TURN * math.tanh(angle / MAX_TURN) / angle)
         turned = quat.product(turned, quat.product(quat.from_vector(way), there))

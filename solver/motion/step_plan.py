@@ -20,10 +20,10 @@ MAX_FOOT_SHARE, MAX_FOOT_SLOPE = 0.2, math.radians(65)
 """Largest length of a foot as a share of its leg's, and largest slope of a longer one in radians. A longer and steeper
 last bone is part of the leg, which stands on its tip."""
 
-HEADING, TURNING, FOLLOWS, DROP, PITCH, CROUCH, JUMP, REARING = range(8)
-"""Entries of a body's state: heading of its homes in radians; its rate; 1 while the homes follow the body; how far the
-body is lowered for its legs to reach; pitch in radians; crouch of the performer; height of a jump;
-share with which it rears."""
+HEADING, TURNING, FOLLOWS, DROP, PITCH, CROUCH, JUMP, REARING, SINKING = range(9)
+"""Entries of a body's state: heading of its homes in radians; its rate; share with which the homes follow the body; how
+far the body is lowered for its legs to reach; pitch in radians; crouch of the performer; height of a jump; share with
+which it rears; speed at which it is lowered."""
 
 
 MAX_FOLD = 0.9
@@ -128,7 +128,7 @@ class StepState(NamedTuple):
     seconds: NDArray[np.float64]  # (l,): length of the swing
     held: NDArray[np.float64]  # (l,): 1 for a foot that stands at a place of an earlier recording in the first frame
     lift: NDArray[np.float64]  # (l, 2): time for which the hand has been up; share of the gesture, 0 to 1
-    body: NDArray[np.float64]  # (8,)
+    body: NDArray[np.float64]  # (9,)
     velocity: NDArray[np.float64]  # (3,): of the body, level, mesh units per second
     last: NDArray[np.float64]  # (3,): the body's level translation in the last frame
     base: NDArray[np.float64]  # (3,): translation of the homes from rest
@@ -250,7 +250,7 @@ def state_of(plan: StepPlan) -> StepState:
         seconds=np.ones(count),
         held=np.zeros(count),
         lift=np.zeros((count, 2)),
-        body=np.zeros(8),
+        body=np.zeros(9),
         velocity=np.zeros(3),
         last=np.zeros(3),
         base=np.zeros(3),

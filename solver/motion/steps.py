@@ -37,13 +37,13 @@ from solver.motion.two_bones import carry_along, moved, place
 VELOCITY_SECONDS = 0.15
 """Time constant of the body's velocity and turning rate, in seconds: sensors measure them imprecisely."""
 
-MAX_AHEAD = 0.45
+MAX_AHEAD = 0.5
 """Largest distance at which a foot is put down from its home, in leg lengths."""
 
-TOO_FAR, TOO_FAR_WALKING = 0.22, 0.47
+TOO_FAR, TOO_FAR_WALKING = 0.22, 0.55
 """Distances between a foot and its home, in leg lengths, from which a leg steps while the body stands and walks."""
 
-MAX_AWAY = 0.52
+MAX_AWAY = 0.6
 """Largest distance between a foot that stands and its home, in leg lengths."""
 
 TIDY_DISTANCE, TIDY_SECONDS = 0.1, 0.65
@@ -63,6 +63,9 @@ CAUGHT_UP = 0.2
 MAX_SHIFT = 0.2
 """Distance towards which the body's way from its homes levels off, in leg lengths."""
 
+FOLLOW_SECONDS = 0.25
+"""Time in which the homes begin or end to follow the body, in seconds."""
+
 BASE_SECONDS, SLOW_BASE_SECONDS = 0.15, 0.5
 """Time constants with which the homes follow a body that walks, and one that does not, in seconds."""
 
@@ -78,7 +81,7 @@ STEP_SECONDS = 0.35
 MIN_SWING_SECONDS, MAX_SWING_SECONDS = 0.14, 0.5
 """Shortest and longest swing of a walk, in seconds."""
 
-ARC_HEIGHT, ARC_SLOPE, MAX_ARC_HEIGHT = 0.08, 0.18, 0.2
+ARC_HEIGHT, ARC_SLOPE, MAX_ARC_HEIGHT = 0.08, 0.06, 0.2
 """Height of a swing in leg lengths: of a short one; its increase with the step's length; the largest."""
 
 AIM_SHARE = 0.8
@@ -238,7 +241,10 @@ def _move_homes(plan, state, motions, root, elapsed, began):
     away = max(length(way) / (LEAN_AWAY * plan.leg_length), abs(turned) / TURN_AWAY)
     walks = state.gait[WALKS] > 0
     follows = walks or away > (CAUGHT_UP if body[FOLLOWS] > 0 else 1.0)
-    body[FOLLOWS] = 1.0 if follows and not _stays(state) else 0.0
+    stays = _stays(state)
+    goal = 1.0 if follows and not stays else 0.0
+    most = elapsed / FOLLOW_SECONDS
+    body[FOLLOWS] += min(max(goal - body[FOLLOWS], -most), most)
     moved_share = (
         (1 - remaining(BASE_SECONDS if walks else SLOW_BASE_SECONDS, elapsed)) * body[FOLLOWS] if began else 1.0
     )

@@ -184,7 +184,9 @@ def test_walking_in_place_moves_a_body_that_goes_forward_along_its_heading():
 
 
 def test_a_body_turns_on_the_spot_by_stepping():
-    walk = Walk([stand()] * 400, headings=np.minimum(np.arange(400) * TICK, 5) ** 2 * np.pi / 50)
+    turning = stand()
+    turning[list(ANKLES)] = np.nan  # feet that are seen to rest do not turn
+    walk = Walk([turning] * 400, headings=np.minimum(np.arange(400) * TICK, 5) ** 2 * np.pi / 50)
 
     home = Walk([stand()] * 2).feet[0] - walk.hips[0]
     turn = Rotation.from_rotvec([0, np.pi / 2, 0])
@@ -247,7 +249,7 @@ def test_both_raised_hands_let_the_body_rear():
     walk = Walk([stand()] * 30 + [up] * 120)
 
     pitch = np.arcsin(walk.motions[-1, 0, 2, 1])
-    assert np.degrees(pitch) == pytest.approx(40, abs=2)
+    assert np.degrees(pitch) == pytest.approx(36, abs=2)
     assert np.abs(walk.feet[-1, :2] - walk.feet[0, :2]).max() < 1e-6
 
 
@@ -292,3 +294,28 @@ def test_feet_go_on_standing_where_those_of_another_recording_stood():
     near = np.linalg.norm(held - Walk([stand()]).feet[0], axis=1) < 0.2 * HEIGHT
     assert np.allclose(walk.feet[:, stood & near], held[stood & near], atol=1e-9)
     assert np.isfinite(walk.feet).all()
+
+
+def test_nothing_steps_while_both_feet_rest_though_hips_turn_and_shift():
+    poses, headings = [], []
+    for number in range(420):
+        pose, swing = stand(), max(0, number - 60)
+        pose[list(HIPS)] += 0.25 * np.sin(swing / 20) * np.array([1.0, 0.0, 0.5])
+        pose[list(ANKLES), 1] += [0.0, 0.08]  # on a tilted sensor, one foot seems to be higher
+        poses.append(pose)
+        headings.append(np.sin(swing / 30))
+
+    walk = Walk(poses, headings=headings)
+
+    assert not walk.swinging.any()
+    assert np.ptp(walk.feet, axis=0).max() < 1e-6
+
+
+def test_a_performer_who_shuffles_away_slowly_takes_the_body_along():
+    poses = [stand() + np.array([0.0, 0.0, 0.1 * number * TICK]) for number in range(900)]
+
+    walk = Walk(poses)
+
+    way = walk.hips[-1, 2] - walk.hips[0, 2]
+    assert way == pytest.approx(1.5 * HEIGHT / LEG, abs=0.3 * HEIGHT)
+    assert walk.swinging.any(axis=0).all()

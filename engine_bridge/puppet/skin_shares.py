@@ -35,14 +35,14 @@ def skin_shares(character: Character, limbs: Sequence[Limb]) -> NDArray[np.float
         of_node[node] = own.get(node, of_node[parent] if parent is not None else 0.0)
     which, share = vertex_influences(character)
     shares = np.einsum("nk,nkb->nb", share, of_node[which])
-    _keep_feet(shares, limbs)
+    _keep_feet(shares, character.vertices, limbs)
     return shares
 
 
-def _keep_feet(shares: NDArray[np.float64], limbs: Sequence[Limb]) -> None:
-    """Let vertices of a standing foot follow it and the bone before it only.
+def _keep_feet(shares: NDArray[np.float64], vertices: NDArray[np.float64], limbs: Sequence[Limb]) -> None:
+    """Let vertices of a standing foot follow it alone, and only near the ankle also the bone before it.
 
-    In some files soles also follow the hips a little, and would sink into the floor with them.
+    In many files soles also follow the shin or the hips a little, and would sink into the floor with them.
     """
     last = -1
     for limb in parents_first(limbs):
@@ -51,5 +51,8 @@ def _keep_feet(shares: NDArray[np.float64], limbs: Sequence[Limb]) -> None:
             continue
         of_foot = np.flatnonzero(shares.argmax(axis=1) == last)
         own = shares[of_foot, last - 1 : last + 1]
+        ankle, tip = np.asarray(limb.points[-2]), np.asarray(limb.points[-1])
+        away = np.linalg.norm(vertices[of_foot] - ankle, axis=1) / np.linalg.norm(tip - ankle)
+        shin = np.maximum(1 - away, 0) * own[:, 0] / own.sum(axis=1)
         shares[of_foot] = 0.0
-        shares[of_foot, last - 1 : last + 1] = own / own.sum(axis=1, keepdims=True)
+        shares[of_foot, last - 1], shares[of_foot, last] = shin, 1 - shin

@@ -33,6 +33,9 @@ less if it returns slowly."""
 AHEAD_SECONDS = 0.08
 """Time by which the place of the body is predicted for this, in seconds: about what the spring is late."""
 
+MIN_WEIGHT = 1e-3
+"""Smallest weight of a leg in the air in this."""
+
 SLACK = 0.015
 """Largest way by which the spring may be behind, in leg lengths."""
 
@@ -169,12 +172,12 @@ def _near_stand(turn, stand, most):
 def _drop(plan, state, motions, root, ahead):
     """Return how far the body has to sink until each leg that will stand after some time reaches its foot.
 
-    It is negative if the body has to rise until no leg is folded more than it can be.
+    No leg is folded more than it can be for this; if one is, the body has to rise, and the result is negative.
     """
-    up, jump, too_high, too_low = row_of(plan.axes, 1), state.body[JUMP], 0.0, 0.0
+    up, jump, needed, room = row_of(plan.axes, 1), state.body[JUMP], 0.0, MAX_DROP * plan.leg_length
     for leg in range(len(plan.feet)):
         carrier, hip = plan.carriers[leg], row_of(plan.hips, leg)
-        rest = minus(hip, plan.ankles[leg])
+        rest = length(minus(hip, plan.ankles[leg]))
         if carrier >= 0:
             hip = moved(motions[carrier], hip)
         away = minus(plus(hip, root, 1.0), plus(row_of(state.place, leg), up, jump))
@@ -188,11 +191,12 @@ def _drop(plan, state, motions, root, ahead):
         weight = math.cos(math.pi * share) ** 2 * (1 - smooth_step(state.lift[leg, 1], (0.0, 1.0)))
         if plan.front[leg]:  # a body that has reared does not drop to its front feet
             weight *= 1 - smooth_step(state.body[REARING], (0.0, REARED))
-        longest = max(MAX_REACH * plan.chains.reach[leg], length(rest))
-        shortest = min(plan.chains.shortest[leg], length(rest))
-        too_high = max(too_high, weight * (high - math.sqrt(max(0.0, longest * longest - flat))))
-        too_low = max(too_low, weight * (math.sqrt(max(0.0, shortest * shortest - flat)) - high))
-    return min(too_high, MAX_DROP * plan.leg_length) if too_high > 0 else -min(too_low, MAX_RISE * plan.leg_length)
+        longest = max(MAX_REACH * plan.chains.reach[leg], rest)
+        shortest = min(plan.chains.shortest[leg], rest)
+        needed = max(needed, weight * (high - math.sqrt(max(0.0, longest * longest - flat))))
+        folds = high - math.sqrt(max(0.0, shortest * shortest - flat))
+        room = min(room, folds * weight if folds < 0 else folds / max(weight, MIN_WEIGHT))
+    return max(min(needed, room), -MAX_RISE * plan.leg_length)
 
 
 @compiled(inner=True)

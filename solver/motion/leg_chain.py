@@ -22,7 +22,7 @@ MIN_WEIGHT = math.radians(8)
 STRAIGHT = math.radians(3)
 """Largest angle of a joint at rest, in radians, that does not determine in which direction it bends."""
 
-MAX_BEND = math.radians(150)
+MAX_BEND = math.radians(165)
 """Largest angle of a joint, in radians, unless it is bent further at rest."""
 
 MOST_FOLDED = 12.0

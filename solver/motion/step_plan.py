@@ -26,7 +26,7 @@ far the body is lowered for its legs to reach; pitch in radians; crouch of the p
 which it rears; speed at which it is lowered."""
 
 
-MAX_FOLD = 0.9
+MAX_FOLD = 0.75
 """Share of the way from how legs are at rest to where they are fully folded by which a body crouches at most."""
 
 

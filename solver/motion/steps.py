@@ -93,6 +93,9 @@ LATE_SHARE = 0.7
 FOOT_PITCH = math.radians(25)
 """Largest angle by which the tip of a foot hangs down in a swing, in radians."""
 
+MIN_JUMP, JUMP_SECONDS = 0.05, 0.1
+"""Height of a jump, in leg lengths, above which feet go to their homes, and the time constant, in seconds."""
+
 FORWARD_SPEED = 1.0
 """Leg lengths per stride by which walking in place moves a character that goes forward."""
 
@@ -375,10 +378,14 @@ def _swing(plan, state, leg, elapsed):
         _stand_at_home(plan, state, leg)
         return
     if state.swing[leg] == 0:
-        way = minus(state.place[leg], _home(plan, state, leg, 0.0))
-        size = length(way)
-        if size > MAX_AWAY * plan.leg_length:  # the leg does not reach; it drags its foot rather than tear
-            state.place[leg] = plus(_home(plan, state, leg, 0.0), way, MAX_AWAY * plan.leg_length / size)
+        home = _home(plan, state, leg, 0.0)
+        way = minus(state.place[leg], home)
+        most = MAX_AWAY * plan.leg_length / max(length(way), 1e-9 * plan.leg_length)
+        if state.body[JUMP] > MIN_JUMP * plan.leg_length:
+            most = remaining(JUMP_SECONDS, elapsed)
+            state.yaw[leg, 0] += (1 - most) * (state.body[HEADING] - state.yaw[leg, 0])
+        if most < 1:  # in a jump, or where the leg does not reach: it drags its foot rather than tear
+            state.place[leg] = plus(home, way, most)
         return
     state.swing[leg] = min(1.0, state.swing[leg] + elapsed / state.seconds[leg])
     share = state.swing[leg]

@@ -68,7 +68,7 @@ def main() -> None:
             except PuppetlineError:
                 continue
             rigs[mesh.stem] = make_rig(proposal.puppet, proposal.character)
-    print("| character | Froude number | period: own, ours | duty factor: own, ours | stride / leg: own, ours, similarity "
+    print("| character | Froude number | period: own, ours | duty factor: own, ours | stride / leg: own, ours, similar "
           "| swing height / leg: own, ours |\n| --- | --- | --- | --- | --- | --- |")  # fmt: skip
     for name, rig in rigs.items():
         compare_walk(name, rig)
@@ -97,7 +97,7 @@ def compare_walk(name: str, rig: Rig) -> None:
 
 
 def own_walk(rig: Rig) -> tuple[float, Stride] | None:
-    """Return the speed, mesh units per second, and the strides of the file's animation Walk, which walks on the spot."""
+    """Return the speed, mesh units per second, and strides of the file's animation Walk, which walks on the spot."""
     gltf = rig.character.document.gltf
     walks = [each for each in gltf.get("animations", []) if each.get("name", "").lower().endswith("walk")]
     soles = soles_of(rig)
@@ -115,9 +115,8 @@ def own_walk(rig: Rig) -> tuple[float, Stride] | None:
     ahead = np.roll(feet[..., 2], -1, axis=0) - feet[..., 2]
     stands = ahead < 0  # on the spot, feet that stand move backwards
     speed = float(-ahead[stands].mean()) * SAMPLES / seconds
-    strides = max(
-        1, round(float(np.median([(np.diff(one.astype(int)) == 1).sum() for one in np.vstack([stands, stands[:1]]).T])))
-    )
+    begins = [np.count_nonzero(one & ~np.roll(one, 1)) for one in stands.T]
+    strides = max(1, round(float(np.median(begins))))
     period = seconds / strides
     return speed, Stride(period, float(stands.mean()), speed * period / leg, float(np.median(rises)) / leg)
 
@@ -143,7 +142,7 @@ def posed(character: Character, animation: dict, time: float) -> Character:
 
 
 def performer(raised: float, hands: tuple[str, ...] = ()) -> Floats:
-    """Return an upright performer (20, 3), sensor coordinates, whose hands are raised from hanging, 0, to the top, 1."""
+    """Return an upright performer (20, 3), sensor coordinates, with hands raised from hanging, 0, to the top, 1."""
     pose = body.upright(np.array([PLACES[joint] for joint in JOINTS]))
     for side in hands:
         shoulder = pose[JOINT_INDEX[f"shoulder_{side}"]]

@@ -170,9 +170,9 @@ def _near_stand(turn, stand, most):
 
 @compiled(inner=True)
 def _drop(plan, state, motions, root, ahead):
-    """Return how far the body has to sink until each leg that will stand after some time reaches its foot.
+    """Return how far the body must sink until each leg that will stand soon reaches its foot, and how far it can sink.
 
-    No leg is folded more than it can be for this; if one is, the body has to rise, and the result is negative.
+    A body must not fold a leg further than it can be folded; it rises, by a negative way, if one is.
     """
     up, jump, needed, room = row_of(plan.axes, 1), state.body[JUMP], 0.0, MAX_DROP * plan.leg_length
     for leg in range(len(plan.feet)):
@@ -196,23 +196,22 @@ def _drop(plan, state, motions, root, ahead):
         needed = max(needed, weight * (high - math.sqrt(max(0.0, longest * longest - flat))))
         folds = high - math.sqrt(max(0.0, shortest * shortest - flat))
         room = min(room, folds * weight if folds < 0 else folds / max(weight, MIN_WEIGHT))
-    return max(min(needed, room), -MAX_RISE * plan.leg_length)
+    room = max(room, -MAX_RISE * plan.leg_length)
+    return min(needed, room), room
 
 
 @compiled(inner=True)
 def _ease_drop(plan, state, now, soon, elapsed):
-    """Move the body's drop towards the one that will be needed soon, and near the one that is needed now."""
+    """Move the body's drop towards the one that will be needed soon, and between the limits of now."""
     body = state.body
     if not elapsed < math.inf:
-        body[DROP], body[SINKING] = now, 0.0
+        body[DROP], body[SINKING] = now[0], 0.0
         return
-    rate = 1 / (SINK_SECONDS if abs(soon) > abs(body[DROP]) else RETURN_SECONDS)
-    away, decay = body[DROP] - soon, math.exp(-rate * elapsed)
+    rate = 1 / (SINK_SECONDS if abs(soon[0]) > abs(body[DROP]) else RETURN_SECONDS)
+    away, decay = body[DROP] - soon[0], math.exp(-rate * elapsed)
     pull = body[SINKING] + rate * away
-    body[DROP] = soon + (away + pull * elapsed) * decay
+    body[DROP] = soon[0] + (away + pull * elapsed) * decay
     body[SINKING] = (body[SINKING] - rate * pull * elapsed) * decay
     slack = SLACK * plan.leg_length
-    if now > 0:
-        body[DROP] = max(body[DROP], now - slack)
-    elif now < 0:
-        body[DROP] = min(body[DROP], now + slack)
+    least = now[0] - slack if now[0] > 0 else -math.inf
+    body[DROP] = min(max(body[DROP], least), now[1] + slack)

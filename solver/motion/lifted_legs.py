@@ -36,7 +36,8 @@ MAX_TURN = math.radians(72)
 """Angle towards which the turn of a lifted bone relative to the one before it levels off, in radians."""
 
 OVERHEAD = math.radians(120)
-"""Angle of an arm from hanging above which a leg rises to the front, although the arm may be a little behind the head."""
+"""Angle of an arm from hanging, in radians, above which a leg rises to the front, although the arm may be a little
+behind the head."""
 
 HALVINGS = 6
 """Number of steps with which the share is found at which a leg is above the floor."""

@@ -226,8 +226,8 @@ def _step(plan, state, time, positions, confidence, motions, root):
 def _move_homes(plan, state, motions, root, elapsed, began):
     """Let the homes follow the body while it walks or is far from them; limit its way from them.
 
-    While the performer's feet rest, the homes stay: a performer who bends, sits down or looks around moves the hips, and
-    sensors are imprecise.
+    While the performer's feet rest, the homes stay: a performer who bends, sits down or looks around moves the hips,
+    and sensors are imprecise.
     """
     up, body = row_of(plan.axes, 1), state.body
     if plan.goes_forward and began and state.gait[WALKS] > 0:

@@ -6,11 +6,11 @@ from typing import Any
 
 from capture.skeleton import JOINTS
 from engine_bridge.puppet.puppet import Puppet, RootTable, with_handle
-from engine_bridge.service.character_player import CharacterPlayer
 from engine_bridge.service.control import requests
 from engine_bridge.service.control.dispatcher import Command, Deferred
+from engine_bridge.service.players.character_player import CharacterPlayer
 from engine_bridge.service.service import Service
-from engine_bridge.service.stage_runner import StageRunner
+from engine_bridge.service.stages.stage_runner import StageRunner
 from puppetline.errors import ServiceError, unknown_name
 
 

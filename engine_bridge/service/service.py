@@ -20,28 +20,28 @@ import zmq
 
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.puppet_document import PuppetDocument
-from engine_bridge.service import calibration_store
-from engine_bridge.service.character_loader import CharacterLoader
-from engine_bridge.service.character_player import CharacterPlayer
+from engine_bridge.service.background_jobs import Jobs
 from engine_bridge.service.control.control_socket import Control
 from engine_bridge.service.control.dispatcher import Command, Deferred, Dispatcher
 from engine_bridge.service.discovery import Announcement
-from engine_bridge.service.jobs import Jobs
-from engine_bridge.service.looking import Looking
+from engine_bridge.service.loading.character_loader import CharacterLoader
+from engine_bridge.service.loading.service_file import ServiceFile
+from engine_bridge.service.loading.stage_loader import LoadedStage, load_stages
+from engine_bridge.service.look_command import Looking
 from engine_bridge.service.monitoring.logs import OnceASecond, fields
 from engine_bridge.service.monitoring.status import Status
 from engine_bridge.service.monitoring.systemd import Notifier
 from engine_bridge.service.outputs.output import Opening, Output
+from engine_bridge.service.players.character_player import CharacterPlayer
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
-from engine_bridge.service.reporting import Reporter
 from engine_bridge.service.security.endpoints import Endpoint, endpoints_of
 from engine_bridge.service.security.guard import Guard
-from engine_bridge.service.service_file import ServiceFile
-from engine_bridge.service.signals import Signals
-from engine_bridge.service.stage import Stage
-from engine_bridge.service.stage_loader import LoadedStage, load_stages
-from engine_bridge.service.stage_runner import StageRunner
-from engine_bridge.service.takes import Takes
+from engine_bridge.service.stages import calibration_store
+from engine_bridge.service.stages.stage import Stage
+from engine_bridge.service.stages.stage_runner import StageRunner
+from engine_bridge.service.status_report import Reporter
+from engine_bridge.service.system_signals import Signals
+from engine_bridge.service.takes.take_folder import Takes
 from puppetline.errors import ServiceError
 from puppetline.memory import trim_memory
 

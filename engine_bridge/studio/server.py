@@ -14,14 +14,14 @@ from pathlib import Path
 from aiohttp import web
 
 from engine_bridge.service.security.credentials import make_token, read_token
-from engine_bridge.studio.app import PAGE, Access, make_app
-from engine_bridge.studio.backend import Backend
-from engine_bridge.studio.joined import JoinedStudio
-from engine_bridge.studio.joined_service import JoinedService
-from engine_bridge.studio.running import Running
-from engine_bridge.studio.security import Addresses, Tokens, check_exposure
-from engine_bridge.studio.studio import Studio
-from engine_bridge.studio.workspace import Workspace
+from engine_bridge.studio.backend.backend import Backend
+from engine_bridge.studio.backend.joined_studio import JoinedStudio
+from engine_bridge.studio.backend.studio import Studio
+from engine_bridge.studio.project.workspace import Workspace
+from engine_bridge.studio.service.joined_service import JoinedService
+from engine_bridge.studio.service.own_service import OwnService
+from engine_bridge.studio.web.page_access import Addresses, Tokens, check_exposure
+from engine_bridge.studio.web.web_app import PAGE, Access, make_app
 from puppetline.errors import ServiceError
 
 log = logging.getLogger(__name__)
@@ -122,7 +122,7 @@ async def run(settings: StudioSettings, started: Callable[[Served], None], enter
 def _backend(settings: StudioSettings, stack: contextlib.AsyncExitStack, invite: Callable[[], str]) -> Backend:
     if settings.service is None:
         workspace = Workspace(settings.folder)
-        return Studio(workspace, Running(workspace.folder, _service_token(workspace.folder)), invite)
+        return Studio(workspace, OwnService(workspace.folder, _service_token(workspace.folder)), invite)
     service = JoinedService(settings.service, settings.service_token)
     nothing = stack.enter_context(
         tempfile.TemporaryDirectory(prefix="puppetline-")

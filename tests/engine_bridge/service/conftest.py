@@ -21,7 +21,6 @@ from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
 
 from capture.skeleton import JOINTS, SkeletonFrame
-from engine_bridge.service.character_player import CharacterPlayer, PlayerSettings
 from engine_bridge.service.monitoring.status import (
     CharacterStatus,
     ClientsStatus,
@@ -33,9 +32,10 @@ from engine_bridge.service.monitoring.status import (
     Status,
     UserStatus,
 )
+from engine_bridge.service.players.character_player import CharacterPlayer, PlayerSettings
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.payloads import decode
-from engine_bridge.service.stage import Stage, StageSettings
+from engine_bridge.service.stages.stage import Stage, StageSettings
 
 TIMEOUT_SECONDS = 180.0
 """Time after which a test fails, in seconds; the first start compiles."""

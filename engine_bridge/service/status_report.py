@@ -1,7 +1,7 @@
 """Collects the status from the parts of a running service."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 
 from capture.sensor_tilt import SensorTilt
@@ -13,6 +13,7 @@ from engine_bridge.service.monitoring.status import (
     SensorStatus,
     StageStatus,
     Status,
+    TimelineStatus,
     UserStatus,
 )
 from engine_bridge.service.players.character_player import CharacterPlayer
@@ -41,19 +42,27 @@ class Reporter:
             self._residuals[name] = frame.morphs.residual
             self._limited[name] += frame.morphs.limited
 
-    def status(self, runners: Sequence[StageRunner], clients: ClientsStatus, outputs: Sequence[OutputStatus]) -> Status:
+    def status(
+        self,
+        runners: Sequence[StageRunner],
+        clients: ClientsStatus,
+        outputs: Sequence[OutputStatus],
+        count_in: Callable[[StageRunner], int],
+        timeline: TimelineStatus | None,
+    ) -> Status:
         """Return the present status; the numbers of stages and characters that no longer exist are forgotten."""
         names = {player.character.name for runner in runners for player in runner.stage.players}
         self._statistics.keep({runner.stage.name for runner in runners}, names)
         return Status(
             service=self._statistics.service(),
-            stages=[self._stage(runner) for runner in runners],
+            stages=[self._stage(runner, count_in(runner)) for runner in runners],
             characters=[self._character(player, runner) for runner in runners for player in runner.stage.players],
             clients=clients,
             outputs=outputs,
+            timeline=timeline,
         )
 
-    def _stage(self, runner: StageRunner) -> StageStatus:
+    def _stage(self, runner: StageRunner, count_in: int) -> StageStatus:
         stage, source = runner.stage, runner.source
         frames, rate, latency = self._statistics.stage(stage.name)
         sensor = next((player.sensor for player in stage.players if player.sensor != SensorTilt()), SensorTilt())
@@ -69,6 +78,7 @@ class Reporter:
             users=_users(runner),
             sensor=SensorStatus(**{name: round(value, 2) for name, value in asdict(sensor).items()}),
             recording=runner.recording,
+            count_in=count_in,
         )
 
     def _character(self, player: CharacterPlayer, runner: StageRunner) -> CharacterStatus:

@@ -19,18 +19,16 @@ from capture.sensor_tilt import MIN_TILT_CHANGE, SensorTilt, estimate_tilt
 from capture.skeleton import SkeletonFrame
 from capture.smoothing import JointFilter
 from engine_bridge.performance.idle import IdleRecording, TargetPose
-from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.performer_calibration import Calibration, places_of, rows_of
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.service.players.automatic_calibration import AutomaticCalibration, Calibrate
-from engine_bridge.service.players.easing import Easing
-from engine_bridge.service.players.precompilation import precompile
+from engine_bridge.service.players.pose_display import Appearance, PoseDisplay
 from engine_bridge.service.players.prepared_calibration import PreparedCalibration
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from engine_bridge.service.states import State
 from puppetline.errors import ServiceError
-from solver.motion.motion_blend import difference, moved_by
+from solver.motion.deformer import Deformer
 
 MAX_REMEMBERED = 16
 """Maximum number of performers whose calibration is kept after they have left."""
@@ -73,6 +71,12 @@ class CharacterPlayer:
     idle : Path, optional
         Idle recording: the character's motion without a performer; its rest pose by default.
 
+    Attributes
+    ----------
+    follows_take : bool
+        Whether a take drives the character instead of a performer.
+    display : PoseDisplay
+
     Raises
     ------
     PuppetlineError
@@ -87,11 +91,9 @@ class CharacterPlayer:
         self.user: int | None = None
         self.state: State = "waiting"
         self.mirror = rig.puppet.retarget.mirror
+        self.follows_take = False
         self._settings, self._executor = settings, executor
-        self._deformer = make_deformer(rig.puppet, rig.mesh, rig.model)
-        self._idle_log = idle
-        self._idle: IdleRecording | None = None
-        self._idle = self.make_idle()
+        self.display = PoseDisplay(rig, settings.ease, idle)
         self.next_calibration: PreparedCalibration | None = None
         self._current: PreparedCalibration | None = None
         self._held: TargetPose | None = None
@@ -100,13 +102,6 @@ class CharacterPlayer:
         self._sensor = SensorTilt(settings.tilt or 0.0, settings.height or 0.0)
         self._floor: SensorTilt | None = None  # measured from the floor in the image
         self._remembered: dict[int, tuple[Calibration, float]] = {}
-        self._sequence = 0
-        self._idle_since = -math.inf
-        self._rest = TargetPose(
-            self._deformer.handles, np.tile(np.eye(4, 3), (len(self._deformer.bones), 1, 1)), np.zeros(3)
-        )
-        self._easing = Easing(self._deformer.bones, self._rest, settings.ease)
-        precompile(rig.puppet, self._deformer, self._rest)
 
     @property
     def calibration(self) -> Calibration | None:
@@ -140,8 +135,8 @@ class CharacterPlayer:
         self.state = "waiting"
         if self._current is not None or self._held is not None:
             self.state = "leaving"
-            self._idle_since = time
-            self._easing.begin(time)
+            self.display.idle_since = time
+            self.display.ease(time)
         self.user = self._current = self._held = None
         self._drop_next()
 
@@ -186,24 +181,24 @@ class CharacterPlayer:
 
     def make_idle(self) -> IdleRecording | None:
         """Compute the idle motion with the present mapping, which may take a second."""
-        rig = self.character.rig
-        if self._idle_log is None or (self._idle is not None and self._idle.puppet is rig.puppet):
-            return self._idle
-        return IdleRecording(self._idle_log, rig, self._deformer)
+        return self.display.make_idle(self.character.rig)
 
     def take_idle(self, idle: IdleRecording | None, time: float) -> None:
         """Ease into a new idle motion, unless the mapping has changed since it was computed."""
-        if self._idle is None or idle is None or idle.puppet is self._idle.puppet:
+        display = self.display
+        if display.idle is None or idle is None or idle.puppet is display.idle.puppet:
             return  # several edits in a row are computed and eased once
         if idle.puppet is self.character.rig.puppet:
-            self._idle = idle
+            display.idle = idle
             if self._current is None:
-                self._easing.begin(time)
+                display.ease(time)
 
     @property
     def settled(self) -> bool:
         """Whether the mapping is applied: for a moment after an edit, the character still moves as before."""
-        return all(each is None or each.puppet is self.character.rig.puppet for each in (self._current, self._idle))
+        return all(
+            each is None or each.puppet is self.character.rig.puppet for each in (self._current, self.display.idle)
+        )
 
     def begin(self, time: float, recorded: Mapping[str, Any] | None = None) -> None:
         """Use the calibration that was requested last, after waiting for it if necessary.
@@ -236,7 +231,7 @@ class CharacterPlayer:
         self._current, self._held = prepared, None
         self._sensor = prepared.calibration.sensor
         self.state = "performing"
-        self._easing.begin(time)
+        self.display.ease(time)
 
     def _take_recorded(self, recorded: Mapping[str, Any], time: float) -> None:
         """Prepare the calibration of a take, unless it is the one that is already prepared."""
@@ -280,11 +275,37 @@ class CharacterPlayer:
 
     def pass_time(self, time: float, received: int) -> Frame | None:
         """Return a frame without a performer; None while there is one, or if it is too early for another frame."""
-        if self.user is not None or time - self._easing.shown_at < 0.75 * TICK_SECONDS:
+        if self.user is not None or self.follows_take or time - self.display.easing.shown_at < 0.75 * TICK_SECONDS:
             return None
-        if self.state == "leaving" and self._easing.finished(time):
+        if self.state == "leaving" and self.display.easing.finished(time):
             self.state = "waiting"
         return self._show(time, received, self._idle_places(time), None)
+
+    def follow_take(self, time: float) -> None:
+        """Ease into a take, or into another moment of it; until `release`, only `show_take` returns frames."""
+        self.follows_take = True
+        self.display.ease(time)
+
+    def show_take(
+        self, time: float, received: int, wanted: Appearance, solved: tuple[Deformer, NDArray[np.float64]]
+    ) -> Frame:
+        """Return the frame of a take's appearance, see `PoseDisplay.show`."""
+        self.state = wanted.state
+        return self.display.show(self.character, max(time, self.display.easing.shown_at), received, wanted, solved)
+
+    def release(self, time: float) -> None:
+        """Ease from a take into the idle motion."""
+        self.follows_take, self.state, self.display.idle_since = False, "leaving", time
+        self.display.ease(time)
+
+    def another(self) -> "CharacterPlayer":
+        """Return a player of the same character, idle motion and settings, without a performer.
+
+        It calibrates at once.
+        """
+        other = CharacterPlayer(self.character, replace(self._settings, calibrate="at_once"), self._executor)
+        other.display.idle = self.display.idle
+        return other
 
     @property
     def _directs(self) -> bool:
@@ -320,43 +341,22 @@ class CharacterPlayer:
         retarget = puppet.retarget.model_copy(update={"mirror": mirror})
         puppet = puppet.model_copy(update={"retarget": retarget})
         return Retargeting(
-            puppet, self.character.rig.mesh, self._deformer, calibration.sensor.upright(calibration.rest)
+            puppet, self.character.rig.mesh, self.display.deformer, calibration.sensor.upright(calibration.rest)
         )
 
     def _idle_places(self, time: float) -> TargetPose:
         """Return the target pose without a performer's motion."""
-        if self._held is not None:
-            return self._held
-        if self._idle is None:
-            return self._rest
-        if math.isinf(self._idle_since):
-            self._idle_since = time
-        return self._idle.at(time - self._idle_since)
+        return self.display.idle_pose(time) if self._held is None else self._held
 
-    def _show(self, time: float, received: int, places: TargetPose, seen: SkeletonFrame | None) -> Frame:
-        places = self._easing.show(time, places)
-        self._sequence += 1
-        return Frame(
-            character=self.character,
-            sequence=self._sequence,
-            time=time,
-            received=received,
-            state=self.state,
-            user=self.user,
-            R=self._deformer.solve(places.targets, places.motions),
-            root=places.root,
-            targets=places.targets + places.root,
-            motions=places.motions,
-            joints=None if seen is None else seen.positions,
-            confidence=None if seen is None else seen.confidence,
-        )
+    def _show(self, time: float, received: int, pose: TargetPose, seen: SkeletonFrame | None) -> Frame:
+        return self.display.show(self.character, time, received, Appearance(pose, self.state, self.user, seen))
 
     def remembered(self) -> dict[int, tuple[Calibration, float]]:
         """Return the calibrations of present and former performers, and when each was last shown."""
         prepared = self._current or self.next_calibration
         if self.user is None or prepared is None:
             return self._remembered
-        return self._remembered | {self.user: (prepared.calibration, self._easing.shown_at)}
+        return self._remembered | {self.user: (prepared.calibration, self.display.easing.shown_at)}
 
     def remember(self, known: dict[int, tuple[Calibration, float]]) -> None:
         """Keep calibrations, up to the last `MAX_REMEMBERED`."""
@@ -367,33 +367,13 @@ class CharacterPlayer:
         if self.character.rig.puppet.retarget.mirror == other.character.rig.puppet.retarget.mirror:
             self.mirror = other.mirror
         self.remember(other.remembered())
-        self._sensor, self._floor, self._sequence = other._sensor, other._floor, other._sequence
-        self._idle_since = other._idle_since
-        self._easing.shown, self._easing.shown_at = self._places_of(other), other._easing.shown_at
-        self._easing.begin(other._easing.shown_at)
+        self._sensor, self._floor = other._sensor, other._floor
+        self.display.succeed(other.display, self.character, other.character)
         self.state = "leaving" if other.user is None else "waiting"
         if other.user is not None:
             playing = other._current is not None
-            self.enter(other.user, other._easing.shown_at)
-            self._held = self._easing.shown if playing and self.next_calibration is not None else None
-
-    def _places_of(self, other: "CharacterPlayer") -> TargetPose:
-        """Return the pose that another player shows, for this player's handles and limbs.
-
-        Handles are matched by name, and new ones are in their rest position. Limbs are matched only if all of them have
-        the same names and numbers of points; otherwise, all are in their rest position.
-        """
-        names = [handle.name for handle in other.character.rig.puppet.handle]
-        moved = dict(zip(names, other._easing.shown.targets - other._deformer.handles, strict=True))
-        ours = [handle.name for handle in self.character.rig.puppet.handle]
-        targets = self._rest.targets + np.reshape([moved.get(name, np.zeros(3)) for name in ours], (-1, 3))
-        motions, theirs = self._rest.motions, other.character.rig.puppet.limbs
-        if [(limb.name, len(limb.points)) for limb in self.character.rig.puppet.limbs] == [
-            (limb.name, len(limb.points)) for limb in theirs
-        ]:
-            apart = difference(other._deformer.bones, other._rest.motions, other._easing.shown.motions)
-            motions = moved_by(self._deformer.bones, motions, apart, 1.0)
-        return TargetPose(targets, motions, other._easing.shown.root)
+            self.enter(other.user, self.display.easing.shown_at)
+            self._held = self.display.easing.shown if playing and self.next_calibration is not None else None
 
     def snapshot(self) -> dict[str, Any]:
         """Return the performer and the calibrations as values of JSON's types, for `resume`.
@@ -413,9 +393,9 @@ class CharacterPlayer:
             "remembered": [
                 {"user": user, "left": left, **known.to_json()} for user, (known, left) in self._remembered.items()
             ],
-            "shown_at": _finite(self._easing.shown_at),
-            "idle_since": _finite(self._idle_since),
-            "eased_since": _finite(self._easing.since),
+            "shown_at": _finite(self.display.easing.shown_at),
+            "idle_since": _finite(self.display.idle_since),
+            "eased_since": _finite(self.display.easing.since),
         }
 
     def resume(self, snapshot: Mapping[str, Any], time: float, shift: float) -> None:
@@ -452,7 +432,8 @@ class CharacterPlayer:
             for name in ("shown_at", "idle_since", "eased_since")
         )
         self._settings = PlayerSettings(**snapshot["manner"])
-        self._easing.seconds, self._automatic.calibrate = self._settings.ease, self._settings.calibrate
+        display = self.display
+        display.easing.seconds, self._automatic.calibrate = self._settings.ease, self._settings.calibrate
         self._sensor = SensorTilt.of_json(snapshot["sensor"])
         self._floor = None if snapshot["floor"] is None else SensorTilt.of_json(snapshot["floor"])
         self.mirror, self.user, self.state = bool(snapshot["mirror"]), snapshot["user"], state
@@ -463,10 +444,10 @@ class CharacterPlayer:
         self._watched.reset()
         self._automatic.forget()
         self.remember(remembered)
-        self._easing.begin(time)
-        if not self._sequence:  # nothing is shown yet that it could ease from
-            self._easing.since = eased_since
-        self._easing.shown_at, self._idle_since = shown_at, idle_since
+        display.ease(time)
+        if not display.sequence:  # nothing is shown yet that it could ease from
+            display.easing.since = eased_since
+        display.easing.shown_at, display.idle_since = shown_at, idle_since
 
     def _recorded_calibration(self, recorded: Mapping[str, Any], asked: float) -> PreparedCalibration:
         return self._preparing(Calibration.of_json(recorded), bool(recorded["mirror"]), asked)

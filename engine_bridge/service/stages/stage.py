@@ -6,7 +6,7 @@ again with the take, no longer depend on what was before it.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -20,6 +20,12 @@ from engine_bridge.service.players.character_player import CharacterPlayer
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.stages.user_assignment import People, Presence, UserAssignment
 from puppetline.errors import ServiceError, unknown_name
+
+PREPARATION_SECONDS = 0.3
+"""Time from a calibration to its use if the source is a recording, in seconds, so that every replay is the same.
+
+Computing it takes less. With a live source, it is used as soon as it is computed.
+"""
 
 SOURCE_GAP_SECONDS = 5 * TICK_SECONDS
 """Time without any event after which a gap counts as the source's, not as the performers' absence, in seconds.
@@ -101,6 +107,30 @@ class Stage:
         self._assign(event.time)
         return self._pass_time(event.time, received)
 
+    def beginnings(self, moment: float, recorded: bool, directed: Collection[str] = ()) -> list[Cue]:
+        """Return cues for the calibrations to use from now on.
+
+        Parameters
+        ----------
+        moment : float
+            Time of the next event.
+        recorded : bool
+            Whether the source is a recording.
+        directed : collection of str
+            Characters whose cues are in a take.
+        """
+        return [
+            Cue(moment, "begin", {"character": player.character.name, "calibration": player.next_calibration.to_json()})
+            for player in self.players
+            if player.next_calibration is not None
+            and player.character.name not in directed
+            and (
+                moment >= player.next_calibration.asked + PREPARATION_SECONDS
+                if recorded
+                else player.next_calibration.working.done()
+            )
+        ]
+
     def _perform(self, frame: SkeletonFrame, received: int) -> list[Frame]:
         confidence = np.where(frame.confidence < self._settings.least_confidence, np.float32(LOST), frame.confidence)
         known = confidence > LOST
@@ -140,14 +170,14 @@ class Stage:
                 if not [player for player in chosen if player.calibrate(cue.time)]:
                     raise self._nobody(cue.arguments.get("character"))
             case "mirror":
-                for player in chosen:
-                    on = cue.arguments.get("on")
-                    player.set_mirror(not player.mirror if on is None else bool(on), cue.time)
+                self._mirror(chosen, cue.arguments.get("on"), cue.time)
             case "begin":
                 for player in chosen:
                     player.begin(cue.time, cue.arguments.get("calibration"))
             case "choose_user":
                 self._choose(chosen[0], cue.arguments.get("user"), cue.time)
+            case "take":
+                self._reserve(chosen, bool(cue.arguments.get("on")))
             case "level":
                 sensor = self._sensor_of(cue)
                 for player in chosen:
@@ -160,6 +190,18 @@ class Stage:
             raise unknown_name(f"stage {self.name}", f"no character {character!r}", names)
         return [player for player in self.players if character in (None, player.character.name)]
 
+    def _mirror(self, chosen: Sequence[CharacterPlayer], on: Any, time: float) -> None:
+        for player in chosen:
+            player.set_mirror(not player.mirror if on is None else bool(on), time)
+
+    def _reserve(self, chosen: Sequence[CharacterPlayer], on: bool) -> None:
+        """Give characters to takes, or back to performers."""
+        for number in map(self.players.index, chosen):
+            if on:
+                self.assignment.reserve(number)
+            else:
+                self.assignment.reserved.discard(number)
+
     def _choose(self, player: CharacterPlayer, user: int | None, time: float) -> None:
         if user is not None and user not in self.assignment.present:
             here = ", ".join(map(str, self.assignment.present)) or "no user"
@@ -169,7 +211,15 @@ class Stage:
                 expected=f"one of the users in view: {here}",
                 fix='List the users in view: {"do": "describe"}.',
             )
-        self.assignment.choose(self.players.index(player), user, time)
+        number = self.players.index(player)
+        if number in self.assignment.reserved:
+            raise ServiceError(
+                player.character.name,
+                found="a character that a take drives",
+                expected="a character without a take",
+                fix='Stop the take first: {"do": "stop"}',
+            )
+        self.assignment.choose(number, user, time)
 
     def _sensor_of(self, cue: Cue) -> SensorTilt:
         try:
@@ -218,6 +268,7 @@ class Stage:
                 {"user": user, "chosen": user in assignment.chosen, **asdict(presence)}
                 for user, presence in assignment.present.items()
             ],
+            "reserved": [self.players[number].character.name for number in sorted(assignment.reserved)],
             "characters": {
                 player.character.name: {"since": since, **player.snapshot()}
                 for player, since in zip(self.players, assignment.since, strict=True)
@@ -226,10 +277,11 @@ class Stage:
 
     def _resume(self, cue: Cue) -> None:
         """Continue where a take begins; characters that it does not name have no performer."""
+        arguments = cue.arguments
         try:
-            shift = cue.time - float(cue.arguments["time"])
-            settings = StageSettings(**cue.arguments["direction"])
-            characters = cue.arguments["characters"]
+            shift = cue.time - float(arguments["time"])
+            settings = StageSettings(**arguments["direction"])
+            characters = arguments["characters"]
             recorded = [characters.get(player.character.name) for player in self.players]
             assignment = UserAssignment(
                 settings.people,
@@ -237,7 +289,7 @@ class Stage:
                 [None if each is None else each["user"] for each in recorded],
                 [0.0 if each is None else float(each["since"]) + shift for each in recorded],
             )
-            for each in cue.arguments["people"]:
+            for each in arguments["people"]:
                 nearer = each["nearer_since"]
                 assignment.present[int(each["user"])] = Presence(
                     float(each["waits_since"]) + shift,
@@ -247,6 +299,8 @@ class Stage:
                 )
                 if each["chosen"]:
                     assignment.chosen.add(int(each["user"]))
+            reserved = arguments.get("reserved", [])
+            assignment.reserved = {k for k, each in enumerate(self.players) if each.character.name in reserved}
             if any(user is not None and user not in assignment.present for user in assignment.performers):
                 raise ValueError("a performer who is not in view")
             for player, snapshot in zip(self.players, recorded, strict=True):

@@ -7,10 +7,10 @@ is processed, it is logged, and that event is lost.
 import logging
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from capture import body
 from capture.events import Cue, Event
@@ -26,12 +26,6 @@ from engine_bridge.service.players.character_player import CharacterPlayer
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.stages.stage import Stage
 from puppetline.errors import OutputError, PuppetlineError, ServiceError
-
-PREPARATION_SECONDS = 0.3
-"""Time from a calibration to its use if the source is a recording, in seconds, so that every replay is the same.
-
-Computing it takes less. With a live source, it is used as soon as it is computed.
-"""
 
 WATCHED_SECONDS = 3.0
 """Maximum period that a report on the source covers, in seconds; it starts again after so long without a request."""
@@ -103,7 +97,7 @@ class StageRunner:
             if self._overruled and isinstance(event, Cue) and event.do in ("stage", "begin"):
                 continue
             received = now_ns - int((now - event.time) * 1e9)
-            for each in (*self._beginnings(event.time), event):
+            for each in (*self.stage.beginnings(event.time, self.recorded, self._directed), event):
                 self._warn_of_pose(each)
                 frames += self._perform(each, received)
         return frames
@@ -150,8 +144,15 @@ class StageRunner:
         """Use the idle motion that was computed for a character's new mapping."""
         player.take_idle(idle, max(self._time, self.source.now()))
 
-    def start_recording(self, path: Path) -> None:
+    def start_recording(self, path: Path, timeline: Callable[[float], dict[str, Any] | None] = lambda _: None) -> None:
         """Begin a take.
+
+        Parameters
+        ----------
+        path : Path
+        timeline : callable
+            Returns the takes that play and their timeline's position at a time of the source's clock, which the new
+            take stores; None if no take plays.
 
         Raises
         ------
@@ -160,6 +161,7 @@ class StageRunner:
         recorder = Recorder(path)
         try:
             snapshot = self.stage.snapshot(self.source.now())
+            snapshot["timeline"] = timeline(snapshot["time"])
             self._time = max(self._time, snapshot["time"])
             recorder.write(Cue(snapshot["time"], "stage", snapshot))
         except BaseException:
@@ -197,20 +199,6 @@ class StageRunner:
             self._monitor = None
         else:
             self._monitor.remember(events)
-
-    def _beginnings(self, moment: float) -> list[Cue]:
-        """Return cues for the calibrations to use from now on, except for characters whose cues are in a take."""
-        return [
-            Cue(moment, "begin", {"character": player.character.name, "calibration": player.next_calibration.to_json()})
-            for player in self.stage.players
-            if player.next_calibration is not None
-            and player.character.name not in self._directed
-            and (
-                moment >= player.next_calibration.asked + PREPARATION_SECONDS
-                if self.recorded
-                else player.next_calibration.working.done()
-            )
-        ]
 
     def _warn_of_pose(self, event: Event) -> None:
         """Log a calibration that limbs which turn count from, in another pose than an upright stand."""

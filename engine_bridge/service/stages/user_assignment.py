@@ -56,6 +56,8 @@ class UserAssignment:
         From user numbers to `Presence`.
     chosen : set of int
         Performers who were chosen by a command: they are not replaced before they leave.
+    reserved : set of int
+        Characters that takes drive: they get no performer.
     """
 
     people: People
@@ -64,6 +66,7 @@ class UserAssignment:
     since: list[float] = field(default_factory=list)
     present: dict[int, Presence] = field(default_factory=dict)
     chosen: set[int] = field(default_factory=set)
+    reserved: set[int] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         self.since = self.since or [0.0] * len(self.performers)
@@ -97,6 +100,13 @@ class UserAssignment:
             self._give(self.performers.index(user), performer, time)
         self._give(character, user, time)
 
+    def reserve(self, character: int) -> None:
+        """Take a character from its performer, who may get another one."""
+        if (performer := self.performers[character]) is not None:
+            self.chosen.discard(performer)
+        self.performers[character] = None
+        self.reserved.add(character)
+
     def assign(self, time: float) -> None:
         """Assign free characters to waiting performers."""
         if self.people == "queue":
@@ -105,7 +115,7 @@ class UserAssignment:
             self._make_room_for_nearer(time)
         for character, performer in enumerate(self.performers):
             waiting = self._waiting()
-            if performer is None and waiting:
+            if performer is None and waiting and character not in self.reserved:
                 self._give(character, waiting[0], time)
 
     def blind(self, seconds: float) -> None:
@@ -115,6 +125,7 @@ class UserAssignment:
 
     def rearrange(self, before: list[int | None]) -> None:
         """Replace the characters; `before` has the previous index of each, or None for a new one."""
+        self.reserved = {k for k, earlier in enumerate(before) if earlier in self.reserved}
         self.since = [0.0 if k is None else self.since[k] for k in before]
         self.performers = [None if k is None else self.performers[k] for k in before]
 
@@ -143,7 +154,8 @@ class UserAssignment:
     def _make_room_for_nearer(self, time: float) -> None:
         """Free the farthest performer's character if a waiting one has been nearer for `NEARER_SECONDS`."""
         playing = [user for user in self.performers if user in self.present and user not in self.chosen]
-        if not playing or None in self.performers:
+        free = (k for k, performer in enumerate(self.performers) if performer is None and k not in self.reserved)
+        if not playing or next(free, None) is not None:
             return
         farthest = max(playing, key=lambda user: self.present[user].distance)
         limit = self.present[farthest].distance - NEARER_METRES

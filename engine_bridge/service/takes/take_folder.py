@@ -69,6 +69,24 @@ class Takes:
             ) from error
         return path
 
+    def path(self, name: str) -> Path:
+        """Return the file of a take.
+
+        Raises
+        ------
+        ServiceError
+            There is no take of that name.
+        """
+        names = [each["name"] for each in self.all()]
+        if name not in names:
+            raise ServiceError(
+                "the request, take",
+                found=f"no take {name!r}",
+                expected=f"one of {', '.join(names)}" if names else "a take",
+                fix="Choose one of these." if names else "Record one first.",
+            )
+        return self.folder / f"{name}{ENDING}"
+
     def all(self) -> list[dict[str, Any]]:
         """List the takes: name, size in bytes, and time of the last change."""
         if not self.folder.is_dir():

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from engine_bridge.service.takes.take_folder import Takes
 from engine_bridge.studio.messages import TakeState
-from puppetline.errors import ServiceError
 
 
 class TakeList:
@@ -39,22 +38,8 @@ class TakeList:
         return next(each for each in self.states if each.name == name)
 
     def path(self, name: str) -> Path:
-        """Return the file of a take.
-
-        Raises
-        ------
-        ServiceError
-            There is no take of that name.
-        """
-        listed = [each["name"] for each in self._takes.all()]
-        if name not in listed:
-            raise ServiceError(
-                "the request, take",
-                found=f"no take {name!r}",
-                expected=f"one of {', '.join(listed)}" if listed else "a take",
-                fix="Choose one of these." if listed else "Record one first.",
-            )
-        return self._takes.folder / f"{name}.log"
+        """Return the file of a take, see `Takes.path`."""
+        return self._takes.path(name)
 
     def _state(self, name: str, bytes: int, written: float) -> TakeState:  # noqa: A002
         known = self._known.get(name)

@@ -6,7 +6,7 @@ import json
 import numpy as np
 
 from capture.events import TICK_SECONDS, Cue, Tick
-from engine_bridge.service.stages.stage_runner import PREPARATION_SECONDS
+from engine_bridge.service.stages.stage import PREPARATION_SECONDS
 
 
 def with_beginnings(stage, events):

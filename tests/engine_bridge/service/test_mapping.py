@@ -12,7 +12,7 @@ from engine_bridge.puppet.puppet import RootTable, with_handle
 from engine_bridge.service.players.character_player import PlayerSettings
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.scene import Scene
-from engine_bridge.service.stages.stage_runner import PREPARATION_SECONDS
+from engine_bridge.service.stages.stage import PREPARATION_SECONDS
 
 from .stage_steps import largest_step, replay, ticks, with_beginnings
 

@@ -11,7 +11,7 @@ from capture.skeleton import SkeletonFrame
 from capture.smoothing import JointFilter
 from engine_bridge.performance.performance import Performance
 from engine_bridge.service.players.character_player import PlayerSettings
-from engine_bridge.service.stages.stage_runner import PREPARATION_SECONDS
+from engine_bridge.service.stages.stage import PREPARATION_SECONDS
 from puppetline.errors import ServiceError
 
 from ..stage_steps import (

@@ -186,8 +186,10 @@ class TakePlayback:
             return
         runner, player = found
         track, seconds, clock = playing.track, position - playing.at, runner.source.now()
-        if not 0 <= seconds <= track.seconds + SAME_SECONDS or not track.fits(player.character):
-            playing.shown_at = now
+        last = len(track.times) - 1
+        over = seconds > track.seconds + SAME_SECONDS and not 0 <= playing.shown < last
+        if seconds < 0 or over or not track.fits(player.character):
+            playing.shown, playing.shown_at = -1 if seconds < 0 else last, now
             if player.follows_take:
                 player.release(clock)
             return

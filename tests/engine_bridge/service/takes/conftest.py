@@ -2,16 +2,23 @@
 
 import time
 
-import numpy as np
 import pytest
 
-from capture.recording import Recorder
 from engine_bridge.service.players.character_player import PlayerSettings
 from engine_bridge.service.stages.stage_runner import StageRunner
 from engine_bridge.service.takes.count_in import CountIn
 from engine_bridge.service.takes.take_playback import TakePlayback
 
 SOON = PlayerSettings(calibrate="at_once", ease=0.2)
+
+
+class StoppedClock:
+    """A monotonic clock that stands unless a test advances it."""
+
+    def __init__(self, patch):
+        self.now = time.monotonic()
+        patch.setattr(time, "monotonic", lambda: self.now)
+        patch.setattr(time, "monotonic_ns", lambda: int(1e9 * self.now))
 
 
 class Theatre:
@@ -33,10 +40,12 @@ class Theatre:
     def run(self, seconds):
         """Let time pass as the service's loop does; return the frames."""
         self.frames = []
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
+        end, turns = self.clock.now + seconds, 0
+        while self.clock.now < end:
             due = min(self.runner.due(), self.playback.due(), self.count_in.due(), end)
-            self.clock.advance_to(due)
+            turns = 0 if due > self.clock.now else turns + 1
+            assert turns < 5, "the loop does not wait"
+            self.clock.now = max(self.clock.now, due) + 1e-6
             self.frames += self.runner.take_in()
             self.playback.advance()
             self.count_in.advance()
@@ -48,17 +57,22 @@ class Theatre:
 
 
 @pytest.fixture
-def make_theatre(clock, make_stage, record_events, kung_fu, tmp_path):
+def stopped_clock(monkeypatch):
+    return StoppedClock(monkeypatch)
+
+
+@pytest.fixture
+def make_theatre(stopped_clock, make_stage, record_events, kung_fu, tmp_path):
     """Make stages with a performer in a loop of an example, or without one."""
     opened = []
 
-    def make(names=("dog", "cat"), performer=True, player_settings=SOON, **more):
+    def make(names=("dog", "cat"), performer=True, player_settings=SOON, uri="replay:performer.log?loop", **more):
         log = tmp_path / "performer.log"
         if not log.exists():
             record_events(log, kung_fu)
-        uri = "replay:performer.log?loop" if performer else "osc:0"
-        opened.append(StageRunner(uri, make_stage(names, player_settings, **more), tmp_path))
-        return Theatre(clock, opened[-1])
+        source = uri if performer else "osc:0"
+        opened.append(StageRunner(source, make_stage(names, player_settings, **more), tmp_path))
+        return Theatre(stopped_clock, opened[-1])
 
     yield make
     for runner in opened:

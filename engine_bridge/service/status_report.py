@@ -47,8 +47,8 @@ class Reporter:
         runners: Sequence[StageRunner],
         clients: ClientsStatus,
         outputs: Sequence[OutputStatus],
-        count_in: Callable[[StageRunner], int],
-        timeline: TimelineStatus | None,
+        count_in: Callable[[StageRunner], int] = lambda _: 0,
+        timeline: TimelineStatus | None = None,
     ) -> Status:
         """Return the present status; the numbers of stages and characters that no longer exist are forgotten."""
         names = {player.character.name for runner in runners for player in runner.stage.players}

@@ -161,14 +161,23 @@ class Backend:
 
     async def _begin_take(self, asked: messages.RecordStart) -> dict[str, Any]:
         """Record a take of the first stage, and return the service's reply."""
-        name = {} if asked.name is None else {"name": asked.name}
-        begun: dict[str, Any] = await self.service.request("record_start", **name, **self._first_stage())
+        wanted = asked.model_dump(include={"name", "count_in"}, exclude_defaults=True)
+        begun: dict[str, Any] = await self.service.request("record_start", **wanted, **self._first_stage())
         return begun
 
     def _first_stage(self) -> dict[str, str]:
         """Return the argument of a request that names the first stage; empty while there is no stage."""
         stages = [each["name"] for each in self.service.status.get("stages", [])]
         return {"stage": stages[0]} if stages else {}
+
+    async def _play(self, asked: messages.Request) -> dict[str, Any]:
+        """Send a request about takes that play to the service, and return its result."""
+        arguments = asked.model_dump(exclude={"id", "do"}, exclude_none=True)
+        result: dict[str, Any] = await self.service.request(getattr(asked, "do", ""), **arguments)
+        await self.service.refresh()
+        return result
+
+    _do_play_take = _do_pause = _do_seek = _do_loop = _do_speed = _do_stop = _play
 
     async def _pass_on(self, do: str, **arguments: Any) -> dict[str, Any]:
         """Send a request to the service."""

@@ -16,6 +16,7 @@ from engine_bridge.studio.messages import (
     State,
     StatusState,
     TakeState,
+    TimelineState,
     UploadState,
 )
 from engine_bridge.studio.project.open_characters import OpenCharacter
@@ -72,6 +73,7 @@ def state_of(
         performers=performers,
         recording=recording,
         takes=takes,
+        timeline=None if status.get("timeline") is None else TimelineState.model_validate(status["timeline"]),
         uploads=[
             UploadState(upload=each.id, name=each.name, kind=each.kind, bytes=each.bytes, facts=each.facts)
             for each in workspace.uploads.values()
@@ -94,6 +96,7 @@ def _stage(stage: dict[str, Any], playing: ChosenSource) -> StageState:
         rate=stage["rate"],
         refused=stage["refused"],
         recording=stage["recording"],
+        count_in=stage.get("count_in", 0),
     )
 
 

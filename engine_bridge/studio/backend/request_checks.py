@@ -22,7 +22,7 @@ def in_use(name: str) -> ServiceError:
         name,
         found="a recording that is playing now",
         expected="a recording that is not in use",
-        fix="Choose another source first.",
+        fix="Choose another source, or stop the take that plays.",
     )
 
 

@@ -222,11 +222,15 @@ class Studio(Backend):
         self._take = None
         ended = await self.service.request("record_stop", **stage)
         self.changed()
+        if not ended["bytes"]:  # it has ended during the count-in
+            return {}
         return self._takes.state(ended["take"]).model_dump(mode="json")
 
     async def _do_delete_take(self, asked: messages.DeleteTake) -> dict[str, Any]:
         path = self._takes.path(asked.take)
-        if self._playing.state.kind == "take" and self._playing.state.name == asked.take:
+        timeline = self.state.timeline
+        playing = () if timeline is None else (each.take for each in timeline.takes)
+        if asked.take in playing or (self._playing.state.kind == "take" and self._playing.state.name == asked.take):
             raise in_use(asked.take)
         path.unlink(missing_ok=True)
         self.changed()

@@ -38,23 +38,23 @@ class ControlLink:
         self._socket.connect(address)
         self._reader = asyncio.create_task(self._read())
 
-    async def request(self, do: str, seconds: float = REPLY_SECONDS, **arguments: Any) -> Any:
+    async def request(self, do: str, timeout: float = REPLY_SECONDS, **arguments: Any) -> Any:
         """Send a request, and return its result.
 
         Raises
         ------
         ServiceError
-            The service's own error, or no reply within `seconds`.
+            The service's own error, or no reply within `timeout` seconds.
         """
         number = next(self._numbers)
         reply = self._waiting[number] = asyncio.get_running_loop().create_future()
         try:
-            async with asyncio.timeout(seconds):
+            async with asyncio.timeout(timeout):
                 await self._socket.send(encode({"do": do, "id": number, **arguments}, "json"))
                 answer = await reply
         except TimeoutError as error:
             raise ServiceError(
-                "the service", found=f"no reply within {seconds:g} s", expected="a running service", fix="Try again."
+                "the service", found=f"no reply within {timeout:g} s", expected="a running service", fix="Try again."
             ) from error
         finally:
             del self._waiting[number]

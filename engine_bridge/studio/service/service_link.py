@@ -77,7 +77,7 @@ class ServiceLink:
         link = await self._connected()
         if link is not None:
             with contextlib.suppress(PuppetlineError):
-                described = await link.request("describe", seconds=DESCRIBE_SECONDS)
+                described = await link.request("describe", timeout=DESCRIBE_SECONDS)
         characters = {each["name"]: each for each in described.get("characters", [])}
         status = described.get("status", {})
         if (characters, status) != (self.described, self.status):

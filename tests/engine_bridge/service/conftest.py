@@ -30,6 +30,8 @@ from engine_bridge.service.monitoring.status import (
     ServiceStatus,
     StageStatus,
     Status,
+    TimelineStatus,
+    TimelineTake,
     UserStatus,
 )
 from engine_bridge.service.players.character_player import CharacterPlayer, PlayerSettings
@@ -369,6 +371,7 @@ def status():
             OutputStatus("osc", "127.0.0.1:9000", sent=90, bytes=2000, skipped=12, failed=1),
             OutputStatus("websocket", "ws://127.0.0.1:7402", 70, bytes=500, skipped=5, failed=0, clients=2, refused=4),
         ],
+        timeline=TimelineStatus(1.25, 0.0, 9.5, 0.5, False, True, [TimelineTake("cat", "rehearsal", 0.5, 9.0)]),
     )
 
 
@@ -376,4 +379,4 @@ def status():
 def silent(status):
     """Return a status without performers, characters and outputs."""
     stage = replace(status.stages[0], latency_ms=LatencyStatus(), users=[], refused={}, recording=None)
-    return replace(status, stages=[stage], characters=[], outputs=[])
+    return replace(status, stages=[stage], characters=[], outputs=[], timeline=None)

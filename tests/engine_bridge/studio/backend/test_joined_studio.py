@@ -160,6 +160,12 @@ def test_a_take_is_recorded_on_the_services_machine(joined):
     assert [each["name"] for each in joined.state["takes"]] == ["evening"]
 
 
+def test_takes_of_the_service_play_there(joined):
+    assert joined.error("play_take", character="blob", take="morning")["expected"] == "one of evening"
+    assert joined.error("stop", character="cat")["found"] == "no character 'cat'"
+    assert joined.result("stop") == {"stopped": []}
+
+
 def test_the_page_continues_after_the_service_has_started_again(serve, start_studio, blob_puppet, free_port, tmp_path):
     port = free_port()
     arguments = ("--puppet", blob_puppet, "--source", "demo:bark?loop", "--port", port)

@@ -187,6 +187,27 @@ def test_an_export_reports_progress_and_can_be_cancelled(stage):
     assert stage.download(exported["file"]).startswith(b"HIERARCHY\nROOT hips\n")
 
 
+def test_a_take_plays_on_a_character_and_another_one_can_be_recorded_over_it(stage):
+    played = stage.result("play_take", character="figure_one", take="walking")
+    assert (played["take"], played["at"], played["note"]) == ("walking", 0.0, None)
+    assert stage.result("loop")["loop"]
+    assert stage.result("pause")["paused"]
+    assert stage.result("seek", seconds=0.5)["position"] == 0.5
+    assert stage.result("speed", factor=2)["speed"] == 2
+    (take,) = stage.until(lambda state: state["timeline"] is not None)["timeline"]["takes"]
+    assert take == {key: played[key] for key in ("character", "take", "at", "seconds")}
+    assert stage.error("delete_take", take="walking")["found"] == "a recording that is playing now"
+    assert stage.error("record_start", count_in=3)["found"] == "the speed 2"
+    stage.result("speed", factor=1)
+    stage.result("record_start", count_in=30)
+    stage.until(lambda state: state["stages"][0]["count_in"] > 25)
+    assert stage.error("pause")["found"].startswith("a take that is being recorded")
+    assert stage.result("record_stop") == {}
+    assert stage.result("stop")["stopped"] == [take]
+    stage.until(lambda state: state["timeline"] is None)
+    assert stage.error("seek", seconds=1.0)["found"] == "no take that plays"
+
+
 def test_a_take_plays_from_one_second_to_another(stage):
     # the status of each second meets a loop of this length at different moments
     state = stage.result("source", take="walking", start=0.3, stop=1.0, loop=True)

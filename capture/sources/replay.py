@@ -174,7 +174,7 @@ class RecordingSource:
             if end is None or end == start:
                 return
             for user in sorted(users):
-                yield Lost(end, user)
+                yield Lost(end, user, again=True)
 
     def events(self) -> Generator[Event, None, None]:
         """Yield the events of the whole recording from its start, without waiting.

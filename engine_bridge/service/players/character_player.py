@@ -96,6 +96,7 @@ class CharacterPlayer:
         self.display = PoseDisplay(rig, settings.ease, idle)
         self.next_calibration: PreparedCalibration | None = None
         self._current: PreparedCalibration | None = None
+        self._retargeting: Retargeting | None = None  # of the current calibration
         self._held: TargetPose | None = None
         self._watched = JointFilter(rig.puppet.smoothing.parameters)  # before the calibration
         self._automatic = AutomaticCalibration(settings.calibrate)
@@ -137,8 +138,16 @@ class CharacterPlayer:
             self.state = "leaving"
             self.display.idle_since = time
             self.display.ease(time)
-        self.user = self._current = self._held = None
+        self.user = self._current = self._retargeting = self._held = None
         self._drop_next()
+
+    def begin_again(self, time: float) -> None:
+        """Ease to where the performer is next, because a recording begins again."""
+        self._automatic.forget()
+        self._watched.reset()
+        if self._current is not None:
+            self._retargeting = self._current.retargeting()
+        self.display.ease(time)
 
     def set_sensor(self, sensor: SensorTilt, time: float) -> None:
         """Set the position of the sensor, which was measured from the floor in the image.
@@ -220,7 +229,7 @@ class CharacterPlayer:
         if prepared is None:
             return
         try:
-            prepared.working.result()
+            retargeting = prepared.retargeting()
         except Exception as error:  # an impossible pose; the next second without motion gives another one
             raise ServiceError(
                 self.character.name,
@@ -228,7 +237,7 @@ class CharacterPlayer:
                 expected="the pose of a body",
                 fix="Stand still again, completely in view.",
             ) from error
-        self._current, self._held = prepared, None
+        self._current, self._retargeting, self._held = prepared, retargeting, None
         self._sensor = prepared.calibration.sensor
         self.state = "performing"
         self.display.ease(time)
@@ -266,10 +275,10 @@ class CharacterPlayer:
             if pose is not None:
                 self._calibrate(pose, frame.time)
         levelled = self._sensor.levelled(frame)
-        if self._current is None:
+        if self._retargeting is None:
             seen = replace(levelled, positions=self._watched.step(frame.time, levelled.positions, frame.confidence))
             return self._show(frame.time, received, self._idle_places(frame.time), seen)
-        aim = self._current.retargeting.step(levelled)
+        aim = self._retargeting.step(levelled)
         places = TargetPose(aim.targets, aim.motions, aim.root)
         return self._show(frame.time, received, places, replace(levelled, positions=aim.joints))
 
@@ -388,7 +397,7 @@ class CharacterPlayer:
             "sensor": asdict(self._sensor),
             "floor": None if self._floor is None else asdict(self._floor),
             "calibration": None if self._current is None else self._current.to_json(),
-            "standing": [] if self._current is None else rows_of(self._current.retargeting.standing),
+            "standing": [] if self._retargeting is None else rows_of(self._retargeting.standing),
             "next_calibration": None if self.next_calibration is None else self.next_calibration.to_json(),
             "remembered": [
                 {"user": user, "left": left, **known.to_json()} for user, (known, left) in self._remembered.items()
@@ -417,8 +426,9 @@ class CharacterPlayer:
         prepared = (
             None if snapshot["calibration"] is None else self._recorded_calibration(snapshot["calibration"], time)
         )
-        if prepared is not None:
-            prepared.retargeting.stand(places_of(snapshot["standing"]))
+        retargeting = None if prepared is None else prepared.retargeting()
+        if retargeting is not None:
+            retargeting.stand(places_of(snapshot["standing"]))
             state = "performing"
         elif snapshot["state"] == "leaving":
             state = "leaving"
@@ -438,7 +448,7 @@ class CharacterPlayer:
         self._floor = None if snapshot["floor"] is None else SensorTilt.of_json(snapshot["floor"])
         self.mirror, self.user, self.state = bool(snapshot["mirror"]), snapshot["user"], state
         self._drop_next()
-        self._current = prepared
+        self._current, self._retargeting = prepared, retargeting
         self.next_calibration = None if following is None else self._recorded_calibration(following, time)
         self._held = None
         self._watched.reset()

@@ -1,6 +1,7 @@
 """The calibration of a performer and the retargeting that is computed from it."""
 
 from concurrent.futures import Future
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,10 +32,9 @@ class PreparedCalibration:
     puppet: Puppet
     working: Future[Retargeting]
 
-    @property
     def retargeting(self) -> Retargeting:
-        """The retargeting, once it is computed."""
-        return self.working.result()
+        """Return a retargeting without frames so far, once it is computed."""
+        return deepcopy(self.working.result())
 
     def to_json(self) -> dict[str, Any]:
         """Return values of JSON's types, from which `CharacterPlayer.begin` prepares the same calibration."""

@@ -95,6 +95,10 @@ class Stage:
         match event:
             case SkeletonFrame():
                 return self._perform(event, received)
+            case Lost(again=True):
+                for player in self.players:
+                    if player.user == event.user:
+                        player.begin_again(event.time)
             case Lost():
                 self.assignment.gone(event.user)
             case Cue(do="stage"):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from capture.clip import SkeletonClip
-from capture.events import Cue, Lost
+from capture.events import TICK_SECONDS, Cue, Lost, Tick
 from capture.pose import Pose
 from capture.recording import as_recorded
 from capture.sensor_tilt import SensorTilt
@@ -105,6 +105,25 @@ def test_a_loop_resumes_at_the_times_of_each_pass(make_stage, kung_fu, moved):
     assert {frame.state for frame in second} == {"performing"}
     for a, b in zip(first[60:200], second[60:200], strict=True):
         np.testing.assert_allclose(a.targets, b.targets, atol=1e-9)
+
+
+def test_a_loop_keeps_its_performer_and_calibration_and_each_pass_is_the_same(make_stage, kung_fu, moved):
+    stage = make_stage(player_settings=PlayerSettings(calibrate="at_once"))
+    period = kung_fu[-1].time - kung_fu[0].time + TICK_SECONDS
+    passes = []
+    for number in range(3):
+        frames = [moved(frame, time=frame.time + number * period) for frame in kung_fu]
+        passes.append(play(stage, [*frames, Lost(frames[-1].time, frames[-1].user, again=True)])["dog"])
+    first, second, third = passes
+    assert {frame.state for frame in first} == {"calibrating", "performing"}
+    assert {(frame.state, frame.user) for frame in second + third} == {("performing", kung_fu[0].user)}
+    eased = round(1.2 * PlayerSettings().ease / TICK_SECONDS)
+    for a, b in zip(second[eased:], third[eased:], strict=True):
+        np.testing.assert_allclose(a.targets, b.targets, atol=1e-9)
+    diagonal = stage.players[0].character.rig.mesh.diagonal
+    assert largest_step(first[-1:] + second + third, diagonal) < 1.1 * largest_step(first, diagonal)
+    assert stage.step(Tick(third[-1].time + 0.4), 0) == []
+    assert stage.step(Tick(third[-1].time + 1.0), 0)[0].state == "leaving"  # a performer who does not return
 
 
 def test_two_people_get_a_character_each_in_the_order_in_which_they_came(make_stage, kung_fu, moved):

@@ -15,6 +15,7 @@ from engine_bridge.character.character import CHARACTER_FILES
 from engine_bridge.performance.settings import DEFAULT_TOLERANCES, PerformerFormat
 from engine_bridge.service.control.requests import error_reply, ok_reply
 from engine_bridge.service.monitoring.logs import OnceASecond
+from engine_bridge.service.security.web_sockets import CLOSE_SECONDS, Heartbeat, first_text, refuse
 from engine_bridge.studio.backend.backend import Backend
 from engine_bridge.studio.messages import MAX_REQUEST_BYTES, CloseCode, Greeting, JobState, ProgressEvent
 from engine_bridge.studio.project.workspace import MAX_UPLOAD_BYTES, MAX_UPLOADS
@@ -76,21 +77,23 @@ class ApiClient:
         self._wake = asyncio.Event()
         self._requests: set[asyncio.Task[None]] = set()
         self._socket = web.WebSocketResponse(
-            heartbeat=HEARTBEAT_SECONDS, max_msg_size=MAX_REQUEST_BYTES, compress=False
+            timeout=CLOSE_SECONDS, autoping=False, max_msg_size=MAX_REQUEST_BYTES, compress=False
         )
 
-    async def run(self, request: web.Request) -> web.WebSocketResponse:
+    async def run(self, request: web.Request, handshakes: asyncio.Semaphore) -> web.WebSocketResponse:
         """Serve the page until it disconnects."""
         socket = self._socket
-        await socket.prepare(request)
-        session = await self._greet(request.remote)
+        async with handshakes:
+            await socket.prepare(request)
+            token = token_of(await first_text(socket, HELLO_SECONDS))
+        session = await self._greet(request, token)
         if session is None:
             return socket
         await socket.send_str(json.dumps({"hello": _greeting(session, self._studio.joined).model_dump(mode="json")}))
         unwatch = self._studio.watch(self._notice)
         writer = asyncio.create_task(self._write())
         try:
-            await self._read(request.remote)
+            await self._read(request)
         finally:
             unwatch()
             for task in (writer, *self._requests):
@@ -98,31 +101,26 @@ class ApiClient:
             await asyncio.gather(writer, *self._requests, return_exceptions=True)
         return socket
 
-    async def _greet(self, address: str | None) -> str | None:
-        """Return the session token for the first frame; without one, close the connection."""
-        try:
-            frame = await self._socket.receive(HELLO_SECONDS)
-            token = json.loads(frame.data)["token"] if frame.type is WSMsgType.TEXT else None
-        except (ValueError, TypeError, KeyError, RecursionError, TimeoutError):
-            token = None
-        if not isinstance(token, str):
-            _rarely.warning("client refused", reason="no token", address=address)
-            await self._socket.close(code=CloseCode.NOT_UNDERSTOOD, message=b"the first frame has no token")
+    async def _greet(self, request: web.Request, token: str | None) -> str | None:
+        """Return the session token for the token of the first frame; without one, close the connection."""
+        if token is None:
+            _rarely.warning("client refused", reason="no token", address=request.remote)
+            await refuse(request, self._socket, CloseCode.NOT_UNDERSTOOD, b"the first frame has no token")
             return None
         try:
             session = self._tokens.enter(token)
         except ServiceError as error:
-            _rarely.warning("client refused", reason=error.found, address=address)
+            _rarely.warning("client refused", reason=error.found, address=request.remote)
             text = f"The studio refused {error.found}."
-            await self._socket.close(code=CloseCode.REFUSED, message=text.encode()[:MAX_REASON_BYTES])
+            await refuse(request, self._socket, CloseCode.REFUSED, text.encode()[:MAX_REASON_BYTES])
             return None
         if session != token:
             self._entered()
         return session
 
-    async def _read(self, address: str | None) -> None:
+    async def _read(self, request: web.Request) -> None:
         mistakes = 0
-        async for frame in self._socket:
+        async for frame in Heartbeat(request, self._socket, HEARTBEAT_SECONDS).messages():
             try:
                 if frame.type is not WSMsgType.TEXT:
                     raise ValueError("a binary frame")
@@ -131,7 +129,7 @@ class ApiClient:
                     raise ValueError("no map with an id")
             except (ValueError, RecursionError):
                 mistakes += 1
-                _rarely.warning("request not understood", address=address)
+                _rarely.warning("request not understood", address=request.remote)
                 if mistakes >= MAX_MISTAKES:
                     await self._socket.close(code=CloseCode.NOT_UNDERSTOOD, message=b"frames that are no requests")
                     return
@@ -193,6 +191,15 @@ class ApiClient:
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(seconds):
                 await self._wake.wait()
+
+
+def token_of(text: str | None) -> str | None:
+    """Return the token of a page's first frame; None if there is none."""
+    try:
+        token = None if text is None else json.loads(text)["token"]
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return None
+    return token if isinstance(token, str) else None
 
 
 _NOT_A_REQUEST = ServiceError(

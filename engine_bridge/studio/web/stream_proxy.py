@@ -16,13 +16,12 @@ import aiohttp
 from aiohttp import WSMsgType, web
 
 from engine_bridge.service.monitoring.logs import OnceASecond
+from engine_bridge.service.security.web_sockets import CLOSE_SECONDS, Heartbeat, first_text, refuse
 from engine_bridge.studio.messages import CloseCode
 from engine_bridge.studio.service.service_process import Reached
 from engine_bridge.studio.service.stream_link import streaming
+from engine_bridge.studio.web.api_connection import HEARTBEAT_SECONDS, HELLO_SECONDS, token_of
 from engine_bridge.studio.web.page_access import Tokens
-
-HELLO_SECONDS = 10.0
-"""Maximum time until a page sends its first frame, in seconds."""
 
 TOPIC_BYTES = 64
 """Length of a message's topic in bytes (docs/protocol.md)."""
@@ -75,19 +74,22 @@ class _Newest:
 
 
 async def pass_through(
-    request: web.Request, tokens: Tokens, reached: Callable[[], Reached | None]
+    request: web.Request, tokens: Tokens, handshakes: asyncio.Semaphore, reached: Callable[[], Reached | None]
 ) -> web.WebSocketResponse:
     """Serve a page's WebSocket until the page or the service closes it.
 
     The service is connected to by WebSocket or, if it was started elsewhere, by ZeroMQ.
     """
-    page = web.WebSocketResponse(heartbeat=20.0, max_msg_size=MAX_TEXT_BYTES, compress=False)
-    await page.prepare(request)
-    _limit_buffers(request)
-    if not await _is_greeted(page, tokens):
+    page = web.WebSocketResponse(timeout=CLOSE_SECONDS, autoping=False, max_msg_size=MAX_TEXT_BYTES, compress=False)
+    async with handshakes:
+        await page.prepare(request)
+        _limit_buffers(request)
+        token = token_of(await first_text(page, HELLO_SECONDS))
+    if token is None or not tokens.is_session(token):
         _rarely.warning("client refused", reason="no session token", address=request.remote)
-        await page.close(code=CloseCode.REFUSED, message=b"no session token")
+        await refuse(request, page, CloseCode.REFUSED, b"no session token")
         return page
+    heartbeat = Heartbeat(request, page, HEARTBEAT_SECONDS)
     service = reached()
     if service is None or not service.stream:
         await page.close(code=CloseCode.NO_SERVICE, message=b"the service is not running")
@@ -95,14 +97,14 @@ async def pass_through(
     with contextlib.suppress(aiohttp.ClientError, OSError):
         if service.stream.startswith("tcp://"):
             async with streaming(service.stream, service.token) as link:
-                await _exchange(page, link)
+                await _exchange(page, heartbeat, link)
         else:
             async with (
                 aiohttp.ClientSession() as session,
                 session.ws_connect(service.stream, max_msg_size=MAX_MESSAGE_BYTES, compress=0) as socket,
             ):
                 await socket.send_str(json.dumps({} if service.token is None else {"token": service.token}))
-                await _exchange(page, _WebSocket(socket))
+                await _exchange(page, heartbeat, _WebSocket(socket))
     if not page.closed:
         await page.close(code=CloseCode.NO_SERVICE, message=b"the service has ended")
     return page
@@ -131,7 +133,7 @@ class _WebSocket:
                 yield message.data
 
 
-async def _exchange(page: web.WebSocketResponse, upstream: _Upstream) -> None:
+async def _exchange(page: web.WebSocketResponse, heartbeat: Heartbeat, upstream: _Upstream) -> None:
     """Pass messages in both directions until one side ends."""
     newest = _Newest()
 
@@ -145,7 +147,7 @@ async def _exchange(page: web.WebSocketResponse, upstream: _Upstream) -> None:
             await (page.send_str(data) if isinstance(data, str) else page.send_bytes(data))
 
     async def forward() -> None:
-        async for message in page:
+        async for message in heartbeat.messages():
             if message.type is WSMsgType.TEXT and (refusal := await upstream.send(message.data)) is not None:
                 newest.put(refusal)
 
@@ -157,15 +159,6 @@ async def _exchange(page: web.WebSocketResponse, upstream: _Upstream) -> None:
             task.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await asyncio.gather(*tasks, return_exceptions=True)
-
-
-async def _is_greeted(page: web.WebSocketResponse, tokens: Tokens) -> bool:
-    try:
-        frame = await page.receive(HELLO_SECONDS)
-        token = json.loads(frame.data)["token"] if frame.type is WSMsgType.TEXT else None
-    except (ValueError, TypeError, KeyError, RecursionError, TimeoutError):
-        return False
-    return isinstance(token, str) and tokens.is_session(token)
 
 
 def _limit_buffers(request: web.Request) -> None:

@@ -1,5 +1,6 @@
 """The web server of the studio: the page, the WebSockets ``/api`` and ``/stream``, uploads and downloads."""
 
+import asyncio
 import json
 import logging
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -22,6 +23,9 @@ PAGE = Path(__file__).parents[1] / "page" / "dist"
 
 CHUNK_BYTES = 65_536
 """Size of the parts in which an upload is read, in bytes."""
+
+MAX_HANDSHAKES = 16
+"""Maximum number of pages whose connections have not sent a token yet; further ones are refused."""
 
 NOT_BUILT = "The page of the studio has not been built. Type `make studio` in the folder of the project.\n"
 
@@ -67,6 +71,7 @@ class _Server:
     def __init__(self, studio: Backend, access: Access, page: Path) -> None:
         self._studio, self._access = studio, access
         self._assets = _assets(page)
+        self._handshakes = asyncio.Semaphore(MAX_HANDSHAKES)
 
     @web.middleware
     async def check(self, request: web.Request, handler: Handler) -> web.StreamResponse:
@@ -103,11 +108,12 @@ class _Server:
     async def api(self, request: web.Request) -> web.StreamResponse:
         """Serve the protocol of `engine_bridge.studio.messages`."""
         client = ApiClient(self._studio, self._access.tokens, self._access.entered)
-        return await client.run(request)
+        return await client.run(request, self._free_handshakes())
 
     async def stream(self, request: web.Request) -> web.StreamResponse:
         """Pass the service's WebSocket through."""
-        return await pass_through(request, self._access.tokens, lambda: self._studio.service.reached)
+        tokens, handshakes = self._access.tokens, self._free_handshakes()
+        return await pass_through(request, tokens, handshakes, lambda: self._studio.service.reached)
 
     async def upload(self, request: web.Request) -> web.StreamResponse:
         """Receive a file."""
@@ -127,6 +133,13 @@ class _Server:
         response.content_type = "application/octet-stream"
         response.headers["Content-Disposition"] = f"attachment; filename*=UTF-8''{quote(found.name)}"
         return response
+
+    def _free_handshakes(self) -> asyncio.Semaphore:
+        """Return what counts the connections without a token, unless there are too many."""
+        if self._handshakes.locked():
+            _rarely.warning("client refused", reason="too many connections without a token")
+            raise web.HTTPServiceUnavailable(headers={"Connection": "close"})
+        return self._handshakes
 
     def _authorize(self, request: web.Request) -> None:
         if not self._access.tokens.is_session(bearer(request.headers)):

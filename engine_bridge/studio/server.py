@@ -6,7 +6,7 @@ import logging
 import signal
 import socket
 import tempfile
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -111,12 +111,21 @@ async def served(settings: StudioSettings, entered: Callable[[], None] = lambda:
 async def run(settings: StudioSettings, started: Callable[[Served], None], entered: Callable[[], None]) -> None:
     """Serve the studio until SIGINT or SIGTERM."""
     stop = asyncio.Event()
+    with _signals_call(stop.set):
+        async with served(settings, entered) as studio:
+            started(studio)
+            await stop.wait()
+
+
+@contextlib.contextmanager
+def _signals_call(do: Callable[[], object]) -> Iterator[None]:
+    """Call a function in the event loop after SIGINT or SIGTERM; Windows has no `loop.add_signal_handler`."""
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stop.set)
-    async with served(settings, entered) as studio:
-        started(studio)
-        await stop.wait()
+    with contextlib.ExitStack() as undo:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            before = signal.signal(number, lambda *_: loop.call_soon_threadsafe(do))
+            undo.callback(signal.signal, number, before)
+        yield
 
 
 def _backend(settings: StudioSettings, stack: contextlib.AsyncExitStack, invite: Callable[[], str]) -> Backend:

@@ -12,10 +12,14 @@ from capture.skeleton import SkeletonFrame
 
 @dataclass(frozen=True, slots=True)
 class Lost:
-    """The sender reports that a performer has left."""
+    """The sender reports that a performer has left.
+
+    `again` is true at the end of a recording that begins again: the performer probably returns at once, elsewhere.
+    """
 
     time: float
     user: int
+    again: bool = False
 
 
 @dataclass(frozen=True, slots=True)

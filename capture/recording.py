@@ -8,6 +8,7 @@ of the source or a command. A stage's take begins with the cue ``stage``::
     {"t": 12.6, "tick": true}
     {"t": 12.7, "do": "calibrate", "arguments": {"character": "dog"}}
     {"t": 12.8, "lost": 1}
+    {"t": 12.8, "lost": 1, "again": true}
 
 t is the time in seconds. p are positions in metres in sensor coordinates, rounded to 0.01 mm, and c are confidences,
 both in the order of the header's joints; a lost joint is null with confidence 0. If the source has orientations, o are
@@ -173,8 +174,8 @@ def encode(event: Event) -> bytes:
     match event:
         case Tick(time):
             return _line({"t": time, "tick": True})
-        case Lost(time, user):
-            return _line({"t": time, "lost": user})
+        case Lost(time, user, again):
+            return _line({"t": time, "lost": user} | ({"again": True} if again else {}))
         case Cue(time, do, arguments):
             return _line({"t": time, "do": do, "arguments": arguments})
     frame = as_recorded(event)

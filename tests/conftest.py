@@ -77,7 +77,7 @@ LONGEST = tuple(
         "engine_bridge/batch/test_faults",
         "engine_bridge/export/test_bake",
         "engine_bridge/service/test_service",
-        "engine_bridge/studio/test_studio",
+        "engine_bridge/studio/backend/test_studio",
         "integrations/unity/test_component",
         "engine_bridge/service/test_mapping",
         "engine_bridge/cli/test_main",

@@ -123,7 +123,7 @@ def _event(path: Path, number: int, line: dict[str, Any]) -> Event:
         raise _value_error(path, number, "t", time, "seconds, a finite number")
     time = float(line["t"])
     if "lost" in line:
-        return Lost(time, _integer(path, number, "lost", line))
+        return Lost(time, _integer(path, number, "lost", line), line.get("again") is True)
     if "tick" in line:
         return Tick(time)
     if "do" in line:

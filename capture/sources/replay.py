@@ -70,7 +70,7 @@ class RecordingSource:
         self.recorded = True
         self._play = play
         self.damaged = False
-        self._events = self._passes() if loop else self._pass()
+        self._events = self._passes() if loop else self.events()
         self._end: PuppetlineError = SourceError(
             name, found="the end of the recording", expected="more frames", fix="Add ?loop to play it in a loop."
         )
@@ -164,7 +164,7 @@ class RecordingSource:
         while True:
             start, shift = end, 0.0
             users: set[int] = set()
-            for k, event in enumerate(self._pass()):
+            for k, event in enumerate(self.events()):
                 if start is not None and k == 0:
                     shift = start + TICK_SECONDS - event.time
                 if isinstance(event, SkeletonFrame):
@@ -174,9 +174,16 @@ class RecordingSource:
             if end is None or end == start:
                 return
             for user in sorted(users):
-                yield Lost(end, user)
+                yield Lost(end, user, again=True)
 
-    def _pass(self) -> Generator[Event, None, None]:
+    def events(self) -> Generator[Event, None, None]:
+        """Yield the events of the whole recording from its start, without waiting.
+
+        Raises
+        ------
+        SkeletonLogError
+            During the iteration, if an event cannot be read.
+        """
         events = _increasing(self._play(), self.counts.refused)
         for first in events:
             rest = chain([first], events)

@@ -96,7 +96,7 @@ def _watch_live(source: str, seconds: float | None) -> "tuple[SourceReport, bool
     from capture.sensors.source_report import SourceMonitor
     from capture.sources.registry import open_source
     from engine_bridge.service.monitoring import native_output
-    from engine_bridge.service.signals import Signals
+    from engine_bridge.service.system_signals import Signals
 
     with ExitStack() as stack:
         signals = stack.enter_context(Signals())

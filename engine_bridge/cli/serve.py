@@ -19,7 +19,7 @@ from engine_bridge.cli.options import FILE, Finite
 from puppetline.errors import ServiceError
 
 if TYPE_CHECKING:
-    from engine_bridge.service.service_file import ServiceFile
+    from engine_bridge.service.loading.service_file import ServiceFile
 
 COMPILING = "compiling, once on this machine"
 """Event of the log while functions are compiled; the studio shows it."""
@@ -113,7 +113,7 @@ def serve(
 
 def serve_puppets(sources: list[str], puppets: list[Path]) -> None:
     """Serve puppet files with the default settings, each with its own source, until stopped."""
-    from engine_bridge.service import service_file
+    from engine_bridge.service.loading import service_file
 
     _run(service_file.from_flags(tuple(sources), tuple(puppets), {}, {}, {}), Path())
 
@@ -129,12 +129,12 @@ def _run(
 ) -> None:
     """Serve until stopped; a service file `config` is read again at each reload."""
     gc.disable()  # while modules are loaded, which leaves almost no garbage
-    from engine_bridge.service.signals import Signals
+    from engine_bridge.service.system_signals import Signals
 
     with ExitStack() as stack:
         signals = stack.enter_context(Signals())
-        from engine_bridge.service import service_file
         from engine_bridge.service.commands import commands
+        from engine_bridge.service.loading import service_file
         from engine_bridge.service.monitoring import logs, native_output
         from engine_bridge.service.service import Service
         from puppetline.compiling import reported
@@ -216,7 +216,7 @@ def _studio(settings: "ServiceFile", folder: Path, streams: list[str], port: int
 
 def _service_file(config: Path | None, settings: dict[str, Any]) -> "tuple[ServiceFile, Path]":
     """Return the settings of a service file or of options, and the folder that their paths are relative to."""
-    from engine_bridge.service import service_file
+    from engine_bridge.service.loading import service_file
 
     loop = settings.pop("loop")
     given = {name: value for name, value in settings.items() if value is not None and value != ()}

@@ -1,16 +1,19 @@
 """The commands of the control socket (docs/control.md)."""
 
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from math import isfinite
 from typing import Any
 
 from capture.skeleton import JOINTS
 from engine_bridge.puppet.puppet import Puppet, RootTable, with_handle
-from engine_bridge.service.character_player import CharacterPlayer
 from engine_bridge.service.control import requests
 from engine_bridge.service.control.dispatcher import Command, Deferred
+from engine_bridge.service.players.character_player import CharacterPlayer
 from engine_bridge.service.service import Service
-from engine_bridge.service.stage_runner import StageRunner
+from engine_bridge.service.stages.stage_runner import StageRunner
+from engine_bridge.service.takes.timeline import Timeline
 from puppetline.errors import ServiceError, unknown_name
 
 
@@ -45,7 +48,9 @@ class _Commands:
             "protocol": 1,
             "stream": service.stream,
             "control": service.control.endpoints,
-            "characters": [_described(runner, player) for runner in service.runners for player in runner.stage.players],
+            "characters": [
+                self._described(runner, player) for runner in service.runners for player in runner.stage.players
+            ],
             "status": service.status.as_json(),
         }
 
@@ -71,7 +76,7 @@ class _Commands:
 
     def record_start(self, asked: requests.RecordStart) -> dict[str, Any]:
         runner = self._runner(asked.stage)
-        _refuse_while_recording(runner)
+        self._refuse_while_recording(runner)
         for player in runner.stage.players:
             if not player.settled:
                 raise ServiceError(
@@ -81,11 +86,14 @@ class _Commands:
                     fix="Start the take again in a second; if that fails, calibrate.",
                 )
         path = self._service.takes.new(asked.name, runner.stage.name)
-        runner.start_recording(path)
-        return {"stage": runner.stage.name, "take": path.stem}
+        self._service.count_in.start(runner, path, asked.count_in)
+        return {"stage": runner.stage.name, "take": path.stem, "count_in": asked.count_in}
 
-    def record_stop(self, asked: requests.OneStage) -> Deferred:
+    def record_stop(self, asked: requests.OneStage) -> Deferred | dict[str, Any]:
         runner = self._runner(asked.stage)
+        counted = self._service.count_in.cancel(runner)
+        if counted is not None:
+            return {"stage": runner.stage.name, "take": counted, "bytes": 0}
         deferred = self._service.stop_recording(runner)
         if deferred is None:
             raise ServiceError(
@@ -95,6 +103,31 @@ class _Commands:
                 fix='Start one first: {"do": "record_start"}',
             )
         return deferred
+
+    def play_take(self, asked: requests.PlayTake) -> Deferred:
+        _, player = self._player(asked.character)
+        self._refuse_while_recording(*self._service.runners)
+        return self._service.play_take(player, self._service.takes.path(asked.take), asked.part, asked.at)
+
+    def pause(self, asked: requests.Switch) -> dict[str, Any]:
+        return self._moved(lambda timeline, now: timeline.pause(asked.on, now))
+
+    def seek(self, asked: requests.Seek) -> dict[str, Any]:
+        return self._moved(lambda _timeline, _now: self._service.playback.seek(asked.seconds))
+
+    def loop(self, asked: requests.Switch) -> dict[str, Any]:
+        return self._moved(lambda timeline, _now: setattr(timeline, "loop", asked.on))
+
+    def speed(self, asked: requests.Speed) -> dict[str, Any]:
+        return self._moved(lambda timeline, now: timeline.set_speed(asked.factor, now))
+
+    def stop(self, asked: requests.Stop) -> dict[str, Any]:
+        playback = self._service.playback
+        if asked.character is not None:
+            self._player(asked.character)
+        stopped = [each for each in playback.takes if asked.character in (None, each["character"])]
+        playback.stop(asked.character)
+        return {"stopped": stopped}
 
     def puppet(self, asked: requests.OneCharacter) -> dict[str, Any]:
         return self._mapping(self._player(asked.character)[1])
@@ -138,12 +171,12 @@ class _Commands:
     def _cue(self, character: str, do: str, **arguments: object) -> dict[str, Any]:
         runner, player = self._player(character)
         self._service.show_frames(runner, runner.cue(do, character=character, **arguments))
-        return _described(runner, player)
+        return self._described(runner, player)
 
     def _editable(self, character: str) -> tuple[StageRunner, CharacterPlayer]:
         """Find a character whose mapping may change, which it may not while a take is recorded."""
         runner, player = self._player(character)
-        _refuse_while_recording(runner)
+        self._refuse_while_recording(runner)
         return runner, player
 
     def _remap(self, runner: StageRunner, player: CharacterPlayer, puppet: Puppet) -> dict[str, Any]:
@@ -175,6 +208,33 @@ class _Commands:
             "saved": puppet == self._service.document(player).puppet,
         }
 
+    def _moved(self, move: Callable[[Timeline, float], None]) -> dict[str, Any]:
+        """Change the timeline of the takes that play, and return its status."""
+        playback = self._service.playback
+        if not playback.takes:
+            raise ServiceError(
+                "the timeline",
+                found="no take that plays",
+                expected="a take that plays",
+                fix='Play one first: {"do": "play_take", "character": "…", "take": "…"}',
+            )
+        self._refuse_while_recording(*self._service.runners)
+        move(playback.timeline, time.monotonic())
+        playback.changes += 1
+        status = playback.status()
+        return {} if status is None else asdict(status)
+
+    def _refuse_while_recording(self, *runners: StageRunner) -> None:
+        for runner in runners:
+            take = runner.recording or self._service.count_in.take(runner)
+            if take is not None:
+                raise ServiceError(
+                    f"stage {runner.stage.name}",
+                    found=f"a take that is being recorded ({take!r})",
+                    expected="a stage that is not recording",
+                    fix='Stop it first: {"do": "record_stop"}',
+                )
+
     def _player(self, character: str) -> tuple[StageRunner, CharacterPlayer]:
         for runner in self._service.runners:
             for player in runner.stage.players:
@@ -192,29 +252,19 @@ class _Commands:
             return runners[names.index(stage)]
         raise unknown_name("the request, stage", "nothing" if stage is None else f"no stage {stage!r}", names)
 
-
-def _refuse_while_recording(runner: StageRunner) -> None:
-    if runner.recording is not None:
-        raise ServiceError(
-            f"stage {runner.stage.name}",
-            found=f"a take that is being recorded ({runner.recording!r})",
-            expected="a stage that is not recording",
-            fix='Stop it first: {"do": "record_stop"}',
-        )
-
-
-def _described(runner: StageRunner, player: CharacterPlayer) -> dict[str, Any]:
-    """Return the facts of a character."""
-    character = player.character
-    return {
-        "name": character.name,
-        "stage": runner.stage.name,
-        "revision": character.revision,
-        "vertices": len(character.rest),
-        "triangles": len(character.triangles),
-        "handles": [handle.name for handle in character.rig.puppet.handle],
-        "morphs": None if character.basis is None else list(character.basis.names),
-        "performer": player.user,
-        "state": player.state,
-        "mirror": player.mirror,
-    }
+    def _described(self, runner: StageRunner, player: CharacterPlayer) -> dict[str, Any]:
+        """Return the facts of a character."""
+        character, take = player.character, self._service.playback.take_on(player.character.name)
+        return {
+            "name": character.name,
+            "stage": runner.stage.name,
+            "revision": character.revision,
+            "vertices": len(character.rest),
+            "triangles": len(character.triangles),
+            "handles": [handle.name for handle in character.rig.puppet.handle],
+            "morphs": None if character.basis is None else list(character.basis.names),
+            "performer": player.user,
+            "take": None if take is None else take["take"],
+            "state": player.state,
+            "mirror": player.mirror,
+        }

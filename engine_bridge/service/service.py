@@ -20,28 +20,31 @@ import zmq
 
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.puppet_document import PuppetDocument
-from engine_bridge.service import calibration_store
-from engine_bridge.service.character_loader import CharacterLoader
-from engine_bridge.service.character_player import CharacterPlayer
+from engine_bridge.service.background_jobs import Jobs
 from engine_bridge.service.control.control_socket import Control
 from engine_bridge.service.control.dispatcher import Command, Deferred, Dispatcher
 from engine_bridge.service.discovery import Announcement
-from engine_bridge.service.jobs import Jobs
-from engine_bridge.service.looking import Looking
+from engine_bridge.service.loading.character_loader import CharacterLoader
+from engine_bridge.service.loading.service_file import ServiceFile
+from engine_bridge.service.loading.stage_loader import LoadedStage, load_stages
+from engine_bridge.service.look_command import Looking
 from engine_bridge.service.monitoring.logs import OnceASecond, fields
 from engine_bridge.service.monitoring.status import Status
 from engine_bridge.service.monitoring.systemd import Notifier
 from engine_bridge.service.outputs.output import Opening, Output
+from engine_bridge.service.players.character_player import CharacterPlayer
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
-from engine_bridge.service.reporting import Reporter
 from engine_bridge.service.security.endpoints import Endpoint, endpoints_of
 from engine_bridge.service.security.guard import Guard
-from engine_bridge.service.service_file import ServiceFile
-from engine_bridge.service.signals import Signals
-from engine_bridge.service.stage import Stage
-from engine_bridge.service.stage_loader import LoadedStage, load_stages
-from engine_bridge.service.stage_runner import StageRunner
-from engine_bridge.service.takes import Takes
+from engine_bridge.service.stages import calibration_store
+from engine_bridge.service.stages.stage import Stage
+from engine_bridge.service.stages.stage_runner import StageRunner
+from engine_bridge.service.status_report import Reporter
+from engine_bridge.service.system_signals import Signals
+from engine_bridge.service.takes.count_in import CountIn
+from engine_bridge.service.takes.take_folder import Takes
+from engine_bridge.service.takes.take_playback import TakePlayback
+from engine_bridge.service.takes.take_track import TakeTrack
 from puppetline.errors import ServiceError
 from puppetline.memory import trim_memory
 
@@ -79,6 +82,8 @@ class Service:
     runners : list of StageRunner
     control : Control
     takes : Takes
+    playback : TakePlayback
+    count_in : CountIn
     status : Status
         The latest.
 
@@ -117,6 +122,9 @@ class Service:
         self._outputs: list[Output] = []
         self._bind(endpoints)
         self.takes = Takes(folder / settings.takes)
+        self.playback = TakePlayback(self.find, self.show_frames)
+        self.count_in = CountIn(self.playback)
+        self._reported: object = None
         self._reporter = Reporter()
         self._looking = Looking(self._jobs, self._answer)
         self.status = self._current_status()
@@ -203,6 +211,36 @@ class Service:
         self._reload(deferred)
         return deferred
 
+    def find(self, character: str) -> tuple[StageRunner, CharacterPlayer] | None:
+        """Return the stage and the player of a character; None for an unknown name."""
+        return next(
+            (
+                (each, player)
+                for each in self.runners
+                for player in each.stage.players
+                if player.character.name == character
+            ),
+            None,
+        )
+
+    def play_take(self, player: CharacterPlayer, path: Path, part: str | None, at: float | None) -> Deferred:
+        """Play a take on a character; the answer comes when its motion is computed."""
+        deferred = Deferred()
+
+        def played(track: TakeTrack) -> dict[str, Any]:
+            self.playback.add(track, at)
+            return {**(self.playback.take_on(track.character.name) or {}), "note": track.note or None}
+
+        load = partial(TakeTrack, player, path, part)
+        self._jobs.start(self._jobs.loading, load, lambda loaded: self._answer(deferred, loaded, played))
+        return deferred
+
+    def _refresh_takes(self) -> None:
+        """Compute the motion of takes again for characters whose mapping or files have changed."""
+        for player, track in self.playback.stale():
+            load = partial(TakeTrack, player, track.path, track.part)
+            self._jobs.start(self._jobs.loading, load, lambda loaded: self.playback.replace(loaded.result()))
+
     def stop_recording(self, runner: StageRunner) -> Deferred | None:
         """End a take; the answer comes when all of it is on the disk. None if there is no take."""
         recorder = runner.stop_recording()
@@ -231,6 +269,7 @@ class Service:
             return
         runner.remap(player, puppet)
         self._announce_characters()
+        self._refresh_takes()
         self._jobs.start(self._jobs.loading, player.make_idle, lambda idle: runner.take_idle(player, idle.result()))
 
     def save(self, player: CharacterPlayer, result: Callable[[], Any]) -> Deferred:
@@ -268,11 +307,14 @@ class Service:
         """Wait until something arrives or is due, and process it: skeletons first."""
         self._watch_sockets()
         due = [runner.due() for runner in self.runners] + [output.due() for output in self._outputs]
+        due += [self.playback.due(), self.count_in.due()]
         timeout = max(0.0, min(*due, self._status_at) - time.monotonic())
         ready = dict(self._poller.poll(math.ceil(1000 * timeout)))
         for runner in self.runners:
             if runner.source.fileno() in ready or runner.due() <= time.monotonic():
                 self._guarded(self._take_in, runner)
+        self._guarded(self.playback.advance)
+        self._guarded(self.count_in.advance)
         for output in self._outputs:
             self._guarded(output.send_due)
         if any(each in ready for each in self._guard.sockets):
@@ -302,7 +344,9 @@ class Service:
             self._guarded(finish, future)
         self._guarded(self._looking.advance, self.runners)
         now = time.monotonic()
-        if now >= self._status_at:
+        counts = self.playback.changes, *map(self.count_in.left, self.runners)
+        if now >= self._status_at or counts != self._reported:
+            self._reported = counts
             self._status_at = max(self._status_at + STATUS_SECONDS, now)
             self._report()
 
@@ -352,6 +396,7 @@ class Service:
             if stage.runner in before:
                 stage.runner.stage.name = stage.name
                 stage.runner.replace_players(stage.players)
+        self._refresh_takes()
 
     def _close_runners(self) -> None:
         for runner in self.runners:
@@ -359,14 +404,18 @@ class Service:
 
     def _end_take(self, runner: StageRunner) -> None:
         """End a take whose characters change: it could not be replayed as it was."""
+        self.count_in.cancel(runner)
         if runner.recording is not None:
             log.warning("the reload ends the take", extra=fields(stage=runner.stage.name, take=runner.recording))
             self.stop_recording(runner)
 
     def _answer(self, deferred: Deferred, done: Future[Any], result: Callable[[Any], Any]) -> None:
         """Send a deferred answer: the result of the work, or the error."""
-        error = done.exception()
-        self._dispatcher.finish(deferred, result(done.result()) if error is None else error)
+        try:
+            outcome = result(done.result())
+        except Exception as error:
+            outcome = error
+        self._dispatcher.finish(deferred, outcome)
 
     def _characters(self) -> list[StreamedCharacter]:
         return [player.character for runner in self.runners for player in runner.stage.players]
@@ -384,7 +433,9 @@ class Service:
         return {runner.source.name: (runner.stage, runner.source.now()) for runner in live}
 
     def _current_status(self) -> Status:
-        return self._reporter.status(self.runners, self._guard.clients, [each.statistics for each in self._outputs])
+        outputs = [each.statistics for each in self._outputs]
+        timeline = self.playback.status()
+        return self._reporter.status(self.runners, self._guard.clients, outputs, self.count_in.left, timeline)
 
     def _report(self) -> None:
         status = self.status = self._current_status()

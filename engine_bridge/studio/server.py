@@ -6,7 +6,7 @@ import logging
 import signal
 import socket
 import tempfile
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,14 +14,14 @@ from pathlib import Path
 from aiohttp import web
 
 from engine_bridge.service.security.credentials import make_token, read_token
-from engine_bridge.studio.app import PAGE, Access, make_app
-from engine_bridge.studio.backend import Backend
-from engine_bridge.studio.joined import JoinedStudio
-from engine_bridge.studio.joined_service import JoinedService
-from engine_bridge.studio.running import Running
-from engine_bridge.studio.security import Addresses, Tokens, check_exposure
-from engine_bridge.studio.studio import Studio
-from engine_bridge.studio.workspace import Workspace
+from engine_bridge.studio.backend.backend import Backend
+from engine_bridge.studio.backend.joined_studio import JoinedStudio
+from engine_bridge.studio.backend.studio import Studio
+from engine_bridge.studio.project.workspace import Workspace
+from engine_bridge.studio.service.joined_service import JoinedService
+from engine_bridge.studio.service.own_service import OwnService
+from engine_bridge.studio.web.page_access import Addresses, Tokens, check_exposure
+from engine_bridge.studio.web.web_app import PAGE, Access, make_app
 from puppetline.errors import ServiceError
 
 log = logging.getLogger(__name__)
@@ -111,18 +111,27 @@ async def served(settings: StudioSettings, entered: Callable[[], None] = lambda:
 async def run(settings: StudioSettings, started: Callable[[Served], None], entered: Callable[[], None]) -> None:
     """Serve the studio until SIGINT or SIGTERM."""
     stop = asyncio.Event()
+    with _signals_call(stop.set):
+        async with served(settings, entered) as studio:
+            started(studio)
+            await stop.wait()
+
+
+@contextlib.contextmanager
+def _signals_call(do: Callable[[], object]) -> Iterator[None]:
+    """Call a function in the event loop after SIGINT or SIGTERM; Windows has no `loop.add_signal_handler`."""
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stop.set)
-    async with served(settings, entered) as studio:
-        started(studio)
-        await stop.wait()
+    with contextlib.ExitStack() as undo:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            before = signal.signal(number, lambda *_: loop.call_soon_threadsafe(do))
+            undo.callback(signal.signal, number, before)
+        yield
 
 
 def _backend(settings: StudioSettings, stack: contextlib.AsyncExitStack, invite: Callable[[], str]) -> Backend:
     if settings.service is None:
         workspace = Workspace(settings.folder)
-        return Studio(workspace, Running(workspace.folder, _service_token(workspace.folder)), invite)
+        return Studio(workspace, OwnService(workspace.folder, _service_token(workspace.folder)), invite)
     service = JoinedService(settings.service, settings.service_token)
     nothing = stack.enter_context(
         tempfile.TemporaryDirectory(prefix="puppetline-")

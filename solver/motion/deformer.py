@@ -40,6 +40,14 @@ class _Affine(NamedTuple):
     constant: NDArray[np.float64]
 
 
+class DeformerState(NamedTuple):
+    """State of a deformer after a frame."""
+
+    turns: NDArray[np.float64]
+    carried: NDArray[np.float64]
+    started: bool
+
+
 class Deformer:
     """Deforms a reduced model by its handles and bones; each frame starts from the previous one.
 
@@ -186,6 +194,15 @@ class Deformer:
             setattr(other, buffer, getattr(self, buffer).copy())
         other.reset()
         return other
+
+    @property
+    def state(self) -> DeformerState:
+        """What the next frame starts from."""
+        return DeformerState(self._turns.copy(), self._carried.copy(), self._started)
+
+    def resume(self, state: DeformerState) -> None:
+        """Continue after the frame of a `state` of a deformer of the same character, handles and bones."""
+        self._turns[:], self._carried[:], self._started = state
 
     def reset(self) -> None:
         """Forget the last frame: the next one starts from the bones, or from the rigid motion that fits the handles."""

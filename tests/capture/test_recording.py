@@ -210,6 +210,7 @@ def test_as_recorded_is_the_frame_that_is_read_back_and_recorded_unchanged(
 def test_each_kind_of_event_is_a_line_of_its_own():
     assert encode(Tick(12.6)) == b'{"t": 12.6, "tick": true}\n'
     assert encode(Lost(12.8, 4)) == b'{"t": 12.8, "lost": 4}\n'
+    assert encode(Lost(12.8, 4, again=True)) == b'{"t": 12.8, "lost": 4, "again": true}\n'
     assert encode(Cue(12.7, "calibrate", {"character": "dog"})) == (
         b'{"t": 12.7, "do": "calibrate", "arguments": {"character": "dog"}}\n'
     )

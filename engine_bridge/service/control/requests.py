@@ -10,7 +10,7 @@ from collections.abc import Collection
 from typing import Annotated, Any, Literal
 
 import msgpack
-from pydantic import AfterValidator, BeforeValidator, Field, StrictBool
+from pydantic import AfterValidator, BeforeValidator, Field, FiniteFloat, StrictBool
 
 from capture.skeleton import JOINTS
 from engine_bridge.puppet.puppet import AxisSet, JointName, Number, Scale
@@ -53,6 +53,7 @@ def _joint_names(value: Any) -> Any:
     return tuple(value.split())
 
 
+Second = Annotated[FiniteFloat, Field(strict=True, ge=-86_400, le=86_400)]
 Name = Annotated[str, Field(strict=True), AfterValidator(_plain_name)]
 Joints = Annotated[tuple[JointName, ...], Field(max_length=len(JOINTS)), BeforeValidator(_joint_names)]
 User = Annotated[int, Field(strict=True, ge=0, le=2**31 - 1)]
@@ -110,10 +111,48 @@ class SetScale(Table):
 
 
 class RecordStart(Table):
-    """Record a stage; its name may be omitted if it is the only one."""
+    """Record a stage, after a count-in in seconds; its name may be omitted if it is the only one."""
 
     name: Name | None = None
     stage: Name | None = None
+    count_in: Annotated[int, Field(strict=True, ge=0, le=30)] = 0
+
+
+class PlayTake(Table):
+    """Play a take on a character.
+
+    `part` is the character in the take whose performer drives it, by default the one of the same name; `at` is the
+    second of the timeline at which the take begins, by default the one at which it was recorded.
+    """
+
+    character: Name
+    take: Name
+    part: Name | None = None
+    at: Second | None = None
+
+
+class Switch(Table):
+    """Turn something on or off."""
+
+    on: StrictBool = True
+
+
+class Seek(Table):
+    """Jump to a second of the timeline."""
+
+    seconds: Second
+
+
+class Speed(Table):
+    """Set the seconds of the timeline per second."""
+
+    factor: Annotated[FiniteFloat, Field(strict=True, ge=0.1, le=4)]
+
+
+class Stop(Table):
+    """Stop the take of a character, or all takes."""
+
+    character: Name | None = None
 
 
 class OneStage(Table):
@@ -140,6 +179,12 @@ ARGUMENTS: dict[str, type[Table]] = {
     "trace": Trace,
     "record_start": RecordStart,
     "record_stop": OneStage,
+    "play_take": PlayTake,
+    "pause": Switch,
+    "seek": Seek,
+    "loop": Switch,
+    "speed": Speed,
+    "stop": Stop,
     "puppet": OneCharacter,
     "set_handle": SetHandle,
     "set_root": SetRoot,

@@ -2,8 +2,8 @@
 
 ``log.info("performer found", extra=fields(stage="kinect", user=3))`` is one of these::
 
-    2026-11-21 15:04:05.120 info     service.stage: performer found (stage=kinect, user=3)
-    {"time": "2026-11-21T15:04:05.120+00:00", "level": "info", "logger": "engine_bridge.service.stage",
+    2026-11-21 15:04:05.120 info     service.stages.stage: performer found (stage=kinect, user=3)
+    {"time": "2026-11-21T15:04:05.120+00:00", "level": "info", "logger": "engine_bridge.service.stages.stage",
      "event": "performer found", "fields": {"stage": "kinect", "user": 3}}
 """
 

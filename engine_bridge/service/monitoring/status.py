@@ -103,6 +103,8 @@ class StageStatus:
     sensor : SensorStatus
     recording : str or None
         Name of the take that is being recorded.
+    count_in : int
+        Seconds until a take begins, rounded up; 0 without a count-in.
     """
 
     name: str
@@ -116,6 +118,7 @@ class StageStatus:
     users: Sequence[UserStatus]
     sensor: SensorStatus
     recording: str | None
+    count_in: int = 0
 
 
 @dataclass(frozen=True)
@@ -193,14 +196,48 @@ class OutputStatus:
 
 
 @dataclass(frozen=True)
+class TimelineTake:
+    """A take that plays on a character: its second on the timeline, and its duration in seconds."""
+
+    character: str
+    take: str
+    at: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class TimelineStatus:
+    """The timeline of the takes that play.
+
+    Attributes
+    ----------
+    position, start, end : float
+        Seconds.
+    speed : float
+        Seconds of the timeline per second.
+    paused, loop : bool
+    takes : sequence of TimelineTake
+    """
+
+    position: float
+    start: float
+    end: float
+    speed: float
+    paused: bool
+    loop: bool
+    takes: Sequence[TimelineTake]
+
+
+@dataclass(frozen=True)
 class Status:
-    """The whole status."""
+    """The whole status; `timeline` is None if no take plays."""
 
     service: ServiceStatus
     stages: Sequence[StageStatus]
     characters: Sequence[CharacterStatus]
     clients: ClientsStatus
     outputs: Sequence[OutputStatus]
+    timeline: TimelineStatus | None = None
 
     @property
     def performing(self) -> int:

@@ -70,7 +70,7 @@ class StatusDisplay:
 
 def show(status: Status) -> RenderableType:
     """Return a status as tables: the service, its sources, users, characters and outputs."""
-    tables = [_stages(status), _users(status), _characters(status), _outputs(status)]
+    tables = [_stages(status), _users(status), _characters(status), _takes(status), _outputs(status)]
     return Group(_service(status), *(table for table in tables if table.row_count))
 
 
@@ -83,6 +83,7 @@ def lines(status: Status) -> list[str]:
             f"latency p50 {_ms(stage.latency_ms.p50)} p99 {_ms(stage.latency_ms.p99)} ms, {len(stage.users)} users, "
             f"{stage.dropped} dropped, {sum(stage.refused.values())} refused"
             + (f", recording {stage.recording}" if stage.recording else "")
+            + (f", recording in {stage.count_in} s" if stage.count_in else "")
             for stage in status.stages
         ),
     ]
@@ -103,9 +104,10 @@ def _stages(status: Status) -> Table:
     table = _table("source", "users", "frames/s", "p50 ms", "p95 ms", "p99 ms", "max ms", "dropped", "refused")
     for stage in status.stages:
         label, latency = _label(stage), stage.latency_ms
+        recording = f"  ● {stage.recording}" if stage.recording else f"  {stage.count_in}…" if stage.count_in else ""
         _add(
             table,
-            f"{label}  ● {stage.recording}" if stage.recording else label,
+            label + recording,
             len(stage.users),
             f"{stage.rate:.1f}",
             *map(_ms, (latency.p50, latency.p95, latency.p99, latency.max)),
@@ -141,6 +143,18 @@ def _characters(status: Status) -> Table:
             character.frames,
             *(("–", "–") if character.residual is None else (f"{character.residual:.2g}", character.limited)),
         )
+    return table
+
+
+def _takes(status: Status) -> Table:
+    table = _table("take", "character", "from s", "to s", "now s", "speed")
+    timeline = status.timeline
+    if timeline is None:
+        return table
+    for take in timeline.takes:
+        speed = "paused" if timeline.paused else f"{timeline.speed:g}{', loop' if timeline.loop else ''}"
+        times = (f"{seconds:.1f}" for seconds in (take.at, take.at + take.seconds, timeline.position))
+        _add(table, take.take, take.character, *times, speed)
     return table
 
 

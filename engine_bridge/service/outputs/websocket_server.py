@@ -16,13 +16,14 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
 
-from aiohttp import WSCloseCode, WSMessage, WSMsgType, web
+from aiohttp import WSCloseCode, WSMsgType, web
 
 from engine_bridge.service.monitoring.logs import OnceASecond
 from engine_bridge.service.outputs.calls import Calls
 from engine_bridge.service.protocol.header import TOPIC_BYTES
 from engine_bridge.service.security.endpoints import HANDSHAKE_SECONDS, IPAddress
 from engine_bridge.service.security.web_access import WebAccess
+from engine_bridge.service.security.web_sockets import CLOSE_SECONDS, Heartbeat, first_text, refuse
 from puppetline.errors import ServiceError
 
 PATH = "/stream"
@@ -45,9 +46,6 @@ SEND_BUFFER_BYTES = 128 * 1024
 
 HEARTBEAT_SECONDS = 20.0
 """Time without data from a client after which it must answer a ping, in seconds; it has half that time to answer."""
-
-CLOSE_SECONDS = 0.5
-"""Maximum time that closing waits for clients and for the thread, in seconds."""
 
 WRONG_TOKEN = 4401
 """Close code of a client that did not send the token."""
@@ -193,7 +191,9 @@ class WebSocketServer:
     async def _serve(self) -> None:
         server = web.Server(self._handle, access_log=None)
         listening = await self._loop.create_server(partial(self._accept, server), sock=self._socket)
+        expiring = asyncio.create_task(self._expire(server))
         await self._closing.wait()
+        expiring.cancel()
         listening.close()
         closures = [
             asyncio.create_task(each.close(code=WSCloseCode.GOING_AWAY, drain=False)) for each in self._clients.values()
@@ -203,18 +203,24 @@ class WebSocketServer:
         await server.shutdown(0)
 
     def _accept(self, server: web.Server) -> asyncio.BaseProtocol:
-        """Return the protocol of a new connection, which is closed unless it authenticates in time."""
+        """Return the protocol of a new connection."""
         if len(server.connections) - len(self._admitted) >= MAX_HANDSHAKES:
             self._refuse("too many connections without authentication")
             return _Refusing()
-        handler = server()
-        self._loop.call_later(HANDSHAKE_SECONDS, self._expire, handler)
-        return handler
+        return server()
 
-    def _expire(self, handler: web.RequestHandler) -> None:
-        if handler not in self._admitted and handler.transport is not None:
-            self._refuse("no authentication in time")
-            handler.transport.abort()
+    async def _expire(self, server: web.Server) -> None:
+        """Close the connections that have not authenticated in time; a timer for each would keep the ended ones."""
+        begun: dict[web.RequestHandler, float] = {}
+        while True:
+            now = self._loop.time()
+            waiting = [each for each in server.connections if each not in self._admitted]
+            begun = {each: begun.get(each, now) for each in waiting}
+            for handler, since in begun.items():
+                if now - since >= HANDSHAKE_SECONDS and handler.transport is not None:
+                    self._refuse("no authentication in time")
+                    handler.transport.abort()
+            await asyncio.sleep(HANDSHAKE_SECONDS / 10)
 
     def _refuse(self, reason: str, request: web.BaseRequest | None = None) -> None:
         self.counts.refused += 1
@@ -232,7 +238,7 @@ class WebSocketServer:
         if request.path != PATH:
             return _closing(web.Response(status=404, text=f"The stream is at {PATH}, a WebSocket.\n"))
         stream = web.WebSocketResponse(
-            heartbeat=HEARTBEAT_SECONDS, compress=False, max_msg_size=MAX_TEXT_BYTES, writer_limit=0
+            timeout=CLOSE_SECONDS, autoping=False, compress=False, max_msg_size=MAX_TEXT_BYTES, writer_limit=0
         )
         if not stream.can_prepare(request):
             return _closing(web.Response(status=400, text="Connect with a WebSocket.\n"))
@@ -250,15 +256,15 @@ class WebSocketServer:
         return stream
 
     async def _serve_client(self, request: web.BaseRequest, stream: web.WebSocketResponse) -> None:
-        first = await stream.receive()
-        if first.type in (WSMsgType.CLOSE, WSMsgType.CLOSING, WSMsgType.CLOSED, WSMsgType.ERROR):
+        first = await first_text(stream)
+        if stream.closed:
             return
         if not self._authenticates(first):
             self._refuse("wrong token", request)
-            await stream.close(code=WRONG_TOKEN, message=b"wrong token")
+            await refuse(request, stream, WRONG_TOKEN, b"wrong token")
         elif len(self._clients) >= self._max_clients:
             self._refuse("too many clients", request)
-            await stream.close(code=WSCloseCode.TRY_AGAIN_LATER, message=b"too many clients")
+            await refuse(request, stream, WSCloseCode.TRY_AGAIN_LATER, b"too many clients")
         else:
             client = Client(self.counts)
             self._clients[client] = stream
@@ -267,7 +273,7 @@ class WebSocketServer:
             sending = asyncio.create_task(_send(client, stream, self.counts))
             try:
                 await self._call(partial(self._service.join, client))
-                await self._receive(client, stream)
+                await self._receive(client, request, stream)
             finally:
                 sending.cancel()
                 del self._clients[client]
@@ -275,12 +281,12 @@ class WebSocketServer:
                 self.counts.clients = len(self._clients)
                 self._calls.ask(partial(self._service.leave, client))
 
-    def _authenticates(self, first: WSMessage) -> bool:
+    def _authenticates(self, first: str | None) -> bool:
         """Tell whether a client's first message is a JSON object, with the token if one is required."""
-        if first.type is not WSMsgType.TEXT:
+        if first is None:
             return False
         try:
-            values = json.loads(first.data)
+            values = json.loads(first)
         except (ValueError, RecursionError):
             return False
         if not isinstance(values, dict):
@@ -290,9 +296,9 @@ class WebSocketServer:
             return True
         return isinstance(token, str) and hmac.compare_digest(token.encode(errors="replace"), self._token)
 
-    async def _receive(self, client: Client, stream: web.WebSocketResponse) -> None:
+    async def _receive(self, client: Client, request: web.BaseRequest, stream: web.WebSocketResponse) -> None:
         """Pass on a client's messages, the next one when the service has taken the one before."""
-        async for message in stream:
+        async for message in Heartbeat(request, stream, HEARTBEAT_SECONDS).messages():
             if message.type is not WSMsgType.TEXT:
                 await stream.close(code=WSCloseCode.UNSUPPORTED_DATA, message=b"send text")
                 return

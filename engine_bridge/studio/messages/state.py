@@ -73,13 +73,26 @@ class SourceState(Table):
 
 
 class StageState(Table):
-    """A stage: skeletons per second, packets refused by reason, and the name of the take that is being recorded."""
+    """A stage.
+
+    Attributes
+    ----------
+    rate : float
+        Skeletons per second.
+    refused : dict
+        Packets that were not understood, by reason.
+    recording : str or None
+        Name of the take that is being recorded.
+    count_in : int
+        Seconds until a take begins, rounded up; 0 without a count-in.
+    """
 
     name: str
     source: str
     rate: float
     refused: dict[str, int]
     recording: str | None
+    count_in: int = 0
 
 
 class PerformerState(Table):
@@ -138,6 +151,31 @@ class TakeState(Table):
     frames: int
     bytes: int
     written: float
+
+
+class TimelineTake(Table):
+    """A take that plays on a character: the second of the timeline at which it begins, and its duration in seconds."""
+
+    character: str
+    take: str
+    at: float
+    seconds: float
+
+
+class TimelineState(Table):
+    """The timeline of the takes that play.
+
+    `position` is that of the last status, about half a second ago; while it is not `paused`, it increases by `speed`
+    per second up to `end`, where it stops, or continues at `start` if `loop` is true.
+    """
+
+    position: float
+    start: float
+    end: float
+    speed: float
+    paused: bool
+    loop: bool
+    takes: Sequence[TimelineTake]
 
 
 class FileState(Table):
@@ -210,6 +248,7 @@ class State(Table):
     performers: Sequence[PerformerState] = ()
     recording: str | None = None
     takes: Sequence[TakeState] = ()
+    timeline: TimelineState | None = None
     uploads: Sequence[UploadState] = ()
     files: Sequence[FileState] = ()
     jobs: Sequence[JobState] = ()

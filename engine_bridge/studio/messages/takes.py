@@ -1,22 +1,78 @@
-"""Requests that record, delete and export takes."""
+"""Requests that record, play, delete and export takes."""
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, FiniteFloat
 
 from engine_bridge.performance.settings import Form, PerformerFormat
 from engine_bridge.studio.messages.base import Id, JobResult, Name, Request, Seconds
 
 
 class RecordStart(Request):
-    """Begin a take of the first stage. The default `name` has the stage and the time. Result: ``{"take": name}``."""
+    """Begin a take of the first stage, after `count_in` seconds. Result: ``{"take": name}``.
+
+    The default `name` has the stage and the time. During the count-in, `StageState.count_in` is the number to show, and
+    the takes that play wait at their start.
+    """
 
     do: Literal["record_start"]
     name: Name | None = None
+    count_in: Annotated[int, Field(ge=0, le=30)] = 0
 
 
 class RecordStop(Request):
-    """End the take. Result: `TakeState`."""
+    """End the take. Result: `TakeState`; ``{}`` if only a count-in had begun."""
 
     do: Literal["record_stop"]
+
+
+class PlayTake(Request):
+    """Play a take on a character, see docs/control.md. Result: `TimelineTake`, and `note` about damage or None.
+
+    `part` is the character in the take whose performer drives it, by default that of the same name; `at` is the second
+    of the timeline at which the take begins, by default the one at which it was recorded.
+    """
+
+    do: Literal["play_take"]
+    character: Name
+    take: Name
+    part: Name | None = None
+    at: FiniteFloat | None = None
+
+
+class Pause(Request):
+    """Stop the timeline of the takes that play, or continue. Result: `TimelineState`."""
+
+    do: Literal["pause"]
+    on: bool = True
+
+
+class Seek(Request):
+    """Jump to a second of the timeline. Result: `TimelineState`."""
+
+    do: Literal["seek"]
+    seconds: FiniteFloat
+
+
+class Loop(Request):
+    """Play the takes in a loop, or not. Result: `TimelineState`."""
+
+    do: Literal["loop"]
+    on: bool = True
+
+
+class Speed(Request):
+    """Set the speed of the takes that play, from 0.1 to 4. Result: `TimelineState`."""
+
+    do: Literal["speed"]
+    factor: FiniteFloat
+
+
+class Stop(Request):
+    """Stop the take of a character, or all takes. Result: ``{"stopped": [TimelineTake, …]}``."""
+
+    do: Literal["stop"]
+    character: Name | None = None
 
 
 class DeleteTake(Request):

@@ -119,13 +119,18 @@ def test_a_recording_of_version_1_reads_as_ever(tmp_path):
 
 def test_a_clip_has_only_frames_and_the_events_have_everything(tmp_path):
     others = (
-        b'{"t": 0.5, "tick": true}\n{"t": 1, "lost": 1}\n'
+        b'{"t": 0.5, "tick": true}\n{"t": 1, "lost": 1}\n{"t": 1, "lost": 2, "again": true}\n'
         b'{"t": 1.5, "do": "mirror", "arguments": {"character": "dog"}}\n'
     )
     path = log(tmp_path, HEADER, b'{"beginning": {"a": {"b": [0.1]}}}\n', line(0.0), others, line(2.0))
     (clip,) = read(path, ReadOptions())
     np.testing.assert_array_equal(clip.times, [0.0, 2.0])
-    assert list(events(path))[1:-1] == [Tick(0.5), Lost(1.0, 1), Cue(1.5, "mirror", {"character": "dog"})]
+    assert list(events(path))[1:-1] == [
+        Tick(0.5),
+        Lost(1.0, 1),
+        Lost(1.0, 2, again=True),
+        Cue(1.5, "mirror", {"character": "dog"}),
+    ]
     assert has_old_state(path)
 
 

@@ -16,7 +16,7 @@ from capture.sensors.openni import OpenNIDevice, Selection, open_openni, parse
 from capture.sensors.openni_library import list_sensors, load_openni2
 from capture.skeleton import SkeletonFrame
 from capture.source import SilentSource
-from engine_bridge.service.stage_runner import StageRunner
+from engine_bridge.service.stages.stage_runner import StageRunner
 from puppetline.errors import SourceError
 
 from ..devices import data_of, read

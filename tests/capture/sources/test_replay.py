@@ -162,7 +162,7 @@ def test_in_a_loop_the_first_pass_is_exact_and_times_increase(tmp_path, own_cloc
         np.testing.assert_allclose(shifts, number * period, rtol=0, atol=1e-9)
         assert [key(replace(event, time=0)) for event in again] == [key(replace(event, time=0)) for event in first]
     for each in passes:  # or they would jump from the end to the beginning
-        assert each[len(written) :] == [Lost(each[len(written) - 1].time, user) for user in users]
+        assert each[len(written) :] == [Lost(each[len(written) - 1].time, user, again=True) for user in users]
     times = [event.time for event in came]
     assert times == sorted(times)
 

@@ -21,7 +21,6 @@ from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
 
 from capture.skeleton import JOINTS, SkeletonFrame
-from engine_bridge.service.character_player import CharacterPlayer, PlayerSettings
 from engine_bridge.service.monitoring.status import (
     CharacterStatus,
     ClientsStatus,
@@ -31,11 +30,14 @@ from engine_bridge.service.monitoring.status import (
     ServiceStatus,
     StageStatus,
     Status,
+    TimelineStatus,
+    TimelineTake,
     UserStatus,
 )
+from engine_bridge.service.players.character_player import CharacterPlayer, PlayerSettings
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.payloads import decode
-from engine_bridge.service.stage import Stage, StageSettings
+from engine_bridge.service.stages.stage import Stage, StageSettings
 
 TIMEOUT_SECONDS = 180.0
 """Time after which a test fails, in seconds; the first start compiles."""
@@ -369,6 +371,7 @@ def status():
             OutputStatus("osc", "127.0.0.1:9000", sent=90, bytes=2000, skipped=12, failed=1),
             OutputStatus("websocket", "ws://127.0.0.1:7402", 70, bytes=500, skipped=5, failed=0, clients=2, refused=4),
         ],
+        timeline=TimelineStatus(1.25, 0.0, 9.5, 0.5, False, True, [TimelineTake("cat", "rehearsal", 0.5, 9.0)]),
     )
 
 
@@ -376,4 +379,4 @@ def status():
 def silent(status):
     """Return a status without performers, characters and outputs."""
     stage = replace(status.stages[0], latency_ms=LatencyStatus(), users=[], refused={}, recording=None)
-    return replace(status, stages=[stage], characters=[], outputs=[])
+    return replace(status, stages=[stage], characters=[], outputs=[], timeline=None)

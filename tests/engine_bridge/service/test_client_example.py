@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from engine_bridge.export.live_basis import LiveBasis
 from engine_bridge.performance.rig import load_rig
-from engine_bridge.service.character_player import CharacterPlayer, PlayerSettings
+from engine_bridge.service.players.character_player import CharacterPlayer, PlayerSettings
 from engine_bridge.service.protocol.frame import StreamedCharacter
-from engine_bridge.service.stage import Stage, StageSettings
-from engine_bridge.service.stage_runner import StageRunner
+from engine_bridge.service.stages.stage import Stage, StageSettings
+from engine_bridge.service.stages.stage_runner import StageRunner
 from engine_bridge.service.states import STATES
 
 from ...conftest import ROOT

@@ -9,12 +9,12 @@ import pytest
 from capture.events import TICK_SECONDS, Cue
 from engine_bridge.performance.performance import Performance
 from engine_bridge.puppet.puppet import RootTable, with_handle
-from engine_bridge.service.character_player import PlayerSettings
+from engine_bridge.service.players.character_player import PlayerSettings
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.scene import Scene
-from engine_bridge.service.stage_runner import PREPARATION_SECONDS
+from engine_bridge.service.stages.stage import PREPARATION_SECONDS
 
-from .stages import largest_step, replay, ticks, with_beginnings
+from .stage_steps import largest_step, replay, ticks, with_beginnings
 
 EASE = PlayerSettings().ease
 

@@ -321,7 +321,9 @@ def test_a_reload_ends_a_take_and_every_reload_request_is_answered(playing, tmp_
     assert (tmp_path / "takes" / "short.log").read_bytes().endswith(b"}\n")
 
 
-@pytest.mark.parametrize("loaded", ["engine_bridge.service.signals", "numpy", "zmq", "engine_bridge.service.service"])
+@pytest.mark.parametrize(
+    "loaded", ["engine_bridge.service.system_signals", "numpy", "zmq", "engine_bridge.service.service"]
+)
 def test_a_stop_during_the_start_ends_it_cleanly(blob_puppet, sender, loaded):
     command = [sys.executable, "-m", "puppetline", *SERVE, "--puppet", blob_puppet, "--source", sender.uri]
     told = os.environ | {"PYTHONPROFILEIMPORTTIME": "1"}  # each module on standard error, as soon as it is loaded

@@ -491,3 +491,16 @@ def test_a_copied_deformer_starts_at_rest_and_is_independent(bound):
     twin = bound()
     twin.solve(pulled(deformer, 1))
     np.testing.assert_array_equal(deformer.solve(pulled(deformer, 3)), twin.solve(pulled(deformer, 3)))
+
+
+@pytest.mark.parametrize("mode", ["covariance", "triangles"])
+def test_a_deformer_that_resumes_a_state_continues_with_the_same_frames(bound, mode):
+    deformer, other = bound(mode=mode), bound(mode=mode)
+    deformer.solve(pulled(deformer, 1))
+    state = deformer.state
+    following = [deformer.solve(pulled(deformer, seed)) for seed in (2, 3)]
+    other.solve(pulled(deformer, 4))
+    other.resume(state)
+    np.testing.assert_array_equal([other.solve(pulled(deformer, seed)) for seed in (2, 3)], following)
+    other.resume(bound(mode=mode).state)
+    np.testing.assert_array_equal(other.solve(pulled(deformer, 1)), bound(mode=mode).solve(pulled(deformer, 1)))

@@ -425,11 +425,16 @@ def test_the_page_shows_what_the_service_says(serve, blob_puppet):
     with zmq.Context() as context, context.socket(zmq.REQ) as client:
         client.linger = 0
         client.connect(service.control)
-        service.client("dog/controls").until(lambda message: message.header.state == 2)  # performing
+        frames = service.client("dog/controls")
+        frames.until(lambda message: message.header.state == 2)  # performing
         for body, shown in zip(blocks[::2], map(json.loads, blocks[1::2]), strict=True):
             client.send(body.encode())
             reply = json.loads(heard(client)[0])
             assert_well_formed(reply)
             assert reply == shown if not shown["ok"] else same_shape(reply, shown), (body, reply)
             assert reply["id"] == shown["id"]
+            if "record_start" in body:
+                frames.pending()
+                for _ in range(20):  # so that the take has motion
+                    frames.until(lambda message: True)
     service.stop()

@@ -24,7 +24,7 @@ def stream():
 
 @pytest.fixture
 def log():
-    return logging.getLogger("engine_bridge.service.stage")
+    return logging.getLogger("engine_bridge.service.stages.stage")
 
 
 def test_json_is_one_object_a_line_with_time_level_logger_event_and_fields(stream, log):
@@ -37,7 +37,7 @@ def test_json_is_one_object_a_line_with_time_level_logger_event_and_fields(strea
     assert abs((moment - before).total_seconds()) < 60
     assert first == {
         "level": "info",
-        "logger": "engine_bridge.service.stage",
+        "logger": "engine_bridge.service.stages.stage",
         "event": "performer found\nand kept",
         "fields": {"stage": "kinect", "user": 3, "name": "é"},
     }
@@ -48,7 +48,8 @@ def test_text_is_one_line_to_read(stream, log):
     setup("text", stream=stream)
     log.info("performer found", extra=fields(stage="kinect", user=3))
     assert re.fullmatch(
-        r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3} info     service\.stage: performer found \(stage=kinect, user=3\)\n",
+        r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3} info     "
+        r"service\.stages\.stage: performer found \(stage=kinect, user=3\)\n",
         stream.getvalue(),
     )
 
@@ -85,7 +86,7 @@ def test_records_below_the_level_are_left_out_and_a_second_setup_replaces_the_fi
     setup("text", "warning", stream)
     log.info("quiet")
     log.warning("loud")
-    assert stream.getvalue().splitlines()[0].endswith("service.stage: loud")
+    assert stream.getvalue().splitlines()[0].endswith("service.stages.stage: loud")
     assert stream.getvalue().count("\n") == 1
 
 

@@ -1,6 +1,7 @@
 import io
 import threading
 import time
+from dataclasses import replace
 
 import pytest
 from rich.console import Console
@@ -25,6 +26,8 @@ def test_the_table_has_sources_users_rates_percentiles_clients_and_drops(status)
         "character state performer frames/s frames residual limited",
         "dog performing 1 29.9 890 0.012 7",
         "cat waiting – 0.0 10 – –",
+        "take character from s to s now s speed",
+        "rehearsal cat 0.5 9.5 1.2 0.5, loop",
         "output clients sent skipped failed",
         "zeromq tcp://127.0.0.1:7400 – 5000 – 0",
         "osc 127.0.0.1:9000 – 90 12 1",
@@ -46,6 +49,14 @@ def test_in_lines_there_is_one_for_the_service_and_one_for_each_stage(status):
         "  kinect (osc:7110): 30.0 frames/s, latency p50 1.23 p99 – ms, 2 users, 4 dropped, 3 refused, "
         "recording evening"
     )
+
+
+def test_a_count_in_and_a_pause_are_shown(status):
+    stage = replace(status.stages[0], recording=None, count_in=3)
+    paused = replace(status, stages=[stage], timeline=replace(status.timeline, paused=True))
+    assert "kinect osc:7110 3… 2 30.0 1.23 2.50 – 9.00 4 2 [red]not OSC, 1 short" in drawn(paused)
+    assert "rehearsal cat 0.5 9.5 1.2 paused" in drawn(paused)
+    assert lines(paused)[1].endswith(", recording in 3 s")
 
 
 def show_all(console, statuses):

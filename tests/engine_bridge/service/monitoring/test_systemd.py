@@ -161,7 +161,7 @@ def test_files_kept_between_runs_are_in_folders_that_the_unit_may_write_to(tmp_p
     owned = {key: value for key, _, value in settings if key in ("CacheDirectory", "StateDirectory")}
     code = (
         "from engine_bridge.performance.rig import cache_folder\n"
-        "from engine_bridge.service.calibration_store import state_file\n"
+        "from engine_bridge.service.stages.calibration_store import state_file\n"
         "print(cache_folder(), state_file())"
     )
     # numba's own folder is as good as none here, where /var/cache may not be written to

@@ -1,0 +1,1 @@
+"""Loading of the service file, its stages and its characters."""

@@ -1,0 +1,1 @@
+"""The players of characters: calibration, retargeting and easing of one character each."""

@@ -1,0 +1,468 @@
+"""One character: its performer, its calibrations and mapping, and its motion without a performer.
+
+Every change (a performer arrives, leaves or is calibrated again, or mirroring is switched) changes what handles and
+bones follow. They ease from where they were last shown, see `easing`.
+"""
+
+import math
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.events import TICK_SECONDS
+from capture.sensor_tilt import MIN_TILT_CHANGE, SensorTilt, estimate_tilt
+from capture.skeleton import SkeletonFrame
+from capture.smoothing import JointFilter
+from engine_bridge.performance.idle import IdleRecording, TargetPose
+from engine_bridge.performance.performer_calibration import Calibration, places_of, rows_of
+from engine_bridge.performance.retargeting import Retargeting
+from engine_bridge.puppet.puppet import Puppet
+from engine_bridge.service.players.automatic_calibration import AutomaticCalibration, Calibrate
+from engine_bridge.service.players.pose_display import Appearance, PoseDisplay
+from engine_bridge.service.players.prepared_calibration import PreparedCalibration
+from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.states import State
+from puppetline.errors import ServiceError
+from solver.motion.deformer import Deformer
+
+MAX_REMEMBERED = 16
+"""Maximum number of performers whose calibration is kept after they have left."""
+
+
+@dataclass(frozen=True)
+class PlayerSettings:
+    """Settings of how a character is calibrated and eased.
+
+    Attributes
+    ----------
+    calibrate : {"still", "at_once", "command"}
+    ease : float
+        Duration of easing, in seconds.
+    remember : float
+        Time within which a returning performer resumes without a calibration, in seconds.
+    tilt, height : float or None
+        Tilt in degrees and height in metres of the sensor, see `SensorTilt`; None detects them.
+    """
+
+    calibrate: Calibrate = "still"
+    ease: float = 0.8
+    remember: float = 30.0
+    tilt: float | None = None
+    height: float | None = None
+
+
+class CharacterPlayer:
+    """A character and its performer.
+
+    A calibration takes time to compute. It waits in `next_calibration` until `begin` is called, so that the caller
+    decides when, and a take can record when it was.
+
+    Parameters
+    ----------
+    character : StreamedCharacter
+    settings : PlayerSettings
+    executor : Executor
+        Computes calibrations while the stream continues.
+    idle : Path, optional
+        Idle recording: the character's motion without a performer; its rest pose by default.
+
+    Attributes
+    ----------
+    follows_take : bool
+        Whether a take drives the character instead of a performer.
+    display : PoseDisplay
+
+    Raises
+    ------
+    PuppetlineError
+        The recording cannot be read, or the character cannot be solved.
+    """
+
+    def __init__(
+        self, character: StreamedCharacter, settings: PlayerSettings, executor: Executor, idle: Path | None = None
+    ) -> None:
+        rig = character.rig
+        self.character = character
+        self.user: int | None = None
+        self.state: State = "waiting"
+        self.mirror = rig.puppet.retarget.mirror
+        self.follows_take = False
+        self._settings, self._executor = settings, executor
+        self.display = PoseDisplay(rig, settings.ease, idle)
+        self.next_calibration: PreparedCalibration | None = None
+        self._current: PreparedCalibration | None = None
+        self._retargeting: Retargeting | None = None  # of the current calibration
+        self._held: TargetPose | None = None
+        self._watched = JointFilter(rig.puppet.smoothing.parameters)  # before the calibration
+        self._automatic = AutomaticCalibration(settings.calibrate)
+        self._sensor = SensorTilt(settings.tilt or 0.0, settings.height or 0.0)
+        self._floor: SensorTilt | None = None  # measured from the floor in the image
+        self._remembered: dict[int, tuple[Calibration, float]] = {}
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """The calibration in use; None without a performer."""
+        return None if self._current is None else self._current.calibration
+
+    @property
+    def sensor(self) -> SensorTilt:
+        """Position of the sensor; values that are not known are zero."""
+        return self._sensor
+
+    def enter(self, user: int, time: float) -> None:
+        """Assign a performer to the character."""
+        self.user, self.state = user, "calibrating"
+        self._watched.reset()
+        calibration, left = self._remembered.pop(user, (None, 0.0))
+        if calibration is not None and self._floor is not None:
+            stands = self._with_settings(self._floor)
+            calibration = (
+                calibration if calibration.sensor.near(stands, *MIN_TILT_CHANGE) else None
+            )  # the sensor was moved
+        if calibration is not None and time - left > self._settings.remember:
+            calibration = None
+        self._automatic.enter(returning=calibration is not None)
+        if calibration is not None:
+            self._prepare(calibration, time)
+
+    def leave(self, time: float) -> None:
+        """Remove the performer; the character eases into its idle motion."""
+        self.remember(self.remembered())
+        self.state = "waiting"
+        if self._current is not None or self._held is not None:
+            self.state = "leaving"
+            self.display.idle_since = time
+            self.display.ease(time)
+        self.user = self._current = self._retargeting = self._held = None
+        self._drop_next()
+
+    def begin_again(self, time: float) -> None:
+        """Ease to where the performer is next, because a recording begins again."""
+        self._automatic.forget()
+        self._watched.reset()
+        if self._current is not None:
+            self._retargeting = self._current.retargeting()
+        self.display.ease(time)
+
+    def set_sensor(self, sensor: SensorTilt, time: float) -> None:
+        """Set the position of the sensor, which was measured from the floor in the image.
+
+        It applies immediately without a calibration, otherwise with the next one. If the first measurement differs from
+        the position in the present calibration, that calibration is prepared again.
+        """
+        first, self._floor, sensor = self._floor is None, sensor, self._with_settings(sensor)
+        prepared = self.next_calibration or self._current
+        if first and prepared is not None and not sensor.near(prepared.calibration.sensor, *MIN_TILT_CHANGE):
+            self._prepare(Calibration(prepared.calibration.rest, sensor), time)
+        if self._current is None:
+            self._sensor = sensor
+            self._watched.reset()
+
+    def calibrate(self, time: float) -> bool:
+        """Calibrate with the performer's present pose; return False if too little of it is known."""
+        pose = None if self.user is None else self._automatic.present_pose()
+        if pose is None:
+            return False
+        self._calibrate(pose, time)
+        return True
+
+    def set_mirror(self, mirror: bool, time: float) -> None:
+        """Turn mirroring on or off."""
+        self.mirror = mirror
+        prepared = self.next_calibration or self._current
+        if prepared is not None:
+            self._prepare(prepared.calibration, time)
+
+    def remap(self, puppet: Puppet, time: float) -> None:
+        """Apply the mapping of another puppet with the same handles, as soon as it is computed.
+
+        The idle motion is not computed here: see `make_idle` and `take_idle`.
+        """
+        self.character = self.character.remapped(puppet)
+        prepared = self.next_calibration or self._current
+        if prepared is not None:
+            self._prepare(prepared.calibration, time)
+
+    def make_idle(self) -> IdleRecording | None:
+        """Compute the idle motion with the present mapping, which may take a second."""
+        return self.display.make_idle(self.character.rig)
+
+    def take_idle(self, idle: IdleRecording | None, time: float) -> None:
+        """Ease into a new idle motion, unless the mapping has changed since it was computed."""
+        display = self.display
+        if display.idle is None or idle is None or idle.puppet is display.idle.puppet:
+            return  # several edits in a row are computed and eased once
+        if idle.puppet is self.character.rig.puppet:
+            display.idle = idle
+            if self._current is None:
+                display.ease(time)
+
+    @property
+    def settled(self) -> bool:
+        """Whether the mapping is applied: for a moment after an edit, the character still moves as before."""
+        return all(
+            each is None or each.puppet is self.character.rig.puppet for each in (self._current, self.display.idle)
+        )
+
+    def begin(self, time: float, recorded: Mapping[str, Any] | None = None) -> None:
+        """Use the calibration that was requested last, after waiting for it if necessary.
+
+        Parameters
+        ----------
+        time : float
+        recorded : mapping, optional
+            `PreparedCalibration.to_json` of the calibration in a take, used instead of the one that was requested.
+
+        Raises
+        ------
+        ServiceError
+            It could not be computed; nothing changes.
+        """
+        if recorded is not None and self.user is not None:
+            self._take_recorded(recorded, time)
+        prepared, self.next_calibration = self.next_calibration, None
+        if prepared is None:
+            return
+        try:
+            retargeting = prepared.retargeting()
+        except Exception as error:  # an impossible pose; the next second without motion gives another one
+            raise ServiceError(
+                self.character.name,
+                found=f"a performer who cannot be calibrated ({type(error).__name__}: {error})",
+                expected="the pose of a body",
+                fix="Stand still again, completely in view.",
+            ) from error
+        self._current, self._retargeting, self._held = prepared, retargeting, None
+        self._sensor = prepared.calibration.sensor
+        self.state = "performing"
+        self.display.ease(time)
+
+    def _take_recorded(self, recorded: Mapping[str, Any], time: float) -> None:
+        """Prepare the calibration of a take, unless it is the one that is already prepared."""
+        if self.next_calibration is not None and self.next_calibration.to_json() == recorded:
+            return
+        try:
+            prepared = self._recorded_calibration(recorded, time)
+        except (KeyError, TypeError, ValueError) as error:
+            raise ServiceError(
+                self.character.name,
+                found=f"a damaged calibration in a take ({type(error).__name__}: {error})",
+                expected="a take as it was recorded",
+                fix="Remove this cue from the take.",
+            ) from error
+        self._drop_next()
+        self.next_calibration = prepared
+
+    def perform(self, frame: SkeletonFrame, received: int) -> Frame:
+        """Return the character's frame for a frame of the performer.
+
+        Parameters
+        ----------
+        frame : SkeletonFrame
+            Later than the one before; sensor coordinates.
+        received : int
+            `time.monotonic_ns` at which it arrived.
+        """
+        self._automatic.add(frame)
+        if self.next_calibration is None:
+            rest = None if self._current is None else self._current.calibration.rest
+            pose = self._automatic.due(rest, self._directs)
+            if pose is not None:
+                self._calibrate(pose, frame.time)
+        levelled = self._sensor.levelled(frame)
+        if self._retargeting is None:
+            seen = replace(levelled, positions=self._watched.step(frame.time, levelled.positions, frame.confidence))
+            return self._show(frame.time, received, self._idle_places(frame.time), seen)
+        aim = self._retargeting.step(levelled)
+        places = TargetPose(aim.targets, aim.motions, aim.root)
+        return self._show(frame.time, received, places, replace(levelled, positions=aim.joints))
+
+    def pass_time(self, time: float, received: int) -> Frame | None:
+        """Return a frame without a performer; None while there is one, or if it is too early for another frame."""
+        if self.user is not None or self.follows_take or time - self.display.easing.shown_at < 0.75 * TICK_SECONDS:
+            return None
+        if self.state == "leaving" and self.display.easing.finished(time):
+            self.state = "waiting"
+        return self._show(time, received, self._idle_places(time), None)
+
+    def follow_take(self, time: float) -> None:
+        """Ease into a take, or into another moment of it; until `release`, only `show_take` returns frames."""
+        self.follows_take = True
+        self.display.ease(time)
+
+    def show_take(
+        self, time: float, received: int, wanted: Appearance, solved: tuple[Deformer, NDArray[np.float64]]
+    ) -> Frame:
+        """Return the frame of a take's appearance, see `PoseDisplay.show`."""
+        self.state = wanted.state
+        return self.display.show(self.character, max(time, self.display.easing.shown_at), received, wanted, solved)
+
+    def release(self, time: float) -> None:
+        """Ease from a take into the idle motion."""
+        self.follows_take, self.state, self.display.idle_since = False, "leaving", time
+        self.display.ease(time)
+
+    def another(self) -> "CharacterPlayer":
+        """Return a player of the same character, idle motion and settings, without a performer.
+
+        It calibrates at once.
+        """
+        other = CharacterPlayer(self.character, replace(self._settings, calibrate="at_once"), self._executor)
+        other.display.idle = self.display.idle
+        return other
+
+    @property
+    def _directs(self) -> bool:
+        """Whether limbs follow directions, which need no rest pose."""
+        return any(limb.follow == "direction" for limb in self.character.rig.puppet.limb)
+
+    def _calibrate(self, rest: NDArray[np.float64], time: float) -> None:
+        found = self._floor or estimate_tilt(rest) or self._sensor
+        self._prepare(Calibration(rest, self._with_settings(found)), time)
+
+    def _with_settings(self, found: SensorTilt) -> SensorTilt:
+        """Return the position of the sensor; the settings override what was detected."""
+        tilt, height = self._settings.tilt, self._settings.height
+        return SensorTilt(found.tilt if tilt is None else tilt, found.height if height is None else height, found.roll)
+
+    def _prepare(self, calibration: Calibration, time: float) -> None:
+        """Start to compute a retargeting, in place of one that is not in use yet; the stream continues meanwhile."""
+        self._drop_next()
+        self.next_calibration = self._preparing(calibration, self.mirror, time)
+
+    def _drop_next(self) -> None:
+        if self.next_calibration is not None:
+            self.next_calibration.working.cancel()
+        self.next_calibration = None
+
+    def _preparing(self, calibration: Calibration, mirror: bool, asked: float) -> PreparedCalibration:
+        puppet = self.character.rig.puppet
+        return PreparedCalibration(
+            calibration, mirror, asked, puppet, self._executor.submit(self._retarget, puppet, calibration, mirror)
+        )
+
+    def _retarget(self, puppet: Puppet, calibration: Calibration, mirror: bool) -> Retargeting:
+        retarget = puppet.retarget.model_copy(update={"mirror": mirror})
+        puppet = puppet.model_copy(update={"retarget": retarget})
+        return Retargeting(
+            puppet, self.character.rig.mesh, self.display.deformer, calibration.sensor.upright(calibration.rest)
+        )
+
+    def _idle_places(self, time: float) -> TargetPose:
+        """Return the target pose without a performer's motion."""
+        return self.display.idle_pose(time) if self._held is None else self._held
+
+    def _show(self, time: float, received: int, pose: TargetPose, seen: SkeletonFrame | None) -> Frame:
+        return self.display.show(self.character, time, received, Appearance(pose, self.state, self.user, seen))
+
+    def remembered(self) -> dict[int, tuple[Calibration, float]]:
+        """Return the calibrations of present and former performers, and when each was last shown."""
+        prepared = self._current or self.next_calibration
+        if self.user is None or prepared is None:
+            return self._remembered
+        return self._remembered | {self.user: (prepared.calibration, self.display.easing.shown_at)}
+
+    def remember(self, known: dict[int, tuple[Calibration, float]]) -> None:
+        """Keep calibrations, up to the last `MAX_REMEMBERED`."""
+        self._remembered = dict(list(known.items())[-MAX_REMEMBERED:])
+
+    def succeed(self, other: "CharacterPlayer") -> None:
+        """Take over the performer, the calibrations and the shown pose from the player that a reload replaces."""
+        if self.character.rig.puppet.retarget.mirror == other.character.rig.puppet.retarget.mirror:
+            self.mirror = other.mirror
+        self.remember(other.remembered())
+        self._sensor, self._floor = other._sensor, other._floor
+        self.display.succeed(other.display, self.character, other.character)
+        self.state = "leaving" if other.user is None else "waiting"
+        if other.user is not None:
+            playing = other._current is not None
+            self.enter(other.user, self.display.easing.shown_at)
+            self._held = self.display.easing.shown if playing and self.next_calibration is not None else None
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return the performer and the calibrations as values of JSON's types, for `resume`.
+
+        Filters are not included.
+        """
+        return {
+            "user": self.user,
+            "state": self.state,
+            "mirror": self.mirror,
+            "manner": asdict(self._settings),
+            "sensor": asdict(self._sensor),
+            "floor": None if self._floor is None else asdict(self._floor),
+            "calibration": None if self._current is None else self._current.to_json(),
+            "standing": [] if self._retargeting is None else rows_of(self._retargeting.standing),
+            "next_calibration": None if self.next_calibration is None else self.next_calibration.to_json(),
+            "remembered": [
+                {"user": user, "left": left, **known.to_json()} for user, (known, left) in self._remembered.items()
+            ],
+            "shown_at": _finite(self.display.easing.shown_at),
+            "idle_since": _finite(self.display.idle_since),
+            "eased_since": _finite(self.display.easing.since),
+        }
+
+    def resume(self, snapshot: Mapping[str, Any], time: float, shift: float) -> None:
+        """Continue from a value of `snapshot`; filters start again.
+
+        Parameters
+        ----------
+        snapshot : mapping
+        time : float
+        shift : float
+            Seconds to add to the times of the snapshot.
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            The value is not a snapshot.
+        """
+        state: State = "waiting" if snapshot["user"] is None else "calibrating"
+        prepared = (
+            None if snapshot["calibration"] is None else self._recorded_calibration(snapshot["calibration"], time)
+        )
+        retargeting = None if prepared is None else prepared.retargeting()
+        if retargeting is not None:
+            retargeting.stand(places_of(snapshot["standing"]))
+            state = "performing"
+        elif snapshot["state"] == "leaving":
+            state = "leaving"
+        following = snapshot["next_calibration"]
+        remembered = {
+            int(each["user"]): (Calibration.of_json(each), float(each["left"]) + shift)
+            for each in snapshot["remembered"]
+        }
+        shown_at, idle_since, eased_since = (
+            -math.inf if snapshot[name] is None else float(snapshot[name]) + shift
+            for name in ("shown_at", "idle_since", "eased_since")
+        )
+        self._settings = PlayerSettings(**snapshot["manner"])
+        display = self.display
+        display.easing.seconds, self._automatic.calibrate = self._settings.ease, self._settings.calibrate
+        self._sensor = SensorTilt.of_json(snapshot["sensor"])
+        self._floor = None if snapshot["floor"] is None else SensorTilt.of_json(snapshot["floor"])
+        self.mirror, self.user, self.state = bool(snapshot["mirror"]), snapshot["user"], state
+        self._drop_next()
+        self._current, self._retargeting = prepared, retargeting
+        self.next_calibration = None if following is None else self._recorded_calibration(following, time)
+        self._held = None
+        self._watched.reset()
+        self._automatic.forget()
+        self.remember(remembered)
+        display.ease(time)
+        if not display.sequence:  # nothing is shown yet that it could ease from
+            display.easing.since = eased_since
+        display.easing.shown_at, display.idle_since = shown_at, idle_since
+
+    def _recorded_calibration(self, recorded: Mapping[str, Any], asked: float) -> PreparedCalibration:
+        return self._preparing(Calibration.of_json(recorded), bool(recorded["mirror"]), asked)
+
+
+def _finite(time: float) -> float | None:
+    """Return a time; None for infinity, which JSON cannot represent."""
+    return time if math.isfinite(time) else None

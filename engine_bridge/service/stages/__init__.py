@@ -1,0 +1,1 @@
+"""Stages: a source of skeletons, and the characters that its performers drive."""

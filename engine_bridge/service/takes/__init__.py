@@ -1,0 +1,1 @@
+"""Takes that the service records."""

@@ -1,0 +1,107 @@
+"""The motion of a character in a take, which is computed once, so that it can be played from any moment."""
+
+from bisect import bisect_right
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.service.players.character_player import CharacterPlayer
+from engine_bridge.service.players.pose_display import Appearance
+from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.takes.take_stage import TakeStage
+from puppetline.errors import ServiceError
+from solver.motion.deformer import Deformer, DeformerState
+
+STATE_FRAMES = 64
+"""Number of frames from one stored state of the deformer to the next; a jump computes up to this many frames."""
+
+MAX_FRAMES = 54_000
+"""Maximum number of frames of a take that plays: half an hour at 30 frames per second, which takes about 130 MB."""
+
+
+class TakeTrack:
+    """A character's motion in a take.
+
+    Each frame is computed from the one before it, as the live character's frames are. Stored states make any frame
+    reachable with the same result.
+
+    Parameters
+    ----------
+    player : CharacterPlayer
+        The live character; only its character, settings and idle motion are used, in any thread.
+    path : Path
+        A take, or any recording.
+    part : str, optional
+        Name of the character in the take whose performer drives this one; the character's own by default.
+
+    Attributes
+    ----------
+    take : str
+    path : Path
+    part : str or None
+    character : StreamedCharacter
+    times : list of float
+        Times of the frames, in seconds since the take's first event.
+    offset : float
+        Second of the timeline at which the take began, see `TakeStage`.
+    note : str
+        The first error in the take; empty for an undamaged take.
+
+    Raises
+    ------
+    PuppetlineError
+        The take cannot be read, is one of other characters, has no motion, or is too long.
+    """
+
+    def __init__(self, player: CharacterPlayer, path: Path, part: str | None = None) -> None:
+        self.take, self.path, self.part, self.character = path.stem, path, part, player.character
+        self.times: list[float] = []
+        self._frames: list[Appearance] = []
+        self._states: list[DeformerState] = []
+        other = player.another()
+        self._deformer = other.display.deformer
+        stage, state = TakeStage(other, path, part), self._deformer.state
+        for time in stage.frames():
+            if len(self.times) % STATE_FRAMES == 0:
+                self._states.append(state)
+            if len(self.times) == MAX_FRAMES:
+                raise _error(path, f"a take of more than {MAX_FRAMES} frames", "a shorter take", "Trim it first.")
+            self.times.append(time)
+            assert other.display.shown is not None  # noqa: S101 - the stage has shown a frame
+            self._frames.append(other.display.shown)
+            if len(self.times) % STATE_FRAMES == 0:
+                state = self._deformer.state
+        self.offset, self.note = stage.offset, stage.note
+        if not self.times:
+            raise _error(path, "a take without motion", "frames of a performer", stage.note or "Record it again.")
+        self._next, self._solved = len(self.times), np.empty(0)
+
+    @property
+    def seconds(self) -> float:
+        """Time of the last frame."""
+        return self.times[-1]
+
+    def fits(self, character: StreamedCharacter) -> bool:
+        """Tell whether a character can show the frames; its mapping may have changed since they were computed."""
+        ours, theirs = self.character.rig, character.rig
+        return ours.model is theirs.model and len(ours.puppet.handle) == len(theirs.puppet.handle)
+
+    def index(self, seconds: float) -> int:
+        """Return the number of the frame that is shown at a time: the last one that is not later, or the first."""
+        return max(0, bisect_right(self.times, seconds) - 1)
+
+    def frame(self, number: int) -> tuple[Appearance, tuple[Deformer, NDArray[np.float64]]]:
+        """Return what a frame shows, and what this track's deformer has computed for it."""
+        if not self._next - 1 <= number < self._next + STATE_FRAMES or not len(self._solved):
+            block = number // STATE_FRAMES
+            self._deformer.resume(self._states[block])
+            self._next = block * STATE_FRAMES
+        for each in self._frames[self._next : number + 1]:
+            self._solved = self._deformer.solve(each.pose.targets, each.pose.motions)
+        self._next = number + 1
+        return self._frames[number], (self._deformer, self._solved)
+
+
+def _error(path: Path, found: str, expected: str, fix: str) -> ServiceError:
+    return ServiceError(f"take {path.stem!r}", found=found, expected=expected, fix=fix)

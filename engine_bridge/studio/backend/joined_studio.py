@@ -1,0 +1,154 @@
+"""A studio for a service that runs elsewhere: shows its characters, maps their handles, calibrates and records.
+
+The files of the service are on its machine. Therefore nothing is opened, closed, exported or downloaded here.
+"""
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Never
+
+from engine_bridge.studio import messages
+from engine_bridge.studio.backend.backend import Backend
+from engine_bridge.studio.backend.joined_mapping import puppet_of, requests_of
+from engine_bridge.studio.backend.page_state import state_of, version_of
+from engine_bridge.studio.messages import CharacterState, PuppetReply, SourceState, State, TakeState
+from engine_bridge.studio.project.workspace import Workspace
+from engine_bridge.studio.service.chosen_source import ChosenSource
+from engine_bridge.studio.service.joined_service import JoinedService
+from puppetline.errors import PuppetlineError, ServiceError
+
+MAPPING_SECONDS = 1.0
+"""Interval at which the service is asked for mappings and takes, which other clients may change, in seconds."""
+
+
+class JoinedStudio(Backend):
+    """The backend of the page for a service that runs elsewhere.
+
+    Parameters
+    ----------
+    workspace : Workspace
+        It stays empty.
+    service : JoinedService
+    invite : callable
+        Returns an address with a new one-time token.
+    """
+
+    joined = True
+    service: JoinedService
+
+    def __init__(self, workspace: Workspace, service: JoinedService, invite: Callable[[], str]) -> None:
+        super().__init__(workspace, service, invite)
+        self._mappings: dict[str, dict[str, Any]] = {}
+        self._takes: list[TakeState] = []
+        self._editing = asyncio.Lock()
+        self._poller = asyncio.create_task(self._poll())
+
+    @property
+    def state(self) -> State:
+        """The whole state."""
+        stages = self.service.status.get("stages", [])
+        source = ", ".join(each["source"] for each in stages)
+        playing = ChosenSource(source, SourceState(uri=source, kind="live", name=source, text=source))
+        characters = [
+            _character(each, self._mappings[name])
+            for name, each in self.service.described.items()
+            if name in self._mappings
+        ]
+        recording = next((each["recording"] for each in stages if each["recording"] is not None), None)
+        return state_of(characters, playing, self.service, self._takes, self.workspace, [], recording)
+
+    async def receive(self, name: str, path: Path) -> Never:
+        """Refuse a file."""
+        self.workspace.discard(path)
+        raise _elsewhere(name)
+
+    async def close(self) -> None:
+        """End the connection."""
+        self._poller.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await self._poller
+        await super().close()
+
+    async def _refuse(self, asked: messages.Request) -> Never:
+        raise _elsewhere(f"the request {getattr(asked, 'do', '')}")
+
+    async def _do_puppet(self, asked: messages.GetPuppet) -> dict[str, Any]:
+        return self._took(await self.service.mapping(asked.character))
+
+    async def _do_edit(self, asked: messages.Edit) -> dict[str, Any]:
+        async with self._editing:
+            before = puppet_of(await self.service.mapping(asked.character))
+            for do, arguments in list(requests_of(before, asked.puppet)):
+                await self.service.request(do, character=asked.character, **arguments)
+            return await self._mapped(asked.character)
+
+    async def _do_save_puppet(self, asked: messages.SavePuppet) -> dict[str, Any]:
+        self._took(await self.service.request("save_puppet", character=asked.character))
+        return {"character": asked.character, "name": "", "file": ""}
+
+    async def _do_revert_puppet(self, asked: messages.RevertPuppet) -> dict[str, Any]:
+        return self._took(await self.service.request("revert_puppet", character=asked.character))
+
+    async def _do_record_start(self, asked: messages.RecordStart) -> dict[str, Any]:
+        begun = await self._begin_take(asked)
+        await self.service.refresh()
+        return {"take": begun["take"]}
+
+    async def _do_record_stop(self, _: messages.RecordStop) -> dict[str, Any]:
+        stages = [each["name"] for each in self.service.status.get("stages", []) if each["recording"] is not None]
+        ended = await self.service.request("record_stop", **({"stage": stages[0]} if stages else {}))
+        await self.service.refresh()
+        await self._list_takes()
+        take = next((each for each in self._takes if each.name == ended["take"]), None)
+        return {} if take is None else take.model_dump(mode="json")
+
+    async def _mapped(self, character: str) -> dict[str, Any]:
+        return self._took(await self.service.mapping(character))
+
+    def _took(self, mapping: dict[str, Any]) -> dict[str, Any]:
+        """Keep a character's mapping, and return it as a puppet."""
+        if self._mappings.get(mapping["character"]) != mapping:
+            self._mappings[mapping["character"]] = mapping
+            self.changed()
+        return PuppetReply(
+            character=mapping["character"], puppet=puppet_of(mapping), saved=mapping["saved"]
+        ).model_dump(mode="json")
+
+    async def _list_takes(self) -> None:
+        listed = (await self.service.request("list"))["takes"]
+        takes = [TakeState(seconds=None, frames=0, **each) for each in listed]
+        if takes != self._takes:
+            self._takes = takes
+            self.changed()
+
+    async def _poll(self) -> None:
+        while True:
+            with contextlib.suppress(PuppetlineError):
+                for name in list(self.service.described):
+                    await self._mapped(name)
+                if self.service.status:
+                    await self._list_takes()
+            await asyncio.sleep(MAPPING_SECONDS if self._mappings else MAPPING_SECONDS / 10)
+
+
+def _character(described: dict[str, Any], mapping: dict[str, Any]) -> CharacterState:
+    return CharacterState(
+        name=described["name"],
+        title=described["name"],
+        limbs=[each["name"] for each in mapping["limbs"]],
+        handles=[each["name"] for each in mapping["handles"]],
+        version=version_of(mapping),
+        saved=mapping["saved"],
+        **{key: described[key] for key in ("stage", "vertices", "triangles", "performer", "state", "mirror")},
+    )
+
+
+def _elsewhere(where: str) -> ServiceError:
+    return ServiceError(
+        where,
+        found="a service that was started elsewhere",
+        expected="a service of the studio",
+        fix="Change the files on the service's machine, or start puppetline studio without --service.",
+    )

@@ -1,0 +1,389 @@
+"""The studio: carries out requests, and keeps the state that all pages show."""
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Awaitable, Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from capture.sources.demo import performances
+from engine_bridge.character.examples import MOTIONS
+from engine_bridge.performance.settings import PerformerFormat
+from engine_bridge.studio import messages
+from engine_bridge.studio.backend.backend import Backend
+from engine_bridge.studio.backend.page_state import character_state, state_of
+from engine_bridge.studio.backend.request_checks import check_known, check_one, in_use
+from engine_bridge.studio.long_work.jobs import Jobs
+from engine_bridge.studio.long_work.worker import Progress, Worker
+from engine_bridge.studio.messages import PuppetReply, SourceState, State
+from engine_bridge.studio.project.open_characters import Characters, OpenCharacter
+from engine_bridge.studio.project.take_list import TakeList
+from engine_bridge.studio.project.workspace import Upload, Workspace
+from engine_bridge.studio.service import chosen_source
+from engine_bridge.studio.service.chosen_source import ChosenSource
+from engine_bridge.studio.service.own_service import OwnService
+from puppetline.errors import PuppetlineError, ServiceError
+
+FIRST_EXAMPLE = "walk"
+"""Example motion that drives the first character, if no source has been chosen."""
+
+log = logging.getLogger(__name__)
+
+
+class Studio(Backend):
+    """The backend of the page for a service that the studio starts.
+
+    Parameters
+    ----------
+    workspace : Workspace
+    service : OwnService
+        The service.
+    invite : callable
+        Returns an address with a new one-time token.
+    """
+
+    service: OwnService
+
+    def __init__(self, workspace: Workspace, service: OwnService, invite: Callable[[], str]) -> None:
+        super().__init__(workspace, service, invite)
+        self._worker, self._exporter = Worker(), Worker()
+        self._jobs = Jobs(self.changed, self._advanced, workspace.told)
+        self.characters = Characters(workspace, self._worker)
+        self._playing = chosen_source.NOTHING
+        self._take: tuple[str, str] | None = None  # stage and take
+        self._takes = TakeList(workspace.folder / "takes")
+        self._changing, self._listing = asyncio.Lock(), asyncio.Lock()
+
+    def _service_changed(self) -> None:
+        if not self.service.state.running:
+            self._take = None  # the take ended with the service
+        self.changed()
+
+    @property
+    def state(self) -> State:
+        """The whole state."""
+        return state_of(
+            [character_state(each, self.service.described.get(each.name, {})) for each in self.characters.all],
+            self._playing,
+            self.service,
+            self._takes.states,
+            self.workspace,
+            self._jobs.states,
+            None if self._take is None else self._take[1],
+        )
+
+    async def receive(self, name: str, path: Path) -> Upload:
+        """Check a received file, in the worker, and keep it."""
+        try:
+            facts = await self._worker.run("inspect", path)
+        except BaseException:
+            self.workspace.discard(path)
+            raise
+        upload = self.workspace.keep(name, path, facts["kind"], facts)
+        self.changed()
+        return upload
+
+    async def begin(self, first: Path | None = None) -> None:
+        """Open the characters of the last run, and a puppet file or mesh; errors are logged."""
+        session = self.workspace.read_session()
+        async with self._changing:
+            for each in session.get("characters", []):
+                with _logged_errors("a character of the last run cannot be opened"):
+                    again = partial(self.characters.reopen, each["name"], each["title"], Path(each["saved_file"]))
+                    await self._jobs.run(f"Opening {each['title']}", partial(self._reopen, again))
+            with _logged_errors("the source of the last run cannot be opened"):
+                self._playing = await self._remembered(session.get("source", {}))
+            with _logged_errors("the service cannot start"):
+                await self._replace(self._playing)
+        if first is not None:
+            with _logged_errors(f"{first.name} cannot be opened"):
+                await self._open(first.name, partial(self._open_first, first))
+
+    async def _reopen(
+        self, again: Callable[[Progress], Awaitable[OpenCharacter]], progress: Progress
+    ) -> dict[str, Any]:
+        return {"character": (await again(progress)).name}
+
+    async def _remembered(self, source: dict[str, Any]) -> ChosenSource:
+        """Return the source of the last run; uploads are not kept."""
+        state = SourceState.model_validate(source)
+        given: dict[str, str | None] = {"uri": None, "example": None, "take": None}
+        key = {"live": "uri", "example": "example", "take": "take"}.get(state.kind)
+        if key is None:
+            return chosen_source.NOTHING
+        given[key] = state.name
+        rest = {"loop": state.loop, "start": state.start, "stop": state.stop}
+        return await self._chosen(messages.Source.model_validate({"id": 0, "do": "source", **given, **rest}))
+
+    async def _open_first(self, first: Path, progress: Progress) -> OpenCharacter:
+        if first.suffix.lower() == ".toml":
+            return await self.characters.open_file(first, progress)
+        mesh = Upload("", first.name, first.absolute(), "character", {})
+        options = {"up": None, "front": None, "scale": None, "limbs": True, "mirror": False}
+        return await self.characters.open_mesh(mesh, options, progress)
+
+    async def close(self) -> None:
+        """End the service and all work."""
+        await self._worker.close()
+        await self._exporter.close()
+        await self.service.close()
+
+    # ------------------------------------------------------------------------------------------------ requests
+
+    async def _do_open_character(self, asked: messages.OpenCharacter) -> dict[str, Any]:
+        upload = self.workspace.upload(asked.upload, "character")
+        options = {key: getattr(asked, key) for key in ("up", "front", "scale", "limbs", "mirror")}
+        return await self._open(upload.name, partial(self.characters.open_mesh, upload, options))
+
+    async def _do_open_puppet(self, asked: messages.OpenPuppet) -> dict[str, Any]:
+        puppet = self.workspace.upload(asked.upload, "puppet")
+        mesh = self._mesh_of(puppet) if asked.mesh is None else self.workspace.upload(asked.mesh, "character")
+        return await self._open(puppet.name, partial(self.characters.open_puppet, puppet, mesh))
+
+    async def _do_open_example(self, asked: messages.OpenExample) -> dict[str, Any]:
+        check_known(asked.name, list(MOTIONS), "name")
+        return await self._open(asked.name, partial(self.characters.open_example, asked.name), MOTIONS[asked.name])
+
+    async def _do_close_character(self, asked: messages.CloseCharacter) -> dict[str, Any]:
+        self._refuse_while_recording()
+        self.characters[asked.character]  # refuses an unknown one
+        async with self._changing:
+            self.characters.close(asked.character)
+            await self._apply()
+        return {}
+
+    async def _do_source(self, asked: messages.Source) -> dict[str, Any]:
+        self._refuse_while_recording()
+        playing = await self._chosen(asked)
+        others = contextlib.nullcontext() if asked.uri is None else self._listing  # it listens to the same ports
+        async with others, self._changing:
+            await self._replace(playing)
+        return playing.state.model_dump(mode="json")
+
+    async def _do_sources(self, _: messages.GetSources) -> dict[str, Any]:
+        from engine_bridge.studio.service.available_sources import devices, ports
+
+        async with self._listing:  # two could not listen to the same port
+            found = await asyncio.to_thread(devices)
+            arriving = await asyncio.to_thread(ports, self._playing.uri)
+        listed = messages.Sources(
+            characters=list(MOTIONS), examples=list(performances()), devices=found, ports=arriving
+        )
+        return listed.model_dump(mode="json")
+
+    async def _do_puppet(self, asked: messages.GetPuppet) -> dict[str, Any]:
+        return _puppet_reply(self.characters[asked.character])
+
+    async def _do_edit(self, asked: messages.Edit) -> dict[str, Any]:
+        self._refuse_while_recording()
+        self.characters[asked.character]
+        async with self._changing:
+            character = await self.characters.edit(asked.character, asked.puppet)
+            await self._apply()
+        return _puppet_reply(character)
+
+    async def _do_snap(self, asked: messages.Snap) -> dict[str, Any]:
+        folder = self.characters[asked.character].folder
+        reply: dict[str, Any] = await self._worker.run("snap", folder, asked.point)
+        return reply
+
+    async def _do_mirror_limb(self, asked: messages.MirrorLimb) -> dict[str, Any]:
+        character = self.characters[asked.character]
+        values = await self._worker.run("mirror_limb", character.folder, asked.name)
+        return PuppetReply(character=character.name, puppet=values, saved=False).model_dump(mode="json")
+
+    async def _do_save_puppet(self, asked: messages.SavePuppet) -> dict[str, Any]:
+        self.characters[asked.character]
+        async with self._changing:
+            character = await self.characters.save(asked.character)
+        file = self.workspace.offer_puppet(character.saved_file)
+        self.changed()
+        return {"character": character.name, "name": file.name, "file": file.id}
+
+    async def _do_revert_puppet(self, asked: messages.RevertPuppet) -> dict[str, Any]:
+        self._refuse_while_recording()
+        self.characters[asked.character]
+        async with self._changing:
+            character = await self.characters.revert(asked.character)
+            await self._apply()
+        return _puppet_reply(character)
+
+    async def _do_record_start(self, asked: messages.RecordStart) -> dict[str, Any]:
+        self._refuse_while_recording()
+        begun = await self._begin_take(asked)
+        self._take = begun["stage"], begun["take"]
+        self.changed()
+        return {"take": begun["take"]}
+
+    async def _do_record_stop(self, _: messages.RecordStop) -> dict[str, Any]:
+        stage = {} if self._take is None else {"stage": self._take[0]}
+        self._take = None
+        ended = await self.service.request("record_stop", **stage)
+        self.changed()
+        if not ended["bytes"]:  # it has ended during the count-in
+            return {}
+        return self._takes.state(ended["take"]).model_dump(mode="json")
+
+    async def _do_delete_take(self, asked: messages.DeleteTake) -> dict[str, Any]:
+        path = self._takes.path(asked.take)
+        timeline = self.state.timeline
+        playing = () if timeline is None else (each.take for each in timeline.takes)
+        if asked.take in playing or (self._playing.state.kind == "take" and self._playing.state.name == asked.take):
+            raise in_use(asked.take)
+        path.unlink(missing_ok=True)
+        self.changed()
+        return {}
+
+    async def _do_delete_upload(self, asked: messages.DeleteUpload) -> dict[str, Any]:
+        upload = self.workspace.upload(asked.upload)
+        if self._playing.uri.startswith(f"replay:{upload.path.parent}"):
+            raise in_use(upload.name)
+        self.workspace.delete_upload(asked.upload)
+        self.changed()
+        return {}
+
+    async def _do_export(self, asked: messages.Export) -> dict[str, Any]:
+        character = self.characters[asked.character]
+        check_one(asked, ("take", "upload", "example"))
+        title = f"Export of {asked.take or asked.example or self.workspace.upload(str(asked.upload)).name}"
+
+        async def work(progress: Progress) -> dict[str, Any]:
+            log = await self._recording(asked.take, asked.upload, asked.example)
+            part = asked.start or 0.0, asked.stop
+            if asked.form in get_args(PerformerFormat):
+                output = self.workspace.new_export(log.stem, f".{asked.form}")
+                made = await self._exporter.run("export_performer", log, output, *part, progress=progress)
+            else:
+                output = self.workspace.new_export(f"{character.name}_{log.stem}", ".glb")
+                arguments = log, character.folder, output, asked.form, *part
+                made = await self._exporter.run("export", *arguments, progress=progress)
+            file = self.workspace.offer(output, output.name, "export")
+            return {"file": file.id, "name": file.name, **made}
+
+        return await self._jobs.run(f"{title} for {character.name}", work)
+
+    async def _do_cancel(self, asked: messages.Cancel) -> dict[str, Any]:
+        self._jobs.cancel(asked.job)
+        return {}
+
+    # ------------------------------------------------------------------------------------------------ shared steps
+
+    def _refuse_while_recording(self) -> None:
+        """Refuse a change during a take, which has the same characters and source from beginning to end."""
+        if self._take is not None:
+            raise ServiceError(
+                "the stage",
+                found=f"the take {self._take[1]!r}, which is being recorded",
+                expected="a stage that is not recording",
+                fix="Stop the recording first.",
+            )
+
+    async def _recording(self, take: str | None, upload: str | None, example: str | None) -> Path:
+        """Return the file of a recording; an example is written first."""
+        if take is not None:
+            return self._takes.path(take)
+        if upload is not None:
+            return self.workspace.upload(upload, "log").path
+        check_known(str(example), list(performances()), "example")
+        path = self.workspace.folder / "examples" / f"{example}.log"
+        if not path.exists():
+            await self._exporter.run("write_example", example, path)
+        return path
+
+    async def _open(self, title: str, make: Callable[[Progress], Any], motion: str = FIRST_EXAMPLE) -> dict[str, Any]:
+        """Open a character as a job, and add it to the service."""
+        self._refuse_while_recording()
+
+        async def work(progress: Progress) -> dict[str, Any]:
+            async with self._changing:
+                character: OpenCharacter = await make(progress)
+                playing = chosen_source.example(motion) if self._playing is chosen_source.NOTHING else self._playing
+                progress("Starting", 0.0)
+                try:
+                    await self._replace(playing)
+                except BaseException:
+                    self.characters.close(character.name)
+                    with contextlib.suppress(PuppetlineError):
+                        await self._apply()
+                    raise
+            return {"character": character.name}
+
+        return await self._jobs.run(f"Opening {title}", work)
+
+    async def _chosen(self, asked: messages.Source) -> ChosenSource:
+        """Return the source that a request chooses."""
+        check_one(asked, ("uri", "upload", "example", "take"))
+        if asked.uri is not None:
+            return chosen_source.live(asked.uri)
+        if asked.example is not None:
+            check_known(asked.example, list(performances()), "example")
+            return chosen_source.example(asked.example, asked.loop)
+        kind: Literal["upload", "take"] = "take" if asked.upload is None else "upload"
+        name = self.workspace.upload(asked.upload, "log").name if asked.upload is not None else str(asked.take)
+        path = await self._recording(asked.take, asked.upload, None)
+        if asked.start is not None or asked.stop is not None:
+            whole, path = path, self.workspace.new_export(path.stem, ".log")
+            await self._worker.run("trim", whole, path, asked.start, asked.stop)
+        return chosen_source.recording(path, name, kind, asked.loop, asked.start, asked.stop)
+
+    async def _replace(self, playing: ChosenSource) -> None:
+        """Change the source; the previous one continues if the new one cannot be opened."""
+        before, self._playing = self._playing, playing
+        try:
+            await self._apply()
+        except BaseException:
+            self._playing = before
+            if before is not playing:
+                with contextlib.suppress(PuppetlineError):
+                    await self._apply()
+            raise
+
+    async def _apply(self) -> None:
+        """Run the service with the open characters and the chosen source."""
+        try:
+            await self.service.play(chosen_source.stages(self.characters.all, self._playing, self.workspace.folder))
+        finally:
+            self._store()
+            self.changed()
+
+    def _store(self) -> None:
+        values = {
+            "source": self._playing.state.model_dump(mode="json"),
+            "characters": [
+                {"name": each.name, "title": each.title, "saved_file": str(each.saved_file)}
+                for each in self.characters.all
+            ],
+        }
+        with contextlib.suppress(PuppetlineError):
+            self.workspace.write_session(values)
+
+    def _mesh_of(self, puppet: Upload) -> Upload:
+        """Return the uploaded mesh that a puppet file names."""
+        name = Path(str(puppet.facts["character"]).replace("\\", "/")).name
+        meshes = [each for each in self.workspace.uploads.values() if each.kind == "character"]
+        found = [each for each in meshes if each.name == name]
+        if found:
+            return found[-1]
+        raise ServiceError(
+            puppet.name,
+            found=f"the mesh {name!r}, which was not uploaded",
+            expected="an upload of that name",
+            fix=f"Upload {name} too, or choose another mesh.",
+        )
+
+
+@contextlib.contextmanager
+def _logged_errors(what: str) -> Iterator[None]:
+    """Log errors of what is opened at the start; the studio continues."""
+    try:
+        yield
+    except (PuppetlineError, ValueError, KeyError, TypeError) as error:
+        log.warning("%s: %s", what, error)
+
+
+def _puppet_reply(character: OpenCharacter) -> dict[str, Any]:
+    return PuppetReply(
+        character=character.name, puppet=character.puppet, saved=character.puppet == character.saved
+    ).model_dump(mode="json")

@@ -1,0 +1,1 @@
+"""Work that takes long: jobs with progress, and the process that does them."""

@@ -1,0 +1,1 @@
+"""The service that the studio starts or joins."""

@@ -1,0 +1,82 @@
+"""Sources that can be chosen, and the stages of the service file for a source and the open characters."""
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from capture.sources.registry import LOOP_SUFFIX, RECORDED_PREFIXES
+from engine_bridge.studio.messages import SourceState
+from engine_bridge.studio.project.open_characters import OpenCharacter
+from puppetline.errors import ServiceError
+
+LIVE_SCHEMES = "osc", "vmc", "freenect", "openni", "camera"
+"""Schemes of URIs that the page may give. The others name files, which the page does not."""
+
+
+@dataclass(frozen=True)
+class ChosenSource:
+    """The chosen source: the URI that the service opens, and its state on pages, which contains no path."""
+
+    uri: str
+    state: SourceState
+
+
+NOTHING = ChosenSource("demo:walk", SourceState())
+"""The source before one was chosen. A stage requires a source, so the example plays once."""
+
+
+def stages(characters: Iterable[OpenCharacter], playing: ChosenSource, folder: Path) -> list[dict[str, Any]]:
+    """Return the tables [[stage]] of the service file.
+
+    Each character has a stage of its own if a recording plays, so that its performers move all of them. A sensor or a
+    port can be opened once only: its performers are distributed among the characters of one stage.
+
+    Parameters
+    ----------
+    characters : iterable of OpenCharacter
+    playing : ChosenSource
+    folder : Path
+        Folder of the service file.
+    """
+    tables = [{"puppet": os.path.relpath(each.live_file, folder), "name": each.name} for each in characters]
+    if not playing.uri.startswith(RECORDED_PREFIXES):
+        return [{"source": playing.uri, "name": "stage", "character": tables}] if tables else []
+    return [
+        {"source": playing.uri, "name": table["name"], "calibrate": "at_once", "character": [table]} for table in tables
+    ]
+
+
+def example(name: str, loop: bool = True) -> ChosenSource:
+    """Return the source of an example motion."""
+    uri = f"demo:{name}{LOOP_SUFFIX if loop else ''}"
+    text = f"Example: {name.replace('_', ' ')}"
+    return ChosenSource(uri, SourceState(uri=uri, kind="example", name=name, text=text, loop=loop))
+
+
+def live(uri: str) -> ChosenSource:
+    """Return a live source.
+
+    Raises
+    ------
+    ServiceError
+        The URI has another scheme, or names a file.
+    """
+    scheme, colon, rest = uri.partition(":")
+    if not colon or scheme not in LIVE_SCHEMES or "file=" in rest:
+        raise ServiceError(
+            "the request, uri",
+            found=f"{uri!r:.80}",
+            expected=f"a live source: {', '.join(f'{each}:' for each in LIVE_SCHEMES)}",
+            fix="Choose a source from the list. To play a file, upload it.",
+        )
+    return ChosenSource(uri, SourceState(uri=uri, kind="live", name=uri, text=uri))
+
+
+def recording(
+    path: Path, name: str, kind: Literal["upload", "take"], loop: bool, start: float | None, stop: float | None
+) -> ChosenSource:
+    """Return the source of a recording that is already trimmed; `name` is for people."""
+    state = SourceState(uri=f"replay:{name}", kind=kind, name=name, text=name, loop=loop, start=start, stop=stop)
+    return ChosenSource(f"replay:{path}{LOOP_SUFFIX if loop else ''}", state)

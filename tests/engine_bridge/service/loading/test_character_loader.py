@@ -1,0 +1,72 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine_bridge.service.loading.character_loader import CharacterLoader
+from engine_bridge.service.loading.service_file import from_flags
+from puppetline.errors import PuppetlineError
+
+
+@pytest.fixture
+def cast(blob_puppet, tmp_path, executor):
+    """Load a copy of the figure's puppet, its text changed."""
+    mesh = blob_puppet.parent / "blob.glb"
+    text = blob_puppet.read_text()
+
+    def load(old="", new="", mesh_bytes=None, rest=None):
+        (tmp_path / mesh.name).write_bytes(mesh.read_bytes() if mesh_bytes is None else mesh_bytes)
+        (tmp_path / "dog.toml").write_text(text.replace(old, new) if old else text)
+        settings = from_flags(("osc:0",), (Path("dog.toml"),), {"ease": 0.5}, {}, rest or {})
+        [[player]] = CharacterLoader(settings, tmp_path, executor).load(settings)
+        return player
+
+    return load
+
+
+def test_a_revision_is_of_what_clients_see(cast):
+    first = cast()
+    assert first.character.name == "dog"
+    assert cast().character.revision == first.character.revision  # after a restart, say
+    assert cast("gain = 0.8", "gain = 0.7").character.revision == first.character.revision  # clients do not see gains
+    renamed = cast('name = "head"', 'name = "nose"').character
+    assert renamed.revision != first.character.revision
+    assert [handle["name"] for handle in json.loads(scene_text(renamed.scene))["handles"]].count("nose") == 1
+
+
+def scene_text(scene):
+    return scene[4 : 4 + int.from_bytes(scene[:4], "little")]
+
+
+def test_a_changed_look_has_a_new_revision(cast, blob_puppet):
+    first = cast()
+    mesh = (blob_puppet.parent / "blob.glb").read_bytes()
+    start = 28 + int.from_bytes(mesh[12:16], "little")
+    document = json.loads(mesh[20 : start - 8])
+    normals = document["meshes"][0]["primitives"][0]["attributes"]["NORMAL"]
+    view = document["bufferViews"][document["accessors"][normals]["bufferView"]]
+    place = start + view.get("byteOffset", 0)
+    changed = mesh[:place] + (-np.frombuffer(mesh, "<f4", 3, place)).tobytes() + mesh[place + 12 :]
+    assert cast(mesh_bytes=changed).character.revision != first.character.revision
+
+
+def test_everything_is_there_before_anybody_asks(cast):
+    character = cast().character
+    assert {"scene", "binding"} <= vars(character).keys()
+
+
+def test_a_puppet_with_a_mistake_is_told(cast):
+    with pytest.raises(PuppetlineError, match=r"dog\.toml"):
+        cast('name = "head"', "name = 7")
+
+
+def test_vmc_of_a_character_without_the_limbs_of_a_humanoid_is_refused(cast):
+    with pytest.raises(PuppetlineError) as error:
+        cast(rest={"osc": [{"port": 39539, "send": ["vmc"]}]})
+    assert error.value.where.endswith("dog.toml, [[limb]]")
+    assert error.value.found == "no limb"
+    assert error.value.expected.startswith("a limb trunk and one or more of left arm, right arm, left leg, right leg")
+    tail = '[[limb]]\nname = "tail"\npoints = [[0, 0, 0], [0, 0, -1]]\njoints = ["hip_center", "head"]\n[root]'
+    with pytest.raises(PuppetlineError, match="the limbs tail"):
+        cast("[root]", tail, rest={"osc": [{"port": 39539, "send": ["joints", "vmc"]}]})

@@ -1,0 +1,68 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine_bridge.service.players.automatic_calibration import AutomaticCalibration
+
+
+@pytest.fixture
+def still(kung_fu):
+    """Return two seconds of a performer who stands still, from a time on."""
+
+    def frames(since=0.0, scale=1.0):
+        first = replace(kung_fu[0], positions=kung_fu[0].positions * scale)
+        return [replace(first, time=since + n / 30) for n in range(60)]
+
+    return frames
+
+
+def poses(automatic, frames, rest=None, directs=False):
+    """Give frames, and return the time of each pose that was due, with the pose; from then on it is the rest pose."""
+    found = []
+    for frame in frames:
+        automatic.add(frame)
+        pose = automatic.due(rest, directs)
+        if pose is not None:
+            found.append((frame.time, pose))
+            rest = pose
+    return found
+
+
+def test_a_performer_is_calibrated_after_a_second_without_motion(still):
+    ((time, pose),) = poses(AutomaticCalibration("still"), still())
+    assert 0.9 <= time <= 1.0
+    np.testing.assert_array_equal(pose, still()[0].positions)
+
+
+def test_limbs_that_follow_directions_are_calibrated_at_once_and_again_when_the_performer_stands_still(still):
+    (first, _), (second, _) = poses(AutomaticCalibration("still"), still(), directs=True)
+    assert (first, 0.9 <= second <= 1.0) == (pytest.approx(0.4), True)
+
+
+@pytest.mark.parametrize("directs", [False, True])
+def test_at_once_is_in_any_pose_and_only_once(still, directs):
+    ((time, _),) = poses(AutomaticCalibration("at_once"), still(), directs=directs)
+    assert time == pytest.approx(0.4)
+
+
+def test_by_command_only_nothing_is_due_and_the_present_pose_can_be_had(still):
+    automatic = AutomaticCalibration("command")
+    assert automatic.present_pose() is None
+    assert poses(automatic, still(), directs=True) == []
+    np.testing.assert_array_equal(automatic.present_pose(), still()[0].positions)
+
+
+@pytest.mark.parametrize(("scale", "count"), [(1.0, 0), (1.4, 1)])
+def test_a_returning_performer_is_calibrated_again_if_the_body_is_another_one(still, scale, count):
+    automatic = AutomaticCalibration("still")
+    automatic.enter(returning=True)
+    assert len(poses(automatic, still(scale=scale), rest=still()[0].positions)) == count
+
+
+def test_the_calibration_ignores_other_performers(still):
+    automatic = AutomaticCalibration("still")
+    poses(automatic, still()[:25])
+    automatic.enter(returning=False)
+    ((time, _),) = poses(automatic, still(since=1.0))
+    assert 1.9 <= time <= 2.0

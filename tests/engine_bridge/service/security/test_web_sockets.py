@@ -1,0 +1,170 @@
+import asyncio
+import gc
+import os
+import struct
+
+import aiohttp
+import psutil
+import pytest
+from aiohttp import WSCloseCode, web
+
+from engine_bridge.service.security import web_sockets
+from engine_bridge.service.security.web_sockets import MAX_FIRST_BYTES, Heartbeat, first_text, refuse
+
+UPGRADE = (
+    b"GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+)
+
+
+def text_frame(size):
+    return struct.pack(">BBQ", 0x81, 0xFF, size) + bytes(4) + b"x" * size
+
+
+async def served(handle):
+    """Serve WebSockets with a handler of the request and the stream; return the server, its port and its end."""
+
+    async def handler(request):
+        stream = web.WebSocketResponse(timeout=web_sockets.CLOSE_SECONDS, autoping=False, max_msg_size=65_536)
+        await stream.prepare(request)
+        await handle(request, stream)
+        return stream
+
+    server = web.Server(handler)
+    listening = await asyncio.get_running_loop().create_server(server, "127.0.0.1", 0)
+
+    async def end():
+        listening.close()
+        await server.shutdown(0)
+
+    return server, listening.sockets[0].getsockname()[1], end
+
+
+async def refuse_all(request, stream):
+    await first_text(stream)
+    if not stream.closed:
+        await refuse(request, stream, 4401, b"wrong token")
+
+
+async def flood(port, frames):
+    """Send texts until the connection is reset."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    try:
+        writer.write(UPGRADE)
+        await reader.readuntil(b"\r\n\r\n")
+        for _ in range(frames):
+            writer.write(text_frame(20_000))
+            await asyncio.wait_for(writer.drain(), 1)
+    except (OSError, TimeoutError, asyncio.IncompleteReadError):
+        pass
+    finally:
+        writer.transport.abort()
+
+
+def test_clients_that_send_without_a_token_leave_nothing_in_memory(monkeypatch):
+    monkeypatch.setattr(web_sockets, "CLOSE_SECONDS", 0.02)
+
+    async def run():
+        server, port, end = await served(refuse_all)
+        sizes = []
+        for _ in range(4):
+            for _ in range(10):
+                await asyncio.gather(*(flood(port, 20) for _ in range(16)))
+            while server.connections:
+                await asyncio.sleep(0.01)
+            sizes.append(psutil.Process(os.getpid()).memory_info().rss)
+        gc.collect()
+        kept = sum(isinstance(each, web.RequestHandler | web.WebSocketResponse) for each in gc.get_objects())
+        await end()
+        return sizes, kept
+
+    sizes, kept = asyncio.run(run())
+    assert kept == 0
+    assert max(sizes[1:]) - sizes[0] < 5e6
+
+
+def test_a_refused_client_is_told_why_and_what_it_sends_is_not_read(monkeypatch):
+    async def run():
+        _, port, end = await served(refuse_all)
+        async with aiohttp.ClientSession() as http, http.ws_connect(f"http://127.0.0.1:{port}/") as client:
+            for _ in range(5):
+                await client.send_str("no token")
+            message = await client.receive()
+        await end()
+        return message.type, client.close_code
+
+    assert asyncio.run(run()) == (aiohttp.WSMsgType.CLOSE, 4401)
+
+
+@pytest.mark.parametrize(
+    ("sent", "text"),
+    [
+        ("short", "short"),
+        ("x" * MAX_FIRST_BYTES, "x" * MAX_FIRST_BYTES),
+        ("x" * (MAX_FIRST_BYTES + 1), None),
+        (b"s", None),
+    ],
+)
+def test_only_a_short_text_is_taken(sent, text):
+    async def run():
+        taken = asyncio.get_running_loop().create_future()
+
+        async def take(_, stream):
+            taken.set_result(await first_text(stream))
+
+        _, port, end = await served(take)
+        async with aiohttp.ClientSession() as http, http.ws_connect(f"http://127.0.0.1:{port}/") as client:
+            await (client.send_str if isinstance(sent, str) else client.send_bytes)(sent)
+            found = await taken
+        await end()
+        return found
+
+    assert asyncio.run(run()) == text
+
+
+def test_a_client_that_says_nothing_in_time_has_no_text():
+    async def run():
+        taken = asyncio.get_running_loop().create_future()
+
+        async def take(_, stream):
+            taken.set_result(await first_text(stream, 0.05))
+
+        _, port, end = await served(take)
+        async with aiohttp.ClientSession() as http, http.ws_connect(f"http://127.0.0.1:{port}/"):
+            found = await taken
+        await end()
+        return found
+
+    assert asyncio.run(run()) is None
+
+
+@pytest.mark.parametrize("answers", [True, False])
+def test_a_silent_client_stays_as_long_as_it_answers_pings(answers):
+    async def run():
+        taken, ended = [], asyncio.Event()
+
+        async def follow(request, stream):
+            async for message in Heartbeat(request, stream, 0.1).messages():
+                taken.append(message.data)  # noqa: PERF401 - until the connection ends
+            ended.set()
+
+        _, port, end = await served(follow)
+        async with (
+            aiohttp.ClientSession() as http,
+            http.ws_connect(f"http://127.0.0.1:{port}/", autoping=answers) as client,
+        ):
+            await client.send_str("first")
+            reading = asyncio.create_task(anext(aiter(client), None))
+            try:
+                async with asyncio.timeout(0.6 if answers else 10):
+                    await ended.wait()
+            except TimeoutError:
+                await client.ping()
+                await client.send_str("last")
+                await client.close(code=WSCloseCode.OK)
+            await ended.wait()
+            reading.cancel()
+        await end()
+        return taken
+
+    assert asyncio.run(run()) == (["first", "last"] if answers else ["first"])

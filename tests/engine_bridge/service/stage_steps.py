@@ -1,0 +1,81 @@
+"""Stages that tests feed with events, and the frames that they return."""
+
+import itertools
+import json
+
+import numpy as np
+
+from capture.events import TICK_SECONDS, Cue, Tick
+from engine_bridge.service.stages.stage import PREPARATION_SECONDS
+
+
+def with_beginnings(stage, events):
+    """Go through events, and before each one the cues that a `StageRunner` gives a stage for a recording."""
+    for event in events:
+        for player in stage.players:
+            if (
+                player.next_calibration is not None
+                and event.time >= player.next_calibration.asked + PREPARATION_SECONDS
+            ):
+                calibration = json.loads(json.dumps(player.next_calibration.to_json(), allow_nan=False))
+                yield Cue(event.time, "begin", {"character": player.character.name, "calibration": calibration})
+        yield event
+
+
+def play(stage, events):
+    """Step through events; return the frames of each character."""
+    shown = {player.character.name: [] for player in stage.players}
+    for event in with_beginnings(stage, events):
+        for frame in stage.step(event, 0):
+            shown[frame.character.name].append(frame)
+    return shown
+
+
+def with_beginnings_of(stage, events):
+    """Return the events that a stage was given, cues of its calibrations among them."""
+    given = []
+    for event in with_beginnings(stage, events):
+        given.append(event)
+        stage.step(event, 0)
+    return given
+
+
+def replay(stage, events):
+    """Step through the events of a take, which says itself when calibrations begin."""
+    return [frame for event in events for frame in stage.step(event, 0)]
+
+
+def beginning(stage):
+    """Return the cue with which a take of a stage begins, as it is read back."""
+    snapshot = json.loads(json.dumps(stage.snapshot(0.0), allow_nan=False))
+    return Cue(snapshot["time"], "stage", snapshot)
+
+
+def from_the_middle(make, events, cut):
+    """Return the frames that a stage gives after an event, those of a take of it, and their seconds in the take."""
+    stage, other = make(), make()
+    replay(stage, events[:cut])
+    begin = beginning(stage)
+    ours, theirs = replay(stage, events[cut:]), replay(other, [begin, *events[cut:]])
+    assert len(ours) == len(theirs) > 50
+    for a, b in zip(ours, theirs, strict=True):
+        assert (a.character.name, a.time, a.state, a.user) == (b.character.name, b.time, b.state, b.user)
+    return ours, theirs, np.array([frame.time for frame in ours]) - begin.time
+
+
+def apart(ours, theirs, what):
+    """Return how far apart a value of frames is (T,)."""
+    return np.array([np.abs(getattr(a, what) - getattr(b, what)).max() for a, b in zip(ours, theirs, strict=True)])
+
+
+def ticks(start, seconds):
+    return [Tick(start + k * TICK_SECONDS) for k in range(1, round(seconds / TICK_SECONDS) + 1)]
+
+
+def largest_step(frames, diagonal):
+    """Return how far any handle goes from one frame to the next, in diagonals."""
+    return max(np.linalg.norm(b.targets - a.targets, axis=1).max() for a, b in itertools.pairwise(frames)) / diagonal
+
+
+def level(time, **changed):
+    return Cue(time, "level", {"tilt": 12.0, "roll": 4.0, "height": 1.3} | changed)

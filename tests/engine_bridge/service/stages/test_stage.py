@@ -1,0 +1,306 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from capture.clip import SkeletonClip
+from capture.events import TICK_SECONDS, Cue, Lost
+from capture.pose import Pose
+from capture.recording import as_recorded
+from capture.sensor_tilt import SensorTilt
+from capture.skeleton import SkeletonFrame
+from capture.timeline import resample
+from engine_bridge.export.convert import convert
+from engine_bridge.performance.settings import Settings
+from engine_bridge.service.players.character_player import PlayerSettings
+from engine_bridge.service.stages.stage import StageSettings
+from puppetline.errors import ServiceError
+from solver.motion.limbs import parents_first
+
+from ..stage_steps import (
+    apart,
+    beginning,
+    from_the_middle,
+    largest_step,
+    level,
+    play,
+    replay,
+    ticks,
+    with_beginnings_of,
+)
+
+KEPT = "time", "positions", "confidence"
+
+
+@pytest.mark.parametrize("cut", [15, 45, 90, 120, 200, 240])
+def test_a_take_with_limbs_moves_the_bones_as_before_one_second_after_its_start(make_stage, limbed_rig, kung_fu, cut):
+    """A foot that comes to rest in the first second may stand elsewhere until it is lifted, the character with it."""
+    events = with_beginnings_of(make_stage(rig=limbed_rig), [as_recorded(frame) for frame in kung_fu])
+    ours, theirs, times = from_the_middle(lambda: make_stage(rig=limbed_rig), events, cut)
+    legs = [limb.name for limb in limbed_rig.puppet.limbs if "leg" in limb.name]
+    assert len(legs) == 2
+    bones = [limb.name not in legs for limb in parents_first(limbed_rig.puppet.limbs) for _ in limb.points[1:]]
+    turned = np.array(
+        [np.abs(a.motions - b.motions)[bones, :3].max() for a, b in zip(ours, theirs, strict=True)], dtype=float
+    )
+    assert turned[times > 1].max() < 0.02
+    assert turned[times > 2].max(initial=0) < 1e-3
+    assert apart(ours, theirs, "root")[times > 1].max() < 1e-2 * limbed_rig.mesh.diagonal
+
+
+@pytest.mark.parametrize("cut", [20, 71, 78, 85, 300, 310, 318, 400])
+def test_a_take_has_who_is_who_at_once_and_the_same_controls_one_second_after_its_start(
+    make_stage, blob_rig, kung_fu, moved, cut
+):
+    friend = [moved(frame, time=frame.time + 0.011, user=7, by=(0.6, 0.0, 0.4)) for frame in kung_fu]
+    both = [event for pair in zip(kung_fu, friend, strict=True) for event in pair]
+    cues = [Cue(both[300].time + 1e-3, "mirror", {"character": "cat"}), *both[301:]]
+    events = [as_recorded(e) if isinstance(e, SkeletonFrame) else e for e in [*both[:301], *cues]]
+    events = with_beginnings_of(make_stage(("dog", "cat")), events)
+    ours, theirs, times = from_the_middle(lambda: make_stage(("dog", "cat")), events, cut)
+    off = apart(ours, theirs, "R") / blob_rig.mesh.diagonal
+    assert off[times > 1].max() < 1e-3
+    assert off[times > 3].max() < 1e-6
+    if cut < 75:  # nobody was calibrated yet
+        assert apart(ours, theirs, "targets").max() == 0
+        assert off.max() < 1e-12
+
+
+def test_a_take_treats_people_as_its_stage_did(make_stage, kung_fu, moved):
+    stage, other = (
+        make_stage(player_settings=PlayerSettings(ease=3.0), settings=StageSettings(people="queue", turn=6.0)),
+        make_stage(),
+    )
+    second = [moved(frame, time=frame.time + 0.005, user=9) for frame in kung_fu]
+    events = sorted([*kung_fu, *second], key=lambda event: event.time)
+    given = with_beginnings_of(stage, events[:200])
+    begin = beginning(stage)
+    given = with_beginnings_of(stage, events[200:])
+    assert stage.players[0].user == 9  # after six seconds, four of which are the take's
+    frames = replay(other, [begin, *given])
+    assert (frames[0].user, frames[-1].user) == (kung_fu[0].user, 9)
+    assert other.snapshot(0.0)["direction"] == stage.snapshot(0.0)["direction"]
+    assert other.snapshot(0.0)["characters"]["dog"]["manner"] == stage.snapshot(0.0)["characters"]["dog"]["manner"]
+
+
+def test_a_take_gives_its_calibrations_to_other_puppets_of_the_same_name(make_stage, limbed_rig, kung_fu):
+    stage, other = make_stage(("dog", "cat")), make_stage(rig=limbed_rig)
+    given = with_beginnings_of(stage, kung_fu[:100])
+    frames = replay(other, [beginning(stage), *kung_fu[100:]])
+    assert {frame.state for frame in frames} == {"performing"}
+    np.testing.assert_array_equal(other.players[0].calibration.rest, stage.players[0].calibration.rest)
+    begun = make_stage(rig=limbed_rig)
+    replay(begun, given)  # as well where the take was begun before
+    np.testing.assert_array_equal(begun.players[0].calibration.rest, stage.players[0].calibration.rest)
+
+
+def test_a_loop_resumes_at_the_times_of_each_pass(make_stage, kung_fu, moved):
+    stage, other = make_stage(), make_stage()
+    replay(stage, with_beginnings_of(make_stage(), kung_fu[:100]))
+    begin = beginning(stage)
+    first = replay(other, [begin, *kung_fu[100:], Lost(kung_fu[-1].time, 1)])
+    later = 60.0
+    again = [replace(begin, time=begin.time + later), *(moved(each, time=each.time + later) for each in kung_fu[100:])]
+    second = replay(other, again)
+    assert {frame.state for frame in second} == {"performing"}
+    for a, b in zip(first[60:200], second[60:200], strict=True):
+        np.testing.assert_allclose(a.targets, b.targets, atol=1e-9)
+
+
+def test_a_loop_keeps_its_performer_and_calibration_and_each_pass_is_the_same(make_stage, kung_fu, moved):
+    stage = make_stage(player_settings=PlayerSettings(calibrate="at_once"))
+    period = kung_fu[-1].time - kung_fu[0].time + TICK_SECONDS
+    passes = []
+    for number in range(3):
+        frames = [moved(frame, time=frame.time + number * period) for frame in kung_fu]
+        passes.append(play(stage, [*frames, Lost(frames[-1].time, frames[-1].user, again=True)])["dog"])
+    first, second, third = passes
+    assert {frame.state for frame in first} == {"calibrating", "performing"}
+    assert {(frame.state, frame.user) for frame in second + third} == {("performing", kung_fu[0].user)}
+    eased = round(1.2 * PlayerSettings().ease / TICK_SECONDS)
+    for a, b in zip(second[eased:], third[eased:], strict=True):
+        np.testing.assert_allclose(a.targets, b.targets, atol=1e-9)
+    diagonal = stage.players[0].character.rig.mesh.diagonal
+    assert largest_step(first[-1:] + second + third, diagonal) < 1.1 * largest_step(first, diagonal)
+    left = replay(stage, ticks(third[-1].time, 1.0))
+    assert {frame.state for frame in left} == {"leaving"}  # a performer who does not return
+    assert left[0].time == pytest.approx(third[-1].time + StageSettings().lost_after, abs=3 * TICK_SECONDS)
+
+
+def test_two_people_get_a_character_each_in_the_order_in_which_they_came(make_stage, kung_fu, moved):
+    second = [moved(frame, time=frame.time + 0.5, user=9) for frame in kung_fu]
+    events = sorted([*kung_fu, *second], key=lambda event: event.time)
+    stage = make_stage(("dog", "cat"))
+    shown = play(stage, events)
+    assert {frame.user for frame in shown["dog"]} == {kung_fu[0].user}
+    assert {frame.user for frame in shown["cat"]} == {None, 9}
+    # and each is what it would be alone: nobody disturbs anybody
+    alone = play(make_stage(), kung_fu)["dog"]
+    begun = next(frame.time for frame in alone if frame.state == "performing")
+    for a, b in zip(alone, [frame for frame in shown["dog"] if frame.time <= alone[-1].time], strict=True):
+        if a.time > begun + 1.1 * PlayerSettings().ease:
+            np.testing.assert_array_equal(a.targets, b.targets)
+
+
+def test_the_queue_goes_on_when_somebody_leaves_or_their_turn_is_over(make_stage, kung_fu, moved):
+    stage = make_stage(settings=StageSettings(people="queue", turn=6.0))
+    second = [moved(frame, time=frame.time + 0.005, user=9) for frame in kung_fu]
+    play(stage, sorted([*kung_fu, *second], key=lambda event: event.time))
+    assert stage.players[0].user == 9  # after ten seconds: the second one's turn
+    stage.step(Lost(kung_fu[-1].time + 0.02, 9), 0)
+    assert stage.players[0].user == kung_fu[0].user
+
+
+def test_the_nearest_takes_over_only_when_clearly_nearer_for_a_while(make_stage, kung_fu, moved):
+    def user_after(nearer, seconds):
+        stage = make_stage(settings=StageSettings(people="nearest"))
+        play(stage, kung_fu[:60])
+        rival = [
+            moved(f, time=f.time + 0.005, user=9, by=(0, 0, -nearer)) for f in kung_fu[60:] if f.time < 2 + seconds
+        ]
+        play(stage, sorted([*kung_fu[60:], *rival], key=lambda event: event.time)[: 2 * len(rival)])
+        return stage.players[0].user
+
+    assert user_after(0.2, 6.0) == kung_fu[0].user
+    assert user_after(1.0, 0.5) == kung_fu[0].user
+    assert user_after(1.0, 3.0) == 9
+
+
+def test_a_user_can_be_chosen_for_a_character(make_stage, kung_fu, moved):
+    stage = make_stage()
+    play(stage, [event for frame in kung_fu[:60] for event in (frame, moved(frame, time=frame.time + 0.005, user=9))])
+    assert stage.players[0].user == kung_fu[0].user
+    stage.step(Cue(kung_fu[60].time, "choose_user", {"character": "dog", "user": 9}), 0)
+    assert stage.players[0].user == 9
+    with pytest.raises(ServiceError, match="no user 12 in view of the sensor"):
+        stage.step(Cue(kung_fu[60].time, "choose_user", {"character": "dog", "user": 12}), 0)
+    with pytest.raises(ServiceError, match="no character 'horse'"):
+        stage.step(Cue(kung_fu[60].time, "mirror", {"character": "horse"}), 0)
+
+
+def test_frames_that_do_not_go_forward_are_left_out(make_stage, kung_fu, moved):
+    stage, plain = make_stage(), make_stage()
+    stuttering = [event for frame in kung_fu for event in (frame, moved(frame, by=(1.0, 0.0, 0.0)))]
+    for a, b in zip(play(stage, stuttering)["dog"], play(plain, kung_fu)["dog"], strict=True):
+        np.testing.assert_array_equal(a.controls, b.controls)
+
+
+@pytest.mark.parametrize("state", ["performing", "leaving"])
+def test_characters_loaded_anew_go_on_as_if_nothing_had_been(make_stage, make_player, kung_fu, blob_rig, state):
+    plain, stage = make_stage(("dog", "cat")), make_stage(("dog", "cat"))
+    cut = kung_fu[150].time
+    rest = kung_fu[150:] if state == "performing" else ticks(cut, 2.0)
+    away = [] if state == "performing" else [Lost(cut, 1)]
+    for each in (plain, stage):
+        each.step(Cue(0.0, "mirror", {"on": True}), 0)
+    steady = largest_step(play(plain, [*kung_fu[:150], *away, *rest])["dog"], blob_rig.mesh.diagonal)
+    before = play(stage, [*kung_fu[:150], *away, *rest[:5]])["dog"]
+    stage.replace_players([make_player("dog"), make_player("horse")])
+    after = play(stage, rest[5:])["dog"]
+    assert after[0].sequence == before[-1].sequence + 1
+    assert after[0].user == before[-1].user
+    assert stage.players[0].mirror
+    assert after[-1].state == ("performing" if state == "performing" else "waiting")
+    assert largest_step([*before, *after], blob_rig.mesh.diagonal) <= 1.2 * steady
+
+
+def test_a_turn_goes_on_over_a_reload(make_stage, make_player, kung_fu, moved):
+    stage = make_stage(settings=StageSettings(people="queue", turn=60.0))
+    late = [moved(frame, time=1000.0 + frame.time) for frame in kung_fu]
+    rival = [moved(frame, time=frame.time + 0.005, user=9) for frame in late]
+    events = sorted([*late, *rival], key=lambda event: event.time)
+    play(stage, events[:100])
+    stage.replace_players([make_player("dog")])
+    assert {frame.user for frame in play(stage, events[100:])["dog"]} == {1}
+
+
+def test_a_stall_of_the_service_costs_nobody_their_character(make_stage, kung_fu, moved):
+    stage = make_stage(("dog", "cat"))
+    both = [event for f in kung_fu for event in (f, moved(f, time=f.time + 0.01, user=9))]
+    play(stage, both[:300])
+    woken = [moved(event, time=event.time + 2.0) for event in both[300:]]
+    shown = play(stage, woken)
+    assert {frame.state for frame in [*shown["dog"], *shown["cat"]]} == {"performing"}
+
+
+def test_a_chosen_user_stays_even_if_others_are_nearer(make_stage, kung_fu, moved):
+    stage = make_stage(settings=StageSettings(people="nearest"))
+    near = [moved(frame, time=frame.time + 0.005, user=9, by=(0, 0, -1.5)) for frame in kung_fu]
+    both = [event for pair in zip(kung_fu, near, strict=True) for event in pair]
+    play(stage, both[:200])
+    assert stage.players[0].user == 9
+    stage.step(Cue(both[200].time, "choose_user", {"character": "dog", "user": 1}), 0)
+    play(stage, both[200:])
+    assert stage.players[0].user == 1
+    stage.step(Cue(both[-1].time, "choose_user", {"character": "dog", "user": None}), 0)
+    assert stage.players[0].user == 9
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda said: said.pop("characters"),
+        lambda said: said.update(characters=[]),
+        lambda said: said.update(time="now"),
+        lambda said: said.update(direction={"people": "each", "colour": 1}),
+        lambda said: said.update(people=[["x"]]),
+        lambda said: said["characters"]["dog"].pop("mirror"),
+        lambda said: said["characters"]["dog"].update(user=7),
+        lambda said: said["characters"]["dog"].update(calibration=[1]),
+        lambda said: said["characters"]["dog"]["calibration"].update(rest=[[0.0, 1.0]] * 20),
+        lambda said: said["characters"]["dog"]["calibration"].update(sensor={}),
+        lambda said: said["characters"]["dog"].update(manner={"colour": 1}),
+        lambda said: said["characters"]["dog"].update(remembered=[{}]),
+    ],
+)
+def test_a_take_with_a_damaged_beginning_is_refused_and_changes_nothing(make_stage, kung_fu, damage):
+    stage, other = make_stage(), make_stage()
+    play(stage, kung_fu[:100])
+    begin = beginning(stage)
+    damage(begin.arguments)
+    before = other.snapshot(0.0)
+    with pytest.raises(ServiceError, match="a take with a damaged beginning"):
+        other.step(begin, 0)
+    assert other.snapshot(0.0) == before | {"time": begin.time}
+
+
+@pytest.mark.parametrize("wrong", [{"tilt": "steep"}, {"height": None}, {"roll": float("nan")}, {"tilt": [1.0]}])
+def test_a_sensor_that_stands_like_nothing_is_refused_and_counts_for_nothing(make_stage, wrong):
+    stage = make_stage()
+    with pytest.raises(ServiceError, match="a position of the sensor that is not understood"):
+        stage.step(level(1.0, **wrong), 0)
+    with pytest.raises(ServiceError, match="a position of the sensor that is not understood"):
+        stage.step(Cue(1.0, "level", {}), 0)
+    assert stage.players[0].sensor == SensorTilt()
+
+
+@pytest.mark.parametrize("tilt", [0.0, 15.0])
+def test_a_take_from_the_middle_of_a_performance_is_converted_as_it_was_streamed(
+    make_stage, blob_rig, blob_puppet, kung_fu, record_events, tmp_path, tilt
+):
+    sensor = Pose.of_degrees(tilt, 0.0, 0.0, np.array([0.0, 1.2, 0.0]))
+    even = resample(SkeletonClip("", 1, *(np.array([getattr(each, what) for each in kung_fu]) for what in KEPT)))
+    seen = [
+        SkeletonFrame(time, 1, (positions - sensor.position) @ sensor.rotation, confidence)
+        for time, positions, confidence in zip(even.times, even.positions, even.confidence, strict=True)
+    ]
+    stage = make_stage(player_settings=PlayerSettings(tilt=tilt, height=1.2))
+    events = with_beginnings_of(make_stage(player_settings=PlayerSettings(tilt=tilt, height=1.2)), seen)
+    cut = 100
+    replay(stage, events[:cut])
+    rounded = (as_recorded(event) if isinstance(event, SkeletonFrame) else event for event in events[cut:])
+    record_events(tmp_path / "take.log", [beginning(stage), *rounded])
+    streamed = replay(stage, events[cut:])
+
+    def distance_to_stream(settings):
+        """Return the largest distance of controls and root after a second, in diagonals, and the notes."""
+        clip, summary = convert(tmp_path / "take.log", blob_puppet, tmp_path / "out.glb", settings)
+        assert len(clip.frames) == len(streamed) > 60
+        moved = [np.abs(a - b.R).max() for a, b in zip(clip.frames[:], streamed, strict=True)]
+        travelled = [np.abs(a - b.root).max() for a, b in zip(clip.root, streamed, strict=True)]
+        return max(*moved[30:], *travelled[30:]) / blob_rig.model.diagonal, summary.notes
+
+    distance, notes = distance_to_stream(Settings())
+    assert distance < 1e-4
+    assert "The performer's calibration pose is the one in the take, which was in use when the take began." in notes
+    assert distance_to_stream(Settings(rest_at=0.0))[0] > 0.1

@@ -1,0 +1,125 @@
+import json
+import time
+
+import pytest
+
+from capture.events import TICK_SECONDS
+from engine_bridge.service.takes.take_track import TakeTrack
+from puppetline.errors import OutputError, ServiceError
+
+
+@pytest.fixture
+def overdub(make_theatre, record_take, tmp_path):
+    """Play a take on the dog, and record the performer, who drives the cat, over it; return everything."""
+    first, _ = record_take("take1", names=("dog",))
+    theatre = make_theatre()
+    dog = TakeTrack(theatre.player("dog"), first)
+    theatre.playback.add(dog)
+    theatre.run(1.0)
+    second = tmp_path / "take2.log"
+
+    def record(count_in, seconds=2.0):
+        theatre.count_in.start(theatre.runner, second, count_in)
+        theatre.run(count_in + seconds)
+        theatre.runner.stop_recording().close()
+        return theatre, dog, second
+
+    return record
+
+
+def opening(path):
+    """Return the arguments of the cue with which a take begins."""
+    return json.loads(path.read_text().splitlines()[1])["arguments"]
+
+
+def test_the_service_counts_down_and_takes_begin_at_zero(overdub):
+    theatre, _dog, path = overdub(count_in=0, seconds=0.1)
+    theatre.count_in.start(theatre.runner, path.with_name("take3.log"), 3)
+    counts = []
+    for _ in range(7):
+        counts.append(theatre.count_in.left(theatre.runner))
+        position = theatre.playback.timeline.position(time.monotonic())
+        theatre.run(0.4)
+    assert counts == [3, 3, 3, 2, 2, 1, 1]
+    assert position == 0.0
+    assert theatre.runner.recording is None
+    assert theatre.count_in.take(theatre.runner) == "take3"
+    theatre.run(0.3)
+    assert theatre.runner.recording == "take3"
+    assert theatre.count_in.left(theatre.runner) == 0
+    assert theatre.playback.timeline.position(time.monotonic()) == pytest.approx(0.1, abs=1e-4)
+
+
+def test_a_take_stores_its_place_on_the_timeline_and_the_takes_that_played(overdub):
+    _, dog, path = overdub(count_in=2)
+    timeline = opening(path)["timeline"]
+    assert timeline["takes"] == [{"character": "dog", "take": "take1", "at": 0.0, "seconds": dog.seconds}]
+    assert -TICK_SECONDS - 1e-4 <= timeline["at"] <= 0.0
+    assert opening(path)["reserved"] == ["dog"]
+
+
+def test_both_takes_line_up_as_they_were_seen_when_the_second_was_recorded(overdub, make_theatre):
+    theatre, dog, path = overdub(count_in=2)
+    cat = TakeTrack(theatre.player("cat"), path)
+
+    def apart(theatre):
+        """The time from the dog's frame nearest to its first second to the cat's next 20 frames."""
+        zero = theatre.playback.timeline.moment(0.0)
+        first = min(theatre.of("dog"), key=lambda frame: abs(frame.received / 1e9 - zero - 1.0)).received
+        return [(frame.received - first) / 1e9 for frame in theatre.of("cat") if frame.received > first][:20]
+
+    seen = apart(theatre)
+    other = make_theatre(performer=False)
+    other.playback.add(TakeTrack(other.player("dog"), dog.path))
+    other.playback.add(TakeTrack(other.player("cat"), path))
+    other.run(2.0)
+    assert cat.offset == opening(path)["timeline"]["at"]
+    assert apart(other) == pytest.approx(seen, abs=1e-5)
+
+
+def test_a_take_that_begins_in_the_middle_stores_that_second(overdub):
+    _theatre, _, path = overdub(count_in=0)
+    assert opening(path)["timeline"]["at"] == pytest.approx(1.0, abs=TICK_SECONDS + 1e-4)
+
+
+def test_a_take_replays_on_its_stage_although_the_other_take_does_not_play(overdub, make_theatre, tmp_path):
+    overdub(count_in=0)
+    replayed = make_theatre(uri="replay:take2.log")
+    replayed.run(1.5)
+    assert {frame.user for frame in replayed.of("dog")} == {None}
+    assert {frame.user for frame in replayed.of("cat")} == {1}
+
+
+def test_without_other_takes_none_are_stored(make_theatre, tmp_path):
+    theatre = make_theatre()
+    theatre.count_in.start(theatre.runner, tmp_path / "alone.log", 1)
+    theatre.run(1.5)
+    theatre.runner.stop_recording().close()
+    assert opening(tmp_path / "alone.log")["timeline"] is None
+
+
+def test_a_count_in_can_be_cancelled(overdub, tmp_path):
+    theatre, _, _path = overdub(count_in=0)
+    theatre.count_in.start(theatre.runner, tmp_path / "never.log", 2)
+    theatre.run(1.0)
+    assert theatre.count_in.cancel(theatre.runner) == "never"
+    theatre.run(2.0)
+    assert theatre.runner.recording is None
+    assert not (tmp_path / "never.log").exists()
+
+
+def test_a_take_that_cannot_begin_after_the_count_is_logged(make_theatre, tmp_path, caplog):
+    theatre = make_theatre()
+    theatre.count_in.start(theatre.runner, tmp_path / "no folder" / "take.log", 1)
+    theatre.run(1.5)
+    assert "the take cannot begin" in caplog.text
+    assert theatre.count_in.take(theatre.runner) is None
+    with pytest.raises(OutputError):
+        theatre.count_in.start(theatre.runner, tmp_path / "no folder" / "take.log", 0)
+
+
+def test_nothing_is_recorded_over_takes_that_play_at_another_speed(overdub, tmp_path):
+    theatre, _, _ = overdub(count_in=0, seconds=0.5)
+    theatre.playback.timeline.set_speed(0.5, time.monotonic())
+    with pytest.raises(ServiceError, match=r"the speed 0\.5"):
+        theatre.count_in.start(theatre.runner, tmp_path / "slow.log", 3)

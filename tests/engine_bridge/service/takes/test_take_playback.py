@@ -1,0 +1,201 @@
+import itertools
+import time
+
+import numpy as np
+import pytest
+
+from capture.events import TICK_SECONDS
+from engine_bridge.service.players.character_player import PlayerSettings
+from engine_bridge.service.takes.take_track import TakeTrack
+from puppetline.errors import ServiceError
+
+EASE = 0.2
+
+
+@pytest.fixture
+def paths(record_take):
+    """Takes of the characters dog and cat, whose performer is calibrated after a moment and then walks."""
+    return record_take("take1", names=("dog",))[0], record_take("take2", names=("cat",), seconds=1.5)[0]
+
+
+@pytest.fixture
+def play(make_theatre, paths):
+    """Play the take on the character dog of a stage; return the stage, the track, and the cat's track."""
+
+    def begin(at=None, **more):
+        theatre = make_theatre(**more)
+        dog, cat = (TakeTrack(theatre.player(name), path) for name, path in zip(("dog", "cat"), paths, strict=True))
+        theatre.playback.add(dog, at)
+        return theatre, dog, cat
+
+    return begin
+
+
+def follows(track, frames, zero, speed=1.0):
+    """Whether each frame has the controls of the track's frame that is due then; `zero` is the moment of its start."""
+    numbers = [track.index(speed * (frame.received / 1e9 - zero) + 1e-6) for frame in frames]
+    return [np.array_equal(track.frame(k)[1][1], frame.R) for k, frame in zip(numbers, frames, strict=True)], numbers
+
+
+def assert_eases_in(equal, frames, zero, seconds=EASE):
+    """Only frames of the easing differ from those of the track."""
+    assert any(equal)
+    first = equal.index(True)
+    assert all(equal[first:])
+    assert frames[first].received / 1e9 - zero <= seconds + 3 * TICK_SECONDS
+
+
+def test_a_take_moves_its_character_as_it_was_recorded_after_the_easing(play):
+    theatre, track, _ = play(performer=False)
+    zero = time.monotonic()
+    theatre.run(track.seconds - 0.01)
+    frames = theatre.of("dog")
+    equal, numbers = follows(track, frames, zero)
+    assert_eases_in(equal, frames, zero)
+    assert numbers == list(range(len(track.times) - 1))
+    assert [frame.received / 1e9 - zero for frame in frames] == pytest.approx(track.times[:-1], abs=2e-6)
+
+
+@pytest.mark.parametrize(("speed", "second"), [(1.0, 1.234), (2.5, 0.1), (0.5, 2.5), (1.0, 2.1333)])
+def test_from_any_moment_the_controls_are_those_from_the_start(play, speed, second):
+    theatre, track, _ = play(performer=False)
+    theatre.run(0.5)
+    theatre.playback.timeline.set_speed(speed, time.monotonic())
+    theatre.playback.seek(second)
+    now, zero = time.monotonic(), time.monotonic() - second / speed
+    theatre.run((track.seconds - second) / speed - 0.01)
+    frames = theatre.of("dog")
+    equal, numbers = follows(track, frames, zero, speed)
+    assert_eases_in(equal, frames, now, EASE * max(1.0, 1 / speed))
+    assert numbers[1:] == list(range(numbers[0] + 1, len(track.times) - 1))
+    assert numbers[0] == track.index(second)
+
+
+def test_a_pause_holds_the_pose_and_goes_on_with_the_next_frame(play):
+    theatre, track, _ = play(performer=False)
+    zero = time.monotonic()
+    theatre.run(1.0)
+    theatre.playback.timeline.pause(True, time.monotonic())
+    before = theatre.of("dog")[-1]
+    theatre.run(1.0)
+    assert len(theatre.of("dog")) >= 25
+    assert all(np.array_equal(frame.R, before.R) for frame in theatre.of("dog"))
+    theatre.playback.timeline.pause(False, time.monotonic())
+    theatre.run(0.2)
+    equal, numbers = follows(track, theatre.of("dog"), zero + 1.0)
+    assert all(equal)
+    assert numbers[0] == track.index(before.received / 1e9 - zero + 1e-6) + 1
+
+
+def test_a_jump_in_a_pause_eases_into_the_other_moment(play):
+    theatre, track, _ = play(performer=False)
+    theatre.run(1.0)
+    theatre.playback.timeline.pause(True, time.monotonic())
+    theatre.playback.seek(2.5)
+    theatre.run(1.0)
+    frames = theatre.of("dog")
+    assert np.array_equal(frames[-1].R, track.frame(track.index(2.5))[1][1])
+    assert not np.array_equal(frames[0].R, frames[-1].R)
+
+
+def test_a_loop_begins_again_and_a_take_ends_at_its_end(play):
+    theatre, track, _ = play(performer=False)
+    zero = time.monotonic()
+    theatre.playback.timeline.loop = True
+    theatre.run(2.5 * track.seconds)
+    frames = theatre.of("dog")
+    assert "leaving" not in {frame.state for frame in frames}
+    third = [frame for frame in frames if frame.received / 1e9 > zero + 2 * track.seconds + 2 * EASE]
+    assert all(follows(track, third, zero + 2 * track.seconds)[0])
+    theatre.playback.timeline.loop = False
+    theatre.run(track.seconds)
+    assert not theatre.playback.takes
+    assert theatre.of("dog")[-1].state == "waiting"
+
+
+def test_nothing_jumps_when_a_take_begins_jumps_loops_and_stops(play):
+    theatre, track, _ = play(player_settings=PlayerSettings(calibrate="at_once", ease=0.8))
+    shown = [*theatre.run(2.0)]
+    theatre.playback.seek(0.3)
+    shown += theatre.run(1.0)
+    theatre.playback.seek(2.7)
+    theatre.playback.timeline.loop = True
+    shown += theatre.run(1.0)
+    theatre.playback.add(track, 0.5)
+    shown += theatre.run(1.0)
+    theatre.playback.stop("dog")
+    shown += theatre.run(2.0)
+    frames = [frame for frame in shown if frame.character.name == "dog"]
+    vertices = np.array([frame.vertices_and_normals[0] for frame in frames])
+    diagonal = theatre.player("dog").character.rig.mesh.diagonal
+    assert np.linalg.norm(np.diff(vertices, axis=0), axis=-1).max() / diagonal < 0.04
+    assert all(a.time <= b.time for a, b in itertools.pairwise(frames))
+    assert [b.sequence - a.sequence for a, b in itertools.pairwise(frames)] == [1] * (len(frames) - 1)
+
+
+def test_a_performer_gets_another_character_and_the_first_one_back(play):
+    theatre, _, _ = play()
+    theatre.run(1.0)
+    assert (theatre.player("dog").user, theatre.player("cat").user) == (None, 1)
+    assert "performing" in {frame.state for frame in theatre.of("cat")}
+    theatre.playback.stop()
+    theatre.runner.cue("choose_user", character="dog", user=1)
+    theatre.run(1.0)
+    assert (theatre.player("dog").user, theatre.player("cat").user) == (1, None)
+
+
+def test_a_character_that_a_take_drives_cannot_be_chosen(play):
+    theatre, _, _ = play()
+    theatre.run(0.5)
+    with pytest.raises(ServiceError, match="a character that a take drives"):
+        theatre.runner.cue("choose_user", character="dog", user=1)
+
+
+def test_two_takes_have_one_clock_wherever_they_begin(play):
+    theatre, dog, cat = play(performer=False)
+    zero = time.monotonic()
+    theatre.run(1.0)
+    theatre.playback.add(cat, 0.4)
+    theatre.run(0.8)
+    assert all(follows(dog, theatre.of("dog"), zero)[0])
+    assert_eases_in(follows(cat, theatre.of("cat"), zero + 0.4)[0], theatre.of("cat"), zero + 1.0)
+    assert theatre.playback.timeline.end == max(dog.seconds, 0.4 + cat.seconds)
+
+
+def test_before_and_after_its_take_a_character_idles(play):
+    theatre, _, cat = play(performer=False)
+    theatre.playback.add(cat, 1.0)
+    theatre.run(0.9)
+    assert {frame.state for frame in theatre.of("cat")} == {"waiting"}
+    theatre.run(0.9)
+    assert theatre.of("cat")[-1].state == "performing"
+    theatre.run(1.1)
+    assert theatre.of("cat")[-1].state == "waiting"
+    assert theatre.of("dog")[-1].state == "performing"
+
+
+def test_a_changed_mapping_moves_the_take_too(play):
+    theatre, track, _ = play(performer=False)
+    zero = time.monotonic()
+    theatre.run(0.5)
+    player = theatre.player("dog")
+    retarget = player.character.rig.puppet.retarget.model_copy(update={"scale": 0.4})
+    theatre.runner.remap(player, player.character.rig.puppet.model_copy(update={"retarget": retarget}))
+    assert theatre.playback.stale() == [(player, track)]
+    theatre.run(0.2)
+    changed = TakeTrack(player, track.path)
+    theatre.playback.replace(changed)
+    assert not theatre.playback.stale()
+    theatre.run(1.0)
+    assert follows(changed, theatre.of("dog")[-5:], zero)[0] == [True] * 5
+    assert follows(track, theatre.of("dog")[-5:], zero)[0] == [False] * 5
+
+
+def test_a_take_that_fails_ends_and_the_others_go_on(play, monkeypatch):
+    theatre, dog, cat = play(performer=False)
+    theatre.playback.add(cat)
+    theatre.run(0.5)
+    monkeypatch.setattr(dog, "frame", lambda number: 1 / 0)
+    theatre.run(0.5)
+    assert [each["character"] for each in theatre.playback.takes] == ["cat"]
+    assert theatre.of("cat")[-1].state == "performing"

@@ -1,0 +1,100 @@
+import json
+
+import numpy as np
+import pytest
+
+from capture.events import Lost
+from engine_bridge.service.players.character_player import PlayerSettings
+from engine_bridge.service.takes.take_track import TakeTrack
+from puppetline.errors import PuppetlineError, ServiceError
+
+from ..stage_steps import beginning, with_beginnings_of
+
+
+def states(track):
+    return [track.frame(number)[0].state for number in range(len(track.times))]
+
+
+def test_a_performer_of_another_character_never_drives_this_one(make_stage, record_events, kung_fu, moved, tmp_path):
+    """On a stage of the dog alone, the cat's performer would take over when the dog's leaves."""
+    stage = make_stage(("dog", "cat"), PlayerSettings(calibrate="at_once"))
+    both = [each for frame in kung_fu[:120] for each in (frame, moved(frame, user=2, by=(1.0, 0.0, 0.0)))]
+    begin = beginning(stage)
+    events = with_beginnings_of(stage, [*both, Lost(both[-1].time, 1), *both[240:]])
+    later = [moved(frame, time=frame.time + 4.0, user=2) for frame in kung_fu[:60]]
+    path = record_events(tmp_path / "both.log", [begin, *events, *later])
+    track = TakeTrack(stage.players[0], path)
+    assert states(track)[-1] in ("leaving", "waiting")
+    assert {track.frame(number)[0].user for number in range(len(track.times))} == {1, None}
+
+
+def test_a_take_of_other_characters_is_refused_unless_one_is_named(record_take, make_player):
+    path, frames = record_take(names=("dog",), seconds=1.5)
+    with pytest.raises(ServiceError) as told:
+        TakeTrack(make_player("horse"), path)
+    assert (told.value.where, told.value.found) == ("take 'take1'", "a take of dog")
+    assert told.value.fix == 'Name the character whose motion to use: "part": "dog".'
+    track = TakeTrack(make_player("horse"), path, "dog")
+    assert np.array_equal(track.frame(20)[1][1], frames[20].R)
+
+
+def test_a_take_of_both_characters_can_drive_each_with_the_other_s_performer(record_take, make_player):
+    path, _frames = record_take(names=("dog", "cat"), seconds=1.5)  # the only performer drives the dog
+    assert "performing" in states(TakeTrack(make_player("dog"), path))
+    assert set(states(TakeTrack(make_player("cat"), path))) == {"waiting"}
+    assert set(states(TakeTrack(make_player("dog"), path, "cat"))) == {"waiting"}
+    assert states(TakeTrack(make_player("cat"), path, "dog")) == states(TakeTrack(make_player("dog"), path))
+
+
+def test_a_take_plays_up_to_its_damage_and_says_so(record_take, make_player):
+    path, frames = record_take(names=("dog",))
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join([*lines[:60], b'{"t": "soon"}\n', *lines[61:]]))
+    track = TakeTrack(make_player("dog"), path)
+    assert "line 61" in track.note
+    assert 50 < len(track.times) < 60
+    assert np.array_equal(track.frame(50)[1][1], frames[50].R)
+
+
+@pytest.mark.parametrize(
+    ("keep", "problem"),
+    [(1, "the end of the recording"), (2, "a take without motion")],
+)
+def test_a_take_without_motion_is_refused(record_take, make_player, keep, problem):
+    path, _ = record_take(names=("dog",), seconds=0.5)
+    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:keep]))
+    with pytest.raises(PuppetlineError, match=problem):
+        TakeTrack(make_player("dog"), path)
+
+
+def test_a_take_with_a_damaged_beginning_plays_like_any_other_recording(record_take, make_player):
+    path, _ = record_take(names=("dog",), seconds=2.0)
+    lines = path.read_text().splitlines(keepends=True)
+    cue = json.loads(lines[1])
+    cue["arguments"]["time"] = "early"
+    path.write_text("".join([lines[0], json.dumps(cue) + "\n", *lines[2:]]))
+    track = TakeTrack(make_player("dog"), path)
+    assert "a take with a damaged beginning" in track.note
+    assert states(track)[-1] == "performing"
+
+
+def test_any_recording_plays_and_calibrates_after_a_moment(record_events, kung_fu, make_player, tmp_path):
+    path = record_events(tmp_path / "plain.log", [*kung_fu[:60], Lost(kung_fu[60].time, 1), *kung_fu[90:120]])
+    track = TakeTrack(make_player("dog"), path)
+    assert states(track)[0] == "calibrating"
+    assert states(track)[59] == "performing"
+    assert "leaving" in states(track)
+    assert np.diff(track.times).max() < 0.11  # ticks fill the gap
+    assert track.times[0] == 0.0
+
+
+def test_a_take_that_is_too_long_is_refused(record_take, make_player, monkeypatch):
+    path, _ = record_take(names=("dog",), seconds=1.0)
+    monkeypatch.setattr("engine_bridge.service.takes.take_track.MAX_FRAMES", 20)
+    with pytest.raises(ServiceError, match="more than 20 frames"):
+        TakeTrack(make_player("dog"), path)
+
+
+def test_a_file_that_is_missing_is_refused(make_player, tmp_path):
+    with pytest.raises(PuppetlineError, match=r"gone\.log"):
+        TakeTrack(make_player("dog"), tmp_path / "gone.log")

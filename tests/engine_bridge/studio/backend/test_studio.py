@@ -1,0 +1,310 @@
+"""The studio with a service: from an upload to an exported file, and what happens when the service dies."""
+
+import asyncio
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import psutil
+import pytest
+
+from engine_bridge.puppet import puppet_file
+from engine_bridge.service.protocol.header import NAME
+
+COMMENT = "# the studio keeps this comment\n"
+
+
+@pytest.fixture(scope="module")
+def stage(studio, blob_file, limbed_puppet):
+    """A studio with the small figure, opened from its puppet file, to which an example performs."""
+    assert studio.upload("blob.glb", blob_file.read_bytes())[0] == 200
+    text = COMMENT + limbed_puppet.read_text()
+    status, reply = studio.upload("../figure one.toml", text.encode())
+    assert (status, reply["kind"], reply["facts"]["character"]) == (200, "puppet", "blob.glb")
+    opened = studio.result("open_puppet", upload=reply["upload"])
+    assert opened["character"] == "figure_one"
+    return studio
+
+
+def performing(state):
+    return all(each["state"] == "performing" and each["rate"] > 5 for each in state["characters"])
+
+
+def service_of(studio):
+    """Return the process of the service."""
+    found = [each for each in psutil.Process().children() if "serve" in each.cmdline()]
+    return next(each for each in found if str(studio.settings.folder) in " ".join(each.cmdline()))
+
+
+def puppet_of(studio):
+    return studio.result("puppet", character="figure_one")["puppet"]
+
+
+def test_the_first_character_moves_without_another_step(stage):
+    state = stage.until(performing)
+    assert [each["name"] for each in state["characters"]] == ["figure_one"]
+    assert state["characters"][0]["limbs"] == ["trunk", "head", "left arm", "right arm", "left leg", "right leg"]
+    assert state["characters"][0]["saved"]
+    assert state["source"]["kind"] == "example"
+    assert state["service"] | {"address": ""} == {
+        "running": True,
+        "starting": False,
+        "address": "",
+        "restarts": 0,
+        "problem": "",
+        "text": "",
+    }
+    assert [each["character"] for each in state["performers"]] == ["figure_one"]
+    assert state["banner"]["level"] == "none"
+    assert str(stage.settings.folder) not in str(state)
+
+
+def test_the_model_of_the_page_is_the_shader_mesh(stage, tmp_path):
+    folder = stage.settings.folder / "characters" / "figure_one"
+    subprocess.run(
+        [sys.executable, "-m", "puppetline", "shader-mesh", folder / "figure_one.toml", "-o", tmp_path / "own.glb"],
+        check=True,
+        capture_output=True,
+    )
+    model = stage.download(stage.state["characters"][0]["model"])
+    assert model == (tmp_path / "own.glb").read_bytes()
+
+
+def test_an_edited_mapping_is_played_and_saved_with_comments(stage):
+    folder = stage.settings.folder / "characters" / "figure_one"
+    before = (folder / "figure_one.toml").read_text()
+    puppet = puppet_of(stage)
+    model = stage.state["characters"][0]["model"]
+    puppet["limb"][2]["gain"] = 1.25
+    puppet["smoothing"]["max_deviation"] = None
+    puppet["character"]["mesh"] = "/etc/passwd"
+    reply = stage.result("edit", character="figure_one", puppet=puppet)
+    assert reply["puppet"]["limb"][2]["gain"] == 1.25
+    assert reply["puppet"]["character"]["mesh"] == "blob.glb"
+    assert reply["puppet"]["smoothing"]["max_deviation"] is None
+    assert not reply["saved"]
+    state = stage.until(performing)
+    assert not state["characters"][0]["saved"]
+    assert state["characters"][0]["model"] == model
+    assert (folder / "figure_one.toml").read_text() == before
+    saved = stage.result("save_puppet", character="figure_one")
+    text = stage.download(saved["file"]).decode()
+    assert saved["name"] == "figure_one.toml"
+    assert text.startswith(COMMENT)
+    assert puppet_file.loads(text, "saved").limb[2].gain == 1.25
+    assert np.isinf(puppet_file.loads(text, "saved").smoothing.max_deviation)
+    assert stage.state["characters"][0]["saved"]
+
+
+def test_another_limb_changes_the_model_and_reverting_returns_it(stage):
+    puppet = puppet_of(stage)
+    model = stage.state["characters"][0]["model"]
+    puppet["limb"][2]["points"][2] = [1.2, 1.27, 0.1]
+    edited = stage.result("edit", character="figure_one", puppet=puppet)
+    assert edited["puppet"]["limb"][2]["points"][2] == [1.2, 1.27, 0.1]
+    state = stage.until(performing)
+    assert state["characters"][0]["model"] != model
+    assert stage.download(state["characters"][0]["model"])[:4] == b"glTF"
+    reverted = stage.result("revert_puppet", character="figure_one")
+    assert reverted["saved"]
+    assert reverted["puppet"]["limb"][2]["points"][2] != [1.2, 1.27, 0.1]
+
+
+@pytest.mark.parametrize(
+    ("change", "where", "found"),
+    [
+        ({"limb": []}, "the puppet, the whole file", "neither a limb nor a handle"),
+        ({"limb": 3}, "the puppet, limb", "3"),
+        ({"surprise": 1}, "the puppet, surprise", "the unknown key 'surprise'"),
+    ],
+)
+def test_a_puppet_that_is_none_changes_nothing(stage, change, where, found):
+    puppet = puppet_of(stage)
+    error = stage.error("edit", character="figure_one", puppet={**puppet, "handle": [], **change})
+    assert (error["where"], error["found"]) == (where, found)
+    assert puppet_of(stage) == puppet
+    assert stage.state["characters"][0]["saved"]
+
+
+def test_a_limb_outside_the_character_is_refused(stage):
+    puppet = puppet_of(stage)
+    puppet["limb"][2]["points"][2] = [50.0, 1.0, 0.0]
+    error = stage.error("edit", character="figure_one", puppet=puppet)
+    assert "away from the surface" in error["found"]
+    assert str(stage.settings.folder) not in str(error)
+
+
+def test_a_recording_is_the_same_as_on_the_command_line(stage, tmp_path):
+    stage.result("source", example="walk")
+    stage.until(performing)
+    name = stage.result("record_start", name="walking")["take"]
+    assert stage.state["recording"] == "walking"
+    for refused in (
+        {"do": "record_start"},
+        {"do": "edit", "character": "figure_one", "puppet": puppet_of(stage)},
+        {"do": "source", "example": "rear"},
+        {"do": "close_character", "character": "figure_one"},
+    ):
+        assert stage.error(**refused)["found"] == "the take 'walking', which is being recorded"
+    time.sleep(2)
+    take = stage.result("record_stop")
+    assert take["name"] == name == "walking"
+    assert 1.5 < take["seconds"] < 30
+    assert stage.state["recording"] is None
+    exported = stage.result("export", character="figure_one", take="walking")
+    folder = stage.settings.folder
+    command = [sys.executable, "-m", "puppetline", "convert", folder / "takes" / "walking.log"]
+    command += ["--puppet", folder / "characters" / "figure_one" / "figure_one.toml", "-o", tmp_path / "own.glb"]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    assert stage.download(exported["file"]) == (tmp_path / "own.glb").read_bytes()
+    assert exported["text"].splitlines()[1:] == done.stdout.splitlines()[1:]
+    done = subprocess.run([*command, "--json"], check=True, capture_output=True, text=True)
+    assert exported["numbers"] == json.loads(done.stdout) | {"output": exported["name"]}
+
+
+def test_an_export_reports_progress_and_can_be_cancelled(stage):
+    async def cancelled():
+        async with stage.page() as page:
+            asking = asyncio.create_task(page.ask("export", character="figure_one", example="kung_fu"))
+            while not page.events:
+                await asyncio.sleep(0.01)
+            await page.ask("cancel", job=page.events[0]["job"])
+            return page.events[0], await asking, (await page.ask("state"))["result"]["jobs"]
+
+    event, reply, jobs = stage.run(cancelled())
+    assert set(event) == {"event", "job", "text", "fraction"}
+    assert reply["error"]["found"] == "a job that was cancelled"
+    assert next(job["state"] for job in jobs if job["job"] == event["job"]) == "cancelled"
+    exported = stage.result("export", character="figure_one", example="walk", form="frames", start=0.5, stop=1.0)
+    assert exported["numbers"]["frames"] == 16
+    assert exported["numbers"]["seconds"] == 0.5
+    exported = stage.result("export", character="figure_one", example="walk", form="bvh", start=0.5, stop=1.0)
+    assert (exported["name"], exported["numbers"]["frames"]) == ("walk.bvh", 16)
+    assert stage.download(exported["file"]).startswith(b"HIERARCHY\nROOT hips\n")
+
+
+def test_a_take_plays_on_a_character_and_another_one_can_be_recorded_over_it(stage):
+    played = stage.result("play_take", character="figure_one", take="walking")
+    assert (played["take"], played["at"], played["note"]) == ("walking", 0.0, None)
+    assert stage.result("loop")["loop"]
+    assert stage.result("pause")["paused"]
+    assert stage.result("seek", seconds=0.5)["position"] == 0.5
+    assert stage.result("speed", factor=2)["speed"] == 2
+    (take,) = stage.until(lambda state: state["timeline"] is not None)["timeline"]["takes"]
+    assert take == {key: played[key] for key in ("character", "take", "at", "seconds")}
+    assert stage.error("delete_take", take="walking")["found"] == "a recording that is playing now"
+    assert stage.error("record_start", count_in=3)["found"] == "the speed 2"
+    stage.result("speed", factor=1)
+    stage.result("record_start", count_in=30)
+    stage.until(lambda state: state["stages"][0]["count_in"] > 25)
+    assert stage.error("pause")["found"].startswith("a take that is being recorded")
+    assert stage.result("record_stop") == {}
+    assert stage.result("stop")["stopped"] == [take]
+    stage.until(lambda state: state["timeline"] is None)
+    assert stage.error("seek", seconds=1.0)["found"] == "no take that plays"
+
+
+def test_a_take_plays_from_one_second_to_another(stage):
+    # the status of each second meets a loop of this length at different moments
+    state = stage.result("source", take="walking", start=0.3, stop=1.0, loop=True)
+    assert (state["uri"], state["start"], state["stop"]) == ("replay:walking", 0.3, 1.0)
+    assert stage.until(performing)["source"]["name"] == "walking"
+    assert stage.error("delete_take", take="walking")["found"] == "a recording that is playing now"
+    stage.result("source", example="walk")
+    stage.result("delete_take", take="walking")
+    assert stage.state["takes"] == []
+
+
+def test_a_source_that_cannot_be_opened_leaves_the_one_before(stage):
+    before = stage.until(performing)["source"]
+    error = stage.error("source", uri="osc:99999")
+    assert error["fix"]
+    assert stage.state["source"] == before
+    stage.until(performing)
+
+
+def test_a_killed_service_starts_again_and_the_state_says_so(stage):
+    stage.until(performing)
+    puppet = puppet_of(stage)
+    puppet["limb"][2]["gain"] = 0.75
+    stage.result("edit", character="figure_one", puppet=puppet)
+    restarts = stage.state["service"]["restarts"]
+    service_of(stage).kill()
+    ended = stage.until(lambda state: not state["service"]["running"])
+    assert ended["service"]["starting"]
+    assert ended["banner"]["level"] == "error" or ended["service"]["restarts"] == restarts
+    state = stage.until(lambda state: state["service"]["running"] and performing(state))
+    assert state["service"]["restarts"] == restarts + 1
+    assert puppet_of(stage) == puppet
+    stage.result("revert_puppet", character="figure_one")
+
+
+def test_two_characters_have_the_same_performer_if_a_recording_plays(stage, blob_file):
+    upload = stage.upload("blob two.glb", blob_file.read_bytes())[1]["upload"]
+    opened = stage.result("open_character", upload=upload)
+    assert NAME.fullmatch(opened["character"])
+    state = stage.until(lambda state: len(state["characters"]) == 2 and performing(state))
+    assert [each["stage"] for each in state["characters"]] == ["figure_one", "blob_two"]
+    stage.result("source", uri="osc:0")
+    state = stage.until(lambda state: state["banner"]["text"] == "No performer is in view of osc:0.")
+    assert [each["stage"] for each in state["characters"]] == ["stage", "stage"]
+    stage.result("source", example="walk")
+    stage.result("close_character", character="blob_two")
+    assert not (stage.settings.folder / "characters" / "blob_two").exists()
+    assert [each["name"] for each in stage.until(performing)["characters"]] == ["figure_one"]
+
+
+def test_a_new_run_continues_with_the_characters_of_the_last(start_studio, blob_file, limbed_puppet, tmp_path):
+    first = start_studio(tmp_path / "studio", first=limbed_puppet)
+    state = first.until(lambda state: len(state["characters"]) == 1 and performing(state))
+    [character] = [each["name"] for each in state["characters"]]
+    puppet = first.result("puppet", character=character)["puppet"]
+    puppet["limb"][2]["gain"] = 0.5
+    first.result("edit", character=character, puppet=puppet)
+    first.result("source", example="rear")
+    text = limbed_puppet.read_text()
+    first.close()
+    again = start_studio(tmp_path / "studio")
+    state = again.until(lambda state: len(state["characters"]) == 1 and performing(state))
+    assert again.result("puppet", character=character)["puppet"] == puppet
+    assert not state["characters"][0]["saved"]
+    assert state["source"]["name"] == "rear"
+    assert limbed_puppet.read_text() == text
+    service = service_of(again)
+    again.close()
+    assert not service.is_running() or service.status() == psutil.STATUS_ZOMBIE
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
+def test_the_command_prints_an_address_and_ends_with_its_service(commands, limbed_puppet, tmp_path, own_cache):
+    arguments = "studio", limbed_puppet, "--folder", tmp_path / "studio", "--port", 0, "--no-browser"
+    with commands.start(*arguments, stdout=subprocess.PIPE) as process:
+        line = process.stdout.readline()
+        assert line.startswith("The studio is at http://127.0.0.1:")
+        assert "/#token=" in line
+        deadline = time.monotonic() + 120
+        while not (children := psutil.Process(process.pid).children()) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        assert process.wait() == 0
+        assert not [each for each in children if each.is_running() and each.status() != psutil.STATUS_ZOMBIE]
+
+
+def test_the_command_refuses_other_machines_without_a_token(commands, tmp_path):
+    done = commands.run("studio", "--host", "0.0.0.0", "--folder", tmp_path)
+    assert done.returncode == 1
+    assert "which other machines can reach, and no credentials" in done.stderr
+
+
+@pytest.mark.parametrize(("name", "found"), [("nothing.glb", "no such file"), ("walk.log", "a log")])
+def test_a_file_that_cannot_be_opened_first_is_refused_before_the_start(commands, take, tmp_path, name, found):
+    if name == "walk.log":
+        (tmp_path / name).write_bytes(take.read_bytes())
+    done = commands.run("studio", tmp_path / name, "--no-browser", "--folder", tmp_path / "studio")
+    assert done.returncode == 1
+    assert f"{tmp_path / name}: found {found}; expected a" in done.stderr
+    assert not (tmp_path / "studio").exists()

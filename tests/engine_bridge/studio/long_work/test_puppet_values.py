@@ -1,0 +1,33 @@
+import json
+
+import pytest
+
+from engine_bridge.puppet import puppet_file
+from engine_bridge.studio.long_work.puppet_values import puppet_of, values_of
+from puppetline.errors import PuppetError
+
+
+def test_values_are_json_and_return_the_same_puppet(limbed_puppet):
+    puppet = puppet_file.load(limbed_puppet)
+    for deviation in (0.02, float("inf")):
+        smoothing = puppet.smoothing.model_copy(update={"max_deviation": deviation})
+        changed = puppet.model_copy(update={"smoothing": smoothing})
+        values = json.loads(json.dumps(values_of(changed), allow_nan=False))
+        assert puppet_of(values, "blob.glb") == changed
+
+
+def test_the_page_does_not_choose_the_mesh(limbed_puppet):
+    puppet = puppet_file.load(limbed_puppet)
+    values = values_of(puppet) | {"character": {"mesh": "/etc/passwd", "up": "z", "front": "x"}}
+    assert puppet_of(values, "blob.glb").character.mesh == "blob.glb"
+    assert puppet_of(values, "blob.glb").character.up == "z"
+    assert puppet_of({key: value for key, value in values.items() if key != "character"}, "b").character.mesh == "b"
+    moved = puppet.character.model_copy(update={"mesh": "/home/somebody/blob.glb"})
+    assert values_of(puppet.model_copy(update={"character": moved}))["character"]["mesh"] == "blob.glb"
+
+
+def test_a_mistake_is_named(limbed_puppet):
+    values = values_of(puppet_file.load(limbed_puppet))
+    values["limb"][1]["joints"][0] = "shoulder_centre"
+    with pytest.raises(PuppetError, match=r"the puppet, \[\[limb\]\] 2 'head', joints, 1.* Did you mean"):
+        puppet_of(values, "blob.glb")

@@ -1,0 +1,155 @@
+import asyncio
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from engine_bridge.studio.project import workspace as module
+from engine_bridge.studio.project.workspace import UploadError, Workspace, file_name, shown
+from puppetline.errors import OutputError, ServiceError
+
+
+async def parts(*chunks):
+    for chunk in chunks:
+        yield chunk
+
+
+def receive(workspace, name, *chunks, size=None):
+    return asyncio.run(workspace.receive(name, size, parts(*chunks)))
+
+
+def files(workspace):
+    return list((workspace.folder / "uploads").rglob("*"))
+
+
+@given(st.text() | st.sampled_from(["../../etc/passwd", "..\\..\\x", "/", "", ".", "..", "a\0b", "CON.glb", "~/x"]))
+def test_a_name_of_the_page_is_never_a_path(name):
+    made = file_name(name)
+    assert made not in ("", ".", "..")
+    assert len(made) <= 43
+    assert all(each.isascii() and (each.isalnum() or each in "_-.") for each in made)
+    assert not made.startswith((".", "-"))
+    assert made.count(".") <= 1
+    assert "/" not in shown(name)
+    assert shown(name).isprintable()
+
+
+@pytest.mark.parametrize(
+    ("name", "made"),
+    [
+        ("my dragon.GLB", "my_dragon.glb"),
+        ("../../etc/passwd", "passwd"),
+        ("C:\\Users\\x\\take 1.log", "take_1.log"),
+        ("Pferd (geflügelt).obj", "Pferd_gefl_gelt.obj"),
+        ("archive.tar.gz", "archive_tar.gz"),
+        ("", "file"),
+        (".glb", "file.glb"),
+    ],
+)
+def test_a_safe_name_resembles_that_of_the_page(name, made):
+    assert file_name(name) == made
+
+
+def test_an_upload_is_written_and_kept(tmp_path):
+    workspace = Workspace(tmp_path)
+    path = receive(workspace, "../my dog.obj", b"v 0 0 0\n", b"v 1 0 0\n")
+    assert path.read_bytes() == b"v 0 0 0\nv 1 0 0\n"
+    assert path.name == "my_dog.obj"
+    assert path.parent.parent == tmp_path / "uploads"
+    upload = workspace.keep("../my dog.obj", path, "character", {})
+    assert (upload.name, upload.bytes) == ("my dog.obj", 16)
+    assert workspace.upload(upload.id, "character") is upload
+    with pytest.raises(ServiceError, match="found a mesh; expected a recording"):
+        workspace.upload(upload.id, "log")
+    workspace.delete_upload(upload.id)
+    assert files(workspace) == []
+    with pytest.raises(ServiceError, match="found no upload"):
+        workspace.upload(upload.id)
+
+
+def test_an_upload_that_is_too_large_leaves_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "MAX_UPLOAD_BYTES", 10)
+    workspace = Workspace(tmp_path)
+    with pytest.raises(UploadError, match="found a larger file"):
+        receive(workspace, "a.obj", b"12345678", b"12345678")
+    with pytest.raises(UploadError, match="found a larger file"):
+        receive(workspace, "a.obj", b"", size=11)
+    assert files(workspace) == []
+    assert receive(workspace, "a.obj", b"1234567890").read_bytes() == b"1234567890"
+
+
+def test_all_uploads_together_are_bounded(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "MAX_TOTAL_BYTES", 10)
+    monkeypatch.setattr(module, "MAX_UPLOADS", 2)
+    workspace = Workspace(tmp_path)
+    workspace.keep("a", receive(workspace, "a", b"12345678"), "log", {})
+    with pytest.raises(UploadError, match="found a larger file"):
+        receive(workspace, "b", b"123")
+    workspace.keep("b", receive(workspace, "b", b"12"), "log", {})
+    with pytest.raises(UploadError, match="found 2 uploads"):
+        receive(workspace, "c", b"")
+
+
+def test_an_upload_that_breaks_off_leaves_nothing(tmp_path):
+    async def broken():
+        yield b"1234"
+        raise ConnectionResetError
+
+    workspace = Workspace(tmp_path)
+    with pytest.raises(OutputError):
+        asyncio.run(workspace.receive("a", None, broken()))
+    assert files(workspace) == []
+
+
+def test_old_exports_are_deleted(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "MAX_EXPORTS", 2)
+    workspace = Workspace(tmp_path)
+    made = []
+    for k in range(3):
+        path = workspace.new_export(f"dog {k}", ".glb")
+        path.write_bytes(b"glTF")
+        made.append(workspace.offer(path, path.name, "export"))
+    assert [each.name for each in made] == ["dog_0.glb", "dog_1.glb", "dog_2.glb"]
+    assert [each.path.exists() for each in made] == [False, True, True]
+    assert list(workspace.downloads) == [each.id for each in made[1:]]
+
+
+def test_characters_of_the_same_name_get_folders_of_their_own(tmp_path):
+    workspace = Workspace(tmp_path)
+    names = [workspace.character_folder("a very long name of a character").name for _ in range(3)]
+    assert names == [
+        "a_very_long_name_of_a_character",
+        "a_very_long_name_of_a_characte-2",
+        "a_very_long_name_of_a_characte-3",
+    ]
+    assert max(map(len, names)) == 32
+
+
+def test_an_error_for_the_page_names_no_folder_of_the_machine(tmp_path):
+    workspace = Workspace(tmp_path)
+    path = receive(workspace, "cow.obj", b"")
+    error = ServiceError(
+        f"{path}, line 3", found=f"{path}", expected=f"{tmp_path}/takes/a.log", fix=f"{tmp_path}/characters/cow/cow.obj"
+    )
+    assert workspace.told(error) == {
+        "where": "cow.obj, line 3",
+        "found": "cow.obj",
+        "expected": "a.log",
+        "fix": "cow.obj",
+    }
+
+
+def test_a_damaged_session_counts_as_none(tmp_path):
+    workspace = Workspace(tmp_path)
+    assert workspace.read_session() == {}
+    workspace.write_session({"characters": []})
+    assert Workspace(tmp_path).read_session() == {"characters": []}
+    for damaged in ("[]", "{", ""):
+        (tmp_path / "session.json").write_text(damaged)
+        assert workspace.read_session() == {}
+
+
+def test_a_folder_that_cannot_be_created_is_reported(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="Choose another folder with --folder"):
+        Workspace(tmp_path / "file" / "studio")

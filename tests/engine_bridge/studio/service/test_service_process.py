@@ -1,0 +1,48 @@
+import asyncio
+import json
+
+from engine_bridge.studio.service.service_process import RETRY_SECONDS, STEADY_SECONDS, ServiceProcess
+
+
+def line(event, **fields):
+    return json.dumps({"level": "info", "event": event, "fields": fields})
+
+
+def test_the_state_says_what_the_first_start_compiles_until_it_serves(tmp_path):
+    async def run():
+        process = ServiceProcess(tmp_path / "service.toml", "token", lambda: None)
+        process._set(starting=True)
+        process._read(line("compiling, once on this machine", functions=12))
+        starting = process.state
+        process._read(line("serving", stream=["tcp://127.0.0.1:1", "ws://127.0.0.1:2"], control=["tcp://127.0.0.1:3"]))
+        return starting, process.state, process.reached
+
+    starting, serving, reached = asyncio.run(run())
+    assert starting.text == "It compiles functions, once on this machine: 12 so far, of about 40."
+    assert (serving.running, serving.starting, serving.text) == (True, False, "")
+    assert (reached.stream, reached.control) == ("ws://127.0.0.1:2", "tcp://127.0.0.1:3")
+
+
+def test_it_waits_longer_after_each_failure_and_from_the_beginning_again_after_a_steady_run(tmp_path, monkeypatch):
+    """The fourth of five runs is steady."""
+    clock, waits, steady = [0.0], [], iter([False, False, False, True, False])
+
+    async def run():
+        process = ServiceProcess(tmp_path / "service.toml", "token", lambda: None)
+        process._wanted = True
+
+        async def run_once():
+            clock[0] += 2 * STEADY_SECONDS if next(steady) else 1.0
+            return ["ended"]
+
+        async def sleep(seconds):
+            waits.append(seconds)
+            process._wanted = len(waits) < 5
+
+        monkeypatch.setattr(process, "_run", run_once)
+        monkeypatch.setattr(asyncio.get_running_loop(), "time", lambda: clock[0])
+        monkeypatch.setattr(asyncio, "sleep", sleep)
+        await process._keep()
+
+    asyncio.run(run())
+    assert waits == [*RETRY_SECONDS[:3], *RETRY_SECONDS[:2]]

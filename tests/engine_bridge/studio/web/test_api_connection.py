@@ -1,0 +1,200 @@
+import asyncio
+import contextlib
+import json
+import random
+
+import aiohttp
+import psutil
+import pytest
+
+from engine_bridge.studio.messages import REQUESTS, CloseCode, State
+from engine_bridge.studio.web.api_connection import MAX_MISTAKES
+
+
+def closed_with(studio, path, *frames):
+    """Return the code with which a connection is closed after some frames."""
+
+    async def send():
+        async with aiohttp.ClientSession() as http, http.ws_connect(studio.address + path) as socket:
+            for frame in frames:
+                await (socket.send_bytes if isinstance(frame, bytes) else socket.send_str)(frame)
+            while not (message := await socket.receive()).type & aiohttp.WSMsgType.CLOSE:
+                pass
+            assert message.type in (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED)
+            return socket.close_code
+
+    return studio.run(send())
+
+
+@pytest.mark.parametrize(
+    "frame", ["", "token", "{}", '{"token": 3}', "[]", "null", "[" * 100_000, b"\0\1", '{"do": "ping", "id": 1}']
+)
+def test_a_client_without_a_token_is_disconnected(studio, frame):
+    assert closed_with(studio, "/api", frame) == CloseCode.NOT_UNDERSTOOD
+
+
+def test_a_wrong_token_and_a_replayed_one_are_refused(studio, caplog):
+    token = studio.token()
+
+    async def enter():
+        async with studio.page(token) as page:
+            return page.hello["session"]
+
+    session = studio.run(enter())
+    assert closed_with(studio, "/api", json.dumps({"token": token})) == CloseCode.REFUSED
+    assert closed_with(studio, "/api", json.dumps({"token": "wrong"})) == CloseCode.REFUSED
+    assert token not in caplog.text
+    assert session not in caplog.text
+
+    async def again():
+        async with studio.page(session) as page:
+            return page.hello["session"]
+
+    assert studio.run(again()) == session
+
+
+def test_the_stream_accepts_session_tokens_only(studio):
+    assert closed_with(studio, "/stream", json.dumps({"token": studio.token()})) == CloseCode.REFUSED
+    assert closed_with(studio, "/stream", json.dumps({"token": studio.session})) == CloseCode.NO_SERVICE
+
+
+def test_the_greeting_is_followed_by_the_whole_state(studio):
+    async def first():
+        async with studio.page() as page:
+            return page.hello, await page.state()
+
+    hello, state = studio.run(first())
+    assert hello["parents"]["head"] == "shoulder_center"
+    assert len(hello["joints"]) == 20
+    assert hello["forms"] == ["morph", "skin", "frames", "rig", "bvh", "vrma", "glb"]
+    assert ".glb" in hello["suffixes"]["character"]
+    assert State.model_validate(state).characters == []
+    assert state["banner"]["text"] == "No character is open."
+
+
+@pytest.mark.parametrize(
+    ("request_", "where", "found"),
+    [
+        ({}, "the request, do", "nothing"),
+        ({"do": "format_disk"}, "the request, do", "the unknown request 'format_disk'"),
+        ({"do": ["ping"]}, "the request, do", "the unknown request ['ping']"),
+        ({"do": "__class__"}, "the request, do", "the unknown request '__class__'"),
+        ({"do": "ping", "path": "/etc"}, "the request, path", "the unknown key 'path'"),
+        ({"do": "puppet", "character": "../x"}, "the request, character", "'../x'"),
+        ({"do": "puppet", "character": "dog"}, "the request, character", "no character 'dog'"),
+        ({"do": "open_character", "upload": "x"}, "the request, upload", "no upload 'x'"),
+        ({"do": "open_example", "name": "cat"}, "the request, name", "the unknown name 'cat'"),
+        ({"do": "source"}, "the request", "no source"),
+        ({"do": "source", "uri": "osc:7110", "example": "walk"}, "the request", "uri and example"),
+        ({"do": "source", "uri": "replay:/etc/passwd"}, "the request, uri", "'replay:/etc/passwd'"),
+        ({"do": "source", "uri": "openni:file=/etc/passwd"}, "the request, uri", "'openni:file=/etc/passwd'"),
+        ({"do": "source", "uri": "fused:/etc/x.toml"}, "the request, uri", "'fused:/etc/x.toml'"),
+        ({"do": "source", "take": "nothing"}, "the request, take", "no take 'nothing'"),
+        ({"do": "cancel", "job": "x"}, "the request, job", "no running job 'x'"),
+        ({"do": "record_stop"}, "the service", "no character"),
+        ({"do": "delete_take", "take": "nothing"}, "the request, take", "no take 'nothing'"),
+    ],
+)
+def test_a_request_that_cannot_be_carried_out_is_explained(studio, request_, where, found):
+    async def ask():
+        async with studio.page(studio._session) as page:
+            return await page.send({"id": 7, **request_})
+
+    assert studio.session
+    reply = studio.run(ask())
+    assert reply["ok"] is False
+    assert (reply["error"]["where"], reply["error"]["found"]) == (where, found)
+    assert reply["error"]["fix"]
+
+
+def test_every_request_is_carried_out_by_something(studio):
+    made = studio.served.studio
+    assert [do for do in REQUESTS if not callable(getattr(made, f"_do_{do}", None))] == []
+    assert all("Result" in str(each.__doc__) for each in REQUESTS.values())
+
+
+def random_frame():
+    """Return bytes, text, or a request that may be understood."""
+    kind = random.randrange(5)
+    if kind == 0:
+        return random.randbytes(random.randrange(200))
+    if kind == 1:
+        return "".join(map(chr, random.choices(range(32, 1000), k=random.randrange(200))))
+    if kind == 2:
+        do = random.choice([*{*REQUESTS} - {"sources"}, 3])
+        return json.dumps({"id": random.choice([1, -1, 2**70, "x", None]), "do": do})
+    if kind == 3:
+        return json.dumps({"id": 1, "do": "edit", "character": "x", "puppet": {"a": [[]] * 50}})
+    return json.dumps([random.random()] * 20)
+
+
+def test_random_frames_leave_the_studio_as_it_was(studio):
+    """10,000 frames over many connections, with and without a token."""
+    random.seed(11)
+    process = psutil.Process()
+    session = studio.session
+
+    async def send(count, greeting):
+        async with aiohttp.ClientSession() as http, http.ws_connect(f"{studio.address}/api") as socket:
+            if greeting:
+                await socket.send_json({"token": session})
+
+            async def read():
+                async for _ in socket:
+                    pass
+
+            reading = asyncio.create_task(read())
+            with contextlib.suppress(ConnectionError):
+                for each in (random_frame() for _ in range(count)):
+                    await (socket.send_bytes if isinstance(each, bytes) else socket.send_str)(each)
+            await socket.close()
+            await reading
+
+    async def many(rounds):
+        for k in range(rounds):
+            await send(MAX_MISTAKES, greeting=k % 4 > 0)
+
+    studio.run(many(20))
+    before = process.memory_info().rss
+    studio.run(many(100))
+    assert process.memory_info().rss - before < 20e6
+    assert studio.result("ping") == "pong"
+    assert studio.state["characters"] == []
+
+
+def test_frame_after_frame_that_is_no_request_ends_the_connection(studio):
+    frames = [json.dumps({"token": studio.session})] + ["?"] * MAX_MISTAKES
+    assert closed_with(studio, "/api", *frames) == CloseCode.NOT_UNDERSTOOD
+
+
+def test_a_request_that_is_too_large_ends_the_connection(studio):
+    frames = [json.dumps({"token": studio.session}), "x" * 2_000_000]
+    assert closed_with(studio, "/api", *frames) == 1009
+
+
+def test_two_pages_see_the_same_state(studio, blob_file):
+    async def both():
+        async with studio.page() as one, studio.page() as other:
+            await one.state()
+            await other.state()
+            async with aiohttp.ClientSession() as http:
+                headers = {"Authorization": f"Bearer {one.hello['session']}"}
+                data = blob_file.read_bytes()
+                async with http.post(f"{studio.address}/uploads?name=blob.glb", data=data, headers=headers) as response:
+                    upload = (await response.json())["upload"]
+            states = [await each.state() for each in (one, other)]
+            assert [[each["upload"] for each in state["uploads"]] for state in states] == [[upload], [upload]]
+            assert (await other.ask("delete_upload", upload=upload))["ok"]
+            assert (await one.state())["uploads"] == []
+
+    studio.run(both())
+
+
+def test_another_window_gets_a_token_of_its_own(studio):
+    address = studio.result("invite")["address"]
+
+    async def enter():
+        async with studio.page(address.partition("#token=")[2]) as page:
+            return (await page.ask("ping"))["result"]
+
+    assert studio.run(enter()) == "pong"

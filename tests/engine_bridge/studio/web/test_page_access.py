@@ -1,0 +1,92 @@
+import pytest
+
+from engine_bridge.studio.web.page_access import (
+    MAX_SESSIONS,
+    Addresses,
+    Tokens,
+    bearer,
+    check_exposure,
+    page_headers,
+)
+from puppetline.errors import ServiceError
+
+
+def test_a_one_time_token_is_exchanged_once():
+    tokens = Tokens()
+    token = tokens.invite()
+    session = tokens.enter(token)
+    assert session != token
+    assert tokens.is_session(session)
+    assert not tokens.is_session(token)
+    with pytest.raises(ServiceError, match="a one-time token that was used before"):
+        tokens.enter(token)
+    assert tokens.enter(session) == session
+
+
+def test_other_tokens_are_refused():
+    tokens = Tokens("of-a-file-of-the-owner")
+    tokens.invite()
+    for wrong in ("", "x", "of-a-file-of-the-owneR", "\ud800", "a" * 100_000):
+        with pytest.raises(ServiceError, match="a wrong token"):
+            tokens.enter(wrong)
+        assert not tokens.is_session(wrong)
+    assert tokens.is_session(tokens.enter("of-a-file-of-the-owner"))
+    assert tokens.is_session(tokens.enter("of-a-file-of-the-owner"))
+
+
+def test_the_session_that_was_used_least_recently_ends_first():
+    tokens = Tokens()
+    sessions = [tokens.enter(tokens.invite()) for _ in range(MAX_SESSIONS)]
+    assert tokens.is_session(sessions[0])
+    tokens.enter(tokens.invite())
+    assert [tokens.is_session(each) for each in sessions[:3]] == [True, False, True]
+
+
+def test_tokens_are_not_kept_in_memory():
+    tokens = Tokens("of-a-file-of-the-owner")
+    token = tokens.invite()
+    session = tokens.enter(token)
+    assert not {token, session, "of-a-file-of-the-owner"} & {str(value) for value in vars(tokens).values()}
+    assert all(
+        secret.encode() not in key
+        for known in vars(tokens).values()
+        if isinstance(known, dict)
+        for key in known
+        for secret in (token, session)
+    )
+
+
+def test_other_machines_need_a_token():
+    for host in ("0.0.0.0", "*"):
+        with pytest.raises(ServiceError, match="which other machines can reach, and no credentials"):
+            check_exposure(Addresses(host, 7480), None)
+        check_exposure(Addresses(host, 7480), "0123456789abcdef")
+    for host in ("127.0.0.1", "localhost"):
+        check_exposure(Addresses(host, 7480), None)
+
+
+def test_the_link_has_the_token_in_its_fragment():
+    assert Addresses("127.0.0.1", 7480).link("abc") == "http://127.0.0.1:7480/#token=abc"
+    assert Addresses("::1", 7480).link("abc") == "http://[::1]:7480/#token=abc"
+    assert Addresses("*", 7480, ["https://studio.example"]).link("abc") == "https://studio.example/#token=abc"
+
+
+def test_an_origin_is_the_beginning_of_an_address():
+    for wrong in ("studio.example", "ftp://studio.example", "https://studio.example/page", "https://"):
+        with pytest.raises(ServiceError, match="expected the beginning of an address"):
+            Addresses("127.0.0.1", 7480, [wrong])
+
+
+def test_the_page_may_load_only_what_the_studio_sends():
+    policy = dict(each.split(" ", 1) for each in page_headers("127.0.0.1:7480")["Content-Security-Policy"].split("; "))
+    assert policy["default-src"] == "'self'"
+    assert policy["connect-src"] == "'self' blob: ws://127.0.0.1:7480 wss://127.0.0.1:7480"
+    assert policy["frame-ancestors"] == policy["object-src"] == policy["base-uri"] == "'none'"
+    assert "unsafe" not in str(policy)
+
+
+@pytest.mark.parametrize(
+    ("header", "token"), [("Bearer abc", "abc"), ("bearer  abc ", "abc"), ("Basic abc", ""), ("", ""), ("Bearer", "")]
+)
+def test_the_session_token_is_a_bearer_token(header, token):
+    assert bearer({"Authorization": header}) == token

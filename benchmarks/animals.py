@@ -78,7 +78,7 @@ def main() -> None:
     parser.add_argument("--pictures", type=Path)
     parser.add_argument("--free", action="store_true")
     chosen = parser.parse_args()
-    print("| character | recording | legs | above | below | under half on floor | on floor | slide | 95 % | acceleration "
+    print("| character | recording | legs | above | below | below half | on floor | slide | 95 % | acceleration "
           "| steps while standing | edges p1 | p99 |")  # fmt: skip
     print("| --- |" + " --- |" * 12)
     rows = []

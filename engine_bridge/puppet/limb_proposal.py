@@ -76,6 +76,7 @@ def _limb(
     side, _, limb = chain.name.partition(" ")
     joints = MIDDLE_JOINTS.get(chain.name) or tuple(f"{joint}_{side}" for joint in _limb_joints(limb))
     joints += joints[-1:] * (len(chain.points) - len(joints))  # a leg with more bends than the performer's
+    joints = joints[: len(chain.points)]
     size = max(float(np.ptp(np.concatenate(list(points.values())), axis=0).max()), 1e-12)
     table = {
         "name": chain.name,

@@ -11,11 +11,13 @@ from typing import Any, Literal, get_args
 from capture.sources.demo import performances
 from engine_bridge.character.examples import MOTIONS
 from engine_bridge.performance.settings import PerformerFormat
+from engine_bridge.puppet.plan_change import plan_in, with_plan
 from engine_bridge.studio import messages
 from engine_bridge.studio.backend.backend import Backend
 from engine_bridge.studio.backend.page_state import character_state, state_of
 from engine_bridge.studio.backend.request_checks import check_known, check_one, in_use
 from engine_bridge.studio.long_work.jobs import Jobs
+from engine_bridge.studio.long_work.puppet_values import puppet_of, values_of
 from engine_bridge.studio.long_work.worker import Progress, Worker
 from engine_bridge.studio.messages import PuppetReply, SourceState, State
 from engine_bridge.studio.project.open_characters import Characters, OpenCharacter
@@ -193,6 +195,13 @@ class Studio(Backend):
         character = self.characters[asked.character]
         values = await self._worker.run("mirror_limb", character.folder, asked.name)
         return PuppetReply(character=character.name, puppet=values, saved=False).model_dump(mode="json")
+
+    async def _do_change_plan(self, asked: messages.ChangePlan) -> dict[str, Any]:
+        character = self.characters[asked.character]
+        puppet = with_plan(puppet_of(character.puppet, character.puppet["character"]["mesh"]), asked.plan)
+        return PuppetReply(character=character.name, puppet=values_of(puppet), saved=False, plan=asked.plan).model_dump(
+            mode="json"
+        )
 
     async def _do_save_puppet(self, asked: messages.SavePuppet) -> dict[str, Any]:
         self.characters[asked.character]
@@ -384,6 +393,10 @@ def _logged_errors(what: str) -> Iterator[None]:
 
 
 def _puppet_reply(character: OpenCharacter) -> dict[str, Any]:
+    puppet = puppet_of(character.puppet, character.puppet["character"]["mesh"])
     return PuppetReply(
-        character=character.name, puppet=character.puppet, saved=character.puppet == character.saved
+        character=character.name,
+        puppet=character.puppet,
+        saved=character.puppet == character.saved,
+        plan=plan_in(puppet),
     ).model_dump(mode="json")

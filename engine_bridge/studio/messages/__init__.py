@@ -19,6 +19,7 @@ Points are in the coordinates of the mesh file, as in the puppet file. Names of 
 
 from engine_bridge.studio.messages.base import MAX_REQUEST_BYTES, Id, JobResult, Name, Request, Seconds
 from engine_bridge.studio.messages.characters import (
+    ChangePlan,
     CloseCharacter,
     DeleteUpload,
     Edit,
@@ -90,6 +91,7 @@ __all__ = [
     "Banner",
     "Calibrate",
     "Cancel",
+    "ChangePlan",
     "CharacterState",
     "ChooseUser",
     "CloseCharacter",
@@ -170,6 +172,7 @@ REQUESTS: dict[str, type[Request]] = {
     "edit": Edit,
     "snap": Snap,
     "mirror_limb": MirrorLimb,
+    "change_plan": ChangePlan,
     "save_puppet": SavePuppet,
     "revert_puppet": RevertPuppet,
     "record_start": RecordStart,

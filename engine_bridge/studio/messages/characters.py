@@ -4,6 +4,7 @@ from typing import Any, Literal
 
 from pydantic import FiniteFloat
 
+from engine_bridge.puppet.body_plans import BodyPlan
 from engine_bridge.studio.messages.base import Id, Name, Request
 from puppetline.toml_schema import Table
 
@@ -71,11 +72,14 @@ class PuppetReply(Table):
         ``arm_space``, ``hands_meet``), ``smoothing`` (``max_deviation`` None for infinity) and ``solver``.
     saved : bool
         As in `CharacterState`.
+    plan : BodyPlan or None
+        The body plan that the limbs follow; None if they follow none.
     """
 
     character: str
     puppet: dict[str, Any]
     saved: bool
+    plan: BodyPlan | None = None
 
 
 class Edit(Request):
@@ -118,6 +122,17 @@ class MirrorLimb(Request):
     do: Literal["mirror_limb"]
     character: Name
     name: str
+
+
+class ChangePlan(Request):
+    """Let the limbs follow the performer as another body plan says (docs/animals.md).
+
+    Names, points and handles are kept. Result: `PuppetReply`; its puppet is not applied until it is sent as `Edit`.
+    """
+
+    do: Literal["change_plan"]
+    character: Name
+    plan: BodyPlan
 
 
 class SavePuppet(Request):

@@ -62,7 +62,8 @@ async function refresh({ name, version }: CharacterState): Promise<void> {
   if (fetched.get(name) === version || editing.has(name)) return;
   fetched.set(name, version);
   try {
-    const { puppet } = await connection.request<PuppetReply>("puppet", { character: name });
+    const { puppet, plan } = await connection.request<PuppetReply>("puppet", { character: name });
+    update(({ plans }) => ({ plans: { ...plans, [name]: plan } }));
     const known = current().puppets[name];
     if (editing.has(name) || JSON.stringify(known?.present) === JSON.stringify(puppet)) return;
     update(({ puppets }) => ({
@@ -188,6 +189,14 @@ export function edit(puppet: Puppet): void {
   void send(character);
 }
 
+/** Let the limbs follow the performer as another body plan says. */
+export async function changePlan(plan: string): Promise<void> {
+  const { character } = current();
+  if (character === null) return;
+  const reply = await request<PuppetReply>(strings.busy.edit, "change_plan", { character, plan });
+  if (reply !== null && current().character === character) edit(reply.puppet);
+}
+
 export function undo(): void {
   step(earlier);
 }
@@ -230,7 +239,10 @@ async function send(character: string): Promise<void> {
       if (reply !== null && history !== undefined && history.present === sent) {
         // as the server has it: handles are snapped to the surface
         sent = reply.puppet;
-        update({ puppets: { ...puppets, [character]: { ...history, present: reply.puppet } } });
+        update(({ plans }) => ({
+          puppets: { ...puppets, [character]: { ...history, present: reply.puppet } },
+          plans: { ...plans, [character]: reply.plan },
+        }));
       }
     }
   } finally {

@@ -162,6 +162,8 @@ export interface PuppetReply {
   readonly character: string;
   readonly puppet: Puppet;
   readonly saved: boolean;
+  /** The body plan that the limbs follow; null if they follow none. */
+  readonly plan: string | null;
 }
 
 export interface ExportReply {

@@ -32,6 +32,8 @@ export interface State {
   readonly character: string | null;
   /** Every character's puppet as edited here, with the steps that can be undone. */
   readonly puppets: Readonly<Record<string, History<Puppet>>>;
+  /** The body plan that each character's limbs follow, as the server has them. */
+  readonly plans: Readonly<Record<string, string | null>>;
   readonly selection: Part | null;
   /** A joint that waits for the part that it will move. */
   readonly joint: Joint | null;
@@ -73,6 +75,7 @@ export const INITIAL: State = {
   server: null,
   character: null,
   puppets: {},
+  plans: {},
   selection: null,
   joint: null,
   tab: "limbs",

@@ -114,6 +114,16 @@ def test_another_limb_changes_the_model_and_reverting_returns_it(stage):
     assert reverted["puppet"]["limb"][2]["points"][2] != [1.2, 1.27, 0.1]
 
 
+def test_another_body_plan_is_offered_as_an_edit(stage):
+    before = puppet_of(stage)
+    reply = stage.result("change_plan", character="figure_one", plan="no legs")
+    assert puppet_of(stage) == before
+    edited = stage.result("edit", character="figure_one", puppet=reply["puppet"])
+    assert edited["plan"] == reply["plan"] == "no legs"
+    assert [limb["points"] for limb in edited["puppet"]["limb"]] == [limb["points"] for limb in before["limb"]]
+    stage.result("revert_puppet", character="figure_one")
+
+
 @pytest.mark.parametrize(
     ("change", "where", "found"),
     [

@@ -1,6 +1,6 @@
 /** Settings of the motion of the whole character: mirroring, scale, walking, smoothing. */
 
-import { edit } from "../actions";
+import { changePlan, edit } from "../actions";
 import { type Node_, h } from "../dom";
 import type { Puppet, Retarget, Root } from "../model/puppet";
 import { type State, isJoined, shownPuppet } from "../store";
@@ -11,7 +11,7 @@ import { smoothing } from "./smoothing";
 export function motion(state: State): Node_ {
   const puppet = shownPuppet(state);
   if (puppet === null) return h("div", { key: "motion" }, h("p", { class: "small" }, strings.viewer.waiting));
-  return h("div", { class: "stack", key: "motion" }, body(state, puppet), root(puppet), smoothing(state, puppet));
+  return h("div", { class: "stack", key: "motion" }, !isJoined(state) && (puppet.limb ?? []).length > 0 && bodyPlan(state), body(state, puppet), root(puppet), smoothing(state, puppet));
 }
 
 const DIRECTIONS = ["x", "-x", "y", "-y", "z", "-z"] as const;
@@ -75,6 +75,23 @@ function body(state: State, puppet: Puppet): Node_ {
         }, { min: 0.001, step: 0.1 }),
         words.scaleHint,
       ),
+  );
+}
+
+/** The choice of a body plan, which says how the limbs follow the performer. */
+function bodyPlan(state: State): Node_ {
+  const { motion: words } = strings;
+  const plan = (state.character === null ? null : state.plans[state.character]) ?? "";
+  const choices = [...(plan === "" ? [["", words.planNone] as const] : []), ...Object.entries(words.plans)];
+  return section(
+    words.plan,
+    field(
+      words.plan,
+      select(choices, plan, (chosen) => {
+        if (chosen !== "") void changePlan(chosen);
+      }),
+      words.planHint,
+    ),
   );
 }
 

@@ -37,13 +37,13 @@ from solver.motion.two_bones import carry_along, moved, place
 VELOCITY_SECONDS = 0.15
 """Time constant of the body's velocity and turning rate, in seconds: sensors measure them imprecisely."""
 
-MAX_AHEAD = 0.5
+MAX_AHEAD = 0.45
 """Largest distance at which a foot is put down from its home, in leg lengths."""
 
-TOO_FAR, TOO_FAR_WALKING = 0.22, 0.55
+TOO_FAR, TOO_FAR_WALKING = 0.22, 0.5
 """Distances between a foot and its home, in leg lengths, from which a leg steps while the body stands and walks."""
 
-MAX_AWAY = 0.6
+MAX_AWAY = 0.55
 """Largest distance between a foot that stands and its home, in leg lengths."""
 
 TIDY_DISTANCE, TIDY_SECONDS = 0.1, 0.65

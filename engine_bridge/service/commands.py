@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import isfinite
 from typing import Any
 
@@ -51,7 +51,7 @@ class _Commands:
             "characters": [
                 self._described(runner, player) for runner in service.runners for player in runner.stage.players
             ],
-            "status": service.status.as_json(),
+            "status": replace(service.status, timeline=service.playback.status()).as_json(),
         }
 
     def calibrate(self, asked: requests.OneCharacter) -> dict[str, Any]:

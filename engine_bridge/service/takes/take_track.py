@@ -13,11 +13,11 @@ from engine_bridge.service.takes.take_stage import TakeStage
 from puppetline.errors import ServiceError
 from solver.motion.deformer import Deformer, DeformerState
 
-STATE_FRAMES = 64
+STATE_FRAMES = 32
 """Number of frames from one stored state of the deformer to the next; a jump computes up to this many frames."""
 
 MAX_FRAMES = 54_000
-"""Maximum number of frames of a take that plays: half an hour at 30 frames per second, which takes about 130 MB."""
+"""Maximum number of frames of a take that plays: half an hour at 30 frames per second, which takes about 230 MB."""
 
 
 class TakeTrack:

@@ -25,5 +25,5 @@ def test_any_frame_is_the_same_in_whatever_order_frames_are_asked_for(record_tak
     rig = request.getfixturevalue(rig)
     path, frames = record_take(names=("dog",), rig=rig)
     track = TakeTrack(make_player("dog", rig=rig), path)
-    for number in (70, 69, 3, 64, 65, 63, 88, 0, 1, 1, len(frames) - 1):
+    for number in (70, 69, 3, 32, 33, 31, 64, 88, 0, 1, 1, len(frames) - 1):
         assert np.array_equal(solved(track, number)[1], frames[number].R)

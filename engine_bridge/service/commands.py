@@ -76,7 +76,8 @@ class _Commands:
 
     def record_start(self, asked: requests.RecordStart) -> dict[str, Any]:
         runner = self._runner(asked.stage)
-        self._refuse_while_recording(runner)
+        takes_wait = asked.count_in and self._service.playback.takes  # which another recording forbids
+        self._refuse_while_recording(*(self._service.runners if takes_wait else [runner]))
         for player in runner.stage.players:
             if not player.settled:
                 raise ServiceError(

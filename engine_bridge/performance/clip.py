@@ -1,7 +1,8 @@
 """Solves recorded skeletons for a character."""
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,13 +12,13 @@ from numpy.typing import NDArray
 from capture import body
 from capture.clip import SkeletonClip
 from capture.formats import read_log
-from capture.skeleton import JOINTS
+from capture.skeleton import JOINTS, LOST
 from capture.timeline import Timeline, choose, resample
 from engine_bridge.performance.frame_store import FrameStore
-from engine_bridge.performance.performance import Performance
+from engine_bridge.performance.performance import Performance, mirrored
 from engine_bridge.performance.rig import Rig
 from engine_bridge.performance.settings import Settings
-from engine_bridge.performance.take_calibration import of_performer
+from engine_bridge.performance.take_calibration import TakeCalibration, of_performer
 from engine_bridge.puppet.puppet import Puppet
 from puppetline.errors import SkeletonLogError, at
 from solver.model.batch import BatchBinding
@@ -33,6 +34,24 @@ MIN_MEASURED_FRAMES, MAX_MEASURED_STRIDE = 600, 3
 
 MIN_CLIP_FRAMES = 2
 """Minimum number of frames of an animation."""
+
+
+@dataclass(frozen=True)
+class TakeTimeline(Timeline):
+    """A performer's frames in a take, with the calibrations of the take.
+
+    Attributes
+    ----------
+    mirror : bool or None
+        Whether the performer's left moves the character's right; None for the puppet's setting.
+    later : dict
+        By number of the frame from which they are used: calibration poses (20, 3) in the coordinates of the positions,
+        and whether to mirror.
+    """
+
+    mirror: bool | None = None
+    later: Mapping[int, tuple[NDArray[np.float64], bool | None]] = field(default_factory=dict)
+
 
 Progress = Callable[[str, float], None]
 """Callback that receives the name of a step and the share of it that is done."""
@@ -92,12 +111,10 @@ def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tup
     """Resample the chosen performer of a recording that has been read; see `load_timeline`."""
     try:
         clip, chosen = choose(clips, settings.user)
-        found, about_rest = (None, ()) if settings.rest_at is not None else of_performer(clips, clip)
-        if found is not None:
-            clip = found.sensor.levelled(clip)
-        timeline = resample(clip, settings.fps, settings.max_gap)
-        if found is not None:
-            timeline = replace(timeline, rest=found.sensor.upright(found.rest))
+        found, about_rest = ((), ()) if settings.rest_at is not None else of_performer(clips, clip)
+        timeline = resample(_levelled(clip, found), settings.fps, settings.max_gap)
+        if found:
+            timeline = _calibrated(timeline, clip, found)
     except SkeletonLogError as error:  # these errors do not name the file
         where = at(log, field=error.where)
         raise SkeletonLogError(where, found=error.found, expected=error.expected, fix=error.fix) from error
@@ -125,6 +142,33 @@ def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tup
         )
     others = (chosen,) if len(clips) > 1 else ()
     return timeline, (*clip.notes, *others, *about_rest, *((timeline.summary(),) if timeline.held else ()))
+
+
+def _levelled(clip: SkeletonClip, found: Sequence[TakeCalibration]) -> SkeletonClip:
+    """Return a clip whose frames are corrected by the position of the sensor in the calibration in use."""
+    if not found:
+        return clip
+    parts = [each.calibration.sensor.levelled(clip) for each in found]
+    number = np.searchsorted([each.time for each in found[1:]], clip.times, side="right")
+    rows = np.arange(len(clip.times))
+    orientations = [each.orientations for each in parts if each.orientations is not None]
+    return replace(
+        clip,
+        positions=np.stack([each.positions for each in parts])[number, rows],
+        orientations=np.stack(orientations)[number, rows] if orientations else None,
+    )
+
+
+def _calibrated(timeline: Timeline, clip: SkeletonClip, found: Sequence[TakeCalibration]) -> TakeTimeline:
+    """Return a timeline with the calibrations of a take."""
+    start = clip.times[(clip.confidence > LOST).any(axis=1)][0]
+    poses = [each.calibration.sensor.upright(each.calibration.rest) for each in found]
+    later = {
+        math.ceil((each.time - start) * timeline.fps): (pose, each.mirror)
+        for each, pose in zip(found[1:], poses[1:], strict=True)
+    }
+    frames = timeline.positions, timeline.confidence, timeline.gaps, timeline.orientations
+    return TakeTimeline(timeline.fps, *frames, poses[0], found[0].mirror, later)
 
 
 def resting_pose(timeline: Timeline, settings: Settings) -> NDArray[np.float64]:
@@ -177,7 +221,11 @@ def solve(rig: Rig, timeline: Timeline, settings: Settings, chunk_size: int) -> 
     Solved
         The next frames, at most `chunk_size`.
     """
-    performance = Performance(rig.puppet, rig.mesh, rig.model, reference_pose(rig.puppet, timeline, settings))
+    puppet: Puppet = rig.puppet
+    later: Mapping[int, tuple[NDArray[np.float64], bool | None]] = {}
+    if isinstance(timeline, TakeTimeline):
+        puppet, later = mirrored(puppet, timeline.mirror), timeline.later
+    performance = Performance(puppet, rig.mesh, rig.model, reference_pose(puppet, timeline, settings))
     count = len(timeline.positions)
     bones = len(performance.deformer.bones)
     for start in range(0, count, chunk_size):
@@ -186,6 +234,8 @@ def solve(rig: Rig, timeline: Timeline, settings: Settings, chunk_size: int) -> 
         root = np.empty((len(numbers), 3), dtype=np.float32)
         motions = np.empty((len(numbers), bones, 4, 3), dtype=np.float32)
         for row, number in enumerate(numbers):
+            if number in later:
+                performance.calibrate(number / timeline.fps, *later[number])
             pose = performance.step(timeline.frame(number))
             R[row], root[row], motions[row] = pose.R, pose.root, pose.motions
         yield Solved(R, root, motions)
@@ -234,6 +284,12 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
             motions.append(solved.motions)
         measure(surface.displacements(solved.R[::stride]))  # relative to the middle, where edge lengths are precise
         progress("Performing", len(frames) / len(root))
+    mirror = timeline.mirror if isinstance(timeline, TakeTimeline) else None
+    if mirror not in (None, rig.puppet.retarget.mirror):
+        notes = (
+            *notes,
+            f"The take {'mirrors' if mirror else 'does not mirror'} the performer, unlike the puppet file.",
+        )
     rest = resting_pose(timeline, settings)
     unknown = [joint for joint in rig.puppet.driven_by if np.isnan(rest[JOINTS.index(joint)]).any()]
     if unknown:

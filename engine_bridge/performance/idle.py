@@ -1,37 +1,18 @@
 """Idle recordings: motion of a character without a performer, in a seamless loop."""
 
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.performance.clip import load_timeline, reference_pose
+from engine_bridge.performance.easing import TargetPose
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.performance.rig import Rig
 from engine_bridge.performance.settings import Settings
 from solver.model.bones import Bones
 from solver.motion.deformer import Deformer
 from solver.motion.motion_blend import difference, moved_by
-
-
-class TargetPose(NamedTuple):
-    """Pose that a character's handles and bones are moved to.
-
-    Attributes
-    ----------
-    targets : (h, 3) float64
-        Positions of the handles without the root's motion, mesh file's coordinates.
-    motions : (b, 4, 3) float64
-        Motions of the bones without the root's motion.
-    root : (3,) float64
-        The root's translation.
-    """
-
-    targets: NDArray[np.float64]
-    motions: NDArray[np.float64]
-    root: NDArray[np.float64]
-
 
 CROSSFADE_SECONDS = 0.5
 """Duration of the blend from the recording's end to its start, in seconds."""

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import SkeletonFrame
+from engine_bridge.performance.easing import EASE_SECONDS, Easing, TargetPose
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.puppet.puppet import Puppet
 from solver.model.reduced_model import ReducedModel
@@ -47,8 +48,18 @@ class Performance:
     """
 
     def __init__(self, puppet: Puppet, mesh: SolverMesh, model: ReducedModel, rest: NDArray[np.float64]) -> None:
+        self._puppet, self._mesh = puppet, mesh
         self.deformer = make_deformer(puppet, mesh, model)
         self.retargeting = Retargeting(puppet, mesh, self.deformer, rest)
+        bones = self.deformer.bones
+        at_rest = TargetPose(self.deformer.handles, np.tile(np.eye(4, 3), (len(bones), 1, 1)), np.zeros(3))
+        self._easing = Easing(bones, at_rest, EASE_SECONDS)
+
+    def calibrate(self, time: float, rest: NDArray[np.float64], mirror: bool | None) -> None:
+        """Ease into the motion with another calibration pose or mirroring, from a time on; None keeps the mirroring."""
+        self._puppet = mirrored(self._puppet, mirror)
+        self.retargeting = Retargeting(self._puppet, self._mesh, self.deformer, rest)
+        self._easing.begin(time)
 
     def step(self, frame: SkeletonFrame, out: NDArray[np.float64] | None = None) -> Pose:
         """Return the pose of the next frame.
@@ -61,7 +72,15 @@ class Performance:
             Array for the pose's R.
         """
         aim = self.retargeting.step(frame)
-        return Pose(self.deformer.solve(aim.targets, aim.motions, out), aim.root, aim.motions)
+        pose = self._easing.show(frame.time, TargetPose(aim.targets, aim.motions, aim.root))
+        return Pose(self.deformer.solve(pose.targets, pose.motions, out), pose.root, pose.motions)
+
+
+def mirrored(puppet: Puppet, on: bool | None) -> Puppet:
+    """Return a puppet that mirrors the performer or does not; None keeps its setting."""
+    if on is None or on == puppet.retarget.mirror:
+        return puppet
+    return puppet.model_copy(update={"retarget": puppet.retarget.model_copy(update={"mirror": on})})
 
 
 def make_deformer(puppet: Puppet, mesh: SolverMesh, model: ReducedModel) -> Deformer:

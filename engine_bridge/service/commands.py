@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import isfinite
 from typing import Any
 
@@ -51,7 +51,7 @@ class _Commands:
             "characters": [
                 self._described(runner, player) for runner in service.runners for player in runner.stage.players
             ],
-            "status": service.status.as_json(),
+            "status": replace(service.status, timeline=service.playback.status()).as_json(),
         }
 
     def calibrate(self, asked: requests.OneCharacter) -> dict[str, Any]:
@@ -76,7 +76,8 @@ class _Commands:
 
     def record_start(self, asked: requests.RecordStart) -> dict[str, Any]:
         runner = self._runner(asked.stage)
-        self._refuse_while_recording(runner)
+        takes_wait = asked.count_in and self._service.playback.takes  # which another recording forbids
+        self._refuse_while_recording(*(self._service.runners if takes_wait else [runner]))
         for player in runner.stage.players:
             if not player.settled:
                 raise ServiceError(

@@ -115,6 +115,9 @@ class Service:
         endpoints = endpoints_of(settings.network, folder)  # first: nothing else is as likely to fail
         self._jobs = Jobs()
         keep.callback(self._jobs.close)
+        self.playback = TakePlayback(self.find, self.show_frames)
+        self.count_in = CountIn(self.playback)
+        self._reported: object = None
         self._loader = CharacterLoader(settings, folder, self._jobs.calibrating)
         self.runners = [stage.runner for stage in load_stages(settings, folder, self._loader)]
         keep.callback(self._close_runners)
@@ -122,9 +125,6 @@ class Service:
         self._outputs: list[Output] = []
         self._bind(endpoints)
         self.takes = Takes(folder / settings.takes)
-        self.playback = TakePlayback(self.find, self.show_frames)
-        self.count_in = CountIn(self.playback)
-        self._reported: object = None
         self._reporter = Reporter()
         self._looking = Looking(self._jobs, self._answer)
         self.status = self._current_status()
@@ -400,6 +400,7 @@ class Service:
 
     def _close_runners(self) -> None:
         for runner in self.runners:
+            self.count_in.cancel(runner)
             runner.close()
 
     def _end_take(self, runner: StageRunner) -> None:

@@ -77,7 +77,7 @@ def stage_of(clips: list[SkeletonClip]) -> Stage:
 
     Calibrations in a take have the tilt, and BVH files have a known up axis.
     """
-    known = any(clip.format == "bvh" or of_performer(clips, clip)[0] is not None for clip in clips)
+    known = any(clip.format == "bvh" or bool(of_performer(clips, clip)[0]) for clip in clips)
     sensor = SensorTilt() if known else tilt_of_recording(clips)
     notes: tuple[str, ...] = ()
     if sensor.tilt:

@@ -18,7 +18,9 @@ from capture.events import TICK_SECONDS
 from capture.sensor_tilt import MIN_TILT_CHANGE, SensorTilt, estimate_tilt
 from capture.skeleton import SkeletonFrame
 from capture.smoothing import JointFilter
-from engine_bridge.performance.idle import IdleRecording, TargetPose
+from engine_bridge.performance.easing import EASE_SECONDS, TargetPose
+from engine_bridge.performance.idle import IdleRecording
+from engine_bridge.performance.performance import mirrored
 from engine_bridge.performance.performer_calibration import Calibration, places_of, rows_of
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.puppet.puppet import Puppet
@@ -50,7 +52,7 @@ class PlayerSettings:
     """
 
     calibrate: Calibrate = "still"
-    ease: float = 0.8
+    ease: float = EASE_SECONDS
     remember: float = 30.0
     tilt: float | None = None
     height: float | None = None
@@ -347,10 +349,11 @@ class CharacterPlayer:
         )
 
     def _retarget(self, puppet: Puppet, calibration: Calibration, mirror: bool) -> Retargeting:
-        retarget = puppet.retarget.model_copy(update={"mirror": mirror})
-        puppet = puppet.model_copy(update={"retarget": retarget})
         return Retargeting(
-            puppet, self.character.rig.mesh, self.display.deformer, calibration.sensor.upright(calibration.rest)
+            mirrored(puppet, mirror),
+            self.character.rig.mesh,
+            self.display.deformer,
+            calibration.sensor.upright(calibration.rest),
         )
 
     def _idle_places(self, time: float) -> TargetPose:

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import SkeletonFrame
-from engine_bridge.performance.idle import IdleRecording, TargetPose
+from engine_bridge.performance.easing import Easing, TargetPose
+from engine_bridge.performance.idle import IdleRecording
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.rig import Rig
-from engine_bridge.service.players.easing import Easing
 from engine_bridge.service.players.precompilation import precompile
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from engine_bridge.service.states import State

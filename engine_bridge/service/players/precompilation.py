@@ -4,10 +4,9 @@ import numpy as np
 
 from capture.skeleton import JOINTS, TRACKED
 from capture.smoothing import JointFilter
-from engine_bridge.performance.idle import TargetPose
+from engine_bridge.performance.easing import MAX_STEP_SECONDS, Easing, TargetPose
 from engine_bridge.performance.retargeting import PERFORMER, legs_of
 from engine_bridge.puppet.puppet import Puppet
-from engine_bridge.service.players.easing import MAX_STEP_SECONDS, Easing
 from solver.motion.deformer import Deformer
 from solver.motion.feet import Feet
 from solver.motion.limb_motion import LimbMotion

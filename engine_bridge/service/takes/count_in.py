@@ -58,6 +58,7 @@ class CountIn:
             timeline.pause(False, now)
             self._begin(runner, path)
             return
+        _keep(path)
         self._counted[runner] = _Counted(path, now + seconds)
         timeline.pause(False, now)
         self._playback.seek(timeline.start, now + seconds)
@@ -75,7 +76,10 @@ class CountIn:
     def cancel(self, runner: StageRunner) -> str | None:
         """End a count-in without a take, and return the name that the take would have had; None without a count-in."""
         counted = self._counted.pop(runner, None)
-        return None if counted is None else counted.path.stem
+        if counted is None:
+            return None
+        counted.path.unlink(missing_ok=True)
+        return counted.path.stem
 
     def due(self) -> float:
         """Return the moment at which to call `advance`: that of the next count."""
@@ -102,3 +106,16 @@ class CountIn:
             return None
         ago = runner.source.now() - moment
         return {"at": self._playback.timeline.position(time.monotonic()) - ago, "takes": self._playback.takes}
+
+
+def _keep(path: Path) -> None:
+    """Create a take's file, so that no other take gets its name during the count-in."""
+    try:
+        path.touch(exist_ok=False)
+    except OSError as error:
+        raise OutputError(
+            path,
+            found=f"a file that cannot be written ({error.strerror})",
+            expected="a new file in the folder of takes",
+            fix="Choose another name, free disk space, or change the permissions.",
+        ) from error

@@ -13,11 +13,11 @@ from engine_bridge.service.takes.take_stage import TakeStage
 from puppetline.errors import ServiceError
 from solver.motion.deformer import Deformer, DeformerState
 
-STATE_FRAMES = 64
+STATE_FRAMES = 32
 """Number of frames from one stored state of the deformer to the next; a jump computes up to this many frames."""
 
 MAX_FRAMES = 54_000
-"""Maximum number of frames of a take that plays: half an hour at 30 frames per second, which takes about 130 MB."""
+"""Maximum number of frames of a take that plays: half an hour at 30 frames per second, which takes about 230 MB."""
 
 
 class TakeTrack:
@@ -68,8 +68,10 @@ class TakeTrack:
             if len(self.times) == MAX_FRAMES:
                 raise _error(path, f"a take of more than {MAX_FRAMES} frames", "a shorter take", "Trim it first.")
             self.times.append(time)
-            assert other.display.shown is not None  # noqa: S101 - the stage has shown a frame
-            self._frames.append(other.display.shown)
+            shown = other.display.shown
+            assert shown is not None  # noqa: S101 - the stage has shown a frame
+            # nobody is calibrated while a take plays, in particular not in each pass of a loop
+            self._frames.append(shown._replace(state="performing") if shown.state == "calibrating" else shown)
             if len(self.times) % STATE_FRAMES == 0:
                 state = self._deformer.state
         self.offset, self.note = stage.offset, stage.note

@@ -165,7 +165,7 @@ class TimelineTake(Table):
 class TimelineState(Table):
     """The timeline of the takes that play.
 
-    `position` is that of the last status, about half a second ago; while it is not `paused`, it increases by `speed`
+    `position` is at most half a second old; while it is not `paused`, it increases by `speed`
     per second up to `end`, where it stops, or continues at `start` if `loop` is true.
     """
 

@@ -164,6 +164,9 @@ class RecordingStage:
         self.events.append(event)
         return []
 
+    def beginnings(self, *_):
+        return []
+
 
 def test_the_service_resumes_after_unplugging_and_plugging_in(sensor, scripted_tracker, noise, monkeypatch, tmp_path):
     monkeypatch.setattr(module, "load_mediapipe", lambda: None)

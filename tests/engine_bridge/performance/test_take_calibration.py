@@ -48,8 +48,8 @@ def begin(time, calibration, character="dog"):
 
 def found(log, user=1):
     clips = read_log(log)
-    calibration, notes = of_performer(clips, next(clip for clip in clips if clip.user == user))
-    return None if calibration is None else calibration.to_json(), notes
+    calibrations, notes = of_performer(clips, next(clip for clip in clips if clip.user == user))
+    return calibrations[0].calibration.to_json() if calibrations else None, notes
 
 
 def same(found, made):
@@ -60,7 +60,10 @@ def test_the_calibration_at_the_beginning_comes_before_later_ones(write_take, ca
     start, later = calibration(0.1), calibration(0.2)
     used, notes = found(write_take(opening(dog={"user": 1, "calibration": start}), begin(1.0, later)))
     assert same(used, start)
-    assert notes == ("The performer's calibration pose is the one in the take, which was in use when the take began.",)
+    assert notes == (
+        "The performer's calibration pose is the one in the take, which was in use when the take began.",
+        "It was calibrated or mirrored again at 1.00 s.",
+    )
 
 
 def test_without_one_at_the_beginning_the_first_later_one_is_used(write_take, calibration):
@@ -68,7 +71,16 @@ def test_without_one_at_the_beginning_the_first_later_one_is_used(write_take, ca
     waiting = opening(dog={"user": 1, "calibration": None})
     used, notes = found(write_take(waiting, begin(0.5, first), begin(1.0, second)))
     assert same(used, first)
-    assert notes == ("The performer's calibration pose is the one in the take, which was made at 0.50 s.",)
+    assert notes[0] == "The performer's calibration pose is the one in the take, which was made at 0.50 s."
+
+
+def test_later_calibrations_and_mirroring_follow_in_their_order_and_repetitions_do_not(write_take, calibration):
+    start, later = calibration(0.1), calibration(0.2)
+    cues = begin(0.4, start), begin(0.8, start | {"mirror": True}), begin(1.2, later | {"mirror": True})
+    (clip,) = read_log(write_take(opening(dog={"user": 1, "calibration": start}), *cues))
+    calibrations, _ = of_performer([clip], clip)
+    assert [(each.time, each.mirror) for each in calibrations] == [(0.0, False), (0.8, True), (1.2, True)]
+    assert [same(each.calibration.to_json(), start) for each in calibrations] == [True, True, False]
 
 
 def test_a_part_of_a_take_has_the_calibration_that_was_made_before_it(write_take, calibration):

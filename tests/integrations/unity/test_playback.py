@@ -73,7 +73,13 @@ def test_a_source_that_has_stood_still_goes_on_at_once(play_back):
 
 def test_frames_that_nobody_looks_at_do_not_pile_up(play_back):
     steps = [came(number / 30, float(number)) for number in range(1000)]
-    assert play_back(10.0, *steps, AHEAD + 40) == [(936, True)]
+    assert play_back(30.0, *steps, AHEAD + 40) == [(744, True)]
+
+
+def test_a_second_of_a_fast_source_can_wait(play_back):
+    steps = [came(number / 240, number / 240) for number in range(960)]
+    ((value, _),) = play_back(1.0, *steps, AHEAD + 959 / 240)
+    assert value == pytest.approx(959 / 240 - 1.0, abs=0.002)
 
 
 def test_frames_cost_the_garbage_collector_nothing(run_core):

@@ -6,8 +6,8 @@ namespace Puppetline.Protocol
     /// </summary>
     public sealed class Playback : FrameBuffer
     {
-        /// <summary>Maximum number of frames in the buffer.</summary>
-        public const int Capacity = 64;
+        /// <summary>Maximum number of frames in the buffer: a second of the fastest sources.</summary>
+        public const int Capacity = 256;
 
         /// <summary>
         /// Rate at which the estimate of the shortest transmission time grows, in seconds per second, so that it adapts to

@@ -1,3 +1,4 @@
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -272,6 +273,30 @@ def test_a_sensor_that_stands_like_nothing_is_refused_and_counts_for_nothing(mak
     with pytest.raises(ServiceError, match="a position of the sensor that is not understood"):
         stage.step(Cue(1.0, "level", {}), 0)
     assert stage.players[0].sensor == SensorTilt()
+
+
+@pytest.mark.parametrize("cue", [Cue(0.0, "mirror", {"on": True}), Cue(0.0, "calibrate")])
+def test_a_take_in_which_a_client_mirrors_or_calibrates_is_converted_as_it_was_streamed(
+    make_stage, blob_rig, blob_puppet, kung_fu, record_events, tmp_path, cue
+):
+    even = resample(SkeletonClip("", 1, *(np.array([getattr(each, what) for each in kung_fu]) for what in KEPT)))
+    frames = [
+        as_recorded(SkeletonFrame(time, 1, *rest))
+        for time, *rest in zip(even.times, even.positions, even.confidence, strict=True)
+    ]
+    number = 150
+    stage = make_stage()
+    events = [*frames[:number], replace(cue, time=frames[number].time), *frames[number:]]
+    given = with_beginnings_of(stage, events)
+    record_events(tmp_path / "take.log", given)
+    streamed = [frame for frame in replay(make_stage(), given) if frame.user == 1]
+    pairs = [(a, b) for a, b in itertools.pairwise(streamed) if a.time != b.time]  # a cue shows no other moment
+    streamed = [a for a, _ in pairs] + streamed[-1:]
+    clip, summary = convert(tmp_path / "take.log", blob_puppet, tmp_path / "out.glb", Settings())
+    assert len(clip.frames) == len(streamed)
+    apart = [np.abs(a - b.R).max() for a, b in zip(clip.frames[:], streamed, strict=True)]
+    assert max(apart[90:]) < 1e-4 * blob_rig.model.diagonal
+    assert "It was calibrated or mirrored again at" in " ".join(summary.notes)
 
 
 @pytest.mark.parametrize("tilt", [0.0, 15.0])

@@ -79,16 +79,26 @@ def make_theatre(stopped_clock, make_stage, record_events, kung_fu, tmp_path):
         runner.close()
 
 
+@pytest.fixture(scope="session")
+def recorded():
+    """Takes that have been recorded, and their frames."""
+    return {}
+
+
 @pytest.fixture
-def record_take(make_theatre, tmp_path):
+def record_take(make_theatre, tmp_path, recorded):
     """Record a take of the performer; return its path and the frames that were shown meanwhile."""
 
     def record(name="take1", seconds=3.0, **more):
-        theatre = make_theatre(**more)
-        path = tmp_path / f"{name}.log"
-        theatre.runner.start_recording(path)
-        frames = theatre.run(seconds)
-        theatre.runner.stop_recording().close()
+        path, key = tmp_path / f"{name}.log", repr((seconds, more))
+        if key not in recorded:
+            theatre = make_theatre(**more)
+            theatre.runner.start_recording(path)
+            frames = theatre.run(seconds)
+            theatre.runner.stop_recording().close()
+            recorded[key] = path.read_bytes(), frames
+        content, frames = recorded[key]
+        path.write_bytes(content)
         return path, frames
 
     return record

@@ -110,12 +110,16 @@ def test_a_count_in_can_be_cancelled(overdub, tmp_path):
 
 def test_a_take_that_cannot_begin_after_the_count_is_logged(make_theatre, tmp_path, caplog):
     theatre = make_theatre()
-    theatre.count_in.start(theatre.runner, tmp_path / "no folder" / "take.log", 1)
+    path = tmp_path / "take.log"
+    theatre.count_in.start(theatre.runner, path, 1)
+    path.write_text("something else")
     theatre.run(1.5)
     assert "the take cannot begin" in caplog.text
     assert theatre.count_in.take(theatre.runner) is None
-    with pytest.raises(OutputError):
-        theatre.count_in.start(theatre.runner, tmp_path / "no folder" / "take.log", 0)
+    for taken, seconds in ((path, 1), (path, 0), (tmp_path / "no folder" / "take.log", 1)):
+        with pytest.raises(OutputError):
+            theatre.count_in.start(theatre.runner, taken, seconds)
+    assert theatre.count_in.take(theatre.runner) is None
 
 
 def test_nothing_is_recorded_over_takes_that_play_at_another_speed(overdub, tmp_path):

@@ -104,7 +104,7 @@ def test_a_loop_begins_again_and_a_take_ends_at_its_end(play):
     theatre.playback.timeline.loop = True
     theatre.run(2.5 * track.seconds)
     frames = theatre.of("dog")
-    assert "leaving" not in {frame.state for frame in frames}
+    assert {frame.state for frame in frames} == {"performing"}
     third = [frame for frame in frames if frame.received / 1e9 > zero + 2 * track.seconds + 2 * EASE]
     assert all(follows(track, third, zero + 2 * track.seconds)[0])
     theatre.playback.timeline.loop = False
@@ -189,6 +189,22 @@ def test_a_changed_mapping_moves_the_take_too(play):
     theatre.run(1.0)
     assert follows(changed, theatre.of("dog")[-5:], zero)[0] == [True] * 5
     assert follows(track, theatre.of("dog")[-5:], zero)[0] == [False] * 5
+
+
+def test_characters_that_are_loaded_again_stay_with_their_takes(play, make_player):
+    theatre, track, _ = play()
+    theatre.run(0.5)
+    shown = theatre.of("dog")[-1]
+    theatre.runner.replace_players([make_player("cat"), make_player("dog")])
+    assert theatre.playback.stale() == [(theatre.player("dog"), track)]
+    theatre.run(0.5)
+    frames = theatre.of("dog")
+    assert frames[0].sequence == shown.sequence + 1
+    assert frames[-1].state == "performing"
+    assert (theatre.player("dog").user, theatre.player("cat").user) == (None, 1)
+    theatre.runner.replace_players([make_player("cat")])
+    theatre.run(0.2)
+    assert not theatre.playback.takes
 
 
 def test_a_take_that_fails_ends_and_the_others_go_on(play, monkeypatch):

@@ -81,8 +81,8 @@ def test_a_take_with_a_damaged_beginning_plays_like_any_other_recording(record_t
 def test_any_recording_plays_and_calibrates_after_a_moment(record_events, kung_fu, make_player, tmp_path):
     path = record_events(tmp_path / "plain.log", [*kung_fu[:60], Lost(kung_fu[60].time, 1), *kung_fu[90:120]])
     track = TakeTrack(make_player("dog"), path)
-    assert states(track)[0] == "calibrating"
-    assert states(track)[59] == "performing"
+    assert set(states(track)[:60]) == {"performing"}
+    assert not np.array_equal(track.frame(0)[1][1], track.frame(59)[1][1])
     assert "leaving" in states(track)
     assert np.diff(track.times).max() < 0.11  # ticks fill the gap
     assert track.times[0] == 0.0

@@ -17,7 +17,8 @@ def test_a_track_has_the_frames_that_the_take_was_recorded_with(record_take, mak
         shown, R = solved(track, number)
         assert np.array_equal(R, frame.R)
         assert np.array_equal(shown.pose.root, frame.root)
-        assert (shown.state, shown.user) == (frame.state, frame.user)
+        assert (shown.state, shown.user) == ("performing", frame.user)  # nobody is calibrated now
+    assert frames[0].state == "calibrating"
 
 
 @pytest.mark.parametrize("rig", ["blob_rig", "limbed_rig"])
@@ -25,5 +26,5 @@ def test_any_frame_is_the_same_in_whatever_order_frames_are_asked_for(record_tak
     rig = request.getfixturevalue(rig)
     path, frames = record_take(names=("dog",), rig=rig)
     track = TakeTrack(make_player("dog", rig=rig), path)
-    for number in (70, 69, 3, 64, 65, 63, 88, 0, 1, 1, len(frames) - 1):
+    for number in (70, 69, 3, 32, 33, 31, 64, 88, 0, 1, 1, len(frames) - 1):
         assert np.array_equal(solved(track, number)[1], frames[number].R)

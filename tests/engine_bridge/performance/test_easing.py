@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from capture.events import TICK_SECONDS
-from engine_bridge.performance.idle import TargetPose
-from engine_bridge.service.players.easing import MAX_STEP_SECONDS, Easing
+from engine_bridge.performance.easing import MAX_STEP_SECONDS, Easing, TargetPose
 from solver.motion.limbs import bones_of
 
 BONES = bones_of(())

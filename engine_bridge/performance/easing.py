@@ -1,12 +1,12 @@
 """Eases handles and bones from the pose that is shown into the pose that they follow, so that nothing ever jumps."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.events import TICK_SECONDS
-from engine_bridge.performance.idle import TargetPose
 from solver.model.bones import Bones
 from solver.motion.motion_blend import difference, moved_by
 
@@ -15,6 +15,28 @@ MAX_STEP_SECONDS = 2 * TICK_SECONDS
 
 After a longer pause, the rest of the pause does not count, because the character would jump.
 """
+
+
+EASE_SECONDS = 0.8
+"""Default duration of an easing, in seconds."""
+
+
+class TargetPose(NamedTuple):
+    """Pose that a character's handles and bones are moved to.
+
+    Attributes
+    ----------
+    targets : (h, 3) float64
+        Positions of the handles without the root's motion, mesh file's coordinates.
+    motions : (b, 4, 3) float64
+        Motions of the bones without the root's motion.
+    root : (3,) float64
+        The root's translation.
+    """
+
+    targets: NDArray[np.float64]
+    motions: NDArray[np.float64]
+    root: NDArray[np.float64]
 
 
 class Easing:

@@ -11,10 +11,12 @@ from solver.anatomy.folded_legs import folded_leg
 from solver.anatomy.limb_chain import evenly
 from solver.anatomy.limb_curve import LimbCurve, curve_through, leg_joints, shoulder_ways
 from solver.anatomy.limb_ends import MAX_FOOT_HEIGHT, MAX_MIRROR_DISTANCE, MIRROR, LimbEnds, Points
+from solver.anatomy.standing_legs import standing_legs
 from solver.surface.mesh import SolverMesh
 
 MAX_TAIL_OFFSET, MAX_TAIL_FRONT = 0.15, -0.15
-"""Maximum distance of a tail's end from the middle plane, and its maximum position towards the front, in units."""
+"""Distance of a tail's end from the middle plane up to which the tail may lead to a side as much as to the back, and
+the maximum position of its end towards the front, in units."""
 
 MIN_ARM_SCORE = -0.2
 """Minimum score of a pair of arms."""
@@ -83,7 +85,11 @@ class LimbBranches(LimbEnds):
             fork = self.skeleton.fork(*pair)
             curves = [curve_through(self.solid, self.skeleton.between(foot, fork)) for foot in pair]
             points, parted = leg_joints(curves, self.solid.size, upright=name == "leg")
-            if name == "leg":
+            lying = self.lies and len(self.feet) < 3
+            standing = standing_legs(self.solid, curves, front=name == "front leg") if lying else None
+            if standing is not None:
+                points = standing
+            elif name == "leg":
                 folded = [folded_leg(self.skeleton, curve, curve.length - parted) for curve in curves]
                 points = [leg if other is None else other for leg, other in zip(points, folded, strict=True)]
                 self.legs_are_folded = any(leg is not None for leg in folded)
@@ -221,8 +227,9 @@ class LimbBranches(LimbEnds):
         behind = []
         for branch in branches:
             left, _, front = self.place(int(branch.cells[0]))
+            back = (branch.points[-1, 2] - branch.points[0, 2]) / self.unit
             if (
-                abs(left) < MAX_TAIL_OFFSET
+                abs(left) < max(MAX_TAIL_OFFSET, back)
                 and front < MAX_TAIL_FRONT
                 and self._leaves_at(branch) < 0.4
                 and not self._is_flat(branch)

@@ -29,9 +29,12 @@ THICKNESS_WEIGHT = 0.3
 """Weight of the relative difference in thickness of two feet, compared with the distance of their places. The point of
 a sword differs from a foot by nearly all of its thickness."""
 
-MIN_STRIDE = 0.25
-"""Minimum distance from hind feet to front feet. This and most of the following constants are shares of the unit: the
-largest of height, width and length."""
+MIN_HEIGHT_SHARE = 0.75
+"""Height of a body that lies for the first two of these constants, as a share of the unit, if it is lower than that."""
+
+MIN_STRIDE, MIN_LYING_STRIDE = 0.25, 0.12
+"""Minimum distance from hind feet to front feet, and that of a body that lies, whose tail may be longer. This and most
+of the following constants are shares of the unit: the largest of height, width and length."""
 
 MIN_ROW_STRIDE = 0.04
 """Minimum distance from a pair of feet to the next one, if there are more than two pairs."""
@@ -55,6 +58,9 @@ of an ear."""
 HEAD_SCORE_MARGIN = 0.5
 """If a pair of ends has the highest head score, a single end whose score is lower by less than this is the head. If
 there is none, the head is where the pair branches off."""
+
+MIN_LYING_RATIO = 1.2
+"""Minimum spread of a body that lies from back to front, as a multiple of its spread in height."""
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 
@@ -86,6 +92,8 @@ class LimbEnds:
     feet : list of (int, int)
         Cells at the feet: no pair, one pair, or several from hind to front; the left foot of each pair first.
     four_legged : bool
+    lies : bool
+        Whether the body is longer than it is high, regardless of thin parts.
     head : int
         Cell at the end of the head.
     head_scores : dict
@@ -103,6 +111,8 @@ class LimbEnds:
         self.unit = float((self.high - self.low).max()) + self.solid.size
         self.middle = float(np.average(self.cells[:, 0], weights=self.solid.depth**2))  # the trunk's, not a shield's
         self.head_scores: dict[int, float] = {}
+        spread = np.sqrt(np.cov(self.cells.T, aweights=self.solid.depth**2).diagonal())
+        self.lies = bool(spread[2] > MIN_LYING_RATIO * spread[1])
         self.feet = self._feet()
         self.four_legged = len(self.feet) > 1
         self.head = self._head()
@@ -123,7 +133,8 @@ class LimbEnds:
 
     def _feet(self) -> list[_Pair]:
         """Return no pair of feet, one pair, or several from hind to front; the left foot of each pair first."""
-        candidates = [tip for tip in self.skeleton.tips.tolist() if self.place(tip)[1] < MAX_FOOT_HEIGHT]
+        scale = max(MIN_HEIGHT_SHARE * self.unit / self.height, 1.0) if self.lies else 1.0
+        candidates = [tip for tip in self.skeleton.tips.tolist() if self.place(tip)[1] < MAX_FOOT_HEIGHT * scale]
         stout = max((self._thicknesses(tip)[0] for tip in candidates), default=0.0)
         low: list[int] = []
         for tip in candidates:
@@ -138,13 +149,13 @@ class LimbEnds:
         rows, columns = linear_sum_assignment(unlike.reshape(len(left), len(right)))
         pairs = [(left[i], right[j]) for i, j in zip(rows, columns, strict=True)]
         pairs = [pair for pair in pairs if self._foot_distance(*pair, stride=0.0) < MAX_MIRROR_DISTANCE]
-        pairs = [pair for pair in pairs if min(self.place(tip)[1] for tip in pair) < MAX_GROUND_HEIGHT]
+        pairs = [pair for pair in pairs if min(self.place(tip)[1] for tip in pair) < MAX_GROUND_HEIGHT * scale]
         pairs.sort(key=lambda pair: sum(self.place(tip)[2] for tip in pair))
         for given in ("leg", "hind leg", "front leg"):
             if {f"left {given}", f"right {given}"} <= self.ends.keys():
                 pair = self.ends[f"left {given}"], self.ends[f"right {given}"]
                 pairs = [pair] if given != "front leg" else [pairs[0], pair]
-        if len(pairs) > 1 and self._stride(pairs[0], pairs[-1]) > MIN_STRIDE:
+        if len(pairs) > 1 and self._stride(pairs[0], pairs[-1]) > (MIN_LYING_STRIDE if self.lies else MIN_STRIDE):
             between = [pair for pair in pairs[1:-1] if self._is_row(pair, pairs[0], pairs[-1])]
             return [pairs[0], *between, pairs[-1]]
         heights = [max(self.place(tip)[1] for tip in pair) for pair in pairs]

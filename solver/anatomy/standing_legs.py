@@ -1,0 +1,206 @@
+"""Joints of the legs of a body that lies on its legs, such as a horse, a dog or a dinosaur.
+
+Seen from the side, a leg widens slowly from the foot upwards, and suddenly where it meets the belly: at the flank. Hip
+and shoulder are above the leg's middle there, at a usual share of the way through the body. Below the flank the leg is
+three straight bones: foot, metatarsus and shin. The knee of a leg with a hock is at the front of the flank.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from solver.anatomy.limb_chain import evenly
+from solver.anatomy.limb_curve import LimbCurve, three_bones, two_bones
+from solver.anatomy.solid import Solid
+
+SAMPLE_COUNT = 61
+"""Number of points on a leg to which straight bones are fitted."""
+
+MIN_FLANK_SHARE, FOOT_SHARE = 0.25, 0.2
+"""Minimum height of a flank, and height below which a leg is a foot that may lie, as shares of the height at which the
+leg's curve ends in the trunk."""
+
+FLANK_WINDOW, MIN_FLANK_GROWTH, MIN_FLANK_RATIO, MIN_BELLY_LENGTH = 0.05, 0.08, 0.5, 0.6
+"""A leg meets the belly where it becomes longer from front to back, over the first share of the same height, by more
+than the second share of that height and the third share of its own length. Over twice the first share it becomes longer
+than the last share of the height; a shin that lies does not."""
+
+MAX_SPRAWL = 0.5
+"""Maximum distance from left to right that a leg covers below the flank, as a share of the flank's height."""
+
+HIP_SHARE, SHOULDER_SHARE = 0.45, 0.2
+"""Height of the hip and of the shoulder, as shares of the distance from the flank to the back above it."""
+
+HOCK_DEGREES, ELBOW_DEGREES = 12.0, 27.0
+"""Angles in degrees from which a hind leg has a hock, and from which the elbow of a front leg is where it bends."""
+
+STIFLE_DROP, STIFLE_DEPTH = 0.15, 0.15
+"""Distance of the knee below the flank, as a share of that from hock to flank, and behind the leg's front, as a share
+of the leg's length from front to back."""
+
+KNEE_SHARE = 0.5
+"""Position of the knee of a hind leg without a hock, as a share of the distance from ankle to hip."""
+
+HOOF_SHARE, PAW_SHARE, PAW_DEGREES = 0.42, 0.7, 26.0
+"""Position of the middle joint of a straight front leg, as a share of the distance from ankle to shoulder. If a foot
+encloses less than the angle in degrees with the ground, it is a paw: the joint above it is the wrist, and the next one
+the elbow. The joint above a hoof is the fetlock, and the next one the wrist."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Leg:
+    """A leg up to where it meets the belly.
+
+    Attributes
+    ----------
+    backs, fronts : (k,) float64
+        Its ends at each height, from the ground to the flank.
+    heights : (k,) float64
+    back : float
+        Height of the body's back above it.
+    line : (SAMPLE_COUNT, 3) float64
+        Evenly spaced points in the middle of the leg, from the end of the foot to the flank.
+    """
+
+    backs: NDArray[np.float64]
+    fronts: NDArray[np.float64]
+    heights: NDArray[np.float64]
+    back: float
+    line: NDArray[np.float64]
+
+    def top(self, share: float) -> NDArray[np.float64]:
+        """Return hip or shoulder (3,): above the flank, at a share of the way to the back."""
+        return np.asarray(self.line[-1] + [0.0, share * (self.back - self.line[-1, 1]), 0.0])
+
+    def stifle(self, hock: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the knee (3,) of a leg with a hock."""
+        flank = self.line[-1]
+        height = flank[1] - STIFLE_DROP * (flank[1] - hock[1])
+        front, back = (np.interp(height, self.heights, ends) for ends in (self.fronts, self.backs))
+        return np.array([flank[0], height, front - STIFLE_DEPTH * (front - back)])
+
+
+def standing_legs(solid: Solid, legs: Sequence[LimbCurve], *, front: bool) -> list[NDArray[np.float64]] | None:
+    """Return the joints of two legs under a body that lies.
+
+    Parameters
+    ----------
+    solid : Solid
+        Left, up and front.
+    legs : 2 of LimbCurve
+        From the end of the foot to the trunk.
+    front : bool
+        Whether they are front legs, and not hind legs or the only ones.
+
+    Returns
+    -------
+    2 of (4 or 5, 3) float64, or None
+        Hip, knee, hock if there is one, ankle and the end of the foot; None if the legs do not stand below the body, as
+        those of a frog.
+    """
+    found = [leg for leg in (_leg(solid, curve) for curve in legs) if leg is not None]
+    if len(found) < len(legs):
+        return None
+    hips = [leg.top(SHOULDER_SHARE if front else HIP_SHARE) for leg in found]
+    bones, _ = three_bones(np.hstack([leg.line for leg in found]))  # both legs have the same bones
+    feet = np.hsplit(bones, len(found))
+    bend = float(np.mean([_bend(joints) for joints in feet]))
+    if front and abs(bend) > ELBOW_DEGREES:
+        return [np.array([hip, *joints[2::-1]]) for hip, joints in zip(hips, feet, strict=True)]
+    if not front and bend > HOCK_DEGREES:
+        return [
+            np.array([hip, leg.stifle(joints[2]), *joints[2::-1]])
+            for hip, leg, joints in zip(hips, found, feet, strict=True)
+        ]
+    bones, _ = two_bones(np.hstack([leg.line[: SAMPLE_COUNT // 2] for leg in found]))
+    feet = np.hsplit(bones, len(found))
+    paws = float(np.mean([_slope(joints) for joints in feet])) < PAW_DEGREES
+    share = (PAW_SHARE if paws else HOOF_SHARE) if front else KNEE_SHARE
+    return [
+        np.array([hip, ankle + share * (hip - ankle), ankle, tip])
+        for hip, (tip, ankle, _) in zip(hips, feet, strict=True)
+    ]
+
+
+def _bend(joints: NDArray[np.float64]) -> float:
+    """Return the angle in degrees by which the bone above a bend leans further to the front than the one below."""
+    below, above = np.diff(joints[1:, [2, 1]], axis=0)
+    return float(np.degrees(np.arctan2(*above) - np.arctan2(*below)))
+
+
+def _slope(joints: NDArray[np.float64]) -> float:
+    """Return the angle in degrees between the foot and the ground."""
+    foot = joints[1] - joints[0]
+    return float(np.degrees(np.arctan2(foot[1], np.linalg.norm(foot[[0, 2]]))))
+
+
+def _leg(solid: Solid, curve: LimbCurve) -> _Leg | None:
+    """Return a leg up to the flank; None if it does not stand below the body."""
+    low, size = solid.centers.min(axis=0), solid.size
+    cells = np.rint((solid.centers - low) / size).astype(int)
+    inside = np.zeros(cells.max(axis=0) + 1, dtype=bool)
+    inside[tuple(cells.T)] = True
+    backs, fronts, lefts = _sections(inside, curve, low, size)
+    top = (curve.points[-1, 1] - low[1]) / size
+    row = _flank(fronts - backs + 1.0, top)
+    if row is None or np.ptp(lefts[: row + 1]) > MAX_SPRAWL * row:
+        return None
+    middles = low + size * np.column_stack([lefts, np.arange(len(lefts)), (fronts + backs) / 2])
+    foot = round(FOOT_SHARE * top)
+    under = curve.centers[: max(int(np.argmax(curve.centers[:, 1] > middles[foot, 1])), 1)]
+    line = evenly(np.concatenate([under, middles[foot + 1 : row + 1]]), SAMPLE_COUNT)
+    above = np.flatnonzero(~inside[lefts[row], row + 1 :, (fronts[row] + backs[row]) // 2])
+    back = row + int(above[0]) if len(above) else inside.shape[1] - 1
+    ends = [low[2] + size * edges[: row + 1] for edges in (backs, fronts)]
+    return _Leg(ends[0], ends[1], middles[: row + 1, 1], float(low[1] + size * back), line)
+
+
+def _flank(lengths: NDArray[np.float64], top: float) -> int | None:
+    """Return the last row of cells below the belly; None without one.
+
+    Parameters
+    ----------
+    lengths : (k,) float64
+        Length of a leg from front to back in each row from the ground, in cells.
+    top : float
+        Row in which the leg's curve ends.
+    """
+    window = max(round(FLANK_WINDOW * top), 1)
+    growth = lengths[window:] - lengths[:-window]
+    wide = (growth > MIN_FLANK_GROWTH * top) & (growth > MIN_FLANK_RATIO * lengths[:-window])
+    belly = sliding_window_view(np.pad(lengths, (0, 2 * window)), 2 * window + 1).max(axis=1)
+    wide &= belly[: len(wide)] > MIN_BELLY_LENGTH * top
+    wide[: round(MIN_FLANK_SHARE * top)] = False
+    if not wide.any():
+        return None
+    row = int(np.argmax(wide))
+    return row + int(np.diff(lengths)[row : row + window].argmax())
+
+
+def _sections(
+    inside: NDArray[np.bool_], leg: LimbCurve, low: NDArray[np.float64], size: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the back, the front and the position from left to right (k,) of a leg at each height, in cells.
+
+    Parameters
+    ----------
+    inside : (a, b, c) bool
+        Cells of the character.
+    leg : LimbCurve
+    low : (3,) float64
+        Centre of the first cell.
+    size : float
+        Of a cell.
+    """
+    found = np.zeros((inside.shape[1], 3), dtype=np.int64)
+    for row in range(len(found)):
+        nearest = np.abs(leg.points[:, 1] - low[1] - size * row).argmin()
+        left, _, way = np.rint((leg.points[nearest] - low) / size).astype(int)
+        filled = np.flatnonzero(inside[left, row])
+        parts = np.split(filled, np.flatnonzero(np.diff(filled) > 1) + 1) if len(filled) else []
+        here = [part for part in parts if part[0] - 2 <= way <= part[-1] + 2]
+        found[row] = *(here[0][[0, -1]] if here else (way, way)), left
+    return found[:, 0], found[:, 1], found[:, 2]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from solver.anatomy.folded_legs import folded_leg
+from solver.anatomy.folded_legs import folded_leg, sprawling_leg
 from solver.anatomy.limb_chain import evenly
 from solver.anatomy.limb_curve import LimbCurve, curve_through, leg_joints, shoulder_ways
 from solver.anatomy.limb_ends import MAX_FOOT_HEIGHT, MAX_MIRROR_DISTANCE, MIRROR, LimbEnds, Points
@@ -85,10 +85,10 @@ class LimbBranches(LimbEnds):
             fork = self.skeleton.fork(*pair)
             curves = [curve_through(self.solid, self.skeleton.between(foot, fork)) for foot in pair]
             points, parted = leg_joints(curves, self.solid.size, upright=name == "leg")
-            lying = self.lies and len(self.feet) < 3
-            standing = standing_legs(self.solid, curves, front=name == "front leg") if lying else None
-            if standing is not None:
-                points = standing
+            if self.lies:
+                rows = len(self.feet) > 2
+                standing = None if rows else standing_legs(self.solid, curves, front=name == "front leg")
+                points = standing or [sprawling_leg(curve) for curve in curves]
             elif name == "leg":
                 folded = [folded_leg(self.skeleton, curve, curve.length - parted) for curve in curves]
                 points = [leg if other is None else other for leg, other in zip(points, folded, strict=True)]

@@ -201,26 +201,23 @@ def _ankle(leg: LimbCurve, hip: float) -> NDArray[np.float64]:
     return _low_corner(leg, hip) if misfit > MAX_LEG_MISFIT * hip else joints[1]
 
 
-def two_bones(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Fit two straight bones to a leg, from the end of the foot to the ankle and to the last point (`_straight`)."""
-    last = len(points) - 1
-    return _straight(points, [(low,) for low in range(round(ANKLE_SHARES[0] * last), round(ANKLE_SHARES[1] * last) + 1)])
+def three_bones(
+    points: NDArray[np.float64], knees: tuple[float, float] = KNEE_SHARES
+) -> tuple[NDArray[np.float64], float]:
+    """Fit three straight bones to a leg: from the end of the foot to ankle, knee and hip (`_straight`).
 
-
-def three_bones(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Fit three straight bones to a leg: from the end of the foot to ankle, knee and hip (`_straight`)."""
+    Parameters
+    ----------
+    points : (k, c) float64
+    knees : (float, float)
+        Range of the knee, as shares of the distance from ankle to hip.
+    """
     last = len(points) - 1
-    lows = range(round(ANKLE_SHARES[0] * last), round(ANKLE_SHARES[1] * last) + 1)
-    return _straight(
-        points,
-        [
-            (low, high)
-            for low in lows
-            for high in range(
-                round(low + KNEE_SHARES[0] * (last - low)), round(low + KNEE_SHARES[1] * (last - low)) + 1
-            )
-        ],
-    )
+    places = []
+    for low in range(round(ANKLE_SHARES[0] * last), round(ANKLE_SHARES[1] * last) + 1):
+        first, past = (round(low + share * (last - low)) for share in knees)
+        places += [(low, high) for high in range(first, past + 1)]
+    return _straight(points, places)
 
 
 def _straight(points: NDArray[np.float64], places: Sequence[tuple[int, ...]]) -> tuple[NDArray[np.float64], float]:

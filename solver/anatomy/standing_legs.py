@@ -9,11 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from solver.anatomy.limb_chain import evenly
-from solver.anatomy.limb_curve import LimbCurve, three_bones, two_bones
+from solver.anatomy.limb_curve import LimbCurve, three_bones
 from solver.anatomy.solid import Solid
 
 SAMPLE_COUNT = 61
@@ -23,10 +22,8 @@ MIN_FLANK_SHARE, FOOT_SHARE = 0.25, 0.2
 """Minimum height of a flank, and height below which a leg is a foot that may lie, as shares of the height at which the
 leg's curve ends in the trunk."""
 
-FLANK_WINDOW, MIN_FLANK_GROWTH, MIN_FLANK_RATIO, MIN_BELLY_LENGTH = 0.05, 0.08, 0.5, 0.6
-"""A leg meets the belly where it becomes longer from front to back, over the first share of the same height, by more
-than the second share of that height and the third share of its own length. Over twice the first share it becomes longer
-than the last share of the height; a shin that lies does not."""
+MIN_BELLY_LENGTH = 0.6
+"""Minimum length of the belly from front to back, as a share of the same height; that of a leg is smaller."""
 
 MAX_SPRAWL = 0.5
 """Maximum distance from left to right that a leg covers below the flank, as a share of the flank's height."""
@@ -34,20 +31,15 @@ MAX_SPRAWL = 0.5
 HIP_SHARE, SHOULDER_SHARE = 0.45, 0.2
 """Height of the hip and of the shoulder, as shares of the distance from the flank to the back above it."""
 
-HOCK_DEGREES, ELBOW_DEGREES = 12.0, 27.0
-"""Angles in degrees from which a hind leg has a hock, and from which the elbow of a front leg is where it bends."""
+HOCK_SHARES, KNEE_SHARES = (0.2, 0.6), (0.4, 0.75)
+"""Ranges of the hock, and of the middle joint of a leg without one, as shares of the distance from ankle to flank."""
+
+HOCK_DEGREES = 12.0
+"""Minimum angle in degrees by which the bone above a hock leans further to the front than the one below it."""
 
 STIFLE_DROP, STIFLE_DEPTH = 0.15, 0.15
 """Distance of the knee below the flank, as a share of that from hock to flank, and behind the leg's front, as a share
 of the leg's length from front to back."""
-
-KNEE_SHARE = 0.5
-"""Position of the knee of a hind leg without a hock, as a share of the distance from ankle to hip."""
-
-HOOF_SHARE, PAW_SHARE, PAW_DEGREES = 0.42, 0.7, 26.0
-"""Position of the middle joint of a straight front leg, as a share of the distance from ankle to shoulder. If a foot
-encloses less than the angle in degrees with the ground, it is a paw: the joint above it is the wrist, and the next one
-the elbow. The joint above a hoof is the fetlock, and the next one the wrist."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,36 +97,22 @@ def standing_legs(solid: Solid, legs: Sequence[LimbCurve], *, front: bool) -> li
     if len(found) < len(legs):
         return None
     hips = [leg.top(SHOULDER_SHARE if front else HIP_SHARE) for leg in found]
-    bones, _ = three_bones(np.hstack([leg.line for leg in found]))  # both legs have the same bones
-    feet = np.hsplit(bones, len(found))
-    bend = float(np.mean([_bend(joints) for joints in feet]))
-    if front and abs(bend) > ELBOW_DEGREES:
-        return [np.array([hip, *joints[2::-1]]) for hip, joints in zip(hips, feet, strict=True)]
-    if not front and bend > HOCK_DEGREES:
+    # both legs have the same bones
+    lines = np.hstack([leg.line for leg in found])
+    hind = np.hsplit(three_bones(lines, HOCK_SHARES)[0], len(found))
+    if not front and np.mean([_bend(joints) for joints in hind]) > HOCK_DEGREES:
         return [
             np.array([hip, leg.stifle(joints[2]), *joints[2::-1]])
-            for hip, leg, joints in zip(hips, found, feet, strict=True)
+            for hip, leg, joints in zip(hips, found, hind, strict=True)
         ]
-    bones, _ = two_bones(np.hstack([leg.line[: SAMPLE_COUNT // 2] for leg in found]))
-    feet = np.hsplit(bones, len(found))
-    paws = float(np.mean([_slope(joints) for joints in feet])) < PAW_DEGREES
-    share = (PAW_SHARE if paws else HOOF_SHARE) if front else KNEE_SHARE
-    return [
-        np.array([hip, ankle + share * (hip - ankle), ankle, tip])
-        for hip, (tip, ankle, _) in zip(hips, feet, strict=True)
-    ]
+    straight = np.hsplit(three_bones(lines, KNEE_SHARES)[0], len(found))
+    return [np.array([hip, *joints[2::-1]]) for hip, joints in zip(hips, straight, strict=True)]
 
 
 def _bend(joints: NDArray[np.float64]) -> float:
     """Return the angle in degrees by which the bone above a bend leans further to the front than the one below."""
     below, above = np.diff(joints[1:, [2, 1]], axis=0)
     return float(np.degrees(np.arctan2(*above) - np.arctan2(*below)))
-
-
-def _slope(joints: NDArray[np.float64]) -> float:
-    """Return the angle in degrees between the foot and the ground."""
-    foot = joints[1] - joints[0]
-    return float(np.degrees(np.arctan2(foot[1], np.linalg.norm(foot[[0, 2]]))))
 
 
 def _leg(solid: Solid, curve: LimbCurve) -> _Leg | None:
@@ -168,16 +146,14 @@ def _flank(lengths: NDArray[np.float64], top: float) -> int | None:
     top : float
         Row in which the leg's curve ends.
     """
-    window = max(round(FLANK_WINDOW * top), 1)
-    growth = lengths[window:] - lengths[:-window]
-    wide = (growth > MIN_FLANK_GROWTH * top) & (growth > MIN_FLANK_RATIO * lengths[:-window])
-    belly = sliding_window_view(np.pad(lengths, (0, 2 * window)), 2 * window + 1).max(axis=1)
-    wide &= belly[: len(wide)] > MIN_BELLY_LENGTH * top
-    wide[: round(MIN_FLANK_SHARE * top)] = False
-    if not wide.any():
+    start = round(MIN_FLANK_SHARE * top)
+    long = lengths[start:] > MIN_BELLY_LENGTH * top
+    belly = int(np.argmax(long))
+    if not belly:
         return None
-    row = int(np.argmax(wide))
-    return row + int(np.diff(lengths)[row : row + window].argmax())
+    # the last row before the leg becomes longer fast is farthest below the straight line to the belly
+    line = np.linspace(lengths[start], lengths[start + belly], belly + 1)
+    return start + int(np.argmax(line - lengths[start : start + belly + 1]))
 
 
 def _sections(

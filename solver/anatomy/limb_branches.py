@@ -85,9 +85,8 @@ class LimbBranches(LimbEnds):
             fork = self.skeleton.fork(*pair)
             curves = [curve_through(self.solid, self.skeleton.between(foot, fork)) for foot in pair]
             points, parted = leg_joints(curves, self.solid.size, upright=name == "leg")
-            if self.lies:
-                rows = len(self.feet) > 2
-                standing = None if rows else standing_legs(self.solid, curves, front=name == "front leg")
+            if self.lies and len(self.feet) < 3:
+                standing = standing_legs(self.solid, curves, front=name == "front leg")
                 points = standing or [sprawling_leg(curve) for curve in curves]
             elif name == "leg":
                 folded = [folded_leg(self.skeleton, curve, curve.length - parted) for curve in curves]

@@ -22,7 +22,7 @@ MIN_FLANK_SHARE, FOOT_SHARE = 0.25, 0.2
 """Minimum height of a flank, and height below which a leg is a foot that may lie, as shares of the height at which the
 leg's curve ends in the trunk."""
 
-MIN_BELLY_LENGTH = 0.6
+MIN_BELLY_LENGTH = 0.9
 """Minimum length of the belly from front to back, as a share of the same height; that of a leg is smaller."""
 
 MAX_SPRAWL = 0.5

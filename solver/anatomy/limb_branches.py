@@ -27,6 +27,9 @@ SHOULDER_SHARE = 0.6
 MIN_ARM_LENGTH, FULL_ARM_LENGTH = 0.06, 0.35
 """Minimum length of an arm outside the body, and the length above which its score does not increase, in heights."""
 
+MIN_GHOST_ARM = 0.15
+"""Minimum length of the arms of a body without feet, in heights; the teeth of a snake are shorter."""
+
 SHEET_REACH_RATIO, MIN_SHEET_RATIO = 5.0, 1.6
 """Radius in which a branch is compared with a rod, in thicknesses of the branch, and the minimum ratio of the volumes
 of a sheet, such as a cape, and that rod."""
@@ -169,7 +172,8 @@ class LimbBranches(LimbEnds):
         for i, one in enumerate(branches):
             for j, other in enumerate(branches[:i]):
                 beside = (self._aside(one) - self.middle) * (self._aside(other) - self.middle) < 0
-                if beside and all(self._below_head(branches[k], shoulders[k]) for k in (i, j)):
+                long = self.feet or min(one.length, other.length) > MIN_GHOST_ARM * self.height
+                if beside and long and all(self._below_head(branches[k], shoulders[k]) for k in (i, j)):
                     scores[i, j] = self._arm_score(one, other)
         best = max(scores, key=lambda pair: scores[pair], default=None)
         if best is None or scores[best] < MIN_ARM_SCORE:

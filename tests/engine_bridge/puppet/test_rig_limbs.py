@@ -148,8 +148,8 @@ REAL = {
     "quaternius_George": PERSON,
     "quaternius_Trex": [*PERSON, "tail"],
     "khronos_Fox": ["trunk", "head", *FOUR_LEGGED, "tail"],
-    "quaternius_Fox": ["trunk", "neck", "head", *FOUR_LEGGED, "tail"],
-    "quaternius_Husky": ["trunk", "neck", "head", *FOUR_LEGGED, "tail"],
+    "quaternius_Fox": ["trunk", "neck", "head", "left ear", "right ear", *FOUR_LEGGED, "tail"],
+    "quaternius_Husky": ["trunk", "neck", "head", "left ear", "right ear", *FOUR_LEGGED, "tail"],
     "quaternius_Stegosaurus": ["trunk", "neck", "head", *FOUR_LEGGED, "tail"],
     "quaternius_Frog": ["trunk", "head", *FOUR_LEGGED],
 }

@@ -22,6 +22,9 @@ TOE_DISTANCE = 0.15
 """Two ends are toes of one foot if their curves meet below this share of the height, or if they are on one side and
 closer together than this share of the unit."""
 
+MIN_TRUNK_SHARE = 0.6
+"""Minimum thickness of a trunk that lies, as a share of its thickest place: legs that meet there are two."""
+
 MIN_FOOT_THICKNESS = 0.3
 """Minimum thickness of a foot, as a share of the thickest one; the hem of a cape is thinner."""
 
@@ -193,8 +196,11 @@ class LimbEnds:
 
     def same_foot(self, tip: int, other: int) -> bool:
         """Return whether two ends are toes of one foot, or its toe and heel."""
-        if self.place(self.skeleton.fork(tip, other))[1] < TOE_DISTANCE:
+        fork = self.skeleton.fork(tip, other)
+        if self.place(fork)[1] < TOE_DISTANCE:
             return True
+        if self.lies and self.solid.depth[fork] > MIN_TRUNK_SHARE * self.solid.depth.max():
+            return False  # legs of neighbouring rows
         one_side = (self.place(tip)[0] > 0) == (self.place(other)[0] > 0)
         return bool(one_side and np.linalg.norm(self.cells[tip] - self.cells[other]) < TOE_DISTANCE * self.unit)
 

@@ -123,7 +123,7 @@ def _leg(solid: Solid, curve: LimbCurve) -> _Leg | None:
     inside[tuple(cells.T)] = True
     backs, fronts, lefts = _sections(inside, curve, low, size)
     top = (curve.points[-1, 1] - low[1]) / size
-    row = _flank(fronts - backs + 1.0, top)
+    row = _flank((fronts - backs + 1).astype(np.float64), top)
     if row is None or np.ptp(lefts[: row + 1]) > MAX_SPRAWL * row:
         return None
     middles = low + size * np.column_stack([lefts, np.arange(len(lefts)), (fronts + backs) / 2])

@@ -82,7 +82,7 @@ def _limb(
     chain: LimbChain, plan: Plan, points: Mapping[str, NDArray[np.float64]], up: NDArray[np.float64]
 ) -> LimbTable:
     side, _, limb = chain.name.partition(" ")
-    joints = MIDDLE_JOINTS.get(chain.name) or tuple(f"{joint}_{side}" for joint in _limb_joints(limb))
+    joints = MIDDLE_JOINTS.get(chain.name) or _sided_joints(chain.name)
     joints += joints[-1:] * (len(chain.points) - len(joints))  # a leg with more bends than the performer's
     size = max(float(np.ptp(np.concatenate(list(points.values())), axis=0).max()), 1e-12)
     table = {
@@ -96,6 +96,14 @@ def _limb(
         "parent": "head" if chain.name in ON_HEAD else "neck" if chain.name == "head" and "neck" in points else None,
     }
     return LimbTable.model_validate(table)
+
+
+def _sided_joints(name: str) -> tuple[str | tuple[str, ...], ...]:
+    """Return the joints that drive a limb of a side, or the means of both sides for a leg in the middle."""
+    side, _, limb = name.partition(" ")
+    if side in ("left", "right"):
+        return tuple(f"{joint}_{side}" for joint in _limb_joints(limb))
+    return tuple((f"{joint}_left", f"{joint}_right") for joint in _limb_joints(name))
 
 
 def _limb_joints(limb: str) -> tuple[str, ...]:

@@ -10,13 +10,16 @@ from scipy.spatial import cKDTree
 from solver.anatomy.folded_legs import folded_leg, sprawling_leg
 from solver.anatomy.limb_chain import evenly
 from solver.anatomy.limb_curve import LimbCurve, curve_through, leg_joints, shoulder_ways
-from solver.anatomy.limb_ends import MAX_FOOT_HEIGHT, MAX_MIRROR_DISTANCE, MIRROR, LimbEnds, Points
+from solver.anatomy.limb_ends import MAX_FOOT_HEIGHT, MAX_MIRROR_DISTANCE, MIRROR, Feet, LimbEnds, Points
 from solver.anatomy.standing_legs import standing_legs
 from solver.surface.mesh import SolverMesh
 
 MAX_TAIL_OFFSET, MAX_TAIL_FRONT = 0.15, -0.15
 """Distance of a tail's end from the middle plane up to which the tail may lead to a side as much as to the back, and
 the maximum position of its end towards the front, in units."""
+
+MAX_SINGLE_OFFSET = 0.03
+"""Maximum distance from the middle of a single leg that is on neither side, in units."""
 
 MIN_ARM_SCORE = -0.2
 """Minimum score of a pair of arms."""
@@ -84,24 +87,41 @@ class LimbBranches(LimbEnds):
         self.legs_are_folded = False
         self.thighs: set[int] = set()
         self.leg_names = leg_names(len(self.feet))
-        for name, pair in zip(self.leg_names, self.feet, strict=True):
-            fork = self.skeleton.fork(*pair)
-            curves = [curve_through(self.solid, self.skeleton.between(foot, fork)) for foot in pair]
-            points, parted = leg_joints(curves, self.solid.size, upright=name == "leg")
-            if self.lies and len(self.feet) < 3:
-                standing = standing_legs(self.solid, curves, front=name == "front leg")
-                points = standing or [sprawling_leg(curve) for curve in curves]
-            elif name == "leg":
-                folded = [folded_leg(self.skeleton, curve, curve.length - parted) for curve in curves]
-                points = [leg if other is None else other for leg, other in zip(points, folded, strict=True)]
-                self.legs_are_folded = any(leg is not None for leg in folded)
-            self.legs |= self.sides(name, points)
-            if pair == self.feet[0]:
+        for name, row in zip(self.leg_names, self.feet, strict=True):
+            curves, parted = self._single(name, row[0]) if len(row) == 1 else self._pair(name, row)
+            if row == self.feet[0]:
                 self.trunk = self._trunk(curves, parted)
             for curve in curves:
                 self.thighs.update(curve.cells[curve.along < curve.length - parted].tolist())
         if not self.feet:
             self.trunk = curve_through(self.solid, self.skeleton.between(self.base(), self.head))
+
+    def _pair(self, name: str, feet: Feet) -> tuple[list[LimbCurve], float]:
+        """Add two legs; return their curves, and the distance of the hips from the ends of these."""
+        fork = self.skeleton.fork(*feet)
+        curves = [curve_through(self.solid, self.skeleton.between(foot, fork)) for foot in feet]
+        points, parted = leg_joints(curves, self.solid.size, upright=name == "leg")
+        if self.lies and len(self.feet) < 3:
+            standing = standing_legs(self.solid, curves, front=name == "front leg")
+            points = standing or [sprawling_leg(curve) for curve in curves]
+        elif name == "leg":
+            folded = [folded_leg(self.skeleton, curve, curve.length - parted) for curve in curves]
+            points = [leg if other is None else other for leg, other in zip(points, folded, strict=True)]
+            self.legs_are_folded = any(leg is not None for leg in folded)
+        self.legs |= self.sides(name, points)
+        return curves, parted
+
+    def _single(self, name: str, foot: int) -> tuple[list[LimbCurve], float]:
+        """Add a leg without a counterpart; return its curve, and the distance of the hip from the end of that."""
+        others = [row[0] for row in self.feet if foot not in row]
+        fork = self.skeleton.fork(foot, others[0] if others else self.head)
+        curve = curve_through(self.solid, self.skeleton.between(foot, fork))
+        standing = standing_legs(self.solid, [curve], front=name == "front leg") if self.lies else None
+        points = standing[0] if standing else sprawling_leg(curve)
+        aside = (points[0, 0] - self.middle) / self.unit
+        side = "" if abs(aside) < MAX_SINGLE_OFFSET else "left " if aside > 0 else "right "
+        self.legs[f"{side}{name}"] = points
+        return [curve], curve.length - curve.way_to(points[0])
 
     def _trunk(self, legs: Sequence[LimbCurve], parted: float) -> LimbCurve:
         """Return the curve from between the hips to the end of the head.

@@ -25,6 +25,13 @@ closer together than this share of the unit."""
 MIN_TRUNK_SHARE = 0.6
 """Minimum thickness of a trunk that lies, as a share of its thickest place: legs that meet there are two."""
 
+MAX_SINGLE_HEIGHT, MAX_SINGLE_THICKNESS = 0.03, 0.5
+"""Maximum height of the foot of a single leg, as a share of the height, and maximum thickness of that leg, as a share
+of the thickest place."""
+
+MIN_RISE_COSINE = np.cos(np.radians(40))
+"""Minimum cosine between up and the direction from the foot of a single leg to the body."""
+
 MIN_FOOT_THICKNESS = 0.3
 """Minimum thickness of a foot, as a share of the thickest one; the hem of a cape is thinner."""
 
@@ -68,7 +75,8 @@ MIN_LYING_RATIO = 1.2
 MIRROR = np.array([-1.0, 1.0, 1.0])
 
 Points = NDArray[np.float64]
-_Pair = tuple[int, int]
+Feet = tuple[int, ...]
+"""Cells at the feet of a row of legs: the left and the right one, or a single one."""
 
 
 class LimbEnds:
@@ -92,8 +100,9 @@ class LimbEnds:
         Height; the largest of height, width and length; position of the trunk from left to right.
     ends : dict
         Cells of the ends that the user has given, by name.
-    feet : list of (int, int)
-        Cells at the feet: no pair, one pair, or several from hind to front; the left foot of each pair first.
+    feet : list of tuple of int
+        Cells at the feet: no row, one row, or several from hind to front. A row is a pair, the left foot first, or the
+        foot of a single leg.
     four_legged : bool
     lies : bool
         Whether the body is longer than it is high, regardless of thin parts.
@@ -134,8 +143,8 @@ class LimbEnds:
         """Return a position as the value of a command-line option, in the mesh file's coordinates."""
         return ",".join(f"{value:.4g}" for value in place @ self.basis)
 
-    def _feet(self) -> list[_Pair]:
-        """Return no pair of feet, one pair, or several from hind to front; the left foot of each pair first."""
+    def _feet(self) -> list[Feet]:
+        """Return the rows of feet."""
         scale = max(MIN_HEIGHT_SHARE * self.unit / self.height, 1.0) if self.lies else 1.0
         candidates = [tip for tip in self.skeleton.tips.tolist() if self.place(tip)[1] < MAX_FOOT_HEIGHT * scale]
         stout = max((self._thicknesses(tip)[0] for tip in candidates), default=0.0)
@@ -150,8 +159,8 @@ class LimbEnds:
         right = [tip for tip in low if self.place(tip)[0] <= 0]
         unlike = np.array([[self._foot_distance(a, b) for b in right] for a in left])
         rows, columns = linear_sum_assignment(unlike.reshape(len(left), len(right)))
-        pairs = [(left[i], right[j]) for i, j in zip(rows, columns, strict=True)]
-        pairs = [pair for pair in pairs if self._foot_distance(*pair, stride=0.0) < MAX_MIRROR_DISTANCE]
+        pairs: list[Feet] = [(left[i], right[j]) for i, j in zip(rows, columns, strict=True)]
+        pairs = [pair for pair in pairs if self._foot_distance(pair[0], pair[1], stride=0.0) < MAX_MIRROR_DISTANCE]
         pairs = [pair for pair in pairs if min(self.place(tip)[1] for tip in pair) < MAX_GROUND_HEIGHT * scale]
         pairs.sort(key=lambda pair: sum(self.place(tip)[2] for tip in pair))
         for given in ("leg", "hind leg", "front leg"):
@@ -165,9 +174,32 @@ class LimbEnds:
         lowest = [
             pair for pair, height in zip(pairs, heights, strict=True) if height < min(heights) + MAX_LEVEL_DIFFERENCE
         ]
-        return sorted(lowest, key=lambda pair: self.cells[pair[1], 0] - self.cells[pair[0], 0])[:1]
+        widest = sorted(lowest, key=lambda pair: self.cells[pair[1], 0] - self.cells[pair[0], 0])[:1]
+        return self._with_single(widest, low) if self.lies or not widest else widest
 
-    def _is_row(self, pair: _Pair, hind: _Pair, front: _Pair) -> bool:
+    def _with_single(self, rows: list[Feet], low: Sequence[int]) -> list[Feet]:
+        """Add the foot of a single leg, such as the third leg of a dog, to one row of feet or none."""
+        singles: list[Feet] = [
+            (tip,)
+            for tip in low
+            if all(tip not in row and abs(self._stride(row, (tip,))) > MIN_LYING_STRIDE for row in rows)
+            and self.place(tip)[1] < MAX_SINGLE_HEIGHT
+            and self._rises(tip)
+        ]
+        return sorted([*rows, *singles], key=lambda row: self.place(row[0])[2]) if len(singles) == 1 else rows
+
+    def _rises(self, tip: int) -> bool:
+        """Return whether a thin leg leads up from a foot to a thick body; tails on the ground do not rise."""
+        way = self.skeleton.path(tip)
+        thick = self.solid.depth[way] > MIN_TRUNK_SHARE * self.solid.depth.max()
+        leg = way[: int(np.argmax(thick))]
+        if not leg:
+            return False
+        up = self.cells[leg[-1]] - self.cells[tip]
+        thin = np.median(self.solid.depth[leg]) < MAX_SINGLE_THICKNESS * self.solid.depth.max()
+        return bool(thin and up[1] > max(MIN_RISE_COSINE * float(np.linalg.norm(up)), MAX_FOOT_HEIGHT * self.height))
+
+    def _is_row(self, pair: Feet, hind: Feet, front: Feet) -> bool:
         """Return whether a pair of feet between two others stands on the ground as they do, on legs of its own."""
         on_ground = max(self.place(tip)[1] for tip in pair) < MAX_GROUND_HEIGHT
         apart = min(self._stride(hind, pair), self._stride(pair, front)) > MIN_ROW_STRIDE
@@ -190,7 +222,7 @@ class LimbEnds:
             1 - thickness[0] / thickness[1]
         )
 
-    def _stride(self, hind: _Pair, front: _Pair) -> float:
+    def _stride(self, hind: Feet, front: Feet) -> float:
         places = [np.mean([self.place(tip)[2] for tip in pair]) for pair in (hind, front)]
         return float(places[1] - places[0])
 

@@ -19,7 +19,7 @@ MAX_TAIL_OFFSET, MAX_TAIL_FRONT = 0.15, -0.15
 the maximum position of its end towards the front, in units."""
 
 MAX_SINGLE_OFFSET = 0.03
-"""Maximum distance from the middle of a single leg that is on neither side, in units."""
+"""Maximum distance from the middle of a single leg, or of a fin, that is on neither side, in units."""
 
 MIN_ARM_SCORE = -0.2
 """Minimum score of a pair of arms."""
@@ -31,7 +31,8 @@ MIN_ARM_LENGTH, FULL_ARM_LENGTH = 0.06, 0.35
 """Minimum length of an arm outside the body, and the length above which its score does not increase, in heights."""
 
 MIN_GHOST_ARM = 0.15
-"""Minimum length of the arms of a body without feet, in heights; the teeth of a snake are shorter."""
+"""Minimum length of the arms of a body without feet, in heights; the teeth of a snake are shorter. Such arms mirror
+each other; the fins on the back and the tail of a fish do not."""
 
 SHEET_REACH_RATIO, MIN_SHEET_RATIO = 5.0, 1.6
 """Radius in which a branch is compared with a rod, in thicknesses of the branch, and the minimum ratio of the volumes
@@ -192,7 +193,11 @@ class LimbBranches(LimbEnds):
         for i, one in enumerate(branches):
             for j, other in enumerate(branches[:i]):
                 beside = (self._aside(one) - self.middle) * (self._aside(other) - self.middle) < 0
-                long = self.feet or min(one.length, other.length) > MIN_GHOST_ARM * self.height
+                long = self.feet or (
+                    min(one.length, other.length) > MIN_GHOST_ARM * self.height
+                    and self.mirror_distance(self.cells[one.cells[0]], self.cells[other.cells[0]])
+                    < MAX_MIRROR_DISTANCE / 2
+                )
                 if beside and long and all(self._below_head(branches[k], shoulders[k]) for k in (i, j)):
                     scores[i, j] = self._arm_score(one, other)
         best = max(scores, key=lambda pair: scores[pair], default=None)
@@ -245,6 +250,8 @@ class LimbBranches(LimbEnds):
 
     def tail(self, branches: list[LimbCurve]) -> LimbCurve | None:
         """Return the longest branch that is in the middle, at the back, and not a sheet."""
+        if self.crawls:
+            return curve_through(self.solid, self.skeleton.between(self.rear, int(self.trunk.cells[0])))
         if "tail" in self.ends:
             return next((branch for branch in branches if branch.cells[0] == self.ends["tail"]), None)
         behind = []
@@ -282,7 +289,8 @@ class LimbBranches(LimbEnds):
                     self.mirror_distance(self.cells[one.cells[0]], self.cells[other.cells[0]]) < MAX_MIRROR_DISTANCE / 2
                 )
                 below = all(self.shoulder_place(branch) < self.chin for branch in (one, other))
-                below = below and all(self.place(int(branch.cells[0]))[1] > MAX_FOOT_HEIGHT for branch in (one, other))
+                places = [self.place(int(branch.cells[0])) for branch in (one, other)]
+                below &= all(abs(left) > MAX_SINGLE_OFFSET and up > MAX_FOOT_HEIGHT for left, up, _ in places)
                 if shortest > MIN_WING_LENGTH and alike and below:
                     pairs.append((shortest, (one, other) if self._aside(one) > self._aside(other) else (other, one)))
         return max(pairs, key=lambda pair: pair[0], default=(0.0, None))[1]

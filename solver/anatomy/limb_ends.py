@@ -72,6 +72,9 @@ there is none, the head is where the pair branches off."""
 MIN_LYING_RATIO = 1.2
 """Minimum spread of a body that lies from back to front, as a multiple of its spread in height."""
 
+TAIL_SHARE = 0.35
+"""Length of the tail of a body that lies without feet, as a share of that of the body."""
+
 MIRROR = np.array([-1.0, 1.0, 1.0])
 
 Points = NDArray[np.float64]
@@ -243,7 +246,7 @@ class LimbEnds:
         extent = np.array([self.unit, self.height, self.unit])
         left, up, front = (2 * (self.cells - (self.low + self.high) / 2) / extent).T
         left = 2 * np.abs(self.cells[:, 0] - self.middle) / self.unit
-        forwards = (front + 0.25 * up if self.four_legged else up + 0.7 * front) - left
+        forwards = (front + 0.25 * up if self.four_legged or self.crawls else up + 0.7 * front) - left
         feet = [foot for pair in self.feet for foot in pair]
         tips = [tip for tip in self.skeleton.tips.tolist() if not any(self.same_foot(tip, foot) for foot in feet)]
         for cell in [int(forwards.argmax()), *tips]:
@@ -279,7 +282,23 @@ class LimbEnds:
         depth = curve.depth[curve.along <= MAX_FOOT_HEIGHT * self.height] / self.height
         return float(np.median(depth)), float(depth.max())
 
+    @property
+    def crawls(self) -> bool:
+        """Whether a body lies and has no feet, as that of a snake or a fish."""
+        return self.lies and not self.feet
+
+    @property
+    def rear(self) -> int:
+        """The cell that is farthest to the back."""
+        return int(self.cells[:, 2].argmin())
+
     def base(self) -> int:
-        """Return the thickest cell near the ground, for a body without feet."""
+        """Return the cell at the hips of a body without feet.
+
+        It is the thickest one near the ground, or between the tail and the trunk of a body that lies.
+        """
+        if self.crawls:
+            way = self.skeleton.between(self.rear, self.head)
+            return way[round(TAIL_SHARE * len(way))]
         low = np.flatnonzero(self.cells[:, 1] < self.low[1] + MAX_FOOT_HEIGHT * self.height)
         return int(low[self.solid.depth[low].argmax()])

@@ -204,7 +204,7 @@ def _ankle(leg: LimbCurve, hip: float) -> NDArray[np.float64]:
 def three_bones(
     points: NDArray[np.float64], knees: tuple[float, float] = KNEE_SHARES
 ) -> tuple[NDArray[np.float64], float]:
-    """Fit three straight bones to a leg: from the end of the foot to ankle, knee and hip (`_straight`).
+    """Fit three straight bones to a leg: from the end of the foot to ankle, knee and hip (`straight_bones`).
 
     Parameters
     ----------
@@ -217,10 +217,10 @@ def three_bones(
     for low in range(round(ANKLE_SHARES[0] * last), round(ANKLE_SHARES[1] * last) + 1):
         first, past = (round(low + share * (last - low)) for share in knees)
         places += [(low, high) for high in range(first, past + 1)]
-    return _straight(points, places)
+    return straight_bones(points, places)
 
 
-def _straight(points: NDArray[np.float64], places: Sequence[tuple[int, ...]]) -> tuple[NDArray[np.float64], float]:
+def straight_bones(points: NDArray[np.float64], places: Sequence[tuple[int, ...]]) -> tuple[NDArray[np.float64], float]:
     """Fit straight bones.
 
     Parameters

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.anatomy.limb_chain import evenly
-from solver.anatomy.limb_curve import LimbCurve, three_bones
+from solver.anatomy.limb_curve import LimbCurve, straight_bones, three_bones
 from solver.anatomy.solid import Solid
 
 SAMPLE_COUNT = 61
@@ -36,6 +36,9 @@ HOCK_SHARES, KNEE_SHARES = (0.2, 0.6), (0.4, 0.75)
 
 HOCK_DEGREES = 12.0
 """Minimum angle in degrees by which the bone above a hock leans further to the front than the one below it."""
+
+HOCK_DEPTH = 0.35
+"""Distance of the hock from the back of the leg, as a share of the leg's length from front to back."""
 
 STIFLE_DROP, STIFLE_DEPTH = 0.15, 0.15
 """Distance of the knee below the flank, as a share of that from hock to flank, and behind the leg's front, as a share
@@ -66,6 +69,22 @@ class _Leg:
     def top(self, share: float) -> NDArray[np.float64]:
         """Return hip or shoulder (3,): above the flank, at a share of the way to the back."""
         return np.asarray(self.line[-1] + [0.0, share * (self.back - self.line[-1, 1]), 0.0])
+
+    def hock(self, ankle: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the hock (3,): where the back of the leg sticks out most between ankle and flank."""
+        rows = np.flatnonzero(self.heights >= ankle[1])
+        chord = np.linspace(self.backs[rows[0]], self.backs[rows[-1]], len(rows))
+        row = rows[int(np.argmax(chord - self.backs[rows]))]
+        back, front = self.backs[row], self.fronts[row]
+        left = np.interp(self.heights[row], self.line[:, 1], self.line[:, 0])
+        return np.array([left, self.heights[row], back + HOCK_DEPTH * (front - back)])
+
+    def ankle(self, hock: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the corner (3,) of the two straight bones from the end of the foot to the hock."""
+        below = self.line[: max(int(np.argmax(self.line[:, 1] > hock[1])), 3)]
+        points = evenly(np.concatenate([below, hock[None]]), SAMPLE_COUNT)
+        places = [(place,) for place in range(round(0.1 * SAMPLE_COUNT), round(0.9 * SAMPLE_COUNT))]
+        return np.asarray(straight_bones(points, places)[0][1])
 
     def stifle(self, hock: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the knee (3,) of a leg with a hock."""
@@ -102,8 +121,10 @@ def standing_legs(solid: Solid, legs: Sequence[LimbCurve], *, front: bool) -> li
     hind = np.hsplit(three_bones(lines, HOCK_SHARES)[0], len(found))
     if not front and np.mean([_bend(joints) for joints in hind]) > HOCK_DEGREES:
         return [
-            np.array([hip, leg.stifle(joints[2]), *joints[2::-1]])
-            for hip, leg, joints in zip(hips, found, hind, strict=True)
+            np.array([hip, leg.stifle(hock), hock, leg.ankle(hock), leg.line[0]])
+            for hip, leg, hock in (
+                (hip, leg, leg.hock(joints[1])) for hip, leg, joints in zip(hips, found, hind, strict=True)
+            )
         ]
     straight = np.hsplit(three_bones(lines, KNEE_SHARES)[0], len(found))
     return [np.array([hip, *joints[2::-1]]) for hip, joints in zip(hips, straight, strict=True)]

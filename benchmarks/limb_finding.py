@@ -12,8 +12,8 @@ Legs may have more or fewer bends in the rig than from the shape. Joints are the
 to the foot, in which they are closest; another joint of the rig is compared with the nearest point of the bones that
 were found, and another joint that was found is not compared.
 
-The people in the pose of their files were used to choose the constants of `solver.anatomy.limb_finding`, and the
-animals of `FITTED` in that pose to choose those of `solver.anatomy.standing_legs`. The other animals were not.
+The people in the pose of their files were used to choose the constants of `solver.anatomy.limb_finding`, and all
+animals to choose those of `solver.anatomy.standing_legs`.
 """
 
 import argparse
@@ -35,9 +35,9 @@ from solver.motion.limbs import TRUNK, Bones, Limb, bones_of, parents_first
 from solver.surface.mesh import SolverMesh, weld
 
 PEOPLE = ("kaykit_Knight", "quaternius_Adventurer", "quaternius_Witch", "quaternius_George")
-FITTED = tuple(f"quaternius_{name}" for name in ("Horse", "Cow", "Husky", "Rat", "Parasaurolophus", "Trex"))
-HELD_OUT = ("khronos_Fox", *(f"quaternius_{name}" for name in ("Fox", "Alpaca", "Frog", "Stegosaurus")))
-KINDS = dict.fromkeys(PEOPLE, "people") | dict.fromkeys(FITTED, "animals") | dict.fromkeys(HELD_OUT, "other animals")
+MAKER = "quaternius_"
+ANIMALS = ("Horse", "Cow", "Alpaca", "Husky", "Fox", "Rat", "Frog", "Parasaurolophus", "Stegosaurus", "Trex")
+KINDS = dict.fromkeys(PEOPLE, "people") | dict.fromkeys(("khronos_Fox", *(MAKER + name for name in ANIMALS)), "animals")
 JOINTS = ("shoulder", "elbow", "wrist", "hip", "knee", "hock", "ankle")
 UPPER = ("arm", "front leg")
 LEFT, UP, FRONT = np.eye(3)

@@ -70,6 +70,11 @@ class _Leg:
         """Return hip or shoulder (3,): above the flank, at a share of the way to the back."""
         return np.asarray(self.line[-1] + [0.0, share * (self.back - self.line[-1, 1]), 0.0])
 
+    def with_hock(self, hip: NDArray[np.float64], bones: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return hip, knee, hock, ankle and the end of the foot (5, 3), from three straight bones that fit."""
+        hock = self.hock(bones[1])
+        return np.array([hip, self.stifle(hock), hock, self.ankle(hock), bones[0]])
+
     def hock(self, ankle: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the hock (3,): where the back of the leg sticks out most between ankle and flank."""
         rows = np.flatnonzero(self.heights >= ankle[1])
@@ -120,12 +125,7 @@ def standing_legs(solid: Solid, legs: Sequence[LimbCurve], *, front: bool) -> li
     lines = np.hstack([leg.line for leg in found])
     hind = np.hsplit(three_bones(lines, HOCK_SHARES)[0], len(found))
     if not front and np.mean([_bend(joints) for joints in hind]) > HOCK_DEGREES:
-        return [
-            np.array([hip, leg.stifle(hock), hock, leg.ankle(hock), leg.line[0]])
-            for hip, leg, hock in (
-                (hip, leg, leg.hock(joints[1])) for hip, leg, joints in zip(hips, found, hind, strict=True)
-            )
-        ]
+        return [leg.with_hock(hip, joints) for hip, leg, joints in zip(hips, found, hind, strict=True)]
     straight = np.hsplit(three_bones(lines, KNEE_SHARES)[0], len(found))
     return [np.array([hip, *joints[2::-1]]) for hip, joints in zip(hips, straight, strict=True)]
 

@@ -31,8 +31,8 @@ MAX_SPRAWL = 0.5
 HIP_SHARE, SHOULDER_SHARE = 0.45, 0.2
 """Height of the hip and of the shoulder, as shares of the distance from the flank to the back above it."""
 
-HOCK_SHARES, KNEE_SHARES = (0.2, 0.6), (0.4, 0.75)
-"""Ranges of the hock, and of the middle joint of a leg without one, as shares of the distance from ankle to flank."""
+KNEE_SHARES = 0.4, 0.75
+"""Range of the middle joint of a leg without a hock, as shares of the distance from ankle to flank."""
 
 HOCK_DEGREES = 12.0
 """Minimum angle in degrees by which the bone above a hock leans further to the front than the one below it."""
@@ -56,6 +56,8 @@ class _Leg:
     heights : (k,) float64
     back : float
         Height of the body's back above it.
+    foot : int
+        Number of the height up to which it is a foot that may lie.
     line : (SAMPLE_COUNT, 3) float64
         Evenly spaced points in the middle of the leg, from the end of the foot to the flank.
     """
@@ -64,25 +66,27 @@ class _Leg:
     fronts: NDArray[np.float64]
     heights: NDArray[np.float64]
     back: float
+    foot: int
     line: NDArray[np.float64]
 
     def top(self, share: float) -> NDArray[np.float64]:
         """Return hip or shoulder (3,): above the flank, at a share of the way to the back."""
         return np.asarray(self.line[-1] + [0.0, share * (self.back - self.line[-1, 1]), 0.0])
 
-    def with_hock(self, hip: NDArray[np.float64], bones: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return hip, knee, hock, ankle and the end of the foot (5, 3), from three straight bones that fit."""
-        hock = self.hock(bones[1])
-        return np.array([hip, self.stifle(hock), hock, self.ankle(hock), bones[0]])
+    def hock(self) -> tuple[NDArray[np.float64], float]:
+        """Return where the back of the leg sticks out most (3,), and the angle in degrees by which it bends there.
 
-    def hock(self, ankle: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the hock (3,): where the back of the leg sticks out most between ankle and flank."""
-        rows = np.flatnonzero(self.heights >= ankle[1])
-        chord = np.linspace(self.backs[rows[0]], self.backs[rows[-1]], len(rows))
-        row = rows[int(np.argmax(chord - self.backs[rows]))]
-        back, front = self.backs[row], self.fronts[row]
+        The angle is that by which the leg leans further to the front above than below.
+        """
+        middles = (self.backs + self.fronts) / 2
+        chord = np.linspace(self.backs[self.foot], self.backs[-1], len(self.backs) - self.foot)
+        row = self.foot + int(np.argmax(chord - self.backs[self.foot :]))
+        ends = [self.foot, row, len(middles) - 1]
+        lean = np.degrees(np.arctan2(np.diff(middles[ends]), np.maximum(np.diff(self.heights[ends]), 1e-12)))
         left = np.interp(self.heights[row], self.line[:, 1], self.line[:, 0])
-        return np.array([left, self.heights[row], back + HOCK_DEPTH * (front - back)])
+        place = self.backs[row] + HOCK_DEPTH * (self.fronts[row] - self.backs[row])
+        bends = self.foot < row < len(middles) - 1
+        return np.array([left, self.heights[row], place]), float(lean[1] - lean[0]) if bends else 0.0
 
     def ankle(self, hock: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the corner (3,) of the two straight bones from the end of the foot to the hock."""
@@ -121,19 +125,15 @@ def standing_legs(solid: Solid, legs: Sequence[LimbCurve], *, front: bool) -> li
     if len(found) < len(legs):
         return None
     hips = [leg.top(SHOULDER_SHARE if front else HIP_SHARE) for leg in found]
+    hocks = [leg.hock() for leg in found]
+    if not front and np.mean([bend for _, bend in hocks]) > HOCK_DEGREES:
+        return [
+            np.array([hip, leg.stifle(hock), hock, leg.ankle(hock), leg.line[0]])
+            for hip, leg, (hock, _) in zip(hips, found, hocks, strict=True)
+        ]
     # both legs have the same bones
-    lines = np.hstack([leg.line for leg in found])
-    hind = np.hsplit(three_bones(lines, HOCK_SHARES)[0], len(found))
-    if not front and np.mean([_bend(joints) for joints in hind]) > HOCK_DEGREES:
-        return [leg.with_hock(hip, joints) for hip, leg, joints in zip(hips, found, hind, strict=True)]
-    straight = np.hsplit(three_bones(lines, KNEE_SHARES)[0], len(found))
-    return [np.array([hip, *joints[2::-1]]) for hip, joints in zip(hips, straight, strict=True)]
-
-
-def _bend(joints: NDArray[np.float64]) -> float:
-    """Return the angle in degrees by which the bone above a bend leans further to the front than the one below."""
-    below, above = np.diff(joints[1:, [2, 1]], axis=0)
-    return float(np.degrees(np.arctan2(*above) - np.arctan2(*below)))
+    bones = np.hsplit(three_bones(np.hstack([leg.line for leg in found]), KNEE_SHARES)[0], len(found))
+    return [np.array([hip, *joints[2::-1]]) for hip, joints in zip(hips, bones, strict=True)]
 
 
 def _leg(solid: Solid, curve: LimbCurve) -> _Leg | None:
@@ -154,7 +154,7 @@ def _leg(solid: Solid, curve: LimbCurve) -> _Leg | None:
     above = np.flatnonzero(~inside[lefts[row], row + 1 :, (fronts[row] + backs[row]) // 2])
     back = row + int(above[0]) if len(above) else inside.shape[1] - 1
     ends = [low[2] + size * edges[: row + 1] for edges in (backs, fronts)]
-    return _Leg(ends[0], ends[1], middles[: row + 1, 1], float(low[1] + size * back), line)
+    return _Leg(ends[0], ends[1], middles[: row + 1, 1], float(low[1] + size * back), min(foot, row), line)
 
 
 def _flank(lengths: NDArray[np.float64], top: float) -> int | None:

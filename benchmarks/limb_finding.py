@@ -1,6 +1,6 @@
 """Joints that are found from the shape, compared with those of the file's rig.
 
-    python -m benchmarks.limb_finding FOLDER [--poses N]
+    python -m benchmarks.limb_finding FOLDER [--poses N] [--characters NAME ...]
 
 FOLDER contains the rigged characters. Each row is a character in the pose of its file, or in N random poses (`posed`,
 by default 10) in which its own skin follows random rotations of its limbs. `human` and `biped` are made by code that
@@ -8,11 +8,17 @@ defines their joints. Columns are distances in percent of body height: the large
 percentile over the poses. A limb that is not found counts as 100. Axes are those of the file; detection of the
 orientation is not measured.
 
-The people in the pose of their files were used to choose the constants of `solver.anatomy.limb_finding`.
+Legs may have more or fewer bends in the rig than from the shape. Joints are then compared in the order, from the body
+to the foot, in which they are closest; another joint of the rig is compared with the nearest point of the bones that
+were found, and another joint that was found is not compared.
+
+The people in the pose of their files were used to choose the constants of `solver.anatomy.limb_finding`, and all
+animals to choose those of `solver.anatomy.standing_legs`.
 """
 
 import argparse
 from collections.abc import Iterator
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -23,13 +29,16 @@ from scipy.spatial.transform import Rotation
 from engine_bridge.character.character import Character, load_character
 from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import rig_limbs, vertex_influences
+from solver.anatomy.limb_chain import evenly
 from solver.anatomy.limb_finding import find_limbs
 from solver.motion.limbs import TRUNK, Bones, Limb, bones_of, parents_first
 from solver.surface.mesh import SolverMesh, weld
 
 PEOPLE = ("kaykit_Knight", "quaternius_Adventurer", "quaternius_Witch", "quaternius_George")
-ANIMALS = ("quaternius_Husky", "quaternius_Fox", "quaternius_Frog", "quaternius_Stegosaurus", "quaternius_Trex")
-JOINTS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+MAKER = "quaternius_"
+ANIMALS = ("Horse", "Cow", "Alpaca", "Husky", "Fox", "Rat", "Frog", "Parasaurolophus", "Stegosaurus", "Trex")
+KINDS = dict.fromkeys(PEOPLE, "people") | dict.fromkeys(("khronos_Fox", *(MAKER + name for name in ANIMALS)), "animals")
+JOINTS = ("shoulder", "elbow", "wrist", "hip", "knee", "hock", "ankle")
 UPPER = ("arm", "front leg")
 LEFT, UP, FRONT = np.eye(3)
 MIRROR = np.array([-1.0, 1.0, 1.0])
@@ -132,12 +141,27 @@ def errors(mesh: SolverMesh, truth: Truth) -> dict[str, list[float]]:
     for limb, points in truth.items():
         side, _, kind = limb.partition(" ")
         if side in ("left", "right") and kind.endswith(("arm", "leg")):
-            for place, name in enumerate(JOINTS[:3] if kind in UPPER else JOINTS[3:]):
-                if np.isfinite(points[place]).all():
-                    there = found[limb][place] if limb in found else NOWHERE
-                    away = 100 * float(np.linalg.norm(there - points[place])) / height
-                    result[name].append(min(away, 100.0) if limb in found else 100.0)
+            names = JOINTS[:3] if kind in UPPER else JOINTS[3:] if len(points) > 4 else ("hip", "knee", "ankle")
+            joints = points[: len(names)]
+            away = distances(found[limb], joints) / height if limb in found else np.ones(len(names))
+            for name, distance in zip(names, away, strict=True):
+                if np.isfinite(distance):
+                    result[name].append(100 * min(float(distance), 1.0))
     return result
+
+
+def distances(found: NDArray[np.float64], joints: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far each true joint of a limb (k, 3) is from the corresponding point of the limb that was found."""
+    count = len(found) - 1  # its end is no joint
+    apart = np.linalg.norm(joints[:, None] - found[None, :count], axis=2)
+    true = [list(rows) for rows in combinations(range(len(joints)), min(len(joints), count))]
+    own = [list(columns) for columns in combinations(range(count), min(len(joints), count))]
+    rows, columns = min(
+        ((rows, columns) for rows in true for columns in own), key=lambda pair: np.nansum(apart[pair[0], pair[1]])
+    )
+    result = np.linalg.norm(joints[:, None] - evenly(found, 200)[None], axis=2).min(axis=1)
+    result[rows] = apart[rows, columns]
+    return np.asarray(result)
 
 
 def row(title: str, measured: list[dict[str, list[float]]]) -> list[float]:
@@ -145,7 +169,7 @@ def row(title: str, measured: list[dict[str, list[float]]]) -> list[float]:
     cells = []
     for name in JOINTS:
         values = [away for one in measured for away in one[name]]
-        worst = max(values, default=np.nan) if len(measured) == 1 else np.quantile(values, 0.95)
+        worst = np.quantile(values, 1.0 if len(measured) == 1 else 0.95) if values else np.nan
         cells.append(f"{worst:9.1f}" if values else "        –")
     every = [away for one in measured for values in one.values() for away in values]
     print(title.ljust(32), *cells, f"{np.median(every):9.1f}", flush=True)
@@ -156,7 +180,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=Path)
     parser.add_argument("--poses", type=int, default=10)
-    parser.add_argument("--characters", nargs="*", default=(*PEOPLE, *ANIMALS))
+    parser.add_argument("--characters", nargs="*", default=tuple(KINDS))
     options = parser.parse_args()
     print("character".ljust(32), *(name.rjust(9) for name in JOINTS), "   median")
     totals: dict[str, list[float]] = {}
@@ -166,7 +190,7 @@ def main() -> None:
         character = load_character(options.folder / f"{name}.glb")
         rig = rig_limbs(character)
         assert rig is not None
-        kind = "people" if name in PEOPLE else "animals"
+        kind = KINDS.get(name, "others")
         totals.setdefault(f"{kind} as made", []).extend(row(name, [errors(character.solver_mesh(), rig.points)]))
         measured = [errors(mesh, truth) for mesh, truth in posed(character, options.poses)]
         if measured:

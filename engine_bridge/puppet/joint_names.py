@@ -33,6 +33,8 @@ PARTS = {
     "toe": "toes?|toebase|ball",
     "tail": "tail",
     "wing": "wing|feather",
+    "ear": "ears?",
+    "jaw": "jaw|mandible|chin|lowermouth|mouthlower|lowerjaw|jawlower",
 }
 """Pattern of a joint's own name, without side, digits and decoration, for each part of the body."""
 

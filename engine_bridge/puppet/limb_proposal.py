@@ -25,8 +25,15 @@ MIDDLE_JOINTS: dict[str, tuple[str | tuple[str, ...], ...]] = {
     "neck": ("shoulder_center", ("shoulder_center", "head"), "head"),
     "head": ("shoulder_center", "head"),
     "tail": ("hip_center", "shoulder_center", ("shoulder_center", "head"), "head"),
+    "jaw": ("shoulder_center", "head"),
+    "left ear": ("shoulder_center", ("shoulder_center", "head"), "head"),
+    "right ear": ("shoulder_center", ("shoulder_center", "head"), "head"),
 }
-"""Joints that drive a limb of the middle. A tail follows the head from its second bone on."""
+"""Joints that drive a limb of the middle. A tail follows the head from its second bone on. Ears and jaw turn with the
+head."""
+
+ON_HEAD = ("jaw", "left ear", "right ear")
+"""Limbs whose parent is the head. They cannot turn with a head that points as the performer's does."""
 
 DELAYS = {"tail": 0.25, "ear": 0.15}
 """Times, in seconds, by which the tips of limbs follow late."""
@@ -56,7 +63,8 @@ def limb_tables(limbs: Limbs, character: CharacterTable, plan: BodyPlan | None =
     if not set(points) - {"trunk", "neck", "head"}:
         return []
     chosen = PLANS[plan or plan_of(points, up)]
-    return [_limb(chain, chosen, points, up) for chain in limbs.chains]
+    still = ON_HEAD if "head" not in points or _points(chosen, "head", points, up) else ()
+    return [_limb(chain, chosen, points, up) for chain in limbs.chains if chain.name not in still]
 
 
 def _points(plan: Plan, name: str, points: Mapping[str, NDArray[np.float64]], up: NDArray[np.float64]) -> bool:
@@ -74,7 +82,7 @@ def _limb(
     chain: LimbChain, plan: Plan, points: Mapping[str, NDArray[np.float64]], up: NDArray[np.float64]
 ) -> LimbTable:
     side, _, limb = chain.name.partition(" ")
-    joints = MIDDLE_JOINTS.get(chain.name) or tuple(f"{joint}_{side}" for joint in _limb_joints(limb))
+    joints = MIDDLE_JOINTS.get(chain.name) or _sided_joints(chain.name)
     joints += joints[-1:] * (len(chain.points) - len(joints))  # a leg with more bends than the performer's
     joints = joints[: len(chain.points)]
     size = max(float(np.ptp(np.concatenate(list(points.values())), axis=0).max()), 1e-12)
@@ -86,9 +94,17 @@ def _limb(
         "gain": plan.gains.get(limb or side, 1.0),
         "delay": DELAYS.get(limb or side, 0.0),
         "stands": plan.stands and is_leg(chain.name),
-        "parent": "neck" if chain.name == "head" and "neck" in points else None,
+        "parent": "head" if chain.name in ON_HEAD else "neck" if chain.name == "head" and "neck" in points else None,
     }
     return LimbTable.model_validate(table)
+
+
+def _sided_joints(name: str) -> tuple[str | tuple[str, ...], ...]:
+    """Return the joints that drive a limb of a side, or the means of both sides for a leg in the middle."""
+    side, _, limb = name.partition(" ")
+    if side in ("left", "right"):
+        return tuple(f"{joint}_{side}" for joint in _limb_joints(limb))
+    return tuple((f"{joint}_left", f"{joint}_right") for joint in _limb_joints(name))
 
 
 def _limb_joints(limb: str) -> tuple[str, ...]:

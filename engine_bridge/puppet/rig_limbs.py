@@ -29,6 +29,9 @@ MAX_HAND_HEIGHT_SHARE = 0.3
 MIN_LEG_BONE_SHARE = 0.08
 """Minimum length of the bones of a leg below the third joint, as a share of the leg's length."""
 
+HEAD_PARTS = (None, "head", "ear", "jaw")
+"""Parts below the head that count for its size; None for eyes, hair and the like."""
+
 UP = np.array([0.0, 1.0, 0.0])
 """Up direction in glTF."""
 
@@ -92,13 +95,15 @@ def limbs_of_joints(joints: Sequence[Joint]) -> Limbs:
     names = {"arm": "front leg", "leg": "hind leg"} if four_legged else {"front leg": "arm", "hind leg": "leg"}
     found = {_renamed(name, names): points for name, points in found.items()}
     behind, before = ("hind leg", "front leg") if four_legged else ("leg", "arm")
-    if not any({f"left {pair}", f"right {pair}"} <= found.keys() for pair in (behind, before)):
+    paired = any({f"left {pair}", f"right {pair}"} <= found.keys() for pair in (behind, before))
+    trunk = skeleton.trunk(found, behind, before)
+    if not paired and (trunk is None or not skeleton.named(None, None, "tail")):
         some = ", ".join(dict.fromkeys(joint.name for joint in joints[:5]))
         note = f"The joint names in the skeleton are unknown ({some}, …); limbs are found from the shape."
         return Limbs((), (note,))
-    trunk = skeleton.trunk(found, behind, before)
     limbs = {} if trunk is None else {"trunk": trunk}
-    limbs |= skeleton.head(trunk, four_legged)
+    limbs |= skeleton.head(trunk, four_legged or not paired)
+    limbs |= skeleton.ears_and_jaw()
     for pair in (before, behind):
         limbs |= {f"{side} {pair}": found[f"{side} {pair}"] for side in ("left", "right") if f"{side} {pair}" in found}
     limbs |= skeleton.tail_and_wings()
@@ -262,34 +267,47 @@ class _Skeleton:
         """Return the points of the trunk: the hips, its middle, and the root of the neck."""
         legs = [points[0] for name, points in limbs.items() if name.endswith(behind)]
         arms = [points[0] for name, points in limbs.items() if name.endswith(before)]
-        if not legs or not (arms or self.named(None, None, "neck", "head")):
+        spine = [self.place(index) for index in self.named(None, None, "spine")]
+        tails = self.named(None, None, "tail")
+        if not (legs or tails) or not (arms or self.named(None, None, "neck", "head")):
             return None
-        low = np.mean(legs, axis=0)
+        low = np.mean(legs, axis=0) if legs else self.place(tails[0])  # a snake's body leads on into its tail
         necks = self.named(None, None, "neck") or ([] if arms else self.named(None, None, "head"))
         high = self.place(necks[0]) if necks else np.mean(arms, axis=0)
+        if not np.linalg.norm(high - low) > 0:  # names of mesh parts, without places
+            return None
         middle = (low + high) / 2
-        spine = [self.place(index) for index in self.named(None, None, "spine")]
         nearest = min(spine, key=lambda place: float(np.linalg.norm(place - middle)), default=middle)
         if np.linalg.norm(nearest - middle) > np.linalg.norm(high - low) / 4:
             nearest = middle
         return np.array([low, nearest, high])
 
-    def head(self, trunk: NDArray[np.float64] | None, four_legged: bool) -> dict[str, NDArray[np.float64]]:
+    def head(self, trunk: NDArray[np.float64] | None, with_neck: bool) -> dict[str, NDArray[np.float64]]:
         """Return the head from the trunk's end, after a neck if that is long."""
         heads, necks = self.named(None, None, "head"), self.named(None, None, "neck")
         if not heads:
             return {}
         root = self.place(heads[0])
         start = self.place(necks[0]) if necks else root if trunk is None else trunk[-1]
-        tip = self.end(start, root, [index for index in self.below(heads[0]) if self.part(index) in (None, "head")])
+        tip = self.end(start, root, [index for index in self.below(heads[0]) if self.part(index) in HEAD_PARTS])
         if (
             trunk is None
-            or not four_legged
+            or not with_neck
             or np.linalg.norm(root - start) < MIN_NECK_SHARE * np.linalg.norm(trunk[-1] - trunk[0])
         ):
             return {"head": np.array([start, tip])}
         way = np.array([start, *(self.place(index) for index in necks[1:]), root])
         return {"neck": evenly(way, 3), "head": np.array([root, tip])}
+
+    def ears_and_jaw(self) -> dict[str, NDArray[np.float64]]:
+        """Return ears and jaw, if vertices follow them."""
+        found = {}
+        for name, side, part in (("left ear", "left", "ear"), ("right ear", "right", "ear"), ("jaw", None, "jaw")):
+            chain = self.named(side, None, part)
+            if any(len(self.joints[index].vertices) for index in chain):
+                way = self.chain_from(chain)
+                found[name] = evenly(way, 3 if part == "ear" else 2)
+        return found
 
     def tail_and_wings(self) -> dict[str, NDArray[np.float64]]:
         found = {}
@@ -300,10 +318,14 @@ class _Skeleton:
         ):
             chain = self.named(side, None, part)
             if chain:
-                way = [self.place(index) for index in chain if index == chain[0] or chain[0] in self.ancestors(index)]
-                before = way[-2] if len(way) > 1 else way[-1]
-                found[name] = evenly(np.array([*way, self.end(before, way[-1], self.below(chain[-1]))]), 4)
+                found[name] = evenly(self.chain_from(chain), 4)
         return found
+
+    def chain_from(self, joints: Sequence[int]) -> NDArray[np.float64]:
+        """Return the places of the first joint and its descendants among some joints, and the end of their vertices."""
+        chain = [index for index in joints if index == joints[0] or joints[0] in self.ancestors(index)]
+        way = [self.place(index) for index in chain]
+        return np.array([*way, self.end(way[-2] if len(way) > 1 else way[-1], way[-1], self.below(chain[-1]))])
 
 
 def _renamed(name: str, names: dict[str, str]) -> str:

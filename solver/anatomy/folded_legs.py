@@ -19,6 +19,9 @@ MAX_MISFIT = 0.03
 """Maximum root mean square distance of the middles from three straight bones, as a share of the leg's length. Under a
 skirt it is larger."""
 
+MAX_HIP_RATIO = 1.8
+"""Maximum thickness of a leg at the hip, as a multiple of the median over the outer half of its curve."""
+
 SECTION_COUNT = 41
 """Number of cross-sections of a leg."""
 
@@ -51,6 +54,21 @@ def folded_leg(skeleton: CurveSkeleton, leg: LimbCurve, top: float) -> NDArray[n
     if cosine > np.cos(np.radians(FOLDED_DEGREES)) or misfit > MAX_MISFIT * hip:
         return None
     return np.array([*joints[:0:-1], leg.at(0.0)])
+
+
+def sprawling_leg(leg: LimbCurve) -> NDArray[np.float64]:
+    """Return the joints (4, 3) of a leg that does not stand below the body, as those of frogs and spiders.
+
+    Its hip is where the curve begins to lead into a thicker body.
+
+    Parameters
+    ----------
+    leg : LimbCurve
+    """
+    thin = np.flatnonzero(leg.depth < MAX_HIP_RATIO * np.median(leg.depth[leg.along < 0.5 * leg.length]))
+    ways = np.linspace(0.0, leg.along[thin[-1]], SECTION_COUNT)
+    joints, _ = three_bones(np.column_stack([np.interp(ways, leg.along, column) for column in leg.centers.T]))
+    return joints[::-1]
 
 
 def _below_axle(leg: LimbCurve, top: float) -> float:

@@ -7,14 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from solver.anatomy.folded_legs import folded_leg
+from solver.anatomy.folded_legs import folded_leg, sprawling_leg
 from solver.anatomy.limb_chain import evenly
 from solver.anatomy.limb_curve import LimbCurve, curve_through, leg_joints, shoulder_ways
-from solver.anatomy.limb_ends import MAX_FOOT_HEIGHT, MAX_MIRROR_DISTANCE, MIRROR, LimbEnds, Points
+from solver.anatomy.limb_ends import MAX_FOOT_HEIGHT, MAX_MIRROR_DISTANCE, MIRROR, Feet, LimbEnds, Points
+from solver.anatomy.standing_legs import standing_legs
 from solver.surface.mesh import SolverMesh
 
 MAX_TAIL_OFFSET, MAX_TAIL_FRONT = 0.15, -0.15
-"""Maximum distance of a tail's end from the middle plane, and its maximum position towards the front, in units."""
+"""Distance of a tail's end from the middle plane up to which the tail may lead to a side as much as to the back, and
+the maximum position of its end towards the front, in units."""
+
+MAX_SINGLE_OFFSET = 0.03
+"""Maximum distance from the middle of a single leg, or of a fin, that is on neither side, in units."""
 
 MIN_ARM_SCORE = -0.2
 """Minimum score of a pair of arms."""
@@ -24,6 +29,10 @@ SHOULDER_SHARE = 0.6
 
 MIN_ARM_LENGTH, FULL_ARM_LENGTH = 0.06, 0.35
 """Minimum length of an arm outside the body, and the length above which its score does not increase, in heights."""
+
+MIN_GHOST_ARM = 0.15
+"""Minimum length of the arms of a body without feet, in heights; the teeth of a snake are shorter. Such arms mirror
+each other; the fins on the back and the tail of a fish do not."""
 
 SHEET_REACH_RATIO, MIN_SHEET_RATIO = 5.0, 1.6
 """Radius in which a branch is compared with a rod, in thicknesses of the branch, and the minimum ratio of the volumes
@@ -79,21 +88,41 @@ class LimbBranches(LimbEnds):
         self.legs_are_folded = False
         self.thighs: set[int] = set()
         self.leg_names = leg_names(len(self.feet))
-        for name, pair in zip(self.leg_names, self.feet, strict=True):
-            fork = self.skeleton.fork(*pair)
-            curves = [curve_through(self.solid, self.skeleton.between(foot, fork)) for foot in pair]
-            points, parted = leg_joints(curves, self.solid.size, upright=name == "leg")
-            if name == "leg":
-                folded = [folded_leg(self.skeleton, curve, curve.length - parted) for curve in curves]
-                points = [leg if other is None else other for leg, other in zip(points, folded, strict=True)]
-                self.legs_are_folded = any(leg is not None for leg in folded)
-            self.legs |= self.sides(name, points)
-            if pair == self.feet[0]:
+        for name, row in zip(self.leg_names, self.feet, strict=True):
+            curves, parted = self._single(name, row[0]) if len(row) == 1 else self._pair(name, row)
+            if row == self.feet[0]:
                 self.trunk = self._trunk(curves, parted)
             for curve in curves:
                 self.thighs.update(curve.cells[curve.along < curve.length - parted].tolist())
         if not self.feet:
             self.trunk = curve_through(self.solid, self.skeleton.between(self.base(), self.head))
+
+    def _pair(self, name: str, feet: Feet) -> tuple[list[LimbCurve], float]:
+        """Add two legs; return their curves, and the distance of the hips from the ends of these."""
+        fork = self.skeleton.fork(*feet)
+        curves = [curve_through(self.solid, self.skeleton.between(foot, fork)) for foot in feet]
+        points, parted = leg_joints(curves, self.solid.size, upright=name == "leg")
+        if self.lies and len(self.feet) < 3:
+            standing = standing_legs(self.solid, curves, front=name == "front leg")
+            points = standing or [sprawling_leg(curve) for curve in curves]
+        elif name == "leg":
+            folded = [folded_leg(self.skeleton, curve, curve.length - parted) for curve in curves]
+            points = [leg if other is None else other for leg, other in zip(points, folded, strict=True)]
+            self.legs_are_folded = any(leg is not None for leg in folded)
+        self.legs |= self.sides(name, points)
+        return curves, parted
+
+    def _single(self, name: str, foot: int) -> tuple[list[LimbCurve], float]:
+        """Add a leg without a counterpart; return its curve, and the distance of the hip from the end of that."""
+        others = [row[0] for row in self.feet if foot not in row]
+        fork = self.skeleton.fork(foot, others[0] if others else self.head)
+        curve = curve_through(self.solid, self.skeleton.between(foot, fork))
+        standing = standing_legs(self.solid, [curve], front=name == "front leg") if self.lies else None
+        points = standing[0] if standing else sprawling_leg(curve)
+        aside = (points[0, 0] - self.middle) / self.unit
+        side = "" if abs(aside) < MAX_SINGLE_OFFSET else "left " if aside > 0 else "right "
+        self.legs[f"{side}{name}"] = points
+        return [curve], curve.length - curve.way_to(points[0])
 
     def _trunk(self, legs: Sequence[LimbCurve], parted: float) -> LimbCurve:
         """Return the curve from between the hips to the end of the head.
@@ -164,7 +193,12 @@ class LimbBranches(LimbEnds):
         for i, one in enumerate(branches):
             for j, other in enumerate(branches[:i]):
                 beside = (self._aside(one) - self.middle) * (self._aside(other) - self.middle) < 0
-                if beside and all(self._below_head(branches[k], shoulders[k]) for k in (i, j)):
+                long = self.feet or (
+                    min(one.length, other.length) > MIN_GHOST_ARM * self.height
+                    and self.mirror_distance(self.cells[one.cells[0]], self.cells[other.cells[0]])
+                    < MAX_MIRROR_DISTANCE / 2
+                )
+                if beside and long and all(self._below_head(branches[k], shoulders[k]) for k in (i, j)):
                     scores[i, j] = self._arm_score(one, other)
         best = max(scores, key=lambda pair: scores[pair], default=None)
         if best is None or scores[best] < MIN_ARM_SCORE:
@@ -216,13 +250,16 @@ class LimbBranches(LimbEnds):
 
     def tail(self, branches: list[LimbCurve]) -> LimbCurve | None:
         """Return the longest branch that is in the middle, at the back, and not a sheet."""
+        if self.crawls:
+            return curve_through(self.solid, self.skeleton.between(self.rear, int(self.trunk.cells[0])))
         if "tail" in self.ends:
             return next((branch for branch in branches if branch.cells[0] == self.ends["tail"]), None)
         behind = []
         for branch in branches:
             left, _, front = self.place(int(branch.cells[0]))
+            back = (branch.points[-1, 2] - branch.points[0, 2]) / self.unit
             if (
-                abs(left) < MAX_TAIL_OFFSET
+                abs(left) < max(MAX_TAIL_OFFSET, back)
                 and front < MAX_TAIL_FRONT
                 and self._leaves_at(branch) < 0.4
                 and not self._is_flat(branch)
@@ -252,7 +289,8 @@ class LimbBranches(LimbEnds):
                     self.mirror_distance(self.cells[one.cells[0]], self.cells[other.cells[0]]) < MAX_MIRROR_DISTANCE / 2
                 )
                 below = all(self.shoulder_place(branch) < self.chin for branch in (one, other))
-                below = below and all(self.place(int(branch.cells[0]))[1] > MAX_FOOT_HEIGHT for branch in (one, other))
+                places = [self.place(int(branch.cells[0])) for branch in (one, other)]
+                below &= all(abs(left) > MAX_SINGLE_OFFSET and up > MAX_FOOT_HEIGHT for left, up, _ in places)
                 if shortest > MIN_WING_LENGTH and alike and below:
                     pairs.append((shortest, (one, other) if self._aside(one) > self._aside(other) else (other, one)))
         return max(pairs, key=lambda pair: pair[0], default=(0.0, None))[1]

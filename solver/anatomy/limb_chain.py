@@ -14,10 +14,11 @@ class LimbChain:
     ----------
     name : str
         "trunk", "neck", "head", "tail", or with the character's own side "left arm", "right leg", "left front leg",
-        "right hind leg", "left wing".
+        "right hind leg", "left wing", "left ear", "jaw".
     points : (k, 3) float64
         Root to tip, mesh file's coordinates. Arms and legs have four: shoulder, elbow, wrist and the end of the hand;
-        hip, knee, ankle and the end of the foot.
+        hip, knee, ankle and the end of the foot. Legs of animals may have a hock after the knee. A leg in the middle
+        has no side.
     """
 
     name: str

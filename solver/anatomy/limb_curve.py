@@ -201,33 +201,56 @@ def _ankle(leg: LimbCurve, hip: float) -> NDArray[np.float64]:
     return _low_corner(leg, hip) if misfit > MAX_LEG_MISFIT * hip else joints[1]
 
 
-def three_bones(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Fit three straight bones to a leg.
+def three_bones(
+    points: NDArray[np.float64], knees: tuple[float, float] = KNEE_SHARES
+) -> tuple[NDArray[np.float64], float]:
+    """Fit three straight bones to a leg: from the end of the foot to ankle, knee and hip (`straight_bones`).
 
     Parameters
     ----------
-    points : (k, 3) float64
-        Evenly spaced along the leg, from the end of the foot to the hip; the bones begin and end at the first and last.
+    points : (k, c) float64
+    knees : (float, float)
+        Range of the knee, as shares of the distance from ankle to hip.
+    """
+    last = len(points) - 1
+    places = []
+    for low in range(round(ANKLE_SHARES[0] * last), round(ANKLE_SHARES[1] * last) + 1):
+        first, past = (round(low + share * (last - low)) for share in knees)
+        places += [(low, high) for high in range(first, past + 1)]
+    return straight_bones(points, places)
+
+
+def straight_bones(points: NDArray[np.float64], places: Sequence[tuple[int, ...]]) -> tuple[NDArray[np.float64], float]:
+    """Fit straight bones.
+
+    Parameters
+    ----------
+    points : (k, c) float64
+        Evenly spaced along a limb; the bones begin and end at the first and last. Several limbs with the same bones
+        have three columns each.
+    places : sequence of tuple of int
+        Numbers of the points that may be joints.
 
     Returns
     -------
-    joints : (4, 3) float64
-        End of the foot, ankle, knee and hip.
+    joints : (b + 1, c) float64
+        Ends of the bones.
     misfit : float
         Root mean square distance of the points from the bones.
     """
     last = len(points) - 1
     number = np.arange(len(points), dtype=np.float64)
-    best, joints = np.inf, points[[0, 0, last, last]]
-    for low in range(round(ANKLE_SHARES[0] * last), round(ANKLE_SHARES[1] * last) + 1):
-        for high in range(round(low + KNEE_SHARES[0] * (last - low)), round(low + KNEE_SHARES[1] * (last - low)) + 1):
-            # shares of the foot's end, ankle, knee and hip in each point
-            shares = np.column_stack([np.interp(number, [0, low, high, last], corner) for corner in np.eye(4)])
-            fixed = points - shares[:, [0, 3]] @ points[[0, last]]
-            inner = np.linalg.solve(shares[:, 1:3].T @ shares[:, 1:3], shares[:, 1:3].T @ fixed)
-            misfit = float(((shares[:, 1:3] @ inner - fixed) ** 2).sum())
-            if misfit < best:
-                best, joints = misfit, np.array([points[0], *inner, points[last]])
+    best, joints = np.inf, points[[0, last]]
+    for inner in places:
+        # shares of the ends of the bones in each point
+        corners = [0, *inner, last]
+        shares = np.column_stack([np.interp(number, corners, corner) for corner in np.eye(len(corners))])
+        fixed = points - shares[:, [0, -1]] @ points[[0, last]]
+        between = shares[:, 1:-1]
+        found = np.linalg.solve(between.T @ between, between.T @ fixed)
+        misfit = float(((between @ found - fixed) ** 2).sum())
+        if misfit < best:
+            best, joints = misfit, np.array([points[0], *found, points[last]])
     return joints, float(np.sqrt(best / len(points)))
 
 

@@ -22,6 +22,16 @@ TOE_DISTANCE = 0.15
 """Two ends are toes of one foot if their curves meet below this share of the height, or if they are on one side and
 closer together than this share of the unit."""
 
+MIN_TRUNK_SHARE = 0.6
+"""Minimum thickness of a trunk that lies, as a share of its thickest place: legs that meet there are two."""
+
+MAX_SINGLE_HEIGHT, MAX_SINGLE_THICKNESS = 0.03, 0.5
+"""Maximum height of the foot of a single leg, as a share of the height, and maximum thickness of that leg, as a share
+of the thickest place."""
+
+MIN_RISE_COSINE = np.cos(np.radians(40))
+"""Minimum cosine between up and the direction from the foot of a single leg to the body."""
+
 MIN_FOOT_THICKNESS = 0.3
 """Minimum thickness of a foot, as a share of the thickest one; the hem of a cape is thinner."""
 
@@ -29,9 +39,12 @@ THICKNESS_WEIGHT = 0.3
 """Weight of the relative difference in thickness of two feet, compared with the distance of their places. The point of
 a sword differs from a foot by nearly all of its thickness."""
 
-MIN_STRIDE = 0.25
-"""Minimum distance from hind feet to front feet. This and most of the following constants are shares of the unit: the
-largest of height, width and length."""
+MIN_HEIGHT_SHARE = 0.75
+"""Height of a body that lies for the first two of these constants, as a share of the unit, if it is lower than that."""
+
+MIN_STRIDE, MIN_LYING_STRIDE = 0.25, 0.12
+"""Minimum distance from hind feet to front feet, and that of a body that lies, whose tail may be longer. This and most
+of the following constants are shares of the unit: the largest of height, width and length."""
 
 MIN_ROW_STRIDE = 0.04
 """Minimum distance from a pair of feet to the next one, if there are more than two pairs."""
@@ -56,10 +69,17 @@ HEAD_SCORE_MARGIN = 0.5
 """If a pair of ends has the highest head score, a single end whose score is lower by less than this is the head. If
 there is none, the head is where the pair branches off."""
 
+MIN_LYING_RATIO = 1.2
+"""Minimum spread of a body that lies from back to front, as a multiple of its spread in height."""
+
+TAIL_SHARE = 0.35
+"""Length of the tail of a body that lies without feet, as a share of that of the body."""
+
 MIRROR = np.array([-1.0, 1.0, 1.0])
 
 Points = NDArray[np.float64]
-_Pair = tuple[int, int]
+Feet = tuple[int, ...]
+"""Cells at the feet of a row of legs: the left and the right one, or a single one."""
 
 
 class LimbEnds:
@@ -83,9 +103,12 @@ class LimbEnds:
         Height; the largest of height, width and length; position of the trunk from left to right.
     ends : dict
         Cells of the ends that the user has given, by name.
-    feet : list of (int, int)
-        Cells at the feet: no pair, one pair, or several from hind to front; the left foot of each pair first.
+    feet : list of tuple of int
+        Cells at the feet: no row, one row, or several from hind to front. A row is a pair, the left foot first, or the
+        foot of a single leg.
     four_legged : bool
+    lies : bool
+        Whether the body is longer than it is high, regardless of thin parts.
     head : int
         Cell at the end of the head.
     head_scores : dict
@@ -103,6 +126,8 @@ class LimbEnds:
         self.unit = float((self.high - self.low).max()) + self.solid.size
         self.middle = float(np.average(self.cells[:, 0], weights=self.solid.depth**2))  # the trunk's, not a shield's
         self.head_scores: dict[int, float] = {}
+        spread = np.sqrt(np.cov(self.cells.T, aweights=self.solid.depth**2).diagonal())
+        self.lies = bool(spread[2] > MIN_LYING_RATIO * spread[1])
         self.feet = self._feet()
         self.four_legged = len(self.feet) > 1
         self.head = self._head()
@@ -121,9 +146,10 @@ class LimbEnds:
         """Return a position as the value of a command-line option, in the mesh file's coordinates."""
         return ",".join(f"{value:.4g}" for value in place @ self.basis)
 
-    def _feet(self) -> list[_Pair]:
-        """Return no pair of feet, one pair, or several from hind to front; the left foot of each pair first."""
-        candidates = [tip for tip in self.skeleton.tips.tolist() if self.place(tip)[1] < MAX_FOOT_HEIGHT]
+    def _feet(self) -> list[Feet]:
+        """Return the rows of feet."""
+        scale = max(MIN_HEIGHT_SHARE * self.unit / self.height, 1.0) if self.lies else 1.0
+        candidates = [tip for tip in self.skeleton.tips.tolist() if self.place(tip)[1] < MAX_FOOT_HEIGHT * scale]
         stout = max((self._thicknesses(tip)[0] for tip in candidates), default=0.0)
         low: list[int] = []
         for tip in candidates:
@@ -136,24 +162,47 @@ class LimbEnds:
         right = [tip for tip in low if self.place(tip)[0] <= 0]
         unlike = np.array([[self._foot_distance(a, b) for b in right] for a in left])
         rows, columns = linear_sum_assignment(unlike.reshape(len(left), len(right)))
-        pairs = [(left[i], right[j]) for i, j in zip(rows, columns, strict=True)]
-        pairs = [pair for pair in pairs if self._foot_distance(*pair, stride=0.0) < MAX_MIRROR_DISTANCE]
-        pairs = [pair for pair in pairs if min(self.place(tip)[1] for tip in pair) < MAX_GROUND_HEIGHT]
+        pairs: list[Feet] = [(left[i], right[j]) for i, j in zip(rows, columns, strict=True)]
+        pairs = [pair for pair in pairs if self._foot_distance(pair[0], pair[1], stride=0.0) < MAX_MIRROR_DISTANCE]
+        pairs = [pair for pair in pairs if min(self.place(tip)[1] for tip in pair) < MAX_GROUND_HEIGHT * scale]
         pairs.sort(key=lambda pair: sum(self.place(tip)[2] for tip in pair))
         for given in ("leg", "hind leg", "front leg"):
             if {f"left {given}", f"right {given}"} <= self.ends.keys():
                 pair = self.ends[f"left {given}"], self.ends[f"right {given}"]
                 pairs = [pair] if given != "front leg" else [pairs[0], pair]
-        if len(pairs) > 1 and self._stride(pairs[0], pairs[-1]) > MIN_STRIDE:
+        if len(pairs) > 1 and self._stride(pairs[0], pairs[-1]) > (MIN_LYING_STRIDE if self.lies else MIN_STRIDE):
             between = [pair for pair in pairs[1:-1] if self._is_row(pair, pairs[0], pairs[-1])]
             return [pairs[0], *between, pairs[-1]]
         heights = [max(self.place(tip)[1] for tip in pair) for pair in pairs]
         lowest = [
             pair for pair, height in zip(pairs, heights, strict=True) if height < min(heights) + MAX_LEVEL_DIFFERENCE
         ]
-        return sorted(lowest, key=lambda pair: self.cells[pair[1], 0] - self.cells[pair[0], 0])[:1]
+        widest = sorted(lowest, key=lambda pair: self.cells[pair[1], 0] - self.cells[pair[0], 0])[:1]
+        return self._with_single(widest, low) if self.lies or not widest else widest
 
-    def _is_row(self, pair: _Pair, hind: _Pair, front: _Pair) -> bool:
+    def _with_single(self, rows: list[Feet], low: Sequence[int]) -> list[Feet]:
+        """Add the foot of a single leg, such as the third leg of a dog, to one row of feet or none."""
+        singles: list[Feet] = [
+            (tip,)
+            for tip in low
+            if all(tip not in row and abs(self._stride(row, (tip,))) > MIN_LYING_STRIDE for row in rows)
+            and self.place(tip)[1] < MAX_SINGLE_HEIGHT
+            and self._rises(tip)
+        ]
+        return sorted([*rows, *singles], key=lambda row: self.place(row[0])[2]) if len(singles) == 1 else rows
+
+    def _rises(self, tip: int) -> bool:
+        """Return whether a thin leg leads up from a foot to a thick body; tails on the ground do not rise."""
+        way = self.skeleton.path(tip)
+        thick = self.solid.depth[way] > MIN_TRUNK_SHARE * self.solid.depth.max()
+        leg = way[: int(np.argmax(thick))]
+        if not leg:
+            return False
+        up = self.cells[leg[-1]] - self.cells[tip]
+        thin = np.median(self.solid.depth[leg]) < MAX_SINGLE_THICKNESS * self.solid.depth.max()
+        return bool(thin and up[1] > max(MIN_RISE_COSINE * float(np.linalg.norm(up)), MAX_FOOT_HEIGHT * self.height))
+
+    def _is_row(self, pair: Feet, hind: Feet, front: Feet) -> bool:
         """Return whether a pair of feet between two others stands on the ground as they do, on legs of its own."""
         on_ground = max(self.place(tip)[1] for tip in pair) < MAX_GROUND_HEIGHT
         apart = min(self._stride(hind, pair), self._stride(pair, front)) > MIN_ROW_STRIDE
@@ -176,14 +225,17 @@ class LimbEnds:
             1 - thickness[0] / thickness[1]
         )
 
-    def _stride(self, hind: _Pair, front: _Pair) -> float:
+    def _stride(self, hind: Feet, front: Feet) -> float:
         places = [np.mean([self.place(tip)[2] for tip in pair]) for pair in (hind, front)]
         return float(places[1] - places[0])
 
     def same_foot(self, tip: int, other: int) -> bool:
         """Return whether two ends are toes of one foot, or its toe and heel."""
-        if self.place(self.skeleton.fork(tip, other))[1] < TOE_DISTANCE:
+        fork = self.skeleton.fork(tip, other)
+        if self.place(fork)[1] < TOE_DISTANCE:
             return True
+        if self.lies and self.solid.depth[fork] > MIN_TRUNK_SHARE * self.solid.depth.max():
+            return False  # legs of neighbouring rows
         one_side = (self.place(tip)[0] > 0) == (self.place(other)[0] > 0)
         return bool(one_side and np.linalg.norm(self.cells[tip] - self.cells[other]) < TOE_DISTANCE * self.unit)
 
@@ -194,7 +246,7 @@ class LimbEnds:
         extent = np.array([self.unit, self.height, self.unit])
         left, up, front = (2 * (self.cells - (self.low + self.high) / 2) / extent).T
         left = 2 * np.abs(self.cells[:, 0] - self.middle) / self.unit
-        forwards = (front + 0.25 * up if self.four_legged else up + 0.7 * front) - left
+        forwards = (front + 0.25 * up if self.four_legged or self.crawls else up + 0.7 * front) - left
         feet = [foot for pair in self.feet for foot in pair]
         tips = [tip for tip in self.skeleton.tips.tolist() if not any(self.same_foot(tip, foot) for foot in feet)]
         for cell in [int(forwards.argmax()), *tips]:
@@ -230,7 +282,23 @@ class LimbEnds:
         depth = curve.depth[curve.along <= MAX_FOOT_HEIGHT * self.height] / self.height
         return float(np.median(depth)), float(depth.max())
 
+    @property
+    def crawls(self) -> bool:
+        """Whether a body lies and has no feet, as that of a snake or a fish."""
+        return self.lies and not self.feet
+
+    @property
+    def rear(self) -> int:
+        """The cell that is farthest to the back."""
+        return int(self.cells[:, 2].argmin())
+
     def base(self) -> int:
-        """Return the thickest cell near the ground, for a body without feet."""
+        """Return the cell at the hips of a body without feet.
+
+        It is the thickest one near the ground, or between the tail and the trunk of a body that lies.
+        """
+        if self.crawls:
+            way = self.skeleton.between(self.rear, self.head)
+            return way[round(TAIL_SHARE * len(way))]
         low = np.flatnonzero(self.cells[:, 1] < self.low[1] + MAX_FOOT_HEIGHT * self.height)
         return int(low[self.solid.depth[low].argmax()])

@@ -142,10 +142,11 @@ class _Finder(LimbBranches):
         near = cKDTree(trunk.points)
         legs, arms = (self.leg_names[0], self.leg_names[-1]) if self.four_legged else ("leg", "arm")
         low, high = trunk.points[0], trunk.at(SHOULDER_SHARE * trunk.length)
-        if f"left {legs}" in found:
-            low = (found[f"left {legs}"][0] + found[f"right {legs}"][0]) / 2
-        if f"left {arms}" in found:
-            high = (found[f"left {arms}"][0] + found[f"right {arms}"][0]) / 2
+        hips, shoulders = (
+            [found[name][0] for name in (f"left {limb}", f"right {limb}", limb) if name in found]
+            for limb in (legs, arms)
+        )
+        low, high = (np.mean(roots, axis=0) if roots else end for roots, end in ((hips, low), (shoulders, high)))
         place = self._narrow_neck(int(near.query(high)[1]))
         start = int(near.query(low)[1])
         high = trunk.points[place]

@@ -22,6 +22,9 @@ MIN_UP_RATIO, MIN_FRONT_RATIO = 0.3, 0.6
 """Minimum probability of the conventional axis, as a share of the largest one, at which it is used if the shape is not
 clear. An insect might stand on its nose, but almost all files have y or z up."""
 
+FILE_UPS = {"y", "z"}
+"""Axes of which one is up if the shape is not clear."""
+
 SAMPLE_COUNT = 6000
 """Number of surface points that are sampled."""
 
@@ -89,6 +92,8 @@ def propose(mesh: SolverMesh, up: str | None = None, front: str | None = None) -
     for (axis, _), chance in chances.items():
         ups[axis] += chance
     up, up_is_clear = _choose(ups, MIN_UP_PROBABILITY, MIN_UP_RATIO, "y")
+    if not up_is_clear and up not in FILE_UPS and not ups.keys().isdisjoint(FILE_UPS):
+        up = max(ups.keys() & FILE_UPS, key=lambda axis: ups[axis])
     fronts = {axis: chance for (above, axis), chance in chances.items() if above == up}
     front, front_is_clear = _choose(fronts, MIN_FRONT_PROBABILITY, MIN_FRONT_RATIO, {"y": "z", "z": "-y"}.get(up))
     scale, size = _unit(float(np.ptp(mesh.vertices[:, "xyz".index(up[-1])])))

@@ -85,3 +85,23 @@ def test_arms_drive_front_legs_and_wings_and_the_head_drives_neck_and_tail():
 def test_a_trunk_and_a_head_alone_are_no_limbs():
     alone = chains(trunk=UPRIGHT["trunk"], head=UPRIGHT["head"])
     assert limb_tables(alone, CharacterTable(mesh="a")) == []
+
+
+def test_ears_turn_with_a_head_that_turns_and_follow_late():
+    lying = {
+        **UPRIGHT,
+        "trunk": [(0, 1, -1), (0, 1.1, -0.5), (0, 1.2, 0)],
+        "left_ear": [(0.1, y, 0) for y in (1.7, 1.8, 1.9)],
+    }
+    tables = {limb.name: limb for limb in limb_tables(chains(**lying), CharacterTable(mesh="a"))}
+    ear = tables["left ear"]
+    assert (ear.follow, ear.parent, ear.delay > 0, ear.gain) == ("turn", "head", True, 1.0)
+    upright = limb_tables(chains(**UPRIGHT, left_ear=lying["left_ear"]), CharacterTable(mesh="a"))
+    assert "left ear" not in [limb.name for limb in upright]  # its head points, and an ear cannot turn with that
+
+
+def test_a_leg_in_the_middle_follows_both_legs_of_the_performer():
+    body = {"trunk": [(0, 1, -1), (0, 1, 0), (0, 1, 1)], "head": [(0, 1, 1), (0, 1.4, 1.5)]}
+    table = limb_tables(chains(**body, hind_leg=UPRIGHT["left_leg"]), CharacterTable(mesh="a"))[-1]
+    assert table.stands
+    assert table.driven_by == tuple((f"{joint}_left", f"{joint}_right") for joint in ("hip", "knee", "ankle", "foot"))

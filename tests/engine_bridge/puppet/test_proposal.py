@@ -29,6 +29,7 @@ FOUR_LEGGED = dict.fromkeys(
     ["trunk", "head", "left front leg", "right front leg", "left hind leg", "right hind leg"], "turn"
 )
 TAIL, NECK, WINGS = {"tail": "turn"}, {"neck": "turn"}, {"left wing": "turn", "right wing": "turn"}
+EARS = {"left ear": "turn", "right ear": "turn"}
 REAL = {
     "beast_32k_quads.obj": {**PERSON, "head": "turn"},
     "cheburashka.off": {**PERSON, "left leg": "turn", "right leg": "turn"},  # stubs that point forward
@@ -43,7 +44,7 @@ REAL = {
     "feline_winged_genus2.obj": {**FOUR_LEGGED, **NECK, **WINGS},
     "gltf/kenney/character.glb": PERSON,
     "gltf/khronos_Fox.glb": {**FOUR_LEGGED, **TAIL},
-    "gltf/quaternius_Fox.glb": {**FOUR_LEGGED, **NECK, **TAIL},
+    "gltf/quaternius_Fox.glb": {**FOUR_LEGGED, **NECK, **EARS, **TAIL},
     "gltf/quaternius_Stegosaurus.glb": {**FOUR_LEGGED, **NECK, **TAIL},
     "gltf/quaternius_Frog.glb": FOUR_LEGGED,
     "gltf/quaternius_Trex.glb": {**TURNING, **TAIL},

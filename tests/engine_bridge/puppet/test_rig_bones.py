@@ -141,6 +141,7 @@ def of_file(real_data, name):
     parents = {name: None if name == TRUNK else TRUNK for name in names}
     if "neck" in names:
         parents["head"] = "neck"
+    parents |= {name: "head" for name in ("left ear", "right ear") if name in names}
     return sorted_by_name(character, [limb(each.name, *each.points, parent=parents[each.name]) for each in chains])
 
 

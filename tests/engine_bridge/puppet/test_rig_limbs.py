@@ -112,6 +112,36 @@ def test_a_person_is_known_by_the_names_of_every_convention(names):
     np.testing.assert_array_equal(limbs.points["head"], [PLACES["neck"], PLACES["crown"]])
 
 
+def on_head(limbs):
+    return {name: points for name, points in limbs.points.items() if name == "jaw" or name.endswith("ear")}
+
+
+def test_ears_and_a_jaw_that_move_vertices_are_limbs():
+    """Their joints may hang on the neck, and the end of an ear is where its vertices end."""
+    joints = skeleton(QUATERNIUS)
+    neck = next(number for number, joint in enumerate(joints) if joint.name == "Neck")
+    for name, place in (("Ear1.L", (0.1, 1.8, 0)), ("Ear1.R", (-0.1, 1.8, 0)), ("Jaw", (0, 1.6, 0.05))):
+        way = np.array((0.0, -0.05, 0.2) if name == "Jaw" else (0.0, 0.2, 0.0))
+        joints.append(Joint(name, neck, np.array(place), place + np.linspace(0, 1, 21)[:, None] * way))
+    found = on_head(limbs_of_joints(joints))
+    assert list(found) == ["left ear", "right ear", "jaw"]
+    np.testing.assert_allclose(found["left ear"], [(0.1, 1.8, 0), (0.1, 1.895, 0), (0.1, 1.99, 0)], atol=1e-9)
+    np.testing.assert_allclose(found["jaw"][-1], (0, 1.6 - 0.95 * 0.05, 0.05 + 0.95 * 0.2), atol=1e-9)
+    still = [Joint(j.name, j.parent, j.place, np.zeros((0, 3))) for j in joints]
+    assert on_head(limbs_of_joints(still)) == {}
+
+
+def test_a_body_without_legs_is_known_by_its_head_and_tail():
+    places = {"Chest": (0, 0.2, 0), "Neck": (0, 0.4, 0.1), "Head": (0, 0.8, 0.2), "Tail": (0, 0, -0.3)}
+    joints = [Joint("Root", -1, np.zeros(3), np.zeros((0, 3)))]
+    joints += [Joint(name, 0, np.array(place, dtype=float), np.zeros((0, 3))) for name, place in places.items()]
+    limbs = limbs_of_joints(joints)
+    assert list(limbs.points) == ["trunk", "neck", "head", "tail"]
+    np.testing.assert_allclose(limbs.points["trunk"][[0, -1]], [places["Tail"], places["Neck"]])
+    parts = [Joint(j.name, j.parent, np.zeros(3), j.vertices) for j in joints]  # names of parts of a mesh
+    assert limbs_of_joints(parts).chains == ()
+
+
 def test_left_is_what_the_names_say_and_the_front_follows():
     joints = skeleton(UNREAL)
     assert axes_of(limbs_of_joints(joints)) == ("y", "z")
@@ -148,8 +178,8 @@ REAL = {
     "quaternius_George": PERSON,
     "quaternius_Trex": [*PERSON, "tail"],
     "khronos_Fox": ["trunk", "head", *FOUR_LEGGED, "tail"],
-    "quaternius_Fox": ["trunk", "neck", "head", *FOUR_LEGGED, "tail"],
-    "quaternius_Husky": ["trunk", "neck", "head", *FOUR_LEGGED, "tail"],
+    "quaternius_Fox": ["trunk", "neck", "head", "left ear", "right ear", *FOUR_LEGGED, "tail"],
+    "quaternius_Husky": ["trunk", "neck", "head", "left ear", "right ear", *FOUR_LEGGED, "tail"],
     "quaternius_Stegosaurus": ["trunk", "neck", "head", *FOUR_LEGGED, "tail"],
     "quaternius_Frog": ["trunk", "head", *FOUR_LEGGED],
 }

@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 SAMPLES = 4
 """Samples per pixel for edges."""
 
-SHADOW_SIZE, SKY_SIZE = 2048, 512
+SHADOW_SIZE, SKY_SIZE = 2048, 128
 """Width and height of the depth maps of the key light and of the sky, in texels."""
 
-KEY_SAMPLES, SKY_SAMPLES = 12, 8
-"""Samples of the depth maps per pixel."""
+OUTER_SAMPLES, KEY_SAMPLES, SKY_SAMPLES = 5, 10, 8
+"""Samples of the depth maps per pixel: around it, and inside where these differ."""
 
 PENUMBRA, SKY_PENUMBRA = 0.018, 0.09
 """Radii of the soft edges of shadows, as shares of the light's height of interest (`Stage.size`)."""
@@ -134,7 +134,9 @@ class GpuRenderer:
         self._resolved = ctx.framebuffer([ctx.renderbuffer(size, 4)])
         self._key_depths, self._key_map = self._depth_map(SHADOW_SIZE)
         self._sky_depths, self._sky_map = self._depth_map(SKY_SIZE)
-        self._light = shaders.LIGHT.replace("KEY_SAMPLES", str(KEY_SAMPLES)).replace("SKY_SAMPLES", str(SKY_SAMPLES))
+        self._light = shaders.LIGHT
+        for name in ("OUTER_SAMPLES", "KEY_SAMPLES", "SKY_SAMPLES"):
+            self._light = self._light.replace(name, str(globals()[name]))
         self._shadow = ctx.program(shaders.SHADOW_VERTEX, shaders.SHADOW_FRAGMENT)
         self._surfaces: dict[tuple[bool, bool], moderngl.Program] = {}
         self._floor = ctx.program(shaders.FLOOR_VERTEX, shaders.FLOOR_FRAGMENT.replace("LIGHT\n", self._light))

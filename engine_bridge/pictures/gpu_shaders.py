@@ -55,23 +55,25 @@ uniform vec3 ground_color;
 uniform vec2 key_blur;   // radius of the penumbra, as a share of the map
 uniform vec2 sky_blur;
 
-// Points on a disc, evenly dense (Vogel 1979), so that the edge of a shadow is soft without grain or bands.
-float samples(sampler2DShadow depths, vec3 at, vec2 blur, int first, int end, int count) {
-    float sum = 0.0;
-    for (int k = first; k < end; k++) {
-        float far = sqrt((float(k) + 0.5) / float(count)), angle = 2.399963 * float(k);
-        sum += textureLod(depths, vec3(at.xy + far * blur * vec2(cos(angle), sin(angle)), at.z), 0.0);
-    }
-    return sum;
-}
-
-// The outermost samples are first: where they agree, the others are not taken.
+// The share of a light that reaches a point, from points on a disc that are evenly dense (Vogel 1979), so that the edge
+// of a shadow is soft without grain. The outermost ones come first: where they agree, no others are taken. That is
+// written as loops, because software renderers skip the rest of a loop, but run both sides of a condition.
 float lit(sampler2DShadow depths, vec3 at, vec2 blur, int count) {
+    const mat2 turn = mat2(-0.737369, 0.675490, -0.675490, -0.737369);
     vec2 inside = 0.5 + blur - abs(at.xy - 0.5);
-    if (min(inside.x, inside.y) < 0.0) return 1.0;
-    float outer = samples(depths, at, blur, count - 5, count, count);
-    if (outer == 0.0 || outer == 5.0) return outer / 5.0;
-    return (outer + samples(depths, at, blur, 0, count - 5, count)) / float(count);
+    int first = min(inside.x, inside.y) < 0.0 ? 0 : OUTER_SAMPLES;
+    vec2 way = vec2(1.0, 0.0);
+    float sum = 0.0;
+    for (int k = 0; k < first; k++) {
+        sum += textureLod(depths, vec3(at.xy + blur * way, at.z), 0.0);
+        way = turn * way;
+    }
+    int others = sum == 0.0 || sum == float(OUTER_SAMPLES) ? 0 : count;
+    for (int k = 0; k < others; k++) {
+        sum += textureLod(depths, vec3(at.xy + sqrt((float(k) + 0.5) / float(count)) * blur * way, at.z), 0.0);
+        way = turn * way;
+    }
+    return first == 0 ? 1.0 : sum / float(OUTER_SAMPLES + others);
 }
 
 vec3 irradiance(vec3 place, vec3 n, float lift) {

@@ -151,16 +151,24 @@ def decoded(path: Path, where: str) -> tuple[Iterator[NDArray[np.float32]], floa
 
 def _blocks(container: Any, stream: Any, where: str, path: Path) -> Iterator[NDArray[np.float32]]:
     av = require_av()
-    resampler = av.AudioResampler(format="flt", layout="stereo", rate=SAMPLE_RATE)
+    mono = stream.codec_context.layout.nb_channels == 1  # the library would make it quieter
+    resampler = av.AudioResampler(format="flt", layout="mono" if mono else "stereo", rate=SAMPLE_RATE)
     started = False
+
+    def resampled(frame: Any) -> Iterator[NDArray[np.float32]]:
+        for block in resampler.resample(frame):
+            samples = block.to_ndarray()
+            yield samples.T.repeat(2, axis=1) if mono else samples.reshape(-1, 2)
+
     with container:
         try:
             for frame in container.decode(stream):
-                if not started and frame.time is not None and frame.time > 0:
-                    yield np.zeros((round(frame.time * SAMPLE_RATE), 2), np.float32)
+                if not started and frame.time is not None:  # such as the sound of a video that begins late
+                    silence = frame.time - (container.start_time or 0) / av.time_base
+                    yield np.zeros((max(round(silence * SAMPLE_RATE), 0), 2), np.float32)
                 started = True
-                yield from (block.to_ndarray().reshape(-1, 2) for block in resampler.resample(frame))
-            yield from (block.to_ndarray().reshape(-1, 2) for block in resampler.resample(None))
+                yield from resampled(frame)
+            yield from resampled(None)
         except (av.error.FFmpegError, OSError) as error:
             raise _damaged(where, path, error) from error
 

@@ -127,7 +127,7 @@ class GpuRenderer:
     def __init__(self, size: tuple[int, int], samples: int = SAMPLES) -> None:
         self.context = ctx = _context()
         self.size = size
-        samples = min(samples, ctx.max_samples)
+        samples = min(samples, ctx.max_samples) if samples > 1 else 0
         self._target = ctx.framebuffer(
             [ctx.renderbuffer(size, 4, samples=samples)], ctx.depth_renderbuffer(size, samples=samples)
         )

@@ -6,9 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from capture.events import Tick
+from capture.events import Cue, Tick
 from capture.recording import Recorder
 from capture.skeleton import SkeletonFrame
+from capture.sound import ClockedSound, Microphone, WavWriter
 from capture.source import SkeletonSource, wait
 from capture.sources.replay import RecordingSource
 from engine_bridge.cli.options import REPLACING
@@ -38,6 +39,10 @@ class RecordSummary:
         ``"time"``, ``"source"`` or ``"stopped"``: the seconds have passed, the source has ended, or Ctrl-C was pressed.
     why : str
         The error that ended a live source; empty otherwise.
+    sound : str
+        The sound beside the take; empty without one.
+    sound_overflows : int
+        Number of times that the microphone's samples were not read in time; silence replaces them.
     """
 
     take: str
@@ -49,6 +54,8 @@ class RecordSummary:
     refused: dict[str, int]
     ended: str
     why: str = ""
+    sound: str = ""
+    sound_overflows: int = 0
 
 
 def record(
@@ -57,6 +64,7 @@ def record(
     seconds: float | None = None,
     report: Callable[[int, float], None] = lambda _frames, _seconds: None,
     force: bool = False,
+    microphone: Microphone | None = None,
 ) -> RecordSummary:
     """Write the events of a source to a take, until the seconds have passed, the source ends or Ctrl-C is pressed.
 
@@ -73,6 +81,8 @@ def record(
         Called after each batch of events with the number of frames so far and the seconds that have passed.
     force : bool
         Whether to replace an existing file.
+    microphone : Microphone, optional
+        Its sound is written beside the take, as a .wav; it is left open.
 
     Raises
     ------
@@ -80,6 +90,7 @@ def record(
         The take cannot be written, or exists already.
     """
     _remove_existing(path, force)
+    sound = None if microphone is None else _Sound(microphone, path.with_suffix(".wav"), force)
     started = time.monotonic()
     deadline = math.inf if seconds is None else started + seconds
     frames = 0
@@ -98,6 +109,8 @@ def record(
                     if isinstance(event, SkeletonFrame):
                         frames += 1
                         users.add(event.user)
+                if sound is not None and (cue := sound.write()) is not None:
+                    recorder.write(cue)
                 report(frames, time.monotonic() - started)
         except SourceError as error:
             if isinstance(source, RecordingSource) and source.damaged:
@@ -105,6 +118,9 @@ def record(
             ended, why = "source", "" if source.recorded else str(error)
         except KeyboardInterrupt:
             ended = "stopped"
+        finally:
+            if sound is not None:
+                sound.close()
     if why and empty:
         path.unlink()
     return RecordSummary(
@@ -117,7 +133,31 @@ def record(
         refused=dict(source.counts.refused),
         ended=ended,
         why=why,
+        sound="" if sound is None else str(sound.path),
+        sound_overflows=0 if microphone is None else microphone.overflows,
     )
+
+
+class _Sound:
+    """The sound beside a take."""
+
+    def __init__(self, microphone: Microphone, path: Path, force: bool) -> None:
+        _remove_existing(path, force)
+        self.path = path
+        self._microphone, self._clocked, self._writer = microphone, ClockedSound(), WavWriter(path)
+
+    def write(self) -> Cue | None:
+        """Write the sound that has arrived; when it begins, return the cue that says when."""
+        begins = self._clocked.start is None
+        for block in self._microphone.blocks():
+            self._writer.write(self._clocked.add(block))
+        if begins and self._clocked.start is not None:
+            return Cue(time.monotonic(), "sound", {"file": self.path.name, "at": self._clocked.start})
+        return None
+
+    def close(self) -> None:
+        self.write()
+        self._writer.close()
 
 
 def _remove_existing(path: Path, force: bool) -> None:

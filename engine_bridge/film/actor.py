@@ -37,7 +37,7 @@ class Actor:
     def __init__(self, table: CharacterTable, rig: Rig, footing: Footing, segments: Sequence[Segment]) -> None:
         self.name, self.rig, self.footing = table.name, rig, footing
         self.home = Place(np.array([table.position[0], 0.0, table.position[1]]), table.turn)
-        self._segments = segments
+        self.segments = segments
         self._begins = np.array([segment.begin for segment in segments])
         self._deformer = make_deformer(rig.puppet, rig.mesh, rig.model)
         self._fades = {
@@ -54,10 +54,10 @@ class Actor:
 
     def _place_in(self, frame: int) -> tuple[Motion | None, int, int]:
         """Return what is played at a frame, the row in it, and the number of the segment; None for the rest pose."""
-        if not len(self._segments):
+        if not len(self.segments):
             return None, 0, -1
         number = max(int(np.searchsorted(self._begins, frame, side="right")) - 1, 0)
-        segment = self._segments[number]
+        segment = self.segments[number]
         into = frame - segment.begin
         if number in self._fades and into < segment.fade:
             return self._fades[number], into, number
@@ -85,18 +85,18 @@ class Actor:
         _, _, number = self._place_in(frame)
         if number < 0:
             return self.home
-        segment = self._segments[number]
+        segment = self.segments[number]
         into = frame - segment.begin
         if number == 0 or into >= segment.fade:
             return segment.place
-        before, share = self._segments[number - 1].place, eased((into + 1) / (segment.fade + 1))
+        before, share = self.segments[number - 1].place, eased((into + 1) / (segment.fade + 1))
         way = (segment.place.turn - before.turn + 180) % 360 - 180
         return Place(before.position + share * (segment.place.position - before.position), before.turn + share * way)
 
     @property
     def end(self) -> int:
         """Number of frames until the last take has ended."""
-        return max((each.begin + each.end - each.first for each in self._segments), default=0)
+        return max((each.begin + each.end - each.first for each in self.segments), default=0)
 
     def to_stage(self, frame: int) -> NDArray[np.float64]:
         """Return the map (4, 3) of row vectors [x 1] from the mesh file's coordinates to the film's, with the root."""

@@ -116,7 +116,7 @@ def make_video(
         behind = renderer.picture(overlays.background(scene.background, size, path))
         production = produce(path, scene, progress)
         part = _part(production, start, stop, draft, ending)
-        mixer = Mixer(scene.sound if FORMATS[ending].sound else (), path, production.seconds)
+        mixer = Mixer(production.sounds if FORMATS[ending].sound else (), path, production.seconds)
         view = _View(production, renderer, behind, progress)
         beside = opened.enter_context(written_whole(output))
         writer = opened.enter_context(

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.film.actor import Actor
-from engine_bridge.film.scene import Scene, SceneError
-from engine_bridge.film.takes import Footing, Motion, segments_of, solve_take
+from engine_bridge.film.scene import Scene, SceneError, SoundTable, TakeTable
+from engine_bridge.film.takes import Footing, SolvedTake, segments_of, solve_take, sound_table
 from engine_bridge.performance.frame_store import evenly
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
@@ -37,6 +37,8 @@ class Production:
     actors : list of Actor
     frames : int
         Length of the film.
+    sounds : tuple of SoundTable
+        The scene's, and those that were recorded beside its takes.
     notes : tuple of str
         Sentences for the user about recordings.
     """
@@ -45,6 +47,7 @@ class Production:
     scene: Scene
     actors: list[Actor]
     frames: int
+    sounds: tuple[SoundTable, ...]
     notes: tuple[str, ...]
 
     @property
@@ -97,38 +100,52 @@ def produce(path: Path, scene: Scene, progress: Progress) -> Production:
     PuppetlineError
     """
     rigs: dict[Path, Rig] = {}
-    motions: dict[tuple[Path, Path, int | None], Motion] = {}
+    solved: dict[tuple[Path, Path, int | None], SolvedTake] = {}
     actors, notes = [], list[str]()
     for table in scene.character:
         puppet = path.parent / table.puppet
         if puppet not in rigs:
             progress(f"Preparing {table.name}", 0.0)
             rigs[puppet] = load_rig(puppet)
-        rig = rigs[puppet]
-        played = []
+        rig, played = rigs[puppet], []
         for number, take in enumerate(scene.take, 1):
             if take.character != table.name or take.mute:
                 continue
-            log = path.parent / take.file
-            if not log.is_file():
-                raise SceneError(
-                    at(path, field=f"[[take]] {number}, file"),
-                    found=f"the missing file {log}",
-                    expected="a recording, relative to the scene file",
-                    fix="Correct the path, copy the file there, or set mute = true.",
-                )
+            log = _existing(path, number, take)
             key = (puppet, log, take.user)
-            if key not in motions:
+            if key not in solved:
                 settings = Settings(fps=scene.film.fps, user=take.user)
-                motions[key], about = solve_take(rig, log, settings, partial(progress, f"Performing {log.stem}"))
-                notes += [f"{table.name}, {log.stem}: {note}" for note in about]
-            played.append((number, take, motions[key]))
+                solved[key] = solve_take(rig, log, settings, partial(progress, f"Performing {log.stem}"))
+                notes += [f"{table.name}, {log.stem}: {note}" for note in solved[key].notes]
+            played.append((number, take, solved[key]))
         footing = Footing(table, rig)
         actors.append(Actor(table, rig, footing, segments_of(table, played, footing, scene.film.fps, path)))
     frames = max(actor.end for actor in actors)
     if scene.film.seconds is not None:
         frames = max(round(scene.film.seconds * scene.film.fps), 2)
-    return Production(path, scene, actors, frames, tuple(notes))
+    sounds, missing = _sounds(scene, actors)
+    return Production(path, scene, actors, frames, sounds, (*notes, *missing))
+
+
+def _existing(path: Path, number: int, take: TakeTable) -> Path:
+    """Return the recording of a take."""
+    log = path.parent / take.file
+    if not log.is_file():
+        raise SceneError(
+            at(path, field=f"[[take]] {number}, file"),
+            found=f"the missing file {log}",
+            expected="a recording, relative to the scene file",
+            fix="Correct the path, copy the file there, or set mute = true.",
+        )
+    return log
+
+
+def _sounds(scene: Scene, actors: list[Actor]) -> tuple[tuple[SoundTable, ...], list[str]]:
+    """Return the sounds of a film, and notes about takes whose sound is missing."""
+    own = [sound_table(segment, scene.film.fps) for actor in actors for segment in actor.segments]
+    there = [table for table in own if table is not None and Path(table.file).is_file()]
+    missing = sorted({table.file for table in own if table is not None} - {table.file for table in there})
+    return (*scene.sound, *there), [f"The sound of a take, {file}, is missing; the rest is played." for file in missing]
 
 
 def _measured(rig: Rig) -> NDArray[np.int64]:

@@ -74,6 +74,7 @@ class TakeTable(Table):
     fade: Annotated[Number, Field(ge=0, le=10)] = 0.3
     position: Place | None = None
     turn: Number | None = None
+    sound: StrictBool = True
     mute: StrictBool = False
 
     @model_validator(mode="after")

@@ -9,8 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.film.scene import CharacterTable, SceneError, TakeTable
-from engine_bridge.performance.clip import load_timeline, reference_pose
+from capture.clip import SkeletonClip
+from capture.formats import read_log
+from capture.skeleton import LOST
+from capture.timeline import choose
+from engine_bridge.film.scene import CharacterTable, SceneError, SoundTable, TakeTable
+from engine_bridge.performance.clip import reference_pose, timeline_of
 from engine_bridge.performance.frame_store import FrameStore
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig
@@ -43,6 +47,28 @@ class Motion:
             store.append(values[None])
 
 
+class TakeSound(NamedTuple):
+    """The sound that was recorded beside a take.
+
+    Attributes
+    ----------
+    path : Path
+    begin : float
+        Time of its first sample after the take's first frame, in seconds; negative if it began earlier.
+    """
+
+    path: Path
+    begin: float
+
+
+class SolvedTake(NamedTuple):
+    """A recording that is solved for a character, its sound, and notes about the recording."""
+
+    motion: Motion
+    sound: TakeSound | None
+    notes: tuple[str, ...]
+
+
 class Place(NamedTuple):
     """Where a character stands in a frame.
 
@@ -72,6 +98,7 @@ class Segment:
     fade : int
         Length of the cross-fade from the segment before it, which begins with it.
     place : Place
+    sound : TakeSound or None
     """
 
     motion: Motion
@@ -80,6 +107,7 @@ class Segment:
     end: int
     fade: int
     place: Place
+    sound: TakeSound | None
 
     def row(self, frame: int) -> int:
         """Return the frame of the take at a frame of the film; the first one before it, the last one after it."""
@@ -126,16 +154,15 @@ class Footing:
         return moved
 
 
-def solve_take(
-    rig: Rig, log: Path, settings: Settings, progress: Callable[[float], None]
-) -> tuple[Motion, tuple[str, ...]]:
-    """Solve all frames of a recording for a character, and return them with notes about the recording.
+def solve_take(rig: Rig, log: Path, settings: Settings, progress: Callable[[float], None]) -> SolvedTake:
+    """Solve all frames of a recording for a character.
 
     Raises
     ------
     PuppetlineError
     """
-    timeline, notes = load_timeline(log, settings)
+    clips = read_log(log, settings.log)
+    timeline, notes = timeline_of(clips, log, settings)
     performance = Performance(rig.puppet, rig.mesh, rig.model, reference_pose(rig.puppet, timeline, settings))
     motion = Motion(rig, len(performance.deformer.bones))
     count = len(timeline.positions)
@@ -143,11 +170,34 @@ def solve_take(
         aim = performance.retargeting.step(timeline.frame(number))
         motion.append(performance.deformer.solve(aim.targets, aim.motions), aim.targets, aim.motions, aim.root)
         progress((number + 1) / count)
-    return motion, notes
+    return SolvedTake(motion, _sound(choose(clips, settings.user)[0], log), notes)
+
+
+def _sound(clip: SkeletonClip, log: Path) -> TakeSound | None:
+    """Return the sound beside a take, according to its cue."""
+    first = float(clip.times[(clip.confidence > LOST).any(axis=1)][0])
+    for cue in clip.cues:
+        file, begin = cue.arguments.get("file"), cue.arguments.get("at")
+        if cue.do == "sound" and isinstance(file, str) and isinstance(begin, int | float):
+            return TakeSound(log.parent / Path(file).name, begin - first)
+    return None
+
+
+def sound_table(segment: Segment, fps: float) -> SoundTable | None:
+    """Return the part of its take's sound that belongs to a segment; None if it has none."""
+    if segment.sound is None:
+        return None
+    start, stop = (frame / fps - segment.sound.begin for frame in (segment.first, segment.end))
+    if stop <= 0:
+        return None
+    late = max(-start, 0.0)
+    fade = segment.fade / fps
+    path = str(segment.sound.path)
+    return SoundTable(file=path, at=segment.begin / fps + late, start=start + late, stop=stop, fade_in=fade)
 
 
 def segments_of(
-    table: CharacterTable, takes: Sequence[tuple[int, TakeTable, Motion]], footing: Footing, fps: float, scene: Path
+    table: CharacterTable, takes: Sequence[tuple[int, TakeTable, SolvedTake]], footing: Footing, fps: float, scene: Path
 ) -> list[Segment]:
     """Put the takes of one character on the film's clock.
 
@@ -157,7 +207,7 @@ def segments_of(
     Parameters
     ----------
     table : CharacterTable
-    takes : sequence of (int, TakeTable, Motion)
+    takes : sequence of (int, TakeTable, SolvedTake)
         With the number of each in the scene file, from 1.
     footing : Footing
     fps : float
@@ -170,8 +220,9 @@ def segments_of(
         A part is outside its recording, or takes are not in the order of their times.
     """
     made: list[Segment] = []
-    for number, take, motion in takes:
-        first, end = _part(take, len(motion), fps, at(scene, field=f"[[take]] {number}, start"))
+    for number, take, solved in takes:
+        sound = solved.sound if take.sound else None
+        first, end = _part(take, len(solved.motion), fps, at(scene, field=f"[[take]] {number}, start"))
         for repetition in range(take.loop):
             last = made[-1] if made else None
             fade = 0 if last is None else min(round(take.fade * fps), (end - first) // 2)
@@ -187,7 +238,7 @@ def segments_of(
                 )
             position = take.position if repetition == 0 or last is None else None
             turn = take.turn if take.turn is not None else table.turn if last is None else last.place.turn
-            segment = Segment(motion, begin, first, end, fade, Place(np.zeros(3), turn))
+            segment = Segment(solved.motion, begin, first, end, fade, Place(np.zeros(3), turn), sound)
             if position is None and last is not None:
                 place = last.root_on_stage(begin, footing) - segment.root_on_stage(begin, footing)
             else:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from capture.events import Cue
 from engine_bridge.film.scene import SceneError
 from engine_bridge.performance.clip import load_timeline, solve
 from engine_bridge.performance.settings import Settings
@@ -113,6 +114,34 @@ def test_boxes_contain_the_character_and_lift_one_without_legs_onto_the_floor(pr
     boxes = production.boxes(quiet)["a"]
     assert boxes.shape == (58, 2, 3)
     assert boxes[:, 0, 1].min() == pytest.approx(0, abs=1e-6)
+
+
+def take_with_sound(tmp_path, record_events, frames, dance, begin):
+    """A take whose first frame is at 5 s, and whose sound begins at another time of its clock."""
+    cue = Cue(5.0, "sound", {"file": "sound.wav", "at": begin})
+    first, *others = frames(dance(), 5.0)
+    return record_events(tmp_path / "loud.log", [first, cue, *others])
+
+
+@pytest.mark.parametrize(("begin", "at", "start"), [(4.5, 2.0, 0.9), (5.6, 2.2, 0.0)])
+def test_the_sound_beside_a_take_is_in_step_with_it(
+    produced, tmp_path, write_wav, record_events, frames, dance, begin, at, start
+):
+    write_wav(np.zeros(100))
+    take_with_sound(tmp_path, record_events, frames, dance, begin)
+    production = produced(CHARACTER + TAKE.replace("TAKE", "loud.log") + "at = 2\nstart = 0.4\nstop = 1.2")
+    (sound,) = production.sounds
+    assert sound.file == str(tmp_path / "sound.wav")
+    assert (sound.at, sound.start) == pytest.approx((at, start))
+    assert sound.stop == pytest.approx(1.2 + 1 / 30 - (begin - 5))
+
+
+def test_the_rest_is_played_if_the_sound_of_a_take_is_missing(produced, tmp_path, record_events, frames, dance):
+    take_with_sound(tmp_path, record_events, frames, dance, 5.0)
+    production = produced(CHARACTER + TAKE.replace("TAKE", "loud.log"))
+    assert production.sounds == ()
+    assert production.notes[-1] == f"The sound of a take, {tmp_path / 'sound.wav'}, is missing; the rest is played."
+    assert produced(CHARACTER + TAKE.replace("TAKE", "loud.log") + "sound = false").notes[-1:] != production.notes[-1:]
 
 
 @pytest.mark.parametrize(

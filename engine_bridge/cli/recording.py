@@ -109,7 +109,7 @@ def record(
                     if isinstance(event, SkeletonFrame):
                         frames += 1
                         users.add(event.user)
-                if sound is not None and (cue := sound.write()) is not None:
+                if sound is not None and (cue := sound.write(source.now())) is not None:
                     recorder.write(cue)
                 report(frames, time.monotonic() - started)
         except SourceError as error:
@@ -146,17 +146,21 @@ class _Sound:
         self.path = path
         self._microphone, self._clocked, self._writer = microphone, ClockedSound(), WavWriter(path)
 
-    def write(self) -> Cue | None:
-        """Write the sound that has arrived; when it begins, return the cue that says when."""
+    def write(self, now: float) -> Cue | None:
+        """Write the sound that has arrived; when it begins, return the cue that says when.
+
+        `now` is the time on the source's clock, which is that of the take.
+        """
         begins = self._clocked.start is None
         for block in self._microphone.blocks():
             self._writer.write(self._clocked.add(block))
         if begins and self._clocked.start is not None:
-            return Cue(time.monotonic(), "sound", {"file": self.path.name, "at": self._clocked.start})
+            begin = self._clocked.start + now - time.monotonic()
+            return Cue(now, "sound", {"file": self.path.name, "at": begin})
         return None
 
     def close(self) -> None:
-        self.write()
+        self.write(0.0)
         self._writer.close()
 
 

@@ -124,8 +124,11 @@ class VideoWriter:
 
 def _palette(samples: Sequence[NDArray[np.uint8]]) -> tuple[Image.Image, NDArray[np.uint8]]:
     """Return an image with the colours of some frames, and these colours (256, 4) with an opacity in front."""
-    together = Image.fromarray(np.concatenate([sample[::2, ::2, :3] for sample in samples]))
-    image = together.quantize(GIF_COLORS, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    pixels = np.concatenate([sample[::2, ::2, :3].reshape(-1, 3) for sample in samples])
+    shades, counts = np.unique(pixels, axis=0, return_counts=True)
+    # large backgrounds count less than their pixels, or they would leave no colours for what is small
+    weighted = shades.repeat(np.ceil(np.sqrt(counts)).astype(int), axis=0)
+    image = Image.fromarray(weighted[None]).quantize(GIF_COLORS, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     own = np.array(image.getpalette(), np.uint8).reshape(-1, 3)[:GIF_COLORS]
     colors = np.full((GIF_COLORS, 4), 255, np.uint8)
     colors[: len(own), 1:] = own

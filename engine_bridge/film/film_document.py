@@ -1,5 +1,6 @@
 """Films as one .glb: all characters of a scene with their animations, in one animation on the film's clock."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import scipy
 from capture.timeline import Timeline
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import top_nodes
-from engine_bridge.character.schema import LISTS, REFERENCES, Animation, Node, empty
+from engine_bridge.character.schema import LISTS, REFERENCES, Animation, Node, empty, found_at
 from engine_bridge.export.animation import add_channel
 from engine_bridge.export.clip_export import export_clip
 from engine_bridge.film.actor import Actor
@@ -26,8 +27,13 @@ CHUNK = 64
 OTHER_LISTS = ("cameras", "samplers")
 """Lists of a glTF file that Puppetline does not read, but whose items others refer to."""
 
-OTHER_REFERENCES = {"nodes.*.camera": "cameras", "textures.*.sampler": "samplers"}
-"""Paths of indices of their items, as in `REFERENCES`."""
+OTHER_REFERENCES = {
+    "nodes.*.camera": "cameras",
+    "nodes.*.extensions.EXT_mesh_gpu_instancing.attributes.*": "accessors",
+    "textures.*.sampler": "samplers",
+    "textures.*.extensions.*.source": "images",
+}
+"""Paths of further indices, as in `REFERENCES`."""
 
 NOT_MERGED = ("scenes", "animations", "buffers", "extensionsUsed", "extensionsRequired")
 """Lists of a glTF file that are not simply appended to another file's."""
@@ -59,8 +65,7 @@ def make_document(path: Path, output: Path, progress: Progress) -> FilmSummary:
         document, result = export_clip(_clip(actor, production, settings), path.stem, settings, progress)
         notes += [f"{actor.name}: {note}" for note in result.notes]
         before = len(actor.rig.character.document.gltf["animations"])
-        own = len(document.gltf["animations"]) - before
-        document.gltf["animations"] = document.gltf["animations"][:own]
+        drop_animations(document, len(document.gltf["animations"]) - before)
         top, moved = merge(film, document)
         for each in moved:
             first = len(animation["samplers"])
@@ -133,6 +138,25 @@ def _add_placed(film: Document, animation: Animation, actor: Actor, production: 
             add_channel(film, animation, clock, values.astype(np.float32), len(nodes) - 1, name)
 
 
+def drop_animations(document: Document, kept: int) -> None:
+    """Drop all but the first animations of a document, and the arrays that only the others use."""
+    gltf: Any = document.gltf
+    samplers = [sampler for animation in gltf["animations"][kept:] for sampler in animation["samplers"]]
+    gltf["animations"] = gltf["animations"][:kept]
+    gone = {sampler[name] for sampler in samplers for name in ("input", "output")}
+    for name in ("accessors", "bufferViews"):
+        paths = [path.split(".") for path, target in (REFERENCES | OTHER_REFERENCES).items() if target == name]
+        gone -= {index for steps in paths for index in found_at(gltf, steps)}
+        left = [index for index in range(len(gltf[name])) if index not in gone]
+        numbers = {index: number for number, index in enumerate(left)}
+        dropped = [item for index, item in enumerate(gltf[name]) if index in gone]
+        gltf[name] = [gltf[name][index] for index in left]
+        for steps in paths:
+            _renumber(gltf, steps, numbers.__getitem__)
+        gone = {accessor["bufferView"] for accessor in dropped if "bufferView" in accessor}
+    document.repack()
+
+
 def merge(film: Document, added: Document) -> tuple[list[int], list[Animation]]:
     """Append the contents of a document to another one.
 
@@ -161,7 +185,7 @@ def merge(film: Document, added: Document) -> tuple[list[int], list[Animation]]:
     offsets = {name: len(target.get(name, [])) for name in (*LISTS, *OTHER_LISTS)}
     for path, name in (*REFERENCES.items(), *OTHER_REFERENCES.items()):
         if not path.startswith(("scene", "materials", "bufferViews")):
-            _shift(source, path.split("."), offsets[name])
+            _renumber(source, path.split("."), offsets[name].__add__)
     _shift_textures(source["materials"], offsets["textures"])
     for name in ("extensionsUsed", "extensionsRequired"):
         target[name] += [each for each in source[name] if each not in dropped and each not in target[name]]
@@ -171,17 +195,17 @@ def merge(film: Document, added: Document) -> tuple[list[int], list[Animation]]:
     return [node + offsets["nodes"] for node in top], source["animations"]
 
 
-def _shift(value: Any, steps: list[str], offset: int) -> None:
-    """Add an offset to all indices at a path in JSON, with a star for all items."""
+def _renumber(value: Any, steps: list[str], number: Callable[[int], int]) -> None:
+    """Replace all indices at a path in JSON, with a star for all items."""
     step, *rest = steps
     keys = (list(value) if isinstance(value, dict) else range(len(value))) if step == "*" else [step]
     for key in keys:
         if isinstance(value, dict) and key not in value:
             continue
         if rest:
-            _shift(value[key], rest, offset)
+            _renumber(value[key], rest, number)
         else:
-            value[key] += offset
+            value[key] = number(value[key])
 
 
 def _shift_textures(value: Any, offset: int) -> None:

@@ -1,5 +1,6 @@
 """Pictures of films that cover the frame: backgrounds behind it and titles over it."""
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,10 @@ MARGIN = 0.08
 
 OUTLINE = 0.06
 """Width of the dark outline of titles, as a share of their size."""
+
+
+FONTS = ("DejaVuSans.ttf", "NotoSans-Regular.ttf", "LiberationSans-Regular.ttf", "Arial.ttf", "arial.ttf")
+"""Fonts of systems, of which the first one that exists shows titles with other letters than those of English."""
 
 
 def background(table: BackgroundTable, size: tuple[int, int], scene: Path) -> NDArray[np.uint8]:
@@ -51,15 +56,7 @@ def title(table: TitleTable, size: tuple[int, int], where: str, folder: Path) ->
         The font cannot be opened.
     """
     height = max(round(table.size * size[1]), 1)
-    try:
-        font = ImageFont.load_default(height) if table.font is None else ImageFont.truetype(folder / table.font, height)
-    except OSError as error:
-        raise SceneError(
-            f"{where}, font",
-            found=f"{folder / table.font if table.font else ''}, which cannot be opened ({error})",
-            expected="a font, such as .ttf, relative to the scene file",
-            fix="Correct the path, or remove the key font.",
-        ) from error
+    font = _font(table, height, where, folder)
     y, anchor = {
         "top": (MARGIN * size[1], "ma"),
         "middle": (size[1] / 2, "mm"),
@@ -78,6 +75,28 @@ def title(table: TitleTable, size: tuple[int, int], where: str, folder: Path) ->
         stroke_fill=(20, 22, 28, 190),
     )
     return np.asarray(image)
+
+
+def _font(table: TitleTable, height: int, where: str, folder: Path) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    """Return the font of a title; Pillow's own one has the letters of English only."""
+    if table.font is None and table.text.isascii():
+        return ImageFont.load_default(height)
+    for name in FONTS if table.font is None else (str(folder / table.font),):
+        with contextlib.suppress(OSError):
+            return ImageFont.truetype(name, height)
+    if table.font is None:
+        raise SceneError(
+            f"{where}, text",
+            found=f"the letters {''.join(sorted({letter for letter in table.text if not letter.isascii()}))}",
+            expected=f"letters of English, or one of the fonts {', '.join(FONTS)} on this system",
+            fix='Add a font: font = "FILE.ttf". On Debian: apt install fonts-dejavu-core',
+        )
+    raise SceneError(
+        f"{where}, font",
+        found=f"{folder / table.font}, which cannot be opened",
+        expected="a font, such as .ttf, relative to the scene file",
+        fix="Correct the path, or remove the key font.",
+    )
 
 
 def opacity(table: TitleTable, time: float) -> float:

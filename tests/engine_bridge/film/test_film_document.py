@@ -1,6 +1,7 @@
 """Films as one .glb: valid, and every character moves as its takes say."""
 
 import numpy as np
+import pygltflib as gltf
 import pytest
 
 from engine_bridge.character.document_reader import load_document
@@ -72,11 +73,26 @@ def test_characters_are_where_their_takes_put_them(write_scene, play, assert_val
 def test_rigged_characters_share_one_animation_and_keep_their_skins(write_scene, tmp_path):
     path = write_scene(SCENE.replace("HANDLES", "LIMBED"))
     make_document(path, tmp_path / "film.glb", quiet)
-    gltf = load_document(tmp_path / "film.glb", (tmp_path / "film.glb").read_bytes()).gltf
-    (animation,) = gltf["animations"]
-    assert len(gltf["skins"]) == 2
+    made = load_document(tmp_path / "film.glb", (tmp_path / "film.glb").read_bytes()).gltf
+    (animation,) = made["animations"]
+    assert len(made["skins"]) == 2
     moved = {channel["target"]["node"] for channel in animation["channels"]}
-    for skin in gltf["skins"]:
+    for skin in made["skins"]:
         assert len(moved & set(skin["joints"])) >= 6
-    names = [gltf["nodes"][node].get("name") for node in gltf["scenes"][0]["nodes"]]
+    names = [made["nodes"][node].get("name") for node in made["scenes"][0]["nodes"]]
     assert {"a", "b"} <= set(names)
+
+
+def test_animations_of_the_characters_files_and_their_arrays_are_left_out(
+    write_scene, glb, blob, write_puppet, validate, tmp_path
+):
+    times, way = np.array([0, 1], np.float32), np.zeros((2, 3), np.float32)
+    node = glb.node(glb.mesh(glb.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=blob.normals)))
+    sampler = gltf.AnimationSampler(input=glb.add(times, None), output=glb.add(way, None))
+    channel = gltf.AnimationChannel(sampler=0, target=gltf.AnimationChannelTarget(node=node, path="translation"))
+    glb.file.animations = [gltf.Animation(name="own", samplers=[sampler], channels=[channel])]
+    glb.save(tmp_path / "own.glb")
+    puppet = write_puppet(tmp_path / "own.toml", "own.glb")
+    make_document(write_scene(SCENE.replace("HANDLES", str(puppet))), tmp_path / "film.glb", quiet)
+    report = validate(tmp_path / "film.glb")
+    assert (report["errors"], report["warnings"], report["infos"]) == (0, 0, 0)

@@ -80,6 +80,11 @@ class Actor:
         motion, row, _ = self._place_in(frame)
         return np.zeros(3, np.float32) if motion is None else motion.root[row]
 
+    def channels(self, frame: int) -> dict[str, float]:
+        """Return the values of the channels at a frame of the film."""
+        motion, row, _ = self._place_in(frame)
+        return {} if motion is None else {name: float(values[row]) for name, values in motion.channels.items()}
+
     def place(self, frame: int) -> Place:
         """Return where the character stands at a frame of the film."""
         _, _, number = self._place_in(frame)
@@ -124,6 +129,10 @@ class Actor:
             for _ in range(SETTLING_STEPS if k == 0 else 1):
                 R = self._deformer.solve(targets, motions)
             made.append(R, targets, motions, was[2] + share * (becomes[2] - was[2]))
+        made.channels = {
+            name: np.array([after.motion.channels[name][after.row(after.begin + k)] for k in range(after.fade)])
+            for name in after.motion.channels
+        }
         return made
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import ImageColor
 
+from engine_bridge.character import own_targets
 from engine_bridge.character.drawn_normals import drawn_normals
 from engine_bridge.character.materials import materials_of
 from engine_bridge.character.surfaces.surface import srgb_to_linear
@@ -21,6 +22,7 @@ from engine_bridge.film.production import Production, Progress, produce
 from engine_bridge.film.scene import DEFAULT_FLOOR, Scene, SceneError, load
 from engine_bridge.film.sound import SAMPLE_RATE, Mixer
 from engine_bridge.film.video import FORMATS, VideoWriter
+from engine_bridge.performance.channels import morph_weights
 from engine_bridge.pictures.gpu_renderer import SAMPLES, Drawn, Floor, GpuRenderer
 from puppetline.errors import OutputError, at
 from puppetline.files import check_writable, written_whole
@@ -248,12 +250,19 @@ class _DrawnActor:
         self._binding = ShadedBinding(
             rig.model, character.vertices, rig.mesh.of_render, drawn_normals(character), character.triangles
         )
+        self._rest = self._binding.rest
+        names = {morph.target for morph in rig.puppet.morph}
+        self._targets = {name: own_targets.displacements(character, name) for name in names}
         self.drawn: Drawn = renderer.add(character.parts, materials_of(character))
 
     def move(self, frame: int) -> None:
         """Show its pose at a frame."""
         actor = self._actor
         controls = to_file_units(actor.controls(frame), actor.rig.model)
+        values = {name: np.array([value], np.float32) for name, value in actor.channels(frame).items()}
+        self._binding.rest = self._rest
+        for name, (weight,) in morph_weights(actor.rig.puppet, values).items():
+            self._binding.rest = self._binding.rest + weight * self._targets[name]
         vertices, normals = self._binding.vertices_and_normals(controls)
         linear = actor.to_stage(frame).astype(np.float32)
         self.drawn.move(vertices @ linear[:3] + linear[3], normals @ linear[:3] / np.float32(actor.footing.scale))

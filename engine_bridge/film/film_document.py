@@ -105,7 +105,10 @@ def _clip(actor: Actor, production: Production, settings: Settings) -> Clip:
             motions.append(np.array([actor.bones(number) for number in numbers]))
         root[start : start + len(numbers)] = [actor.root(number) for number in numbers]
     unknown = np.full((count, 1, 3), np.nan)
-    timeline = Timeline(production.fps, unknown, np.zeros((count, 1), np.float32), ())
+    values = [actor.channels(number) for number in range(count)]
+    names = {name for each in values for name in each}
+    channels = {name: np.array([each.get(name, 0.0) for each in values], np.float32) for name in names}
+    timeline = Timeline(production.fps, unknown, np.zeros((count, 1), np.float32), (), channels=channels)
     return Clip(rig, timeline, frames, root, motions, (), None, ())
 
 

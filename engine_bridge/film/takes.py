@@ -9,11 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.clip import SkeletonClip
 from capture.formats import read_log
-from capture.skeleton import LOST
 from capture.timeline import choose
 from engine_bridge.film.scene import CharacterTable, SceneError, SoundTable, TakeTable
+from engine_bridge.performance.channels import sound_of
 from engine_bridge.performance.clip import reference_pose, timeline_of
 from engine_bridge.performance.frame_store import FrameStore
 from engine_bridge.performance.performance import Performance
@@ -23,7 +22,7 @@ from puppetline.errors import at
 
 
 class Motion:
-    """Solved frames of one take or one cross-fade: control variables, targets of handles, bones, and the root."""
+    """Solved frames of a take or a cross-fade: control variables, targets of handles, bones, root and channels."""
 
     def __init__(self, rig: Rig, bones: int) -> None:
         handles = len(rig.puppet.handle)
@@ -31,6 +30,7 @@ class Motion:
         self.targets = FrameStore((handles, 3))
         self.motions = FrameStore((bones, 4, 3))
         self.root = FrameStore((3,))
+        self.channels: dict[str, NDArray[np.float32]] = {}
 
     def __len__(self) -> int:
         return len(self.R)
@@ -167,20 +167,12 @@ def solve_take(rig: Rig, log: Path, settings: Settings, progress: Callable[[floa
     motion = Motion(rig, len(performance.deformer.bones))
     count = len(timeline.positions)
     for number in range(count):
-        aim = performance.retargeting.step(timeline.frame(number))
+        aim = performance.aim(timeline.frame(number))
         motion.append(performance.deformer.solve(aim.targets, aim.motions), aim.targets, aim.motions, aim.root)
         progress((number + 1) / count)
-    return SolvedTake(motion, _sound(choose(clips, settings.user)[0], log), notes)
-
-
-def _sound(clip: SkeletonClip, log: Path) -> TakeSound | None:
-    """Return the sound beside a take, according to its cue."""
-    first = float(clip.times[(clip.confidence > LOST).any(axis=1)][0])
-    for cue in clip.cues:
-        file, begin = cue.arguments.get("file"), cue.arguments.get("at")
-        if cue.do == "sound" and isinstance(file, str) and isinstance(begin, int | float):
-            return TakeSound(log.parent / Path(file).name, begin - first)
-    return None
+    motion.channels = timeline.channels or {}
+    sound = sound_of(choose(clips, settings.user)[0], log)
+    return SolvedTake(motion, None if sound is None else TakeSound(*sound), notes)
 
 
 def sound_table(segment: Segment, fps: float) -> SoundTable | None:

@@ -13,6 +13,7 @@ from capture.clip import SkeletonClip
 from capture.formats import read_log
 from capture.skeleton import JOINTS
 from capture.timeline import Timeline, choose, resample
+from engine_bridge.performance.channels import with_voice
 from engine_bridge.performance.frame_store import FrameStore
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig
@@ -98,6 +99,7 @@ def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tup
         timeline = resample(clip, settings.fps, settings.max_gap)
         if found is not None:
             timeline = replace(timeline, rest=found.sensor.upright(found.rest))
+        timeline, about_sound = with_voice(timeline, clip, log)
     except SkeletonLogError as error:  # these errors do not name the file
         where = at(log, field=error.where)
         raise SkeletonLogError(where, found=error.found, expected=error.expected, fix=error.fix) from error
@@ -124,7 +126,13 @@ def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tup
             fix="Choose an earlier start or a later stop.",
         )
     others = (chosen,) if len(clips) > 1 else ()
-    return timeline, (*clip.notes, *others, *about_rest, *((timeline.summary(),) if timeline.held else ()))
+    return timeline, (
+        *clip.notes,
+        *others,
+        *about_rest,
+        *about_sound,
+        *((timeline.summary(),) if timeline.held else ()),
+    )
 
 
 def resting_pose(timeline: Timeline, settings: Settings) -> NDArray[np.float64]:

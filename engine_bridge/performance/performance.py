@@ -1,12 +1,13 @@
 """Retargeting and deformation of a character by one performer, frame by frame."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import SkeletonFrame
-from engine_bridge.performance.retargeting import Retargeting
+from engine_bridge.performance.channels import Bends
+from engine_bridge.performance.retargeting import RetargetedFrame, Retargeting
 from engine_bridge.puppet.puppet import Puppet
 from solver.model.reduced_model import ReducedModel
 from solver.motion.deformer import Deformer
@@ -49,6 +50,12 @@ class Performance:
     def __init__(self, puppet: Puppet, mesh: SolverMesh, model: ReducedModel, rest: NDArray[np.float64]) -> None:
         self.deformer = make_deformer(puppet, mesh, model)
         self.retargeting = Retargeting(puppet, mesh, self.deformer, rest)
+        self._bends = Bends(puppet, self.deformer.bones)
+
+    def aim(self, frame: SkeletonFrame) -> RetargetedFrame:
+        """Return the targets and motions of the next frame, with limbs bent by its channels."""
+        aim = self.retargeting.step(frame)
+        return replace(aim, motions=self._bends.bent(aim.motions, frame.channels))
 
     def step(self, frame: SkeletonFrame, out: NDArray[np.float64] | None = None) -> Pose:
         """Return the pose of the next frame.
@@ -60,7 +67,7 @@ class Performance:
         out : (4m, 3) float64, optional
             Array for the pose's R.
         """
-        aim = self.retargeting.step(frame)
+        aim = self.aim(frame)
         return Pose(self.deformer.solve(aim.targets, aim.motions, out), aim.root, aim.motions)
 
 

@@ -99,12 +99,12 @@ def dumps(puppet: Puppet) -> str:
     values = puppet.model_dump(exclude_none=True, exclude_defaults=True)
     document = tomlkit.document()
     document["character"] = values["character"]
-    for name in ("limb", "handle"):
+    for name in ("limb", "handle", "morph"):
         if name in values:
             document[name] = tomlkit.aot()
             for each in values[name]:
                 table = tomlkit.table()
-                table.update({key: as_list(value) for key, value in each.items()})
+                table.update({key: _inline(as_list(value)) for key, value in each.items()})
                 document[name].append(table)
     if puppet.root is not None:
         document["root"] = root_values(puppet.root)
@@ -114,6 +114,15 @@ def dumps(puppet: Puppet) -> str:
     if "vrm" in values:
         document["vrm"] = {key: as_list(value) for key, value in values["vrm"].items()}
     return tomlkit.dumps(document)
+
+
+def _inline(value: Any) -> Any:
+    """Return a table inside a table on one line."""
+    if not isinstance(value, dict):
+        return value
+    table = tomlkit.inline_table()
+    table.update(value)
+    return table
 
 
 def root_values(root: RootTable) -> dict[str, Any]:

@@ -32,7 +32,7 @@ OUTER_SAMPLES, KEY_SAMPLES, SKY_SAMPLES = 5, 10, 8
 """Samples of the depth maps per pixel: around it, and inside where these differ."""
 
 PENUMBRA, SKY_PENUMBRA = 0.018, 0.09
-"""Radii of the soft edges of shadows, as shares of the light's height of interest (`Stage.size`)."""
+"""Radii of the soft edges of the shadows of the key light and of the sky, as shares of `Stage.size`."""
 
 KEY_DIRECTION = np.array([-0.42, 0.78, 0.46]) / np.linalg.norm([-0.42, 0.78, 0.46])
 """Direction towards the key light: over the audience's left shoulder."""
@@ -98,7 +98,7 @@ class Drawn:
     positions: "moderngl.Buffer"
     normals: "moderngl.Buffer"
     shadow: "moderngl.VertexArray"
-    parts: list["DrawnPart"] = field(default_factory=list)
+    parts: list[DrawnPart] = field(default_factory=list)
     center: NDArray[np.float32] = field(default_factory=lambda: np.zeros(3, np.float32))
 
     def move(self, positions: NDArray[np.float32], normals: NDArray[np.float32]) -> None:

@@ -12,26 +12,6 @@ from engine_bridge.performance.clip import load_timeline, perform
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 
-MORPH = '\n[[morph]]\ntarget = "jaw"\nchannel = "voice"\n'
-
-
-@pytest.fixture
-def talking(glb, blob, write_puppet, limb_tables, tmp_path):
-    """Return the puppet file of a figure with a target "jaw", with limbs or handles."""
-    down = np.zeros_like(blob.vertices)
-    down[blob.vertices[:, 1] > 1.6] = [0, -0.2, 0.1]
-    made = glb.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=blob.normals, targets=[{"POSITION": down}])
-    glb.node(glb.mesh(made, extras={"targetNames": ["jaw"]}))
-    glb.save(tmp_path / "talking.glb")
-
-    def make(limbs):
-        options = {"handles": limb_tables} if limbs else {}
-        path = write_puppet(tmp_path / "talking.toml", "talking.glb", **options, replaces=True)
-        path.write_text(path.read_text() + MORPH)
-        return path
-
-    return make
-
 
 @pytest.mark.parametrize(
     ("form", "limbs", "compact"),

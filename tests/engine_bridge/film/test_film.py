@@ -5,9 +5,11 @@ import itertools
 import numpy as np
 import pytest
 
+from engine_bridge.character import own_targets
 from engine_bridge.film import film as films
 from engine_bridge.film.film import make_video
-from engine_bridge.film.scene import SceneError
+from engine_bridge.film.production import produce
+from engine_bridge.film.scene import SceneError, load
 from engine_bridge.film.sound import SAMPLE_RATE
 from engine_bridge.pictures.gpu_renderer import GpuRenderer
 from puppetline.errors import OutputError
@@ -122,6 +124,21 @@ def test_a_clap_is_heard_when_it_is_seen(write_scene, write_wav, tmp_path, endin
     heard = np.flatnonzero(np.abs(sound[:, 0]) > 0.3)[0] / SAMPLE_RATE
     assert seen == pytest.approx(1.25 - start, abs=1e-3)
     assert heard == pytest.approx(1.25 - start, abs=0.01)
+
+
+def test_a_character_is_drawn_with_its_mouth_open_when_it_speaks(write_scene, talking, monkeypatch):
+    path = write_scene(SCENE.replace("LIMBED", str(talking(False))))
+    actor = produce(path, load(path), quiet).actors[0]
+    with GpuRenderer((16, 16)) as renderer:
+        drawn, shown = films._DrawnActor(actor, renderer), []
+        drawn.drawn.move = lambda positions, _normals: shown.append(positions)
+        for value in (0.0, 1.0, 0.0):
+            monkeypatch.setattr(actor, "channels", lambda _frame, value=value: {"voice": value})
+            drawn.move(0)
+    moved = np.linalg.norm(shown[1] - shown[0], axis=1) / actor.footing.scale
+    expected = np.linalg.norm(own_targets.displacements(actor.rig.character, "jaw"), axis=1)
+    np.testing.assert_allclose(moved, expected, atol=0.05 * expected.max())
+    np.testing.assert_array_equal(shown[2], shown[0])
 
 
 def test_an_interrupt_leaves_no_file(write_scene, tmp_path):

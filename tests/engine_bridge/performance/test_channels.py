@@ -12,6 +12,8 @@ from engine_bridge.performance.clip import load_timeline, solve
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file
+from engine_bridge.puppet.puppet import BendTable
+from engine_bridge.puppet.puppet_document import with_puppet
 from puppetline.errors import PuppetError
 from solver.motion.limbs import bones_of
 
@@ -100,6 +102,17 @@ def test_a_puppet_file_keeps_bends_and_morphs(bent_puppet, tmp_path):
     puppet_file.dump(puppet, tmp_path / "b.toml")
     assert puppet_file.load(tmp_path / "b.toml") == puppet
     assert 'bend = {channel = "voice", degrees = 30.0}' in (tmp_path / "b.toml").read_text()
+
+
+def test_an_edited_bend_is_written_into_the_file(bent_puppet):
+    text = bent_puppet.read_text()
+    before = puppet_file.loads(text, "a.toml")
+    limbs = list(before.limb)
+    bend = BendTable(channel="voice", degrees=12, axis="-z")
+    limbs[1] = limbs[1].model_copy(update={"bend": bend})
+    limbs[2] = limbs[2].model_copy(update={"bend": bend})
+    after = before.model_copy(update={"limb": tuple(limbs)})
+    assert puppet_file.loads(with_puppet(text, before, after), "a.toml") == after
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ def scene(tmp_path, blob_puppet):
     return "scene.toml"
 
 
+@pytest.mark.slow
 def test_the_result_is_printed_as_lines_or_as_json(run, scene, opengl, tmp_path):
     text = run("film", scene, "-o", "film.mp4").stdout
     assert text.startswith("film.mp4: 6 frames, 0.2 s")

@@ -76,6 +76,7 @@ def test_every_frame_of_the_longest_take_is_in_the_video(write_scene, tmp_path, 
     assert np.ptp(frames, axis=0).max() > 60  # somebody moves
 
 
+@pytest.mark.slow
 def test_a_gif_has_fewer_frames_and_the_colours_of_the_film(write_scene, tmp_path):
     summary = make_video(write_scene(SCENE), tmp_path / "film.gif", 0, None, False, quiet)
     frames, _, _ = read_video(tmp_path / "film.gif")
@@ -86,6 +87,7 @@ def test_a_gif_has_fewer_frames_and_the_colours_of_the_film(write_scene, tmp_pat
     assert np.abs(frames[3].astype(int) - film[6]).mean() < 6
 
 
+@pytest.mark.slow
 def test_a_part_shows_the_same_frames_as_the_whole_film(write_scene, tmp_path, monkeypatch):
     shown = []
     draw = films._View.draw

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 from capture.events import Cue, Tick
 from capture.recording import Recorder
@@ -90,7 +91,7 @@ def record(
         The take cannot be written, or exists already.
     """
     _remove_existing(path, force)
-    sound = None if microphone is None else _Sound(microphone, path.with_suffix(".wav"), force)
+    sound = _Sound(microphone, path.with_suffix(".wav"), force)
     started = time.monotonic()
     deadline = math.inf if seconds is None else started + seconds
     frames = 0
@@ -98,7 +99,7 @@ def record(
     users: set[int] = set()
     first = last = None
     ended, why = "time", ""
-    with Recorder(path) as recorder:
+    with Recorder(path) as recorder, sound:
         try:
             while time.monotonic() < deadline:
                 wait(source, deadline)
@@ -109,8 +110,7 @@ def record(
                     if isinstance(event, SkeletonFrame):
                         frames += 1
                         users.add(event.user)
-                if sound is not None and (cue := sound.write(source.now())) is not None:
-                    recorder.write(cue)
+                sound.follow(recorder, source, last)
                 report(frames, time.monotonic() - started)
         except SourceError as error:
             if isinstance(source, RecordingSource) and source.damaged:
@@ -118,9 +118,6 @@ def record(
             ended, why = "source", "" if source.recorded else str(error)
         except KeyboardInterrupt:
             ended = "stopped"
-        finally:
-            if sound is not None:
-                sound.close()
     if why and empty:
         path.unlink()
     return RecordSummary(
@@ -133,35 +130,59 @@ def record(
         refused=dict(source.counts.refused),
         ended=ended,
         why=why,
-        sound="" if sound is None else str(sound.path),
-        sound_overflows=0 if microphone is None else microphone.overflows,
+        sound=sound.path,
+        sound_overflows=sound.overflows,
     )
 
 
 class _Sound:
-    """The sound beside a take."""
+    """The sound beside a take; nothing without a microphone."""
 
-    def __init__(self, microphone: Microphone, path: Path, force: bool) -> None:
-        _remove_existing(path, force)
-        self.path = path
-        self._microphone, self._clocked, self._writer = microphone, ClockedSound(), WavWriter(path)
+    def __init__(self, microphone: Microphone | None, path: Path, force: bool) -> None:
+        self.path = ""
+        self._microphone = microphone
+        if microphone is not None:
+            _remove_existing(path, force)
+            self.path = str(path)
+            self._clocked, self._writer = ClockedSound(), WavWriter(path)
+        self._stated = False
 
-    def write(self, now: float) -> Cue | None:
-        """Write the sound that has arrived; when it begins, return the cue that says when.
+    def __enter__(self) -> Self:
+        return self
 
-        `now` is the time on the source's clock, which is that of the take.
+    def __exit__(self, *_: object) -> None:
+        if self._microphone is not None:
+            self._write(self._microphone)
+            self._writer.close()
+
+    @property
+    def overflows(self) -> int:
+        """Number of times that samples were not read in time."""
+        return 0 if self._microphone is None else self._microphone.overflows
+
+    def follow(self, recorder: Recorder, source: SkeletonSource, last: float | None) -> None:
+        """Write the sound that has arrived and, once, the cue that says when it began.
+
+        Parameters
+        ----------
+        recorder : Recorder
+        source : SkeletonSource
+            Its clock is that of the take.
+        last : float or None
+            Time of the last event in the take; None before the first one.
         """
-        begins = self._clocked.start is None
-        for block in self._microphone.blocks():
-            self._writer.write(self._clocked.add(block))
-        if begins and self._clocked.start is not None:
-            begin = self._clocked.start + now - time.monotonic()
-            return Cue(now, "sound", {"file": self.path.name, "at": begin})
-        return None
+        if self._microphone is None:
+            return
+        self._write(self._microphone)
+        if self._stated or last is None or self._clocked.start is None:
+            return
+        self._stated = True
+        begin = self._clocked.start + source.now() - time.monotonic()
+        recorder.write(Cue(last, "sound", {"file": Path(self.path).name, "at": begin}))
 
-    def close(self) -> None:
-        self.write(0.0)
-        self._writer.close()
+    def _write(self, microphone: Microphone) -> None:
+        for block in microphone.blocks():
+            self._writer.write(self._clocked.add(block))
 
 
 def _remove_existing(path: Path, force: bool) -> None:

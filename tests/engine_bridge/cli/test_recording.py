@@ -252,6 +252,8 @@ def test_the_sound_beside_a_take_is_on_its_clock(tmp_path):
     cues = [event for event in events(tmp_path / "a.log") if isinstance(event, Cue)]
     assert [(cue.do, cue.arguments["file"]) for cue in cues] == [("sound", "a.wav")]
     assert cues[0].arguments["at"] == pytest.approx(41.5, abs=0.005)
+    times = [event.time for event in events(tmp_path / "a.log")]
+    assert times == sorted(times)
     assert summary.sound == str(tmp_path / "a.wav")
     assert summary.sound_overflows == 1
     with wave.open(summary.sound) as file:

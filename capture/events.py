@@ -39,7 +39,8 @@ class Cue:
     do : str
         ``"calibrate"``, ``"mirror"`` or ``"choose_user"``; ``"begin"`` to start using a calibration; ``"level"`` from a
         sensor that detects the floor, with tilt and roll in degrees and height in metres; ``"stage"`` at the beginning
-        of a take, with the performers, their characters and their calibrations.
+        of a take, with the performers, their characters and their calibrations; ``"sound"`` with the file of the sound
+        that is recorded beside a take, and the time of its first sample.
     arguments : dict
         Values of JSON types.
     """

@@ -5,6 +5,7 @@ z away from the sensor. The right side of a performer who faces the sensor is at
 name are the performer's.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -70,6 +71,8 @@ class SkeletonFrame:
         `TRACKED`, `INFERRED`, `LOST`, or a value between them.
     orientations : (20, 4) float64, optional
         Orientations of the bones (`capture.orientations`), if the recording or sensor has them.
+    channels : mapping of str to float, optional
+        Values of channels (`capture.channels`) from 0 to 1; others are unknown.
     """
 
     time: float
@@ -77,6 +80,7 @@ class SkeletonFrame:
     positions: NDArray[np.float64]
     confidence: NDArray[np.float32]
     orientations: NDArray[np.float64] | None = None
+    channels: Mapping[str, float] | None = None
 
 
 def mirrored(positions: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -38,6 +38,8 @@ class Timeline:
         Orientations of the bones (`capture.orientations`), NaN if unknown.
     rest : (20, 3) float64, optional
         The performer's calibration pose in the coordinates of the positions, if it is known otherwise than from them.
+    channels : dict of str to (T,) float32, optional
+        Values of channels (`capture.channels`).
     """
 
     fps: float
@@ -46,6 +48,7 @@ class Timeline:
     gaps: tuple[tuple[float, float], ...]
     orientations: NDArray[np.float64] | None = None
     rest: NDArray[np.float64] | None = None
+    channels: dict[str, NDArray[np.float32]] | None = None
 
     @property
     def times(self) -> NDArray[np.float64]:
@@ -55,7 +58,10 @@ class Timeline:
     def frame(self, number: int) -> SkeletonFrame:
         """Return one frame, of user 0, like a live source."""
         orientations = None if self.orientations is None else self.orientations[number]
-        return SkeletonFrame(number / self.fps, 0, self.positions[number], self.confidence[number], orientations)
+        channels = {name: float(values[number]) for name, values in (self.channels or {}).items()}
+        return SkeletonFrame(
+            number / self.fps, 0, self.positions[number], self.confidence[number], orientations, channels or None
+        )
 
     def part(self, first: int, end: int) -> "Timeline":
         """Return the frames from number `first` to before number `end`; their times begin at 0."""
@@ -67,6 +73,7 @@ class Timeline:
             tuple((max(a, start) - start, min(b, stop) - start) for a, b in self.gaps if a < stop and b > start),
             None if self.orientations is None else self.orientations[first:end],
             self.rest,
+            None if self.channels is None else {name: each[first:end] for name, each in self.channels.items()},
         )
 
     @property

@@ -45,7 +45,20 @@ _separate_compiled_code()
 hypothesis.settings.register_profile("without a deadline", deadline=None)  # its 200 ms pass on a busy machine
 hypothesis.settings.load_profile("without a deadline")
 
-OPTIONAL = {"assimp", "blender", "browser", "camera", "data", "freenect", "godot", "mono", "node", "openni", "vulkan"}
+OPTIONAL = {
+    "assimp",
+    "blender",
+    "browser",
+    "camera",
+    "data",
+    "freenect",
+    "godot",
+    "mono",
+    "node",
+    "opengl",
+    "openni",
+    "vulkan",
+}
 REQUIRED = set(filter(None, os.environ.get("PUPPETLINE_TEST_REQUIRE", "").split(",")))
 """Parts of `OPTIONAL` that must be present, such as ``data,node``: tests fail without them instead of being skipped."""
 
@@ -176,6 +189,19 @@ def missing(what: str, reason: str) -> None:
     if what in REQUIRED:
         pytest.fail(f"{reason}, but PUPPETLINE_TEST_REQUIRE requires {what}", pytrace=False)
     pytest.skip(reason)
+
+
+@pytest.fixture(scope="session")
+def opengl() -> None:
+    """Skip tests that draw with OpenGL where there is none."""
+    from engine_bridge.pictures.gpu_renderer import GpuRenderer
+    from puppetline.errors import OutputError
+
+    try:
+        with GpuRenderer((16, 16)):
+            pass
+    except OutputError as error:
+        missing("opengl", str(error))
 
 
 @pytest.fixture

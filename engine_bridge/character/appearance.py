@@ -1,20 +1,12 @@
 """Colours of primitives for previews, one per vertex."""
 
-import base64
-import io
-import warnings
-
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
-from engine_bridge.character import schema
 from engine_bridge.character.document import Document
+from engine_bridge.character.images import Images
 from engine_bridge.character.schema import Primitive
 from engine_bridge.character.surfaces.surface import srgb_to_linear
-
-MAX_PIXELS = 8192 * 8192
-"""Maximum number of pixels of all images of a character together; an image that exceeds it is not shown."""
 
 
 class Appearance:
@@ -27,8 +19,7 @@ class Appearance:
 
     def __init__(self, document: Document) -> None:
         self._document = document
-        self._pixels = 0
-        self._images: dict[int, NDArray[np.uint8] | None] = {}
+        self._images = Images(document)
 
     def of(self, primitive: Primitive, count: int) -> NDArray[np.float64] | None:
         """Return vertex colour times the material's colour times its texture at the vertex.
@@ -49,34 +40,10 @@ class Appearance:
         if "baseColorTexture" in surface:
             texture = surface["baseColorTexture"]
             uv = self._document.attribute(primitive, f"TEXCOORD_{texture.get('texCoord', 0)}", count, 2)
-            source = self._document.gltf["textures"][texture["index"]].get("source")
-            image = None if source is None else self._image(source)
+            image = self._images.of_texture(texture["index"])
             if uv is not None and image is not None:
                 colors *= _sample(image, uv)
         return colors
-
-    def _image(self, source: int) -> NDArray[np.uint8] | None:
-        """Return the sRGB pixels (height, width, 3) of an image, or None if it cannot be opened."""
-        if source not in self._images:
-            try:
-                self._images[source] = self._open(self._document.gltf["images"][source])
-            except Exception:
-                self._images[source] = None
-        return self._images[source]
-
-    def _open(self, image: schema.Image) -> NDArray[np.uint8]:
-        if "bufferView" in image:
-            content = self._document.view(image["bufferView"])
-        else:
-            content = base64.b64decode(image.get("uri", "").partition(",")[2])
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about the size, which is checked here
-            opened = Image.open(io.BytesIO(content), formats=("PNG", "JPEG", "WEBP"))
-        self._pixels += opened.width * opened.height
-        if self._pixels > MAX_PIXELS:
-            raise ValueError(f"{self._pixels} pixels")
-        opened.thumbnail((1024, 1024))
-        return np.asarray(opened.convert("RGB"))
 
 
 def _sample(image: NDArray[np.uint8], uv: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -85,4 +52,4 @@ def _sample(image: NDArray[np.uint8], uv: NDArray[np.floating]) -> NDArray[np.fl
     place = np.nan_to_num(uv) % 1.0
     column = np.minimum((place[:, 0] * width).astype(int), width - 1)
     row = np.minimum((place[:, 1] * height).astype(int), height - 1)
-    return srgb_to_linear(image[row, column].astype(np.float32) / np.float32(255))
+    return srgb_to_linear(image[row, column, :3].astype(np.float32) / np.float32(255))

@@ -5,10 +5,13 @@ This is the only module of the product that imports the example characters and t
 """
 
 import shutil
+import wave
 from collections.abc import Callable
 from importlib.resources import as_file, files
 from pathlib import Path
 
+import numpy as np
+from puppetline.examples import film
 from puppetline.examples.characters import CHARACTERS
 from puppetline.examples.characters.character import Character
 
@@ -79,3 +82,29 @@ def prepare(name: str, folder: Path, progress: Progress = lambda _stage, _share:
         for frame in performances()[MOTIONS[name]]().frames():
             recorder.write(frame)
     return log, puppet
+
+
+def prepare_film(folder: Path, progress: Progress = lambda _stage, _share: None) -> Path:
+    """Write a scene file with two characters, their takes and a sound; existing files are replaced.
+
+    Returns
+    -------
+    Path
+        The scene file.
+
+    Raises
+    ------
+    PuppetlineError
+        A file cannot be written.
+    """
+    for name in ("human", "dog"):
+        prepare(name, folder, progress)
+    with written_whole(folder / "film.wav") as beside, wave.open(str(beside), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(film.SAMPLE_RATE)
+        file.writeframes(np.rint(film.sound() * 32767).astype("<i2").tobytes())
+    scene = folder / "film.toml"
+    with written_whole(scene) as beside:
+        beside.write_text(film.SCENE, encoding="utf-8")
+    return scene

@@ -297,7 +297,7 @@ def checked(values: dict[str, Any]) -> Gltf:
     gltf: Gltf = values  # type: ignore[assignment]  # checked above
     for path, name in REFERENCES.items():
         steps, count = path.split("."), len(values[name])
-        if max(_found(gltf, steps), default=-1) >= count:
+        if max(found_at(gltf, steps), default=-1) >= count:
             place, index = next((place, index) for place, index in _placed(gltf, steps) if index >= count)
             raise ValueError(f"{_place(place)}: number {index} of {count} {name}")
     _check_samplers(gltf)
@@ -347,7 +347,7 @@ def _place(location: tuple[int | str, ...]) -> str:
     return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in location).lstrip(".")
 
 
-def _found(value: Any, steps: list[str]) -> list[Any]:
+def found_at(value: Any, steps: list[str]) -> list[Any]:
     """Return the values at a path in JSON, with a star for all items."""
     found = [value]
     for step in steps:

@@ -17,13 +17,19 @@ if TYPE_CHECKING:
 @click.argument("characters", nargs=-1, metavar="[CHARACTER]...")
 @click.option("-o", "--output", default="out", show_default=True, type=FILE, help="Folder for all files.")
 @click.option("--live", is_flag=True, help="Stream the characters in a loop instead of converting them.")
-def demo(characters: tuple[str, ...], output: Path, live: bool) -> None:
+@click.option("--film", "as_film", is_flag=True, help="Make a film of two characters, with sound: film.mp4.")
+def demo(characters: tuple[str, ...], output: Path, live: bool, as_film: bool) -> None:
     """Animate example characters.
 
     CHARACTER is biped, dinosaur, dog, human, pegasus or all. The default is human and pegasus.
     """
     from engine_bridge.character import examples
 
+    if as_film:
+        if characters or live:
+            raise click.UsageError("--film goes with no CHARACTER and not with --live.")
+        _film(output)
+        return
     names = tuple(examples.MOTIONS) if "all" in characters else characters or ("human", "pegasus")
     for name in names:
         if name not in examples.MOTIONS:
@@ -40,6 +46,20 @@ def demo(characters: tuple[str, ...], output: Path, live: bool) -> None:
             summary, sheet = _convert(name, output, report)
         click.echo(describe(summary))
         click.echo(f"  contact sheet  {sheet}")
+
+
+def _film(folder: Path) -> None:
+    """Write the files of the example film, and make it."""
+    from engine_bridge.character import examples
+    from engine_bridge.cli.film import describe
+    from engine_bridge.film.av_library import require_av
+    from engine_bridge.film.film import make_video
+
+    require_av()
+    with progress() as report:
+        scene = examples.prepare_film(folder, report)
+        summary = make_video(scene, folder / "film.mp4", 0.0, None, False, report)
+    click.echo(describe(summary))
 
 
 def _convert(name: str, folder: Path, report: Reporter) -> "tuple[Summary, Path]":

@@ -19,6 +19,7 @@ COMMANDS = (
     "convert",
     "demo",
     "doctor",
+    "film",
     "inspect",
     "keys",
     "listen",

@@ -16,15 +16,26 @@ from engine_bridge.cli.options import Finite
     "--seconds", type=Finite(0, min_open=True), help="Duration of the take in seconds.  [default: until Ctrl-C]"
 )
 @click.option("--force", is_flag=True, help="Replace an existing file.")
+@click.option("--sound", is_flag=True, help="Record the microphone beside the take, as a .wav.")
+@click.option("--sound-device", metavar="NAME", help="Name or number of the microphone.  [default: the system's]")
 @options.as_json
-def record(source: str, output: Path, seconds: float | None, force: bool, as_json: bool) -> None:
+def record(
+    source: str,
+    output: Path,
+    seconds: float | None,
+    force: bool,
+    sound: bool,
+    sound_device: str | None,
+    as_json: bool,
+) -> None:
     """Record a source to a take.
 
     puppetline convert reads takes, and the source replay: plays them.
     """
-    from contextlib import closing
+    from contextlib import ExitStack, closing
     from dataclasses import asdict
 
+    from capture.sound import Microphone
     from capture.sources.registry import open_source
     from engine_bridge.cli import recording
     from engine_bridge.service.monitoring import native_output
@@ -33,8 +44,10 @@ def record(source: str, output: Path, seconds: float | None, force: bool, as_jso
         if sys.stderr.isatty():
             click.echo(f"\r{frames:,} frames, {elapsed:.0f} s", err=True, nl=False)
 
-    with native_output.logged(), closing(open_source(source)) as opened:
-        summary = recording.record(opened, output, seconds, report, force)
+    with native_output.logged(), ExitStack() as stack:
+        microphone = stack.enter_context(closing(Microphone(sound_device))) if sound or sound_device else None
+        opened = stack.enter_context(closing(open_source(source)))
+        summary = recording.record(opened, output, seconds, report, force, microphone)
     if sys.stderr.isatty():
         click.echo(err=True)
     if summary.why:
@@ -44,5 +57,8 @@ def record(source: str, output: Path, seconds: float | None, force: bool, as_jso
     elif output.exists():
         users = ", ".join(map(str, summary.users)) or "none"
         click.echo(f"{summary.take}: {summary.frames:,} frames, {summary.seconds:.1f} s, performers: {users}")
+        if summary.sound:
+            lost = f", {summary.sound_overflows} overflows" if summary.sound_overflows else ""
+            click.echo(f"  sound          {summary.sound}{lost}")
     if summary.why:
         raise click.exceptions.Exit(1)

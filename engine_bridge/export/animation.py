@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -12,6 +12,7 @@ from engine_bridge.character.character import Character, Part, rest_weights
 from engine_bridge.character.document import ARRAY_BUFFER, Document
 from engine_bridge.character.document_edits import own_mesh, show_all
 from engine_bridge.character.gltf_file import damaged
+from engine_bridge.character.own_targets import weights_over_time
 from engine_bridge.character.schema import Animation, Mesh, Node, Primitive
 from engine_bridge.character.surfaces.surface import MAX_COORDINATE
 from puppetline.errors import at
@@ -31,12 +32,15 @@ class Keyframes:
         Weights of the morph targets.
     root : (F, 3) float32 or None
         Translation of the whole character, mesh file's coordinates.
+    own : dict of str to (F,) float32
+        Weights of morph targets that the file has, by name.
     """
 
     name: str
     times: NDArray[np.float32]
     weights: NDArray[np.float32]
     root: NDArray[np.float32] | None
+    own: dict[str, NDArray[np.float32]] = field(default_factory=dict)
 
 
 Displacements = Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32] | None]]
@@ -91,7 +95,7 @@ def animate(character: Character, keyframes: Keyframes, targets: TargetWriter) -
         _pad_targets(document, mesh, len(before) + keyframes.weights.shape[1])
         if keyframes.weights.shape[1]:
             _widen_animations(document, node, len(before), keyframes.weights.shape[1])
-            held = np.tile(np.array(before, dtype=np.float32), (len(keyframes.times), 1))
+            held = weights_over_time(mesh, before, keyframes.own, len(keyframes.times))
             weights = targets.add_weights(document, node, np.hstack([held, keyframes.weights]))
             connect(animation, clock, weights, node, "weights")
             _describe_targets(gltf["nodes"][node], mesh, before, keyframes.weights.shape[1])
@@ -230,8 +234,10 @@ def connect(animation: Animation, clock: int, output: int, node: int, path: str)
     animation["channels"].append({"sampler": sampler, "target": {"node": node, "path": path}})
 
 
-def hold_targets(document: Document, animation: Animation, clock: int, count: int, character: Character) -> None:
-    """Add channels that keep the weights of a character's own morph targets at rest.
+def hold_targets(
+    document: Document, animation: Animation, clock: int, keyframes: Keyframes, character: Character
+) -> None:
+    """Add channels for the weights of a character's own morph targets: those that are moved, and the others at rest.
 
     Godot ignores the rest weights of a mesh, but not those of an animation.
 
@@ -241,15 +247,15 @@ def hold_targets(document: Document, animation: Animation, clock: int, count: in
     animation : Animation
     clock : int
         Accessor of the keyframes' times.
-    count : int
-        Number of keyframes.
+    keyframes : Keyframes
     character : Character
     """
     gltf = document.gltf
     for node in dict.fromkeys(part.node for part in character.parts):
-        held = rest_weights(gltf["nodes"][node], gltf["meshes"][gltf["nodes"][node]["mesh"]])
-        if any(held):
-            add_channel(document, animation, clock, np.tile(np.array(held, dtype=np.float32), count), node, "weights")
+        mesh = gltf["meshes"][gltf["nodes"][node]["mesh"]]
+        held = weights_over_time(mesh, rest_weights(gltf["nodes"][node], mesh), keyframes.own, len(keyframes.times))
+        if held.any():
+            add_channel(document, animation, clock, held.ravel(), node, "weights")
 
 
 def add_root(document: Document) -> int:

@@ -15,6 +15,7 @@ from engine_bridge.export.compact_document import animate_compact, compact_skin
 from engine_bridge.export.compact_motion import compact_motion
 from engine_bridge.export.rig_export import export_rig
 from engine_bridge.export.skin_animation import animate_skin
+from engine_bridge.performance.channels import morph_weights
 from engine_bridge.performance.clip import Clip, Progress
 from engine_bridge.performance.settings import Form, Settings
 from solver.model.batch import BatchBinding
@@ -64,7 +65,8 @@ def export_clip(clip: Clip, name: str, settings: Settings, progress: Progress) -
 
 def _keyframes(clip: Clip, name: str, weights: NDArray[np.float32]) -> Keyframes:
     root = None if clip.rig.puppet.root is None else clip.root
-    return Keyframes(name, clip.timeline.times.astype(np.float32), weights, root)
+    own = morph_weights(clip.rig.puppet, clip.timeline.channels)
+    return Keyframes(name, clip.timeline.times.astype(np.float32), weights, root, own)
 
 
 def _as_morph(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:

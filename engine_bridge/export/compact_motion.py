@@ -26,6 +26,9 @@ NEARLY_EQUAL = 1 - 1e-9
 Tracks = dict[tuple[int, str], NDArray[np.float32]]
 """Node and path to values (F, width) in all frames."""
 
+WEIGHT_TOLERANCE = 0.02
+"""Maximum error of the weights of morph targets that the file has."""
+
 
 def compact_motion(document: Document, tolerance: float, *, quantised: bool = True) -> tuple[int, float]:
     """Reduce the first animation of a document, all of whose channels have the same key times.
@@ -54,8 +57,10 @@ def compact_motion(document: Document, tolerance: float, *, quantised: bool = Tr
     }
     boxes = list(_boxes(document))
     exact = _moved(document, tracks, boxes, len(times))
+    weights = [values for (_, path), values in tracks.items() if path == "weights"]
+    watched = np.concatenate([exact, *(_as_points(each, tolerance) for each in weights)], axis=1)
     for share in THINNING_SHARES:
-        kept = thin(exact, share * tolerance) if share else np.arange(len(times))
+        kept = thin(watched, share * tolerance) if share else np.arange(len(times))
         stored = {key: values[kept] for key, values in tracks.items()}
         if quantised:
             stored = {key: _stored(key[1], values) for key, values in stored.items()}
@@ -66,6 +71,11 @@ def compact_motion(document: Document, tolerance: float, *, quantised: bool = Tr
             break
     _rewrite(document, animation, times[kept], stored, quantised)
     return len(kept), error
+
+
+def _as_points(weights: NDArray[np.float32], tolerance: float) -> NDArray[np.float64]:
+    """Return weights (F, K) as points (F, K, 3) that are as far apart as the tolerance if they differ by a little."""
+    return weights[:, :, None] * np.array([tolerance / WEIGHT_TOLERANCE, 0.0, 0.0])
 
 
 def _boxes(document: Document) -> Iterator[tuple[int, NDArray[np.float64]]]:

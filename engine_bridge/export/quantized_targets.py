@@ -241,9 +241,12 @@ def _fitted(
 ) -> QuantizedTargets:
     """Return the targets of `fit` for a share of omitted keyframes, which were chosen by a part of the vertices."""
     parts = [PartTargets(character, number, displacements, opposite) for number in range(len(character.parts))]
-    kept = thin(_watched(parts, keyframes), thinning * tolerance)
+    kept = np.arange(len(keyframes.times))
+    if not keyframes.own:  # a mouth may move while everything else is still
+        kept = thin(_watched(parts, keyframes), thinning * tolerance)
     root = None if keyframes.root is None else keyframes.root[kept]
-    left = replace(keyframes, times=keyframes.times[kept], weights=keyframes.weights[kept], root=root)
+    own = {name: weights[kept] for name, weights in keyframes.own.items()}
+    left = replace(keyframes, times=keyframes.times[kept], weights=keyframes.weights[kept], root=root, own=own)
     if opposite is None:
         used: NDArray[np.bool_] = np.any(left.weights, axis=0)
         left = replace(left, weights=left.weights[:, used])

@@ -59,6 +59,9 @@ def export_rig(clip: Clip, keyframes: Keyframes, settings: Settings, progress: P
 def _of_own(clip: Clip, keyframes: Keyframes, bones: RigBones) -> RigExport:
     """Animate the file's own skeleton."""
     document, moved = animate_rig(clip.rig.character.document, keyframes, bones, clip.motions)
+    if keyframes.own and document.gltf["animations"]:
+        animation = document.gltf["animations"][0]
+        hold_targets(document, animation, animation["samplers"][0]["input"], keyframes, clip.rig.character)
     notes = []
     if bones.missing:
         notes.append(
@@ -86,7 +89,7 @@ def _of_made(clip: Clip, keyframes: Keyframes, settings: Settings, progress: Pro
     if document.gltf["animations"]:
         animation = document.gltf["animations"][0]
         clock = animation["samplers"][0]["input"]
-        hold_targets(document, animation, clock, len(keyframes.times), rig.character)
+        hold_targets(document, animation, clock, keyframes, rig.character)
     stride = -(-len(motions) // MAX_COMPARED_FRAMES)
     of_bones = Weights(made.weights.weights, made.skeleton.bones[made.weights.bones].astype(np.uint16))
     rms, error = (

@@ -45,7 +45,7 @@ def animate_skin(
     for bone, joint in enumerate(joints[1:]):
         add_channel(document, animation, clock, skinning.rotations[:, bone], joint, "rotation")
         add_channel(document, animation, clock, skinning.translations[:, bone], joint, "translation")
-    hold_targets(document, animation, clock, len(keyframes.times), character)
+    hold_targets(document, animation, clock, keyframes, character)
     if keyframes.root is not None:
         add_channel(document, animation, clock, keyframes.root, add_root(document), "translation")
     gltf["animations"].insert(0, animation)  # viewers play the first one

@@ -14,6 +14,7 @@ from capture.clip import SkeletonClip
 from capture.formats import read_log
 from capture.skeleton import JOINTS, LOST
 from capture.timeline import Timeline, choose, resample
+from engine_bridge.performance.channels import with_voice
 from engine_bridge.performance.frame_store import FrameStore
 from engine_bridge.performance.performance import Performance, mirrored
 from engine_bridge.performance.rig import Rig
@@ -115,6 +116,7 @@ def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tup
         timeline = resample(_levelled(clip, found), settings.fps, settings.max_gap)
         if found:
             timeline = _calibrated(timeline, clip, found)
+        timeline, about_sound = with_voice(timeline, clip, log)
     except SkeletonLogError as error:  # these errors do not name the file
         where = at(log, field=error.where)
         raise SkeletonLogError(where, found=error.found, expected=error.expected, fix=error.fix) from error
@@ -141,7 +143,13 @@ def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tup
             fix="Choose an earlier start or a later stop.",
         )
     others = (chosen,) if len(clips) > 1 else ()
-    return timeline, (*clip.notes, *others, *about_rest, *((timeline.summary(),) if timeline.held else ()))
+    return timeline, (
+        *clip.notes,
+        *others,
+        *about_rest,
+        *about_sound,
+        *((timeline.summary(),) if timeline.held else ()),
+    )
 
 
 def _levelled(clip: SkeletonClip, found: Sequence[TakeCalibration]) -> SkeletonClip:
@@ -167,8 +175,16 @@ def _calibrated(timeline: Timeline, clip: SkeletonClip, found: Sequence[TakeCali
         math.ceil((each.time - start) * timeline.fps): (pose, each.mirror)
         for each, pose in zip(found[1:], poses[1:], strict=True)
     }
-    frames = timeline.positions, timeline.confidence, timeline.gaps, timeline.orientations
-    return TakeTimeline(timeline.fps, *frames, poses[0], found[0].mirror, later)
+    return TakeTimeline(
+        timeline.fps,
+        timeline.positions,
+        timeline.confidence,
+        timeline.gaps,
+        timeline.orientations,
+        rest=poses[0],
+        mirror=found[0].mirror,
+        later=later,
+    )
 
 
 def resting_pose(timeline: Timeline, settings: Settings) -> NDArray[np.float64]:

@@ -1,13 +1,14 @@
 """Retargeting and deformation of a character by one performer, frame by frame."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import SkeletonFrame
+from engine_bridge.performance.channels import Bends
 from engine_bridge.performance.easing import EASE_SECONDS, Easing, TargetPose
-from engine_bridge.performance.retargeting import Retargeting
+from engine_bridge.performance.retargeting import RetargetedFrame, Retargeting
 from engine_bridge.puppet.puppet import Puppet
 from solver.model.reduced_model import ReducedModel
 from solver.motion.deformer import Deformer
@@ -54,12 +55,20 @@ class Performance:
         bones = self.deformer.bones
         at_rest = TargetPose(self.deformer.handles, np.tile(np.eye(4, 3), (len(bones), 1, 1)), np.zeros(3))
         self._easing = Easing(bones, at_rest, EASE_SECONDS)
+        self._bends = Bends(puppet, bones)
 
     def calibrate(self, time: float, rest: NDArray[np.float64], mirror: bool | None) -> None:
         """Ease into the motion with another calibration pose or mirroring, from a time on; None keeps the mirroring."""
         self._puppet = mirrored(self._puppet, mirror)
         self.retargeting = Retargeting(self._puppet, self._mesh, self.deformer, rest)
         self._easing.begin(time)
+
+    def aim(self, frame: SkeletonFrame) -> RetargetedFrame:
+        """Return the targets and motions of the next frame, with limbs bent by its channels."""
+        aim = self.retargeting.step(frame)
+        shown = self._easing.show(frame.time, TargetPose(aim.targets, aim.motions, aim.root))
+        motions = self._bends.bent(shown.motions, frame.channels)
+        return replace(aim, targets=shown.targets, motions=motions, root=shown.root)
 
     def step(self, frame: SkeletonFrame, out: NDArray[np.float64] | None = None) -> Pose:
         """Return the pose of the next frame.
@@ -71,9 +80,8 @@ class Performance:
         out : (4m, 3) float64, optional
             Array for the pose's R.
         """
-        aim = self.retargeting.step(frame)
-        pose = self._easing.show(frame.time, TargetPose(aim.targets, aim.motions, aim.root))
-        return Pose(self.deformer.solve(pose.targets, pose.motions, out), pose.root, pose.motions)
+        aim = self.aim(frame)
+        return Pose(self.deformer.solve(aim.targets, aim.motions, out), aim.root, aim.motions)
 
 
 def mirrored(puppet: Puppet, on: bool | None) -> Puppet:

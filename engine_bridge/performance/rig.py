@@ -1,10 +1,12 @@
 """Rigs: puppets with their prepared characters."""
 
+import difflib
 from dataclasses import dataclass
 from pathlib import Path
 
 import platformdirs
 
+from engine_bridge.character import own_targets
 from engine_bridge.character.character import Character, load_character
 from engine_bridge.character.preparation import prepare
 from engine_bridge.puppet import puppet_file
@@ -60,7 +62,22 @@ def rig_of(puppet: Puppet, path: Path) -> Rig:
     rig = make_rig(puppet, load_character(file, cache_folder()))
     check_limbs(puppet.limb, rig.mesh, path)
     check_handles(puppet.handle, rig.mesh, path)
+    _check_morphs(rig, path)
     return rig
+
+
+def _check_morphs(rig: Rig, path: Path) -> None:
+    """Refuse morph targets that the mesh does not have."""
+    names = own_targets.names_of(rig.character) if rig.puppet.morph else []
+    for number, morph in enumerate(rig.puppet.morph, 1):
+        if morph.target not in names:
+            close = difflib.get_close_matches(morph.target, names, 1)
+            raise PuppetError(
+                at(path, field=f"[[morph]] {number}, target"),
+                found=f"{morph.target!r}, which is not a morph target of {rig.puppet.character.mesh}",
+                expected=f"one of {', '.join(names)}" if names else "a mesh with named morph targets",
+                fix=f"Did you mean {close[0]!r}?" if close else "Correct the name, or remove the table.",
+            )
 
 
 def make_rig(puppet: Puppet, character: Character) -> Rig:

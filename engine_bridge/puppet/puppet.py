@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, FiniteFloat, StrictBool, model_validator
 
+from capture.channels import CHANNELS
 from capture.skeleton import JOINT_INDEX, JOINTS
 from capture.smoothing import Smoothing
 from puppetline.toml_schema import Table, mistake
@@ -109,6 +110,30 @@ class HandleTable(Table):
         return self.joints or (() if self.joint is None else (self.joint,))
 
 
+Channel = Literal[CHANNELS]  # type: ignore[valid-type]
+
+
+class BendTable(Table):
+    """bend of [[limb]]: how far a channel turns it about its first point, and the mesh file's axis."""
+
+    channel: Channel
+    degrees: Annotated[Number, Field(ge=-180, le=180)]
+    axis: Direction = "x"
+
+    @property
+    def turn(self) -> NDArray[np.float64]:
+        """(3,): axis times angle in radians, when the channel is 1."""
+        return np.radians(self.degrees) * _unit_vector(self.axis)
+
+
+class MorphTable(Table):
+    """[[morph]]: a morph target that the mesh has, and the channel that moves it."""
+
+    target: Text
+    channel: Channel
+    gain: Number = 1.0
+
+
 class LimbTable(Table):
     """[[limb]]: a chain of points inside the character, and the chain of joints that it follows."""
 
@@ -120,6 +145,7 @@ class LimbTable(Table):
     parent: Text | None = None
     stands: StrictBool = False
     delay: Annotated[Number, Field(ge=0, le=2)] = 0.0
+    bend: BendTable | None = None
 
     @model_validator(mode="after")
     def _check_chain(self) -> Self:
@@ -228,6 +254,7 @@ class Puppet(Table):
     character: CharacterTable
     limb: tuple[LimbTable, ...] = ()
     handle: tuple[HandleTable, ...] = ()
+    morph: tuple[MorphTable, ...] = ()
     root: RootTable | None = None
     retarget: RetargetTable = RetargetTable()
     smoothing: SmoothingTable = SmoothingTable()

@@ -11,7 +11,7 @@ from tomlkit.items import AbstractTable, AoT, InlineTable
 
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.puppet import Puppet
-from engine_bridge.puppet.puppet_file import as_list, root_values
+from engine_bridge.puppet.puppet_file import as_toml, root_values
 from puppetline.errors import PuppetError
 from puppetline.files import written_whole
 from puppetline.toml_schema import Table
@@ -125,7 +125,7 @@ def _update_tables(document: Any, name: str, before: Sequence[Any], after: Seque
         table = tomlkit.table() if source is None else present[source]
         if source is None:
             values = becomes.model_dump(exclude_none=True, exclude_defaults=True)
-            table.update({key: as_list(value) for key, value in values.items()})
+            table.update({key: as_toml(value) for key, value in values.items()})
             table.add(tomlkit.nl())
         else:
             _update(table, before[source], becomes)
@@ -150,7 +150,7 @@ def _update(table: Any, before: Table, after: Table) -> None:
         if value is None:
             table.remove(key)
             continue
-        value = as_list(value)
+        value = as_toml(value)
         if key in table:
             table[key] = value
         else:

@@ -10,6 +10,7 @@ from engine_bridge.puppet.puppet import Puppet, RootTable
 from puppetline import toml_schema
 from puppetline.errors import PuppetError
 from puppetline.files import written_whole
+from puppetline.toml_schema import Table
 
 
 def load(path: Path) -> Puppet:
@@ -99,12 +100,12 @@ def dumps(puppet: Puppet) -> str:
     values = puppet.model_dump(exclude_none=True, exclude_defaults=True)
     document = tomlkit.document()
     document["character"] = values["character"]
-    for name in ("limb", "handle"):
+    for name in ("limb", "handle", "morph"):
         if name in values:
             document[name] = tomlkit.aot()
             for each in values[name]:
                 table = tomlkit.table()
-                table.update({key: as_list(value) for key, value in each.items()})
+                table.update({key: as_toml(value) for key, value in each.items()})
                 document[name].append(table)
     if puppet.root is not None:
         document["root"] = root_values(puppet.root)
@@ -112,7 +113,7 @@ def dumps(puppet: Puppet) -> str:
         if name in values:
             document[name] = values[name]
     if "vrm" in values:
-        document["vrm"] = {key: as_list(value) for key, value in values["vrm"].items()}
+        document["vrm"] = {key: as_toml(value) for key, value in values["vrm"].items()}
     return tomlkit.dumps(document)
 
 
@@ -121,6 +122,12 @@ def root_values(root: RootTable) -> dict[str, Any]:
     return {"joint": root.joint, "axes": root.axes} | root.model_dump(exclude_defaults=True)
 
 
-def as_list(value: Any) -> Any:
-    """Return nested tuples as nested lists, which TOML requires."""
-    return [as_list(item) for item in value] if isinstance(value, tuple) else value
+def as_toml(value: Any) -> Any:
+    """Return nested tuples as nested lists, and tables in other tables as inline ones."""
+    if isinstance(value, Table):
+        value = value.model_dump(exclude_none=True)
+    if not isinstance(value, dict):
+        return [as_toml(item) for item in value] if isinstance(value, tuple) else value
+    table = tomlkit.inline_table()
+    table.update(value)
+    return table

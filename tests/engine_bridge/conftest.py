@@ -358,3 +358,21 @@ def limbed_puppet(blob_file, write_puppet):
 def limbed_rig(limbed_puppet):
     """The same, with its mesh and reduced model."""
     return load_rig(limbed_puppet)
+
+
+@pytest.fixture
+def talking(glb, blob, write_puppet, limb_tables, tmp_path):
+    """Return the puppet file of a figure with a target "jaw", with limbs or handles."""
+    down = np.zeros_like(blob.vertices)
+    down[blob.vertices[:, 1] > 1.6] = [0, -0.2, 0.1]
+    made = glb.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=blob.normals, targets=[{"POSITION": down}])
+    glb.node(glb.mesh(made, extras={"targetNames": ["jaw"]}))
+    glb.save(tmp_path / "talking.glb")
+
+    def make(limbs):
+        options = {"handles": limb_tables} if limbs else {}
+        path = write_puppet(tmp_path / "talking.toml", "talking.glb", **options, replaces=True)
+        path.write_text(path.read_text() + '\n[[morph]]\ntarget = "jaw"\nchannel = "voice"\n')
+        return path
+
+    return make

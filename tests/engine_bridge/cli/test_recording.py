@@ -4,18 +4,20 @@ import socket
 import subprocess
 import sys
 import time
+import wave
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from capture.clip import SkeletonClip
-from capture.events import Lost, Tick
+from capture.events import Cue, Lost, Tick
 from capture.formats.puppetline_log import events
 from capture.fusion.source import FusedSource, Member
 from capture.pose import Pose
 from capture.recording import as_recorded
 from capture.skeleton import SkeletonFrame
+from capture.sound import Block
 from capture.source import Counts
 from capture.sources.replay import RecordingSource
 from engine_bridge.cli.recording import RecordSummary, record
@@ -226,3 +228,42 @@ def test_stopped_or_killed_it_leaves_a_take_that_can_be_read(tmp_path, number, c
     if number == signal.SIGINT:
         assert said[-1] == "stopped"
         assert path.read_bytes().endswith(b"}\n")
+
+
+class Singer:
+    """A microphone that has heard a tone since a time; see `capture.sound.Microphone`."""
+
+    overflows = 1
+
+    def __init__(self, begin):
+        self.begin, self.heard = begin, 0
+
+    def blocks(self):
+        tone = np.sin(np.arange(960) / 5).astype(np.float32)
+        for _ in range(10):
+            yield Block(self.begin + self.heard * 0.02, tone)
+            self.heard += 1
+
+
+def test_the_sound_beside_a_take_is_on_its_clock(tmp_path):
+    source = Sender()
+    source.send(1, 1, 2)
+    summary = record(source, tmp_path / "a.log", 0.3, microphone=Singer(41.5))
+    cues = [event for event in events(tmp_path / "a.log") if isinstance(event, Cue)]
+    assert [(cue.do, cue.arguments["file"]) for cue in cues] == [("sound", "a.wav")]
+    assert cues[0].arguments["at"] == pytest.approx(41.5, abs=0.005)
+    times = [event.time for event in events(tmp_path / "a.log")]
+    assert times == sorted(times)
+    assert summary.sound == str(tmp_path / "a.wav")
+    assert summary.sound_overflows == 1
+    with wave.open(summary.sound) as file:
+        samples = np.frombuffer(file.readframes(960), "<i2") / 32767
+    np.testing.assert_allclose(samples, np.sin(np.arange(960) / 5), atol=1e-4)
+
+
+def test_an_existing_sound_is_not_replaced(tmp_path):
+    (tmp_path / "a.wav").write_bytes(b"music")
+    with pytest.raises(OutputError, match="an existing file"):
+        record(Sender(), tmp_path / "a.log", 0.1, microphone=Singer(0.0))
+    assert (tmp_path / "a.wav").read_bytes() == b"music"
+    assert not (tmp_path / "a.log").exists()

@@ -82,7 +82,7 @@ MISTAKES = {
         PUPPET + "[smothing]\nalpha = 1\n",
         "smothing",
         "the unknown key 'smothing'",
-        "one of character, limb, handle, root, retarget, smoothing, solver, vrm",
+        "one of character, limb, handle, morph, root, retarget, smoothing, solver, vrm",
         "Did you mean 'smoothing'?",
     ),
     "an unknown key": (

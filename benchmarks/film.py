@@ -1,0 +1,103 @@
+"""Films of two example characters: what a frame costs beside the renderer of contact sheets, and ten seconds of 720p.
+
+Run ``python -m benchmarks.film``. Processor time is that of all threads. A frame's is the minimum of some rounds,
+and both renderers take turns, so that their ratio holds on a busy machine too.
+"""
+
+import resource
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from engine_bridge.character import examples
+from engine_bridge.character.drawn_normals import drawn_normals
+from engine_bridge.character.materials import materials_of
+from engine_bridge.film.film import make_video
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.pictures.camera import Camera
+from engine_bridge.pictures.gpu_renderer import Floor, GpuRenderer, Stage
+from engine_bridge.pictures.renderer import View, render
+
+SIZE = (1280, 720)
+ROUNDS = 5
+FRAMES_PER_ROUND = 10
+
+SCENE = """
+[film]
+seconds = 10
+
+[[sound]]
+file = "film.wav"
+"""
+ACTOR = """
+[[character]]
+name = "{name}"
+puppet = "human.toml"
+position = [{x}, 0.0]
+height = 1.6
+
+[[take]]
+character = "{name}"
+file = "kung_fu.log"
+"""
+
+
+def processor_seconds(work: Callable[[], object]) -> float:
+    """Return the processor time of some work, in all threads."""
+    before = time.process_time()
+    work()
+    return time.process_time() - before
+
+
+def measure_frame(folder: Path) -> None:
+    """Print the cost of a frame with both renderers."""
+    character = load_rig(folder / "human.toml").character
+    vertices, normals = character.vertices.astype(np.float32), drawn_normals(character).astype(np.float32)
+    both = [vertices + np.array([x, 0, 0], np.float32) for x in (-0.9, 0.9)]
+    together = np.concatenate(both).astype(float)
+    triangles = np.concatenate([character.triangles, character.triangles + len(vertices)])
+    camera = Camera(np.array([0.6, 1.4, 5.0]), np.array([0.0, 0.85, 0.0]), 30)
+    with GpuRenderer(SIZE) as renderer:
+        drawn = [renderer.add(character.parts, materials_of(character)) for _ in both]
+        behind = renderer.picture(np.full((2, 2, 4), 230, np.uint8))
+        stage = Stage(np.zeros(3), 1.6, 1.7, 1.6)
+
+        def draw() -> None:
+            for _ in range(FRAMES_PER_ROUND):
+                for each, places in zip(drawn, both, strict=True):
+                    each.move(places, normals)
+                renderer.draw(camera, stage, drawn, behind, Floor((0.7, 0.7, 0.7)))
+
+        def draw_sheet() -> None:
+            render(together, triangles, View.around(together, size=SIZE), SIZE)
+
+        draw()
+        draw_sheet()
+        seconds = [(processor_seconds(draw) / FRAMES_PER_ROUND, processor_seconds(draw_sheet)) for _ in range(ROUNDS)]
+        ours, sheets = np.min(seconds, axis=0)
+        print(f"{renderer.device}, {2 * len(vertices):,} vertices, {SIZE[0]} × {SIZE[1]}")
+        print(
+            f"a frame: {1000 * ours:.0f} ms of processor time; the renderer of contact sheets: {1000 * sheets:.0f} ms"
+        )
+
+
+def measure_film(folder: Path) -> None:
+    """Print the cost of ten seconds."""
+    scene = folder / "scene.toml"
+    scene.write_text(SCENE + "".join(ACTOR.format(name=name, x=x) for name, x in (("a", -0.9), ("b", 0.9))))
+    started = time.monotonic()
+    seconds = processor_seconds(lambda: make_video(scene, folder / "film.mp4", 0, None, False, lambda *_: None))
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
+    print(
+        f"ten seconds: {time.monotonic() - started:.0f} s, {seconds:.0f} s of processor time, {memory:.0f} MB at most"
+    )
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as made:
+        examples.prepare_film(Path(made))
+        measure_frame(Path(made))
+        measure_film(Path(made))

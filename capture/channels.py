@@ -1,0 +1,16 @@
+"""Channels: named numbers from 0 to 1 beside the joints, such as how loud the performer speaks."""
+
+CHANNELS = (
+    "voice",
+    "mouth_open",
+    "mouth_wide",
+    "smile",
+    "blink_left",
+    "blink_right",
+    "brow_up",
+    "hand_open_left",
+    "hand_open_right",
+    "point_left",
+    "point_right",
+)
+"""Names of channels. Only ``voice`` has a source so far; left and right are the performer's."""

@@ -1,0 +1,54 @@
+"""`puppetline film`: a scene file becomes a video, or a .glb with all characters and their animations."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from engine_bridge.cli import options
+from engine_bridge.cli.options import FILE, Finite
+from engine_bridge.cli.progress import progress
+
+if TYPE_CHECKING:
+    from engine_bridge.film.film import FilmSummary
+
+
+@click.command()
+@click.argument("scene", type=FILE)
+@options.output("The .mp4, .webm, .gif or .glb file to write.")
+@click.option("--draft", is_flag=True, help="Draw half the width, height and frame rate, for a quick look.")
+@click.option(
+    "--start", default=0.0, show_default=True, type=Finite(0), metavar="SECONDS", help="Time at which the film begins."
+)
+@click.option("--stop", type=Finite(0), metavar="SECONDS", help="Time at which it ends.  [default: the scene's end]")
+@options.as_json
+def film(scene: Path, output: Path, draft: bool, start: float, stop: float | None, as_json: bool) -> None:
+    """Make a film of a SCENE file: characters, takes, sounds, cameras and titles.
+
+    Videos require the extra film: pip install 'puppetline[film]'.
+    """
+    from engine_bridge.film.film import make_video
+    from engine_bridge.film.film_document import make_document
+
+    with progress() as report:
+        if output.suffix.lower() == ".glb":
+            if draft or start or stop is not None:
+                raise click.UsageError("--draft, --start and --stop are for videos.")
+            summary = make_document(scene, output, report)
+        else:
+            summary = make_video(scene, output, start, stop, draft, report)
+    if as_json:
+        options.echo_json(asdict(summary))
+    else:
+        click.echo(describe(summary))
+
+
+def describe(summary: "FilmSummary") -> str:
+    """Return the summary of a film as lines of text."""
+    lines = [f"{summary.output}: {summary.frames:,} frames, {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB"]
+    if summary.device:
+        sound = f", {summary.sounds} sound track{'s' * (summary.sounds != 1)}" if summary.sounds else ""
+        lines.append(f"  picture        {summary.width} × {summary.height} at {summary.fps:g} per second{sound}")
+        lines.append(f"  drawn by       {summary.device}")
+    return "\n".join([*lines, *(f"  note: {note}" for note in summary.notes)])

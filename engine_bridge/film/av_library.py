@@ -1,0 +1,23 @@
+"""PyAV, which reads sounds and writes videos."""
+
+from typing import Any
+
+from engine_bridge.pictures.gpu_renderer import INSTALL
+from puppetline.errors import OutputError
+
+
+def require_av() -> Any:
+    """Return the module of PyAV.
+
+    Raises
+    ------
+    OutputError
+        It is not installed.
+    """
+    try:
+        import av
+    except ImportError:
+        raise OutputError(
+            "film", found="no PyAV", expected="the extra film, which writes videos", fix=INSTALL
+        ) from None
+    return av

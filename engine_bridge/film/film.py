@@ -1,0 +1,274 @@
+"""Films as videos: frames are drawn, mixed with sound and written one by one."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import ImageColor
+
+from engine_bridge.character import own_targets
+from engine_bridge.character.drawn_normals import drawn_normals
+from engine_bridge.character.materials import materials_of
+from engine_bridge.character.surfaces.surface import srgb_to_linear
+from engine_bridge.film import overlays
+from engine_bridge.film.actor import Actor
+from engine_bridge.film.av_library import require_av
+from engine_bridge.film.framing import Shots
+from engine_bridge.film.production import Production, Progress, produce
+from engine_bridge.film.scene import DEFAULT_FLOOR, Scene, SceneError, load
+from engine_bridge.film.sound import SAMPLE_RATE, Mixer
+from engine_bridge.film.video import FORMATS, VideoWriter
+from engine_bridge.performance.channels import morph_weights
+from engine_bridge.pictures.gpu_renderer import SAMPLES, Drawn, Floor, GpuRenderer
+from puppetline.errors import OutputError, at
+from puppetline.files import check_writable, written_whole
+from solver.model.binding import ShadedBinding
+from solver.motion.deformer import to_file_units
+
+if TYPE_CHECKING:
+    import moderngl
+
+GIF_WIDTH, GIF_FPS = 480, 15.0
+"""Maximum width of a .gif in pixels, and its maximum number of frames per second."""
+
+PALETTE_FRAMES = 8
+"""Number of frames from which the colours of a .gif are chosen."""
+
+ENDINGS = (*FORMATS, ".glb")
+
+
+@dataclass(frozen=True)
+class FilmSummary:
+    """Result of a film.
+
+    `device` is what drew the frames; empty for a .glb.
+    """
+
+    output: str
+    frames: int
+    seconds: float
+    width: int
+    height: int
+    fps: float
+    sounds: int
+    device: str
+    bytes: int
+    notes: tuple[str, ...]
+
+
+class Part(NamedTuple):
+    """The frames of a film that are shown: every n-th of a range."""
+
+    first: int
+    end: int
+    step: int
+
+
+def check_output(output: Path, scene: Path) -> None:
+    """Check that a film can be written.
+
+    Raises
+    ------
+    OutputError
+    """
+    ending = output.suffix.lower()
+    if ending not in ENDINGS:
+        raise OutputError(
+            output,
+            found=f"the ending {output.suffix!r}",
+            expected=f"one of {', '.join(ENDINGS)}",
+            fix=f"Call it {output.stem}.mp4.",
+        )
+    check_writable(output, ending, inputs=(scene,))
+
+
+def make_video(
+    path: Path, output: Path, start: float, stop: float | None, draft: bool, progress: Progress
+) -> FilmSummary:
+    """Make a video of a scene file.
+
+    Parameters
+    ----------
+    path, output : Path
+    start, stop : float, float or None
+        Part of the film, in seconds.
+    draft : bool
+        Whether to draw it with half the width, height and frame rate, and with rough edges.
+    progress : callable
+
+    Raises
+    ------
+    PuppetlineError
+        Before anything is written.
+    """
+    check_output(output, path)
+    scene = load(path)
+    require_av()
+    with ExitStack() as opened:
+        ending = output.suffix.lower()
+        samples = 1 if draft else SAMPLES
+        size = _size(scene, draft, ending)
+        renderer = opened.enter_context(GpuRenderer(size, samples))
+        Mixer(scene.sound, path, 1.0)  # a missing file is an error before the long work
+        _check_titles(scene, path, size)
+        behind = renderer.picture(overlays.background(scene.background, size, path))
+        production = produce(path, scene, progress)
+        part = _part(production, start, stop, draft, ending)
+        mixer = Mixer(production.sounds if FORMATS[ending].sound else (), path, production.seconds)
+        view = _View(production, renderer, behind, progress)
+        beside = opened.enter_context(written_whole(output))
+        writer = opened.enter_context(
+            VideoWriter(beside, size, production.fps / part.step, sound=bool(mixer), samples=view.samples(part, ending))
+        )
+        mixer.skip(round(part.first / production.fps * SAMPLE_RATE))
+        _write(part, production.fps, view, mixer, writer, progress)
+    notes = production.notes
+    if mixer.peak > 1:
+        notes += (f"The sound is {20 * np.log10(mixer.peak):.1f} dB too loud and was cut off; lower the gains.",)
+    frames = len(range(part.first, part.end, part.step))
+    return FilmSummary(
+        output=str(output),
+        frames=frames,
+        seconds=frames * part.step / production.fps,
+        width=size[0],
+        height=size[1],
+        fps=production.fps / part.step,
+        sounds=len(mixer),
+        device=view.device,
+        bytes=output.stat().st_size,
+        notes=notes,
+    )
+
+
+def _write(part: Part, fps: float, view: "_View", mixer: Mixer, writer: VideoWriter, progress: Progress) -> None:
+    """Draw, mix and write all frames."""
+    first_sample = round(part.first / fps * SAMPLE_RATE)
+    written = 0
+    numbers = range(part.first, part.end, part.step)
+    for count, frame in enumerate(numbers, 1):
+        samples = round(min(frame + part.step, part.end) / fps * SAMPLE_RATE) - first_sample
+        writer.add(view.draw(frame), mixer.read(samples - written) if mixer else None)
+        written = samples
+        progress("Filming", count / len(numbers))
+
+
+def _size(scene: Scene, draft: bool, ending: str) -> tuple[int, int]:
+    """Return the width and height of the frames, which are even."""
+    width, height = scene.film.size
+    scale = 0.5 if draft else 1.0
+    if ending == ".gif":
+        scale = min(scale, GIF_WIDTH / width)
+    return max(2 * round(scale * width / 2), 16), max(2 * round(scale * height / 2), 16)
+
+
+def _part(production: Production, start: float, stop: float | None, draft: bool, ending: str) -> Part:
+    fps = production.fps
+    first = round(start * fps)
+    end = production.frames if stop is None else min(round(stop * fps), production.frames)
+    if end <= first:
+        raise SceneError(
+            production.path,
+            found=f"a film of {production.seconds:.2f} s",
+            expected=f"a film that has frames from second {start:g} on" + (f" to second {stop:g}" if stop else ""),
+            fix="Choose an earlier --start or a later --stop.",
+        )
+    step = 2 if draft else 1
+    if ending == ".gif":
+        step = max(step, int(np.ceil(fps / GIF_FPS)))
+    return Part(first, end, step)
+
+
+def _check_titles(scene: Scene, path: Path, size: tuple[int, int]) -> None:
+    for number, table in enumerate(scene.title, 1):
+        overlays.title(table, size, at(path, field=f"[[title]] {number}"), path.parent)
+
+
+class _View:
+    """Draws frames of a production."""
+
+    def __init__(
+        self, production: Production, renderer: GpuRenderer, behind: "moderngl.Texture", progress: Progress
+    ) -> None:
+        self._production, self._renderer, self._behind = production, renderer, behind
+        self.device = renderer.device
+        boxes = production.boxes(progress)
+        self._shots = Shots(production.scene.camera, boxes, production.fps, renderer.size)
+        self._stage = production.stage(boxes)
+        self._puppets = [_DrawnActor(actor, renderer) for actor in production.actors]
+        self._titles: dict[int, moderngl.Texture] = {}
+        table = production.scene.floor
+        color = table.color or (None if production.scene.background.picture else DEFAULT_FLOOR)
+        self._floor = None
+        if table.show:
+            self._floor = Floor(None if color is None else linear_color(color))
+
+    def draw(self, frame: int) -> NDArray[np.uint8]:
+        """Return the pixels (h, w, 4) of a frame."""
+        for each in self._puppets:
+            each.move(frame)
+        return self._renderer.draw(
+            self._shots.camera(frame),
+            self._stage,
+            [each.drawn for each in self._puppets],
+            self._behind,
+            self._floor,
+            list(self._shown_titles(frame)),
+        )
+
+    def samples(self, part: Part, ending: str) -> list[NDArray[np.uint8]]:
+        """Return frames from all over a part, from which the colours of a .gif are chosen."""
+        if ending != ".gif":
+            return []
+        return [
+            self.draw(frame) for frame in np.linspace(part.first, part.end - 1, PALETTE_FRAMES).astype(int).tolist()
+        ]
+
+    def _shown_titles(self, frame: int) -> "Iterator[tuple[moderngl.Texture, float]]":
+        scene, path = self._production.scene, self._production.path
+        for number, table in enumerate(scene.title):
+            opacity = overlays.opacity(table, frame / self._production.fps)
+            if opacity > 0:
+                if number not in self._titles:
+                    where = at(path, field=f"[[title]] {number + 1}")
+                    pixels = overlays.title(table, self._renderer.size, where, path.parent)
+                    self._titles[number] = self._renderer.picture(pixels)
+                yield self._titles[number], opacity
+            elif number in self._titles:
+                self._titles.pop(number).release()
+
+
+class _DrawnActor:
+    """An actor on the graphics card."""
+
+    def __init__(self, actor: Actor, renderer: GpuRenderer) -> None:
+        character, rig = actor.rig.character, actor.rig
+        self._actor = actor
+        self._binding = ShadedBinding(
+            rig.model, character.vertices, rig.mesh.of_render, drawn_normals(character), character.triangles
+        )
+        self._rest = self._binding.rest
+        names = {morph.target for morph in rig.puppet.morph}
+        self._targets = {name: own_targets.displacements(character, name) for name in names}
+        self.drawn: Drawn = renderer.add(character.parts, materials_of(character))
+
+    def move(self, frame: int) -> None:
+        """Show its pose at a frame."""
+        actor = self._actor
+        controls = to_file_units(actor.controls(frame), actor.rig.model)
+        values = {name: np.array([value], np.float32) for name, value in actor.channels(frame).items()}
+        self._binding.rest = self._rest
+        for name, (weight,) in morph_weights(actor.rig.puppet, values).items():
+            self._binding.rest = self._binding.rest + weight * self._targets[name]
+        vertices, normals = self._binding.vertices_and_normals(controls)
+        linear = actor.to_stage(frame).astype(np.float32)
+        self.drawn.move(vertices @ linear[:3] + linear[3], normals @ linear[:3] / np.float32(actor.footing.scale))
+
+
+def linear_color(color: str) -> tuple[float, float, float]:
+    """Return the linear RGB of a colour by its name or number."""
+    red, green, blue = srgb_to_linear(np.array(ImageColor.getrgb(color)[:3]) / 255).tolist()
+    return red, green, blue

@@ -1,0 +1,156 @@
+"""A scene that is ready to be shown: its characters with their motion, and the space that they need."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.film.actor import Actor
+from engine_bridge.film.scene import Scene, SceneError, SoundTable, TakeTable
+from engine_bridge.film.takes import Footing, SolvedTake, segments_of, solve_take, sound_table
+from engine_bridge.performance.frame_store import evenly
+from engine_bridge.performance.rig import Rig, load_rig
+from engine_bridge.performance.settings import Settings
+from engine_bridge.pictures.gpu_renderer import Stage
+from puppetline.errors import at
+from solver.model.binding import Binding
+from solver.motion.deformer import to_file_units
+
+MEASURED_VERTICES = 400
+"""Approximate number of vertices of a character that are measured in each frame."""
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Production:
+    """A scene with its characters.
+
+    Attributes
+    ----------
+    path : Path
+        The scene file.
+    scene : Scene
+    actors : list of Actor
+    frames : int
+        Length of the film.
+    sounds : tuple of SoundTable
+        The scene's, and those that were recorded beside its takes.
+    notes : tuple of str
+        Sentences for the user about recordings.
+    """
+
+    path: Path
+    scene: Scene
+    actors: list[Actor]
+    frames: int
+    sounds: tuple[SoundTable, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def fps(self) -> float:
+        """Frames per second."""
+        return self.scene.film.fps
+
+    @property
+    def seconds(self) -> float:
+        """Length of the film."""
+        return self.frames / self.fps
+
+    def boxes(self, progress: Progress) -> dict[str, NDArray[np.float64]]:
+        """Return the lower and upper corner of each character in each frame, (F, 2, 3) in metres.
+
+        A character whose feet are not held on the floor is placed so that it does not sink below it.
+        """
+        measured = {}
+        for number, actor in enumerate(self.actors):
+            binding = Binding.of_solver_mesh(actor.rig.model, actor.rig.mesh).only(_measured(actor.rig))
+            boxes = np.empty((self.frames, 2, 3))
+            for frame in range(self.frames):
+                vertices = binding.vertices(to_file_units(actor.controls(frame), actor.rig.model))
+                linear = actor.to_stage(frame)
+                placed = vertices @ linear[:3] + linear[3]
+                boxes[frame] = placed.min(axis=0), placed.max(axis=0)
+                progress("Framing", (number + (frame + 1) / self.frames) / len(self.actors))
+            if not actor.stands:
+                lowest = float(boxes[:, 0, 1].min())
+                actor.footing.low += lowest / actor.footing.scale
+                boxes[:, :, 1] -= lowest
+            measured[actor.name] = boxes
+        return measured
+
+    def stage(self, boxes: dict[str, NDArray[np.float64]]) -> Stage:
+        """Return the space of all motion."""
+        everything = np.concatenate(list(boxes.values()))
+        low, high = everything[:, 0].min(axis=0), everything[:, 1].max(axis=0)
+        size = max(actor.footing.height for actor in self.actors)
+        radius = max(float(np.hypot(*(high - low)[[0, 2]])) / 2, size / 2, 1e-6)
+        middle = (low + high) / 2
+        return Stage(np.array([middle[0], 0.0, middle[2]]), 1.05 * radius, max(float(high[1]), 1e-6), size)
+
+
+def produce(path: Path, scene: Scene, progress: Progress) -> Production:
+    """Load the characters of a scene, and solve its takes.
+
+    Raises
+    ------
+    PuppetlineError
+    """
+    rigs: dict[Path, Rig] = {}
+    solved: dict[tuple[Path, Path, int | None], SolvedTake] = {}
+    actors, notes = [], list[str]()
+    for table in scene.character:
+        puppet = path.parent / table.puppet
+        if puppet not in rigs:
+            progress(f"Preparing {table.name}", 0.0)
+            rigs[puppet] = load_rig(puppet)
+        rig, played = rigs[puppet], []
+        for number, take in enumerate(scene.take, 1):
+            if take.character != table.name or take.mute:
+                continue
+            log = _existing(path, number, take)
+            key = (puppet, log, take.user)
+            if key not in solved:
+                settings = Settings(fps=scene.film.fps, user=take.user)
+                solved[key] = solve_take(rig, log, settings, partial(progress, f"Performing {log.stem}"))
+                notes += [f"{table.name}, {log.stem}: {note}" for note in solved[key].notes]
+            played.append((number, take, solved[key]))
+        footing = Footing(table, rig)
+        actors.append(Actor(table, rig, footing, segments_of(table, played, footing, scene.film.fps, path)))
+    frames = max(actor.end for actor in actors)
+    if scene.film.seconds is not None:
+        frames = max(round(scene.film.seconds * scene.film.fps), 2)
+    sounds, missing = _sounds(scene, actors)
+    return Production(path, scene, actors, frames, sounds, (*notes, *missing))
+
+
+def _existing(path: Path, number: int, take: TakeTable) -> Path:
+    """Return the recording of a take."""
+    log = path.parent / take.file
+    if not log.is_file():
+        raise SceneError(
+            at(path, field=f"[[take]] {number}, file"),
+            found=f"the missing file {log}",
+            expected="a recording, relative to the scene file",
+            fix="Correct the path, copy the file there, or set mute = true.",
+        )
+    return log
+
+
+def _sounds(scene: Scene, actors: list[Actor]) -> tuple[tuple[SoundTable, ...], list[str]]:
+    """Return the sounds of a film, and notes about takes whose sound is missing."""
+    own = [sound_table(segment, scene.film.fps) for actor in actors for segment in actor.segments]
+    there = [table for table in own if table is not None and Path(table.file).is_file()]
+    missing = sorted({table.file for table in own if table is not None} - {table.file for table in there})
+    return (*scene.sound, *there), [f"The sound of a take, {file}, is missing; the rest is played." for file in missing]
+
+
+def _measured(rig: Rig) -> NDArray[np.int64]:
+    """Return vertices of the solver mesh that are measured: some of them, and the outermost ones at rest."""
+    vertices = rig.mesh.vertices
+    directions = np.array([d for d in np.ndindex(3, 3, 3) if d != (1, 1, 1)]) - 1
+    outermost = (vertices @ directions.T).argmax(axis=0)
+    return np.union1d(evenly(len(vertices), MEASURED_VERTICES), outermost)

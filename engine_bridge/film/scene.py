@@ -1,0 +1,247 @@
+"""Contents of a scene file: characters, their takes, sounds, cameras, titles, floor and background."""
+
+import difflib
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from PIL import ImageColor
+from pydantic import AfterValidator, BeforeValidator, Field, StrictBool, model_validator
+
+from engine_bridge.puppet.puppet import Number, Text
+from puppetline import toml_schema
+from puppetline.errors import PuppetlineError
+from puppetline.toml_schema import Table, mistake
+
+MAX_SECONDS = 6 * 3600.0
+"""Maximum length of a film, in seconds."""
+
+
+class SceneError(PuppetlineError):
+    """A scene file is wrong."""
+
+
+def _color(text: object) -> object:
+    try:
+        ImageColor.getrgb(text if isinstance(text, str) else "")
+    except ValueError:
+        raise mistake(found=repr(text), expected="a colour", fix='Write it like "#8fb4d9" or "skyblue".') from None
+    return text
+
+
+Color = Annotated[str, BeforeValidator(_color)]
+Seconds = Annotated[Number, Field(ge=0, le=MAX_SECONDS)]
+Place = tuple[Number, Number]
+
+
+def _even(size: tuple[int, int]) -> tuple[int, int]:
+    if any(side % 2 or not 16 <= side <= 7680 for side in size):
+        raise mistake(
+            found=f"{size[0]} × {size[1]} pixels",
+            expected="an even width and height from 16 to 7680",
+            fix="Write it like [1280, 720].",
+        )
+    return size
+
+
+class FilmTable(Table):
+    """[film]: size in pixels, frames per second, and length; by default until the last take ends."""
+
+    size: Annotated[tuple[int, int], AfterValidator(_even)] = (1280, 720)
+    fps: Annotated[Number, Field(ge=1, le=120)] = 30.0
+    seconds: Annotated[Number, Field(gt=0, le=MAX_SECONDS)] | None = None
+
+
+class CharacterTable(Table):
+    """[[character]]: a puppet, where it stands (metres to the right and to the front), and how tall it is."""
+
+    name: Text
+    puppet: Text
+    position: Place = (0.0, 0.0)
+    turn: Number = 0.0
+    height: Annotated[Number, Field(gt=0)] | None = None
+
+
+class TakeTable(Table):
+    """[[take]]: a part of a recording that a character plays, from a time of the film on."""
+
+    character: Text
+    file: Text
+    user: Annotated[int, Field(strict=True)] | None = None
+    at: Seconds | None = None
+    start: Seconds = 0.0
+    stop: Seconds | None = None
+    loop: Annotated[int, Field(strict=True, ge=1, le=10_000)] = 1
+    fade: Annotated[Number, Field(ge=0, le=10)] = 0.3
+    position: Place | None = None
+    turn: Number | None = None
+    sound: StrictBool = True
+    mute: StrictBool = False
+
+    @model_validator(mode="after")
+    def _check_part(self) -> Self:
+        _check_order(self.start, self.stop)
+        return self
+
+
+class SoundTable(Table):
+    """[[sound]]: a part of a sound file, from a time of the film on, with its gain in decibels and its fades."""
+
+    file: Text
+    at: Seconds = 0.0
+    start: Seconds = 0.0
+    stop: Seconds | None = None
+    gain: Annotated[Number, Field(ge=-80, le=40)] = 0.0
+    fade_in: Seconds = 0.0
+    fade_out: Seconds = 0.0
+    mute: StrictBool = False
+
+    @model_validator(mode="after")
+    def _check_part(self) -> Self:
+        _check_order(self.start, self.stop)
+        return self
+
+
+class CameraTable(Table):
+    """[[camera]]: a shot, from a time of the film until the next one; its distance follows from what it shows."""
+
+    at: Seconds = 0.0
+    mode: Literal["still", "follow"] = "still"
+    show: tuple[Text, ...] = ()
+    azimuth: Annotated[Number, Field(ge=-360, le=360)] = 15.0
+    elevation: Annotated[Number, Field(ge=0, le=89)] = 8.0
+    field_of_view: Annotated[Number, Field(ge=5, le=120)] = 30.0
+    zoom: Annotated[Number, Field(gt=0, le=20)] = 1.0
+
+
+DEFAULT_FLOOR, DEFAULT_BACKGROUND = "#dedbd5", ("#bcd0ea", "#ece7df")
+
+
+class FloorTable(Table):
+    """[floor]: whether there is one, and its colour; before a picture, it shows shadows only unless it has one."""
+
+    show: StrictBool = True
+    color: Color | None = None
+
+
+class BackgroundTable(Table):
+    """[background]: a colour, two colours from top to bottom, or a picture that covers the frame."""
+
+    color: Color | None = None
+    colors: tuple[Color, Color] | None = None
+    picture: Text | None = None
+
+    @model_validator(mode="after")
+    def _check_one(self) -> Self:
+        given = [name for name in ("color", "colors", "picture") if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise mistake(
+                given[1],
+                found=" and ".join(given),
+                expected="one of color, colors and picture",
+                fix="Remove the others.",
+            )
+        return self
+
+
+class TitleTable(Table):
+    """[[title]]: a text over the picture; its size is a share of the picture's height."""
+
+    text: Text
+    at: Seconds = 0.0
+    seconds: Annotated[Number, Field(gt=0, le=MAX_SECONDS)] = 3.0
+    place: Literal["top", "middle", "bottom"] = "middle"
+    size: Annotated[Number, Field(gt=0, le=1)] = 0.09
+    color: Color = "white"
+    fade: Annotated[Number, Field(ge=0, le=10)] = 0.4
+    font: Text | None = None
+
+
+class Scene(Table):
+    """All tables of a scene file."""
+
+    film: FilmTable = FilmTable()
+    character: Annotated[tuple[CharacterTable, ...], Field(min_length=1)]
+    take: tuple[TakeTable, ...] = ()
+    sound: tuple[SoundTable, ...] = ()
+    camera: tuple[CameraTable, ...] = ()
+    floor: FloorTable = FloorTable()
+    background: BackgroundTable = BackgroundTable()
+    title: tuple[TitleTable, ...] = ()
+
+    @model_validator(mode="after")
+    def _check_names(self) -> Self:
+        names = [each.name for each in self.character]
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                raise mistake(
+                    "character",
+                    index,
+                    "name",
+                    found=f"a second character named {name!r}",
+                    expected="a different name for each character",
+                    fix="Rename one of the two.",
+                )
+        for index, take in enumerate(self.take):
+            _check_name(take.character, names, "take", index, "character")
+        for index, camera in enumerate(self.camera):
+            for number, shown in enumerate(camera.show):
+                _check_name(shown, names, "camera", index, "show", number)
+        return self
+
+    @model_validator(mode="after")
+    def _check_cuts(self) -> Self:
+        times = [camera.at for camera in self.camera]
+        for index in range(1, len(times)):
+            if times[index] <= times[index - 1]:
+                raise mistake(
+                    "camera",
+                    index,
+                    "at",
+                    found=f"{times[index]:g} s after a camera at {times[index - 1]:g} s",
+                    expected="cameras in the order of their times",
+                    fix="Give each camera a later time than the one before it.",
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _check_length(self) -> Self:
+        if self.film.seconds is None and not any(not take.mute for take in self.take):
+            raise mistake(
+                found="no take",
+                expected="at least one take, or the length of the film",
+                fix="Add a table [[take]], or the key seconds in [film].",
+            )
+        return self
+
+
+def load(path: Path) -> Scene:
+    """Read and check a scene file.
+
+    Raises
+    ------
+    SceneError
+        With the line of a syntax error, or the table and key of anything else.
+    """
+    text = toml_schema.read_text(path, "a scene file", "Check the path; docs/film.md shows a scene file.", SceneError)
+    return toml_schema.check(Scene, toml_schema.parse(text, path, SceneError), path, SceneError)
+
+
+def _check_order(start: float, stop: float | None) -> None:
+    if stop is not None and stop <= start:
+        raise mistake(
+            "stop",
+            found=f"{stop:g} s",
+            expected=f"a time after its start, {start:g} s",
+            fix="Raise stop, or remove it.",
+        )
+
+
+def _check_name(name: str, names: list[str], *place: str | int) -> None:
+    if name not in names:
+        close = difflib.get_close_matches(name, names, 1)
+        raise mistake(
+            *place,
+            found=f"{name!r}, which is not the name of a character",
+            expected=f"one of {', '.join(names)}",
+            fix=f"Did you mean {close[0]!r}?" if close else "Correct the name, or add a table [[character]].",
+        )

@@ -1,0 +1,258 @@
+"""Takes on a film's clock: solved recordings of a character, and the parts of them that it plays one after another."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.formats import read_log
+from capture.timeline import choose
+from engine_bridge.film.scene import CharacterTable, SceneError, SoundTable, TakeTable
+from engine_bridge.performance.channels import sound_of
+from engine_bridge.performance.clip import reference_pose, timeline_of
+from engine_bridge.performance.frame_store import FrameStore
+from engine_bridge.performance.performance import Performance
+from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.settings import Settings
+from puppetline.errors import at
+
+
+class Motion:
+    """Solved frames of a take or a cross-fade: control variables, targets of handles, bones, root and channels."""
+
+    def __init__(self, rig: Rig, bones: int) -> None:
+        handles = len(rig.puppet.handle)
+        self.R = FrameStore(rig.model.rest_controls.shape)
+        self.targets = FrameStore((handles, 3))
+        self.motions = FrameStore((bones, 4, 3))
+        self.root = FrameStore((3,))
+        self.channels: dict[str, NDArray[np.float32]] = {}
+
+    def __len__(self) -> int:
+        return len(self.R)
+
+    def append(
+        self,
+        R: NDArray[np.float64],
+        targets: NDArray[np.float64],
+        motions: NDArray[np.float64],
+        root: NDArray[np.float64],
+    ) -> None:
+        """Add one frame."""
+        for store, values in ((self.R, R), (self.targets, targets), (self.motions, motions), (self.root, root)):
+            store.append(values[None])
+
+
+class TakeSound(NamedTuple):
+    """The sound that was recorded beside a take.
+
+    Attributes
+    ----------
+    path : Path
+    begin : float
+        Time of its first sample after the take's first frame, in seconds; negative if it began earlier.
+    """
+
+    path: Path
+    begin: float
+
+
+class SolvedTake(NamedTuple):
+    """A recording that is solved for a character, its sound, and notes about the recording."""
+
+    motion: Motion
+    sound: TakeSound | None
+    notes: tuple[str, ...]
+
+
+class Place(NamedTuple):
+    """Where a character stands in a frame.
+
+    Attributes
+    ----------
+    position : (3,) float64
+        Metres to the right, up and to the front, of its origin on the floor.
+    turn : float
+        Degrees to its left.
+    """
+
+    position: NDArray[np.float64]
+    turn: float
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A part of a take on the film's clock, in frames.
+
+    Attributes
+    ----------
+    motion : Motion
+    begin : int
+        Frame of the film at which it begins.
+    first, end : int
+        Frames of the take: the first one, and the one after the last one.
+    fade : int
+        Length of the cross-fade from the segment before it, which begins with it.
+    place : Place
+    sound : TakeSound or None
+    """
+
+    motion: Motion
+    begin: int
+    first: int
+    end: int
+    fade: int
+    place: Place
+    sound: TakeSound | None
+
+    def row(self, frame: int) -> int:
+        """Return the frame of the take at a frame of the film; the first one before it, the last one after it."""
+        return min(max(frame - self.begin + self.first, self.first), self.end - 1)
+
+    def root_on_stage(self, frame: int, footing: "Footing") -> NDArray[np.float64]:
+        """Return where the root is on the stage (3,) at a frame of the film."""
+        way: NDArray[np.float64] = self.place.position + self.motion.root[self.row(frame)] @ footing.linear(
+            self.place.turn
+        )
+        return way
+
+
+class Footing:
+    """The size of a character, and the directions of its coordinates on the film's stage.
+
+    Parameters
+    ----------
+    table : CharacterTable
+    rig : Rig
+
+    Attributes
+    ----------
+    scale : float
+        Metres per mesh unit.
+    low : float
+        Height of the lowest vertex at rest, mesh units.
+    height : float
+        Metres.
+    """
+
+    def __init__(self, table: CharacterTable, rig: Rig) -> None:
+        self.basis = rig.puppet.character.basis
+        up = rig.character.vertices @ self.basis[1]
+        self.low, tall = float(up.min()), float(np.ptp(up))
+        self.scale = rig.puppet.character.scale if table.height is None else table.height / max(tall, 1e-12)
+        self.height = self.scale * tall
+
+    def linear(self, turn: float) -> NDArray[np.float64]:
+        """Return the map (3, 3) of row vectors from mesh units to metres on the stage, after a turn in degrees."""
+        angle = np.radians(turn)
+        around = np.array([[np.cos(angle), 0, -np.sin(angle)], [0, 1, 0], [np.sin(angle), 0, np.cos(angle)]])
+        moved: NDArray[np.float64] = self.scale * self.basis.T @ around
+        return moved
+
+
+def solve_take(rig: Rig, log: Path, settings: Settings, progress: Callable[[float], None]) -> SolvedTake:
+    """Solve all frames of a recording for a character.
+
+    Raises
+    ------
+    PuppetlineError
+    """
+    clips = read_log(log, settings.log)
+    timeline, notes = timeline_of(clips, log, settings)
+    performance = Performance(rig.puppet, rig.mesh, rig.model, reference_pose(rig.puppet, timeline, settings))
+    motion = Motion(rig, len(performance.deformer.bones))
+    count = len(timeline.positions)
+    for number in range(count):
+        aim = performance.aim(timeline.frame(number))
+        motion.append(performance.deformer.solve(aim.targets, aim.motions), aim.targets, aim.motions, aim.root)
+        progress((number + 1) / count)
+    motion.channels = timeline.channels or {}
+    sound = sound_of(choose(clips, settings.user)[0], log)
+    return SolvedTake(motion, None if sound is None else TakeSound(*sound), notes)
+
+
+def sound_table(segment: Segment, fps: float) -> SoundTable | None:
+    """Return the part of its take's sound that belongs to a segment; None if it has none."""
+    if segment.sound is None:
+        return None
+    start, stop = (frame / fps - segment.sound.begin for frame in (segment.first, segment.end))
+    if stop <= 0:
+        return None
+    late = max(-start, 0.0)
+    fade = segment.fade / fps
+    path = str(segment.sound.path)
+    return SoundTable(file=path, at=segment.begin / fps + late, start=start + late, stop=stop, fade_in=fade)
+
+
+def segments_of(
+    table: CharacterTable, takes: Sequence[tuple[int, TakeTable, SolvedTake]], footing: Footing, fps: float, scene: Path
+) -> list[Segment]:
+    """Put the takes of one character on the film's clock.
+
+    A take without a time begins when the one before it ends, less the cross-fade. One without a position goes on
+    where the one before it is at that time.
+
+    Parameters
+    ----------
+    table : CharacterTable
+    takes : sequence of (int, TakeTable, SolvedTake)
+        With the number of each in the scene file, from 1.
+    footing : Footing
+    fps : float
+    scene : Path
+        Name of the file, for errors.
+
+    Raises
+    ------
+    SceneError
+        A part is outside its recording, or takes are not in the order of their times.
+    """
+    made: list[Segment] = []
+    for number, take, solved in takes:
+        sound = solved.sound if take.sound else None
+        first, end = _part(take, len(solved.motion), fps, at(scene, field=f"[[take]] {number}, start"))
+        for repetition in range(take.loop):
+            last = made[-1] if made else None
+            fade = 0 if last is None else min(round(take.fade * fps), (end - first) // 2)
+            begin = 0 if last is None else last.begin + last.end - last.first - fade
+            if repetition == 0 and take.at is not None:
+                begin = round(take.at * fps)
+            if last is not None and begin <= last.begin:
+                raise SceneError(
+                    at(scene, field=f"[[take]] {number}, at"),
+                    found=f"{begin / fps:g} s, which is not after the take of {table.name!r} before it",
+                    expected="the takes of a character in the order of their times",
+                    fix="Correct the times, or change the order of the tables.",
+                )
+            position = take.position if repetition == 0 or last is None else None
+            turn = take.turn if take.turn is not None else table.turn if last is None else last.place.turn
+            segment = Segment(solved.motion, begin, first, end, fade, Place(np.zeros(3), turn), sound)
+            if position is None and last is not None:
+                place = last.root_on_stage(begin, footing) - segment.root_on_stage(begin, footing)
+            else:
+                x, z = table.position if position is None else position
+                place = np.array([x, 0.0, z])
+            made.append(replace(segment, place=Place(place * [1, 0, 1], turn)))
+    return [
+        segment if after is None else replace(segment, fade=min(segment.fade, after.begin - segment.begin))
+        for segment, after in pairwise([*made, None])
+        if segment is not None
+    ]
+
+
+def _part(take: TakeTable, count: int, fps: float, where: str) -> tuple[int, int]:
+    """Return the first frame of a take that is played, and the one after the last one."""
+    first = round(take.start * fps)
+    end = count if take.stop is None else min(round(take.stop * fps) + 1, count)
+    if end - first < 2:
+        raise SceneError(
+            where,
+            found=f"{take.start:g} s in a recording of {(count - 1) / fps:.2f} s",
+            expected="at least two frames of the recording",
+            fix="Choose an earlier start or a later stop.",
+        )
+    return first, end

@@ -1,0 +1,128 @@
+"""Channels of a performance: from the sound beside a take, to limbs that bend and morph targets that move."""
+
+import wave
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from capture.clip import SkeletonClip
+from capture.skeleton import LOST
+from capture.timeline import Timeline
+from capture.voice import voice_of
+from engine_bridge.puppet.puppet import Puppet
+from solver.model.bones import Bones
+from solver.motion.limbs import parents_first
+
+
+def with_voice(timeline: Timeline, clip: SkeletonClip, log: Path) -> tuple[Timeline, tuple[str, ...]]:
+    """Add the channel ``voice`` to a timeline if a sound was recorded beside its take, and return notes about it.
+
+    Parameters
+    ----------
+    timeline : Timeline
+    clip : SkeletonClip
+        The clip that it was made of.
+    log : Path
+        The take.
+    """
+    sound = sound_of(clip, log)
+    if sound is None:
+        return timeline, ()
+    path, begin = sound
+    try:
+        samples, rate = _read(path)
+    except (OSError, EOFError, wave.Error) as error:
+        return timeline, (f"The sound of the take, {path}, cannot be read ({error}); mouths stay closed.",)
+    return replace(timeline, channels={"voice": voice_of(samples, rate, timeline.times - begin)}), ()
+
+
+def sound_of(clip: SkeletonClip, log: Path) -> tuple[Path, float] | None:
+    """Return the sound that was recorded beside a take, according to its cue.
+
+    Returns
+    -------
+    path : Path
+    begin : float
+        Time of its first sample after the clip's first frame with a known joint, in seconds.
+    """
+    first = float(clip.times[(clip.confidence > LOST).any(axis=1)][0])
+    for cue in clip.cues:
+        file, begin = cue.arguments.get("file"), cue.arguments.get("at")
+        if cue.do == "sound" and isinstance(file, str) and isinstance(begin, int | float):
+            return log.parent / Path(file).name, begin - first
+    return None
+
+
+def _read(path: Path) -> tuple[NDArray[np.float32], int]:
+    """Return the samples (n,) of a .wav of 16 bits and one channel, and their number per second."""
+    with wave.open(str(path)) as file:
+        if (file.getsampwidth(), file.getnchannels()) != (2, 1):
+            raise wave.Error("not 16 bits and one channel")
+        samples = np.frombuffer(file.readframes(file.getnframes()), "<i2")
+        return samples.astype(np.float32) / np.float32(32768), file.getframerate()
+
+
+class Bends:
+    """Limbs of a puppet that channels bend, such as a jaw that opens with the voice.
+
+    Parameters
+    ----------
+    puppet : Puppet
+    bones : Bones
+        Of its limbs.
+    """
+
+    def __init__(self, puppet: Puppet, bones: Bones) -> None:
+        tables = {limb.name: limb.bend for limb in puppet.limb}
+        self._bends: list[tuple[str, NDArray[np.float64], NDArray[np.float64], list[int]]] = []
+        first = 0
+        for limb in parents_first(puppet.limbs):
+            table = tables[limb.name]
+            if table is not None:
+                moved = [first]
+                moved += [bone for bone in range(first + 1, len(bones)) if _hangs_on(bones, bone, first)]
+                self._bends.append((table.channel, table.turn, bones.heads[first], moved))
+            first += len(limb.points) - 1
+
+    def bent(self, motions: NDArray[np.float64], channels: Mapping[str, float] | None) -> NDArray[np.float64]:
+        """Return motions (b, 4, 3) of the bones with all bends; bones that hang on a bent one move with it."""
+        if not self._bends or not channels:
+            return motions
+        motions = motions.copy()
+        for channel, turn, head, moved in self._bends:
+            value = channels.get(channel, 0.0)
+            if not value:
+                continue
+            around = np.eye(4)
+            around[:3, :3] = scipy.spatial.transform.Rotation.from_rotvec(value * turn).as_matrix().T  # for row vectors
+            around[3, :3] = head - head @ around[:3, :3]
+            carried = _square(motions[moved[0]])
+            change = np.linalg.inv(carried) @ around @ carried
+            motions[moved] = [(_square(motions[bone]) @ change)[:, :3] for bone in moved]
+        return motions
+
+
+def _hangs_on(bones: Bones, bone: int, base: int) -> bool:
+    """Return whether a bone is below another one in the tree of bones."""
+    while bone > base:
+        bone = int(bones.parents[bone])
+    return bone == base
+
+
+def _square(motion: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a motion (4, 3) as a matrix (4, 4)."""
+    return np.column_stack([motion, [0, 0, 0, 1]])
+
+
+def morph_weights(puppet: Puppet, channels: Mapping[str, NDArray[np.float32]] | None) -> dict[str, NDArray[np.float32]]:
+    """Return the weights (T,) of the morph targets that channels move, within [0, 1], by target."""
+    weights: dict[str, NDArray[np.float32]] = {}
+    for morph in puppet.morph:
+        if channels and morph.channel in channels:
+            moved = np.float32(morph.gain) * channels[morph.channel]
+            weights[morph.target] = np.clip(weights.get(morph.target, 0) + moved, 0, 1)
+    return weights

@@ -1,0 +1,396 @@
+"""A renderer on OpenGL, by a graphics card or in software: several moving surfaces, a floor, and pictures over it.
+
+The extra ``film`` installs ModernGL. Rows of images run from top to bottom, because the projection is turned over.
+"""
+
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.character.character import Part
+from engine_bridge.character.materials import Material
+from engine_bridge.pictures import gpu_shaders as shaders
+from engine_bridge.pictures.camera import Camera, Light, orthographic
+from engine_bridge.pictures.lighting import KEY, SKY
+from engine_bridge.pictures.renderer import BOUNCE, CLAY
+from puppetline.errors import OutputError
+
+if TYPE_CHECKING:
+    import moderngl
+
+SAMPLES = 4
+"""Samples per pixel for edges."""
+
+SHADOW_SIZE, SKY_SIZE = 2048, 128
+"""Width and height of the depth maps of the key light and of the sky, in texels."""
+
+OUTER_SAMPLES, KEY_SAMPLES, SKY_SAMPLES = 5, 10, 8
+"""Samples of the depth maps per pixel: around it, and inside where these differ."""
+
+PENUMBRA, SKY_PENUMBRA = 0.018, 0.09
+"""Radii of the soft edges of the shadows of the key light and of the sky, as shares of `Stage.size`."""
+
+KEY_DIRECTION = np.array([-0.42, 0.78, 0.46]) / np.linalg.norm([-0.42, 0.78, 0.46])
+"""Direction towards the key light: over the audience's left shoulder."""
+
+FINE_SHARE = 0.02
+"""Side of triangles, as a share of their character's size, up to which light is computed at vertices."""
+
+LIFT = 0.006
+"""Distance off a surface from which light is looked up, as a share of `Stage.size`; nearer, it would shade itself."""
+
+FLOOR_REACH = 9.0
+"""Radius of the visible floor, as a multiple of the radius of the stage."""
+
+NO_WINDOW: tuple[dict[str, Any], ...] = ({"backend": "egl"}, {}) if sys.platform == "linux" else ({},)
+"""How a context without a window is made, in the order in which the ways are tried."""
+
+INSTALL = (
+    "Install it: pip install 'puppetline[film]'. On Debian without a display, also: apt install libegl1 libgl1-mesa-dri"
+)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """The space in which everything moves, for lights and floor.
+
+    Attributes
+    ----------
+    center : (3,) float64
+        On the floor, metres.
+    radius : float
+        Of the circle on the floor that contains all motion.
+    height : float
+        Of the highest point.
+    size : float
+        Height of a typical character, to which the softness of shadows is proportional.
+    """
+
+    center: NDArray[np.float64]
+    radius: float
+    height: float
+    size: float
+
+
+class Floor(NamedTuple):
+    """A floor of a linear RGB colour; without one, it shows shadows only."""
+
+    color: tuple[float, float, float] | None
+
+
+class DrawnPart(NamedTuple):
+    """A part of a surface, on the graphics card."""
+
+    material: Material
+    program: "moderngl.Program"
+    array: "moderngl.VertexArray"
+    texture: "moderngl.Texture | None"
+
+
+@dataclass
+class Drawn:
+    """A surface that moves, on the graphics card."""
+
+    positions: "moderngl.Buffer"
+    normals: "moderngl.Buffer"
+    shadow: "moderngl.VertexArray"
+    parts: list[DrawnPart] = field(default_factory=list)
+    center: NDArray[np.float32] = field(default_factory=lambda: np.zeros(3, np.float32))
+
+    def move(self, positions: NDArray[np.float32], normals: NDArray[np.float32]) -> None:
+        """Replace positions and unit normals (n, 3)."""
+        self.positions.write(np.ascontiguousarray(positions, np.float32))
+        self.normals.write(np.ascontiguousarray(normals, np.float32))
+        self.center = positions.mean(axis=0)
+
+
+class GpuRenderer:
+    """Draws frames of one size.
+
+    Parameters
+    ----------
+    size : tuple of 2 ints
+        Width and height, in pixels.
+    samples : int
+        Samples per pixel for edges.
+
+    Raises
+    ------
+    OutputError
+        There is no graphics library.
+    """
+
+    def __init__(self, size: tuple[int, int], samples: int = SAMPLES) -> None:
+        self.context = ctx = _context()
+        self.size = size
+        samples = min(samples, ctx.max_samples) if samples > 1 else 0
+        self._target = ctx.framebuffer(
+            [ctx.renderbuffer(size, 4, samples=samples)], ctx.depth_renderbuffer(size, samples=samples)
+        )
+        self._resolved = ctx.framebuffer([ctx.renderbuffer(size, 4)])
+        self._key_depths, self._key_map = self._depth_map(SHADOW_SIZE)
+        self._sky_depths, self._sky_map = self._depth_map(SKY_SIZE)
+        self._light = shaders.LIGHT
+        for name in ("OUTER_SAMPLES", "KEY_SAMPLES", "SKY_SAMPLES"):
+            self._light = self._light.replace(name, str(globals()[name]))
+        self._shadow = ctx.program(shaders.SHADOW_VERTEX, shaders.SHADOW_FRAGMENT)
+        self._surfaces: dict[tuple[bool, bool], moderngl.Program] = {}
+        self._floor = ctx.program(shaders.FLOOR_VERTEX, shaders.FLOOR_FRAGMENT.replace("LIGHT\n", self._light))
+        self._picture = ctx.program(shaders.PICTURE_VERTEX, shaders.PICTURE_FRAGMENT)
+        corners = ctx.buffer(np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32))
+        self._floor_quad = ctx.vertex_array(self._floor, [(corners, "2f", "corner")])
+        self._picture_quad = ctx.vertex_array(self._picture, [(corners, "2f", "corner")])
+        self._textures: dict[int, moderngl.Texture] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.context.release()
+
+    @property
+    def device(self) -> str:
+        """Name of the device that draws."""
+        return str(self.context.info["GL_RENDERER"])
+
+    def _depth_map(self, size: int) -> "tuple[moderngl.Texture, moderngl.Framebuffer]":
+        depths = self.context.depth_texture((size, size))
+        depths.compare_func = "<="
+        depths.repeat_x = depths.repeat_y = False
+        return depths, self.context.framebuffer(depth_attachment=depths)
+
+    def add(self, parts: Sequence[Part], materials: Sequence[Material]) -> Drawn:
+        """Add a character, whose vertices are those of its parts, one after another.
+
+        Parameters
+        ----------
+        parts : sequence of Part
+        materials : sequence of Material
+            Of each part.
+        """
+        ctx, counts = self.context, [len(part.vertices) for part in parts]
+        positions, normals = (ctx.buffer(reserve=12 * sum(counts), dynamic=True) for _ in range(2))
+        starts = np.cumsum([0, *counts[:-1]])
+        solid = [p.triangles + s for p, s, m in zip(parts, starts, materials, strict=True) if m.opacity != "BLEND"]
+        of_shadow = np.concatenate(solid or [np.zeros((0, 3), np.int64)]).astype(np.uint32)
+        drawn = Drawn(positions, normals, self._array(self._shadow, of_shadow, [(positions, "3f", "position")]))
+        colors = [_vertex_colors(material) for material in materials]
+        uv = ctx.buffer(np.concatenate([material.uv for material in materials]).astype(np.float32))
+        tint = ctx.buffer(np.concatenate(colors).astype(np.float32))
+        buffers = [
+            (positions, "3f", "position"),
+            (normals, "3f", "normal"),
+            (tint, "4f", "vertex_color"),
+            (uv, "2f", "uv"),
+        ]
+        largest = float(np.ptp(np.concatenate([part.vertices for part in parts]), axis=0).max())
+        for part, start, material in zip(parts, starts, materials, strict=True):
+            fine = _triangle_size(part) <= FINE_SHARE * largest
+            program = self._surface(fine, material.opacity == "MASK")
+            array = self._array(program, (part.triangles + start).astype(np.uint32), buffers)
+            drawn.parts.append(DrawnPart(material, program, array, self._texture(material.image)))
+        return drawn
+
+    def _surface(self, by_vertex: bool, masked: bool) -> "moderngl.Program":
+        """Return the program that draws a part.
+
+        A fragment that may be discarded is computed even if it is hidden, and light at vertices is computed once for
+        all the small triangles around them.
+        """
+        if (by_vertex, masked) not in self._surfaces:
+            vertex, fragment = (
+                text.replace("LIGHT\n", self._light)
+                .replace("BY_VERTEX", str(by_vertex).lower())
+                .replace("MASKED", str(masked).lower())
+                for text in (shaders.SURFACE_VERTEX, shaders.SURFACE_FRAGMENT)
+            )
+            self._surfaces[by_vertex, masked] = self.context.program(vertex, fragment)
+        return self._surfaces[by_vertex, masked]
+
+    def _array(self, program: "moderngl.Program", faces: NDArray[np.uint32], buffers: list[Any]) -> Any:
+        # ModernGL refuses an empty buffer; a triangle without area shows nothing
+        faces = faces if len(faces) else np.zeros((1, 3), np.uint32)
+        used = [each for each in buffers if each[2] in program]  # a compiler drops what does not count
+        return self.context.vertex_array(program, used, self.context.buffer(np.ascontiguousarray(faces)))
+
+    def _texture(self, image: NDArray[np.uint8] | None) -> "moderngl.Texture | None":
+        if image is None:
+            return None
+        if id(image) not in self._textures:
+            # sRGB, so that the hardware filters linear light
+            texture = self.context.texture(image.shape[1::-1], 4, image.tobytes(), internal_format=0x8C43)
+            texture.build_mipmaps()
+            self._textures[id(image)] = texture
+        return self._textures[id(image)]
+
+    def picture(self, pixels: NDArray[np.uint8]) -> "moderngl.Texture":
+        """Return an image (h, w, 4) that covers the frame, for `draw`."""
+        texture = self.context.texture(pixels.shape[1::-1], 4, np.ascontiguousarray(pixels).tobytes())
+        texture.repeat_x = texture.repeat_y = False
+        return texture
+
+    def draw(
+        self,
+        camera: Camera,
+        stage: Stage,
+        surfaces: Sequence[Drawn],
+        background: "moderngl.Texture",
+        floor: Floor | None,
+        overlays: "Sequence[tuple[moderngl.Texture, float]]" = (),
+    ) -> NDArray[np.uint8]:
+        """Draw a frame.
+
+        Parameters
+        ----------
+        camera : Camera
+        stage : Stage
+        surfaces : sequence of Drawn
+        background : moderngl.Texture
+            From `picture`.
+        floor : Floor or None
+        overlays : sequence of (moderngl.Texture, float)
+            Pictures over the frame, and their opacities.
+
+        Returns
+        -------
+        (height, width, 4) uint8
+            sRGB; the fourth channel is undefined.
+        """
+        import moderngl
+
+        ctx = self.context
+        ctx.front_face = "cw"  # the projection turns pictures over
+        key = orthographic(KEY_DIRECTION, stage.center, stage.radius, stage.height)
+        sky = orthographic(np.array([0.0, 1.0, 0.0]), stage.center, stage.radius, stage.height)
+        ctx.enable_only(moderngl.DEPTH_TEST)
+        for target, light in ((self._key_map, key), (self._sky_map, sky)):
+            target.use()
+            target.clear()
+            _set(self._shadow, "light", light.matrix)
+            for each in surfaces:
+                each.shadow.render()
+        self._target.use()
+        self._target.clear()
+        ctx.enable_only(moderngl.BLEND)
+        self._show(background, 1.0)
+        matrix = camera.matrix(self.size)
+        for program in (*self._surfaces.values(), self._floor):
+            _set(program, "camera", matrix)
+            _set(program, "eye", camera.eye)
+            self._set_lights(program, stage, key, sky)
+        self._key_depths.use(1)
+        self._sky_depths.use(2)
+        if floor is not None:
+            ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
+            _set(self._floor, "middle", stage.center)
+            _set(self._floor, "reach", FLOOR_REACH * stage.radius)
+            _set(self._floor, "color", floor.color or (0.0, 0.0, 0.0))
+            _set(self._floor, "shadows_only", floor.color is None)
+            self._floor_quad.render(moderngl.TRIANGLE_STRIP)
+        for part in _in_order(surfaces, camera):
+            self._show_part(part)
+        ctx.enable_only(moderngl.BLEND)
+        for texture, opacity in overlays:
+            self._show(texture, opacity)
+        ctx.copy_framebuffer(self._resolved, self._target)
+        pixels = np.frombuffer(self._resolved.read(components=4), np.uint8)
+        return pixels.reshape(self.size[1], self.size[0], 4)
+
+    def _set_lights(self, program: "moderngl.Program", stage: Stage, key: Light, sky: Light) -> None:
+        _set(program, "key_light", key.matrix)
+        _set(program, "sky_light", sky.matrix)
+        _set(program, "key_depths", 1)
+        _set(program, "sky_depths", 2)
+        _set(program, "key_direction", KEY_DIRECTION)
+        _set(program, "key_color", KEY)
+        _set(program, "sky_color", SKY)
+        _set(program, "ground_color", BOUNCE)
+        _set(program, "key_blur", PENUMBRA * stage.size / (2 * key.half))
+        _set(program, "sky_blur", SKY_PENUMBRA * stage.size / (2 * sky.half))
+        _set(program, "lift", LIFT * stage.size + 3 * float(key.half.max()) / SHADOW_SIZE)
+
+    def _show_part(self, part: DrawnPart) -> None:
+        import moderngl
+
+        material = part.material
+        if part.texture is not None:
+            part.texture.use(0)
+        _set(part.program, "image", 0)
+        _set(part.program, "textured", part.texture is not None)
+        _set(part.program, "color", (*CLAY, 1.0) if material.plain else material.color)
+        _set(part.program, "cutoff", material.cutoff)
+        _set(part.program, "unlit", material.unlit)
+        _set(part.program, "two_sided", material.two_sided)
+        self.context.enable_only(
+            moderngl.DEPTH_TEST
+            | (moderngl.BLEND if material.opacity == "BLEND" else 0)
+            | (0 if material.two_sided else moderngl.CULL_FACE)
+        )
+        part.array.render()
+
+    def _show(self, texture: "moderngl.Texture", opacity: float) -> None:
+        import moderngl
+
+        texture.use(0)
+        _set(self._picture, "image", 0)
+        _set(self._picture, "opacity", opacity)
+        self._picture_quad.render(moderngl.TRIANGLE_STRIP)
+
+
+def _vertex_colors(material: Material) -> NDArray[np.float32]:
+    colors = material.vertex_colors
+    colors = np.ones((len(material.uv), 4), np.float32) if colors is None else colors
+    if material.opacity == "OPAQUE":  # glTF: opacity is ignored
+        return colors * np.array([1, 1, 1, 0], np.float32) + np.array([0, 0, 0, 1], np.float32)
+    return colors
+
+
+def _triangle_size(part: Part) -> float:
+    """Return the length of the sides of triangles of mean area."""
+    a, b, c = np.moveaxis(part.vertices[part.triangles], 1, 0)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return float(np.sqrt(2 * areas.mean())) if len(areas) else 0.0
+
+
+def _set(program: "moderngl.Program", name: str, value: Any) -> None:
+    """Set a uniform, unless the compiler has dropped it because it does not count."""
+    if name not in program:
+        return
+    uniform: Any = program[name]
+    if isinstance(value, np.ndarray) and value.ndim == 2:
+        uniform.write(value)
+    else:
+        uniform.value = value if np.ndim(value) == 0 else tuple(map(float, value))
+
+
+def _in_order(surfaces: Sequence[Drawn], camera: Camera) -> Iterator[DrawnPart]:
+    """Yield what is opaque, the nearest surface first, and then what is transparent, the farthest first."""
+    near = sorted(surfaces, key=lambda each: float(np.linalg.norm(each.center - camera.eye)))
+    yield from (part for each in near for part in each.parts if part.material.opacity != "BLEND")
+    yield from (part for each in reversed(near) for part in each.parts if part.material.opacity == "BLEND")
+
+
+def _context() -> "moderngl.Context":
+    """Return a context without a window."""
+    try:
+        import moderngl
+    except ImportError:
+        raise OutputError(
+            "film", found="no ModernGL", expected="the extra film, which draws frames", fix=INSTALL
+        ) from None
+    reasons = []
+    for options in NO_WINDOW:
+        try:
+            return moderngl.create_context(standalone=True, require=330, **options)
+        except Exception as error:  # the library raises plain exceptions
+            reasons.append(str(error))
+    raise OutputError(
+        "film",
+        found=f"no graphics library with OpenGL 3.3 ({'; '.join(dict.fromkeys(reasons))})",
+        expected="a graphics card's driver, or Mesa",
+        fix="On Debian: apt install libegl1 libgl1-mesa-dri",
+    )

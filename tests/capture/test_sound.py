@@ -1,0 +1,85 @@
+"""Sound beside a take: on the computer's clock whatever the sound card's does, and readable after a crash."""
+
+import itertools
+import wave
+
+import numpy as np
+import pytest
+
+from capture.sound import SAMPLE_RATE, Block, ClockedSound, WavWriter
+from puppetline.errors import OutputError
+
+BLOCK = 960
+
+
+def claps(seconds, drift, jitter=0.0, lost=(), every=10.0):
+    """Yield blocks of a card whose clock is too fast by `drift`, with a clap of one sample every 10 s."""
+    rng = np.random.default_rng(5)
+    rate = SAMPLE_RATE * (1 + drift)
+    marks = np.round(np.arange(every, seconds, every) * rate).astype(int)
+    for first in range(0, int(seconds * rate), BLOCK):
+        samples = np.zeros(BLOCK, np.float32)
+        inside = marks[(marks >= first) & (marks < first + BLOCK)] - first
+        samples[inside] = 1.0
+        now = first / rate
+        if not any(begin <= now < end for begin, end in lost):
+            yield Block(100.0 + now + jitter * rng.uniform(-1, 1), samples)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("drift", [1e-4, -3e-4])
+@pytest.mark.parametrize("jitter", [0.0, 0.004])
+def test_claps_of_ten_minutes_are_within_20_ms_although_the_clock_drifts(drift, jitter):
+    sound = ClockedSound()
+    heard = np.concatenate([sound.add(block) for block in claps(600, drift, jitter)])
+    places = np.flatnonzero(heard > 0.3) / SAMPLE_RATE
+    places = places[np.insert(np.diff(places) > 1, 0, True)]
+    expected = np.arange(10.0, 600, 10.0)
+    assert len(places) == len(expected)
+    late = places + (sound.start - 100.0) - expected
+    assert np.abs(late).max() < 0.020
+    assert np.abs(late[5:] - late[5:].mean()).max() < 0.004
+
+
+def test_without_drift_samples_stay_as_they_are():
+    sound, tone = ClockedSound(), np.sin(np.arange(48_000) / 7).astype(np.float32)
+    made = [sound.add(Block(5 + k / SAMPLE_RATE, tone[k : k + BLOCK])) for k in range(0, 48_000, BLOCK)]
+    made = np.concatenate(made)
+    np.testing.assert_allclose(made, tone[: len(made)], atol=1e-6)
+    assert len(made) >= 48_000 - 2
+
+
+def test_lost_blocks_become_silence_of_their_length():
+    sound = ClockedSound()
+    heard = np.concatenate([sound.add(block) for block in claps(60, 0.0, lost=[(12.0, 14.5)])])
+    places = np.flatnonzero(heard > 0.3) / SAMPLE_RATE
+    np.testing.assert_allclose(places, np.arange(10.0, 60, 10.0), atol=0.002)
+
+
+def test_a_file_is_readable_to_within_a_second_before_it_is_closed(tmp_path):
+    writer = WavWriter(tmp_path / "a.wav")
+    tone = np.sin(np.arange(480) / 9).astype(np.float32)
+    for _ in range(510):
+        writer.write(tone)
+    with wave.open(str(tmp_path / "a.wav")) as file:
+        assert (file.getframerate(), file.getnchannels(), file.getsampwidth()) == (SAMPLE_RATE, 1, 2)
+        assert 4.1 * SAMPLE_RATE <= file.getnframes() <= 5.1 * SAMPLE_RATE
+        samples = np.frombuffer(file.readframes(480), "<i2")
+    np.testing.assert_array_equal(samples, np.rint(tone * 32767))
+    writer.close()
+    writer.close()
+    with wave.open(str(tmp_path / "a.wav")) as file:
+        assert file.getnframes() == 510 * 480
+    assert writer.seconds == pytest.approx(5.1)
+
+
+def test_a_folder_that_does_not_exist_is_one_message(tmp_path):
+    with pytest.raises(OutputError, match="a file that cannot be written"):
+        WavWriter(tmp_path / "none" / "a.wav")
+
+
+def test_an_empty_block_changes_nothing():
+    sound = ClockedSound()
+    assert len(sound.add(Block(3.0, np.zeros(0, np.float32)))) == 0
+    assert sound.start is None
+    assert sum(len(sound.add(block)) for block in itertools.islice(claps(1, 0.0), 3)) >= 3 * BLOCK - 2

@@ -1,0 +1,90 @@
+"""The channel voice: opens and closes in time, ignores the room, and does not depend on blocks."""
+
+import shutil
+import subprocess
+import wave
+
+import numpy as np
+import pytest
+
+from capture.voice import STEP_SECONDS, Voice, voice_of
+
+RATE = 48_000
+
+
+def room(seconds, loudness=0.002, seed=1):
+    return loudness * np.random.default_rng(seed).normal(size=round(seconds * RATE))
+
+
+def tone(seconds, begin, end, loudness=0.3, pitch=180):
+    t = np.arange(round(seconds * RATE)) / RATE
+    harmonics = sum(np.sin(2 * np.pi * pitch * k * t) / k for k in range(1, 20))
+    return loudness * harmonics / np.abs(harmonics).max() * ((t >= begin) & (t < end))
+
+
+def heard(samples):
+    """Return the values, and the times at which the steps before them end."""
+    values = Voice(RATE).add(samples)
+    return values, (np.arange(len(values)) + 1) * STEP_SECONDS
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.0005, 0.002, 0.01])
+def test_a_voice_opens_within_60_ms_and_closes_within_150(noise):
+    values, times = heard(room(4, noise) + tone(4, 1.0, 2.0) + tone(4, 2.5, 3.0))
+    for begin, end in ((1.0, 2.0), (2.5, 3.0)):
+        assert times[(times >= begin) & (values > 0.5)][0] <= begin + 0.06
+        assert values[(times > begin + 0.1) & (times < end)].min() > 0.7
+        assert times[(times >= end) & (values < 0.1)][0] <= end + 0.15
+    assert values[times < 1.0].max(initial=0) <= 0.02
+
+
+@pytest.mark.parametrize("loudness", [0.0002, 0.002, 0.02])
+def test_the_room_stays_closed(loudness):
+    hum = loudness * 5 * np.sin(2 * np.pi * 50 * np.arange(20 * RATE) / RATE)
+    for noise in (room(20, loudness), room(20, loudness) + hum, np.zeros(5 * RATE)):
+        assert heard(noise)[0].max() <= 0.02
+
+
+def test_a_louder_room_is_the_new_floor_after_some_seconds():
+    values, times = heard(np.concatenate([room(3, 0.0005), room(20, 0.005)]))
+    assert values[times > 18].max() <= 0.02
+
+
+def test_a_quiet_microphone_gives_the_same_as_a_loud_one():
+    sound = room(3, 0.002) + tone(3, 1, 2)
+    loud, quiet = heard(sound)[0], heard(sound / 10)[0]
+    np.testing.assert_allclose(loud, quiet, atol=0.05)
+
+
+def test_blocks_do_not_matter():
+    sound = room(2) + tone(2, 0.5, 1)
+    voice = Voice(RATE)
+    parts = np.concatenate([voice.add(part) for part in np.split(sound, [1, 700, 5000, 41_111])])
+    np.testing.assert_array_equal(parts, heard(sound)[0])
+
+
+def test_values_are_at_the_times_of_the_sound():
+    values = voice_of(room(3, 0.001) + tone(3, 1, 2), RATE, np.array([-1.0, 0.5, 1.5, 2.5, 9.0]))
+    assert values == pytest.approx([0, 0, 1, 0, 0], abs=0.1)
+    assert voice_of(np.zeros(0), RATE, np.zeros(3)).tolist() == [0, 0, 0]
+
+
+@pytest.mark.skipif(shutil.which("espeak-ng") is None, reason="no espeak-ng")
+def test_speech_opens_and_closes_the_mouth(tmp_path):
+    subprocess.run(["espeak-ng", "-w", tmp_path / "a.wav", "One, two. Three, four."], check=True)
+    with wave.open(str(tmp_path / "a.wav")) as file:
+        rate = file.getframerate()
+        speech = np.frombuffer(file.readframes(file.getnframes()), "<i2") / 32768
+    quiet = np.zeros(rate)
+    sound = np.concatenate([quiet, speech, quiet])
+    sound = sound + 0.001 * np.random.default_rng(3).normal(size=len(sound))
+    values = Voice(rate).add(sound)
+    times = (np.arange(len(values)) + 1) * STEP_SECONDS
+    loud = np.sqrt(np.convolve(sound**2, np.full(rate // 50, 50 / rate), "same"))[
+        np.minimum((times * rate).astype(int), len(sound)) - 1
+    ]
+    first = times[loud > 0.1][0]
+    assert values[times < 1.0].max() <= 0.02
+    assert times[values > 0.3][0] <= first + 0.06
+    assert 3 <= np.count_nonzero(np.diff((values > 0.4).astype(int)) == 1) <= 14  # syllables
+    assert values[times > 1.15 + len(speech) / rate].max() <= 0.1

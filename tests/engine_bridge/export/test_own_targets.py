@@ -1,0 +1,56 @@
+"""Morph targets of the file that channels move, in all forms of an export and in films."""
+
+import numpy as np
+import pytest
+
+from capture.timeline import Timeline
+from engine_bridge.character import own_targets
+from engine_bridge.character.character import load_character
+from engine_bridge.character.document_reader import load_document
+from engine_bridge.export.convert import write
+from engine_bridge.performance.clip import load_timeline, perform
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.settings import Settings
+
+
+@pytest.mark.parametrize(
+    ("form", "limbs", "compact"),
+    [
+        ("morph", False, False),
+        ("morph", False, True),
+        ("frames", False, False),
+        ("rig", True, False),
+        ("rig", True, True),
+    ],
+)
+def test_a_target_follows_its_channel(talking, take, tmp_path, assert_valid_gltf, form, limbs, compact):
+    settings = Settings(form=form, compact=compact)
+    timeline, _ = load_timeline(take, settings)
+    voice = np.clip(np.sin(np.arange(len(timeline.positions)) / 3), 0, 1).astype(np.float32)
+    timeline = Timeline(timeline.fps, timeline.positions, timeline.confidence, (), channels={"voice": voice})
+    clip = perform(load_rig(talking(limbs)), timeline, settings, (), lambda *_: None)
+    write(clip, tmp_path / "out.glb", "clip", settings, lambda *_: None)
+    assert_valid_gltf(tmp_path / "out.glb")
+    document = load_document(tmp_path / "out.glb", (tmp_path / "out.glb").read_bytes())
+    animation = document.gltf["animations"][0]
+    (channel,) = [each for each in animation["channels"] if each["target"]["path"] == "weights"]
+    sampler = animation["samplers"][channel["sampler"]]
+    times = document.array(sampler["input"])
+    weights = document.array(sampler["output"]).reshape(len(times), -1)[:, 0]
+    played = np.interp(timeline.times, times, weights)
+    np.testing.assert_allclose(played, voice, atol=0.03 if compact else 1e-6)
+
+
+def test_displacements_are_those_of_the_world(glb, tmp_path):
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    moved = np.array([[0, 0, 0], [0, 0, 1], [0, 0, 0]], np.float32)
+    mesh = glb.mesh(
+        glb.primitive(corners, targets=[{"POSITION": moved}]), extras={"targetNames": ["jaw"]}, weights=[0.25]
+    )
+    glb.node(mesh, scale=[1, 1, 2], rotation=[0, np.sin(np.pi / 4), 0, np.cos(np.pi / 4)])
+    character = load_character(glb.save(tmp_path / "a.glb"))
+    assert own_targets.names_of(character) == ["jaw"]
+    np.testing.assert_allclose(
+        own_targets.displacements(character, "jaw"), [[0, 0, 0], [1.5, 0, 0], [0, 0, 0]], atol=1e-6
+    )
+    assert not own_targets.displacements(character, "brow").any()

@@ -1,0 +1,195 @@
+"""Films of scene files: frames, sound in step with the picture, parts, drafts, and files that are whole or absent."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from engine_bridge.character import own_targets
+from engine_bridge.film import film as films
+from engine_bridge.film.film import make_video
+from engine_bridge.film.production import produce
+from engine_bridge.film.scene import SceneError, load
+from engine_bridge.film.sound import SAMPLE_RATE
+from engine_bridge.pictures.gpu_renderer import GpuRenderer
+from puppetline.errors import OutputError
+
+from .conftest import quiet
+
+av = pytest.importorskip("av", reason="the extra film is not installed")
+
+SCENE = """
+[film]
+size = [64, 48]
+fps = 20
+
+[[character]]
+name = "a"
+puppet = "LIMBED"
+position = [-1, 0]
+height = 1.5
+
+[[character]]
+name = "b"
+puppet = "HANDLES"
+position = [1, 0]
+height = 1.5
+
+[[take]]
+character = "a"
+file = "TAKE"
+
+[[take]]
+character = "b"
+file = "TAKE"
+at = 0.5
+"""
+FRAMES = 10 + 39
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _opengl(opengl):
+    """All tests here draw."""
+
+
+def read_video(path):
+    """Return the frames (n, h, w, 3) of a video, their times, and its sound (n, 2) from time 0 on."""
+    with av.open(str(path)) as file:
+        frames = [(frame.time, frame.to_ndarray(format="rgb24")) for frame in file.decode(video=0)]
+    sound = np.zeros((0, 2))
+    with av.open(str(path)) as file:
+        if file.streams.audio:
+            blocks = list(file.decode(audio=0))
+            assert blocks[0].time == pytest.approx(0, abs=1e-3)
+            sound = np.concatenate([block.to_ndarray() for block in blocks], axis=1).T
+    return np.array([frame for _, frame in frames]), np.array([time for time, _ in frames]), sound
+
+
+@pytest.mark.parametrize("ending", ["mp4", "webm"])
+def test_every_frame_of_the_longest_take_is_in_the_video(write_scene, tmp_path, ending):
+    summary = make_video(write_scene(SCENE), tmp_path / f"film.{ending}", 0, None, False, quiet)
+    frames, times, sound = read_video(tmp_path / f"film.{ending}")
+    assert summary.frames == len(frames) == FRAMES
+    assert frames.shape[1:] == (48, 64, 3)
+    np.testing.assert_allclose(times, np.arange(FRAMES) / 20, atol=1e-3)
+    assert not len(sound)
+    assert np.ptp(frames, axis=0).max() > 60  # somebody moves
+
+
+@pytest.mark.slow
+def test_a_gif_has_fewer_frames_and_the_colours_of_the_film(write_scene, tmp_path):
+    summary = make_video(write_scene(SCENE), tmp_path / "film.gif", 0, None, False, quiet)
+    frames, _, _ = read_video(tmp_path / "film.gif")
+    assert summary.fps == 10
+    assert len(frames) == FRAMES // 2 + 1
+    make_video(write_scene(SCENE), tmp_path / "film.mp4", 0, None, False, quiet)
+    film, _, _ = read_video(tmp_path / "film.mp4")
+    assert np.abs(frames[3].astype(int) - film[6]).mean() < 6
+
+
+@pytest.mark.slow
+def test_a_part_shows_the_same_frames_as_the_whole_film(write_scene, tmp_path, monkeypatch):
+    shown = []
+    draw = films._View.draw
+    monkeypatch.setattr(
+        films._View, "draw", lambda view, frame: shown.append((frame, draw(view, frame))) or shown[-1][1]
+    )
+    path = write_scene(SCENE + '[[title]]\ntext = "a"\n[[camera]]\nmode = "follow"\n[[camera]]\nat = 1\nshow = ["b"]\n')
+    make_video(path, tmp_path / "whole.mp4", 0, None, False, quiet)
+    whole, shown[:] = dict(shown), []
+    make_video(path, tmp_path / "part.mp4", 0.9, 1.2, False, quiet)
+    assert [frame for frame, _ in shown] == list(range(18, 24))
+    for frame, pixels in shown:
+        np.testing.assert_array_equal(pixels[..., :3], whole[frame][..., :3])
+
+
+def test_a_draft_has_half_the_size_and_half_the_frames(write_scene, tmp_path):
+    summary = make_video(write_scene(SCENE), tmp_path / "film.mp4", 0, None, True, quiet)
+    assert (summary.width, summary.height, summary.frames, summary.fps) == (32, 24, FRAMES // 2 + 1, 10)
+    assert summary.seconds == pytest.approx((FRAMES + 1) / 20)
+
+
+@pytest.mark.parametrize("ending", ["mp4", "webm"])
+@pytest.mark.parametrize("start", [0.0, 0.5])
+def test_a_clap_is_heard_when_it_is_seen(write_scene, write_wav, tmp_path, ending, start):
+    """A white title of one frame is the clap in the picture."""
+    clap = np.zeros(3 * SAMPLE_RATE)
+    at = round(1.25 * SAMPLE_RATE)
+    clap[at : at + 200] = 0.9 * np.sin(np.arange(200) / 4)
+    write_wav(clap)
+    text = SCENE.replace("[film]", '[background]\ncolor = "black"\n[floor]\nshow = false\n[film]')
+    title = '[[title]]\ntext = "####"\nat = 1.25\nseconds = 0.04\nfade = 0\nsize = 1.0\n'
+    path = write_scene(text + title + '[[sound]]\nfile = "sound.wav"\n')
+    make_video(path, tmp_path / f"film.{ending}", start, None, False, quiet)
+    frames, times, sound = read_video(tmp_path / f"film.{ending}")
+    seen = times[frames.mean(axis=(1, 2, 3)).argmax()]
+    heard = np.flatnonzero(np.abs(sound[:, 0]) > 0.3)[0] / SAMPLE_RATE
+    assert seen == pytest.approx(1.25 - start, abs=1e-3)
+    assert heard == pytest.approx(1.25 - start, abs=0.01)
+
+
+def test_a_character_is_drawn_with_its_mouth_open_when_it_speaks(write_scene, talking, monkeypatch):
+    path = write_scene(SCENE.replace("LIMBED", str(talking(False))))
+    actor = produce(path, load(path), quiet).actors[0]
+    with GpuRenderer((16, 16)) as renderer:
+        drawn, shown = films._DrawnActor(actor, renderer), []
+        drawn.drawn.move = lambda positions, _normals: shown.append(positions)
+        for value in (0.0, 1.0, 0.0):
+            monkeypatch.setattr(actor, "channels", lambda _frame, value=value: {"voice": value})
+            drawn.move(0)
+    moved = np.linalg.norm(shown[1] - shown[0], axis=1) / actor.footing.scale
+    expected = np.linalg.norm(own_targets.displacements(actor.rig.character, "jaw"), axis=1)
+    np.testing.assert_allclose(moved, expected, atol=0.05 * expected.max())
+    np.testing.assert_array_equal(shown[2], shown[0])
+
+
+def test_an_interrupt_leaves_no_file(write_scene, tmp_path):
+    calls = itertools.count()
+
+    def stop(step, _share):
+        if step == "Filming" and next(calls) == 5:
+            raise KeyboardInterrupt
+
+    path = write_scene(SCENE)
+    with pytest.raises(KeyboardInterrupt):
+        make_video(path, tmp_path / "film.mp4", 0, None, False, stop)
+    assert {each.name for each in tmp_path.iterdir()} == {"scene.toml"}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('[[sound]]\nfile = "none.wav"', r"\[\[sound\]\] 1, file: found the missing file"),
+        ('[background]\npicture = "none.png"', r"\[background\], picture: found .*none\.png, which cannot be opened"),
+        (
+            '[[title]]\ntext = "a"\nfont = "none.ttf"',
+            r"\[\[title\]\] 1, font: found .*none\.ttf, which cannot be opened",
+        ),
+    ],
+)
+def test_a_missing_file_is_one_message_before_the_work(write_scene, tmp_path, text, message):
+    steps = []
+    with pytest.raises(SceneError, match=message):
+        make_video(write_scene(SCENE + text), tmp_path / "film.mp4", 0, None, False, lambda *step: steps.append(step))
+    assert not steps
+
+
+def test_a_part_after_the_end_is_refused(write_scene, tmp_path):
+    with pytest.raises(SceneError, match=r"a film of 2\.45 s; expected a film that has frames from second 3 on"):
+        make_video(write_scene(SCENE), tmp_path / "film.mp4", 3, None, False, quiet)
+
+
+def test_another_ending_is_refused(write_scene, tmp_path):
+    with pytest.raises(OutputError, match=r"'\.avi'; expected one of \.mp4, \.webm, \.gif, \.glb"):
+        make_video(write_scene(SCENE), tmp_path / "film.avi", 0, None, False, quiet)
+
+
+def test_without_a_graphics_library_the_message_says_what_to_install(write_scene, tmp_path, monkeypatch):
+    import moderngl
+
+    def none(**_):
+        raise RuntimeError("libEGL.so not loaded")
+
+    monkeypatch.setattr(moderngl, "create_context", none)
+    with pytest.raises(OutputError, match=r"libEGL\.so not loaded.*apt install libegl1"):
+        GpuRenderer((16, 16))

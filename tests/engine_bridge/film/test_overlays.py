@@ -1,0 +1,52 @@
+"""Titles and backgrounds: where they are, and what cannot be shown."""
+
+import numpy as np
+import pytest
+from PIL import Image, ImageFont
+
+from engine_bridge.film import overlays
+from engine_bridge.film.scene import BackgroundTable, SceneError, TitleTable
+
+SIZE = (320, 180)
+
+
+@pytest.mark.parametrize(("place", "rows"), [("top", (10, 50)), ("middle", (70, 110)), ("bottom", (130, 170))])
+def test_a_title_is_centred_at_its_place(tmp_path, place, rows):
+    picture = overlays.title(TitleTable(text="HOH", place=place), SIZE, "title", tmp_path)
+    shown = picture[..., 3] > 0
+    inside = np.flatnonzero(shown.any(axis=1))
+    assert rows[0] <= inside.min() < inside.max() < rows[1]
+    columns = np.flatnonzero(shown.any(axis=0))
+    assert columns.min() + columns.max() == pytest.approx(SIZE[0], abs=4)
+    assert (picture[picture[..., 3] == 255][:, :3] == 255).all(axis=1).any()
+
+
+def test_a_title_fades_in_and_out():
+    table = TitleTable(text="a", at=1, seconds=2, fade=0.5)
+    times = [0.9, 1.0, 1.25, 2.0, 2.75, 3.0, 3.1]
+    assert [overlays.opacity(table, time) for time in times] == pytest.approx([0, 0, 0.5, 1, 0.5, 0, 0])
+    assert overlays.opacity(TitleTable(text="a", fade=0), 0) == 1
+
+
+def test_letters_that_no_font_has_are_one_message(tmp_path, monkeypatch):
+    def none(name, height):
+        raise OSError("cannot open resource")
+
+    monkeypatch.setattr(ImageFont, "truetype", none)
+    with pytest.raises(SceneError, match=r"title, text: found the letters ßö; expected .*Add a font"):
+        overlays.title(TitleTable(text="Größe"), SIZE, "title", tmp_path)
+
+
+def test_a_background_runs_from_its_first_colour_to_its_second(tmp_path):
+    pixels = overlays.background(BackgroundTable(colors=("black", "#ff8000")), SIZE, tmp_path / "scene.toml")
+    assert pixels[0, 0].tolist() == [0, 0, 0, 255]
+    assert pixels[-1, 0].tolist() == [255, 128, 0, 255]
+    assert (np.diff(pixels[:, 0, 0].astype(int)) >= 0).all()
+
+
+def test_a_picture_covers_the_frame_without_being_stretched(tmp_path):
+    Image.fromarray(np.tile(np.arange(100, dtype=np.uint8)[:, None, None], (1, 100, 3))).save(tmp_path / "a.png")
+    pixels = overlays.background(BackgroundTable(picture="a.png"), SIZE, tmp_path / "scene.toml")
+    assert pixels.shape == (180, 320, 4)
+    assert pixels[0, 0, 0] == pytest.approx((100 - 100 * 9 / 16) / 2, abs=2)
+    assert pixels[-1, 0, 0] == pytest.approx((100 + 100 * 9 / 16) / 2, abs=2)

@@ -1,0 +1,164 @@
+"""Takes on the film's clock: what a character does at each frame, and where it stands."""
+
+import numpy as np
+import pytest
+
+from capture.events import Cue
+from engine_bridge.film.scene import SceneError
+from engine_bridge.performance.clip import load_timeline, solve
+from engine_bridge.performance.settings import Settings
+from puppetline.errors import SkeletonLogError
+
+from .conftest import quiet
+
+CHARACTER = '[[character]]\nname = "a"\npuppet = "LIMBED"\nposition = [1, 2]\nturn = 90\nheight = 1.5\n'
+TAKE = '[[take]]\ncharacter = "a"\nfile = "TAKE"\n'
+
+
+@pytest.fixture
+def solved(take):
+    """Return the control variables and the roots of the whole take, as `convert` computes them."""
+
+    def of(rig):
+        settings = Settings()
+        timeline, _ = load_timeline(take, settings)
+        (everything,) = solve(rig, timeline, settings, len(timeline.positions))
+        return everything
+
+    return of
+
+
+def test_a_take_is_what_convert_makes_of_it(produced, solved):
+    production = produced(CHARACTER + TAKE)
+    actor = production.actors[0]
+    expected = solved(actor.rig)
+    assert production.frames == len(expected.R) == 58
+    for frame in (0, 1, 30, 57):
+        np.testing.assert_array_equal(actor.controls(frame), expected.R[frame])
+        np.testing.assert_array_equal(actor.root(frame), expected.root[frame])
+        np.testing.assert_array_equal(actor.bones(frame), expected.motions[frame])
+
+
+def test_a_part_of_a_take_begins_at_its_time_and_holds_its_ends(produced, solved):
+    production = produced(CHARACTER + TAKE + "at = 0.5\nstart = 0.4\nstop = 1.2\n[film]\nseconds = 3")
+    actor = production.actors[0]
+    expected = solved(actor.rig).R
+    assert production.frames == 90
+    for frame, row in ((0, 12), (15, 12), (16, 13), (39, 36), (40, 36), (89, 36)):
+        np.testing.assert_array_equal(actor.controls(frame), expected[row])
+
+
+def test_a_character_without_a_take_stays_at_rest(produced):
+    actor = produced(CHARACTER + "[film]\nseconds = 1").actors[0]
+    np.testing.assert_allclose(actor.controls(7), actor.rig.model.rest_controls, atol=1e-7)
+    assert (actor.root(7) == 0).all()
+
+
+def test_a_muted_take_is_not_played(produced):
+    actor = produced(CHARACTER + TAKE + 'mute = true\n[[take]]\ncharacter = "a"\nfile = "TAKE"\nstart = 1').actors[0]
+    assert actor.end == 28
+
+
+def test_the_lowest_vertex_stands_on_the_floor_where_the_scene_says(produced):
+    actor = produced(CHARACTER + "[film]\nseconds = 1").actors[0]
+    vertices = actor.rig.character.vertices
+    linear = actor.to_stage(0)
+    placed = vertices @ linear[:3] + linear[3]
+    assert placed[:, 1].min() == pytest.approx(0, abs=1e-9)
+    assert placed[:, 1].max() == pytest.approx(1.5)
+    np.testing.assert_allclose(np.array([[0.0, actor.footing.low, 0.0, 1]]) @ np.array(linear), [[1, 0, 2]], atol=1e-9)
+    # a quarter turn to its left: what was in front, at +z, is at +x
+    assert (linear[:3].T @ [0, 0, 1] * 1 / actor.footing.scale)[0] == pytest.approx(1)
+
+
+def test_a_loop_goes_on_where_the_character_is(produced):
+    production = produced(CHARACTER + TAKE + "start = 0.2\nstop = 1.5\nloop = 3\nfade = 0.2")
+    actor = production.actors[0]
+    assert production.frames == 3 * 40 - 2 * 6
+    stage = np.array([actor.to_stage(frame)[3] for frame in range(production.frames)])
+    steps = np.linalg.norm(np.diff(stage, axis=0)[:, [0, 2]], axis=1)
+    inside = produced(CHARACTER + TAKE).actors[0]
+    way = np.array([inside.to_stage(frame)[3] for frame in range(58)])
+    usual = np.linalg.norm(np.diff(way, axis=0)[:, [0, 2]], axis=1).max()
+    assert steps.max() <= 2 * usual  # both takes move during a cross-fade
+
+
+def test_a_cross_fade_moves_no_vertex_faster_than_the_way_between_the_poses(produced):
+    text = CHARACTER + TAKE + "stop = 1\n" + TAKE + "start = 1.2\nfade = 0.3"
+    actor = produced(text).actors[0]
+    R = np.array([actor.controls(frame) for frame in range(actor.end)])
+    size = np.abs(np.diff(R, axis=0)).max(axis=(1, 2))
+    cut = produced(text.replace("0.3", "0")).actors[0]
+    jump = np.abs(cut.controls(31) - cut.controls(30)).max()
+    begin = 31 - 9
+    assert size[begin - 1 : begin + 10].max() < 0.35 * jump + np.median(size) * 3
+    assert size[begin + 8 : begin + 10].max() < 0.35 * jump + np.median(size) * 3
+
+
+def test_a_new_place_is_reached_during_the_cross_fade(produced):
+    text = CHARACTER + TAKE + "stop = 1\n" + TAKE + "position = [3, 4]\nturn = -170\nfade = 0.5"
+    actor = produced(text).actors[0]
+    begin = 31 - 15
+    places = [actor.place(frame) for frame in range(begin + 16)]
+    np.testing.assert_array_equal(places[begin - 1].position, [1, 0, 2])
+    np.testing.assert_array_equal(places[begin + 15].position, [3, 0, 4])
+    turns = np.array([place.turn for place in places[begin - 1 :]])
+    assert turns[0] == 90
+    assert turns[-1] == -170
+    assert np.abs((np.diff(turns) + 180) % 360 - 180).max() < 15  # by the shorter way
+
+
+def test_boxes_contain_the_character_and_lift_one_without_legs_onto_the_floor(produced):
+    text = '[[character]]\nname = "a"\npuppet = "HANDLES"\n' + TAKE
+    production = produced(text)
+    boxes = production.boxes(quiet)["a"]
+    assert boxes.shape == (58, 2, 3)
+    assert boxes[:, 0, 1].min() == pytest.approx(0, abs=1e-6)
+
+
+def take_with_sound(tmp_path, record_events, frames, dance, begin):
+    """A take whose first frame is at 5 s, and whose sound begins at another time of its clock."""
+    cue = Cue(5.0, "sound", {"file": "sound.wav", "at": begin})
+    first, *others = frames(dance(), 5.0)
+    return record_events(tmp_path / "loud.log", [first, cue, *others])
+
+
+@pytest.mark.parametrize(("begin", "at", "start"), [(4.5, 2.0, 0.9), (5.6, 2.2, 0.0)])
+def test_the_sound_beside_a_take_is_in_step_with_it(
+    produced, tmp_path, write_wav, record_events, frames, dance, begin, at, start
+):
+    write_wav(np.zeros(100))
+    take_with_sound(tmp_path, record_events, frames, dance, begin)
+    production = produced(CHARACTER + TAKE.replace("TAKE", "loud.log") + "at = 2\nstart = 0.4\nstop = 1.2")
+    (sound,) = production.sounds
+    assert sound.file == str(tmp_path / "sound.wav")
+    assert (sound.at, sound.start) == pytest.approx((at, start))
+    assert sound.stop == pytest.approx(1.2 + 1 / 30 - (begin - 5))
+
+
+def test_the_rest_is_played_if_the_sound_of_a_take_is_missing(produced, tmp_path, record_events, frames, dance):
+    take_with_sound(tmp_path, record_events, frames, dance, 5.0)
+    production = produced(CHARACTER + TAKE.replace("TAKE", "loud.log"))
+    assert production.sounds == ()
+    assert production.notes[-1] == f"The sound of a take, {tmp_path / 'sound.wav'}, is missing; the rest is played."
+    assert produced(CHARACTER + TAKE.replace("TAKE", "loud.log") + "sound = false").notes[-1:] != production.notes[-1:]
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "message"),
+    [
+        (TAKE.replace("TAKE", "none.log"), SceneError, r"\[\[take\]\] 1, file: found the missing file .*none\.log"),
+        (TAKE.replace("TAKE", "LIMBED"), SkeletonLogError, "expected"),
+        (TAKE + "user = 7", SkeletonLogError, "no user 7"),
+        (TAKE + "start = 9", SceneError, r"\[\[take\]\] 1, start: found 9 s in a recording of 1\.90 s"),
+        (TAKE + "at = 1\n" + TAKE + "at = 0.5", SceneError, r"\[\[take\]\] 2, at: found 0\.5 s, which is not after"),
+    ],
+)
+def test_a_take_that_cannot_be_played_is_one_message(produced, text, error, message):
+    with pytest.raises(error, match=message):
+        produced(CHARACTER + text)
+
+
+def test_a_missing_puppet_is_one_message(produced):
+    with pytest.raises(Exception, match=r"none\.toml: found a file that cannot be read"):
+        produced('[[character]]\nname = "a"\npuppet = "none.toml"\n[film]\nseconds = 1')

@@ -1,0 +1,71 @@
+"""Scene files: what they may say, and what is said about their mistakes."""
+
+import pytest
+
+from engine_bridge.film import scene as scenes
+from engine_bridge.film.scene import SceneError
+
+CHARACTER = '[[character]]\nname = "a"\npuppet = "a.toml"\n'
+TAKE = '[[take]]\ncharacter = "a"\nfile = "a.log"\n'
+
+
+@pytest.fixture
+def load(tmp_path):
+    def read(text):
+        (tmp_path / "scene.toml").write_text(text)
+        return scenes.load(tmp_path / "scene.toml")
+
+    return read
+
+
+def test_a_character_and_a_take_are_enough(load):
+    scene = load(CHARACTER + TAKE)
+    assert scene.film.size == (1280, 720)
+    assert scene.film.fps == 30
+    assert scene.take[0].loop == 1
+    assert scene.camera == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "where", "found", "fix"),
+    [
+        (TAKE, "character", "nothing", "Add a table [[character]] there."),
+        (CHARACTER, "the whole file", "no take", "Add a table [[take]], or the key seconds in [film]."),
+        (CHARACTER * 2 + TAKE, "[[character]] 2 'a', name", "a second character named 'a'", "Rename one of the two."),
+        (CHARACTER + TAKE.replace('"a"', '"b"'), "[[take]] 1, character", "'b', which is not", "Correct the name"),
+        (CHARACTER + TAKE + "stop = 1\nstart = 2", "[[take]] 1, stop", "1 s", "Raise stop, or remove it."),
+        (CHARACTER + TAKE + "lop = 2", "[[take]] 1, lop", "the unknown key 'lop'", "Did you mean 'loop'?"),
+        (CHARACTER + TAKE + "[film]\nsize = [1281, 720]", "[film], size", "1281 × 720 pixels", "Write it like [1280"),
+        (CHARACTER + TAKE + '[floor]\ncolor = "gren"', "[floor], color", "'gren'", "Write it like"),
+        (
+            CHARACTER + TAKE + '[background]\ncolor = "red"\npicture = "a.png"',
+            "[background], picture",
+            "color and picture",
+            "Remove the others.",
+        ),
+        (
+            CHARACTER + TAKE + "[[camera]]\nat = 2\n[[camera]]\nat = 1",
+            "[[camera]] 2, at",
+            "1 s after a camera at 2 s",
+            "Give each camera a later time",
+        ),
+        (
+            CHARACTER + TAKE + '[[camera]]\nshow = ["c"]',
+            "[[camera]] 1, show, 1",
+            "'c', which is not",
+            "Correct the name",
+        ),
+        (CHARACTER + TAKE + "[film]\nfps = 0", "[film], fps", "0", "Change the value of that key."),
+    ],
+)
+def test_a_mistake_is_explained_in_terms_of_the_file(load, text, where, found, fix):
+    with pytest.raises(SceneError) as error:
+        load(text)
+    assert error.value.where.endswith(f"scene.toml, {where}")
+    assert error.value.found.startswith(found)
+    assert error.value.fix.startswith(fix)
+
+
+def test_a_missing_scene_file_is_one_message(tmp_path):
+    with pytest.raises(SceneError, match=r"none\.toml: found a file that cannot be read .* expected a scene file"):
+        scenes.load(tmp_path / "none.toml")

@@ -1,0 +1,142 @@
+"""Channels: from the sound beside a take to jaws that open and morph targets that move."""
+
+import wave
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from capture.events import Cue
+from engine_bridge.performance.channels import Bends, morph_weights
+from engine_bridge.performance.clip import load_timeline, solve
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.settings import Settings
+from engine_bridge.puppet import puppet_file
+from engine_bridge.puppet.puppet import BendTable
+from engine_bridge.puppet.puppet_document import with_puppet
+from puppetline.errors import PuppetError
+from solver.motion.limbs import bones_of
+
+RATE = 48_000
+BEND = 'bend = { channel = "voice", degrees = 30, axis = "x" }\n'
+
+
+def write_sound(path, samples):
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(RATE)
+        file.writeframes(np.rint(samples * 32767).astype("<i2").tobytes())
+
+
+@pytest.fixture
+def loud_take(tmp_path, record_events, frames, dance):
+    """A take beside which somebody speaks from 0.8 s to 1.4 s after its first frame; the sound begins 0.5 s earlier."""
+    first, *others = frames(dance(), 7.0)
+    cue = Cue(7.0, "sound", {"file": "loud.wav", "at": 6.5})
+    t = np.arange(3 * RATE) / RATE
+    tone = 0.3 * np.sin(2 * np.pi * 200 * t) * ((t >= 1.3) & (t < 1.9))
+    write_sound(tmp_path / "loud.wav", tone + 0.001 * np.random.default_rng(1).normal(size=len(t)))
+    return record_events(tmp_path / "loud.log", [first, cue, *others])
+
+
+@pytest.fixture
+def bent_puppet(blob_file, write_puppet, limb_tables):
+    """The figure, whose head is bent by the voice."""
+    text = limb_tables.replace(
+        'joints = ["shoulder_center", "head"]\n', 'joints = ["shoulder_center", "head"]\n' + BEND
+    )
+    return write_puppet(blob_file.with_name("bent.toml"), blob_file.name, handles=text)
+
+
+def test_a_take_has_the_voice_of_the_sound_beside_it(loud_take):
+    timeline, _ = load_timeline(loud_take, Settings())
+    voice = timeline.channels["voice"]
+    assert voice[timeline.times < 0.8].max() <= 0.02
+    assert voice[(timeline.times > 0.9) & (timeline.times < 1.35)].min() > 0.8
+    assert voice[timeline.times > 1.55].max() <= 0.1
+    assert timeline.frame(30).channels == {"voice": pytest.approx(float(voice[30]))}
+    assert timeline.part(20, 40).channels["voice"].tolist() == voice[20:40].tolist()
+
+
+def test_a_take_whose_sound_is_damaged_is_played_without_it(loud_take):
+    loud_take.with_suffix(".wav").write_bytes(b"RIFF")
+    timeline, notes = load_timeline(loud_take, Settings())
+    assert timeline.channels is None
+    assert any("cannot be read" in note and "mouths stay closed" in note for note in notes)
+
+
+def test_a_limb_bends_about_its_first_point_and_carries_what_hangs_on_it(bent_puppet):
+    puppet = puppet_file.load(bent_puppet)
+    bones = bones_of(puppet.limbs)
+    rng = np.random.default_rng(2)
+    motions = np.array(
+        [np.vstack([Rotation.random(random_state=k).as_matrix(), rng.normal(size=3)]) for k in range(len(bones))]
+    )
+    bent = Bends(puppet, bones).bent(motions, {"voice": 0.5})
+    (head,) = [b for b in range(len(bones)) if np.allclose(bones.heads[b], [0, 1.25, 0])]
+    others = [b for b in range(len(bones)) if b != head]
+    np.testing.assert_array_equal(bent[others], motions[others])
+    turn = Rotation.from_rotvec([np.radians(15), 0, 0])
+    point = np.array([0.1, 1.7, 0.3])
+    expected = (turn.apply(point - bones.heads[head]) + bones.heads[head]) @ motions[head, :3] + motions[head, 3]
+    np.testing.assert_allclose(point @ bent[head, :3] + bent[head, 3], expected, atol=1e-12)
+    assert Bends(puppet, bones).bent(motions, None) is motions
+
+
+def test_the_character_opens_its_mouth_when_the_performer_speaks(bent_puppet, limbed_puppet, loud_take):
+    rig, plain = load_rig(bent_puppet), load_rig(limbed_puppet)
+    timeline, _ = load_timeline(loud_take, Settings())
+    (bent,) = solve(rig, timeline, Settings(), 100)
+    (same,) = solve(plain, timeline, Settings(), 100)
+    moved = np.abs(bent.motions - same.motions).max(axis=(1, 2, 3))
+    quiet, loud = timeline.channels["voice"] == 0, timeline.channels["voice"] > 0.8
+    assert moved[quiet].max() < 1e-6
+    assert moved[loud].min() > 0.2
+    assert np.abs(bent.R - same.R).max(axis=(1, 2))[loud].min() > 0.01
+
+
+def test_a_puppet_file_keeps_bends_and_morphs(bent_puppet, tmp_path):
+    text = bent_puppet.read_text() + '[[morph]]\ntarget = "jawOpen"\nchannel = "voice"\ngain = 0.5\n'
+    puppet = puppet_file.loads(text, "a.toml")
+    puppet_file.dump(puppet, tmp_path / "b.toml")
+    assert puppet_file.load(tmp_path / "b.toml") == puppet
+    assert 'bend = {channel = "voice", degrees = 30.0}' in (tmp_path / "b.toml").read_text()
+
+
+def test_an_edited_bend_is_written_into_the_file(bent_puppet):
+    text = bent_puppet.read_text()
+    before = puppet_file.loads(text, "a.toml")
+    limbs = list(before.limb)
+    bend = BendTable(channel="voice", degrees=12, axis="-z")
+    limbs[1] = limbs[1].model_copy(update={"bend": bend})
+    limbs[2] = limbs[2].model_copy(update={"bend": bend})
+    after = before.model_copy(update={"limb": tuple(limbs)})
+    assert puppet_file.loads(with_puppet(text, before, after), "a.toml") == after
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (
+            '[[morph]]\ntarget = "jawOpen"\nchannel = "voice"\n',
+            r"\[\[morph\]\] 1, target: found 'jawOpen', which is not",
+        ),
+        ('[[morph]]\ntarget = "jawOpen"\nchannel = "loudness"\n', r"\[\[morph\]\] 1, channel: found 'loudness'"),
+    ],
+)
+def test_a_wrong_target_or_channel_is_one_message(blob_puppet, tmp_path, more, message):
+    path = tmp_path / "a.toml"
+    path.write_text(blob_puppet.read_text().replace("blob.glb", str(blob_puppet.with_name("blob.glb"))) + more)
+    with pytest.raises(PuppetError, match=message):
+        load_rig(path)
+
+
+def test_weights_of_targets_follow_their_channels_within_0_and_1(blob_puppet):
+    text = blob_puppet.read_text() + "".join(
+        f'[[morph]]\ntarget = "{target}"\nchannel = "voice"\ngain = {gain}\n' for target, gain in (("a", 2), ("b", -1))
+    )
+    puppet = puppet_file.loads(text, "a.toml")
+    weights = morph_weights(puppet, {"voice": np.array([0, 0.25, 1], np.float32)})
+    assert {name: values.tolist() for name, values in weights.items()} == {"a": [0, 0.5, 1], "b": [0, 0, 0]}
+    assert morph_weights(puppet, None) == {}

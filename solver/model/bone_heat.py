@@ -80,7 +80,7 @@ def heat_shares(
         seen, source = regions.owner >= 0, np.eye(len(bones))[owner]
     heat = np.where(seen, mass * HEAT / np.maximum(distance, MIN_DISTANCE_DIAGONALS) ** 2, 0.0)
     shares = solve(scipy.sparse.csr_matrix(scipy.sparse.diags(heat) - L), heat[:, None] * source, mesh.vertices)
-    shares = np.maximum(shares, 0.0)
+    np.maximum(shares, 0.0, out=shares)
     shares /= shares.sum(axis=1, keepdims=True)
     whole = regions.whole_parts(mesh)
     shares[whole >= 0] = np.eye(len(bones))[whole[whole >= 0]]
@@ -108,7 +108,8 @@ def _sources(mesh: SolverMesh, bones: Bones) -> tuple[NDArray[np.float64], NDArr
         foot = _foot(vertices[vertex], heads[segment], axes[segment])
         hidden = tree.crossed(vertices[vertex], foot, np.full(len(vertex), HIDING_DIAGONALS * size))
         source[start + vertex[~hidden], bone[segment[~hidden]]] = 1.0
-    return source / np.maximum(source.sum(axis=1, keepdims=True), 1.0), nearest
+    source /= np.maximum(source.sum(axis=1, keepdims=True), 1.0)
+    return source, nearest
 
 
 def _foot(points: NDArray[np.float64], head: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[np.float64]:

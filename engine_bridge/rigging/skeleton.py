@@ -157,8 +157,9 @@ def _pose(parents, bones, heads, axes, origin, world, scale, motions, root, posi
 def along_bones(joints: Sequence[Joint], basis: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return axes of joints whose y axes point from head to tail.
 
-    The z axis is as near as possible to the character's front, or for bones that point there, to up. A joint at the tip
-    of a limb has the axes of its parent.
+    The z axis of a limb's first joint is as near as possible to the character's front, or for bones that point there,
+    to up. The least rotation from bone to bone leads from there to the further joints of the limb, so that all of them
+    bend about similar axes. A joint at the tip of a limb has the axes of its parent.
 
     Parameters
     ----------
@@ -180,6 +181,9 @@ def along_bones(joints: Sequence[Joint], basis: NDArray[np.float64]) -> NDArray[
                 axes[row] = axes[joint.parent]
             continue
         y = along / length
+        if joint.limb and joint.parent >= 0 and joints[joint.parent].limb == joint.limb:
+            axes[row] = _least(axes[joint.parent][:, 1], y) @ axes[joint.parent]
+            continue
         toward = basis[2] if abs(y @ basis[2]) <= MAX_ROLL_COSINE else basis[1]
         x = np.cross(y, toward)
         x /= np.linalg.norm(x)

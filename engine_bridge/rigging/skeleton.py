@@ -182,10 +182,10 @@ def along_bones(joints: Sequence[Joint], basis: NDArray[np.float64]) -> NDArray[
             continue
         y = along / length
         if joint.limb and joint.parent >= 0 and joints[joint.parent].limb == joint.limb:
-            axes[row] = _least(axes[joint.parent][:, 1], y) @ axes[joint.parent]
-            continue
-        toward = basis[2] if abs(y @ basis[2]) <= MAX_ROLL_COSINE else basis[1]
-        x = np.cross(y, toward)
+            x = _least(axes[joint.parent][:, 1], y) @ axes[joint.parent][:, 0]
+            x -= (x @ y) * y  # rounding would add up over many bones
+        else:
+            x = np.cross(y, basis[2] if abs(y @ basis[2]) <= MAX_ROLL_COSINE else basis[1])
         x /= np.linalg.norm(x)
         axes[row] = np.column_stack([x, y, np.cross(x, y)])
     return axes

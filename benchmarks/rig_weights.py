@@ -2,9 +2,11 @@
 
     python -m benchmarks.rig_weights --data FOLDER [--only NAME …]
 
-Each rigged character of FOLDER/mesh/gltf is posed at random by its own skin. Then the skin is taken away, and the same
-bones move the mesh by weights of Blender and of Puppetline, and by the reduced model. Distances are root mean squares
-over vertices and poses, in per cent of the diagonal. Blender's module is that of `make peers`.
+The limbs of each rigged character of FOLDER/mesh/gltf are found in its file, and their bones are posed at random. The
+artist's weights, added up by bone, move the mesh with these bones. Then the skin is taken away, and the same bones move
+the mesh by weights of Blender and of Puppetline, and by the reduced model. Distances from the artist's surface are root
+mean squares over vertices and poses, in per cent of the diagonal. Characters whose skeleton lacks a limb are omitted.
+Blender's module is that of `make peers`.
 """
 
 import argparse
@@ -18,15 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character, load_character, make_character
-from engine_bridge.character.document import Document
-from engine_bridge.character.scene import skinning, world_transforms
-from engine_bridge.export.animation import Keyframes
-from engine_bridge.export.rig_animation import animate_rig
 from engine_bridge.performance.exercise import random_poses
 from engine_bridge.performance.rig import Rig, make_rig
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.puppet import Puppet
-from engine_bridge.puppet.rig_bones import own_bones
+from engine_bridge.puppet.skin_shares import skin_shares
 from engine_bridge.rigging import made_rig
 from solver.motion.limbs import bones_of, parents_first
 from solver.skinning.weights import Weights, as_matrix
@@ -81,12 +79,13 @@ def compared(path: Path, by_bone: bool) -> Iterator[Row]:
     if not character.document.gltf["skins"]:
         return
     puppet = new_puppet(path, path).puppet
-    if own_bones(character, puppet.limbs) is None:
+    shares = skin_shares(character, puppet.limbs)
+    if shares is None:
         return
     bare = make_character(path.stem, character.vertices, character.triangles)
     rig, told = make_rig(puppet, bare), make_rig(puppet, character)
     controls, motions = random_poses(rig, POSES, SEED)
-    own = artists(character, puppet, motions)
+    own = skinned(shares, character.vertices, motions)
     size, follows = float(rig.model.diagonal), rig.mesh.of_render
     heat, missing = bone_heat(bare, puppet)
     made = made_rig.make_rig(rig)
@@ -121,40 +120,6 @@ def print_regions(puppet: Puppet, told: Rig, off: dict[str, Floats]) -> None:
         if own.any():
             means = "  ".join(f"{name} {np.sqrt((each[:, own] ** 2).mean()):5.2f}" for name, each in off.items())
             print(f"    {limb:16} {number}  {own.mean():6.1%}  {means}")
-
-
-def artists(character: Character, puppet: Puppet, motions: Floats) -> Floats:
-    """Return the positions (F, N, 3) by the file's own skin."""
-    bones = own_bones(character, puppet.limbs)
-    assert bones is not None
-    times = np.arange(len(motions), dtype=np.float32)
-    frames = Keyframes("poses", times, np.zeros((len(motions), 0), dtype=np.float32), None)
-    document, _ = animate_rig(character.document, frames, bones, motions.astype(np.float32))
-    animation = document.gltf["animations"][0]
-    tracks = [
-        (channel["target"], document.array(animation["samplers"][channel["sampler"]]["output"]))
-        for channel in animation["channels"]
-    ]
-    out = []
-    for frame in range(len(motions)):
-        for target, values in tracks:
-            document.gltf["nodes"][target["node"]][target["path"]] = values[frame].tolist()
-        world = world_transforms(document)
-        out.append(
-            np.concatenate([moved(document, character, number, world) for number in range(len(character.parts))])
-        )
-    return np.array(out)
-
-
-def moved(document: Document, character: Character, number: int, world: Floats) -> Floats:
-    """Return the positions of a part, given the transforms of all nodes."""
-    part = character.parts[number]
-    node = document.gltf["nodes"][part.node]
-    primitive = document.gltf["meshes"][node["mesh"]]["primitives"][part.primitive]
-    count = len(part.vertices)
-    to_world = skinning(document, primitive, node["skin"], count, world) if "skin" in node else world[None, part.node]
-    back = np.linalg.solve(part.to_world[:, :3, :3], (part.vertices - part.to_world[:, :3, 3])[:, :, None])
-    return (to_world[:, :3, :3] @ back)[:, :, 0] + to_world[:, :3, 3]
 
 
 def skinned(weights: Floats, rest: Floats, motions: Floats) -> Floats:

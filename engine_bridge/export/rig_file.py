@@ -4,32 +4,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
 from engine_bridge.character.character import CHARACTER_FILES
 from engine_bridge.character.document import Document
-from engine_bridge.character.scene import world_transforms
 from engine_bridge.performance.clip import Progress
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.rig import make_rig as prepared
-from engine_bridge.puppet.humanoid_bones import REQUIRED
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.rig_bones import own_bones
-from engine_bridge.puppet.rig_limbs import vertex_influences
+from engine_bridge.rigging.file_joints import humanoid_joints
 from engine_bridge.rigging.made_rig import make_rig
 from engine_bridge.rigging.naming_schemes import NAMES, Scheme
 from engine_bridge.rigging.rig_document import rigged_document
-from engine_bridge.rigging.skeleton import Skeleton
 from puppetline.errors import PuppetError, at
 from puppetline.files import check_writable
 
 BindPoseName = Literal["rest", "t"]
-
-SAME_PLACE_DIAGONALS = 0.002
-"""Maximum difference of the distances of joints that count as equal, in diagonals."""
-
-SAME_BONE_SHARE = 0.5
-"""Smallest share of a bone in the rotation of a joint with which the joint can have the bone's name."""
 
 
 @dataclass(frozen=True)
@@ -165,27 +154,10 @@ def rename(document: Document, nodes: list[int], scheme: Scheme | None) -> tuple
 
 
 def _rename_own(document: Document, rig: Rig, scheme: Scheme | None) -> tuple[str, ...]:
-    """Rename the joints of the file's own skeleton that follow the bone of a humanoid joint; return all names.
-
-    The nearest such joint is renamed. Of several at one place, such as targets of inverse kinematics, it is the one
-    that moves most vertices.
-    """
+    """Rename the joints of the file's own skeleton that are those of a humanoid; return the names of all joints."""
     nodes = document.gltf["nodes"]
-    own = own_bones(rig.character, rig.puppet.limbs)
-    if scheme is not None and own is not None:
-        places = world_transforms(document)[own.nodes][:, :3, 3]
-        which, share = vertex_influences(rig.character)
-        moved = np.bincount(which.ravel(), share.ravel(), len(nodes))[own.nodes]
-        named: set[int] = set()
-        required_first = sorted(Skeleton.along_bones(rig.puppet).joints, key=lambda joint: joint.name not in REQUIRED)
-        for joint in required_first:
-            follows = own.shares[:, joint.bone] > SAME_BONE_SHARE
-            if joint.name not in NAMES[scheme] or joint.bone in named or not follows.any():
-                continue
-            named.add(joint.bone)
-            away = np.where(follows, np.linalg.norm(places - joint.head, axis=1), np.inf)
-            near = away <= away.min() + SAME_PLACE_DIAGONALS * float(rig.model.diagonal)
-            nodes[int(own.nodes[np.where(near, moved, -1).argmax()])]["name"] = NAMES[scheme][joint.name]
+    for name, node in (humanoid_joints(rig) if scheme is not None else {}).items():
+        nodes[node]["name"] = NAMES[scheme or "vrm"][name]
     joints = dict.fromkeys(node for skin in document.gltf["skins"] for node in skin["joints"])
     return tuple(nodes[node].get("name", f"node {node}") for node in joints)
 

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from engine_bridge.puppet.puppet import CharacterTable, HandleTable
 from solver.anatomy.extremities import distances, extremities, surface_graph
@@ -119,7 +119,7 @@ def _pairs(tips: list[_Tip]) -> list[_Pair]:
     """Match tips on the left with their best mirror images on the right."""
     left, right = [tip for tip in tips if tip.left > 0], [tip for tip in tips if tip.left <= 0]
     unlike = [[abs(a.left + b.left) + abs(a.up - b.up) + abs(a.front - b.front) for b in right] for a in left]
-    rows, columns = linear_sum_assignment(np.array(unlike).reshape(len(left), len(right)))
+    rows, columns = scipy.optimize.linear_sum_assignment(np.array(unlike).reshape(len(left), len(right)))
     return [(left[i], right[j]) for i, j in zip(rows, columns, strict=True)]
 
 

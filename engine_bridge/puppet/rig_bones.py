@@ -74,8 +74,9 @@ def rig_bones(character: Character, limbs: Sequence[Limb]) -> RigBones:
     1. The first joint of a limb is at its first point, or is the first joint on its first bone.
     2. A chain of joints leads from the first joint to the limb's end. Each of them follows the bones between it and the
        next joint, in proportion to their lengths. The trunk's chain leads from the top of the skeleton to the parent of
-       head, neck or arms.
-    3. Any other child of a joint in a chain follows the bone next to it, and so do its descendants.
+       head, neck or arms. A joint below which limbs hang on an earlier bone follows that bone.
+    3. A joint between a chain and a limb follows the bone on which the limb hangs. Any other child of a joint in a
+       chain follows the bone next to it, and so do its descendants.
     4. A target of inverse kinematics has the top of the skeleton as its parent, or no parent, and is on a limb beyond
        its first bone; it follows the bone there. Meshes without a joint follow the bone nearest to their middle.
 
@@ -171,7 +172,7 @@ class _BoneAssignment:
         ]
         self.shares = np.zeros((len(skeleton), len(self.bones)))
         self.stretches: dict[int, tuple[_Polyline, float, float]] = {}  # of joints on polylines
-        self.beyond: set[int] = set()  # joints beside the end of a limb, such as ears, that follow the next one
+        self.placed: set[int] = set()  # joints that follow another bone than their parent, but are not where it begins
 
     def result(self) -> RigBones:
         """Assign bones to all joints."""
@@ -198,7 +199,7 @@ class _BoneAssignment:
             shares=self.shares,
             placed=np.array(
                 [
-                    parent < 0 or row in self.beyond or not self._joined(row, parent)
+                    parent < 0 or row in self.placed or not self._joined(row, parent)
                     for row, parent in enumerate(parents)
                 ]
             ),
@@ -298,10 +299,9 @@ class _BoneAssignment:
             return
         along = np.array([polyline.nearest(self.skeleton.positions[row])[0] for row in path])
         along = np.minimum.accumulate(along[::-1])[::-1]  # a joint may lie beyond the next one
-        for number, (row, start) in enumerate(zip(path, along, strict=True)):
-            last = number == len(path) - 1
-            end = float(polyline.heads[-1] if last else along[number + 1])
-            lengths = polyline.overlaps(start, end)
+        end, following = float(polyline.heads[-1]), None
+        for row, start in zip(reversed(path), along[::-1].tolist(), strict=True):
+            last, lengths = following is None, polyline.overlaps(start, end)
             if last and polyline is not self.trunk:
                 self.shares[row, polyline.bones.start + int(np.abs(polyline.heads[:-1] - start).argmin())] = 1
             elif not lengths.any():
@@ -310,7 +310,17 @@ class _BoneAssignment:
                 self.shares[row, polyline.bones.start + int(lengths.argmax())] = 1
             else:
                 self.shares[row, polyline.bones] = lengths / lengths.sum()
-            self.stretches[row] = polyline, float(start), end
+            carried = self._carried_bones(row) if polyline is self.trunk else set()
+            if carried and min(carried) < self.shares[row].argmax():  # such as one joint at the back, above all others
+                self.shares[row] = self._single(min(carried))
+                start, end = polyline.heads[min(carried) - polyline.bones.start :][:2].tolist()
+                self.placed.update(() if following is None else (following,))
+            self.stretches[row] = polyline, start, end
+            end, following = start, row
+
+    def _carried_bones(self, row: int) -> set[int]:
+        """Return the bones on which the limbs below a joint hang; −1 for none."""
+        return {self._parent_bone(first) for first in self.firsts if row in self.skeleton.paths_to_top[first]}
 
     def _shares_beside(self, row: int) -> NDArray[np.float64]:
         """Return the shares (b,) of a joint that is not on a polyline."""
@@ -324,13 +334,18 @@ class _BoneAssignment:
                 return self._single(target)
         if parent < 0:
             return self._single(None if self.trunk is None else self.trunk.bones.start)
+        carried = self._carried_bones(row)
+        if len(carried) == 1 and min(carried) >= 0 and self.limb_of[row] is None:
+            if not self.shares[parent, min(carried)]:
+                self.placed.add(row)
+            return self._single(min(carried))
         if parent in self.stretches:
             polyline, start, end = self.stretches[parent]
             along, _ = polyline.nearest(position)
             if start <= along <= end:
                 following = self._following(polyline) if along == polyline.heads[-1] else None
                 if following is not None:
-                    self.beyond.add(row)
+                    self.placed.add(row)
                     return self._single(following.bones.start)
                 return self._single(polyline.bone_at(along))
         return self.shares[parent]

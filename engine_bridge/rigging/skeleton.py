@@ -157,8 +157,9 @@ def _pose(parents, bones, heads, axes, origin, world, scale, motions, root, posi
 def along_bones(joints: Sequence[Joint], basis: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return axes of joints whose y axes point from head to tail.
 
-    The z axis is as near as possible to the character's front, or for bones that point there, to up. A joint at the tip
-    of a limb has the axes of its parent.
+    The z axis of a limb's first joint is as near as possible to the character's front, or for bones that point there,
+    to up. The least rotation from bone to bone leads from there to the further joints of the limb, so that all of them
+    bend about similar axes. A joint at the tip of a limb has the axes of its parent.
 
     Parameters
     ----------
@@ -180,8 +181,11 @@ def along_bones(joints: Sequence[Joint], basis: NDArray[np.float64]) -> NDArray[
                 axes[row] = axes[joint.parent]
             continue
         y = along / length
-        toward = basis[2] if abs(y @ basis[2]) <= MAX_ROLL_COSINE else basis[1]
-        x = np.cross(y, toward)
+        if joint.limb and joint.parent >= 0 and joints[joint.parent].limb == joint.limb:
+            x = _least(axes[joint.parent][:, 1], y) @ axes[joint.parent][:, 0]
+            x -= (x @ y) * y  # rounding would add up over many bones
+        else:
+            x = np.cross(y, basis[2] if abs(y @ basis[2]) <= MAX_ROLL_COSINE else basis[1])
         x /= np.linalg.norm(x)
         axes[row] = np.column_stack([x, y, np.cross(x, y)])
     return axes

@@ -7,9 +7,6 @@ from engine_bridge.performance.rig import Rig
 from solver.model.batch import BatchBinding
 from solver.skinning.weights import Weights, as_matrix, blend_lines
 
-FRAMES_PER_CHUNK = 64
-"""Number of frames that are compared at once."""
-
 
 def distances(
     rig: Rig,
@@ -35,8 +32,8 @@ def distances(
     model, surface = rig.model, BatchBinding.of_solver_mesh(rig.model, rig.mesh)
     lines = blend_lines(vertices - model.center, as_matrix(weights, motions.shape[1]))
     largest = total = 0.0
-    for start in range(0, len(controls), FRAMES_PER_CHUNK):
-        part = slice(start, start + FRAMES_PER_CHUNK)
+    for start in range(0, len(controls), surface.batch_frames):
+        part = slice(start, start + surface.batch_frames)
         moved = motions[part].astype(np.float64)
         # about the middle, like the displacements of the surface
         moved[:, :, 3] += np.einsum("i,fbij->fbj", model.center, moved[:, :, :3]) - model.center

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from solver.anatomy.curve_skeleton import curve_skeleton
 from solver.anatomy.limb_curve import curve_through
@@ -161,7 +161,7 @@ class LimbEnds:
         left = [tip for tip in low if self.place(tip)[0] > 0]
         right = [tip for tip in low if self.place(tip)[0] <= 0]
         unlike = np.array([[self._foot_distance(a, b) for b in right] for a in left])
-        rows, columns = linear_sum_assignment(unlike.reshape(len(left), len(right)))
+        rows, columns = scipy.optimize.linear_sum_assignment(unlike.reshape(len(left), len(right)))
         pairs: list[Feet] = [(left[i], right[j]) for i, j in zip(rows, columns, strict=True)]
         pairs = [pair for pair in pairs if self._foot_distance(pair[0], pair[1], stride=0.0) < MAX_MIRROR_DISTANCE]
         pairs = [pair for pair in pairs if min(self.place(tip)[1] for tip in pair) < MAX_GROUND_HEIGHT * scale]

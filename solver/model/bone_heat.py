@@ -39,6 +39,9 @@ HIDING_DIAGONALS = 2e-3
 EQUAL_DISTANCE_RATIO = 1 + 1e-4
 """Largest ratio of two distances that count as equal: at a joint, two bones share a vertex."""
 
+VERTICES_PER_CHUNK = 65_536
+"""Number of vertices whose distances are computed at once, to save memory."""
+
 OUTSIDE_COSINE = 1.001
 """Added to the cosine between the outward normal and the direction from a bone; distances are divided by half of this
 sum, so that a bone outside the surface is far away."""
@@ -77,7 +80,7 @@ def heat_shares(
         seen, source = regions.owner >= 0, np.eye(len(bones))[owner]
     heat = np.where(seen, mass * HEAT / np.maximum(distance, MIN_DISTANCE_DIAGONALS) ** 2, 0.0)
     shares = solve(scipy.sparse.csr_matrix(scipy.sparse.diags(heat) - L), heat[:, None] * source, mesh.vertices)
-    shares = np.maximum(shares, 0.0)
+    np.maximum(shares, 0.0, out=shares)
     shares /= shares.sum(axis=1, keepdims=True)
     whole = regions.whole_parts(mesh)
     shares[whole >= 0] = np.eye(len(bones))[whole[whole >= 0]]
@@ -87,23 +90,32 @@ def heat_shares(
 def _sources(mesh: SolverMesh, bones: Bones) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return p (n, b), whose rows are 0 where no bone is seen, and d (n,), as a fraction of the diagonal."""
     heads, tails, bone = _segments(bones, mesh.diagonal)
-    vertices, size = mesh.vertices, mesh.diagonal
-    normals = np.nan_to_num(igl.per_vertex_normals(vertices, mesh.faces))
-    distance, foot = np.empty((len(vertices), len(bone))), np.empty((len(bone), len(vertices), 3))
-    for number, (head, axis) in enumerate(zip(heads, tails - heads, strict=True)):
-        along = np.clip((vertices - head) @ axis / (axis @ axis), 0.0, 1.0)
-        foot[number] = head + along[:, None] * axis
-        offset = vertices - foot[number]
-        away = np.linalg.norm(offset, axis=1)
-        cosine = np.einsum("nx,nx->n", offset, normals) / np.maximum(away, 1e-12 * size)
-        distance[:, number] = away / size / (0.5 * (cosine + OUTSIDE_COSINE))
-    nearest = distance.min(axis=1)
-    vertex, segment = np.nonzero(distance <= EQUAL_DISTANCE_RATIO * nearest[:, None])
-    tree = SurfaceTree(vertices[mesh.faces])
-    hidden = tree.crossed(vertices[vertex], foot[segment, vertex], np.full(len(vertex), HIDING_DIAGONALS * size))
-    source = np.zeros((len(vertices), len(bones)))
-    source[vertex[~hidden], bone[segment[~hidden]]] = 1.0
-    return source / np.maximum(source.sum(axis=1, keepdims=True), 1.0), nearest
+    axes, size = tails - heads, mesh.diagonal
+    normals = np.nan_to_num(igl.per_vertex_normals(mesh.vertices, mesh.faces))
+    tree = SurfaceTree(mesh.vertices[mesh.faces])
+    source, nearest = np.zeros((len(normals), len(bones))), np.empty(len(normals))
+    for start in range(0, len(normals), VERTICES_PER_CHUNK):
+        rows = slice(start, start + VERTICES_PER_CHUNK)
+        vertices = mesh.vertices[rows]
+        distance = np.empty((len(vertices), len(bone)))
+        for number, (head, axis) in enumerate(zip(heads, axes, strict=True)):
+            offset = vertices - _foot(vertices, head, axis)
+            away = np.linalg.norm(offset, axis=1)
+            cosine = np.einsum("nx,nx->n", offset, normals[rows]) / np.maximum(away, 1e-12 * size)
+            distance[:, number] = away / size / (0.5 * (cosine + OUTSIDE_COSINE))
+        nearest[rows] = distance.min(axis=1)
+        vertex, segment = np.nonzero(distance <= EQUAL_DISTANCE_RATIO * nearest[rows, None])
+        foot = _foot(vertices[vertex], heads[segment], axes[segment])
+        hidden = tree.crossed(vertices[vertex], foot, np.full(len(vertex), HIDING_DIAGONALS * size))
+        source[start + vertex[~hidden], bone[segment[~hidden]]] = 1.0
+    source /= np.maximum(source.sum(axis=1, keepdims=True), 1.0)
+    return source, nearest
+
+
+def _foot(points: NDArray[np.float64], head: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the nearest point (n, 3) of a segment, or of one for each point."""
+    along = np.einsum("...x,...x->...", points - head, axis) / np.einsum("...x,...x->...", axis, axis)
+    return np.asarray(head + np.clip(along, 0.0, 1.0)[:, None] * axis)
 
 
 def _segments(bones: Bones, diagonal: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:

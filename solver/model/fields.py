@@ -28,6 +28,9 @@ JOINT_CONDUCTANCE_SHARE = 1e-5
 EIGENVALUE_SHIFT = -0.1
 """Shift of ARPACK's shift-invert mode, in units of 1 / area: just outside the spectrum."""
 
+COLUMNS_PER_SOLVE = 4
+"""Number of right-hand sides that are solved at once, to save memory."""
+
 PANEL_COLUMNS = 2
 """Number of columns in a panel of SuperLU. The columns of a surface's factor have little in common; larger panels take
 a third more time."""
@@ -179,8 +182,10 @@ class SurfaceOperator:
 def solve(matrix: "csr_matrix", load: NDArray[np.float64], vertices: NDArray[np.float64]) -> NDArray[np.float64]:
     """Solve a symmetric positive definite matrix on the vertices of a surface for (n, k) right-hand sides."""
     order = nested_dissection(matrix.indptr, matrix.indices, vertices)
-    result = np.empty_like(load)
-    result[order] = _factored(matrix[order][:, order]).solve(np.ascontiguousarray(load[order]))
+    factor, result = _factored(matrix[order][:, order]), np.empty_like(load)
+    for start in range(0, load.shape[1], COLUMNS_PER_SOLVE):
+        columns = slice(start, start + COLUMNS_PER_SOLVE)
+        result[order, columns] = factor.solve(np.ascontiguousarray(load[order, columns]))
     return result
 
 

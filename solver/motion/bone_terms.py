@@ -7,7 +7,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from solver.model.fields import interpolation
+from puppetline.compiled import compiled
+from solver.model.fields import blends, interpolation
 from solver.model.reduced_model import ReducedModel
 from solver.model.rotations import RotationMode
 from solver.surface.mesh import SolverMesh
@@ -19,9 +20,10 @@ BONE_STIFFNESS = 40.0
 """Weight λ in units of trace(A) / trace(Wᵀ diag(m) W). With it, errors of a cartoon body's limbs are 2 to 6°; with
 a weight of 10, they are 8°."""
 
-BLEND_POWER = 8
-"""Power p of a vertex's largest share, by which it is held less where bones blend. With 0, joints crease;
-with 8, edges of people stretch to 1.19 at the 99th percentile."""
+BLEND_POWER = 2
+"""Power p of a vertex's largest share, by which it is held less where bones blend. With 8, the surface is up to 1.3
+times farther from artists' skins of animals; with 2, edges of people stretch to 1.21 instead of 1.18 at the 99th
+percentile."""
 
 PRIOR_WEIGHT = 1.0
 """Weight μ of a bone's rotation relative to the surface's covariance; a weight of 4 has the same result."""
@@ -67,24 +69,60 @@ def bone_terms(model: ReducedModel, mesh: SolverMesh, scale: float) -> BoneTerms
     shares, area = model.held_shares(), mesh.vertex_areas
     mass = area * (shares @ (1 / np.maximum(shares.T @ area, 1e-300)))
     mass *= shares.max(axis=1).toarray().ravel() ** BLEND_POWER
-    first = np.where(mass > 0, model.regions.owner, -1)
-    for bone in range(count):  # vertices on one bone use few columns of W
-        held = np.flatnonzero(first == bone)
-        if not len(held):
-            continue
-        W = model.position_matrix(mesh.vertices[held], held)
-        there = np.unique(W.indices)
-        root = np.sqrt(mass[held])[:, None]
-        dense = root * W[:, there].toarray()
-        normal[np.ix_(there, there)] += dense.T @ dense
-        own = shares[held]
-        bones = np.unique(own.indices)
-        rest = root * np.column_stack([model.to_model(mesh.vertices[held]), np.ones(len(held))])
-        blended = (own[:, bones].toarray()[:, :, None] * rest[:, None]).reshape(len(held), -1)
-        pull[np.ix_(there, (4 * bones[:, None] + np.arange(4)).ravel())] += dense.T @ blended
+    below, upper = blends(model.isoline_coordinates.astype(np.float64), model.isolines)
+    rest = model.to_model(mesh.vertices)
+    per_bone = shares.indptr, shares.indices, shares.data
+    _add_held(rest, below, upper, model.weights, model.isolines, mass, *per_bone, normal, pull)
+    normal = np.tril(normal) + np.tril(normal, -1).T
     trace = np.trace(normal)
     stiffness = BONE_STIFFNESS * scale / trace if trace > 0 else 0.0
     return BoneTerms(stiffness * normal, stiffness * pull)
+
+
+@compiled
+def _add_held(rest, below, upper, weights, isolines, mass, starts, bones, shares, normal, pull):
+    """Add the lower triangle of Wᵀ diag(m) W to `normal`, and Wᵀ diag(m s_b) [X 1] to `pull`.
+
+    Parameters
+    ----------
+    rest : (n, 3) float64
+    below, upper : (n, n_e)
+        From `fields.blends`.
+    weights : (n_e,) float64
+        Field weights.
+    isolines : int
+    mass : (n,) float64
+    starts, bones, shares
+        Sparse shares (n, b) of the bones, by rows.
+    normal : (4m, 4m) float64
+    pull : (4m, 4b) float64
+    """
+    count = len(weights)
+    column, blend = np.empty(2 * count, dtype=np.int64), np.empty(2 * count)
+    h, outer = np.ones(4), np.empty((4, 4))
+    for v in range(len(rest)):
+        if mass[v] == 0:
+            continue
+        for i in range(count):
+            column[2 * i] = 4 * (i * isolines + below[v, i])
+            column[2 * i + 1] = column[2 * i] + 4
+            blend[2 * i], blend[2 * i + 1] = weights[i] * (1 - upper[v, i]), weights[i] * upper[v, i]
+        h[:3] = rest[v]
+        for r in range(4):
+            for c in range(4):
+                outer[r, c] = mass[v] * h[r] * h[c]
+        for j in range(2 * count):
+            for k in range(j + 1):
+                _add_block(normal, column[j], column[k], blend[j] * blend[k], outer)
+            for entry in range(starts[v], starts[v + 1]):
+                _add_block(pull, column[j], 4 * bones[entry], blend[j] * shares[entry], outer)
+
+
+@compiled(inner=True, inline="always")
+def _add_block(matrix, row, column, factor, block):
+    for r in range(4):
+        for c in range(4):
+            matrix[row + r, column + c] += factor * block[r, c]
 
 
 def rotation_weights(model: ReducedModel, mode: RotationMode) -> "csr_matrix":

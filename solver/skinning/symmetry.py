@@ -4,13 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from solver.skinning.weights import Weights, packed
+from solver.skinning.weights import VERTICES_PER_CHUNK, Weights, packed
 
 TOLERANCE_DIAGONALS = 1e-4
 """Largest distance of a vertex from the mirror image of another one, in diagonals."""
-
-VERTICES_PER_CHUNK = 65_536
-"""Number of vertices that are computed at once, to save memory."""
 
 
 def mirror_images(vertices: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.int64]:

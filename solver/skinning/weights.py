@@ -35,6 +35,8 @@ NEGLIGIBLE_WEIGHT = 1e-3
 SQUARE_BOUND = 4.0
 """Upper bound of the squared distance of a vertex from the character's middle, in squared diagonals."""
 
+VERTICES_PER_CHUNK = 65_536
+"""Number of vertices that are computed at once, to save memory."""
 
 TINY = np.finfo(np.float64).tiny
 
@@ -89,12 +91,15 @@ def fit(
     """
     transforms = _in_model_units(motions.astype(np.float64), model)
     count = transforms.shape[1]
-    W = model.position_matrix(mesh.vertices)
     by_bone = transforms.transpose(1, 2, 0, 3).reshape(4 * count, -1)
     squares = (by_bone @ by_bone.T).reshape(count, 4, count, 4).transpose(0, 2, 1, 3)
     mixed = np.tensordot(controls.astype(np.float64), by_bone.reshape(4 * count, -1, 3), axes=((0, 2), (1, 2)))
     points = np.column_stack([model.to_model(mesh.vertices if rest is None else rest), np.ones(len(mesh.vertices))])
-    products = np.einsum("nbi,ni->nb", (W @ mixed).reshape(-1, count, 4), points)
+    products = np.empty((len(points), count))
+    for start in range(0, len(points), VERTICES_PER_CHUNK):
+        rows = np.arange(start, min(start + VERTICES_PER_CHUNK, len(points)))
+        W = model.position_matrix(mesh.vertices[rows], rows)
+        products[rows] = np.einsum("nbi,ni->nb", (W @ mixed).reshape(-1, count, 4), points[rows])
     shares, bones = np.zeros((len(points), influences)), np.zeros((len(points), influences), dtype=np.int64)
     _fit(
         points,

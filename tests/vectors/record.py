@@ -24,6 +24,8 @@ from engine_bridge.service.protocol.header import (
 from engine_bridge.service.protocol.payloads import decode, encode
 from engine_bridge.service.states import STATES
 from solver.motion.deformer import Deformer
+from solver.motion.limbs import bones_of
+from solver.motion.motion_blend import moved_by
 
 HERE = Path(__file__).parent
 
@@ -50,19 +52,29 @@ IN_BETWEEN = [[-0.5, 0.0, -0.6], [0.0, 0.0, 0.5], [0.3, 0.0, 0.7]]
 rest."""
 
 
-def worm() -> Rig:
-    """Make the character."""
+LIMB = {
+    "name": "trunk",
+    "points": [[0.45, -2.4, 0.0], [0.0, 0.0, 0.0], [1.28, 2.4, 0.0]],
+    "joints": ["hip_center", "spine", "shoulder_center"],
+}
+"""The limb of a second character, which has the worm's mesh and its first handle."""
+
+BEND = [[0.0, 0.0, -0.5], [0.0, 0.7, 0.4]]
+"""Rotation vector of each of its bones relative to the bone's parent."""
+
+
+def worm(puppet: dict[str, object] = PUPPET) -> Rig:
+    """Make the character of a puppet."""
     vertices, faces = igl.upsample(*igl.icosahedron(), 2)
     vertices = vertices / np.linalg.norm(vertices, axis=1, keepdims=True) * [1.0, 3.0, 1.0]
     vertices[:, 0] += 0.15 * vertices[:, 1] ** 2
     vertices[:, [0, 2]] *= 1 + 0.2 * vertices[:, 1:2]
     vertices = vertices.astype(np.float32).astype(np.float64)
     colors = np.clip(vertices * [0.3, 0.15, 0.3] + 0.5, 0, 1)
-    checked = puppet_file.check(PUPPET, "worm")
+    checked = puppet_file.check(puppet, "worm")
     character = make_character("worm", vertices, faces, colors)
-    return Rig(
-        checked, character, *prepare(character.vertices, character.triangles, checked.solver.parameters, None, "worm")
-    )
+    given = character.vertices, character.triangles, checked.solver.parameters, None, "worm"
+    return Rig(checked, character, *prepare(*given, bones=bones_of(checked.limbs)))
 
 
 def frames() -> list[Frame]:
@@ -91,6 +103,26 @@ def frames() -> list[Frame]:
     ]
 
 
+def limbed_frame() -> Frame:
+    """Bend the limb of the second character."""
+    rig = worm(PUPPET | {"handle": PUPPET["handle"][:1], "limb": [LIMB]})
+    deformer = Deformer(rig.model, rig.mesh, rig.puppet.handle_positions)
+    apart = np.column_stack([BEND, np.zeros((2, 3))])
+    motions = moved_by(deformer.bones, np.tile(np.eye(4, 3), (2, 1, 1)), apart, 1.0)
+    return Frame(
+        character=StreamedCharacter("limbed", rig, 8),
+        sequence=44,
+        time=12.6,
+        received=1_100_000_000,
+        state=STATES[1],
+        user=3,
+        R=deformer.solve(deformer.handles, motions),
+        root=np.array([0.25, 0.0, -0.125]),
+        targets=deformer.handles,
+        motions=motions,
+    )
+
+
 def json_message(name: str, kind: Kind, value: object, **header: int) -> bytes:
     payload = write_json(value)
     return join(topic_field(name), Header(kind=kind, length=len(payload), **header), payload)
@@ -102,6 +134,10 @@ def messages() -> dict[str, bytes]:
     character = played[0].character
     scene = Header(kind=Kind.SCENE, length=len(character.scene), revision=character.revision, published=5)
     made = {"scene": join(topic("worm", Kind.SCENE), scene, character.scene)}
+    limbed = limbed_frame()
+    described = Header(kind=Kind.SCENE, length=len(limbed.character.scene), revision=8, published=5)
+    made["limbed.scene"] = join(topic("limbed", Kind.SCENE), described, limbed.character.scene)
+    made["limbed.bones"] = encode(Kind.BONES, limbed, limbed.received + 2_000_000)
     for number, frame in enumerate(played):
         for kind in FRAME_KINDS:
             message = encode(kind, frame, frame.received + 2_000_000)
@@ -127,7 +163,7 @@ def expected(message: bytes) -> dict[str, object]:
             held = {"residual": body.residual, "weights": body.weights.tolist()}
         case Kind.VERTICES | Kind.VERTICES16:
             held = {"positions": ends(body.positions), "normals": ends(body.normals)}
-        case Kind.CONTROLS | Kind.JOINTS | Kind.HANDLES:
+        case Kind.CONTROLS | Kind.JOINTS | Kind.HANDLES | Kind.BONES:
             held = {"values": ends(body)}
         case _:
             held = {"json": body}

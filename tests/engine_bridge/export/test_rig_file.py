@@ -87,3 +87,83 @@ def test_a_t_pose_makes_a_new_skin(rigged, tmp_path):
     summary = write_rig(rigged[0], tmp_path / "t.glb", RigSettings(pose="t"))
     assert not summary.kept
     assert summary.rms is not None
+
+
+def degenerate(shape):
+    """Triangles without an area: three corners at one place, and on one line."""
+    count = len(shape.vertices)
+    line = shape.vertices[:1] + np.array([[0, 0, 0], [0.01, 0, 0], [0.02, 0, 0]])
+    faces = [shape.faces, [[0, 0, 1], [5, 5, 5], [count, count + 1, count + 2]]]
+    return np.concatenate([shape.vertices, line]), np.concatenate(faces)
+
+
+def single_triangles(shape):
+    """Parts of one triangle each, all over the surface."""
+    corner = shape.vertices[::97]
+    parts = (corner[:, None] + 0.02 * np.eye(3)).reshape(-1, 3)
+    faces = len(shape.vertices) + np.arange(len(parts)).reshape(-1, 3)
+    return np.concatenate([shape.vertices, parts]), np.concatenate([shape.faces, faces])
+
+
+def unused(shape):
+    """Vertices without a triangle."""
+    return np.concatenate([shape.vertices, shape.vertices[:9] + 0.1]), shape.faces
+
+
+@pytest.mark.parametrize("damaged", [degenerate, single_triangles, unused])
+def test_every_vertex_of_a_damaged_mesh_has_weights(damaged, blob, glb, limb_tables, write_puppet, tmp_path):
+    vertices, faces = damaged(blob)
+    glb.node(glb.mesh(glb.primitive(vertices, faces.astype(np.uint32))))
+    glb.save(tmp_path / "damaged.glb")
+    puppet = write_puppet(tmp_path / "damaged.toml", "damaged.glb", handles=limb_tables)
+    write_rig(puppet, tmp_path / "out.glb", RigSettings())
+    document = read(tmp_path / "out.glb")
+    weights = document.array(document.gltf["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"])
+    assert len(weights) == len(vertices)
+    np.testing.assert_allclose(weights.sum(axis=1), 1, atol=1e-6)
+    np.testing.assert_allclose(load_character(tmp_path / "out.glb").vertices, vertices, atol=1e-5)
+
+
+def test_a_limb_of_200_bones_has_as_many_joints(blob_file, write_puppet, tmp_path):
+    turns = np.linspace(0, 8 * np.pi, 201)
+    points = np.column_stack([0.05 * np.cos(turns), np.linspace(0.4, 0.6, 201), 0.05 * np.sin(turns)])
+    joints = ["hip_center", *["shoulder_center"] * 200]
+    table = f'[[limb]]\nname = "trunk"\nfollow = "turn"\npoints = {points.tolist()}\njoints = {joints}'
+    puppet = write_puppet(tmp_path / "spiral.toml", blob_file, handles=table)
+    summary = write_rig(puppet, tmp_path / "spiral.glb", RigSettings())
+    assert len(summary.joints) == 200
+    np.testing.assert_allclose(
+        load_character(tmp_path / "spiral.glb").vertices, load_character(blob_file).vertices, atol=1e-5
+    )
+
+
+def test_a_new_skin_replaces_the_files_own_and_keeps_its_morph_targets(blob, glb, limb_tables, write_puppet, tmp_path):
+    """The file's skin has one joint, which has turned the mesh by 90° since it was bound."""
+    smile = (blob.vertices * [0.0, 0.1, 0.2]).astype(np.float32)
+    bound = np.zeros((len(blob.vertices), 4), dtype=np.float32)
+    bound[:, 0] = 1
+    turned_back = blob.vertices @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
+    primitive = glb.primitive(
+        turned_back,
+        blob.faces.astype(np.uint32),
+        JOINTS_0=np.zeros(bound.shape, dtype=np.uint8),
+        WEIGHTS_0=bound,
+        targets=[{"POSITION": smile}],
+    )
+    joint = glb.node(name="joint", rotation=[0.0, 0.0, -np.sqrt(0.5), np.sqrt(0.5)])
+    glb.node(glb.mesh(primitive, weights=[0.0]), skin=0)
+    glb.file.skins.append({"joints": [joint]})
+    path = glb.save(tmp_path / "own.glb")
+    before = load_character(path)
+    np.testing.assert_allclose(before.vertices, blob.vertices, atol=1e-5)
+    puppet = write_puppet(tmp_path / "own.toml", path.name, handles=limb_tables)
+    summary = write_rig(puppet, tmp_path / "out.glb", RigSettings(keep_skin=False))
+    assert "The character's own skeleton is replaced." in summary.notes
+    np.testing.assert_allclose(load_character(tmp_path / "out.glb").vertices, blob.vertices, atol=1e-5)
+    for file in (path, tmp_path / "out.glb"):
+        document = read(file)
+        document.gltf["meshes"][0]["weights"] = [1.0]
+        document.save(tmp_path / f"smiling_{file.name}")
+    smiling = [load_character(tmp_path / f"smiling_{name}.glb").vertices for name in ("own", "out")]
+    np.testing.assert_allclose(smiling[1], smiling[0], atol=1e-5)
+    assert np.abs(smiling[0] - before.vertices).max() > 0.01

@@ -91,6 +91,26 @@ def test_a_chest_on_which_arms_hang_is_not_the_beginning_of_the_head(build):
     assert found["upper"] == {"left arm 0": 1}
 
 
+def test_one_joint_above_hips_and_chest_does_not_tie_the_hips_to_the_chest(build):
+    upper = {name: place for name, place in SPINE.items() if name not in ("root", "hips", "middle")}
+    joints = {
+        "root": SPINE["root"],
+        "body": ((0, 1.7, -0.3), "root"),
+        **upper,
+        "chest": ((0, 1.6, 0), "body"),
+        "collar": ((0.1, 1.85, 0), "body"),
+        "pelvis": ((0, 1.1, 0), "body"),
+        "hip": ((0.1, 1.05, 0), "body"),
+        "thigh": ((0.2, 1, 0), "hip"),
+        "shin": ((0.2, 0.5, 0), "thigh"),
+    }
+    leg = limb("left leg", (0.2, 1, 0), (0.2, 0.5, 0), (0.2, 0, 0))
+    bones, found = sorted_by_name(build(joints), [BODY, ARM, HEAD, leg])
+    assert found["root"] == found["body"] == found["pelvis"] == found["hip"] == {"trunk 0": 1}
+    assert found["chest"] == found["collar"] == {"trunk 1": 1}
+    assert [name for name, placed in zip(found, bones.placed, strict=True) if placed] == ["root", "chest", "collar"]
+
+
 def test_of_two_joints_at_one_place_the_lower_begins_the_arm(build):
     joints = SPINE | {"collar": ((0.3, 1.9, 0), "chest")}
     _, found = sorted_by_name(build(joints), [BODY, ARM, HEAD])

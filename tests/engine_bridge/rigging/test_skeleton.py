@@ -47,7 +47,7 @@ def test_at_rest_joints_are_at_their_heads_and_point_to_their_tails():
             np.testing.assert_allclose(turn.apply([0, 1, 0]), along / np.linalg.norm(along), atol=1e-12)
 
 
-def test_the_z_axis_is_near_the_front_or_for_bones_that_point_there_near_up():
+def test_the_first_z_axis_of_a_limb_is_near_the_front_or_for_bones_that_point_there_near_up():
     skeleton = Skeleton.along_bones(A_POSED)
     axes = dict(zip(skeleton.names, skeleton.axes, strict=True))
     np.testing.assert_allclose(axes["hips"], np.column_stack([[1, 0, 0], [0, 1, 0], [0, 0, 1]]), atol=1e-12)
@@ -57,6 +57,15 @@ def test_the_z_axis_is_near_the_front_or_for_bones_that_point_there_near_up():
     for each in axes.values():
         np.testing.assert_allclose(each @ each.T, np.eye(3), atol=1e-12)
         assert np.linalg.det(each) > 0
+
+
+def test_joints_of_a_limb_bend_about_the_same_axis_even_if_one_bone_points_to_the_front():
+    bent = limb("left arm", (1, 0, 0), (2, 0, 0), (2, 0, 1), (1, 0, 1))
+    puppet = Puppet(character=CharacterTable(mesh="a.glb"), limb=(bent,))
+    skeleton = Skeleton.along_bones(puppet)
+    bending = skeleton.axes[[skeleton.names.index(name) for name in ("leftUpperArm", "leftLowerArm", "leftHand")], :, 0]
+    np.testing.assert_allclose(np.abs(bending), [[0, 1, 0]] * 3, atol=1e-12)
+    np.testing.assert_allclose(bending, bending[[0, 0, 0]], atol=1e-12)
 
 
 def test_posed_joints_are_where_their_bones_take_them():

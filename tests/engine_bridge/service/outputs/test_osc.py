@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from pythonosc.osc_bundle import OscBundle
 from pythonosc.osc_message import OscMessage
+from scipy.spatial.transform import Rotation
 
 from capture.network.osc import encode
 from capture.skeleton import JOINTS
@@ -124,6 +125,30 @@ def test_joints_that_are_known_and_handles_have_their_names_in_the_address(outpu
     names = [handle.name.replace(" ", "_") for handle in dog.rig.puppet.handle]
     assert list(got) == [f"/puppetline/dog/handle/{name}" for name in names]
     np.testing.assert_allclose(list(got.values()), frame.targets, rtol=1e-6)
+
+
+def test_bones_are_rotations_by_the_name_of_the_joint_and_positions_of_those_that_travel(output, receiver, limbed_rig):
+    figure = StreamedCharacter("figure", limbed_rig, 1)
+    turns = Rotation.from_rotvec(np.random.default_rng(3).normal(size=(len(limbed_rig.model.bones), 3)))
+    motions = np.concatenate([turns.as_matrix(), np.zeros((len(turns), 1, 3))], axis=1)
+    out, frame = output(send=("bones",)), performed(figure, motions=motions)
+    out.offer(frame)
+    out.send_due()
+    got = dict(messages(receiver))
+    skeleton, pose = figure.skeleton, frame.bones
+    rotations = [got.pop(f"/puppetline/figure/bone/{name}") for name in skeleton.names]
+    np.testing.assert_allclose(rotations, pose.rotations, rtol=1e-6)
+    travelling = np.array(skeleton.names)[skeleton.travelling]
+    assert {"hips", "hump"} == set(travelling)
+    assert list(got) == [f"/puppetline/figure/bone_position/{name}" for name in travelling]
+    np.testing.assert_allclose(list(got.values()), pose.translations, rtol=1e-6)
+
+
+def test_a_character_without_limbs_sends_no_bones(output, receiver, dog):
+    out = output(send=("bones",))
+    out.offer(performed(dog))
+    out.send_due()
+    assert messages(receiver) == []
 
 
 def test_vertices_come_in_numbered_chunks_that_fit_a_datagram(output, receiver, dog):

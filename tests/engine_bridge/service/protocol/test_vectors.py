@@ -5,6 +5,7 @@ import struct
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from engine_bridge.service.protocol.header import FRAME_KINDS, Kind, join, split, topic_field
 
@@ -18,8 +19,8 @@ def payload(name):
     return message[128 : 128 + length]
 
 
-def scene():
-    content = payload("scene")
+def scene(name="scene"):
+    content = payload(name)
     (length,) = struct.unpack_from("<I", content)
     facts = json.loads(content[4 : 4 + length])
     types = {"f32": "<f4", "u32": "<u4"}
@@ -67,7 +68,7 @@ def recorder():
 
 def test_there_is_one_of_every_kind_that_belongs_to_a_character():
     kinds = {EXPECTED[path.stem]["header"]["kind"] for path in VECTORS.glob("*.bin")}
-    assert kinds == {*FRAME_KINDS, Kind.SCENE, Kind.PERFORMER, Kind.CHARACTERS} - {Kind.BONES}  # it has no limbs
+    assert kinds == {*FRAME_KINDS, Kind.SCENE, Kind.PERFORMER, Kind.CHARACTERS}
     assert {path.stem for path in VECTORS.glob("*.bin")} == set(EXPECTED)
 
 
@@ -130,3 +131,30 @@ def test_quantised_vertices_are_within_half_a_step(number):
     expected, expected_normals = floats(f"{number}.vertices", 2, -1, 3)
     assert (abs(positions - expected) <= 0.5 * (high - low) / 65535 + 1e-6).all()
     assert abs(normals - expected_normals).max() < 1e-4
+
+
+def globals_of(bones, turns, places):
+    """Global positions and rotations of joints by those relative to their parents."""
+    out = []
+    for bone, turn, place in zip(bones, turns, places, strict=True):
+        above = out[bone["parent"]] if bone["parent"] >= 0 else (np.zeros(3), Rotation.identity())
+        out.append((above[0] + above[1].apply(place), above[1] * Rotation.from_quat(turn)))
+    return out
+
+
+def test_bones_are_where_the_motions_of_the_limb_take_them(recorder):
+    bones = scene("limbed.scene")[0]["bones"]
+    values = floats("limbed.bones", -1)
+    turns, moved = values[: 4 * len(bones)].reshape(-1, 4), iter(values[4 * len(bones) :].reshape(-1, 3))
+    np.testing.assert_allclose(np.linalg.norm(turns, axis=1), 1, atol=1e-6)
+    places = [next(moved) if bone["travels"] else bone["position"] for bone in bones]
+    assert next(moved, None) is None
+    rest = globals_of(bones, [bone["rotation"] for bone in bones], [bone["position"] for bone in bones])
+    frame = recorder.limbed_frame()
+    limb = {"hips": 0, "spine": 1, "chest": 1}
+    assert [bone["name"] for bone in bones if bone["name"] in limb] == [*limb]
+    for bone, (place, turn), (head, axes) in zip(bones, globals_of(bones, turns, places), rest, strict=True):
+        if bone["name"] in limb:
+            motion = frame.motions[limb[bone["name"]]]
+            np.testing.assert_allclose(place, head @ motion[:3] + motion[3] + frame.root, atol=1e-5)
+            np.testing.assert_allclose(turn.as_matrix(), motion[:3].T @ axes.as_matrix(), atol=1e-6)

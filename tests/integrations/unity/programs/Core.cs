@@ -83,7 +83,7 @@ static class Core
                 "positions", Said.Bytes(s.Positions), "normals", Said.Bytes(s.Normals), "ladder", Said.Bytes(s.IsolineCoordinates),
                 "slopes", Said.Bytes(s.Slopes), "uv", Said.Bytes(s.Uv), "colors", Said.Bytes(s.Colors));
         }
-        else if (message.Header.Kind >= Kind.Performer)
+        else if (message.Header.Kind >= Kind.Performer && message.Header.Kind != Kind.Bones)
         {
             Said.Line("topic", message.Topic, "header", header, "json", Json.Parse(message.Payload));
         }

@@ -1,0 +1,44 @@
+"""Joints of a humanoid in the skeleton of a file."""
+
+import pytest
+
+from engine_bridge.character.character import load_character
+from engine_bridge.performance.rig import make_rig
+from engine_bridge.puppet.proposal import new_puppet
+from engine_bridge.rigging.file_joints import humanoid_joints
+
+
+def names(rig):
+    nodes = rig.character.document.gltf["nodes"]
+    return {name: nodes[node]["name"] for name, node in humanoid_joints(rig).items()}
+
+
+def test_a_file_without_a_skeleton_has_none(limbed_rig):
+    assert humanoid_joints(limbed_rig) == {}
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("kaykit_Knight", {"hips": "hips", "spine": "spine", "chest": "chest", "leftHand": "wrist.l", "head": "head"}),
+        (
+            "quaternius_Adventurer",
+            {
+                "hips": "Hips",
+                "spine": "Abdomen",
+                "chest": "Torso",
+                "upperChest": "Chest",
+                "leftShoulder": "Shoulder.L",
+                "rightUpperLeg": "UpperLeg.R",
+            },
+        ),
+        ("quaternius_Witch", {"hips": "Hips", "spine": "Abdomen", "rightFoot": "Foot.R"}),
+    ],
+)
+def test_hips_are_where_the_legs_hang_and_the_trunk_leads_to_the_arms(name, expected, real_data):
+    """The legs of the witch hang on a joint above the hips that moves no vertex."""
+    path = real_data / "mesh" / "gltf" / f"{name}.glb"
+    character = load_character(path)
+    found = names(make_rig(new_puppet(path, path).puppet, character))
+    assert found | expected == found
+    assert len(set(found.values())) == len(found)

@@ -38,12 +38,14 @@ class Plan:
     gains: Mapping[str, float] = field(default_factory=dict)
 
 
-_TURNED = {"neck": 0.5, "tail": -0.7, "arm": 0.6}
-"""A neck turns half as far as the head; a tail turns opposite to the head, and less. Arms that do not point as the
-performer's begin elsewhere, and would fold the chest if they turned as far."""
+_MIDDLE = {"neck": 0.5, "tail": -0.7}
+"""A neck turns half as far as the head; a tail turns opposite to the head, and less."""
+
+_TURNED = _MIDDLE | {"arm": 0.6}
+"""Arms that do not point as the performer's begin elsewhere, and would fold the chest if they turned as far."""
 
 PLANS: dict[BodyPlan, Plan] = {
-    "upright": Plan("Two legs and an upright body: limbs point as the performer's do.", True, False),
+    "upright": Plan("Two legs and an upright body: limbs point as the performer's do.", True, False, _MIDDLE),
     "two legs": Plan("Two legs under a lying body: legs step by themselves, arms and head follow.", gains=_TURNED),
     "four legs": Plan("Four legs: they step by themselves, and a raised arm lifts a front leg.", gains=_TURNED),
     "many legs": Plan("Six legs or more: they step by themselves, and raised arms lift the first pair.", gains=_TURNED),

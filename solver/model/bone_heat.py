@@ -63,7 +63,8 @@ def heat_shares(
     bones : Bones
         At least one.
     regions : BoneRegions
-        From `bones.bone_regions`. A part that one bone holds as a whole has this bone only.
+        From `bones.bone_regions`. A part that one bone holds as a whole has this bone only, and a part that one limb
+        owns as a whole the bones of this limb.
 
     Returns
     -------
@@ -81,6 +82,8 @@ def heat_shares(
     heat = np.where(seen, mass * HEAT / np.maximum(distance, MIN_DISTANCE_DIAGONALS) ** 2, 0.0)
     shares = solve(scipy.sparse.csr_matrix(scipy.sparse.diags(heat) - L), heat[:, None] * source, mesh.vertices)
     np.maximum(shares, 0.0, out=shares)
+    limb = regions.limb_parts(mesh, bones)[:, None]
+    shares[(limb >= 0) & (bones.limbs != limb)] = 0.0  # contacts do not carry the body's heat into an arm's part
     shares /= shares.sum(axis=1, keepdims=True)
     whole = regions.whole_parts(mesh)
     shares[whole >= 0] = np.eye(len(bones))[whole[whole >= 0]]

@@ -118,11 +118,19 @@ class BoneRegions:
 
     def whole_parts(self, mesh: SolverMesh) -> NDArray[np.int64]:
         """Return the bone that holds the whole part of each vertex, (n,) int64; −1 for none, as on a single part."""
-        held = np.where(self.held, self.owner, -1)
-        low, high = np.full(mesh.parts, np.iinfo(np.int64).max), np.full(mesh.parts, -1)
-        np.minimum.at(low, mesh.components, held)
-        np.maximum.at(high, mesh.components, held)
-        return np.where(low == high, high, -1)[mesh.components] if mesh.parts > 1 else np.full(len(held), -1)
+        return _common_to_parts(mesh, np.where(self.held, self.owner, -1))
+
+    def limb_parts(self, mesh: SolverMesh, bones: Bones) -> NDArray[np.int64]:
+        """Return the limb that owns the whole part of each vertex, (n,) int64; −1 for none, as on a single part."""
+        return _common_to_parts(mesh, np.where(self.owner < 0, -1, bones.limbs[self.owner]))
+
+
+def _common_to_parts(mesh: SolverMesh, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the number that all vertices of each vertex's part have; −1 for none, as on a single part."""
+    low, high = np.full(mesh.parts, np.iinfo(np.int64).max), np.full(mesh.parts, -1)
+    np.minimum.at(low, mesh.components, numbers)
+    np.maximum.at(high, mesh.components, numbers)
+    return np.where(low == high, high, -1)[mesh.components] if mesh.parts > 1 else np.full(len(numbers), -1)
 
 
 def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:

@@ -87,3 +87,18 @@ def test_a_bone_of_another_tube_has_no_share_however_near_it_is():
     near = mesh.vertices[:, 1] < 0.225
     assert shares[near, 0].min() > 0.95
     assert shares[~near, 1].min() > 0.95
+
+
+def test_an_arm_that_is_a_part_of_its_own_gets_nothing_from_the_body_that_it_is_stuck_into():
+    body, arm = tube(length=1.2, radius=0.5), tube(length=1.2, radius=0.12)
+    body_vertices, arm_vertices = body[0][:, [1, 0, 2]], arm[0] + [0.9, 0.3, 0]  # upright, with the arm at its side
+    mesh = mesh_of((body_vertices, body[1][:, ::-1]), (arm_vertices, arm[1]))
+    heads = np.array([[0, -0.5, 0], [0.45, 0.3, 0], [0.75, 0.3, 0]])
+    tails = np.array([[0, 0.5, 0], [0.75, 0.3, 0], [1.4, 0.3, 0]])
+    bones = Bones(heads, tails, np.array([-1, 0, 1]), np.array([-1, 0, 0]))
+
+    shares = shares_of(mesh, bones)[len(body_vertices) :]
+
+    assert np.all(shares[:, 0] == 0)
+    assert np.allclose(shares.sum(axis=1), 1)
+    assert np.all(shares[arm_vertices[:, 0] < 0.5, 1] > 0.9)

@@ -20,7 +20,7 @@ MAX_REACH = 0.985
 """Largest distance between hip and ankle of a leg that stands, as a share of its length, unless it is straighter at
 rest."""
 
-MAX_DROP = 0.16
+MAX_DROP = 0.3
 """Largest way by which a body sinks for its legs to reach their feet, in leg lengths."""
 
 MAX_RISE = 0.3

@@ -33,7 +33,7 @@ TROT_FROUDE = 0.3, 0.6
 WALK_SPEED, STOP_SPEED = 0.12, 0.06
 """Speeds, as a share of √(g L), above which a body begins to walk and below which it stops."""
 
-MAX_STANCE_SHARE = 0.9
+MAX_STANCE_SHARE = 0.8
 """Longest way of the body over a foot that stands, in leg lengths."""
 
 MIN_STEP_SECONDS, MAX_STEP_SECONDS = 0.18, 1.1

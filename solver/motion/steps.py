@@ -40,10 +40,10 @@ VELOCITY_SECONDS = 0.15
 MAX_AHEAD = 0.45
 """Largest distance at which a foot is put down from its home, in leg lengths."""
 
-TOO_FAR, TOO_FAR_WALKING = 0.22, 0.5
+TOO_FAR, TOO_FAR_WALKING = 0.22, 0.47
 """Distances between a foot and its home, in leg lengths, from which a leg steps while the body stands and walks."""
 
-MAX_AWAY = 0.55
+MAX_AWAY = 0.52
 """Largest distance between a foot that stands and its home, in leg lengths."""
 
 TIDY_DISTANCE, TIDY_SECONDS = 0.1, 0.65

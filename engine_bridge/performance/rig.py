@@ -88,7 +88,7 @@ def make_rig(puppet: Puppet, character: Character) -> Rig:
         puppet.solver.parameters,
         cache_folder(),
         character.document.name,
-        bones=bones_of(puppet.limbs),
+        bones=bones_of(puppet.limbs, puppet.character.basis[1]),
         shares=skin_shares(character, puppet.limbs),
     )
     return Rig(puppet, character, mesh, model)

@@ -5,7 +5,7 @@ Distances are measured from where rays at right angles to a bone meet the surfac
 """
 
 import heapq
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -65,12 +65,18 @@ class Bones:
     limbs : (b,) int64
         Number of the bone's limb, from 0; −1 for the trunk, the parent of limbs. The bones of a limb are in order from
         root to tip.
+    feet : (f,) int64
+        Bones of feet on which the character stands.
+    up : (3,) float64
+        Unit vector away from the ground.
     """
 
     heads: NDArray[np.float64]
     tails: NDArray[np.float64]
     parents: NDArray[np.int64]
     limbs: NDArray[np.int64]
+    feet: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    up: NDArray[np.float64] = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
 
     def __len__(self) -> int:
         """Return the number of bones."""

@@ -21,6 +21,7 @@ from solver.model import fields as propagation
 from solver.model.bone_heat import heat_shares
 from solver.model.bones import NO_BONES, BoneRegions, Bones, bone_regions, regions_of_shares
 from solver.model.coarse_fields import MAX_EXACT_VERTICES, CoarseFields
+from solver.model.feet import feet_held
 from solver.surface.contacts import contacts
 from solver.surface.mesh import SolverMesh, snap
 
@@ -227,10 +228,13 @@ def build(
     is_large, is_skinned = len(rest) > MAX_EXACT_VERTICES, shares is not None
     surface, mass = propagation.laplacian(unit)
     ties = replace(contacts(mesh), gap=contacts(mesh).gap / diagonal)
-    regions = bone_regions(mesh, bones) if shares is None else regions_of_shares(shares)
-    if shares is None and (regions.owner >= 0).any():
-        connected = propagation.energy_operator(surface, ties, mass, unit.diagonal)
-        shares = heat_shares(connected, mass, mesh, bones, regions)
+    if shares is None:
+        regions = bone_regions(mesh, bones)
+        if (regions.owner >= 0).any():
+            connected = propagation.energy_operator(surface, ties, mass, unit.diagonal)
+            shares = heat_shares(connected, mass, mesh, bones, regions)
+    if shares is not None:
+        shares = feet_held(shares, mesh.vertices, bones)
         regions = regions_of_shares(shares)
     along_limbs = limb_fields.limb_field_count(bones, regions, parameters.fields)
     holds = limb_fields.contacts_that_hold(ties, rest, regions, bones, skinned=is_skinned)

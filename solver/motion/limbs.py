@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from solver.model.bones import Bones
 
@@ -87,7 +87,7 @@ def parents_first(limbs: Sequence[Limb]) -> list[Limb]:
     return ordered
 
 
-def bones_of(limbs: Sequence[Limb]) -> Bones:
+def bones_of(limbs: Sequence[Limb], up: ArrayLike = (0.0, 1.0, 0.0)) -> Bones:
     """Return the bones of limbs, in the order of `parents_first`, each limb from root to tip.
 
     The parent of a limb's first bone is the bone of the parent limb nearest to the limb's first point.
@@ -95,6 +95,8 @@ def bones_of(limbs: Sequence[Limb]) -> Bones:
     Parameters
     ----------
     limbs : sequence of Limb
+    up : (3,) float64, optional
+        Unit vector away from the ground, for the soles of feet.
 
     Returns
     -------
@@ -104,6 +106,7 @@ def bones_of(limbs: Sequence[Limb]) -> Bones:
     tails: list[NDArray[np.float64]] = []
     parents: list[int] = []
     numbers: list[int] = []
+    feet: list[int] = []
     bases = {limb.parent for limb in limbs} & {limb.name for limb in limbs if limb.parent is None}
     first: dict[str, int] = {}
     count: dict[str, int] = {}
@@ -120,11 +123,15 @@ def bones_of(limbs: Sequence[Limb]) -> Bones:
             on = len(heads)
             heads.append(head)
             tails.append(tail)
+        if limb.stands and len(limb.points) > 2:
+            feet.append(on)
     return Bones(
         np.array(heads, dtype=np.float64).reshape(-1, 3),
         np.array(tails, dtype=np.float64).reshape(-1, 3),
         np.array(parents, dtype=np.int64),
         np.array(numbers, dtype=np.int64),
+        np.array(feet, dtype=np.int64),
+        np.asarray(up, dtype=np.float64),
     )
 
 

@@ -1,0 +1,50 @@
+"""Feet that stand: their surface stays on the floor while the legs above them move."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.model.bones import Bones
+
+SOLE_HEIGHTS = 0.5, 1.5
+"""Heights over the floor, in those of the ankle, up to which a leg's surface follows its foot alone, and from which it
+does not need to."""
+
+
+def feet_held(shares: NDArray[np.float64], vertices: NDArray[np.float64], bones: Bones) -> NDArray[np.float64]:
+    """Return shares with which soles follow their foot alone.
+
+    In many files, and where heat spreads, soles also follow the shin or the hips a little, and would sink into the
+    floor with them. A vertex of a foot follows the bone before it only near the ankle. A heel that the shin is nearer
+    to follows the foot.
+
+    Parameters
+    ----------
+    shares : (n, b) float64
+        Share of each bone in the motion of each vertex.
+    vertices : (n, 3) float64
+        In the units of the bones.
+    bones : Bones
+
+    Returns
+    -------
+    (n, b) float64
+    """
+    shares = shares.copy()
+    owner = shares.argmax(axis=1)
+    heights = vertices @ bones.up
+    low, high = SOLE_HEIGHTS
+    for foot in bones.feet:
+        of_foot = np.flatnonzero(owner == foot)
+        own = shares[of_foot, foot - 1 : foot + 1]
+        away = np.linalg.norm(vertices[of_foot] - bones.heads[foot], axis=1) / bones.lengths[foot]
+        shin = np.maximum(1 - away, 0) * own[:, 0] / own.sum(axis=1)
+        shares[of_foot] = 0.0
+        shares[of_foot, foot - 1], shares[of_foot, foot] = shin, 1 - shin
+        of_leg = np.flatnonzero((bones.limbs[owner] == bones.limbs[foot]) & (shares.max(axis=1) > 0))
+        floor = heights[of_leg].min(initial=np.inf)
+        ankle = bones.heads[foot] @ bones.up
+        if ankle > floor:
+            sole = 1 - np.clip(((heights[of_leg] - floor) / (ankle - floor) - low) / (high - low), 0, 1)
+            shares[of_leg] *= 1 - sole[:, None]
+            shares[of_leg, foot] += sole
+    return shares

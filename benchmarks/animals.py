@@ -45,6 +45,10 @@ ON_FLOOR = 0.01
 SOLE = 0.03
 """Height of the vertices of a foot over the lowest of them, in body heights."""
 
+RAISED = 0.05
+"""Height over the lowest foot above which a foot is raised at rest, in body heights; the others stand on their own
+height."""
+
 STANDS_SECONDS, STANDS_METRES = 1.0, 0.05
 """A performer's foot stands while it stays this close to one place for at least this time, in seconds and metres."""
 
@@ -154,13 +158,15 @@ def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[n
     heights, places, bodies, swinging, lifted = [], [], [], [], []
     used = np.concatenate(soles) if soles else np.zeros(0, dtype=np.int64)
     starts = np.cumsum([0, *map(len, soles)])
+    floors = np.array([(rest[sole] @ basis[1]).min() for sole in soles])
+    floors[floors > floors.min(initial=np.inf) + RAISED * size] = floors.min(initial=np.inf)
     trunk = _trunk(rig)
     for number in range(len(timeline.positions)):
         pose = performance.step(timeline.frame(number))
         moved = surface.vertices(pose.R[None].astype(np.float32))
         stretch.add(moved)
         now = (moved[used, :, 0] + pose.root) @ basis.T
-        heights.append([now[a:b, 1].min() - (rest[used[a:b]] @ basis[1]).min() for a, b in pairwise(starts)])
+        heights.append(np.array([now[a:b, 1].min() for a, b in pairwise(starts)]) - floors)
         places.append([now[a:b].mean(axis=0) for a, b in pairwise(starts)])
         body = pose.motions[trunk, 3] + rig_head(rig, trunk) @ pose.motions[trunk, :3] if rig.puppet.limbs else 0.0
         bodies.append(body + pose.root)

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from solver.model.bones import Bones
 
-SOLE_HEIGHTS = 0.9, 1.6
+SOLE_HEIGHTS = 1.0, 1.5
 """Heights over the floor, in those of the ankle, up to which a leg's surface follows its foot alone, and from which it
 does not need to."""
 

@@ -1,0 +1,37 @@
+"""Which bones move the surface of a foot that stands."""
+
+import numpy as np
+
+from solver.model.bones import Bones
+from solver.model.feet import feet_held
+
+LEG = Bones(
+    heads=np.array([[0.0, 2, 0], [0, 1, 0], [0, 0.2, 0]]),
+    tails=np.array([[0.0, 1, 0], [0, 0.2, 0], [0, 0, 0.4]]),
+    parents=np.array([-1, 0, 1]),
+    limbs=np.array([0, 0, 0]),
+    feet=np.array([2]),
+)
+FLOOR = [[0, 0, 0.4], [0, 0, -0.3], [0, 0.1, 0.0]]
+SHIN = [[0, 0.5, 0], [0, 1.0, 0], [0, 1.5, 0]]
+
+
+def test_soles_follow_their_foot_alone():
+    shares = np.array([[0.1, 0.3, 0.6], [0.1, 0.8, 0.1], [0.2, 0.5, 0.3]] + 3 * [[0.1, 0.9, 0.0]])
+    held = feet_held(shares, np.array(FLOOR + SHIN), LEG)
+    np.testing.assert_array_equal(held[:3], [[0, 0, 1]] * 3)
+    np.testing.assert_array_equal(held[3:], shares[3:])
+
+
+def test_shares_keep_their_sum_between_sole_and_shin():
+    between = np.array([[0, 0.25, 0.0], [0, 0.25, 0.4]])  # 1.25 ankle heights: half way from sole to shin
+    held = feet_held(np.array([[0.0, 1, 0], [0, 0.8, 0.2], [0, 0, 1]]), np.vstack([between, [[0, 0, 0.4]]]), LEG)
+    np.testing.assert_allclose(held[:2], [[0, 0.5, 0.5], [0, 0.4, 0.6]])
+
+
+def test_other_limbs_and_feet_that_do_not_stand_keep_their_shares():
+    shares = np.array([[0.1, 0.3, 0.6], [0.5, 0.4, 0.1], [0.0, 0.0, 0.0]])
+    hanging = Bones(LEG.heads, LEG.tails, LEG.parents, LEG.limbs)
+    np.testing.assert_array_equal(feet_held(shares, np.array(FLOOR), hanging), shares)
+    apart = Bones(LEG.heads, LEG.tails, LEG.parents, np.array([-1, 0, 0]), LEG.feet)
+    np.testing.assert_array_equal(feet_held(shares, np.array(FLOOR), apart)[1:], shares[1:])

@@ -24,7 +24,7 @@ from solver.anatomy.limb_chain import Limbs
 from solver.anatomy.limb_finding import find_limbs
 from solver.surface.mesh import SolverMesh
 
-ENDS = ("head", "tail", *(f"{side} {limb}" for limb in LIMB_JOINTS for side in ("left", "right")))
+ENDS = ("head", "tail", "jaw", *(f"{side} {limb}" for limb in (*LIMB_JOINTS, "ear") for side in ("left", "right")))
 """Limbs whose ends the user may give."""
 
 AXES = "up", "front"

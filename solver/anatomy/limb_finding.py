@@ -84,7 +84,19 @@ class _Finder(LimbBranches):
         self._note_missing_limbs(found)
         found = self._trunk_and_head(found) | found
         self._note_other_feet(found)
-        return found
+        return found | self._given_on_head()
+
+    def _given_on_head(self) -> dict[str, Points]:
+        """Return ears and a jaw whose ends the user has given, straight from the middle of the head.
+
+        By its shape, an ear is not to be told from a horn, nor a jaw that is closed from the head.
+        """
+        skull, limbs = self.trunk.points[self.skull], dict[str, Points]()
+        for name in [name for name in ("left ear", "right ear", "jaw") if name in self.ends]:
+            way = self.cells[self.ends[name]] - skull
+            inside = self.trunk.depth[self.skull] / np.linalg.norm(way) if name != "jaw" else 0.0
+            limbs[name] = evenly(skull + way * [[min(inside, 0.5)], [1.0]], 2 if name == "jaw" else 3)
+        return limbs
 
     def _note_other_heads(self, branches: Sequence[LimbCurve]) -> None:
         """Note ends whose head scores are close to that of the head, and that are not its ears or horns."""

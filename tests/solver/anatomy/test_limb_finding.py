@@ -144,6 +144,17 @@ def test_a_long_stride_has_two_legs(solver_mesh):
     np.testing.assert_allclose(limbs["right leg"][-1], (-0.17, 0.08, -0.47), atol=0.1)
 
 
+def test_ears_and_a_jaw_are_limbs_of_the_head_where_the_user_says(solver_mesh):
+    ears = both(((0.1, 1.75, 1.6), (0.5, 2.3, 1.7), 0.06))
+    ends = {"left ear": (0.5, 2.3, 1.7), "right ear": (-0.5, 2.3, 1.7), "jaw": (0.0, 1.5, 2.0)}
+    limbs = found(solver_mesh([*DOG, *ears], 0.05), ends=ends)
+    assert list(limbs)[-3:] == ["left ear", "right ear", "jaw"]
+    for name, end in ends.items():
+        np.testing.assert_allclose(limbs[name][-1], end, atol=0.1)
+        assert np.linalg.norm(limbs[name][0] - limbs["head"][0]) < np.linalg.norm(end - limbs["head"][0])
+    assert [len(limbs[name]) for name in ends] == [3, 3, 2]
+
+
 def test_ears_above_all_are_no_head(solver_mesh):
     body = [((0.0, 0.4, -0.3), (0.0, 0.5, 0.0), 0.45), ((0.0, 1.1, 0.4), (0.0, 1.15, 0.4), 0.35)]
     ears = both(((0.1, 1.4, 0.4), (0.35, 2.5, 0.4), 0.08))

@@ -80,7 +80,9 @@ class _Finder(LimbBranches):
             found["tail"] = evenly(tail.points[::-1], 4)
         wings = self.wings([branch for branch in branches if branch not in used])
         if wings is not None:
-            found |= self.sides("wing", [evenly(wing.points[::-1], 4) for wing in wings])
+            pair = self.sides("wing", [evenly(wing.points[::-1], 4) for wing in wings])
+            if np.linalg.norm(pair["left wing"][1] - pair["right wing"][1]) > self.solid.size:  # no rider's legs
+                found |= pair
         self._note_missing_limbs(found)
         found = self._trunk_and_head(found) | found
         self._note_other_feet(found)

@@ -114,6 +114,12 @@ def test_wings_are_beside_four_legs(solver_mesh):
     assert {*FOUR_LEGGED, "tail"} < limbs.keys()
 
 
+def test_the_legs_of_a_rider_are_no_wings(solver_mesh):
+    legs = both(((0.15, 1.5, 0.0), (0.45, 1.2, 0.3), 0.1), ((0.45, 1.2, 0.3), (0.45, 0.7, 0.2), 0.08))
+    rider = [((0.0, 1.5, -0.1), (0.0, 2.1, -0.1), 0.2), ((0.0, 2.1, -0.1), (0.0, 2.55, -0.1), 0.16), *legs]
+    assert list(found(solver_mesh([*DOG, *rider], 0.05))) == ["trunk", "neck", "head", *FOUR_LEGGED, "tail"]
+
+
 def test_ears_and_horns_are_neither_arms_nor_wings(solver_mesh, person):
     ears = both(((0.08, 1.8, 0.0), (0.35, 2.2, 0.0), 0.06))
     assert_same(

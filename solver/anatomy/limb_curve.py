@@ -16,6 +16,10 @@ ankle, if the limb is straight: the mean of people and of game characters."""
 WRIST_SHARE, WRIST_SPREAD = 0.70, 0.15
 """Usual position of the wrist, as a share of the distance from shoulder to fingertip, and its maximum deviation."""
 
+ELBOW_SHARES, MAX_ELBOW_RATIO = (0.35, 0.5), 0.7
+"""Range of an elbow that is narrower than the wrist, as shares of the distance from shoulder to fingertip, and maximum
+radius there, as a share of the smallest one in the range of the wrist."""
+
 HIP_RATIO, SHOULDER_RATIO = 0.6, 2.3
 """Half the distance between the curves of two legs at the hips, and the distance of an arm's curve from the trunk's at
 the shoulder, as multiples of the distance to the surface."""
@@ -361,13 +365,25 @@ def _end_of_hand(arm: LimbCurve, shoulder: float) -> float:
 
 
 def _narrowest(arm: LimbCurve, end: float, shoulder: float, around: NDArray[np.float64], size: float) -> float:
-    """Return the distance of the wrist from the tip: where the arm is narrow, near the usual place."""
+    """Return the distance of the wrist from the tip: where the arm is narrow, near the usual place.
+
+    If the arm narrows all the way up from there, as that of a robot with a thick forearm, the narrowest place is the
+    elbow, and the wrist is at the usual distance beyond it.
+    """
     _, nearest = cKDTree(arm.points).query(around)
     ways, length = arm.along[nearest], shoulder - end
-    share = np.linspace(WRIST_SHARE - WRIST_SPREAD, WRIST_SHARE + WRIST_SPREAD, 31)
-    places = end + (1 - share) * length
     reach = max(0.04 * length, 1.5 * size)
-    room = np.array([np.count_nonzero(np.abs(ways - way) < reach) for way in places], dtype=np.float64)
-    radius = np.sqrt(np.maximum(room, 1))
-    unlikely = radius / np.median(radius) + 0.3 * ((share - WRIST_SHARE) / WRIST_SPREAD) ** 2
-    return float(places[unlikely.argmin()])
+
+    def radius(share: NDArray[np.float64]) -> NDArray[np.float64]:
+        room = [np.count_nonzero(np.abs(ways - end - (1 - each) * length) < reach) for each in share]
+        return np.sqrt(np.maximum(room, 1.0))
+
+    share = np.linspace(WRIST_SHARE - WRIST_SPREAD, WRIST_SHARE + WRIST_SPREAD, 31)
+    low = radius(share)
+    unlikely = low / np.median(low) + 0.3 * ((share - WRIST_SHARE) / WRIST_SPREAD) ** 2
+    wrist = share[unlikely.argmin()]
+    above = np.linspace(ELBOW_SHARES[0], ELBOW_SHARES[1], 21)
+    high = radius(above)
+    if share[low.argmin()] < ELBOW_SHARES[1] + 0.1 and high.min() < MAX_ELBOW_RATIO * low.min():
+        wrist = min(above[high.argmin()] / UPPER_ARM_SHARE, share[-1])
+    return float(end + (1 - wrist) * length)

@@ -188,6 +188,15 @@ def test_a_doubtful_head_is_said(solver_mesh):
     assert not [note for note in other.notes if note.startswith("The head")]
 
 
+def test_where_an_arm_is_thinnest_at_the_elbow_the_wrist_is_beyond_it(solver_mesh):
+    elbow, wrist, fingers = (0.7, 1.43, 0.0), (1.19, 1.43, 0.0), (1.3, 1.43, 0.0)
+    arm = [((0.1, 1.42, 0.0), (0.6, 1.43, 0.0), 0.08), ((0.6, 1.43, 0.0), elbow, 0.035), (elbow, wrist, 0.035)]
+    thick = ((0.85, 1.43, 0.0), fingers, 0.11)
+    limbs = found(solver_mesh([*BODY, SKULL, *both(*arm, thick, *LEG)]))
+    np.testing.assert_allclose(limbs["left arm"][1], elbow, atol=0.06)
+    np.testing.assert_allclose(limbs["left arm"][2], wrist, atol=0.06)
+
+
 def test_arms_in_the_body_go_straight_to_where_the_user_says(solver_mesh):
     body = [*BODY, SKULL, *both(*LEG), *both(((0.1, 1.35, 0.0), (0.12, 0.95, 0.0), 0.16))]
     hand = np.array([0.22, 0.95, 0.1])

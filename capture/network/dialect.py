@@ -73,12 +73,18 @@ Reading = Part | PerformerLost | FrameEnd | Ignored | Refusal
 _PLAIN_TAGS = str.maketrans("dhS", "fis")
 
 
-def plain_tags(message: Message) -> str:
-    """Return a message's type tags with f for every float, i for every integer and s for every string.
+def has_types(message: Message, *layouts: str, more: bool = False) -> bool:
+    """Return whether a message's arguments are as one of some layouts of f, i and s: float, integer and string.
 
-    A script that imitates a program may send a double where the program sends a float32.
+    A script that imitates a program may send a double where the program sends a float32, or a whole number where it
+    sends a float. With `more`, further arguments may follow.
     """
-    return message.tags.translate(_PLAIN_TAGS)
+    tags = message.tags.translate(_PLAIN_TAGS)
+    return any(
+        (len(tags) == len(layout) or (more and len(tags) > len(layout)))
+        and all(tag == wanted or (tag, wanted) == ("i", "f") for tag, wanted in zip(tags, layout, strict=False))
+        for layout in layouts
+    )
 
 
 class Dialect(Protocol):
@@ -124,7 +130,7 @@ JOINT_NAMES: dict[str, str | None] = {
 
 
 def joint_part(name: Any, user: Any, values: tuple[Any, ...], stamp: Any = None) -> Reading:
-    """Return the part for a joint of `JOINT_NAMES`. The caller has checked the types with `plain_tags`."""
+    """Return the part for a joint of `JOINT_NAMES`. The caller has checked the types with `has_types`."""
     joint = JOINT_NAMES.get(name.lower(), "")
     if joint == "":
         return "unknown joint"

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from capture.network.dialect import Ignored, Pose, Reading, Units, Values, joint_part, kinect20, plain_tags, to_metres
+from capture.network.dialect import Ignored, Pose, Reading, Units, Values, has_types, joint_part, kinect20, to_metres
 from capture.network.osc import Message
 from capture.skeleton import INFERRED, LOST
 
@@ -29,7 +29,7 @@ class KinectSDK:
 
     def read(self, message: Message) -> Reading | None:
         """Read a message."""
-        if message.address in JOINTS and plain_tags(message) == "siifffff":
+        if message.address in JOINTS and has_types(message, "siifffff"):
             name, _, user, x, y, z, confidence, time = message.arguments
             return joint_part(name, user, (x, y, z, confidence), time)
         return Ignored() if message.address in IGNORED else None

@@ -22,9 +22,9 @@ from capture.network.dialect import (
     Reading,
     Units,
     Values,
+    has_types,
     joint_part,
     kinect20,
-    plain_tags,
     to_metres,
 )
 from capture.network.osc import Message
@@ -53,10 +53,9 @@ class NIMate:
             return FrameEnd()
         if match["name"] not in JOINT_NAMES:
             return None
-        tags = plain_tags(message)
-        if tags in WITH_POSITION:
+        if has_types(message, *WITH_POSITION):
             return joint_part(match["name"], int(match["before"] or match["after"] or 0), message.arguments[:3])
-        return Ignored() if tags in WITHOUT_POSITION else "wrong arguments"
+        return Ignored() if has_types(message, *WITHOUT_POSITION) else "wrong arguments"
 
     def pose(self, parts: Mapping[str, Values], units: Units | None) -> Pose:
         """Convert joints to a pose; without `units`, the size of the numbers decides between metres and millimetres."""

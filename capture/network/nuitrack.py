@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from capture.network.dialect import Pose, Reading, Units, Values, joint_part, kinect20, plain_tags, to_metres
+from capture.network.dialect import Pose, Reading, Units, Values, has_types, joint_part, kinect20, to_metres
 from capture.network.osc import Message
 from capture.skeleton import TRACKED
 
@@ -26,7 +26,7 @@ class Nuitrack:
 
     def read(self, message: Message) -> Reading | None:
         """Read a message; messages about performers are OSCeleton's."""
-        if message.address == "/joint" and plain_tags(message) == "isfff":
+        if message.address == "/joint" and has_types(message, "isfff"):
             user, name, *values = message.arguments
             return joint_part(name, user, tuple(values))
         return None

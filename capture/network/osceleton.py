@@ -21,9 +21,9 @@ from capture.network.dialect import (
     Reading,
     Units,
     Values,
+    has_types,
     joint_part,
     kinect20,
-    plain_tags,
     to_metres,
 )
 from capture.network.osc import Message
@@ -51,13 +51,12 @@ class OSCeleton:
     def read(self, message: Message) -> Reading | None:
         """Read a message."""
         address, _, arguments = message
-        tags = plain_tags(message)
-        if address == "/joint" and tags == "sifff":
+        if address == "/joint" and has_types(message, "sifff"):
             return joint_part(arguments[0], arguments[1], arguments[2:])
-        if address == "/joint" and tags == "sff":
+        if address == "/joint" and has_types(message, "sff"):
             joined = _JOINED.fullmatch(str(arguments[0]))
             return joint_part(joined["name"], int(joined["user"] or 0), arguments[1:]) if joined else "unknown joint"
-        if tags in ("fff", "ff") and (quartz := _QUARTZ.fullmatch(address)):
+        if has_types(message, "fff", "ff") and (quartz := _QUARTZ.fullmatch(address)):
             return joint_part(quartz["name"], int(quartz["user"]), arguments)
         if address == "/lost_user":
             return self._lost(message)
@@ -67,7 +66,7 @@ class OSCeleton:
         if not message.arguments:  # with -n, the hand is user 0
             return PerformerLost(0)
         user = message.arguments[0]
-        return PerformerLost(user) if plain_tags(message) == "i" and isinstance(user, int) else "wrong arguments"
+        return PerformerLost(user) if has_types(message, "i") and isinstance(user, int) else "wrong arguments"
 
     def pose(self, parts: Mapping[str, Values], units: Units | None) -> Pose:
         """Convert joints to a pose; `units` "screen" or "mm" replaces the detection by size."""

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from capture.network.dialect import Ignored, Part, PerformerLost, Pose, Reading, Units, Values, kinect20, plain_tags
+from capture.network.dialect import Ignored, Part, PerformerLost, Pose, Reading, Units, Values, has_types, kinect20
 from capture.network.humanoid import (
     DRIVING_BONES,
     IDENTITY,
@@ -58,7 +58,7 @@ class Vmc:
             return self._status(message)
         if address not in ("/VMC/Ext/Bone/Pos", "/VMC/Ext/Root/Pos"):
             return Ignored()
-        if not plain_tags(message).startswith(_BONE_TAGS):
+        if not has_types(message, _BONE_TAGS, more=True):
             return "wrong arguments"
         bone, *values = message.arguments[:8]
         name = "Root" if address == "/VMC/Ext/Root/Pos" else str(bone)
@@ -71,10 +71,9 @@ class Vmc:
         return Part(USER, name, self._bones[name])
 
     def _status(self, message: Message) -> Reading:
-        tags = plain_tags(message)
-        if not tags.startswith("i"):
+        if not has_types(message, "i", more=True):
             return "wrong arguments"
-        is_bad = tags.startswith("iiii") and message.arguments[3] == BAD_TRACKING_STATUS
+        is_bad = has_types(message, "iiii", more=True) and message.arguments[3] == BAD_TRACKING_STATUS
         self._confidence = INFERRED if is_bad else TRACKED
         self._loaded = message.arguments[0] != 0
         if self._loaded:

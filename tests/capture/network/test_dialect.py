@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from capture.network.dialect import JOINT_NAMES, Ignored, Part, joint_part, kinect20, plain_tags, to_metres
+from capture.network.dialect import JOINT_NAMES, Ignored, Part, has_types, joint_part, kinect20, to_metres
 from capture.network.osc import Message
 from capture.skeleton import JOINT_INDEX
 
@@ -18,8 +18,19 @@ def test_names_are_read_in_any_case():
     assert joint_part("tail", 3, (1.0,)) == "unknown joint"
 
 
-def test_numbers_of_any_width_have_one_shape():
-    assert plain_tags(Message("/a", "sShidfb", ())) == "ssiiffb"
+@pytest.mark.parametrize(
+    ("tags", "layout", "more", "fits"),
+    [
+        ("sShidf", "ssiiff", False, True),
+        ("siihf", "sffff", False, True),
+        ("sff", "sii", False, False),
+        ("sffb", "sff", False, False),
+        ("sffb", "sff", True, True),
+        ("sf", "sff", True, False),
+    ],
+)
+def test_numbers_of_any_width_fit_and_whole_numbers_are_numbers(tags, layout, more, fits):
+    assert has_types(Message("/a", tags, ()), "b", layout, more=more) == fits
 
 
 @pytest.mark.parametrize(

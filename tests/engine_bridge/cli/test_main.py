@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from engine_bridge.cli.main import COMMANDS, main
+from engine_bridge.cli.main import COMMANDS, FORMER_NAMES, main
 
 COMMAND = str(Path(sys.executable).with_name("puppetline"))
 
@@ -101,9 +101,14 @@ def test_help_of_every_command_is_there(invoke, command):
     assert result.stdout.startswith(f"Usage: puppetline {' '.join(command)}".rstrip())
 
 
-def test_the_help_lists_every_command(invoke):
+def test_the_help_lists_every_command_and_no_former_name(invoke):
     lines = invoke("--help").stdout.split("Commands:")[1].splitlines()
     assert [line.split()[0] for line in lines if line.strip()] == sorted(COMMANDS)
+
+
+def test_a_former_name_is_the_same_command():
+    for former, name in FORMER_NAMES.items():
+        assert main.get_command(None, former) is main.get_command(None, name)
 
 
 def test_a_misspelled_command_gets_a_suggestion(invoke):

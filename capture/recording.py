@@ -25,7 +25,6 @@ import os
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -33,6 +32,7 @@ import numpy as np
 from capture.events import Cue, Event, Lost, Tick
 from capture.skeleton import JOINTS, LOST, SkeletonFrame
 from puppetline.errors import OutputError
+from puppetline.files import append_error
 
 VERSION = 2
 """Version of the format. Version 1 has only frames."""
@@ -65,7 +65,7 @@ class Recorder:
             # In append mode without a buffer, the system has all written data even if this process crashes.
             self._file = path.open("ab+", buffering=0)
         except OSError as error:
-            raise _write_error(path, error) from error
+            raise append_error(path, error) from error
         # Synchronising with the disk may take 0.1 s, so another thread does it.
         self._syncer = ThreadPoolExecutor(1, "sync")
         self._syncing: Future[None] | None = None
@@ -79,9 +79,7 @@ class Recorder:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def write(self, event: Event) -> None:
@@ -109,7 +107,7 @@ class Recorder:
             try:
                 os.fsync(self._file.fileno())
             except OSError as error:
-                raise _write_error(self.path, error) from error
+                raise append_error(self.path, error) from error
 
     def _missing_start(self) -> bytes:
         """Return the data to write before the next line: the rest of the header, or the end of an incomplete line."""
@@ -134,7 +132,7 @@ class Recorder:
         except OSError as error:
             # Part of a line may be written. The next recorder that opens the file ends the line.
             self._abandon()
-            raise _write_error(self.path, error) from error
+            raise append_error(self.path, error) from error
 
     def _check_sync(self) -> None:
         try:
@@ -142,7 +140,7 @@ class Recorder:
                 self._syncing.result()
         except OSError as error:
             self._abandon()
-            raise _write_error(self.path, error) from error
+            raise append_error(self.path, error) from error
 
     def _abandon(self) -> None:
         self._syncer.shutdown()
@@ -194,12 +192,3 @@ def encode(event: Event) -> bytes:
 
 def _line(value: dict[str, Any]) -> bytes:
     return json.dumps(value, allow_nan=False).encode() + b"\n"
-
-
-def _write_error(path: Path, error: OSError) -> OutputError:
-    return OutputError(
-        path,
-        found=f"a file that cannot be written ({error.strerror or error})",
-        expected="a writable file with enough disk space",
-        fix="Choose another path, free disk space, or change the permissions.",
-    )

@@ -10,13 +10,13 @@ import struct
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from puppetline.errors import OutputError, SourceError
+from puppetline.errors import SourceError
+from puppetline.files import append_error
 
 SAMPLE_RATE = 48_000
 """Samples per second of recorded sound."""
@@ -111,14 +111,12 @@ class WavWriter:
             self._file = path.open("wb", buffering=0)
             self._file.write(self._header())
         except OSError as error:
-            raise _write_error(path, error) from error
+            raise append_error(path, error) from error
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property
@@ -136,7 +134,7 @@ class WavWriter:
         """
         data = np.rint(np.clip(samples, -1, 1) * 32767).astype("<i2").tobytes()
         if self._bytes + len(data) > _MAX_BYTES:
-            raise _write_error(self.path, OSError(0, "it has reached its maximum length"))
+            raise append_error(self.path, OSError(0, "it has reached its maximum length"))
         try:
             self._file.write(data)
             self._bytes += len(data)
@@ -144,7 +142,7 @@ class WavWriter:
                 self._state_length()
         except OSError as error:
             self._file.close()
-            raise _write_error(self.path, error) from error
+            raise append_error(self.path, error) from error
 
     def close(self) -> None:
         """State the length and close the file. Closing again does nothing."""
@@ -222,12 +220,3 @@ class Microphone:
         self.overflows += bool(status.input_overflow)
         ago = max(times.currentTime - times.inputBufferAdcTime, 0.0)
         self._blocks.put(Block(time.monotonic() - ago, samples[:, 0].copy()))
-
-
-def _write_error(path: Path, error: OSError) -> OutputError:
-    return OutputError(
-        path,
-        found=f"a file that cannot be written ({error.strerror or error})",
-        expected="a writable file with enough disk space",
-        fix="Choose another path, free disk space, or change the permissions.",
-    )

@@ -77,6 +77,28 @@ def check_writable(path: Path, ending: str, inputs: Iterable[Path] = ()) -> None
         raise write_error(path, error) from error
 
 
+def check_one_of(path: Path, endings: Iterable[str], expected: str, fix: str, inputs: Iterable[Path] = ()) -> None:
+    """Check before the work whether its result can be written with one of several endings.
+
+    Parameters
+    ----------
+    path : Path
+    endings : iterable of str
+    expected, fix : str
+        Parts of the message about another ending.
+    inputs : iterable of Path
+        Files that the result must not replace.
+
+    Raises
+    ------
+    OutputError
+    """
+    ending = path.suffix.lower()
+    if ending not in endings:
+        raise OutputError(path, found=f"the ending {path.suffix!r}", expected=expected, fix=fix)
+    check_writable(path, ending, inputs)
+
+
 def check_new(path: Path, fix: str, expected: str = "a new name") -> None:
     """Check before the work that a result replaces no file.
 
@@ -122,6 +144,16 @@ def write_error(path: Path, error: OSError) -> OutputError:
         found=f"a file that cannot be written ({error.strerror})",
         expected="a folder with write permission and free space",
         fix="Choose another folder with -o, or change the folder's permissions.",
+    )
+
+
+def append_error(path: Path, error: OSError) -> OutputError:
+    """Return the error for a file that is written piece by piece and that the operating system refuses to write."""
+    return OutputError(
+        path,
+        found=f"a file that cannot be written ({error.strerror or error})",
+        expected="a writable file with enough disk space",
+        fix="Choose another path, free disk space, or change the permissions.",
     )
 
 

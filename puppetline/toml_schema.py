@@ -3,6 +3,7 @@
 import difflib
 import tomllib
 import typing
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -36,6 +37,20 @@ File = TypeVar("File", bound=Table)
 def mistake(*place: str | int, found: str, expected: str, fix: str) -> PydanticCustomError:
     """Return an error for a validator to raise; `place` is relative to the validated value."""
     return PydanticCustomError("mistake", "{fix}", {"place": place, "found": found, "expected": expected, "fix": fix})
+
+
+def check_distinct(names: Sequence[str], kind: str) -> None:
+    """Raise the error of a validator for a name that two tables of a kind, such as ``handle``, have."""
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            raise mistake(
+                kind,
+                index,
+                "name",
+                found=f"a second {kind} named {name!r}",
+                expected=f"a different name for each {kind}",
+                fix=f"Rename one of the two {kind}s {name!r}.",
+            )
 
 
 def read_text(path: Path, what: str, fix: str, family: type[PuppetlineError]) -> str:

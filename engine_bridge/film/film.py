@@ -24,8 +24,8 @@ from engine_bridge.film.sound import SAMPLE_RATE, Mixer
 from engine_bridge.film.video import FORMATS, VideoWriter
 from engine_bridge.performance.channels import morph_weights
 from engine_bridge.pictures.gpu_renderer import SAMPLES, Drawn, Floor, GpuRenderer
-from puppetline.errors import OutputError, at
-from puppetline.files import check_writable, written_whole
+from puppetline.errors import at
+from puppetline.files import check_one_of, written_whole
 from solver.model.binding import ShadedBinding
 from solver.motion.deformer import to_file_units
 
@@ -45,19 +45,19 @@ ENDINGS = (*FORMATS, ".glb")
 class FilmSummary:
     """Result of a film.
 
-    `device` is what drew the frames; empty for a .glb.
+    `device` is what drew the frames. A .glb has no device, size and sounds.
     """
 
     output: str
     frames: int
     seconds: float
-    width: int
-    height: int
     fps: float
-    sounds: int
-    device: str
     bytes: int
     notes: tuple[str, ...]
+    width: int = 0
+    height: int = 0
+    sounds: int = 0
+    device: str = ""
 
 
 class Part(NamedTuple):
@@ -75,15 +75,7 @@ def check_output(output: Path, scene: Path) -> None:
     ------
     OutputError
     """
-    ending = output.suffix.lower()
-    if ending not in ENDINGS:
-        raise OutputError(
-            output,
-            found=f"the ending {output.suffix!r}",
-            expected=f"one of {', '.join(ENDINGS)}",
-            fix=f"Call it {output.stem}.mp4.",
-        )
-    check_writable(output, ending, inputs=(scene,))
+    check_one_of(output, ENDINGS, f"one of {', '.join(ENDINGS)}", f"Call it {output.stem}.mp4.", inputs=(scene,))
 
 
 def make_video(

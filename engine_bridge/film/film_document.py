@@ -82,11 +82,7 @@ def make_document(path: Path, output: Path, progress: Progress) -> FilmSummary:
         output=str(output),
         frames=production.frames,
         seconds=(production.frames - 1) / production.fps,
-        width=0,
-        height=0,
         fps=production.fps,
-        sounds=0,
-        device="",
         bytes=output.stat().st_size,
         notes=tuple(notes),
     )

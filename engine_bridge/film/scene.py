@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, StrictBool, model_v
 from engine_bridge.puppet.puppet import Number, Text
 from puppetline import toml_schema
 from puppetline.errors import PuppetlineError
-from puppetline.toml_schema import Table, mistake
+from puppetline.toml_schema import Table, check_distinct, mistake
 
 MAX_SECONDS = 6 * 3600.0
 """Maximum length of a film, in seconds."""
@@ -61,15 +61,31 @@ class CharacterTable(Table):
     height: Annotated[Number, Field(gt=0)] | None = None
 
 
-class TakeTable(Table):
+class _PartTable(Table):
+    """A part of a file, in its own seconds."""
+
+    start: Seconds = 0.0
+    stop: Seconds | None = None
+
+    @model_validator(mode="after")
+    def _check_part(self) -> Self:
+        if self.stop is not None and self.stop <= self.start:
+            raise mistake(
+                "stop",
+                found=f"{self.stop:g} s",
+                expected=f"a time after its start, {self.start:g} s",
+                fix="Raise stop, or remove it.",
+            )
+        return self
+
+
+class TakeTable(_PartTable):
     """[[take]]: a part of a recording that a character plays, from a time of the film on."""
 
     character: Text
     file: Text
     user: Annotated[int, Field(strict=True)] | None = None
     at: Seconds | None = None
-    start: Seconds = 0.0
-    stop: Seconds | None = None
     loop: Annotated[int, Field(strict=True, ge=1, le=10_000)] = 1
     fade: Annotated[Number, Field(ge=0, le=10)] = 0.3
     position: Place | None = None
@@ -77,28 +93,16 @@ class TakeTable(Table):
     sound: StrictBool = True
     mute: StrictBool = False
 
-    @model_validator(mode="after")
-    def _check_part(self) -> Self:
-        _check_order(self.start, self.stop)
-        return self
 
-
-class SoundTable(Table):
+class SoundTable(_PartTable):
     """[[sound]]: a part of a sound file, from a time of the film on, with its gain in decibels and its fades."""
 
     file: Text
     at: Seconds = 0.0
-    start: Seconds = 0.0
-    stop: Seconds | None = None
     gain: Annotated[Number, Field(ge=-80, le=40)] = 0.0
     fade_in: Seconds = 0.0
     fade_out: Seconds = 0.0
     mute: StrictBool = False
-
-    @model_validator(mode="after")
-    def _check_part(self) -> Self:
-        _check_order(self.start, self.stop)
-        return self
 
 
 class CameraTable(Table):
@@ -171,16 +175,7 @@ class Scene(Table):
     @model_validator(mode="after")
     def _check_names(self) -> Self:
         names = [each.name for each in self.character]
-        for index, name in enumerate(names):
-            if name in names[:index]:
-                raise mistake(
-                    "character",
-                    index,
-                    "name",
-                    found=f"a second character named {name!r}",
-                    expected="a different name for each character",
-                    fix="Rename one of the two.",
-                )
+        check_distinct(names, "character")
         for index, take in enumerate(self.take):
             _check_name(take.character, names, "take", index, "character")
         for index, camera in enumerate(self.camera):
@@ -224,16 +219,6 @@ def load(path: Path) -> Scene:
     """
     text = toml_schema.read_text(path, "a scene file", "Check the path; docs/film.md shows a scene file.", SceneError)
     return toml_schema.check(Scene, toml_schema.parse(text, path, SceneError), path, SceneError)
-
-
-def _check_order(start: float, stop: float | None) -> None:
-    if stop is not None and stop <= start:
-        raise mistake(
-            "stop",
-            found=f"{stop:g} s",
-            expected=f"a time after its start, {start:g} s",
-            fix="Raise stop, or remove it.",
-        )
 
 
 def _check_name(name: str, names: list[str], *place: str | int) -> None:

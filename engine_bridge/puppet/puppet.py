@@ -12,7 +12,7 @@ from pydantic import AfterValidator, Field, FiniteFloat, StrictBool, model_valid
 from capture.channels import CHANNELS
 from capture.skeleton import JOINT_INDEX, JOINTS
 from capture.smoothing import Smoothing
-from puppetline.toml_schema import Table, mistake
+from puppetline.toml_schema import Table, check_distinct, mistake
 from solver.model.reduced_model import ModelParameters
 from solver.model.rotations import RotationMode
 from solver.motion.limbs import TRUNK, Follow, Limb
@@ -274,17 +274,7 @@ class Puppet(Table):
     @model_validator(mode="after")
     def _check_names(self) -> Self:
         for kind, tables_ in (("limb", self.limb), ("handle", self.handle)):
-            names = [table.name for table in tables_]
-            for index, name in enumerate(names):
-                if name in names[:index]:
-                    raise mistake(
-                        kind,
-                        index,
-                        "name",
-                        found=f"a second {kind} named {name!r}",
-                        expected=f"a different name for each {kind}",
-                        fix=f"Rename one of the two {kind}s {name!r}.",
-                    )
+            check_distinct([table.name for table in tables_], kind)
         return self
 
     @model_validator(mode="after")

@@ -19,8 +19,8 @@ from engine_bridge.export.performer.motion import PerformerMotion, motion_of
 from engine_bridge.performance.clip import Progress, part_of, timeline_of
 from engine_bridge.performance.settings import PerformerFormat, Settings
 from engine_bridge.performance.take_calibration import of_performer
-from puppetline.errors import OutputError, SkeletonLogError
-from puppetline.files import check_writable
+from puppetline.errors import SkeletonLogError
+from puppetline.files import check_one_of
 
 ENDINGS = tuple(f".{each}" for each in get_args(PerformerFormat))
 """Endings of files that can have the animation of a performer."""
@@ -95,15 +95,8 @@ def check_output(output: Path, log: Path) -> None:
     ------
     OutputError
     """
-    ending = output.suffix.lower()
-    if ending not in ENDINGS:
-        raise OutputError(
-            output,
-            found=f"the ending {output.suffix!r}",
-            expected="'.bvh', '.vrma' or '.glb', for the performer's own skeleton",
-            fix=f"Call it {output.stem}.bvh, or name a character with --puppet.",
-        )
-    check_writable(output, ending, inputs=(log,))
+    expected = "'.bvh', '.vrma' or '.glb', for the performer's own skeleton"
+    check_one_of(output, ENDINGS, expected, f"Call it {output.stem}.bvh, or name a character with --puppet.", (log,))
 
 
 def convert_performers(

@@ -17,7 +17,7 @@ from engine_bridge.service.stages.stage import StageSettings
 from engine_bridge.service.stages.user_assignment import People
 from puppetline import toml_schema
 from puppetline.errors import ServiceError
-from puppetline.toml_schema import Table, mistake
+from puppetline.toml_schema import Table, check_distinct, mistake
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
 """Name of a character or stage in topics and addresses."""
@@ -102,17 +102,7 @@ class ServiceFile(OutputTables):
                         fix='Choose another name: name = "…".',
                     )
                 seen.add(name)
-        names = stage_names(self)
-        for s, name in enumerate(names):
-            if name in names[:s]:
-                raise mistake(
-                    "stage",
-                    s,
-                    "name",
-                    found=f"{name!r} again",
-                    expected="a different name for each stage",
-                    fix="Rename one of the two.",
-                )
+        check_distinct(stage_names(self), "stage")
         return self
 
     @model_validator(mode="after")

@@ -282,9 +282,8 @@ def damaged(recording, tmp_path):
 
 
 def test_a_damaged_recording_never_reaches_the_library(damaged):
-    for _ in range(100):
-        with pytest.raises(SourceError, match="which is damaged at byte 1"):
-            OpenNIDevice(NAME, Selection("file", str(damaged)))
+    with pytest.raises(SourceError, match="which is damaged at byte 1"):
+        OpenNIDevice(NAME, Selection("file", str(damaged)))
 
 
 def test_only_another_process_crashes_on_a_damaged_recording(recording, tmp_path, monkeypatch):

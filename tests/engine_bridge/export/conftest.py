@@ -290,6 +290,13 @@ class Export:
         return Path(self.summary.output)
 
 
+EXPORTS = [
+    *((build.__name__, True) for build in VARIANTS),
+    *((name, False) for name in ("textured", "node_transforms", "own_targets", "skinned", "bare_scene")),
+]
+"""Names of the variants that are converted, and whether the puppet has a root."""
+
+
 @pytest.fixture(scope="session")
 def exports(variants, take, write_puppet):
     """All variants converted, by name and whether the puppet has a root."""
@@ -299,10 +306,10 @@ def exports(variants, take, write_puppet):
         puppet = write_puppet(variant.path.with_name(f"{name}.toml"), variant.path.name, root=root)
         return Export(variant, *convert(take, puppet, variant.path.with_name(f"{name}_out.glb"), Settings()))
 
-    return {(name, root): make(variant, root) for name, variant in variants.items() for root in (True, False)}
+    return {(name, root): make(variants[name], root) for name, root in EXPORTS}
 
 
-@pytest.fixture(params=[(build.__name__, root) for build in VARIANTS for root in (True, False)], ids=str)
+@pytest.fixture(params=EXPORTS, ids=str)
 def export(request, exports):
     """Each exported file in turn."""
     return exports[request.param]

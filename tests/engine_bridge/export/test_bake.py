@@ -2,7 +2,6 @@ import shutil
 
 import numpy as np
 import pytest
-from puppetline.examples.characters import CHARACTERS
 from puppetline.examples.performances import PERFORMANCES
 
 from capture.timeline import resample
@@ -293,8 +292,8 @@ def test_a_log_that_is_none_is_named(blob_puppet, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CHARACTERS)
-def test_every_example_is_baked_without_fault_and_covers_what_it_has_not_seen(
+@pytest.mark.parametrize("name", ["dog", "human"])
+def test_an_example_is_baked_without_fault_and_covers_what_it_has_not_seen(
     name, request, example_character, tmp_path, assert_valid_gltf
 ):
     made = example_character(name)

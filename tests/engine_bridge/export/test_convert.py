@@ -72,11 +72,6 @@ def test_each_stage_tells_of_its_progress_up_to_the_end(converted):
         assert all(0 <= share <= 1 for share in shares)
 
 
-def test_the_same_input_gives_the_same_bytes(take, blob_puppet, converted, tmp_path):
-    convert(take, blob_puppet, tmp_path / "again.glb", Settings())
-    assert (tmp_path / "again.glb").read_bytes() == converted[2].read_bytes()
-
-
 def test_frames_in_a_temporary_file_give_the_same_bytes_as_in_memory(
     take, blob_puppet, converted, tmp_path, monkeypatch
 ):

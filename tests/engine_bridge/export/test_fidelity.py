@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 
 from engine_bridge.character.character import load_character
 from engine_bridge.export.convert import convert
@@ -168,16 +167,3 @@ def test_three_plays_what_was_solved(converted, play):
     allowed = (converted.summary.error + 2e-6) * mesh.diagonal
     assert np.abs(solved).max() > 0
     assert np.linalg.norm(played - solved, axis=2).max() <= allowed
-
-
-def test_trimesh_reads_the_same_geometry(converted):
-    before, after = (trimesh.load_scene(path, process=False) for path in (converted.path, converted.out))
-    assert len(before.geometry) == len(after.geometry) > 0
-    for was, now in zip(before.geometry.values(), after.geometry.values(), strict=True):
-        np.testing.assert_array_equal(was.vertices, now.vertices)
-        np.testing.assert_array_equal(was.faces, now.faces)
-        assert was.visual.kind == now.visual.kind
-        if was.visual.kind == "texture" and was.visual.uv is not None:
-            np.testing.assert_array_equal(was.visual.uv, now.visual.uv)
-        if was.visual.kind == "vertex":
-            np.testing.assert_array_equal(was.visual.vertex_colors, now.visual.vertex_colors)

@@ -11,9 +11,7 @@ from hypothesis.extra.numpy import arrays
 from pygltflib import GLTF2
 from scipy.spatial.transform import Rotation
 
-from capture.formats import read_log
 from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
-from capture.timeline import choose, resample
 from engine_bridge.character.document_reader import load_document
 from engine_bridge.export.bake import bake
 from engine_bridge.export.live_basis import EXTRAS, REACH, UNLIMITED_REACH, LiveBasis
@@ -307,16 +305,3 @@ def test_joints_at_random_take_no_weight_out_of_its_range(baked, basis, standing
     weights = np.array([each.weights for each in shown])
     assert 0 <= weights.min() <= weights.max() <= 1
     assert sum(each.limited for each in shown) > 500
-
-
-@pytest.mark.slow
-def test_an_hour_of_recordings_takes_no_weight_out_of_its_range(baked, basis, real_logs):
-    recordings = [read_log(path) for path in sorted(real_logs.glob("utkinect/joints_*.txt"))]
-    clips = [resample(choose(log)[0], 30.0).positions for log in recordings]
-    lowest, highest, frames = 1.0, 0.0, 0
-    while frames < 3600 * 30:
-        for positions in clips:
-            for each in weights_of(baked.rig, basis, positions):
-                lowest, highest = min(lowest, each.weights.min()), max(highest, each.weights.max())
-            frames += len(positions)
-    assert 0 <= lowest <= highest <= 1

@@ -7,7 +7,6 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from puppetline.examples.characters import CHARACTERS
 
 from engine_bridge.character.character import make_character
 from engine_bridge.cli.main import main
@@ -108,21 +107,9 @@ def test_the_command_says_what_it_made(blob_puppet, tmp_path):
     assert json.loads(result.output) == json.loads(json.dumps(asdict(write_shader_mesh(blob_puppet, output))))
 
 
-def test_the_commands_old_name_goes_on_working_and_is_not_listed(blob_puppet, tmp_path):
-    old, new = tmp_path / "old.glb", tmp_path / "new.glb"
-    for name, output in (("ladder", old), ("shader-mesh", new)):
-        assert CliRunner().invoke(main, [name, str(blob_puppet), "-o", str(output)]).exit_code == 0
-    assert old.read_bytes() == new.read_bytes()
-    listed = [
-        line.split()[0] for line in CliRunner().invoke(main, ["--help"]).output.splitlines() if line.startswith("  ")
-    ]
-    assert "shader-mesh" in listed
-    assert "ladder" not in listed
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CHARACTERS)
-def test_every_example_is_its_scene(name, request, example_character, tmp_path, assert_valid_gltf, raw):
+@pytest.mark.parametrize("name", ["dog", "human"])
+def test_an_example_is_its_scene(name, request, example_character, tmp_path, assert_valid_gltf, raw):
     made = example_character(name)
     make_character(name, made.vertices, made.faces, made.colors).document.save(tmp_path / f"{name}.glb")
     shutil.copy(request.config.rootpath / EXAMPLES / f"{name}.toml", tmp_path)

@@ -31,7 +31,12 @@ def test_a_character_and_a_take_are_enough(load):
     [
         (TAKE, "character", "nothing", "Add a table [[character]] there."),
         (CHARACTER, "the whole file", "no take", "Add a table [[take]], or the key seconds in [film]."),
-        (CHARACTER * 2 + TAKE, "[[character]] 2 'a', name", "a second character named 'a'", "Rename one of the two."),
+        (
+            CHARACTER * 2 + TAKE,
+            "[[character]] 2 'a', name",
+            "a second character named 'a'",
+            "Rename one of the two characters 'a'.",
+        ),
         (CHARACTER + TAKE.replace('"a"', '"b"'), "[[take]] 1, character", "'b', which is not", "Correct the name"),
         (CHARACTER + TAKE + "stop = 1\nstart = 2", "[[take]] 1, stop", "1 s", "Raise stop, or remove it."),
         (CHARACTER + TAKE + "lop = 2", "[[take]] 1, lop", "the unknown key 'lop'", "Did you mean 'loop'?"),

@@ -77,271 +77,208 @@ def test_the_characters_left_is_where_it_would_be_on_a_body(up, front, left):
     assert np.linalg.det(basis) == 1
 
 
+ANY_JOINT = f"expected the name of a Kinect joint. Choose one of these: {', '.join(JOINTS)}."
 MISTAKES = {
     "an unknown table": (
         PUPPET + "[smothing]\nalpha = 1\n",
-        "smothing",
-        "the unknown key 'smothing'",
-        "one of character, limb, handle, morph, root, retarget, smoothing, solver, vrm",
-        "Did you mean 'smoothing'?",
+        "smothing: found the unknown key 'smothing'; expected one of character, limb, handle, morph, root, retarget, "
+        "smoothing, solver, vrm. Did you mean 'smoothing'?",
     ),
     "an unknown key": (
         PUPPET + 'joit = "head"\n',
-        "[[handle]] 1 'tail', joit",
-        "the unknown key 'joit'",
-        "one of name, position, joint, joints, axes, gain",
-        "Did you mean 'joint'?",
+        "[[handle]] 1 'tail', joit: found the unknown key 'joit'; expected one of name, position, joint, joints, "
+        "axes, gain. Did you mean 'joint'?",
     ),
     "a key like no other": (
         PUPPET + "[retarget]\nqqq = 1\n",
-        "[retarget], qqq",
-        "the unknown key 'qqq'",
-        "one of mirror, scale, arm_space, hands_meet",
-        "Remove it.",
+        "[retarget], qqq: found the unknown key 'qqq'; expected one of mirror, scale, arm_space, hands_meet. Remove "
+        "it.",
     ),
     "an unknown joint": (
         PUPPET + 'joint = "hand_lft"\n',
-        "[[handle]] 1 'tail', joint",
-        "'hand_lft'",
-        "the name of a Kinect joint",
-        "Did you mean 'hand_left'?",
+        "[[handle]] 1 'tail', joint: found 'hand_lft'; expected the name of a Kinect joint. Did you mean 'hand_left'?",
     ),
     "an unknown joint among several": (
         PUPPET + 'joints = ["head", "hip_centre"]\n',
-        "[[handle]] 1 'tail', joints, 2",
-        "'hip_centre'",
-        "the name of a Kinect joint",
-        "Did you mean 'hip_center'?",
+        "[[handle]] 1 'tail', joints, 2: found 'hip_centre'; expected the name of a Kinect joint. Did you mean "
+        "'hip_center'?",
     ),
     "a joint like no other": (
         PUPPET + '[root]\njoint = "tentacle"\n',
-        "[root], joint",
-        "'tentacle'",
-        "the name of a Kinect joint",
-        f"Choose one of these: {', '.join(JOINTS)}.",
+        f"[root], joint: found 'tentacle'; {ANY_JOINT}",
     ),
     "joint and joints": (
         PUPPET + 'joint = "head"\njoints = ["head"]\n',
-        "[[handle]] 1 'tail', joints",
-        "both joint and joints",
-        "either joint or joints",
-        "Remove one of the keys.",
+        "[[handle]] 1 'tail', joints: found both joint and joints; expected either joint or joints. Remove one of "
+        "the keys.",
     ),
     "two handles of one name": (
         PUPPET + HANDLE,
-        "[[handle]] 2 'tail', name",
-        "a second handle named 'tail'",
-        "a different name for each handle",
+        "[[handle]] 2 'tail', name: found a second handle named 'tail'; expected a different name for each handle. "
         "Rename one of the two handles 'tail'.",
     ),
     "no limb and no handle": (
         CHARACTER,
-        "the whole file",
-        "neither a limb nor a handle",
-        "at least one limb or handle",
-        "Add a table [[limb]] or [[handle]].",
+        "the whole file: found neither a limb nor a handle; expected at least one limb or handle. Add a table "
+        "[[limb]] or [[handle]].",
     ),
     "an empty list of handles": (
         "handle = []\n" + CHARACTER,
-        "the whole file",
-        "neither a limb nor a handle",
-        "at least one limb or handle",
-        "Add a table [[limb]] or [[handle]].",
+        "the whole file: found neither a limb nor a handle; expected at least one limb or handle. Add a table "
+        "[[limb]] or [[handle]].",
     ),
-    "no character": (HANDLE, "character", "nothing", "a value", "Add the table [character] there."),
-    "no mesh": ("[character]\n" + HANDLE, "[character], mesh", "nothing", "a value", "Add the key 'mesh' there."),
+    "no character": (HANDLE, "character: found nothing; expected a value. Add the table [character] there."),
+    "no mesh": (
+        "[character]\n" + HANDLE,
+        "[character], mesh: found nothing; expected a value. Add the key 'mesh' there.",
+    ),
     "no position": (
         CHARACTER + '[[handle]]\nname = "a"\n',
-        "[[handle]] 1 'a', position",
-        "nothing",
-        "a value",
-        "Add the key 'position' there.",
+        "[[handle]] 1 'a', position: found nothing; expected a value. Add the key 'position' there.",
     ),
     "no name": (
         PUPPET + "[[handle]]\nposition = [0, 0, 0]\n",
-        "[[handle]] 2, name",
-        "nothing",
-        "a value",
-        "Add the key 'name' there.",
+        "[[handle]] 2, name: found nothing; expected a value. Add the key 'name' there.",
     ),
     "up and front along one axis": (
         CHARACTER + 'up = "z"\nfront = "-z"\n' + HANDLE,
-        "[character], front",
-        "front '-z' with up 'z'",
-        "up and front along different axes",
-        "Choose another axis for front.",
+        "[character], front: found front '-z' with up 'z'; expected up and front along different axes. Choose "
+        "another axis for front.",
     ),
     "two coordinates": (
         CHARACTER + '[[handle]]\nname = "a"\nposition = [1, 2]\n',
-        "[[handle]] 1 'a', position",
-        "[1, 2]",
-        "three numbers",
-        "Write it like [0.1, 1.5, 0.2].",
+        "[[handle]] 1 'a', position: found [1, 2]; expected three numbers. Write it like [0.1, 1.5, 0.2].",
     ),
     "a model that does not fit in memory": (
         PUPPET + "[solver]\nfields = 64\nisolines = 64\n",
-        "[solver], isolines",
-        "64 fields with 64 isolines each",
-        "at most 640 isolines in total",
-        "Lower one of the two numbers; 8 fields of 10 isolines suit most characters.",
+        "[solver], isolines: found 64 fields with 64 isolines each; expected at most 640 isolines in total. Lower "
+        "one of the two numbers; 8 fields of 10 isolines suit most characters.",
     ),
     "a limb with one point": (
         CHARACTER + limb("arm", [[0, 0, 0]], ["head"]),
-        "[[limb]] 1 'arm', points",
-        "one point",
-        "at least two points, from root to tip",
-        "Add the point at the other end of the limb.",
+        "[[limb]] 1 'arm', points: found one point; expected at least two points, from root to tip. Add the point at "
+        "the other end of the limb.",
     ),
     "points and joints of different length": (
         CHARACTER + limb("arm", [[0, 0, 0], [1, 0, 0]], ["head"]),
-        "[[limb]] 1 'arm', joints",
-        "1 joint for 2 points",
-        "one joint for each point",
-        "Give both lists the same length. To average several joints, put them in brackets.",
+        "[[limb]] 1 'arm', joints: found 1 joint for 2 points; expected one joint for each point. Give both lists "
+        "the same length. To average several joints, put them in brackets.",
     ),
     "a bone without length": (
         CHARACTER + limb("arm", [[0, 0, 0], [1, 0, 0], [1, 0, 0]], ["head", "spine", "hand_left"]),
-        "[[limb]] 1 'arm', points, 3",
-        "[1, 0, 0], which equals the point before it",
-        "a point that differs from the one before it",
-        "Remove one of the two points and its joint.",
+        "[[limb]] 1 'arm', points, 3: found [1, 0, 0], which equals the point before it; expected a point that "
+        "differs from the one before it. Remove one of the two points and its joint.",
     ),
     "an unknown joint of a limb": (
         CHARACTER + limb("arm", [[0, 0, 0], [1, 0, 0]], ["head", "hand_lft"]),
-        "[[limb]] 1 'arm', joints, 2",
-        "'hand_lft'",
-        "the name of a Kinect joint",
-        "Did you mean 'hand_left'?",
+        "[[limb]] 1 'arm', joints, 2: found 'hand_lft'; expected the name of a Kinect joint. Did you mean 'hand_left'?",
     ),
     "an unknown joint among several of a limb": (
         CHARACTER + limb("arm", [[0, 0, 0], [1, 0, 0]], ["head", ["hand_left", "hip"]]),
-        "[[limb]] 1 'arm', joints, 2, 2",
-        "'hip'",
-        "the name of a Kinect joint",
-        f"Choose one of these: {', '.join(JOINTS)}.",
+        f"[[limb]] 1 'arm', joints, 2, 2: found 'hip'; {ANY_JOINT}",
     ),
     "two limbs of one name": (
         CHARACTER + ARM + limb("arm", [[0, 5, 0], [1, 5, 0]], ["head", "spine"]),
-        "[[limb]] 2 'arm', name",
-        "a second limb named 'arm'",
-        "a different name for each limb",
-        "Rename one of the two limbs 'arm'.",
+        "[[limb]] 2 'arm', name: found a second limb named 'arm'; expected a different name for each limb. Rename "
+        "one of the two limbs 'arm'.",
     ),
     "a parent that is not there": (
         CHARACTER + ARM + limb("head", [[0, 5, 0], [1, 5, 0]], ["head", "spine"]) + 'parent = "body"\n',
-        "[[limb]] 2 'head', parent",
-        "'body', which is not the name of a limb",
-        "the name of another limb: arm",
-        "Correct the name, or remove the key parent.",
+        "[[limb]] 2 'head', parent: found 'body', which is not the name of a limb; expected the name of another "
+        "limb: arm. Correct the name, or remove the key parent.",
     ),
     "limbs that hang on each other": (
         CHARACTER + ARM + 'parent = "b"\n' + limb("b", [[0, 5, 0], [1, 5, 0]], ["head", "spine"]) + 'parent = "arm"\n',
-        "[[limb]] 1 'arm', parent",
-        "a cycle of parents: 'arm', 'b', 'arm'",
-        "parents that lead to a limb without a parent",
-        "Change or remove the parent of one of these limbs.",
+        "[[limb]] 1 'arm', parent: found a cycle of parents: 'arm', 'b', 'arm'; expected parents that lead to a limb "
+        "without a parent. Change or remove the parent of one of these limbs.",
     ),
     "a limb that hangs on itself": (
         CHARACTER + ARM + 'parent = "arm"\n',
-        "[[limb]] 1 'arm', parent",
-        "a cycle of parents: 'arm', 'arm'",
-        "parents that lead to a limb without a parent",
-        "Change or remove the parent of one of these limbs.",
+        "[[limb]] 1 'arm', parent: found a cycle of parents: 'arm', 'arm'; expected parents that lead to a limb "
+        "without a parent. Change or remove the parent of one of these limbs.",
     ),
     "two limbs in one place": (
         CHARACTER + ARM + limb("wing", [[0, 0, 0], [1, 0, 0]], ["head", "spine"]),
-        "[[limb]] 2 'wing', points",
-        "a bone that overlaps a bone of the limb 'arm'",
-        "limbs that touch only where one joins the other",
-        "Remove one of the two limbs, or move its points.",
+        "[[limb]] 2 'wing', points: found a bone that overlaps a bone of the limb 'arm'; expected limbs that touch "
+        "only where one joins the other. Remove one of the two limbs, or move its points.",
     ),
     "a limb along a part of another": (
         CHARACTER + ARM + limb("wing", [[3, 0, 0], [0.2, 0.01, 0]], ["head", "spine"]),
-        "[[limb]] 2 'wing', points",
-        "a bone that overlaps a bone of the limb 'arm'",
-        "limbs that touch only where one joins the other",
-        "Remove one of the two limbs, or move its points.",
+        "[[limb]] 2 'wing', points: found a bone that overlaps a bone of the limb 'arm'; expected limbs that touch "
+        "only where one joins the other. Remove one of the two limbs, or move its points.",
     ),
 }
 
+CHANGE = "Change the value of that key."
 WRONG_VALUES = {
     "a gain beyond all measure": (
         PUPPET + "gain = 1e45\n",
-        "[[handle]] 1 'tail', gain",
-        "1e+45",
-        "a number less than or equal to 1000000000",
+        "[[handle]] 1 'tail', gain: found 1e+45; expected a number less than or equal to 1000000000.",
     ),
     "a position beyond all measure": (
         CHARACTER + '[[handle]]\nname = "a"\nposition = [0, 1e45, 0]\n',
-        "[[handle]] 1 'a', position, 2",
-        "1e+45",
-        "a number less than or equal to 1000000000",
+        "[[handle]] 1 'a', position, 2: found 1e+45; expected a number less than or equal to 1000000000.",
     ),
-    "no list of joints": (PUPPET + "joints = []\n", "[[handle]] 1 'tail', joints", "[]", "a list that is not empty"),
-    "an empty name": (PUPPET.replace("tail", ""), "[[handle]] 1 '', name", "''", "a string that is not empty"),
+    "no list of joints": (
+        PUPPET + "joints = []\n",
+        "[[handle]] 1 'tail', joints: found []; expected a list that is not empty.",
+    ),
+    "an empty name": (
+        PUPPET.replace("tail", ""),
+        "[[handle]] 1 '', name: found ''; expected a string that is not empty.",
+    ),
     "axes in another order": (
         PUPPET + 'axes = "zx"\n',
-        "[[handle]] 1 'tail', axes",
-        "'zx'",
-        "'', 'x', 'y', 'z', 'xy', 'xz', 'yz' or 'xyz'",
+        "[[handle]] 1 'tail', axes: found 'zx'; expected '', 'x', 'y', 'z', 'xy', 'xz', 'yz' or 'xyz'.",
     ),
     "no such direction": (
         CHARACTER + 'up = "up"\n' + HANDLE,
-        "[character], up",
-        "'up'",
-        "'x', '-x', 'y', '-y', 'z' or '-z'",
+        "[character], up: found 'up'; expected 'x', '-x', 'y', '-y', 'z' or '-z'.",
     ),
     "a coordinate that is not a number": (
         CHARACTER + '[[handle]]\nname = "a"\nposition = [1, 2, nan]\n',
-        "[[handle]] 1 'a', position, 3",
-        "nan",
-        "a finite number",
+        "[[handle]] 1 'a', position, 3: found nan; expected a finite number.",
     ),
-    "a number in quotes": (PUPPET + 'gain = "2"\n', "[[handle]] 1 'tail', gain", "'2'", "a number"),
-    "true for a number": (PUPPET + "gain = true\n", "[[handle]] 1 'tail', gain", "True", "a number"),
-    "a text for a list": (PUPPET + 'joints = "head"\n', "[[handle]] 1 'tail', joints", "'head'", "a list"),
-    "a text for a table": ('character = "dog.glb"\n' + HANDLE, "character", "'dog.glb'", "a table"),
-    "one table for a list of them": (CHARACTER + "[handle]\nx = 1\n", "handle", "{'x': 1}", "a list"),
-    "texts for tables": ('handle = ["a"]\n' + CHARACTER, "[[handle]] 1", "'a'", "a table"),
+    "a number in quotes": (PUPPET + 'gain = "2"\n', "[[handle]] 1 'tail', gain: found '2'; expected a number."),
+    "true for a number": (PUPPET + "gain = true\n", "[[handle]] 1 'tail', gain: found True; expected a number."),
+    "a text for a list": (PUPPET + 'joints = "head"\n', "[[handle]] 1 'tail', joints: found 'head'; expected a list."),
+    "a text for a table": ('character = "dog.glb"\n' + HANDLE, "character: found 'dog.glb'; expected a table."),
+    "one table for a list of them": (CHARACTER + "[handle]\nx = 1\n", "handle: found {'x': 1}; expected a list."),
+    "texts for tables": ('handle = ["a"]\n' + CHARACTER, "[[handle]] 1: found 'a'; expected a table."),
     "yes for true": (
         PUPPET + '[retarget]\nmirror = "yes"\n',
-        "[retarget], mirror",
-        "'yes'",
-        "true or false, without quotes",
+        "[retarget], mirror: found 'yes'; expected true or false, without quotes.",
     ),
     "a character without a size": (
         CHARACTER + "scale = 0.0\n" + HANDLE,
-        "[character], scale",
-        "0.0",
-        "a number greater than 0",
+        "[character], scale: found 0.0; expected a number greater than 0.",
     ),
-    "no scale": (PUPPET + "[retarget]\nscale = 0\n", "[retarget], scale", "0", "'auto' or a number greater than 0"),
-    "an endless scale": (PUPPET + "[retarget]\nscale = inf\n", "[retarget], scale", "inf", "'auto' or a finite number"),
+    "no scale": (
+        PUPPET + "[retarget]\nscale = 0\n",
+        "[retarget], scale: found 0; expected 'auto' or a number greater than 0.",
+    ),
+    "an endless scale": (
+        PUPPET + "[retarget]\nscale = inf\n",
+        "[retarget], scale: found inf; expected 'auto' or a finite number.",
+    ),
     "smoothing beyond 1": (
         PUPPET + "[smoothing]\nalpha = 1.5\n",
-        "[smoothing], alpha",
-        "1.5",
-        "a number less than or equal to 1",
+        "[smoothing], alpha: found 1.5; expected a number less than or equal to 1.",
     ),
-    "half a field": (PUPPET + "[solver]\nfields = 7.5\n", "[solver], fields", "7.5", "an integer"),
+    "half a field": (PUPPET + "[solver]\nfields = 7.5\n", "[solver], fields: found 7.5; expected an integer."),
     "another way to follow": (
         CHARACTER + limb("arm", [[0, 0, 0], [1, 0, 0]], ["head", "spine"]) + 'follow = "position"\n',
-        "[[limb]] 1 'arm', follow",
-        "'position'",
-        "'direction' or 'turn'",
+        "[[limb]] 1 'arm', follow: found 'position'; expected 'direction' or 'turn'.",
     ),
 }
 
 
-@pytest.mark.parametrize(("content", "field", "found", "expected", "fix"), MISTAKES.values(), ids=list(MISTAKES))
-def test_a_mistake_is_named_with_its_table_and_key(content, field, found, expected, fix):
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [*MISTAKES.values(), *((content, f"{message} {CHANGE}") for content, message in WRONG_VALUES.values())],
+    ids=[*MISTAKES, *WRONG_VALUES],
+)
+def test_a_mistake_is_named_with_its_table_and_key(content, message):
     with pytest.raises(PuppetError) as error:
         puppet_file.loads(content, "dog.toml")
-    named = error.value
-    assert (named.where, named.found, named.expected, named.fix) == (f"dog.toml, {field}", found, expected, fix)
-
-
-@pytest.mark.parametrize(("content", "field", "found", "expected"), WRONG_VALUES.values(), ids=list(WRONG_VALUES))
-def test_a_wrong_value_is_named_with_its_table_and_key(content, field, found, expected):
-    fix = "Change the value of that key."
-    test_a_mistake_is_named_with_its_table_and_key(content, field, found, expected, fix)
+    assert str(error.value) == f"dog.toml, {message}"

@@ -14,8 +14,8 @@ ROOT = Path(__file__).parents[3]
 
 pytestmark = pytest.mark.slow
 
-FRAMES = round(20_000 * EFFORT)
-"""Number of frames; with the default effort, each kind of fault occurs about six times."""
+FRAMES = round(12_000 * EFFORT)
+"""Number of frames; with the default effort, each kind of fault occurs about four times."""
 
 
 @pytest.fixture(scope="module")

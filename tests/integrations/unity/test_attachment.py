@@ -18,8 +18,10 @@ def world(said, theirs):
     return space, (theirs.positions * UNITY) @ space[:3] + space[3]
 
 
-@pytest.mark.parametrize("mode", ["Controls", "Vertices", "Vertices16"])
-@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize(
+    ("mode", "scale"),
+    [*(("Controls", scale) for scale in SCALES), ("Vertices", "mirrored"), ("Vertices16", "scaled")],
+)
 def test_an_object_lies_on_its_vertex_and_turns_with_the_surface(show, python, blob_rig, mode, scale):
     count = len(blob_rig.character.vertices)
     chosen = [0, count // 3, count // 2, count - 1]

@@ -75,8 +75,8 @@ def moved(service, character, follow, reference):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("character", examples.MOTIONS)
-def test_every_example_character_moves_as_the_service_has_it(
+@pytest.mark.parametrize("character", ["pegasus", "dog"])
+def test_an_example_character_moves_as_the_service_has_it(
     serve, free_port, follow, reference, tmp_path, character, example_character, monkeypatch
 ):
     made = example_character(character)

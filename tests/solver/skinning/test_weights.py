@@ -64,16 +64,20 @@ def moved(model, motions, shares):
     return np.einsum("mb,fbij->fmij", shares, transforms).reshape(len(motions), -1, 3)
 
 
-def test_a_surface_that_is_a_blend_of_bones_has_the_weights_of_the_blend(bar):
-    """Isolines move by known means of two motions, so the surface is a known linear blend skin."""
+@pytest.fixture(scope="module")
+def blended(bar):
+    """Motions of the bar's bones, the means of them by which isolines move, the controls, and the weights found."""
     mesh, model = bar
-    count = len(model.rest_controls) // 4
-    share = np.linspace(0.05, 0.95, count)
-    motions = bent(model.bones)
-    controls = moved(model, motions, np.column_stack([share, 1 - share]))
-    found = as_matrix(fit(model, mesh, controls, motions), 2).toarray()
-    blend = model.position_matrix(mesh.vertices)[:, 3::4]
-    expected = blend @ np.column_stack([share, 1 - share])
+    motions, share = bent(model.bones), np.linspace(0, 1, len(model.rest_controls) // 4)
+    means = np.column_stack([share, 1 - share])
+    controls = moved(model, motions, means)
+    return motions, means, controls, as_matrix(fit(model, mesh, controls, motions), 2).toarray()
+
+
+def test_a_surface_that_is_a_blend_of_bones_has_the_weights_of_the_blend(bar, blended):
+    """Isolines move by known means of two motions, so the surface is a known linear blend skin."""
+    (mesh, model), (_, means, _, found) = bar, blended
+    expected = model.position_matrix(mesh.vertices)[:, 3::4] @ means
     away = np.linalg.norm(mesh.vertices - model.bones.heads[1], axis=1) > 0.5  # at the joint both motions are equal
     np.testing.assert_allclose(found[away], expected[away], atol=1e-3)
 
@@ -104,33 +108,23 @@ def test_at_most_the_allowed_number_of_bones_moves_a_vertex(bar):
         assert ((found.weights > 0).sum(axis=1) == allowed).all()
 
 
-def test_a_rigid_motion_of_all_poses_and_a_permutation_of_bones_change_no_weight(bar):
-    mesh, model = bar
-    motions = bent(model.bones)
-    count = len(model.rest_controls) // 4
-    share = np.linspace(0, 1, count)
-    controls = moved(model, motions, np.column_stack([share, 1 - share]))
-    first = as_matrix(fit(model, mesh, controls, motions), 2).toarray()
+def test_a_rigid_motion_of_all_poses_and_a_permutation_of_bones_change_no_weight(bar, blended):
+    (mesh, model), (motions, means, controls, first) = bar, blended
     turn, shift = Rotation.from_rotvec([0.3, 1.0, -0.5]).as_matrix(), np.array([1.0, -2.0, 0.5])
     carried = motions @ turn
     carried[:, :, 3] += shift
-    also = moved(model, carried, np.column_stack([share, 1 - share]))
+    also = moved(model, carried, means)
     np.testing.assert_allclose(as_matrix(fit(model, mesh, also, carried), 2).toarray(), first, atol=1e-5)
     swapped = as_matrix(fit(model, mesh, controls, motions[:, ::-1]), 2).toarray()
     np.testing.assert_allclose(swapped[:, ::-1], first, atol=1e-6)
 
 
-def test_weights_of_other_rest_positions_move_these(bar):
+def test_weights_of_other_rest_positions_move_these(bar, blended):
     """The rest positions are turned, and the motions begin with the turn back."""
-    mesh, model = bar
-    motions = bent(model.bones)
-    count = len(model.rest_controls) // 4
-    share = np.linspace(0, 1, count)
-    controls = moved(model, motions, np.column_stack([share, 1 - share]))
+    (mesh, model), (motions, _, controls, first) = bar, blended
     turn = Rotation.from_rotvec([0.0, 0.0, 1.2]).as_matrix()
     after = motions.copy()
     after[:, :, :3] = turn @ motions[:, :, :3]
-    first = as_matrix(fit(model, mesh, controls, motions), 2).toarray()
     again = as_matrix(fit(model, mesh, controls, after, rest=mesh.vertices @ turn.T), 2).toarray()
     np.testing.assert_allclose(again, first, atol=1e-5)
 
@@ -152,12 +146,8 @@ def test_a_part_that_one_bone_holds_moves_with_it_alone():
     np.testing.assert_array_equal(found.bones[:, 0], model.regions.owner)
 
 
-def test_the_surface_of_the_weights_is_near_that_of_the_model(bar):
-    mesh, model = bar
-    motions = bent(model.bones)
-    share = np.linspace(0, 1, len(model.rest_controls) // 4)
-    controls = moved(model, motions, np.column_stack([share, 1 - share]))
-    shares = as_matrix(fit(model, mesh, controls, motions), 2).toarray()
+def test_the_surface_of_the_weights_is_near_that_of_the_model(bar, blended):
+    (mesh, model), (motions, _, controls, shares) = bar, blended
     binding = Binding.of_solver_mesh(model, mesh)
     for R, motion in zip(controls[:5], motions[:5], strict=True):
         skin = np.einsum("nb,nbj->nj", shares, np.einsum("ni,bij->nbj", mesh.vertices, motion[:, :3]) + motion[:, 3])

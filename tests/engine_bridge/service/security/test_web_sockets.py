@@ -103,39 +103,25 @@ def test_a_refused_client_is_told_why_and_what_it_sends_is_not_read(monkeypatch)
         ("x" * MAX_FIRST_BYTES, "x" * MAX_FIRST_BYTES),
         ("x" * (MAX_FIRST_BYTES + 1), None),
         (b"s", None),
+        (None, None),
     ],
 )
-def test_only_a_short_text_is_taken(sent, text):
+def test_only_a_short_text_that_comes_in_time_is_taken(sent, text):
     async def run():
         taken = asyncio.get_running_loop().create_future()
 
         async def take(_, stream):
-            taken.set_result(await first_text(stream))
+            taken.set_result(await (first_text(stream, 0.05) if sent is None else first_text(stream)))
 
         _, port, end = await served(take)
         async with aiohttp.ClientSession() as http, http.ws_connect(f"http://127.0.0.1:{port}/") as client:
-            await (client.send_str if isinstance(sent, str) else client.send_bytes)(sent)
+            if sent is not None:
+                await (client.send_str if isinstance(sent, str) else client.send_bytes)(sent)
             found = await taken
         await end()
         return found
 
     assert asyncio.run(run()) == text
-
-
-def test_a_client_that_says_nothing_in_time_has_no_text():
-    async def run():
-        taken = asyncio.get_running_loop().create_future()
-
-        async def take(_, stream):
-            taken.set_result(await first_text(stream, 0.05))
-
-        _, port, end = await served(take)
-        async with aiohttp.ClientSession() as http, http.ws_connect(f"http://127.0.0.1:{port}/"):
-            found = await taken
-        await end()
-        return found
-
-    assert asyncio.run(run()) is None
 
 
 @pytest.mark.parametrize("answers", [True, False])

@@ -1,7 +1,5 @@
 """Edits the film of the studio's takes, and plays it on the characters of the service."""
 
-from typing import Any
-
 from engine_bridge.film.scene import TakeTable
 from engine_bridge.studio.messages import FilmState, TakeState
 from engine_bridge.studio.project.film_file import FilmFile
@@ -43,7 +41,7 @@ class FilmEditing:
 
     def add(self, take: TakeState, character: str) -> None:
         """Add a take that was recorded: where the others played meanwhile, or after the character's last one."""
-        at = take.at if take.at is not None else self.end_of(character)
+        at = self.end_of(character) if take.at is None else max(take.at, 0.0)
         self.edit([*self.file.takes, TakeTable(character=character, file=_file(take.name), at=round(at, 3))])
 
     async def play(self, at: float, but: str | None = None) -> None:
@@ -80,11 +78,9 @@ class FilmEditing:
         """Let a performer of a character's stage drive it, if none does."""
         described = self._service.described.get(character, {})
         stages = self._service.status.get("stages", [])
-        users: list[dict[str, Any]] = next(
-            (each["users"] for each in stages if each["name"] == described.get("stage")), []
-        )
+        users = [user["user"] for each in stages if each["name"] == described.get("stage") for user in each["users"]]
         if users and described.get("performer") is None:
-            await self._service.request("choose_user", character=character, user=users[0]["user"])
+            await self._service.request("choose_user", character=character, user=users[0])
 
     def _played(self, but: str | None) -> list[TakeTable]:
         return [take for take in self.file.takes if not take.mute and take.character != but]

@@ -272,7 +272,7 @@ class Studio(Backend):
     async def _do_edit_film(self, asked: messages.EditFilm) -> dict[str, Any]:
         self._film.edit(asked.takes)
         self.changed()
-        return {}
+        return self._film.state.model_dump(mode="json")
 
     async def _do_play_film(self, asked: messages.PlayFilm) -> dict[str, Any]:
         self._refuse_while_recording()

@@ -21,7 +21,7 @@ class FilmState(Table):
 
 
 class EditFilm(Request):
-    """Replace the takes of the film. Each `file` is ``takes/NAME.log``, or one that the film has. Result: ``{}``."""
+    """Replace the takes of the film; each `file` is ``takes/NAME.log``, or one that it has. Result: `FilmState`."""
 
     do: Literal["edit_film"]
     takes: Annotated[list[TakeTable], Field(max_length=1000)]

@@ -11,9 +11,9 @@ from engine_bridge.studio.messages.base import Id, JobResult, Name, Request, Sec
 class RecordStart(Request):
     """Begin a take of a character's stage after `count_in` seconds. Result: ``{"take": name}``.
 
-    The default `character` is the first one, and the default `name` is ``take-1``, ``take-2`` and so on. The film's takes
-    of the other characters play meanwhile. During the count-in, `StageState.count_in` is the number to show, and the
-    takes that play wait at their start.
+    The default `character` is the first one, and the default `name` is ``take-1``, ``take-2`` and so on. The film's
+    takes of the other characters play meanwhile. During the count-in, `StageState.count_in` is the number to show, and
+    the takes that play wait at their start.
     """
 
     do: Literal["record_start"]

@@ -81,11 +81,12 @@ class FilmFile:
             at = max(take.at or 0.0, last.get(take.character, -1.0) + MIN_SECONDS)
             last[take.character] = at
             tables.append(_table(take.model_copy(update={"at": round(at, 3)})))
-        document["take"] = tables
-        characters = document.setdefault("character", tomlkit.aot())
-        names = [each["name"] for each in characters]
+        if "character" not in document:
+            document["character"] = tomlkit.aot()
+        names = [each["name"] for each in document["character"]]
         for name in dict.fromkeys(take["character"] for take in tables if take["character"] not in names):
-            characters.append(_table(_placed(name, len(characters))))
+            document["character"].append(_table(_placed(name, len(document["character"]))))
+        document["take"] = tables
         self._write(document)
 
     def remove(self, character: str) -> None:

@@ -1,6 +1,6 @@
 /** The top line: which character, undo and redo, save, record. */
 
-import { closeCharacter, record, redo, save, show, undo } from "../actions";
+import { closeCharacter, redo, save, show, undo } from "../actions";
 import { type Node_, h } from "../dom";
 import { type State, isJoined, shownCharacter, update } from "../store";
 import { strings } from "../strings";
@@ -13,7 +13,6 @@ export function header(state: State): Node_ {
   const { server, character, puppets, adding } = state;
   const shown = shownCharacter(state);
   const history = character === null ? undefined : puppets[character];
-  const recording = server?.recording ?? null;
   const open = state.connected === "open";
   const joined = isJoined(state);
   return h(
@@ -42,6 +41,7 @@ export function header(state: State): Node_ {
         }, { quiet: true, label: `${words.close} ${shown.name}`, disabled: !open }),
       ),
     h("span", { class: "space" }),
+    shown !== null && !adding && h("div", { class: "row drawers", key: "drawers" }, drawer(state, "performer"), drawer(state, "tabs")),
     shown !== null &&
       !adding &&
       h(
@@ -49,17 +49,18 @@ export function header(state: State): Node_ {
         { class: "row", key: "edits" },
         button(words.undo, undo, { quiet: true, disabled: !history?.past.length, hint: `${words.undo} (Ctrl+Z)` }),
         button(words.redo, redo, { quiet: true, disabled: !history?.future.length, hint: `${words.redo} (Ctrl+Shift+Z)` }),
-        h("span", { class: "saved" }, shown.saved ? words.saved : words.unsaved),
+        h("span", { class: "saved wide" }, shown.saved ? words.saved : words.unsaved),
         button(words.save, () => {
           void save(shown.name);
         }, { disabled: !open, hint: `${words.save} (Ctrl+S)` }),
-        recording === null
-          ? button(words.record, () => {
-              void record(true);
-            }, { primary: server?.source.kind !== "none", disabled: !open || server?.source.kind === "none", key: "record" })
-          : button(words.stop, () => {
-              void record(false);
-            }, { primary: true, danger: true, disabled: !open, key: "stop" }),
       ),
   );
+}
+
+/** In a narrow window, a side panel is opened and closed. */
+function drawer(state: State, side: "performer" | "tabs"): Node_ {
+  const open = state.drawer === side;
+  return button(strings.header[side], () => {
+    update({ drawer: open ? null : side });
+  }, { pressed: open });
 }

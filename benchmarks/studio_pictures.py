@@ -1,8 +1,9 @@
 """Make images of the studio's page in each of its states, light and dark.
 
-python -m benchmarks.studio_pictures FOLDER [--docs]
+python -m benchmarks.studio_pictures FOLDER [--docs | --examples]
 
-With `--docs`, only `studio.png` and `studio_limb.png` are made, the images of docs/images.
+With `--docs`, only `studio.png`, `studio_limb.png` and `studio_phone.png` are made, the images of docs/images. With
+`--examples`, the pictures of the example characters on the first page, in engine_bridge/studio/page/pictures.
 """
 
 import argparse
@@ -13,8 +14,9 @@ from typing import Any
 
 from benchmarks.live_peers import free_tcp_ports
 from benchmarks.studio_page import SIZE, chromium, command, studio, until
-from engine_bridge.character.examples import prepare
+from engine_bridge.character.examples import MOTIONS, prepare
 from engine_bridge.cli import benchmark
+from engine_bridge.studio.long_work.take_pictures import draw_take
 
 ROOT = Path(__file__).parents[1]
 
@@ -22,6 +24,9 @@ CAMERA = {"PYTHONPATH": str(ROOT / "tests" / "engine_bridge" / "studio" / "virtu
 """Environment of a process that has a virtual camera."""
 
 MOVING = "state.busy.length === 0 && studio.viewer.shown(state.character)?.moment"
+
+EXAMPLE_SIZE = 128, 112
+"""Width and height of a picture of an example character, in pixels."""
 
 Shoot, Save = Callable[[str], None], Callable[[str, bytes], None]
 
@@ -121,10 +126,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--docs", action="store_true", help="make the images of the documentation only")
+    parser.add_argument("--examples", action="store_true", help="make the pictures of the example characters only")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as name, benchmark.own_cache(Path(name)), chromium() as browser:
         folder = Path(name)
+        if options.examples:
+            for character in MOTIONS:
+                log, puppet = prepare(character, folder)
+                draw_take(puppet, log, options.folder / f"{character}.webp", EXAMPLE_SIZE)
+            return
         if options.docs:
             documented(folder, browser, lambda name, image: _write(options.folder / f"{name}.png", image))
             return

@@ -1,6 +1,5 @@
 """Draws takes for the page: a character in a take, and the wave form of its sound."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,19 +19,19 @@ WAVE_SIZE = 600, 48
 """Width and height of a wave form in pixels."""
 
 
-def draw_take(puppet: Path, log: Path, path: Path, progress: Callable[[float], None] = lambda _: None) -> None:
-    """Draw a character at equal intervals of a take, side by side, as a PNG.
+def draw_take(puppet: Path, log: Path, path: Path, size: tuple[int, int] = SIZE) -> None:
+    """Draw a character at equal intervals of a take, side by side, in the format of the file's ending.
 
     Raises
     ------
     PuppetlineError
     """
     rig = load_rig(puppet)
-    motion = solve_take(rig, log, Settings(fps=10.0, form="morph"), progress).motion
+    motion = solve_take(rig, log, Settings(fps=10.0, form="morph"), lambda _: None).motion
     chosen = np.linspace(0, len(motion) - 1, PICTURES).astype(int)
-    images = draw_character(rig, motion.R[chosen], motion.root[chosen], SIZE)
+    images = draw_character(rig, motion.R[chosen], motion.root[chosen], size)
     with written_whole(path) as beside:
-        Image.fromarray(np.hstack(images)).save(beside, format="PNG")
+        Image.fromarray(np.hstack(images)).save(beside, format=path.suffix[1:])
 
 
 def draw_wave(sound: Path, path: Path) -> None:

@@ -2,7 +2,7 @@
 
 import { download, request } from "./actions";
 import type { Extra, FilmReply, FilmState, FilmTake, ServerState } from "./messages";
-import { type History, commit, redo as later, undo as earlier } from "./model/history";
+import { type History, commit, type undo } from "./model/history";
 import { type State, current, update } from "./store";
 import { strings } from "./strings";
 
@@ -27,17 +27,10 @@ export function editFilm(takes: readonly FilmTake[], change: Partial<State> = {}
   void send();
 }
 
-export function stepFilm(move: typeof earlier): void {
+export function stepFilm(move: typeof undo): void {
   update(({ film }) => ({ film: move<readonly FilmTake[]>(film), clip: null }));
   void send();
 }
-
-export const undoFilm = (): void => {
-  stepFilm(earlier);
-};
-export const redoFilm = (): void => {
-  stepFilm(later);
-};
 
 async function send(): Promise<void> {
   sending++;

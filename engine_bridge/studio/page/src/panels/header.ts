@@ -12,7 +12,7 @@ export function header(state: State): Node_ {
   const { header: words } = strings;
   const { server, character, puppets, adding } = state;
   const shown = shownCharacter(state);
-  const history = character === null ? undefined : puppets[character];
+  const history = state.edited === "film" ? state.film : character === null ? undefined : puppets[character];
   const open = state.connected === "open";
   const joined = isJoined(state);
   return h(
@@ -38,7 +38,7 @@ export function header(state: State): Node_ {
         ),
         !joined && button(words.close, () => {
           void closeCharacter(shown.name);
-        }, { quiet: true, label: `${words.close} ${shown.name}`, disabled: !open }),
+        }, { quiet: true, label: `${words.close} ${shown.name}`, disabled: !open, name: "close" }),
       ),
     h("span", { class: "space" }),
     shown !== null && !adding && h("div", { class: "row drawers", key: "drawers" }, drawer(state, "performer"), drawer(state, "tabs")),
@@ -46,13 +46,13 @@ export function header(state: State): Node_ {
       !adding &&
       h(
         "div",
-        { class: "row", key: "edits" },
+        { class: "row edits", key: "edits" },
         button(words.undo, undo, { quiet: true, disabled: !history?.past.length, hint: `${words.undo} (Ctrl+Z)` }),
-        button(words.redo, redo, { quiet: true, disabled: !history?.future.length, hint: `${words.redo} (Ctrl+Shift+Z)` }),
+        button(words.redo, redo, { quiet: true, name: "wide", disabled: !history?.future.length, hint: `${words.redo} (Ctrl+Shift+Z)` }),
         h("span", { class: "saved wide" }, shown.saved ? words.saved : words.unsaved),
         button(words.save, () => {
           void save(shown.name);
-        }, { disabled: !open, hint: `${words.save} (Ctrl+S)` }),
+        }, { disabled: !open, hint: `${words.save} (Ctrl+S)`, name: "save" }),
       ),
   );
 }

@@ -34,7 +34,7 @@ export function status(state: State, drawn: number): Node_ {
       h("span", { key: "drops" }, words.drops(numbers.drops)),
     ),
     h("span", { class: "space" }),
-    shown !== null && shown.vertices > 0 && h("span", { key: "vertices" }, words.vertices(shown.vertices)),
+    shown !== null && shown.vertices > 0 && h("span", { key: "vertices", class: "vertices" }, words.vertices(shown.vertices)),
     connected === "open" &&
       button(words.invite, () => {
         void invite();

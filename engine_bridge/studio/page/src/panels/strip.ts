@@ -2,7 +2,7 @@
 
 import { record, show } from "../actions";
 import { type Child, type Node_, h } from "../dom";
-import { editFilm, makeFilm, pictureOf, play, redoFilm, seek, stopPlaying, undoFilm } from "../film";
+import { editFilm, makeFilm, pictureOf, play, seek, stopPlaying } from "../film";
 import type { FilmTake, ServerState } from "../messages";
 import { beginOf, endOf, move, mute, nameOf, remove, secondsOf, trimStart, trimStop } from "../model/film";
 import { type State, current, isJoined, update } from "../store";
@@ -31,8 +31,6 @@ export function strip(state: State): Node_ {
         server?.timeline != null && server.recording === null && button(words.stop, () => {
           void stopPlaying();
         }, { quiet: true, key: "stop-playing" }),
-        button(words.undo, undoFilm, { quiet: true, disabled: film.past.length === 0, hint: words.undoHint }),
-        button(words.redo, redoFilm, { quiet: true, disabled: film.future.length === 0, key: "redo" }),
         clip !== null && takes[clip] !== undefined && chosen(takes, clip),
         h("span", { class: "space" }),
         h("span", { class: "time", raw: true }),

@@ -75,11 +75,11 @@ export function position({ server, timed, playhead }: State): number {
 /** Show 3, 2, 1 and the clapper, each with its sound. */
 export async function countIn(seconds: number): Promise<void> {
   for (let left = seconds; left >= 0; left--) {
-    if (current().server?.recording === null) break; // it was stopped
     update({ count: left });
     sound(left === 0);
     await new Promise((resolve) => setTimeout(resolve, left === 0 ? 700 : 1000));
-    if (current().count !== left) return;
+    if (current().count !== left) return; // it was stopped here
+    if (current().server?.recording === null) break; // or in another window
   }
   update({ count: null });
 }

@@ -44,6 +44,13 @@ class FilmEditing:
         at = self.end_of(character) if take.at is None else max(take.at, 0.0)
         self.edit([*self.file.takes, TakeTable(character=character, file=_file(take.name), at=round(at, 3))])
 
+    def forget(self, take: str) -> None:
+        """Remove a recording that is deleted."""
+        takes = self.file.takes
+        kept = [each for each in takes if each.file != _file(take)]
+        if len(kept) < len(takes):
+            self.edit(kept)
+
     async def play(self, at: float, but: str | None = None) -> None:
         """Play all takes that are not over at a second of the film, and wait there.
 

@@ -265,6 +265,8 @@ class Studio(Backend):
         playing = () if timeline is None else (each.take for each in timeline.takes)
         if asked.take in playing or (self._playing.state.kind == "take" and self._playing.state.name == asked.take):
             raise in_use(asked.take)
+        with _logged_errors("the film keeps a take that was deleted"):
+            self._film.forget(asked.take)
         self._takes.delete(asked.take)
         self.changed()
         return {}

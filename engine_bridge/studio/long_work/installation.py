@@ -40,10 +40,10 @@ def install_extra(extra: str, progress: Progress) -> None:
     lines, found = [""], 0
     for line in process.stdout:
         lines.append(line.strip())
-        found += line.startswith(("Collecting", "Requirement already"))
-        if found:
+        if line.startswith(("Collecting", "Requirement already")):
+            found += 1
             progress("Downloading", min(found / ABOUT_PACKAGES[extra], 0.95))
-        if line.startswith("Installing"):
+        elif line.startswith("Installing"):
             progress("Installing", 0.97)
     if process.wait():
         raise ServiceError(

@@ -164,7 +164,12 @@ def test_a_recording_is_the_same_as_on_the_command_line(stage, tmp_path):
     take = stage.result("record_stop")
     assert take["name"] == name == "walking"
     assert 1.5 < take["seconds"] < 30
-    assert stage.state["recording"] is None
+    state = stage.until(lambda state: state["takes"][0]["picture"])
+    assert state["recording"] is None
+    assert [(each["character"], each["file"], each["at"]) for each in state["film"]["takes"]] == [
+        ("figure_one", "takes/walking.log", 0.0)
+    ]
+    assert stage.download(state["takes"][0]["picture"]).startswith(b"\x89PNG")
     exported = stage.result("export", character="figure_one", take="walking")
     folder = stage.settings.folder
     command = [sys.executable, "-m", "puppetline", "convert", folder / "takes" / "walking.log"]
@@ -218,6 +223,19 @@ def test_a_take_plays_on_a_character_and_another_one_can_be_recorded_over_it(sta
     assert stage.error("seek", seconds=1.0)["found"] == "no take that plays"
 
 
+def test_the_film_plays_its_takes_cut_as_they_are_and_nothing_else(stage):
+    (take,) = stage.state["film"]["takes"]
+    cut = [{**take, "start": 0.5, "stop": 1.0}, {**take, "at": 2.0}, {**take, "at": 1.0, "mute": True}]
+    edited = stage.result("edit_film", takes=cut)["takes"]
+    assert [each["at"] for each in edited] == [0.0, 1.0, 2.0]
+    assert stage.error("edit_film", takes=[{**take, "file": "../walk.log"}])["found"] == "the file '../walk.log'"
+    stage.result("play_film", at=0.25)
+    timeline = stage.until(lambda state: state["timeline"] and len(state["timeline"]["takes"]) == 2)["timeline"]
+    assert [(each["take"], each["at"]) for each in timeline["takes"]] == [("walking", 0.25), ("walking", 2.0)]
+    stage.result("stop")
+    assert stage.result("edit_film", takes=[take])["takes"] == [take]
+
+
 def test_a_take_plays_from_one_second_to_another(stage):
     # the status of each second meets a loop of this length at different moments
     state = stage.result("source", take="walking", start=0.3, stop=1.0, loop=True)
@@ -226,7 +244,7 @@ def test_a_take_plays_from_one_second_to_another(stage):
     assert stage.error("delete_take", take="walking")["found"] == "a recording that is playing now"
     stage.result("source", example="walk")
     stage.result("delete_take", take="walking")
-    assert stage.state["takes"] == []
+    assert (stage.state["takes"], stage.state["film"]["takes"]) == ([], [])
 
 
 def test_a_source_that_cannot_be_opened_leaves_the_one_before(stage):

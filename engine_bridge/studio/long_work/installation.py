@@ -12,7 +12,7 @@ from puppetline.errors import ServiceError
 MODULES = {"camera": ("mediapipe", "cv2"), "film": ("moderngl", "av")}
 """Modules that each extra brings."""
 
-ABOUT_PACKAGES = {"camera": 25, "film": 3}
+ABOUT_PACKAGES = {"camera": 38, "film": 3}
 """Approximate number of packages that pip reports for each extra, for the progress."""
 
 

@@ -151,9 +151,9 @@ def test_a_take_is_played_trimmed_in_a_loop_and_deleted(window):
     take = window.state("server.takes")[0]["name"]
     window.page.locator(".panel button.line", has_text="Take 1").first.click()
     window.page.locator(".panel summary").click()
-    window.page.get_by_label("From second").fill("0.5")
-    window.page.get_by_label("To second").fill("1.5")
-    window.page.get_by_label("To second").press("Tab")
+    window.page.get_by_label("From second", exact=True).fill("0.5")
+    window.page.get_by_label("To second", exact=True).fill("1.5")
+    window.page.get_by_label("To second", exact=True).press("Tab")
     window.page.get_by_label("Loop").uncheck()
     window.page.get_by_label("Loop").check()
     window.button("Play").click()
@@ -177,8 +177,7 @@ def test_sources_are_listed_and_chosen(window, standing_log):
     assert window.page.get_by_text("OSC").count() > 0
     window.button("Look again").click()
     window.until("state.sources")
-    window.page.locator(".sources").get_by_text("Details").click()
-    window.button("Use /dev/video0").click()
+    window.button("Use my webcam").click()
     window.until("state.server.source.uri === 'camera:0' && state.server.performers.length === 1")
     window.idle()
     window.button("Change…").click()
@@ -451,7 +450,7 @@ def test_two_characters_are_recorded_one_over_the_other_and_become_a_film_that_p
     window.until("document.querySelector('video').currentTime > 0.3")
     assert video.evaluate("each => [each.videoWidth, each.videoHeight]") == [320, 180]
     longest = max(each["at"] + each["stop"] - each["start"] for each in trimmed)
-    assert video.evaluate("each => each.duration") == pytest.approx(longest, abs=0.3)
+    assert 1.0 < video.evaluate("each => each.duration") < longest + 0.2  # a loop of an example ends its performer
     with window.page.expect_download() as download:
         window.button("Save the film").click()
     assert download.value.path().read_bytes()[4:8] == b"ftyp"

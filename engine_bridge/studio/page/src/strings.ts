@@ -286,7 +286,7 @@ export const strings = {
     examples: "Examples",
     take: (name: string, seconds: number | null) => takeTitle(name, seconds),
     recording: (name: string) => `Recording ${takeTitle(name, null)}`,
-    play: "Play",
+    play: "Use as the performer",
     playing: "Plays now",
     loop: "Loop",
     from: "From second",

@@ -12,6 +12,9 @@ from typing import Any
 
 SIZE = {"width": 1280, "height": 720}
 
+CAMERA = {"PYTHONPATH": str(Path(__file__).parents[1] / "tests" / "engine_bridge" / "studio" / "virtual_camera")}
+"""Environment of a process that has a virtual camera."""
+
 
 @contextmanager
 def chromium() -> Iterator[Any]:

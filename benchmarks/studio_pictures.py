@@ -1,8 +1,9 @@
 """Make images of the studio's page in each of its states, light and dark.
 
-python -m benchmarks.studio_pictures FOLDER [--docs]
+python -m benchmarks.studio_pictures FOLDER [--docs | --examples]
 
-With `--docs`, only `studio.png` and `studio_limb.png` are made, the images of docs/images.
+With `--docs`, only the images of docs/images are made. With
+`--examples`, the pictures of the example characters on the first page, in engine_bridge/studio/page/pictures.
 """
 
 import argparse
@@ -12,16 +13,17 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.live_peers import free_tcp_ports
-from benchmarks.studio_page import SIZE, chromium, command, studio, until
-from engine_bridge.character.examples import prepare
+from benchmarks.studio_page import CAMERA, SIZE, chromium, command, studio, until
+from engine_bridge.character.examples import MOTIONS, prepare
 from engine_bridge.cli import benchmark
-
-ROOT = Path(__file__).parents[1]
-
-CAMERA = {"PYTHONPATH": str(ROOT / "tests" / "engine_bridge" / "studio" / "virtual_camera")}
-"""Environment of a process that has a virtual camera."""
+from engine_bridge.studio.long_work.take_pictures import draw_take
 
 MOVING = "state.busy.length === 0 && studio.viewer.shown(state.character)?.moment"
+
+PHONE = {"width": 390, "height": 780}
+
+EXAMPLE_SIZE = 128, 112
+"""Width and height of a picture of an example character, in pixels."""
 
 Shoot, Save = Callable[[str], None], Callable[[str, bytes], None]
 
@@ -50,17 +52,25 @@ def states(page: Any, mesh: Path, shoot: Shoot) -> None:
     shoot("motion")
     button("Record").click()
     until(page, "state.server.recording")
+    until(page, "state.count === 0")
+    shoot("clapper")
     page.wait_for_timeout(2000)
     button("Stop recording").click()
-    until(page, "state.recording?.kind === 'take'")
+    until(page, "state.recording?.kind === 'take' && state.server.takes[0].picture")
+    page.wait_for_timeout(500)  # the picture arrives
     shoot("takes")
     button("Export").click()
     until(page, "state.exported")
     shoot("exported")
+    button("Make the film").click()
+    until(page, "state.made")
+    page.wait_for_timeout(500)  # the film plays
+    shoot("film")
+    page.locator(".dialog").get_by_role("button", name="Close", exact=True).click()
     button("Change…").click()
     until(page, "state.sources")
     shoot("sources")
-    button("Use /dev/video0").click()
+    button("Use my webcam").click()
     until(page, "state.server.source.uri === 'camera:0' && state.server.performers.length === 1")
     button("Show what the sensor sees").click()
     until(page, "state.look?.picture && state.look.performers.length === 1")
@@ -103,28 +113,63 @@ def joined(folder: Path, browser: Any, scheme: str, save: Save) -> None:
 
 
 def documented(folder: Path, browser: Any, save: Save) -> None:
-    """Save the images of the documentation: the example human, and one of its arms."""
+    """Save the images of the documentation: the example human, one of its arms, takes of it and of the dog, a phone."""
     with studio(folder / "human") as addresses:
         page = browser.new_context(viewport=SIZE, color_scheme="light").new_page()
         page.goto(next(addresses))
-        page.get_by_role("button", name="Human", exact=True).click()
+
+        def button(name: str) -> Any:
+            return page.get_by_role("button", name=name, exact=True)
+
+        def take(number: int) -> None:
+            button("Record").click()
+            until(page, "state.server.recording && state.count === 0")
+            page.wait_for_timeout(5000)
+            button("Stop recording").click()
+            until(page, f"state.server.takes.filter(({{ picture }}) => picture).length === {number}")
+
+        button("Human").click()
         until(page, f"state.server?.characters.length === 1 && {MOVING}")
-        page.wait_for_timeout(3000)
+        take(1)
+        page.get_by_role("tab", name="Limbs").click()
+        page.wait_for_timeout(1000)
         save("studio", page.screenshot())
-        page.get_by_role("button", name="Rest pose", exact=True).click()
+        button("Rest pose").click()
         page.locator(".panel button.line", has_text="left arm").first.click()
         page.wait_for_timeout(2000)
         save("studio_limb", page.screenshot())
+        button("Live").click()
+        page.get_by_label("Character", exact=True).select_option(label="Open another…")
+        button("Dog").click()
+        until(page, f"state.server?.characters.length === 2 && state.character === 'dog' && {MOVING}")
+        take(2)
+        button("Play").click()
+        until(page, "state.server.timeline?.takes.length === 2")
+        page.wait_for_timeout(2000)
+        save("studio_film", page.locator(".strip").screenshot())
+        button("Another window…").click()
+        address = until(page, "state.notice?.text.match(/http\\S+/)?.[0]")
+        phone = browser.new_context(viewport=PHONE, color_scheme="light", has_touch=True).new_page()
+        phone.goto(address)
+        until(phone, f"state.server?.characters.length === 2 && {MOVING}")
+        phone.wait_for_timeout(2000)
+        save("studio_phone", phone.screenshot())
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--docs", action="store_true", help="make the images of the documentation only")
+    parser.add_argument("--examples", action="store_true", help="make the pictures of the example characters only")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as name, benchmark.own_cache(Path(name)), chromium() as browser:
         folder = Path(name)
+        if options.examples:
+            for character in MOTIONS:
+                log, puppet = prepare(character, folder)
+                draw_take(puppet, log, options.folder / f"{character}.webp", EXAMPLE_SIZE)
+            return
         if options.docs:
             documented(folder, browser, lambda name, image: _write(options.folder / f"{name}.png", image))
             return

@@ -34,7 +34,7 @@ def with_voice(timeline: Timeline, clip: SkeletonClip, log: Path) -> tuple[Timel
         return timeline, ()
     path, begin = sound
     try:
-        samples, rate = _read(path)
+        samples, rate = read_sound(path)
     except (OSError, EOFError, wave.Error) as error:
         return timeline, (f"The sound of the take, {path}, cannot be read ({error}); mouths stay closed.",)
     return replace(timeline, channels={"voice": voice_of(samples, rate, timeline.times - begin)}), ()
@@ -57,7 +57,7 @@ def sound_of(clip: SkeletonClip, log: Path) -> tuple[Path, float] | None:
     return None
 
 
-def _read(path: Path) -> tuple[NDArray[np.float32], int]:
+def read_sound(path: Path) -> tuple[NDArray[np.float32], int]:
     """Return the samples (n,) of a .wav of 16 bits and one channel, and their number per second."""
     with wave.open(str(path)) as file:
         if (file.getsampwidth(), file.getnchannels()) != (2, 1):

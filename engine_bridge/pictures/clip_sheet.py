@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from capture.skeleton import JOINT_INDEX, mirrored, to_character_axes
 from engine_bridge.performance.clip import Clip
 from engine_bridge.performance.retargeting import legs_of
+from engine_bridge.performance.rig import Rig
 from engine_bridge.pictures import stick_figure
 from engine_bridge.pictures.contact_sheet import write_contact_sheet
 from engine_bridge.pictures.renderer import View, render
@@ -38,7 +39,9 @@ def draw(clip: Clip, path: Path, title: str, progress: Callable[[float], None] =
     """
     chosen = np.unique(np.linspace(0, len(clip.frames) - 1, min(TILE_COUNT, len(clip.frames))).astype(int))
     images = []
-    for performer, character in zip(_performer(clip, chosen), _character(clip, chosen), strict=True):
+    frames = clip.frames[chosen]
+    drawn = draw_character(clip.rig, frames, clip.root[chosen], CHARACTER_SIZE)
+    for performer, character in zip(_performer(clip, chosen), drawn, strict=True):
         images.append(np.hstack([performer, character]))
         progress(len(images) / len(chosen))
     labels = [f"{clip.timeline.times[index]:.2f} s" for index in chosen]
@@ -55,14 +58,31 @@ def _performer(clip: Clip, chosen: NDArray[np.int64]) -> list[NDArray[np.uint8]]
     return [stick_figure.draw(each, replace(view, radius=max(view.radius, 1e-6)), PERFORMER_SIZE) for each in joints]
 
 
-def _character(clip: Clip, chosen: NDArray[np.int64]) -> list[NDArray[np.uint8]]:
-    """Draw the character on its floor; the camera follows the root, so the character is large in each tile."""
-    rig, basis = clip.rig, clip.rig.puppet.character.basis
+def draw_character(
+    rig: Rig, frames: NDArray[np.floating], root: NDArray[np.floating], size: tuple[int, int]
+) -> list[NDArray[np.uint8]]:
+    """Draw a character on its floor; the camera follows the root, so the character is large in each image.
+
+    Parameters
+    ----------
+    rig : Rig
+    frames : (n, 4m, 3) floating
+        Control variables, model units.
+    root : (n, 3) floating
+        Translation of the root, mesh file's coordinates.
+    size : tuple of int
+        Width and height in pixels.
+
+    Returns
+    -------
+    list of (h, w, 3) uint8
+    """
+    basis = rig.puppet.character.basis
     binding = Binding.of_solver_mesh(rig.model, rig.mesh)
-    solved = [binding.vertices(to_file_units(clip.frames[index], rig.model)) + clip.root[index] for index in chosen]
+    solved = [binding.vertices(to_file_units(each, rig.model)) + way for each, way in zip(frames, root, strict=True)]
     poses = np.array(solved)[:, rig.mesh.of_render] @ basis.T
-    ways = clip.root[chosen] @ basis.T * [1, 0, 1]
-    view = View.around(poses - ways[:, None])
+    ways = root @ basis.T * [1, 0, 1]
+    view = View.around(poses - ways[:, None], size=size)
     if legs_of(rig.puppet) or any(
         limb.stands for limb in rig.puppet.limb
     ):  # what hangs from a hand may be lower than the feet
@@ -70,5 +90,5 @@ def _character(clip: Clip, chosen: NDArray[np.int64]) -> list[NDArray[np.uint8]]
     images = []
     for pose, way in zip(poses, ways, strict=True):
         along = replace(view, center=tuple(view.center + way))
-        images.append(render(pose, rig.character.triangles, along, CHARACTER_SIZE, rig.character.colors))
+        images.append(render(pose, rig.character.triangles, along, size, rig.character.colors))
     return images

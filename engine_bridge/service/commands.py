@@ -108,7 +108,7 @@ class _Commands:
     def play_take(self, asked: requests.PlayTake) -> Deferred:
         _, player = self._player(asked.character)
         self._refuse_while_recording(*self._service.runners)
-        return self._service.play_take(player, self._service.takes.path(asked.take), asked.part, asked.at)
+        return self._service.play_take(player, self._service.takes.path(asked.take), asked)
 
     def pause(self, asked: requests.Switch) -> dict[str, Any]:
         return self._moved(lambda timeline, now: timeline.pause(asked.on, now))

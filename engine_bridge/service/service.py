@@ -23,6 +23,7 @@ from engine_bridge.puppet.puppet_document import PuppetDocument
 from engine_bridge.service.background_jobs import Jobs
 from engine_bridge.service.control.control_socket import Control
 from engine_bridge.service.control.dispatcher import Command, Deferred, Dispatcher
+from engine_bridge.service.control.requests import PlayTake
 from engine_bridge.service.discovery import Announcement
 from engine_bridge.service.loading.character_loader import CharacterLoader
 from engine_bridge.service.loading.service_file import ServiceFile
@@ -223,15 +224,15 @@ class Service:
             None,
         )
 
-    def play_take(self, player: CharacterPlayer, path: Path, part: str | None, at: float | None) -> Deferred:
+    def play_take(self, player: CharacterPlayer, path: Path, asked: PlayTake) -> Deferred:
         """Play a take on a character; the answer comes when its motion is computed."""
         deferred = Deferred()
 
         def played(track: TakeTrack) -> dict[str, Any]:
-            self.playback.add(track, at)
-            return {**(self.playback.take_on(track.character.name) or {}), "note": track.note or None}
+            added = self.playback.add(track, asked.at, asked.start, asked.stop, asked.beside)
+            return {**added, "note": track.note or None}
 
-        load = partial(TakeTrack, player, path, part)
+        load = partial(TakeTrack, player, path, asked.part)
         self._jobs.start(self._jobs.loading, load, lambda loaded: self._answer(deferred, loaded, played))
         return deferred
 

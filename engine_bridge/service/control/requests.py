@@ -122,13 +122,17 @@ class PlayTake(Table):
     """Play a take on a character.
 
     `part` is the character in the take whose performer drives it, by default the one of the same name; `at` is the
-    second of the timeline at which the take begins, by default the one at which it was recorded.
+    second of the timeline at which the take begins, by default the one at which it was recorded. `start` and `stop`
+    trim the take; `beside` keeps the character's other takes.
     """
 
     character: Name
     take: Name
     part: Name | None = None
     at: Second | None = None
+    start: Second = 0.0
+    stop: Second | None = None
+    beside: StrictBool = False
 
 
 class Switch(Table):

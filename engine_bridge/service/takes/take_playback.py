@@ -4,7 +4,7 @@ import logging
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from capture.events import TICK_SECONDS
@@ -13,21 +13,19 @@ from engine_bridge.service.monitoring.status import TimelineStatus, TimelineTake
 from engine_bridge.service.players.character_player import CharacterPlayer
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.stages.stage_runner import StageRunner
+from engine_bridge.service.takes.take_parts import SAME_SECONDS, TakePart, TakeParts
 from engine_bridge.service.takes.take_track import TakeTrack
 from engine_bridge.service.takes.timeline import Timeline
-
-SAME_SECONDS = 1e-9
-"""Difference of two times that are meant to be equal, from rounding, in seconds."""
+from puppetline.errors import ServiceError
 
 log = logging.getLogger(__name__)
 
 
 @dataclass
 class _Playing:
-    """A take on a character: its place on the timeline, and the number and moment of the frame that was shown last."""
+    """The takes of a character, and the number and moment of the frame that was shown last."""
 
-    track: TakeTrack
-    at: float
+    track: TakeParts
     shown: int = -1
     shown_at: float = -math.inf
 
@@ -35,14 +33,14 @@ class _Playing:
     def following(self) -> float:
         """Second of the timeline at which the next frame is due; infinity after the last."""
         number = self.shown + 1
-        return self.at + self.track.times[number] if number < len(self.track.times) else math.inf
+        return self.track.at + self.track.times[number] if number < len(self.track.times) else math.inf
 
 
 class TakePlayback:
     """The takes that play.
 
-    A take drives its character from `at` on the timeline to its last frame; before and after, the character shows its
-    idle motion. It gets no performer until the take is stopped.
+    Takes drive their character from the first one's begin on the timeline to the last one's end; before and after, the
+    character shows its idle motion. It gets no performer until the takes are stopped.
 
     Parameters
     ----------
@@ -71,15 +69,23 @@ class TakePlayback:
     def takes(self) -> list[dict[str, Any]]:
         """Each take with its character and its place on the timeline."""
         return [
-            {"character": name, "take": each.track.take, "at": each.at, "seconds": each.track.seconds}
+            {"character": name, "take": part.track.take, "at": part.at, "seconds": part.seconds}
             for name, each in self._playing.items()
+            for part in each.track.parts
         ]
 
     def take_on(self, character: str) -> dict[str, Any] | None:
-        """Return the take on a character, as in `takes`; None without one."""
+        """Return the first take on a character, as in `takes`; None without one."""
         return next((each for each in self.takes if each["character"] == character), None)
 
-    def add(self, track: TakeTrack, at: float | None = None) -> None:
+    def add(
+        self,
+        track: TakeTrack,
+        at: float | None = None,
+        start: float = 0.0,
+        stop: float | None = None,
+        beside: bool = False,
+    ) -> dict[str, Any]:
         """Play a take, from its beginning if it is the only one.
 
         Parameters
@@ -87,29 +93,54 @@ class TakePlayback:
         track : TakeTrack
         at : float, optional
             Second of the timeline at which the take begins; by default, the one at which it was recorded.
+        start, stop : float, optional
+            The part of the take that is played, in seconds.
+        beside : bool
+            Whether the character's other takes stay.
+
+        Returns
+        -------
+        dict
+            Its entry of `takes`.
+
+        Raises
+        ------
+        ServiceError
+            The part has no frame.
         """
         name, now = track.character.name, time.monotonic()
-        at = track.offset if at is None else at
+        part = TakePart(track, track.offset if at is None else at, start, math.inf if stop is None else stop)
+        if not TakeParts([part]).times:
+            raise ServiceError(
+                f"take {track.take!r}",
+                found=f"no frame from second {part.start:g} to second {part.stop:g}",
+                expected=f"a part of its {track.seconds:.1f} s",
+                fix="Choose an earlier start or a later stop.",
+            )
+        others = self._playing[name].track.parts if beside and name in self._playing else []
         if not self._playing:
             self.timeline = Timeline()
-            self.timeline.move(at, now)
+            self.timeline.move(part.at, now)
         if name not in self._playing:
             self._reserve(name, True)
-        self._playing[name] = _Playing(track, at)
-        self._ease(name)
-        self._measure()
+        self._put(name, [*others, part])
+        return {"character": name, "take": track.take, "at": part.at, "seconds": part.seconds}
 
     def replace(self, track: TakeTrack) -> None:
         """Continue with the motion that was computed for a character's new mapping."""
         playing = self._playing.get(track.character.name)
-        if playing is not None and playing.track.path == track.path:
-            self._playing[track.character.name] = _Playing(track, playing.at)
-            self._ease(track.character.name)
-            self._measure()
+        parts = [] if playing is None else playing.track.parts
+        if any(part.track.path == track.path for part in parts):
+            changed = [replace(part, track=track) if part.track.path == track.path else part for part in parts]
+            self._put(track.character.name, changed)
 
     def stale(self) -> list[tuple[CharacterPlayer, TakeTrack]]:
         """Return the takes whose motion was computed for another mapping or character than the present one."""
-        found = ((self._find(name), each.track) for name, each in self._playing.items())
+        found = (
+            (self._find(name), track)
+            for name, each in self._playing.items()
+            for track in {id(part.track): part.track for part in each.track.parts}.values()
+        )
         return [(at[1], track) for at, track in found if at is not None and at[1].character is not track.character]
 
     def stop(self, character: str | None = None) -> None:
@@ -173,9 +204,7 @@ class TakePlayback:
             speed=timeline.speed,
             paused=timeline.paused,
             loop=timeline.loop,
-            takes=[
-                TimelineTake(name, each.track.take, each.at, each.track.seconds) for name, each in self._playing.items()
-            ],
+            takes=[TimelineTake(**each) for each in self.takes],
         )
 
     def _show_take(self, name: str, position: float, now: float) -> None:
@@ -185,7 +214,7 @@ class TakePlayback:
             del self._playing[name]
             return
         runner, player = found
-        track, seconds, clock = playing.track, position - playing.at, runner.source.now()
+        track, seconds, clock = playing.track, position - playing.track.at, runner.source.now()
         last = len(track.times) - 1
         over = seconds > track.seconds + SAME_SECONDS and not 0 <= playing.shown < last
         if seconds < 0 or over or not track.fits(player.character):
@@ -196,14 +225,21 @@ class TakePlayback:
         if not player.follows_take:
             player.follow_take(clock)
         number = track.index(seconds + SAME_SECONDS)
+        if playing.shown >= 0 and track.is_cut(number, playing.shown):
+            player.follow_take(clock)
         stands = self.timeline.stands(now)
         if number == playing.shown and not (stands and now >= playing.shown_at + TICK_SECONDS):
             return
-        moment = now if stands else min(now, self.timeline.moment(playing.at + track.times[number]))
+        moment = now if stands else min(now, self.timeline.moment(track.at + track.times[number]))
         moment = max(moment, playing.shown_at)
         playing.shown, playing.shown_at = number, moment
         frame = player.show_take(clock - (now - moment), int(1e9 * moment), *track.frame(number))
         self._show(runner, [frame])
+
+    def _put(self, name: str, parts: list[TakePart]) -> None:
+        self._playing[name] = _Playing(TakeParts(parts))
+        self._ease(name)
+        self._measure()
 
     def _ease(self, name: str) -> None:
         """Ease into the take's next frame from what the character shows."""
@@ -220,6 +256,6 @@ class TakePlayback:
 
     def _measure(self) -> None:
         self.changes += 1
-        spans = [(each.at, each.at + each.track.seconds) for each in self._playing.values()]
+        spans = [(each.track.at, each.track.at + each.track.seconds) for each in self._playing.values()]
         self.timeline.start = min((start for start, _ in spans), default=0.0)
         self.timeline.end = max((end for _, end in spans), default=0.0)

@@ -160,9 +160,11 @@ class Backend:
         )
 
     async def _begin_take(self, asked: messages.RecordStart) -> dict[str, Any]:
-        """Record a take of the first stage, and return the service's reply."""
+        """Record a take of a character's stage or the first one, and return the service's reply."""
         wanted = asked.model_dump(include={"name", "count_in"}, exclude_defaults=True)
-        begun: dict[str, Any] = await self.service.request("record_start", **wanted, **self._first_stage())
+        described = self.service.described.get(asked.character or "")
+        stage = self._first_stage() if described is None else {"stage": described["stage"]}
+        begun: dict[str, Any] = await self.service.request("record_start", **wanted, **stage)
         return begun
 
     def _first_stage(self) -> dict[str, str]:

@@ -10,12 +10,16 @@ from typing import Any, Literal, get_args
 
 from capture.sources.demo import performances
 from engine_bridge.character.examples import MOTIONS
+from engine_bridge.inspection.finding import Finding
 from engine_bridge.performance.settings import PerformerFormat
 from engine_bridge.puppet.plan_change import plan_in, with_plan
 from engine_bridge.studio import messages
 from engine_bridge.studio.backend.backend import Backend
+from engine_bridge.studio.backend.film_editing import FilmEditing
 from engine_bridge.studio.backend.page_state import character_state, state_of
 from engine_bridge.studio.backend.request_checks import check_known, check_one, in_use
+from engine_bridge.studio.backend.take_drawing import TakeDrawing
+from engine_bridge.studio.long_work.installation import MODULES, is_installed
 from engine_bridge.studio.long_work.jobs import Jobs
 from engine_bridge.studio.long_work.puppet_values import puppet_of, values_of
 from engine_bridge.studio.long_work.worker import Progress, Worker
@@ -55,7 +59,10 @@ class Studio(Backend):
         self.characters = Characters(workspace, self._worker)
         self._playing = chosen_source.NOTHING
         self._take: tuple[str, str] | None = None  # stage and take
-        self._takes = TakeList(workspace.folder / "takes")
+        self._recorded = ""  # the character that the take is for
+        self._takes = TakeList(workspace)
+        self._film = FilmEditing(workspace, service, self._takes)
+        self._pictures = TakeDrawing(self._takes, self.characters, self._exporter, self.changed)
         self._changing, self._listing = asyncio.Lock(), asyncio.Lock()
 
     def _service_changed(self) -> None:
@@ -66,7 +73,7 @@ class Studio(Backend):
     @property
     def state(self) -> State:
         """The whole state."""
-        return state_of(
+        state = state_of(
             [character_state(each, self.service.described.get(each.name, {})) for each in self.characters.all],
             self._playing,
             self.service,
@@ -75,6 +82,8 @@ class Studio(Backend):
             self._jobs.states,
             None if self._take is None else self._take[1],
         )
+        installed = [extra for extra in MODULES if is_installed(extra)]
+        return state.model_copy(update={"film": self._film.state, "installed": installed})
 
     async def receive(self, name: str, path: Path) -> Upload:
         """Check a received file, in the worker, and keep it."""
@@ -102,6 +111,7 @@ class Studio(Backend):
         if first is not None:
             with _logged_errors(f"{first.name} cannot be opened"):
                 await self._open(first.name, partial(self._open_first, first))
+        self._pictures.begin()
 
     async def _reopen(
         self, again: Callable[[Progress], Awaitable[OpenCharacter]], progress: Progress
@@ -128,6 +138,7 @@ class Studio(Backend):
 
     async def close(self) -> None:
         """End the service and all work."""
+        await self._pictures.close()
         await self._worker.close()
         await self._exporter.close()
         await self.service.close()
@@ -153,6 +164,8 @@ class Studio(Backend):
         self.characters[asked.character]  # refuses an unknown one
         async with self._changing:
             self.characters.close(asked.character)
+            with _logged_errors("the film keeps a character that was closed"):
+                self._film.file.remove(asked.character)
             await self._apply()
         return {}
 
@@ -165,10 +178,10 @@ class Studio(Backend):
         return playing.state.model_dump(mode="json")
 
     async def _do_sources(self, _: messages.GetSources) -> dict[str, Any]:
-        from engine_bridge.studio.service.available_sources import devices, ports
+        from engine_bridge.studio.service.available_sources import device, ports
 
         async with self._listing:  # two could not listen to the same port
-            found = await asyncio.to_thread(devices)
+            found = [device(Finding(**each)) for each in await self._worker.run("devices")]
             arriving = await asyncio.to_thread(ports, self._playing.uri)
         listed = messages.Sources(
             characters=list(MOTIONS), examples=list(performances()), devices=found, ports=arriving
@@ -221,8 +234,11 @@ class Studio(Backend):
 
     async def _do_record_start(self, asked: messages.RecordStart) -> dict[str, Any]:
         self._refuse_while_recording()
-        begun = await self._begin_take(asked)
-        self._take = begun["stage"], begun["take"]
+        character = asked.character or next((each.name for each in self.characters.all), "")
+        await self._film.play(self._film.end_of(character), but=character)
+        await self._film.claim(character)
+        begun = await self._begin_take(asked.model_copy(update={"name": asked.name or self._takes.new_name()}))
+        self._take, self._recorded = (begun["stage"], begun["take"]), character
         self.changed()
         return {"take": begun["take"]}
 
@@ -230,20 +246,69 @@ class Studio(Backend):
         stage = {} if self._take is None else {"stage": self._take[0]}
         self._take = None
         ended = await self.service.request("record_stop", **stage)
-        self.changed()
+        with contextlib.suppress(PuppetlineError):
+            await self.service.request("stop")
         if not ended["bytes"]:  # it has ended during the count-in
+            self.changed()
             return {}
-        return self._takes.state(ended["take"]).model_dump(mode="json")
+        take = self._takes.state(ended["take"])
+        if take.seconds:
+            with _logged_errors("the take is not added to the film"):
+                self._film.add(take, self._recorded)
+        self._pictures.begin()
+        self.changed()
+        return take.model_dump(mode="json")
 
     async def _do_delete_take(self, asked: messages.DeleteTake) -> dict[str, Any]:
-        path = self._takes.path(asked.take)
+        self._takes.path(asked.take)  # refuses an unknown one
         timeline = self.state.timeline
         playing = () if timeline is None else (each.take for each in timeline.takes)
         if asked.take in playing or (self._playing.state.kind == "take" and self._playing.state.name == asked.take):
             raise in_use(asked.take)
-        path.unlink(missing_ok=True)
+        with _logged_errors("the film keeps a take that was deleted"):
+            self._film.forget(asked.take)
+        self._takes.delete(asked.take)
         self.changed()
         return {}
+
+    async def _do_edit_film(self, asked: messages.EditFilm) -> dict[str, Any]:
+        self._film.edit(asked.takes)
+        self.changed()
+        return self._film.state.model_dump(mode="json")
+
+    async def _do_play_film(self, asked: messages.PlayFilm) -> dict[str, Any]:
+        self._refuse_while_recording()
+        await self._film.play(asked.at)
+        with contextlib.suppress(PuppetlineError):  # nothing plays
+            await self.service.request("seek", seconds=asked.at)
+            await self.service.request("pause", on=False)
+        await self.service.refresh()
+        return {}
+
+    async def _do_make_film(self, _: messages.MakeFilm) -> dict[str, Any]:
+        async def work(progress: Progress) -> dict[str, Any]:
+            output = self.workspace.new_export("film", ".mp4")
+            made = await self._exporter.run("make_film", self._film.file.path, output, progress=progress)
+            return {"file": self.workspace.offer(output, output.name, "export").id, "name": output.name, **made}
+
+        return await self._jobs.run("Making the film", work)
+
+    async def _do_install(self, asked: messages.Install) -> dict[str, Any]:
+        self._refuse_while_recording()
+
+        async def work(progress: Progress) -> dict[str, Any]:
+            async with self._changing:
+                await self.service.play([])  # packages change, which a running program must not have loaded
+                try:
+                    await self._exporter.run("install", asked.extra, progress=progress)
+                finally:
+                    await self._exporter.close()
+                    await self._worker.close()
+                    await self._apply()
+            return {}
+
+        title = {"camera": "Getting the webcam ready", "film": "Getting ready to make films"}[asked.extra]
+        return await self._jobs.run(title, work)
 
     async def _do_delete_upload(self, asked: messages.DeleteUpload) -> dict[str, Any]:
         upload = self.workspace.upload(asked.upload)

@@ -19,13 +19,16 @@ from engine_bridge.character.character import load_character
 from engine_bridge.export.convert import convert, describe
 from engine_bridge.export.performer import convert as performer_conversion
 from engine_bridge.export.shader_mesh import write_shader_mesh
-from engine_bridge.inspection import files
+from engine_bridge.film.film import make_video
+from engine_bridge.inspection import files, sensors
 from engine_bridge.performance.rig import Rig, rig_of
 from engine_bridge.performance.settings import Form, Settings
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.puppet_document import PuppetDocument
+from engine_bridge.studio.long_work import take_pictures
+from engine_bridge.studio.long_work.installation import install_extra
 from engine_bridge.studio.long_work.puppet_values import puppet_of, values_of
 from engine_bridge.studio.long_work.surface_points import mirrored, snapped
 from engine_bridge.studio.long_work.trimming import trimmed
@@ -203,6 +206,32 @@ def write_example(_progress: Progress, name: str, path: Path) -> None:
 def trim(_progress: Progress, log: Path, path: Path, start: float | None, stop: float | None) -> None:
     """Write the part of a recording from one second to another, see `engine_bridge.studio.long_work.trimming`."""
     trimmed(log, path, start or 0.0, math.inf if stop is None else stop)
+
+
+def draw_take(_progress: Progress, puppet: Path, log: Path, path: Path) -> None:
+    """Draw a character in a take, see `engine_bridge.studio.long_work.take_pictures`."""
+    take_pictures.draw_take(puppet, log, path)
+
+
+def draw_wave(_progress: Progress, sound: Path, path: Path) -> None:
+    """Draw the wave form of a sound."""
+    take_pictures.draw_wave(sound, path)
+
+
+def make_film(progress: Progress, scene: Path, output: Path) -> dict[str, Any]:
+    """Make a video of a scene file, and return its duration and notes."""
+    summary = make_video(scene, output, 0.0, None, False, progress)
+    return {"seconds": summary.seconds, "notes": list(summary.notes)}
+
+
+def install(progress: Progress, extra: str) -> None:
+    """Install the packages of an extra."""
+    install_extra(extra, progress)
+
+
+def devices(_progress: Progress) -> list[dict[str, Any]]:
+    """Return sensors, cameras, and the libraries that read them."""
+    return [asdict(each) for each in sensors.examine()]
 
 
 def _mesh(folder: Path) -> SolverMesh:

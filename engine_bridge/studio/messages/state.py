@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, Literal
 
+from engine_bridge.studio.messages.film import FilmState
 from puppetline.toml_schema import Table
 
 
@@ -144,13 +145,33 @@ class UploadState(Table):
 
 
 class TakeState(Table):
-    """A take: seconds from its first frame to its last (None if unknown), frames, bytes, time of writing."""
+    """A take.
+
+    Attributes
+    ----------
+    seconds : float or None
+        From its first frame to its last; None if unknown.
+    written : float
+        Time of writing.
+    at : float or None
+        Second of the film at which it was recorded over other takes.
+    parts : list of str
+        Characters that a performer drives in it when it begins.
+    picture : str
+        Id for ``GET /files/ID``: images of a character in it, side by side. Empty until it is drawn.
+    wave : str
+        The same for the wave form of its sound, whose white part is the sound. Empty without sound.
+    """
 
     name: str
     seconds: float | None
     frames: int
     bytes: int
     written: float
+    at: float | None = None
+    parts: Sequence[str] = ()
+    picture: str = ""
+    wave: str = ""
 
 
 class TimelineTake(Table):
@@ -239,7 +260,10 @@ class Banner(Table):
 
 
 class State(Table):
-    """Everything that the page shows and that is not in a reply; sent whole whenever it changes."""
+    """Everything that the page shows and that is not in a reply; sent whole whenever it changes.
+
+    `installed` has the extras that are installed, of those that `Install` can install.
+    """
 
     characters: Sequence[CharacterState] = ()
     source: SourceState = SourceState()
@@ -248,6 +272,8 @@ class State(Table):
     performers: Sequence[PerformerState] = ()
     recording: str | None = None
     takes: Sequence[TakeState] = ()
+    film: FilmState = FilmState()
+    installed: Sequence[str] = ()
     timeline: TimelineState | None = None
     uploads: Sequence[UploadState] = ()
     files: Sequence[FileState] = ()

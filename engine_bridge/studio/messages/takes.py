@@ -9,19 +9,21 @@ from engine_bridge.studio.messages.base import Id, JobResult, Name, Request, Sec
 
 
 class RecordStart(Request):
-    """Begin a take of the first stage, after `count_in` seconds. Result: ``{"take": name}``.
+    """Begin a take of a character's stage after `count_in` seconds. Result: ``{"take": name}``.
 
-    The default `name` has the stage and the time. During the count-in, `StageState.count_in` is the number to show, and
+    The default `character` is the first one, and the default `name` is ``take-1``, ``take-2`` and so on. The film's
+    takes of the other characters play meanwhile. During the count-in, `StageState.count_in` is the number to show, and
     the takes that play wait at their start.
     """
 
     do: Literal["record_start"]
     name: Name | None = None
+    character: Name | None = None
     count_in: Annotated[int, Field(ge=0, le=30)] = 0
 
 
 class RecordStop(Request):
-    """End the take. Result: `TakeState`; ``{}`` if only a count-in had begun."""
+    """End the take, which is added to the film. Result: `TakeState`; ``{}`` if only a count-in had begun."""
 
     do: Literal["record_stop"]
 

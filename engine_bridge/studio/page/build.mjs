@@ -1,6 +1,6 @@
 // Builds the page into dist/: one script, one style sheet, one document, all from this folder and integrations/web.
 import { build } from "esbuild";
-import { copyFile, mkdir, rm } from "node:fs/promises";
+import { copyFile, cp, mkdir, rm } from "node:fs/promises";
 
 const root = new URL(".", import.meta.url).pathname;
 await rm(`${root}dist`, { recursive: true, force: true });
@@ -17,4 +17,5 @@ await build({
   logLevel: "warning",
 });
 await build({ entryPoints: [`${root}style.css`], outfile: `${root}dist/assets/style.css`, bundle: true, minify: true });
+await cp(`${root}pictures`, `${root}dist/assets`, { recursive: true });
 await copyFile(`${root}index.html`, `${root}dist/index.html`);

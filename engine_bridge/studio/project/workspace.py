@@ -7,6 +7,8 @@ reduced to letters, digits, `_` and `-`, so that people recognise them.
     characters/NAME/           an open character: its mesh and its edited puppet
     takes/NAME.log             recordings of the service
     exports/ID/NAME.glb        files that can be downloaded
+    pictures/NAME.png          pictures of takes
+    film.toml                  scene file of the film
     examples/                  example characters and recordings, which take seconds to make
     service.toml, token        of the service that the studio starts
     session.json               which characters were open
@@ -110,7 +112,7 @@ class Workspace:
         try:
             shutil.rmtree(self.folder / "uploads", ignore_errors=True)
             shutil.rmtree(self.folder / "exports", ignore_errors=True)
-            for name in ("uploads", "characters", "takes", "exports", "examples"):
+            for name in ("uploads", "characters", "takes", "exports", "examples", "pictures"):
                 (self.folder / name).mkdir(mode=0o700, parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(

@@ -7,7 +7,6 @@ from contextlib import closing
 from capture.network.source import OSC_PORT, VMC_PORT
 from capture.sensors.source_report import observe
 from capture.sources.registry import open_source
-from engine_bridge.inspection import sensors
 from engine_bridge.inspection.finding import Finding
 from engine_bridge.studio.messages import Device, Port
 from puppetline.errors import PuppetlineError
@@ -22,18 +21,14 @@ PORTS = {
 """URIs of the ports that are observed, and their names for people."""
 
 
-def devices() -> list[Device]:
-    """Return sensors, cameras, and the libraries that read them."""
-    return [_device(each) for each in sensors.examine()]
-
-
 def ports(used: str) -> list[Port]:
     """Return what arrives at each of the `PORTS`; the one whose URI is `used` is not opened."""
     with ThreadPoolExecutor(len(PORTS)) as pool:
         return list(pool.map(lambda uri: _port(uri, used), PORTS))
 
 
-def _device(finding: Finding) -> Device:
+def device(finding: Finding) -> Device:
+    """Return a finding of `puppetline doctor` with the URI of its source, if it has one."""
     return Device(
         name=finding.name,
         ok=finding.ok,

@@ -120,13 +120,14 @@ def bearer(headers: Mapping[str, str]) -> str:
 def page_headers(host: str) -> dict[str, str]:
     """Return the headers of every answer to a request whose header Host is `host`.
 
-    The page may load only what this server sends. ``blob:`` is for textures that the page unpacks from a .glb, and
-    ``data:`` for images of a sensor. The WebSocket's address is written out, because not every browser includes it in
-    'self'.
+    The page may load only what this server sends. ``blob:`` is for textures that the page unpacks from a .glb and for
+    films, and ``data:`` for images of a sensor. The WebSocket's address is written out, because not every browser
+    includes it in 'self'.
     """
     policy = (
         "default-src 'self'",
         "img-src 'self' blob: data:",
+        "media-src blob:",
         f"connect-src 'self' blob: ws://{host} wss://{host}",
         "object-src 'none'",
         "base-uri 'none'",

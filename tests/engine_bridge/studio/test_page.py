@@ -18,7 +18,7 @@ from engine_bridge.character.examples import prepare
 from engine_bridge.service.protocol.payloads import decode
 
 from ...conftest import ROOT, missing
-from .page_driver import Window, running
+from .page_driver import TIMEOUT_SECONDS, Window, running
 
 pytestmark = pytest.mark.slow
 
@@ -117,10 +117,7 @@ def test_positions_on_the_page_are_those_of_the_solver(studio, window):
 
 
 def test_record_export_and_download_what_convert_makes_of_the_take(studio, window, horse, commands, tmp_path, request):
-    window.button("Record").click()
-    window.until("state.server.recording")
-    window.page.wait_for_timeout(1000 * RECORDED_SECONDS)
-    window.button("Stop recording").click()
+    record(window, RECORDED_SECONDS)
     window.until("state.recording?.kind === 'take'")
     (take,) = window.until("state.server.takes.length === 1 && state.server.takes")
     assert take["seconds"] == pytest.approx(RECORDED_SECONDS, abs=2)
@@ -152,24 +149,25 @@ def test_record_export_and_download_what_convert_makes_of_the_take(studio, windo
 def test_a_take_is_played_trimmed_in_a_loop_and_deleted(window):
     window.tab("Takes")
     take = window.state("server.takes")[0]["name"]
-    window.page.locator(".panel button.line", has_text=take).first.click()
-    window.page.get_by_label("From, s").fill("0.5")
-    window.page.get_by_label("To, s").fill("1.5")
-    window.page.get_by_label("To, s").press("Tab")
+    window.page.locator(".panel button.line", has_text="Take 1").first.click()
+    window.page.locator(".panel summary").click()
+    window.page.get_by_label("From second", exact=True).fill("0.5")
+    window.page.get_by_label("To second", exact=True).fill("1.5")
+    window.page.get_by_label("To second", exact=True).press("Tab")
     window.page.get_by_label("Loop").uncheck()
     window.page.get_by_label("Loop").check()
-    window.button("Play").click()
+    window.button("Use as the performer").click()
     window.until("state.server.source.kind === 'take'")
     source = window.state("server.source")
     assert (source["name"], source["start"], source["stop"], source["loop"]) == (take, 0.5, 1.5, True)
     window.idle()
     window.page.locator(".panel").get_by_role("button", name="Trot and rear", exact=True).click()
     window.page.get_by_label("Format").select_option("skin")
-    window.button("Play").click()
+    window.button("Use as the performer").click()
     window.until("state.server.source.name === 'rear'")
     window.idle()
-    window.page.locator(".panel button.line", has_text=take).first.click()
-    window.button(f"Delete take {take}").click()
+    window.page.locator(".panel button.line", has_text="Take 1").first.click()
+    window.button("Delete Take 1 for ever").click()
     window.until("state.server.takes.length === 0")
 
 
@@ -179,7 +177,7 @@ def test_sources_are_listed_and_chosen(window, standing_log):
     assert window.page.get_by_text("OSC").count() > 0
     window.button("Look again").click()
     window.until("state.sources")
-    window.button("Use /dev/video0").click()
+    window.button("Use my webcam").click()
     window.until("state.server.source.uri === 'camera:0' && state.server.performers.length === 1")
     window.idle()
     window.button("Change…").click()
@@ -269,6 +267,7 @@ def test_a_performer_in_view_is_chosen_for_the_character_and_the_recording_delet
     window.button("Change…").click()
     window.until("state.sources")
     for port in ("osc:7110", "vmc:39539"):
+        window.page.locator(".sources").get_by_text("Details").click()
         window.button(f"Use {port}").click()
         window.until(f"state.server.source.uri === '{port}'")
         window.page.get_by_text(f"No performer is in view of {port}.").wait_for()
@@ -404,17 +403,74 @@ def test_axe_finds_no_serious_violation(studio, browser, window, scheme):
     other.close()
 
 
-def test_an_example_character_stands_beside_the_first_and_is_closed(window):
+def test_two_characters_are_recorded_one_over_the_other_and_become_a_film_that_plays_in_the_page(studio, window):
+    (studio.folder / "film.toml").write_text("[film]\nsize = [320, 180]  # small\nfps = 10\n")
     window.page.get_by_label("Character", exact=True).select_option(label="Open another…")
     window.button("Walker").click()
     window.until("state.character === 'biped' && studio.viewer.has('biped')")
     window.idle()
     window.page.get_by_label("Character", exact=True).select_option("pegasus")
-    assert window.state("character") == "pegasus"
-    window.page.get_by_label("Character", exact=True).select_option("biped")
-    window.button("Close biped").click()
-    window.until("state.server.characters.length === 1 && state.character === 'pegasus'")
+    first = record(window, 1.5)
+    window.until("state.film.present.length === 1 && state.server.takes[0].picture")
+    window.button("biped").click()
+    window.page.locator(".overlay").focus()
+    window.page.keyboard.press("r")
+    playing = window.until("state.server.recording && !state.count && state.server.timeline?.takes")
+    assert [(each["character"], each["take"]) for each in playing] == [("pegasus", first)]
+    window.page.wait_for_timeout(1500)
+    window.page.keyboard.press("r")
+    window.until("state.film.present.length === 2")
     window.idle()
+
+    edge = window.page.locator(".clip").nth(1).locator(".edge.end").bounding_box()
+    stop = window.state("film.present")[1]["stop"]
+    start = edge["x"] + edge["width"] / 2, edge["y"] + edge["height"] / 2
+    window.page.mouse.move(*start)
+    window.page.mouse.down()
+    window.page.mouse.move(start[0] - 40, start[1], steps=4)
+    window.page.mouse.up()
+    window.until(f"state.film.present[1].stop < {stop} - 0.2")
+    window.idle()
+    trimmed = window.state("film.present")
+    window.page.locator(".clip-button").first.focus()
+    window.page.keyboard.press("Delete")
+    window.until("state.film.present.length === 1")
+    window.idle()
+    window.page.keyboard.press("Control+z")
+    window.until("state.server.film.takes.length === 2")
+    window.idle()
+    assert window.state("film.present") == trimmed
+    window.page.locator(".overlay").focus()
+    window.page.keyboard.press("Space")
+    window.until("state.server.timeline?.takes.length === 2")
+
+    window.button("Make the film").click()
+    video = window.page.locator("video")
+    video.wait_for(timeout=1000 * TIMEOUT_SECONDS)
+    window.until("document.querySelector('video').currentTime > 0.3")
+    assert video.evaluate("each => [each.videoWidth, each.videoHeight]") == [320, 180]
+    longest = max(each["at"] + each["stop"] - each["start"] for each in trimmed)
+    assert 1.0 < video.evaluate("each => each.duration") < longest + 0.2  # a loop of an example ends its performer
+    with window.page.expect_download() as download:
+        window.button("Save the film").click()
+    assert download.value.path().read_bytes()[4:8] == b"ftyp"
+    window.page.locator(".dialog").get_by_role("button", name="Close").click()
+    assert "# small" in (studio.folder / "film.toml").read_text()
+    window.button("Close biped").click()
+    window.until("state.server.characters.length === 1 && state.film.present.length === 1")
+    window.idle()
+
+
+def record(window, seconds):
+    """Record a take with the button, and return its name."""
+    before = [each["name"] for each in window.state("server.takes")]
+    window.button("Record").click()
+    window.until("state.server.recording && state.count === 0")
+    window.page.wait_for_timeout(1000 * seconds)
+    window.button("Stop recording").click()
+    takes = window.until(f"state.server.takes.length > {len(before)} && !state.server.recording && state.server.takes")
+    (name,) = {each["name"] for each in takes} - set(before)
+    return name
 
 
 def test_the_page_is_small():

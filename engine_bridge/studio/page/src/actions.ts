@@ -17,6 +17,7 @@ import type { Joint } from "./model/skeleton";
 import { smoothingOf } from "./model/smoothing";
 import type { Vector } from "./model/vector";
 import { strings } from "./strings";
+import { COUNT_IN, countIn, receivedFilm, stepFilm } from "./film";
 import { type Recording, current, shownCharacter, shownPuppet, update } from "./store";
 
 const connection = new Connection({
@@ -50,6 +51,7 @@ function receive(server: ServerState): void {
       character,
       puppets: Object.fromEntries(Object.entries(state.puppets).filter(([name]) => names.includes(name))),
       ...(character === state.character ? {} : { selection: null }),
+      ...receivedFilm(state, server),
     };
   });
   for (const each of server.characters) void refresh(each);
@@ -89,7 +91,7 @@ async function doing<T>(text: string, work: () => Promise<T>): Promise<T | null>
   }
 }
 
-const request = <T>(text: string, what: string, values: object = {}): Promise<T | null> =>
+export const request = <T>(text: string, what: string, values: object = {}): Promise<T | null> =>
   doing(text, () => connection.request<T>(what, values));
 
 // ------------------------------------------------------------------------------------------ files and characters
@@ -185,7 +187,7 @@ export function edit(puppet: Puppet): void {
   if (character === null) return;
   const history = puppets[character];
   if (history === undefined) return;
-  update({ puppets: { ...puppets, [character]: commit(history, puppet) } });
+  update({ puppets: { ...puppets, [character]: commit(history, puppet) }, edited: "puppet" });
   void send(character);
 }
 
@@ -198,11 +200,13 @@ export async function changePlan(plan: string): Promise<void> {
 }
 
 export function undo(): void {
-  step(earlier);
+  if (current().edited === "film") stepFilm(earlier);
+  else step(earlier);
 }
 
 export function redo(): void {
-  step(later);
+  if (current().edited === "film") stepFilm(later);
+  else step(later);
 }
 
 function step(move: typeof earlier): void {
@@ -323,10 +327,18 @@ export async function save(character: string): Promise<void> {
 
 // --------------------------------------------------------------------------------------------------------- takes
 
+/** Record the character that is shown after a count-in, while the film's other takes play; or stop. */
 export async function record(on: boolean): Promise<void> {
-  const take = await request<{ name?: string }>(on ? strings.busy.record : strings.busy.stop, on ? "record_start" : "record_stop");
-  if (!on && take?.name !== undefined) {
-    update({ tab: "takes", recording: { kind: "take", name: take.name }, trim: [null, null], exported: null });
+  if (on) {
+    const { character } = current();
+    const begun = await request(strings.busy.record, "record_start", { count_in: COUNT_IN, ...(character === null ? {} : { character }) });
+    if (begun !== null) await countIn(COUNT_IN);
+    return;
+  }
+  update({ count: null });
+  const take = await request<{ name?: string }>(strings.busy.stop, "record_stop");
+  if (take?.name !== undefined) {
+    update({ tab: "takes", recording: { kind: "take", name: take.name }, trim: [null, null], exported: null, edited: "film" });
   }
 }
 

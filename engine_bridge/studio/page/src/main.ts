@@ -1,16 +1,19 @@
 /** The page: joins the state, the stream, the 3D view and the panels. */
 
-import { connect, download, edit, openFiles, pickPart, redo, removeSelected, save, select, sessionToken, undo } from "./actions";
+import { connect, download, edit, openFiles, pickPart, record, redo, removeSelected, save, select, sessionToken, undo } from "./actions";
 import { Client } from "../../../../integrations/web/puppetline.js";
 import { address } from "./connection";
 import { draw, h } from "./dom";
+import { play, position } from "./film";
 import { addHandle, freeName, handlesOf } from "./model/puppet";
 import { banner } from "./panels/banner";
 import { empty } from "./panels/empty";
+import { covers } from "./panels/film";
 import { figure } from "./panels/figure";
 import { header } from "./panels/header";
 import { performer } from "./panels/performer";
 import { status } from "./panels/status";
+import { movePlayhead, strip } from "./panels/strip";
 import { tabs } from "./panels/tabs";
 import { finishLimb, toolHint, toolbar } from "./panels/toolbar";
 import { type State, current, shownPuppet, subscribe, update } from "./store";
@@ -88,6 +91,20 @@ function scheduleFigure(): void {
   });
 }
 
+let timeScheduled = false;
+
+/** The playhead moves while takes play. */
+function scheduleTime(): void {
+  const { server } = current();
+  movePlayhead(current(), position(current()));
+  if (timeScheduled || server?.timeline == null || server.timeline.paused) return;
+  timeScheduled = true;
+  requestAnimationFrame(() => {
+    timeScheduled = false;
+    scheduleTime();
+  });
+}
+
 function drawFigure(state: State): void {
   const box = document.querySelector(".figure-box");
   if (box === null) return;
@@ -108,7 +125,7 @@ function render(state: State): void {
     started
       ? h(
           "main",
-          { class: "studio", key: "studio" },
+          { class: `studio ${state.drawer === null ? "" : `with-${state.drawer}`}`, key: "studio" },
           performer(state),
           h(
             "div",
@@ -122,16 +139,24 @@ function render(state: State): void {
             !viewer.has(character) && h("p", { class: "preparing", key: "preparing" }, words.preparing(character)),
           ),
           tabs(state, viewer.bounds(character)),
+          strip(state),
         )
       : empty(state),
     status(state, viewer.drawnPerSecond),
+    covers(state),
     state.dropping && h("div", { class: "dropping", key: "dropping" }, h("p", {}, strings.empty.drop), h("p", { class: "small" }, strings.empty.dropHint)),
   ]);
   drawFigure(state);
+  scheduleTime();
   const slot = document.querySelector(".place");
   if (slot !== null && place.parentElement !== slot) slot.append(place);
   if (character !== null) viewer.label(words.label(character));
   viewer.refresh(state);
+}
+
+async function toggleRecording(): Promise<void> {
+  const { server, character } = current();
+  if (server !== null && character !== null && server.source.kind !== "none") await record(server.recording === null);
 }
 
 function keys(event: KeyboardEvent): void {
@@ -144,7 +169,9 @@ function keys(event: KeyboardEvent): void {
   } else if (typing) return;
   else if (command && key === "z") (event.shiftKey ? redo : undo)();
   else if (command && key === "y") redo();
-  else if (key === "escape") update({ selection: null, joint: null, tool: "select", drawn: [] });
+  else if (key === "r" && !command && !(event.target instanceof HTMLSelectElement)) void toggleRecording();
+  else if (key === " " && !(event.target instanceof HTMLElement && event.target.matches("button, input, select, summary, video"))) void play();
+  else if (key === "escape") update({ selection: null, joint: null, tool: "select", drawn: [], clip: null, drawer: null, asking: null });
   else if (key === "enter" && current().drawn.length >= 2 && event.target === document.activeElement) finishLimb();
   else if (key === "delete" || key === "backspace") removeSelected();
   else return;

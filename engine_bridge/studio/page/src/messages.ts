@@ -59,10 +59,42 @@ export interface UploadState {
 export interface TakeState {
   readonly name: string;
   readonly seconds: number | null;
-  readonly frames: number;
-  readonly bytes: number;
-  readonly written: number;
+  /** Id of its pictures side by side; empty until they are drawn. */
+  readonly picture: string;
+  /** Id of the wave form of its sound; empty without sound. */
+  readonly wave: string;
 }
+
+/** A take in the film; docs/film.md describes all keys, which the page gives back as they are. */
+export interface FilmTake {
+  readonly character: string;
+  readonly file: string;
+  readonly at: number | null;
+  readonly start: number;
+  readonly stop: number | null;
+  readonly mute: boolean;
+}
+
+export interface FilmState {
+  readonly takes: readonly FilmTake[];
+  readonly problem: string;
+}
+
+export interface Timeline {
+  readonly position: number;
+  readonly end: number;
+  readonly speed: number;
+  readonly paused: boolean;
+}
+
+export interface FilmReply {
+  readonly file: string;
+  readonly name: string;
+  readonly seconds: number;
+  readonly notes: readonly string[];
+}
+
+export type Extra = "camera" | "film";
 
 export interface JobState {
   readonly job: string;
@@ -92,6 +124,9 @@ export interface ServerState {
   readonly performers: readonly PerformerState[];
   readonly recording: string | null;
   readonly takes: readonly TakeState[];
+  readonly film: FilmState;
+  readonly installed: readonly string[];
+  readonly timeline: Timeline | null;
   readonly uploads: readonly UploadState[];
   readonly jobs: readonly JobState[];
   readonly status: StatusState;

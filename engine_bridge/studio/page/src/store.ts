@@ -1,7 +1,7 @@
 /** The page's state, in one place: what the server has sent, and what the user has chosen in this window. */
 
-import type { ExportReply, Greeting, LookReply, ServerState, SmoothingReply, Sources } from "./messages";
-import type { History } from "./model/history";
+import type { ExportReply, Extra, FilmReply, FilmTake, Greeting, LookReply, ServerState, SmoothingReply, Sources } from "./messages";
+import { type History, begin } from "./model/history";
 import type { Part, Puppet } from "./model/puppet";
 import type { Joint } from "./model/skeleton";
 import type { Vector } from "./model/vector";
@@ -61,6 +61,24 @@ export interface State {
   /** A value of `Greeting.forms`; empty for the one that suits the character. */
   readonly form: string;
   readonly exported: ExportReply | null;
+  /** The film's takes as edited here, with the steps that can be undone. */
+  readonly film: History<readonly FilmTake[]>;
+  /** What undo undoes: the last kind of edit. */
+  readonly edited: "puppet" | "film";
+  /** Number of the take that is chosen in the film. */
+  readonly clip: number | null;
+  /** Second of the film from which it plays. */
+  readonly playhead: number;
+  /** When the timeline was received, in milliseconds of the page. */
+  readonly timed: number;
+  /** What the count-in shows; 0 is the clapper. */
+  readonly count: number | null;
+  /** The film that was made. */
+  readonly made: (FilmReply & { readonly url: string }) | null;
+  /** What the page asks to install. */
+  readonly asking: Extra | null;
+  /** The side panel that is open in a narrow window. */
+  readonly drawer: "performer" | "tabs" | null;
   readonly progress: Readonly<Record<string, { text: string; fraction: number }>>;
   /** What has been requested and not answered yet, in words. */
   readonly busy: readonly string[];
@@ -96,6 +114,15 @@ export const INITIAL: State = {
   loop: true,
   form: "",
   exported: null,
+  film: begin([]),
+  edited: "puppet",
+  clip: null,
+  playhead: 0,
+  timed: 0,
+  count: null,
+  made: null,
+  asking: null,
+  drawer: null,
   progress: {},
   busy: [],
   notice: null,

@@ -4,6 +4,12 @@ import { spoken } from "./model/skeleton";
 
 const count = (n: number, one: string, many = `${one}s`): string => `${n.toLocaleString("en")} ${n === 1 ? one : many}`;
 
+/** `take-3` as "Take 3, 6 seconds". */
+function takeTitle(name: string, seconds: number | null): string {
+  const title = name.replace(/^take-(\d+)$/, "Take $1");
+  return seconds === null ? title : `${title}, ${count(Math.max(1, Math.round(seconds)), "second")}`;
+}
+
 export const strings = {
   title: "Puppetline studio",
   name: "Puppetline",
@@ -14,11 +20,11 @@ export const strings = {
   },
 
   empty: {
-    title: "Drop a 3D mesh here, and it moves.",
-    text: "Puppetline finds its limbs and lets an example performer drive it. Then you change the limbs, choose a performer, record and export.",
+    title: "Choose a character, and it moves as you do.",
+    text: "Stand in front of a webcam or a Kinect, record takes, and make a film of them.",
     choose: "Choose a mesh…",
     formats: (suffixes: readonly string[]) => `Formats: ${suffixes.join(", ")}. A puppet file (.toml) opens too.`,
-    examples: "Or start with an example character:",
+    own: "Or drop your own 3D mesh here. Puppetline finds its arms and legs.",
     drop: "Drop the file to open it",
     dropHint: "A mesh becomes a character, a recording becomes the performer, a puppet file opens.",
     cancel: "Back to the character",
@@ -50,8 +56,44 @@ export const strings = {
     save: "Save puppet file",
     saved: "Puppet file is saved",
     unsaved: "Unsaved changes",
+    performer: "Performer",
+    tabs: "Character",
+  },
+
+  details: "Details",
+
+  film: {
+    title: "Film",
     record: "Record",
-    stop: "Stop recording",
+    recordHint: "Records the character that is shown, while the other takes play (R)",
+    stopRecording: "Stop recording",
+    play: "Play",
+    playHint: "Plays the takes on the characters (Space)",
+    pause: "Pause",
+    stop: "Stop",
+    mute: "Mute",
+    unmute: "Unmute",
+    remove: "Delete",
+    make: "Make the film",
+    none: "Choose Record: the count is 3, 2, 1, then the character does what you do. Each take appears here.",
+    trim: "Drag to shorten the take",
+    take: (name: string, seconds: number) => takeTitle(name, seconds),
+    clip: (title: string, character: string, at: number, mute: boolean) =>
+      `${title}, ${character}, from second ${at.toFixed(1)} of the film${mute ? ", muted" : ""}. The arrow keys move it, Delete removes it.`,
+    action: "Action!",
+    yours: "Your film",
+    download: "Save the film",
+    close: "Close",
+  },
+
+  install: {
+    title: { camera: "Use a webcam?", film: "Make films?" },
+    text: {
+      camera: "For this, your computer needs another program, which sees where you stand. Shall I get it? This takes a few minutes, once.",
+      film: "For this, your computer needs another program, which writes videos. Shall I get it? This takes a minute, once.",
+    },
+    yes: "Yes, get it",
+    no: "Not now",
   },
 
   viewer: {
@@ -114,7 +156,13 @@ export const strings = {
   },
 
   sources: {
-    title: "Choose a performer",
+    title: "Who moves the character?",
+    you: "You",
+    webcam: "Use my webcam",
+    noWebcam: "No webcam is plugged in.",
+    kinect: "Use my Kinect",
+    plugKinect: "Plug in a Kinect",
+    kinectHelp: "Plug the Kinect into the computer and into its own power supply, then choose Look again.",
     examples: "Examples",
     recordings: "Your recordings",
     drop: "Open a recording…",
@@ -236,14 +284,15 @@ export const strings = {
     none: "No takes yet. Choose Record to record the performer.",
     uploads: "Opened recordings",
     examples: "Examples",
-    seconds: (s: number) => `${s.toFixed(1)} s`,
-    recording: (name: string) => `Recording ${name}`,
-    play: "Play",
+    take: (name: string, seconds: number | null) => takeTitle(name, seconds),
+    recording: (name: string) => `Recording ${takeTitle(name, null)}`,
+    play: "Use as the performer",
     playing: "Plays now",
     loop: "Loop",
-    from: "From, s",
-    to: "To, s",
-    remove: (name: string) => `Delete take ${name}`,
+    from: "From second",
+    to: "To second",
+    toFilm: "Add to the film",
+    remove: (name: string) => `Delete ${takeTitle(name, null)} for ever`,
     removeUpload: (name: string) => `Delete recording ${name}`,
     export: "Export",
     form: "Format",
@@ -268,7 +317,7 @@ export const strings = {
   status: {
     label: "Status",
     fps: (n: number) => `${n.toFixed(0)} frames per second`,
-    drawn: (n: number) => `${n.toFixed(0)} drawn`,
+    drawn: (n: number) => `${n.toFixed(0)} images per second`,
     latency: (ms: number) => `${ms.toFixed(1)} ms latency`,
     clients: (n: number) => count(n, "client"),
     drops: (n: number) => `${n.toLocaleString("en")} dropped`,
@@ -295,6 +344,10 @@ export const strings = {
     source: "Starting the performer…",
     calibrate: "Calibrating…",
     choose: "Choosing the performer…",
+    film: "Cutting the film…",
+    play: "Playing…",
+    make: "Making the film…",
+    install: "Getting ready…",
     record: "Starting the recording…",
     stop: "Saving the take…",
     remove: "Deleting…",

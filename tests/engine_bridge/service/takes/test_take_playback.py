@@ -215,3 +215,20 @@ def test_a_take_that_fails_ends_and_the_others_go_on(play, monkeypatch):
     theatre.run(0.5)
     assert [each["character"] for each in theatre.playback.takes] == ["cat"]
     assert theatre.of("cat")[-1].state == "performing"
+
+
+def test_parts_of_takes_follow_one_another_on_one_character(play, paths):
+    theatre, track, _ = play(performer=False)
+    again = TakeTrack(theatre.player("dog"), paths[0])
+    theatre.playback.stop()
+    theatre.playback.add(track, 0.0, 0.5, 1.0)
+    added = theatre.playback.add(again, 2.0, 0.2, 0.6, beside=True)
+    assert added == pytest.approx({"character": "dog", "take": "take1", "at": 2.0, "seconds": 0.4})
+    assert (theatre.playback.timeline.start, theatre.playback.timeline.end) == pytest.approx((0.0, 2.4), abs=1 / 30)
+    theatre.run(0.48)
+    assert np.array_equal(theatre.of("dog")[-1].R, track.frame(track.index(0.98))[1][1])
+    theatre.playback.seek(2.0)
+    theatre.run(0.38)
+    assert np.array_equal(theatre.of("dog")[-1].R, again.frame(again.index(0.58))[1][1])
+    with pytest.raises(ServiceError, match="no frame from second 90"):
+        theatre.playback.add(track, 0.0, 90.0)

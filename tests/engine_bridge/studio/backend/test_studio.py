@@ -164,7 +164,12 @@ def test_a_recording_is_the_same_as_on_the_command_line(stage, tmp_path):
     take = stage.result("record_stop")
     assert take["name"] == name == "walking"
     assert 1.5 < take["seconds"] < 30
-    assert stage.state["recording"] is None
+    state = stage.until(lambda state: state["takes"][0]["picture"])
+    assert state["recording"] is None
+    assert [(each["character"], each["file"], each["at"]) for each in state["film"]["takes"]] == [
+        ("figure_one", "takes/walking.log", 0.0)
+    ]
+    assert stage.download(state["takes"][0]["picture"]).startswith(b"\x89PNG")
     exported = stage.result("export", character="figure_one", take="walking")
     folder = stage.settings.folder
     command = [sys.executable, "-m", "puppetline", "convert", folder / "takes" / "walking.log"]
@@ -197,7 +202,7 @@ def test_an_export_reports_progress_and_can_be_cancelled(stage):
     assert stage.download(exported["file"]).startswith(b"HIERARCHY\nROOT hips\n")
 
 
-def test_a_take_plays_on_a_character_and_another_one_can_be_recorded_over_it(stage):
+def test_a_take_plays_on_a_character_and_a_count_in_can_be_ended(stage):
     played = stage.result("play_take", character="figure_one", take="walking")
     assert (played["take"], played["at"], played["note"]) == ("walking", 0.0, None)
     assert stage.result("loop")["loop"]
@@ -207,15 +212,26 @@ def test_a_take_plays_on_a_character_and_another_one_can_be_recorded_over_it(sta
     (take,) = stage.until(lambda state: state["timeline"] is not None)["timeline"]["takes"]
     assert take == {key: played[key] for key in ("character", "take", "at", "seconds")}
     assert stage.error("delete_take", take="walking")["found"] == "a recording that is playing now"
-    assert stage.error("record_start", count_in=3)["found"] == "the speed 2"
-    stage.result("speed", factor=1)
-    stage.result("record_start", count_in=30)
-    stage.until(lambda state: state["stages"][0]["count_in"] > 25)
-    assert stage.error("pause")["found"].startswith("a take that is being recorded")
-    assert stage.result("record_stop") == {}
     assert stage.result("stop")["stopped"] == [take]
     stage.until(lambda state: state["timeline"] is None)
+    stage.result("record_start", count_in=30)
+    stage.until(lambda state: state["stages"][0]["count_in"] > 25)
+    assert stage.error("play_film")["found"] == "the take 'take-1', which is being recorded"
+    assert stage.result("record_stop") == {}
     assert stage.error("seek", seconds=1.0)["found"] == "no take that plays"
+
+
+def test_the_film_plays_its_takes_cut_as_they_are_and_nothing_else(stage):
+    (take,) = stage.state["film"]["takes"]
+    cut = [{**take, "start": 0.5, "stop": 1.0}, {**take, "at": 2.0}, {**take, "at": 1.0, "mute": True}]
+    edited = stage.result("edit_film", takes=cut)["takes"]
+    assert [each["at"] for each in edited] == [0.0, 1.0, 2.0]
+    assert stage.error("edit_film", takes=[{**take, "file": "../walk.log"}])["found"] == "the file '../walk.log'"
+    stage.result("play_film", at=0.25)
+    timeline = stage.until(lambda state: state["timeline"] and len(state["timeline"]["takes"]) == 2)["timeline"]
+    assert [(each["take"], each["at"]) for each in timeline["takes"]] == [("walking", 0.25), ("walking", 2.0)]
+    stage.result("stop")
+    assert stage.result("edit_film", takes=[take])["takes"] == [take]
 
 
 def test_a_take_plays_from_one_second_to_another(stage):
@@ -226,7 +242,7 @@ def test_a_take_plays_from_one_second_to_another(stage):
     assert stage.error("delete_take", take="walking")["found"] == "a recording that is playing now"
     stage.result("source", example="walk")
     stage.result("delete_take", take="walking")
-    assert stage.state["takes"] == []
+    assert (stage.state["takes"], stage.state["film"]["takes"]) == ([], [])
 
 
 def test_a_source_that_cannot_be_opened_leaves_the_one_before(stage):

@@ -42,6 +42,11 @@ def _list_camera(sensors):
     sensors.examine = examine
 
 
+def _install_camera(installation):
+    others = installation.is_installed
+    installation.is_installed = lambda extra: extra == "camera" or others(extra)
+
+
 def _camera(uri):
     import numpy as np
     from PIL import Image, ImageDraw
@@ -87,3 +92,4 @@ def _camera(uri):
 
 sys.meta_path.insert(0, _Patch("capture.sources.registry", _open_camera))
 sys.meta_path.insert(0, _Patch("engine_bridge.inspection.sensors", _list_camera))
+sys.meta_path.insert(0, _Patch("engine_bridge.studio.long_work.installation", _install_camera))

@@ -37,23 +37,22 @@ export function empty(state: State): Node_ {
     h(
       "div",
       { class: "welcome" },
-      h("div", { class: "drop-icon", "aria-hidden": "true" }),
       h("h1", {}, words.title),
       h("p", {}, words.text),
-      button(words.choose, () => {
-        chooseFiles([...suffixes, ".toml"]);
-      }, { primary: true, disabled: working || state.connected !== "open" }),
-      h("p", { class: "small" }, words.formats(suffixes)),
-      h("p", { class: "or" }, words.examples),
       h(
         "div",
-        { class: "row" },
+        { class: "row examples" },
         Object.entries(examples).map(([name, title]) =>
-          button(title, () => {
+          button([h("span", { class: "moving", style: `background-image: url(/assets/${name}.webp)` }), title], () => {
             void openExample(name);
           }, { disabled: working || state.connected !== "open" }),
         ),
       ),
+      h("p", { class: "or" }, words.own),
+      button(words.choose, () => {
+        chooseFiles([...suffixes, ".toml"]);
+      }, { disabled: working || state.connected !== "open" }),
+      h("p", { class: "small" }, words.formats(suffixes)),
       state.adding &&
         button(words.cancel, () => {
           update({ adding: false });

@@ -1,6 +1,6 @@
 /** The top line: which character, undo and redo, save, record. */
 
-import { closeCharacter, record, redo, save, show, undo } from "../actions";
+import { closeCharacter, redo, save, show, undo } from "../actions";
 import { type Node_, h } from "../dom";
 import { type State, isJoined, shownCharacter, update } from "../store";
 import { strings } from "../strings";
@@ -12,8 +12,7 @@ export function header(state: State): Node_ {
   const { header: words } = strings;
   const { server, character, puppets, adding } = state;
   const shown = shownCharacter(state);
-  const history = character === null ? undefined : puppets[character];
-  const recording = server?.recording ?? null;
+  const history = state.edited === "film" ? state.film : character === null ? undefined : puppets[character];
   const open = state.connected === "open";
   const joined = isJoined(state);
   return h(
@@ -39,27 +38,29 @@ export function header(state: State): Node_ {
         ),
         !joined && button(words.close, () => {
           void closeCharacter(shown.name);
-        }, { quiet: true, label: `${words.close} ${shown.name}`, disabled: !open }),
+        }, { quiet: true, label: `${words.close} ${shown.name}`, disabled: !open, name: "close" }),
       ),
     h("span", { class: "space" }),
+    shown !== null && !adding && h("div", { class: "row drawers", key: "drawers" }, drawer(state, "performer"), drawer(state, "tabs")),
     shown !== null &&
       !adding &&
       h(
         "div",
-        { class: "row", key: "edits" },
+        { class: "row edits", key: "edits" },
         button(words.undo, undo, { quiet: true, disabled: !history?.past.length, hint: `${words.undo} (Ctrl+Z)` }),
-        button(words.redo, redo, { quiet: true, disabled: !history?.future.length, hint: `${words.redo} (Ctrl+Shift+Z)` }),
-        h("span", { class: "saved" }, shown.saved ? words.saved : words.unsaved),
+        button(words.redo, redo, { quiet: true, name: "wide", disabled: !history?.future.length, hint: `${words.redo} (Ctrl+Shift+Z)` }),
+        h("span", { class: "saved wide" }, shown.saved ? words.saved : words.unsaved),
         button(words.save, () => {
           void save(shown.name);
-        }, { disabled: !open, hint: `${words.save} (Ctrl+S)` }),
-        recording === null
-          ? button(words.record, () => {
-              void record(true);
-            }, { primary: server?.source.kind !== "none", disabled: !open || server?.source.kind === "none", key: "record" })
-          : button(words.stop, () => {
-              void record(false);
-            }, { primary: true, danger: true, disabled: !open, key: "stop" }),
+        }, { disabled: !open, hint: `${words.save} (Ctrl+S)`, name: "save" }),
       ),
   );
+}
+
+/** In a narrow window, a side panel is opened and closed. */
+function drawer(state: State, side: "performer" | "tabs"): Node_ {
+  const open = state.drawer === side;
+  return button(strings.header[side], () => {
+    update({ drawer: open ? null : side });
+  }, { pressed: open });
 }

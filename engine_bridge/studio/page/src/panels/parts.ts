@@ -12,15 +12,17 @@ export interface Options {
   readonly hint?: string;
   readonly back?: boolean;
   readonly key?: string;
+  /** A class for narrow windows. */
+  readonly name?: string;
 }
 
 export function button(text: Child, onclick: () => void, options: Options = {}): Node_ {
-  const { primary, disabled, pressed, quiet, danger, back, label, hint, key } = options;
+  const { primary, disabled, pressed, quiet, danger, back, label, hint, key, name } = options;
   return h(
     "button",
     {
       type: "button",
-      class: [primary && "primary", quiet && "quiet", danger && "danger", back && "back"].filter(Boolean).join(" ") || null,
+      class: [primary && "primary", quiet && "quiet", danger && "danger", back && "back", name].filter(Boolean).join(" ") || null,
       disabled: disabled === true,
       "aria-pressed": pressed === undefined ? null : String(pressed),
       "aria-label": label,

@@ -21,6 +21,7 @@ export function sources(state: State): Node_ {
     button(`‹ ${strings.performer.done}`, () => {
       update({ choosing: false });
     }, { quiet: true, back: true }),
+    group(words.you, you(state)),
     group(
       words.examples,
       h(
@@ -45,12 +46,42 @@ export function sources(state: State): Node_ {
       }),
       h("p", { class: "small" }, words.dropHint),
     ),
-    group(words.devices, found === null ? h("p", { class: "small" }, words.listening) : devices(found.devices)),
-    group(words.ports, found === null ? h("p", { class: "small" }, words.listening) : found.ports.map(port)),
     button(words.again, () => {
       void lookAgain();
     }, { disabled: found === null }),
+    h(
+      "details",
+      {},
+      h("summary", {}, strings.details),
+      h(
+        "div",
+        { class: "stack" },
+        group(words.devices, found === null ? h("p", { class: "small" }, words.listening) : devices(found.devices)),
+        group(words.ports, found === null ? h("p", { class: "small" }, words.listening) : found.ports.map(port)),
+      ),
+    ),
   );
+}
+
+/** The webcam and the Kinect, in two large buttons. */
+function you({ sources: found, server }: State): Child {
+  const { sources: words } = strings;
+  if (found === null) return h("p", { class: "small" }, words.listening);
+  const webcam = found.devices.find(({ uri }) => uri.startsWith("camera:"));
+  const kinect = found.devices.find(({ uri }) => uri !== "" && !uri.startsWith("camera:"));
+  return [
+    button(words.webcam, () => {
+      if (webcam === undefined) return;
+      if (server?.installed.includes("camera") === true) void performLive(webcam.uri);
+      else update({ asking: "camera" });
+    }, { key: "webcam", disabled: webcam === undefined }),
+    webcam === undefined && h("p", { class: "small" }, words.noWebcam),
+    kinect !== undefined
+      ? button(words.kinect, () => {
+          void performLive(kinect.uri);
+        }, { key: "kinect" })
+      : h("details", { key: "no-kinect" }, h("summary", {}, words.plugKinect), h("p", { class: "small" }, words.kinectHelp)),
+  ];
 }
 
 function devices(found: readonly Device[]): Child {

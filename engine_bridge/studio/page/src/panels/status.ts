@@ -23,15 +23,18 @@ export function status(state: State, drawn: number): Node_ {
     { "aria-label": words.label, key: "status" },
     h("span", { class: `lamp ${running ? "on" : service?.starting === true ? "starting" : "off"}`, "aria-hidden": "true" }),
     h("span", {}, text),
-    numbers !== null && [
+    numbers !== null && h(
+      "details",
+      { class: "numbers", key: "numbers" },
+      h("summary", {}, strings.details),
       h("span", { key: "fps" }, words.fps(numbers.fps)),
       drawn > 0 && h("span", { key: "drawn" }, words.drawn(drawn)),
       numbers.latency_ms !== null && h("span", { key: "latency" }, words.latency(numbers.latency_ms)),
       h("span", { key: "clients" }, words.clients(numbers.clients)),
       h("span", { key: "drops" }, words.drops(numbers.drops)),
-    ],
+    ),
     h("span", { class: "space" }),
-    shown !== null && shown.vertices > 0 && h("span", { key: "vertices" }, words.vertices(shown.vertices)),
+    shown !== null && shown.vertices > 0 && h("span", { key: "vertices", class: "vertices" }, words.vertices(shown.vertices)),
     connected === "open" &&
       button(words.invite, () => {
         void invite();

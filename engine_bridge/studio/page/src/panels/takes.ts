@@ -2,6 +2,8 @@
 
 import { deleteTake, deleteUpload, exportRecording, offer, perform } from "../actions";
 import { type Child, type Node_, h } from "../dom";
+import { editFilm, pictureOf } from "../film";
+import { append } from "../model/film";
 import { type Recording, type State, isJoined, update } from "../store";
 import { strings } from "../strings";
 import { button, checkbox, field, number, section, select } from "./parts";
@@ -22,7 +24,7 @@ export function takes(state: State): Node_ {
       h(
         "ul",
         {},
-        list.map(({ name, seconds }) => joined ? h("li", { key: name }, name) : line(state, { kind: "take", name }, name, seconds === null ? "" : words.seconds(seconds))),
+        list.map(({ name, seconds, picture }) => joined ? h("li", { key: name }, name) : line(state, { kind: "take", name }, words.take(name, seconds), "", picture)),
       ),
     ),
     logs.length > 0 && section(words.uploads, h("ul", {}, logs.map(({ upload, name }) => line(state, { kind: "upload", name: upload }, name, "")))),
@@ -38,7 +40,8 @@ function same(one: Recording | null, other: Recording): boolean {
   return one?.kind === other.kind && one.name === other.name;
 }
 
-function line(state: State, recording: Recording, title: string, detail: string): Node_ {
+function line(state: State, recording: Recording, title: string, detail: string, picture = ""): Node_ {
+  const url = pictureOf(picture);
   const playing = state.server?.source.kind === recording.kind && state.server.source.name === recording.name;
   return h(
     "li",
@@ -53,6 +56,7 @@ function line(state: State, recording: Recording, title: string, detail: string)
           update({ recording, trim: [null, null], exported: null });
         },
       },
+      url !== "" && h("span", { class: "moving", style: `background-image: url(${url})`, key: "picture" }),
       h("span", { class: "name" }, title),
       h("small", {}, playing ? strings.takes.playing : detail),
     ),
@@ -75,9 +79,11 @@ function chosen(state: State, recording: Recording): Child {
       button(words.play, () => {
         void perform(recording, true);
       }),
-      checkbox(words.loop, state.loop, (loop) => {
-        update({ loop });
-      }),
+      take !== undefined &&
+        state.character !== null &&
+        button(words.toFilm, () => {
+          if (state.character !== null) editFilm(append(state.film.present, state.character, take.name));
+        }),
       take !== undefined &&
         button(words.remove(take.name), () => {
           update({ recording: null });
@@ -89,6 +95,13 @@ function chosen(state: State, recording: Recording): Child {
           void deleteUpload(upload.upload);
         }, { quiet: true, danger: true }),
     ),
+    h(
+      "details",
+      {},
+      h("summary", {}, strings.details),
+      h("div", { class: "stack" }, checkbox(words.loop, state.loop, (loop) => {
+        update({ loop });
+      }),
     h(
       "div",
       { class: "pair" },
@@ -105,6 +118,7 @@ function chosen(state: State, recording: Recording): Child {
         }, { min: 0, step: 0.1 }),
       ),
     ),
+      )),
     field(
       words.form,
       select(forms.map((form) => [form, words.forms[form] ?? form] as const), state.form, (form) => {

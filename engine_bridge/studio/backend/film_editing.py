@@ -1,0 +1,108 @@
+"""Edits the film of the studio's takes, and plays it on the characters of the service."""
+
+from engine_bridge.film.scene import TakeTable
+from engine_bridge.studio.messages import FilmState, TakeState
+from engine_bridge.studio.project.film_file import FilmFile
+from engine_bridge.studio.project.take_list import TakeList
+from engine_bridge.studio.project.workspace import Workspace
+from engine_bridge.studio.service.own_service import OwnService
+from puppetline.errors import PuppetlineError
+
+
+class FilmEditing:
+    """The film of the studio's takes.
+
+    Parameters
+    ----------
+    workspace : Workspace
+    service : OwnService
+    takes : TakeList
+    """
+
+    def __init__(self, workspace: Workspace, service: OwnService, takes: TakeList) -> None:
+        self._workspace, self._service, self._takes = workspace, service, takes
+        self.file = FilmFile(workspace.folder, lambda file: self._by_file.get(file, _UNKNOWN).seconds)
+
+    @property
+    def state(self) -> FilmState:
+        """The takes of the film, or why they cannot be read."""
+        try:
+            return FilmState(takes=self.file.takes)
+        except PuppetlineError as error:
+            return FilmState(problem=self._workspace.without_folders(str(error)))
+
+    def edit(self, takes: list[TakeTable]) -> None:
+        """Replace the takes of the film."""
+        self.file.replace(takes, self._by_file)
+
+    def end_of(self, character: str) -> float:
+        """Return the second of the film at which a character's last take ends; 0 without one."""
+        return max((_end(take) for take in self._played(None) if take.character == character), default=0.0)
+
+    def add(self, take: TakeState, character: str) -> None:
+        """Add a take that was recorded: where the others played meanwhile, or after the character's last one."""
+        at = self.end_of(character) if take.at is None else max(take.at, 0.0)
+        self.edit([*self.file.takes, TakeTable(character=character, file=_file(take.name), at=round(at, 3))])
+
+    def forget(self, take: str) -> None:
+        """Remove a recording that is deleted."""
+        takes = self.file.takes
+        kept = [each for each in takes if each.file != _file(take)]
+        if len(kept) < len(takes):
+            self.edit(kept)
+
+    async def play(self, at: float, but: str | None = None) -> None:
+        """Play all takes that are not over at a second of the film, and wait there.
+
+        Parameters
+        ----------
+        at : float
+        but : str, optional
+            A character that does not play.
+        """
+        await self._service.request("stop")
+        known, begun = self._by_file, set[str]()
+        for take in self._played(but):
+            recorded, begin = known.get(take.file), max(take.at or 0.0, at)
+            if recorded is None or _end(take) <= begin or take.character not in self._service.described:
+                continue
+            part = take.character if take.character in recorded.parts else next(iter(recorded.parts), None)
+            await self._service.request(
+                "play_take",
+                character=take.character,
+                take=recorded.name,
+                part=part,
+                at=begin,
+                start=take.start + begin - (take.at or 0.0),
+                stop=take.stop,
+                beside=take.character in begun,
+            )
+            if not begun:
+                await self._service.request("pause")
+            begun.add(take.character)
+
+    async def claim(self, character: str) -> None:
+        """Let a performer of a character's stage drive it, if none does."""
+        described = self._service.described.get(character, {})
+        stages = self._service.status.get("stages", [])
+        users = [user["user"] for each in stages if each["name"] == described.get("stage") for user in each["users"]]
+        if users and described.get("performer") is None:
+            await self._service.request("choose_user", character=character, user=users[0])
+
+    def _played(self, but: str | None) -> list[TakeTable]:
+        return [take for take in self.file.takes if not take.mute and take.character != but]
+
+    @property
+    def _by_file(self) -> dict[str, TakeState]:
+        return {_file(each.name): each for each in self._takes.states}
+
+
+_UNKNOWN = TakeState(name="", seconds=None, frames=0, bytes=0, written=0.0)
+
+
+def _file(take: str) -> str:
+    return f"takes/{take}.log"
+
+
+def _end(take: TakeTable) -> float:
+    return (take.at or 0.0) + (take.stop or 0.0) - take.start

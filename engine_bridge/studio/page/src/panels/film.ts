@@ -1,0 +1,62 @@
+/** What covers the page: the count-in, the film that was made, and the question before something is installed. */
+
+import { offer } from "../actions";
+import { type Child, type Node_, h } from "../dom";
+import { closeFilm, install, makeFilm } from "../film";
+import { type State, update } from "../store";
+import { strings } from "../strings";
+import { button } from "./parts";
+
+export function covers(state: State): Child {
+  return [count(state), made(state), asked(state)];
+}
+
+function count({ count: left }: State): Child {
+  if (left === null) return null;
+  const words = left === 0 ? strings.film.action : String(left);
+  return h("div", { class: "count", role: "status", key: "count" }, left === 0 && h("span", { class: "clapper", "aria-hidden": "true" }), h("span", { key: words }, words));
+}
+
+function made({ made: film }: State): Child {
+  const { film: words } = strings;
+  if (film === null) return null;
+  return dialog(
+    words.yours,
+    h("video", { src: film.url, controls: true, autoplay: true, playsinline: true, key: film.url }),
+    film.notes.length > 0 && h("details", {}, h("summary", {}, strings.details), h("ul", {}, film.notes.map((note) => h("li", { class: "small" }, note)))),
+    h(
+      "div",
+      { class: "row" },
+      button(words.download, () => {
+        void offer(film.file, film.name);
+      }, { primary: true }),
+      button(words.close, closeFilm),
+    ),
+  );
+}
+
+function asked({ asking }: State): Child {
+  const { install: words } = strings;
+  if (asking === null) return null;
+  return dialog(
+    words.title[asking],
+    h("p", {}, words.text[asking]),
+    h(
+      "div",
+      { class: "row" },
+      button(words.yes, () => {
+        void install(asking).then((done) => {
+          if (done && asking === "film") void makeFilm();
+          if (done && asking === "camera") update({ choosing: true });
+        });
+      }, { primary: true }),
+      button(words.no, () => {
+        update({ asking: null });
+      }),
+    ),
+  );
+}
+
+function dialog(title: string, ...children: readonly Child[]): Node_ {
+  return h("div", { class: "cover", key: title }, h("div", { class: "dialog stack", role: "dialog", "aria-modal": "true", "aria-label": title }, h("h2", {}, title), children));
+}

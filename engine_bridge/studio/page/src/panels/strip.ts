@@ -1,0 +1,209 @@
+/** The strip of takes along the bottom: record, play, and cut the film. */
+
+import { record, show } from "../actions";
+import { type Child, type Node_, h } from "../dom";
+import { editFilm, makeFilm, pictureOf, play, seek, stopPlaying } from "../film";
+import type { FilmTake, ServerState } from "../messages";
+import { beginOf, endOf, move, mute, nameOf, remove, secondsOf, trimStart, trimStop } from "../model/film";
+import { type State, current, isJoined, update } from "../store";
+import { strings } from "../strings";
+import { button } from "./parts";
+
+/** Shortest film that the strip has room for, in seconds. */
+const SHORTEST_STRIP = 12;
+
+export function strip(state: State): Node_ {
+  const { film: words } = strings;
+  const { server, film, clip } = state;
+  const takes = film.present;
+  const joined = isJoined(state);
+  return h(
+    "section",
+    { class: "strip", "aria-label": words.title, key: "strip" },
+    h(
+      "div",
+      { class: "row" },
+      recordButton(state),
+      !joined && [
+        button(server?.timeline == null || server.timeline.paused ? words.play : words.pause, () => {
+          void play();
+        }, { disabled: takes.length === 0 || server?.recording != null, hint: words.playHint }),
+        server?.timeline != null && server.recording === null && button(words.stop, () => {
+          void stopPlaying();
+        }, { quiet: true, key: "stop-playing" }),
+        clip !== null && takes[clip] !== undefined && chosen(takes, clip),
+        h("span", { class: "space" }),
+        h("span", { class: "time", raw: true }),
+        button(words.make, () => {
+          void makeFilm();
+        }, { primary: true, disabled: takes.every((take) => take.mute) || state.busy.includes(strings.busy.make) }),
+      ],
+    ),
+    !joined && server !== null && (takes.length === 0 && server.film.problem === "" ? h("p", { class: "small" }, words.none) : lanes(state, server)),
+    server !== null && server.film.problem !== "" && h("p", { class: "small", role: "alert" }, server.film.problem),
+  );
+}
+
+function recordButton({ server, connected, character }: State): Node_ {
+  const { film: words } = strings;
+  const open = connected === "open";
+  if ((server?.recording ?? null) !== null) {
+    return button(words.stopRecording, () => {
+      void record(false);
+    }, { primary: true, danger: true, disabled: !open, key: "stop" });
+  }
+  const nobody = server?.source.kind === "none" || character === null;
+  return button(words.record, () => {
+    void record(true);
+  }, { danger: true, disabled: !open || nobody, key: "record", hint: words.recordHint });
+}
+
+function chosen(takes: readonly FilmTake[], clip: number): Child {
+  const { film: words } = strings;
+  return [
+    button(takes[clip]?.mute === true ? words.unmute : words.mute, () => {
+      editFilm(mute(takes, clip));
+    }, { key: "mute" }),
+    button(words.remove, () => {
+      editFilm(remove(takes, clip), { clip: null });
+    }, { key: "remove" }),
+  ];
+}
+
+/** Seconds that the strip shows. */
+const widthOf = (takes: readonly FilmTake[]): number => Math.max(SHORTEST_STRIP, endOf(takes) + 2);
+
+function lanes(state: State, server: ServerState): Node_ {
+  const takes = state.film.present;
+  const names = [...new Set([...server.characters.map(({ name }) => name), ...takes.map(({ character }) => character)])];
+  return h(
+    "div",
+    { class: "lanes" },
+    names.map((name) =>
+      h(
+        "div",
+        { class: "lane", key: name },
+        button(name, () => {
+          show(name);
+        }, { pressed: name === state.character, disabled: !server.characters.some((each) => each.name === name) }),
+        h(
+          "div",
+          {
+            class: "track",
+            "data-character": name,
+            onpointerdown: (event: PointerEvent) => {
+              const box = (event.currentTarget as Element).getBoundingClientRect();
+              if (event.target === event.currentTarget) update({ clip: null });
+              if (event.target === event.currentTarget) void seek(((event.clientX - box.left) / box.width) * widthOf(current().film.present));
+            },
+          },
+          takes.map((take, i) => take.character === name && clip(state, server, take, i)),
+        ),
+      ),
+    ),
+    h("div", { class: "playhead", "aria-hidden": "true", raw: true }),
+  );
+}
+
+function clip(state: State, server: ServerState, take: FilmTake, index: number): Node_ {
+  const { film: words } = strings;
+  const recorded = server.takes.find(({ name }) => name === nameOf(take));
+  const width = widthOf(state.film.present);
+  const percent = (seconds: number): string => `${(100 * seconds) / width}%`;
+  const picture = pictureOf(recorded?.picture ?? "");
+  const wave = pictureOf(recorded?.wave ?? "");
+  const whole = recorded?.seconds ?? secondsOf(take);
+  const title = words.take(nameOf(take), secondsOf(take));
+  return h(
+    "div",
+    { class: `clip ${take.mute ? "mute" : ""}`, style: `left: ${percent(beginOf(take))}; width: ${percent(secondsOf(take))}`, key: `clip${index}` },
+    wave !== "" && h("span", { class: "wave", style: waveStyle(wave, take, whole), key: "wave" }),
+    h(
+      "button",
+      {
+        type: "button",
+        class: "clip-button",
+        "aria-pressed": String(state.clip === index),
+        "aria-label": words.clip(title, take.character, beginOf(take), take.mute),
+        title,
+        onclick: () => {
+          update({ clip: index });
+        },
+        onkeydown: (event: KeyboardEvent) => {
+          keys(event, index);
+        },
+        onpointerdown: drag((by, character) => move(take_(), index, by, character)),
+      },
+      picture !== "" && h("span", { class: "moving", style: `background-image: url(${picture})`, key: "picture" }),
+      h("span", { class: "name" }, title),
+    ),
+    h("span", { class: "edge start", title: words.trim, onpointerdown: drag((by) => trimStart(take_(), index, by)) }),
+    h("span", { class: "edge end", title: words.trim, onpointerdown: drag((by) => trimStop(take_(), index, by, whole)) }),
+  );
+}
+
+const take_ = (): readonly FilmTake[] => current().film.present;
+
+/** The part of the wave form that is heard. */
+function waveStyle(url: string, { start }: FilmTake, whole: number): string {
+  const shown = (seconds: number): string => `${(100 * seconds) / whole}%`;
+  return `--wave: url(${url}); --whole: ${shown(whole)}; --start: ${shown(start)}`;
+}
+
+/** Move a take or its edge with the arrow keys by a tenth of a second, and delete it. */
+function keys(event: KeyboardEvent, index: number): void {
+  const by = event.key === "ArrowRight" ? 0.1 : event.key === "ArrowLeft" ? -0.1 : 0;
+  if (by !== 0) editFilm(move(take_(), index, by));
+  else if (event.key === "Delete" || event.key === "Backspace") editFilm(remove(take_(), index), { clip: null });
+  else return;
+  event.preventDefault();
+  event.stopPropagation();
+}
+
+/** Drag with a pointer: `edit` returns the takes after a drag by some seconds over a character's track. */
+function drag(edit: (by: number, character?: string) => readonly FilmTake[]): (event: PointerEvent) => void {
+  return (down) => {
+    const target = down.currentTarget as HTMLElement;
+    const track = target.closest(".track");
+    if (track === null || !down.isPrimary) return;
+    const clipElement = target.closest<HTMLElement>(".clip");
+    const scale = widthOf(take_()) / track.getBoundingClientRect().width;
+    target.setPointerCapture(down.pointerId);
+    let takes: readonly FilmTake[] | null = null;
+    target.onpointermove = (event) => {
+      const by = event.clientX - down.clientX;
+      if (takes === null && Math.abs(by) < 4 && Math.abs(event.clientY - down.clientY) < 8) return;
+      const over = document.elementsFromPoint(event.clientX, event.clientY).find((each) => each.matches(".track"));
+      takes = edit(by * scale, over?.getAttribute("data-character") ?? undefined);
+      if (clipElement !== null) preview(clipElement, takes, event.clientY - down.clientY);
+    };
+    target.onpointerup = target.onpointercancel = (event) => {
+      target.onpointermove = target.onpointerup = target.onpointercancel = null;
+      if (takes !== null && event.type === "pointerup") editFilm(takes);
+      else update({});
+      if (clipElement !== null) clipElement.style.translate = "";
+    };
+  };
+}
+
+/** Show a dragged take where it would be. */
+function preview(element: HTMLElement, takes: readonly FilmTake[], down: number): void {
+  const index = [...element.parentElement?.children ?? []].indexOf(element);
+  const own = element.parentElement?.getAttribute("data-character");
+  const before = take_().map((take, i) => [take, i] as const).filter(([take]) => take.character === own)[index]?.[1];
+  const take = before === undefined ? undefined : takes[before];
+  if (take === undefined) return;
+  const width = widthOf(take_());
+  element.style.left = `${(100 * beginOf(take)) / width}%`;
+  element.style.width = `${(100 * secondsOf(take)) / width}%`;
+  element.style.translate = take.character === own ? "" : `0 ${down}px`;
+}
+
+/** Place the playhead and the time, which change in every image. */
+export function movePlayhead(state: State, seconds: number): void {
+  const head = document.querySelector<HTMLElement>(".playhead");
+  if (head !== null) head.style.setProperty("--at", String(Math.min(seconds / widthOf(state.film.present), 1)));
+  const time = document.querySelector(".strip .time");
+  const text = `${seconds.toFixed(1)} s`;
+  if (time !== null && time.textContent !== text) time.textContent = text;
+}

@@ -182,8 +182,9 @@ class Task:
         self.person.take(READ)
         edge = self._page.locator(".clip").first.locator(".edge.end").bounding_box()
         x, y = edge["x"] + edge["width"] / 2, edge["y"] + edge["height"] / 2
+        before = self._page.evaluate("studio.state().film.present[0].stop")
         self.person.drag((x, y), (x - 40, y))
-        until(self._page, f"state.film.present[0].stop < {RECORDED_SECONDS} + 2 && state.busy.length === 0")
+        until(self._page, f"state.film.present[0].stop < {before} && state.busy.length === 0")
 
     def make_film(self) -> None:
         """Make the film."""

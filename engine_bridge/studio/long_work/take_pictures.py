@@ -27,7 +27,7 @@ def draw_take(puppet: Path, log: Path, path: Path, size: tuple[int, int] = SIZE)
     PuppetlineError
     """
     rig = load_rig(puppet)
-    motion = solve_take(rig, log, Settings(fps=10.0, form="morph"), lambda _: None).motion
+    motion = solve_take(rig, log, Settings(fps=10.0), lambda _: None).motion
     chosen = np.linspace(0, len(motion) - 1, PICTURES).astype(int)
     images = draw_character(rig, motion.R[chosen], motion.root[chosen], size)
     with written_whole(path) as beside:

@@ -31,6 +31,7 @@ class FilmFile:
 
     def __init__(self, folder: Path, seconds: Callable[[str], float | None]) -> None:
         self.path, self._seconds = folder / "film.toml", seconds
+        self._read: tuple[int, list[dict[str, Any]]] = -1, []  # time of the last change, and tables [[take]]
 
     @property
     def takes(self) -> list[TakeTable]:
@@ -42,7 +43,7 @@ class FilmFile:
             The file cannot be read, or a take in it is wrong.
         """
         takes, ends = [], dict[str, float]()
-        for values in self._document().unwrap().get("take", []):
+        for values in self._tables():
             take = toml_schema.check(TakeTable, values, self.path, SceneError)
             whole = self._seconds(take.file)
             stop = take.stop if take.stop is not None else whole
@@ -68,7 +69,7 @@ class FilmFile:
             The file cannot be read or written.
         """
         document = self._document()
-        allowed = {*known, *(str(each.get("file")) for each in document.unwrap().get("take", []))}
+        allowed = {*known, *(str(each.get("file")) for each in self._tables())}
         tables, last = tomlkit.aot(), dict[str, float]()
         for take in sorted(takes, key=lambda each: each.at or 0.0):
             if take.file not in allowed:
@@ -99,6 +100,12 @@ class FilmFile:
                 document[key].extend(kept)
         if self.path.exists():
             self._write(document)
+
+    def _tables(self) -> list[dict[str, Any]]:
+        changed = self.path.stat().st_mtime_ns if self.path.exists() else -1
+        if changed != self._read[0]:
+            self._read = changed, self._document().unwrap().get("take", [])
+        return self._read[1] if changed >= 0 else []
 
     def _document(self) -> tomlkit.TOMLDocument:
         if not self.path.exists():

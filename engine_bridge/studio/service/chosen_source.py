@@ -15,6 +15,10 @@ LIVE_SCHEMES = "osc", "vmc", "freenect", "openni", "camera"
 """Schemes of URIs that the page may give. The others name files, which the page does not."""
 
 
+NAMES = {"camera": "the webcam", "freenect": "the Kinect"}
+"""Names of sources for people, by scheme."""
+
+
 @dataclass(frozen=True)
 class ChosenSource:
     """The chosen source: the URI that the service opens, and its state on pages, which contains no path."""
@@ -71,7 +75,7 @@ def live(uri: str) -> ChosenSource:
             expected=f"a live source: {', '.join(f'{each}:' for each in LIVE_SCHEMES)}",
             fix="Choose a source from the list. To play a file, upload it.",
         )
-    return ChosenSource(uri, SourceState(uri=uri, kind="live", name=uri, text=uri))
+    return ChosenSource(uri, SourceState(uri=uri, kind="live", name=uri, text=NAMES.get(scheme, uri)))
 
 
 def recording(

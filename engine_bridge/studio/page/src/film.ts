@@ -78,8 +78,7 @@ export async function countIn(seconds: number): Promise<void> {
     update({ count: left });
     sound(left === 0);
     await new Promise((resolve) => setTimeout(resolve, left === 0 ? 700 : 1000));
-    if (current().count !== left) return; // it was stopped here
-    if (current().server?.recording === null) break; // or in another window
+    if (current().count !== left) return; // it was stopped
   }
   update({ count: null });
 }

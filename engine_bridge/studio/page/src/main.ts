@@ -155,8 +155,8 @@ function render(state: State): void {
 }
 
 async function toggleRecording(): Promise<void> {
-  const { server, character } = current();
-  if (server !== null && character !== null && server.source.kind !== "none") await record(server.recording === null);
+  const { server, character, count } = current();
+  if (server !== null && character !== null && server.source.kind !== "none") await record(server.recording === null && count === null);
 }
 
 function keys(event: KeyboardEvent): void {

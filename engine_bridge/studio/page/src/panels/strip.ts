@@ -44,10 +44,10 @@ export function strip(state: State): Node_ {
   );
 }
 
-function recordButton({ server, connected, character }: State): Node_ {
+function recordButton({ server, connected, character, count }: State): Node_ {
   const { film: words } = strings;
   const open = connected === "open";
-  if ((server?.recording ?? null) !== null) {
+  if ((server?.recording ?? null) !== null || count !== null) {
     return button(words.stopRecording, () => {
       void record(false);
     }, { primary: true, danger: true, disabled: !open, key: "stop" });

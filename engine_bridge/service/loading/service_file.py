@@ -42,6 +42,7 @@ class StageTable(Table):
     """[[stage]]: a source and the characters that its performers drive; see `StageSettings` and `PlayerSettings`."""
 
     source: Text
+    sound: Text | None = None
     character: Annotated[tuple[CharacterTable, ...], Field(min_length=1, max_length=64)]
     name: Name | None = None
     people: People = "each"

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.events import TICK_SECONDS, Cue, Event, Lost, Tick
+from capture.events import TICK_SECONDS, Cue, Event, Lost
 from capture.sensor_tilt import SensorTilt
 from capture.skeleton import LOST, SkeletonFrame
 from engine_bridge.service.players.character_player import CharacterPlayer
@@ -104,10 +104,10 @@ class Stage:
             case Cue(do="stage"):
                 self._resume(event)
                 return []
+            case Cue(do="sound"):  # only written beside the events, so it shows no frame
+                return []
             case Cue():
                 self._follow(event)
-            case Tick():
-                pass
         self._assign(event.time)
         return self._pass_time(event.time, received)
 

@@ -100,7 +100,8 @@ class TakeTrack:
             self._deformer.resume(self._states[block])
             self._next = block * STATE_FRAMES
         for each in self._frames[self._next : number + 1]:
-            self._solved = self._deformer.solve(each.pose.targets, each.pose.motions)
+            moved = self.character.channel_motion.moved(each.pose, each.channels)
+            self._solved = self._deformer.solve(moved.targets, moved.motions)
         self._next = number + 1
         return self._frames[number], (self._deformer, self._solved)
 

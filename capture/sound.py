@@ -19,6 +19,9 @@ from numpy.typing import NDArray
 
 from puppetline.errors import OutputError, SourceError
 
+ENDING = ".wav"
+"""Ending of the sound beside a take, which has the take's name."""
+
 SAMPLE_RATE = 48_000
 """Samples per second of recorded sound."""
 

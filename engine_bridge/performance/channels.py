@@ -10,6 +10,7 @@ import scipy
 from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
+from capture.events import Cue
 from capture.skeleton import LOST
 from capture.sound import read_wav
 from capture.timeline import Timeline
@@ -53,10 +54,15 @@ def sound_of(clip: SkeletonClip, log: Path) -> tuple[Path, float] | None:
     """
     first = float(clip.times[(clip.confidence > LOST).any(axis=1)][0])
     for cue in clip.cues:
-        file, begin = cue.arguments.get("file"), cue.arguments.get("at")
-        if cue.do == "sound" and isinstance(file, str) and isinstance(begin, int | float):
-            return log.parent / Path(file).name, begin - first
+        if cue.do == "sound" and (sound := sound_cue(cue)) is not None:
+            return log.parent / sound[0], sound[1] - first
     return None
+
+
+def sound_cue(cue: Cue) -> tuple[str, float] | None:
+    """Return the name of the file in a cue ``sound`` and the time of its first sample; None if the cue is damaged."""
+    file, begin = cue.arguments.get("file"), cue.arguments.get("at")
+    return (Path(file).name, float(begin)) if isinstance(file, str) and isinstance(begin, int | float) else None
 
 
 class ChannelMotion:

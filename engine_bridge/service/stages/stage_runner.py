@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from capture import body
+from capture import body, sound
 from capture.events import Cue, Event
 from capture.reconnecting import ReopeningSource
 from capture.recording import Recorder, as_recorded
@@ -31,9 +31,6 @@ from puppetline.errors import OutputError, PuppetlineError, ServiceError
 WATCHED_SECONDS = 3.0
 """Maximum period that a report on the source covers, in seconds; it starts again after so long without a request."""
 
-SOUND_ENDING = ".wav"
-"""Ending of the sound beside a take."""
-
 _AnyEvent = TypeVar("_AnyEvent", bound=Event)
 
 log = logging.getLogger(__name__)
@@ -50,7 +47,7 @@ class StageRunner:
     stage : Stage
     folder : Path
         Folder that files of the source and the sound are relative to.
-    sound : str, optional
+    sound_name : str, optional
         What `open_sound` opens: the performers' voice, which is also recorded beside takes.
 
     Attributes
@@ -69,11 +66,11 @@ class StageRunner:
         The source or the sound cannot be opened.
     """
 
-    def __init__(self, uri: str, stage: Stage, folder: Path, sound: str | None = None) -> None:
+    def __init__(self, uri: str, stage: Stage, folder: Path, sound_name: str | None = None) -> None:
         self.stage = stage
         self.events = self.skeletons = self.faults = 0
-        self.sound_name = sound
-        self._sound = None if sound is None else open_sound(sound, folder)
+        self.sound_name = sound_name
+        self._sound = None if sound_name is None else open_sound(sound_name, folder)
         self._sound_cue: str | None = None  # name of a file whose begin is not in the take yet
         self.source = ReopeningSource(uri, lambda: open_source(uri, folder))
         self._recorder: Recorder | None = None
@@ -173,8 +170,8 @@ class StageRunner:
         recorder = Recorder(path)
         try:
             if self._sound is not None:
-                self._sound.record(path.with_suffix(SOUND_ENDING))
-                self._sound_cue = path.with_suffix(SOUND_ENDING).name
+                self._sound.record(path.with_suffix(sound.ENDING))
+                self._sound_cue = path.with_suffix(sound.ENDING).name
             snapshot = self.stage.snapshot(self.source.now())
             snapshot["timeline"] = timeline(snapshot["time"])
             self._time = max(self._time, snapshot["time"])

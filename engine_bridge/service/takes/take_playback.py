@@ -32,6 +32,12 @@ class _Playing:
     shown_at: float = -math.inf
 
     @property
+    def sound(self) -> dict[str, Any] | None:
+        """File of the take's sound, and the second of the timeline of its first sample."""
+        sound = self.track.sound
+        return None if sound is None else sound | {"at": self.at + sound["at"]}
+
+    @property
     def following(self) -> float:
         """Second of the timeline at which the next frame is due; infinity after the last."""
         number = self.shown + 1
@@ -71,7 +77,13 @@ class TakePlayback:
     def takes(self) -> list[dict[str, Any]]:
         """Each take with its character and its place on the timeline."""
         return [
-            {"character": name, "take": each.track.take, "at": each.at, "seconds": each.track.seconds}
+            {
+                "character": name,
+                "take": each.track.take,
+                "at": each.at,
+                "seconds": each.track.seconds,
+                "sound": each.sound,
+            }
             for name, each in self._playing.items()
         ]
 
@@ -174,7 +186,8 @@ class TakePlayback:
             paused=timeline.paused,
             loop=timeline.loop,
             takes=[
-                TimelineTake(name, each.track.take, each.at, each.track.seconds) for name, each in self._playing.items()
+                TimelineTake(name, each.track.take, each.at, each.track.seconds, each.sound)
+                for name, each in self._playing.items()
             ],
         )
 

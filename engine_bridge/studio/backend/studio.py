@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from capture import sound
 from capture.sources.demo import performances
 from engine_bridge.character.examples import MOTIONS
 from engine_bridge.performance.settings import PerformerFormat
@@ -242,6 +243,7 @@ class Studio(Backend):
         if asked.take in playing or (self._playing.state.kind == "take" and self._playing.state.name == asked.take):
             raise in_use(asked.take)
         path.unlink(missing_ok=True)
+        path.with_suffix(sound.ENDING).unlink(missing_ok=True)
         self.changed()
         return {}
 

@@ -41,13 +41,13 @@ class TakeList:
         """Return the file of a take, see `Takes.path`."""
         return self._takes.path(name)
 
-    def _state(self, name: str, bytes: int, written: float) -> TakeState:  # noqa: A002
+    def _state(self, name: str, bytes: int, written: float, sound: bool) -> TakeState:  # noqa: A002
         known = self._known.get(name)
-        if known is not None and (known.bytes, known.written) == (bytes, written):
+        if known is not None and (known.bytes, known.written, known.sound) == (bytes, written, sound):
             return known
         first, last, frames = _extent(self._takes.folder / f"{name}.log")
         seconds = None if first is None or last is None else last - first
-        return TakeState(name=name, seconds=seconds, frames=frames, bytes=bytes, written=written)
+        return TakeState(name=name, seconds=seconds, frames=frames, bytes=bytes, written=written, sound=sound)
 
 
 def _extent(path: Path) -> tuple[float | None, float | None, int]:

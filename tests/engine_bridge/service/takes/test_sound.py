@@ -92,7 +92,7 @@ def test_a_take_with_sound_replays_bit_for_bit_and_has_the_sound_on_its_clock(
     onset = np.flatnonzero(np.abs(samples) > 0.1)[0] / rate + cue.arguments["at"] - began
     assert onset == pytest.approx(0.8, abs=0.005)
     timeline, notes = load_timeline(path, Settings())
-    assert not notes
+    assert not any("cannot be read" in note for note in notes)
     first = frames[0].time
     live = np.interp(
         timeline.times, [each.time - first for each in frames], [each.channels["voice"] for each in frames]

@@ -57,6 +57,8 @@ class StageRunner:
     sound_name : str or None
     events, skeletons : int
         Numbers of events processed so far, and of skeletons among them.
+    watch : callable
+        Called with each performer's frame.
     faults : int
         Number of events lost to internal errors.
 
@@ -69,6 +71,7 @@ class StageRunner:
     def __init__(self, uri: str, stage: Stage, folder: Path, sound_name: str | None = None) -> None:
         self.stage = stage
         self.events = self.skeletons = self.faults = 0
+        self.watch: Callable[[SkeletonFrame], None] = lambda _: None
         self.sound_name = sound_name
         self._sound = None if sound_name is None else open_sound(sound_name, folder)
         self._sound_cue: str | None = None  # name of a file whose begin is not in the take yet
@@ -270,6 +273,7 @@ class StageRunner:
         if isinstance(event, SkeletonFrame):
             event = as_recorded(event)
             self.skeletons += 1
+            self.watch(event)
         self._record(event)
         self.events += 1
         try:

@@ -48,7 +48,7 @@ def test_a_part_keeps_its_part_of_the_sound(walk_take, tmp_path):
     with WavWriter(tmp_path / "take.wav") as writer:
         writer.write(samples)
     with Recorder(walk_take) as recorder:
-        recorder.write(Cue(puppetline_log.read(walk_take)[0].times[-1], "sound", {"file": "take.wav", "at": 99.9}))
+        recorder.write(Cue(float(read_log(walk_take)[0].times[-1]), "sound", {"file": "take.wav", "at": 99.9}))
     trimmed(walk_take, tmp_path / "part.log", 0.5, 1.5)
     *_, cue = puppetline_log.events(tmp_path / "part.log")
     assert cue.arguments == {"file": "part.wav", "at": pytest.approx(100.5, abs=1e-4)}

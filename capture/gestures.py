@@ -1,7 +1,7 @@
 """Gestures that give commands: both hands raised and held."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,6 @@ ABOVE_HEAD_METRES = 0.05
 
 BELOW_SECONDS = 0.3
 """Time for which hands may sink or be lost without ending the gesture, in seconds: sensors lose raised hands."""
-
-MAX_SPEED = 0.6
-"""Maximum speed of raised hands, in metres per second: dancing and exercises move them, a gesture holds them still."""
 
 _HANDS = [JOINT_INDEX["hand_left"], JOINT_INDEX["hand_right"]]
 _WRISTS = [JOINT_INDEX["wrist_left"], JOINT_INDEX["wrist_right"]]
@@ -40,8 +37,6 @@ class _Arms:
     since: float | None = None
     raised_at: float = -math.inf
     lowered: bool = True
-    hands: NDArray[np.float64] = field(default_factory=lambda: np.full((2, 3), np.nan))
-    time: float = -math.inf
 
 
 class HandsUp:
@@ -67,12 +62,9 @@ class HandsUp:
         """Return whether a performer's next frame, levelled, completes the gesture."""
         arms = self._arms.setdefault(frame.user, _Arms())
         hands, head = _known(frame, _HANDS, _WRISTS), _known(frame, [_HEAD], [_HEAD])[0]
-        speed = np.linalg.norm(hands - arms.hands, axis=1).max() / max(frame.time - arms.time, 1e-3)
-        if np.isfinite(hands).all():
-            arms.hands, arms.time = hands, frame.time
         if (hands[:, 1] < _known(frame, _SHOULDERS, _SHOULDERS)[:, 1]).any():
             arms.since, arms.lowered = None, True
-        elif (hands[:, 1] > head[1] + ABOVE_HEAD_METRES).all() and speed < MAX_SPEED:
+        elif (hands[:, 1] > head[1] + ABOVE_HEAD_METRES).all():
             arms.since = frame.time if arms.since is None else arms.since
             arms.raised_at = frame.time
         if frame.time - arms.raised_at > BELOW_SECONDS:

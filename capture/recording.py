@@ -12,7 +12,8 @@ of the source or a command. A stage's take begins with the cue ``stage``::
 
 t is the time in seconds. p are positions in metres in sensor coordinates, rounded to 0.01 mm, and c are confidences,
 both in the order of the header's joints; a lost joint is null with confidence 0. If the source has orientations, o are
-quaternions as in `capture.orientations`, null if unknown.
+quaternions as in `capture.orientations`, null if unknown. If it has channels,
+``"channels": {"voice": 0.25}`` has the known ones.
 
 Data are only appended to a file. A line is complete if it ends in ``}`` and a line feed. Any other line is incomplete
 because of a crash; a program that continues such a file ends the line with `INCOMPLETE_LINE_END`. The reader is
@@ -44,7 +45,7 @@ INCOMPLETE_LINE_END = b"...\n"
 """End of an incomplete line, so that a line that was cut off after a ``}`` is not read as a complete one."""
 
 DECIMALS = 5
-"""Number of decimals of a position in metres (0.01 mm) and of a quaternion (0.001°)."""
+"""Number of decimals of a position in metres (0.01 mm), of a quaternion (0.001°) and of a channel."""
 
 SYNC_INTERVAL_SECONDS = 1.0
 """Interval at which the file is synchronised with the disk. A power cut may lose this time; a crash loses nothing."""
@@ -164,6 +165,7 @@ def as_recorded(frame: SkeletonFrame) -> SkeletonFrame:
         np.where(known[:, None], rounded, np.nan),
         np.where(known, frame.confidence, np.float32(LOST)),
         orientations,
+        {name: round(float(value), DECIMALS) for name, value in (frame.channels or {}).items()} or None,
     )
 
 
@@ -187,6 +189,8 @@ def encode(event: Event) -> bytes:
     }
     if frame.orientations is not None:
         line["o"] = [None if math.isnan(each[0]) else each for each in frame.orientations.tolist()]
+    if frame.channels is not None:
+        line["channels"] = frame.channels
     return _line(line)
 
 

@@ -8,6 +8,7 @@ them to follow that clock.
 import queue
 import struct
 import time
+import wave
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -17,6 +18,9 @@ from numpy.typing import NDArray
 
 from puppetline.errors import SourceError
 from puppetline.files import append_error
+
+ENDING = ".wav"
+"""Ending of the sound beside a take, which has the take's name."""
 
 SAMPLE_RATE = 48_000
 """Samples per second of recorded sound."""
@@ -95,6 +99,21 @@ class ClockedSound:
         return made
 
 
+def read_wav(path: Path) -> tuple[NDArray[np.float32], int]:
+    """Return the samples (n,) of a .wav of 16 bits and one channel, and their number per second.
+
+    Raises
+    ------
+    OSError, EOFError, wave.Error
+        The file cannot be read, or is another kind of file.
+    """
+    with wave.open(str(path)) as file:
+        if (file.getsampwidth(), file.getnchannels()) != (2, 1):
+            raise wave.Error("not 16 bits and one channel")
+        samples = np.frombuffer(file.readframes(file.getnframes()), "<i2")
+        return samples.astype(np.float32) / np.float32(32768), file.getframerate()
+
+
 class WavWriter:
     """Appends samples to a .wav of 16 bits and one channel; the file is readable at any time.
 
@@ -171,11 +190,20 @@ class Microphone:
     device : str, optional
         Name or number of the device; the system's default one otherwise.
 
+    Attributes
+    ----------
+    rate : int
+        Samples per second.
+    overflows : int
+        Number of times that samples were not read in time.
+
     Raises
     ------
     SourceError
         The extra is not installed, or there is no such microphone.
     """
+
+    rate = SAMPLE_RATE
 
     def __init__(self, device: str | None = None) -> None:
         try:

@@ -151,7 +151,17 @@ def _frame(path: Path, number: int, time: float, line: dict[str, Any]) -> Skelet
                 path, number, f"p[{joint}]", point, "[x, y, z] in metres, because its confidence is not 0"
             )
     positions = np.array([(np.nan,) * 3 if point is None else point for point in points], dtype=np.float64)
-    return SkeletonFrame(time, user, positions, confidence, _orientations(path, number, line))
+    orientations, channels = _orientations(path, number, line), _channels(path, number, line)
+    return SkeletonFrame(time, user, positions, confidence, orientations, channels)
+
+
+def _channels(path: Path, number: int, line: dict[str, Any]) -> dict[str, float] | None:
+    if "channels" not in line:
+        return None
+    values = line["channels"]
+    if not (isinstance(values, dict) and all(_is_number(each) and 0 <= each <= 1 for each in values.values())):
+        raise _value_error(path, number, "channels", values, "numbers from 0 to 1 by their names")
+    return {name: float(value) for name, value in values.items()}
 
 
 def _orientations(path: Path, number: int, line: dict[str, Any]) -> NDArray[np.float64] | None:

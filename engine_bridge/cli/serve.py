@@ -38,6 +38,13 @@ STUDIO_PORT = 7480
     metavar="URI",
     help="Source of skeletons, for all puppet files or one for each; docs/live.md lists them.  [default: osc:7110]",
 )
+@click.option(
+    "--sound",
+    is_flag=False,
+    flag_value="default",
+    metavar="[DEVICE|FILE.wav]",
+    help="Microphone, or a .wav in its place: its loudness opens mouths, and it is recorded beside takes.",
+)
 @click.option("--loop", is_flag=True, help="Add ?loop to every recorded source, to play it in a loop.")
 @click.option(
     "--people",
@@ -241,7 +248,7 @@ def _service_file(config: Path | None, settings: dict[str, Any]) -> "tuple[Servi
         rest["announce"] = given["announce"]
     if "metrics" in given:
         rest["metrics"] = {"port": given["metrics"]}
-    stage: dict[str, Any] = {name: given[name] for name in ("people", "calibrate") if name in given}
+    stage: dict[str, Any] = {name: given[name] for name in ("people", "calibrate", "sound") if name in given}
     character: dict[str, Any] = {name: str(given[name]) for name in ("idle", "morphs") if name in given}
     sources = tuple(_looped(uri) if loop else uri for uri in given.get("sources", ("osc:7110",)))
     return service_file.from_flags(sources, given["puppets"], stage, character, rest), Path()

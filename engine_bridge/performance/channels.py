@@ -10,12 +10,15 @@ import scipy
 from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
+from capture.events import Cue
 from capture.skeleton import LOST
+from capture.sound import read_wav
 from capture.timeline import Timeline
 from capture.voice import voice_of
+from engine_bridge.performance.easing import TargetPose
 from engine_bridge.puppet.puppet import Puppet
 from solver.model.bones import Bones
-from solver.motion.limbs import parents_first
+from solver.motion.limbs import TRUNK, parents_first
 
 
 def with_voice(timeline: Timeline, clip: SkeletonClip, log: Path) -> tuple[Timeline, tuple[str, ...]]:
@@ -34,7 +37,7 @@ def with_voice(timeline: Timeline, clip: SkeletonClip, log: Path) -> tuple[Timel
         return timeline, ()
     path, begin = sound
     try:
-        samples, rate = read_sound(path)
+        samples, rate = read_wav(path)
     except (OSError, EOFError, wave.Error) as error:
         return timeline, (f"The sound of the take, {path}, cannot be read ({error}); mouths stay closed.",)
     return replace(timeline, channels={"voice": voice_of(samples, rate, timeline.times - begin)}), ()
@@ -51,23 +54,19 @@ def sound_of(clip: SkeletonClip, log: Path) -> tuple[Path, float] | None:
     """
     first = float(clip.times[(clip.confidence > LOST).any(axis=1)][0])
     for cue in clip.cues:
-        file, begin = cue.arguments.get("file"), cue.arguments.get("at")
-        if cue.do == "sound" and isinstance(file, str) and isinstance(begin, int | float):
-            return log.parent / Path(file).name, begin - first
+        if cue.do == "sound" and (sound := sound_cue(cue)) is not None:
+            return log.parent / sound[0], sound[1] - first
     return None
 
 
-def read_sound(path: Path) -> tuple[NDArray[np.float32], int]:
-    """Return the samples (n,) of a .wav of 16 bits and one channel, and their number per second."""
-    with wave.open(str(path)) as file:
-        if (file.getsampwidth(), file.getnchannels()) != (2, 1):
-            raise wave.Error("not 16 bits and one channel")
-        samples = np.frombuffer(file.readframes(file.getnframes()), "<i2")
-        return samples.astype(np.float32) / np.float32(32768), file.getframerate()
+def sound_cue(cue: Cue) -> tuple[str, float] | None:
+    """Return the name of the file in a cue ``sound`` and the time of its first sample; None if the cue is damaged."""
+    file, begin = cue.arguments.get("file"), cue.arguments.get("at")
+    return (Path(file).name, float(begin)) if isinstance(file, str) and isinstance(begin, int | float) else None
 
 
-class Bends:
-    """Limbs of a puppet that channels bend, such as a jaw that opens with the voice.
+class ChannelMotion:
+    """Limbs that channels bend, such as a jaw that opens with the voice, and handles that channels move.
 
     Parameters
     ----------
@@ -79,19 +78,38 @@ class Bends:
     def __init__(self, puppet: Puppet, bones: Bones) -> None:
         tables = {limb.name: limb.bend for limb in puppet.limb}
         self._bends: list[tuple[str, NDArray[np.float64], NDArray[np.float64], list[int]]] = []
+        self._handles = [
+            (number, each.channel, each.moves) for number, each in enumerate(puppet.handle) if each.channel
+        ]
+        self._trunk: int | None = None
         first = 0
         for limb in parents_first(puppet.limbs):
             table = tables[limb.name]
+            if limb.name == TRUNK:
+                self._trunk = first
             if table is not None:
                 moved = [first]
                 moved += [bone for bone in range(first + 1, len(bones)) if _hangs_on(bones, bone, first)]
                 self._bends.append((table.channel, table.turn, bones.heads[first], moved))
             first += len(limb.points) - 1
 
-    def bent(self, motions: NDArray[np.float64], channels: Mapping[str, float] | None) -> NDArray[np.float64]:
-        """Return motions (b, 4, 3) of the bones with all bends; bones that hang on a bent one move with it."""
-        if not self._bends or not channels:
-            return motions
+    def moved(self, pose: TargetPose, channels: Mapping[str, float] | None) -> TargetPose:
+        """Return a pose with all bends and moved handles.
+
+        Bones that hang on a bent one move with it. Handles move along axes that turn with the trunk.
+        """
+        if not channels or not (self._bends or self._handles):
+            return pose
+        return TargetPose(self._targets(pose, channels), self._motions(pose.motions, channels), pose.root)
+
+    def _targets(self, pose: TargetPose, channels: Mapping[str, float]) -> NDArray[np.float64]:
+        targets = pose.targets.copy()
+        for number, channel, way in self._handles:
+            move = channels.get(channel, 0.0) * np.array(way)
+            targets[number] += move if self._trunk is None else move @ pose.motions[self._trunk, :3]
+        return targets
+
+    def _motions(self, motions: NDArray[np.float64], channels: Mapping[str, float]) -> NDArray[np.float64]:
         motions = motions.copy()
         for channel, turn, head, moved in self._bends:
             value = channels.get(channel, 0.0)
@@ -126,3 +144,10 @@ def morph_weights(puppet: Puppet, channels: Mapping[str, NDArray[np.float32]] | 
             moved = np.float32(morph.gain) * channels[morph.channel]
             weights[morph.target] = np.clip(weights.get(morph.target, 0) + moved, 0, 1)
     return weights
+
+
+def weights_at(puppet: Puppet, channels: Mapping[str, float] | None) -> NDArray[np.float32]:
+    """Return the weights (k,) at one moment of the targets in `Puppet.targets`."""
+    values = {name: np.array([value], np.float32) for name, value in (channels or {}).items()}
+    weights = morph_weights(puppet, values)
+    return np.array([weights[target][0] if target in weights else 0.0 for target in puppet.targets], np.float32)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import SkeletonFrame
-from engine_bridge.performance.channels import Bends
+from engine_bridge.performance.channels import ChannelMotion
 from engine_bridge.performance.easing import EASE_SECONDS, Easing, TargetPose
 from engine_bridge.performance.retargeting import RetargetedFrame, Retargeting
 from engine_bridge.puppet.puppet import Puppet
@@ -55,7 +55,7 @@ class Performance:
         bones = self.deformer.bones
         at_rest = TargetPose(self.deformer.handles, np.tile(np.eye(4, 3), (len(bones), 1, 1)), np.zeros(3))
         self._easing = Easing(bones, at_rest, EASE_SECONDS)
-        self._bends = Bends(puppet, bones)
+        self._channels = ChannelMotion(puppet, bones)
 
     def calibrate(self, time: float, rest: NDArray[np.float64], mirror: bool | None) -> None:
         """Ease into the motion with another calibration pose or mirroring, from a time on; None keeps the mirroring."""
@@ -64,11 +64,11 @@ class Performance:
         self._easing.begin(time)
 
     def aim(self, frame: SkeletonFrame) -> RetargetedFrame:
-        """Return the targets and motions of the next frame, with limbs bent by its channels."""
+        """Return the targets and motions of the next frame, moved by its channels."""
         aim = self.retargeting.step(frame)
         shown = self._easing.show(frame.time, TargetPose(aim.targets, aim.motions, aim.root))
-        motions = self._bends.bent(shown.motions, frame.channels)
-        return replace(aim, targets=shown.targets, motions=motions, root=shown.root)
+        moved = self._channels.moved(shown, frame.channels)
+        return replace(aim, targets=moved.targets, motions=moved.motions, root=moved.root)
 
     def step(self, frame: SkeletonFrame, out: NDArray[np.float64] | None = None) -> Pose:
         """Return the pose of the next frame.

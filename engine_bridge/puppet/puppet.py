@@ -81,10 +81,11 @@ class CharacterTable(Table):
 
 
 Point = tuple[Number, Number, Number]
+Channel = Literal[CHANNELS]  # type: ignore[valid-type]
 
 
 class HandleTable(Table):
-    """[[handle]]: a point on the surface, and the joints whose mean motion it follows."""
+    """[[handle]]: a point on the surface, the joints whose mean motion it follows, and a channel that moves it."""
 
     name: Text
     position: Point
@@ -92,6 +93,8 @@ class HandleTable(Table):
     joints: Annotated[tuple[JointName, ...], Field(min_length=1)] | None = None
     axes: AxisSet = "xyz"
     gain: Number = 1.0
+    channel: Channel | None = None
+    moves: Point = (0.0, 0.0, 0.0)
 
     @model_validator(mode="after")
     def _check_joints(self) -> Self:
@@ -102,15 +105,19 @@ class HandleTable(Table):
                 expected="either joint or joints",
                 fix="Remove one of the keys.",
             )
+        if (self.channel is not None) != any(self.moves):
+            raise mistake(
+                "moves",
+                found="channel without moves" if self.channel else "moves without channel",
+                expected="a channel, and how far it moves the handle along x, y and z",
+                fix='Write both, such as channel = "voice" and moves = [0, -0.05, 0], or neither.',
+            )
         return self
 
     @property
     def driven_by(self) -> tuple[str, ...]:
         """Names of its joints; empty for a handle that does not move."""
         return self.joints or (() if self.joint is None else (self.joint,))
-
-
-Channel = Literal[CHANNELS]  # type: ignore[valid-type]
 
 
 class BendTable(Table):
@@ -356,6 +363,11 @@ class Puppet(Table):
     def turns(self) -> bool:
         """Whether the character turns with the performer."""
         return self.root is None or self.root.turns
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """Names of the mesh's morph targets that channels move, each once."""
+        return tuple(dict.fromkeys(morph.target for morph in self.morph))
 
     @property
     def driven_by(self) -> tuple[str, ...]:

@@ -12,9 +12,9 @@ class Jobs:
 
     Attributes
     ----------
-    calibrating, loading, writing, looking : ThreadPoolExecutor
-        Two calibrations run at a time. Each of the other pools runs one job at a time: it loads files, writes files, or
-        draws images of what sensors see.
+    calibrating, loading, writing, looking, filming : ThreadPoolExecutor
+        Two calibrations run at a time. Each of the other pools runs one job at a time: it loads files, writes files,
+        draws images of what sensors see, or waits for videos.
     """
 
     def __init__(self) -> None:
@@ -22,6 +22,7 @@ class Jobs:
         self.loading = ThreadPoolExecutor(1, "loading")
         self.writing = ThreadPoolExecutor(1, "writing")
         self.looking = ThreadPoolExecutor(1, "looking")
+        self.filming = ThreadPoolExecutor(1, "filming")
         self._running: list[tuple[Future[Any], Callable[[Future[Any]], None]]] = []
 
     def start(
@@ -40,5 +41,6 @@ class Jobs:
         """Wait until everything is written, and abandon everything else; closing again does nothing."""
         self.writing.shutdown()
         self.looking.shutdown(wait=False, cancel_futures=True)
+        self.filming.shutdown(wait=False, cancel_futures=True)
         self.loading.shutdown(wait=False, cancel_futures=True)
         self.calibrating.shutdown(wait=False, cancel_futures=True)

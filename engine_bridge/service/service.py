@@ -43,6 +43,7 @@ from engine_bridge.service.stages.stage_runner import StageRunner
 from engine_bridge.service.status_report import Reporter
 from engine_bridge.service.system_signals import Signals
 from engine_bridge.service.takes.count_in import CountIn
+from engine_bridge.service.takes.kiosk import Clip, Kiosk
 from engine_bridge.service.takes.take_folder import Takes
 from engine_bridge.service.takes.take_playback import TakePlayback
 from engine_bridge.service.takes.take_track import TakeTrack
@@ -126,6 +127,11 @@ class Service:
         self._outputs: list[Output] = []
         self._bind(endpoints)
         self.takes = Takes(folder / settings.takes)
+        self.kiosk: Kiosk | None = None
+        if settings.kiosk is not None:
+            puppet = self._puppet_file
+            self.kiosk = Kiosk(settings.kiosk, self.takes.folder, self.count_in, puppet, self._stop_clip, self._jobs)
+            keep.callback(self.kiosk.close)
         self._reporter = Reporter()
         self._looking = Looking(self._jobs, self._answer)
         self.status = self._current_status()
@@ -256,6 +262,29 @@ class Service:
         self._jobs.start(self._jobs.writing, recorder.close, answer)
         return deferred
 
+    def _stop_clip(self, runner: StageRunner, clip: Clip) -> None:
+        """End a visitor's take, show it again, and make a video of it."""
+        recorder, kiosk = runner.stop_recording(), self.kiosk
+        if recorder is None or kiosk is None:  # it could not begin
+            clip.delete()
+            return
+
+        def closed(done: Future[None]) -> None:
+            done.result()
+            for name, _, _ in clip.characters:
+                found = self.find(name)
+                if found is not None:
+                    self.play_take(found[1], clip.path, PlayTake(character=name, take=clip.path.stem, at=0.0))
+            kiosk.film(clip)
+
+        self._jobs.start(self._jobs.writing, recorder.close, closed)
+
+    def _puppet_file(self, character: str) -> Path:
+        found = self.find(character)
+        if found is None:
+            raise KeyError(character)
+        return self._loader.document(found[1]).path
+
     def look(self, runner: StageRunner) -> Deferred:
         """Report what the source of a stage sees; the answer comes when the image is drawn."""
         return self._looking.ask(runner)
@@ -308,7 +337,7 @@ class Service:
         """Wait until something arrives or is due, and process it: skeletons first."""
         self._watch_sockets()
         due = [runner.due() for runner in self.runners] + [output.due() for output in self._outputs]
-        due += [self.playback.due(), self.count_in.due()]
+        due += [self.playback.due(), self.count_in.due(), math.inf if self.kiosk is None else self.kiosk.due()]
         timeout = max(0.0, min(*due, self._status_at) - time.monotonic())
         ready = dict(self._poller.poll(math.ceil(1000 * timeout)))
         for runner in self.runners:
@@ -316,6 +345,8 @@ class Service:
                 self._guarded(self._take_in, runner)
         self._guarded(self.playback.advance)
         self._guarded(self.count_in.advance)
+        if self.kiosk is not None:
+            self._guarded(self.kiosk.advance, self.runners)
         for output in self._outputs:
             self._guarded(output.send_due)
         if any(each in ready for each in self._guard.sockets):
@@ -361,6 +392,8 @@ class Service:
 
     def _take_in(self, runner: StageRunner) -> None:
         before = runner.skeletons
+        if self.kiosk is not None:
+            runner.watch = partial(self.kiosk.see, runner)
         frames = runner.take_in()
         self._reporter.received(runner.stage.name, runner.skeletons - before)
         self.show_frames(runner, frames)

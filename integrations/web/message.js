@@ -16,6 +16,7 @@
  * @property {bigint} received nanoseconds on the service's clock: arrival of the data
  * @property {bigint} published nanoseconds on the service's clock: encoding of the message
  * @property {[number, number, number]} root displacement of the whole character, in file coordinates
+ * @property {number} targets number of weights of the mesh's own morph targets after the payload
  */
 
 /** @typedef {{weights: Float32Array, residual: number}} Morphs */
@@ -58,13 +59,16 @@
  * @property {Bone[] | null} [bones] the character's own joints, parents first
  * @property {string[]} joints
  * @property {string[] | null} morphs
+ * @property {string[]} [targets] the mesh's own morph targets whose weights frames have
  * @property {Part[]} parts
  */
 
 /**
  * A decoded message. `kind` is null, and so is the body, for a kind that a later version has added.
  *
- * @typedef {{topic: string, header: Header} & (
+ * `targets` are the weights of the mesh's own morph targets, in the order of the scene's `targets`; empty without any.
+ *
+ * @typedef {{topic: string, header: Header, targets: Float32Array} & (
  *   | {kind: "scene", body: Scene}
  *   | {kind: "controls" | "joints" | "handles" | "bones", body: Float32Array}
  *   | {kind: "morphs", body: Morphs}
@@ -141,11 +145,15 @@ export function decode(message) {
   const header = readHeader(new DataView(bytes.buffer, bytes.byteOffset + TOPIC_BYTES, TOPIC_BYTES));
   if (header.major !== MAJOR) fail(`protocol version ${header.major}.${header.minor}, and this is version ${MAJOR}`);
   if (header.state >= STATES.length) fail(`state ${header.state} of ${STATES.length}`);
-  const payload = bytes.subarray(PAYLOAD_OFFSET, PAYLOAD_OFFSET + header.length);
+  const end = PAYLOAD_OFFSET + header.length;
+  const payload = bytes.subarray(PAYLOAD_OFFSET, end);
   if (payload.length < header.length) fail(`${payload.length} bytes of payload of ${header.length} announced`);
+  const weights = bytes.slice(end, end + 4 * header.targets);
+  if (weights.length < 4 * header.targets) fail(`${weights.length} bytes for ${header.targets} weights of morph targets`);
+  const targets = new Float32Array(weights.buffer);
   const kind = KINDS[header.kind] ?? null;
   if (kind !== null && topic.split("/")[1] !== kind) fail(`${kind} under the topic ${topic}`);
-  return /** @type {Message} */ ({ topic, header, kind, body: kind === null ? null : BODIES[kind](payload) });
+  return /** @type {Message} */ ({ topic, header, targets, kind, body: kind === null ? null : BODIES[kind](payload) });
 }
 
 /** @type {Record<Kind, (payload: Uint8Array) => unknown>} */
@@ -219,6 +227,7 @@ function readHeader(view) {
     received: view.getBigUint64(32, true),
     published: view.getBigUint64(40, true),
     root: [view.getFloat32(48, true), view.getFloat32(52, true), view.getFloat32(56, true)],
+    targets: view.getUint32(60, true),
   };
 }
 

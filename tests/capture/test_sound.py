@@ -6,8 +6,9 @@ import wave
 import numpy as np
 import pytest
 
-from capture.sound import SAMPLE_RATE, Block, ClockedSound, WavWriter
-from puppetline.errors import OutputError
+from capture.sound import SAMPLE_RATE, Block, ClockedSound, WavWriter, read_wav
+from capture.sound_input import SoundInput, open_sound
+from puppetline.errors import OutputError, SourceError
 
 BLOCK = 960
 
@@ -26,17 +27,38 @@ def claps(seconds, drift, jitter=0.0, lost=(), every=10.0):
             yield Block(100.0 + now + jitter * rng.uniform(-1, 1), samples)
 
 
+class Card:
+    """A sound card that has delivered some blocks."""
+
+    rate = SAMPLE_RATE
+
+    def __init__(self, blocks):
+        self.waiting = blocks
+
+    def blocks(self):
+        yield from self.waiting
+
+    def close(self):
+        pass
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("drift", [1e-4, -3e-4])
 @pytest.mark.parametrize("jitter", [0.0, 0.004])
-def test_claps_of_ten_minutes_are_within_20_ms_although_the_clock_drifts(drift, jitter):
-    sound = ClockedSound()
-    heard = np.concatenate([sound.add(block) for block in claps(600, drift, jitter)])
+def test_claps_of_ten_minutes_are_within_20_ms_although_the_clock_drifts(drift, jitter, tmp_path):
+    source = Card(claps(600, drift, jitter))
+    sound = SoundInput(source)
+    sound.record(tmp_path / "a.wav")
+    sound.take_in()
+    start = sound.start
+    sound.stop()
+    heard, rate = read_wav(tmp_path / "a.wav")
+    assert rate == SAMPLE_RATE
     places = np.flatnonzero(heard > 0.3) / SAMPLE_RATE
     places = places[np.insert(np.diff(places) > 1, 0, True)]
     expected = np.arange(10.0, 600, 10.0)
     assert len(places) == len(expected)
-    late = places + (sound.start - 100.0) - expected
+    late = places + (start - 100.0) - expected
     assert np.abs(late).max() < 0.020
     assert np.abs(late[5:] - late[5:].mean()).max() < 0.004
 
@@ -83,3 +105,19 @@ def test_an_empty_block_changes_nothing():
     assert len(sound.add(Block(3.0, np.zeros(0, np.float32)))) == 0
     assert sound.start is None
     assert sum(len(sound.add(block)) for block in itertools.islice(claps(1, 0.0), 3)) >= 3 * BLOCK - 2
+
+
+def test_mouths_close_when_no_sound_arrives_any_more(clock):
+    tone = 0.3 * np.sin(np.arange(SAMPLE_RATE) / 38).astype(np.float32)
+    source = Card([Block(0.0, np.zeros(SAMPLE_RATE, np.float32)), Block(1.0, tone)])
+    sound = SoundInput(source)
+    sound.take_in()
+    assert sound.voice > 0.8
+    clock.advance_to(sound._heard + 0.6)
+    assert sound.voice == 0.0
+
+
+@pytest.mark.parametrize(("name", "found"), [("a.wav", "a file that cannot be read"), ("no such device", "sound")])
+def test_a_sound_that_cannot_be_opened_is_one_message(name, found, tmp_path):
+    with pytest.raises(SourceError, match=found):
+        open_sound(name, tmp_path)

@@ -189,6 +189,7 @@ ARGUMENTS: dict[str, type[Table]] = {
     "loop": Switch,
     "speed": Speed,
     "stop": Stop,
+    "clips": Nothing,
     "puppet": OneCharacter,
     "set_handle": SetHandle,
     "set_root": SetRoot,

@@ -15,6 +15,7 @@ from engine_bridge.service.players.character_player import PlayerSettings
 from engine_bridge.service.security.endpoints import Text
 from engine_bridge.service.stages.stage import StageSettings
 from engine_bridge.service.stages.user_assignment import People
+from engine_bridge.service.takes.kiosk import KioskTable
 from puppetline import toml_schema
 from puppetline.errors import ServiceError
 from puppetline.toml_schema import Table, check_distinct, mistake
@@ -42,6 +43,7 @@ class StageTable(Table):
     """[[stage]]: a source and the characters that its performers drive; see `StageSettings` and `PlayerSettings`."""
 
     source: Text
+    sound: Text | None = None
     character: Annotated[tuple[CharacterTable, ...], Field(min_length=1, max_length=64)]
     name: Name | None = None
     people: People = "each"
@@ -53,11 +55,12 @@ class StageTable(Table):
     least_confidence: Annotated[FiniteFloat, Field(strict=True, ge=0, le=1)] = 0.25
     tilt: Literal["auto"] | Annotated[FiniteFloat, Field(strict=True, ge=-60, le=60)] = "auto"
     height: Literal["auto"] | Annotated[FiniteFloat, Field(strict=True, ge=-10, le=10)] = "auto"
+    beyond: Annotated[FiniteFloat, Field(strict=True, gt=0, le=100)] | None = None
 
     @property
     def settings(self) -> StageSettings:
         """Settings of how performers are assigned to characters."""
-        return StageSettings(self.people, self.turn, self.lost_after, self.least_confidence)
+        return StageSettings(self.people, self.turn, self.lost_after, self.least_confidence, self.beyond)
 
     @property
     def player_settings(self) -> PlayerSettings:
@@ -82,6 +85,7 @@ class ServiceFile(OutputTables):
 
     stage: Annotated[tuple[StageTable, ...], Field(min_length=1, max_length=16)]
     metrics: MetricsTable | None = None
+    kiosk: KioskTable | None = None
     takes: Text = "takes"
     announce: StrictBool = True
 

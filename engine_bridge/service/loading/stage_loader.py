@@ -43,9 +43,9 @@ def load_stages(
     kept = list(runners)
     try:
         for name, table, players in zip(stage_names(settings), settings.stage, loader.load(settings), strict=True):
-            runner = _matching(kept, name, table.source)
+            runner = _matching(kept, name, table.source, table.sound)
             if runner is None:
-                runner = StageRunner(table.source, Stage(name, players, table.settings), folder)
+                runner = StageRunner(table.source, Stage(name, players, table.settings), folder, table.sound)
             else:
                 kept.remove(runner)
             loaded.append(LoadedStage(name, players, runner))
@@ -57,11 +57,11 @@ def load_stages(
     return loaded
 
 
-def _matching(runners: list[StageRunner], name: str, uri: str) -> StageRunner | None:
-    """Return the runner of a source, of the same stage if several have it; None if no stage has it.
+def _matching(runners: list[StageRunner], name: str, uri: str, sound: str | None) -> StageRunner | None:
+    """Return the runner of a source and a sound, of the same stage if several have it; None if no stage has it.
 
     A recording belongs to its stage: another stage plays it from the beginning. A sensor or port can be open only once.
     """
-    same = [runner for runner in runners if runner.source.name == uri]
+    same = [runner for runner in runners if (runner.source.name, runner.sound_name) == (uri, sound)]
     named = [runner for runner in same if runner.stage.name == name]
     return next(iter([*named, *(runner for runner in same if not runner.recorded)]), None)

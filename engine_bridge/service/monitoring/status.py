@@ -3,7 +3,7 @@
 `Status.as_json` is what is published on ``service/status`` (docs/protocol.md).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -197,12 +197,16 @@ class OutputStatus:
 
 @dataclass(frozen=True)
 class TimelineTake:
-    """A take that plays on a character: its second on the timeline, and its duration in seconds."""
+    """A take that plays on a character: its second on the timeline, its duration in seconds, and its sound.
+
+    `sound` has the name of the file (``file``), and the second of the timeline of its first sample (``at``).
+    """
 
     character: str
     take: str
     at: float
     seconds: float
+    sound: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)

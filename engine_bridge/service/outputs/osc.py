@@ -30,7 +30,7 @@ from puppetline.errors import PuppetError, ServiceError, at
 from puppetline.toml_schema import mistake
 from solver.motion.limbs import TRUNK
 
-Kind = Literal["controls", "morphs", "joints", "handles", "bones", "vertices", "performer", "vmc"]
+Kind = Literal["controls", "morphs", "joints", "handles", "bones", "vertices", "performer", "channels", "vmc"]
 
 KINDS = get_args(Kind)
 """All kinds of data that can be sent."""
@@ -263,6 +263,15 @@ def _vertices(base: str, frame: Frame) -> Iterator[bytes]:
         yield encode(f"{base}/vertices", number, chunk, chunks, own.start, both)
 
 
+def _channels(base: str, frame: Frame) -> Iterator[bytes]:
+    values = [encode(f"{base}/channel/{name}", value) for name, value in (frame.channels or {}).items()]
+    names = part_names(frame.character.rig.puppet.targets)
+    weights = zip(names, frame.targets_moved.tolist(), strict=True)
+    values += [encode(f"{base}/target/{name}", weight) for name, weight in weights]
+    if values:
+        yield bundle(*values)
+
+
 def _performer(base: str, frame: Frame) -> Iterator[bytes]:
     yield encode(f"{base}/performer", frame.state, NO_USER if frame.user is None else frame.user)
 
@@ -275,6 +284,7 @@ _DATAGRAMS: dict[str, Callable[[str, Frame], Iterator[bytes]]] = {
     "bones": _bones,
     "vertices": _vertices,
     "performer": _performer,
+    "channels": _channels,
 }
 
 

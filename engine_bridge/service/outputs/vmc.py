@@ -1,4 +1,4 @@
-"""Frames in the VMC protocol: local rotations and positions of Unity's humanoid bones, for one receiver.
+"""Frames in the VMC protocol: local rotations and positions of Unity's humanoid bones, and blend shapes.
 
 The hips have the character's root motion, and the root stays at the origin, as in other programs that send VMC.
 """
@@ -47,6 +47,9 @@ def datagrams(frame: Frame, seconds: float) -> Iterator[bytes]:
         encode("/VMC/Ext/Root/Pos", "root", AT_ORIGIN),
         *(encode("/VMC/Ext/Bone/Pos", name, values) for name, values in zip(humanoid.names, placed, strict=True)),
     ]
+    weights = zip(frame.character.rig.puppet.targets, frame.targets_moved.tolist(), strict=True)
+    blends = [encode("/VMC/Ext/Blend/Val", name, weight) for name, weight in weights]
+    messages += [*blends, encode("/VMC/Ext/Blend/Apply")] if blends else []
     yield from _bundles(messages)
 
 

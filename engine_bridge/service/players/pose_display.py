@@ -1,6 +1,7 @@
 """What is shown of a character: poses that ease from one motion into the next, its idle motion, and its frames."""
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,12 +21,17 @@ from solver.motion.motion_blend import difference, moved_by
 
 
 class Appearance(NamedTuple):
-    """What a frame shows: a pose, one of `engine_bridge.service.states.STATES`, and the performer."""
+    """What a frame shows: a pose before channels move it, one of `states.STATES`, and the performer."""
 
     pose: TargetPose
     state: State
     user: int | None = None
     seen: SkeletonFrame | None = None
+
+    @property
+    def channels(self) -> Mapping[str, float] | None:
+        """The performer's channels; None without a performer."""
+        return None if self.seen is None else self.seen.channels
 
 
 class PoseDisplay:
@@ -116,6 +122,7 @@ class PoseDisplay:
             over, so that the frame depends on that deformer's frames only.
         """
         pose = self.easing.show(time, wanted.pose)
+        moved = character.channel_motion.moved(pose, wanted.channels)
         self._followed, R = (None, None) if solved is None or pose is not wanted.pose else solved
         self.sequence += 1
         self.shown = wanted._replace(pose=pose)
@@ -126,12 +133,13 @@ class PoseDisplay:
             received=received,
             state=wanted.state,
             user=wanted.user,
-            R=self.deformer.solve(pose.targets, pose.motions) if R is None else R,
+            R=self.deformer.solve(moved.targets, moved.motions) if R is None else R,
             root=pose.root,
-            targets=pose.targets + pose.root,
-            motions=pose.motions,
+            targets=moved.targets + pose.root,
+            motions=moved.motions,
             joints=None if wanted.seen is None else wanted.seen.positions,
             confidence=None if wanted.seen is None else wanted.seen.confidence,
+            channels=wanted.channels,
         )
 
     def succeed(self, other: "PoseDisplay", ours: StreamedCharacter, theirs: StreamedCharacter) -> None:

@@ -4,6 +4,7 @@ Each property is computed when it is first used, and once.
 """
 
 import hashlib
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,7 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from engine_bridge.character import own_targets
 from engine_bridge.character.drawn_normals import drawn_normals
+from engine_bridge.performance.channels import ChannelMotion, weights_at
 from engine_bridge.performance.rig import Rig
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.rigging.humanoid import humanoid_of, is_humanoid
@@ -24,6 +27,7 @@ from solver.model.binding import ShadedBinding
 from solver.model.reduced_model import Controls
 from solver.motion.deformer import to_file_units
 from solver.motion.handle_motion import HandleMotions
+from solver.motion.limbs import bones_of
 
 if TYPE_CHECKING:
     from engine_bridge.export.live_basis import LiveBasis, Projection
@@ -94,6 +98,17 @@ class StreamedCharacter:
         return HandleMotions(self.rig.model, self.rig.mesh, handles) if len(handles) else None
 
     @cached_property
+    def channel_motion(self) -> ChannelMotion:
+        """How channels bend its limbs and move its handles."""
+        return ChannelMotion(self.rig.puppet, bones_of(self.rig.puppet.limbs))
+
+    @cached_property
+    def displacements(self) -> NDArray[np.float32]:
+        """(k, n, 3): displacements by the mesh's own morph targets that channels move."""
+        moved = [own_targets.displacements(self.rig.character, name) for name in self.rig.puppet.targets]
+        return np.array(moved, np.float32).reshape(-1, len(self.rest), 3)
+
+    @cached_property
     def scene(self) -> bytes:
         """The payload of its scene message."""
         return encode_scene(self)
@@ -115,7 +130,7 @@ class StreamedCharacter:
         """
         other = copy(self)
         vars(other)["rig"] = replace(self.rig, puppet=puppet)
-        for name in ("skeleton", "humanoid", "handle_motions"):
+        for name in ("skeleton", "humanoid", "handle_motions", "channel_motion", "displacements"):
             vars(other).pop(name, None)
         vars(other)["scene"] = with_description(self.scene, other)
         return other
@@ -124,7 +139,7 @@ class StreamedCharacter:
         """Compute what the first frame and the first client would wait for, compiled code included."""
         controls = to_file_units(self.rig.model.rest_controls, self.rig.model)
         quantised(*self.binding.vertices_and_normals(controls))
-        self.digest, self.humanoid, self.handle_motions  # noqa: B018
+        self.digest, self.humanoid, self.handle_motions, self.displacements  # noqa: B018
         if self.skeleton is not None:
             self.skeleton.rest  # noqa: B018
 
@@ -173,6 +188,8 @@ class Frame:
     confidence : (20,) float32 or None
     motions : (b, 4, 3) float64 or None
         Motions of the bones for row vectors, without the root, mesh file's coordinates.
+    channels : mapping of str to float or None
+        Values of the performer's channels; None without a performer.
     """
 
     character: StreamedCharacter
@@ -187,6 +204,12 @@ class Frame:
     joints: NDArray[np.float64] | None = None
     confidence: NDArray[np.float32] | None = None
     motions: NDArray[np.float64] | None = None
+    channels: Mapping[str, float] | None = None
+
+    @cached_property
+    def targets_moved(self) -> NDArray[np.float32]:
+        """(k,): weights of the mesh's own morph targets that channels move, in the order of `Puppet.targets`."""
+        return weights_at(self.character.rig.puppet, self.channels)
 
     @cached_property
     def controls(self) -> Controls:
@@ -198,8 +221,12 @@ class Frame:
     @cached_property
     def vertices_and_normals(self) -> NDArray[np.float32]:
         """(2, n, 3) float32: positions, mesh file's coordinates, and unit normals."""
-        both = np.empty((2, *self.character.binding.rest.shape), dtype=np.float32)
-        self.character.binding.vertices_and_normals(self.controls, both[0], both[1])
+        binding = self.character.binding
+        both = np.empty((2, *binding.rest.shape), dtype=np.float32)
+        if self.targets_moved.any():
+            binding = copy(binding)
+            binding.rest = binding.rest + np.tensordot(self.targets_moved, self.character.displacements, 1)
+        binding.vertices_and_normals(self.controls, both[0], both[1])
         return both
 
     @cached_property

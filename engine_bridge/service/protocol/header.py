@@ -84,6 +84,8 @@ class Header(NamedTuple):
         Nanoseconds, the service's monotonic clock.
     root : (float, float, float)
         Translation of the whole character, mesh file's coordinates.
+    targets : int
+        Number of weights of the mesh's own morph targets, which follow the payload.
     major, minor : int
     """
 
@@ -97,6 +99,7 @@ class Header(NamedTuple):
     received: int = 0
     published: int = 0
     root: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    targets: int = 0
     major: int = MAJOR
     minor: int = MINOR
 
@@ -115,26 +118,32 @@ class Header(NamedTuple):
             self.received,
             self.published,
             *self.root,
+            self.targets,
         )
 
     @classmethod
     def unpack(cls, content: bytes | memoryview) -> Self:
         """Read 64 bytes."""
-        major, minor, kind, state, user, revision, length, sequence, time, received, published, *root = _LAYOUT.unpack(
+        major, minor, kind, state, user, revision, length, sequence, time, received, published, *rest = _LAYOUT.unpack(
             content
         )
-        return cls(kind, length, revision, sequence, state, user, time, received, published, tuple(root), major, minor)
+        *root, targets = rest
+        moved = (root[0], root[1], root[2])
+        return cls(
+            kind, length, revision, sequence, state, user, time, received, published, moved, targets, major, minor
+        )
 
 
-_LAYOUT = struct.Struct("<4BiIIQdQQ3f4x")
+_LAYOUT = struct.Struct("<4BiIIQdQQ3fI")
 
 
 class Message(NamedTuple):
-    """The parts of a message, with its payload as bytes."""
+    """The parts of a message, with its payload and the weights of morph targets as bytes."""
 
     topic: str
     header: Header
     payload: memoryview
+    targets: memoryview
 
 
 def topic(name: str, kind: Kind) -> bytes:
@@ -191,8 +200,11 @@ def split(message: bytes | memoryview) -> Message:
         raise WireError(f"state {header.state} of {len(STATES)}")
     if PAYLOAD_OFFSET + header.length > len(view):
         raise WireError(f"{len(view) - PAYLOAD_OFFSET} bytes of payload of {header.length} announced")
-    payload = view[PAYLOAD_OFFSET : PAYLOAD_OFFSET + header.length]
-    return Message(text.decode("ascii"), header, payload)
+    end = PAYLOAD_OFFSET + header.length
+    if end + 4 * header.targets > len(view):
+        raise WireError(f"{len(view) - end} bytes for {header.targets} weights of morph targets")
+    weights = view[end : end + 4 * header.targets]
+    return Message(text.decode("ascii"), header, view[PAYLOAD_OFFSET:end], weights)
 
 
 def write_json(value: Any) -> bytes:

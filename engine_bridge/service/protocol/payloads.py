@@ -51,11 +51,14 @@ class Received(NamedTuple):
     body : Scene, (m, 3, 4) float32, Morphs, Vertices, (20, 4) or (h, 3) or (4j + 3t,) float32, dict, list or None
         For a scene, controls, morphs, vertices of either kind, joints, handles, bones, and JSON; None for a kind that a
         later minor version has added.
+    targets : (k,) float32
+        Weights of the mesh's own morph targets, in the order of the scene's ``targets``; empty if it is no frame.
     """
 
     topic: str
     header: Header
     body: Any
+    targets: NDArray[np.float32]
 
 
 def encode(kind: Kind, frame: "Frame", published: int) -> bytes | None:
@@ -78,7 +81,9 @@ def encode(kind: Kind, frame: "Frame", published: int) -> bytes | None:
     if payload is None:
         return None
     length = sum(memoryview(part).nbytes for part in payload)
-    return join(topic(frame.character.name, kind), header(kind, length, frame, published), *payload)
+    return join(
+        topic(frame.character.name, kind), header(kind, length, frame, published), *payload, frame.targets_moved.data
+    )
 
 
 def message(kind: Kind, frame: "Frame") -> bytes | None:
@@ -101,6 +106,7 @@ def header(kind: Kind, length: int, frame: "Frame", published: int) -> Header:
         received=frame.received,
         published=published,
         root=(float(frame.root[0]), float(frame.root[1]), float(frame.root[2])),
+        targets=len(frame.targets_moved),
     )
 
 
@@ -146,13 +152,14 @@ def decode(message: bytes | memoryview) -> Received:
     WireError
         A message that does not follow this protocol; reading it takes no more memory than it has bytes.
     """
-    name, head, payload = split(message)
+    name, head, payload, weights = split(message)
+    targets = np.frombuffer(weights, "<f4")
     kind = next((kind for kind in Kind if kind == head.kind), None)
     if kind is None:
-        return Received(name, head, None)
+        return Received(name, head, None, targets)
     if name.split("/")[1:2] != [kind.word]:
         raise WireError(f"{kind.word} under the topic {name}")
-    return Received(name, head, _BODIES[kind](payload))
+    return Received(name, head, _BODIES[kind](payload), targets)
 
 
 def _floats(payload: memoryview, *shape: int) -> NDArray[np.float32]:

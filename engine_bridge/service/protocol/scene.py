@@ -127,6 +127,7 @@ def describe(character: DrawnCharacter) -> dict[str, Any]:
         "bones": None if character.skeleton is None else bones(character.skeleton, puppet),
         "joints": list(JOINTS),
         "morphs": None if character.basis is None else list(character.basis.names),
+        **({"targets": list(puppet.targets)} if puppet.targets else {}),
         "parts": parts(rig.character),
     }
 

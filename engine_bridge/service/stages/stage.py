@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.events import TICK_SECONDS, Cue, Event, Lost, Tick
+from capture.events import TICK_SECONDS, Cue, Event, Lost
 from capture.sensor_tilt import SensorTilt
 from capture.skeleton import LOST, SkeletonFrame
 from engine_bridge.service.players.character_player import CharacterPlayer
@@ -34,6 +34,10 @@ A running source emits ticks.
 """
 
 
+RETURN_METRES = 0.3
+"""Distance in front of `StageSettings.beyond` at which people count as present again, in metres."""
+
+
 @dataclass(frozen=True)
 class StageSettings:
     """Settings of how a stage assigns performers to characters.
@@ -47,12 +51,15 @@ class StageSettings:
         Time after which a performer who is not tracked has left, in seconds.
     least_confidence : float
         Confidence below which a joint is lost.
+    beyond : float or None
+        Distance from the sensor in metres beyond which people count as gone, so that stepping back ends a turn.
     """
 
     people: People = "each"
     turn: float = 60.0
     lost_after: float = 0.5
     least_confidence: float = 0.25
+    beyond: float | None = None
 
 
 class Stage:
@@ -104,10 +111,10 @@ class Stage:
             case Cue(do="stage"):
                 self._resume(event)
                 return []
+            case Cue(do="sound"):  # only written beside the events, so it shows no frame
+                return []
             case Cue():
                 self._follow(event)
-            case Tick():
-                pass
         self._assign(event.time)
         return self._pass_time(event.time, received)
 
@@ -139,7 +146,9 @@ class Stage:
         confidence = np.where(frame.confidence < self._settings.least_confidence, np.float32(LOST), frame.confidence)
         known = confidence > LOST
         if known.any() and frame.time > self._latest.get(frame.user, -np.inf):
-            self.assignment.see(frame.user, frame.time, _distance(frame.positions[known]))
+            distance = _distance(frame.positions[known])
+            if self._near(frame.user, distance):
+                self.assignment.see(frame.user, frame.time, distance)
         self._assign(frame.time)
         if frame.user not in self.assignment.present or frame.time <= self._latest.get(frame.user, -np.inf):
             return self._pass_time(frame.time, received)
@@ -147,6 +156,11 @@ class Stage:
         frame = replace(frame, confidence=confidence)
         shown = [player.perform(frame, received) for player in self.players if player.user == frame.user]
         return shown + self._pass_time(frame.time, received)
+
+    def _near(self, user: int, distance: float) -> bool:
+        """Return whether somebody is near enough; who is away must come nearer by `RETURN_METRES`."""
+        beyond = math.inf if self._settings.beyond is None else self._settings.beyond
+        return distance < beyond - (0.0 if user in self.assignment.present else RETURN_METRES)
 
     def _assign(self, time: float) -> None:
         """Remove performers who have left, and assign the others."""
@@ -267,7 +281,7 @@ class Stage:
         assignment = self.assignment
         return {
             "time": self._time if math.isfinite(self._time) else now,
-            "direction": asdict(self._settings),
+            "direction": {name: value for name, value in asdict(self._settings).items() if value is not None},
             "people": [
                 {"user": user, "chosen": user in assignment.chosen, **asdict(presence)}
                 for user, presence in assignment.present.items()

@@ -12,12 +12,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from capture import body
+from capture import body, sound
 from capture.events import Cue, Event
 from capture.reconnecting import ReopeningSource
 from capture.recording import Recorder, as_recorded
 from capture.sensors.source_report import SourceMonitor, SourceReport
 from capture.skeleton import SkeletonFrame
+from capture.sound_input import open_sound
 from capture.sources.registry import open_source
 from engine_bridge.performance.idle import IdleRecording
 from engine_bridge.puppet.puppet import Puppet
@@ -45,26 +46,35 @@ class StageRunner:
         Source.
     stage : Stage
     folder : Path
-        Folder that files of the source are relative to.
+        Folder that files of the source and the sound are relative to.
+    sound_name : str, optional
+        What `open_sound` opens: the performers' voice, which is also recorded beside takes.
 
     Attributes
     ----------
     stage : Stage
     source : ReopeningSource
+    sound_name : str or None
     events, skeletons : int
         Numbers of events processed so far, and of skeletons among them.
+    watch : callable
+        Called with each performer's frame.
     faults : int
         Number of events lost to internal errors.
 
     Raises
     ------
     PuppetlineError
-        The source cannot be opened.
+        The source or the sound cannot be opened.
     """
 
-    def __init__(self, uri: str, stage: Stage, folder: Path) -> None:
+    def __init__(self, uri: str, stage: Stage, folder: Path, sound_name: str | None = None) -> None:
         self.stage = stage
         self.events = self.skeletons = self.faults = 0
+        self.watch: Callable[[SkeletonFrame], None] = lambda _: None
+        self.sound_name = sound_name
+        self._sound = None if sound_name is None else open_sound(sound_name, folder)
+        self._sound_cue: str | None = None  # name of a file whose begin is not in the take yet
         self.source = ReopeningSource(uri, lambda: open_source(uri, folder))
         self._recorder: Recorder | None = None
         self._time = -math.inf
@@ -89,13 +99,15 @@ class StageRunner:
 
     def take_in(self) -> list[Frame]:
         """Process the events that have arrived, and return the frames."""
+        self._listen()
         events = self.source.receive()
         self._watch(events)
         now, now_ns = self.source.now(), time.monotonic_ns()
         frames: list[Frame] = []
         for event in events:
-            if self._overruled and isinstance(event, Cue) and event.do in ("stage", "begin"):
+            if isinstance(event, Cue) and self._skips(event):
                 continue
+            event = self._with_voice(event)
             received = now_ns - int((now - event.time) * 1e9)
             for each in (*self.stage.beginnings(event.time, self.recorded, self._directed), event):
                 self._warn_of_pose(each)
@@ -160,24 +172,31 @@ class StageRunner:
         """
         recorder = Recorder(path)
         try:
+            if self._sound is not None:
+                self._sound.record(path.with_suffix(sound.ENDING))
+                self._sound_cue = path.with_suffix(sound.ENDING).name
             snapshot = self.stage.snapshot(self.source.now())
             snapshot["timeline"] = timeline(snapshot["time"])
             self._time = max(self._time, snapshot["time"])
             recorder.write(Cue(snapshot["time"], "stage", snapshot))
         except BaseException:
             recorder.close()
+            self._stop_sound()
             raise
         self._recorder = recorder
 
     def stop_recording(self) -> Recorder | None:
         """End the take and return its recorder, whose closing may wait for the disk; None without a take."""
         recorder, self._recorder = self._recorder, None
+        self._stop_sound()
         return recorder
 
     def close(self) -> None:
-        """End the take and close the source."""
+        """End the take and close the source and the sound."""
         self.source.close()
         recorder = self.stop_recording()
+        if self._sound is not None:
+            self._sound.close()
         try:
             if recorder is not None:
                 recorder.close()
@@ -200,6 +219,39 @@ class StageRunner:
         else:
             self._monitor.remember(events)
 
+    def _skips(self, cue: Cue) -> bool:
+        """Return whether a cue of a recording does not apply here."""
+        return (self._overruled and cue.do in ("stage", "begin")) or (self._sound is not None and cue.do == "sound")
+
+    def _listen(self) -> None:
+        """Process the sound that has arrived, and write its beginning into the take, once."""
+        if self._sound is None:
+            return
+        try:
+            self._sound.take_in()
+        except OutputError as error:
+            log.error("the sound has ended: %s", error, extra=fields(stage=self.stage.name))
+        begin = self._sound.start
+        if self._sound_cue is not None and begin is not None:
+            begin += self.source.now() - time.monotonic()
+            self._record(Cue(self._time, "sound", {"file": self._sound_cue, "at": begin}))
+            self._sound_cue = None
+
+    def _stop_sound(self) -> None:
+        self._sound_cue = None
+        if self._sound is None:
+            return
+        try:
+            self._sound.stop()
+        except OSError as error:
+            log.error("the sound is incomplete: %s", error, extra=fields(stage=self.stage.name))
+
+    def _with_voice(self, event: Event) -> Event:
+        """Return a frame with the present voice, unless it has one."""
+        if self._sound is None or not isinstance(event, SkeletonFrame):
+            return event
+        return replace(event, channels={"voice": self._sound.voice, **(event.channels or {})})
+
     def _warn_of_pose(self, event: Event) -> None:
         """Log a calibration that limbs which turn count from, in another pose than an upright stand."""
         if not isinstance(event, Cue) or event.do != "begin":
@@ -221,6 +273,7 @@ class StageRunner:
         if isinstance(event, SkeletonFrame):
             event = as_recorded(event)
             self.skeletons += 1
+            self.watch(event)
         self._record(event)
         self.events += 1
         try:

@@ -7,6 +7,7 @@ from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
+from capture import sound
 from puppetline.errors import OutputError, ServiceError
 
 ENDING = ".log"
@@ -88,14 +89,15 @@ class Takes:
         return self.folder / f"{name}{ENDING}"
 
     def all(self) -> list[dict[str, Any]]:
-        """List the takes: name, size in bytes, and time of the last change."""
+        """List the takes: name, size in bytes, time of the last change, and whether there is a sound beside it."""
         if not self.folder.is_dir():
             return []
         facts = []
         for path in sorted(self.folder.glob(f"*{ENDING}")):
             with suppress(OSError):  # deleted at this moment, or a link to nowhere
                 stat = path.stat()
-                facts.append({"name": path.stem, "bytes": stat.st_size, "written": stat.st_mtime})
+                heard = path.with_suffix(sound.ENDING).exists()
+                facts.append({"name": path.stem, "bytes": stat.st_size, "written": stat.st_mtime, "sound": heard})
         return facts
 
     def _unused(self, name: str) -> str:

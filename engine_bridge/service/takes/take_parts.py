@@ -3,6 +3,7 @@
 from bisect import bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,12 @@ class TakePart:
     def seconds(self) -> float:
         """Duration."""
         return min(self.stop, self.track.seconds) - self.start
+
+    @property
+    def sound(self) -> dict[str, Any] | None:
+        """File of the take's sound, and the second of the timeline of its first sample."""
+        sound = self.track.sound
+        return None if sound is None else sound | {"at": self.at - self.start + sound["at"]}
 
 
 class TakeParts:

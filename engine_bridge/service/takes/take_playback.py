@@ -69,7 +69,7 @@ class TakePlayback:
     def takes(self) -> list[dict[str, Any]]:
         """Each take with its character and its place on the timeline."""
         return [
-            {"character": name, "take": part.track.take, "at": part.at, "seconds": part.seconds}
+            {"character": name, "take": part.track.take, "at": part.at, "seconds": part.seconds, "sound": part.sound}
             for name, each in self._playing.items()
             for part in each.track.parts
         ]

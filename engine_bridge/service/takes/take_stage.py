@@ -8,6 +8,7 @@ from typing import Any, cast
 
 from capture.events import Cue, Event
 from capture.sources.replay import RecordingSource
+from engine_bridge.performance.channels import sound_cue
 from engine_bridge.service.players.character_player import CharacterPlayer
 from engine_bridge.service.stages.stage import Stage, StageSettings
 from puppetline.errors import PuppetlineError, ServiceError, SkeletonLogError
@@ -29,6 +30,8 @@ class TakeStage:
     ----------
     offset : float
         Second of the timeline at which the take began, if other takes played meanwhile; otherwise 0.
+    sound : dict or None
+        File of the sound beside the take, and the time of its first sample (``at``) since the take's first event.
     note : str
         The first error in the take, if it can be played nevertheless; otherwise empty.
 
@@ -40,6 +43,7 @@ class TakeStage:
 
     def __init__(self, player: CharacterPlayer, path: Path, part: str | None = None) -> None:
         self.offset, self.note = 0.0, ""
+        self.sound: dict[str, Any] | None = None
         self._player, self._path, self._part = player, path, part or player.character.name
         self._source = RecordingSource.of_file(path.name, path)
         self._stage, self._directed = Stage(path.stem, [player], StageSettings()), False
@@ -58,7 +62,7 @@ class TakeStage:
             for event in self._source.events():
                 first = event.time if first is None else first
                 if isinstance(event, Cue):
-                    event = self._prepared(event)
+                    event = self._prepared(event, first)
                 for each in (*(() if self._directed else self._stage.beginnings(event.time, recorded=True)), event):
                     before = shown.sequence
                     self._step(each)
@@ -79,9 +83,11 @@ class TakeStage:
         else:
             self._directed = self._directed or (isinstance(event, Cue) and event.do == "stage")
 
-    def _prepared(self, cue: Cue) -> Cue:
+    def _prepared(self, cue: Cue, first: float) -> Cue:
         """Return a cue with the name of the player's character, after the stage has got the take's characters."""
         arguments = dict(cue.arguments)
+        if cue.do == "sound" and (sound := sound_cue(cue)) is not None:
+            self.sound = {"file": sound[0], "at": sound[1] - first}
         if isinstance(arguments.get("character"), str):
             arguments["character"] = self._renamed(arguments["character"])
         if cue.do == "stage" and isinstance(arguments.get("characters"), dict):

@@ -45,6 +45,8 @@ class TakeTrack:
         Times of the frames, in seconds since the take's first event.
     offset : float
         Second of the timeline at which the take began, see `TakeStage`.
+    sound : dict or None
+        See `TakeStage`.
     note : str
         The first error in the take; empty for an undamaged take.
 
@@ -74,7 +76,7 @@ class TakeTrack:
             self._frames.append(shown._replace(state="performing") if shown.state == "calibrating" else shown)
             if len(self.times) % STATE_FRAMES == 0:
                 state = self._deformer.state
-        self.offset, self.note = stage.offset, stage.note
+        self.offset, self.note, self.sound = stage.offset, stage.note, stage.sound
         if not self.times:
             raise _error(path, "a take without motion", "frames of a performer", stage.note or "Record it again.")
         self._next, self._solved = len(self.times), np.empty(0)
@@ -100,7 +102,8 @@ class TakeTrack:
             self._deformer.resume(self._states[block])
             self._next = block * STATE_FRAMES
         for each in self._frames[self._next : number + 1]:
-            self._solved = self._deformer.solve(each.pose.targets, each.pose.motions)
+            moved = self.character.channel_motion.moved(each.pose, each.channels)
+            self._solved = self._deformer.solve(moved.targets, moved.motions)
         self._next = number + 1
         return self._frames[number], (self._deformer, self._solved)
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from capture.sound import read_wav
 from engine_bridge.film.takes import solve_take
-from engine_bridge.performance.channels import read_sound
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures.clip_sheet import draw_character
@@ -37,7 +37,7 @@ def draw_take(puppet: Path, log: Path, path: Path, size: tuple[int, int] = SIZE)
 def draw_wave(sound: Path, path: Path) -> None:
     """Draw a sound as a PNG: white on transparent, its loudest sample as high as the picture."""
     width, height = WAVE_SIZE
-    samples, _ = read_sound(sound)
+    samples, _ = read_wav(sound)
     parts = np.array_split(np.abs(samples), width)
     peaks = np.array([part.max(initial=0.0) for part in parts])
     high = height / 2 * peaks / max(peaks.max(), 1e-3)

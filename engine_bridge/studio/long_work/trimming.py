@@ -1,15 +1,18 @@
 """Writes a part of a recording as a recording of its own, so that it can be played."""
 
 import math
+import wave
 from collections.abc import Iterator
 from dataclasses import replace
 from heapq import merge
 from pathlib import Path
 
+from capture import sound
 from capture.events import Cue, Event, Lost
 from capture.formats import puppetline_log, read_log, recognize
 from capture.recording import Recorder
 from capture.skeleton import SkeletonFrame
+from engine_bridge.performance.channels import sound_cue
 from puppetline.errors import SkeletonLogError
 from puppetline.files import written_whole
 
@@ -19,7 +22,7 @@ def trimmed(log: Path, path: Path, start: float, stop: float) -> None:
 
     A take keeps its first cue, which has the performers and their calibrations, and the cues of later calibrations; if
     these are before the part, the last one of each character moves to its beginning. Other cues are omitted, because
-    they refer to what was before.
+    they refer to what was before. The same part of the sound beside it is written beside the part.
 
     Raises
     ------
@@ -27,10 +30,11 @@ def trimmed(log: Path, path: Path, start: float, stop: float) -> None:
         The recording cannot be read, or has no skeleton in that part.
     OutputError
     """
-    count = 0
+    count, begin, end = 0, math.inf, -math.inf
     with written_whole(path) as beside, Recorder(beside) as recorder:
         for event in _part(log, start, stop):
             count += isinstance(event, SkeletonFrame)
+            begin, end = min(begin, event.time), event.time
             recorder.write(event)
         if not count:
             raise SkeletonLogError(
@@ -39,6 +43,25 @@ def trimmed(log: Path, path: Path, start: float, stop: float) -> None:
                 expected="skeletons in the part that is played",
                 fix="Choose an earlier start or a later stop.",
             )
+        at = _trim_sound(log, path.with_suffix(sound.ENDING), begin, end)
+        if at is not None:
+            recorder.write(Cue(end, "sound", {"file": path.with_suffix(sound.ENDING).name, "at": at}))
+
+
+def _trim_sound(log: Path, path: Path, begin: float, end: float) -> float | None:
+    """Write the sound beside a take from one time to another; return the time of its first sample, None without any."""
+    cues = (event for event in _events(log) if isinstance(event, Cue) and event.do == "sound")
+    found = next((each for cue in cues if (each := sound_cue(cue)) is not None), None)
+    if found is None:
+        return None
+    try:
+        samples, rate = sound.read_wav(log.parent / found[0])
+    except (OSError, EOFError, wave.Error):  # a missing sound is an error where the whole take is played
+        return None
+    first, last = (min(max(round((time - found[1]) * rate), 0), len(samples)) for time in (begin, end))
+    with written_whole(path) as beside, sound.WavWriter(beside, rate) as writer:
+        writer.write(samples[first:last])
+    return found[1] + first / rate
 
 
 def _part(log: Path, start: float, stop: float) -> Iterator[Event]:

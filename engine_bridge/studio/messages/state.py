@@ -172,15 +172,21 @@ class TakeState(Table):
     parts: Sequence[str] = ()
     picture: str = ""
     wave: str = ""
+    sound: bool = False
 
 
 class TimelineTake(Table):
-    """A take that plays on a character: the second of the timeline at which it begins, and its duration in seconds."""
+    """A take that plays on a character: the second of the timeline at which it begins, and its duration in seconds.
+
+    `sound` has the name of a file in the folder of takes (``file``), and the second of the timeline of its first
+    sample (``at``).
+    """
 
     character: str
     take: str
     at: float
     seconds: float
+    sound: dict[str, str | float] | None = None
 
 
 class TimelineState(Table):

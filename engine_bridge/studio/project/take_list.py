@@ -69,11 +69,11 @@ class TakeList:
         """Return the file of a take, see `Takes.path`."""
         return self._takes.path(name)
 
-    def _state(self, name: str, bytes: int, written: float) -> TakeState:  # noqa: A002
+    def _state(self, name: str, bytes: int, written: float, sound: bool) -> TakeState:  # noqa: A002
         known = self._known.get(name)
-        if known is None or (known.bytes, known.written) != (bytes, written):
+        if known is None or (known.bytes, known.written, known.sound) != (bytes, written, sound):
             facts = _facts(self._takes.folder / f"{name}.log")
-            known = TakeState(name=name, bytes=bytes, written=written, **facts)
+            known = TakeState(name=name, bytes=bytes, written=written, sound=sound, **facts)
         offered = {"picture": self._offer(self.picture(name)), "wave": self._offer(self.picture(name, wave=True))}
         return known.model_copy(update=offered)
 

@@ -7,8 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from capture.events import Cue
-from engine_bridge.performance.channels import Bends, morph_weights
+from engine_bridge.performance.channels import ChannelMotion, morph_weights
 from engine_bridge.performance.clip import load_timeline, solve
+from engine_bridge.performance.easing import TargetPose
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file
@@ -73,7 +74,8 @@ def test_a_limb_bends_about_its_first_point_and_carries_what_hangs_on_it(bent_pu
     motions = np.array(
         [np.vstack([Rotation.random(random_state=k).as_matrix(), rng.normal(size=3)]) for k in range(len(bones))]
     )
-    bent = Bends(puppet, bones).bent(motions, {"voice": 0.5})
+    pose = TargetPose(np.empty((0, 3)), motions, np.zeros(3))
+    bent = ChannelMotion(puppet, bones).moved(pose, {"voice": 0.5}).motions
     (head,) = [b for b in range(len(bones)) if np.allclose(bones.heads[b], [0, 1.25, 0])]
     others = [b for b in range(len(bones)) if b != head]
     np.testing.assert_array_equal(bent[others], motions[others])
@@ -81,7 +83,19 @@ def test_a_limb_bends_about_its_first_point_and_carries_what_hangs_on_it(bent_pu
     point = np.array([0.1, 1.7, 0.3])
     expected = (turn.apply(point - bones.heads[head]) + bones.heads[head]) @ motions[head, :3] + motions[head, 3]
     np.testing.assert_allclose(point @ bent[head, :3] + bent[head, 3], expected, atol=1e-12)
-    assert Bends(puppet, bones).bent(motions, None) is motions
+    assert ChannelMotion(puppet, bones).moved(pose, None) is pose
+
+
+def test_a_handle_moves_with_its_channel_along_axes_that_turn_with_the_trunk(blob_puppet, limb_tables):
+    text = blob_puppet.read_text().replace("[[handle]]\n", '[[handle]]\nchannel = "voice"\nmoves = [0, 0, 0.4]\n', 1)
+    turned = np.vstack([Rotation.from_rotvec([0, np.pi / 2, 0]).as_matrix().T, np.zeros(3)])
+    for more, expected in (("", [0, 0, 0.2]), (limb_tables, [0.2, 0, 0])):
+        puppet = puppet_file.loads(text + more, "a.toml")
+        bones = bones_of(puppet.limbs)
+        pose = TargetPose(puppet.handle_positions, np.tile(turned, (len(bones), 1, 1)), np.zeros(3))
+        way = ChannelMotion(puppet, bones).moved(pose, {"voice": 0.5}).targets - pose.targets
+        np.testing.assert_allclose(way[0], expected, atol=1e-12)
+        assert not way[1:].any()
 
 
 def test_the_character_opens_its_mouth_when_the_performer_speaks(bent_puppet, limbed_puppet, loud_take):
@@ -123,6 +137,10 @@ def test_an_edited_bend_is_written_into_the_file(bent_puppet):
             r"\[\[morph\]\] 1, target: found 'jawOpen', which is not",
         ),
         ('[[morph]]\ntarget = "jawOpen"\nchannel = "loudness"\n', r"\[\[morph\]\] 1, channel: found 'loudness'"),
+        (
+            '[[handle]]\nname = "jaw"\nposition = [0, 1, 0]\nchannel = "voice"\n',
+            r"\[\[handle\]\] .*channel without moves",
+        ),
     ],
 )
 def test_a_wrong_target_or_channel_is_one_message(blob_puppet, tmp_path, more, message):

@@ -33,6 +33,7 @@ HEADER = Header(
     received=2**62,
     published=2**62 + 1,
     root=(0.5, -1.25, 4.0),
+    targets=2,
 )
 
 
@@ -47,21 +48,17 @@ def test_a_header_lies_byte_by_byte_where_the_documentation_says():
     assert struct.unpack_from("<d", content, 24) == (1.5,)
     assert struct.unpack_from("<QQ", content, 32) == (2**62, 2**62 + 1)
     assert struct.unpack_from("<3f", content, 48) == (0.5, -1.25, 4.0)
-    assert content[60:] == bytes(4)
+    assert struct.unpack_from("<I", content, 60) == (2,)
 
 
 def test_a_message_is_topic_header_and_payload_again():
-    assert split(join(topic("dog", Kind.CONTROLS), HEADER, b"abcde")) == ("dog/controls", HEADER, b"abcde")
-
-
-def test_bytes_after_the_payload_and_reserved_bytes_are_ignored():
-    message = bytearray(join(topic("dog", Kind.CONTROLS), HEADER, b"abcde more"))
-    message[124:128] = b"\xff" * 4
-    assert split(bytes(message)) == ("dog/controls", HEADER, b"abcde")
+    expected = ("dog/controls", HEADER, b"abcde", b"01234567")
+    assert split(join(topic("dog", Kind.CONTROLS), HEADER, b"abcde", b"01234567")) == expected
+    assert split(join(topic("dog", Kind.CONTROLS), HEADER, b"abcde", b"01234567 more, which is ignored")) == expected
 
 
 def test_a_later_minor_version_and_an_unknown_kind_are_taken():
-    header = HEADER._replace(minor=9, kind=200)
+    header = HEADER._replace(minor=9, kind=200, targets=0)
     assert split(join(topic_field("dog/new"), header, b"abcde")).header == header
 
 
@@ -71,12 +68,13 @@ def test_a_later_minor_version_and_an_unknown_kind_are_taken():
         b"",
         bytes(PAYLOAD_OFFSET - 1),
         bytes(PAYLOAD_OFFSET),
-        join(b"\xc3\xa9/controls".ljust(64, b"\0"), HEADER, b"abcde"),
-        join(b"x" * 64, HEADER, b"abcde"),
-        join(b"dog/controls\0x".ljust(64, b"\0"), HEADER, b"abcde"),
-        join(topic("dog", Kind.CONTROLS), HEADER, b"abcd"),
-        join(topic("dog", Kind.CONTROLS), HEADER._replace(major=2), b"abcde"),
-        join(topic("dog", Kind.CONTROLS), HEADER._replace(state=len(STATES)), b"abcde"),
+        join(b"\xc3\xa9/controls".ljust(64, b"\0"), HEADER, b"abcde01234567"),
+        join(b"x" * 64, HEADER, b"abcde01234567"),
+        join(b"dog/controls\0x".ljust(64, b"\0"), HEADER, b"abcde01234567"),
+        join(topic("dog", Kind.CONTROLS), HEADER, b"abcde0123456"),
+        join(topic("dog", Kind.CONTROLS), HEADER._replace(targets=0), b"abcd"),
+        join(topic("dog", Kind.CONTROLS), HEADER._replace(major=2, targets=0), b"abcde"),
+        join(topic("dog", Kind.CONTROLS), HEADER._replace(state=len(STATES), targets=0), b"abcde"),
     ],
 )
 def test_an_invalid_message_is_refused(message):

@@ -66,12 +66,14 @@ def make_theatre(stopped_clock, make_stage, record_events, kung_fu, tmp_path):
     """Make stages with a performer in a loop of an example, or without one."""
     opened = []
 
-    def make(names=("dog", "cat"), performer=True, player_settings=SOON, uri="replay:performer.log?loop", **more):
+    def make(
+        names=("dog", "cat"), performer=True, player_settings=SOON, uri="replay:performer.log?loop", sound=None, **more
+    ):
         log = tmp_path / "performer.log"
         if not log.exists():
             record_events(log, kung_fu)
         source = uri if performer else "osc:0"
-        opened.append(StageRunner(source, make_stage(names, player_settings, **more), tmp_path))
+        opened.append(StageRunner(source, make_stage(names, player_settings, **more), tmp_path, sound))
         return Theatre(stopped_clock, opened[-1])
 
     yield make

@@ -53,7 +53,9 @@ def test_the_service_counts_down_and_takes_begin_at_zero(overdub):
 def test_a_take_stores_its_place_on_the_timeline_and_the_takes_that_played(overdub):
     _, dog, path = overdub(count_in=2)
     timeline = opening(path)["timeline"]
-    assert timeline["takes"] == [{"character": "dog", "take": "take1", "at": 0.0, "seconds": dog.seconds}]
+    assert timeline["takes"] == [
+        {"character": "dog", "take": "take1", "at": 0.0, "seconds": dog.seconds, "sound": None}
+    ]
     assert -TICK_SECONDS - 1e-4 <= timeline["at"] <= 0.0
     assert opening(path)["reserved"] == ["dog"]
 

@@ -8,6 +8,7 @@ from capture.events import Cue, Tick
 from capture.formats import puppetline_log, read_log
 from capture.recording import Recorder
 from capture.skeleton import SkeletonFrame
+from capture.sound import SAMPLE_RATE, WavWriter, read_wav
 from engine_bridge.studio.long_work.trimming import trimmed
 from puppetline.errors import SkeletonLogError
 
@@ -40,6 +41,21 @@ def test_a_take_keeps_its_beginning_and_no_other_command(walk_take, tmp_path):
     events = list(puppetline_log.events(tmp_path / "part.log"))
     assert events[0] == Cue(events[1].time, "stage", {"time": 100.0, "characters": {}})
     assert all(isinstance(event, SkeletonFrame) for event in events[1:])
+
+
+def test_a_part_keeps_its_part_of_the_sound(walk_take, tmp_path):
+    samples = np.linspace(-1, 1, 3 * SAMPLE_RATE, dtype=np.float32)
+    with WavWriter(tmp_path / "take.wav") as writer:
+        writer.write(samples)
+    with Recorder(walk_take) as recorder:
+        recorder.write(Cue(float(read_log(walk_take)[0].times[-1]), "sound", {"file": "take.wav", "at": 99.9}))
+    trimmed(walk_take, tmp_path / "part.log", 0.5, 1.5)
+    begin, *_, end, cue = puppetline_log.events(tmp_path / "part.log")
+    assert cue.arguments == {"file": "part.wav", "at": pytest.approx(begin.time, abs=1e-4)}
+    part, _ = read_wav(tmp_path / "part.wav")
+    assert len(part) == pytest.approx((end.time - begin.time) * SAMPLE_RATE, abs=2)
+    first = round((cue.arguments["at"] - 99.9) * SAMPLE_RATE)
+    np.testing.assert_allclose(part, samples[first : first + len(part)], atol=1e-4)
 
 
 def test_a_part_without_a_skeleton_is_refused(walk_take, tmp_path):

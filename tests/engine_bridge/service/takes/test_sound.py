@@ -1,0 +1,129 @@
+"""A service that hears: characters talk live and in takes, and the sound is beside the take on the same clock."""
+
+import signal
+import time
+import wave
+
+import numpy as np
+import pytest
+from pythonosc.osc_bundle import OscBundle
+
+from capture.formats import puppetline_log
+from capture.sound import SAMPLE_RATE, WavWriter, read_wav
+from engine_bridge.performance.clip import load_timeline
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.settings import Settings
+from engine_bridge.service.outputs import osc
+from engine_bridge.service.protocol.header import Kind
+from engine_bridge.service.protocol.payloads import decode, message
+from engine_bridge.service.protocol.scene import describe
+from engine_bridge.service.takes.take_track import TakeTrack
+
+BEND = 'bend = { channel = "voice", degrees = 30, axis = "x" }\n'
+
+
+@pytest.fixture
+def loud(tmp_path):
+    """Write a sound: noise, with a voice from 0.8 s to 1.4 s and from 2.2 s on."""
+    t = np.arange(4 * SAMPLE_RATE) / SAMPLE_RATE
+    speaks = ((t >= 0.8) & (t < 1.4)) | (t >= 2.2)
+    noise = 0.001 * np.random.default_rng(1).normal(size=len(t))
+    with WavWriter(tmp_path / "loud.wav") as writer:
+        writer.write((0.3 * np.sin(2 * np.pi * 200 * t) * speaks + noise).astype(np.float32))
+    return "loud.wav"
+
+
+@pytest.fixture
+def talking_rig(talking):
+    """The figure whose voice opens a jaw: a morph target of the mesh, and a limb that bends."""
+    path = talking(limbs=True)
+    head = 'joints = ["shoulder_center", "head"]\n'
+    path.write_text(path.read_text().replace(head, head + BEND))
+    return load_rig(path)
+
+
+@pytest.fixture
+def recorded_with_sound(make_theatre, loud, talking_rig, tmp_path):
+    """Record a take for 3 s; return its path, its frames, and the moment at which the sound began."""
+    theatre = make_theatre(("dog",), sound=loud, rig=talking_rig)
+    began = theatre.runner.source.now()
+    theatre.runner.start_recording(tmp_path / "take1.log")
+    frames = theatre.run(3.0)
+    theatre.runner.stop_recording().close()
+    return tmp_path / "take1.log", frames, began
+
+
+def test_the_voice_opens_the_mouth_live_in_every_output(recorded_with_sound, talking_rig):
+    _, frames, began = recorded_with_sound
+    voice = {frame.time - began: frame.channels["voice"] for frame in frames}
+    assert all(value > 0.8 for at, value in voice.items() if 0.9 < at < 1.35 or at > 2.3)
+    assert all(value < 0.05 for at, value in voice.items() if at < 0.8 or 1.6 < at < 2.2)
+    spoken = next(frame for frame in frames if frame.channels["voice"] > 0.8)
+    quiet = next(frame for frame in frames if not frame.channels["voice"])
+    for frame in (quiet, spoken):
+        weight = np.float32(frame.channels["voice"])
+        for kind in (Kind.CONTROLS, Kind.VERTICES16, Kind.BONES):
+            assert decode(message(kind, frame)).targets.tolist() == [weight]
+        (datagram,) = osc._DATAGRAMS["channels"]("/puppetline/dog", frame)
+        sent = {each.address: each.params for each in OscBundle(datagram)}
+        assert sent == {"/puppetline/dog/channel/voice": [weight], "/puppetline/dog/target/jaw": [weight]}
+    rest, moved = spoken.character.binding.rest, spoken.character.displacements[0]
+    places = spoken.vertices_and_normals[0]
+    assert np.abs(places - spoken.character.binding.vertices(spoken.controls)).max() > 0.05
+    assert np.array_equal(spoken.character.binding.rest, rest)
+    assert moved.min() == pytest.approx(-0.2)
+    assert describe(spoken.character)["targets"] == ["jaw"]
+
+
+def test_a_take_with_sound_replays_bit_for_bit_and_has_the_sound_on_its_clock(
+    recorded_with_sound, make_player, talking_rig
+):
+    path, frames, began = recorded_with_sound
+    track = TakeTrack(make_player("dog", rig=talking_rig), path)
+    assert len(track.times) == len(frames)
+    for number, frame in enumerate(frames):
+        shown, (_, R) = track.frame(number)
+        assert np.array_equal(R, frame.R)
+        assert shown.channels == frame.channels
+    samples, rate = read_wav(path.with_suffix(".wav"))
+    (cue,) = [event for event in puppetline_log.events(path) if getattr(event, "do", "") == "sound"]
+    assert cue.arguments["file"] == "take1.wav"
+    assert len(samples) / rate == pytest.approx(3.0, abs=0.1)
+    onset = np.flatnonzero(np.abs(samples) > 0.1)[0] / rate + cue.arguments["at"] - began
+    assert onset == pytest.approx(0.8, abs=0.005)
+    timeline, notes = load_timeline(path, Settings())
+    assert not any("cannot be read" in note for note in notes)
+    first = frames[0].time
+    live = np.interp(
+        timeline.times, [each.time - first for each in frames], [each.channels["voice"] for each in frames]
+    )
+    assert (
+        np.abs(timeline.channels["voice"] - live).mean() < 0.06
+    )  # sampled at other moments, with 10 to 30 ms of delay
+
+
+@pytest.mark.slow
+def test_a_killed_service_leaves_take_and_sound_that_are_readable_to_within_a_second(
+    serve, loud, talking, tmp_path, record_events, kung_fu
+):
+    record_events(tmp_path / "performer.log", kung_fu)
+    service = serve(
+        "--puppet", talking(limbs=True), "--source", f"replay:{tmp_path / 'performer.log'}?loop",
+        "--sound", tmp_path / loud, "--calibrate", "at_once",
+    )  # fmt: skip
+    service.ask("record_start", name="evening")
+    started = time.monotonic()
+    path = tmp_path / "takes" / "evening.log"
+    while not path.exists() or path.stat().st_size < 150_000:
+        assert time.monotonic() < started + 120
+        time.sleep(0.05)
+    killed = time.monotonic()
+    assert service.stop(signal.SIGKILL) == -signal.SIGKILL
+    events = list(puppetline_log.events(path))
+    (cue,) = [event for event in events if getattr(event, "do", "") == "sound"]
+    with wave.open(str(path.with_suffix(".wav"))) as file:
+        heard = file.getnframes() / file.getframerate()
+    seen = events[-1].time - cue.arguments["at"]
+    assert seen > 2
+    assert seen - 1.1 <= heard <= seen + 0.5
+    assert seen <= killed - started + 0.5

@@ -153,24 +153,24 @@ def test_vertices_at_one_place_have_the_same_weights(rigs, raw):
         np.testing.assert_array_equal(a[i], b[j])
 
 
-def test_joints_lie_under_one_node_with_the_root_above(rigs, raw):
+def test_handles_become_joints_below_the_root(rigs, raw):
     _, _, summary = rigs["textured"]
     file = raw(summary.output).file
     (table,) = file.skins
     skeleton = file.nodes[table.skeleton]
     assert skeleton.name == "skeleton"
-    (still,) = skeleton.children
-    bones = file.nodes[still].children
-    assert table.joints == [still, *bones]
-    assert [file.nodes[joint].name for joint in table.joints] == ["root", *(f"bone_{i}" for i in range(8))]
-    top, *others = file.scenes[file.scene].nodes
-    assert file.nodes[top].name == "puppetline_root"
-    assert table.skeleton in file.nodes[top].children
-    assert all(file.nodes[other].skin == 0 for other in others)
+    (root,) = skeleton.children
+    handles = file.nodes[root].children
+    assert table.joints == [root, *handles]
+    names = [file.nodes[joint].name for joint in table.joints]
+    assert names == ["root", "hand_left", "hand_right", "head", "foot_left", "foot_right"]
+    tops = file.scenes[file.scene].nodes
+    assert all(file.nodes[top].skin == 0 for top in tops if top != table.skeleton)
     (animation,) = file.animations
     assert animation.name == "dance"
     moved = {(channel.target.node, channel.target.path) for channel in animation.channels}
-    assert moved == {(j, path) for j in bones for path in ("rotation", "translation")} | {(top, "translation")}
+    of_handles = {(joint, path) for joint in handles for path in ("rotation", "translation")}
+    assert moved == of_handles | {(root, "translation")}
 
 
 def test_lines_stand_on_the_skeleton_itself(rigs, raw):

@@ -19,7 +19,7 @@ CHOICES = ({}, {"compact": True}, {"meshopt": True}, {"compact": True, "meshopt"
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--as", dest="forms", nargs="+", default=["morph"], choices=["morph", "skin", "frames", "rig"])
+    parser.add_argument("--as", dest="forms", nargs="+", default=["morph"], choices=["morph", "frames", "rig"])
     parser.add_argument("--puppet", type=Path)
     parser.add_argument("--log", type=Path)
     options = parser.parse_args()

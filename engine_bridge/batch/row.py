@@ -20,12 +20,12 @@ class Row:
     user : int or None
         User number of the performer.
     form : str or None
-        Form of the animation: "morph", "skin", "frames" or "rig", or "bvh", "vrma" or "glb" for that of the
+        Form of the animation: "morph", "frames" or "rig", or "bvh", "vrma" or "glb" for that of the
         performer; None for the one that suits the puppet.
     frames, seconds, keyframes
         Number of frames and duration of the clip, and number of keyframes in the file.
     targets, bones
-        Numbers of morph targets and bones.
+        Numbers of morph targets and joints.
     error, rms, stretch_p1, stretch_p50, stretch_p99, parts_apart
         See `engine_bridge.export.convert.Summary`.
     bytes : int or None

@@ -48,21 +48,18 @@ WRITING = (
     click.option(
         "--as",
         "form",
-        type=click.Choice(["rig", "morph", "skin", "frames"]),
+        type=click.Choice(["rig", "morph", "frames"]),
         help="What is animated: named joints, of the skeleton in the character's file or of a new one; a few morph "
-        "targets; nameless bones, for a puppet with handles only; or a morph target per keyframe, for short clips.  "
-        "[default: rig if the puppet has limbs, otherwise morph]",
+        "targets; or a morph target per keyframe, for short clips.  [default: rig if the puppet has limbs, otherwise "
+        "morph]",
     ),
     click.option(
         "--tolerance",
         type=Finite(0, 1, min_open=True),
         help="Largest error of a vertex, as a fraction of the character's diagonal; for a rig, of its keyframes.  "
-        "[default: 0.0005; for a skin 0.002, for a rig 0.0001]",
+        "[default: 0.0005; for a rig 0.0001]",
     ),
     options.targets,
-    click.option(
-        "--bones", type=click.IntRange(1, 128), metavar="N", help="Number of bones, whatever the error; with --as skin."
-    ),
     click.option(
         "--compact", is_flag=True, help="Write small integers and fewer keyframes, within the tolerance; not for Godot."
     ),
@@ -114,11 +111,10 @@ def settings(**choices: Any) -> "Settings":
     click.UsageError
         Options that do not fit each other.
     """
-    for option, form in (("targets", "morph"), ("bones", "skin")):
-        if choices[option] is not None and choices["form"] is None:
-            choices["form"] = form
-        if choices[option] is not None and choices["form"] != form:
-            raise click.UsageError(f"--{option} requires --as {form}.")
+    if choices["targets"] is not None:
+        choices["form"] = choices["form"] or "morph"
+        if choices["form"] != "morph":
+            raise click.UsageError("--targets requires --as morph.")
     return reading_settings(**choices)
 
 
@@ -130,7 +126,7 @@ def refuse_without_puppet(**choices: Any) -> None:
     click.UsageError
     """
     names = {"form": "as", "rest_at": "rest-at"}
-    for option in ("form", "tolerance", "targets", "bones", "compact", "meshopt", "rest_at", "preview"):
+    for option in ("form", "tolerance", "targets", "compact", "meshopt", "rest_at", "preview"):
         if choices.get(option):
             raise click.UsageError(f"--{names.get(option, option)} is about a character and requires --puppet.")
 

@@ -1,4 +1,4 @@
-"""Export of a clip in each form: morph targets, one target per keyframe, bones, or the file's own skeleton."""
+"""Export of a clip in each form: morph targets, one target per keyframe, or joints."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,19 +9,17 @@ from numpy.typing import NDArray
 
 from engine_bridge.character import meshopt
 from engine_bridge.character.document import Document
-from engine_bridge.export import frames_animation, morph_basis, quantized_targets, skinning
+from engine_bridge.export import frames_animation, morph_basis, quantized_targets
 from engine_bridge.export.animation import Displacements, FloatTargets, Keyframes, animate
-from engine_bridge.export.compact_document import animate_compact, compact_skin
-from engine_bridge.export.compact_motion import compact_motion
+from engine_bridge.export.compact_document import animate_compact
 from engine_bridge.export.rig_export import export_rig
-from engine_bridge.export.skin_animation import animate_skin
 from engine_bridge.performance.channels import morph_weights
 from engine_bridge.performance.clip import Clip, Progress
 from engine_bridge.performance.settings import Form, Settings
 from solver.model.batch import BatchBinding
 
 TARGETS_SHARE = 0.8
-"""Share of the tolerance for the number of morph targets or bones; quantisation may use the rest."""
+"""Share of the tolerance for the number of morph targets; quantisation may use the rest."""
 
 FRAMES_THINNING_SHARE = 0.6
 """Share of the tolerance for omitted keyframes in the form "frames", where each saves a whole target."""
@@ -120,33 +118,6 @@ def _compact(
     )
 
 
-def _as_skin(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
-    rig, diagonal = clip.rig, float(clip.rig.model.diagonal)
-    skin = skinning.fit(
-        rig.model,
-        rig.mesh,
-        clip.frames[:],
-        tolerance=settings.max_error * (TARGETS_SHARE if settings.compact else 1),
-        bones=settings.bones,
-        progress=lambda share: progress("Fitting bones", share),
-    )
-    no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
-    document, notes = animate_skin(rig.character, _keyframes(clip, name, no_weights), skin, rig.mesh.of_render)
-    error, keyframes = skin.error, len(clip.frames)
-    if settings.compact:
-        error += compact_skin(document, rig.character, for_meshopt=settings.meshopt)
-        left = max(settings.max_error * diagonal - error, 0.0)
-        keyframes, more = compact_motion(document, left)
-        error += more
-    return document, ExportResult(
-        error / diagonal,
-        skin.rms / diagonal,
-        bones=len(skin.joints),
-        keyframes=keyframes,
-        notes=notes,
-    )
-
-
 def _as_frames(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
     rig, count = clip.rig, len(clip.frames)
     displacements = frames_animation.displacements(rig.character, rig.mesh, rig.model, clip.frames)
@@ -174,7 +145,6 @@ def _as_rig(clip: Clip, name: str, settings: Settings, progress: Progress) -> tu
 
 _EXPORTERS: dict[Form, Callable[[Clip, str, Settings, Progress], tuple[Document, ExportResult]]] = {
     "morph": _as_morph,
-    "skin": _as_skin,
     "frames": _as_frames,
     "rig": _as_rig,
 }

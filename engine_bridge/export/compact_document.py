@@ -68,7 +68,7 @@ def animate_compact(character: Character, targets: QuantizedTargets, *, for_mesh
 
 
 def compact_skin(document: Document, character: Character, *, for_meshopt: bool) -> float:
-    """Quantise the meshes of a document that `animate_skin` has made.
+    """Quantise the meshes of a document that `rigged_document` has made.
 
     Players use the matrices of joints to scale the integers, because a skinned mesh ignores the scale of its node.
 

@@ -5,12 +5,11 @@ from pathlib import Path
 
 from capture.timeline import Timeline
 from engine_bridge.character.meshopt_codec import require_meshoptimizer
-from engine_bridge.export import frames_animation, skinning
+from engine_bridge.export import frames_animation
 from engine_bridge.export.clip_export import export_clip
 from engine_bridge.performance.clip import Clip, Progress, load_timeline, perform
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Form, Settings
-from puppetline.errors import PuppetError, at
 from puppetline.files import check_writable
 
 
@@ -25,8 +24,7 @@ class Summary:
     which describe the surface, are None.
 
     `keyframes` is the number of frames in the file, which is lower than `frames` if others are interpolated. `bones` is
-    the number of bones of a skin, or of joints with keyframes, and `following` that of joints that move with their
-    parents.
+    the number of joints with keyframes, and `following` that of joints that move with their parents.
     """
 
     output: str
@@ -114,7 +112,7 @@ def convert(
 
 
 def load_rig_for(puppet: Path, settings: Settings) -> Rig:
-    """Load a puppet file and its character, and check that they can be exported in the form of the settings.
+    """Load a puppet file and its character, and check that the settings' compression is installed.
 
     Raises
     ------
@@ -122,17 +120,7 @@ def load_rig_for(puppet: Path, settings: Settings) -> Rig:
     """
     if settings.meshopt:
         require_meshoptimizer()
-    rig = load_rig(puppet)
-    if settings.form == "skin":
-        if rig.puppet.limb:
-            raise PuppetError(
-                at(puppet, field="[[limb]]"),
-                found="limbs, whose bones have names",
-                expected="a puppet with handles only, for --as skin",
-                fix="Use --as rig, which animates named joints along the limbs.",
-            )
-        skinning.require_dem_bones()
-    return rig
+    return load_rig(puppet)
 
 
 def convert_timeline(
@@ -209,10 +197,8 @@ def _describe_form(summary: Summary) -> str:
             f"{summary.error:.2g} of the diagonal, root mean square {summary.rms:.2g}\n"
             "                 --as morph is closer to the solved surface, in a larger file without a skeleton"
         )
-    name, count = ("bones", summary.bones) if summary.form == "skin" else ("morph targets", summary.targets)
-    over = "" if summary.error <= summary.tolerance else f": the closest with this number of {name.split()[-1]}"
-    mean = "" if summary.rms is None else f", root mean square {summary.rms:.2g}"
+    over = "" if summary.error <= summary.tolerance else ": the closest with this number of targets"
     return (
-        f"  {name:13}  {count}, largest error {summary.error:.2g} of the diagonal{mean} "
+        f"  morph targets  {summary.targets}, largest error {summary.error:.2g} of the diagonal "
         f"(tolerance {summary.tolerance:g}){over}"
     )

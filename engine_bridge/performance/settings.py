@@ -6,14 +6,14 @@ from typing import Literal, Self
 from capture.formats.options import ReadOptions
 from engine_bridge.puppet.puppet import Puppet
 
-Form = Literal["morph", "skin", "frames", "rig"]
+Form = Literal["morph", "frames", "rig"]
 
 PerformerFormat = Literal["bvh", "vrma", "glb"]
 """Formats of animations of performers themselves, which are the endings of their files."""
 
-DEFAULT_TOLERANCES: dict[Form, float] = {"morph": 0.0005, "skin": 0.002, "frames": 0.0, "rig": 0.0001}
-"""Default tolerance of each form, as a fraction of the diagonal; a few rigid bones are less precise. That of a rig is
-for its keyframes: its error beside the solver's surface follows from its weights."""
+DEFAULT_TOLERANCES: dict[Form, float] = {"morph": 0.0005, "frames": 0.0, "rig": 0.0001}
+"""Default tolerance of each form, as a fraction of the diagonal. That of a rig is for its keyframes: its
+error beside the solver's surface follows from its weights."""
 
 COMPACT_TOLERANCES: dict[Form, float] = {**DEFAULT_TOLERANCES, "frames": 0.0005, "rig": 0.0005}
 """Default tolerance of each form if arrays are quantised; none of them is exact then."""
@@ -37,16 +37,14 @@ class Settings:
     start, stop : float, float or None
         Part of the recording that is animated, in seconds; None for its end. The motion is computed for the whole
         recording, so that it is the same in the part.
-    form : {"morph", "skin", "frames", "rig"} or None
-        Form of the animation: a few morph targets, nameless bones, one morph target per keyframe, or named joints,
-        which are those of the file's own skeleton if it has one. None for a rig if the puppet has limbs, else morph
-        targets; see `for_puppet`.
+    form : {"morph", "frames", "rig"} or None
+        Form of the animation: a few morph targets, one morph target per keyframe, or named joints, which are
+        those of the file's own skeleton if it has one. None for a rig if the puppet has limbs, else morph targets; see
+        `for_puppet`.
     tolerance : float or None
         Maximum error of the animation relative to the solver, as a fraction of the diagonal; None for the default.
     targets : int or None
         Maximum number of morph targets, at least 2.
-    bones : int or None
-        Number of bones.
     compact : bool
         Whether to quantise arrays and to omit keyframes within the tolerance.
     meshopt : bool
@@ -64,7 +62,6 @@ class Settings:
     form: Form | None = None
     tolerance: float | None = None
     targets: int | None = None
-    bones: int | None = None
     compact: bool = False
     meshopt: bool = False
     log: ReadOptions = field(default_factory=ReadOptions)

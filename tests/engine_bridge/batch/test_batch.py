@@ -187,7 +187,7 @@ FIRST_OF_TWO = [0, 3, 4, 8]
         ["--shard", "4/3"],
         ["--shard", "x"],
         ["--scheduler", "tcp://x:1", "--workers", "2"],
-        ["--targets", "3", "--as", "skin"],
+        ["--targets", "3", "--as", "rig"],
         ["--users", "some"],
     ],
     ids=" ".join,

@@ -26,9 +26,14 @@ from .conftest import outermost_handles
 pytestmark = pytest.mark.slow
 
 PROGRAMS = ["Blender", "three.js", "Babylon.js", "Godot", "assimp"]
-FORMS = ["morph", "skin", "frames", "rig"]
+FORMS = ["morph", "frames", "rig"]
 MADE = ["textured", "several_primitives", "node_transforms", "shared_mesh", "own_targets", "skinned", "animated"]
 REAL = ["kaykit_Knight", "quaternius_Adventurer", "khronos_Fox"]
+NAMED = [
+    *(("morph", name) for name in ("animated", "several_primitives", *REAL)),
+    *(("rig", name) for name in ("animated", "several_primitives")),
+]
+"""Forms and characters whose names and materials are compared."""
 
 FPS = 30
 FRAMES = 31
@@ -146,11 +151,9 @@ def file(character, second, write_puppet, limb_tables, raw, tmp_path_factory):
             write_puppet(puppet, path, handles=outermost_handles(vertices), more=more)
         else:
             write_puppet(puppet, path)
-        return File(raw, *convert(second, puppet, output, Settings(form=form, bones=8 if form == "skin" else None)))
+        return File(raw, *convert(second, puppet, output, Settings(form=form)))
 
     def once(name, form):
-        if form == "skin":
-            pytest.importorskip("py_dem_bones")
         if (name, form) not in exported:
             exported[name, form] = make(name, form)
         return exported[name, form]
@@ -240,7 +243,7 @@ def test_every_vertex_is_where_it_was_solved_to_be(program, form, name, played_i
     between = np.arange(TIMES) % 2 == 1
     expected = players.solved(made.clip)(shown.times)
     rounding = allowed(program, made, expected)
-    if form in ("skin", "rig"):  # between two keyframes bones turn, and do not go in straight lines
+    if form == "rig":  # between two keyframes bones turn, and do not go in straight lines
         exact = Skinned(made.reader)
         turned = {(p.node, p.primitive): exact.positions(p, shown.times) for p in made.clip.rig.character.parts}
         assert players.farthest(shown.meshes, turned) <= rounding
@@ -264,8 +267,7 @@ def targets(made, node):
     return ((made.meshes[made.nodes[node].mesh].extras or {}).get("targetNames")) or []
 
 
-@pytest.mark.parametrize("name", ["animated", "several_primitives", *REAL])
-@pytest.mark.parametrize("form", ["morph", "skin"])
+@pytest.mark.parametrize(("form", "name"), NAMED)
 def test_animations_nodes_and_targets_have_the_names_that_the_file_gives_them(program, form, name, played_in):
     made, shown = played_in(program, name, form)
     own, report = made.gltf, shown.report
@@ -301,8 +303,7 @@ def looks(made, node, primitive):
         return material.name, surface.baseColorFactor, (image.name, picture.size)
 
 
-@pytest.mark.parametrize("name", ["animated", "several_primitives", *REAL])
-@pytest.mark.parametrize("form", ["morph", "skin"])
+@pytest.mark.parametrize(("form", "name"), NAMED)
 def test_every_part_has_its_material(program, form, name, played_in):
     made, shown = played_in(program, name, form)
     own = made.gltf
@@ -351,7 +352,7 @@ def test_blender_plays_the_recording_at_once_with_a_keyframe_a_frame(form, name,
         assert "one_second" in {track["name"] for track in owner["tracks"]}
     keyed = {owner["object"] for owner in active if owner["kind"] == "KEY"}
     for mesh in report["meshes"]:
-        assert (mesh["name"] in keyed) == bool(form not in ("skin", "rig") or targets(made.gltf, mesh["node"]))
+        assert (mesh["name"] in keyed) == bool(form != "rig" or targets(made.gltf, mesh["node"]))
         for key in mesh["shape_keys"]:
             low, high = key["slider"]
             assert low <= key["asked"][0] <= key["asked"][1] <= high
@@ -368,7 +369,7 @@ def test_blender_plays_in_seconds_whatever_the_frame_rate_of_the_scene(form, pla
     assert off <= (made.summary.error + ROUNDING) * made.diagonal
 
 
-@pytest.mark.parametrize("form", ["morph", "skin"])
+@pytest.mark.parametrize("form", ["morph", "rig"])
 def test_godots_editor_imports_every_vertex_when_its_optimizer_is_off(form, player, file, players, tmp_path):
     player("Godot")
     made, project = file("animated", form), tmp_path / "project"

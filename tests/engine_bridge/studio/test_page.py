@@ -162,7 +162,7 @@ def test_a_take_is_played_trimmed_in_a_loop_and_deleted(window):
     assert (source["name"], source["start"], source["stop"], source["loop"]) == (take, 0.5, 1.5, True)
     window.idle()
     window.page.locator(".panel").get_by_role("button", name="Trot and rear", exact=True).click()
-    window.page.get_by_label("Format").select_option("skin")
+    window.page.get_by_label("Format").select_option("morph")
     window.button("Use as the performer").click()
     window.until("state.server.source.name === 'rear'")
     window.idle()

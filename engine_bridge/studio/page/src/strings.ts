@@ -299,9 +299,7 @@ export const strings = {
     forms: {
       "": "Skeleton for limbs, morph targets for handles",
       morph: "Morph targets: plays everywhere",
-      skin: "Nameless bones, for handles only",
       rig: "Skeleton with named joints",
-      bones: "Bones",
       frames: "One mesh per frame",
       bvh: "Performer only: BVH",
       vrma: "Performer only: VRM animation",

@@ -66,7 +66,7 @@ def test_the_greeting_is_followed_by_the_whole_state(studio):
     hello, state = studio.run(first())
     assert hello["parents"]["head"] == "shoulder_center"
     assert len(hello["joints"]) == 20
-    assert hello["forms"] == ["morph", "skin", "frames", "rig", "bvh", "vrma", "glb"]
+    assert hello["forms"] == ["morph", "frames", "rig", "bvh", "vrma", "glb"]
     assert ".glb" in hello["suffixes"]["character"]
     assert State.model_validate(state).characters == []
     assert state["banner"]["text"] == "No character is open."

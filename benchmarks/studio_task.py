@@ -189,7 +189,7 @@ class Task:
     def make_film(self) -> None:
         """Make the film."""
         self.person.click(self._button("Make the film"))
-        until(self._page, "state.made")
+        until(self._page, "state.made", seconds=1200)
 
     def watch(self) -> None:
         """Watch the film."""

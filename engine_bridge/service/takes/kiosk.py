@@ -26,10 +26,13 @@ from puppetline.errors import PuppetlineError
 from puppetline.toml_schema import Table
 
 FOLDER = "visitors"
-"""Folder beside the takes, in which nothing is kept."""
+"""Name of the folder in the folder of takes, in which nothing is kept."""
 
-CODE_LETTERS, CODE_LENGTH = "ABCDEFGHJKMNPQRSTUVWXYZ23456789", 5
-"""Letters and digits that cannot be mistaken for each other, and their number in a code."""
+CODE_LETTERS, CODE_LENGTH = "ABCDEFGHJKMNPQRSTUVWXYZ23456789", 6
+"""Letters and digits that cannot be mistaken for each other, and their number in a code: 900 million codes."""
+
+CODE = f"[{CODE_LETTERS}]{{{CODE_LENGTH}}}"
+"""Pattern of a code."""
 
 SPACING_METRES = 1.6
 """Distance between characters in a video, in metres."""
@@ -122,7 +125,7 @@ class Kiosk:
         stop: Callable[[StageRunner, Clip], None],
         jobs: Jobs,
     ) -> None:
-        self._table, self._folder, self._count_in = table, folder / FOLDER, count_in
+        self._table, self._folder, self._count_in = table, visitors_folder(folder), count_in
         self._puppet, self._stop, self._jobs = puppet, stop, jobs
         self._hands: dict[StageRunner, HandsUp] = {}
         self._asked: set[StageRunner] = set()
@@ -227,6 +230,11 @@ class Kiosk:
             clip.delete()
         elif code == 0:
             log.info("a visitor's video", extra=fields(code=clip.path.stem))
+
+
+def visitors_folder(takes: Path) -> Path:
+    """Return the folder of visitors' files in a folder of takes."""
+    return takes / FOLDER
 
 
 def _code() -> str:

@@ -57,7 +57,7 @@ def test_hands_up_begin_and_end_a_recording_and_the_clip_is_offered_and_deleted(
     assert theatre.runner.recording is None
     run(1.5)
     code = theatre.runner.recording
-    assert len(code) == 5
+    assert len(code) == 6
     assert not ended
     run(5.0)
     assert theatre.runner.recording is None

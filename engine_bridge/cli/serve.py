@@ -188,6 +188,7 @@ def _studio(settings: "ServiceFile", folder: Path, streams: list[str], port: int
     """Run the page of the studio in a process of its own, which joins the service and does not delay it."""
     from engine_bridge.service.security.credentials import TOKEN_VARIABLE
     from engine_bridge.service.security.endpoints import endpoints_of
+    from engine_bridge.service.takes.kiosk import visitors_folder
 
     if settings.network.port == 0:
         raise ServiceError(
@@ -212,6 +213,8 @@ def _studio(settings: "ServiceFile", folder: Path, streams: list[str], port: int
     address = stream.removeprefix("tcp://").replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]")  # noqa: S104
     token = {TOKEN_VARIABLE: endpoint.token.decode()} if endpoint.token else {}
     command = [sys.executable, "-m", "puppetline", "studio", "--service", address, "--port", str(port), "--no-browser"]
+    if settings.kiosk is not None:
+        command += ["--visitors", str(visitors_folder(folder / settings.takes))]
     # 1 and 2 are for native libraries by now
     process = subprocess.Popen(command, env=os.environ | token, stdout=sys.stdout, stderr=sys.stderr)  # noqa: S603
     try:

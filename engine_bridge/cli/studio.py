@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 )
 @click.option("--service", metavar="HOST:PORT", help="Join the service whose stream is there, instead of starting one.")
 @click.option("--service-token-file", type=FILE, help="The token that this service requires.")
+@click.option("--visitors", type=FILE, hidden=True, help="Folder of the videos of a kiosk's visitors.")
 @click.option("--browser/--no-browser", default=None, help="Open a browser.  [default: where there is a desktop]")
 def studio(
     file: Path | None,
@@ -41,6 +42,7 @@ def studio(
     token_file: Path | None,
     service: str | None,
     service_token_file: Path | None,
+    visitors: Path | None,
     browser: bool | None,
 ) -> None:
     """Set up, play, record and export characters in a browser, until stopped.
@@ -77,6 +79,7 @@ def studio(
         first=file,
         service=service,
         service_token=None if service is None else read_token(service_token_file),
+        visitors=visitors,
     )
     running: list[Served] = []
 

@@ -184,7 +184,7 @@ def sound_table(segment: Segment, fps: float) -> SoundTable | None:
         return None
     late = max(-start, 0.0)
     fade = segment.fade / fps
-    path = str(segment.sound.path)
+    path = str(segment.sound.path.resolve())  # not relative to the scene file
     return SoundTable(file=path, at=segment.begin / fps + late, start=start + late, stop=stop, fade_in=fade)
 
 

@@ -61,6 +61,7 @@ class StudioSettings:
     page: Path = PAGE
     service: str | None = None
     service_token: str | None = field(default=None, repr=False)
+    visitors: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ async def served(settings: StudioSettings, entered: Callable[[], None] = lambda:
         port = listener.getsockname()[1]
         addresses = Addresses(settings.host, port, settings.origins)
         links.append(lambda: addresses.link(tokens.invite()))
-        app = make_app(studio, Access(addresses, tokens, entered), settings.page)
+        app = make_app(studio, Access(addresses, tokens, entered), settings.page, settings.visitors)
         runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
         await runner.setup()
         stack.push_async_callback(runner.cleanup)

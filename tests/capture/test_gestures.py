@@ -12,7 +12,7 @@ from capture.skeleton import JOINT_INDEX, JOINTS, LOST, SkeletonFrame
 from puppetline.errors import PuppetlineError
 
 REAL = {("joints_s04_e02.txt", second) for second in (96, 124, 136)}
-"""When somebody in a recording holds both hands above the head for two seconds: three times, for 2.1 to 2.9 s."""
+"""Recordings in which somebody holds both hands up for two seconds, and the seconds when."""
 
 
 def poses(script, fps=30):

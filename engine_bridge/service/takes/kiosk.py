@@ -26,10 +26,13 @@ from puppetline.errors import PuppetlineError
 from puppetline.toml_schema import Table
 
 FOLDER = "visitors"
-"""Folder beside the takes, in which nothing is kept."""
+"""Name of the folder in the folder of takes, in which nothing is kept."""
 
-CODE_LETTERS, CODE_LENGTH = "ABCDEFGHJKMNPQRSTUVWXYZ23456789", 5
-"""Letters and digits that cannot be mistaken for each other, and their number in a code."""
+CODE_LETTERS, CODE_LENGTH = "ABCDEFGHJKMNPQRSTUVWXYZ23456789", 6
+"""Letters and digits that cannot be mistaken for each other, and their number in a code: 900 million codes."""
+
+CODE = f"[{CODE_LETTERS}]{{{CODE_LENGTH}}}"
+"""Pattern of a code."""
 
 SPACING_METRES = 1.6
 """Distance between characters in a video, in metres."""
@@ -76,14 +79,14 @@ class Clip:
         Name, puppet file and performer of each character.
     began : float
         Time at which the recording began, of `time.monotonic`.
-    ended : float or None
-        Time at which the recording ended.
+    offered : float or None
+        Time from which on the video is offered; None while it is made.
     """
 
     path: Path
     characters: list[tuple[str, Path, int]]
     began: float
-    ended: float | None = None
+    offered: float | None = None
 
     @property
     def video(self) -> Path:
@@ -122,7 +125,7 @@ class Kiosk:
         stop: Callable[[StageRunner, Clip], None],
         jobs: Jobs,
     ) -> None:
-        self._table, self._folder, self._count_in = table, folder / FOLDER, count_in
+        self._table, self._folder, self._count_in = table, visitors_folder(folder), count_in
         self._puppet, self._stop, self._jobs = puppet, stop, jobs
         self._hands: dict[StageRunner, HandsUp] = {}
         self._asked: set[StageRunner] = set()
@@ -134,10 +137,10 @@ class Kiosk:
 
     @property
     def clips(self) -> list[dict[str, Any]]:
-        """Each clip that is offered: its code, whether its video is ready, and the seconds until it is deleted."""
+        """Each clip: its code, and the seconds until it is deleted, or None while its video is made."""
         now = time.monotonic()
         return [
-            {"code": each.path.stem, "ready": each.video.exists(), "seconds_left": round(self._end(each) - now)}
+            {"code": each.path.stem, "seconds_left": None if each.offered is None else round(self._end(each) - now)}
             for each in self._clips
         ]
 
@@ -186,7 +189,7 @@ class Kiosk:
             clip.delete()
 
     def _end(self, clip: Clip) -> float:
-        return (clip.ended or math.inf) + 60 * self._table.minutes
+        return math.inf if clip.offered is None else clip.offered + 60 * self._table.minutes
 
     def _begin(self, runner: StageRunner) -> None:
         self._folder.mkdir(parents=True, exist_ok=True)
@@ -209,7 +212,6 @@ class Kiosk:
 
     def _finish(self, runner: StageRunner, clip: Clip) -> None:
         del self._recorded[runner]
-        clip.ended = time.monotonic()
         self._stop(runner, clip)
 
     def _make(self, scene: Path, video: Path) -> int:
@@ -223,10 +225,14 @@ class Kiosk:
         return self._process.returncode
 
     def _made(self, clip: Clip, code: int) -> None:
-        if clip not in self._clips:  # it took longer than it is kept
-            clip.delete()
-        elif code == 0:
+        clip.offered = time.monotonic()
+        if code == 0:
             log.info("a visitor's video", extra=fields(code=clip.path.stem))
+
+
+def visitors_folder(takes: Path) -> Path:
+    """Return the folder of visitors' files in a folder of takes."""
+    return takes / FOLDER
 
 
 def _code() -> str:

@@ -11,6 +11,7 @@ from urllib.parse import quote
 from aiohttp import web
 
 from engine_bridge.service.monitoring.logs import OnceASecond
+from engine_bridge.service.takes.kiosk import CODE
 from engine_bridge.studio.backend.backend import Backend
 from engine_bridge.studio.project.workspace import UploadError
 from engine_bridge.studio.web.api_connection import ApiClient
@@ -44,7 +45,7 @@ class Access:
     entered: Callable[[], None] = lambda: None
 
 
-def make_app(studio: Backend, access: Access, page: Path = PAGE) -> web.Application:
+def make_app(studio: Backend, access: Access, page: Path = PAGE, visitors: Path | None = None) -> web.Application:
     """Return the application.
 
     Parameters
@@ -53,14 +54,17 @@ def make_app(studio: Backend, access: Access, page: Path = PAGE) -> web.Applicat
     access : Access
     page : Path
         Folder of the built page.
+    visitors : Path, optional
+        Folder of a kiosk's videos, which whoever knows the code of one can download.
     """
-    server = _Server(studio, access, page)
+    server = _Server(studio, access, page, visitors)
     app = web.Application(middlewares=[server.check])
     app.router.add_get("/", server.index)
     app.router.add_get("/api", server.api)
     app.router.add_get("/stream", server.stream)
     app.router.add_post("/uploads", server.upload)
     app.router.add_get("/files/{file}", server.download)
+    app.router.add_get(f"/clips/{{code:{CODE}}}", server.clip)
     app.router.add_get("/{path:.+}", server.asset)
     return app
 
@@ -68,8 +72,8 @@ def make_app(studio: Backend, access: Access, page: Path = PAGE) -> web.Applicat
 class _Server:
     """The handlers of all paths."""
 
-    def __init__(self, studio: Backend, access: Access, page: Path) -> None:
-        self._studio, self._access = studio, access
+    def __init__(self, studio: Backend, access: Access, page: Path, visitors: Path | None) -> None:
+        self._studio, self._access, self._visitors = studio, access, visitors
         self._assets = _assets(page)
         self._handshakes = asyncio.Semaphore(MAX_HANDSHAKES)
 
@@ -133,6 +137,13 @@ class _Server:
         response.content_type = "application/octet-stream"
         response.headers["Content-Disposition"] = f"attachment; filename*=UTF-8''{quote(found.name)}"
         return response
+
+    async def clip(self, request: web.Request) -> web.StreamResponse:
+        """Send the video of a kiosk's visitor, without a session: the code is the key."""
+        path = None if self._visitors is None else self._visitors / f"{request.match_info['code']}.mp4"
+        if path is None or not path.is_file():
+            raise web.HTTPNotFound
+        return web.FileResponse(path)
 
     def _free_handshakes(self) -> asyncio.Semaphore:
         """Return what counts the connections without a token, unless there are too many."""

@@ -85,6 +85,8 @@ def test_times_of_a_performer_that_do_not_increase_are_skipped_with_a_note(tmp_p
         ({"p": [[1.0, 2.0]] * 20}, "p[0]", "[1.0, 2.0]"),
         ({"p": [[1.0, 2.0, "3"]] * 20}, "p[0]", "[1.0, 2.0, '3']"),
         ({"p": [[1.0, 2.0, float("inf")]] * 20}, "p[0]", "[1.0, 2.0, inf]"),
+        ({"channels": [0.5]}, "channels", "[0.5]"),
+        ({"channels": {"voice": 1.5}}, "channels", "{'voice': 1.5}"),
     ],
 )
 def test_a_complete_line_that_is_wrong_is_an_error_with_line_and_field(tmp_path, other, field, found):

@@ -206,6 +206,6 @@ def studio(start_studio, tmp_path_factory):
     (page / "index.html").write_text("<!doctype html><title>Studio</title>")
     (page / "assets").mkdir()
     (page / "assets" / "page.js").write_text("export {};")
-    running = start_studio(tmp_path_factory.mktemp("studio"), page=page)
+    running = start_studio(tmp_path_factory.mktemp("studio"), page=page, visitors=tmp_path_factory.mktemp("visitors"))
     yield running
     running.close()

@@ -2,6 +2,7 @@ import itertools
 import math
 import socket
 import time
+from dataclasses import replace
 from select import select
 
 import numpy as np
@@ -13,6 +14,7 @@ from capture.network.source import open_vmc
 from capture.skeleton import JOINT_INDEX, LOST, SkeletonFrame, to_character_axes
 from engine_bridge.performance.retargeting import PERFORMER
 from engine_bridge.performance.rig import load_rig
+from engine_bridge.puppet.puppet import MorphTable
 from engine_bridge.service.outputs.osc import OscOutput, OscTable
 from engine_bridge.service.outputs.vmc import DATAGRAM_BYTES, datagrams
 from engine_bridge.service.protocol.frame import StreamedCharacter
@@ -97,6 +99,13 @@ def bones(sent):
         for address, values in messages(sent)
         if address == "/VMC/Ext/Bone/Pos"
     }
+
+
+def test_morph_targets_that_channels_move_are_blend_shapes(figure, moved_by):
+    puppet = figure.rig.puppet.model_copy(update={"morph": (MorphTable(target="A", channel="voice"),)})
+    frame = moved_by(still(figure), character=figure.remapped(puppet))
+    read = messages(datagrams(replace(frame, channels={"voice": 0.5}), 0.0))
+    assert read[-2:] == [("/VMC/Ext/Blend/Val", ["A", 0.5]), ("/VMC/Ext/Blend/Apply", [])]
 
 
 def test_a_frame_is_bundles_that_travel_in_one_piece_and_say_all_that_the_protocol_wants(figure, moved_by):

@@ -57,7 +57,7 @@ def test_hands_up_begin_and_end_a_recording_and_the_clip_is_offered_and_deleted(
     assert theatre.runner.recording is None
     run(1.5)
     code = theatre.runner.recording
-    assert len(code) == 5
+    assert len(code) == 6
     assert not ended
     run(5.0)
     assert theatre.runner.recording is None
@@ -67,11 +67,13 @@ def test_hands_up_begin_and_end_a_recording_and_the_clip_is_offered_and_deleted(
     kiosk.film(clip)
     scene = toml_schema.check(Scene, tomllib.loads(clip.path.with_suffix(".toml").read_text()), "", ServiceError)
     assert [(each.character, each.file, each.user) for each in scene.take] == [("dog", f"{code}.log", 1)]
+    assert kiosk.clips == [{"code": code, "seconds_left": None}]
     kiosk._jobs.filming.shutdown()
-    (offered,) = kiosk.clips
-    assert (offered["code"], offered["ready"]) == (code, True)
-    assert 55 < offered["seconds_left"] <= 60
+    for future, then in kiosk._jobs.take_finished():
+        then(future)
+    assert kiosk.clips == [{"code": code, "seconds_left": 60}]
     run(1)
+    assert clip.video.exists()
     theatre.clock.now += 60
     kiosk.advance([theatre.runner])
     assert kiosk.clips == []

@@ -42,6 +42,16 @@ def test_the_studios_own_page_is_accepted(studio):
         assert studio.http("GET", "/", headers=headers)[0] == 200
 
 
+def test_the_video_of_a_visitor_is_sent_to_whoever_knows_its_code(studio):
+    video = studio.settings.visitors / "ABCDEF.mp4"
+    video.write_bytes(b"video")
+    assert studio.http("GET", "/clips/ABCDEF")[::2] == (200, b"video")
+    for path in ("/clips/ABCDEG", "/clips/abcdef", "/clips/ABCDEF.mp4", "/clips/..%2fABCDEF", "/clips/"):
+        assert studio.http("GET", path)[0] == 404
+    video.unlink()
+    assert studio.http("GET", "/clips/ABCDEF")[0] == 404
+
+
 def test_uploads_and_downloads_require_a_session_token(studio):
     one_time = studio.token()
     for token in ("", "wrong", one_time):

@@ -32,9 +32,11 @@ func _record_and_play() -> void:
 	await _until(func() -> bool: return _timeline.get(&"state").get("takes", []).size() == 1)
 	var played: Dictionary = _timeline.get(&"state")["takes"][0]
 	tell({"played": played})
+	await _loop(true)
 	await _record(1)
 	_play(1)
 	await _until(func() -> bool: return _timeline.get(&"state").get("takes", []).size() == 2)
+	await _loop(false)
 	_press(^"%Pause")
 	await _until(func() -> bool: return not _timeline.call(&"is_running"))
 	await _seek(0.5)
@@ -69,6 +71,11 @@ func _seek(seconds: float) -> void:
 	(_transport.get_node(^"%Position") as Slider).set_value_no_signal(seconds)
 	(_transport.get_node(^"%Position") as Slider).drag_ended.emit(true)
 	await _until(func() -> bool: return _timeline.get(&"state")["position"] == seconds)
+
+
+func _loop(on: bool) -> void:
+	(_transport.get_node(^"%Loop") as CheckBox).button_pressed = on
+	await _until(func() -> bool: return _timeline.get(&"state")["loop"] == on)
 
 
 func _until(is_done: Callable) -> void:

@@ -96,14 +96,14 @@ def test_a_service_that_ends_leaves_the_kiosk_inviting(serve, take, two, start_g
 
 
 @pytest.fixture
-def stage(serve, take, two):
+def stage(serve, take, two, free_port):
     """A service of both characters, of which a recording drives the first."""
     puppets = [argument for path in two.values() for argument in ("--puppet", path)]
-    return serve(*puppets, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
+    return serve(*puppets, "--source", f"replay:{take}?loop", "--calibrate", "at_once", "--port", free_port())
 
 
 def test_takes_are_recorded_over_each_other_and_trimmed_on_the_film_set(stage, start_godot):
-    settings = {name: {"character": who, "port": stage.port} for name, who in (("Live", "dog"), ("Partner", "cat"))}
+    settings = {name: {"character": who, "port": int(stage.port)} for name, who in (("Live", "dog"), ("Partner", "cat"))}
     said = start_godot("demo_film.gd", json.dumps(settings)).finish(120)
     first, second = (each["name"] for each in sorted(stage.ask("list")["takes"], key=lambda each: each["written"]))
     said_of = {key: value for each in said for key, value in each.items()}

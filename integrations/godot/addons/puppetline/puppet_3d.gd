@@ -269,6 +269,13 @@ func advance(seconds: float) -> void:
 	_show_next()
 
 
+## Read what the service has sent and show it, within an image: to prepare what the first image of a movie shows.
+func refresh() -> void:
+	if _stream() != null:
+		_stream().read()
+	_process(0.0)
+
+
 ## Return an animation per clip of [member mixed_clips], and RESET, for an AnimationPlayer whose root node is this node.
 ## An AnimationTree blends them. An AnimationPlayer does so if its `deterministic` is on.
 func make_clip_animations() -> AnimationLibrary:

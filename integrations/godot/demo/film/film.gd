@@ -69,12 +69,12 @@ func _film(takes: Dictionary) -> void:
 		_puppets[number].scene_loaded.connect(func() -> void: loaded[number] = true)
 	_wait_for(func() -> bool: return loaded.size() == _puppets.size())
 	for character: String in characters:
-		_wait_for_reply(_timeline.play.bind(character, takes[character]))
-		_wait_for_reply(_timeline.pause.bind(true))
-	_wait_for_reply(_timeline.seek.bind(_timeline.first))
+		_wait_for_reply(func(done: Callable) -> void: _timeline.play(character, takes[character], done))
+		_wait_for_reply(func(done: Callable) -> void: _timeline.pause(true, done))
+	_wait_for_reply(func(done: Callable) -> void: _timeline.seek(_timeline.first, done))
 	var begin := Time.get_ticks_msec() + 1000 * EASE_SECONDS
 	_wait_for(func() -> bool: return Time.get_ticks_msec() > begin)
-	_wait_for_reply(_timeline.pause.bind(false))
+	_wait_for_reply(func(done: Callable) -> void: _timeline.pause(false, done))
 	_timeline.last = minf(_timeline.last, _timeline.state["end"])
 	_timeline.ended.connect(func() -> void: get_tree().quit())
 	for puppet in _puppets:
@@ -85,11 +85,11 @@ func _film(takes: Dictionary) -> void:
 func _wait_for(is_done: Callable) -> void:
 	while not is_done.call():
 		for puppet in _puppets:
-			puppet.notification(NOTIFICATION_PROCESS)
+			puppet.refresh()
 		OS.delay_msec(2)
 
 
-## Wait for the reply to a request, whose last argument is called with it. An error ends the program.
+## Wait for the reply to a request, which gets the function to call with it. An error ends the program.
 func _wait_for_reply(request: Callable) -> void:
 	var replies: Array[Dictionary] = []
 	request.call(replies.append)

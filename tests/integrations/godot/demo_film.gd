@@ -1,17 +1,18 @@
 extends "demo_scene.gd"
-## Runs the film scene: records a take, requests its playback, waits until it is shown and returns to the live
-## character. With a path for an image, it saves an image as soon as there is a performer, and ends.
+## Runs the film scene: records a take, plays it, records another one over it, plays both between two seconds, and
+## returns to the live characters. With a path for an image, it saves an image as soon as there is a performer, and
+## ends.
 
 var _film: Node
 var _live: Puppet3D
-var _played: Puppet3D
+var _timeline: Node
 var _transport: Node
 
 
 func start() -> void:
 	_film = open("res://demo/film/film.tscn")
 	_live = _film.get_node(^"Live")
-	_played = _film.get_node(^"Played")
+	_timeline = _film.get_node(^"Timeline")
 	_transport = _film.get_node(^"Screen/Transport")
 	_film.get_node(^"Camera").connect(&"cut", func(shot: String) -> void: tell({"cut": shot}))
 	_live.take_started.connect(func(take: String) -> void: tell({"started": take}))
@@ -26,22 +27,63 @@ func start() -> void:
 
 
 func _record_and_play() -> void:
-	await _record()
-	var takes: ItemList = _transport.get_node(^"%Takes")
-	takes.select(0)
-	takes.item_selected.emit(0)
-	(_transport.get_node(^"%Play") as Button).pressed.emit()
-	tell({"command": (_transport.get_node(^"%Told") as Label).text, "take": takes.get_item_text(0)})
-	while not _played.visible:
-		await process_frame
-	tell({"played": true, "live": _live.visible})
-	(_transport.get_node(^"%Back") as Button).pressed.emit()
-	tell({"played": _played.visible, "live": _live.visible})
+	await _record(0)
+	_play(0)
+	await _until(func() -> bool: return _timeline.get(&"state").get("takes", []).size() == 1)
+	var played: Dictionary = _timeline.get(&"state")["takes"][0]
+	tell({"played": played})
+	await _loop(true)
+	await _record(1)
+	_play(1)
+	await _until(func() -> bool: return _timeline.get(&"state").get("takes", []).size() == 2)
+	await _loop(false)
+	_press(^"%Pause")
+	await _until(func() -> bool: return not _timeline.call(&"is_running"))
+	await _seek(0.5)
+	_press(^"%From")
+	await _seek(1.5)
+	_press(^"%To")
+	tell({"command": (_transport.get_node(^"%Told") as Label).text})
+	await _seek(1.0)
+	_press(^"%Pause")
+	await _timeline.ended
+	await _until(func() -> bool: return _timeline.get(&"state")["paused"])
+	tell({"ended": _timeline.get(&"state")["position"]})
+	_press(^"%Back")
+	await _until(func() -> bool: return _timeline.get(&"state").is_empty())
 	_film.call(&"_unhandled_input", _key(&"demo_shot_3"))
 	quit()
 
 
-func _record() -> void:
+func _play(number: int) -> void:
+	var takes: ItemList = _transport.get_node(^"%Takes")
+	takes.select(number)
+	takes.item_selected.emit(number)
+	(_transport.get_node(^"%Characters") as OptionButton).select(number)
+	_press(^"%Play")
+
+
+func _press(button: NodePath) -> void:
+	(_transport.get_node(button) as Button).pressed.emit()
+
+
+func _seek(seconds: float) -> void:
+	(_transport.get_node(^"%Position") as Slider).set_value_no_signal(seconds)
+	(_transport.get_node(^"%Position") as Slider).drag_ended.emit(true)
+	await _until(func() -> bool: return _timeline.get(&"state")["position"] == seconds)
+
+
+func _loop(on: bool) -> void:
+	(_transport.get_node(^"%Loop") as CheckBox).button_pressed = on
+	await _until(func() -> bool: return _timeline.get(&"state")["loop"] == on)
+
+
+func _until(is_done: Callable) -> void:
+	while not is_done.call():
+		await process_frame
+
+
+func _record(takes_before: int) -> void:
 	while (_transport.get_node(^"%Record") as Button).disabled:
 		await process_frame
 	_transport.call(&"toggle_recording")
@@ -50,12 +92,12 @@ func _record() -> void:
 	_transport.call(&"toggle_recording")
 	await _live.take_stopped
 	var takes: ItemList = _transport.get_node(^"%Takes")
-	while takes.item_count == 0:
+	while takes.item_count == takes_before:
 		await process_frame
 
 
 func _take_picture(path: String) -> void:
-	await _record()
+	await _record(0)
 	_transport.call(&"toggle_recording")
 	await _live.take_started
 	await create_timer(3.0).timeout

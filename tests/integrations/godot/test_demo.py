@@ -95,30 +95,25 @@ def test_a_service_that_ends_leaves_the_kiosk_inviting(serve, take, two, start_g
     assert said[-1] == {"attracting": True, "prompt": True}
 
 
-def test_a_take_is_recorded_on_the_film_set_and_played_by_a_second_service(
-    serve, take, two, free_port, start_godot, tmp_path
-):
-    puppets = [argument for path in two.values() for argument in ("--puppet", path, "--source", f"replay:{take}?loop")]
-    first = free_port()  # the control socket's is the next one
-    service = serve(*puppets, "--calibrate", "at_once", "--port", first)
-    second = free_port()
-    settings = {"Live": {"character": "cat", "port": first}, "Played": {"port": second}}
-    film = start_godot("demo_film.gd", json.dumps(settings))
-    asked = film.until(lambda said: "command" in said)
-    (recorded,) = service.ask("list")["takes"]
-    assert asked["take"] == recorded["name"]
-    assert f"takes/{asked['take']}.log" in asked["command"]
-    assert asked["command"].endswith(f"--port {second}")
-    record = tmp_path / "takes" / f"{asked['take']}.log"
-    serve("--puppet", two["cat"], "--source", f"replay:{record}?loop", "--port", second)
-    said = film.finish()
-    assert {"started": asked["take"]} in said
-    assert {"stopped": asked["take"]} in said
-    assert [each for each in said if "played" in each] == [
-        {"played": True, "live": False},
-        {"played": False, "live": True},
-    ]
+@pytest.fixture
+def stage(serve, take, two, free_port):
+    """A service of both characters, of which a recording drives the first."""
+    puppets = [argument for path in two.values() for argument in ("--puppet", path)]
+    return serve(*puppets, "--source", f"replay:{take}?loop", "--calibrate", "at_once", "--port", free_port())
+
+
+def test_takes_are_recorded_over_each_other_and_trimmed_on_the_film_set(stage, start_godot):
+    settings = {name: {"character": who, "port": int(stage.port)} for name, who in (("Live", "dog"), ("Partner", "cat"))}
+    said = start_godot("demo_film.gd", json.dumps(settings)).finish(120)
+    first, second = (each["name"] for each in sorted(stage.ask("list")["takes"], key=lambda each: each["written"]))
+    said_of = {key: value for each in said for key, value in each.items()}
+    assert said_of["played"]["take"] == first
+    assert said_of["played"]["character"] == "dog"
+    assert said_of["command"].endswith(f"-- dog={first} cat={second} from=0.50 to=1.50")
+    assert 1.5 <= said_of["ended"] < 1.8
+    assert [each["started"] for each in said if "started" in each] == [first, second]
     assert said[-1] == {"cut": "Close"}
+    assert stage.ask("describe")["timeline"] is None
 
 
 def answers(port):

@@ -30,6 +30,8 @@ signal performer_lost(user: int)
 signal take_started(take: String)
 ## Emitted when the service has finished a take.
 signal take_stopped(take: String)
+## Emitted with each status of the service: the timeline of the takes that play (docs/control.md), empty without any.
+signal timeline_received(timeline: Dictionary)
 
 ## How the service sends the character.
 enum Mode {
@@ -267,6 +269,13 @@ func advance(seconds: float) -> void:
 	_show_next()
 
 
+## Read what the service has sent and show it, within an image: to prepare what the first image of a movie shows.
+func refresh() -> void:
+	if _stream() != null:
+		_stream().read()
+	_process(0.0)
+
+
 ## Return an animation per clip of [member mixed_clips], and RESET, for an AnimationPlayer whose root node is this node.
 ## An AnimationTree blends them. An AnimationPlayer does so if its `deterministic` is on.
 func make_clip_animations() -> AnimationLibrary:
@@ -283,10 +292,12 @@ func set_mirror(on: bool) -> void:
 	request({"do": "mirror", "character": _name, "on": on})
 
 
-## Record a take of the character's stage. Without a name, the service chooses one. [param done] is called as described
-## at [method request].
-func start_recording(take := "", done := Callable()) -> void:
-	var body := {"do": "record_start", "name": take} if take else {"do": "record_start"}
+## Record a take of the character's stage after [param count_in] seconds. Without a name, the service chooses one.
+## [param done] is called as described at [method request].
+func start_recording(take := "", done := Callable(), count_in := 0) -> void:
+	var body := {"do": "record_start", "count_in": count_in}
+	if take:
+		body["name"] = take
 	_made_link().request_of_stage(body, _name, done if done.is_valid() else _warn_of_failure)
 
 
@@ -506,7 +517,7 @@ func _made_link() -> ServiceLink:
 		_link = ServiceLink.new(name, host, port, _sent_token(), character)
 		_link.state_changed.connect(_on_state_changed)
 		_link.characters_changed.connect(_on_characters)
-		_link.status_received.connect(func(status: Dictionary) -> void: _takes.notice(status, _name))
+		_link.status_received.connect(_on_status)
 	return _link
 
 
@@ -664,6 +675,12 @@ func _on_characters() -> void:
 
 func _on_performer(message: Message) -> void:
 	_performer.notice(message.user, message.state)
+
+
+func _on_status(status: Dictionary) -> void:
+	_takes.notice(status, _name)
+	var timeline: Variant = status.get("timeline")
+	timeline_received.emit(timeline if timeline is Dictionary else {})
 
 
 func _on_scene() -> void:

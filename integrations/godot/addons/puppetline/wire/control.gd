@@ -7,6 +7,8 @@ const Connections := preload("connections.gd")
 
 ## Maximum time to a reply, in seconds.
 const REPLY_TIMEOUT_SECONDS := 5.0
+## Maximum time to the reply to `play_take`, which comes when the motion of the take has been computed, in seconds.
+const TAKE_TIMEOUT_SECONDS := 120.0
 ## Maximum number of sent requests without a reply. Further requests wait until replies arrive.
 const MAX_PENDING_REQUESTS := 16
 ## Maximum size of a reply, in bytes.
@@ -23,6 +25,7 @@ var _next_id := 1
 class _Request:
 	var body: PackedByteArray
 	var done: Callable
+	var timeout_seconds := REPLY_TIMEOUT_SECONDS
 	var deadline_ms: int
 	var sent := false
 
@@ -41,7 +44,8 @@ func request(body: Dictionary, done: Callable) -> void:
 	var made := _Request.new()
 	made.body = JSON.stringify(body.merged({"id": _next_id}, true)).to_utf8_buffer()
 	made.done = done
-	made.deadline_ms = Time.get_ticks_msec() + int(1000 * REPLY_TIMEOUT_SECONDS)
+	made.timeout_seconds = TAKE_TIMEOUT_SECONDS if body.get("do") == "play_take" else REPLY_TIMEOUT_SECONDS
+	made.deadline_ms = Time.get_ticks_msec() + int(1000 * made.timeout_seconds)
 	_pending[_next_id] = made
 	_next_id += 1
 
@@ -100,7 +104,7 @@ func _fail_late_requests() -> void:
 	var now := Time.get_ticks_msec()
 	for id: int in _pending.keys():
 		if id in _pending and now > _pending[id].deadline_ms:
-			_fail(id, "no reply within %d s" % REPLY_TIMEOUT_SECONDS, "a reply")
+			_fail(id, "no reply within %d s" % _pending[id].timeout_seconds, "a reply")
 			# The connection may be dead without an error, so it is not used again.
 			_connection.close()
 

@@ -103,7 +103,8 @@ def stage(serve, take, two, free_port):
 
 
 def test_takes_are_recorded_over_each_other_and_trimmed_on_the_film_set(stage, start_godot):
-    settings = {name: {"character": who, "port": int(stage.port)} for name, who in (("Live", "dog"), ("Partner", "cat"))}
+    who = {"Live": "dog", "Partner": "cat"}
+    settings = {name: {"character": who[name], "port": int(stage.port)} for name in who}
     said = start_godot("demo_film.gd", json.dumps(settings)).finish(120)
     first, second = (each["name"] for each in sorted(stage.ask("list")["takes"], key=lambda each: each["written"]))
     said_of = {key: value for each in said for key, value in each.items()}

@@ -94,8 +94,8 @@ class Clip:
         return self.path.with_suffix(".mp4")
 
     def delete(self) -> None:
-        """Delete everything."""
-        for path in self.path.parent.glob(f"{self.path.stem}.*"):
+        """Delete everything, also a video that is not complete."""
+        for path in self.path.parent.glob(f"*{self.path.stem}.*"):
             with suppress(OSError):
                 path.unlink()
 

@@ -47,7 +47,7 @@ func _record_and_play() -> void:
 	await _seek(1.0)
 	_press(^"%Pause")
 	await _timeline.ended
-	await _until(func() -> bool: return _timeline.get(&"state")["paused"])
+	await _until(func() -> bool: return _timeline.get(&"state")["position"] >= 1.5)
 	tell({"ended": _timeline.get(&"state")["position"]})
 	_press(^"%Back")
 	await _until(func() -> bool: return _timeline.get(&"state").is_empty())

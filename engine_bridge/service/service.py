@@ -129,8 +129,8 @@ class Service:
         self.takes = Takes(folder / settings.takes)
         self.kiosk: Kiosk | None = None
         if settings.kiosk is not None:
-            puppet = self._puppet_file
-            self.kiosk = Kiosk(settings.kiosk, self.takes.folder, self.count_in, puppet, self._stop_clip, self._jobs)
+            folder, count_in = self.takes.folder, self.count_in
+            self.kiosk = Kiosk(settings.kiosk, folder, count_in, self.document, self._stop_clip, self._jobs)
             keep.callback(self.kiosk.close)
         self._reporter = Reporter()
         self._looking = Looking(self._jobs, self._answer)
@@ -278,12 +278,6 @@ class Service:
             kiosk.film(clip)
 
         self._jobs.start(self._jobs.writing, recorder.close, closed)
-
-    def _puppet_file(self, character: str) -> Path:
-        found = self.find(character)
-        if found is None:
-            raise KeyError(character)
-        return self._loader.document(found[1]).path
 
     def look(self, runner: StageRunner) -> Deferred:
         """Report what the source of a stage sees; the answer comes when the image is drawn."""

@@ -3,6 +3,7 @@
 import time
 import tomllib
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -38,7 +39,11 @@ def visitors(make_theatre, record_events, kung_fu, tmp_path):
         ended.append(clip)
 
     table = KioskTable(count_in=1, minutes=1.0)
-    kiosk = Kiosk(table, tmp_path, theatre.count_in, lambda name: tmp_path / f"{name}.toml", stop, jobs)
+
+    def document(player):
+        return SimpleNamespace(path=tmp_path / f"{player.character.name}.toml")
+
+    kiosk = Kiosk(table, tmp_path, theatre.count_in, document, stop, jobs)
     theatre.runner.watch = lambda frame: kiosk.see(theatre.runner, frame)
 
     def run(seconds):

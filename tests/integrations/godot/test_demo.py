@@ -114,7 +114,7 @@ def test_takes_are_recorded_over_each_other_and_trimmed_on_the_film_set(stage, s
     assert 1.5 <= said_of["ended"] < 2.5
     assert [each["started"] for each in said if "started" in each] == [first, second]
     assert said[-1] == {"cut": "Close"}
-    assert stage.ask("describe")["timeline"] is None
+    assert stage.ask("describe")["status"]["timeline"] is None
 
 
 def answers(port):

@@ -68,11 +68,7 @@ class TakePlayback:
     @property
     def takes(self) -> list[dict[str, Any]]:
         """Each take with its character and its place on the timeline."""
-        return [
-            {"character": name, "take": part.track.take, "at": part.at, "seconds": part.seconds, "sound": part.sound}
-            for name, each in self._playing.items()
-            for part in each.track.parts
-        ]
+        return [_entry(name, part) for name, each in self._playing.items() for part in each.track.parts]
 
     def take_on(self, character: str) -> dict[str, Any] | None:
         """Return the first take on a character, as in `takes`; None without one."""
@@ -124,7 +120,7 @@ class TakePlayback:
         if name not in self._playing:
             self._reserve(name, True)
         self._put(name, [*others, part])
-        return {"character": name, "take": track.take, "at": part.at, "seconds": part.seconds}
+        return _entry(name, part)
 
     def replace(self, track: TakeTrack) -> None:
         """Continue with the motion that was computed for a character's new mapping."""
@@ -259,3 +255,14 @@ class TakePlayback:
         spans = [(each.track.at, each.track.at + each.track.seconds) for each in self._playing.values()]
         self.timeline.start = min((start for start, _ in spans), default=0.0)
         self.timeline.end = max((end for _, end in spans), default=0.0)
+
+
+def _entry(character: str, part: TakePart) -> dict[str, Any]:
+    """Return what is said of a part of a take on a character."""
+    return {
+        "character": character,
+        "take": part.track.take,
+        "at": part.at,
+        "seconds": part.seconds,
+        "sound": part.sound,
+    }

@@ -456,4 +456,4 @@ def test_the_other_characters_are_offered_and_the_way_back(window):
 def test_a_character_is_closed(window):
     window.page.get_by_role("button", name="Close figure").click()
     window.until("state.server.characters.length === 0")
-    window.page.get_by_role("heading", name="Drop a 3D mesh here").wait_for()
+    window.page.get_by_role("heading", name="Choose a character, and it moves as you do.").wait_for()

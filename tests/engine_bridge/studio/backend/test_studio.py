@@ -210,7 +210,7 @@ def test_a_take_plays_on_a_character_and_a_count_in_can_be_ended(stage):
     assert stage.result("seek", seconds=0.5)["position"] == 0.5
     assert stage.result("speed", factor=2)["speed"] == 2
     (take,) = stage.until(lambda state: state["timeline"] is not None)["timeline"]["takes"]
-    assert take == {key: played[key] for key in ("character", "take", "at", "seconds")}
+    assert take == {key: played[key] for key in ("character", "take", "at", "seconds", "sound")}
     assert stage.error("delete_take", take="walking")["found"] == "a recording that is playing now"
     assert stage.result("stop")["stopped"] == [take]
     stage.until(lambda state: state["timeline"] is None)

@@ -213,8 +213,8 @@ def test_limbs_that_overlap_are_replaced_by_handles_with_a_note(blob_file, tmp_p
         (
             {"ends": {"paw": "1,2,3"}},
             "--limb paw=1,2,3: found 'paw'; expected one of head, tail, jaw, left arm, right arm, left leg, right leg, "
-            "left front leg, right front leg, left hind leg, right hind leg, left wing, right wing, left ear, right ear. "
-            "Correct the name of the limb.",
+            "left front leg, right front leg, left hind leg, right hind leg, left wing, right wing, left ear, right "
+            "ear. Correct the name of the limb.",
         ),
         (
             {"ends": {"head": "1,2"}},

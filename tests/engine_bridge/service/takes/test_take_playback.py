@@ -223,7 +223,7 @@ def test_parts_of_takes_follow_one_another_on_one_character(play, paths):
     theatre.playback.stop()
     theatre.playback.add(track, 0.0, 0.5, 1.0)
     added = theatre.playback.add(again, 2.0, 0.2, 0.6, beside=True)
-    assert added == pytest.approx({"character": "dog", "take": "take1", "at": 2.0, "seconds": 0.4})
+    assert added == pytest.approx({"character": "dog", "take": "take1", "at": 2.0, "seconds": 0.4, "sound": None})
     assert (theatre.playback.timeline.start, theatre.playback.timeline.end) == pytest.approx((0.0, 2.4), abs=1 / 30)
     theatre.run(0.48)
     assert np.array_equal(theatre.of("dog")[-1].R, track.frame(track.index(0.98))[1][1])

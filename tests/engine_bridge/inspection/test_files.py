@@ -26,9 +26,10 @@ def test_a_puppet_is_described_with_all_values_including_defaults(blob_puppet):
     assert json.loads(json.dumps(facts)) == facts
 
 
-def test_a_missing_mesh_of_a_puppet_is_said(blob_puppet):
-    (blob_puppet.parent / "blob.glb").unlink()
-    assert not inspect(blob_puppet)["mesh_found"]
+def test_a_missing_mesh_of_a_puppet_is_said(blob_puppet, tmp_path):
+    alone = tmp_path / "alone.toml"
+    alone.write_bytes(blob_puppet.read_bytes())
+    assert not inspect(alone)["mesh_found"]
 
 
 def test_a_puppet_is_described_with_its_limbs(limbed_puppet):

@@ -87,7 +87,7 @@ MISTAKES = {
     "an unknown key": (
         PUPPET + 'joit = "head"\n',
         "[[handle]] 1 'tail', joit: found the unknown key 'joit'; expected one of name, position, joint, joints, "
-        "axes, gain. Did you mean 'joint'?",
+        "axes, gain, channel, moves. Did you mean 'joint'?",
     ),
     "a key like no other": (
         PUPPET + "[retarget]\nqqq = 1\n",

@@ -133,7 +133,7 @@ func _show_timeline() -> void:
 	if state.is_empty():
 		_tell("")
 		return
-	_position.min_value = state["start"]
+	_position.min_value = floorf(state["start"])  # its steps count from here
 	_position.max_value = state["end"]
 	_pause.text = "Continue" if state["paused"] else "Pause"
 	var takes: Array = state["takes"].map(

@@ -18,6 +18,7 @@ def test_the_editor_opens_with_the_plugin_on_and_has_nothing_to_complain_about(r
         "PuppetColliders3D",
         "PuppetOscReceiver",
         "PuppetRecorder",
+        "PuppetSkeleton3D",
     }
 
 

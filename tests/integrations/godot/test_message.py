@@ -27,7 +27,7 @@ def decoded(run_godot, tmp_path):
 def told(message):
     """Return the expected report of a message."""
     try:
-        topic, header, payload = split(message)
+        topic, header, payload, _ = split(message)
     except WireError:
         return {"damaged": True}
     if not np.isfinite([header.time, *header.root]).all():

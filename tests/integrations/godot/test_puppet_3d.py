@@ -22,7 +22,9 @@ class Watched:
         self._script, self._orders, self._given = script, orders, 0
 
     def signals(self, puppet=0):
-        return [told["signal"] for told in self._script.results if told.get("puppet") == puppet and "signal" in told]
+        """Names of a puppet's signals, but those of the timeline, which come with each status."""
+        told = [told["signal"] for told in self._script.results if told.get("puppet") == puppet and "signal" in told]
+        return [name for name in told if name != "timeline_received"]
 
     def states(self, puppet=0):
         return [told for told in self._script.results if told.get("puppet") == puppet and "meshes" in told]

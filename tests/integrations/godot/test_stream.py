@@ -67,7 +67,7 @@ def test_a_service_is_followed_and_what_comes_is_what_python_gets(follow, serve,
     wanted = {}
     python.socket.rcvtimeo = 60_000
     while sum(name == "blob/vertices" for name, _ in wanted) < 30:
-        name, header, payload = split(python.socket.recv())
+        name, header, payload, _ = split(python.socket.recv())
         wanted[name, header.sequence] = hashlib.sha256(payload).hexdigest()
     last = max(sequence for name, sequence in wanted if name == "blob/vertices")
     script.until(topic("blob/vertices", lambda told: told["sequence"] > last))

@@ -54,10 +54,6 @@ class HandsUp:
         self._seconds = seconds
         self._arms: dict[int, _Arms] = {}
 
-    def forget(self, user: int) -> None:
-        """Forget a performer who has left."""
-        self._arms.pop(user, None)
-
     def step(self, frame: SkeletonFrame) -> bool:
         """Return whether a performer's next frame, levelled, completes the gesture."""
         arms = self._arms.setdefault(frame.user, _Arms())

@@ -49,9 +49,9 @@ class SoundFile:
         except (OSError, EOFError, wave.Error) as error:
             raise SourceError(
                 f"sound {str(path)!r}",
-                found=f"a file that cannot be read ({error})",
+                found=f"a file that cannot be read ({getattr(error, 'strerror', None) or error})",
                 expected="a .wav of 16 bits and one channel",
-                fix="Convert it: ffmpeg -i FILE -ac 1 -c:a pcm_s16le OUT.wav",
+                fix="Check the path, or convert the file: ffmpeg -i FILE -ac 1 -c:a pcm_s16le OUT.wav",
             ) from error
         self._began, self._next = time.monotonic(), 0
         self._size = round(BLOCK_SECONDS * self.rate)

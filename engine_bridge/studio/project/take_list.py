@@ -5,6 +5,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from capture import sound
 from engine_bridge.service.takes.take_folder import Takes
 from engine_bridge.studio.messages import TakeState
 from engine_bridge.studio.project.workspace import Workspace
@@ -52,7 +53,7 @@ class TakeList:
 
     def sound(self, name: str) -> Path:
         """Return the file with the sound of a take, which may be missing."""
-        return self._takes.folder / f"{name}.wav"
+        return self._takes.folder / f"{name}{sound.ENDING}"
 
     def delete(self, name: str) -> None:
         """Delete a take, its sound and its pictures.

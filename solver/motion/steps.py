@@ -72,6 +72,9 @@ BASE_SECONDS, SLOW_BASE_SECONDS = 0.15, 0.5
 HEADING_SECONDS = 0.12
 """Time constant of the critically damped spring with which the homes turn, in seconds."""
 
+MAX_TURNING_SPEED = 2.5
+"""Largest speed at which a turning body moves the homes of its feet, in leg lengths per second."""
+
 TOO_TURNED = math.radians(20)
 """Angle between a foot and its home from which a leg steps, in radians."""
 
@@ -262,7 +265,7 @@ def _move_homes(plan, state, motions, root, elapsed, began):
         for axis in range(3):
             now = (level[axis] - state.last[axis]) / elapsed
             state.velocity[axis] = now + fading * (state.velocity[axis] - now)
-        _turn_homes(body, turned, elapsed)
+        _turn_homes(plan, body, turned, elapsed)
     elif not began:
         body[HEADING] += turned
     state.last[:] = level
@@ -278,9 +281,11 @@ def _move_homes(plan, state, motions, root, elapsed, began):
 
 
 @compiled(inner=True)
-def _turn_homes(body, turned, elapsed):
-    """Turn the homes towards the heading of the body, as a critically damped spring."""
-    rate, goal = 1 / HEADING_SECONDS, body[HEADING] + body[FOLLOWS] * turned
+def _turn_homes(plan, body, turned, elapsed):
+    """Turn the homes towards the heading of the body, as a critically damped spring, as fast as feet can follow."""
+    # a spring whose goal stays this far ahead turns at the largest speed
+    most = 2 * HEADING_SECONDS * MAX_TURNING_SPEED * plan.leg_length / max(plan.radius, 1e-9 * plan.leg_length)
+    rate, goal = 1 / HEADING_SECONDS, body[HEADING] + min(max(body[FOLLOWS] * turned, -most), most)
     away, decay = body[HEADING] - goal, math.exp(-elapsed / HEADING_SECONDS)
     pull = body[TURNING] + rate * away
     body[HEADING] = goal + (away + pull * elapsed) * decay

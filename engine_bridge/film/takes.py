@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.formats import read_log
+from capture.sound import is_wav
 from capture.timeline import choose
 from engine_bridge.film.scene import CharacterTable, SceneError, SoundTable, TakeTable
 from engine_bridge.performance.channels import sound_of
@@ -47,7 +48,7 @@ class Motion:
 
 
 class TakeSound(NamedTuple):
-    """The sound that was recorded beside a take.
+    """The sound that was recorded beside a take, a file that can be read.
 
     Attributes
     ----------
@@ -171,7 +172,7 @@ def solve_take(rig: Rig, log: Path, settings: Settings, progress: Callable[[floa
         progress((number + 1) / count)
     motion.channels = timeline.channels or {}
     sound = sound_of(choose(clips, settings.user)[0], log)
-    return SolvedTake(motion, None if sound is None else TakeSound(*sound), notes)
+    return SolvedTake(motion, None if sound is None or not is_wav(sound[0]) else TakeSound(*sound), notes)
 
 
 def sound_table(segment: Segment, fps: float) -> SoundTable | None:

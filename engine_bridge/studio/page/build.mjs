@@ -12,7 +12,7 @@ await build({
   format: "esm",
   target: "es2022",
   minify: true,
-  legalComments: "none",
+  legalComments: "eof",
   nodePaths: [`${root}node_modules`], // integrations/web imports three from here
   logLevel: "warning",
 });

@@ -2,11 +2,14 @@
 
 import logging
 import os
+import subprocess
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import click
 
+import puppetline
 from engine_bridge.cli.progress import interrupts
 from puppetline.errors import PuppetlineError
 
@@ -74,12 +77,45 @@ class _Commands(click.Group):
             ctx.exit(1)
 
 
+def _commit() -> str:
+    """Return the commit of a checkout, in brackets, and whether files have changed; "" if this is none."""
+    root = Path(__file__).parents[2]
+    if not (root / ".git").exists():  # it was installed, or this is a folder inside some other repository
+        return ""
+    describe = ["git", "-C", str(root), "describe", "--always", "--exclude=*", "--dirty=, changed"]
+    try:
+        result = subprocess.run(describe, capture_output=True, text=True, timeout=10)  # noqa: S603 - fixed arguments
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return f" (commit {result.stdout.strip()})" if result.returncode == 0 else ""
+
+
+def _show_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted and not ctx.resilient_parsing:
+        click.echo(f"{ctx.info_name}, version {puppetline.__version__}{_commit()}")
+        ctx.exit()
+
+
 @click.group(
     cls=_Commands,
     commands={name: click.Command(name) for name in COMMANDS},  # names only: `get_command` imports the commands
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-@click.version_option(package_name="puppetline")
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_show_version,
+    help="Show the version and exit.",
+)
 def main() -> None:
-    """Animate any character mesh with a performer's skeleton."""
+    """Animate any character mesh with a performer's skeleton.
+
+    \b
+    First commands:
+      puppetline demo                        animate example characters
+      puppetline studio                      animate your own, in a browser
+      puppetline new MESH.glb -o mine.toml   or here: propose limbs for it
+    """  # noqa: D301 - click wants the character
     logging.basicConfig(format="puppetline: %(message)s", level=logging.WARNING)

@@ -1,4 +1,5 @@
 import os
+import shutil
 import subprocess
 import sys
 from functools import partial
@@ -8,6 +9,8 @@ import pytest
 
 import puppetline
 from engine_bridge.cli.main import COMMANDS
+
+from ..conftest import ROOT
 
 run = partial(subprocess.run, capture_output=True, text=True)
 MODULE, SCRIPT = [sys.executable, "-m", "puppetline"], [sys.executable, "-c"]
@@ -58,9 +61,14 @@ def test_help_is_there_before_anything_heavy_is_imported(command):
     assert done.stdout.splitlines()[-1] == "imported:"
 
 
-def test_the_version_is_that_of_the_installed_package():
+def test_the_version_is_that_of_the_installed_package_and_a_checkout_adds_its_commit():
     done = run([*MODULE, "--version"], check=True)
-    assert done.stdout == f"python -m puppetline, version {version('puppetline')}\n"
+    shown, _, commit = done.stdout.strip().partition(" (commit ")
+    assert shown == f"python -m puppetline, version {version('puppetline')}"
+    if (ROOT / ".git").exists() and shutil.which("git"):
+        head = run(["git", "-C", str(ROOT), "rev-parse", "HEAD"], check=True).stdout
+        assert head.startswith(commit.rstrip(")").removesuffix(", changed"))
+        assert len(commit) >= 7
     assert puppetline.__version__ == version("puppetline")
     with pytest.raises(AttributeError, match="__versoin__"):
         _ = puppetline.__versoin__

@@ -107,6 +107,12 @@ def test_the_help_lists_every_command_and_no_former_name(invoke):
     assert [line.split()[0] for line in lines if line.strip()] == sorted(COMMANDS)
 
 
+def test_without_a_command_the_first_ones_are_shown(invoke):
+    shown = invoke()
+    first = (shown.stdout + shown.stderr).split("First commands:")[1].split("Options:")[0]
+    assert [line.split()[1] for line in first.splitlines() if line.strip()] == ["demo", "studio", "new"]
+
+
 def test_a_former_name_is_the_same_command():
     for former, name in FORMER_NAMES.items():
         assert main.get_command(None, former) is main.get_command(None, name)

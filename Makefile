@@ -142,7 +142,7 @@ dist: studio ## Build the archives of a release, with SBOMs and checksums, into 
 	uv pip install --quiet --python build/installed --constraint requirements.txt dist/*.whl
 	uvx --quiet --from cyclonedx-bom cyclonedx-py environment --pyproject pyproject.toml --output-reproducible \
 		--output-file dist/puppetline-$(VERSION).cdx.json build/installed
-	dist=$(CURDIR)/dist && $(WITH_NODE) npm sbom --omit dev --sbom-format cyclonedx \
+	dist=$(CURDIR)/dist && $(WITH_NODE) npm sbom --package-lock-only --omit dev --sbom-format cyclonedx \
 		>"$$dist/puppetline-page-$(VERSION).cdx.json"
 	cd dist && rm -f .gitignore && sha256sum -- * >SHA256SUMS
 

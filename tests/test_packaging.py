@@ -115,4 +115,4 @@ def test_the_archives_of_engines_and_web_pages_hold_their_folders_and_nothing_el
     assert addon == {name for name in committed("godot") if name.startswith("addons/puppetline/")}
     assert {f"addons/puppetline/{name}" for name in ("plugin.cfg", "LICENSE", "README.md", "icon.png")} <= addon
     assert packed("com.puppetline.unity-*.tgz") == committed("unity")
-    assert packed("puppetline-[0-9]*.tgz") == committed("web") - {"example.html", "tsconfig.json"}
+    assert packed("puppetline-web-*.tgz") == committed("web") - {"example.html", "tsconfig.json"}

@@ -89,10 +89,10 @@ def test_the_sdist_holds_the_page(built, page):
 
 def test_the_packages_of_engines_and_web_pages_have_the_version_of_the_project():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
-    unity = json.loads((ROOT / "integrations/unity/package.json").read_text(encoding="utf-8"))["version"]
-    web = json.loads((ROOT / "integrations/web/package.json").read_text(encoding="utf-8"))["version"]
+    packages = ("integrations/unity", "integrations/web", "engine_bridge/studio/page")
+    texts = [(ROOT / folder / "package.json").read_text(encoding="utf-8") for folder in packages]
     godot = (ROOT / "integrations/godot/addons/puppetline/plugin.cfg").read_text(encoding="utf-8")
-    assert unity == web == project
+    assert {json.loads(text)["version"] for text in texts} == {project}
     assert f'version="{project}"' in godot
 
 

@@ -19,7 +19,7 @@ from engine_bridge.batch.grouping import Grouping
 from engine_bridge.batch.identity import identity
 from engine_bridge.batch.recordings import Recording
 from engine_bridge.batch.store import Job, Record, Store
-from engine_bridge.export.convert import load_rig_for
+from engine_bridge.performance.rig import load_rig
 from puppetline.errors import PuppetError
 
 
@@ -106,7 +106,7 @@ def make_jobs(
         of_performers = identity_of_performers(batch)
         jobs = [Job(recording.name, recording.path, None, of_performers) for recording in recordings]
     for name, puppet in names.items():
-        of_puppet = identity(load_rig_for(puppet, batch.settings), batch.settings, batch.users)
+        of_puppet = identity(load_rig(puppet), batch.settings, batch.users)
         for recording in recordings:
             jobs.append(Job(f"{name}/{recording.name}", recording.path, puppet.absolute(), of_puppet))
     return [job for job in jobs if shard is None or shard.has(job.name)]

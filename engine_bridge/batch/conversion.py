@@ -13,7 +13,7 @@ from capture.timeline import choose
 from engine_bridge.batch.identity import FileState, identity, performer_identity, result_key
 from engine_bridge.batch.row import Row
 from engine_bridge.batch.store import Job, Record, Store
-from engine_bridge.export.convert import Summary, convert_timeline, load_rig_for
+from engine_bridge.export.convert import Summary, convert_timeline
 from engine_bridge.export.performer.convert import PerformerSummary, convert_performer, stage_of
 from engine_bridge.performance.clip import Clip, load_timeline, perform, timeline_of
 from engine_bridge.performance.rig import Rig, load_rig
@@ -251,7 +251,7 @@ def _failed(row: Row, error: Exception) -> Row:
 @lru_cache(maxsize=MAX_RIGS)
 def _loaded(puppet: Path, settings: Settings, users: str) -> tuple[Rig, str]:
     """Return a puppet with its prepared character, and its identity."""
-    rig = load_rig_for(puppet, settings)
+    rig = load_rig(puppet)
     return rig, identity(rig, settings, users)
 
 

@@ -37,13 +37,13 @@ _FIRST_SECONDS, _LATER_SECONDS = 0.2, 1.0  # time between measurements, before a
 _MIN_EXTENT_METRES = 0.6  # of the floor, across and away, because a strip does not determine the tilt
 
 
-def find_floor(depth: NDArray[np.uint16], lens: Lens) -> SensorTilt | None:
+def find_floor(depth: NDArray[np.float32], lens: Lens) -> SensorTilt | None:
     """Return tilt, roll and height of the sensor that took a depth image.
 
     Parameters
     ----------
-    depth : (height, width) uint16
-        Millimetres; 0 for unknown.
+    depth : (height, width) float32
+        Metres; 0 for unknown.
     lens : Lens
 
     Returns
@@ -71,11 +71,11 @@ def find_floor(depth: NDArray[np.uint16], lens: Lens) -> SensorTilt | None:
     return found if found.height >= MIN_HEIGHT_METRES and steepest <= MAX_TILT_DEGREES else None
 
 
-def _points(depth: NDArray[np.uint16], lens: Lens) -> Floats:
+def _points(depth: NDArray[np.float32], lens: Lens) -> Floats:
     """Return evenly spread points (n, 3) with known depth, in metres."""
     step = max(1, round(math.sqrt(depth.size / _POINT_COUNT)))
     rows, columns = np.indices(depth.shape)[:, step // 2 :: step, step // 2 :: step]
-    metres = depth[rows, columns] / 1000.0
+    metres = depth[rows, columns].astype(np.float64)
     pixels = np.stack([columns, rows], axis=-1) + 0.5
     return lens.unproject(pixels, metres)[metres > 0]
 

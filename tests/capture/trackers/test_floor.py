@@ -58,11 +58,16 @@ def test_little_or_no_depth_gives_no_result():
 
 @settings(max_examples=60)
 @given(
-    depth=arrays(np.uint16, st.tuples(st.integers(1, 64), st.integers(1, 64)), fill=st.sampled_from([0, 800, 65535])),
-    slope=st.integers(0, 400),
+    depth=arrays(
+        np.float32,
+        st.tuples(st.integers(1, 64), st.integers(1, 64)),
+        elements=st.floats(0, 65.5, width=32),
+        fill=st.sampled_from([0.0, 0.75, 65.0]),
+    ),
+    slope=st.floats(0, 0.4),
 )
 def test_any_depth_gives_a_plausible_result_or_none(depth, slope):
-    depth = (depth + slope * np.arange(len(depth))[:, None]).astype(np.uint16)
+    depth = (depth + slope * np.arange(len(depth))[:, None]).astype(np.float32)
     found = find_floor(depth, Lens(depth.shape[1], depth.shape[0], 60.0))
     assert found is None or (found.height > 0 and max(abs(found.tilt), abs(found.roll)) < 50)
 

@@ -95,6 +95,7 @@ SCHEMES: dict[str, Opener] = {
     "camera": _camera,
     "video": _video,
     "openni": _sensor("openni"),
+    "realsense": _sensor("realsense"),
     "fused": _fused,
 }
 """Opener of each scheme."""

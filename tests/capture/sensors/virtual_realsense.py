@@ -11,7 +11,7 @@ DEPTH_FOCAL, COLOR_FOCAL, COLOR_CENTER = 500.0, 600.0, (310.5, 250.5)
 class VirtualRealSense:
     """A device whose images a test pushes; depth is already registered unless `apart`."""
 
-    def __init__(self, serial, usb="3.2", apart=False):
+    def __init__(self, serial, usb="3.2", apart=False, focal=COLOR_FOCAL, center=COLOR_CENTER):
         self.serial, self.number = serial, 0
         self.device = rs.software_device()
         for key, value in {
@@ -22,9 +22,9 @@ class VirtualRealSense:
         }.items():
             self.device.register_info(getattr(rs.camera_info, key), value)
         self._sensors = [self.device.add_sensor(name) for name in ("Stereo", "RGB", "Motion")]
-        depth_lens = (DEPTH_FOCAL, (319.5, 239.5)) if apart else (COLOR_FOCAL, COLOR_CENTER)
+        depth_lens = (DEPTH_FOCAL, (319.5, 239.5)) if apart else (focal, center)
         self._depth = self._video(0, rs.stream.depth, rs.format.z16, 2, *depth_lens)
-        self._color = self._video(1, rs.stream.color, rs.format.rgb8, 3, COLOR_FOCAL, COLOR_CENTER)
+        self._color = self._video(1, rs.stream.color, rs.format.rgb8, 3, focal, center)
         self._sensors[0].add_read_only_option(rs.option.depth_units, 0.001)
         self._sensors[0].add_option(rs.option.laser_power, rs.option_range(), True)
         motion = rs.motion_stream()

@@ -59,6 +59,26 @@ def test_depth_sensors_are_recognised_by_usb_ids_and_listed_with_their_sources(u
     ]
 
 
+def test_a_realsense_without_its_library_says_what_to_install_and_a_slow_port_is_named(usb, tmp_path, monkeypatch):
+    nodes = usb("8086:0b07", "8086:0001", "2bc5:0800")  # the second is another device of the same maker
+    for number, (product, speed) in enumerate((("Intel(R) RealSense(TM) 435", "480"), ("Hub", "480"), ("", "5000"))):
+        (tmp_path / "usb" / f"1-{number}" / "product").write_text(product)
+        (tmp_path / "usb" / f"1-{number}" / "speed").write_text(speed)
+    monkeypatch.setitem(sys.modules, "pyrealsense2", None)
+    assert list(sensors._depth_sensors([*sensors._plugged()])) == [
+        Finding("Intel(R) RealSense(TM) 435", True, f"{nodes}/000, for realsense:"),
+        Finding(
+            "Intel(R) RealSense(TM) 435, USB",
+            False,
+            "480 Mbit/s; it requires 5000",
+            "Use a USB 3 port and a USB 3 cable.",
+        ),
+        Finding("Orbbec sensor", None, f"{nodes}/002, not supported; its own programs can send OSC"),
+    ]
+    library = found(sensors.examine(), "librealsense")
+    assert (library.ok, library.fix) == (False, "Install it: pip install 'puppetline[realsense]'")
+
+
 @pytest.mark.parametrize(
     ("kind", "package", "rules"),
     [

@@ -95,6 +95,7 @@ SCHEMES: dict[str, Opener] = {
     "camera": _camera,
     "video": _video,
     "openni": _sensor("openni"),
+    "orbbec": _sensor("orbbec"),
     "realsense": _sensor("realsense"),
     "fused": _fused,
 }

@@ -103,5 +103,14 @@ def test_a_swinging_sensor_is_not_reported():
     assert reports([room(10 + 4 * (k // 2 % 2), 0, 1.2) for k in range(30)]) == []
 
 
+def test_an_accelerometer_shows_the_tilt_without_a_floor_and_refuses_a_plane_that_is_none():
+    up = np.array([0.0, np.cos(np.radians(12)), -np.sin(np.radians(12))])
+    for depth, height in ((room(12, 0, 1.3), 1.3), (room(12, 0, 1.3, floor=False), 0.0), (room(20, 0, 1.3), 0.0)):
+        tracker = FloorTracker()
+        found = [tracker.update(k / 4, Picture(7.0, LENS, None, depth, up)) for k in range(8)]
+        [stands] = [each for each in found if each is not None]
+        assert stands.near(SensorTilt(12, height), 0.3, 0.02)
+
+
 def test_images_without_depth_give_no_result():
     assert reports([None] * 30) == []

@@ -34,7 +34,7 @@ SETTINGS = {"exposure": "microseconds", "laser": "milliwatts"}
 log = logging.getLogger(__name__)
 
 
-def open_source(uri: str, rest: str, folder: Path) -> SensorSource:
+def open_source(uri: str, rest: str, folder: Path, record: Path | None = None) -> SensorSource:
     """Open a sensor or a recording with MediaPipe as its tracker.
 
     Parameters
@@ -43,6 +43,8 @@ def open_source(uri: str, rest: str, folder: Path) -> SensorSource:
         The whole URI, and the part after its scheme.
     folder : Path
         Folder to which paths are relative.
+    record : Path, optional
+        File ``.db3`` to which a sensor's images are recorded.
 
     Raises
     ------
@@ -52,7 +54,7 @@ def open_source(uri: str, rest: str, folder: Path) -> SensorSource:
     """
     selection = parse(uri, rest, settings=SETTINGS)
     load_realsense(uri)
-    return open_depth_camera(uri, selection, lambda: RealSenseDevice(uri, selection, folder))
+    return open_depth_camera(uri, selection, lambda: RealSenseDevice(uri, selection, folder, record))
 
 
 def load_realsense(where: str) -> Any:
@@ -103,10 +105,12 @@ class RealSenseDevice(DepthCamera):
         super().__init__(uri, selection)
         self._rs = load_realsense(uri)
         self._started = False
+        self._record = record
+        self._partial = None if record is None else record.with_name(f".{record.stem}.part.db3")
         self._pipeline, self._config = self._rs.pipeline(), self._rs.config()
         self._profile: Any = None
         try:
-            self._start(selection, folder, record)
+            self._start(selection, folder)
         except RuntimeError as error:
             self.close()
             raise self._failure(error) from error
@@ -121,8 +125,10 @@ class RealSenseDevice(DepthCamera):
             self._pipeline.stop()
         # the library finishes a recording, and closes a file, when nothing refers to it
         self._pipeline = self._config = self._profile = None
+        if self._record is not None and self._partial is not None and self._partial.exists():
+            self._partial.replace(self._record)
 
-    def _start(self, selection: Selection, folder: Path, record: Path | None) -> None:
+    def _start(self, selection: Selection, folder: Path) -> None:
         rs = self._rs
         if selection.recorded:
             self._config.enable_device_from_file(str(folder / selection.value), selection.loop)
@@ -133,8 +139,8 @@ class RealSenseDevice(DepthCamera):
             device = self._choose(selection)
             self._pipeline.set_device(device)
             self._enable(device)
-            if record is not None:
-                self._config.enable_record_to_file(str(record))
+            if self._partial is not None:
+                self._config.enable_record_to_file(str(self._partial))
         self.name = information(rs, device, "name")
         self._serial = information(rs, device, "serial_number")
         for name, value in selection.settings.items():

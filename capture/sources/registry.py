@@ -50,6 +50,27 @@ def open_source(uri: str, folder: Path = Path()) -> SkeletonSource:
     return SCHEMES[scheme](uri, rest, folder)
 
 
+def open_recording_sensor(uri: str, path: Path) -> SkeletonSource:
+    """Open a sensor that writes its images to a file as long as it is open.
+
+    Raises
+    ------
+    SourceError
+        The source is not a RealSense that is plugged in, or cannot be opened.
+    """
+    scheme, _, rest = uri.partition(":")
+    if scheme != "realsense" or is_recorded(uri):
+        raise SourceError(
+            uri,
+            found="a source whose sensor cannot record its images",
+            expected="a RealSense that is plugged in, realsense:",
+            fix="Remove --sensor: takes of other sources have skeletons only.",
+        )
+    from capture.sensors.realsense import open_source
+
+    return open_source(uri, rest, Path(), path)
+
+
 def _demo(uri: str, rest: str, _folder: Path) -> SkeletonSource:
     return open_demo(uri, rest.removesuffix(LOOP_SUFFIX), rest.endswith(LOOP_SUFFIX))
 

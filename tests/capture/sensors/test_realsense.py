@@ -1,15 +1,19 @@
 """Through the real librealsense, with its own software device in place of a sensor on USB."""
 
+import threading
+import time
 from contextlib import ExitStack, closing
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
-from capture.sensors import realsense
+from capture.sensors import depth_camera, realsense
 from capture.sensors.depth_camera import Selection
 from capture.sensors.realsense import SETTINGS, RealSenseDevice, parse
+from engine_bridge.cli.record import record
 from puppetline.errors import SourceError
 
 from ...conftest import missing
@@ -110,3 +114,37 @@ def test_a_missing_library_is_an_error_with_the_command_that_installs_it(monkeyp
     monkeypatch.setitem(__import__("sys").modules, "pyrealsense2", None)
     with pytest.raises(SourceError, match=r"puppetline\[realsense\]"):
         realsense.open_source(NAME, "", Path())
+
+
+def test_record_writes_the_images_beside_the_take(plug, noise, monkeypatch, scripted_tracker, tmp_path):
+    sensor, images, stop = plug("7"), noise(), threading.Event()
+    monkeypatch.setattr(depth_camera, "load_mediapipe", lambda: None)
+    monkeypatch.setattr(depth_camera, "MediaPipePose", lambda: scripted_tracker)
+
+    def perform():
+        while not stop.wait(1 / 30):
+            sensor.show(*images, time.monotonic())
+
+    performing = threading.Thread(target=perform)
+    performing.start()
+    files = [str(tmp_path / name) for name in ("take.log", "take.db3")]
+    arguments = ["--source", NAME, "-o", files[0], "--sensor", files[1], "--seconds", "0.7"]
+    found = CliRunner().invoke(record, arguments)
+    refused = CliRunner().invoke(record, ["--source", "demo:walk", "-o", files[0], "--sensor", f"{tmp_path}/b.db3"])
+    stop.set()
+    performing.join()
+    assert found.exit_code == 0, found.output
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["take.db3", "take.log"]
+    with closing(RealSenseDevice(NAME, Selection("file", files[1]))) as device:
+        np.testing.assert_array_equal(read(device).color, images[1])
+    assert "a source whose sensor cannot record its images" in str(refused.exception)
+
+
+def test_settings_reach_the_sensor_and_a_setting_that_it_lacks_is_an_error(plug):
+    sensor = plug("7")
+    with closing(RealSenseDevice(NAME, Selection(settings={"laser": 90.0}))):
+        assert sensor.laser == 90.0
+    with closing(RealSenseDevice(NAME, Selection())):
+        assert sensor.laser == 90.0
+    with pytest.raises(SourceError, match="no exposure that Virtual RealSense 7 can change"):
+        RealSenseDevice(NAME, Selection(settings={"exposure": 8000.0}))

@@ -26,7 +26,9 @@ class VirtualRealSense:
         self._depth = self._video(0, rs.stream.depth, rs.format.z16, 2, *depth_lens)
         self._color = self._video(1, rs.stream.color, rs.format.rgb8, 3, focal, center)
         self._sensors[0].add_read_only_option(rs.option.depth_units, 0.001)
-        self._sensors[0].add_option(rs.option.laser_power, rs.option_range(), True)
+        power = rs.option_range()
+        power.min, power.max, power.step, power.default = 0.0, 360.0, 30.0, 150.0
+        self._sensors[0].add_option(rs.option.laser_power, power, True)
         motion = rs.motion_stream()
         motion.type, motion.index, motion.uid, motion.fps = rs.stream.accel, 0, 2, 200
         motion.fmt, motion.intrinsics = rs.format.motion_xyz32f, rs.motion_device_intrinsic()
@@ -36,6 +38,11 @@ class VirtualRealSense:
         self._depth.register_extrinsics_to(self._color, place)
         self._accel.register_extrinsics_to(self._color, place)
         self.device.create_matcher(rs.matchers.default)
+
+    @property
+    def laser(self):
+        """Power of the laser, in millipower."""
+        return self._sensors[0].get_option(rs.option.laser_power)
 
     def _video(self, uid, kind, form, size, focal, center):
         lens, stream = rs.intrinsics(), rs.video_stream()

@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from capture.libraries import NotInstalledError
-from capture.sensors import freenect, openni_library, realsense
+from capture.sensors import freenect, openni_library, orbbec, realsense
 from capture.sensors.camera import load_opencv
 from capture.trackers import nite
 from capture.trackers.mediapipe import load_mediapipe
@@ -41,6 +41,7 @@ class Kind:
     speed: int = 480
 
 
+_ASTRA = Kind("Orbbec Astra", "openni:")
 _OPENNI = "openni:", "libopenni2-0", openni_library.UDEV_RULES
 
 KINDS: dict[str, Kind] = {
@@ -52,10 +53,13 @@ KINDS: dict[str, Kind] = {
     "1d27:0600": Kind("Asus Xtion", *_OPENNI),
     "1d27:0601": Kind("Asus Xtion Pro Live", *_OPENNI),
     "1d27:0609": Kind("PrimeSense Carmine", *_OPENNI),
+    "2bc5:0401": _ASTRA,
+    "2bc5:0402": _ASTRA,
+    "2bc5:0403": _ASTRA,
 }
 """Known depth sensors by USB vendor and product."""
 
-VENDORS = {"2bc5": Kind("Orbbec sensor", speed=5000)}
+VENDORS = {"2bc5": Kind("Orbbec sensor", "orbbec:")}
 """Vendors of depth sensors only, for products that are not in `KINDS`."""
 
 _REALSENSE_VENDOR = "8086", "RealSense"  # Intel makes much else, so the product's name counts too
@@ -77,7 +81,11 @@ def examine() -> Iterator[Finding]:
     yield from _openni_sensors()
     yield _library("librealsense", _realsense, "realsense:", needed="realsense:" in schemes)
     yield from _realsense_sensors()
-    tracks = bool({"freenect:", "realsense:"} & schemes) or ("openni:" in schemes and nite.library_path() is None)
+    yield _library("Orbbec SDK", _orbbec, "orbbec:", needed="orbbec:" in schemes)
+    yield from _orbbec_sensors()
+    tracks = bool({"freenect:", "orbbec:", "realsense:"} & schemes) or (
+        "openni:" in schemes and nite.library_path() is None
+    )
     yield _library("MediaPipe", _mediapipe, "camera:, video: and depth sensors", needed=tracks)
     yield _library("OpenCV", _opencv, "camera: and video:", needed=False)
     yield _nite()
@@ -133,7 +141,7 @@ def _depth_sensors(plugged: list[tuple[Kind, Path, str]]) -> Iterator[Finding]:
                 (
                     f"Install the udev rules {kind.rules} from Debian's {kind.package}, "
                     if kind.rules
-                    else 'Write SUBSYSTEM=="usb", ATTRS{idVendor}=="8086", MODE="0666" into /etc/udev/rules.d, '
+                    else "Install the udev rules of the maker's SDK, "
                 )
                 + "run udevadm control --reload, and plug the sensor in again.",
             )
@@ -205,6 +213,23 @@ def _realsense_sensors() -> Iterator[Finding]:
             for each in ("name", "serial_number", "firmware_version", "usb_type_descriptor")
         )
         yield Finding(f"realsense:serial={serial}", True, f"{name}, firmware {firmware}, USB {usb}")
+
+
+def _orbbec(name: str) -> str:
+    count = len(orbbec.plugged_in(orbbec.load_orbbec(name)))
+    return f"installed; {count or 'no'} sensor{'s' * (count > 1)} plugged in"
+
+
+def _orbbec_sensors() -> Iterator[Finding]:
+    """Return the sensors that Orbbec's SDK finds, by the URIs of their sources."""
+    try:
+        library = orbbec.load_orbbec("Orbbec SDK")
+    except SourceError:  # reported with the library
+        return
+    for device in orbbec.plugged_in(library):
+        about = device.get_device_info()
+        detail = f"{about.get_name()}, firmware {about.get_firmware_version()}, {about.get_connection_type()}"
+        yield Finding(f"orbbec:serial={about.get_serial_number()}", True, detail)
 
 
 def _nite() -> Finding:

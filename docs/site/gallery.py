@@ -46,8 +46,8 @@ QUATERNIUS, KAYKIT, KENNEY = "Quaternius", "KayKit (Kay Lousberg)", "Kenney"
 class Model(NamedTuple):
     """A model, the recording that it plays, and who made it.
 
-    `mesh` is its path in the data folder, empty for an example character; `recording` is an example motion, or a path in
-    the data folder. `part` is the part of the recording in seconds in which the loop is sought.
+    `mesh` is its path in the data folder, empty for an example character. `recording` is an example motion, or a path
+    in the data folder. `part` is the part of the recording in seconds in which the loop is sought.
     """
 
     name: str
@@ -180,7 +180,7 @@ def frames_of(video: Path) -> Iterator[NDArray[np.uint8]]:
 
 def write_pages(models: list[Model], folder: Path) -> None:
     """Write the viewer, a page for each model, and the page of all."""
-    subprocess.run(
+    subprocess.run(  # noqa: S603
         [
             *(PAGE / "node_modules" / "esbuild" / "bin" / "esbuild", Path(__file__).with_name("viewer.js")),
             *("--bundle", "--minify", "--format=iife", "--target=es2022", f"--outfile={folder / 'viewer.js'}"),
@@ -191,9 +191,9 @@ def write_pages(models: list[Model], folder: Path) -> None:
     template = Path(__file__).with_name("gallery.html").read_text(encoding="utf-8")
     for model in models:
         file = base64.b64encode((folder / f"{model.name}.animated.glb").read_bytes()).decode()
+        links = f'<a href="index.html">All</a> · <a href="{model.name}.animated.glb" download>Save the .glb</a>'
         body = (
-            f'<p><a href="index.html">All characters</a> · <a href="{model.name}.animated.glb" download>Save the .glb</a>'
-            f' · {credit(model)}</p><canvas aria-label="{model.name}, animated; drag to turn it"></canvas>'
+            f'<p>{links} · {credit(model)}</p><canvas aria-label="{model.name}, animated; drag to turn it"></canvas>'
             f'<script type="text/plain" id="glb">{file}</script><script src="viewer.js"></script>'
         )
         (folder / f"{model.name}.html").write_text(filled(template, model.name.capitalize(), body), encoding="utf-8")

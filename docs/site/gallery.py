@@ -60,7 +60,10 @@ class Model(NamedTuple):
 
 
 MODELS = (
-    *(Model(name, "", motion, "Puppetline", "MIT") for name, motion in MOTIONS.items()),
+    *(
+        Model(name, "", motion, "Puppetline", "MIT", (3.0, 8.4) if name == "dog" else (0.0, 1e3))  # the dog gives a paw
+        for name, motion in MOTIONS.items()
+    ),
     Model("husky", "mesh/gltf/quaternius_Husky.glb", "walk", QUATERNIUS),
     Model("fox", "mesh/gltf/quaternius_Fox.glb", "bark", QUATERNIUS),
     Model("trex", "mesh/gltf/quaternius_Trex.glb", "roar", QUATERNIUS),
@@ -163,11 +166,11 @@ def write_image(model: Model, folder: Path, loop: tuple[float, float], path: Pat
         begin = round(loop[0] * FPS)  # the video begins a cross-fade after the loop
         at = begin + (number + round(0.3 * FPS)) % (round(loop[1] * FPS) - begin)
         performer = Image.fromarray(stick_figure.draw(joints[at], view, PERFORMER_SIZE))
-        image.paste(performer, (IMAGE_SIZE - PERFORMER_SIZE[0] - 6, IMAGE_SIZE - PERFORMER_SIZE[1] - 6))
+        image.paste(performer, (6, IMAGE_SIZE - PERFORMER_SIZE[1] - 6))
         images.append(image)
     path.parent.mkdir(parents=True, exist_ok=True)
     images[0].save(
-        path, save_all=True, append_images=images[1:], duration=1000 // IMAGE_FPS, loop=0, quality=58, method=6
+        path, save_all=True, append_images=images[1:], duration=1000 // IMAGE_FPS, loop=0, quality=58, method=3
     )
 
 

@@ -1,6 +1,6 @@
 """The recorded frames of one performer, which every format reader returns."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import repeat
 
@@ -33,6 +33,8 @@ class SkeletonClip:
         Orientations of the bones (`capture.orientations`), NaN if unknown.
     cues : tuple of Cue
         Commands of the whole recording, in its order; only takes have them.
+    channels : mapping of str to (T,) float32, optional
+        Values of channels (`capture.channels`), NaN if unknown.
     """
 
     format: str
@@ -43,6 +45,7 @@ class SkeletonClip:
     notes: tuple[str, ...] = field(default=())
     orientations: NDArray[np.float64] | None = None
     cues: tuple[Cue, ...] = ()
+    channels: Mapping[str, NDArray[np.float32]] | None = None
 
     def __post_init__(self) -> None:
         """Check the conditions on which all later steps rely; a failure is a bug of the reader."""

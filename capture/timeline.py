@@ -135,10 +135,11 @@ def resample(clip: SkeletonClip, fps: float = 30.0, max_gap: float = 0.25) -> Ti
     orientations = None
     if clip.orientations is not None:
         orientations = _resample_orientations(times, known_times, clip.orientations, max_gap)
+    channels = {name: _resample_channel(times, known_times, each) for name, each in (clip.channels or {}).items()}
     seen = seen - seen[0]
     before_gap = np.flatnonzero(np.diff(seen) > max_gap + TIME_TOLERANCE_SECONDS)
     gaps = tuple((float(seen[i]), float(seen[i + 1])) for i in before_gap)
-    return Timeline(fps, positions, confidence, gaps, orientations)
+    return Timeline(fps, positions, confidence, gaps, orientations, channels=channels or None)
 
 
 def choose(clips: Sequence[SkeletonClip], user: int | None = None) -> tuple[SkeletonClip, str]:
@@ -201,6 +202,14 @@ def _resample_joint(
     resampled = positions[left] + part * (positions[right] - positions[left])
     lower = np.minimum(confidence[left], confidence[right])
     return resampled, np.where(on_sample, confidence[left], np.where(between, lower, np.float32(LOST)))
+
+
+def _resample_channel(
+    times: NDArray[np.float64], sample_times: NDArray[np.float64], samples: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Interpolate the known samples (S,) of a channel at times (T,)."""
+    known = ~np.isnan(samples)
+    return np.interp(times, sample_times[known], samples[known]).astype(np.float32)
 
 
 def _resample_orientations(

@@ -75,10 +75,18 @@ def clips_by_performer(
         orientations = np.stack(turns) if any(frame.orientations is not None for frame in seen) else None
         if (confidence > LOST).any():
             clip = build_clip(path, log_format, times, positions, confidence, notes, orientations)
-            clips.append(replace(clip, user=user))
+            clips.append(replace(clip, user=user, channels=_channels(clip.times, seen)))
     if not clips:
         raise _no_performer(path, "no frame with a tracked performer")
     return clips
+
+
+def _channels(times: NDArray[np.float64], frames: list[SkeletonFrame]) -> dict[str, NDArray[np.float32]] | None:
+    """Return the channels at the times (T,) of a clip, which is a part of the frames; None if they have none."""
+    by_time = {frame.time: frame.channels or {} for frame in reversed(frames)}
+    kept = [by_time[time] for time in times.tolist()]
+    names = dict.fromkeys(name for each in kept for name in each)
+    return {name: np.array([each.get(name, np.nan) for each in kept], np.float32) for name in names} or None
 
 
 def frame_rate(options: ReadOptions, default: float) -> tuple[float, tuple[str, ...]]:

@@ -40,7 +40,9 @@ def with_voice(timeline: Timeline, clip: SkeletonClip, log: Path) -> tuple[Timel
         samples, rate = read_wav(path)
     except (OSError, EOFError, wave.Error) as error:
         return timeline, (f"The sound of the take, {path}, cannot be read ({error}); mouths stay closed.",)
-    return replace(timeline, channels={"voice": voice_of(samples, rate, timeline.times - begin)}), ()
+    return replace(
+        timeline, channels={**(timeline.channels or {}), "voice": voice_of(samples, rate, timeline.times - begin)}
+    ), ()
 
 
 def sound_of(clip: SkeletonClip, log: Path) -> tuple[Path, float] | None:

@@ -94,8 +94,11 @@ def wait(source: SkeletonSource, deadline: float) -> None:
     """Wait for an event, until the source or the deadline (of `time.monotonic`) is due, at most `MAX_WAIT_SECONDS`."""
     seconds = min(source.due(), deadline) - time.monotonic()
     descriptor = source.fileno()
-    readable = [] if descriptor is None else [descriptor]
-    select.select(readable, [], [], min(max(seconds, 0.0), MAX_WAIT_SECONDS))
+    seconds = min(max(seconds, 0.0), MAX_WAIT_SECONDS)
+    if descriptor is None:
+        time.sleep(seconds)  # Windows refuses to select from nothing
+    else:
+        select.select([descriptor], [], [], seconds)
 
 
 class SilentSource:

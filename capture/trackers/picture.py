@@ -4,6 +4,7 @@ Positions are in sensor coordinates, as in `capture.skeleton`: y up, z away from
 which is left in the image, at +x.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -85,11 +86,14 @@ class Person:
         Metres, in the order of `capture.skeleton.JOINTS`.
     confidence : (20,) float32 array
         From 0 (lost) to 1 (tracked), as in `capture.skeleton`.
+    channels : mapping of str to float, optional
+        Values of channels (`capture.channels`) from 0 to 1.
     """
 
     user: int
     positions: NDArray[np.float32]
     confidence: NDArray[np.float32]
+    channels: Mapping[str, float] | None = None
 
 
 class Device(Protocol):

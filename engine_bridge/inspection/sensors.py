@@ -5,6 +5,7 @@ camera may be built into the machine, so a missing permission to open it is no f
 """
 
 import os
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -92,6 +93,8 @@ def examine() -> Iterator[Finding]:
 
 
 def _cameras() -> Iterator[Finding]:
+    if sys.platform == "win32":  # it has no device files
+        return
     cameras = sorted(_CAMERAS.glob("video*"))
     if not cameras:
         yield Finding("cameras", None, "no /dev/video*")

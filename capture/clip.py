@@ -31,6 +31,8 @@ class SkeletonClip:
         Sentences for the user about the reader's assumptions and skipped data.
     orientations : (T, 20, 4) float64, optional
         Orientations of the bones (`capture.orientations`), NaN if unknown.
+    channels : dict of str to (T,) float32, optional
+        Values of channels (`capture.channels`), NaN if unknown.
     cues : tuple of Cue
         Commands of the whole recording, in its order; only takes have them.
     """
@@ -43,6 +45,7 @@ class SkeletonClip:
     notes: tuple[str, ...] = field(default=())
     orientations: NDArray[np.float64] | None = None
     cues: tuple[Cue, ...] = ()
+    channels: dict[str, NDArray[np.float32]] | None = None
 
     def __post_init__(self) -> None:
         """Check the conditions on which all later steps rely; a failure is a bug of the reader."""
@@ -65,5 +68,7 @@ class SkeletonClip:
         """Yield the frames one by one, like a live source."""
         orientations = repeat(None) if self.orientations is None else self.orientations
         frames = zip(self.times, self.positions, self.confidence, orientations, strict=False)
-        for time, positions, confidence, orientation in frames:
-            yield SkeletonFrame(float(time), self.user, positions, confidence, orientation)
+        for number, (time, positions, confidence, orientation) in enumerate(frames):
+            values = {name: float(each[number]) for name, each in (self.channels or {}).items()}
+            known = {name: value for name, value in values.items() if not np.isnan(value)}
+            yield SkeletonFrame(float(time), self.user, positions, confidence, orientation, known or None)

@@ -114,6 +114,15 @@ def read_wav(path: Path) -> tuple[NDArray[np.float32], int]:
         return samples.astype(np.float32) / np.float32(32768), file.getframerate()
 
 
+def is_wav(path: Path) -> bool:
+    """Return whether `read_wav` can read a file."""
+    try:
+        with wave.open(str(path)) as file:
+            return (file.getsampwidth(), file.getnchannels()) == (2, 1)
+    except (OSError, EOFError, wave.Error):
+        return False
+
+
 class WavWriter:
     """Appends samples to a .wav of 16 bits and one channel; the file is readable at any time.
 
@@ -204,6 +213,7 @@ class Microphone:
     """
 
     rate = SAMPLE_RATE
+    _open = 0  # microphones of this process
 
     def __init__(self, device: str | None = None) -> None:
         try:
@@ -217,6 +227,9 @@ class Microphone:
             ) from error
         self._blocks: queue.SimpleQueue[Block] = queue.SimpleQueue()
         self.overflows = 0
+        if not Microphone._open:  # PortAudio lists devices once; this ends all of its streams
+            sounddevice._terminate()
+            sounddevice._initialize()
         try:
             self._stream: Any = sounddevice.InputStream(
                 samplerate=SAMPLE_RATE,
@@ -232,8 +245,9 @@ class Microphone:
                 "sound" if device is None else f"sound {device!r}",
                 found=f"a microphone that cannot be opened ({error})",
                 expected="a microphone that no other program uses",
-                fix="Plug one in, or choose another one with --sound-device.",
+                fix="Plug one in, or choose another one.",
             ) from error
+        Microphone._open += 1
 
     def blocks(self) -> Iterator[Block]:
         """Yield the blocks that have arrived."""
@@ -241,8 +255,10 @@ class Microphone:
             yield self._blocks.get()
 
     def close(self) -> None:
-        """Release the microphone."""
-        self._stream.close()
+        """Release the microphone. Closing again does nothing."""
+        if not self._stream.closed:
+            Microphone._open -= 1
+            self._stream.close()
 
     def _arrived(self, samples: NDArray[np.float32], _count: int, times: Any, status: Any) -> None:
         self.overflows += bool(status.input_overflow)

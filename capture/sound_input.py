@@ -1,19 +1,35 @@
 """The sound that a live service hears: the channel ``voice`` of its performers, and the sound beside a take."""
 
+import logging
+import queue
+import threading
 import time
 import wave
-from collections.abc import Iterator
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from capture.sound import BLOCK_SECONDS, Block, ClockedSound, Microphone, WavWriter, read_wav
-from capture.voice import Voice
+from capture.voice import STEP_SECONDS, Voice
 from puppetline.errors import SourceError
 
 MISSING_SECONDS = 0.5
 """Time without samples after which mouths close, in seconds."""
+
+LOST_SECONDS = 3.0
+"""Time without samples after which a microphone counts as unplugged, in seconds."""
+
+RETRY_SECONDS = 2.0
+"""Interval between attempts to open an unplugged microphone, in seconds."""
+
+KEPT_SECONDS = 2.0
+"""Maximum lateness of a frame that gets the voice of its own time, in seconds."""
+
+log = logging.getLogger(__name__)
 
 
 class SoundSource(Protocol):
@@ -73,21 +89,36 @@ class SoundFile:
 class SoundInput:
     """Follows the loudness of a sound, and writes it beside a take.
 
+    A microphone that falls silent is logged once, and opened again in the background when it is back.
+
     Parameters
     ----------
-    source : SoundSource
+    opener : callable
+        Function that opens the sound, now and after a failure.
+
+    Raises
+    ------
+    SourceError
+        The sound cannot be opened now.
     """
 
-    def __init__(self, source: SoundSource) -> None:
-        self.source = source
-        self._voice, self._value, self._heard = Voice(source.rate), 0.0, time.monotonic()
-        self._clocked = ClockedSound(source.rate)
+    def __init__(self, opener: Callable[[], SoundSource]) -> None:
+        self.source = opener()
+        self._opener = opener
+        self._heard, self._lost, self._closed = time.monotonic(), False, threading.Event()
+        self._reopened: queue.SimpleQueue[SoundSource] = queue.SimpleQueue()
+        self._voice = Voice(self.source.rate)
+        self._values: deque[tuple[float, float]] = deque(maxlen=round(KEPT_SECONDS / STEP_SECONDS))
+        self._clocked = ClockedSound(self.source.rate)
         self._writer: WavWriter | None = None
 
-    @property
-    def voice(self) -> float:
-        """The channel now; 0 if no sound arrives any more."""
-        return self._value if time.monotonic() - self._heard < MISSING_SECONDS else 0.0
+    def voice_at(self, moment: float) -> float:
+        """Return the channel at a moment of `time.monotonic`; 0 if no sound has arrived shortly before it."""
+        number = bisect_right(self._values, (moment, 1.0)) - 1
+        if number < 0:
+            return 0.0
+        time_of_value, value = self._values[number]
+        return value if moment - time_of_value < MISSING_SECONDS else 0.0
 
     @property
     def start(self) -> float | None:
@@ -102,13 +133,23 @@ class SoundInput:
         OutputError
             It cannot be written; it is heard nevertheless, and not written any more.
         """
+        if not self._reopened.empty():
+            self.source.close()
+            self.source = self._reopened.get()
         for block in self.source.blocks():
             self._heard = time.monotonic()
+            if self._lost:
+                self._lost = False
+                log.info("the microphone is back")
             values = self._voice.add(block.samples)
-            if len(values):
-                self._value = float(values[-1])
+            end = block.time + len(block.samples) / self.source.rate
+            self._values.extend((end - STEP_SECONDS * (len(values) - 1 - k), float(v)) for k, v in enumerate(values))
             if self._writer is not None:
                 self._write(block)
+        if not self._lost and time.monotonic() - self._heard > LOST_SECONDS:
+            self._lost = True
+            log.warning("the microphone is silent; plug it in again, it is then used at once")
+            threading.Thread(target=self._reopen, daemon=True).start()
 
     def record(self, path: Path) -> None:
         """Write the sound from now on.
@@ -128,8 +169,19 @@ class SoundInput:
 
     def close(self) -> None:
         """Release the microphone."""
+        self._closed.set()
         self.stop()
         self.source.close()
+
+    def _reopen(self) -> None:
+        """Open the microphone again as soon as it is there, in a thread, because that takes a while."""
+        self.source.close()
+        while not self._closed.wait(RETRY_SECONDS):
+            try:
+                self._reopened.put(self._opener())
+            except SourceError:
+                continue
+            return
 
     def _write(self, block: Block) -> None:
         assert self._writer is not None  # noqa: S101 - checked by the caller
@@ -148,5 +200,5 @@ def open_sound(name: str, folder: Path) -> SoundInput:
     SourceError
     """
     if name.lower().endswith(".wav"):
-        return SoundInput(SoundFile(folder / name))
-    return SoundInput(Microphone(None if name == "default" else name))
+        return SoundInput(lambda: SoundFile(folder / name))
+    return SoundInput(lambda: Microphone(None if name == "default" else name))

@@ -16,6 +16,9 @@ from typing import Protocol
 
 from capture.events import TICK_SECONDS, Event, Tick
 
+SENSOR_RECORDINGS = ".oni", ".db3", ".bag"
+"""Endings of the names of sensors' own recordings."""
+
 MAX_WAIT_SECONDS = 1.0
 """Maximum time of one wait, so that the caller's reports continue without events."""
 
@@ -91,8 +94,11 @@ def wait(source: SkeletonSource, deadline: float) -> None:
     """Wait for an event, until the source or the deadline (of `time.monotonic`) is due, at most `MAX_WAIT_SECONDS`."""
     seconds = min(source.due(), deadline) - time.monotonic()
     descriptor = source.fileno()
-    readable = [] if descriptor is None else [descriptor]
-    select.select(readable, [], [], min(max(seconds, 0.0), MAX_WAIT_SECONDS))
+    seconds = min(max(seconds, 0.0), MAX_WAIT_SECONDS)
+    if descriptor is None:
+        time.sleep(seconds)  # Windows refuses to select from nothing
+    else:
+        select.select([descriptor], [], [], seconds)
 
 
 class SilentSource:

@@ -135,10 +135,13 @@ def resample(clip: SkeletonClip, fps: float = 30.0, max_gap: float = 0.25) -> Ti
     orientations = None
     if clip.orientations is not None:
         orientations = _resample_orientations(times, known_times, clip.orientations, max_gap)
+    channels = None
+    if clip.channels is not None:
+        channels = {name: _resample_channel(times, known_times, values) for name, values in clip.channels.items()}
     seen = seen - seen[0]
     before_gap = np.flatnonzero(np.diff(seen) > max_gap + TIME_TOLERANCE_SECONDS)
     gaps = tuple((float(seen[i]), float(seen[i + 1])) for i in before_gap)
-    return Timeline(fps, positions, confidence, gaps, orientations)
+    return Timeline(fps, positions, confidence, gaps, orientations, channels=channels)
 
 
 def choose(clips: Sequence[SkeletonClip], user: int | None = None) -> tuple[SkeletonClip, str]:
@@ -219,6 +222,14 @@ def _resample_orientations(
     resampled = np.stack(found, axis=1)
     resampled[~on_sample & (span > max_gap + TIME_TOLERANCE_SECONDS)] = np.nan
     return resampled
+
+
+def _resample_channel(
+    times: NDArray[np.float64], sample_times: NDArray[np.float64], values: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Interpolate a channel between its known values; hold the first and the last one."""
+    known = ~np.isnan(values)
+    return np.interp(times, sample_times[known], values[known]).astype(np.float32)
 
 
 def _frame_count(clip: SkeletonClip, seen: NDArray[np.float64], fps: float) -> int:

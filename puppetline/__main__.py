@@ -1,5 +1,6 @@
 """The command `puppetline`, and ``python -m puppetline``."""
 
+import io
 import os
 import sys
 
@@ -8,6 +9,9 @@ def run() -> None:
     """Run the command line; Ctrl-C prints no traceback, even while modules are loaded."""
     # all matrices are small, so more threads only wait for each other and take time from the engine
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a pipe on Windows has no character for − or α
+            stream.reconfigure(errors="replace")
     try:
         from engine_bridge.cli.main import main
 

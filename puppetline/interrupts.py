@@ -2,9 +2,19 @@
 
 import contextlib
 import signal
+import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from typing import Any
+
+if sys.platform == "win32":
+    OWN_GROUP: dict[str, Any] = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+    END = signal.CTRL_BREAK_EVENT
+else:
+    OWN_GROUP: dict[str, Any] = {"start_new_session": True}
+    END = signal.SIGTERM
+"""Options of a child process that Ctrl-C does not reach, and the signal that asks it to end."""
 
 REPEAT_SECONDS = 0.01
 """Time after which an interrupt that a callback of a C library has discarded is raised again, in seconds."""

@@ -1,9 +1,11 @@
 """What is installed with `pip install .`: a wheel and an sdist, built here without a warning."""
 
+import json
 import shutil
 import subprocess
 import sys
 import tarfile
+import tomllib
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -83,3 +85,11 @@ def test_the_sdist_holds_the_page(built, page):
     with tarfile.open(built("sdist")) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
     assert page <= names
+
+
+def test_the_addon_and_the_unity_package_have_the_version_of_the_project():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    unity = json.loads((ROOT / "integrations/unity/package.json").read_text(encoding="utf-8"))["version"]
+    godot = (ROOT / "integrations/godot/addons/puppetline/plugin.cfg").read_text(encoding="utf-8")
+    assert unity == project
+    assert f'version="{project}"' in godot

@@ -21,6 +21,7 @@ def build_clip(
     confidence: NDArray[np.float32],
     notes: tuple[str, ...] = (),
     orientations: NDArray[np.float64] | None = None,
+    channels: dict[str, NDArray[np.float32]] | None = None,
 ) -> SkeletonClip:
     """Build one performer's clip from the frames of a recording.
 
@@ -47,7 +48,9 @@ def build_clip(
     if orientations is not None:
         orientations = unit_or_unknown(orientations[keep])
         orientations[confidence < TRACKED] = np.nan
-    return SkeletonClip(log_format, 0, times, positions, confidence, notes, orientations)
+    if channels is not None:
+        channels = {name: values[keep] for name, values in channels.items()}
+    return SkeletonClip(log_format, 0, times, positions, confidence, notes, orientations, channels=channels)
 
 
 def clips_by_performer(
@@ -74,11 +77,19 @@ def clips_by_performer(
         turns = [unknown() if frame.orientations is None else frame.orientations for frame in seen]
         orientations = np.stack(turns) if any(frame.orientations is not None for frame in seen) else None
         if (confidence > LOST).any():
-            clip = build_clip(path, log_format, times, positions, confidence, notes, orientations)
+            channels = _channels(seen)
+            clip = build_clip(path, log_format, times, positions, confidence, notes, orientations, channels)
             clips.append(replace(clip, user=user))
     if not clips:
         raise _no_performer(path, "no frame with a tracked performer")
     return clips
+
+
+def _channels(seen: list[SkeletonFrame]) -> dict[str, NDArray[np.float32]] | None:
+    """Return the values of the channels of all frames; None if there are none."""
+    values = [frame.channels or {} for frame in seen]
+    names = dict.fromkeys(name for each in values for name in each)
+    return {name: np.array([each.get(name, np.nan) for each in values], np.float32) for name in names} or None
 
 
 def frame_rate(options: ReadOptions, default: float) -> tuple[float, tuple[str, ...]]:

@@ -33,6 +33,7 @@ from engine_bridge.cli.progress import Reporter
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from puppetline.errors import PuppetlineError
+from puppetline.interrupts import OWN_GROUP
 
 EXAMPLE_CHARACTER, EXAMPLE_VERTICES = "biped", 43_243
 """The character that is measured by default, and its number of vertices, which is that of the Armadillo mesh."""
@@ -252,7 +253,7 @@ def in_process(
         text=True,
         check=True,
         env=os.environ | ONE_THREAD,
-        start_new_session=True,  # Ctrl-C stops only this process, which then stops the other
+        **OWN_GROUP,  # Ctrl-C stops only this process, which then stops the other
     )
     result: dict[str, Any] = json.loads(done.stdout)
     if "error" in result:

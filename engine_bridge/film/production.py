@@ -123,8 +123,9 @@ def produce(path: Path, scene: Scene, progress: Progress) -> Production:
     frames = max(actor.end for actor in actors)
     if scene.film.seconds is not None:
         frames = max(round(scene.film.seconds * scene.film.fps), 2)
-    sounds, missing = _sounds(scene, actors)
-    return Production(path, scene, actors, frames, sounds, (*notes, *missing))
+    own = (sound_table(segment, scene.film.fps) for actor in actors for segment in actor.segments)
+    sounds = (*scene.sound, *(table for table in own if table is not None))
+    return Production(path, scene, actors, frames, sounds, tuple(notes))
 
 
 def _existing(path: Path, number: int, take: TakeTable) -> Path:
@@ -138,14 +139,6 @@ def _existing(path: Path, number: int, take: TakeTable) -> Path:
             fix="Correct the path, copy the file there, or set mute = true.",
         )
     return log
-
-
-def _sounds(scene: Scene, actors: list[Actor]) -> tuple[tuple[SoundTable, ...], list[str]]:
-    """Return the sounds of a film, and notes about takes whose sound is missing."""
-    own = [sound_table(segment, scene.film.fps) for actor in actors for segment in actor.segments]
-    there = [table for table in own if table is not None and Path(table.file).is_file()]
-    missing = sorted({table.file for table in own if table is not None} - {table.file for table in there})
-    return (*scene.sound, *there), [f"The sound of a take, {file}, is missing; the rest is played." for file in missing]
 
 
 def _measured(rig: Rig) -> NDArray[np.int64]:

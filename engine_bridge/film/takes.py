@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.formats import read_log
+from capture.sound import is_wav
 from capture.timeline import choose
 from engine_bridge.film.scene import CharacterTable, SceneError, SoundTable, TakeTable
 from engine_bridge.performance.channels import sound_of
-from engine_bridge.performance.clip import reference_pose, timeline_of
+from engine_bridge.performance.clip import aim_at, performance_of, timeline_of
 from engine_bridge.performance.frame_store import FrameStore
-from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig
 from engine_bridge.performance.settings import Settings
 from puppetline.errors import at
@@ -48,7 +48,7 @@ class Motion:
 
 
 class TakeSound(NamedTuple):
-    """The sound that was recorded beside a take.
+    """The sound that was recorded beside a take, a file that can be read.
 
     Attributes
     ----------
@@ -163,16 +163,16 @@ def solve_take(rig: Rig, log: Path, settings: Settings, progress: Callable[[floa
     """
     clips = read_log(log, settings.log)
     timeline, notes = timeline_of(clips, log, settings)
-    performance = Performance(rig.puppet, rig.mesh, rig.model, reference_pose(rig.puppet, timeline, settings))
+    performance = performance_of(rig, timeline, settings)
     motion = Motion(rig, len(performance.deformer.bones))
     count = len(timeline.positions)
     for number in range(count):
-        aim = performance.aim(timeline.frame(number))
+        aim = aim_at(performance, timeline, number)
         motion.append(performance.deformer.solve(aim.targets, aim.motions), aim.targets, aim.motions, aim.root)
         progress((number + 1) / count)
     motion.channels = timeline.channels or {}
     sound = sound_of(choose(clips, settings.user)[0], log)
-    return SolvedTake(motion, None if sound is None else TakeSound(*sound), notes)
+    return SolvedTake(motion, None if sound is None or not is_wav(sound[0]) else TakeSound(*sound), notes)
 
 
 def sound_table(segment: Segment, fps: float) -> SoundTable | None:

@@ -145,7 +145,7 @@ def _ports() -> Iterator[Finding]:
         name = f"port {port}/{kind}"
         try:
             with socket.socket(type=socket.SOCK_STREAM if kind == "tcp" else socket.SOCK_DGRAM) as listener:
-                if kind == "tcp" and os.name == "posix":
+                if kind == "tcp" and sys.platform != "win32":
                     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the service does
                 listener.bind(("127.0.0.1", port))
             yield Finding(name, True, f"free ({use})")

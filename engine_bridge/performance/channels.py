@@ -22,7 +22,9 @@ from solver.motion.limbs import TRUNK, parents_first
 
 
 def with_voice(timeline: Timeline, clip: SkeletonClip, log: Path) -> tuple[Timeline, tuple[str, ...]]:
-    """Add the channel ``voice`` to a timeline if a sound was recorded beside its take, and return notes about it.
+    """Take the channel ``voice`` from the sound that was recorded beside a take, and return notes about the sound.
+
+    If the sound cannot be read, the channel is the one that was recorded in the take.
 
     Parameters
     ----------
@@ -39,8 +41,11 @@ def with_voice(timeline: Timeline, clip: SkeletonClip, log: Path) -> tuple[Timel
     try:
         samples, rate = read_wav(path)
     except (OSError, EOFError, wave.Error) as error:
-        return timeline, (f"The sound of the take, {path}, cannot be read ({error}); mouths stay closed.",)
-    return replace(timeline, channels={"voice": voice_of(samples, rate, timeline.times - begin)}), ()
+        why = getattr(error, "strerror", None) or error
+        mouths = "stay closed" if "voice" not in (timeline.channels or {}) else "move as they did in the recording"
+        return timeline, (f"The sound of the take, {path}, cannot be read ({why}). It is silent; mouths {mouths}.",)
+    voice = voice_of(samples, rate, timeline.times - begin)
+    return replace(timeline, channels={**(timeline.channels or {}), "voice": voice}), ()
 
 
 def sound_of(clip: SkeletonClip, log: Path) -> tuple[Path, float] | None:

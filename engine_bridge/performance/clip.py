@@ -17,6 +17,7 @@ from capture.timeline import Timeline, choose, resample
 from engine_bridge.performance.channels import with_voice
 from engine_bridge.performance.frame_store import FrameStore
 from engine_bridge.performance.performance import Performance, mirrored
+from engine_bridge.performance.retargeting import RetargetedFrame
 from engine_bridge.performance.rig import Rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.performance.take_calibration import TakeCalibration, of_performer
@@ -182,6 +183,7 @@ def _calibrated(timeline: Timeline, clip: SkeletonClip, found: Sequence[TakeCali
         timeline.gaps,
         timeline.orientations,
         rest=poses[0],
+        channels=timeline.channels,
         mirror=found[0].mirror,
         later=later,
     )
@@ -229,6 +231,20 @@ class Solved(NamedTuple):
     motions: NDArray[np.float32]
 
 
+def performance_of(rig: Rig, timeline: Timeline, settings: Settings) -> Performance:
+    """Return the performance of a timeline before its first frame, mirrored as the take was."""
+    mirror = timeline.mirror if isinstance(timeline, TakeTimeline) else None
+    rest = reference_pose(rig.puppet, timeline, settings)
+    return Performance(mirrored(rig.puppet, mirror), rig.mesh, rig.model, rest)
+
+
+def aim_at(performance: Performance, timeline: Timeline, number: int) -> RetargetedFrame:
+    """Return what the performance of a timeline aims at in its next frame, with the take's calibrations."""
+    if isinstance(timeline, TakeTimeline) and number in timeline.later:
+        performance.calibrate(number / timeline.fps, *timeline.later[number])
+    return performance.aim(timeline.frame(number))
+
+
 def solve(rig: Rig, timeline: Timeline, settings: Settings, chunk_size: int) -> Iterator[Solved]:
     """Solve all frames of a timeline.
 
@@ -237,11 +253,7 @@ def solve(rig: Rig, timeline: Timeline, settings: Settings, chunk_size: int) -> 
     Solved
         The next frames, at most `chunk_size`.
     """
-    puppet: Puppet = rig.puppet
-    later: Mapping[int, tuple[NDArray[np.float64], bool | None]] = {}
-    if isinstance(timeline, TakeTimeline):
-        puppet, later = mirrored(puppet, timeline.mirror), timeline.later
-    performance = Performance(puppet, rig.mesh, rig.model, reference_pose(puppet, timeline, settings))
+    performance = performance_of(rig, timeline, settings)
     count = len(timeline.positions)
     bones = len(performance.deformer.bones)
     for start in range(0, count, chunk_size):
@@ -250,10 +262,12 @@ def solve(rig: Rig, timeline: Timeline, settings: Settings, chunk_size: int) -> 
         root = np.empty((len(numbers), 3), dtype=np.float32)
         motions = np.empty((len(numbers), bones, 4, 3), dtype=np.float32)
         for row, number in enumerate(numbers):
-            if number in later:
-                performance.calibrate(number / timeline.fps, *later[number])
-            pose = performance.step(timeline.frame(number))
-            R[row], root[row], motions[row] = pose.R, pose.root, pose.motions
+            aim = aim_at(performance, timeline, number)
+            R[row], root[row], motions[row] = (
+                performance.deformer.solve(aim.targets, aim.motions),
+                aim.root,
+                aim.motions,
+            )
         yield Solved(R, root, motions)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.puppet.body_plans import PLANS, BodyPlan, Plan, is_leg, is_upright, plan_of
-from engine_bridge.puppet.puppet import CharacterTable, LimbTable
+from engine_bridge.puppet.puppet import BendTable, CharacterTable, LimbTable
 from solver.anatomy.limb_chain import LimbChain, Limbs
 
 ARM, LEG = ("shoulder", "elbow", "wrist", "hand"), ("hip", "knee", "ankle", "foot")
@@ -38,6 +38,9 @@ ON_HEAD = ("jaw", "left ear", "right ear")
 DELAYS = {"tail": 0.25, "ear": 0.15}
 """Times, in seconds, by which the tips of limbs follow late."""
 
+JAW_DEGREES = 20.0
+"""Angle by which the voice opens a jaw."""
+
 MAX_STUB_SHARE = 0.25
 """Maximum length of a stub of a leg, from hip to ankle, as a share of that from the hips to the crown. A stub that does
 not point down turns as the performer's leg does: pointing it down would twist the body around it."""
@@ -64,7 +67,18 @@ def limb_tables(limbs: Limbs, character: CharacterTable, plan: BodyPlan | None =
         return []
     chosen = PLANS[plan or plan_of(points, up)]
     still = ON_HEAD if "head" not in points or _points(chosen, "head", points, up) else ()
-    return [_limb(chain, chosen, points, up) for chain in limbs.chains if chain.name not in still]
+    tables = [_limb(chain, chosen, points, up) for chain in limbs.chains if chain.name not in still]
+    return [_opened(table, character) if table.name == "jaw" else table for table in tables]
+
+
+def _opened(jaw: LimbTable, character: CharacterTable) -> LimbTable:
+    """Return a jaw that the voice opens: its tip turns down about the axis to the character's left."""
+    left = character.basis[0]
+    number = int(np.abs(left).argmax())
+    bend = BendTable.model_validate(
+        {"channel": "voice", "degrees": JAW_DEGREES, "axis": ("" if left[number] > 0 else "-") + "xyz"[number]}
+    )
+    return jaw.model_copy(update={"bend": bend})
 
 
 def _points(plan: Plan, name: str, points: Mapping[str, NDArray[np.float64]], up: NDArray[np.float64]) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character, load_character
+from engine_bridge.character.own_targets import names_of
 from engine_bridge.puppet.body_plans import BodyPlan, fits, plan_of
 from engine_bridge.puppet.handle_proposal import propose_handles
 from engine_bridge.puppet.limb_proposal import LIMB_JOINTS, limb_tables
@@ -28,6 +29,9 @@ ENDS = ("head", "tail", "jaw", *(f"{side} {limb}" for limb in (*LIMB_JOINTS, "ea
 """Limbs whose ends the user may give."""
 
 AXES = "up", "front"
+
+MOUTH_TARGETS = "aa", "viseme_aa", "Fcl_MTH_A", "A", "jawOpen", "mouthOpen"
+"""Morph targets that open a mouth, by usual names; the first that a mesh has follows the voice."""
 
 PLACEHOLDER_HANDLES = ({"name": "any", "position": (0.0, 0.0, 0.0)},)
 """Handles with which the rest of a puppet is checked before its own are known."""
@@ -131,6 +135,9 @@ def new_puppet(
         if not found and not handles:
             proposed = propose_handles(surface, standing)
             values["handle"] = [handle.model_dump(exclude_none=True) for handle in proposed]
+    mouth = next((name for name in MOUTH_TARGETS if name in names_of(character)), None)
+    if mouth is not None:
+        values["morph"] = [{"target": mouth, "channel": "voice"}]
     _map(values, maps, where)
     puppet = check(values, where)
     check_handles(puppet.handle, surface, where)

@@ -10,7 +10,7 @@ from puppetline.interrupts import repeated_interrupts
 
 
 class Signals:
-    """Handles SIGTERM, SIGINT and SIGHUP while it is entered; its file descriptor is readable after a signal.
+    """Handles SIGTERM, SIGINT, SIGHUP and SIGBREAK while it is entered; its file descriptor is readable after a signal.
 
     A handler only sets a flag, because it may interrupt any code. While `waiting` is false, as during the start of the
     service, the first two raise KeyboardInterrupt instead. Enter it in the main thread.
@@ -18,7 +18,7 @@ class Signals:
     Attributes
     ----------
     stop : bool
-        SIGTERM or SIGINT was received.
+        SIGTERM, SIGINT or SIGBREAK was received.
     waiting : bool
         Whether the program checks `stop`; set by the program.
     """
@@ -35,8 +35,13 @@ class Signals:
             self._undo.callback(end.close)
         before = signal.set_wakeup_fd(wake.fileno(), warn_on_full_buffer=False)
         self._undo.callback(signal.set_wakeup_fd, before)
-        for name, handler in (("SIGTERM", self._end), ("SIGINT", self._end), ("SIGHUP", self._again)):
-            number = getattr(signal, name, None)  # Windows has no SIGHUP
+        for name, handler in (
+            ("SIGTERM", self._end),
+            ("SIGINT", self._end),
+            ("SIGBREAK", self._end),
+            ("SIGHUP", self._again),
+        ):
+            number = getattr(signal, name, None)  # Windows has SIGBREAK instead of SIGHUP
             if number is not None:
                 self._undo.callback(signal.signal, number, signal.signal(number, handler))
         self._undo.enter_context(repeated_interrupts(self._discard))

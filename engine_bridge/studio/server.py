@@ -5,6 +5,7 @@ import contextlib
 import logging
 import signal
 import socket
+import sys
 import tempfile
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
@@ -120,10 +121,13 @@ async def run(settings: StudioSettings, started: Callable[[Served], None], enter
 
 @contextlib.contextmanager
 def _signals_call(do: Callable[[], object]) -> Iterator[None]:
-    """Call a function in the event loop after SIGINT or SIGTERM; Windows has no `loop.add_signal_handler`."""
+    """Call a function in the event loop after SIGINT, SIGTERM or SIGBREAK; Windows has no `loop.add_signal_handler`."""
     loop = asyncio.get_running_loop()
     with contextlib.ExitStack() as undo:
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for name in ("SIGINT", "SIGTERM", "SIGBREAK"):
+            number = getattr(signal, name, None)  # only Windows has the last one
+            if number is None:
+                continue
             before = signal.signal(number, lambda *_: loop.call_soon_threadsafe(do))
             undo.callback(signal.signal, number, before)
         yield
@@ -152,7 +156,8 @@ def _bound(address: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
     listener = socket.socket(family, socket.SOCK_STREAM)
     try:
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if sys.platform != "win32":  # there, two programs could then use the port
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind((address, port))
     except OSError as error:
         listener.close()

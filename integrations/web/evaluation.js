@@ -10,11 +10,11 @@ export const TRANSFORM = 12;
  *
  * @param {Scene} scene
  * @param {Float32Array} controls
- * @param {{positions: Float32Array, normals: Float32Array}} [into] arrays of three numbers per vertex
+ * @param {Float32Array} [positions] of the rest pose, if the mesh's own morph targets move it
  */
-export function evaluate(scene, controls, into) {
-  const { count, positions, normals } = scene;
-  const out = into ?? { positions: new Float32Array(3 * count), normals: new Float32Array(3 * count) };
+export function evaluate(scene, controls, positions = scene.positions) {
+  const { count, normals } = scene;
+  const out = { positions: new Float32Array(3 * count), normals: new Float32Array(3 * count) };
   const x = [0, 0, 0, 1];
   const n = [0, 0, 0];
   const moved = new Float64Array(9); // position, and the two moved tangents

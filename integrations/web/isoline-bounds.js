@@ -5,6 +5,7 @@
 
 import { Box3, Vector3 } from "three";
 import { TRANSFORM } from "./evaluation.js";
+import { reachOf } from "./targets.js";
 
 /** @import {Scene} from "./message.js" */
 
@@ -149,8 +150,9 @@ function range(scene, vertices, field) {
  */
 function pieceOf(scene, vertices) {
   const box = new Box3();
-  const point = new Vector3();
-  for (const vertex of vertices) box.expandByPoint(point.fromArray(scene.positions, 3 * vertex));
+  for (const vertex of vertices) {
+    for (const point of reachOf(scene, vertex)) box.expandByPoint(point);
+  }
   /** @type {Piece} */
   const piece = { center: box.getCenter(new Vector3()).toArray(), half: [], transforms: [], gaps: [] };
   piece.half = box.getSize(new Vector3()).divideScalar(2).toArray();

@@ -17,6 +17,7 @@ import { MAX_FIELDS } from "./shader.js";
 
 /** @import {Scene, Part} from "./message.js" */
 /** @import {Object3D} from "three" */
+/** @import {RestPose} from "./targets.js" */
 
 /** Attribute of a mesh from `puppetline shader-mesh` whose first number is the vertex's number in the scene. */
 const NUMBER = "texcoord_6";
@@ -28,9 +29,10 @@ const ROUNDED = ["uv2", "uv3", "texcoord_4", "texcoord_5", NUMBER];
  * Return a mesh for each part of a scene that has triangles.
  *
  * @param {Scene} scene
+ * @param {RestPose} rest
  */
-export function partsOf(scene) {
-  const attributes = attributesOf(scene, null);
+export function partsOf(scene, rest) {
+  const attributes = attributesOf(scene, rest, null);
   return scene.description.parts
     .filter((part) => part.triangles[1] > 0)
     .map((part) => {
@@ -68,8 +70,9 @@ function materialOf(material, isColored) {
  *
  * @param {Object3D} source
  * @param {Scene} scene
+ * @param {RestPose} rest
  */
-export function meshesOf(source, scene) {
+export function meshesOf(source, scene, rest) {
   source.updateMatrixWorld(true);
   /** @type {Mesh[]} */
   const found = [];
@@ -85,7 +88,7 @@ export function meshesOf(source, scene) {
       throw new RangeError("The file is of another mesh than the service's; run puppetline shader-mesh again.");
     }
     for (const name of ROUNDED) geometry.deleteAttribute(name);
-    for (const [name, attribute] of Object.entries(attributesOf(scene, order))) {
+    for (const [name, attribute] of Object.entries(attributesOf(scene, rest, order))) {
       if (name !== "uv" && name !== "color") geometry.setAttribute(name, attribute);
     }
     if (geometry.hasAttribute("tangent")) turnTangents(geometry, new Matrix3().setFromMatrix4(each.matrixWorld));
@@ -116,15 +119,16 @@ function turnTangents(geometry, toFile) {
  * Return the attributes of a scene's vertices.
  *
  * @param {Scene} scene
+ * @param {RestPose} rest
  * @param {Uint32Array | null} order number of each vertex; null for all in their order
  * @returns {{[name: string]: BufferAttribute | InterleavedBufferAttribute}}
  */
-function attributesOf(scene, order) {
+function attributesOf(scene, rest, order) {
   const { fields } = scene;
   const coordinates = new InterleavedBuffer(picked(scene.coordinates, fields, MAX_FIELDS, order), MAX_FIELDS);
   const slopes = new InterleavedBuffer(picked(scene.slopes, 2 * fields, 2 * MAX_FIELDS, order), 2 * MAX_FIELDS);
   return {
-    position: new BufferAttribute(picked(scene.positions, 3, 3, order), 3),
+    position: rest.follow(new BufferAttribute(picked(rest.positions, 3, 3, order), 3), order),
     normal: new BufferAttribute(picked(scene.normals, 3, 3, order), 3),
     ...(scene.uv && { uv: new BufferAttribute(picked(scene.uv, 2, 2, order), 2) }),
     ...(scene.colors && { color: new BufferAttribute(picked(scene.colors, 3, 3, order), 3) }),

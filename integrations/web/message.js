@@ -97,6 +97,9 @@ export const STATES = /** @type {const} */ (["waiting", "calibrating", "performi
 /** Number of joints of a performer. */
 export const JOINT_COUNT = 20;
 
+/** Arrays that only some scenes have. */
+const OPTIONAL = new Set(["uv", "colors", "displacements"]);
+
 const TOPIC_BYTES = 64;
 const PAYLOAD_OFFSET = 128;
 const TOPIC = /^[\x20-\x7e]{1,63}$/;
@@ -128,6 +131,8 @@ export class Scene {
     this.uv = /** @type {Float32Array | null} */ (arrays.uv ?? null);
     /** Linear RGB, three numbers per vertex. */
     this.colors = /** @type {Float32Array | null} */ (arrays.colors ?? null);
+    /** Displacements of the rest pose by the mesh's own morph targets, target by target; empty without any. */
+    this.displacements = /** @type {Float32Array} */ (arrays.displacements ?? new Float32Array());
   }
 }
 
@@ -346,7 +351,7 @@ function readArray(data, entry, name) {
  * @param {{[name: string]: Float32Array | Uint32Array}} arrays
  */
 function checkScene(description, arrays) {
-  const { vertices, triangles, fields, isolines, weights } = description;
+  const { vertices, triangles, fields, isolines, weights, targets } = description;
   for (const name of ["vertices", "triangles", "fields", "isolines"]) {
     if (!Number.isInteger(description[name]) || description[name] < 1) fail(`a scene without ${name}`);
   }
@@ -361,10 +366,11 @@ function checkScene(description, arrays) {
     slopes: 2 * fields * vertices,
     uv: 2 * vertices,
     colors: 3 * vertices,
+    displacements: 3 * vertices * (Array.isArray(targets) ? targets.length : 0),
   };
   for (const [name, size] of Object.entries(sizes)) {
     const array = arrays[name];
-    if (array === undefined && (name === "uv" || name === "colors")) continue;
+    if (array === undefined && OPTIONAL.has(name)) continue;
     if (array?.length !== size || array instanceof Uint32Array !== (name === "triangles")) {
       fail(`a scene whose ${name} are not there or do not fit the rest`);
     }

@@ -23,6 +23,7 @@ import { IsolineBounds } from "./isoline-bounds.js";
 import { JitterBuffer } from "./jitter-buffer.js";
 import { MAX_FIELDS, deform } from "./shader.js";
 import { meshesOf, partsOf } from "./meshes.js";
+import { RestPose, between } from "./targets.js";
 
 export { MAX_FIELDS, deform };
 
@@ -35,6 +36,7 @@ export { MAX_FIELDS, deform };
 export class PuppetMesh extends Group {
   #bounds;
   #followRoot;
+  #rest;
   /** Transforms of two frames. @type {Float32Array[]} */
   #controls;
   /** The same, on the graphics card. @type {DataTexture[]} */
@@ -56,6 +58,7 @@ export class PuppetMesh extends Group {
     this.scene = scene;
     this.#followRoot = followRoot;
     this.#bounds = new IsolineBounds(scene);
+    this.#rest = new RestPose(scene);
     const count = scene.fields * scene.isolines;
     this.#controls = [0, 1].map(() => new Float32Array(TRANSFORM * count));
     this.#textures = this.#controls.map((controls) => {
@@ -74,7 +77,7 @@ export class PuppetMesh extends Group {
       puppetFields: { value: scene.fields },
       puppetIsolines: { value: scene.isolines },
     };
-    const meshes = source ? meshesOf(source, scene) : partsOf(scene);
+    const meshes = source ? meshesOf(source, scene, this.#rest) : partsOf(scene, this.#rest);
     for (const mesh of meshes) this.#add(mesh);
     this.visible = false; // until there is a pose
   }
@@ -95,6 +98,7 @@ export class PuppetMesh extends Group {
     const first = this.#frames[1] === earlier || (this.#frames[0] === later && earlier !== later) ? 1 : 0;
     const isNew = [this.#upload(first, earlier), this.#upload(1 - first, later)].some(Boolean);
     this.uniforms.puppetShare.value = first === 0 ? share : 1 - share;
+    this.#rest.move(between(earlier.targets, later.targets, share));
     const shift = this.uniforms.puppetShift.value;
     if (!this.#followRoot) {
       shift.fromArray(earlier.header.root).lerp(new Vector3(...later.header.root), share).negate();
@@ -115,7 +119,8 @@ export class PuppetMesh extends Group {
     const share = this.uniforms.puppetShare.value;
     const evaluated = evaluate(
       this.scene,
-      first.map((value, i) => value + share * (second[i] - value)),
+      between(first, second, share),
+      this.#rest.positions,
     );
     const shift = this.uniforms.puppetShift.value.toArray();
     for (let i = 0; i < evaluated.positions.length; i++) evaluated.positions[i] += shift[i % 3];

@@ -10,6 +10,7 @@ import { Bone, Matrix4, Object3D, Quaternion, Vector3 } from "three";
 import { Character } from "./character.js";
 import { JitterBuffer } from "./jitter-buffer.js";
 import { recognised } from "./bone-names.js";
+import { TargetInfluences, between as mixed } from "./targets.js";
 
 /** @import {Client} from "./client.js" */
 /** @import {Bone as Joint} from "./message.js" */
@@ -234,6 +235,8 @@ export class SkeletonPose {
 export class PuppetSkeleton {
   /** @type {SkeletonPose | null} */
   pose = null;
+  /** @type {TargetInfluences | null} */
+  #targets = null;
   #buffer;
 
   /**
@@ -248,6 +251,7 @@ export class PuppetSkeleton {
     this.character.addEventListener("scene", () => {
       const description = this.character.scene?.description;
       this.pose = description?.bones?.length ? new SkeletonPose(description, model, map) : null;
+      this.#targets ??= new TargetInfluences(model);
       this.#buffer = new JitterBuffer(delay);
     });
     this.character.addEventListener("frame", () => {
@@ -259,7 +263,10 @@ export class PuppetSkeleton {
   update() {
     if (!this.pose || !this.#buffer.advance(performance.now() / 1000)) return;
     const { earlier, later, share } = this.#buffer;
-    if (earlier?.kind === "bones" && later?.kind === "bones") this.pose.apply(earlier.body, later.body, share);
+    if (earlier?.kind !== "bones" || later?.kind !== "bones") return;
+    this.pose.apply(earlier.body, later.body, share);
+    const names = this.character.scene?.description.targets ?? [];
+    this.#targets?.show(names, mixed(earlier.targets, later.targets, share));
   }
 
   /** Stop following. */

@@ -69,6 +69,12 @@ FOLLOW_SECONDS = 0.25
 BASE_SECONDS, SLOW_BASE_SECONDS = 0.15, 0.5
 """Time constants with which the homes follow a body that walks, and one that does not, in seconds."""
 
+HEADING_SECONDS = 0.12
+"""Time constant of the critically damped spring with which the homes turn, in seconds."""
+
+MAX_TURNING_SPEED = 2.5
+"""Largest speed at which a turning body moves the homes of its feet, in leg lengths per second."""
+
 TOO_TURNED = math.radians(20)
 """Angle between a foot and its home from which a leg steps, in radians."""
 
@@ -83,6 +89,9 @@ MIN_SWING_SECONDS, MAX_SWING_SECONDS = 0.14, 0.5
 
 ARC_HEIGHT, ARC_SLOPE, MAX_ARC_HEIGHT = 0.08, 0.06, 0.2
 """Height of a swing in leg lengths: of a short one; its increase with the step's length; the largest."""
+
+LIFTING = 0.1
+"""Share of a swing at its beginning, and at its end, in which the foot only rises, and only sinks."""
 
 AIM_SHARE = 0.8
 """Share of a swing in which its end is still corrected."""
@@ -256,10 +265,10 @@ def _move_homes(plan, state, motions, root, elapsed, began):
         for axis in range(3):
             now = (level[axis] - state.last[axis]) / elapsed
             state.velocity[axis] = now + fading * (state.velocity[axis] - now)
-        now = moved_share * turned / elapsed
-        body[TURNING] = now + fading * (body[TURNING] - now)
+        _turn_homes(plan, body, turned, elapsed)
+    elif not began:
+        body[HEADING] += turned
     state.last[:] = level
-    body[HEADING] += moved_share * turned
     state.base[:] = plus(state.base, way, moved_share)
     way = scaled(way, 1 - moved_share)
     size, most = length(way), MAX_SHIFT * plan.leg_length
@@ -269,6 +278,18 @@ def _move_homes(plan, state, motions, root, elapsed, began):
     beside = minus(plan.pivot, plan.heads[plan.trunk[0]]) if len(plan.trunk) else (0.0, 0.0, 0.0)
     turned_about = minus(beside, quat.rotated(quat.about(up, body[HEADING]), beside))
     root[:] = plus(plus(plus(state.base, way, 1.0), up, height), turned_about, 1.0)
+
+
+@compiled(inner=True)
+def _turn_homes(plan, body, turned, elapsed):
+    """Turn the homes towards the heading of the body, as a critically damped spring, as fast as feet can follow."""
+    # a spring whose goal stays this far ahead turns at the largest speed
+    most = 2 * HEADING_SECONDS * MAX_TURNING_SPEED * plan.leg_length / max(plan.radius, 1e-9 * plan.leg_length)
+    rate, goal = 1 / HEADING_SECONDS, body[HEADING] + min(max(body[FOLLOWS] * turned, -most), most)
+    away, decay = body[HEADING] - goal, math.exp(-elapsed / HEADING_SECONDS)
+    pull = body[TURNING] + rate * away
+    body[HEADING] = goal + (away + pull * elapsed) * decay
+    body[TURNING] = (body[TURNING] - rate * pull * elapsed) * decay
 
 
 @compiled(inner=True)
@@ -392,7 +413,8 @@ def _swing(plan, state, leg, elapsed):
     if share <= AIM_SHARE or elapsed >= state.seconds[leg]:
         _aim(plan, state, leg, (1 - share) * state.seconds[leg])
     way = minus(state.aim[leg], state.origin[leg])
-    done = share * share * share * (share * (6 * share - 15) + 10)  # minimum jerk
+    ahead = min(max((share - LIFTING) / (1 - 2 * LIFTING), 0.0), 1.0)
+    done = ahead * ahead * ahead * (ahead * (6 * ahead - 15) + 10)  # minimum jerk
     arc = min(ARC_HEIGHT + ARC_SLOPE * length(way) / plan.leg_length, MAX_ARC_HEIGHT) * plan.leg_length
     rise = arc * 16 * (share * (1 - share)) ** 2
     state.place[leg] = plus(plus(state.origin[leg], way, done), row_of(plan.axes, 1), rise)

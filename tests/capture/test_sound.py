@@ -1,11 +1,15 @@
 """Sound beside a take: on the computer's clock whatever the sound card's does, and readable after a crash."""
 
 import itertools
+import sys
+import time
+import types
 import wave
 
 import numpy as np
 import pytest
 
+from capture import sound_input
 from capture.sound import SAMPLE_RATE, Block, ClockedSound, WavWriter, read_wav
 from capture.sound_input import SoundInput, open_sound
 from puppetline.errors import OutputError, SourceError
@@ -47,7 +51,7 @@ class Card:
 @pytest.mark.parametrize("jitter", [0.0, 0.004])
 def test_claps_of_ten_minutes_are_within_20_ms_although_the_clock_drifts(drift, jitter, tmp_path):
     source = Card(claps(600, drift, jitter))
-    sound = SoundInput(source)
+    sound = SoundInput(lambda: source)
     sound.record(tmp_path / "a.wav")
     sound.take_in()
     start = sound.start
@@ -107,14 +111,73 @@ def test_an_empty_block_changes_nothing():
     assert sum(len(sound.add(block)) for block in itertools.islice(claps(1, 0.0), 3)) >= 3 * BLOCK - 2
 
 
-def test_mouths_close_when_no_sound_arrives_any_more(clock):
+def test_a_late_frame_has_the_voice_of_its_own_time_and_mouths_close_without_sound():
     tone = 0.3 * np.sin(np.arange(SAMPLE_RATE) / 38).astype(np.float32)
-    source = Card([Block(0.0, np.zeros(SAMPLE_RATE, np.float32)), Block(1.0, tone)])
-    sound = SoundInput(source)
+    quiet = np.zeros(SAMPLE_RATE // 2, np.float32)
+    sound = SoundInput(lambda: Card([Block(7.0, quiet), Block(7.5, tone), Block(8.5, quiet)]))
     sound.take_in()
-    assert sound.voice > 0.8
-    clock.advance_to(sound._heard + 0.6)
-    assert sound.voice == 0.0
+    assert [sound.voice_at(moment) for moment in (6.9, 7.4, 8.9, 9.4, 9.6)] == pytest.approx([0] * 5, abs=0.01)
+    assert min(sound.voice_at(moment) for moment in (7.7, 8.0, 8.4)) > 0.8
+    assert sound.voice_at(8.52) > 0.5
+
+
+class Microphones(types.ModuleType):
+    """A stand-in for sounddevice, with a microphone that can be unplugged."""
+
+    class PortAudioError(Exception):
+        pass
+
+    def __init__(self):
+        super().__init__("sounddevice")
+        self.plugged, self.streams, self.scans = True, [], 0
+
+    def _terminate(self):
+        self.scans += 1
+
+    def _initialize(self):
+        assert all(stream.closed for stream in self.streams)
+
+    def InputStream(self, callback, **_):  # noqa: N802
+        if not self.plugged:
+            raise self.PortAudioError("no device")
+        self.streams.append(types.SimpleNamespace(callback=callback, closed=False, start=lambda: None))
+        self.streams[-1].close = lambda stream=self.streams[-1]: setattr(stream, "closed", True)
+        return self.streams[-1]
+
+    def hear(self, gain=0.3):
+        """Deliver a block to the newest stream."""
+        now = types.SimpleNamespace(currentTime=1.0, inputBufferAdcTime=1.0, input_overflow=False)
+        self.streams[-1].callback(gain * np.sin(np.arange(BLOCK) / 38)[:, None].astype(np.float32), BLOCK, now, now)
+
+
+def test_a_microphone_that_vanishes_is_reported_once_and_heard_again_when_it_is_back(
+    monkeypatch, clock, caplog, tmp_path
+):
+    caplog.set_level("INFO")
+    devices = Microphones()
+    monkeypatch.setitem(sys.modules, "sounddevice", devices)
+    monkeypatch.setattr(sound_input, "RETRY_SECONDS", 0.001)
+    sound = open_sound("default", tmp_path)
+    devices.hear(0)
+    sound.take_in()
+    devices.plugged = False
+    for _ in range(5):
+        clock.advance(1.6)
+        sound.take_in()
+    scans = devices.scans
+    while devices.scans < scans + 2:  # it is looked for
+        time.sleep(0.001)
+    assert [record.message.partition(";")[0] for record in caplog.records] == ["the microphone is silent"]
+    devices.plugged = True
+    while len(devices.streams) < 2 or sound.source._stream is not devices.streams[-1]:
+        sound.take_in()
+    for _ in range(30):
+        devices.hear()
+    sound.take_in()
+    assert [record.message for record in caplog.records][1:] == ["the microphone is back"]
+    assert sound.voice_at(time.monotonic() + 0.1) > 0.5
+    sound.close()
+    assert all(stream.closed for stream in devices.streams)
 
 
 @pytest.mark.parametrize(("name", "found"), [("a.wav", "a file that cannot be read"), ("no such device", "sound")])

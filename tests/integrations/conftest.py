@@ -11,11 +11,14 @@ from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.service.clip_export import write_clip
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.header import Header, Kind, join, topic
+from engine_bridge.service.protocol.payloads import encode
 
 from ..engine_bridge import conftest as figures
 from ..engine_bridge.service import conftest as services
 
-own_cache, new_glb = figures.own_cache, figures.new_glb
+own_cache, glb, new_glb = figures.own_cache, figures.glb, figures.new_glb
+talking, limb_tables = figures.talking, figures.limb_tables
 make_shape, blob, blob_file, write_puppet, blob_puppet, blob_rig, limbed_puppet = (
     figures.make_shape,
     figures.blob,
@@ -60,3 +63,39 @@ def posed_human(human):
     controls, motions = random_poses(human.rig, 3)
     R, root = controls[-1].astype(np.float64), np.array([0.3, 0.1, 0.2])
     return Frame(human, 1, 0.5, 0, "performing", 0, R, root, np.zeros((0, 3)), motions=motions[-1])
+
+
+@pytest.fixture
+def spoken(talking):
+    """Frames of a figure whose mesh has a target "jaw": silent, and in two poses in which it speaks."""
+    character = StreamedCharacter.of("talker", load_rig(talking(limbs=True)))
+    controls, motions = random_poses(character.rig, 3)
+    return [
+        Frame(
+            *(character, number + 1, number / 30, 0, "performing", 0, controls[number].astype(np.float64)),
+            np.array([0.1 * number, 0, 0]),
+            character.rig.puppet.handle_positions,
+            motions=motions[number],
+            channels={"voice": voice},
+        )
+        for number, voice in enumerate((0.0, 0.4, 1.0))
+    ]
+
+
+@pytest.fixture
+def spoken_files(spoken, tmp_path):
+    """Write the messages of a kind of these frames to files, with a name; the first file is the scene."""
+
+    def write(kind):
+        character = spoken[0].character
+        header = Header(Kind.SCENE, len(character.scene), character.revision)
+        messages = [
+            join(topic("talker", Kind.SCENE), header, character.scene),
+            *(encode(kind, each, 0) for each in spoken),
+        ]
+        files = [tmp_path / f"talker.{kind.word}.{number}" for number in range(len(messages))]
+        for file, content in zip(files, messages, strict=True):
+            file.write_bytes(content)
+        return files
+
+    return write

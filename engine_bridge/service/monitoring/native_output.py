@@ -24,7 +24,7 @@ def logged() -> Iterator[None]:
     Python's own output goes to the same place as before, through other file descriptors.
     """
     before = sys.stdout, sys.stderr
-    if os.name != "posix" or None in before or not _are_the_systems(before):
+    if sys.platform == "win32" or None in before or not _are_the_systems(before):
         yield  # other code has replaced the streams
         return
     for stream in before:

@@ -6,6 +6,7 @@ Without systemd, that is without NOTIFY_SOCKET in the environment, nothing is se
 import math
 import os
 import socket
+import sys
 import time
 from contextlib import suppress
 
@@ -25,7 +26,7 @@ class Notifier:
         address = os.environ.get("NOTIFY_SOCKET", "")
         self._address = "\0" + address[1:] if address.startswith("@") else address
         self._socket: socket.socket | None = None
-        if self._address:
+        if sys.platform != "win32" and self._address:
             self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
             self._socket.setblocking(False)
         self._interval = _watchdog_interval()

@@ -9,6 +9,7 @@ import hmac
 import json
 import logging
 import socket
+import sys
 import threading
 from collections import deque
 from contextlib import suppress
@@ -356,7 +357,8 @@ def _bound(address: IPAddress, port: int) -> socket.socket:
         bound = socket.socket(socket.AF_INET6 if address.version == 6 else socket.AF_INET)
         if socket.has_ipv6 and address.version == 6:
             bound.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
-        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if sys.platform != "win32":  # there, two programs could then use the port
+            bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)  # its connections inherit it
         bound.bind((str(address), port))
         bound.listen()  # clients may connect before the thread runs

@@ -71,6 +71,10 @@ class DrawnCharacter(Protocol):
     def skeleton(self) -> "Skeleton | None":
         """Named joints along its limbs."""
 
+    @property
+    def displacements(self) -> NDArray[np.float32]:
+        """(k, n, 3): displacements by the mesh's own morph targets that channels move."""
+
 
 def encode_scene(character: DrawnCharacter) -> bytes:
     """Return a character's scene payload."""
@@ -172,6 +176,7 @@ def scene_arrays(character: DrawnCharacter) -> dict[str, Array]:
         "slopes": slopes,
         "uv": uv(rig.character),
         "colors": rig.character.colors,
+        "displacements": character.displacements if rig.puppet.targets else None,
     }
     return {
         "triangles": np.ascontiguousarray(character.triangles, dtype=TYPES["u32"]),
@@ -287,6 +292,9 @@ class Scene:
             "ladder": (n, fields),
             "slopes": (n, fields, 2),
         }
+        if "displacements" in self.arrays:
+            targets = facts.get("targets")
+            shapes["displacements"] = (len(targets) if isinstance(targets, list) else 0, n, 3)
         for name, shape in shapes.items():
             array = self.arrays.get(name)
             if array is None or array.shape != shape or (array.dtype.kind == "u") != (name == "triangles"):

@@ -5,6 +5,7 @@ import os
 import re
 import secrets
 import stat
+import sys
 import tempfile
 from pathlib import Path
 
@@ -182,7 +183,7 @@ def _check_file(path: Path, what: str, forbidden: int) -> None:
 
 
 def _check_mode(path: Path, mode: int, forbidden: int) -> None:
-    if os.name == "posix" and mode & forbidden:
+    if sys.platform != "win32" and mode & forbidden:
         verb, right = ("read", "go-rwx") if forbidden == READABLE_BY_OTHERS else ("change", "go-w")
         raise ServiceError(
             path,

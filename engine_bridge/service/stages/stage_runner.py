@@ -107,8 +107,8 @@ class StageRunner:
         for event in events:
             if isinstance(event, Cue) and self._skips(event):
                 continue
-            event = self._with_voice(event)
             received = now_ns - int((now - event.time) * 1e9)
+            event = self._with_voice(event, received)
             for each in (*self.stage.beginnings(event.time, self.recorded, self._directed), event):
                 self._warn_of_pose(each)
                 frames += self._perform(each, received)
@@ -246,11 +246,11 @@ class StageRunner:
         except OSError as error:
             log.error("the sound is incomplete: %s", error, extra=fields(stage=self.stage.name))
 
-    def _with_voice(self, event: Event) -> Event:
-        """Return a frame with the present voice, unless it has one."""
+    def _with_voice(self, event: Event, received: int) -> Event:
+        """Return a frame with the voice of its own time, in nanoseconds of the monotonic clock, unless it has one."""
         if self._sound is None or not isinstance(event, SkeletonFrame):
             return event
-        return replace(event, channels={"voice": self._sound.voice, **(event.channels or {})})
+        return replace(event, channels={"voice": self._sound.voice_at(received / 1e9), **(event.channels or {})})
 
     def _warn_of_pose(self, event: Event) -> None:
         """Log a calibration that limbs which turn count from, in another pose than an upright stand."""

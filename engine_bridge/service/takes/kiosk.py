@@ -178,7 +178,7 @@ class Kiosk:
         """Make the video of a clip whose take is on the disk, and offer it."""
         self._clips.append(clip)
         scene = clip.path.with_suffix(".toml")
-        scene.write_text(_scene(clip, self._table.size))
+        scene.write_text(_scene(clip, self._table.size), encoding="utf-8")
         self._jobs.start(
             self._jobs.filming, lambda: self._make(scene, clip.video), lambda made: self._made(clip, made.result())
         )
@@ -218,7 +218,7 @@ class Kiosk:
     def _make(self, scene: Path, video: Path) -> int:
         command = [sys.executable, "-m", "puppetline", "film", str(scene), "-o", str(video)]
         self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)  # noqa: S603
-        if hasattr(os, "setpriority"):
+        if sys.platform != "win32":
             os.setpriority(os.PRIO_PROCESS, self._process.pid, LOW_PRIORITY)
         _, told = self._process.communicate()
         if self._process.returncode > 0:

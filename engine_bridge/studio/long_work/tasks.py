@@ -134,10 +134,10 @@ def _applied(progress: Progress, puppet: Puppet, live: Path) -> dict[str, Any]:
     notes, has_model = [], True
     model = live.with_name(MODEL)
     stamp = model.with_suffix(".txt")
-    if not (model.exists() and stamp.exists() and stamp.read_text() == digest):
+    if not (model.exists() and stamp.exists() and stamp.read_text(encoding="ascii") == digest):
         try:
             write_shader_mesh(live, model)
-            stamp.write_text(digest)
+            stamp.write_text(digest, encoding="ascii")
         except PuppetlineError as error:  # for example more fields than a shader has attributes for
             notes.append(f"The character is drawn without its materials: {error}")
             model.unlink(missing_ok=True)

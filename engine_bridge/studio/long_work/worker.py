@@ -17,6 +17,7 @@ from collections.abc import Callable
 from typing import Any
 
 from puppetline.errors import PuppetlineError, ServiceError
+from puppetline.interrupts import OWN_GROUP
 
 MODULE = "engine_bridge.studio.long_work.worker_process"
 """Program of the process."""
@@ -104,7 +105,7 @@ class Worker:
                 stdin=asyncio.subprocess.PIPE,
                 stdout=asyncio.subprocess.PIPE,
                 env={"OPENBLAS_NUM_THREADS": "1", **os.environ},  # as `puppetline.__main__`, for the same results
-                start_new_session=True,  # Ctrl-C goes to the server, which then ends this process
+                **OWN_GROUP,  # Ctrl-C goes to the server, which then ends this process
             )
         return self._process
 

@@ -5,7 +5,6 @@ import contextlib
 import json
 import logging
 import os
-import signal
 import sys
 from collections import deque
 from collections.abc import Callable
@@ -17,6 +16,7 @@ import psutil
 import tomlkit
 
 from engine_bridge.studio.messages import ServiceState
+from puppetline.interrupts import END, OWN_GROUP
 
 START_SECONDS = 600.0
 """Maximum time from the start of the service until it serves, in seconds. The first start on a machine compiles."""
@@ -134,7 +134,7 @@ class ServiceProcess:
     def _end_leftover(self) -> None:
         """End a service that an earlier studio left running when it was killed."""
         try:
-            process = psutil.Process(int(self._pid_file.read_text()))
+            process = psutil.Process(int(self._pid_file.read_text(encoding="ascii")))
             if str(self._file) in process.cmdline():
                 process.terminate()
                 process.wait(STOP_SECONDS)
@@ -151,10 +151,10 @@ class ServiceProcess:
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.DEVNULL,
             stderr=asyncio.subprocess.PIPE,
-            start_new_session=True,  # Ctrl-C goes to the studio, which then ends the service
+            **OWN_GROUP,  # Ctrl-C goes to the studio, which then ends the service
             env=os.environ | {"PUPPETLINE_STUDIO": str(os.getpid())},
         )
-        self._pid_file.write_text(str(process.pid))
+        self._pid_file.write_text(str(process.pid), encoding="ascii")
         lines: deque[str] = deque(maxlen=MAX_LINES)
         assert process.stderr is not None  # noqa: S101 - a pipe was asked for
         try:
@@ -184,7 +184,7 @@ class ServiceProcess:
     def _terminate(self) -> None:
         if self._process is not None and self._process.returncode is None:
             with contextlib.suppress(ProcessLookupError):
-                self._process.send_signal(signal.SIGTERM)
+                self._process.send_signal(END)
 
     def _set(self, **values: Any) -> None:
         self.state = self.state.model_copy(update=values)

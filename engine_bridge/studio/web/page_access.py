@@ -127,11 +127,11 @@ def page_headers(host: str) -> dict[str, str]:
     policy = (
         "default-src 'self'",
         "img-src 'self' blob: data:",
-        "media-src blob:",
+        "media-src 'self' blob:",
         f"connect-src 'self' blob: ws://{host} wss://{host}",
         "object-src 'none'",
         "base-uri 'none'",
-        "form-action 'none'",
+        "form-action 'self'",
         "frame-ancestors 'none'",
     )
     return {

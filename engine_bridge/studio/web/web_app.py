@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import re
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from engine_bridge.service.takes.kiosk import CODE
 from engine_bridge.studio.backend.backend import Backend
 from engine_bridge.studio.project.workspace import UploadError
 from engine_bridge.studio.web.api_connection import ApiClient
+from engine_bridge.studio.web.clip_page import STYLE, clip_page
 from engine_bridge.studio.web.page_access import Addresses, Tokens, bearer, page_headers
 from engine_bridge.studio.web.stream_proxy import pass_through
 from puppetline.errors import OutputError, PuppetlineError, ServiceError
@@ -64,6 +66,8 @@ def make_app(studio: Backend, access: Access, page: Path = PAGE, visitors: Path 
     app.router.add_get("/stream", server.stream)
     app.router.add_post("/uploads", server.upload)
     app.router.add_get("/files/{file}", server.download)
+    app.router.add_get("/clips", server.clips)
+    app.router.add_get("/clips.css", server.clips_style)
     app.router.add_get(f"/clips/{{code:{CODE}}}", server.clip)
     app.router.add_get("/{path:.+}", server.asset)
     return app
@@ -140,10 +144,26 @@ class _Server:
 
     async def clip(self, request: web.Request) -> web.StreamResponse:
         """Send the video of a kiosk's visitor, without a session: the code is the key."""
-        path = None if self._visitors is None else self._visitors / f"{request.match_info['code']}.mp4"
-        if path is None or not path.is_file():
+        path = self._video(request.match_info["code"])
+        if path is None:
             raise web.HTTPNotFound
         return web.FileResponse(path)
+
+    async def clips(self, request: web.Request) -> web.StreamResponse:
+        """Send the page on which a visitor types a code, without a session."""
+        code = re.sub(r"\W", "", request.query.get("code", ""))[:12].upper()
+        return web.Response(text=clip_page(code, self._video(code) is not None), content_type="text/html")
+
+    async def clips_style(self, _: web.Request) -> web.StreamResponse:
+        """Send the style of that page."""
+        return web.Response(text=STYLE, content_type="text/css")
+
+    def _video(self, code: str) -> Path | None:
+        """Return the video of a code; None if there is none."""
+        if self._visitors is None or not re.fullmatch(CODE, code):
+            return None
+        path = self._visitors / f"{code}.mp4"
+        return path if path.is_file() else None
 
     def _free_handshakes(self) -> asyncio.Semaphore:
         """Return what counts the connections without a token, unless there are too many."""

@@ -1,11 +1,15 @@
 """Takes on the film's clock: what a character does at each frame, and where it stands."""
 
+import re
+
 import numpy as np
 import pytest
 
 from capture.events import Cue
+from capture.sensor_tilt import SensorTilt
 from engine_bridge.film.scene import SceneError
 from engine_bridge.performance.clip import load_timeline, solve
+from engine_bridge.performance.performer_calibration import Calibration
 from engine_bridge.performance.settings import Settings
 from puppetline.errors import SkeletonLogError
 
@@ -19,9 +23,9 @@ TAKE = '[[take]]\ncharacter = "a"\nfile = "TAKE"\n'
 def solved(take):
     """Return the control variables and the roots of the whole take, as `convert` computes them."""
 
-    def of(rig):
+    def of(rig, log=take):
         settings = Settings()
-        timeline, _ = load_timeline(take, settings)
+        timeline, _ = load_timeline(log, settings)
         (everything,) = solve(rig, timeline, settings, len(timeline.positions))
         return everything
 
@@ -37,6 +41,24 @@ def test_a_take_is_what_convert_makes_of_it(produced, solved):
         np.testing.assert_array_equal(actor.controls(frame), expected.R[frame])
         np.testing.assert_array_equal(actor.root(frame), expected.root[frame])
         np.testing.assert_array_equal(actor.bones(frame), expected.motions[frame])
+
+
+def test_calibrations_and_mirroring_in_the_middle_of_a_take_are_those_of_convert(
+    produced, solved, tmp_path, record_events, frames, dance
+):
+    first, *others = frames(dance(), 5.0)
+    pose = Calibration(first.positions, SensorTilt(0.0, 1.0)).to_json()
+    cues = [
+        Cue(5.0, "stage", {"characters": {"a": {"user": first.user, "calibration": pose | {"mirror": False}}}}),
+        Cue(6.0, "begin", {"character": "a", "calibration": pose | {"mirror": True}}),
+    ]
+    events = sorted([*cues, first, *others], key=lambda each: each.time)
+    log = record_events(tmp_path / "mirrored.log", events)
+    actor = produced(CHARACTER + TAKE.replace("TAKE", "mirrored.log")).actors[0]
+    expected, plain = solved(actor.rig, log), solved(actor.rig)
+    assert np.abs(expected.R[55] - plain.R[55]).max() > 0.01
+    for frame in (0, 29, 31, 45, 57):
+        np.testing.assert_array_equal(actor.controls(frame), expected.R[frame])
 
 
 def test_a_part_of_a_take_begins_at_its_time_and_holds_its_ends(produced, solved):
@@ -138,10 +160,15 @@ def test_the_sound_beside_a_take_is_in_step_with_it(
 
 def test_the_rest_is_played_if_the_sound_of_a_take_is_missing(produced, tmp_path, record_events, frames, dance):
     take_with_sound(tmp_path, record_events, frames, dance, 5.0)
-    production = produced(CHARACTER + TAKE.replace("TAKE", "loud.log"))
-    assert production.sounds == ()
-    assert production.notes[-1] == f"The sound of a take, {tmp_path / 'sound.wav'}, is missing; the rest is played."
-    assert produced(CHARACTER + TAKE.replace("TAKE", "loud.log") + "sound = false").notes[-1:] != production.notes[-1:]
+    for content in (None, b"RIFF"):
+        if content is not None:
+            (tmp_path / "sound.wav").write_bytes(content)
+        production = produced(CHARACTER + TAKE.replace("TAKE", "loud.log"))
+        assert production.sounds == ()
+        (note,) = [each for each in production.notes if "sound" in each]
+        assert re.fullmatch(
+            r"a, loud: The sound of the take, .*/sound\.wav, cannot be read .*; mouths stay closed\.", note
+        )
 
 
 @pytest.mark.parametrize(

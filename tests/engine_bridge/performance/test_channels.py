@@ -1,15 +1,19 @@
 """Channels: from the sound beside a take to jaws that open and morph targets that move."""
 
 import wave
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from capture.events import Cue
+from capture.formats import read_log
+from capture.sensor_tilt import SensorTilt
 from engine_bridge.performance.channels import ChannelMotion, morph_weights
 from engine_bridge.performance.clip import load_timeline, solve
 from engine_bridge.performance.easing import TargetPose
+from engine_bridge.performance.performer_calibration import Calibration
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file
@@ -65,6 +69,25 @@ def test_a_take_whose_sound_is_damaged_is_played_without_it(loud_take):
     timeline, notes = load_timeline(loud_take, Settings())
     assert timeline.channels is None
     assert any("cannot be read" in note and "mouths stay closed" in note for note in notes)
+
+
+def test_without_its_sound_a_take_has_the_channels_that_were_recorded(tmp_path, record_events, frames, dance):
+    first, *others = (
+        replace(frame, channels={} if number == 5 else {"voice": number / 100, "smile": 0.5})
+        for number, frame in enumerate(frames(dance(), 7.0))
+    )
+    pose = Calibration(first.positions, SensorTilt(0.0, 1.0)).to_json()
+    opening = Cue(7.0, "stage", {"characters": {"a": {"user": first.user, "calibration": pose}}})
+    path = record_events(tmp_path / "a.log", [opening, first, Cue(7.0, "sound", {"file": "a.wav", "at": 7}), *others])
+    timeline, notes = load_timeline(path, Settings())
+    np.testing.assert_allclose(timeline.channels["voice"], np.arange(len(timeline.times)) / 100, atol=1e-6)
+    assert set(timeline.channels["smile"]) == {0.5}
+    (note,) = [each for each in notes if "sound" in each]
+    assert note.endswith(
+        "cannot be read (No such file or directory). It is silent; mouths move as they did in the recording."
+    )
+    (clip,) = read_log(path)
+    assert [frame.channels for frame in clip.frames()][4:6] == [{"voice": pytest.approx(0.04), "smile": 0.5}, None]
 
 
 def test_a_limb_bends_about_its_first_point_and_carries_what_hangs_on_it(bent_puppet):

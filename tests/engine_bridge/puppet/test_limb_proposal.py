@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from engine_bridge.puppet.limb_proposal import limb_tables
 from engine_bridge.puppet.puppet import CharacterTable
@@ -33,6 +34,22 @@ def test_a_persons_limbs_point_where_the_performers_do():
     assert tables["right arm"].points == tuple(map(tuple, UPRIGHT["right_arm"]))
     assert {limb.gain for limb in tables.values()} == {1.0}
     assert {limb.parent for limb in tables.values()} == {None}
+
+
+def test_the_voice_opens_a_jaw_downwards():
+    """An animal that looks along -x has a jaw whose tip turns down, which is -z."""
+    turned = {
+        name: [(-z, x, y) for x, y, z in points]
+        for name, points in (
+            UPRIGHT | {"head": [(0, 1.4, 0), (0, 1.5, 0.3)], "jaw": [(0, 1.45, 0.1), (0, 1.45, 0.3)]}
+        ).items()
+    }
+    tables = limb_tables(chains(**turned), CharacterTable(mesh="a", up="z", front="-x"))
+    (jaw,) = [limb for limb in tables if limb.name == "jaw"]
+    assert (jaw.bend.channel, jaw.bend.degrees) == ("voice", 20)
+    tip = np.subtract(jaw.points[1], jaw.points[0])
+    assert Rotation.from_rotvec(jaw.bend.turn).apply(tip) @ [0, 0, 1] < -0.05
+    assert all(limb.bend is None for limb in tables if limb is not jaw)
 
 
 def stubs(shin):

@@ -103,6 +103,17 @@ def test_the_end_of_a_limb_far_from_the_mesh_is_refused(blob_file, tmp_path):
         new_puppet(blob_file, tmp_path / "a.toml", ends=ends)
 
 
+@pytest.mark.parametrize(("names", "expected"), [(["blink", "jawOpen"], ("jawOpen",)), (["blink", "smile"], ())])
+def test_a_mouth_that_the_mesh_has_follows_the_voice(glb, blob, tmp_path, names, expected):
+    target = {"POSITION": np.zeros_like(blob.vertices)}
+    made = glb.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=blob.normals, targets=[target, target])
+    glb.node(glb.mesh(made, extras={"targetNames": names}))
+    glb.save(tmp_path / "face.glb")
+    puppet = new_puppet(tmp_path / "face.glb", tmp_path / "face.toml").puppet
+    assert puppet.targets == expected
+    assert [morph.channel for morph in puppet.morph] == ["voice"] * len(expected)
+
+
 def test_the_user_says_where_limbs_end(blob_file, tmp_path):
     ends = {"left arm": "-1.5,1.2,-0.05", "right arm": "1.55,1.32,0.1"}  # crossed
     made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", ends=ends).puppet

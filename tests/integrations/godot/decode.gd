@@ -33,6 +33,7 @@ func _header(message: Message) -> Dictionary:
 		"published": str(message.published),
 		"root": [message.root.x, message.root.y, message.root.z],
 		"length": message.payload.size(),
+		"targets": base64(message.targets.to_byte_array()),
 		"is_frame": message.is_frame(),
 	}
 

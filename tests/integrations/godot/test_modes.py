@@ -21,6 +21,7 @@ CONTROLS, VERTICES, MORPHS = range(3)
 SAMPLES = 20
 APART = 6
 """Frames between two samples, so that the character has moved."""
+NO_TURN = np.eye(3)
 ALIKE = 1e-5
 """Of the diagonal: what positions may differ in f32. What is promised is 1e-4."""
 
@@ -198,18 +199,20 @@ def check_vertices(show, service, puppet, mode=VERTICES, **settings):
     reference.assert_moved(frames)
 
 
-def check_morphs(show, service, puppet, source, offset=(0.0, 0.0, 0.0), **settings):
+def check_morphs(show, service, puppet, source, offset=(0.0, 0.0, 0.0), to_file=NO_TURN, **settings):
     """Compare with the solver, of which morph targets leave as much as the service says."""
     reference = Reference(puppet)
     with Listener(service, puppet.stem, "controls", "morphs") as (heard, weights):
         shown = show(service.port, len(reference.rest), mode=MORPHS, mesh_source=source, **settings)
-    near, number = cKDTree(reference.rest).query(shown.rest - offset)  # the importer has an order of its own
+    near, number = cKDTree(reference.rest).query(
+        (shown.rest - offset) @ to_file
+    )  # the importer has an order of its own
     assert near.max() <= ALIKE * reference.diagonal
     once = np.unique(reference.rig.mesh.of_render[number], return_index=True)[1]
     controls = {number: message.body.astype(float) for number, message in heard.items()}
     left = {number: message.body.residual for number, message in weights.items()}
     for frame in compared(shown.frames, controls.keys() & left.keys()):
-        away = frame.positions - offset - reference.positions(frame.between(controls))[number]
+        away = (frame.positions - offset) @ to_file - reference.positions(frame.between(controls))[number]
         rms = np.sqrt((away[once] ** 2).sum(axis=1).mean()) / reference.diagonal
         assert rms <= max(left[frame.sequence], left[frame.next_sequence]) + ALIKE
     reference.assert_moved(shown.frames)
@@ -243,7 +246,7 @@ def test_a_puppet_by_morphs_is_as_near_as_the_service_says(
     check_morphs(show, service, blob_puppet, add_glb(tmp_path / "baked.glb"))
 
 
-def test_morphs_of_a_source_whose_root_is_elsewhere(
+def test_morphs_of_a_source_whose_root_is_elsewhere_turned_and_scaled(
     show, playing, project, add_glb, blob_puppet, take, tmp_path, puppetline
 ):
     puppetline("bake", blob_puppet, "-o", tmp_path / "baked.glb", "--log", take)
@@ -251,10 +254,17 @@ def test_morphs_of_a_source_whose_root_is_elsewhere(
     (project / "moved.tscn").write_text(
         f'[gd_scene load_steps=2 format=3]\n[ext_resource type="PackedScene" path="{baked}" id="1"]\n'
         '[node name="Moved" instance=ExtResource("1")]\n'
-        "transform = Transform3D(1, 0, 0, 0, 1, 0, 0, 0, 1, 0.5, -2, 1)\n"
+        "transform = Transform3D(0, 0, 2, 0, 2, 0, -2, 0, 0, 0.5, -2, 1)\n"
     )
     service = playing(blob_puppet, take, "--morphs", tmp_path / "baked.glb")
-    check_morphs(show, service, blob_puppet, "res://moved.tscn", offset=(0.5, -2.0, 1.0))
+    turned = np.array([[0, 0, 2], [0, 2, 0], [-2, 0, 0]])
+    offset = (0.5, -2.0, 1.0)
+    check_morphs(show, service, blob_puppet, "res://moved.tscn", offset, np.linalg.inv(turned).T)
+
+
+def test_weights_of_the_meshs_own_targets_count_from_their_weight_at_rest(run_godot):
+    values = [told["value"] for told in run_godot("own_target.gd")]
+    np.testing.assert_allclose(values, [0.25, 0.55, 1.0], atol=1e-6)
 
 
 def test_a_puppet_by_controls_of_an_imported_mesh_shows_the_solvers_vertices(

@@ -61,3 +61,25 @@ def test_a_map_names_bones_and_frames_of_the_wrong_size_or_without_numbers_are_i
     assert driven == {"leftUpperArm": "b3"}
     for name, (_, place) in FOREIGN.items():
         np.testing.assert_allclose(places[name], place, atol=1e-6)
+
+
+SPEAK = """async (addresses) => {
+  const [scene, ...frames] = await Promise.all(addresses.map(load));
+  const face = new THREE.Mesh();
+  face.morphTargetDictionary = { brow: 0, jaw: 1 };
+  face.morphTargetInfluences = [0.3, 0.25];
+  const heard = {};
+  const client = { subscribe: (topic, take) => (heard[topic.split("/")[1]] = take), ask: () => {} };
+  const driver = new driving.PuppetSkeleton(client, "talker", new THREE.Group().add(face), { delay: 0 });
+  heard.scene(scene);
+  return frames.map((frame) => {
+    heard.bones({ ...frame, header: { ...frame.header, time: 0 } }); // each begins a motion
+    driver.update();
+    return [...face.morphTargetInfluences];
+  });
+}"""
+
+
+def test_a_voice_moves_the_targets_of_the_models_own_face(open_page, site, spoken_files):
+    shown = open_page().run(SPEAK, [site.add(each) for each in spoken_files(Kind.BONES)])
+    np.testing.assert_allclose(shown, [[0.3, 0.25], [0.3, 0.55], [0.3, 1.0]], atol=1e-6)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from engine_bridge.export.shader_mesh import write_shader_mesh
+from engine_bridge.service.protocol.header import Kind
 from engine_bridge.service.protocol.payloads import decode
 
 from ...recorded import VECTORS, decoded, recorded
@@ -14,19 +15,20 @@ ALIKE = 2e-6
 """Of the diagonal, and for normals: what numbers of f32 may differ."""
 
 
+LOAD = """async ([addresses, file]) => {
+  const [scene, ...frames] = await Promise.all(addresses.map(load));
+  window.frames_ = frames;
+  const source = file ? (await new GLTFLoader().loadAsync(file)).scene : undefined;
+  window.mesh = new drawing.PuppetMesh(scene.body, { source });
+}"""
+
+
 @pytest.fixture
 def worm(open_page, site):
     """A page with the test vectors' character as `mesh` and its frames as `frames`."""
     page = open_page()
     names = ("scene", "0.controls", "1.controls", "2.controls")
-    page.run(
-        """async (addresses) => {
-          const [scene, ...frames] = await Promise.all(addresses.map(load));
-          window.frames_ = frames;
-          window.mesh = new drawing.PuppetMesh(scene.body);
-        }""",
-        [site.add(VECTORS / f"{name}.bin") for name in names],
-    )
+    page.run(LOAD, [[site.add(VECTORS / f"{name}.bin") for name in names], None])
     return page
 
 
@@ -62,6 +64,24 @@ def test_positions_and_normals_are_those_of_the_service_and_the_sphere_holds_the
     distances = np.linalg.norm(positions - center, axis=1)
     assert distances.max() <= radius + ALIKE * diagonal
     assert radius < 2 * diagonal
+
+
+@pytest.mark.parametrize("has_own_mesh", [False, True])
+def test_a_voice_opens_the_mouth_of_the_mesh(open_page, site, spoken, spoken_files, tmp_path, has_own_mesh):
+    page, file = open_page(), None
+    if has_own_mesh:
+        write_shader_mesh(tmp_path / "talking.toml", tmp_path / "own.glb")
+        file = site.add(tmp_path / "own.glb")
+    page.run(LOAD, [[site.add(each) for each in spoken_files(Kind.CONTROLS)], file])
+    limit = ALIKE * spoken[0].character.rig.mesh.diagonal
+    for moment in (1, 1, 0.0), (1, 2, 0.0), (1, 2, 1.0), (0, 0, 0.0):
+        shown = page.run(SHOWN, moment)
+        where, normals = spoken[moment[int(moment[2])]].vertices_and_normals
+        assert np.abs(shown["positions"] - where.ravel()).max() <= limit
+        assert np.abs(shown["evaluated"]["positions"] - where.ravel()).max() <= limit
+        assert np.abs(shown["normals"] - normals.ravel()).max() <= 1e-4
+        *center, radius = shown["sphere"]
+        assert np.linalg.norm(where - center, axis=1).max() <= radius + limit
 
 
 def test_a_character_that_does_not_follow_the_root_stays_in_place(worm):

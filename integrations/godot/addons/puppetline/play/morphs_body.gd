@@ -12,6 +12,7 @@ var _source: Node3D
 var _rest_position := Vector3.ZERO  # of the source, which root motion is added to
 var _meshes: Array[MorphMesh] = []
 var _names: Array = []
+var _targets: Array = []  # names of the mesh's own targets that the service moves
 var _earlier: Message  # its weights are in _from
 var _later: Message
 var _from := PackedFloat32Array()
@@ -28,6 +29,9 @@ func _init(of: SceneResources, source: Node3D) -> void:
 		_rest_position = source.position
 	if resources.scene.morphs is Array:
 		_names = resources.scene.morphs
+	var targets: Variant = resources.scene.description.get("targets")
+	if targets is Array:
+		_targets = targets.map(func(name: Variant) -> String: return str(name))
 	_weights.resize(_names.size())
 	if _names.is_empty():
 		problem = "the service has no morph targets for it; start it with --morphs and the .glb from `puppetline bake`"
@@ -64,13 +68,18 @@ func show_frames(earlier: Message, later: Message, share: float) -> void:
 		_weights[i] = lerpf(_from[1 + i], _to[1 + i], share)
 	for mesh in _meshes:
 		mesh.set_weights(_weights)
+		for i in mini(_targets.size(), mini(earlier.targets.size(), later.targets.size())):
+			mesh.set_target(_targets[i], lerpf(earlier.targets[i], later.targets[i], share))
 	if _source != null:
 		_source.position = _rest_position + shift(earlier, later, share)
 
 
-## The targets do not include the root.
+## The targets do not include the root, which is in the axes and units of the source.
 func shift(earlier: Message, later: Message, share: float) -> Vector3:
-	return earlier.root.lerp(later.root, share) if follow_root else Vector3.ZERO
+	if not follow_root:
+		return Vector3.ZERO
+	var root := earlier.root.lerp(later.root, share)
+	return _source.basis * root if _source != null else root
 
 
 func follow_patch(patch: SurfacePatch) -> PatchMotion:

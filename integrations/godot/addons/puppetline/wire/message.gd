@@ -52,6 +52,8 @@ var received := 0
 var published := 0
 ## Displacement of the whole character by root motion, in file coordinates.
 var root := Vector3.ZERO
+## Weights of the mesh's own morph targets, in the order of the scene's `targets`; empty if nothing moves them.
+var targets := PackedFloat32Array()
 var payload := PackedByteArray():
 	get:
 		if not _bytes.is_empty():
@@ -149,7 +151,11 @@ func _read(bytes: PackedByteArray) -> bool:
 	root.z = bytes.decode_float(_TOPIC_BYTES + 56)
 	if state > PerformerState.LEAVING or not is_finite(time) or not root.is_finite():
 		return false
-	if _length > bytes.size() - _HEADER_BYTES:
+	var target_bytes := 4 * bytes.decode_u32(_TOPIC_BYTES + 60)
+	var end := _HEADER_BYTES + _length
+	if end + target_bytes > bytes.size():
 		return false
+	if target_bytes > 0:
+		targets = bytes.slice(end, end + target_bytes).to_float32_array()
 	_bytes = bytes
 	return true

@@ -122,7 +122,8 @@ class RealSenseDevice(DepthCamera):
         """Stop and release the sensor; closing again does nothing."""
         if self._started:
             self._started = False
-            self._pipeline.stop()
+            with suppress(RuntimeError):  # it may be unplugged
+                self._pipeline.stop()
         # the library finishes a recording, and closes a file, when nothing refers to it
         self._pipeline = self._config = self._profile = None
         if self._record is not None and self._partial is not None and self._partial.exists():

@@ -92,6 +92,16 @@ def test_a_recording_plays_the_recorded_images_and_ends(recorded, opened):
     assert caught.value.found == "the end of the recording"
 
 
+def test_the_time_of_a_looped_recording_increases(recorded):
+    path, pictures = recorded
+    with closing(RealSenseDevice(NAME, Selection("file", str(path), loop=True))) as device:
+        seen = [read(device) for _ in range(25)]
+    spaces = np.diff([picture.time for picture in seen])
+    np.testing.assert_allclose(spaces, 1 / 30, atol=1e-6)
+    for k, picture in enumerate(seen):
+        np.testing.assert_array_equal(picture.depth, pictures[k % 10][0])
+
+
 @pytest.mark.parametrize("content", ["half", "empty", "text", "none"])
 def test_a_damaged_file_is_an_error(recorded, opened, content):
     path = recorded[0].with_name(f"{content}.db3")

@@ -69,6 +69,15 @@ def test_the_camera_follows_the_root(clip_of, blob_puppet, drawn, tmp_path):
     assert {view.radius for view in drawn["views"]} == {drawn["views"][0].radius}
 
 
+def test_the_floor_of_a_character_with_limbs_is_where_it_stands_at_rest(clip_of, limbed_puppet, drawn, tmp_path):
+    clip = clip_of(limbed_puppet)
+    clip_sheet.draw(clip, tmp_path / "a.png", "title")
+    character = clip.rig.character
+    rest = (character.vertices @ clip.rig.puppet.character.basis.T)[:, 1].min()
+    assert [view.ground for view in drawn["views"]] == pytest.approx([rest] * 12)
+    assert min(pose[:, 1].min() for pose in drawn["poses"]) != pytest.approx(rest)
+
+
 def test_without_a_root_the_character_stays_and_a_short_clip_is_shown_whole(
     clip_of, blob_file, write_puppet, record, dance, drawn, solved_pose, tmp_path
 ):

@@ -55,6 +55,8 @@ var front := Vector3.BACK
 var joints: Array = []
 ## Names of the morph targets, or null.
 var morphs: Variant = null
+## Names of the mesh's own targets whose weights the frames have.
+var targets := PackedStringArray()
 
 var _arrays_start := 0
 var _error := ""
@@ -181,6 +183,8 @@ func _read_parts() -> bool:
 
 func _read_names() -> bool:
 	joints = _list(description, "joints").map(func(name: Variant) -> String: return str(name))
+	if description.get("targets") != null:
+		targets = PackedStringArray(_list(description, "targets").map(func(name: Variant) -> String: return str(name)))
 	if description.get("morphs") != null:
 		morphs = _list(description, "morphs").map(func(name: Variant) -> String: return str(name))
 	for found: Variant in _list(description, "handles"):

@@ -178,7 +178,7 @@ def frames_of(video: Path) -> Iterator[NDArray[np.uint8]]:
     """Yield the frames of a video."""
     with av.open(str(video)) as container:
         for frame in container.decode(video=0):
-            yield frame.to_ndarray(format="rgb24")
+            yield np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
 
 
 def write_pages(models: list[Model], folder: Path) -> None:

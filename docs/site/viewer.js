@@ -20,7 +20,7 @@ new GLTFLoader().parse(bytes.buffer, "", ({ scene: character, animations }) => {
   const camera = new PerspectiveCamera(35, 1, size / 100, size * 20);
   const controls = new OrbitControls(camera, canvas);
   box.getCenter(controls.target);
-  camera.position.copy(controls.target).add(new Vector3(0.6, 0.3, 1.3).multiplyScalar(size));
+  camera.position.copy(controls.target).add(new Vector3(0.75, 0.4, 1.65).multiplyScalar(size));
 
   const mixer = new AnimationMixer(character);
   mixer.clipAction(animations.at(-1)).play();

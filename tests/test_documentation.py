@@ -65,6 +65,11 @@ def test_python_of_a_page_imports_what_there_is(page):
         exec(compile(ast.Module(imports, []), name_of(page), "exec"), {})
 
 
+def test_every_page_is_in_the_navigation():
+    pages = {page.relative_to(ROOT / "docs").with_suffix("").as_posix() for page in PAGES[1:]} - {"index"}
+    assert set((ROOT / "docs" / "index.md").read_text(encoding="utf-8").split()) >= pages
+
+
 @pytest.mark.slow
 def test_quick_commands_of_the_first_pages_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -15,5 +15,6 @@ CHANNELS = (
 )
 """Names of channels; left and right are the performer's.
 
-``voice`` is measured by `capture.voice`, the others by `capture.trackers.face` and `capture.trackers.hands`.
+``voice`` is measured by `capture.voice`, the others by `capture.trackers.face` and `capture.trackers.hands`, or received
+by `capture.network.channels`.
 """

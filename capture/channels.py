@@ -15,6 +15,6 @@ CHANNELS = (
 )
 """Names of channels; left and right are the performer's.
 
-``voice`` is measured by `capture.voice`, the others by `capture.trackers.face` and `capture.trackers.hands`, or received
-by `capture.network.channels`.
+``voice`` is measured by `capture.voice`, the others by `capture.trackers.face` and `capture.trackers.hands`.
+Senders (`capture.network.channels`) and recordings of the Kinect v2 (`capture.formats`) have some of them too.
 """

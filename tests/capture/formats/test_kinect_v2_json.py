@@ -63,8 +63,8 @@ def test_states_of_hands_become_channels_and_unknown_ones_are_nan(tmp_path: Path
     nan = np.nan
     np.testing.assert_array_equal(found, [[1, 0.25, nan], [0, 1, nan], [0, nan, 1], [0, nan, 0]])
     frames[0].append(frames[1][0])  # the same performer again, which is skipped
-    assert set(kinect_v2_json.read(write(tmp_path, frames[:1]), ReadOptions())[0].channels or {}) == set(clip.channels)
-    frames[0][0]["leftHandState"] = frames[0][0]["rightHandState"] = 0
+    frames[0][0] |= {"leftHandState": 0, "rightHandState": 1}
+    frames[0].append(body() | {"leftHandState": 2})  # the same performer again is skipped
     assert kinect_v2_json.read(write(tmp_path, frames[:1]), ReadOptions())[0].channels is None
     for key in ("leftHandState", "rightHandState"):
         del frames[0][0][key]

@@ -268,7 +268,8 @@ class Banner(Table):
 class State(Table):
     """Everything that the page shows and that is not in a reply; sent whole whenever it changes.
 
-    `installed` has the extras that are installed, of those that `Install` can install.
+    `installed` has the extras that are installed, of those that `Install` can install. `microphone` tells whether sound
+    is recorded with takes.
     """
 
     characters: Sequence[CharacterState] = ()
@@ -280,6 +281,7 @@ class State(Table):
     takes: Sequence[TakeState] = ()
     film: FilmState = FilmState()
     installed: Sequence[str] = ()
+    microphone: bool = False
     timeline: TimelineState | None = None
     uploads: Sequence[UploadState] = ()
     files: Sequence[FileState] = ()

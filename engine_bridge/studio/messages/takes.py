@@ -28,6 +28,13 @@ class RecordStop(Request):
     do: Literal["record_stop"]
 
 
+class Microphone(Request):
+    """Record the sound of the microphone with takes, or not. Result: ``{}``."""
+
+    do: Literal["microphone"]
+    on: bool
+
+
 class PlayTake(Request):
     """Play a take on a character, see docs/control.md. Result: `TimelineTake`, and `note` about damage or None.
 

@@ -99,6 +99,13 @@ function sound(clap: boolean): void {
   source.start();
 }
 
+/** Record the microphone's sound with takes, or not. */
+export async function switchMicrophone(): Promise<void> {
+  const { server } = current();
+  if (server?.microphone === false && !server.installed.includes("sound")) update({ asking: "sound" });
+  else await request(strings.busy.microphone, "microphone", { on: server?.microphone !== true });
+}
+
 /** Make the film, and show it. */
 export async function makeFilm(): Promise<void> {
   if (current().server?.installed.includes("film") === false) {

@@ -94,7 +94,7 @@ export interface FilmReply {
   readonly notes: readonly string[];
 }
 
-export type Extra = "camera" | "film";
+export type Extra = "camera" | "film" | "sound";
 
 export interface JobState {
   readonly job: string;
@@ -126,6 +126,8 @@ export interface ServerState {
   readonly takes: readonly TakeState[];
   readonly film: FilmState;
   readonly installed: readonly string[];
+  /** Whether the sound is recorded with takes. */
+  readonly microphone: boolean;
   readonly timeline: Timeline | null;
   readonly uploads: readonly UploadState[];
   readonly jobs: readonly JobState[];

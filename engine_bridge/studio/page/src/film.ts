@@ -3,6 +3,7 @@
 import { download, request } from "./actions";
 import type { Extra, FilmReply, FilmState, FilmTake, ServerState } from "./messages";
 import { type History, commit, type undo } from "./model/history";
+import { context } from "./sound";
 import { type State, current, update } from "./store";
 import { strings } from "./strings";
 
@@ -83,11 +84,9 @@ export async function countIn(seconds: number): Promise<void> {
   update({ count: null });
 }
 
-let audio: AudioContext | null = null;
-
 /** A beep, or the clap of the clapper. */
 function sound(clap: boolean): void {
-  audio ??= new AudioContext();
+  const audio = context();
   const gain = new GainNode(audio, { gain: 0.3 });
   gain.connect(audio.destination);
   gain.gain.setTargetAtTime(0, audio.currentTime, clap ? 0.02 : 0.06);

@@ -23,7 +23,7 @@ EARLY_SECONDS = 0.25
 """Time by which the sound begins before the motion, in seconds."""
 
 MAX_OFFSET_SECONDS = 0.02
-"""Maximum median difference of sound and image, in seconds."""
+"""Maximum difference of sound and image, in seconds."""
 
 MEASURE = """
 window.ask = (request) => new Promise((resolve) => {
@@ -126,20 +126,20 @@ def test_the_sound_of_a_take_is_in_step_with_its_image_after_a_seek_a_loop_and_a
 
     second_of = np.poly1d(np.polyfit(angle(way), seconds, 1))
     assert second_of(angle(way)) == pytest.approx(seconds, abs=0.002)
-    for speed, start in ((1.0, 5.0), (2.0, 0.0)):
+    for speed, start in ((1.0, 0.5), (2.0, 4.5)):
         ask(window, "speed", factor=speed)
         ask(window, "seek", seconds=start)
         ask(window, "pause", on=False)
-        window.page.wait_for_timeout(2000 / speed)
+        window.page.wait_for_timeout(1900)  # after the easing
         found = []
-        for _ in range(15):
+        for _ in range(12):
             found.append(window.page.evaluate("([name, vertex]) => measure(name, vertex)", [name, vertex]))
             window.page.wait_for_timeout(70)
         x, y, sample, later = np.transpose(found)
         heard = FULL_SECONDS * sample - speed * later - EARLY_SECONDS
         offsets = (heard - second_of(angle(np.c_[x, y]))) / speed
-        print("offsets", speed, np.round(offsets, 4))
-        assert abs(np.median(offsets)) < MAX_OFFSET_SECONDS
+        # an image stays until the next frame, so many are late, none early
+        assert abs(np.quantile(offsets, 0.25)) < MAX_OFFSET_SECONDS
     (take,) = window.state("film.present")
     ask(window, "edit_film", takes=[take | {"mute": True}])
     window.until("!measure(state.character, 0)[2]")

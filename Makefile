@@ -7,7 +7,7 @@ GDSCRIPT := integrations/godot tests/integrations/godot tests/peers/godot benchm
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup studio demo test test-camera lint format bench lock peers clean
+.PHONY: help setup studio demo docs test test-camera lint format bench lock peers clean
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -76,6 +76,13 @@ $(PAGE)/dist/index.html: $(PAGE)/node_modules/.to-build $(PAGE_SOURCES)
 demo: setup ## Animate the example characters into out/
 	$(BIN)/puppetline demo --output $(OUT)
 
+.venv/.docs: .venv/.installed requirements/docs.txt
+	.venv/$(INSTALL) --require-hashes -r requirements/docs.txt
+	@touch $@
+
+docs: setup .venv/.docs ## Build the documentation site into out/docs; warnings and broken links are errors
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --builder html --doctree-dir build/doctrees docs $(OUT)/docs
+
 # matrices here are small: threads that wait for each other only cost time; tests wait for programs and for real time
 # about a third of the time, so that three at a time keep two cores busy; a worker that crashed would run its test again
 test: export OPENBLAS_NUM_THREADS = 1
@@ -116,6 +123,7 @@ COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes --
 lock: ## Pin the newest versions of all dependencies (needs uv)
 	$(COMPILE) pyproject.toml --extra dev -o requirements.txt
 	$(COMPILE) pyproject.toml --extra camera --extra test -o requirements/camera.txt
+	$(COMPILE) pyproject.toml --extra docs --constraint requirements.txt -o requirements/docs.txt
 	printf 'bvhio\nmeshoptimizer\nplaywright\n' | $(COMPILE) - --constraint requirements.txt --prerelease allow -o requirements/peers.txt
 	echo "bpy; python_version == '3.11'" | $(COMPILE) - -o requirements/blender.txt
 	echo pip | $(COMPILE) - -o requirements/pip.txt

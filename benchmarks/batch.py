@@ -33,8 +33,9 @@ from capture.timeline import Timeline, choose, resample
 from engine_bridge.batch.recordings import find_recordings
 from engine_bridge.batch.store import OWN_FOLDER, RECORD_FOLDER
 from engine_bridge.character.examples import prepare
-from engine_bridge.export.convert import convert_timeline, load_rig_for
+from engine_bridge.export.convert import convert_timeline
 from engine_bridge.performance.clip import load_timeline
+from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from puppetline.errors import PuppetlineError
 
@@ -169,7 +170,7 @@ def measured(logs: Path, puppets: list[Path], output: Path, workers: int) -> Run
 
 def loop(logs: Path, puppet: Path, folder: Path) -> float:
     """Return the seconds per recording of a loop in one process with a character that is prepared once."""
-    settings, rig = Settings(), load_rig_for(puppet, Settings())
+    settings, rig = Settings(), load_rig(puppet)
     folder.mkdir()
     times = []
     for log in sorted(logs.iterdir()):

@@ -12,6 +12,7 @@ from puppetline.examples.characters import CHARACTERS
 from puppetline.examples.characters.human import SCALE
 from scipy.spatial.transform import Rotation
 
+from capture.sensors.depth_camera import metres
 from capture.skeleton import JOINT_INDEX, to_character_axes
 from capture.trackers.picture import Lens, Picture
 from engine_bridge.pictures.rasteriser import barycentric, rasterise
@@ -140,7 +141,8 @@ class Studio:
         if self._random is not None:
             color = np.clip(color + self._random.normal(0, COLOR_NOISE, color.shape), 0, 255)
             depth += self._random.standard_normal(depth.shape) * DEPTH_NOISE * depth**2
-        picture = Picture(time, self._lens, np.rint(color).astype(np.uint8), np.rint(1000 * depth).astype(np.uint16))
+        measured = metres(np.rint(1000 * depth).astype(np.uint16))
+        picture = Picture(time, self._lens, np.rint(color).astype(np.uint8), measured)
         return Shot(picture, joints)
 
 

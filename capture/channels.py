@@ -13,4 +13,7 @@ CHANNELS = (
     "point_left",
     "point_right",
 )
-"""Names of channels. Only ``voice`` has a source so far; left and right are the performer's."""
+"""Names of channels; left and right are the performer's.
+
+``voice`` is measured by `capture.voice`, the others by `capture.trackers.face` and `capture.trackers.hands`.
+"""

@@ -70,16 +70,26 @@ class SensorTilt:
     def __str__(self) -> str:
         looks = f"looks {abs(self.tilt):.0f}° {'down' if self.tilt > 0 else 'up'}" if abs(self.tilt) >= 1 else "level"
         leans = f", leans by {abs(self.roll):.0f}°" if abs(self.roll) >= 1 else ""
-        return f"{self.height:.2f} m above the floor, {looks}{leans}"
+        height = f"{self.height:.2f} m above the floor, " if self.height else ""
+        return f"{height}{looks}{leans}"
 
     def near(self, other: "SensorTilt", degrees: float, metres: float) -> bool:
-        """Return whether another tilt differs by at most these degrees and metres."""
+        """Return whether another tilt differs by at most these degrees and, if both heights are known, metres."""
         angle = max(abs(self.tilt - other.tilt), abs(self.roll - other.roll))
-        return angle <= degrees and abs(self.height - other.height) <= metres
+        known = self.height and other.height
+        return angle <= degrees and (not known or abs(self.height - other.height) <= metres)
 
     def upright(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (..., 3) positions with y straight up, measured from the floor if the height is known."""
         return positions if self == SensorTilt() else self._pose.apply(positions)
+
+    def above_floor(self, pose: NDArray[np.float64]) -> "SensorTilt":
+        """Return the same with a height, if it has none: above the floor on which a performer (20, 3) stands."""
+        if self.height:
+            return self
+        ankles = (pose[JOINT_INDEX["ankle_left"]] + pose[JOINT_INDEX["ankle_right"]]) / 2
+        height = ANKLE_HEIGHT_METRES - float(replace(self, height=0.0).upright(ankles)[1])
+        return replace(self, height=height) if math.isfinite(height) else self
 
     def levelled(self, seen: _Seen) -> _Seen:
         """Return a frame or clip whose positions and orientations have y straight up."""
@@ -119,8 +129,7 @@ def estimate_tilt(pose: NDArray[np.float64]) -> SensorTilt | None:
     tilt = math.degrees(math.atan2(-forward, up))
     if abs(tilt) > MAX_TILT_DEGREES:
         return None
-    measured = SensorTilt(tilt if abs(tilt) > MIN_TILT_DEGREES else 0.0)
-    return SensorTilt(measured.tilt, ANKLE_HEIGHT_METRES - float(measured.upright(ankles)[1]))
+    return SensorTilt(tilt if abs(tilt) > MIN_TILT_DEGREES else 0.0).above_floor(pose)
 
 
 def tilt_of_recording(clips: Iterable[SkeletonClip]) -> SensorTilt:

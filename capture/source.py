@@ -16,6 +16,9 @@ from typing import Protocol
 
 from capture.events import TICK_SECONDS, Event, Tick
 
+SENSOR_RECORDINGS = ".oni", ".db3", ".bag"
+"""Endings of the names of sensors' own recordings."""
+
 MAX_WAIT_SECONDS = 1.0
 """Maximum time of one wait, so that the caller's reports continue without events."""
 

@@ -57,6 +57,7 @@ OPTIONAL = {
     "node",
     "opengl",
     "openni",
+    "realsense",
     "vulkan",
 }
 REQUIRED = set(filter(None, os.environ.get("PUPPETLINE_TEST_REQUIRE", "").split(",")))

@@ -71,7 +71,7 @@ class FusedFile(Table):
 
 
 def open_fused(
-    name: str, path: Path, recorded: tuple[str, ...], opener: Callable[[str, Path], SkeletonSource]
+    name: str, path: Path, recorded: Callable[[str], bool], opener: Callable[[str, Path], SkeletonSource]
 ) -> FusedSource:
     """Open the sensors of a file as one source.
 
@@ -80,8 +80,8 @@ def open_fused(
     name : str
         The URI.
     path : Path
-    recorded : tuple of str
-        Prefixes of the URIs of recordings.
+    recorded : callable
+        Whether a URI is that of a recording.
     opener : callable
         Function that opens a source, given its URI and the folder that files are relative to.
 
@@ -91,7 +91,7 @@ def open_fused(
         The file is invalid, or one of its sources cannot be opened.
     """
     members = [sensor.member for sensor in load(path).sensor]
-    replayed = [member.uri.startswith(recorded) for member in members]
+    replayed = [recorded(member.uri) for member in members]
     clocks = [member.clock for member in members]
     if any(replayed) and not all(replayed):
         raise SourceError(

@@ -2,7 +2,7 @@
 
 The forms are ``camera:0``, ``camera:/dev/video0`` and ``video:FILE``. Options follow ``?``, with ``&`` between them:
 ``height=1.75``, the performer's height in metres; ``fov=78``, the diagonal field of view in degrees, as in data sheets;
-and for videos ``loop``, without a value.
+without a value ``face`` and ``hands``, which measure their channels, and for videos ``loop``.
 """
 
 import math
@@ -15,8 +15,10 @@ from types import ModuleType
 from typing import Any
 from urllib.parse import parse_qsl
 
+from capture.channels import CHANNELS
 from capture.libraries import import_error
 from capture.sensors.source import SensorSource
+from capture.trackers.face import FACE_CHANNELS
 from capture.trackers.mediapipe import DEFAULT_HEIGHT_METRES, INSTALL_FIX, MediaPipePose, load_mediapipe
 from capture.trackers.picture import Lens, Picture
 from puppetline.errors import SourceError, at
@@ -26,6 +28,7 @@ DEFAULT_FOV_DEGREES = 70.0
 
 _FIX = "Write it like camera:0?height=1.75&fov=78 or video:dance.mp4?loop; docs/sensors.md explains the options."
 _RANGES = {"height": (0.5, 2.5, "metres"), "fov": (20.0, 150.0, "degrees")}
+_FLAGS = ("loop", "face", "hands")
 _DEFAULT_FRAME_RATE = 30.0  # of a video that states none
 
 
@@ -43,12 +46,23 @@ class Options:
         Diagonal field of view, in degrees.
     loop : bool
         Whether a video begins again at its end.
+    face, hands : bool
+        Whether to measure the channels of the face and the hands.
     """
 
     name: str
     height: float = DEFAULT_HEIGHT_METRES
     fov: float = DEFAULT_FOV_DEGREES
     loop: bool = False
+    face: bool = False
+    hands: bool = False
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the channels to measure."""
+        return tuple(
+            name for name in CHANNELS if (self.face and name in FACE_CHANNELS) or (self.hands and "_open_" in name)
+        )
 
 
 def open_camera(uri: str, rest: str) -> SensorSource:
@@ -71,7 +85,7 @@ def open_camera(uri: str, rest: str) -> SensorSource:
         )
     load_opencv()
     load_mediapipe()
-    return SensorSource(uri, lambda: Camera(uri, options), lambda _: MediaPipePose(options.height))
+    return SensorSource(uri, lambda: Camera(uri, options), lambda _: MediaPipePose(options.height, options.channels))
 
 
 def open_video(uri: str, rest: str, folder: Path) -> SensorSource:
@@ -92,7 +106,7 @@ def open_video(uri: str, rest: str, folder: Path) -> SensorSource:
     options = parse(uri, rest)
     load_mediapipe()
     video = Video(uri, folder / options.name, options)
-    return SensorSource(uri, lambda: video, lambda _: MediaPipePose(options.height), recorded=True)
+    return SensorSource(uri, lambda: video, lambda _: MediaPipePose(options.height, options.channels), recorded=True)
 
 
 def parse(uri: str, rest: str) -> Options:
@@ -106,9 +120,9 @@ def parse(uri: str, rest: str) -> Options:
     name, _, query = rest.partition("?")
     values: dict[str, Any] = {}
     for key, value in parse_qsl(query, keep_blank_values=True):
-        if key in values or key not in ("loop", *_RANGES):
+        if key in values or key not in (*_FLAGS, *_RANGES):
             found = f"the option {key!r}" + (" for the second time" if key in values else "")
-            raise SourceError(uri, found=found, expected="height, fov, loop, each at most once", fix=_FIX)
+            raise SourceError(uri, found=found, expected="height, fov, loop, face, hands, each at most once", fix=_FIX)
         values[key] = _number(uri, key, value) if key in _RANGES else _flag(uri, key, value)
     return Options(name or "0", **values)
 

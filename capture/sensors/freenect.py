@@ -7,15 +7,16 @@ import ctypes
 import logging
 import re
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.libraries import NotInstalledError, load_error
+from capture.sensors.depth_camera import DepthCamera, Kind, Selection, metres, open_depth_camera
 from capture.sensors.source import SensorSource
-from capture.trackers.mediapipe import MediaPipePose, load_mediapipe
-from capture.trackers.picture import Lens, Picture
+from capture.trackers.picture import Lens
 from puppetline.errors import SourceError, heading
 
 LENS = Lens(640, 480, 525.0)
@@ -23,8 +24,6 @@ LENS = Lens(640, 480, 525.0)
 
 TICKS_PER_SECOND = 60_000_000
 """Rate of the sensor's clock, which overflows after 2³² ticks, 71.6 s."""
-MAX_SKEW_SECONDS = 0.02
-"""Largest difference between the times of depth and colour in one image, in seconds."""
 
 LIBRARIES = ("libfreenect.so.0.5", "libfreenect.so.0.7", "libfreenect.so.0", "libfreenect.dylib")
 """File names of the library on Debian, on other Linux systems, and on macOS."""
@@ -52,7 +51,7 @@ class _Interval(ctypes.Structure):
     _fields_ = (("seconds", ctypes.c_long), ("microseconds", ctypes.c_long))
 
 
-def open_freenect(uri: str, rest: str) -> SensorSource:
+def open_source(uri: str, rest: str, _folder: Path) -> SensorSource:
     """Open a Kinect v1 with MediaPipe as its tracker.
 
     Parameters
@@ -73,8 +72,7 @@ def open_freenect(uri: str, rest: str) -> SensorSource:
             fix="Write freenect: for the first, freenect:1 for the second.",
         )
     _load(uri)
-    load_mediapipe()
-    return SensorSource(uri, lambda: FreenectDevice(uri, int(rest or 0)), lambda _: MediaPipePose())
+    return open_depth_camera(uri, Selection(), lambda: FreenectDevice(uri, int(rest or 0)))
 
 
 def count_sensors(where: str) -> int | None:
@@ -94,8 +92,8 @@ def count_sensors(where: str) -> int | None:
         library.freenect_shutdown(context)
 
 
-class FreenectDevice:
-    """A Kinect v1; implements `capture.trackers.picture.Device`. Only one thread may use it.
+class FreenectDevice(DepthCamera):
+    """A Kinect v1. Only one thread may use it.
 
     Parameters
     ----------
@@ -111,11 +109,12 @@ class FreenectDevice:
     """
 
     def __init__(self, name: str, index: int = 0) -> None:
-        self.name = name
+        super().__init__(name, Selection())
+        self.name, self._lens = "Kinect v1", LENS
         self._library = _load(name)
         self._context, self._device = ctypes.c_void_p(), ctypes.c_void_p()
-        self._pairs = _Pairs()
-        self._picture: Picture | None = None
+        self._ticks: int | None = None  # of the newest frame, without overflow
+        self._received = False
         self._messages: list[str] = []
         # the library keeps no references to its callbacks
         self._callbacks = _FRAME(self._add_depth), _FRAME(self._add_color), _LOG(self._log)
@@ -124,19 +123,6 @@ class FreenectDevice:
         except SourceError:
             self.close()
             raise
-
-    def read(self, timeout: float) -> Picture | None:
-        """Return the next image, with the time of its depth; raise SourceError if the sensor was unplugged.
-
-        The library receives USB packets only during calls, and loses them between calls that are too far apart.
-        """
-        end = time.monotonic() + timeout
-        while self._picture is None and (left := end - time.monotonic()) > 0:
-            wait = _Interval(int(left), int(left % 1 * 1e6))
-            if self._library.freenect_process_events_timeout(self._context, ctypes.byref(wait)) < 0:
-                raise self._unplugged()
-        picture, self._picture = self._picture, None
-        return picture
 
     def close(self) -> None:
         """Stop the streams and release the sensor; closing again does nothing."""
@@ -159,7 +145,7 @@ class FreenectDevice:
         library.freenect_select_subdevices(self._context, _CAMERA)
         count = library.freenect_num_devices(self._context)
         if index >= count:
-            raise _not_plugged_in(self.name, index, count)
+            raise _not_plugged_in(self._uri, index, count)
         if library.freenect_open_device(self._context, ctypes.byref(self._device), index) < 0:
             self._device = ctypes.c_void_p()
             raise self._unusable()
@@ -175,83 +161,63 @@ class FreenectDevice:
         ):
             raise self._unusable()
 
+    def _receive(self, timeout: float) -> bool:
+        """Process events; the library receives USB packets only then, and loses them between calls too far apart."""
+        end, self._received = time.monotonic() + timeout, False
+        while not self._received and (left := end - time.monotonic()) > 0:
+            wait = _Interval(int(left), int(left % 1 * 1e6))
+            if self._library.freenect_process_events_timeout(self._context, ctypes.byref(wait)) < 0:
+                raise self._unplugged()
+        return self._received
+
     def _add_depth(self, _device: int, data: int, ticks: int) -> None:
         depth = np.frombuffer(ctypes.string_at(data, LENS.width * LENS.height * 2), np.uint16)
-        self._picture = self._pairs.add_depth(depth.reshape(LENS.height, LENS.width), ticks) or self._picture
+        self._add_frame("depth", ticks, metres(depth.reshape(LENS.height, LENS.width)))
 
     def _add_color(self, _device: int, data: int, ticks: int) -> None:
         color = np.frombuffer(ctypes.string_at(data, LENS.width * LENS.height * 3), np.uint8)
-        self._picture = self._pairs.add_color(color.reshape(LENS.height, LENS.width, 3), ticks) or self._picture
+        self._add_frame("color", ticks, color.reshape(LENS.height, LENS.width, 3))
+
+    def _add_frame(self, kind: Kind, ticks: int, pixels: NDArray[Any]) -> None:
+        if self._ticks is None:
+            self._ticks = ticks
+        # each stream can be slightly behind the other, so the difference may be negative
+        self._ticks += (ticks - self._ticks + 2**31) % 2**32 - 2**31
+        self._received = True
+        self._add(kind, self._ticks / TICKS_PER_SECOND, pixels)
 
     def _log(self, _context: int, _level: int, message: bytes) -> None:
         text = message.decode(errors="replace").strip()
-        log.debug("%s %s", heading(self.name), text)
+        log.debug("%s %s", heading(self._uri), text)
         self._messages = [*self._messages[-9:], text]
 
     def _reason(self) -> str:
         return f" (libfreenect: {self._messages[0]})" if self._messages else ""
 
     def _unplugged(self) -> SourceError:
+        error = super()._unplugged()
         return SourceError(
-            self.name,
-            found=f"an unplugged Kinect{self._reason()}",
-            expected="a Kinect that stays plugged in",
-            fix="Check its plug and its power supply.",
+            self._uri, found=f"an unplugged Kinect{self._reason()}", expected=error.expected, fix=error.fix
         )
 
     def _unusable(self) -> SourceError:
         """Return the error for a sensor that cannot be used; only the library's messages show the reason."""
         messages = " ".join(self._messages)
         if "open camera: -3" in messages or "LIBUSB_ERROR_ACCESS" in messages:
-            return _no_permission(self.name)
+            return _no_permission(self._uri)
         if "open camera: -6" in messages or "LIBUSB_ERROR_BUSY" in messages:
             return SourceError(
-                self.name,
+                self._uri,
                 found="a Kinect that another program uses",
                 expected="a Kinect that no other program uses",
                 fix="Close the other program; only one at a time can use the Kinect.",
             )
         return SourceError(
-            self.name,
+            self._uri,
             found=f"a Kinect that cannot be used{self._reason()}",
             expected="a Kinect that sends images",
             fix="Unplug it from USB and from its power supply, wait for a few seconds, and plug it in again.",
         )
-
-
-class _Pairs:
-    """Combines depth and colour of the same time into images, with times that do not overflow."""
-
-    def __init__(self) -> None:
-        self._ticks: int | None = None  # of the newest frame, without overflow
-        self._depth: tuple[int, NDArray[np.uint16]] | None = None
-        self._color: tuple[int, NDArray[np.uint8]] | None = None
-
-    def add_depth(self, depth: NDArray[np.uint16], ticks: int) -> Picture | None:
-        """Add (480, 640) millimetres; return an image if its colour has arrived."""
-        self._depth = self._unwrapped(ticks), depth
-        return self._pair()
-
-    def add_color(self, color: NDArray[np.uint8], ticks: int) -> Picture | None:
-        """Add (480, 640, 3) RGB; return an image if its depth has arrived."""
-        self._color = self._unwrapped(ticks), color
-        return self._pair()
-
-    def _unwrapped(self, ticks: int) -> int:
-        if self._ticks is None:
-            self._ticks = ticks
-        # each stream can be slightly behind the other, so the difference may be negative
-        self._ticks += (ticks - self._ticks + 2**31) % 2**32 - 2**31
-        return self._ticks
-
-    def _pair(self) -> Picture | None:
-        if self._depth is None or self._color is None:
-            return None
-        (depth_ticks, depth), (color_ticks, color) = self._depth, self._color
-        if abs(depth_ticks - color_ticks) > MAX_SKEW_SECONDS * TICKS_PER_SECOND:
-            return None
-        self._depth = self._color = None
-        return Picture(depth_ticks / TICKS_PER_SECOND, LENS, color, depth)
 
 
 def _load(name: str) -> Any:

@@ -9,17 +9,25 @@ import ctypes
 import logging
 import math
 import os
-import re
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.sensors.depth_camera import (
+    DepthCamera,
+    Kind,
+    Selection,
+    best_mode,
+    metres,
+    not_plugged_in,
+    open_depth_camera,
+    parse,
+    unplayable,
+)
 from capture.sensors.oni_file import check_intact, check_plays
 from capture.sensors.openni_library import (
     device_name,
@@ -35,41 +43,13 @@ from capture.sensors.source import SensorSource
 from capture.trackers.mediapipe import MediaPipePose, load_mediapipe
 from capture.trackers.nite import REDIST_VARIABLE as NITE2_REDIST
 from capture.trackers.nite import NiTE, library_path
-from capture.trackers.picture import Device, Lens, Picture, Tracker
+from capture.trackers.picture import Device, Lens, Tracker
 from puppetline.errors import SourceError, heading
-
-MAX_SKEW_SECONDS = 0.02
-"""Largest difference between the times of depth and colour in one image, in seconds."""
-MIN_CLOCK_OFFSET_SECONDS = 1.0
-"""Smallest difference between the times of depth and colour that shows that each has its own clock, in seconds."""
-
-_SYNCHRONISED_SECONDS = 0.001  # difference between the times of depth and colour that is not worth a warning
-_LOOP_STEP_SECONDS = 1 / 30  # time between the end of a recording and its beginning in a loop
-_EXPECTED = "nothing, serial=NUMBER, uri=TEXT or file=NAME.oni after openni:, a file with &fast or ?loop"
 
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True)
-class Selection:
-    """The sensor or recording that a URI selects.
-
-    Attributes
-    ----------
-    kind : "any", "serial", "uri" or "file"
-    value : str
-        Serial number, OpenNI2 URI or path; empty for any.
-    fast, loop : bool
-        How a recording is played.
-    """
-
-    kind: Literal["any", "serial", "uri", "file"] = "any"
-    value: str = ""
-    fast: bool = False
-    loop: bool = False
-
-
-def open_openni(uri: str, rest: str, folder: Path) -> SensorSource:
+def open_source(uri: str, rest: str, folder: Path) -> SensorSource:
     """Open a sensor or a recording with a tracker.
 
     Parameters
@@ -85,38 +65,18 @@ def open_openni(uri: str, rest: str, folder: Path) -> SensorSource:
         The URI is wrong, a library is missing, or the recording does not play. The source itself raises the errors of a
         sensor.
     """
-    selection = parse(uri, rest)
+    selection = parse(uri, rest, ("serial", "uri"))
     load_openni2(uri)
-    if selection.kind == "file" or library_path() is None:
-        load_mediapipe()
-    if selection.kind == "file":
+    if selection.recorded:
         check_plays(uri, folder / selection.value)
-        file = OpenNIDevice(uri, selection, folder)
-        return SensorSource(uri, lambda: file, lambda _device: MediaPipePose(), recorded=True, fast=selection.fast)
-    return SensorSource(uri, lambda: OpenNIDevice(uri, selection), _open_tracker)
+    elif library_path() is None:
+        load_mediapipe()
+    open_tracker = None if selection.recorded else _open_tracker
+    return open_depth_camera(uri, selection, lambda: OpenNIDevice(uri, selection, folder), open_tracker)
 
 
-def parse(uri: str, rest: str) -> Selection:
-    """Parse the part of a URI after its scheme.
-
-    Raises
-    ------
-    SourceError
-        The text has another form than those in this module's docstring.
-    """
-    target, *options = re.split("[&?]", rest)
-    kind, _, value = target.partition("=")
-    if not rest:
-        return Selection()
-    if kind == "file" and value and set(options) <= {"fast", "loop"}:
-        return Selection("file", value, "fast" in options, "loop" in options)
-    if kind in ("serial", "uri") and value and not options:
-        return Selection("serial" if kind == "serial" else "uri", value)
-    raise SourceError(uri, found=repr(rest), expected=_EXPECTED, fix="Write openni: for the first sensor.")
-
-
-class OpenNIDevice:
-    """A sensor or a recording; implements `capture.trackers.picture.Device`.
+class OpenNIDevice(DepthCamera):
+    """A sensor or a recording.
 
     Depth is registered to colour, both are synchronised, and images are not mirrored. The log lists what a sensor
     cannot do. A recording is read as fast as possible.
@@ -141,55 +101,34 @@ class OpenNIDevice:
     """
 
     def __init__(self, name: str, selection: Selection, folder: Path = Path()) -> None:
-        self._uri = name
+        super().__init__(name, selection)
         self._oni = load_openni2(name)
-        self._recorded = selection.kind == "file"
-        self._streams: list[Any] = []
-        self._waiting: dict[Any, tuple[float, NDArray[Any]]] = {}  # newest time and pixels of each stream
-        self._left: dict[Any, int] = {}  # number of frames left in each stream of a recording that ends
-        self._last = -math.inf  # time of the last image
-        self._passed = 0.0  # seconds of earlier passes of a loop
+        self._streams: dict[Kind, Any] = {}
+        self._left: dict[Kind, int] = {}  # number of frames left in each stream of a recording that ends
         with exclusive(name), self._errors():
             self._device = self._open(selection, folder)
             try:
                 info = self._device.device_info
                 self.name = device_name(info)
                 self._device_uri = info.uri.decode(errors="replace")
-                self._prepare(selection)
+                self._prepare()
             except BaseException:
                 self.close()
                 raise
 
-    def read(self, timeout: float) -> Picture | None:
-        """Return the next image; raise SourceError if the sensor was unplugged or the recording has ended."""
-        until = time.monotonic() + timeout
-        while True:
-            if self._left and not any(self._left.values()):
-                raise self._ended()
-            with self._errors():
-                stream = self._oni.wait_for_any_stream(self._streams, max(0.0, until - time.monotonic()))
-                if stream is not None:
-                    self._read_frame(stream)
-            if stream is None:
-                self._check_plugged()
-                return None
-            picture = self._combine()
-            if picture is not None:
-                return picture
-
     def nite(self) -> NiTE:
         """Return NiTE2 as a tracker, to be closed before the sensor; raise SourceError if it does not start."""
         with exclusive(self._uri):
-            return NiTE(self._device._handle, self._mirrored.get(self._depth, False))
+            return NiTE(self._device._handle, self._mirrored.get("depth", False))
 
     def close(self) -> None:
         """Stop and release the sensor; closing again does nothing."""
-        for handle in (*self._streams, self._device):
+        for handle in (*self._streams.values(), self._device):
             with suppress(self._oni.OpenNIError):
                 handle.close()
 
     def _open(self, selection: Selection, folder: Path) -> Any:
-        if selection.kind == "file":
+        if selection.recorded:
             check_intact(self._uri, folder / selection.value)
             return open_device(self._oni, os.fsencode(folder / selection.value))
         plugged = sensor_uris(self._oni)
@@ -204,60 +143,53 @@ class OpenNIDevice:
             return open_device(self._oni, plugged[0].encode())
         elif selection.value in plugged:
             return open_device(self._oni, selection.value.encode())
-        wanted = "" if selection.kind == "any" else f" with the {selection.kind} {selection.value}"
-        raise SourceError(
-            self._uri,
-            found=f"sensors {', '.join(plugged)}" if plugged else "no sensor",
-            expected=f"a sensor{wanted}",
-            fix="Plug it in, with its power supply; puppetline doctor lists what is on USB.",
-        )
+        raise not_plugged_in(self._uri, selection, plugged)
 
-    def _prepare(self, selection: Selection) -> None:
+    def _prepare(self) -> None:
         """Create the streams of the device, configure and start them."""
         oni, device = self._oni, self._device
-        self._depth, self._color = (
-            device.create_stream(sensor) if device.has_sensor(sensor) else None
-            for sensor in (oni.SENSOR_DEPTH, oni.SENSOR_COLOR)
-        )
-        self._streams = [stream for stream in (self._depth, self._color) if stream is not None]
-        formats = {self._depth: oni.PIXEL_FORMAT_DEPTH_1_MM, self._color: oni.PIXEL_FORMAT_RGB888}
+        sensors: dict[Kind, Any] = {"depth": oni.SENSOR_DEPTH, "color": oni.SENSOR_COLOR}
+        self._streams = {
+            kind: device.create_stream(sensor) for kind, sensor in sensors.items() if device.has_sensor(sensor)
+        }
+        self._kinds = tuple(self._streams)
+        formats: dict[Kind, Any] = {"depth": oni.PIXEL_FORMAT_DEPTH_1_MM, "color": oni.PIXEL_FORMAT_RGB888}
         if self._recorded:
             device.playback.set_speed(-1.0)
             device.playback.set_repeat_enabled(True)  # without it, closing at the end can crash
-            self._left = {} if selection.loop else {s: s.get_number_of_frames() for s in self._streams}
+            if not self._loop:
+                self._left = {kind: stream.get_number_of_frames() for kind, stream in self._streams.items()}
         else:
             self._choose_mode(formats)
-        modes = {stream: stream.video_mode for stream in self._streams}
+        modes = {kind: stream.video_mode for kind, stream in self._streams.items()}
         sizes = {(mode.resolutionX, mode.resolutionY) for mode in modes.values()}
-        if len(sizes) != 1 or any(mode.pixelFormat != formats[stream] for stream, mode in modes.items()):
+        if len(sizes) != 1 or any(mode.pixelFormat != formats[kind] for kind, mode in modes.items()):
             raise SourceError(
                 self._uri,
                 found=f"images of {', '.join(f'{width}×{height}' for width, height in sorted(sizes)) or 'no kind'}",
                 expected="depth in millimetres and colours as RGB, of one size",
                 fix="Record such images." if self._recorded else "Use another sensor.",
             )
-        self._mirrored = {stream: self._is_mirrored(stream) for stream in self._streams}
+        self._mirrored = {kind: self._is_mirrored(stream) for kind, stream in self._streams.items()}
         if len(self._streams) == 2:
             self._log_registration() if self._recorded else self._register()
-        self._lens = self._lens_of(self._streams[-1])
-        for stream in self._streams:
+        self._lens = self._lens_of(self._streams[self._kinds[-1]])
+        for stream in self._streams.values():
             stream.start()
 
-    def _choose_mode(self, formats: dict[Any, Any]) -> None:
-        """Set all streams to one size, as close as possible to 640×480 at 30 images per second."""
-        modes = [
+    def _choose_mode(self, formats: dict[Kind, Any]) -> None:
+        """Set all streams to one mode."""
+        best = best_mode(
             {
                 (mode.resolutionX, mode.resolutionY, mode.fps)
                 for mode in stream.get_sensor_info().videoModes
-                if mode.pixelFormat == formats[stream]
+                if mode.pixelFormat == formats[kind]
             }
-            for stream in self._streams
-        ]
-        common = set.intersection(*modes) if modes else None
-        if common:
-            best = min(common, key=lambda mode: math.dist(mode, (640, 480, 30)))
-            for stream in self._streams:
-                stream.configure_mode(*best, formats[stream])
+            for kind, stream in self._streams.items()
+        )
+        if best:
+            for kind, stream in self._streams.items():
+                stream.configure_mode(*best, formats[kind])
 
     def _is_mirrored(self, stream: Any) -> bool:
         """Turn mirroring off; return whether the stream is mirrored nevertheless, as a recording may be."""
@@ -295,65 +227,40 @@ class OpenNIDevice:
         width, height = mode.resolutionX, mode.resolutionY
         return Lens(width, height, width / 2 / math.tan(stream.get_horizontal_fov() / 2))
 
-    def _read_frame(self, stream: Any) -> None:
+    def _receive(self, timeout: float) -> bool:
+        if self._left and not any(self._left.values()):
+            raise self._ended()
+        with self._errors():
+            ready = self._oni.wait_for_any_stream(list(self._streams.values()), timeout)
+            if ready is not None:
+                [kind] = [kind for kind, stream in self._streams.items() if stream is ready]
+                self._read_frame(kind, ready)
+        return ready is not None
+
+    def _read_frame(self, kind: Kind, stream: Any) -> None:
         """Read a frame that is available."""
         frame = stream.read_frame()
         if self._left:
-            self._left[stream] = stream.get_number_of_frames() - frame.frameIndex
-        pixels = self._pixels(stream, frame)
+            self._left[kind] = stream.get_number_of_frames() - frame.frameIndex
+        pixels = self._pixels(kind, frame)
         if pixels is not None:
-            self._waiting[stream] = frame.timestamp * 1e-6, pixels
+            self._add(kind, frame.timestamp * 1e-6, pixels)
         frame.close()
 
-    def _pixels(self, stream: Any, frame: Any) -> NDArray[Any] | None:
-        """Return a copy of a frame's pixels; None if the frame is damaged, as in a recording."""
-        kind = np.dtype(np.uint16 if stream is self._depth else (np.uint8, 3))
+    def _pixels(self, kind: Kind, frame: Any) -> NDArray[Any] | None:
+        """Return metres or colours of a frame; None if the frame is damaged, as in a recording."""
+        dtype = np.dtype(np.uint16 if kind == "depth" else (np.uint8, 3))
         size = frame.height, frame.width
-        complete = frame.stride >= frame.width * kind.itemsize and frame.dataSize >= frame.height * frame.stride
+        complete = frame.stride >= frame.width * dtype.itemsize and frame.dataSize >= frame.height * frame.stride
         if size != (self._lens.height, self._lens.width) or not complete:
             return None
         rows = np.ctypeslib.as_array((ctypes.c_uint8 * frame.dataSize).from_address(frame.data))
-        pixels = np.ndarray(size, kind, rows, strides=(frame.stride, kind.itemsize))
-        return (pixels[:, ::-1] if self._mirrored[stream] else pixels).copy()
+        pixels: NDArray[Any] = np.ndarray(size, dtype, rows, strides=(frame.stride, dtype.itemsize))
+        pixels = pixels[:, ::-1] if self._mirrored[kind] else pixels
+        return metres(pixels) if kind == "depth" else pixels.copy()
 
-    def _combine(self) -> Picture | None:
-        """Return an image of the newest frames of all streams; drop a frame without a counterpart."""
-        if len(self._waiting) < len(self._streams):
-            return None
-        times = {stream: moment for stream, (moment, _) in self._waiting.items()}
-        earliest = min(self._streams, key=times.__getitem__)
-        skew = max(times.values()) - times[earliest]
-        if MAX_SKEW_SECONDS < skew < MIN_CLOCK_OFFSET_SECONDS:
-            del self._waiting[earliest]
-            return None
-        if self._last == -math.inf and skew > _SYNCHRONISED_SECONDS:
-            message = "%s the times of depth and colour of %s differ by %.1f ms"
-            log.warning(message, heading(self._uri), self.name, 1000 * skew)
-        moment = times[self._streams[0]]
-        if self._recorded and moment + self._passed <= self._last:  # the recording begins again
-            if self._left:  # although its damaged last frame was skipped
-                raise self._ended()
-            self._passed = self._last + _LOOP_STEP_SECONDS - moment
-        self._last = moment + self._passed
-        depth, color = (self._waiting.pop(stream, (0.0, None))[1] for stream in (self._depth, self._color))
-        return Picture(self._last, self._lens, color, depth)
-
-    def _ended(self) -> SourceError:
-        return SourceError(
-            self._uri,
-            found="the end of the recording",
-            expected="more images",
-            fix="Add ?loop to play it in a loop.",
-        )
-
-    def _check_plugged(self) -> None:
-        if not self._recorded and self._device_uri not in sensor_uris(self._oni):
-            raise SourceError(
-                self._uri,
-                found=f"an unplugged sensor ({self.name})",
-                expected="a sensor that stays plugged in",
-                fix="Plug it in again; the source then resumes automatically.",
-            )
+    def _is_plugged(self) -> bool:
+        return self._device_uri in sensor_uris(self._oni)
 
     @contextmanager
     def _errors(self) -> Iterator[None]:
@@ -366,12 +273,7 @@ class OpenNIDevice:
     def _failure(self, error: Exception) -> SourceError:
         reason = error_reason(error)
         if self._recorded:
-            return SourceError(
-                self._uri,
-                found=f"a file that OpenNI2 does not play ({reason})",
-                expected="an intact .oni recording",
-                fix="Record it again.",
-            )
+            return unplayable(self._uri, "OpenNI2", reason, ".oni")
         return unusable(self._uri, sensor_uris(self._oni), reason)
 
 

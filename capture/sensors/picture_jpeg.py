@@ -18,22 +18,21 @@ QUALITIES = 75, 50, 25
 """Qualities that are tried before the picture is made smaller."""
 
 
-def shaded(depth: NDArray[np.uint16]) -> NDArray[np.uint8]:
+def shaded(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Return a depth image as colours: near is light, slopes are darker, and unknown depth is violet.
 
     Parameters
     ----------
-    depth : (height, width) uint16
-        Millimetres; 0 for unknown.
+    depth : (height, width) float32
+        Metres; 0 for unknown.
 
     Returns
     -------
     (height, width, 3) uint8
     """
-    metres = depth / 1000.0
-    down, right = np.gradient(metres)
+    down, right = np.gradient(depth)
     facing = 1 / np.sqrt(1 + (100 * right) ** 2 + (100 * down) ** 2)
-    light = np.clip(1.15 - metres / 5, 0.15, 1) * (0.35 + 0.65 * facing)
+    light = np.clip(1.15 - depth / 5, 0.15, 1) * (0.35 + 0.65 * facing)
     gray = np.repeat((255 * light).astype(np.uint8)[..., None], 3, axis=2)
     gray[depth == 0] = (52, 26, 66)
     return gray

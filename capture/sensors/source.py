@@ -256,7 +256,13 @@ class SensorSource:
                 people = tracker.track(picture)
                 self.tracked_picture = picture
                 frames = [
-                    SkeletonFrame(last, person.user, person.positions.astype(np.float64), person.confidence)
+                    SkeletonFrame(
+                        last,
+                        person.user,
+                        person.positions.astype(np.float64),
+                        person.confidence,
+                        channels=person.channels,
+                    )
                     for person in people
                 ]
                 found = {frame.user for frame in frames}

@@ -1,10 +1,12 @@
 """The registry of source URIs: ``demo:NAME``, ``replay:FILE``, ``osc:PORT``, ``camera:0``, ``openni:`` and others."""
 
+import importlib
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 from capture.network.source import open_osc, open_vmc
-from capture.source import SkeletonSource
+from capture.source import SENSOR_RECORDINGS, SkeletonSource
 from capture.sources.demo import open_demo
 from capture.sources.replay import RecordingSource
 from puppetline.errors import SourceError
@@ -12,8 +14,14 @@ from puppetline.errors import SourceError
 LOOP_SUFFIX = "?loop"
 """End of the URI of a recording that plays in a loop."""
 
-RECORDED_PREFIXES = ("demo:", "replay:", "video:", "openni:file=")
-"""Beginnings of the URIs of recordings, which end."""
+Opener = Callable[[str, str, Path], SkeletonSource]
+"""Opens a source, given the URI, its rest and the folder of files."""
+
+
+def is_recorded(uri: str) -> bool:
+    """Return whether a URI is that of a recording, which ends."""
+    file = re.split("[&?]", uri)[0]
+    return uri.startswith(("demo:", "replay:", "video:")) or file.endswith(SENSOR_RECORDINGS)
 
 
 def open_source(uri: str, folder: Path = Path()) -> SkeletonSource:
@@ -42,6 +50,27 @@ def open_source(uri: str, folder: Path = Path()) -> SkeletonSource:
     return SCHEMES[scheme](uri, rest, folder)
 
 
+def open_recording_sensor(uri: str, path: Path) -> SkeletonSource:
+    """Open a sensor that writes its images to a file as long as it is open.
+
+    Raises
+    ------
+    SourceError
+        The source is not a RealSense that is plugged in, or cannot be opened.
+    """
+    scheme, _, rest = uri.partition(":")
+    if scheme != "realsense" or is_recorded(uri):
+        raise SourceError(
+            uri,
+            found="a source whose sensor cannot record its images",
+            expected="a RealSense that is plugged in, realsense:",
+            fix="Remove --sensor: takes of other sources have skeletons only.",
+        )
+    from capture.sensors.realsense import open_source
+
+    return open_source(uri, rest, Path(), path)
+
+
 def _demo(uri: str, rest: str, _folder: Path) -> SkeletonSource:
     return open_demo(uri, rest.removesuffix(LOOP_SUFFIX), rest.endswith(LOOP_SUFFIX))
 
@@ -50,10 +79,14 @@ def _replay(uri: str, rest: str, folder: Path) -> SkeletonSource:
     return RecordingSource.of_file(uri, folder / rest.removesuffix(LOOP_SUFFIX), rest.endswith(LOOP_SUFFIX))
 
 
-def _freenect(uri: str, rest: str, _folder: Path) -> SkeletonSource:
-    from capture.sensors.freenect import open_freenect
+def _sensor(module: str) -> Opener:
+    """Return the opener of a depth camera, whose module is imported when it is used."""
 
-    return open_freenect(uri, rest)
+    def opened(uri: str, rest: str, folder: Path) -> SkeletonSource:
+        source: SkeletonSource = importlib.import_module(f"capture.sensors.{module}").open_source(uri, rest, folder)
+        return source
+
+    return opened
 
 
 def _camera(uri: str, rest: str, _folder: Path) -> SkeletonSource:
@@ -68,27 +101,23 @@ def _video(uri: str, rest: str, folder: Path) -> SkeletonSource:
     return open_video(uri, rest, folder)
 
 
-def _openni(uri: str, rest: str, folder: Path) -> SkeletonSource:
-    from capture.sensors.openni import open_openni
-
-    return open_openni(uri, rest, folder)
-
-
 def _fused(uri: str, rest: str, folder: Path) -> SkeletonSource:
     from capture.fusion.fused_file import open_fused
 
-    return open_fused(uri, folder / rest, RECORDED_PREFIXES, open_source)
+    return open_fused(uri, folder / rest, is_recorded, open_source)
 
 
-SCHEMES: dict[str, Callable[[str, str, Path], SkeletonSource]] = {
+SCHEMES: dict[str, Opener] = {
     "demo": _demo,
     "replay": _replay,
     "osc": lambda _uri, rest, _folder: open_osc(rest),
     "vmc": lambda _uri, rest, _folder: open_vmc(rest),
-    "freenect": _freenect,
+    "freenect": _sensor("freenect"),
     "camera": _camera,
     "video": _video,
-    "openni": _openni,
+    "openni": _sensor("openni"),
+    "orbbec": _sensor("orbbec"),
+    "realsense": _sensor("realsense"),
     "fused": _fused,
 }
-"""Function that opens each scheme, given the URI, its rest and the folder of files."""
+"""Opener of each scheme."""

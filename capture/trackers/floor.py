@@ -34,16 +34,17 @@ _MAX_SHARE_BELOW = 0.02  # share of the points that may be below it, which are r
 _AGREEING_COUNT = 5  # measurements that must agree
 _SAME_DEGREES, _SAME_METRES = 1.0, 0.03  # differences that count as noise
 _FIRST_SECONDS, _LATER_SECONDS = 0.2, 1.0  # time between measurements, before and after the first result
+_MAX_SLOPE_DEGREES = 3.0  # of a floor, by a sensor's accelerometer; a steeper plane is something else
 _MIN_EXTENT_METRES = 0.6  # of the floor, across and away, because a strip does not determine the tilt
 
 
-def find_floor(depth: NDArray[np.uint16], lens: Lens) -> SensorTilt | None:
+def find_floor(depth: NDArray[np.float32], lens: Lens) -> SensorTilt | None:
     """Return tilt, roll and height of the sensor that took a depth image.
 
     Parameters
     ----------
-    depth : (height, width) uint16
-        Millimetres; 0 for unknown.
+    depth : (height, width) float32
+        Metres; 0 for unknown.
     lens : Lens
 
     Returns
@@ -65,17 +66,22 @@ def find_floor(depth: NDArray[np.uint16], lens: Lens) -> SensorTilt | None:
         plane = _fit_plane(points[on_it], noise[on_it])
     if np.ptp(points[on_it][:, [0, 2]], axis=0).min() < _MIN_EXTENT_METRES:
         return None
-    right, up, away, height = plane
-    found = SensorTilt(math.degrees(math.asin(-away)), float(height), math.degrees(math.atan2(right, up)))
+    found = _tilt_of(plane[:3], float(plane[3]))
     steepest = max(abs(found.tilt), abs(found.roll))
     return found if found.height >= MIN_HEIGHT_METRES and steepest <= MAX_TILT_DEGREES else None
 
 
-def _points(depth: NDArray[np.uint16], lens: Lens) -> Floats:
+def _tilt_of(upward: Floats, height: float = 0.0) -> SensorTilt:
+    """Return how a sensor stands, to which a direction (3,) is upwards."""
+    right, up, away = upward
+    return SensorTilt(math.degrees(math.asin(-away)), height, math.degrees(math.atan2(right, up)))
+
+
+def _points(depth: NDArray[np.float32], lens: Lens) -> Floats:
     """Return evenly spread points (n, 3) with known depth, in metres."""
     step = max(1, round(math.sqrt(depth.size / _POINT_COUNT)))
     rows, columns = np.indices(depth.shape)[:, step // 2 :: step, step // 2 :: step]
-    metres = depth[rows, columns] / 1000.0
+    metres = depth[rows, columns].astype(np.float64)
     pixels = np.stack([columns, rows], axis=-1) + 0.5
     return lens.unproject(pixels, metres)[metres > 0]
 
@@ -108,7 +114,10 @@ def _fit_plane(points: Floats, noise: Floats) -> Floats:
 
 
 class FloorTracker:
-    """Reports tilt, roll and height of a sensor once measurements agree, and again after the sensor was moved."""
+    """Reports tilt, roll and height of a sensor once measurements agree, and again after the sensor was moved.
+
+    A sensor with an accelerometer needs no floor; without one in view, its height is unknown.
+    """
 
     def __init__(self) -> None:
         self._recent: deque[SensorTilt] = deque(maxlen=_AGREEING_COUNT)
@@ -128,6 +137,10 @@ class FloorTracker:
             return None
         self._next = time + (_FIRST_SECONDS if self._reported is None else _LATER_SECONDS)
         found = find_floor(picture.depth, picture.lens)
+        if picture.up is not None:
+            stands = _tilt_of(picture.up)
+            if found is None or not found.near(stands, _MAX_SLOPE_DEGREES, math.inf):
+                found = stands
         if found is None:
             return None
         self._recent.append(found)

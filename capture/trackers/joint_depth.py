@@ -54,7 +54,7 @@ _MIN_JOINT_COUNT = 5  # joints with depth that determine the scale of a body
 
 
 def measure_depths(
-    depth: NDArray[np.uint16],
+    depth: NDArray[np.float32],
     focal: float,
     pixels: Floats,
     rays: Floats,
@@ -66,8 +66,8 @@ def measure_depths(
 
     Parameters
     ----------
-    depth : (height, width) uint16
-        Millimetres; 0 for unknown.
+    depth : (height, width) float32
+        Metres; 0 for unknown.
     focal : float
         Focal length, in pixels.
     pixels : (20, 2) float64
@@ -102,7 +102,7 @@ def _window(depth, pixel, radius):
         for y in range(max(0, row - reach), min(height, row + reach + 1)):
             for x in range(max(0, column - reach), min(width, column + reach + 1)):
                 if depth[y, x] > 0:
-                    values[count] = depth[y, x] / 1000
+                    values[count] = depth[y, x]
                     count += 1
     return np.sort(values[:count])
 

@@ -16,6 +16,7 @@ spine                  0.17 of the way from hip_center to shoulder_center, as in
 """
 
 import logging
+from collections.abc import Collection
 from types import ModuleType
 from typing import Any
 
@@ -24,6 +25,8 @@ from numpy.typing import NDArray
 
 from capture.libraries import import_error
 from capture.skeleton import JOINT_INDEX, JOINTS
+from capture.trackers.face import FACE_CHANNELS, FaceChannels, FaceMesh, measures, part_around
+from capture.trackers.hands import HandChannels
 from capture.trackers.picture import Person, Picture
 from capture.trackers.placing import BodyPlacer, warm_up
 from puppetline.errors import SourceError
@@ -43,7 +46,10 @@ INSTALL_FIX = (
 
 """What to do if OpenCV or MediaPipe does not load."""
 
-_LANDMARK_COUNT = 33
+HEAD_CROP = 3.0
+"""Size of the part of the image around a head, in extents of its landmarks, which are eyes, ears, nose and mouth."""
+
+_LANDMARK_COUNT, _HEAD_LANDMARKS = 33, 11
 _LEFT = {"shoulder": [11], "elbow": [13], "wrist": [15], "hand": [17, 19], "hip": [23], "knee": [25], "ankle": [27]}
 _LEFT |= {"foot": [29, 31]}
 _RIGHT = {joint: [landmark + 1 for landmark in landmarks] for joint, landmarks in _LEFT.items()}
@@ -62,6 +68,8 @@ class MediaPipePose:
     ----------
     height : float
         The performer's height, in metres; it does not count for images with depth.
+    channels : collection of str
+        Channels to measure (`capture.channels`); faces and hands are searched only if one of theirs is among them.
 
     Raises
     ------
@@ -71,9 +79,12 @@ class MediaPipePose:
 
     name = "MediaPipe pose"
 
-    def __init__(self, height: float = DEFAULT_HEIGHT_METRES) -> None:
+    def __init__(self, height: float = DEFAULT_HEIGHT_METRES, channels: Collection[str] = ()) -> None:
         self._pose: Any = load_mediapipe().Pose(model_complexity=1)  # the package includes the model of this complexity
         warm_up()
+        self._mesh = FaceMesh() if set(channels) & set(FACE_CHANNELS) else None
+        self._face = FaceChannels()
+        self._hands = HandChannels() if any(name.startswith(("hand_", "point_")) for name in channels) else None
         self._height = height
         self._placer: BodyPlacer | None = None
         self._person: Person | None = None
@@ -102,6 +113,7 @@ class MediaPipePose:
         self._log_absence(_absence(picture.color))
         if self._person is None or picture.time - self._last_found > LOST_SECONDS:
             self._person = self._placer = None
+            self._face = FaceChannels()
             return []
         return [Person(self._person.user, self._person.positions, np.zeros(len(JOINTS), np.float32))]
 
@@ -110,6 +122,9 @@ class MediaPipePose:
         if self._pose is not None:
             self._pose.close()
             self._pose = None
+            for model in (self._mesh, self._hands):
+                if model is not None:
+                    model.close()
 
     def _find(self, picture: Picture) -> Person | None:
         result = self._pose.process(picture.color)
@@ -129,7 +144,24 @@ class MediaPipePose:
             (LANDMARK_WEIGHTS @ seen[:, 2]).astype(np.float32),
             picture.depth,
         )
-        return None if placed is None else Person(self._users, placed[0].astype(np.float32), placed[1])
+        if placed is None:
+            return None
+        channels = self._channels(picture, seen[:, :2] * size)
+        return Person(self._users, placed[0].astype(np.float32), placed[1], channels)
+
+    def _channels(self, picture: Picture, body: NDArray[np.float64]) -> dict[str, float] | None:
+        """Return the channels of face and hands, in the parts of the image where the body's landmarks (33, 2) are."""
+        channels: dict[str, float] = {}
+        if picture.color is None:
+            return None
+        if self._mesh is not None:
+            head = body[:_HEAD_LANDMARKS]
+            part, _ = part_around(picture.color, head.mean(axis=0), HEAD_CROP * float(np.ptp(head, axis=0).max()))
+            face = self._mesh.find(part)
+            channels |= self._face.step(picture.time, None if face is None else measures(face))
+        if self._hands is not None:
+            channels |= self._hands.step(picture.time, picture.color, body)
+        return channels or None
 
     def _log_absence(self, cause: str) -> None:
         if cause and cause != self._absence:

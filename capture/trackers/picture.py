@@ -4,6 +4,7 @@ Positions are in sensor coordinates, as in `capture.skeleton`: y up, z away from
 which is left in the image, at +x.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -21,22 +22,31 @@ class Lens:
         Size of the image, in pixels.
     focal : float
         Focal length, in pixels.
+    offset : (float, float)
+        Pixels by which the principal point is right of, and below, the middle of the image.
     """
 
     width: int
     height: int
     focal: float
+    offset: tuple[float, float] = (0.0, 0.0)
 
     def unproject(self, pixels: NDArray[np.floating], depth: NDArray[np.floating]) -> NDArray[np.float64]:
         """Return the positions (…, 3), in metres, of pixels (…, 2), right and down, at depths in metres."""
-        right, down = pixels[..., 0] - self.width / 2, pixels[..., 1] - self.height / 2
+        column, row = self._principal
+        right, down = pixels[..., 0] - column, pixels[..., 1] - row
         return np.stack([-right * depth / self.focal, -down * depth / self.focal, depth], axis=-1)
 
     def project(self, positions: NDArray[np.floating]) -> NDArray[np.float64]:
         """Return the pixels (…, 2) of positions (…, 3), in metres, in front of the sensor."""
         right, down = -positions[..., 0], -positions[..., 1]
         scale = self.focal / positions[..., 2]
-        return np.stack([right * scale + self.width / 2, down * scale + self.height / 2], axis=-1)
+        column, row = self._principal
+        return np.stack([right * scale + column, down * scale + row], axis=-1)
+
+    @property
+    def _principal(self) -> tuple[float, float]:
+        return self.width / 2 + self.offset[0], self.height / 2 + self.offset[1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,14 +61,17 @@ class Picture:
         The lens of the colour camera, to which depth is registered.
     color : (height, width, 3) uint8 array or None
         RGB.
-    depth : (height, width) uint16 array or None
-        Millimetres along z; 0 for unknown.
+    depth : (height, width) float32 array or None
+        Metres along z; 0 for unknown.
+    up : (3,) float64 array or None
+        Upward direction in sensor coordinates, by the device's accelerometer.
     """
 
     time: float
     lens: Lens
     color: NDArray[np.uint8] | None
-    depth: NDArray[np.uint16] | None
+    depth: NDArray[np.float32] | None
+    up: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,11 +86,14 @@ class Person:
         Metres, in the order of `capture.skeleton.JOINTS`.
     confidence : (20,) float32 array
         From 0 (lost) to 1 (tracked), as in `capture.skeleton`.
+    channels : mapping of str to float, optional
+        Values of channels (`capture.channels`) from 0 to 1.
     """
 
     user: int
     positions: NDArray[np.float32]
     confidence: NDArray[np.float32]
+    channels: Mapping[str, float] | None = None
 
 
 class Device(Protocol):

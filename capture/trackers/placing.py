@@ -52,7 +52,7 @@ class BodyPlacer:
         pixels: Floats,
         posture: Floats,
         confidence: NDArray[np.float32],
-        depth: NDArray[np.uint16] | None,
+        depth: NDArray[np.float32] | None,
     ) -> tuple[Floats, NDArray[np.float32]] | None:
         """Return positions and confidence of the joints.
 
@@ -66,8 +66,8 @@ class BodyPlacer:
             The tracker's estimate, in its metres, along the axes of sensor coordinates, relative to any origin.
         confidence : (20,) float32
             From 0 (lost) to 1 (tracked).
-        depth : (height, width) uint16 array or None
-            Millimetres, registered to the image; 0 for unknown.
+        depth : (height, width) float32 array or None
+            Metres, registered to the image; 0 for unknown.
 
         Returns
         -------
@@ -170,7 +170,7 @@ def warm_up() -> None:
     lens = Lens(64, 48, 60.0)
     posture = np.random.default_rng(0).normal(0, 0.3, (len(JOINTS), 3))
     joints = posture + np.array([0.0, 0.0, 3.0])
-    confidence, depth = np.ones(len(JOINTS), np.float32), np.full((lens.height, lens.width), 3000, np.uint16)
+    confidence, depth = np.ones(len(JOINTS), np.float32), np.full((lens.height, lens.width), 3.0, np.float32)
     BodyPlacer(1.7).place(0.0, lens, lens.project(joints), posture, confidence, depth)
 
 

@@ -7,19 +7,18 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from engine_bridge.batch import cluster
 from engine_bridge.batch.conversion import (
     BatchSettings,
     Outcome,
-    convert_jobs,
+    convert_job,
     identity_of_performers,
     is_settled,
 )
-from engine_bridge.batch.grouping import Grouping
 from engine_bridge.batch.identity import identity
 from engine_bridge.batch.recordings import Recording
 from engine_bridge.batch.store import Job, Record, Store
-from engine_bridge.export.convert import load_rig_for
+from engine_bridge.batch.workers import convert_in_processes
+from engine_bridge.performance.rig import load_rig
 from puppetline.errors import PuppetError
 
 
@@ -34,25 +33,6 @@ class Shard:
         """Return whether a job is in this part. It depends on the job's name only, and not on other jobs."""
         number = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
         return number % self.count == self.index - 1
-
-
-@dataclass(frozen=True)
-class Workers:
-    """The processes that run jobs.
-
-    Attributes
-    ----------
-    count : int or None
-        Number of worker processes on this machine; None for one per CPU, and 0 to run the jobs in this process.
-    scheduler : str or None
-        Address of a scheduler of Dask whose workers run the jobs instead.
-    dashboard : bool
-        Whether to show Dask's dashboard.
-    """
-
-    count: int | None
-    scheduler: str | None = None
-    dashboard: bool = False
 
 
 @dataclass(frozen=True)
@@ -106,7 +86,7 @@ def make_jobs(
         of_performers = identity_of_performers(batch)
         jobs = [Job(recording.name, recording.path, None, of_performers) for recording in recordings]
     for name, puppet in names.items():
-        of_puppet = identity(load_rig_for(puppet, batch.settings), batch.settings, batch.users)
+        of_puppet = identity(load_rig(puppet), batch.settings, batch.users)
         for recording in recordings:
             jobs.append(Job(f"{name}/{recording.name}", recording.path, puppet.absolute(), of_puppet))
     return [job for job in jobs if shard is None or shard.has(job.name)]
@@ -120,9 +100,7 @@ def make_plan(jobs: list[Job], batch: BatchSettings) -> Plan:
     return Plan(jobs, settled, [job for job in jobs if job.name not in settled])
 
 
-def run(
-    plan: Plan, batch: BatchSettings, workers: Workers, check: Callable[[], None]
-) -> Generator[Outcome, None, None]:
+def run(plan: Plan, batch: BatchSettings, workers: int, check: Callable[[], None]) -> Generator[Outcome, None, None]:
     """Run the waiting jobs of a plan, and yield each outcome as soon as it is known.
 
     Parameters
@@ -130,14 +108,15 @@ def run(
     plan : Plan
     batch : BatchSettings
         The folders of its store exist.
-    workers : Workers
+    workers : int
+        Number of worker processes; 0 to run the jobs in this process.
     check : callable
         Called often; raises an error to stop.
 
     Raises
     ------
     PuppetlineError
-        See `engine_bridge.batch.conversion.convert_jobs` and `engine_bridge.batch.cluster`.
+        See `engine_bridge.batch.workers.convert_in_processes`.
     """
     with closing(_outcomes(plan, batch, workers, check)) as outcomes:
         for outcome in outcomes:
@@ -147,20 +126,13 @@ def run(
 
 
 def _outcomes(
-    plan: Plan, batch: BatchSettings, workers: Workers, check: Callable[[], None]
+    plan: Plan, batch: BatchSettings, workers: int, check: Callable[[], None]
 ) -> Generator[Outcome, None, None]:
-    if not plan.waiting:
-        return
-    if workers.count == 0 and workers.scheduler is None:
+    if workers:
+        yield from convert_in_processes(plan.waiting, batch, workers, check)
+    else:
         for job in plan.waiting:
-            yield from convert_jobs([job], batch, check)
-        return
-    grouping = Grouping(plan.waiting, [log_size(job) for job in plan.waiting])
-    with (
-        cluster.connected(workers.scheduler, workers.count, len(plan.waiting), dashboard=workers.dashboard) as client,
-        closing(cluster.run_on(client, grouping, batch, check)) as outcomes,
-    ):
-        yield from outcomes
+            yield convert_job(job, batch, check)
 
 
 def log_size(job: Job) -> int:

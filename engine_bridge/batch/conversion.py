@@ -1,7 +1,7 @@
 """Conversion of the recordings of a batch, in any process."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
@@ -13,7 +13,7 @@ from capture.timeline import choose
 from engine_bridge.batch.identity import FileState, identity, performer_identity, result_key
 from engine_bridge.batch.row import Row
 from engine_bridge.batch.store import Job, Record, Store
-from engine_bridge.export.convert import Summary, convert_timeline, load_rig_for
+from engine_bridge.export.convert import Summary, convert_timeline
 from engine_bridge.export.performer.convert import PerformerSummary, convert_performer, stage_of
 from engine_bridge.performance.clip import Clip, load_timeline, perform, timeline_of
 from engine_bridge.performance.rig import Rig, load_rig
@@ -71,21 +71,20 @@ class BatchSettings:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A job with its record, and the time that it took in seconds."""
+    """A job with its record."""
 
     job: Job
     record: Record
-    seconds: float
 
 
-def convert_jobs(jobs: Iterable[Job], batch: BatchSettings, check: Callable[[], None] = lambda: None) -> list[Outcome]:
-    """Convert some recordings one after another; one that cannot be converted results in a failed row.
+def convert_job(job: Job, batch: BatchSettings, check: Callable[[], None] = lambda: None) -> Outcome:
+    """Convert a recording; one that cannot be converted results in a failed row.
 
-    Jobs with a current record are not converted again, so that another process can continue those of a killed one.
+    A job with a current record, which another batch has made meanwhile, is not converted again.
 
     Parameters
     ----------
-    jobs : iterable of Job
+    job : Job
     batch : BatchSettings
     check : callable, optional
         Called often; raises an error to stop.
@@ -98,16 +97,10 @@ def convert_jobs(jobs: Iterable[Job], batch: BatchSettings, check: Callable[[], 
         A puppet or character has changed since the start of the batch.
     """
     store = Store(batch.folder, batch.run)
-    outcomes = []
-    for job in jobs:
-        start = time.perf_counter()
-        record = store.load(job.name)
-        if record is None or not is_settled(record, job, store, batch):
-            record = _Conversion(job, store, batch, check).record()
-        outcomes.append(Outcome(job, record, time.perf_counter() - start))
-        if batch.fail_fast and record.has_failed:
-            break
-    return outcomes
+    record = store.load(job.name)
+    if record is None or not is_settled(record, job, store, batch):
+        record = _Conversion(job, store, batch, check).record()
+    return Outcome(job, record)
 
 
 def is_settled(record: Record, job: Job, store: Store, batch: BatchSettings) -> bool:
@@ -251,7 +244,7 @@ def _failed(row: Row, error: Exception) -> Row:
 @lru_cache(maxsize=MAX_RIGS)
 def _loaded(puppet: Path, settings: Settings, users: str) -> tuple[Rig, str]:
     """Return a puppet with its prepared character, and its identity."""
-    rig = load_rig_for(puppet, settings)
+    rig = load_rig(puppet)
     return rig, identity(rig, settings, users)
 
 
@@ -273,5 +266,5 @@ def _changed(where: Path) -> PuppetError:
         where,
         found="another puppet file, character or version of Puppetline than at the start of the batch",
         expected="the same on all machines during the whole batch",
-        fix="Run the command again, with the same version of Puppetline on all workers.",
+        fix="Run the command again, with the same version of Puppetline on all machines.",
     )

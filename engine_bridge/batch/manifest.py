@@ -4,10 +4,10 @@ import csv
 import os
 from collections.abc import Sequence
 from dataclasses import asdict, fields
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from engine_bridge.batch.cluster import require
 from engine_bridge.batch.row import Row
 from engine_bridge.batch.store import Store
 from puppetline.errors import OutputError
@@ -42,8 +42,13 @@ def check_manifest(path: Path) -> None:
         raise OutputError(
             path, found=f"the ending {ending!r}", expected=" or ".join(ENDINGS), fix=f"Call it {path.stem}.csv."
         )
-    if ending == ".parquet":
-        require("pyarrow", f"--manifest {path}")
+    if ending == ".parquet" and find_spec("pyarrow") is None:
+        raise OutputError(
+            f"--manifest {path}",
+            found="no installation of pyarrow",
+            expected="the Python package pyarrow, or the ending .csv",
+            fix=f"Install it: pip install 'puppetline[batch]'. Or add --manifest {path.stem}.csv.",
+        )
     check_writable(path, ending)
 
 

@@ -3,7 +3,7 @@
 import json
 import math
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -47,8 +47,6 @@ class Document:
         Name in error messages.
     notes : list of str
         Sentences about changes and omissions during reading.
-    unpacked_size : int
-        Size of the buffer that readers fill with decompressed arrays, in bytes; 0 without compressed arrays.
     """
 
     def __init__(self, gltf: Gltf, blob: bytes | bytearray = b"", name: str = "document") -> None:
@@ -56,7 +54,6 @@ class Document:
         self.blob = bytearray(blob)
         self.name = name
         self.notes: list[str] = []
-        self.unpacked_size = 0
 
     def copy(self) -> "Document":
         """Return a document that can be changed without changing this one."""
@@ -158,9 +155,7 @@ class Document:
         )
         return values
 
-    def add(
-        self, values: NDArray[Any], target: int | None = None, *, bounds: bool = False, normalized: bool = False
-    ) -> int:
+    def add(self, values: NDArray[Any], target: int | None = None, *, bounds: bool = False) -> int:
         """Append an array and return its accessor's index.
 
         Parameters
@@ -170,66 +165,20 @@ class Document:
             ARRAY_BUFFER or ELEMENT_ARRAY_BUFFER for a mesh.
         bounds : bool
             Whether to store minimum and maximum, as positions and key times require.
-        normalized : bool
-            Whether integers stand for fractions of the largest one.
         """
-        return self.add_all([values], target, bounds=bounds, normalized=normalized)[0]
-
-    def add_all(
-        self,
-        arrays: Sequence[NDArray[Any]],
-        target: int | None = None,
-        *,
-        bounds: bool = False,
-        normalized: bool = False,
-    ) -> list[int]:
-        """Append arrays of one shape and type in one buffer view, and return their accessors' indices."""
-        rows = [_rows(values, target) for values in arrays]
-        view = self.add_view(b"".join(each.tobytes() for each in rows), target)
-        size = rows[0].itemsize * math.prod(arrays[0].shape[1:])
-        stride = rows[0].nbytes // max(len(rows[0]), 1)
-        if stride != size or (target == ARRAY_BUFFER and len(arrays) > 1):
+        rows = _rows(values, target)
+        view = self.add_view(rows.tobytes(), target)
+        stride = rows.nbytes // max(len(rows), 1)
+        if stride != rows.itemsize * math.prod(values.shape[1:]):
             self.gltf["bufferViews"][view]["byteStride"] = stride
-        made = []
-        for number, values in enumerate(arrays):
-            accessor: Accessor = {"bufferView": view, **described(values, bounds=bounds, normalized=normalized)}
-            if number:
-                accessor["byteOffset"] = number * rows[0].nbytes
-            made.append(self._add_accessor(accessor))
-        return made
+        self.gltf["accessors"].append({"bufferView": view, **_described(values, bounds=bounds)})
+        return len(self.gltf["accessors"]) - 1
 
-    def add_sparse(self, values: NDArray[Any], *, bounds: bool = False, normalized: bool = False) -> int:
-        """Append an array (count, width) of which only non-zero rows are stored, and return its accessor's index.
-
-        Options are those of `add`.
-        """
-        rows = np.flatnonzero(values.any(axis=1))
-        rows = rows if len(rows) else np.zeros(1, dtype=np.int64)  # glTF requires one
-        numbers: NDArray[np.unsignedinteger] = rows.astype(index_type(len(values)))
-        accessor = described(values, bounds=bounds, normalized=normalized)
-        accessor["sparse"] = {
-            "count": len(rows),
-            "indices": {
-                "bufferView": self.add_view(numbers.tobytes()),
-                "componentType": component_code(numbers.dtype),
-            },
-            "values": {"bufferView": self.add_view(np.ascontiguousarray(values[rows]).tobytes())},
-        }
-        return self._add_accessor(accessor)
-
-    def replace(
-        self,
-        index: int,
-        values: NDArray[Any],
-        target: int | None = None,
-        *,
-        bounds: bool = False,
-        normalized: bool = False,
-    ) -> None:
+    def replace(self, index: int, values: NDArray[Any], *, bounds: bool = False) -> None:
         """Replace the values of an accessor; other arrays in its buffer view stay as they are."""
         accessors, views = self.gltf["accessors"], self.gltf["bufferViews"]
         old = accessors[index]
-        self.add(values, target, bounds=bounds, normalized=normalized)
+        self.add(values, bounds=bounds)
         new = accessors.pop()
         before = old.get("bufferView")
         if before is not None and list(self.view_users()).count(before) == 1:
@@ -260,10 +209,6 @@ class Document:
                 places[place] = self.append(blob[place[0] : sum(place)])
             view["byteOffset"] = places[place]
 
-    def _add_accessor(self, accessor: Accessor) -> int:
-        self.gltf["accessors"].append(accessor)
-        return len(self.gltf["accessors"]) - 1
-
     def add_view(self, content: bytes, target: int | None = None) -> int:
         """Append bytes and return their buffer view's index."""
         view: BufferView = {"buffer": 0, "byteOffset": self.append(content), "byteLength": len(content)}
@@ -288,9 +233,6 @@ class Document:
         """
         self.append(b"")
         self.gltf["buffers"] = [{"byteLength": len(self.blob)}] if self.blob else []
-        if self.unpacked_size:
-            fallback = {MESHOPT: {"fallback": True}}
-            self.gltf["buffers"].append({"byteLength": self.unpacked_size, "extensions": fallback})
         text = json.dumps(schema.compact(self.gltf), ensure_ascii=False, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
         chunks = [(b"JSON", text)] + ([(b"BIN\0", self.blob)] if self.blob else [])
@@ -309,26 +251,14 @@ class Document:
                 file.write(content)
 
 
-def component_code(kind: np.dtype[Any]) -> int:
-    """Return glTF's code of a component type."""
-    return next(code for code, known in COMPONENTS.items() if np.dtype(known) == kind)
-
-
-def index_type(count: int) -> type:
-    """Return the smallest unsigned type that holds all indices below a count."""
-    return next(kind for kind in (np.uint8, np.uint16, np.uint32) if count - 1 <= np.iinfo(kind).max)
-
-
-def described(values: NDArray[Any], *, bounds: bool = False, normalized: bool = False) -> Accessor:
+def _described(values: NDArray[Any], *, bounds: bool) -> Accessor:
     """Return the accessor of an array, without its position in the buffer."""
     columns = values.reshape(len(values), -1)
     accessor: Accessor = {
-        "componentType": component_code(values.dtype),
+        "componentType": next(code for code, known in COMPONENTS.items() if np.dtype(known) == values.dtype),
         "count": len(values),
         "type": ACCESSOR_TYPES[columns.shape[1]],
     }
-    if normalized:
-        accessor["normalized"] = True
     if bounds:
         accessor["min"] = columns.min(axis=0).tolist()
         accessor["max"] = columns.max(axis=0).tolist()

@@ -6,7 +6,7 @@ from typing import Any
 
 from PIL import Image
 
-from engine_bridge.character import meshopt_codec
+from engine_bridge.character import meshopt
 from engine_bridge.character.document import MESHOPT, Document
 from engine_bridge.character.gltf_file import MAGIC, buffer_bytes, damaged, file_beside, parse_description, split_glb
 from engine_bridge.character.schema import Buffer, BufferView
@@ -61,11 +61,11 @@ def _drop_compressed(document: Document) -> None:
     A viewer that supports the extension would show the compressed copy, whose vertices have another order.
     """
     for extension in COMPRESSIONS:
-        if extension == MESHOPT and extension in document.gltf["extensionsRequired"] and meshopt_codec.is_installed():
+        if extension == MESHOPT and extension in document.gltf["extensionsRequired"] and meshopt.is_installed():
             continue
         if extension in document.gltf["extensionsRequired"] or _only_compressed(document, extension):
             install = (
-                ", or install the package that reads it: pip install 'puppetline[compact]'"
+                ", or install the package that reads it: pip install 'puppetline[meshopt]'"
                 if extension == MESHOPT
                 else ""
             )
@@ -127,7 +127,7 @@ def _decompress(document: Document, view: BufferView, about: Any, starts: list[i
     """Append the bytes of a compressed buffer view, and return where they begin."""
     try:
         start = starts[about["buffer"]] + about.get("byteOffset", 0)
-        content = meshopt_codec.decode(bytes(document.blob[start : start + about["byteLength"]]), about)
+        content = meshopt.decode(bytes(document.blob[start : start + about["byteLength"]]), about)
         if len(content) != view["byteLength"]:
             raise ValueError(f"{len(content):,} bytes for {view['byteLength']:,}")
     except (AttributeError, KeyError, IndexError, TypeError, ValueError) as error:

@@ -12,7 +12,7 @@ from capture.fusion import fused_file
 from capture.fusion.alignment import align as align_clips
 from capture.fusion.source import Member
 from capture.pose import Pose
-from capture.sources.registry import RECORDED_PREFIXES
+from capture.sources.registry import is_recorded
 from capture.timeline import choose
 from puppetline.errors import SourceError
 from puppetline.files import check_writable
@@ -90,7 +90,7 @@ def align(logs: Sequence[Path], sources: Sequence[str], output: Path) -> list[Se
         found = align_clips(clips[0], clip, f"{logs[0]} and {log}")
         clock = found.clock
         notes: tuple[str, ...] = ()
-        if abs(clock) > fused_file.MAX_CLOCK_DIFFERENCE_SECONDS and not uri.startswith(RECORDED_PREFIXES):
+        if abs(clock) > fused_file.MAX_CLOCK_DIFFERENCE_SECONDS and not is_recorded(uri):
             clock, notes = 0.0, ("The clocks of the recordings differ; the live sensors are treated as equally late.",)
         members.append(Member(uri, found.pose, clock))
         summaries.append(

@@ -49,11 +49,8 @@ class PartOfBatch(click.ParamType):  # type: ignore[type-arg]  # generic in newe
     "--workers",
     type=click.IntRange(0),
     metavar="N",
-    help="Worker processes on this machine; 0 converts in the command's own process, without Dask.  "
-    "[default: one per CPU; with --shard 0]",
+    help="Worker processes; 0 converts in the command's own process.  [default: one per CPU; with --shard 0]",
 )
-@click.option("--scheduler", metavar="ADDRESS", help="Use the workers of this Dask scheduler, such as tcp://head:8786.")
-@click.option("--dashboard", is_flag=True, help="Serve Dask's dashboard on http://127.0.0.1:8787/status.")
 @click.option(
     "--shard", type=PartOfBatch(), help="Convert only this part of the results, such as 3/16, for array jobs."
 )
@@ -80,8 +77,6 @@ def batch(
     output: Path,
     users: str,
     workers: int | None,
-    scheduler: str | None,
-    dashboard: bool,
     shard: "Shard | None",
     manifest: Path | None,
     report: bool,
@@ -97,14 +92,13 @@ def batch(
 
     The command can be stopped or killed at any time. Run it again to continue: results that are up to date are kept.
     """
-    from engine_bridge.batch.batch import Workers, new_run
+    from engine_bridge.batch.batch import new_run
     from engine_bridge.batch.conversion import BatchSettings
+    from engine_bridge.batch.workers import processor_count
     from engine_bridge.cli import batch_run
 
-    if scheduler is not None and (workers is not None or dashboard):
-        raise click.UsageError("--scheduler excludes --workers and --dashboard.")
-    if shard is not None and workers is None:
-        workers = 0
+    if workers is None:
+        workers = processor_count() if shard is None else 0
     if bool(puppets) == (performer is not None):
         raise click.UsageError("Name characters with --puppet, or choose a format with --performer.")
     if performer is not None:
@@ -131,7 +125,7 @@ def batch(
     part = "" if shard is None else f".{shard.index}-of-{shard.count}"
     result = batch_run.run(
         given,
-        Workers(workers, scheduler, dashboard),
+        workers,
         manifest or output / f"manifest{part}.parquet",
         output / "report.html" if report and shard is None else None,
     )

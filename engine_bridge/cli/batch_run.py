@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from engine_bridge.batch import manifest
-from engine_bridge.batch.batch import Plan, Shard, Workers, log_size, make_jobs, make_plan
+from engine_bridge.batch.batch import Plan, Shard, log_size, make_jobs, make_plan
 from engine_bridge.batch.batch import run as run_plan
 from engine_bridge.batch.conversion import BatchSettings, Outcome
 from engine_bridge.batch.recordings import find_recordings
@@ -70,13 +70,14 @@ def list_waiting(request: Request) -> list[str]:
     return [job.name + ending for job in plan.waiting]
 
 
-def run(request: Request, workers: Workers, table: Path, page: Path | None) -> Result:
+def run(request: Request, workers: int, table: Path, page: Path | None) -> Result:
     """Run a batch, and write its manifest and report.
 
     Parameters
     ----------
     request : Request
-    workers : Workers
+    workers : int
+        Number of worker processes; 0 for none.
     table : Path
         The manifest.
     page : Path or None

@@ -60,10 +60,6 @@ WRITING = (
         "[default: 0.0005; for a rig 0.0001]",
     ),
     options.targets,
-    click.option(
-        "--compact", is_flag=True, help="Write small integers and fewer keyframes, within the tolerance; not for Godot."
-    ),
-    click.option("--meshopt", is_flag=True, help="Compress all arrays without loss, for three.js and Babylon.js."),
 )
 """Options for what is written."""
 
@@ -126,7 +122,7 @@ def refuse_without_puppet(**choices: Any) -> None:
     click.UsageError
     """
     names = {"form": "as", "rest_at": "rest-at"}
-    for option in ("form", "tolerance", "targets", "compact", "meshopt", "rest_at", "preview"):
+    for option in ("form", "tolerance", "targets", "rest_at", "preview"):
         if choices.get(option):
             raise click.UsageError(f"--{names.get(option, option)} is about a character and requires --puppet.")
 

@@ -18,6 +18,12 @@ from engine_bridge.cli.options import Finite
 @click.option("--force", is_flag=True, help="Replace an existing file.")
 @click.option("--sound", is_flag=True, help="Record the microphone beside the take, as a .wav.")
 @click.option("--sound-device", metavar="NAME", help="Name or number of the microphone.  [default: the system's]")
+@click.option(
+    "--sensor",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Record the images of a RealSense too, as FILE.db3, which realsense:FILE.db3 plays.",
+)
 @options.as_json
 def record(
     source: str,
@@ -26,6 +32,7 @@ def record(
     force: bool,
     sound: bool,
     sound_device: str | None,
+    sensor: Path | None,
     as_json: bool,
 ) -> None:
     """Record a source to a take.
@@ -36,9 +43,10 @@ def record(
     from dataclasses import asdict
 
     from capture.sound import Microphone
-    from capture.sources.registry import open_source
+    from capture.sources.registry import open_recording_sensor, open_source
     from engine_bridge.cli import recording
     from engine_bridge.service.monitoring import native_output
+    from puppetline.files import check_writable
 
     def report(frames: int, elapsed: float) -> None:
         if sys.stderr.isatty():
@@ -46,7 +54,11 @@ def record(
 
     with native_output.logged(), ExitStack() as stack:
         microphone = stack.enter_context(closing(Microphone(sound_device))) if sound or sound_device else None
-        opened = stack.enter_context(closing(open_source(source)))
+        if sensor is not None:
+            check_writable(sensor, ".db3")
+            recording.remove_existing(sensor, force)
+        begun = open_source(source) if sensor is None else open_recording_sensor(source, sensor)
+        opened = stack.enter_context(closing(begun))
         summary = recording.record(opened, output, seconds, report, force, microphone)
     if sys.stderr.isatty():
         click.echo(err=True)

@@ -90,7 +90,7 @@ def record(
     OutputError
         The take cannot be written, or exists already.
     """
-    _remove_existing(path, force)
+    remove_existing(path, force)
     sound = _Sound(microphone, path.with_suffix(".wav"), force)
     started = time.monotonic()
     deadline = math.inf if seconds is None else started + seconds
@@ -142,7 +142,7 @@ class _Sound:
         self.path = ""
         self._microphone = microphone
         if microphone is not None:
-            _remove_existing(path, force)
+            remove_existing(path, force)
             self.path = str(path)
             self._clocked, self._writer = ClockedSound(), WavWriter(path)
         self._stated = False
@@ -185,7 +185,14 @@ class _Sound:
             self._writer.write(self._clocked.add(block))
 
 
-def _remove_existing(path: Path, force: bool) -> None:
+def remove_existing(path: Path, force: bool) -> None:
+    """Check that a file of this name can be written, and remove the one that is there if `force` allows it.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written, or exists already.
+    """
     check_writable(path, path.suffix.lower())
     if not force:
         check_new(path, REPLACING)

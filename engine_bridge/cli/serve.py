@@ -258,9 +258,9 @@ def _service_file(config: Path | None, settings: dict[str, Any]) -> "tuple[Servi
 
 
 def _looped(uri: str) -> str:
-    from capture.sources.registry import LOOP_SUFFIX, RECORDED_PREFIXES
+    from capture.sources.registry import LOOP_SUFFIX, is_recorded
 
-    if not uri.startswith(RECORDED_PREFIXES) or uri.endswith(("?loop", "&loop")):
+    if not is_recorded(uri) or uri.endswith(("?loop", "&loop")):
         return uri
     return uri + ("&loop" if "?" in uri else LOOP_SUFFIX)
 

@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,17 +49,7 @@ Its argument is the number of the part.
 """
 
 
-class TargetWriter(Protocol):
-    """Writes the morph targets of a character's parts, and their weights."""
-
-    def add_targets(self, document: Document, number: int, primitive: Primitive) -> None:
-        """Append the targets of the part with this number to its primitive."""
-
-    def add_weights(self, document: Document, node: int, weights: NDArray[np.float32]) -> int:
-        """Add the weights (F, K) of all targets of a node, and return their accessor."""
-
-
-def animate(character: Character, keyframes: Keyframes, targets: TargetWriter) -> Document:
+def animate(character: Character, keyframes: Keyframes, displacements: Displacements) -> Document:
     """Add an animation of morph targets to a copy of a character's document.
 
     Each node that shows a part of the character gets morph targets and an animation of their weights. The root's motion
@@ -71,7 +60,8 @@ def animate(character: Character, keyframes: Keyframes, targets: TargetWriter) -
     ----------
     character : Character
     keyframes : Keyframes
-    targets : TargetWriter
+    displacements : callable
+        Called for one part at a time, to save memory.
 
     Returns
     -------
@@ -91,13 +81,13 @@ def animate(character: Character, keyframes: Keyframes, targets: TargetWriter) -
         mesh = own_mesh(document, node, shown)
         before = rest_weights(gltf["nodes"][node], mesh)
         for number, part in parts:
-            targets.add_targets(document, number, mesh["primitives"][part.primitive])
+            _add_targets(document, mesh["primitives"][part.primitive], part, *displacements(number))
         _pad_targets(document, mesh, len(before) + keyframes.weights.shape[1])
         if keyframes.weights.shape[1]:
             _widen_animations(document, node, len(before), keyframes.weights.shape[1])
             held = weights_over_time(mesh, before, keyframes.own, len(keyframes.times))
-            weights = targets.add_weights(document, node, np.hstack([held, keyframes.weights]))
-            connect(animation, clock, weights, node, "weights")
+            weights = np.hstack([held, keyframes.weights]).ravel()
+            add_channel(document, animation, clock, weights, node, "weights")
             _describe_targets(gltf["nodes"][node], mesh, before, keyframes.weights.shape[1])
     if keyframes.root is not None:
         add_channel(document, animation, clock, keyframes.root, add_root(document), "translation")
@@ -106,55 +96,26 @@ def animate(character: Character, keyframes: Keyframes, targets: TargetWriter) -
     return document
 
 
-class LocalSpace:
-    """Conversion of a part's displacements from world coordinates to those of its primitive."""
-
-    def __init__(self, part: Part) -> None:
-        linear = part.to_world[:, :3, :3]
-        self._to_local = _inverse(linear)
-        self._from_normals = linear.transpose(0, 2, 1).astype(np.float32)
-        if part.normals is not None:
-            # a node's scale changes the length of unit normals; displacements must scale with it
-            turned = _turned(self._from_normals, part.normals.astype(np.float32))
-            self._length = np.linalg.norm(turned, axis=1, keepdims=True)
-
-    def positions(self, displacements: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return displacements (n, 3) of positions."""
-        return _turned(self._to_local, displacements)
-
-    def normals(self, displacements: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return displacements (n, 3) of normals."""
-        return _turned(self._from_normals, displacements) / np.maximum(self._length, np.float32(1e-30))
-
-
-@dataclass(frozen=True)
-class FloatTargets:
-    """Writes targets and weights without quantisation, in float32.
-
-    Attributes
-    ----------
-    character : Character
-    displacements : callable
-        Called for one part at a time, to save memory.
-    """
-
-    character: Character
-    displacements: Displacements
-
-    def add_targets(self, document: Document, number: int, primitive: Primitive) -> None:
-        """Append a part's targets to its primitive."""
-        targets = primitive.setdefault("targets", [])
-        positions, normals = self.displacements(number)
-        local = LocalSpace(self.character.parts[number])
-        for k, displacement in enumerate(positions):
-            target = {"POSITION": document.add(local.positions(displacement), ARRAY_BUFFER, bounds=True)}
-            if normals is not None:
-                target["NORMAL"] = document.add(local.normals(normals[k]), ARRAY_BUFFER)
-            targets.append(target)
-
-    def add_weights(self, document: Document, node: int, weights: NDArray[np.float32]) -> int:  # noqa: ARG002
-        """Add the weights of a node's targets."""
-        return document.add(weights.ravel())
+def _add_targets(
+    document: Document,
+    primitive: Primitive,
+    part: Part,
+    positions: NDArray[np.float32],
+    normals: NDArray[np.float32] | None,
+) -> None:
+    """Append displacements (K, n, 3), which are in world coordinates, as targets of a part's primitive."""
+    targets = primitive.setdefault("targets", [])
+    linear = part.to_world[:, :3, :3]
+    to_local, from_normals = _inverse(linear), linear.transpose(0, 2, 1).astype(np.float32)
+    if part.normals is not None:
+        # a node's scale changes the length of unit normals; displacements must scale with it
+        turned = _turned(from_normals, part.normals.astype(np.float32))
+        length = np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), np.float32(1e-30))
+    for k, displacement in enumerate(positions):
+        target = {"POSITION": document.add(_turned(to_local, displacement), ARRAY_BUFFER, bounds=True)}
+        if normals is not None:
+            target["NORMAL"] = document.add(_turned(from_normals, normals[k]) / length, ARRAY_BUFFER)
+        targets.append(target)
 
 
 def _inverse(linear: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -224,14 +185,9 @@ def add_channel(
     path : str
         translation, rotation, scale or weights.
     """
-    connect(animation, clock, document.add(values), node, path)
-
-
-def connect(animation: Animation, clock: int, output: int, node: int, path: str) -> None:
-    """Add a channel like `add_channel`, whose values are in an accessor already."""
+    output = document.add(values)
     animation["samplers"].append({"input": clock, "output": output, "interpolation": "LINEAR"})
-    sampler = len(animation["samplers"]) - 1
-    animation["channels"].append({"sampler": sampler, "target": {"node": node, "path": path}})
+    animation["channels"].append({"sampler": len(animation["samplers"]) - 1, "target": {"node": node, "path": path}})
 
 
 def hold_targets(

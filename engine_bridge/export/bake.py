@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from capture.sources.demo import performances
 from capture.timeline import Timeline, resample
 from engine_bridge.export import morph_basis
-from engine_bridge.export.animation import FloatTargets, Keyframes, animate
+from engine_bridge.export.animation import Keyframes, animate
 from engine_bridge.export.live_basis import REACH, LiveBasis, store_basis
 from engine_bridge.export.morph_basis import MorphBasis
 from engine_bridge.performance.clip import Progress, load_timeline, reference_pose, solve
@@ -215,6 +215,6 @@ def write(rig: Rig, motion: Motion, basis: MorphBasis, output: Path) -> None:
     root = None if rig.puppet.root is None else motion.root
     keyframes = Keyframes(motion.name, motion.times, basis.weights[: len(motion.times)], root)
     displacements = morph_basis.displacements(rig.character, rig.mesh, rig.model, motion.frames, basis)
-    document = animate(rig.character, keyframes, FloatTargets(rig.character, displacements))
+    document = animate(rig.character, keyframes, displacements)
     store_basis(document, basis.directions, REACH, rig.model)
     document.save(output)

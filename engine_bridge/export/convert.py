@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from capture.timeline import Timeline
-from engine_bridge.character.meshopt_codec import require_meshoptimizer
 from engine_bridge.export import frames_animation
 from engine_bridge.export.clip_export import export_clip
 from engine_bridge.performance.clip import Clip, Progress, load_timeline, perform
@@ -105,22 +104,10 @@ def convert(
     check_writable(output, ".glb", inputs=(log, puppet))
     timeline, notes = load_timeline(log, settings)
     progress("Preparing the character", 0.0)
-    rig = load_rig_for(puppet, settings)
+    rig = load_rig(puppet)
     check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
     progress("Preparing the character", 1.0)
     return convert_timeline(rig, timeline, output, log.stem, settings, notes, progress)
-
-
-def load_rig_for(puppet: Path, settings: Settings) -> Rig:
-    """Load a puppet file and its character, and check that the settings' compression is installed.
-
-    Raises
-    ------
-    PuppetlineError
-    """
-    if settings.meshopt:
-        require_meshoptimizer()
-    return load_rig(puppet)
 
 
 def convert_timeline(
@@ -137,7 +124,6 @@ def convert_timeline(
     Parameters
     ----------
     rig : Rig
-        From `load_rig_for`.
     timeline : Timeline
     output : Path
     name : str

@@ -6,8 +6,7 @@ import numpy as np
 
 from engine_bridge.character.document import Document
 from engine_bridge.export.animation import Keyframes, hold_targets
-from engine_bridge.export.compact_document import compact_skin
-from engine_bridge.export.compact_motion import compact_motion
+from engine_bridge.export.motion_thinning import thin_motion
 from engine_bridge.export.rig_animation import RigAnimation, animate_rig
 from engine_bridge.performance.clip import Clip, Progress
 from engine_bridge.performance.settings import Settings
@@ -46,11 +45,11 @@ def export_rig(clip: Clip, keyframes: Keyframes, settings: Settings, progress: P
     progress : callable
     """
     own = own_bones(clip.rig.character, clip.rig.puppet.limbs)
-    exported = _of_own(clip, keyframes, own) if own is not None else _of_made(clip, keyframes, settings, progress)
+    exported = _of_own(clip, keyframes, own) if own is not None else _of_made(clip, keyframes, progress)
     document, diagonal = exported.document, float(clip.rig.model.diagonal)
     count, error = exported.keyframes, exported.error
     if settings.max_error and document.gltf["animations"]:
-        count, more = compact_motion(document, settings.max_error * diagonal, quantised=settings.compact)
+        count, more = thin_motion(document, settings.max_error * diagonal)
         error += more
     progress("Turning joints", 1.0)
     return RigExport(document, exported.joints, count, error, exported.rms, exported.notes)
@@ -77,7 +76,7 @@ def _of_own(clip: Clip, keyframes: Keyframes, bones: RigBones) -> RigExport:
     return RigExport(document, moved, len(clip.frames), moved.error, None, tuple(notes))
 
 
-def _of_made(clip: Clip, keyframes: Keyframes, settings: Settings, progress: Progress) -> RigExport:
+def _of_made(clip: Clip, keyframes: Keyframes, progress: Progress) -> RigExport:
     """Rig the character, and animate the rig."""
     rig = clip.rig
     made = made_rig(rig, lambda share: progress("Fitting skin weights", share))
@@ -96,8 +95,6 @@ def _of_made(clip: Clip, keyframes: Keyframes, settings: Settings, progress: Pro
         float(rig.model.diagonal) * each
         for each in distances(rig, of_bones, rig.mesh.vertices, clip.frames[::stride], motions[::stride])
     )
-    if settings.compact:
-        error += compact_skin(document, rig.character, for_meshopt=settings.meshopt)
     return RigExport(document, moved, len(clip.frames), error + moved.error, rms, notes)
 
 

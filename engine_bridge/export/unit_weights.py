@@ -49,11 +49,6 @@ class UnitWeights:
         """Number of targets: K, plus one if any coordinate may be negative."""
         return len(self.lowest) + bool((self.lowest < 0).any())
 
-    @property
-    def opposite(self) -> NDArray[np.float64] | None:
-        """Coefficients (K,) by which the last target is the sum of the others; None if no coordinate is negative."""
-        return self.lowest / self.spans if self.count > len(self.lowest) else None
-
     def weights(self, coordinates: NDArray[np.floating]) -> NDArray[np.float32]:
         """Return the weights (F, count) float32 of coordinates (F, K) within the bounds."""
         shifted, opposite = self._shifted(coordinates)

@@ -12,7 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from capture.libraries import NotInstalledError
-from capture.sensors import freenect, openni_library
+from capture.sensors import freenect, openni_library, orbbec, realsense
 from capture.sensors.camera import load_opencv
 from capture.trackers import nite
 from capture.trackers.mediapipe import load_mediapipe
@@ -30,15 +30,19 @@ class Kind:
     scheme : str
         Scheme of the source that reads it; empty if there is none.
     package, rules : str
-        Debian's package with the udev rules that let users open it, and the file of the rules.
+        Debian's package with the udev rules that let users open it, and the file of the rules; empty for neither.
+    speed : int
+        Speed of USB that it requires, in Mbit/s.
     """
 
     name: str
     scheme: str = ""
     package: str = ""
     rules: str = ""
+    speed: int = 480
 
 
+_ASTRA = Kind("Orbbec Astra", "openni:")
 _OPENNI = "openni:", "libopenni2-0", openni_library.UDEV_RULES
 
 KINDS: dict[str, Kind] = {
@@ -50,8 +54,16 @@ KINDS: dict[str, Kind] = {
     "1d27:0600": Kind("Asus Xtion", *_OPENNI),
     "1d27:0601": Kind("Asus Xtion Pro Live", *_OPENNI),
     "1d27:0609": Kind("PrimeSense Carmine", *_OPENNI),
+    "2bc5:0401": _ASTRA,
+    "2bc5:0402": _ASTRA,
+    "2bc5:0403": _ASTRA,
 }
 """Known depth sensors by USB vendor and product."""
+
+VENDORS = {"2bc5": Kind("Orbbec sensor", "orbbec:")}
+"""Vendors of depth sensors only, for products that are not in `KINDS`."""
+
+_REALSENSE_VENDOR = "8086", "RealSense"  # Intel makes much else, so the product's name counts too
 
 _USB = Path("/sys/bus/usb/devices")
 _NODES = Path("/dev/bus/usb")
@@ -62,13 +74,19 @@ _CAMERAS = Path("/dev")
 def examine() -> Iterator[Finding]:
     """Check cameras, depth sensors, and the libraries that read them."""
     plugged = [*_plugged()]
-    schemes = {kind.scheme for kind, _ in plugged}
+    schemes = {kind.scheme for kind, _, _ in plugged}
     yield from _cameras()
     yield from _depth_sensors(plugged)
     yield _library("libfreenect", _kinects, "freenect:", needed="freenect:" in schemes)
     yield _library("OpenNI 2", _openni, "openni:", needed="openni:" in schemes)
     yield from _openni_sensors()
-    tracks = "freenect:" in schemes or ("openni:" in schemes and nite.library_path() is None)
+    yield _library("librealsense", _realsense, "realsense:", needed="realsense:" in schemes)
+    yield from _realsense_sensors()
+    yield _library("Orbbec SDK", _orbbec, "orbbec:", needed="orbbec:" in schemes)
+    yield from _orbbec_sensors()
+    tracks = bool({"freenect:", "orbbec:", "realsense:"} & schemes) or (
+        "openni:" in schemes and nite.library_path() is None
+    )
     yield _library("MediaPipe", _mediapipe, "camera:, video: and depth sensors", needed=tracks)
     yield _library("OpenCV", _opencv, "camera: and video:", needed=False)
     yield _nite()
@@ -91,29 +109,44 @@ def _cameras() -> Iterator[Finding]:
         )
 
 
-def _plugged() -> Iterator[tuple[Kind, Path]]:
-    """Return the depth sensors on USB, and their device files."""
+def _plugged() -> Iterator[tuple[Kind, Path, str]]:
+    """Return the depth sensors on USB, their device files, and their speeds in Mbit/s."""
     for device in sorted(_USB.glob("*")):
-        kind = KINDS.get(f"{_read(device / 'idVendor')}:{_read(device / 'idProduct')}")
+        vendor, product = _read(device / "idVendor"), _read(device / "product")
+        kind = KINDS.get(f"{vendor}:{_read(device / 'idProduct')}") or VENDORS.get(vendor)
+        if vendor == _REALSENSE_VENDOR[0] and _REALSENSE_VENDOR[1] in product:
+            kind = Kind(product, "realsense:", speed=5000)
         if kind is not None:
-            yield kind, _NODES / f"{_read(device / 'busnum'):0>3}" / f"{_read(device / 'devnum'):0>3}"
+            node = _NODES / f"{_read(device / 'busnum'):0>3}" / f"{_read(device / 'devnum'):0>3}"
+            yield kind, node, _read(device / "speed")
 
 
-def _depth_sensors(plugged: list[tuple[Kind, Path]]) -> Iterator[Finding]:
+def _depth_sensors(plugged: list[tuple[Kind, Path, str]]) -> Iterator[Finding]:
     if not plugged:
         yield Finding("depth sensors", None, "no known model on USB")
-    for kind, node in plugged:
+    for kind, node, speed in plugged:
         if not kind.scheme:
             yield Finding(kind.name, None, f"{node}, not supported; its own programs can send OSC")
         elif os.access(node, os.R_OK | os.W_OK):
             yield Finding(kind.name, True, f"{node}, for {kind.scheme}")
+            if speed.isdecimal() and int(speed) < kind.speed:
+                yield Finding(
+                    f"{kind.name}, USB",
+                    False,
+                    f"{speed} Mbit/s; it requires {kind.speed}",
+                    "Use a USB 3 port and a USB 3 cable." if kind.speed > 480 else "Use a USB 2 port of its own.",
+                )
         else:
             yield Finding(
                 kind.name,
                 False,
                 f"{node}: no permission",
-                f"Install the udev rules {kind.rules} from Debian's {kind.package}, "
-                "run udevadm control --reload, and plug the sensor in again.",
+                (
+                    f"Install the udev rules {kind.rules} from Debian's {kind.package}, "
+                    if kind.rules
+                    else "Install the udev rules of the maker's SDK, "
+                )
+                + "run udevadm control --reload, and plug the sensor in again.",
             )
 
 
@@ -164,6 +197,42 @@ def _openni_sensors() -> Iterator[Finding]:
             yield Finding(f"openni:serial={sensor.serial}", True, f"{sensor.name}, also {uri}")
         else:
             yield Finding(uri, True, f"{sensor.name}, which has no serial number")
+
+
+def _realsense(name: str) -> str:
+    count = len(realsense.plugged_in(realsense.load_realsense(name)))
+    return f"installed; {count or 'no'} sensor{'s' * (count > 1)} plugged in"
+
+
+def _realsense_sensors() -> Iterator[Finding]:
+    """Return the sensors that librealsense finds, by the URIs of their sources."""
+    try:
+        library = realsense.load_realsense("librealsense")
+    except SourceError:  # reported with the library
+        return
+    for device in realsense.plugged_in(library):
+        name, serial, firmware, usb = (
+            realsense.information(library, device, each)
+            for each in ("name", "serial_number", "firmware_version", "usb_type_descriptor")
+        )
+        yield Finding(f"realsense:serial={serial}", True, f"{name}, firmware {firmware}, USB {usb}")
+
+
+def _orbbec(name: str) -> str:
+    count = len(orbbec.plugged_in(orbbec.load_orbbec(name)))
+    return f"installed; {count or 'no'} sensor{'s' * (count > 1)} plugged in"
+
+
+def _orbbec_sensors() -> Iterator[Finding]:
+    """Return the sensors that Orbbec's SDK finds, by the URIs of their sources."""
+    try:
+        library = orbbec.load_orbbec("Orbbec SDK")
+    except SourceError:  # reported with the library
+        return
+    for device in orbbec.plugged_in(library):
+        about = device.get_device_info()
+        detail = f"{about.get_name()}, firmware {about.get_firmware_version()}, {about.get_connection_type()}"
+        yield Finding(f"orbbec:serial={about.get_serial_number()}", True, detail)
 
 
 def _nite() -> Finding:

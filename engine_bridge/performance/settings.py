@@ -15,9 +15,6 @@ DEFAULT_TOLERANCES: dict[Form, float] = {"morph": 0.0005, "frames": 0.0, "rig": 
 """Default tolerance of each form, as a fraction of the diagonal. That of a rig is for its keyframes: its
 error beside the solver's surface follows from its weights."""
 
-COMPACT_TOLERANCES: dict[Form, float] = {**DEFAULT_TOLERANCES, "frames": 0.0005, "rig": 0.0005}
-"""Default tolerance of each form if arrays are quantised; none of them is exact then."""
-
 
 @dataclass(frozen=True)
 class Settings:
@@ -45,10 +42,6 @@ class Settings:
         Maximum error of the animation relative to the solver, as a fraction of the diagonal; None for the default.
     targets : int or None
         Maximum number of morph targets, at least 2.
-    compact : bool
-        Whether to quantise arrays and to omit keyframes within the tolerance.
-    meshopt : bool
-        Whether to compress arrays by EXT_meshopt_compression.
     log : ReadOptions
         Properties of the recording that its file does not contain.
     """
@@ -62,16 +55,12 @@ class Settings:
     form: Form | None = None
     tolerance: float | None = None
     targets: int | None = None
-    compact: bool = False
-    meshopt: bool = False
     log: ReadOptions = field(default_factory=ReadOptions)
 
     @property
     def max_error(self) -> float:
         """The tolerance, or the default one of the form."""
-        if self.tolerance is not None:
-            return self.tolerance
-        return (COMPACT_TOLERANCES if self.compact else DEFAULT_TOLERANCES)[self.form or "morph"]
+        return DEFAULT_TOLERANCES[self.form or "morph"] if self.tolerance is None else self.tolerance
 
     def for_puppet(self, puppet: Puppet) -> Self:
         """Return the settings with the form that suits a puppet, if they have none."""

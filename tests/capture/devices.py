@@ -18,6 +18,7 @@ import pytest
 
 from capture.events import Tick
 from capture.sensors import source
+from capture.sensors.depth_camera import metres
 from capture.sensors.source import SensorSource
 from capture.skeleton import JOINT_INDEX, PARENTS, SkeletonFrame
 from capture.trackers.picture import Lens, Person, Picture
@@ -190,9 +191,9 @@ class VirtualSensor:
         self._wait(lambda: not self._listed[0])
 
     def show(self, depth, color, moment):
-        """Show millimetres and RGB at a time of the sensor's clock, in seconds; return when they were delivered."""
+        """Show metres and RGB at a time of the sensor's clock, in seconds; return when they were delivered."""
         self.wait_for_streams()
-        self._depth[:], self._color[:], self._time[:] = depth, color, round(moment * 1e6)
+        self._depth[:], self._color[:], self._time[:] = np.rint(1000 * depth), color, round(moment * 1e6)
         self._shown += 1
         self._wait(lambda: self._given == self._shown)
 
@@ -256,7 +257,8 @@ def record(_virtual_sensors):
 
     On a busy machine, the recorder skips images; then the recording is repeated.
     """
-    from capture.sensors.openni import OpenNIDevice, Selection
+    from capture.sensors.depth_camera import Selection
+    from capture.sensors.openni import OpenNIDevice
     from capture.sensors.openni_library import load_openni2
 
     bindings = load_openni2("test")
@@ -264,7 +266,7 @@ def record(_virtual_sensors):
     def once(sensor, path, pictures, step):
         with closing(OpenNIDevice("openni:", Selection())) as device:
             recorder = bindings.Recorder(os.fsencode(path))
-            for stream in device._streams:
+            for stream in device._streams.values():
                 recorder.attach(stream)
             recorder.start()
             for k, (depth, color) in enumerate(pictures):
@@ -341,7 +343,7 @@ def run_with_kinect(fakenect):
 
 @pytest.fixture
 def write_dump(tmp_path):
-    """Write a dump for fakenect: depth or colour images with their ticks, in order of arrival."""
+    """Write a dump for fakenect: depth in metres or colours with their ticks, in order of arrival."""
 
     def write(pictures, interval=0.01):
         folder = tmp_path / "dump"
@@ -350,7 +352,8 @@ def write_dump(tmp_path):
         for number, (picture, ticks) in enumerate(pictures):
             kind, header = ("d", b"P5 640 480 65535\n") if picture.ndim == 2 else ("r", b"P6 640 480 255 \n")
             names.append(f"{kind}-{100 + interval * number:.6f}-{ticks % 2**32}.p")
-            (folder / names[-1]).write_bytes(header + picture.tobytes())
+            pixels = np.rint(1000 * picture).astype(np.uint16) if kind == "d" else picture
+            (folder / names[-1]).write_bytes(header + pixels.tobytes())
         (folder / "INDEX.txt").write_text("".join(f"{name}\n" for name in names))
         return folder
 
@@ -368,7 +371,7 @@ BONES = [(JOINT_INDEX[child], JOINT_INDEX[parent]) for child, parent in PARENTS.
 
 @pytest.fixture(scope="session")
 def render():
-    """Show a body to a lens: `render(joints, lens)` returns depths (millimetres, 0 for nothing) and colours.
+    """Show a body to a lens: `render(joints, lens)` returns depths (metres, 0 for nothing) and colours.
 
     A bone is a capsule of `radius` metres between two of the (20, 3) joints.
     Colours are skin that is darker where it turns away.
@@ -390,7 +393,7 @@ def render():
             nearer = distance < nearest[window]
             nearest[window][nearer], light[window][nearer] = distance[nearer], facing[nearer]
         seen = np.isfinite(nearest)
-        depth = np.where(seen, np.round(1000 * np.where(seen, nearest, 0)), 0).astype(np.uint16)
+        depth = metres(np.where(seen, np.round(1000 * np.where(seen, nearest, 0)), 0).astype(np.uint16))
         color = np.where(seen[..., None], (0.3 + 0.7 * light)[..., None] * [224, 172, 140], [40, 60, 80])
         return depth, color.astype(np.uint8)
 

@@ -113,3 +113,12 @@ def test_a_clip_is_made_level_as_its_frames_are():
         np.testing.assert_allclose(found.positions, sensor.levelled(frame).positions, atol=1e-12)
         np.testing.assert_allclose(found.orientations, sensor.levelled(frame).orientations, atol=1e-12)
     assert SensorTilt().levelled(clip) is clip
+
+
+def test_an_accelerometers_tilt_gets_its_height_from_a_performer_who_stands_on_the_floor(upright):
+    seen = turned(upright, 20.0, 1.4)
+    stands = SensorTilt(20.0).above_floor(seen)
+    assert stands.height == pytest.approx(1.4)
+    assert stands.above_floor(seen + 1.0) is stands
+    seen[JOINT_INDEX["ankle_left"]] = np.nan
+    assert SensorTilt(20.0).above_floor(seen) == SensorTilt(20.0)

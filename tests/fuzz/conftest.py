@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from engine_bridge.character.character import load_character
-from engine_bridge.export.animation import FloatTargets, Keyframes, animate
+from engine_bridge.export.animation import Keyframes, animate
 from engine_bridge.inspection.files import inspect
 from puppetline.errors import MeshError, PuppetlineError
 
@@ -36,7 +36,7 @@ def read_and_write(path):
     json.dumps(inspect(path)).encode()
     still = [(np.zeros((1, *part.vertices.shape), np.float32), None) for part in character.parts]
     made = path.with_name("made.glb")
-    animate(character, REST_TAKE, FloatTargets(character, still.__getitem__)).save(made)
+    animate(character, REST_TAKE, still.__getitem__).save(made)
     try:
         again = load_character(made)
     except PuppetlineError as error:

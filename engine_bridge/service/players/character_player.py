@@ -160,7 +160,8 @@ class CharacterPlayer:
         first, self._floor, sensor = self._floor is None, sensor, self._with_settings(sensor)
         prepared = self.next_calibration or self._current
         if first and prepared is not None and not sensor.near(prepared.calibration.sensor, *MIN_TILT_CHANGE):
-            self._prepare(Calibration(prepared.calibration.rest, sensor), time)
+            rest = prepared.calibration.rest
+            self._prepare(Calibration(rest, sensor.above_floor(rest)), time)
         if self._current is None:
             self._sensor = sensor
             self._watched.reset()
@@ -324,7 +325,7 @@ class CharacterPlayer:
         return any(limb.follow == "direction" for limb in self.character.rig.puppet.limb)
 
     def _calibrate(self, rest: NDArray[np.float64], time: float) -> None:
-        found = self._floor or estimate_tilt(rest) or self._sensor
+        found = self._floor.above_floor(rest) if self._floor else estimate_tilt(rest) or self._sensor
         self._prepare(Calibration(rest, self._with_settings(found)), time)
 
     def _with_settings(self, found: SensorTilt) -> SensorTilt:

@@ -179,7 +179,7 @@ class Backend:
         await self.service.refresh()
         return result
 
-    _do_play_take = _do_pause = _do_seek = _do_loop = _do_speed = _do_stop = _play
+    _do_pause = _do_seek = _do_stop = _play
 
     async def _pass_on(self, do: str, **arguments: Any) -> dict[str, Any]:
         """Send a request to the service."""

@@ -35,20 +35,6 @@ class Microphone(Request):
     on: bool
 
 
-class PlayTake(Request):
-    """Play a take on a character, see docs/control.md. Result: `TimelineTake`, and `note` about damage or None.
-
-    `part` is the character in the take whose performer drives it, by default that of the same name; `at` is the second
-    of the timeline at which the take begins, by default the one at which it was recorded.
-    """
-
-    do: Literal["play_take"]
-    character: Name
-    take: Name
-    part: Name | None = None
-    at: FiniteFloat | None = None
-
-
 class Pause(Request):
     """Stop the timeline of the takes that play, or continue. Result: `TimelineState`."""
 
@@ -61,20 +47,6 @@ class Seek(Request):
 
     do: Literal["seek"]
     seconds: FiniteFloat
-
-
-class Loop(Request):
-    """Play the takes in a loop, or not. Result: `TimelineState`."""
-
-    do: Literal["loop"]
-    on: bool = True
-
-
-class Speed(Request):
-    """Set the speed of the takes that play, from 0.1 to 4. Result: `TimelineState`."""
-
-    do: Literal["speed"]
-    factor: FiniteFloat
 
 
 class Stop(Request):

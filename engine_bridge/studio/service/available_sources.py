@@ -44,7 +44,7 @@ def _uris(finding: Finding) -> Iterator[str]:
         return
     if finding.name.startswith("/dev/video"):
         yield f"camera:{finding.name.removeprefix('/dev/video')}"
-    if finding.name.startswith(("openni:serial=", "openni:uri=")):
+    if finding.name.startswith(("openni:serial=", "openni:uri=", "realsense:serial=", "orbbec:serial=")):
         yield finding.name
     if finding.detail.endswith(", for freenect:"):
         yield "freenect:"

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from capture.sources.registry import LOOP_SUFFIX, RECORDED_PREFIXES
+from capture.sources.registry import LOOP_SUFFIX, is_recorded
 from engine_bridge.studio.messages import SourceState
 from engine_bridge.studio.project.open_characters import OpenCharacter
 from puppetline.errors import ServiceError
 
-LIVE_SCHEMES = "osc", "vmc", "freenect", "openni", "camera"
+LIVE_SCHEMES = "osc", "vmc", "freenect", "openni", "realsense", "orbbec", "camera"
 """Schemes of URIs that the page may give. The others name files, which the page does not."""
 
 
@@ -50,7 +50,7 @@ def stages(
     """
     heard = {} if sound is None else {"sound": sound}
     tables = [{"puppet": os.path.relpath(each.live_file, folder), "name": each.name} for each in characters]
-    if not playing.uri.startswith(RECORDED_PREFIXES):
+    if not is_recorded(playing.uri):
         return [{"source": playing.uri, "name": "stage", **heard, "character": tables}] if tables else []
     return [
         {"source": playing.uri, "name": table["name"], "calibrate": "at_once", **heard, "character": [table]}
@@ -74,7 +74,7 @@ def live(uri: str) -> ChosenSource:
         The URI has another scheme, or names a file.
     """
     scheme, colon, rest = uri.partition(":")
-    if not colon or scheme not in LIVE_SCHEMES or "file=" in rest:
+    if not colon or scheme not in LIVE_SCHEMES or is_recorded(uri) or "file=" in rest:
         raise ServiceError(
             "the request, uri",
             found=f"{uri!r:.80}",

@@ -11,6 +11,7 @@ from capture.formats.options import ReadOptions
 from capture.formats.puppetline_log import events, has_old_state, matches, read
 from capture.recording import HEADER
 from capture.skeleton import JOINTS, SkeletonFrame
+from capture.timeline import resample
 from puppetline.errors import SkeletonLogError
 
 from ...oracles import assert_is_error_of, assert_is_sound_clip
@@ -204,3 +205,10 @@ def test_a_missing_file_is_an_error_with_its_path(tmp_path):
         str(tmp_path / "none"),
         "a file that cannot be read (No such file or directory)",
     )
+
+
+def test_channels_of_a_take_are_resampled_between_the_frames_that_have_them(tmp_path):
+    lines = [line(0.0, channels={"smile": 0.25}), line(0.1), line(0.2, channels={"smile": 0.75})]
+    (clip,) = read(log(tmp_path, HEADER, *lines), ReadOptions())
+    np.testing.assert_array_equal(clip.channels["smile"], np.float32([0.25, np.nan, 0.75]))
+    np.testing.assert_allclose(resample(clip, 10).channels["smile"], [0.25, 0.5, 0.75])

@@ -5,6 +5,8 @@ from contextlib import ExitStack, closing
 import numpy as np
 import pytest
 
+from capture.sensors.depth_camera import metres
+
 from ..devices import unhurried
 
 __all__ = ["unhurried"]
@@ -20,7 +22,8 @@ def sensor(virtual_sensors):
 @pytest.fixture
 def opened():
     """Open a device that is closed after the test: `opened(*selection, **options)`."""
-    from capture.sensors.openni import OpenNIDevice, Selection
+    from capture.sensors.depth_camera import Selection
+    from capture.sensors.openni import OpenNIDevice
 
     with ExitStack() as stack:
         yield lambda *args, **options: stack.enter_context(
@@ -30,11 +33,11 @@ def opened():
 
 @pytest.fixture(scope="session")
 def noise():
-    """Return depth and colours of a random image: `noise()`."""
+    """Return depth in metres and colours of a random image: `noise()`."""
     rng = np.random.default_rng(3)
 
     def image():
-        return rng.integers(400, 4000, (480, 640), np.uint16), rng.integers(0, 255, (480, 640, 3), np.uint8)
+        return metres(rng.integers(400, 4000, (480, 640), np.uint16)), rng.integers(0, 255, (480, 640, 3), np.uint8)
 
     return image
 

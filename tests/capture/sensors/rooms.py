@@ -10,7 +10,7 @@ WALL, CEILING = 5.0, 3.0
 
 
 def room(tilt, roll, height, noise=0.0, *, table=False, floor=True, desk=0.0, wall=WALL):
-    """Return the depth, in millimetres, of a room with floor, wall, ceiling and a board as the performer."""
+    """Return the depth, in metres, of a room with floor, wall, ceiling and a board as the performer."""
     pose = Pose.of_degrees(tilt, 0.0, roll, np.array([0.0, height, 0.0]))
     rows, columns = np.indices((LENS.height, LENS.width)) + 0.5
     rays = LENS.unproject(np.stack([columns, rows], axis=-1), np.ones(rows.shape)) @ pose.rotation.T
@@ -29,4 +29,4 @@ def room(tilt, roll, height, noise=0.0, *, table=False, floor=True, desk=0.0, wa
             on_it = (abs(top * x - 0.3) < 0.6) & (abs(top * z - 1.8) < 0.4)
             depth = np.where(on_it, np.minimum(depth, top), depth)
     depth += np.random.default_rng(1).normal(0, 1, depth.shape) * noise * depth**2
-    return np.rint(1000 * depth).astype(np.uint16)
+    return (np.rint(1000 * depth) / 1000).astype(np.float32)

@@ -12,7 +12,7 @@ from capture.trackers.picture import Picture
 from .reports import LENS, WALK, frame, report_of
 
 COLOR = np.full((480, 640, 3), 120, np.uint8)
-DEPTH = np.full((480, 640), 3000, np.uint16)
+DEPTH = np.full((480, 640), 3.0, np.float32)
 
 
 def problems(*arguments, **attributes):
@@ -46,7 +46,7 @@ def test_a_performer_who_is_tracked_well_has_no_problem(shown):
         ({"picture": picture(COLOR // 5)}, ["The image is dark.", "No performer is in view."]),
         ({"picture": picture(depth=DEPTH * 0)}, ["The sensor measures no depth.", "No performer is in view."]),
         (
-            {"picture": picture(COLOR * 0, DEPTH * (np.arange(640) < 64).astype(np.uint16))},
+            {"picture": picture(COLOR * 0, DEPTH * (np.arange(640) < 64).astype(np.float32))},
             ["The image is black.", "The sensor measures depth in 10% of the image.", "No performer is in view."],
         ),
     ],
@@ -110,7 +110,7 @@ def test_a_low_frame_rate_is_a_problem():
 
 
 def test_the_summary_is_json():
-    half = picture(depth=DEPTH * (np.arange(640) < 320).astype(np.uint16))
+    half = picture(depth=DEPTH * (np.arange(640) < 320).astype(np.float32))
     report = report_of(map(frame, range(60)), half, sensor_tilt=SensorTilt(12.2, 1.304, -2.6))
     plain = json.loads(json.dumps(summary(report, [Problem("a", "b")]), allow_nan=False))
     assert plain["picture"] == {"width": 640, "height": 480, "brightness": 120.0, "depth_known": 0.5}

@@ -8,7 +8,8 @@ import pytest
 from puppetline.examples.performances import PERFORMANCES
 
 from capture.sensors import freenect
-from capture.sensors.freenect import LENS, FreenectDevice, open_freenect
+from capture.sensors.depth_camera import metres
+from capture.sensors.freenect import LENS, FreenectDevice, open_source
 from capture.skeleton import JOINT_INDEX, PARENTS
 from puppetline.errors import SourceError
 
@@ -21,6 +22,7 @@ FRAME = 2_002_000
 READ = """
 import sys
 import numpy as np
+from capture.sensors.depth_camera import metres
 from capture.sensors.freenect import FreenectDevice
 from puppetline.errors import SourceError
 pictures = []
@@ -47,6 +49,7 @@ FOLLOW = """
 import time
 import numpy as np
 from capture.events import Tick
+from capture.sensors.depth_camera import metres
 from capture.sensors.freenect import FreenectDevice
 from capture.trackers.picture import Person
 from capture.sensors.source import SensorSource
@@ -83,9 +86,9 @@ def read(run_with_kinect, tmp_path):
 
 
 def depth_of(number):
-    """Return a slope with a hole, in millimetres, that differs for each number."""
+    """Return a slope with a hole, in metres, that differs for each number."""
     rows, columns = np.mgrid[:480, :640]
-    depth = (1000 + 100 * number + 3 * columns + rows).astype(np.uint16)
+    depth = metres((1000 + 100 * number + 3 * columns + rows).astype(np.uint16))
     depth[100:110, 200:230] = 0
     return depth
 
@@ -117,7 +120,8 @@ def test_depth_and_colour_arrive_unchanged_on_a_clock_that_does_not_overflow(rea
     np.testing.assert_allclose(np.diff(seen["times"]), FRAME / 60e6, atol=1e-9)
     assert seen["times"][0] == start / 60e6
     assert "closed None None" in process.stdout
-    assert process.stderr == "shut down with 0 open\n"
+    skew = "freenect: the times of depth and colour of Kinect v1 differ by 16.7 ms\n"
+    assert process.stderr == f"{skew}shut down with 0 open\n"
 
 
 def test_unprojected_depth_is_on_the_bodys_skin(read, write_dump, render):
@@ -127,7 +131,7 @@ def test_unprojected_depth_is_on_the_bodys_skin(read, write_dump, render):
     np.testing.assert_array_equal(seen["depths"][0], depth)
     np.testing.assert_array_equal(seen["colors"][0], color)
     rows, columns = np.nonzero(seen["depths"][0])
-    skin = LENS.unproject(np.stack([columns, rows], axis=-1) + 0.5, seen["depths"][0][rows, columns] / 1000)
+    skin = LENS.unproject(np.stack([columns, rows], axis=-1) + 0.5, seen["depths"][0][rows, columns])
     ends = joints[[[JOINT_INDEX[a], JOINT_INDEX[b]] for a, b in PARENTS.items()]]
     along = ends[:, 1] - ends[:, 0]
     share = np.einsum("psk,sk->ps", skin[:, None] - ends[:, 0], along) / (along**2).sum(axis=1)
@@ -231,13 +235,13 @@ def test_a_missing_library_is_an_error_with_the_package(monkeypatch):
     monkeypatch.setattr(freenect, "LIBRARIES", ("libnosuchthing.so.0.5",))
     monkeypatch.setattr(ctypes.util, "find_library", lambda _name: None)
     with pytest.raises(SourceError, match=r"no libfreenect on this machine.*apt install libfreenect0\.5"):
-        open_freenect("freenect:", "")
+        open_source("freenect:", "", Path())
 
 
 @pytest.mark.parametrize("rest", ["x", "-1", "1?mirror", "100", "٣"])
 def test_a_wrong_number_is_an_error(rest):
     with pytest.raises(SourceError, match="the number of a Kinect v1"):
-        open_freenect(f"freenect:{rest}", rest)
+        open_source(f"freenect:{rest}", rest, Path())
 
 
 def test_the_centre_of_the_image_is_straight_ahead():

@@ -10,9 +10,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from capture.sensors import oni_file
+from capture.sensors import depth_camera, oni_file
 from capture.sensors import openni as module
-from capture.sensors.openni import OpenNIDevice, Selection, open_openni, parse
+from capture.sensors.depth_camera import Selection, parse
+from capture.sensors.openni import OpenNIDevice, open_source
 from capture.sensors.openni_library import list_sensors, load_openni2
 from capture.skeleton import SkeletonFrame
 from capture.source import SilentSource
@@ -37,15 +38,15 @@ NAME = "openni:"
     ],
 )
 def test_a_uri_selects_a_sensor_or_a_recording(rest, selection):
-    assert parse(NAME + rest, rest) == selection
+    assert parse(NAME + rest, rest, ("serial", "uri")) == selection
 
 
 @pytest.mark.parametrize(
     "rest", ["1", "file", "file=", "uri=", "serial=1&fast", "file=a&slow", "fast", "file=a?fast=1"]
 )
 def test_a_wrong_uri_is_an_error_with_the_right_forms(rest):
-    with pytest.raises(SourceError, match="expected nothing, serial=NUMBER") as caught:
-        parse(NAME + rest, rest)
+    with pytest.raises(SourceError, match="expected nothing, serial=TEXT, uri=TEXT or file=NAME") as caught:
+        parse(NAME + rest, rest, ("serial", "uri"))
     assert caught.value.found == repr(rest)
 
 
@@ -85,7 +86,7 @@ def test_images_are_registered_synchronised_and_not_mirrored(sensor, opened, noi
         sensor.show(depth, color, 7.0 + k / 30)
         picture = read(device)
         assert picture.time == pytest.approx(7.0 + k / 30, abs=1e-6)
-        assert (picture.depth.dtype, picture.color.dtype) == (np.uint16, np.uint8)
+        assert (picture.depth.dtype, picture.color.dtype) == (np.float32, np.uint8)
         np.testing.assert_array_equal(picture.depth, depth)
         np.testing.assert_array_equal(picture.color, color)
     assert (picture.lens.width, picture.lens.height) == (640, 480)
@@ -200,9 +201,9 @@ def test_the_service_resumes_after_unplugging_and_plugging_in(sensor, scripted_t
 
 @pytest.mark.usefixtures("virtual_sensors")
 def test_a_missing_recording_is_an_error_when_it_is_opened(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "load_mediapipe", lambda: None)
+    monkeypatch.setattr(depth_camera, "load_mediapipe", lambda: None)
     with pytest.raises(SourceError, match=rf"found {tmp_path}/take.oni, which cannot be read \(No such file"):
-        open_openni("openni:file=take.oni", "file=take.oni", tmp_path)
+        open_source("openni:file=take.oni", "file=take.oni", tmp_path)
 
 
 def test_two_sensors_work_at_the_same_time(virtual_sensors, opened, noise):
@@ -287,13 +288,13 @@ def test_a_damaged_recording_never_reaches_the_library(damaged):
 
 
 def test_only_another_process_crashes_on_a_damaged_recording(recording, tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "load_mediapipe", lambda: None)
+    monkeypatch.setattr(depth_camera, "load_mediapipe", lambda: None)
     damaged = tmp_path / "damaged.oni"
     content = bytearray(recording[0].read_bytes())
     content[23] = 127  # billions of nodes
     damaged.write_bytes(content)
     with pytest.raises(SourceError) as caught:
-        open_openni("openni:file=damaged.oni", "file=damaged.oni", tmp_path)
+        open_source("openni:file=damaged.oni", "file=damaged.oni", tmp_path)
     assert caught.value.found == f"{damaged}, on which OpenNI2 crashes"
 
 
@@ -309,11 +310,11 @@ def test_an_image_with_too_few_bytes_is_skipped(sensor, opened, noise, monkeypat
     device = opened()
     pixels, shortened = device._pixels, []
 
-    def first_shortened(stream, frame):
+    def first_shortened(kind, frame):
         if shortened:
-            return pixels(stream, frame)
+            return pixels(kind, frame)
         shortened.append(frame)
-        return pixels(stream, SimpleNamespace(height=480, width=640, stride=frame.stride, dataSize=1000))
+        return pixels(kind, SimpleNamespace(height=480, width=640, stride=frame.stride, dataSize=1000))
 
     monkeypatch.setattr(device, "_pixels", first_shortened)
     sensor.show(*noise(), 1.0)

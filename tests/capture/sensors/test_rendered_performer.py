@@ -2,6 +2,7 @@
 
 import time
 from contextlib import closing
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -9,12 +10,14 @@ from puppetline.examples.performances import clean
 
 from capture.events import Cue
 from capture.sensor_tilt import SensorTilt
-from capture.sensors import freenect
+from capture.sensors import freenect, realsense
+from capture.sensors.depth_camera import Selection
 from capture.skeleton import SkeletonFrame
 from capture.sources.registry import open_source
 from capture.trackers.mediapipe import MediaPipePose
 
-from ..devices import Watched
+from ...conftest import missing
+from ..devices import Watched, read
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("camera")]
 
@@ -134,6 +137,26 @@ def test_joints_of_a_recording_are_those_of_the_recorded_images(only_sensor, sho
     np.testing.assert_allclose([frame.time for frame in frames], [shot.picture.time for shot in shown], atol=2e-6)
     positions = np.stack([frame.positions for frame in frames])
     np.testing.assert_array_equal(positions, tracked([shot.picture for shot in shown]))
+    check_joints(rendered_body, positions, shown)
+
+
+def test_joints_through_librealsense_are_those_through_openni2(shown, tmp_path, monkeypatch, rendered_body):
+    """Recorded and played by the library; OpenNI2's joints are those of the images, by the tests above."""
+    if find_spec("pyrealsense2") is None:
+        missing("realsense", "librealsense is not here (pip install pyrealsense2)")
+    from .virtual_realsense import VirtualRealSense
+
+    lens = shown[0].picture.lens
+    sensor = VirtualRealSense("7", focal=lens.focal, center=(319.5, 239.5))
+    monkeypatch.setattr(realsense, "plugged_in", lambda _rs: [sensor.device])
+    with closing(realsense.RealSenseDevice("realsense:", Selection(), record=tmp_path / "take.db3")) as device:
+        for shot in shown:
+            sensor.show(shot.picture.depth, shot.picture.color, shot.picture.time + 1.0)
+            read(device)
+    with closing(open_source("realsense:take.db3&fast", tmp_path)) as source:
+        events = Watched(source).frames(len(shown))
+    positions = np.stack([event.positions for event in events if isinstance(event, SkeletonFrame)])
+    np.testing.assert_allclose(positions, tracked([shot.picture for shot in shown]), atol=1e-3)
     check_joints(rendered_body, positions, shown)
 
 

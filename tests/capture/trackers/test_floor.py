@@ -58,11 +58,16 @@ def test_little_or_no_depth_gives_no_result():
 
 @settings(max_examples=60)
 @given(
-    depth=arrays(np.uint16, st.tuples(st.integers(1, 64), st.integers(1, 64)), fill=st.sampled_from([0, 800, 65535])),
-    slope=st.integers(0, 400),
+    depth=arrays(
+        np.float32,
+        st.tuples(st.integers(1, 64), st.integers(1, 64)),
+        elements=st.floats(0, 65.5, width=32),
+        fill=st.sampled_from([0.0, 0.75, 65.0]),
+    ),
+    slope=st.floats(0, 0.4),
 )
 def test_any_depth_gives_a_plausible_result_or_none(depth, slope):
-    depth = (depth + slope * np.arange(len(depth))[:, None]).astype(np.uint16)
+    depth = (depth + slope * np.arange(len(depth))[:, None]).astype(np.float32)
     found = find_floor(depth, Lens(depth.shape[1], depth.shape[0], 60.0))
     assert found is None or (found.height > 0 and max(abs(found.tilt), abs(found.roll)) < 50)
 
@@ -96,6 +101,15 @@ def test_a_moved_sensor_is_reported_again_and_a_shaken_one_is_not():
 
 def test_a_swinging_sensor_is_not_reported():
     assert reports([room(10 + 4 * (k // 2 % 2), 0, 1.2) for k in range(30)]) == []
+
+
+def test_an_accelerometer_shows_the_tilt_without_a_floor_and_refuses_a_plane_that_is_none():
+    up = np.array([0.0, np.cos(np.radians(12)), -np.sin(np.radians(12))])
+    for depth, height in ((room(12, 0, 1.3), 1.3), (room(12, 0, 1.3, floor=False), 0.0), (room(20, 0, 1.3), 0.0)):
+        tracker = FloorTracker()
+        found = [tracker.update(k / 4, Picture(7.0, LENS, None, depth, up)) for k in range(8)]
+        [stands] = [each for each in found if each is not None]
+        assert stands.near(SensorTilt(12, height), 0.3, 0.02)
 
 
 def test_images_without_depth_give_no_result():

@@ -37,7 +37,7 @@ def joints():
 def drawn(joints, skin=None):
     """Return a depth image of patches around the joints' pixels, the nearest on top; `skin` (20,) is in metres."""
     skin = joints[:, 2] - SKIN_TO_JOINT_METRES if skin is None else skin
-    depth = np.full((LENS.height, LENS.width), round(1000 * WALL), np.uint16)
+    depth = np.full((LENS.height, LENS.width), WALL, np.float32)
     for joint in np.argsort(-skin):
         patch(depth, joints[joint], skin[joint])
     return depth
@@ -46,7 +46,7 @@ def drawn(joints, skin=None):
 def patch(depth, joint, metres, beside=0):
     column, row = LENS.project(joint).astype(int)
     rows = slice(row - PATCH, row + PATCH + 1)
-    depth[rows, column - PATCH + beside : column + PATCH + 1 + beside] = round(1000 * metres)
+    depth[rows, column - PATCH + beside : column + PATCH + 1 + beside] = round(metres, 3)
 
 
 def measured(depth, joints, estimated=None, confidence=TRACKED_ALL):
@@ -136,7 +136,7 @@ def test_hidden_joints_and_joints_outside_the_image_have_no_measured_depth(joint
 
 
 def test_too_few_joints_with_depth_give_no_result(joints):
-    depth = np.zeros((LENS.height, LENS.width), np.uint16)
+    depth = np.zeros((LENS.height, LENS.width), np.float32)
     assert measured(depth, joints) is None
     for joint in range(4):
         patch(depth, joints[joint], joints[joint, 2])

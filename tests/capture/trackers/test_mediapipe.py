@@ -129,7 +129,7 @@ def test_depth_determines_the_scale(squats, clip):
     """The same image with a flat depth of twice the distance shows a performer of twice the height."""
     picture = clip[0][0]
     distance = float(squats.positions[0, 0, 2]) * 2
-    board = np.full(picture.color.shape[:2], round(distance * 1000), np.uint16)
+    board = np.full(picture.color.shape[:2], distance, np.float32)
     tracker = MediaPipePose(HEIGHT)
     (person,) = tracker.track(replace(picture, depth=board))
     tracker.close()
@@ -168,4 +168,4 @@ def test_absence_is_logged_once(tracker, caplog):
 
 def test_an_image_without_colours_is_an_error(tracker):
     with pytest.raises(SourceError, match="an image without colours"):
-        tracker.track(Picture(0.0, Lens(4, 3, 4.0), None, np.ones((3, 4), np.uint16)))
+        tracker.track(Picture(0.0, Lens(4, 3, 4.0), None, np.ones((3, 4), np.float32)))

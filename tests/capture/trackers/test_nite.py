@@ -15,7 +15,8 @@ import pytest
 
 from capture.events import Lost, Tick
 from capture.sensors import openni
-from capture.sensors.openni import OpenNIDevice, Selection, open_openni
+from capture.sensors.depth_camera import Selection
+from capture.sensors.openni import OpenNIDevice, open_source
 from capture.skeleton import INFERRED, JOINT_INDEX, LOST, TRACKED, SkeletonFrame
 from capture.trackers import nite
 from capture.trackers.nite import NiTE, library_path
@@ -155,7 +156,7 @@ def opened(sensor, monkeypatch):
     sources = []
 
     def openni_source():
-        sources.append(open_openni(NAME, "", Path()))
+        sources.append(open_source(NAME, "", Path()))
         return Watched(sources[-1])
 
     yield openni_source

@@ -51,14 +51,14 @@ def bones(joints):
 
 
 def depth_of(joints, wall=4.5, without=()):
-    """Return a depth image, in millimetres, of a disc of skin for each joint in front of a wall."""
-    depth = np.full((LENS.height, LENS.width), wall * 1000, np.uint16)
+    """Return a depth image, in metres, of a disc of skin for each joint in front of a wall."""
+    depth = np.full((LENS.height, LENS.width), wall, np.float32)
     rows, columns = np.indices(depth.shape)
     for joint in np.argsort(-joints[:, 2]):
         if joint not in without:
             column, row = LENS.project(joints[joint])
             disc = np.hypot(columns - column, rows - row) < 0.05 * LENS.focal / joints[joint, 2]
-            depth[disc] = round((joints[joint, 2] - SKIN_TO_JOINT_METRES[joint]) * 1000)
+            depth[disc] = round(joints[joint, 2] - SKIN_TO_JOINT_METRES[joint], 3)
     return depth
 
 
@@ -130,7 +130,7 @@ def test_depth_places_joints_exactly_whatever_the_height(truth):
 def test_a_joint_without_depth_is_inferred_at_its_estimate(truth):
     depth = depth_of(truth, without=[HAND])
     column, row = LENS.project(truth[HEAD]).astype(int)
-    depth[row - 60 : row + 20, column - 40 : column + 40] = 1000  # an object in front of the face
+    depth[row - 60 : row + 20, column - 40 : column + 40] = 1.0  # an object in front of the face
     positions, confidence = BodyPlacer(1.7).place(0.0, LENS, LENS.project(truth), posture_of(truth), TRACKED_ALL, depth)
     expected = TRACKED_ALL.copy()
     expected[[HAND, HEAD]] = INFERRED
@@ -141,7 +141,7 @@ def test_a_joint_without_depth_is_inferred_at_its_estimate(truth):
 def test_a_wall_beside_a_thin_limb_is_ignored(truth):
     depth = depth_of(truth)
     column, row = LENS.project(truth[KNEE]).astype(int)
-    depth[row - 20 : row + 20, column + 1 : column + 20] = 4500
+    depth[row - 20 : row + 20, column + 1 : column + 20] = 4.5
     positions, confidence = BodyPlacer(1.7).place(0.0, LENS, LENS.project(truth), posture_of(truth), TRACKED_ALL, depth)
     assert confidence[KNEE] == TRACKED
     np.testing.assert_allclose(positions[KNEE], truth[KNEE], atol=1e-3)
@@ -160,7 +160,7 @@ def test_depth_does_not_move_a_hidden_joint(truth):
 
 def test_an_empty_depth_image_is_like_none(truth):
     view = 0.0, LENS, LENS.project(truth), posture_of(truth), TRACKED_ALL
-    empty = np.zeros((LENS.height, LENS.width), np.uint16)
+    empty = np.zeros((LENS.height, LENS.width), np.float32)
     for with_it, without in zip(BodyPlacer(1.7).place(*view, empty), BodyPlacer(1.7).place(*view, None), strict=True):
         np.testing.assert_array_equal(with_it, without)
 

@@ -7,7 +7,7 @@ import pytest
 
 from engine_bridge.batch.store import OWN_FOLDER
 
-pytest.importorskip("distributed")
+pytest.importorskip("pyarrow")
 
 
 @pytest.fixture(scope="session")

@@ -186,7 +186,6 @@ FIRST_OF_TWO = [0, 3, 4, 8]
         ["--shard", "0/3"],
         ["--shard", "4/3"],
         ["--shard", "x"],
-        ["--scheduler", "tcp://x:1", "--workers", "2"],
         ["--targets", "3", "--as", "rig"],
         ["--users", "some"],
     ],
@@ -213,13 +212,6 @@ def test_two_puppet_files_of_the_same_name_are_refused(mine, here):
     (mine / "other").mkdir()
     shutil.copy(mine / "mine.toml", mine / "other")
     assert "found the same name as" in here("*.log", puppets=["mine.toml", "other/mine.toml"], code=1)
-
-
-def test_an_address_without_a_scheduler_is_one_message(mine, batch, monkeypatch):
-    monkeypatch.setenv("DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT", "1s")
-    message = batch("a.log", "--scheduler", "tcp://127.0.0.1:9", puppets=["mine.toml"], code=1)
-    assert message.startswith("puppetline: --scheduler tcp://127.0.0.1:9: found no scheduler with workers")
-    assert message.count("\n") == 1
 
 
 def test_the_text_has_a_table_of_reasons_the_most_frequent_first(mine, commands):

@@ -6,7 +6,6 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
 
 import numpy as np
@@ -168,89 +167,6 @@ def test_workers_that_are_killed_do_not_end_the_batch(start, finished, expected,
         assert_whole(tmp_path, wanted)
         assert list((tmp_path / OWN_FOLDER / PARTIAL_FOLDER).iterdir()) == []
     assert_finished(tmp_path, wanted, finished)
-
-
-@pytest.fixture
-def cluster(tmp_path_factory):
-    """Start a scheduler with a worker, as on a cluster; returns their processes and the address."""
-    folder = tmp_path_factory.mktemp("cluster")
-    processes = []
-
-    def begin(*arguments):
-        file = folder / f"{len(processes)}.json"
-        dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--no-dashboard", "--host", "127.0.0.1"]
-        worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--nthreads", "1", "--no-dashboard"]
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        processes.append(subprocess.Popen([*dask, "--port", "0", "--scheduler-file", file], **quiet))
-        processes.append(subprocess.Popen([*worker, "--scheduler-file", file, *arguments], **quiet))
-        deadline = time.monotonic() + TIMEOUT_SECONDS
-        while not file.exists() or not file.read_text().endswith("}"):
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
-        return *processes[-2:], json.loads(file.read_text())["address"]
-
-    yield begin
-    for process in processes:
-        process.kill()
-        process.wait()
-
-
-@pytest.mark.slow
-def test_a_scheduler_that_is_killed_ends_the_batch_with_a_message(start, finished, expected, cluster, random, tmp_path):
-    wanted, seconds = expected
-    kills = 0
-    while kills < KILLS:
-        remove_some(tmp_path, random)
-        scheduler, worker, address = cluster()
-        with start(tmp_path, "--scheduler", address, "--no-report") as process:
-            time.sleep(random.uniform(0, seconds + 2))
-            kills += process.poll() is None
-            scheduler.kill()
-            if process.wait(TIMEOUT_SECONDS):
-                errors = process.stderr.read()
-                assert errors.startswith(("puppetline: the scheduler: ", f"puppetline: --scheduler {address}: ")), (
-                    errors
-                )
-                assert errors.count("\n") == 1
-        worker.kill()  # asked to end, it first looks for its scheduler for a long time
-        worker.wait()
-        assert_whole(tmp_path, wanted)
-    assert_finished(tmp_path, wanted, finished)
-
-
-POISON = """
-import os, signal
-from capture.formats import read_log
-from engine_bridge.batch import conversion
-
-def read_or_die(path, options):
-    if path.stem == "07":
-        os.kill(os.getpid(), signal.SIGKILL)
-    return read_log(path, options)
-
-conversion.read_log = read_or_die
-"""
-"""A worker that a recording kills."""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("where", ["--workers", "--scheduler"])
-def test_a_recording_that_always_kills_its_worker_fails_and_the_others_do_not(
-    finished, expected, cluster, tmp_path, monkeypatch, where
-):
-    (tmp_path / "poison.py").write_text(POISON)
-    monkeypatch.setenv("DASK_DISTRIBUTED__WORKER__PRELOAD", json.dumps([str(tmp_path / "poison.py")]))
-    value = 2 if where == "--workers" else cluster()[2]
-    result = finished(tmp_path / "out", where, value, "--no-report", code=1, names=["walks"])
-    assert result["made"] == LOGS - 1, result["failures"][:2]
-    assert [failure["log"].endswith("07.log") for failure in result["failures"]] == [True]
-    assert "found a recording whose conversion has ended its process 3 times;" in result["failures"][0]["message"]
-    wanted, _ = expected
-    assert results(tmp_path / "out") == {
-        name: each for name, each in wanted.items() if name.startswith("walks") and not name.endswith("07.glb")
-    }
-    monkeypatch.delenv("DASK_DISTRIBUTED__WORKER__PRELOAD")
-    assert_finished(tmp_path / "out", wanted, finished)
 
 
 @pytest.mark.slow

@@ -49,7 +49,7 @@ def test_a_manifest_that_cannot_be_written_is_refused_before_the_work(tmp_path, 
 
 
 def test_without_pyarrow_parquet_names_the_extra_and_csv_works(tmp_path, monkeypatch):
-    monkeypatch.setattr("engine_bridge.batch.cluster.find_spec", lambda _: None)
+    monkeypatch.setattr("engine_bridge.batch.manifest.find_spec", lambda _: None)
     manifest.check_manifest(tmp_path / "m.csv")
     with pytest.raises(PuppetlineError) as error:
         manifest.check_manifest(tmp_path / "m.parquet")

@@ -5,7 +5,7 @@ import numpy as np
 import pygltflib as gltf
 import pytest
 
-from engine_bridge.character import meshopt_codec
+from engine_bridge.character import meshopt
 from engine_bridge.character.character import load_character, make_character
 from engine_bridge.character.document_reader import COMPRESSIONS, UNPACK_COMMAND
 from puppetline.errors import MeshError
@@ -126,13 +126,13 @@ def test_a_skin_that_lacks_what_it_needs_is_refused(glb, tmp_path):
 
 @pytest.mark.parametrize("extension", COMPRESSIONS)
 def test_packed_data_is_refused_with_the_command_that_unpacks_it(glb, tmp_path, extension, monkeypatch):
-    monkeypatch.setattr(meshopt_codec, "is_installed", lambda: False)
+    monkeypatch.setattr(meshopt, "is_installed", lambda: False)
     glb.node(glb.mesh(glb.primitive(CORNERS, SIDES)))
     glb.file.extensionsRequired = glb.file.extensionsUsed = [extension]
     error = refused(glb.save(tmp_path / "a.glb"))
     assert error.found == f"data compressed with {extension}"
     assert error.fix == f"Decompress the file: {UNPACK_COMMAND}" + {
-        "EXT_meshopt_compression": ", or install the package that reads it: pip install 'puppetline[compact]'"
+        "EXT_meshopt_compression": ", or install the package that reads it: pip install 'puppetline[meshopt]'"
     }.get(extension, "")
 
 

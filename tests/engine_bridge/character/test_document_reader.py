@@ -12,7 +12,7 @@ from PIL import Image
 from engine_bridge.character import schema
 from engine_bridge.character.character import load_character
 from engine_bridge.character.document_reader import COMPRESSIONS, load_document
-from engine_bridge.export.animation import FloatTargets, Keyframes, animate
+from engine_bridge.export.animation import Keyframes, animate
 from puppetline.errors import MeshError, PuppetlineError
 
 from ...oracles import assert_is_error_of, assert_is_sound_character
@@ -182,8 +182,7 @@ def test_any_value_in_any_place_of_the_description_is_read_or_refused(tetrahedro
         try:
             character = load_character(path)
             assert_is_sound_character(character)
-            targets = FloatTargets(character, lambda _: (np.zeros((1, 4, 3), np.float32), None))
-            animate(character, still, targets).save(path)
+            animate(character, still, lambda _: (np.zeros((1, 4, 3), np.float32), None)).save(path)
             np.testing.assert_array_equal(load_character(path).vertices, character.vertices)
         except PuppetlineError as error:
             assert_is_error_of(error, MeshError, path)

@@ -1,10 +1,4 @@
-import importlib.util
-
-import pytest
-
-from engine_bridge.batch import cluster
 from engine_bridge.cli.batch_run import Pace
-from puppetline.errors import PuppetlineError
 
 from ...terminal import Terminal
 
@@ -29,20 +23,3 @@ def test_a_terminal_shows_rate_and_time_left_and_a_pipe_nothing(commands, take, 
     (tmp_path / "out" / "blob" / "dance.glb").unlink()
     piped = commands.run(*arguments, cwd=tmp_path)
     assert (piped.returncode, piped.stderr, piped.stdout.count("\n")) == (0, "", 2)
-
-
-def test_without_dask_workers_name_the_extra(monkeypatch):
-    monkeypatch.setattr(cluster, "find_spec", lambda _: None)
-    with pytest.raises(PuppetlineError) as error, cluster.connected(None, 2, 2, dashboard=False):
-        pass
-    assert str(error.value) == (
-        "--workers: found no installation of distributed; expected the Python package distributed. "
-        "Install it: pip install 'puppetline[batch]'."
-    )
-
-
-@pytest.mark.skipif(importlib.util.find_spec("bokeh") is not None, reason="bokeh is installed")
-def test_a_dashboard_without_bokeh_names_it():
-    with pytest.raises(PuppetlineError) as error, cluster.connected(None, 2, 2, dashboard=True):
-        pass
-    assert error.value.fix == "Install it: pip install bokeh."

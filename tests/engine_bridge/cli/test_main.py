@@ -394,11 +394,3 @@ def test_handles_given_twice_are_wrong_use(tmp_path):
     result = CliRunner().invoke(main, ["new", "blob.glb", "-o", str(tmp_path / "x.toml"), *twice])
     assert result.exit_code == 2
     assert "each name once" in result.output
-
-
-def test_a_compact_file_is_less_than_half_as_large(invoke, stage, tmp_path):
-    options = ("convert", "take.log", "--puppet", stage, "-o", "out.glb")
-    plain = json.loads(invoke(*options, "--json").stdout)
-    result = invoke(*options, "--compact")
-    assert result.returncode == 0
-    assert (tmp_path / "out.glb").stat().st_size < plain["bytes"] / 2

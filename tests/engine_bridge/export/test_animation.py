@@ -6,7 +6,7 @@ import pygltflib as gltf
 import pytest
 
 from engine_bridge.character.character import load_character
-from engine_bridge.export.animation import FloatTargets, Keyframes, animate
+from engine_bridge.export.animation import Keyframes, animate
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings
 
@@ -177,7 +177,7 @@ def animated_without_motion(path):
     """A character before and after export with a target that moves it by 1 in each direction, with weight 0."""
     character = load_character(path)
     moved = [(np.ones((1, *part.vertices.shape), np.float32), None) for part in character.parts]
-    animate(character, STILL, FloatTargets(character, moved.__getitem__)).save(path)
+    animate(character, STILL, moved.__getitem__).save(path)
     return character, load_character(path)
 
 

@@ -85,7 +85,7 @@ def test_memory_hardly_grows_with_the_length_of_a_recording(dance, blob, write_p
     monkeypatch.setattr(frame_store, "MAX_MEMORY_BYTES", 1000)
     vertices, faces = igl.upsample(blob.vertices.astype(np.float64), blob.faces.astype(np.int64), 2)
     make_character("fine", vertices, faces).document.save(tmp_path / "fine.glb")
-    rig = module.load_rig_for(write_puppet(tmp_path / "fine.toml", "fine.glb"), Settings())
+    rig = load_rig(write_puppet(tmp_path / "fine.toml", "fine.glb"))
 
     def peak(frames):
         timeline = Timeline(30.0, dance(frames), np.ones((frames, len(JOINTS)), dtype=np.float32), ())

@@ -59,6 +59,51 @@ def test_depth_sensors_are_recognised_by_usb_ids_and_listed_with_their_sources(u
     ]
 
 
+def test_a_realsense_without_its_library_says_what_to_install_and_a_slow_port_is_named(usb, tmp_path, monkeypatch):
+    nodes = usb("8086:0b07", "8086:0001", "2bc5:0800")  # the second is another device of the same maker
+    for number, (product, speed) in enumerate((("Intel(R) RealSense(TM) 435", "480"), ("Hub", "480"), ("", "5000"))):
+        (tmp_path / "usb" / f"1-{number}" / "product").write_text(product)
+        (tmp_path / "usb" / f"1-{number}" / "speed").write_text(speed)
+    monkeypatch.setitem(sys.modules, "pyrealsense2", None)
+    assert list(sensors._depth_sensors([*sensors._plugged()])) == [
+        Finding("Intel(R) RealSense(TM) 435", True, f"{nodes}/000, for realsense:"),
+        Finding(
+            "Intel(R) RealSense(TM) 435, USB",
+            False,
+            "480 Mbit/s; it requires 5000",
+            "Use a USB 3 port and a USB 3 cable.",
+        ),
+        Finding("Orbbec sensor", True, f"{nodes}/002, for orbbec:"),
+    ]
+    monkeypatch.setitem(sys.modules, "pyorbbecsdk", None)
+    findings = [*sensors.examine()]
+    fixes = {"librealsense": "pip install 'puppetline[realsense]'", "Orbbec SDK": "pip install --no-deps pyorbbecsdk2"}
+    for library, command in fixes.items():
+        missing = found(findings, library)
+        assert (missing.ok, missing.fix) == (False, f"Install it: {command}")
+
+
+def test_sensors_that_librealsense_finds_are_listed_with_firmware_and_usb_speed(monkeypatch):
+    about = {"name": "D435", "serial_number": "17", "firmware_version": "5.16.0.1", "usb_type_descriptor": "3.2"}
+    monkeypatch.setattr(sensors.realsense, "load_realsense", lambda _where: None)
+    monkeypatch.setattr(sensors.realsense, "plugged_in", lambda _library: [about])
+    monkeypatch.setattr(sensors.realsense, "information", lambda _library, device, name: device[name])
+    findings = [*sensors.examine()]
+    start = findings.index(Finding("librealsense", True, "installed; 1 sensor plugged in"))
+    assert findings[start + 1] == Finding("realsense:serial=17", True, "D435, firmware 5.16.0.1, USB 3.2")
+
+
+def test_sensors_that_orbbecs_sdk_finds_are_listed_with_firmware_and_usb_speed(monkeypatch):
+    about = {"name": "Femto", "serial_number": "A", "firmware_version": "1.2", "connection_type": "USB3.0"}
+    device = SimpleNamespace(**{f"get_{name}": lambda value=value: value for name, value in about.items()})
+    device.get_device_info = lambda: device
+    monkeypatch.setattr(sensors.orbbec, "load_orbbec", lambda _where: None)
+    monkeypatch.setattr(sensors.orbbec, "plugged_in", lambda _library: [device])
+    assert found(sensors.examine(), "orbbec:serial=A") == Finding(
+        "orbbec:serial=A", True, "Femto, firmware 1.2, USB3.0"
+    )
+
+
 @pytest.mark.parametrize(
     ("kind", "package", "rules"),
     [

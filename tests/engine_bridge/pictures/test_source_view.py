@@ -42,7 +42,7 @@ def places_of(image, color):
 
 @pytest.fixture
 def picture():
-    return Picture(0.0, LENS, np.full((240, 320, 3), (90, 40, 140), np.uint8), np.full((240, 320), 4000, np.uint16))
+    return Picture(0.0, LENS, np.full((240, 320, 3), (90, 40, 140), np.uint8), np.full((240, 320), 4.0, np.float32))
 
 
 def test_joints_are_drawn_where_the_lens_projects_them_on_colour_and_depth(picture):

@@ -110,11 +110,10 @@ def places(window, name, second):
     return np.reshape(now, (-1, 3))
 
 
-def test_the_sound_of_a_take_is_in_step_with_its_image_after_a_seek_a_loop_and_a_change_of_speed(window):
+def test_the_sound_of_a_take_is_in_step_with_its_image_after_a_jump_and_mute_and_pause_silence_it(window):
     name = window.state("character")
     window.button("Play").click()
     window.until("state.server.timeline?.paused === false")
-    ask(window, "loop")
     ask(window, "pause")
     seconds = [1.5, 2.5, 3.5, 4.5]
     shown = np.array([places(window, name, second) for second in seconds])
@@ -127,21 +126,18 @@ def test_the_sound_of_a_take_is_in_step_with_its_image_after_a_seek_a_loop_and_a
 
     second_of = np.poly1d(np.polyfit(angle(way), seconds, 1))
     assert second_of(angle(way)) == pytest.approx(seconds, abs=0.002)
-    for speed, start in ((1.0, 0.5), (2.0, 4.5)):
-        ask(window, "speed", factor=speed)
-        ask(window, "seek", seconds=start)
-        ask(window, "pause", on=False)
-        window.page.wait_for_timeout(1900)  # after the easing
-        found = []
-        for _ in range(12):
-            found.append(window.page.evaluate("([name, vertex]) => measure(name, vertex)", [name, vertex]))
-            window.page.wait_for_timeout(70)
-        x, y, sample, later = np.transpose(found)
-        heard = FULL_SECONDS * sample - speed * later - EARLY_SECONDS
-        offsets = (heard - second_of(angle(np.c_[x, y]))) / speed
-        print("offsets", speed, np.round(offsets, 4))
-        # an image stays until the next frame, so many are late, none early
-        assert abs(np.quantile(offsets, 0.25)) < MAX_OFFSET_SECONDS
+    ask(window, "seek", seconds=0.5)
+    ask(window, "pause", on=False)
+    window.page.wait_for_timeout(1900)  # after the easing
+    found = []
+    for _ in range(12):
+        found.append(window.page.evaluate("([name, vertex]) => measure(name, vertex)", [name, vertex]))
+        window.page.wait_for_timeout(70)
+    x, y, sample, later = np.transpose(found)
+    offsets = FULL_SECONDS * sample - later - EARLY_SECONDS - second_of(angle(np.c_[x, y]))
+    # an image stays until the next frame, so many are late, none early
+    assert abs(np.quantile(offsets, 0.25)) < MAX_OFFSET_SECONDS
+    ask(window, "seek", seconds=0.5)
     (take,) = window.state("film.present")
     ask(window, "edit_film", takes=[take | {"mute": True}])
     window.until("!measure(state.character, 0)[2]")

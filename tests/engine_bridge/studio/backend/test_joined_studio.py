@@ -160,8 +160,7 @@ def test_a_take_is_recorded_on_the_services_machine(joined):
     assert [each["name"] for each in joined.state["takes"]] == ["evening"]
 
 
-def test_takes_of_the_service_play_there(joined):
-    assert joined.error("play_take", character="blob", take="morning")["expected"] == "one of evening"
+def test_takes_of_the_service_are_stopped_there(joined):
     assert joined.error("stop", character="cat")["found"] == "no character 'cat'"
     assert joined.result("stop") == {"stopped": []}
 

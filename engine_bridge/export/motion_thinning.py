@@ -1,4 +1,4 @@
-"""Skeletal animations with fewer keyframes and rotations in 16 bits, within a tolerance.
+"""Skeletal animations with fewer keyframes, within a tolerance.
 
 The position of a vertex is a weighted mean of its positions by its joints. Its error is therefore at most the largest
 error of the corners of boxes around the vertices of each joint, which move with that joint: the distance between two
@@ -18,8 +18,6 @@ from engine_bridge.export.key_thinning import interpolated, thin
 THINNING_SHARES = (0.8, 0.4, 0.2, 0.1, 0.0)
 """Shares of the tolerance for omitted keyframes; the first one whose result is within the tolerance is used."""
 
-MAX_INT16 = 32767
-
 NEARLY_EQUAL = 1 - 1e-9
 """Cosine of half the angle above which rotations are interpolated linearly."""
 
@@ -30,7 +28,7 @@ WEIGHT_TOLERANCE = 0.02
 """Maximum error of the weights of morph targets that the file has."""
 
 
-def compact_motion(document: Document, tolerance: float, *, quantised: bool = True) -> tuple[int, float]:
+def thin_motion(document: Document, tolerance: float) -> tuple[int, float]:
     """Reduce the first animation of a document, all of whose channels have the same key times.
 
     Parameters
@@ -38,8 +36,6 @@ def compact_motion(document: Document, tolerance: float, *, quantised: bool = Tr
     document : Document
     tolerance : float
         Maximum distance of a vertex from its position by the original animation, world units.
-    quantised : bool, optional
-        Whether rotations are stored in 16 bits.
 
     Returns
     -------
@@ -62,14 +58,12 @@ def compact_motion(document: Document, tolerance: float, *, quantised: bool = Tr
     for share in THINNING_SHARES:
         kept = thin(watched, share * tolerance) if share else np.arange(len(times))
         stored = {key: values[kept] for key, values in tracks.items()}
-        if quantised:
-            stored = {key: _stored(key[1], values) for key, values in stored.items()}
         played = {key: _played(key[1], values, kept) for key, values in stored.items()}
         missed = _moved(document, played, boxes, len(times)) - exact
         error = float(np.sqrt(np.einsum("fpc,fpc->fp", missed, missed).max(initial=0)))
         if error <= tolerance:
             break
-    _rewrite(document, animation, times[kept], stored, quantised)
+    _rewrite(document, animation, times[kept], stored)
     return len(kept), error
 
 
@@ -132,13 +126,6 @@ def _matrices(quaternions: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.eye(3) + 2 * (w[:, None, None] * cross + square)
 
 
-def _stored(path: str, values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return values as a file has them."""
-    if path != "rotation":
-        return values
-    return np.round(values * MAX_INT16).astype(np.float32) / np.float32(MAX_INT16)
-
-
 def _played(path: str, values: NDArray[np.float32], kept: NDArray[np.int64]) -> NDArray[np.float32]:
     """Return values in all frames by linear interpolation, which for rotations is along the shortest arc."""
     if path != "rotation":
@@ -155,17 +142,12 @@ def _played(path: str, values: NDArray[np.float32], kept: NDArray[np.int64]) -> 
     return np.where(cosine > NEARLY_EQUAL, (1 - share) * a + share * b, arc).astype(np.float32)
 
 
-def _rewrite(
-    document: Document, animation: Animation, times: NDArray[np.float32], stored: Tracks, quantised: bool
-) -> None:
+def _rewrite(document: Document, animation: Animation, times: NDArray[np.float32], stored: Tracks) -> None:
     """Replace the arrays of an animation."""
     samplers = animation["samplers"]
-    document.replace(samplers[animation["channels"][0]["sampler"]]["input"], times, None, bounds=True)
+    document.replace(samplers[animation["channels"][0]["sampler"]]["input"], times, bounds=True)
     for channel in animation["channels"]:
         target, output = channel["target"], samplers[channel["sampler"]]["output"]
         values = stored[target["node"], target["path"]]
-        if quantised and target["path"] == "rotation":
-            document.replace(output, np.round(values * MAX_INT16).astype(np.int16), None, normalized=True)
-        else:
-            document.replace(output, values if target["path"] != "weights" else values.ravel(), None)
+        document.replace(output, values if target["path"] != "weights" else values.ravel())
     document.repack()

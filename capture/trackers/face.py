@@ -1,0 +1,171 @@
+"""Channels of a face from the 468 landmarks of MediaPipe's face mesh.
+
+Distances are between landmarks in three dimensions, so that turning the head changes them little:
+
+- The eye aspect ratio (Soukupová and Čech, *Real-Time Eye Blink Detection using Facial Landmarks*, 2016) is
+  (‖p2 − p6‖ + ‖p3 − p5‖) / (2 ‖p1 − p4‖), with corners p1, p4 and lids p2, p3, p5, p6.
+- The opening of the mouth is the mean distance of three pairs of the inner lips, its width that of its corners, and the
+  height of the brows that above the inner corners of the eyes. All three are divided by the distance of the eyes' outer
+  corners. A smile is how far the corners of the mouth rise above the middle of its upper lip, divided likewise.
+
+The channels are differences from the neutral face, which is the median of the first second in which the face is seen.
+"""
+
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.libraries import import_error
+
+FACE_CHANNELS = ("mouth_open", "mouth_wide", "smile", "blink_left", "blink_right", "brow_up")
+"""Channels of a face, in the order of every (6,) array."""
+
+NEUTRAL_SECONDS = 1.0
+"""Time over which the median is the neutral face, in seconds."""
+
+RANGES = np.array([0.36, 0.08, 0.07, -0.62, -0.62, 0.06])
+"""(6,) change from neutral at which each channel is 1; that of an eye is a share of its neutral aspect ratio."""
+
+DEAD_SHARE = 0.15
+"""Share of the range around neutral in which a channel is 0: landmarks tremble."""
+
+SMOOTHING_SECONDS = 0.03
+"""Time constant of the channels' smoothing, in seconds; a blink takes 0.1 s or more."""
+
+LOST_SECONDS = 0.15
+"""Time constant with which channels fall to 0 while the face is not seen, in seconds."""
+
+MAX_TURN = 0.8
+"""Sine of the angle between the face and the camera from which landmarks are guesses, about 53°."""
+
+_EYES = ((362, 385, 387, 263, 373, 380), (33, 160, 158, 133, 153, 144))  # the performer's left and right
+_LIPS = ((82, 87), (13, 14), (312, 317))
+_MOUTH_CORNERS, _UPPER_LIP = (61, 291), 13
+_OUTER_CORNERS, _INNER_CORNERS, _BROWS = (33, 263), (133, 362), (105, 334)
+_FOREHEAD, _CHIN = 10, 152
+
+Floats = NDArray[np.float64]
+
+
+def measures(landmarks: Floats) -> Floats:
+    """Return the measures (6,) of a face, in the order of `FACE_CHANNELS`, from landmarks (468, 3) in any unit."""
+    eyes = _distance(landmarks, *_OUTER_CORNERS)
+    ratios = [
+        (_distance(landmarks, b, f) + _distance(landmarks, c, e)) / (2 * _distance(landmarks, a, d))
+        for a, b, c, d, e, f in _EYES
+    ]
+    up = landmarks[_FOREHEAD] - landmarks[_CHIN]
+    up = up / np.linalg.norm(up)
+    lift = (landmarks[list(_MOUTH_CORNERS)].mean(axis=0) - landmarks[_UPPER_LIP]) @ up
+    brows = (landmarks[list(_BROWS)].mean(axis=0) - landmarks[list(_INNER_CORNERS)].mean(axis=0)) @ up
+    opening = np.mean([_distance(landmarks, *pair) for pair in _LIPS])
+    width = _distance(landmarks, *_MOUTH_CORNERS)
+    return np.array([opening / eyes, width / eyes, lift / eyes, *ratios, brows / eyes])
+
+
+def turn(landmarks: Floats) -> float:
+    """Return the sine of the angle by which a face (468, 3) is turned away from the camera."""
+    across = landmarks[_OUTER_CORNERS[1]] - landmarks[_OUTER_CORNERS[0]]
+    normal = np.cross(across, landmarks[_CHIN] - landmarks[_FOREHEAD])
+    return float(np.hypot(normal[0], normal[1]) / np.linalg.norm(normal))
+
+
+class FaceChannels:
+    """Turns measures of one performer's face into channels."""
+
+    def __init__(self) -> None:
+        self._first: list[Floats] = []
+        self._began: float | None = None
+        self._neutral: Floats | None = None
+        self._values, self._time = np.zeros(len(FACE_CHANNELS)), 0.0
+
+    def step(self, time: float, measured: Floats | None) -> dict[str, float]:
+        """Return the channels at a time in seconds; empty before the neutral face is known.
+
+        Parameters
+        ----------
+        time : float
+        measured : (6,) float64 or None
+            `measures`; None if the face is not seen.
+        """
+        if measured is not None and self._neutral is None:
+            self._began = time if self._began is None else self._began
+            self._first.append(measured)
+            if time - self._began >= NEUTRAL_SECONDS:
+                self._neutral = np.median(self._first, axis=0)
+        if self._neutral is None:
+            return {}
+        target, seconds = np.zeros(len(FACE_CHANNELS)), LOST_SECONDS
+        if measured is not None:
+            change = measured - self._neutral
+            change[3:5] /= self._neutral[3:5]
+            target, seconds = np.clip((change / RANGES - DEAD_SHARE) / (1 - DEAD_SHARE), 0, 1), SMOOTHING_SECONDS
+        self._values += (target - self._values) * (1 - np.exp(min(self._time - time, 0.0) / seconds))
+        self._time = time
+        return dict(zip(FACE_CHANNELS, self._values.tolist(), strict=True))
+
+
+class FaceMesh:
+    """MediaPipe's face mesh, on the part of an image around a head.
+
+    Raises
+    ------
+    SourceError
+        Its models are missing.
+    """
+
+    def __init__(self) -> None:
+        self._mesh: Any = open_model("face_mesh", "FaceMesh", max_num_faces=1, refine_landmarks=True)
+
+    def find(self, color: NDArray[np.uint8]) -> Floats | None:
+        """Return landmarks (468, 3) in pixels, right, down and away; None without a face that looks at the camera."""
+        result = self._mesh.process(color)
+        if result.multi_face_landmarks is None:
+            return None
+        height, width = color.shape[:2]
+        points = result.multi_face_landmarks[0].landmark[:468]
+        found = np.array([(point.x * width, point.y * height, point.z * width) for point in points])
+        upside_down = found[_CHIN, 1] < found[_FOREHEAD, 1]
+        return None if upside_down or turn(found) > MAX_TURN else found
+
+    def close(self) -> None:
+        """Release MediaPipe."""
+        self._mesh.close()
+
+
+def open_model(module: str, name: str, **options: float) -> Any:
+    """Open one of MediaPipe's solutions.
+
+    Raises
+    ------
+    SourceError
+        It or its models cannot be loaded.
+    """
+    try:
+        return getattr(import_module(f"mediapipe.python.solutions.{module}"), name)(**options)
+    except (ImportError, OSError, RuntimeError, ValueError) as error:
+        raise import_error("mediapipe", error)(
+            f"MediaPipe {module}",
+            found=f"a model that cannot be loaded ({error})",
+            expected="MediaPipe 0.10.21, which includes its models",
+            fix="Install it again: pip install --force-reinstall mediapipe==0.10.21",
+        ) from error
+
+
+def part_around(color: NDArray[np.uint8], centre: Floats, size: float) -> tuple[NDArray[np.uint8], Floats]:
+    """Return a square part of an image, black outside of it, and the pixel (2,) of its upper left corner."""
+    half = max(int(size / 2), 8)
+    left, top = (int(value) - half for value in centre)
+    part = np.zeros((2 * half, 2 * half, 3), np.uint8)
+    height, width = color.shape[:2]
+    rows = slice(max(top, 0), min(top + 2 * half, height))
+    columns = slice(max(left, 0), min(left + 2 * half, width))
+    if rows.start < rows.stop and columns.start < columns.stop:
+        part[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left] = color[rows, columns]
+    return part, np.array([left, top], np.float64)
+
+
+def _distance(landmarks: Floats, one: int, other: int) -> float:
+    return float(np.linalg.norm(landmarks[one] - landmarks[other]))

@@ -1,0 +1,213 @@
+"""What every depth camera does: OpenNI2's with a virtual sensor, librealsense's with its software device, and Orbbec's
+with a stand-in for its SDK. libfreenect's runs in another process: see test_freenect.py.
+"""
+
+import sys
+from contextlib import ExitStack, closing
+from functools import partial
+from importlib.util import find_spec
+
+import numpy as np
+import psutil
+import pytest
+
+from capture.sensors import orbbec, realsense
+from capture.sensors.depth_camera import MAX_ALONE_COUNT, Selection, metres, upward
+from capture.sensors.openni import OpenNIDevice
+from capture.sensors.orbbec import OrbbecDevice
+from capture.sensors.realsense import RealSenseDevice
+from puppetline.errors import SourceError
+
+from ...conftest import missing
+from ..devices import read
+
+
+class OpenNI:
+    """Two virtual sensors of the real OpenNI2 library."""
+
+    def __init__(self, request):
+        self._sensors = request.getfixturevalue("virtual_sensors")
+        self.open = partial(OpenNIDevice, "openni:")
+
+    def plug(self, number=0):
+        self._sensors[number].plug()
+        return self._sensors[number]
+
+    def unplug(self):
+        self._sensors[0].unplug()
+
+
+class RealSense:
+    """Software devices of the real librealsense."""
+
+    usb = "2.1"
+
+    def __init__(self, request):
+        if find_spec("pyrealsense2") is None:
+            missing("realsense", "librealsense is not here (pip install pyrealsense2)")
+        from .virtual_realsense import VirtualRealSense
+
+        self._make, self._plugged = VirtualRealSense, {}
+        plugged_in = lambda _rs: [each.device for each in self._plugged.values()]  # noqa: E731
+        request.getfixturevalue("monkeypatch").setattr(realsense, "plugged_in", plugged_in)
+        self.open = partial(RealSenseDevice, "realsense:")
+
+    def plug(self, number=0, **options):
+        self._plugged[number] = self._make(str(7 + number), **options)
+        return self._plugged[number]
+
+    def unplug(self):
+        del self._plugged[0]
+
+
+class Orbbec:
+    """A stand-in for Orbbec's SDK."""
+
+    usb = "USB2.1"
+
+    def __init__(self, request):
+        from . import orbbec_stand_in
+
+        self.sdk = orbbec_stand_in
+        request.getfixturevalue("monkeypatch").setitem(sys.modules, "pyorbbecsdk", orbbec_stand_in)
+        orbbec_stand_in.PLUGGED.clear()
+        self.open = partial(OrbbecDevice, "orbbec:")
+
+    def plug(self, number=0, **options):
+        self.sdk.PLUGGED.append(self.sdk.StandInSensor(str(7 + number), **options))
+        return self.sdk.PLUGGED[-1]
+
+    def unplug(self):
+        del self.sdk.PLUGGED[0]
+
+
+@pytest.fixture(params=[OpenNI, RealSense, Orbbec], ids=lambda kind: kind.__name__)
+def bus(request):
+    """A kind of sensors: `plug`, `unplug`, and `open` with a selection."""
+    return request.param(request)
+
+
+@pytest.fixture
+def opened(bus):
+    """Open a device that is closed after the test: `opened(*selection)`."""
+    with ExitStack() as stack:
+        yield lambda *args: stack.enter_context(closing(bus.open(Selection(*args))))
+
+
+def test_images_have_the_sensors_pixels_and_times(bus, opened, noise):
+    sensor = bus.plug()
+    device = opened()
+    for k in range(5):
+        depth, color = noise()
+        sensor.show(depth, color, 1.0 + k / 30)
+        picture = read(device)
+        assert (picture.depth.dtype, picture.color.dtype) == (np.float32, np.uint8)
+        np.testing.assert_allclose(picture.depth, depth, rtol=2e-7)
+        np.testing.assert_array_equal(picture.color, color)
+        assert picture.time == pytest.approx(1.0 + k / 30, abs=2e-6)
+    assert (picture.lens.width, picture.lens.height) == (640, 480)
+    assert picture.lens.project(np.array([0.0, 0.0, 1.0])).tolist() in ([320.0, 240.0], [311.0, 251.0])
+
+
+def test_a_sensor_is_chosen_by_serial_number_and_two_work_at_once(bus, opened, noise):
+    sensors = [bus.plug(number) for number in range(2)]
+    devices = [opened("serial", sensor.serial) for sensor in sensors]
+    shown = [noise() for _ in sensors]
+    for sensor, images in zip(sensors, shown, strict=True):
+        sensor.show(*images, 1.0)
+    for device, (_, color) in zip(devices, shown, strict=True):
+        np.testing.assert_array_equal(read(device).color, color)
+
+
+def test_a_sensor_that_is_not_plugged_in_is_an_error_that_lists_those_that_are(bus):
+    with pytest.raises(SourceError, match="found no sensor; expected a sensor"):
+        bus.open(Selection())
+    bus.plug()
+    with pytest.raises(SourceError, match=r"found sensors .*; expected a sensor with the serial 9"):
+        bus.open(Selection("serial", "9"))
+
+
+def test_an_unplugged_sensor_is_an_error_and_works_again_when_it_is_plugged_in(bus, noise):
+    for taken in (5.0, 0.5):
+        sensor = bus.plug()
+        with closing(bus.open(Selection())) as device:
+            sensor.show(*noise(), taken)
+            assert read(device).time == taken
+            bus.unplug()
+            with pytest.raises(SourceError, match="an unplugged sensor"):
+                read(device)
+
+
+@pytest.mark.parametrize("bus", [RealSense, Orbbec], ids=lambda kind: kind.__name__, indirect=True)
+@pytest.mark.parametrize(("lacks", "found"), [(0, "colour without depth"), (1, "depth without colour")])
+def test_one_kind_of_images_without_the_other_is_an_error_and_it_comes_back(bus, opened, noise, lacks, found):
+    sensor, device = bus.plug(), opened()
+    sensor.show(*noise(), 1.0)
+    read(device)
+    images = list(noise())
+    images[lacks] = None
+    with pytest.raises(SourceError, match=found):  # noqa: PT012
+        for k in range(2, 4 * MAX_ALONE_COUNT):
+            sensor.show(*images, 1.0 + k / 30)
+            device.read(0.01)
+    device.close()
+    again = opened()
+    sensor.show(*noise(), 9.0)
+    assert read(again).time == 9.0
+
+
+@pytest.mark.parametrize("bus", [RealSense, Orbbec], ids=lambda kind: kind.__name__, indirect=True)
+def test_a_slow_usb_port_is_logged_and_the_accelerometer_shows_what_is_up(bus, opened, noise, caplog):
+    sensor, device = bus.plug(usb=bus.usb), opened()
+    assert "which is too slow for all images: use a USB 3 port and cable" in caplog.text
+    sensor.show(*noise(), 1.0)
+    np.testing.assert_allclose(read(device).up, [0, 1, 0], atol=1e-6)
+
+
+def test_memory_stays_the_same_from_image_to_image(bus, opened, noise):
+    sensor, device = bus.plug(), opened()
+    images, used = noise(), []
+    for k in range(240):
+        sensor.show(*images, 1.0 + k / 30)
+        read(device)
+        if k % 60 == 59:
+            used.append(psutil.Process().memory_info().rss)
+    assert used[-1] - used[1] < 8e6  # an image is 2 MB
+
+
+@pytest.mark.parametrize("bus", [Orbbec], indirect=True)
+def test_recordings_of_orbbec_play_and_end_and_others_are_refused(bus, noise, monkeypatch):
+    pictures = [(*noise(), k / 30) for k in range(3)]
+    monkeypatch.setattr(bus.sdk.PlaybackDevice, "RECORDING", pictures)
+    with closing(bus.open(Selection("file", "take.bag"))) as device:
+        for depth, _, moment in pictures:
+            picture = read(device)
+            assert picture.time == pytest.approx(moment, abs=1e-6)
+            np.testing.assert_allclose(picture.depth, depth, rtol=2e-7)
+        with pytest.raises(SourceError, match="the end of the recording"):
+            read(device)
+    with pytest.raises(SourceError, match="a file that Orbbec's SDK does not play"):
+        bus.open(Selection("file", "half.bag"))
+
+
+@pytest.mark.parametrize("bus", [Orbbec], indirect=True)
+def test_an_orbbec_that_is_in_use_is_an_error_and_opens_once_it_is_free(bus, opened):
+    bus.plug()
+    first = opened()
+    with pytest.raises(SourceError, match=r"the device is in use.*Close other programs"):
+        opened()
+    first.close()
+    opened()
+
+
+def test_a_missing_orbbec_sdk_is_an_error_with_the_command_that_installs_it(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "pyorbbecsdk", None)
+    with pytest.raises(SourceError, match="pip install --no-deps pyorbbecsdk2"):
+        orbbec.open_source("orbbec:", "", tmp_path)
+
+
+def test_what_is_up_follows_from_the_acceleration_of_a_sensor_at_rest():
+    tilted = 9.8 * np.array([0.0, -np.cos(0.3), -np.sin(0.3)])  # in the axes of an image: right, down and away
+    np.testing.assert_allclose(upward(tilted, np.eye(3)), [0, np.cos(0.3), -np.sin(0.3)])
+    assert upward([0, -14.0, 0], np.eye(3)) is None
+    assert metres(np.array([2500], np.uint16)).tolist() == [2.5]

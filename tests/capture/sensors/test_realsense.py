@@ -1,0 +1,160 @@
+"""Through the real librealsense, with its own software device in place of a sensor on USB."""
+
+import threading
+import time
+from contextlib import ExitStack, closing
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from capture.sensors import depth_camera, realsense
+from capture.sensors.depth_camera import Selection
+from capture.sensors.realsense import SETTINGS, RealSenseDevice, parse
+from engine_bridge.cli.record import record
+from puppetline.errors import SourceError
+
+from ...conftest import missing
+from ..devices import read
+
+NAME = "realsense:"
+
+
+@pytest.fixture
+def bus(monkeypatch):
+    """Sensors that are plugged in: a list to which tests add virtual ones."""
+    if find_spec("pyrealsense2") is None:
+        missing("realsense", "librealsense is not here (pip install pyrealsense2)")
+    sensors = []
+    monkeypatch.setattr(realsense, "plugged_in", lambda _rs: [sensor.device for sensor in sensors])
+    return sensors
+
+
+@pytest.fixture
+def plug(bus):
+    """Plug a virtual sensor in: `plug(serial, …)`."""
+    from .virtual_realsense import VirtualRealSense
+
+    def plugged(*args, **options):
+        bus.append(VirtualRealSense(*args, **options))
+        return bus[-1]
+
+    return plugged
+
+
+@pytest.fixture
+def opened():
+    """Open a device that is closed after the test."""
+    with ExitStack() as stack:
+        yield lambda *args, **options: stack.enter_context(closing(RealSenseDevice(NAME, Selection(*args), **options)))
+
+
+@pytest.fixture
+def recorded(plug, noise, tmp_path):
+    """A recording of ten images, and the images."""
+    sensor, path, pictures = plug("7"), tmp_path / "take.db3", [noise() for _ in range(10)]
+    with closing(RealSenseDevice(NAME, Selection(), record=path)) as device:
+        for k, (depth, color) in enumerate(pictures):
+            sensor.show(depth, color, 1.0 + k / 30)
+            read(device)
+    return path, pictures
+
+
+def test_a_corner_of_depth_is_where_the_lens_of_colour_projects_it(plug, opened):
+    """A board whose corner is at a known place; the depth camera is 5 cm beside the colour camera."""
+    sensor = plug("7", apart=True)
+    device = opened()
+    corner = np.array([0.1, -0.08, 2.0])  # right of, above and away from the depth camera
+    depth = np.full((480, 640), 4.0, np.float32)
+    column, row = 500 * corner[:2] / corner[2] + [320, 240]
+    depth[: round(row), round(column) :] = 2.0
+    sensor.show(depth, np.zeros((480, 640, 3), np.uint8), 1.0)
+    picture = read(device)
+    place = np.array([-(corner[0] + 0.05), -corner[1], corner[2]])  # sensor coordinates of the colour camera
+    column, row = picture.lens.project(place)
+    near = (picture.depth > 1.5) & (picture.depth < 2.5)
+    rows, columns = np.nonzero(near)
+    assert columns.min() == pytest.approx(column, abs=1.5)
+    assert rows.max() + 1 == pytest.approx(row, abs=1.5)
+
+
+def test_a_recording_plays_the_recorded_images_and_ends(recorded, opened):
+    path, pictures = recorded
+    device = opened("file", str(path))
+    for depth, color in pictures:
+        picture = read(device)
+        np.testing.assert_array_equal(picture.depth, depth)
+        np.testing.assert_array_equal(picture.color, color)
+    with pytest.raises(SourceError) as caught:
+        read(device)
+    assert caught.value.found == "the end of the recording"
+
+
+def test_the_time_of_a_looped_recording_increases(recorded):
+    path, pictures = recorded
+    with closing(RealSenseDevice(NAME, Selection("file", str(path), loop=True))) as device:
+        seen = [read(device) for _ in range(25)]
+    spaces = np.diff([picture.time for picture in seen])
+    np.testing.assert_allclose(spaces, 1 / 30, atol=1e-6)
+    for k, picture in enumerate(seen):
+        np.testing.assert_array_equal(picture.depth, pictures[k % 10][0])
+
+
+@pytest.mark.parametrize("content", ["half", "empty", "text", "none"])
+def test_a_damaged_file_is_an_error(recorded, opened, content):
+    path = recorded[0].with_name(f"{content}.db3")
+    whole = recorded[0].read_bytes()
+    if content != "none":
+        path.write_bytes({"half": whole[: len(whole) // 2], "empty": b"", "text": b"hello" * 1000}[content])
+    with pytest.raises(SourceError, match="a file that librealsense does not play"):
+        opened("file", str(path))
+
+
+def test_a_uri_has_a_file_a_serial_number_or_settings():
+    assert parse(NAME, "take.db3?loop") == Selection("file", "take.db3", loop=True)
+    assert parse(NAME, "serial=7&laser=150", settings=SETTINGS) == Selection("serial", "7", settings={"laser": 150.0})
+    assert parse(NAME, "?exposure=8000", settings=SETTINGS) == Selection(settings={"exposure": 8000.0})
+    with pytest.raises(SourceError, match="a number of milliwatts"):
+        parse(NAME, "?laser=much", settings=SETTINGS)
+
+
+def test_a_missing_library_is_an_error_with_the_command_that_installs_it(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "pyrealsense2", None)
+    with pytest.raises(SourceError, match=r"puppetline\[realsense\]"):
+        realsense.open_source(NAME, "", Path())
+
+
+def test_record_writes_the_images_beside_the_take(plug, noise, monkeypatch, scripted_tracker, tmp_path):
+    sensor, images, stop = plug("7"), noise(), threading.Event()
+    monkeypatch.setattr(depth_camera, "load_mediapipe", lambda: None)
+    monkeypatch.setattr(depth_camera, "MediaPipePose", lambda: scripted_tracker)
+
+    def perform():
+        while not stop.wait(1 / 30):
+            sensor.show(*images, time.monotonic())
+
+    performing = threading.Thread(target=perform)
+    performing.start()
+    files = [str(tmp_path / name) for name in ("take.log", "take.db3")]
+    arguments = ["--source", NAME, "-o", files[0], "--sensor", files[1], "--seconds", "0.7"]
+    found = CliRunner().invoke(record, arguments)
+    refused = CliRunner().invoke(record, ["--source", "demo:walk", "-o", files[0], "--sensor", f"{tmp_path}/b.db3"])
+    stop.set()
+    performing.join()
+    assert found.exit_code == 0, found.output
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["take.db3", "take.log"]
+    with closing(RealSenseDevice(NAME, Selection("file", files[1]))) as device:
+        np.testing.assert_array_equal(read(device).color, images[1])
+    assert "a source whose sensor cannot record its images" in str(refused.exception)
+
+
+def test_settings_reach_the_sensor_and_a_setting_that_it_lacks_is_an_error(plug):
+    sensor = plug("7")
+    with closing(RealSenseDevice(NAME, Selection(settings={"laser": 90.0}))):
+        assert sensor.laser == 90.0
+    with closing(RealSenseDevice(NAME, Selection())):
+        assert sensor.laser == 90.0
+    with pytest.raises(SourceError, match="no exposure that Virtual RealSense 7 can change"):
+        RealSenseDevice(NAME, Selection(settings={"exposure": 8000.0}))

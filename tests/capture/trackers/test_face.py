@@ -1,0 +1,78 @@
+"""Channels of drawn faces whose openings are known, and of the frames that follow each other."""
+
+import numpy as np
+import pytest
+
+from capture.trackers.face import FACE_CHANNELS, NEUTRAL_SECONDS, FaceChannels, FaceMesh, measures
+
+from .drawn_faces import draw
+
+MOUTH, SMILE, BLINK, BROW = (FACE_CHANNELS.index(name) for name in ("mouth_open", "smile", "blink_left", "brow_up"))
+NEUTRAL = np.array([0.0, 0.6, 0.0, 0.3, 0.3, 0.32])
+CLOSED = np.array([0.0, 0.6, 0.0, 0.1, 0.1, 0.32])
+RATE = 30
+
+
+@pytest.fixture
+def mesh(camera):
+    mesh = FaceMesh()
+    yield mesh
+    mesh.close()
+
+
+def channels_of(mesh, faces, **view):
+    """Return the channels (n, 6) of faces that follow a second of the neutral face, each shown for 0.2 s."""
+    channels, time = FaceChannels(), 0.0
+    neutral = measures(mesh.find(draw(**view)))
+    for time in np.arange(0, NEUTRAL_SECONDS + 0.1, 1 / RATE):
+        channels.step(time, neutral)
+    rows = []
+    for face in faces:
+        time += 0.2
+        rows.append(list(channels.step(time, measures(mesh.find(draw(**face, **view)))).values()))
+    return np.array(rows)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("yaw", "least"), [(0, 0.95), (-30, 0.85), (30, 0.85)])
+@pytest.mark.parametrize("size", [240])
+def test_channels_of_drawn_faces_follow_their_openings(mesh, yaw, least, size):
+    part = np.array([0.0, 0.5, 1.0, 0.2, 0.8, 0.0])
+    for name, most, channel in (("opening", 3.0, MOUTH), ("smile", 0.8, SMILE), ("brow", 0.6, BROW)):
+        found = channels_of(mesh, [{name: value} for value in most * part], yaw=yaw, size=size)
+        assert np.corrcoef(found[:, channel], part)[0, 1] >= least, name
+        assert found[[0, -1]].max() <= 0.05, name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("yaw", [0, -30, 30])
+def test_an_eye_that_blinks_is_told_from_the_other(mesh, yaw):
+    found = channels_of(mesh, [{"blink": blink} for blink in ((1, 0), (0, 1), (0, 0), (1, 1))], yaw=yaw)
+    np.testing.assert_array_equal(found[:, BLINK : BLINK + 2] > 0.5, [[1, 0], [0, 1], [0, 0], [1, 1]])
+
+
+def test_a_face_upside_down_or_of_no_person_has_no_landmarks(mesh):
+    assert mesh.find(np.full((200, 200, 3), 128, np.uint8)) is None
+    assert mesh.find(np.ascontiguousarray(draw()[::-1])) is None
+
+
+def test_no_blink_of_fifty_is_missed_at_thirty_images_per_second():
+    channels, random = FaceChannels(), np.random.default_rng(0)
+    shown, times = [], np.arange(0, 60, 1 / RATE)
+    closed = (times > 2) & (times % 1.1 < 0.1)  # a tenth of a second
+    for time, shut in zip(times, closed, strict=True):
+        noise = random.normal(0, 0.005, NEUTRAL.shape)
+        shown.append(channels.step(time, (CLOSED if shut else NEUTRAL) + noise).get("blink_left", 0.0) > 0.5)
+    assert np.count_nonzero(np.diff(closed.astype(int)) == 1) >= 50
+    assert np.count_nonzero(np.diff(np.array(shown, int)) == 1) == np.count_nonzero(np.diff(closed.astype(int)) == 1)
+
+
+def test_channels_are_unknown_before_the_neutral_face_and_fall_to_zero_without_a_face():
+    channels = FaceChannels()
+    assert channels.step(0.0, NEUTRAL) == {}
+    channels.step(NEUTRAL_SECONDS, NEUTRAL)
+    channels.step(NEUTRAL_SECONDS + 1, NEUTRAL + np.eye(6)[MOUTH])
+    gone = [channels.step(NEUTRAL_SECONDS + 1 + k / RATE, None)["mouth_open"] for k in range(1, 30)]
+    assert gone[0] > 0.7
+    assert (np.diff(gone) < 0).all()
+    assert gone[-1] < 0.01

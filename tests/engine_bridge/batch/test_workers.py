@@ -1,0 +1,101 @@
+"""A batch on worker processes."""
+
+from dataclasses import replace
+
+import pyarrow.parquet as pq
+import pytest
+
+from engine_bridge.batch.batch import make_jobs, make_plan, new_run, run
+from engine_bridge.batch.conversion import BatchSettings
+from engine_bridge.batch.recordings import find_recordings
+from engine_bridge.batch.store import Store
+from engine_bridge.batch.workers import convert_in_processes
+from engine_bridge.export.convert import convert
+from engine_bridge.performance.settings import Settings
+from puppetline.errors import PuppetlineError
+
+from .conftest import NAMES, results
+
+
+@pytest.fixture(scope="module")
+def converted(logs, puppets, tmp_path_factory):
+    """What `convert` writes for each recording with each puppet."""
+    folder = tmp_path_factory.mktemp("converted")
+    for puppet in puppets:
+        for name in NAMES:
+            output = folder / puppet.stem / f"{name}.glb"
+            output.parent.mkdir(parents=True, exist_ok=True)
+            convert(logs / f"{name}.log", puppet, output, Settings())
+    return results(folder)
+
+
+@pytest.fixture
+def prepared(logs, puppets, tmp_path):
+    """A plan for all recordings with one puppet, and its settings."""
+    batch = BatchSettings(tmp_path / "out", new_run(), Settings(), "longest")
+    return make_plan(
+        make_jobs(find_recordings([str(logs)], batch.folder).found, puppets[:1], batch, None), batch
+    ), batch
+
+
+@pytest.fixture
+def in_workers(tmp_path, monkeypatch):
+    """Run lines at the start of each worker process."""
+
+    def begin(lines):
+        (tmp_path / "sitecustomize.py").write_text(f"import os, sys\nif '--multiprocessing-fork' in sys.argv:\n{lines}")
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+
+    return begin
+
+
+def test_results_of_workers_are_those_of_convert(logs, puppets, converted, batch, tmp_path):
+    result = batch(logs, "--workers", 2, "--no-report", puppets=puppets)
+    assert (result["made"], result["unchanged"], result["failures"]) == (12, 0, [])
+    assert results(tmp_path / "out") == converted
+    rows = pq.read_table(tmp_path / "out" / "manifest.parquet").to_pylist()
+    assert {row["output"]: row["bytes"] for row in rows} == {name: len(content) for name, content in converted.items()}
+
+
+DEADLY = """
+    from capture.formats import read_log
+    from engine_bridge.batch import conversion
+
+    def read_or_die(path, options):
+        if path.stem == "b":
+            os.kill(os.getpid(), 9)
+        return read_log(path, options)
+
+    conversion.read_log = read_or_die
+"""
+"""A recording kills the worker."""
+
+
+@pytest.mark.slow
+def test_a_recording_that_always_kills_its_worker_fails_and_the_others_do_not(
+    prepared, converted, in_workers, tmp_path
+):
+    plan, batch = prepared
+    in_workers(DEADLY)
+    with Store(batch.folder, batch.run).opened():
+        outcomes = list(run(plan, batch, 2, lambda: None))
+    (failed,) = [outcome for outcome in outcomes if outcome.record.has_failed]
+    assert failed.job.log.stem == "b"
+    assert "found a recording whose conversion has ended its process 3 times;" in failed.record.rows[0].message
+    assert results(tmp_path / "out") == {
+        name: each for name, each in converted.items() if name.startswith("walks") and name != "walks/b.glb"
+    }
+
+
+def test_workers_that_cannot_start_end_the_batch_with_a_message(prepared, in_workers):
+    plan, batch = prepared
+    in_workers("    os._exit(3)\n")
+    with pytest.raises(PuppetlineError, match="the workers: found processes that end before they begin a recording;"):
+        list(convert_in_processes(plan.waiting[:1], batch, 1, lambda: None))
+
+
+def test_an_error_that_is_not_about_a_recording_is_that_of_the_worker(prepared):
+    plan, batch = prepared
+    job = replace(plan.waiting[0], identity="of another version")
+    with pytest.raises(PuppetlineError, match="another puppet file, character or version of Puppetline"):
+        list(convert_in_processes([job], batch, 1, lambda: None))

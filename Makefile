@@ -7,7 +7,7 @@ GDSCRIPT := integrations/godot tests/integrations/godot tests/peers/godot benchm
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup studio demo docs test test-camera lint format bench lock peers clean
+.PHONY: help setup studio demo docs gallery test test-camera lint format bench lock peers clean
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -82,6 +82,9 @@ demo: setup ## Animate the example characters into out/
 
 docs: setup .venv/.docs ## Build the documentation site into out/docs; warnings and broken links are errors
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --builder html --doctree-dir build/doctrees docs $(OUT)/docs
+
+gallery: setup ## Make looping videos, .glb files and viewer pages of the example characters into out/gallery
+	$(BIN)/python docs/site/gallery.py $(OUT)/gallery $(GALLERY)
 
 # matrices here are small: threads that wait for each other only cost time; tests wait for programs and for real time
 # about a third of the time, so that three at a time keep two cores busy; a worker that crashed would run its test again

@@ -16,4 +16,5 @@ CHANNELS = (
 """Names of channels; left and right are the performer's.
 
 ``voice`` is measured by `capture.voice`, the others by `capture.trackers.face` and `capture.trackers.hands`.
+Senders (`capture.network.channels`) and recordings of the Kinect v2 (`capture.formats`) have some of them too.
 """

@@ -45,13 +45,14 @@ MAX_DISTANCE_METRES = 1000.0
 """Maximum distance of a joint from the origin along each axis; larger coordinates are errors of the sender."""
 
 
-def _swap_sides(name: str) -> str:
+def swap_sides(name: str) -> str:
+    """Return the name of a joint's or channel's counterpart on the other side of the body."""
     if name.endswith("_left"):
         return name.removesuffix("left") + "right"
     return name.removesuffix("right") + "left" if name.endswith("_right") else name
 
 
-OPPOSITE: NDArray[np.intp] = np.array([JOINT_INDEX[_swap_sides(name)] for name in JOINTS])
+OPPOSITE: NDArray[np.intp] = np.array([JOINT_INDEX[swap_sides(name)] for name in JOINTS])
 """Index (20,) of each joint's counterpart on the other side of the body."""
 
 

@@ -10,7 +10,7 @@ project = "Puppetline"
 author = "The Puppetline authors"
 release = metadata.version("puppetline")
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "links", "reference"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "figures", "links", "reference"]
 exclude_patterns = ["site"]
 myst_heading_anchors = 4
 myst_enable_extensions = ["colon_fence"]

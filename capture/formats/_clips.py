@@ -49,7 +49,8 @@ def build_clip(
         orientations = unit_or_unknown(orientations[keep])
         orientations[confidence < TRACKED] = np.nan
     if channels is not None:
-        channels = {name: values[keep] for name, values in channels.items()}
+        kept = {name: values[keep] for name, values in channels.items()}
+        channels = {name: values for name, values in kept.items() if not np.isnan(values).all()} or None
     return SkeletonClip(log_format, 0, times, positions, confidence, notes, orientations, channels=channels)
 
 

@@ -1,8 +1,9 @@
 """Kinect v2 JSON with joints in depth pixels: a list of frames, each a list of bodies.
 
 A body is ``{bodyIndex, trackingId, leftHandState, rightHandState, joints}`` and a joint ``{x, y, z, px}``. The joints
-are the first 21 of the Kinect SDK. x and y are pixels of the 512 × 424 depth image, y down. The image is mirrored, so
-the performer's right is at larger x. `px` lists depth pixels around the joint and is not used. There is no clock.
+are the first 21 of the Kinect SDK. The states of the hands, which may be absent, become channels. x and y are pixels of
+the 512 × 424 depth image, y down. The image is mirrored, so the performer's right is at larger x. `px` lists depth
+pixels around the joint and is not used. There is no clock.
 
 z is the depth at the joint's pixel. It maps 0…4.5 m, the sensor's specified range, to −500…500; −500 is depth 0, the
 sensor's value for "no depth". This is not documented but follows from recordings: −500 is the smallest value and occurs
@@ -19,6 +20,7 @@ import numpy as np
 
 from capture.clip import SkeletonClip
 from capture.formats._clips import clips_by_performer, frame_rate
+from capture.formats._hand_states import hand_channels
 from capture.formats._json import Value, load
 from capture.formats.layouts import K25, to_kinect20
 from capture.formats.options import ReadOptions
@@ -73,4 +75,6 @@ def _body(body: Value, time: float) -> SkeletonFrame:
     confidence = np.where(seen, TRACKED, LOST).astype(np.float32)
     positions = pixels * (depth / FOCAL_LENGTH_PIXELS)[:, None]
     user = body["trackingId"].integer()
-    return SkeletonFrame(time, user, *to_kinect20(K25[:JOINT_COUNT], positions, confidence))
+    states = [body[key].integer() if key in body else 0 for key in ("leftHandState", "rightHandState")]
+    joints20 = to_kinect20(K25[:JOINT_COUNT], positions, confidence)
+    return SkeletonFrame(time, user, *joints20, channels=hand_channels(*states))

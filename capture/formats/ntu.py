@@ -1,15 +1,18 @@
 """NTU RGB+D `.skeleton`: Kinect v2 bodies as lines of text.
 
 The first line is the number of frames. Each frame begins with a line that holds its number of bodies, which may be 0.
-Each body has a line of 10 values, of which the first is its id, a line ``25``, and 25 lines of 12 values. These are
-x y z in metres in sensor coordinates, four pixel coordinates, the orientation w x y z of the bone that ends at the
-joint, and the state: 0 lost, 1 inferred, 2 tracked. There is no clock; the sensor ran at 30 frames per second.
+Each body has a line of 10 values, a line ``25``, and 25 lines of 12 values. The first of the 10 is the body's id; the
+third to sixth are confidence and state of the left and of the right hand, which become channels where the confidence is
+high. The 12 are x y z in metres in sensor coordinates, four pixel coordinates, the orientation w x y z of the bone that
+ends at the joint, and the state: 0 lost, 1 inferred, 2 tracked. There is no clock; the sensor ran at 30 frames per
+second.
 """
 
 from pathlib import Path
 
 from capture.clip import SkeletonClip
 from capture.formats._clips import clips_by_performer, frame_rate
+from capture.formats._hand_states import hand_channels
 from capture.formats._rows import (
     CutOffError,
     Line,
@@ -37,6 +40,8 @@ BODY = RowLayout(
     "body id, clipped edges, confidence and state of each hand, restricted, lean x and y, state",
     unused=range(1, 10),
 )
+HIGH_CONFIDENCE = 1
+"""The SDK's high confidence in the state of a hand; the low one is 0."""
 JOINT = RowLayout(12, "x y z, depth x y, colour x y, quaternion w x y z, state", unused=range(3, 11))
 """Columns of a joint. The sensor's SDK writes infinite pixels for a joint outside the view of both cameras."""
 
@@ -86,7 +91,7 @@ def _count(path: Path, line: Line, meaning: str) -> int:
 
 def _body(lines: LineSource, time: float) -> SkeletonFrame:
     line = lines.take("a body")
-    BODY.numbers(lines.path, line)
+    _, _, *hands, _, _, _, _ = BODY.numbers(lines.path, line)
     user = line[1].split()[0]
     if not (user.isascii() and user.isdecimal() and len(user) <= 18):  # float would round an id of 17 digits
         raise line_error(lines.path, line, f"the body id {user!r}", "an integer of up to 18 digits")
@@ -105,4 +110,6 @@ def _body(lines: LineSource, time: float) -> SkeletonFrame:
     table = JOINT.table(lines.path, rows)
     confidence = confidence_from_states(lines.path, rows, table[:, -1:], (LOST, INFERRED, TRACKED))[:, 0]
     orientations = move_to_bone_starts(orientations_to_kinect20(K25, table[:, 7:11]))
-    return SkeletonFrame(time, int(user), *to_kinect20(K25, table[:, :3], confidence), orientations)
+    states = [state if sure == HIGH_CONFIDENCE else 0 for sure, state in (hands[:2], hands[2:])]
+    joints20 = to_kinect20(K25, table[:, :3], confidence)
+    return SkeletonFrame(time, int(user), *joints20, orientations, hand_channels(*states))

@@ -60,14 +60,21 @@ class FrameEnd:
 
 
 @dataclass(frozen=True, slots=True)
+class ChannelValues:
+    """Values from 0 to 1 of channels (`capture.channels`), for all performers."""
+
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
 class Ignored:
     """A message of the dialect that is not needed."""
 
 
-Refusal = Literal["unknown message", "unknown joint", "wrong arguments"]
+Refusal = Literal["unknown message", "unknown joint", "unknown channel", "channel outside 0 to 1", "wrong arguments"]
 """Reasons to refuse a well-formed message."""
 
-Reading = Part | PerformerLost | FrameEnd | Ignored | Refusal
+Reading = Part | PerformerLost | FrameEnd | ChannelValues | Ignored | Refusal
 
 
 _PLAIN_TAGS = str.maketrans("dhS", "fis")

@@ -14,7 +14,19 @@ from capture.events import TICK_SECONDS, Event, Lost, Tick
 from capture.formats.layouts import synthesise_missing
 from capture.network.address import ANY_SENDER, FIX, Address, parse
 from capture.network.assembly import PART_TIMEOUT_SECONDS, CompleteFrame, FrameAssembly
-from capture.network.dialect import Dialect, FrameEnd, Ignored, Part, PerformerLost, Pose, Reading, Values
+from capture.network.channels import HeldChannels, read_channel
+from capture.network.dialect import (
+    ChannelValues,
+    Dialect,
+    FrameEnd,
+    Ignored,
+    Part,
+    PerformerLost,
+    Pose,
+    Reading,
+    Refusal,
+    Values,
+)
 from capture.network.kinect_sdk import KinectSDK
 from capture.network.ni_mate import NIMate
 from capture.network.nuitrack import Nuitrack
@@ -22,7 +34,7 @@ from capture.network.osc import BUNDLE, MAX_DATAGRAM_BYTES, Message, OscError, d
 from capture.network.osceleton import OSCeleton
 from capture.network.refusals import Refusals
 from capture.network.vmc import Vmc
-from capture.skeleton import LOST, MAX_DISTANCE_METRES, OPPOSITE, SkeletonFrame, mirrored
+from capture.skeleton import LOST, MAX_DISTANCE_METRES, OPPOSITE, SkeletonFrame, mirrored, swap_sides
 from capture.source import Counts
 from puppetline.errors import SourceError
 
@@ -97,6 +109,7 @@ class OscSource:
         self._flip = np.where([axis in address.flip for axis in "xyz"], -1.0, 1.0)
         self._dialects: tuple[Dialect, ...] = (OSCeleton(), Nuitrack(), KinectSDK(), Vmc(), NIMate())
         self._refusals = Refusals(name, self.counts.refused)
+        self._channels = HeldChannels()
         self._assemblies: dict[tuple[Dialect, int], FrameAssembly] = {}  # in the order of the last packets
         self._pending: dict[tuple[type[_Pending], int], _Pending] = {}  # not returned yet, the newest last
         self._present: set[int] = set()  # performers of whom frames were returned
@@ -177,6 +190,10 @@ class OscSource:
 
     def _read_message(self, message: Message, now: float, *, bundled: bool) -> list[tuple[Dialect, int]]:
         """Process one message; return the performers whose frames end with the datagram."""
+        channel = read_channel(message)
+        if channel is not None:
+            self._take_channels(channel, now)
+            return []
         for dialect in self._dialects:
             reading = dialect.read(message)
             if reading is not None:
@@ -197,8 +214,15 @@ class OscSource:
         if isinstance(reading, PerformerLost):
             self._remove(reading.user, now)
         elif not isinstance(reading, Ignored):
-            self._refusals.add(reading)
+            self._take_channels(reading, now)
         return []
+
+    def _take_channels(self, reading: ChannelValues | Refusal, now: float) -> None:
+        if isinstance(reading, ChannelValues):
+            swapped = swap_sides if self._address.mirrored else str
+            self._channels.add({swapped(name): value for name, value in reading.values.items()}, now)
+        else:
+            self._refusals.add(reading)
 
     def _assembly(self, key: tuple[Dialect, int]) -> FrameAssembly:
         """Return the assembly of a performer's frames, now the last in the order of packets."""
@@ -245,7 +269,9 @@ class OscSource:
         if not (near and known.any()):
             return None
         self._present.add(pending.user)
-        return SkeletonFrame(pending.time, pending.user, positions, confidence)
+        return SkeletonFrame(
+            pending.time, pending.user, positions, confidence, channels=self._channels.at(pending.time)
+        )
 
     def _sensor_pose(self, dialect: Dialect, parts: Mapping[str, Values]) -> Pose:
         positions, confidence = dialect.pose(parts, self._address.units)

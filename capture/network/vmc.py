@@ -6,7 +6,7 @@ root. Unity's axes become sensor coordinates as (x, y, −z): an avatar that fac
 The origin is the sender's.
 
 A bone keeps its rotation until it is sent again. As the protocol requires, additional arguments and other addresses are
-ignored; messages with fewer arguments are refused.
+ignored; messages with fewer arguments are refused. Blend shapes become channels when they are applied.
 """
 
 import math
@@ -14,7 +14,19 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from capture.network.dialect import Ignored, Part, PerformerLost, Pose, Reading, Units, Values, has_types, kinect20
+from capture.network.channels import BLEND_CHANNELS, channels_of_blends, plain_name
+from capture.network.dialect import (
+    ChannelValues,
+    Ignored,
+    Part,
+    PerformerLost,
+    Pose,
+    Reading,
+    Units,
+    Values,
+    has_types,
+    kinect20,
+)
 from capture.network.humanoid import (
     DRIVING_BONES,
     IDENTITY,
@@ -39,13 +51,14 @@ _ROOT: Values = (0.0, 0.0, 0.0, *IDENTITY)
 
 
 class Vmc:
-    """The bones received so far, and the sender's status."""
+    """The bones received so far, the blend shapes that are not applied yet, and the sender's status."""
 
     bundle_is_frame = False
     mirrors = False
 
     def __init__(self) -> None:
         self._bones: dict[str, Values] = {}
+        self._blends: dict[str, float] = {}
         self._loaded = True
         self._confidence = TRACKED
 
@@ -56,6 +69,8 @@ class Vmc:
             return None
         if address == "/VMC/Ext/OK":
             return self._status(message)
+        if address.startswith("/VMC/Ext/Blend/"):
+            return self._blend(message)
         if address not in ("/VMC/Ext/Bone/Pos", "/VMC/Ext/Root/Pos"):
             return Ignored()
         if not has_types(message, _BONE_TAGS, more=True):
@@ -69,6 +84,20 @@ class Vmc:
             return "wrong arguments"
         self._bones[name] = (*values[:3], *(value / length for value in values[3:]))
         return Part(USER, name, self._bones[name])
+
+    def _blend(self, message: Message) -> Reading:
+        if message.address == "/VMC/Ext/Blend/Apply":
+            channels = channels_of_blends(self._blends)
+            self._blends.clear()
+            return ChannelValues(channels)
+        if message.address != "/VMC/Ext/Blend/Val":
+            return Ignored()
+        if not has_types(message, "sf", more=True):
+            return "wrong arguments"
+        name = plain_name(message.arguments[0])
+        if name in BLEND_CHANNELS:
+            self._blends[name] = message.arguments[1]
+        return Ignored()
 
     def _status(self, message: Message) -> Reading:
         if not has_types(message, "i", more=True):

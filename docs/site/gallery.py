@@ -39,7 +39,7 @@ SIZE = 480
 IMAGE_SIZE, IMAGE_FPS, PERFORMER_SIZE = 288, 12, (84, 126)
 """The same of an animated image, and the width and height of the performer in its corner."""
 
-CC0 = "CC0 1.0"
+CC0, CHECK = "CC0 1.0", "licence not checked: see the author's page"
 QUATERNIUS, KAYKIT, KENNEY = "Quaternius", "KayKit (Kay Lousberg)", "Kenney"
 
 
@@ -54,7 +54,7 @@ class Model(NamedTuple):
     mesh: str
     recording: str
     author: str
-    licence: str = CC0
+    licence: str
     part: tuple[float, float] = (0.0, 1e3)
     azimuth: float = 25.0
 
@@ -64,22 +64,22 @@ MODELS = (
         Model(name, "", motion, "Puppetline", "MIT", (3.0, 8.4) if name == "dog" else (0.0, 1e3))  # the dog gives a paw
         for name, motion in MOTIONS.items()
     ),
-    Model("husky", "mesh/gltf/quaternius_Husky.glb", "walk", QUATERNIUS),
-    Model("fox", "mesh/gltf/quaternius_Fox.glb", "bark", QUATERNIUS),
-    Model("trex", "mesh/gltf/quaternius_Trex.glb", "roar", QUATERNIUS),
-    Model("horse", "mesh/gltf/quaternius_Horse.glb", "rear", QUATERNIUS),
-    Model("cow", "mesh/gltf/quaternius_Cow.glb", "walk", QUATERNIUS),
-    Model("alpaca", "mesh/gltf/quaternius_Alpaca.glb", "bark", QUATERNIUS),
-    Model("parasaurolophus", "mesh/gltf/quaternius_Parasaurolophus.glb", "roar", QUATERNIUS),
-    Model("stegosaurus", "mesh/gltf/quaternius_Stegosaurus.glb", "walk", QUATERNIUS),
-    Model("frog", "mesh/gltf/quaternius_Frog.glb", "bark", QUATERNIUS),
-    Model("rat", "mesh/gltf/quaternius_Rat.glb", "walk", QUATERNIUS),
-    Model("adventurer", "mesh/gltf/quaternius_Adventurer.glb", "kung_fu", QUATERNIUS),
-    Model("witch", "mesh/gltf/quaternius_Witch.glb", "kung_fu", QUATERNIUS),
-    Model("george", "mesh/gltf/quaternius_George.glb", "bvh/jumping_jacks.bvh", QUATERNIUS),
-    Model("leela", "mesh/gltf/quaternius_Leela.glb", "kung_fu", QUATERNIUS),
-    Model("knight", "mesh/gltf/kaykit_Knight.glb", "kung_fu", KAYKIT),
-    Model("kenney", "mesh/gltf/kenney/character.glb", "bvh/jumping_jacks.bvh", KENNEY),
+    Model("husky", "mesh/gltf/quaternius_Husky.glb", "walk", QUATERNIUS, CHECK),
+    Model("fox", "mesh/gltf/quaternius_Fox.glb", "bark", QUATERNIUS, CHECK),
+    Model("trex", "mesh/gltf/quaternius_Trex.glb", "roar", QUATERNIUS, CHECK),
+    Model("horse", "mesh/gltf/quaternius_Horse.glb", "rear", QUATERNIUS, CHECK),
+    Model("cow", "mesh/gltf/quaternius_Cow.glb", "walk", QUATERNIUS, CHECK),
+    Model("alpaca", "mesh/gltf/quaternius_Alpaca.glb", "bark", QUATERNIUS, CHECK),
+    Model("parasaurolophus", "mesh/gltf/quaternius_Parasaurolophus.glb", "roar", QUATERNIUS, CHECK),
+    Model("stegosaurus", "mesh/gltf/quaternius_Stegosaurus.glb", "walk", QUATERNIUS, CHECK),
+    Model("frog", "mesh/gltf/quaternius_Frog.glb", "bark", QUATERNIUS, CHECK),
+    Model("rat", "mesh/gltf/quaternius_Rat.glb", "walk", QUATERNIUS, CHECK),
+    Model("adventurer", "mesh/gltf/quaternius_Adventurer.glb", "kung_fu", QUATERNIUS, CHECK),
+    Model("witch", "mesh/gltf/quaternius_Witch.glb", "kung_fu", QUATERNIUS, CHECK),
+    Model("george", "mesh/gltf/quaternius_George.glb", "bvh/jumping_jacks.bvh", QUATERNIUS, CHECK),
+    Model("leela", "mesh/gltf/quaternius_Leela.glb", "kung_fu", QUATERNIUS, CHECK),
+    Model("knight", "mesh/gltf/kaykit_Knight.glb", "kung_fu", KAYKIT, CC0),
+    Model("kenney", "mesh/gltf/kenney/character.glb", "bvh/jumping_jacks.bvh", KENNEY, CC0),
     Model("khronos-fox", "mesh/gltf/khronos_Fox.glb", "walk", "PixelMannen, tomkranis", "CC0 1.0, rig CC BY 4.0"),
 )
 
@@ -178,7 +178,7 @@ def frames_of(video: Path) -> Iterator[NDArray[np.uint8]]:
     """Yield the frames of a video."""
     with av.open(str(video)) as container:
         for frame in container.decode(video=0):
-            yield frame.to_ndarray(format="rgb24")
+            yield np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
 
 
 def write_pages(models: list[Model], folder: Path) -> None:
@@ -226,7 +226,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--only", nargs="+", help="names of models")
     parser.add_argument("--images", action="store_true", help="write docs/images/gallery too")
     options: Any = parser.parse_args(arguments)
-    options.folder.mkdir(parents=True, exist_ok=True)
+    folder = options.folder.resolve()  # a scene finds its recordings beside itself
+    folder.mkdir(parents=True, exist_ok=True)
     models = [
         model
         for model in MODELS
@@ -234,12 +235,12 @@ def main(arguments: list[str] | None = None) -> None:
         and (not model.mesh or (options.data and (options.data / model.mesh).is_file()))
     ]
     for model in models:
-        loop = make(model, options.folder, options.data)
-        video = options.folder / f"{model.name}.webm"
+        loop = make(model, folder, options.data)
+        video = folder / f"{model.name}.webm"
         print(f"{model.name}: {loop[0]:.2f} to {loop[1]:.2f} s, {video.stat().st_size / 1000:.0f} kB")  # noqa: T201
         if options.images and not model.mesh:
-            write_image(model, options.folder, loop, ROOT / "docs" / "images" / "gallery" / f"{model.name}.webp")
-    write_pages(models, options.folder)
+            write_image(model, folder, loop, ROOT / "docs" / "images" / "gallery" / f"{model.name}.webp")
+    write_pages(models, folder)
 
 
 if __name__ == "__main__":

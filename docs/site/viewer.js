@@ -1,6 +1,6 @@
 // Plays the .glb that a page of the gallery holds, so that it works from disk.
 import {
-  AmbientLight, AnimationMixer, Box3, Clock, Color, DirectionalLight, PerspectiveCamera, Scene, Vector3, WebGLRenderer,
+  AmbientLight, AnimationMixer, Box3, Color, DirectionalLight, PerspectiveCamera, Scene, Timer, Vector3, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
@@ -20,19 +20,19 @@ new GLTFLoader().parse(bytes.buffer, "", ({ scene: character, animations }) => {
   const camera = new PerspectiveCamera(35, 1, size / 100, size * 20);
   const controls = new OrbitControls(camera, canvas);
   box.getCenter(controls.target);
-  camera.position.copy(controls.target).add(new Vector3(0.6, 0.3, 1.3).multiplyScalar(size));
+  camera.position.copy(controls.target).add(new Vector3(0.75, 0.4, 1.65).multiplyScalar(size));
 
   const mixer = new AnimationMixer(character);
   mixer.clipAction(animations.at(-1)).play();
   const renderer = new WebGLRenderer({ canvas, antialias: true });
-  const clock = new Clock();
+  const timer = new Timer();
   renderer.setAnimationLoop(() => {
     const { clientWidth: width, clientHeight: height } = canvas;
     renderer.setSize(width, height, false);
     camera.aspect = width / height;
     camera.updateProjectionMatrix();
     controls.update();
-    mixer.update(clock.getDelta());
+    mixer.update(timer.update().getDelta());
     renderer.render(scene, camera);
   });
 });

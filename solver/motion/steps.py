@@ -69,7 +69,7 @@ FOLLOW_SECONDS = 0.25
 BASE_SECONDS, SLOW_BASE_SECONDS = 0.15, 0.5
 """Time constants with which the homes follow a body that walks, and one that does not, in seconds."""
 
-HEADING_SECONDS = 0.12
+HEADING_SECONDS = 0.08
 """Time constant of the critically damped spring with which the homes turn, in seconds."""
 
 MAX_TURNING_SPEED = 2.5

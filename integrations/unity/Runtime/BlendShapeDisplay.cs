@@ -13,7 +13,7 @@ namespace Puppetline
 
         public BlendShapeDisplay(Puppet puppet, Scene scene)
         {
-            rootNode = puppet.rootNode;
+            rootNode = puppet.rootNode == null ? Find("puppetline_root", puppet.transform) : puppet.rootNode;
             rootAtRest = rootNode == null ? Vector3.zero : rootNode.localPosition;
             string first = scene.Morphs.Count == 0 ? "" : scene.Morphs[0];
             foreach (SkinnedMeshRenderer renderer in puppet.skins.Length > 0 ? puppet.skins : puppet.GetComponentsInChildren<SkinnedMeshRenderer>())
@@ -37,6 +37,18 @@ namespace Puppetline
             }
         }
 
+        /// <summary>Return an object with a name below another one; null if there is none.</summary>
+        static Transform Find(string name, Transform above)
+        {
+            Transform found = null;
+            for (int i = 0; i < above.childCount && found == null; i++)
+            {
+                Transform child = above.GetChild(i);
+                found = child.name == name ? child : Find(name, child);
+            }
+            return found;
+        }
+
         public override void Show(Frame frame)
         {
             foreach (Skin skin in skins)
@@ -45,7 +57,8 @@ namespace Puppetline
             }
             if (rootNode != null)
             {
-                rootNode.localPosition = rootAtRest + new Vector3(-frame.Header.RootX, frame.Header.RootY, frame.Header.RootZ);
+                var root = new Vector3(-frame.Header.RootX, frame.Header.RootY, frame.Header.RootZ);
+                rootNode.localPosition = rootAtRest + rootNode.localRotation * Vector3.Scale(rootNode.localScale, root);
             }
         }
 

@@ -5,8 +5,8 @@ using UnityEngine.Rendering;
 namespace Puppetline
 {
     /// <summary>
-    /// Shows controls that the vertex shader blends (Puppetline.hlsl). The rest pose is uploaded once, and then 80
-    /// transforms per frame, whatever the size of the mesh.
+    /// Shows controls that the vertex shader blends (Puppetline.hlsl). The rest pose is uploaded once, and again when
+    /// weights of the mesh's own targets change; each frame has 80 transforms, whatever the size of the mesh.
     /// </summary>
     sealed class GraphicsCardDisplay : MeshDisplay
     {
@@ -16,6 +16,8 @@ namespace Puppetline
         const int ShaderStream = 2;
 
         readonly ControlBounds bounds;
+        readonly RestPose rest;
+        readonly SurfaceVertex[] vertices;
         readonly int block;
         readonly Vector4[] rows = new Vector4[TransformBlocks.MaxRows];
         bool isShown;
@@ -24,9 +26,9 @@ namespace Puppetline
             : base(puppet, scene, look, ShaderLayout())
         {
             bounds = new ControlBounds(scene);
-            var rest = new SurfaceVertex[scene.VertexCount];
-            Surface.Write(scene.Positions, scene.Normals, 0, Axes.Unity, rest);
-            SetMoving(rest);
+            rest = new RestPose(scene);
+            vertices = new SurfaceVertex[scene.VertexCount];
+            SetRest();
             block = TransformBlocks.Rent(scene.FieldCount, scene.IsolineCount);
             SetShaderVertices();
         }
@@ -38,6 +40,10 @@ namespace Puppetline
 
         public override void Show(Frame frame)
         {
+            if (rest.Move(frame.Targets))
+            {
+                SetRest();
+            }
             int perField = 3 * Scene.IsolineCount;
             for (int row = 0, at = 0; at < frame.Count; row++, at += 4)
             {
@@ -69,6 +75,12 @@ namespace Puppetline
                 layout[i] = new VertexAttributeDescriptor(VertexAttribute.TexCoord1 + i, VertexAttributeFormat.Float32, 4, ShaderStream);
             }
             return layout;
+        }
+
+        void SetRest()
+        {
+            Surface.Write(rest.Positions, Scene.Normals, 0, Axes.Unity, vertices);
+            SetMoving(vertices);
         }
 
         /// <summary>Set the block, and 8 isoline coordinates per vertex and their 8 pairs of slopes, zero for missing fields.</summary>

@@ -7,6 +7,7 @@ namespace Puppetline
     {
         readonly Puppet puppet;
         readonly SurfaceVertex[] vertices;
+        readonly RestPose rest;
         readonly Deformation deformation;
 
         public ProcessorDisplay(Puppet puppet, Scene scene, Look look)
@@ -14,11 +15,16 @@ namespace Puppetline
         {
             this.puppet = puppet;
             vertices = new SurfaceVertex[scene.VertexCount];
-            deformation = puppet.ShownMode == PuppetMode.Controls ? new Deformation(scene) : null;
+            rest = new RestPose(scene);
+            deformation = puppet.ShownMode == PuppetMode.Controls ? new Deformation(scene, rest.Positions) : null;
         }
 
         public override void Show(Frame frame)
         {
+            if (deformation != null)
+            {
+                rest.Move(frame.Targets);
+            }
             Box box = deformation == null
                 ? Surface.Write(frame.Values, frame.Values, 3 * vertices.Length, Axes.Unity, vertices)
                 : deformation.Evaluate(frame.Values, puppet.quickNormals ? NormalsBy.Cofactors : NormalsBy.Slopes, Axes.Unity, vertices);

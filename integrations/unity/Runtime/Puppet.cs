@@ -82,8 +82,8 @@ namespace Puppetline
         [Tooltip("Morphs: the renderers of the imported .glb; empty for all renderers below this object.")]
         public SkinnedMeshRenderer[] skins = new SkinnedMeshRenderer[0];
 
-        /// <summary>Morphs: the object that root motion moves; its name in the .glb is puppetline_root.</summary>
-        [Tooltip("Morphs: the object that root motion moves; its name in the .glb is puppetline_root.")]
+        /// <summary>Morphs: the object that root motion moves, in its axes and units; empty for the object puppetline_root.</summary>
+        [Tooltip("Morphs: the object that root motion moves, in its axes and units; empty for the object puppetline_root.")]
         public Transform rootNode;
 
         /// <summary>Bones: the object above the bones of the rigged model; empty for this object.</summary>

@@ -54,6 +54,23 @@ def test_joints_without_depth_or_on_the_wall_behind_are_lost(tmp_path: Path) -> 
     assert lost == {"foot_left", "hand_left"}  # 1.35 m behind the body; 1.17 m is within reach
 
 
+def test_states_of_hands_become_channels_and_unknown_ones_are_nan(tmp_path: Path) -> None:
+    states = [(2, 3), (4, 0), (1, 2)]
+    frames = [[body() | {"leftHandState": left, "rightHandState": right}] for left, right in states]
+    (clip,) = kinect_v2_json.read(write(tmp_path, frames), ReadOptions())
+    assert clip.channels is not None
+    found = [clip.channels[f"{name}_{side}"] for side in ("left", "right") for name in ("hand_open", "point")]
+    nan = np.nan
+    np.testing.assert_array_equal(found, [[1, 0.25, nan], [0, 1, nan], [0, nan, 1], [0, nan, 0]])
+    frames[0].append(frames[1][0])  # the same performer again, which is skipped
+    frames[0][0] |= {"leftHandState": 0, "rightHandState": 1}
+    frames[0].append(body() | {"leftHandState": 2})  # the same performer again is skipped
+    assert kinect_v2_json.read(write(tmp_path, frames[:1]), ReadOptions())[0].channels is None
+    for key in ("leftHandState", "rightHandState"):
+        del frames[0][0][key]
+    assert kinect_v2_json.read(write(tmp_path, frames[:1]), ReadOptions())[0].channels is None
+
+
 def test_each_tracking_id_is_a_clip(tmp_path: Path) -> None:
     document = [[body(5)], [], [body(5), body(9, 1)], [body(9, 1)]]
     one, two = kinect_v2_json.read(write(tmp_path, document), ReadOptions(fps=10))
@@ -76,6 +93,7 @@ def changed(*path: object, value: object) -> object:
         (changed(1, 0, "joints", 4, value=[1, 2, 3]), "[1][0].joints[4]", "a list of 3; expected an object"),
         (changed(1, 0, "joints", value=[joint()] * 20), "[1][0].joints", "20 joints"),
         (changed(1, 0, "joints", value={}), "[1][0].joints", "a list"),
+        (changed(1, 0, "leftHandState", value="open"), "[1][0].leftHandState", '"open"'),
         (changed(1, 0, "trackingId", value=None), "[1][0]", "no 'trackingId'"),
         (changed(1, 0, "trackingId", value="x7"), "[1][0].trackingId", '"x7"'),
         (changed(1, 0, "trackingId", value="9" * 30), "[1][0].trackingId", "an integer"),
@@ -112,6 +130,8 @@ def test_the_first_frame_of_a_real_file_equals_values_by_hand(real_logs: Path) -
     np.testing.assert_allclose(clip.positions[0, 11], [22 * 2.1555 / 366, 172 * 2.1555 / 366, 2.1555])
     assert clip.user == 72057594037930007
     assert len(clip.times) == 96
+    assert clip.channels is not None  # the file has 58 states "open" and 8 "lasso" of the right hand, none of the left
+    assert {name: np.nansum(each) for name, each in clip.channels.items()} == {"hand_open_right": 60, "point_right": 8}
     assert clip.positions[0, 11, 1] > clip.positions[0, JOINT_INDEX["head"], 1]  # the raised arm is the right one
 
 

@@ -77,6 +77,17 @@ def test_frame_rate_can_be_given(tmp_path: Path) -> None:
     assert "30 frames per second" in " ".join(ntu.read(path, ReadOptions())[0].notes)
 
 
+def test_states_of_hands_become_channels_where_the_sensor_is_sure(tmp_path: Path) -> None:
+    frames = [body_lines(7, frame) for frame in range(3)]
+    for lines, hands in zip(frames, ("1 2 0 3", "1 3 1 4", "1 0 1 1"), strict=True):
+        lines[0] = f"7 0 {hands} 0 0.02 -0.11 2"
+    (clip,) = ntu.read(write(tmp_path, take(*([lines] for lines in frames))), ReadOptions())
+    assert clip.channels is not None
+    found = [clip.channels[f"{name}_{side}"] for side in ("left", "right") for name in ("hand_open", "point")]
+    nan = np.nan
+    np.testing.assert_array_equal(found, [[1, 0, nan], [0, 0, nan], [nan, 0.25, nan], [nan, 1, nan]])
+
+
 def broken(line: int, text: str | None) -> list[str]:
     """Return an empty frame and one with a body, with one line (from 1) replaced, or cut off before that line."""
     lines = take([], [body_lines(7, 1)])

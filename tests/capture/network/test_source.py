@@ -27,7 +27,7 @@ from ...effort import EFFORT
 
 REFUSALS = {
     *REASONS,
-    *("unknown message", "unknown joint", "wrong arguments"),
+    *("unknown message", "unknown joint", "unknown channel", "channel outside 0 to 1", "wrong arguments"),
     *("position too far away", "another sender", "socket error"),
 }
 SDK = "siiffffd"
@@ -297,13 +297,30 @@ ADDRESSES = st.sampled_from(
             "skeleton",
         ),
         *("/VMC/Ext/OK", "/VMC/Ext/Bone/Pos", "/VMC/Ext/Root/Pos", "/VMC/Ext/T", "/other"),
+        *("/VMC/Ext/Blend/Val", "/VMC/Ext/Blend/Apply", "/puppetline/channel"),
     ]
 )
 SHAPES = st.sampled_from(
-    ["sifff", "sff", "isfff", "fff", "ff", "siifffff", "f" * 7, "f" * 12, "f" * 4, "f", "i", "iiii", "sfffffff", ""]
+    [
+        "sifff",
+        "sff",
+        "sf",
+        "isfff",
+        "fff",
+        "ff",
+        "siifffff",
+        "f" * 7,
+        "f" * 12,
+        "f" * 4,
+        "f",
+        "i",
+        "iiii",
+        "sfffffff",
+        "",
+    ]
 )
 TYPED = {
-    "s": st.sampled_from(["head", "l_hand", "r_foot", "Hips", "LeftHand", "root", "tail", "head3", ""]),
+    "s": st.sampled_from(["head", "l_hand", "r_foot", "Hips", "LeftHand", "root", "tail", "head3", "smile", "Joy", ""]),
     "i": st.one_of(st.integers(-2, 40), st.integers(-(2**31), 2**31 - 1)),
     "f": st.one_of(
         st.floats(-3, 3, width=32),
@@ -360,6 +377,7 @@ def test_any_messages_become_sound_frames_or_counted_refusals(long_lived, osc_bu
             assert frame.positions.shape == (20, 3)
             assert (frame.positions.dtype, frame.confidence.dtype) == (np.float64, np.float32)
             assert -(2**31) <= frame.user < 2**31
+            assert all(0 <= value <= 1 for value in (frame.channels or {}).values())
 
 
 def test_a_valid_sender_is_received_afterwards(long_lived, body):

@@ -139,12 +139,13 @@ def test_more_arguments_and_other_addresses_are_ignored(listen, osc_message):
         hips,
         osc_message("/VMC/Ext/T", "f", 1.0),
         osc_message("/VMC/Ext/Blend/Val", "sf", "Joy", 1.0),
-        osc_message("/VMC/Ext/Blend/Apply", ""),
+        osc_message("/VMC/Ext/Blend/Other", "sf", "Joy", 1.0),
         osc_message("/VMC/Ext/Set/Period", "iiiiii", 1, 1, 1, 1, 1, 1),
         osc_message("/VMC/Thru/me", "s", "x"),
         osc_message("/VMC/Ext/Bone/Pos", "sfffffff", "LeftIndexDistal", 0, 0, 0, 0, 0, 0, 1),
     )
     assert frame.positions[JOINT_INDEX["hip_center"]].tolist() == [1.0, 1.0, 0.0]
+    assert frame.channels is None
     assert not wire.source.counts.refused
 
 
@@ -156,6 +157,7 @@ def test_more_arguments_and_other_addresses_are_ignored(listen, osc_message):
         ("/VMC/Ext/Bone/Pos", "sfffffff", ("Hips", 0, 1, 0, 0, 0, 0, 0)),
         ("/VMC/Ext/Bone/Pos", "sfffffff", ("Hips", 0, 1, 0, 3e38, 3e38, 3e38, 3e38)),
         ("/VMC/Ext/Root/Pos", "s", ("root",)),
+        ("/VMC/Ext/Blend/Val", "s", ("Joy",)),
         ("/VMC/Ext/OK", "", ()),
         ("/VMC/Ext/OK", "f", (1.0,)),
     ],

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from capture.sensors.camera import Options, Video
-from capture.trackers.hands import straightness
+from capture.trackers.hands import HandChannels, straightness
 from capture.trackers.mediapipe import MediaPipePose
+
+from .drawn_hands import body, draw, landmarks
 
 
 def hand(*bends):
@@ -26,6 +28,23 @@ def test_a_flat_hand_is_open_a_fist_is_not_and_a_finger_points():
     np.testing.assert_array_equal(straightness(hand(0, 85, 85, 85)), [1, 0, 0, 0])
     half = straightness(hand(45, 45, 45, 45))
     assert ((half > 0.3) & (half < 0.95)).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("turned", "least"), [(-30, 0.85), (0, 0.8), (30, 0.85)])
+def test_the_hand_opens_as_far_as_a_drawn_one(camera, turned, least):
+    """Half bent fingers that point at the camera, those of 60 and 70 degrees, count as straight."""
+    hands, bends = HandChannels(), range(0, 91, 10)
+    found = []
+    for number, bend in enumerate(bends):
+        for again in (1.0, 1.5):
+            channels = hands.step(10 * number + 5 * again, draw(bend, turned), body())
+        found.append(channels["hand_open_right"])
+    hands.close()
+    drawn = [straightness(landmarks(bend)).mean() for bend in bends]
+    assert np.corrcoef(drawn, found)[0, 1] >= least
+    assert min(found[:3]) >= 0.9
+    assert found[-1] <= 0.2
 
 
 @pytest.mark.slow

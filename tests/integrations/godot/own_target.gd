@@ -1,7 +1,8 @@
 extends "teller.gd"
-## Reports the value of a blend shape whose weight at rest is 0.25, for weights of the mesh's own target "jaw".
+## Reports the values of the blend shapes "jaw" and "brow" of a skeleton's mesh, driven by the recorded messages of a
+## scene and of frames, and when it has been left: INFLUENCE SCENE FRAME...
 
-const MorphMesh := preload("res://addons/puppetline/play/morph_mesh.gd")
+const Message := preload("res://addons/puppetline/wire/message.gd")
 
 
 func start() -> void:
@@ -14,16 +15,26 @@ func start() -> void:
 	shape[Mesh.ARRAY_VERTEX] = PackedVector3Array([Vector3.ZERO, Vector3.RIGHT, Vector3.UP * 2.0])
 	shape[Mesh.ARRAY_NORMAL] = arrays[Mesh.ARRAY_NORMAL]
 	var mesh := ArrayMesh.new()
-	mesh.add_blend_shape("jaw")
-	mesh.add_surface_from_arrays(Mesh.PRIMITIVE_TRIANGLES, arrays, [shape])
+	for name: String in ["brow", "jaw"]:
+		mesh.add_blend_shape(name)
+	mesh.add_surface_from_arrays(Mesh.PRIMITIVE_TRIANGLES, arrays, [shape, shape])
 	var instance := MeshInstance3D.new()
 	instance.mesh = mesh
-	instance.set_blend_shape_value(0, 0.25)
-	var morphs := MorphMesh.new()
-	morphs.instance = instance
-	for weight: float in [0.0, 0.4, 1.0]:
-		for target: String in ["jaw", "brow"]:
-			morphs.set_target(target, weight)
-		tell({"value": instance.get_blend_shape_value(0)})
-	instance.free()
+	instance.set_blend_shape_value(0, 0.3)
+	instance.set_blend_shape_value(1, 0.25)
+	var skeleton := Skeleton3D.new()
+	var driver := PuppetSkeleton3D.new()
+	driver.influence = float(arguments()[0])
+	skeleton.add_child(instance)
+	skeleton.add_child(driver)
+	root.add_child(skeleton)
+	driver._take_scene(Message.parse(FileAccess.get_file_as_bytes(arguments()[1])))
+	for path: String in arguments().slice(2):
+		driver._frames.clear()
+		driver._take_frame(Message.parse(FileAccess.get_file_as_bytes(path)))
+		driver._process_modification()
+		tell({"values": [instance.get_blend_shape_value(0), instance.get_blend_shape_value(1)]})
+	driver._disconnect()
+	tell({"values": [instance.get_blend_shape_value(0), instance.get_blend_shape_value(1)]})
+	skeleton.free()
 	quit()

@@ -1,5 +1,5 @@
 extends "teller.gd"
-## Deforms the character of the test vectors on the graphics card, and saves the results: FOLDER FILE.
+## Deforms the character of a folder of messages on the graphics card, and saves the results: FOLDER FILE.
 
 const Scene := preload("res://addons/puppetline/wire/scene.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")
@@ -7,6 +7,7 @@ const SceneResources := preload("res://addons/puppetline/play/scene_resources.gd
 const Body := preload("res://addons/puppetline/play/body.gd")
 const ControlsBody := preload("res://addons/puppetline/play/controls_body.gd")
 const VerticesBody := preload("res://addons/puppetline/play/vertices_body.gd")
+const SurfacePatch := preload("res://addons/puppetline/play/surface_patch.gd")
 const GpuReader := preload("gpu_reader.gd")
 
 ## Two frames, and the share of the second one.
@@ -47,10 +48,23 @@ func _show(body: Body) -> void:
 				"mode": body.payload_name(),
 				"moment": moment,
 				"bounds": corners,
+				"evaluated": base64(body.evaluate().to_byte_array()),
+				"top": _top(body, moment),
 				"box": [[box.position.x, box.position.y, box.position.z], [box.size.x, box.size.y, box.size.z]]
 			}
 		)
 	body.free()
+
+
+## Return the highest vertex at rest, and where the patch around it is.
+func _top(body: Body, moment: Array) -> Array:
+	var positions := _resources.scene.positions
+	var top := 0
+	for vertex in positions.size():
+		top = vertex if positions[vertex].y > positions[top].y else top
+	var motion := body.follow_patch(SurfacePatch.at_vertex(_resources.scene, top))
+	var place := motion.between(_frame(body, moment[0]), _frame(body, moment[1]), body.shown_share(moment[2]))[0]
+	return [top, place.x, place.y, place.z]
 
 
 func _frame(body: Body, number: int) -> Message:

@@ -262,11 +262,6 @@ def test_morphs_of_a_source_whose_root_is_elsewhere_turned_and_scaled(
     check_morphs(show, service, blob_puppet, "res://moved.tscn", offset, np.linalg.inv(turned).T)
 
 
-def test_weights_of_the_meshs_own_targets_count_from_their_weight_at_rest(run_godot):
-    values = [told["value"] for told in run_godot("own_target.gd")]
-    np.testing.assert_allclose(values, [0.25, 0.55, 1.0], atol=1e-6)
-
-
 def test_a_puppet_by_controls_of_an_imported_mesh_shows_the_solvers_vertices(
     show, played, add_glb, blob_puppet, tmp_path, puppetline
 ):

@@ -1,7 +1,12 @@
 """Results of the real shader on a real renderer for the test vectors, read back from the graphics card."""
 
+import base64
+from copy import copy
+
 import numpy as np
 import pytest
+
+from engine_bridge.service.protocol.header import Kind
 
 from ...modules import load
 from ...recorded import VECTORS, decoded, recorded
@@ -55,6 +60,45 @@ def test_positions_and_normals_are_those_of_the_protocol_and_bounds_hold_them(sh
         assert (low - positions.min(axis=0)).max() <= ALIKE * scene["diagonal"]
         assert (positions.max(axis=0) - high).max() <= ALIKE * scene["diagonal"]
     assert {told["mode"] for told, *_ in shaded} == {"controls", "vertices16"}
+
+
+def test_a_voice_opens_the_mouth_on_the_graphics_card_and_off_it(
+    residents, read_pixels, spoken, spoken_files, tmp_path
+):
+    for kind in (Kind.CONTROLS, Kind.VERTICES16):
+        scene, *frames = spoken_files(kind)
+        for number, file in enumerate(frames):
+            file.rename(tmp_path / f"{number}.{kind.word}.bin")
+    scene.rename(tmp_path / "scene.bin")
+    results = residents(display=True).start("shade_vectors.gd", tmp_path, tmp_path / "pixels").finish(600)
+    results = [told for told in results if told["mode"] == "controls"]
+    character = spoken[0].character
+    shaded = read_pixels(tmp_path / "pixels", 2 * len(results), len(character.rest), results[0]["box"])
+    near = ALIKE * 5 * character.rig.mesh.diagonal
+    for told, (positions, normals, _) in zip(results, shaded, strict=False):
+        where, turned = said(character, spoken, told["moment"])
+        assert np.abs(positions - where).max() <= near
+        assert np.abs(normals - turned).max() <= 1e-4
+        low, high = np.array(told["bounds"])
+        assert (low - where.min(axis=0)).max() <= near
+        assert (where.max(axis=0) - high).max() <= near
+        evaluated = np.frombuffer(base64.b64decode(told["evaluated"]), "<f4").reshape(-1, 3)
+        assert np.abs(evaluated - where).max() <= near
+        if told["moment"][0] == told["moment"][1]:  # patches lie between two frames, not on what is between their poses
+            vertex, *place = told["top"]
+            assert np.abs(place - where[int(vertex)]).max() <= near
+
+
+def said(character, spoken, moment):
+    """Positions and normals between two frames: transforms and weights are interpolated."""
+    before, after = spoken[int(moment[0])], spoken[int(moment[1])]
+    controls, weights = (
+        (1 - moment[2]) * first + moment[2] * second
+        for first, second in ((before.controls, after.controls), (before.targets_moved, after.targets_moved))
+    )
+    binding = copy(character.binding)
+    binding.rest = binding.rest + np.tensordot(weights, character.displacements, 1)
+    return binding.vertices_and_normals(controls.astype(np.float32))
 
 
 def test_tangents_move_with_the_surface(shaded, follow, scene):

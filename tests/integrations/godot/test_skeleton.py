@@ -58,3 +58,9 @@ def test_a_frame_of_the_wrong_size_or_without_numbers_is_no_pose(drive, posed_hu
     assert result.damaged == 1
     hostile = message[:128] + np.full((len(message) - 128) // 4, np.nan, dtype="<f4").tobytes()
     assert drive([hostile]).damaged == 1
+
+
+@pytest.mark.parametrize(("influence", "jaw"), [(1, [0.25, 0.55, 1.0, 0.25]), (0.5, [0.25, 0.4, 0.625, 0.25])])
+def test_a_voice_moves_the_targets_of_the_models_own_face(run_godot, spoken_files, influence, jaw):
+    told = run_godot("own_target.gd", influence, *spoken_files(Kind.BONES))
+    np.testing.assert_allclose([each["values"] for each in told], [[0.3, each] for each in jaw], atol=1e-6)

@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 from engine_bridge.performance.settings import Settings
+from engine_bridge.service.protocol.clip_file import ClipFacts, beginning
+from engine_bridge.service.protocol.header import Kind
+from engine_bridge.service.protocol.payloads import encode
 
 from ..surface import vertices_of
 from .conftest import array
@@ -265,3 +268,14 @@ def test_alpha_modes_are_clipping_and_blending(material):
     assert (blended["queue"], blended["keywords"]) == (3000, "_SURFACE_TYPE_TRANSPARENT")
     assert (blended["_SrcBlend"], blended["_DstBlend"], blended["_ZWrite"]) == (5, 10, 0)
     assert (clipped["RenderType"], blended["RenderType"]) == ("TransparentCutout", "Transparent")
+
+
+def test_a_voice_moves_the_rest_pose_on_the_graphics_card(play_clip, spoken, tmp_path):
+    character = spoken[0].character
+    facts = ClipFacts("talker", character.revision, len(spoken), 30, "talk")
+    path = tmp_path / "talk.clip"
+    path.write_bytes(b"".join([beginning(character, facts), *(encode(Kind.CONTROLS, each, 0) for each in spoken)]))
+    shown, _ = play_clip("materials", *(f"at:{time / 30}" for time in (0, 1, 1.5, 2, 0)), first=path, second=path)
+    (down,) = character.displacements
+    for told, voice in zip(shown[1:], (0, 0.4, 0.7, 1, 0), strict=True):
+        np.testing.assert_allclose(positions(told), (character.rest + voice * down) * UNITY, atol=1e-5)

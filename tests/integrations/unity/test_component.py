@@ -133,7 +133,10 @@ def test_morphs_set_the_weights_of_the_targets_and_move_the_root(show, reference
     count = len(python.scene.facts["morphs"])
     for said, theirs in both:
         root = python.frames[said["frame"]].header.root
-        assert said["root"] == pytest.approx(np.add([1, 2, 3], root * UNITY), abs=1e-5)
+        x, y, z = root * UNITY
+        assert said["root"] == pytest.approx(
+            [1 + 2 * z, 2 + 2 * y, 3 - 2 * x], abs=1e-5
+        )  # turned by 90° about y, and scaled
         expected = {1 + k: whole * weight for k, weight in enumerate(theirs.weights.tolist())}
         assert dict(map(tuple, said["weights"])) == pytest.approx(expected, rel=1e-6)
         assert len(expected) == count

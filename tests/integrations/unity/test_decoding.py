@@ -167,8 +167,14 @@ def test_another_major_version_is_reported(read, tmp_path):
 
 def test_additions_of_a_later_minor_version_are_ignored(read, tmp_path, vectors):
     whole = recorded("1.controls")
-    (tmp_path / "later").write_bytes(whole[:65] + b"\7" + whole[66:124] + b"\1\2\3\4" + whole[128:] + b"more")
+    (tmp_path / "later").write_bytes(whole[:65] + b"\7" + whole[66:] + b"more")
     assert read([tmp_path / "later"]) == [vectors["1.controls"]]
+
+
+def test_a_message_whose_weights_are_cut_off_is_refused(read, tmp_path):
+    whole = recorded("1.controls")
+    (tmp_path / "cut").write_bytes(whole[:124] + b"\2\0\0\0" + whole[128:] + b"\0" * 7)
+    assert read([tmp_path / "cut"]) == [{"refused": "message", "major": 1}]
 
 
 GOOD = [

@@ -7,6 +7,8 @@ import subprocess
 import numpy as np
 import pytest
 
+from engine_bridge.service.protocol.header import Kind
+
 from ...recorded import VECTORS, decoded
 from .conftest import HERE, PACKAGE, array
 
@@ -86,6 +88,19 @@ def test_boxes_are_around_all_vertices_and_the_cheap_one_is_not_much_larger(eval
     assert (np.float32(around[:3]) <= low + slack).all()
     assert (np.float32(around[3:]) >= high - slack).all()
     assert np.linalg.norm(np.subtract(around[3:], around[:3])) <= 1.5 * np.linalg.norm(high - low)
+
+
+def test_a_voice_moves_the_rest_pose_of_the_mouth(run_core, spoken, spoken_files):
+    scene, *files = spoken_files(Kind.CONTROLS)
+    slack = 2e-6 * spoken[0].character.rig.mesh.diagonal
+    for frame, file in zip(spoken, files, strict=True):
+        evaluated, *_ = run_core("evaluate", scene, file)
+        positions, normals = np.split(array(evaluated["vertices"], columns=6), 2, axis=1)
+        where, turned = frame.vertices_and_normals
+        assert np.abs(positions - where).max() <= slack
+        assert np.abs(normals - turned).max() <= 1e-4
+        assert (np.float32(evaluated["around"][:3]) <= where.min(axis=0) + slack).all()
+        assert (np.float32(evaluated["around"][3:]) >= where.max(axis=0) - slack).all()
 
 
 BLOCK = 3

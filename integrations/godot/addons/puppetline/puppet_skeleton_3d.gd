@@ -6,7 +6,7 @@ extends SkeletonModifier3D
 ##
 ## A game's own rigged character follows the performer with its own mesh and materials. Bones are recognised by their
 ## names; [member bone_map] adds others or replaces them. [member SkeletonModifier3D.influence] blends the pose with the
-## animations that play below.
+## animations that play below. Morph targets of the meshes below the skeleton are set by their names.
 
 ## Emitted when the joints of the character are known.
 signal joints_loaded
@@ -17,6 +17,8 @@ const Scene := preload("wire/scene.gd")
 const Joints := preload("wire/skeleton.gd")
 const JitterBuffer := preload("play/jitter_buffer.gd")
 const SkeletonPose := preload("play/skeleton_pose.gd")
+const OwnMesh := preload("play/own_mesh.gd")
+const OwnTargets := preload("play/own_targets.gd")
 const BoneNames := preload("play/bone_names.gd")
 
 ## Address of the service.
@@ -59,10 +61,10 @@ const BoneNames := preload("play/bone_names.gd")
 
 var _stream: Stream
 var _followed := ""  # the character whose topics are followed
-var _up := Vector3.UP
-var _front := Vector3.BACK
+var _scene: Scene
 var _joints: Joints
 var _pose: SkeletonPose
+var _own_targets: OwnTargets
 var _frames := JitterBuffer.new()
 var _damaged := 0
 
@@ -122,6 +124,7 @@ func _process_modification() -> void:
 	var share := _frames.share if later != earlier else 0.0
 	var moved := _joints.displacement(earlier, later, share)
 	_pose.apply(get_skeleton(), _joints.motions(earlier, later, share), moved, moves_hips)
+	_own_targets.show_frames(earlier, later, share, influence)
 
 
 func _reconnect() -> void:
@@ -155,7 +158,14 @@ func _unfollow() -> void:
 		_stream.unfollow(_followed + "/bones", _take_frame)
 	_joints = null
 	_pose = null
+	_leave_targets()
 	_frames.clear()
+
+
+func _leave_targets() -> void:
+	if _own_targets != null:
+		_own_targets.reset()
+	_own_targets = null
 
 
 func _take_characters(message: Message) -> void:
@@ -171,9 +181,9 @@ func _take_scene(message: Message) -> void:
 	var scene := Scene.parse(message.payload)
 	if scene == null:
 		return
-	_up = scene.up
-	_front = scene.front
+	_scene = scene
 	_joints = Joints.parse(scene.description)
+	_leave_targets()
 	_frames.clear()
 	if _joints == null:
 		push_warning(
@@ -198,5 +208,7 @@ func _prepare() -> void:
 	if skeleton != null and _joints != null:
 		var map := BoneNames.recognised(skeleton, _joints.names)
 		map.merge(bone_map, true)
-		_pose = SkeletonPose.new(_joints, _up, _front, skeleton, map)
+		if _own_targets == null:
+			_own_targets = OwnTargets.new(_scene, OwnMesh.meshes_below(skeleton))
+		_pose = SkeletonPose.new(_joints, _scene.up, _scene.front, skeleton, map)
 	update_configuration_warnings()

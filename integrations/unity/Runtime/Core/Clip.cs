@@ -23,7 +23,7 @@ namespace Puppetline.Protocol
                     throw Damaged(at);
                 }
                 Take(number, message, at);
-                at = message.Payload.Offset + message.Payload.Count;
+                at = message.Targets.Offset + message.Targets.Count;
             }
             if (frames.Count == 0 || frames.Count != Description["frames"].Number)
             {
@@ -110,7 +110,7 @@ namespace Puppetline.Protocol
             }
             times.Add(time);
             int start = message.TopicBytes.Offset;
-            frames.Add(new ArraySegment<byte>(message.Payload.Array, start, message.Payload.Offset + message.Payload.Count - start));
+            frames.Add(new ArraySegment<byte>(message.Payload.Array, start, message.Targets.Offset + message.Targets.Count - start));
         }
 
         static FormatException Damaged(int at)

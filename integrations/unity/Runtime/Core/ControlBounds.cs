@@ -199,7 +199,11 @@ namespace Puppetline.Protocol
                 Box box = Box.Nothing;
                 foreach (int v in vertices)
                 {
-                    box.Add(scene.Positions[3 * v], scene.Positions[3 * v + 1], scene.Positions[3 * v + 2]);
+                    Moved(scene, 3 * v, out float lowX, out float highX);
+                    Moved(scene, 3 * v + 1, out float lowY, out float highY);
+                    Moved(scene, 3 * v + 2, out float lowZ, out float highZ);
+                    box.Add(lowX, lowY, lowZ);
+                    box.Add(highX, highY, highZ);
                 }
                 X = (box.LowX + box.HighX) / 2;
                 Y = (box.LowY + box.HighY) / 2;
@@ -211,6 +215,17 @@ namespace Puppetline.Protocol
                 {
                     Range(scene, vertices, field, out float low, out float high);
                     AddField(scene, field, low, high);
+                }
+            }
+
+            /// <summary>Find the least and greatest value of a coordinate at rest, over all weights of the mesh's own targets.</summary>
+            static void Moved(Scene scene, int coordinate, out float low, out float high)
+            {
+                low = high = scene.Positions[coordinate];
+                for (int at = coordinate; scene.Displacements != null && at < scene.Displacements.Length; at += scene.Positions.Length)
+                {
+                    low += Math.Min(scene.Displacements[at], 0);
+                    high += Math.Max(scene.Displacements[at], 0);
                 }
             }
 

@@ -19,6 +19,7 @@ namespace Puppetline.Protocol
         public const int TransformSize = 12;
 
         readonly Scene scene;
+        readonly float[] rest;
 
         /// <summary>For each vertex and field: index of the first value of the lower one of its two transforms.</summary>
         readonly int[] lower;
@@ -36,9 +37,12 @@ namespace Puppetline.Protocol
         readonly float[] steps;
 
         /// <summary>Prepare the evaluation of a character.</summary>
-        public Deformation(Scene scene)
+        /// <param name="scene">The character.</param>
+        /// <param name="rest">Its positions at rest, n × 3, which may change between evaluations; null for those of the scene.</param>
+        public Deformation(Scene scene, float[] rest = null)
         {
             this.scene = scene;
+            this.rest = rest ?? scene.Positions;
             int n = scene.VertexCount, fields = scene.FieldCount;
             lower = new int[n * fields];
             along = new float[3 * n * fields];
@@ -84,7 +88,7 @@ namespace Puppetline.Protocol
         Box BySlopes(Axes axes, SurfaceVertex[] vertices)
         {
             Box box = Box.Nothing;
-            float[] T = weighted, D = steps, rest = scene.Positions, restNormals = scene.Normals;
+            float[] T = weighted, D = steps, restNormals = scene.Normals;
             float sign = axes == Axes.Unity ? -1 : 1;
             int fields = scene.FieldCount;
             for (int v = 0, p = 0; v < vertices.Length; v++)
@@ -154,7 +158,7 @@ namespace Puppetline.Protocol
         Box ByCofactors(Axes axes, SurfaceVertex[] vertices)
         {
             Box box = Box.Nothing;
-            float[] T = weighted, D = steps, rest = scene.Positions, restNormals = scene.Normals;
+            float[] T = weighted, D = steps, restNormals = scene.Normals;
             float sign = axes == Axes.Unity ? -1 : 1;
             int fields = scene.FieldCount;
             for (int v = 0, p = 0; v < vertices.Length; v++)

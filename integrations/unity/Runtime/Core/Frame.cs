@@ -26,6 +26,9 @@ namespace Puppetline.Protocol
         /// <summary>Number of valid numbers.</summary>
         public int Count;
 
+        /// <summary>Weights of the mesh's own targets, from 0 to 1, in the order of <see cref="Scene.Targets"/>.</summary>
+        public float[] Targets = new float[0];
+
         /// <summary>Number of followers that have not yet returned the frame to the pool.</summary>
         internal int Holders = 1;
 
@@ -34,6 +37,7 @@ namespace Puppetline.Protocol
         public bool Read(Message message)
         {
             Header = message.Header;
+            ReadTargets(message.Targets);
             ArraySegment<byte> payload = message.Payload;
             switch (Header.Kind)
             {
@@ -69,6 +73,11 @@ namespace Puppetline.Protocol
             Header.RootZ = Between(earlier.Header.RootZ, later.Header.RootZ, share);
             Scene = later.Scene;
             Arrived = later.Arrived;
+            Array.Resize(ref Targets, Math.Min(earlier.Targets.Length, later.Targets.Length));
+            for (int k = 0; k < Targets.Length; k++)
+            {
+                Targets[k] = Between(earlier.Targets[k], later.Targets[k], share);
+            }
             Resize(later.Count);
             float[] values = Values, one = earlier.Values, other = later.Values;
             for (int i = 0; i < Count; i++)
@@ -120,6 +129,16 @@ namespace Puppetline.Protocol
             if (Values.Length < count)
             {
                 Values = new float[count];
+            }
+        }
+
+        void ReadTargets(ArraySegment<byte> weights)
+        {
+            Array.Resize(ref Targets, weights.Count / 4);
+            for (int k = 0; k < Targets.Length; k++)
+            {
+                float weight = BitConverter.ToSingle(weights.Array, weights.Offset + 4 * k);
+                Targets[k] = weight > 0 ? Math.Min(weight, 1) : 0;
             }
         }
 

@@ -95,7 +95,7 @@ namespace Puppetline.Protocol
             return playhead + (now - last) * (lags ? 1 + MaxRateChange : 1);
         }
 
-        static long Size(Frame frame) => 4L * frame.Values.Length + FrameBytes;
+        static long Size(Frame frame) => 4L * (frame.Values.Length + frame.Targets.Length) + FrameBytes;
 
         void DropOldest()
         {

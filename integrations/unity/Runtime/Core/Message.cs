@@ -120,6 +120,9 @@ namespace Puppetline.Protocol
         /// <summary>The payload, whose format depends on the kind.</summary>
         public ArraySegment<byte> Payload;
 
+        /// <summary>Weights of the mesh's own targets, 4 bytes each; empty if nothing moves them.</summary>
+        public ArraySegment<byte> Targets;
+
         /// <summary>The topic.</summary>
         public string Topic => Encoding.ASCII.GetString(TopicBytes.Array, TopicBytes.Offset, TopicBytes.Count);
 
@@ -141,12 +144,14 @@ namespace Puppetline.Protocol
             int at = bytes.Offset + TopicFieldLength;
             int topic = TopicLength(array, bytes.Offset);
             uint length = BitConverter.ToUInt32(array, at + 12);
-            if (topic == 0 || array[at + 3] > (byte)PerformerState.Leaving || length > bytes.Count - HeaderLength)
+            long targets = 4L * BitConverter.ToUInt32(array, at + 60);
+            if (topic == 0 || array[at + 3] > (byte)PerformerState.Leaving || length + targets > bytes.Count - HeaderLength)
             {
                 return false;
             }
             message.TopicBytes = new ArraySegment<byte>(array, bytes.Offset, topic);
             message.Payload = new ArraySegment<byte>(array, bytes.Offset + HeaderLength, (int)length);
+            message.Targets = new ArraySegment<byte>(array, bytes.Offset + HeaderLength + (int)length, (int)targets);
             message.Header = new Header
             {
                 Kind = (Kind)array[at + 2],

@@ -73,6 +73,8 @@ namespace Puppetline.Protocol
             Slopes = Floats("slopes", VertexCount, FieldCount, 2);
             Uv = Optional("uv", VertexCount, 2);
             Colors = Optional("colors", VertexCount, 3);
+            Targets = Strings(Description["targets"]);
+            Displacements = Optional("displacements", Targets.Count, VertexCount, 3);
             Parts = ReadParts();
             Morphs = Strings(Description["morphs"]);
             Joints = ReadJoints();
@@ -127,6 +129,12 @@ namespace Puppetline.Protocol
 
         /// <summary>Names of the morph targets; empty if there are none.</summary>
         public IReadOnlyList<string> Morphs { get; }
+
+        /// <summary>Names of the mesh's own targets whose weights frames have; empty if there are none.</summary>
+        public IReadOnlyList<string> Targets { get; }
+
+        /// <summary>targets × n × 3 displacements of the rest pose by the mesh's own targets; null if there are none.</summary>
+        public float[] Displacements { get; }
 
         /// <summary>The character's joints, parents first; empty if its puppet file has no limbs.</summary>
         public IReadOnlyList<Joint> Joints { get; }

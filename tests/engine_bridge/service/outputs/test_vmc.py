@@ -2,6 +2,7 @@ import itertools
 import math
 import socket
 import time
+from contextlib import closing
 from dataclasses import replace
 from select import select
 
@@ -101,11 +102,20 @@ def bones(sent):
     }
 
 
-def test_morph_targets_that_channels_move_are_blend_shapes(figure, moved_by):
-    puppet = figure.rig.puppet.model_copy(update={"morph": (MorphTable(target="A", channel="voice"),)})
-    frame = moved_by(still(figure), character=figure.remapped(puppet))
-    read = messages(datagrams(replace(frame, channels={"voice": 0.5}), 0.0))
-    assert read[-2:] == [("/VMC/Ext/Blend/Val", ["A", 0.5]), ("/VMC/Ext/Blend/Apply", [])]
+def test_morph_targets_that_channels_move_are_blend_shapes_and_return_as_the_same_channels(figure, moved_by):
+    targets = {"A": "mouth_open", "Blink_L": "blink_left", "blinkRight": "blink_right", "Joy": "smile"}
+    channels = {"mouth_open": 0.5, "blink_left": 0.25, "blink_right": 1.0, "smile": 0.75}
+    morphs = tuple(MorphTable(target=target, channel=channel) for target, channel in targets.items())
+    puppet = figure.rig.puppet.model_copy(update={"morph": morphs})
+    frame = replace(moved_by(still(figure), character=figure.remapped(puppet)), channels=channels)
+    sent = list(datagrams(frame, 0.0))
+    blends = [("/VMC/Ext/Blend/Val", [target, channels[channel]]) for target, channel in targets.items()]
+    assert messages(sent)[-5:] == [*blends, ("/VMC/Ext/Blend/Apply", [])]
+    with closing(open_vmc("127.0.0.1:0")) as source, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for datagram in [*sent, *sent]:  # a frame precedes its blend shapes
+            sender.sendto(datagram, ("127.0.0.1", source.port))
+        returned = next_frame(source)
+    assert returned.channels == channels
 
 
 def test_a_frame_is_bundles_that_travel_in_one_piece_and_say_all_that_the_protocol_wants(figure, moved_by):

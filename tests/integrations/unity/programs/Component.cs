@@ -13,6 +13,7 @@ static class Component
     static readonly GameObject Owner = new GameObject();
     static readonly Queue<string> Told = new Queue<string>();
     static Puppet puppet;
+    static readonly Transform RootNode = new Transform { name = "puppetline_root" };
     static SkinnedMeshRenderer skin;
     static Mesh mesh;
     static int warned;
@@ -30,8 +31,12 @@ static class Component
         puppet = Owner.AddComponent<Puppet>();
         skin = Owner.AddComponent<SkinnedMeshRenderer>();
         skin.sharedMesh = new Mesh { blendShapes = new[] { "smile", "motion_0", "motion_1", "motion_2" } };
-        puppet.rootNode = Owner.AddComponent<Transform>();
-        puppet.rootNode.localPosition = new Vector3(1, 2, 3);
+        RootNode.localPosition = new Vector3(1, 2, 3);
+        RootNode.localScale = new Vector3(2, 2, 2);
+        RootNode.localRotation = Quaternion.Euler(0, 90, 0);
+        var above = new Transform { name = "Scene" };
+        above.SetParent(Owner.transform);
+        RootNode.SetParent(above);
         foreach (string argument in arguments)
         {
             string[] pair = argument.Split(new[] { '=' }, 2);
@@ -49,7 +54,7 @@ static class Component
             Player.Enable(puppet, false);
         }
         Complain();
-        Said.Line("ended", (mesh == null || mesh.destroyed) && GraphicsBuffer.Alive == 0, "rest", new object[] { puppet.rootNode.localPosition.x, puppet.rootNode.localPosition.y });
+        Said.Line("ended", (mesh == null || mesh.destroyed) && GraphicsBuffer.Alive == 0, "rest", new object[] { RootNode.localPosition.x, RootNode.localPosition.y });
         Said.End(0);
         return 0;
     }
@@ -77,6 +82,7 @@ static class Component
         else if (name == "skins")
         {
             SkinnedMeshRenderer empty = Owner.AddComponent<SkinnedMeshRenderer>();
+            puppet.rootNode = value == "found" ? null : RootNode;
             puppet.skins = value == "found" ? new SkinnedMeshRenderer[0] : new[] { null, empty, skin };
         }
         else if (name == "attach")
@@ -315,7 +321,7 @@ static class Component
         Header header = puppet.Shown.Header;
         if (puppet.mode == PuppetMode.Morphs)
         {
-            Vector3 at = puppet.rootNode.localPosition;
+            Vector3 at = RootNode.localPosition;
             var weights = new List<object>();
             foreach (KeyValuePair<int, float> pair in skin.weights)
             {

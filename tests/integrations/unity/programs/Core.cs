@@ -102,7 +102,9 @@ static class Core
         Scene scene = Scene.Parse(Load(sceneFile));
         var frame = new Frame();
         frame.Read(Load(controlsFile));
-        var deformation = new Deformation(scene);
+        var rest = new RestPose(scene);
+        rest.Move(frame.Targets);
+        var deformation = new Deformation(scene, rest.Positions);
         var vertices = new SurfaceVertex[scene.VertexCount];
         foreach (NormalsBy normals in new[] { NormalsBy.Slopes, NormalsBy.Cofactors })
         {

@@ -8,18 +8,19 @@ const ControlsMotion := preload("controls_motion.gd")
 const IsolineBounds := preload("isoline_bounds.gd")
 const OwnMesh := preload("own_mesh.gd")
 
-## Size of a transform, in bytes.
-const _TRANSFORM_BYTES := 48
+## Number of floats in a transform, and in a row of the textures.
+const _ROW_FLOATS := 12
 
 var _surfaces: Surfaces
 var _bounds: IsolineBounds
 var _transform_count := 0
+var _target_rows := 0  # after the transforms: the weights of the mesh's own targets
 ## Textures of the two frames on the graphics card. One of them stays there for the interpolation with the next frame.
 var _textures: Array[ImageTexture] = []
 var _frames: Array[Message] = [null, null]  # one of them is null if the other one is shown alone
 var _boxes: Array[AABB] = [AABB(), AABB()]
 var _weight := 0.0  # of the second one
-var _mixed := PackedFloat32Array()  # the transforms between them; empty before they are needed
+var _mixed := PackedFloat32Array()  # the numbers between them; empty before they are needed
 var _shift := Vector3.ZERO
 
 
@@ -28,9 +29,10 @@ var _shift := Vector3.ZERO
 func _init(of: SceneResources, source: Node3D) -> void:
 	resources = of
 	_transform_count = resources.scene.field_count * resources.scene.isoline_count
+	_target_rows = ceili(float(resources.scene.displacement_count) / _ROW_FLOATS)
 	_bounds = resources.bounds
-	var empty := PackedByteArray()
-	empty.resize(frame_size())
+	var empty := PackedFloat32Array()
+	empty.resize(_ROW_FLOATS * (_transform_count + _target_rows))
 	for i in 2:
 		_textures.append(ImageTexture.create_from_image(_image(empty)))
 	if source != null:
@@ -53,7 +55,7 @@ func payload_name() -> String:
 
 
 func frame_size() -> int:
-	return _transform_count * _TRANSFORM_BYTES
+	return 4 * _ROW_FLOATS * _transform_count
 
 
 func set_materials(materials: Array[Material]) -> void:
@@ -140,8 +142,9 @@ func _upload(i: int, frame: Message) -> bool:
 	if _frames[i] == frame:
 		return false
 	_frames[i] = frame
-	_textures[i].update(_image(frame.payload))
-	var box := _bounds.around(frame.payload)
+	var numbers := _numbers(frame)
+	_textures[i].update(_image(numbers))
+	var box := _bounds.around(numbers)
 	if not box.is_finite():
 		box = resources.scene.bounds
 	if not follow_root:
@@ -150,17 +153,27 @@ func _upload(i: int, frame: Message) -> bool:
 	return true
 
 
-## Return an image with one row per transform, whose pixels are the three rows of its matrix.
-func _image(payload: PackedByteArray) -> Image:
-	return Image.create_from_data(3, _transform_count, false, Image.FORMAT_RGBAF, payload)
+## Return the transforms of a frame, and then the weights of the mesh's own targets.
+func _numbers(frame: Message) -> PackedFloat32Array:
+	var numbers := frame.payload.to_float32_array()
+	numbers.append_array(frame.targets.slice(0, resources.scene.displacement_count))
+	numbers.resize(_ROW_FLOATS * (_transform_count + _target_rows))
+	return numbers
 
 
-## Return the transforms between the two frames, computed once for each pose.
+## Return an image with one row per transform, whose pixels are the three rows of its matrix, and rows of weights.
+func _image(numbers: PackedFloat32Array) -> Image:
+	return Image.create_from_data(
+		3, _transform_count + _target_rows, false, Image.FORMAT_RGBAF, numbers.to_byte_array()
+	)
+
+
+## Return the numbers between the two frames, computed once for each pose.
 func _mixed_floats() -> PackedFloat32Array:
 	if _mixed.is_empty():
-		_mixed = (_frames[0] if _frames[0] != null else _frames[1]).payload.to_float32_array()
+		_mixed = _numbers(_frames[0] if _frames[0] != null else _frames[1])
 		if _frames[0] != null and _frames[1] != null:
-			var second := _frames[1].payload.to_float32_array()
+			var second := _numbers(_frames[1])
 			for i in _mixed.size():
 				_mixed[i] = lerpf(_mixed[i], second[i], _weight)
 	return _mixed

@@ -28,11 +28,13 @@ var _y := PackedVector3Array()
 var _z := PackedVector3Array()
 var _origin := PackedVector3Array()
 var _differences: Array[Transform3D] = []
+var _transform_count := 0
+var _target_weights := PackedFloat32Array()
 
 
 ## Vertices with similar isoline coordinates in all fields.
 class Piece:
-	## Bounding box at rest.
+	## Bounding box at rest, over all weights of the mesh's own targets.
 	var box: AABB
 	## The transforms whose weighted mean belongs to the middle of the piece, and their weights.
 	var isolines := PackedInt32Array()
@@ -66,14 +68,15 @@ class _Cut:
 
 
 func _init(scene: Scene) -> void:
+	_transform_count = scene.field_count * scene.isoline_count
 	vertices = _divide(scene)
 	for each in vertices:
 		pieces.append(make_piece(scene, each))
 
 
-## Return a box that contains all vertices, for the controls of a frame: 3 × 4 floats per transform, row by row.
-func around(controls: PackedByteArray) -> AABB:
-	read(controls.to_float32_array())
+## Return a box that contains all vertices, for the numbers of a frame.
+func around(numbers: PackedFloat32Array) -> AABB:
+	read(numbers)
 	var low := Vector3.INF
 	var high := -Vector3.INF
 	for piece in pieces:
@@ -109,7 +112,7 @@ func mean_transform(piece: Piece) -> Transform3D:
 ## Return the position of a vertex, for the transforms of [method read].
 func position(scene: Scene, vertex: int) -> Vector3:
 	var last := scene.isoline_count - 2
-	var rest := scene.positions[vertex]
+	var rest := scene.rest_position(vertex, _target_weights)
 	var sum := Vector3.ZERO
 	for field in scene.field_count:
 		var coordinate := scene.isoline_coordinates[vertex * scene.field_count + field]
@@ -140,9 +143,11 @@ func _spread(piece: Piece) -> Vector3:
 	return spread
 
 
-## Take the transforms of a frame: 12 floats each, the three rows of a matrix.
+## Take the numbers of a frame: the transforms, 12 floats each, the three rows of a matrix, and then the weights of the
+## mesh's own targets.
 func read(numbers: PackedFloat32Array) -> void:
-	var count := numbers.size() / _TRANSFORM_FLOATS
+	var count := _transform_count
+	_target_weights = numbers.slice(count * _TRANSFORM_FLOATS)
 	for columns: PackedVector3Array in [_x, _y, _z, _origin]:
 		columns.resize(count)
 	for i in count:
@@ -245,8 +250,14 @@ static func make_piece(scene: Scene, vertices: PackedInt32Array) -> Piece:
 	var low := Vector3.INF
 	var high := -Vector3.INF
 	for vertex in vertices:
-		low = low.min(scene.positions[vertex])
-		high = high.max(scene.positions[vertex])
+		var lowest := scene.positions[vertex]
+		var highest := lowest
+		for target in scene.displacement_count:
+			var moved := scene.displacements[target * scene.vertex_count + vertex]
+			lowest += moved.min(Vector3.ZERO)
+			highest += moved.max(Vector3.ZERO)
+		low = low.min(lowest)
+		high = high.max(highest)
 	piece.box = AABB(low, high - low)
 	for field in scene.field_count:
 		var base := field * scene.isoline_count

@@ -61,9 +61,10 @@ static func prepare(material: ShaderMaterial, resources: SceneResources) -> void
 	var weights := scene.weights.duplicate()
 	weights.resize(8)
 	material.set_shader_parameter(&"puppet_rest", resources.rest_texture)
-	material.set_shader_parameter(
-		&"puppet_rest_rows", resources.rest_texture.get_height() / (2 if scene.colors.is_empty() else 3)
-	)
+	var rows := RestMesh.rows(scene.vertex_count)
+	material.set_shader_parameter(&"puppet_rest_rows", rows)
+	material.set_shader_parameter(&"puppet_displacements_row", rows * (2 if scene.colors.is_empty() else 3))
+	material.set_shader_parameter(&"puppet_targets", scene.displacement_count)
 	material.set_shader_parameter(&"puppet_slopes", resources.slopes_texture)
 	material.set_shader_parameter(&"puppet_fields", scene.field_count)
 	material.set_shader_parameter(&"puppet_isolines", scene.isoline_count)

@@ -51,11 +51,14 @@ func _mean(shares: Dictionary, like: Message) -> Message:
 	mean.time = like.time
 	var rows := PackedVector4Array()
 	rows.resize(like.payload.size() / 16)
+	mean.targets.resize(like.targets.size())
 	for frame: Message in shares:
 		var own: float = shares[frame]
 		mean.root += own * frame.root
 		var of_frame := frame.rows()
 		for i in rows.size() if own > 0.0 else 0:
 			rows[i] += own * of_frame[i]
+		for target in mini(mean.targets.size(), frame.targets.size()):
+			mean.targets[target] += own * frame.targets[target]
 	mean.payload = rows.to_byte_array()
 	return mean

@@ -26,7 +26,6 @@ var own_materials: Array[Material] = []
 var _shapes := PackedInt32Array()  # by target: the index of the blend shape in this mesh
 var _reaches: Array[AABB] = []  # by target: box of the displacements of its vertices
 var _rest := AABB()
-var _own_targets: Dictionary = {}  # name: index of the blend shape, and its weight at rest
 
 
 ## Find the targets in the mesh; return false if any is missing.
@@ -59,16 +58,6 @@ func set_weights(weights: PackedFloat32Array) -> void:
 		high += reach.end
 	var box := AABB(low, high - low)
 	instance.custom_aabb = box if box.is_finite() else _rest
-
-
-## Set the weight of a target of the mesh's own, if it has it: 0 is the weight at rest, 1 the whole target.
-func set_target(name: String, weight: float) -> void:
-	if name not in _own_targets:
-		var shape := instance.find_blend_shape_by_name(name)
-		_own_targets[name] = Vector2(shape, instance.get_blend_shape_value(shape) if shape >= 0 else 0.0)
-	var target: Vector2 = _own_targets[name]
-	if target.x >= 0.0:
-		instance.set_blend_shape_value(int(target.x), lerpf(target.y, 1.0, weight))
 
 
 ## Return the vertices in a box, both in the coordinates that [param to_node] transforms to.

@@ -3,6 +3,7 @@ extends "body.gd"
 
 const OwnMesh := preload("own_mesh.gd")
 const MorphMesh := preload("morph_mesh.gd")
+const OwnTargets := preload("own_targets.gd")
 const MorphsMotion := preload("morphs_motion.gd")
 
 ## Distance within which a vertex of the scene is found in the imported meshes, relative to the diagonal.
@@ -12,7 +13,7 @@ var _source: Node3D
 var _rest_position := Vector3.ZERO  # of the source, which root motion is added to
 var _meshes: Array[MorphMesh] = []
 var _names: Array = []
-var _targets: Array = []  # names of the mesh's own targets that the service moves
+var _own_targets: OwnTargets
 var _earlier: Message  # its weights are in _from
 var _later: Message
 var _from := PackedFloat32Array()
@@ -29,9 +30,6 @@ func _init(of: SceneResources, source: Node3D) -> void:
 		_rest_position = source.position
 	if resources.scene.morphs is Array:
 		_names = resources.scene.morphs
-	var targets: Variant = resources.scene.description.get("targets")
-	if targets is Array:
-		_targets = targets.map(func(name: Variant) -> String: return str(name))
 	_weights.resize(_names.size())
 	if _names.is_empty():
 		problem = "the service has no morph targets for it; start it with --morphs and the .glb from `puppetline bake`"
@@ -68,8 +66,8 @@ func show_frames(earlier: Message, later: Message, share: float) -> void:
 		_weights[i] = lerpf(_from[1 + i], _to[1 + i], share)
 	for mesh in _meshes:
 		mesh.set_weights(_weights)
-		for i in mini(_targets.size(), mini(earlier.targets.size(), later.targets.size())):
-			mesh.set_target(_targets[i], lerpf(earlier.targets[i], later.targets[i], share))
+	if _own_targets != null:
+		_own_targets.show_frames(earlier, later, share)
 	if _source != null:
 		_source.position = _rest_position + shift(earlier, later, share)
 
@@ -121,11 +119,14 @@ func evaluate() -> PackedVector3Array:
 
 
 func _find_targets() -> void:
+	var instances: Array[MeshInstance3D] = []
 	for instance in OwnMesh.meshes_below(_source):
 		var mesh := MorphMesh.new()
 		mesh.instance = instance
 		if mesh.find(_names):
 			_meshes.append(mesh)
+			instances.append(instance)
+	_own_targets = OwnTargets.new(resources.scene, instances)
 	if _meshes.is_empty():
 		problem = (
 			"no mesh in mesh_source has the morph targets of the service (%s); run `puppetline bake` again"

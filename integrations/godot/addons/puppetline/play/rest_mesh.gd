@@ -65,11 +65,15 @@ static func drawn_parts(scene: Scene) -> Array[Dictionary]:
 	return drawn
 
 
-## Make the texture of positions, normals and colours. Each begins in a new row.
+## Make the texture of positions, normals, colours, and displacements by each target. Each begins in a new row.
 static func rest_texture(scene: Scene) -> ImageTexture:
 	var bytes := pad_rows(scene.positions.to_byte_array(), 12)
 	bytes.append_array(pad_rows(scene.normals.to_byte_array(), 12))
 	bytes.append_array(pad_rows(scene.colors.to_byte_array(), 12))
+	for target in scene.displacement_count:
+		var first := target * scene.vertex_count
+		var displacements := scene.displacements.slice(first, first + scene.vertex_count)
+		bytes.append_array(pad_rows(displacements.to_byte_array(), 12))
 	return texture(bytes, Image.FORMAT_RGBF, 12)
 
 
@@ -84,7 +88,7 @@ static func obstacle(scene: Scene) -> String:
 		return "it has %d fields, more than the maximum of %d" % [scene.field_count, MAX_FIELDS]
 	if (
 		rows(scene.vertex_count * scene.field_count) > MAX_TEXTURE_ROWS
-		or 3 * rows(scene.vertex_count) > MAX_TEXTURE_ROWS
+		or (3 + scene.displacement_count) * rows(scene.vertex_count) > MAX_TEXTURE_ROWS
 	):
 		return "its %d vertices do not fit into a texture" % scene.vertex_count
 	if scene.field_count * scene.isoline_count > MAX_TEXTURE_ROWS:

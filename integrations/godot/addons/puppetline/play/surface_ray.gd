@@ -41,10 +41,10 @@ func _init(scene: Scene, bounds: IsolineBounds) -> void:
 		_bound(block)
 
 
-## Return the nearest hit of a segment in the coordinates of the character, for transforms that are 12 floats each:
-## `triangle`, its `corners` and the `position`; empty if there is none.
-func intersect(transforms: PackedFloat32Array, from: Vector3, to: Vector3) -> Dictionary:
-	_bounds.read(transforms)
+## Return the nearest hit of a segment in the coordinates of the character, for the numbers of a frame: `triangle`, its
+## `corners` and the `position`; empty if there is none.
+func intersect(numbers: PackedFloat32Array, from: Vector3, to: Vector3) -> Dictionary:
+	_bounds.read(numbers)
 	var hit := {}
 	for block in _hit(_pieces, from, to):
 		if block.blocks.is_empty():

@@ -157,5 +157,8 @@ func _read(bytes: PackedByteArray) -> bool:
 		return false
 	if target_bytes > 0:
 		targets = bytes.slice(end, end + target_bytes).to_float32_array()
+		for weight in targets:
+			if not (weight >= 0.0 and weight <= 1.0):
+				return false
 	_bytes = bytes
 	return true

@@ -55,6 +55,11 @@ var front := Vector3.BACK
 var joints: Array = []
 ## Names of the morph targets, or null.
 var morphs: Variant = null
+## Names of the mesh's own targets whose weights the frames have.
+var targets := PackedStringArray()
+## Displacements of all vertices by each of these targets; empty if there are none.
+var displacements := PackedVector3Array()
+var displacement_count := 0
 
 var _arrays_start := 0
 var _error := ""
@@ -69,6 +74,14 @@ static func parse(payload: PackedByteArray) -> Scene:
 	var error := scene._error if scene._error else "it has an invalid value"
 	push_warning("Puppetline: received a damaged scene: %s. Check the port." % error)
 	return null
+
+
+## Return the position of a vertex at rest, for weights of the mesh's own targets.
+func rest_position(vertex: int, target_weights: PackedFloat32Array) -> Vector3:
+	var position := positions[vertex]
+	for target in mini(displacement_count, target_weights.size()):
+		position += target_weights[target] * displacements[target * vertex_count + vertex]
+	return position
 
 
 ## Each step returns true at its end. A script error within a step therefore counts as failure.
@@ -109,6 +122,8 @@ func _read_counts() -> bool:
 	triangle_count = _integer(description, "triangles", 1, 2 * MAX_VERTICES)
 	field_count = _integer(description, "fields", 1, 1024)
 	isoline_count = _integer(description, "isolines", 2, 1024)
+	if description.get("targets") != null:
+		targets = PackedStringArray(_list(description, "targets").map(func(name: Variant) -> String: return str(name)))
 	diagonal = _number(description.get("diagonal"))
 	if diagonal <= 0.0:
 		_fail("its diagonal is %s" % str(description.get("diagonal")).left(80))
@@ -129,6 +144,10 @@ func _read_arrays(payload: PackedByteArray) -> bool:
 		uv = _vectors(_bytes(payload, "uv", "f32", [vertex_count, 2]), TYPE_PACKED_VECTOR2_ARRAY, 8)
 	if _array_entries().has("colors"):
 		colors = _bytes(payload, "colors", "f32", [vertex_count, 3]).to_float32_array()
+	if _array_entries().has("displacements"):
+		var moved := _bytes(payload, "displacements", "f32", [targets.size(), vertex_count, 3])
+		displacements = _vectors(moved, TYPE_PACKED_VECTOR3_ARRAY, 12)
+		displacement_count = displacements.size() / vertex_count
 	var count := vertex_count * field_count
 	var are_complete := positions.size() == vertex_count and normals.size() == vertex_count
 	return _error.is_empty() and are_complete and isoline_coordinates.size() == count and slopes.size() == 2 * count

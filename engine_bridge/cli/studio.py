@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 @click.option(
     "--token-file", type=FILE, help="Token for pages, required if other machines can connect; see puppetline token."
 )
+@click.option(
+    "--sound", metavar="NAME|FILE.wav", help="Record this microphone (name, number or default) or file with takes."
+)
 @click.option("--service", metavar="HOST:PORT", help="Join the service whose stream is there, instead of starting one.")
 @click.option("--service-token-file", type=FILE, help="The token that this service requires.")
 @click.option("--visitors", type=FILE, hidden=True, help="Folder of the videos of a kiosk's visitors.")
@@ -40,6 +43,7 @@ def studio(
     port: int,
     origins: tuple[str, ...],
     token_file: Path | None,
+    sound: str | None,
     service: str | None,
     service_token_file: Path | None,
     visitors: Path | None,
@@ -58,8 +62,10 @@ def studio(
     from engine_bridge.service.security.credentials import read_token
     from engine_bridge.studio.server import StudioSettings, run
 
-    if service is not None and (file is not None or folder is not None):
-        raise click.UsageError("--service cannot be combined with a file or --folder: the service has its own files.")
+    if service is not None and any(each is not None for each in (file, folder, sound)):
+        raise click.UsageError(
+            "--service cannot be combined with a file, --folder or --sound: the service has its own."
+        )
     if service is None and service_token_file is not None:
         raise click.UsageError("--service-token-file requires --service.")
     if file is not None and (kind := inspect(file)["kind"]) not in ("puppet", "character"):
@@ -77,6 +83,7 @@ def studio(
         origins=origins,
         token_file=token_file,
         first=file,
+        sound=sound if sound is None or not sound.lower().endswith(".wav") else str(Path(sound).absolute()),
         service=service,
         service_token=None if service is None else read_token(service_token_file),
         visitors=visitors,

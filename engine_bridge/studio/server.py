@@ -51,6 +51,8 @@ class StudioSettings:
         ``HOST:PORT`` of a service to join, instead of starting one.
     service_token : str or None
         Token of that service.
+    sound : str or None
+        Microphone, or .wav, that the studio's own service hears from the start.
     """
 
     folder: Path
@@ -62,6 +64,7 @@ class StudioSettings:
     page: Path = PAGE
     service: str | None = None
     service_token: str | None = field(default=None, repr=False)
+    sound: str | None = None
     visitors: Path | None = None
 
 
@@ -136,12 +139,13 @@ def _signals_call(do: Callable[[], object]) -> Iterator[None]:
 def _backend(settings: StudioSettings, stack: contextlib.AsyncExitStack, invite: Callable[[], str]) -> Backend:
     if settings.service is None:
         workspace = Workspace(settings.folder)
-        return Studio(workspace, OwnService(workspace.folder, _service_token(workspace.folder)), invite)
-    service = JoinedService(settings.service, settings.service_token)
+        service = OwnService(workspace.folder, _service_token(workspace.folder))
+        return Studio(workspace, service, invite, settings.sound)
+    joined = JoinedService(settings.service, settings.service_token)
     nothing = stack.enter_context(
         tempfile.TemporaryDirectory(prefix="puppetline-")
     )  # another studio may use the folder
-    return JoinedStudio(Workspace(Path(nothing)), service, invite)
+    return JoinedStudio(Workspace(Path(nothing)), joined, invite)
 
 
 def _service_token(folder: Path) -> str:

@@ -33,6 +33,8 @@ export class JitterBuffer {
   /** @param {number} [delay] time by which the shown pose lags behind the received frames, in seconds */
   constructor(delay = 0.05) {
     this.delay = delay;
+    /** The shown time, in seconds of the source's clock. */
+    this.time = 0;
     /** The frames before and after the shown time; null before the first. @type {Message | null} */
     this.earlier = null;
     /** @type {Message | null} */
@@ -79,6 +81,7 @@ export class JitterBuffer {
     if (!this.#frames.length) return this.earlier !== null;
     this.#adjustLag(now);
     const shown = now - this.#lag - this.delay;
+    this.time = shown;
     while (this.#frames.length > 1 && this.#frames[1].header.time <= shown) this.#frames.shift();
     const earlier = this.#frames[0];
     const later = this.#frames[1] ?? earlier;

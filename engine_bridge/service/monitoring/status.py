@@ -217,6 +217,8 @@ class TimelineStatus:
     ----------
     position, start, end : float
         Seconds.
+    moment : float
+        Time of `position`, in seconds of the service's monotonic clock; takes that wait for a count-in begin then.
     speed : float
         Seconds of the timeline per second.
     paused, loop : bool
@@ -224,6 +226,7 @@ class TimelineStatus:
     """
 
     position: float
+    moment: float
     start: float
     end: float
     speed: float

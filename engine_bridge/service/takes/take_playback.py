@@ -195,6 +195,7 @@ class TakePlayback:
             return None
         return TimelineStatus(
             position=round(min(timeline.position(now), timeline.end), 3),
+            moment=now if timeline.paused else timeline.moment(timeline.position(now)),
             start=timeline.start,
             end=timeline.end,
             speed=timeline.speed,

@@ -19,7 +19,7 @@ from engine_bridge.studio.backend.film_editing import FilmEditing
 from engine_bridge.studio.backend.page_state import character_state, state_of
 from engine_bridge.studio.backend.request_checks import check_known, check_one, in_use
 from engine_bridge.studio.backend.take_drawing import TakeDrawing
-from engine_bridge.studio.long_work.installation import MODULES, is_installed
+from engine_bridge.studio.long_work.installation import MODULES, TITLES, is_installed
 from engine_bridge.studio.long_work.jobs import Jobs
 from engine_bridge.studio.long_work.puppet_values import puppet_of, values_of
 from engine_bridge.studio.long_work.worker import Progress, Worker
@@ -48,16 +48,21 @@ class Studio(Backend):
         The service.
     invite : callable
         Returns an address with a new one-time token.
+    sound : str, optional
+        What is heard from the start, instead of the system's microphone when a page switches it on.
     """
 
     service: OwnService
 
-    def __init__(self, workspace: Workspace, service: OwnService, invite: Callable[[], str]) -> None:
+    def __init__(
+        self, workspace: Workspace, service: OwnService, invite: Callable[[], str], sound: str | None = None
+    ) -> None:
         super().__init__(workspace, service, invite)
         self._worker, self._exporter = Worker(), Worker()
         self._jobs = Jobs(self.changed, self._advanced, workspace.told)
         self.characters = Characters(workspace, self._worker)
         self._playing = chosen_source.NOTHING
+        self._sound, self._hears = sound or "default", sound is not None
         self._take: tuple[str, str] | None = None  # stage and take
         self._recorded = ""  # the character that the take is for
         self._takes = TakeList(workspace)
@@ -83,7 +88,7 @@ class Studio(Backend):
             None if self._take is None else self._take[1],
         )
         installed = [extra for extra in MODULES if is_installed(extra)]
-        return state.model_copy(update={"film": self._film.state, "installed": installed})
+        return state.model_copy(update={"film": self._film.state, "installed": installed, "microphone": self._hears})
 
     async def receive(self, name: str, path: Path) -> Upload:
         """Check a received file, in the worker, and keep it."""
@@ -259,6 +264,12 @@ class Studio(Backend):
         self.changed()
         return take.model_dump(mode="json")
 
+    async def _do_microphone(self, asked: messages.Microphone) -> dict[str, Any]:
+        self._refuse_while_recording()
+        async with self._changing:
+            await self._replace(self._playing, asked.on)
+        return {}
+
     async def _do_delete_take(self, asked: messages.DeleteTake) -> dict[str, Any]:
         self._takes.path(asked.take)  # refuses an unknown one
         timeline = self.state.timeline
@@ -307,8 +318,7 @@ class Studio(Backend):
                     await self._apply()
             return {}
 
-        title = {"camera": "Getting the webcam ready", "film": "Getting ready to make films"}[asked.extra]
-        return await self._jobs.run(title, work)
+        return await self._jobs.run(TITLES[asked.extra], work)
 
     async def _do_delete_upload(self, asked: messages.DeleteUpload) -> dict[str, Any]:
         upload = self.workspace.upload(asked.upload)
@@ -402,14 +412,15 @@ class Studio(Backend):
             await self._worker.run("trim", whole, path, asked.start, asked.stop)
         return chosen_source.recording(path, name, kind, asked.loop, asked.start, asked.stop)
 
-    async def _replace(self, playing: ChosenSource) -> None:
-        """Change the source; the previous one continues if the new one cannot be opened."""
-        before, self._playing = self._playing, playing
+    async def _replace(self, playing: ChosenSource, hears: bool | None = None) -> None:
+        """Change the source, or whether there is sound; what was before continues if it cannot be opened."""
+        before, after = (self._playing, self._hears), (playing, self._hears if hears is None else hears)
+        self._playing, self._hears = after
         try:
             await self._apply()
         except BaseException:
-            self._playing = before
-            if before is not playing:
+            self._playing, self._hears = before
+            if before != after:
                 with contextlib.suppress(PuppetlineError):
                     await self._apply()
             raise
@@ -417,7 +428,9 @@ class Studio(Backend):
     async def _apply(self) -> None:
         """Run the service with the open characters and the chosen source."""
         try:
-            await self.service.play(chosen_source.stages(self.characters.all, self._playing, self.workspace.folder))
+            heard = self._sound if self._hears else None
+            stages = chosen_source.stages(self.characters.all, self._playing, self.workspace.folder, heard)
+            await self.service.play(stages)
         finally:
             self._store()
             self.changed()

@@ -9,11 +9,18 @@ from importlib.util import find_spec
 from engine_bridge.studio.long_work.worker import Progress
 from puppetline.errors import ServiceError
 
-MODULES = {"camera": ("mediapipe", "cv2"), "film": ("moderngl", "av")}
+MODULES = {"camera": ("mediapipe", "cv2"), "film": ("moderngl", "av"), "sound": ("sounddevice",)}
 """Modules that each extra brings."""
 
-ABOUT_PACKAGES = {"camera": 38, "film": 3}
+ABOUT_PACKAGES = {"camera": 38, "film": 3, "sound": 3}
 """Approximate number of packages that pip reports for each extra, for the progress."""
+
+TITLES = {
+    "camera": "Getting the webcam ready",
+    "film": "Getting ready to make films",
+    "sound": "Getting the microphone ready",
+}
+"""What installing each extra is called, for people."""
 
 
 def is_installed(extra: str) -> bool:

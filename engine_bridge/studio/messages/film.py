@@ -50,7 +50,7 @@ class FilmReply(JobResult):
 
 
 class Install(Request):
-    """Install what a webcam or films require, an extra of Puppetline, with pip. A job. Result: `JobResult`."""
+    """Install what a webcam, films or a microphone require, an extra, with pip. A job. Result: `JobResult`."""
 
     do: Literal["install"]
-    extra: Literal["camera", "film"]
+    extra: Literal["camera", "film", "sound"]

@@ -161,6 +161,10 @@ class TakeState(Table):
         Id for ``GET /files/ID``: images of a character in it, side by side. Empty until it is drawn.
     wave : str
         The same for the wave form of its sound, whose white part is the sound. Empty without sound.
+    sound : bool
+        Whether there is a sound beside it.
+    sound_file : str
+        Id of its sound, a .wav. Empty without sound, and for a take of a service that was joined.
     """
 
     name: str
@@ -173,6 +177,7 @@ class TakeState(Table):
     picture: str = ""
     wave: str = ""
     sound: bool = False
+    sound_file: str = ""
 
 
 class TimelineTake(Table):
@@ -192,11 +197,14 @@ class TimelineTake(Table):
 class TimelineState(Table):
     """The timeline of the takes that play.
 
-    `position` is at most half a second old; while it is not `paused`, it increases by `speed`
-    per second up to `end`, where it stops, or continues at `start` if `loop` is true.
+    `position` is that of `moment`, in seconds of the service's monotonic clock, as `received` of frames is in
+    nanoseconds. While it is not `paused`, it increases from then on by `speed` per second up to `end`, where it stops,
+    or continues at `start` if `loop` is true. `moment` is at most half a second ago, or later: takes wait until then
+    during a count-in.
     """
 
     position: float
+    moment: float
     start: float
     end: float
     speed: float
@@ -268,7 +276,8 @@ class Banner(Table):
 class State(Table):
     """Everything that the page shows and that is not in a reply; sent whole whenever it changes.
 
-    `installed` has the extras that are installed, of those that `Install` can install.
+    `installed` has the extras that are installed, of those that `Install` can install. `microphone` tells whether sound
+    is recorded with takes.
     """
 
     characters: Sequence[CharacterState] = ()
@@ -280,6 +289,7 @@ class State(Table):
     takes: Sequence[TakeState] = ()
     film: FilmState = FilmState()
     installed: Sequence[str] = ()
+    microphone: bool = False
     timeline: TimelineState | None = None
     uploads: Sequence[UploadState] = ()
     files: Sequence[FileState] = ()

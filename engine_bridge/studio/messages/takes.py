@@ -28,6 +28,13 @@ class RecordStop(Request):
     do: Literal["record_stop"]
 
 
+class Microphone(Request):
+    """Record the sound of the microphone with takes, or not. Result: ``{}``."""
+
+    do: Literal["microphone"]
+    on: bool
+
+
 class Pause(Request):
     """Stop the timeline of the takes that play, or continue. Result: `TimelineState`."""
 

@@ -65,6 +65,7 @@ class TakeList:
         """
         for path in (self.path(name), self.sound(name), self.picture(name), self.picture(name, wave=True)):
             path.unlink(missing_ok=True)
+            self._workspace.withdraw(self._offered.pop(path, ""))  # a new take may get the name
 
     def path(self, name: str) -> Path:
         """Return the file of a take, see `Takes.path`."""
@@ -75,13 +76,17 @@ class TakeList:
         if known is None or (known.bytes, known.written, known.sound) != (bytes, written, sound):
             facts = _facts(self._takes.folder / f"{name}.log")
             known = TakeState(name=name, bytes=bytes, written=written, sound=sound, **facts)
-        offered = {"picture": self._offer(self.picture(name)), "wave": self._offer(self.picture(name, wave=True))}
+        offered = {
+            "picture": self._offer(self.picture(name)),
+            "wave": self._offer(self.picture(name, wave=True)),
+            "sound_file": self._offer(self.sound(name)),
+        }
         return known.model_copy(update=offered)
 
-    def _offer(self, picture: Path) -> str:
-        if picture not in self._offered and picture.exists():
-            self._offered[picture] = self._workspace.offer(picture, picture.name, "model").id
-        return self._offered.get(picture, "") if picture.exists() else ""
+    def _offer(self, file: Path) -> str:
+        if file not in self._offered and file.exists():
+            self._offered[file] = self._workspace.offer(file, file.name, "model").id
+        return self._offered.get(file, "") if file.exists() else ""
 
 
 def _facts(path: Path) -> dict[str, Any]:

@@ -31,7 +31,9 @@ NOTHING = ChosenSource("demo:walk", SourceState())
 """The source before one was chosen. A stage requires a source, so the example plays once."""
 
 
-def stages(characters: Iterable[OpenCharacter], playing: ChosenSource, folder: Path) -> list[dict[str, Any]]:
+def stages(
+    characters: Iterable[OpenCharacter], playing: ChosenSource, folder: Path, sound: str | None = None
+) -> list[dict[str, Any]]:
     """Return the tables [[stage]] of the service file.
 
     Each character has a stage of its own if a recording plays, so that its performers move all of them. A sensor or a
@@ -43,12 +45,16 @@ def stages(characters: Iterable[OpenCharacter], playing: ChosenSource, folder: P
     playing : ChosenSource
     folder : Path
         Folder of the service file.
+    sound : str, optional
+        What the stages hear, see `capture.sound_input.open_sound`.
     """
+    heard = {} if sound is None else {"sound": sound}
     tables = [{"puppet": os.path.relpath(each.live_file, folder), "name": each.name} for each in characters]
     if not is_recorded(playing.uri):
-        return [{"source": playing.uri, "name": "stage", "character": tables}] if tables else []
+        return [{"source": playing.uri, "name": "stage", **heard, "character": tables}] if tables else []
     return [
-        {"source": playing.uri, "name": table["name"], "calibrate": "at_once", "character": [table]} for table in tables
+        {"source": playing.uri, "name": table["name"], "calibrate": "at_once", **heard, "character": [table]}
+        for table in tables
     ]
 
 

@@ -371,7 +371,7 @@ def status():
             OutputStatus("osc", "127.0.0.1:9000", sent=90, bytes=2000, skipped=12, failed=1),
             OutputStatus("websocket", "ws://127.0.0.1:7402", 70, bytes=500, skipped=5, failed=0, clients=2, refused=4),
         ],
-        timeline=TimelineStatus(1.25, 0.0, 9.5, 0.5, False, True, [TimelineTake("cat", "rehearsal", 0.5, 9.0)]),
+        timeline=TimelineStatus(1.25, 77.5, 0.0, 9.5, 0.5, False, True, [TimelineTake("cat", "rehearsal", 0.5, 9.0)]),
     )
 
 

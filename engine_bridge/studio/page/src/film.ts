@@ -3,6 +3,7 @@
 import { download, request } from "./actions";
 import type { Extra, FilmReply, FilmState, FilmTake, ServerState } from "./messages";
 import { type History, commit, type undo } from "./model/history";
+import { context } from "./sound";
 import { type State, current, update } from "./store";
 import { strings } from "./strings";
 
@@ -83,11 +84,9 @@ export async function countIn(seconds: number): Promise<void> {
   update({ count: null });
 }
 
-let audio: AudioContext | null = null;
-
 /** A beep, or the clap of the clapper. */
 function sound(clap: boolean): void {
-  audio ??= new AudioContext();
+  const audio = context();
   const gain = new GainNode(audio, { gain: 0.3 });
   gain.connect(audio.destination);
   gain.gain.setTargetAtTime(0, audio.currentTime, clap ? 0.02 : 0.06);
@@ -97,6 +96,13 @@ function sound(clap: boolean): void {
   const source = new AudioBufferSourceNode(audio, { buffer });
   source.connect(gain);
   source.start();
+}
+
+/** Record the microphone's sound with takes, or not. */
+export async function switchMicrophone(): Promise<void> {
+  const { server } = current();
+  if (server?.microphone === false && !server.installed.includes("sound")) update({ asking: "sound" });
+  else await request(strings.busy.microphone, "microphone", { on: server?.microphone !== true });
 }
 
 /** Make the film, and show it. */

@@ -16,6 +16,7 @@ import { status } from "./panels/status";
 import { movePlayhead, strip } from "./panels/strip";
 import { tabs } from "./panels/tabs";
 import { finishLimb, toolHint, toolbar } from "./panels/toolbar";
+import { playSounds } from "./sound";
 import { type State, current, shownPuppet, subscribe, update } from "./store";
 import { strings } from "./strings";
 import { Viewer } from "./viewer/viewer";
@@ -97,6 +98,7 @@ let timeScheduled = false;
 function scheduleTime(): void {
   const { server } = current();
   movePlayhead(current(), position(current()));
+  playSounds(current(), (character, now) => viewer.serviceTime(character, now));
   if (timeScheduled || server?.timeline == null || server.timeline.paused) return;
   timeScheduled = true;
   requestAnimationFrame(() => {

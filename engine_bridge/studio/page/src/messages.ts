@@ -63,6 +63,8 @@ export interface TakeState {
   readonly picture: string;
   /** Id of the wave form of its sound; empty without sound. */
   readonly wave: string;
+  /** Id of its sound; empty without one. */
+  readonly sound_file: string;
 }
 
 /** A take in the film; docs/film.md describes all keys, which the page gives back as they are. */
@@ -80,11 +82,25 @@ export interface FilmState {
   readonly problem: string;
 }
 
+/** A take that plays on a character, with the second of the timeline of its sound's first sample. */
+export interface TimelineTake {
+  readonly character: string;
+  readonly take: string;
+  readonly at: number;
+  readonly seconds: number;
+  readonly sound: { readonly at: number } | null;
+}
+
 export interface Timeline {
   readonly position: number;
+  /** Time of `position`, in seconds of the service's monotonic clock. */
+  readonly moment: number;
+  readonly start: number;
   readonly end: number;
   readonly speed: number;
   readonly paused: boolean;
+  readonly loop: boolean;
+  readonly takes: readonly TimelineTake[];
 }
 
 export interface FilmReply {
@@ -94,7 +110,7 @@ export interface FilmReply {
   readonly notes: readonly string[];
 }
 
-export type Extra = "camera" | "film";
+export type Extra = "camera" | "film" | "sound";
 
 export interface JobState {
   readonly job: string;
@@ -126,6 +142,8 @@ export interface ServerState {
   readonly takes: readonly TakeState[];
   readonly film: FilmState;
   readonly installed: readonly string[];
+  /** Whether the sound is recorded with takes. */
+  readonly microphone: boolean;
   readonly timeline: Timeline | null;
   readonly uploads: readonly UploadState[];
   readonly jobs: readonly JobState[];

@@ -67,6 +67,8 @@ export const strings = {
     record: "Record",
     recordHint: "Records the character that is shown, while the other takes play (R)",
     stopRecording: "Stop recording",
+    microphone: "Microphone",
+    microphoneHint: "Records what you say with each take",
     play: "Play",
     playHint: "Plays the takes on the characters (Space)",
     pause: "Pause",
@@ -87,10 +89,11 @@ export const strings = {
   },
 
   install: {
-    title: { camera: "Use a webcam?", film: "Make films?" },
+    title: { camera: "Use a webcam?", film: "Make films?", sound: "Use the microphone?" },
     text: {
       camera: "For this, your computer needs another program, which sees where you stand. Shall I get it? This takes a few minutes, once.",
       film: "For this, your computer needs another program, which writes videos. Shall I get it? This takes a minute, once.",
+      sound: "For this, your computer needs another program, which hears what you say. Shall I get it? This takes a minute, once.",
     },
     yes: "Yes, get it",
     no: "Not now",
@@ -346,6 +349,7 @@ export const strings = {
     play: "Playing…",
     make: "Making the film…",
     install: "Getting ready…",
+    microphone: "Changing the microphone…",
     record: "Starting the recording…",
     stop: "Saving the take…",
     remove: "Deleting…",

@@ -34,8 +34,10 @@ def opening(path):
 
 def test_the_service_counts_down_and_takes_begin_at_zero(overdub):
     theatre, _dog, path = overdub(count_in=0, seconds=0.1)
+    zero = time.monotonic() + 3
     theatre.count_in.start(theatre.runner, path.with_name("take3.log"), 3)
     counts = []
+    assert theatre.playback.status().moment == pytest.approx(zero, abs=1e-4)
     for _ in range(7):
         counts.append(theatre.count_in.left(theatre.runner))
         position = theatre.playback.timeline.position(time.monotonic())
@@ -48,6 +50,7 @@ def test_the_service_counts_down_and_takes_begin_at_zero(overdub):
     assert theatre.runner.recording == "take3"
     assert theatre.count_in.left(theatre.runner) == 0
     assert theatre.playback.timeline.position(time.monotonic()) == pytest.approx(0.1, abs=1e-4)
+    assert theatre.playback.status().moment == pytest.approx(time.monotonic(), abs=1e-4)
 
 
 def test_a_take_stores_its_place_on_the_timeline_and_the_takes_that_played(overdub):

@@ -12,6 +12,7 @@ import numpy as np
 import psutil
 import pytest
 
+from capture.sound import SAMPLE_RATE, WavWriter, read_wav
 from engine_bridge.puppet import puppet_file
 from engine_bridge.service.protocol.header import NAME
 
@@ -281,7 +282,9 @@ def test_two_characters_have_the_same_performer_if_a_recording_plays(stage, blob
     assert [each["name"] for each in stage.until(performing)["characters"]] == ["figure_one"]
 
 
-def test_a_new_run_continues_with_the_characters_of_the_last(start_studio, blob_file, limbed_puppet, tmp_path):
+def test_a_new_run_continues_with_the_characters_of_the_last_and_hears_what_it_is_given(
+    start_studio, limbed_puppet, tmp_path
+):
     first = start_studio(tmp_path / "studio", first=limbed_puppet)
     state = first.until(lambda state: len(state["characters"]) == 1 and performing(state))
     [character] = [each["name"] for each in state["characters"]]
@@ -291,12 +294,27 @@ def test_a_new_run_continues_with_the_characters_of_the_last(start_studio, blob_
     first.result("source", example="rear")
     text = limbed_puppet.read_text()
     first.close()
-    again = start_studio(tmp_path / "studio")
+    with WavWriter(tmp_path / "voice.wav") as writer:
+        writer.write(np.full(30 * SAMPLE_RATE, 0.5, np.float32))
+    again = start_studio(tmp_path / "studio", sound=str(tmp_path / "voice.wav"))
     state = again.until(lambda state: len(state["characters"]) == 1 and performing(state))
     assert again.result("puppet", character=character)["puppet"] == puppet
     assert not state["characters"][0]["saved"]
     assert state["source"]["name"] == "rear"
     assert limbed_puppet.read_text() == text
+    again.result("record_start", name="talking")
+    time.sleep(1)
+    assert again.error("microphone", on=False)["found"] == "the take 'talking', which is being recorded"
+    assert again.result("record_stop")["sound"]
+    samples, rate = read_wav(tmp_path / "studio" / "takes" / "talking.wav")
+    assert len(samples) / rate > 0.5
+    assert samples == pytest.approx(0.5, abs=1e-4)
+    again.result("microphone", on=False)
+    again.result("record_start", name="silent")
+    assert not again.result("record_stop")["sound"]
+    (tmp_path / "voice.wav").unlink()
+    assert again.error("microphone", on=True)["where"].startswith("sound")
+    assert not again.until(performing)["microphone"]
     service = service_of(again)
     again.close()
     assert not service.is_running() or service.status() == psutil.STATUS_ZOMBIE

@@ -2,7 +2,7 @@
 
 import { offer } from "../actions";
 import { type Child, type Node_, h } from "../dom";
-import { closeFilm, install, makeFilm } from "../film";
+import { closeFilm, install, makeFilm, switchMicrophone } from "../film";
 import { type State, update } from "../store";
 import { strings } from "../strings";
 import { button } from "./parts";
@@ -47,6 +47,7 @@ function asked({ asking }: State): Child {
       button(words.yes, () => {
         void install(asking).then((done) => {
           if (done && asking === "film") void makeFilm();
+          if (done && asking === "sound") void switchMicrophone();
           if (done && asking === "camera") update({ choosing: true });
         });
       }, { primary: true }),

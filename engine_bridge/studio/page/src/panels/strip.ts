@@ -2,7 +2,7 @@
 
 import { record, show } from "../actions";
 import { type Child, type Node_, h } from "../dom";
-import { editFilm, makeFilm, pictureOf, play, seek, stopPlaying } from "../film";
+import { editFilm, makeFilm, pictureOf, play, seek, stopPlaying, switchMicrophone } from "../film";
 import type { FilmTake, ServerState } from "../messages";
 import { beginOf, endOf, move, mute, nameOf, remove, secondsOf, trimStart, trimStop } from "../model/film";
 import { type State, current, isJoined, update } from "../store";
@@ -25,6 +25,9 @@ export function strip(state: State): Node_ {
       { class: "row" },
       recordButton(state),
       !joined && [
+        button(words.microphone, () => {
+          void switchMicrophone();
+        }, { pressed: server?.microphone === true, disabled: server?.recording != null, hint: words.microphoneHint }),
         button(server?.timeline == null || server.timeline.paused ? words.play : words.pause, () => {
           void play();
         }, { disabled: takes.length === 0 || server?.recording != null, hint: words.playHint }),

@@ -24,6 +24,8 @@ export class Figure {
   private readonly around = new Map<string, number[]>();
   private rest: Frame | null = null;
   private shown: readonly unknown[] = [];
+  /** When the buffer was asked last, in seconds of the page. */
+  private posed = 0;
   private model = "";
   private source: Object3D | null = null;
 
@@ -67,7 +69,8 @@ export class Figure {
   /** Show the present pose, or the rest pose; return whether it differs from the one shown before. */
   pose(atRest: boolean): boolean {
     if (this.mesh === null) return false;
-    const moving = this.buffer.advance(performance.now() / 1000) && !atRest;
+    this.posed = performance.now() / 1000;
+    const moving = this.buffer.advance(this.posed) && !atRest;
     const earlier = moving ? this.buffer.earlier : this.rest;
     const later = moving ? this.buffer.later : this.rest;
     if (earlier === null || later === null) return false;
@@ -89,6 +92,12 @@ export class Figure {
     const [earlier, later, share] = this.shown as [Frame?, Frame?, number?];
     if (earlier === undefined || later === undefined || earlier === this.rest) return null;
     return { earlier: earlier.header.sequence, later: later.header.sequence, share: share ?? 0 };
+  }
+
+  /** The time that is shown at a moment of the page, both in seconds; of the service's monotonic clock, or null. */
+  serviceTime(now: number): number | null {
+    const { earlier, time } = this.buffer;
+    return earlier === null ? null : time + now - this.posed + Number(earlier.header.received) / 1e9 - earlier.header.time;
   }
 
   /** Displacement of the whole character by walking, in the view's coordinates. */

@@ -141,6 +141,11 @@ export class Viewer {
     return this.figures.get(name)?.moment ?? null;
   }
 
+  /** See `Figure.serviceTime`. */
+  serviceTime(name: string, now: number): number | null {
+    return this.figures.get(name)?.serviceTime(now) ?? null;
+  }
+
   /** Where the parts of the shown puppet are on the screen, in pixels of the view. */
   places(): Marks {
     return this.marks;

@@ -1,0 +1,154 @@
+"""The page plays the sounds of takes in step with the images of their characters."""
+
+import numpy as np
+import pytest
+from puppetline.examples.performances import PERFORMANCES
+
+from capture.events import Cue
+from capture.recording import Recorder
+from capture.skeleton import JOINTS, SkeletonFrame
+from capture.sound import WavWriter
+
+from .page_driver import Window, running
+
+pytestmark = pytest.mark.slow
+
+SECONDS = 6.0
+"""Duration of the take, in seconds."""
+
+FULL_SECONDS = 10.0
+"""The sound's value is its second, divided by these."""
+
+EARLY_SECONDS = 0.25
+"""Time by which the sound begins before the motion, in seconds."""
+
+MAX_OFFSET_SECONDS = 0.02
+"""Maximum difference of sound and image, in seconds."""
+
+MEASURE = """
+window.ask = (request) => new Promise((resolve) => {
+  const socket = new WebSocket(`ws://${location.host}/api`);
+  socket.onopen = () => socket.send(JSON.stringify({ token: sessionStorage.getItem("puppetline.session") }));
+  socket.onmessage = ({ data }) => {
+    const message = JSON.parse(data);
+    if (message.hello) socket.send(JSON.stringify({ id: 1, ...request }));
+    if (message.id !== 1) return;
+    socket.close();
+    resolve(message.result);
+  };
+});
+const connect = AudioNode.prototype.connect;
+AudioNode.prototype.connect = function (target) {
+  window.analyser ??= new AnalyserNode(this.context, { fftSize: 256 });
+  connect.call(this, window.analyser);
+  return connect.call(this, target);
+};
+window.measure = (name, vertex) => {
+  const figure = studio.viewer.figures.get(name);
+  const samples = new Float32Array(256);
+  figure.pose(false);
+  window.analyser.getFloatTimeDomainData(samples);
+  const { context } = window.analyser;
+  const { contextTime, performanceTime } = context.getOutputTimestamp();
+  const later = context.currentTime - contextTime - (performance.now() - performanceTime) / 1000;
+  return [...figure.positions().slice(3 * vertex, 3 * vertex + 2), samples[255], later];
+};
+"""
+"""JavaScript: send a request; and return where a vertex is, the sample that is played, and when it will be heard."""
+
+
+@pytest.fixture(scope="module")
+def studio(limbed_puppet, tmp_path_factory):
+    """A studio with a film of one take: an arm rises, and the sound rises with it."""
+    folder = tmp_path_factory.mktemp("studio")
+    (folder / "takes").mkdir()
+    clip = PERFORMANCES["rear"]()
+    arm = [JOINTS.index(f"{joint}_left") for joint in ("elbow", "wrist", "hand")]
+    frame = next(iter(clip.frames()))
+    with Recorder(folder / "takes" / "rise.log") as recorder:
+        recorder.write(Cue(5.0, "sound", {"file": "rise.wav", "at": 5.0 - EARLY_SECONDS}))
+        for number in range(round(30 * SECONDS) + 1):
+            angle = np.pi * number / (30 * SECONDS)
+            positions = frame.positions.copy()
+            shoulder = positions[JOINTS.index("shoulder_left")]
+            side = np.sign(shoulder[0] - positions[JOINTS.index("shoulder_right")][0])
+            lengths = np.linalg.norm(positions[arm] - shoulder, axis=1)
+            positions[arm] = shoulder + lengths[:, None] * [side * np.sin(angle), -np.cos(angle), 0.0]
+            recorder.write(SkeletonFrame(5.0 + number / 30, 1, positions, frame.confidence))
+    with WavWriter(folder / "takes" / "rise.wav") as writer:
+        writer.write(
+            (np.arange(48_000 * 8) / 48_000 / FULL_SECONDS).astype(np.float32),
+        )
+    name = limbed_puppet.stem
+    (folder / "film.toml").write_text(f'[[take]]\ncharacter = "{name}"\nfile = "takes/rise.log"\n')
+    with running(folder, limbed_puppet, "--sound", folder / "takes" / "rise.wav") as running_studio:
+        yield running_studio
+
+
+@pytest.fixture
+def window(studio, browser):
+    """A window that shows the take's character."""
+    context = browser.new_context(viewport={"width": 1280, "height": 720})
+    context.add_init_script(MEASURE)
+    opened = Window(context, studio.address())
+    opened.until("state.film.present.length === 1 && studio.viewer.shown(state.character)?.moment")
+    yield opened
+    opened.close()
+
+
+def ask(window, do, **arguments):
+    return window.page.evaluate("window.ask", {"do": do, **arguments})
+
+
+def places(window, name, second):
+    """Return the places of all vertices when the take stands at a second."""
+    ask(window, "seek", seconds=second)
+    before = now = None
+    while before is None or before != now:
+        window.page.wait_for_timeout(600)
+        before, now = now, window.page.evaluate("(name) => [...studio.viewer.positions(name)]", name)
+    return np.reshape(now, (-1, 3))
+
+
+def test_the_sound_of_a_take_is_in_step_with_its_image_after_a_jump_and_mute_and_pause_silence_it(window):
+    name = window.state("character")
+    window.button("Play").click()
+    window.until("state.server.timeline?.paused === false")
+    ask(window, "pause")
+    seconds = [1.5, 2.5, 3.5, 4.5]
+    shown = np.array([places(window, name, second) for second in seconds])
+    vertex = int(np.ptp(shown, axis=0).sum(axis=1).argmax())
+    way = shown[:, vertex, :2]
+    circle = np.linalg.lstsq(np.c_[2 * way, np.ones(len(way))], (way**2).sum(axis=1))[0]  # around the shoulder
+
+    def angle(points):
+        return np.arctan2(*(points - circle[:2]).T[::-1])
+
+    second_of = np.poly1d(np.polyfit(angle(way), seconds, 1))
+    assert second_of(angle(way)) == pytest.approx(seconds, abs=0.002)
+    ask(window, "seek", seconds=0.5)
+    ask(window, "pause", on=False)
+    window.page.wait_for_timeout(1900)  # after the easing
+    found = []
+    for _ in range(12):
+        found.append(window.page.evaluate("([name, vertex]) => measure(name, vertex)", [name, vertex]))
+        window.page.wait_for_timeout(70)
+    x, y, sample, later = np.transpose(found)
+    offsets = FULL_SECONDS * sample - later - EARLY_SECONDS - second_of(angle(np.c_[x, y]))
+    # an image stays until the next frame, so many are late, none early
+    assert abs(np.quantile(offsets, 0.25)) < MAX_OFFSET_SECONDS
+    ask(window, "seek", seconds=0.5)
+    (take,) = window.state("film.present")
+    ask(window, "edit_film", takes=[take | {"mute": True}])
+    window.until("!measure(state.character, 0)[2]")
+    ask(window, "edit_film", takes=[take])
+    window.until("measure(state.character, 0)[2]")
+    ask(window, "pause")
+    window.until("!measure(state.character, 0)[2]")
+
+
+def test_the_microphone_is_switched_off_on_the_page(window):
+    assert window.button("Microphone").get_attribute("aria-pressed") == "true"
+    window.button("Microphone").click()
+    window.until("!state.server.microphone")
+    window.idle()

@@ -28,7 +28,7 @@ def test_depth_at_a_joint_is_that_of_the_skin_before_it(rendered_body, body, wav
     column, row = np.floor(rendered_body.LENS.project(shot.joints)).astype(int).T
     shown = (row >= 0) & (row < rendered_body.LENS.height) & (column >= 0) & (column < rendered_body.LENS.width)
     assert shown.sum() >= 10
-    beneath = shot.joints[shown, 2] - shot.picture.depth[row[shown], column[shown]] / 1000
+    beneath = shot.joints[shown, 2] - shot.picture.depth[row[shown], column[shown]]
     assert (beneath > 0).all()
     near_side = np.array(["right" in name or name == "head" for name in rendered_body.NAMES])[shown]
     assert (beneath[near_side | (angle == 0)] < DEEPEST).all()  # the other arm and leg are behind the body
@@ -49,8 +49,8 @@ def test_bones_point_where_the_performers_do_and_keep_their_length(rendered_body
 def test_noise_has_the_size_that_it_is_said_to_have(rendered_body, body, waving):
     clean_shot, noisy = (rendered_body.Studio(body, 2.5, 0.0, seed).shoot(0.0, waving).picture for seed in (None, 1))
     wall = np.s_[:40, :200]
-    metres = clean_shot.depth[wall] / 1000
-    noise = noisy.depth[wall] / 1000 - metres
+    metres = clean_shot.depth[wall]
+    noise = noisy.depth[wall] - metres
     assert noise.std() == pytest.approx(rendered_body.DEPTH_NOISE * rendered_body.WALL**2, rel=0.05)
     assert np.abs(noise.mean()) < 0.003
     np.testing.assert_allclose(metres, rendered_body.WALL, atol=0.001)

@@ -1,6 +1,5 @@
 """Drawn faces whose openings are known: a head of points in space with painted eyes, brows and lips."""
 
-import cv2
 import numpy as np
 
 GRID = 0.035
@@ -126,4 +125,6 @@ def _projected(points, colors, normals, yaw, size, fill):
     image = np.empty((2 * size, 2 * size, 3), np.uint8)
     image[:] = BACKGROUND
     image[rows[order], columns[order]] = np.clip(colors[order] * shade[order, None], 0, 255)
+    import cv2  # only the environment of cameras has it
+
     return cv2.resize(cv2.medianBlur(image, 3), (size, size), interpolation=cv2.INTER_AREA)

@@ -172,7 +172,7 @@ function meshOf(scene: Scene, source: Object3D | null): PuppetMesh {
 function restOf({ fields, isolines }: Scene): Frame {
   const body = new Float32Array(12 * fields * isolines);
   for (let at = 0; at < body.length; at += 12) body[at] = body[at + 5] = body[at + 10] = 1;
-  return { topic: "", kind: "controls", body, header: { root: [0, 0, 0] } } as unknown as Frame;
+  return { topic: "", kind: "controls", body, targets: new Float32Array(), header: { root: [0, 0, 0] } } as unknown as Frame;
 }
 
 function stand(group: Group, { description: { up, front, metres_a_unit } }: Scene): void {

@@ -95,7 +95,7 @@ test: setup .venv/.compiled ## Run every test, three at a time (PYTEST="-m 'not 
 # MediaPipe wants an older NumPy than everything else: cameras are tested beside it, and so is what all else rests on
 test-camera: export OPENBLAS_NUM_THREADS = 1
 test-camera: .venv-camera/.installed ## Run the tests of cameras, and a quick round of others, on their older NumPy
-	.venv-camera/bin/pytest -n 2 tests/capture/sensors tests/capture/trackers tests/engine_bridge/service/test_video.py
+	.venv-camera/bin/pytest -n 2 tests/capture/sensors tests/capture/trackers tests/engine_bridge/service/test_video.py tests/test_licences.py
 	.venv-camera/bin/pytest -n 2 -m "not slow" tests/solver tests/capture --ignore tests/capture/sensors --ignore tests/capture/trackers
 
 lint: setup $(PAGE)/node_modules/.to-check ## Check style, types and imports between packages

@@ -4,7 +4,9 @@ import os
 import re
 import shutil
 import signal
+import wave
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import igl
@@ -12,22 +14,25 @@ import pytest
 from click.testing import CliRunner
 from puppetline.examples import film
 from puppetline.examples.characters import CHARACTERS
-from puppetline.examples.performances import PERFORMANCES
+from puppetline.examples.performances import PERFORMANCES, clean
 
 from engine_bridge.character import examples
 from engine_bridge.cli.main import main
+from engine_bridge.pictures import clip_sheet, lighting
 
 from ...test_documentation import PAGES, ROOT, blocks, commands, name_of
 
 pytestmark = pytest.mark.slow
 
-FRAMES = 75
+FRAMES = 40
 """Length of the example motions here."""
 
 NOT_RUN = {
     "bench": "measures for minutes; test_benchmark.py runs it with a small mesh",
     "demo --live": "has fixed ports; test_serve.py runs it",
     "look --live": "requires a terminal; test_look.py runs it in one",
+    "record --sound": "requires a microphone; tests/capture/test_sound.py has a virtual one",
+    "record --sensor": "requires a RealSense; tests/capture/sensors has a virtual one",
 }
 """Commands that do not run here, and why."""
 
@@ -36,6 +41,7 @@ REPLACED = {
     r"osc:711\d": "osc:0",
     r"127\.0\.0\.1:7400": "SERVICE",
     "7402": "0",
+    "--sound": "--sound=voice.wav",
     "MESH": "figure.glb",
 }
 """Arguments that need a device or a certain port, and what takes their places."""
@@ -53,10 +59,10 @@ ADDED = {
 
 @pytest.fixture(scope="module")
 def short_examples(example_character):
-    """Make the example characters once, and let them move for a few seconds."""
+    """Make the example characters once, let them move for a second, and draw less."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("biped", "dog", "human"):
-            patch.setitem(CHARACTERS, name, lambda made=example_character(name): made)
+            patch.setitem(CHARACTERS, name, partial(lambda made: made, example_character(name)))
         for name, make in list(PERFORMANCES.items()):
             whole = make()
             short = replace(
@@ -66,12 +72,14 @@ def short_examples(example_character):
                 confidence=whole.confidence[:FRAMES],
             )
             patch.setitem(PERFORMANCES, name, lambda short=short: short)
+        patch.setattr(clip_sheet, "TILE_COUNT", 1)
+        patch.setattr(lighting, "_SKY_LIGHTS", 1)
         patch.setattr(film, "SCENE", film.SCENE.replace("seconds = 11.5", "seconds = 0.2\nsize = [64, 36]"))
         yield
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory, short_examples, blob, blob_file, limbed_puppet, take, free_port):
+def folder(tmp_path_factory, short_examples, blob, blob_file, limbed_puppet, take, free_port, record_events):
     """Return a folder with the files that the pages take for granted."""
     folder = tmp_path_factory.mktemp("pages")
     for name in ("out", "recordings", "more/1"):
@@ -82,9 +90,14 @@ def folder(tmp_path_factory, short_examples, blob, blob_file, limbed_puppet, tak
         shutil.copy(blob_file, folder / f"{name}.glb")
         text = limbed_puppet.read_text(encoding="utf-8").replace(blob_file.name, f"{name}.glb")
         (folder / f"{name}.toml").write_text(text, encoding="utf-8")
+    shutil.copy(folder / "out/human.toml", folder / "out/mine.toml")
+    record_events(folder / "whole.log", clean("walk").frames())
     igl.write_triangle_mesh(str(folder / "robot.obj"), blob.vertices.astype(float), blob.faces)
     for name in ("recordings/a.log", "more/1/S001.skeleton", "take.bvh", "dance.txt", "evening.log", "kung_fu.log"):
         shutil.copy(take, folder / name)  # what a recording is does not depend on its name
+    with wave.open(str(folder / "voice.wav"), "wb") as sound:
+        sound.setparams((1, 2, 8000, 0, "NONE", ""))
+        sound.writeframes(bytes(16_000))
     (folder / "list.txt").write_text("recordings/a.log\n")
     texts = {
         name: next(blocks(ROOT / "docs" / f"{name}.md", "toml")).replace("camera:0?height=1.75", "demo:walk")
@@ -112,6 +125,8 @@ def tried(arguments, service):
     added = () if "--config" in arguments else ADDED.get(arguments[0], ())
     if arguments[0] == "listen":
         added = (service, *added)
+    if arguments[0] == "align":
+        arguments[1:3] = ["whole.log", "whole.log"]  # the two that `record` writes here are too short
     if arguments[-1] == "--studio":
         added = ("0",)
     return (*arguments, *added)

@@ -22,6 +22,9 @@ skirt it is larger."""
 MAX_HIP_RATIO = 1.8
 """Maximum thickness of a leg at the hip, as a multiple of the median over the outer half of its curve."""
 
+SPRAWLING_JOINTS = 0.22, 0.6
+"""Usual places of the ankle and the knee of a leg that sprawls, as shares of the way from the end of the foot."""
+
 SECTION_COUNT = 41
 """Number of cross-sections of a leg."""
 
@@ -56,7 +59,7 @@ def folded_leg(skeleton: CurveSkeleton, leg: LimbCurve, top: float) -> NDArray[n
     return np.array([*joints[:0:-1], leg.at(0.0)])
 
 
-def sprawling_leg(leg: LimbCurve) -> NDArray[np.float64]:
+def sprawling_leg(skeleton: CurveSkeleton, leg: LimbCurve) -> NDArray[np.float64]:
     """Return the joints (4, 3) of a leg that does not stand below the body, as those of frogs and spiders.
 
     Its hip is where the curve begins to lead into a thicker body.
@@ -66,9 +69,8 @@ def sprawling_leg(leg: LimbCurve) -> NDArray[np.float64]:
     leg : LimbCurve
     """
     thin = np.flatnonzero(leg.depth < MAX_HIP_RATIO * np.median(leg.depth[leg.along < 0.5 * leg.length]))
-    ways = np.linspace(0.0, leg.along[thin[-1]], SECTION_COUNT)
-    joints, _ = three_bones(np.column_stack([np.interp(ways, leg.along, column) for column in leg.centers.T]))
-    return joints[::-1]
+    joints, _ = three_bones(_middles(skeleton, leg, float(leg.along[thin[-1]])), usual=SPRAWLING_JOINTS)
+    return np.array([*joints[:0:-1], leg.at(0.0)])
 
 
 def _below_axle(leg: LimbCurve, top: float) -> float:
@@ -108,10 +110,12 @@ def _ways_along(middles: NDArray[np.float64], cells: NDArray[np.float64], hip: f
 def _cells_of(skeleton: CurveSkeleton, leg: LimbCurve, hip: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the centres (m, 3) of the cells nearest to a leg, inside the solid, and their distances from its end."""
     solid = skeleton.solid
-    paths = np.unique(np.concatenate([skeleton.path(int(tip)) for tip in skeleton.tips]))
+    own = set(leg.cells[leg.along < hip].tolist())
+    ways_in = [skeleton.path(int(tip)) for tip in skeleton.tips]
+    others = [cell for path in ways_in if own.isdisjoint(path) for cell in path]  # no toes, no heel
     way = np.full(len(solid.centers), np.inf)
     way[leg.cells] = np.where(leg.along < hip, leg.along, np.inf)
-    sources = np.union1d(paths, leg.cells)
+    sources = np.union1d(np.array(others, dtype=np.int64), leg.cells)
     _, _, nearest = dijkstra(solid.graph, directed=False, indices=sources, min_only=True, return_predecessors=True)
     ways = np.where(nearest < 0, np.inf, way[nearest])
     mine = np.isfinite(ways)

@@ -51,7 +51,7 @@ def folded_leg(skeleton: CurveSkeleton, leg: LimbCurve, top: float) -> NDArray[n
         Hip, knee, ankle and the end of the foot; None if the leg is not folded, or is not three straight bones.
     """
     hip = _below_axle(leg, top)
-    joints, misfit = three_bones(_middles(skeleton, leg, hip))
+    joints, misfit = three_bones(_middles(skeleton, leg, hip, with_heel=False))
     thigh, shin = joints[2] - joints[3], joints[1] - joints[2]
     cosine = thigh @ shin / max(float(np.linalg.norm(thigh) * np.linalg.norm(shin)), 1e-12)
     if cosine > np.cos(np.radians(FOLDED_DEGREES)) or misfit > MAX_MISFIT * hip:
@@ -69,7 +69,7 @@ def sprawling_leg(skeleton: CurveSkeleton, leg: LimbCurve) -> NDArray[np.float64
     leg : LimbCurve
     """
     thin = np.flatnonzero(leg.depth < MAX_HIP_RATIO * np.median(leg.depth[leg.along < 0.5 * leg.length]))
-    joints, _ = three_bones(_middles(skeleton, leg, float(leg.along[thin[-1]])), usual=SPRAWLING_JOINTS)
+    joints, _ = three_bones(_middles(skeleton, leg, float(leg.along[thin[-1]]), with_heel=True), usual=SPRAWLING_JOINTS)
     return np.array([*joints[:0:-1], leg.at(0.0)])
 
 
@@ -81,9 +81,9 @@ def _below_axle(leg: LimbCurve, top: float) -> float:
     return float(ways[np.argmin(np.append(sideways, False))])
 
 
-def _middles(skeleton: CurveSkeleton, leg: LimbCurve, hip: float) -> NDArray[np.float64]:
+def _middles(skeleton: CurveSkeleton, leg: LimbCurve, hip: float, *, with_heel: bool) -> NDArray[np.float64]:
     """Return the middles (`SECTION_COUNT`, 3) of the cross-sections of a leg, from its end to the hip."""
-    cells, ways = _cells_of(skeleton, leg, hip)
+    cells, ways = _cells_of(skeleton, leg, hip, with_heel)
     middles = _section_middles(cells, ways, hip)
     for _ in range(ROUND_COUNT - 1):
         middles = _section_middles(cells, _ways_along(middles, cells, hip), hip)
@@ -107,15 +107,20 @@ def _ways_along(middles: NDArray[np.float64], cells: NDArray[np.float64], hip: f
     return fine[cKDTree(curve).query(cells)[1]] * hip / along[-1]
 
 
-def _cells_of(skeleton: CurveSkeleton, leg: LimbCurve, hip: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the centres (m, 3) of the cells nearest to a leg, inside the solid, and their distances from its end."""
+def _cells_of(
+    skeleton: CurveSkeleton, leg: LimbCurve, hip: float, with_heel: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the centres (m, 3) of the cells nearest to a leg, inside the solid, and their distances from its end.
+
+    With a heel, what branches off the leg belongs to it, such as the heel and the knee of a frog.
+    """
     solid = skeleton.solid
-    own = set(leg.cells[leg.along < hip].tolist())
-    ways_in = [skeleton.path(int(tip)) for tip in skeleton.tips]
-    others = [cell for path in ways_in if own.isdisjoint(path) for cell in path]  # no toes, no heel
+    own = set(leg.cells[leg.along < hip].tolist()) if with_heel else set[int]()
+    paths = [skeleton.path(int(tip)) for tip in skeleton.tips]
+    others = np.array([cell for path in paths if own.isdisjoint(path) for cell in path], dtype=np.int64)
     way = np.full(len(solid.centers), np.inf)
     way[leg.cells] = np.where(leg.along < hip, leg.along, np.inf)
-    sources = np.union1d(np.array(others, dtype=np.int64), leg.cells)
+    sources = np.union1d(others, leg.cells)
     _, _, nearest = dijkstra(solid.graph, directed=False, indices=sources, min_only=True, return_predecessors=True)
     ways = np.where(nearest < 0, np.inf, way[nearest])
     mine = np.isfinite(ways)

@@ -106,25 +106,6 @@ def test_a_service_that_is_killed_is_followed_again_when_it_is_back(follow, serv
     assert first["sha256"] == again["sha256"]
 
 
-def test_a_service_that_comes_later_is_found(follow, serve, blob_puppet, free_port):
-    port = free_port()
-    script = follow(port, "blob/scene/mine")
-    reason = script.until(state("OFFLINE"))["reason"]
-    assert reason == f"Cannot connect to 127.0.0.1:{port}. Check that the service is running."
-    serve("--puppet", blob_puppet, "--source", "osc:0", "--port", port)
-    script.until(topic("blob/scene/mine"))
-    script.end()
-    assert states(script) == ["CONNECTING", "OFFLINE", "CONNECTED"]
-
-
-def test_a_token_lets_in(follow, serve, blob_puppet, token_file):
-    service = serve("--puppet", blob_puppet, "--source", "osc:0", "--token-file", token_file)
-    script = follow(service.port, "blob/scene/mine", token=token_file.read_text())
-    script.until(topic("blob/scene/mine"))
-    script.end()
-    assert states(script) == ["CONNECTING", "CONNECTED"]
-
-
 @pytest.mark.parametrize(
     ("token", "reason"),
     [
@@ -140,13 +121,6 @@ def test_a_refused_follower_does_not_retry_by_itself(follow, serve, blob_puppet,
     assert [each["changes"] for each in told] == [2, 5]
     refused = service.ask("describe", token=token_file.read_bytes())["status"]["clients"]["refused"]
     assert refused == 2
-
-
-def test_a_token_that_nobody_asks_for_does_no_harm(follow, serve, blob_puppet, token_file):
-    service = serve("--puppet", blob_puppet, "--source", "osc:0")
-    script = follow(service.port, "blob/scene/mine", token=token_file.read_text())
-    script.until(topic("blob/scene/mine"))
-    script.end()
 
 
 def test_the_control_port_is_no_stream(follow, serve, blob_puppet):

@@ -11,12 +11,10 @@ from hypothesis.extra.numpy import arrays
 from pygltflib import GLTF2
 from scipy.spatial.transform import Rotation
 
-from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
 from engine_bridge.character.document_reader import load_document
 from engine_bridge.export.bake import bake
 from engine_bridge.export.live_basis import EXTRAS, REACH, UNLIMITED_REACH, LiveBasis
 from engine_bridge.export.unit_weights import UnitWeights
-from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import load_rig
 from puppetline.errors import PuppetError
 from solver.model.reduced_model import position_matrix
@@ -271,37 +269,3 @@ def test_a_basis_whose_weights_are_not_limited_is_refused_as_one_of_an_earlier_v
     path = with_extras(baked.path, tmp_path / "a.glb", without_reach)
     with pytest.raises(PuppetError, match=r"a\.glb.*an earlier version.*puppetline bake"):
         LiveBasis.load(path, baked.rig)
-
-
-json_values = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(["directions", "lengths"]), inner),
-    max_leaves=8,
-)
-
-
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(extras=json_values | json_values.map(lambda value: {EXTRAS: value}))
-def test_any_other_content_of_the_extras_is_refused(baked, tmp_path, extras):
-    path = with_extras(baked.path, tmp_path / "a.glb", lambda _: extras)
-    with pytest.raises(PuppetError, match="puppetline bake"):
-        LiveBasis.load(path, baked.rig)
-
-
-def weights_of(rig, basis, positions):
-    """Yield the projections of joints (F, 20, 3) at 30 frames per second."""
-    performance = Performance(rig.puppet, rig.mesh, rig.model, positions[0])
-    sure = np.ones(len(JOINTS), dtype=np.float32)
-    for number, joints in enumerate(positions):
-        yield basis.project(performance.step(SkeletonFrame(number / 30, 1, joints, sure)).R)
-
-
-def test_joints_at_random_take_no_weight_out_of_its_range(baked, basis, standing):
-    """The basis is that of one gentle recording; joints jump by up to 5 m per frame, one of them by 1e6 m."""
-    random = np.random.default_rng(7)
-    positions = np.concatenate([standing[None], standing + random.uniform(-5, 5, (1000, *standing.shape))])
-    positions[500, JOINT_INDEX["hand_left"]] = [1e6, -1e6, 1e6]
-    shown = list(weights_of(baked.rig, basis, positions))
-    weights = np.array([each.weights for each in shown])
-    assert 0 <= weights.min() <= weights.max() <= 1
-    assert sum(each.limited for each in shown) > 500

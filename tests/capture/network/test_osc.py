@@ -93,12 +93,6 @@ def test_python_osc_reads_our_bundles():
     assert decode(bundle(bundle(one), other, bundle())) == decode(one) + decode(other)
 
 
-@pytest.mark.parametrize("number", [80 * 12, 1, 0])
-def test_an_array_is_its_numbers_in_big_endian_order(number):
-    values = np.arange(number, dtype=np.float32) / 7
-    assert encode("/dog/controls", 5, values) == encode("/dog/controls", 5, *values.tolist())
-
-
 @given(st.lists(FLOATS, min_size=6, max_size=6))
 def test_an_array_of_any_layout_is_written_in_c_order(numbers):
     array = np.array(numbers, dtype=np.float32).reshape(2, 3)

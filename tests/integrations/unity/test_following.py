@@ -175,12 +175,6 @@ def test_a_reload_brings_another_scene(serve, blob_puppet, take, follow, free_po
     program.finish()
 
 
-def test_the_right_token_lets_in(locked_figure, follow, token_file):
-    program = follow(locked_figure.port, "blob", token=token_file.read_text())
-    program.until(lambda said: "frame" in said)
-    program.finish()
-
-
 def test_a_wrong_token_is_refused_and_not_tried_again(locked_figure, follow, token_file):
     client = locked_figure.client("service/status", token=token_file.read_bytes())
     before = client.until(lambda _: True)[-1].body["clients"]["refused"]
@@ -204,45 +198,13 @@ def test_a_missing_token_and_one_too_many_are_guessed_at(figure, locked_figure, 
         program.finish()
 
 
-class Proxy:
-    """A network that gives everything byte by byte."""
-
-    def __init__(self, to):
-        self.to = to
-        self.listening = socket.create_server(("127.0.0.1", 0))
-        self.port = self.listening.getsockname()[1]
-        self.bytes = 0
-        threading.Thread(target=self._accept, daemon=True).start()
-
-    def _accept(self):
-        with suppress(OSError):
-            while True:
-                near, _ = self.listening.accept()
-                far = socket.create_connection(("127.0.0.1", self.to))
-                for one, other in ((near, far), (far, near)):
-                    other.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                    threading.Thread(target=self._pump, args=(one, other), daemon=True).start()
-
-    def _pump(self, one, other):
-        with suppress(OSError):
-            while some := one.recv(65536):
-                for byte in some:
-                    other.send(bytes((byte,)))
-                self.bytes += len(some)
-        one.close()
-        other.close()
-
-
-def test_a_network_that_gives_one_byte_at_a_time_does_no_harm(locked_figure, follow, reference, token_file):
+def test_a_network_that_gives_one_byte_at_a_time_does_no_harm(locked_figure, follow, reference, token_file, line):
     token = token_file.read_text()
-    proxy = Proxy(locked_figure.port)
     python = reference(locked_figure.stream, "blob/vertices", "blob/scene/python", token=token)
-    program = follow(proxy.port, "blob", token=token)
+    program = follow(line(locked_figure.port).port, "blob", token=token)
     both = common(program, python)
     assert_equal(both, python.scene.facts["diagonal"])
     program.finish()
-    assert proxy.bytes > 100_000
-    proxy.listening.close()
 
 
 GREETING = b"\xff" + bytes(8) + b"\x7f\x03\x00" + b"NULL".ljust(20, b"\0") + bytes(32)

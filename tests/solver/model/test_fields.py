@@ -277,13 +277,6 @@ def test_the_sign_of_fields_does_not_show_in_the_deformation(creature, creature_
         np.testing.assert_allclose(found, expected, rtol=0, atol=5e-6 * creature.diagonal)
 
 
-def test_the_order_of_vertices_does_not_show_in_the_deformation(creature, creature_handles, expected):
-    order = np.random.default_rng(1).permutation(len(creature.vertices))
-    shuffled = SolverMesh(creature.vertices[order], np.argsort(order)[creature.faces], creature.of_render)
-    found = deformed(shuffled, creature_handles, motion(creature_handles))
-    np.testing.assert_allclose(found, expected[order], rtol=0, atol=1e-5 * creature.diagonal)
-
-
 @pytest.mark.parametrize(("scale", "offset"), [(1000.0, 0.0), (0.01, -3.0)])
 def test_scale_and_place_of_the_mesh_do_not_show_in_the_deformation(
     creature, creature_handles, expected, scale, offset
@@ -294,15 +287,6 @@ def test_scale_and_place_of_the_mesh_do_not_show_in_the_deformation(
     there = SolverMesh(moved(creature.vertices), creature.faces, creature.of_render)
     found = deformed(there, moved(creature_handles), moved(motion(creature_handles)))
     np.testing.assert_allclose(found, moved(expected), rtol=0, atol=1e-5 * there.diagonal)
-
-
-@pytest.mark.slow
-def test_fields_of_the_armadillo_do_not_depend_on_the_order_of_its_vertices(real_mesh):
-    mesh = real_mesh("armadillo.obj")
-    order = np.random.default_rng(2).permutation(len(mesh.vertices))
-    shuffled = SolverMesh(mesh.vertices[order], np.argsort(order)[mesh.faces], mesh.of_render)
-    modes = modes_of(mesh)
-    np.testing.assert_allclose(modes_of(shuffled), modes[order], atol=1e-6 * np.abs(modes).max())
 
 
 @pytest.mark.parametrize("height", [1e-3, 1e-5, 1e-7])

@@ -13,11 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from capture.events import Lost, Tick
 from capture.sensors import openni
 from capture.sensors.depth_camera import Selection
 from capture.sensors.openni import OpenNIDevice, open_source
-from capture.skeleton import INFERRED, JOINT_INDEX, LOST, TRACKED, SkeletonFrame
+from capture.skeleton import INFERRED, JOINT_INDEX, LOST, TRACKED
 from capture.trackers import nite
 from capture.trackers.nite import NiTE, library_path
 from puppetline.errors import SourceError
@@ -271,30 +270,6 @@ def test_an_image_that_the_library_does_not_process_is_an_error(stand_in, look, 
     stand_in.refuse(ANSWERING)
     with pytest.raises(SourceError, match=r"NiTE2: found no result from NiTE2 for 0\.1 s"):
         look(1.1)
-
-
-def test_the_source_delivers_frames_and_losses(stand_in, opened, show, body, standing, caplog):
-    caplog.set_level(logging.INFO, "capture")
-    watched = opened()
-    _wait_for(caplog, "openni: tracking images of Puppetline virtual sensor 0 with NiTE2")
-    moments = iter(np.arange(1.0, 100.0, 1 / 30))
-
-    def events():
-        found = []
-        while not found:
-            show(next(moments))
-            watched.wait()
-            found = [event for event in watched.source.receive() if not isinstance(event, Tick)]
-        return found
-
-    stand_in.show(7, NEW, CALIBRATED, body)
-    [frame] = events()
-    assert (type(frame), frame.user) == (SkeletonFrame, 7)
-    np.testing.assert_allclose(frame.positions[OURS], standing[OURS], atol=1e-6)
-    stand_in.show(7, GONE, CALIBRATED, body)
-    while type(found := events()[0]) is SkeletonFrame:  # of earlier images
-        pass
-    assert (type(found), found.user) == (Lost, 7)
 
 
 def test_a_library_that_fails_later_is_an_error_and_the_sensor_is_released(stand_in, opened, sensor, show, caplog):

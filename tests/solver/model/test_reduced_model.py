@@ -9,6 +9,7 @@ from solver.model import fields
 from solver.model.reduced_model import ModelParameters, build
 from solver.surface.mesh import SolverMesh, weld
 
+
 def same(a, b):
     for field in dataclasses.fields(a):
         x, y = getattr(a, field.name), getattr(b, field.name)

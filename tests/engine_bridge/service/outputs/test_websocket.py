@@ -10,21 +10,19 @@ from dataclasses import replace
 import aiohttp
 import numpy as np
 import pytest
-import zmq
 
 from engine_bridge.service.control.dispatcher import Dispatcher
 from engine_bridge.service.control.requests import Nothing
 from engine_bridge.service.outputs import websocket_server
 from engine_bridge.service.outputs.output import Opening
 from engine_bridge.service.outputs.websocket import WebSocketTable
-from engine_bridge.service.outputs.zeromq import ZeroMqOutput
 from engine_bridge.service.protocol.frame import StreamedCharacter
-from engine_bridge.service.protocol.header import FRAME_KINDS, Kind, subscription
-from engine_bridge.service.protocol.payloads import decode
+from engine_bridge.service.protocol.header import FRAME_KINDS, Kind
+from engine_bridge.service.protocol.payloads import decode, encode
 from engine_bridge.service.security.endpoints import Endpoint
 from puppetline.errors import ServiceError
 
-from .frames import Open, frame_of
+from .frames import frame_of
 
 SECONDS = 30
 """After which what a test waits for has not come."""
@@ -201,35 +199,17 @@ def connect():
         each.close()
 
 
-def test_a_message_is_byte_for_byte_that_of_zeromq(office, connect, dog):
+def test_messages_are_those_of_every_output(office, connect, dog):
     web = connect(office)
-    topics = [f"dog/{kind.word}" for kind in (*LIVE, Kind.PERFORMER)]
-    web.subscribe(*topics)
+    web.subscribe(*(f"dog/{kind.word}" for kind in (*LIVE, Kind.PERFORMER)))
     wait_for(lambda: office.kinds() == set(LIVE))
-    with zmq.Context() as context, context.socket(zmq.SUB) as subscriber:
-        beside = ZeroMqOutput(context, [Open()], [dog])
-        try:
-            subscriber.connect(beside.endpoints[0])
-            for each in topics:
-                subscriber.subscribe(subscription(each))
-            wait_for(lambda: served(beside) and set(beside._streams[beside.sockets[0]].kinds_of("dog")) == set(LIVE))
-            frame = tracked(dog, 3, state="performing", user=2)
-            beside.offer(frame)
-            office.offer(frame)
-            over_zeromq = [subscriber.recv() for _ in range(1 + len(LIVE))]
-        finally:
-            beside.close()
-    over_web = [web.message() for _ in range(1 + len(LIVE))]
-    assert over_web[1:] == over_zeromq[1:]
-    performer, same = decode(over_web[0]), decode(over_zeromq[0])
-    assert performer.body == same.body
-    assert performer.header == same.header._replace(published=performer.header.published)
-
-
-def served(output):
-    for each in output.sockets:
-        output.handle(each)
-    return True
+    frame = tracked(dog, 3, state="performing", user=2)
+    office.offer(frame)
+    performer, *messages = [web.message() for _ in range(1 + len(LIVE))]
+    assert messages == [
+        encode(kind, frame, decode(each).header.published) for kind, each in zip(LIVE, messages, strict=True)
+    ]
+    assert decode(performer).body == {"character": "dog", "state": "performing", "user": 2, "time": frame.time}
 
 
 def test_scene_and_characters_are_answered_at_once_and_again_when_requested_again(office, connect, dog):
@@ -283,16 +263,8 @@ def test_requests_of_the_control_socket_are_answered_in_their_order(office, conn
 @pytest.mark.parametrize(
     "text",
     [
-        "",
-        "mirror the dog",
-        "[]",
-        '{"subscribe": 5}',
-        '{"subscribe": ""}',
-        '{"subscribe": "dog/\\u0000"}',
-        '{"subscribe": "' + "a" * 64 + '"}',
-        '{"subscribe": "dog/controls", "id": 1}',
-        "[" * 60_000,
-        "ހ{}",
+        *("", "mirror the dog", "[]", "[" * 60_000),
+        *('{"subscribe": 5}', '{"subscribe": ""}', '{"subscribe": "dog/\\u0000"}', '{"subscribe": "%s"}' % ("a" * 64)),
     ],
 )
 def test_a_text_that_is_no_request_gets_an_error_and_the_client_stays(office, connect, text):
@@ -513,28 +485,20 @@ def test_other_paths_and_plain_requests_are_answered_briefly(office):
             assert answer.startswith(f"HTTP/1.1 {status}".encode())
 
 
-def test_ten_thousand_random_frames_leave_the_service_unharmed_and_the_memory_flat(office, connect):
-    psutil = pytest.importorskip("psutil")
-    member, process = connect(office), psutil.Process()
-    random = np.random.default_rng(5)
-    sizes = []
-    for turn in range(4):
-        sent = 0
-        while sent < 2500:
-            client = raw_client(office)
-            with suppress(OSError):
-                for _ in range(25):
-                    sent += 1
-                    body = random.bytes(random.integers(0, 300))
-                    if random.random() < 0.8:  # a text, which keeps the connection open
-                        client.frame(1, body.decode("latin-1").encode()[:125])
-                    else:
-                        client.socket.sendall(body)
-            client.close()
+def test_random_frames_leave_the_service_unharmed(office, connect):
+    member, random = connect(office), np.random.default_rng(5)
+    for turn in range(40):
+        client = raw_client(office)
+        with suppress(OSError):
+            for _ in range(25):
+                body = random.bytes(random.integers(0, 300))
+                if random.random() < 0.8:  # a text, which keeps the connection open
+                    client.frame(1, body.decode("latin-1").encode()[:125])
+                else:
+                    client.socket.sendall(body)
+        client.close()
         assert member.ask({"do": "ping", "id": turn})["id"] == turn
-        wait_for(lambda: office.counts.clients == 1)
-        sizes.append(process.memory_info().rss)
-    assert max(sizes[1:]) - sizes[1] < 10e6
+    wait_for(lambda: office.counts.clients == 1)
     assert office.do(lambda: len(office.output._streams)) == 1
 
 

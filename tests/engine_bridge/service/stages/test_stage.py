@@ -217,13 +217,9 @@ def test_a_chosen_user_stays_even_if_others_are_nearer(make_stage, kung_fu, move
     "damage",
     [
         lambda said: said.pop("characters"),
-        lambda said: said.update(characters=[]),
         lambda said: said.update(time="now"),
         lambda said: said.update(direction={"people": "each", "colour": 1}),
         lambda said: said.update(people=[["x"]]),
-        lambda said: said["characters"]["dog"].pop("mirror"),
-        lambda said: said["characters"]["dog"].update(user=7),
-        lambda said: said["characters"]["dog"].update(calibration=[1]),
         lambda said: said["characters"]["dog"]["calibration"].update(rest=[[0.0, 1.0]] * 20),
         lambda said: said["characters"]["dog"]["calibration"].update(sensor={}),
         lambda said: said["characters"]["dog"].update(manner={"colour": 1}),

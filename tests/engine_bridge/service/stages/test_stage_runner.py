@@ -55,21 +55,6 @@ def test_the_clock_continues_after_the_end_of_a_recording(run, short, make_stage
     runner.close()
 
 
-def test_a_source_that_fails_is_reopened(run, make_stage, tmp_path, sender, kung_fu):
-    runner = StageRunner(sender.uri, make_stage(), tmp_path)
-
-    def fail():
-        raise SourceError("osc", found="a fault", expected="none", fix="None.")
-
-    runner.source.inner.receive = fail
-    runner.take_in()
-    assert isinstance(runner.source.inner, SilentSource)
-    run(runner, until=lambda: not isinstance(runner.source.inner, SilentSource))
-    sender.send(kung_fu[0])
-    run(runner, until=lambda: runner.skeletons == 1)
-    runner.close()
-
-
 def test_a_source_that_cannot_be_opened_is_retried_and_the_character_continues(run, make_stage, tmp_path, sender):
     runner = StageRunner(sender.uri, make_stage(), tmp_path)
     runner.source.inner.close()

@@ -130,14 +130,6 @@ def test_a_puppet_that_is_none_changes_nothing(stage, change, where, found):
     assert stage.state["characters"][0]["saved"]
 
 
-def test_a_limb_outside_the_character_is_refused(stage):
-    puppet = puppet_of(stage)
-    puppet["limb"][2]["points"][2] = [50.0, 1.0, 0.0]
-    error = stage.error("edit", character="figure_one", puppet=puppet)
-    assert "away from the surface" in error["found"]
-    assert str(stage.settings.folder) not in str(error)
-
-
 def test_a_recording_is_the_same_as_on_the_command_line(stage, commands, tmp_path):
     stage.result("source", example="walk")
     stage.until(performing)

@@ -45,21 +45,8 @@ _separate_compiled_code()
 hypothesis.settings.register_profile("without a deadline", deadline=None)  # its 200 ms pass on a busy machine
 hypothesis.settings.load_profile("without a deadline")
 
-OPTIONAL = {
-    "assimp",
-    "blender",
-    "browser",
-    "camera",
-    "data",
-    "freenect",
-    "godot",
-    "mono",
-    "node",
-    "opengl",
-    "openni",
-    "realsense",
-    "vulkan",
-}
+OPTIONAL = {"assimp", "blender", "browser", "camera", "data", "freenect", "godot", "mono", "node"}
+OPTIONAL |= {"opengl", "openni", "realsense", "vulkan"}
 REQUIRED = set(filter(None, os.environ.get("PUPPETLINE_TEST_REQUIRE", "").split(",")))
 """Parts of `OPTIONAL` that must be present, such as ``data,node``: tests fail without them instead of being skipped."""
 

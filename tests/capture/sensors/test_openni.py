@@ -70,7 +70,7 @@ def test_waiting_for_an_image_ends_with_the_timeout(sensor, opened):
 def test_a_sensor_that_did_not_open_often_opens_once_it_can(sensor, opened, noise):
     """Another program may release it; closing a device that did not open would crash the library."""
     sensor.refuse("opening")
-    for _ in range(20):
+    for _ in range(4):
         with pytest.raises(SourceError, match=r"the virtual sensor refuses.* Close other programs"):
             OpenNIDevice(NAME, Selection())
         assert list_sensors(NAME)[0].error is not None

@@ -265,40 +265,6 @@ def test_an_export_that_is_cancelled_leaves_no_file(window):
     assert len(window.state("server.files")) == files
 
 
-SLOW_PAGE = """() => new Promise((resolve) => {
-  const socket = new WebSocket(`ws://${location.host}/stream`);
-  socket.binaryType = "arraybuffer";
-  const sequences = [];
-  window.slow = { socket, sequences };
-  socket.onopen = () => {
-    socket.send(JSON.stringify({ token: sessionStorage["puppetline.session"] }));
-    socket.send(JSON.stringify({ subscribe: "pegasus/vertices" }));
-  };
-  socket.onmessage = ({ data }) => {
-    sequences.push(Number(new DataView(data).getBigUint64(80, true)));
-    if (sequences.length === 2) resolve();
-  };
-})"""
-"""JavaScript of a page that receives all vertices, a megabyte per frame or so."""
-
-
-def test_a_browser_that_is_busy_loses_frames_and_costs_the_others_none(studio, browser, window):
-    slow = studio.open(browser)
-    slow.until("state.connected === 'open' && state.server")
-    slow.page.evaluate(SLOW_PAGE)
-    sequence = "studio.viewer.shown(state.character)?.moment?.later"
-    before = window.until(sequence)
-    slow.page.evaluate("() => { setTimeout(() => { const end = Date.now() + 6000; while (Date.now() < end); }, 0); }")
-    window.until(f"{sequence} > {before} + 60")
-    newest = window.until(sequence)
-    slow.until(f"slow.sequences.at(-1) > {newest}")
-    received = slow.page.evaluate("slow.sequences")
-    assert received == sorted(set(received))
-    assert received[-1] - received[0] + 1 > len(received)
-    slow.page.evaluate("slow.socket.close()")
-    slow.close()
-
-
 def test_a_reload_keeps_everything(window):
     before = window.puppet
     window.page.reload()

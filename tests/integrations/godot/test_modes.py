@@ -215,15 +215,7 @@ def test_the_graphics_card_shows_the_same(shade, played, add_glb, blob_puppet, t
     check_shader(shade, played, blob_puppet, mesh_source=add_glb(tmp_path / "own.glb"))
 
 
-def test_a_puppet_by_morphs_is_as_near_as_the_service_says(
-    show, playing, add_glb, blob_puppet, take, tmp_path, puppetline
-):
-    puppetline("bake", blob_puppet, "-o", tmp_path / "baked.glb", "--log", take)
-    service = playing(blob_puppet, take, "--morphs", tmp_path / "baked.glb")
-    check_morphs(show, service, blob_puppet, add_glb(tmp_path / "baked.glb"))
-
-
-def test_morphs_of_a_source_whose_root_is_elsewhere_turned_and_scaled(
+def test_morphs_are_as_near_as_the_service_says_though_the_root_is_elsewhere_turned_and_scaled(
     show, playing, project, add_glb, blob_puppet, take, tmp_path, puppetline
 ):
     puppetline("bake", blob_puppet, "-o", tmp_path / "baked.glb", "--log", take)

@@ -5,7 +5,6 @@ import itertools
 import random
 import socket
 import threading
-import time
 from contextlib import suppress
 
 import pytest
@@ -63,15 +62,8 @@ def publisher(context):
             setattr(socket, name, value)
         return socket, socket.bind_to_random_port("tcp://127.0.0.1")
 
-    made = []
-
-    def keep(*arguments, **options):
-        made.append(make(*arguments, **options))
-        return made[-1]
-
-    yield keep
-    for each, _ in made:
-        each.close()
+    yield make
+    context.destroy()
 
 
 @pytest.fixture
@@ -140,27 +132,16 @@ def subscriptions(publisher, count):
     return [publisher.recv() for _ in range(count)]
 
 
-def test_topics_are_subscribed_to_and_messages_come_whole(connect, publisher):
+def test_topics_are_subscribed_to_and_messages_of_any_size_come_whole(connect, publisher):
     pub, port = publisher()
     script = connect(port, "dog/controls", "dog/vertices")
     assert subscriptions(pub, 2) == [b"\1dog/controls\0", b"\1dog/vertices\0"]
-    sent = [b"dog/controls\0", b"dog/vertices\0" + bytes(range(256)), b"dog/vertices\0" + random.randbytes(3_000_000)]
+    sizes = 13, 255, 256, 65_535, 65_536, 3_000_000
+    sent = [b"dog/controls\0", *(b"dog/vertices\0".ljust(size, random.randbytes(1)) for size in sizes)]
     for message in (*sent, b"dog/vertices16\0", b"cat/controls\0", b"dog/controls\0last"):
         pub.send(message)
     script.until(lambda told: told == seen(b"dog/controls\0last"))
     assert messages(script.end()) == [*map(seen, sent), seen(b"dog/controls\0last")]
-
-
-@pytest.mark.parametrize("size", [0, 1, 255, 256, 65_535, 65_536])
-def test_a_message_of_any_size_comes_through(connect, publisher, size):
-    pub, port = publisher()
-    pub.setsockopt(zmq.XPUB_VERBOSE, 1)
-    script = connect(port, "t")
-    subscriptions(pub, 1)
-    message = b"t\0" + random.randbytes(size)
-    pub.send(message)
-    assert script.until(lambda told: "sha256" in told) == seen(message)
-    script.end()
 
 
 def test_many_megabytes_in_small_pieces_are_put_together(connect, peer):
@@ -188,20 +169,6 @@ def test_a_line_that_delivers_byte_by_byte(connect, publisher, admit, line):
         pub.send(message)
     script.until(lambda told: told == seen(sent[-1]))
     assert messages(script.end()) == list(map(seen, sent))
-
-
-def test_pings_are_answered(connect, publisher):
-    """With these settings, libzmq closes a connection if a ping has no answer for half a second."""
-    pub, port = publisher(heartbeat_ivl=100, heartbeat_timeout=500, heartbeat_ttl=600)
-    script = connect(port, "t")
-    subscriptions(pub, 1)
-    for number in range(20):
-        pub.send(b"t\0" + bytes([number]))
-        time.sleep(0.1)
-    script.until(lambda told: told == seen(b"t\0" + bytes([19])))
-    results = script.end()
-    assert messages(results) == [seen(b"t\0" + bytes([number])) for number in range(20)]
-    assert [told["state"] for told in results if "state" in told][-1] == "READY"
 
 
 def test_a_ping_gets_its_own_context_back(connect, peer):

@@ -14,7 +14,7 @@ from capture.sensors.openni import OpenNIDevice, open_source
 from capture.sensors.openni_library import list_sensors, load_openni2
 from puppetline.errors import SourceError
 
-from ..devices import data_of, read
+from ..conftest import data_of, read
 
 NAME = "openni:"
 

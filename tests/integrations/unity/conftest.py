@@ -15,7 +15,8 @@ import zmq
 
 from engine_bridge.service.protocol.payloads import decode
 
-from ...engine_bridge.service.conftest import Served
+from ...engine_bridge.service.conftest import services
+from ...waiting import wait_until
 
 HERE = Path(__file__).parent
 PACKAGE = HERE.parents[2] / "integrations" / "unity"
@@ -281,32 +282,18 @@ def serve_figure(serve, played, free_port):
     return start
 
 
-def served(commands, folder, *arguments):
-    """Serve for many tests: none of them asks for what others would see."""
-    state = {"XDG_STATE_HOME": str(folder)}
-    return Served(commands, *arguments, "--no-announce", "--takes", folder, "--port", 0, env=state)
-
-
-def end(service):
-    service.process.kill()
-    service.ended()
-    service.process.stderr.close()
-
-
 @pytest.fixture(scope="session")
 def figure(own_cache, commands, played, baked, tmp_path_factory):
-    """The small figure, served as long as the tests run, with morph targets."""
-    service = served(commands, tmp_path_factory.mktemp("figure"), *played, "--morphs", baked)
-    yield service
-    end(service)
+    """The small figure, served as long as the tests run, with morph targets; none asks for what others would see."""
+    with services(commands, tmp_path_factory.mktemp("figure")) as start:
+        yield start(*played, "--morphs", baked)
 
 
 @pytest.fixture(scope="session")
 def locked_figure(own_cache, commands, played, token_file, tmp_path_factory):
     """The same behind a token, without morph targets."""
-    service = served(commands, tmp_path_factory.mktemp("locked"), *played, "--token-file", token_file)
-    yield service
-    end(service)
+    with services(commands, tmp_path_factory.mktemp("locked")) as start:
+        yield start(*played, "--token-file", token_file)
 
 
 @pytest.fixture
@@ -327,11 +314,10 @@ def python(reference, figure):
 
 def shown(program, reference, wanted=20, since=0):
     """Wait until so many moments were shown that the reference has too; return (what was said, reference) of each."""
-    give_up = time.monotonic() + TIMEOUT_SECONDS
-    while time.monotonic() < give_up:
+
+    def both():
         theirs = dict(reference.frames)
-        both = [(each, theirs[each["frame"]].body) for each in program.said[since:] if each.get("frame") in theirs]
-        if len(both) >= wanted:
-            return both
-        time.sleep(0.05)
-    pytest.fail(f"{sum('frame' in each for each in program.said)} shown, {len(reference.frames)} of the reference")
+        found = [(each, theirs[each["frame"]].body) for each in program.said[since:] if each.get("frame") in theirs]
+        return found if len(found) >= wanted else None
+
+    return wait_until(both)

@@ -14,7 +14,8 @@ import pytest
 from engine_bridge.character import examples
 
 from ...recorded import recorded
-from .conftest import TIMEOUT_SECONDS, array
+from ...waiting import wait_until
+from .conftest import array
 
 FRAMES = 20
 FEW, EVERY = 6, 25
@@ -37,15 +38,13 @@ def frames(program, since=0):
 
 def common(program, reference, wanted=FRAMES, since=0):
     """Wait until both have so many frames of the same moments, and return those: (C#'s, Python's) each."""
-    give_up = time.monotonic() + TIMEOUT_SECONDS
-    while time.monotonic() < give_up:
+
+    def both():
         theirs = dict(reference.frames)
-        both = {n: (ours, theirs[n].body) for n, ours in frames(program, since).items() if n in theirs}
-        if len(both) >= wanted:
-            return list(both.values())
-        time.sleep(0.05)
-    states = [each for each in program.said if "state" in each]
-    pytest.fail(f"{len(frames(program, since))} frames, {len(reference.frames)} of the reference, {states}")
+        found = [(ours, theirs[n].body) for n, ours in frames(program, since).items() if n in theirs]
+        return found if len(found) >= wanted else None
+
+    return wait_until(both)
 
 
 def assert_equal(both, diagonal, most=1e-6, normals_most=1e-5):

@@ -22,6 +22,7 @@ from engine_bridge.service.protocol.payloads import decode, encode
 from engine_bridge.service.security.endpoints import Endpoint
 from puppetline.errors import ServiceError
 
+from ....waiting import wait_until
 from .frames import frame_of
 
 SECONDS = 30
@@ -80,7 +81,7 @@ class Office:
     def do(self, call):
         done = []
         self._calls.append((call, done))
-        wait_for(lambda: done)
+        wait_until(lambda: done)
         return done[0]
 
     def offer(self, *frames):
@@ -98,13 +99,6 @@ class Office:
         self._loop.join()
         self.output.close()
         self.output.close()
-
-
-def wait_for(condition):
-    end = time.monotonic() + SECONDS
-    while not condition():
-        assert time.monotonic() < end, "it has not come"
-        time.sleep(0.002)
 
 
 @pytest.fixture
@@ -202,7 +196,7 @@ def connect():
 def test_messages_are_those_of_every_output(office, connect, dog):
     web = connect(office)
     web.subscribe(*(f"dog/{kind.word}" for kind in (*LIVE, Kind.PERFORMER)))
-    wait_for(lambda: office.kinds() == set(LIVE))
+    wait_until(lambda: office.kinds() == set(LIVE))
     frame = tracked(dog, 3, state="performing", user=2)
     office.offer(frame)
     performer, *messages = [web.message() for _ in range(1 + len(LIVE))]
@@ -237,15 +231,15 @@ def test_only_what_is_subscribed_to_is_computed_and_nothing_after_the_end_of_it(
     computed = {"controls", "vertices_and_normals"}
     web = connect(office)
     web.subscribe("dog/controls", "dog/vertices")
-    wait_for(lambda: office.kinds() == {Kind.CONTROLS, Kind.VERTICES})
+    wait_until(lambda: office.kinds() == {Kind.CONTROLS, Kind.VERTICES})
     web.send({"unsubscribe": "dog/vertices"})
-    wait_for(lambda: office.kinds() == {Kind.CONTROLS})
+    wait_until(lambda: office.kinds() == {Kind.CONTROLS})
     frame = tracked(dog)
     office.offer(frame)
     assert decode(web.message()).topic == "dog/controls"
     assert computed & set(vars(frame)) == {"controls"}
     web.close()
-    wait_for(lambda: office.counts.clients == 0 and office.kinds() == set())
+    wait_until(lambda: office.counts.clients == 0 and office.kinds() == set())
     frame = tracked(dog)
     office.offer(frame)
     assert not computed & set(vars(frame))
@@ -279,7 +273,7 @@ def test_a_slow_client_receives_the_newest_frames_and_costs_the_others_nothing(o
     for each in ("dog/vertices", "dog/joints"):
         slow.send({"subscribe": each})
     quick.subscribe("dog/controls")
-    wait_for(lambda: office.kinds() == {Kind.VERTICES, Kind.JOINTS, Kind.CONTROLS})
+    wait_until(lambda: office.kinds() == {Kind.VERTICES, Kind.JOINTS, Kind.CONTROLS})
     size = len(tracked(dog).vertices_and_normals.tobytes())
     count = 200 + 8_000_000 // size
     for sequence in range(count):
@@ -343,9 +337,9 @@ def test_a_client_that_never_reads_costs_no_more_memory_than_its_topics(office, 
     for _ in range(200):
         stalled.send({"do": "long"})
     connect(office).subscribe("dog/controls")
-    wait_for(lambda: office.taken >= 200)
+    wait_until(lambda: office.taken >= 200)
     (client,) = [each for each, stream in office.output._streams.items() if not stream.kinds_of("dog")]
-    wait_for(lambda: office.do(office.output.due) > time.monotonic() + 100)
+    wait_until(lambda: office.do(office.output.due) > time.monotonic() + 100)
     assert len(client._messages) <= websocket_server.MAX_WAITING_TOPICS
     assert len(client._replies) <= websocket_server.MAX_WAITING_REPLIES
     scenes = {id(parts[1]) for parts in client._messages.values() if len(parts) > 1}
@@ -357,8 +351,8 @@ def test_a_client_that_does_not_answer_pings_is_disconnected(open_office, monkey
     monkeypatch.setattr(websocket_server, "HEARTBEAT_SECONDS", 0.2)
     office = open_office()
     client = raw_client(office)
-    wait_for(lambda: office.counts.clients == 1)
-    wait_for(lambda: office.counts.clients == 0)
+    wait_until(lambda: office.counts.clients == 1)
+    wait_until(lambda: office.counts.clients == 0)
     client.close()
 
 
@@ -444,7 +438,7 @@ def test_a_client_beyond_the_limit_is_closed_and_may_come_when_there_is_room(ope
     assert connect(office).message() == 1013
     assert first.ask({"do": "ping"})["ok"]
     first.close()
-    wait_for(lambda: office.counts.clients == 0)
+    wait_until(lambda: office.counts.clients == 0)
     assert connect(office).ask({"do": "ping"})["ok"]
 
 
@@ -498,7 +492,7 @@ def test_random_frames_leave_the_service_unharmed(office, connect):
                     client.socket.sendall(body)
         client.close()
         assert member.ask({"do": "ping", "id": turn})["id"] == turn
-    wait_for(lambda: office.counts.clients == 1)
+    wait_until(lambda: office.counts.clients == 1)
     assert office.do(lambda: len(office.output._streams)) == 1
 
 

@@ -205,6 +205,8 @@ def test_a_bad_output_is_one_line_before_any_work(assert_refused, stage, output,
     [
         ["convert", "none.log", "--puppet", "blob.toml", "-o", "out.glb"],
         ["convert", "take.log", "--puppet", "none.toml", "-o", "out.glb"],
+        ["studio", "--no-browser", "--port", "0", "--sound", "none.wav"],
+        ["serve", "--puppet", "blob.toml", "--source", "demo:walk", "--port", "0", "--sound", "none.wav"],
     ],
     ids=" ".join,
 )

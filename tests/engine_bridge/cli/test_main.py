@@ -182,9 +182,18 @@ def test_a_bad_output_is_one_line_before_any_work(assert_refused, stage, output,
     assert_refused("convert", "take.log", "--puppet", stage, "-o", output, parts=parts)
 
 
-@pytest.mark.parametrize("files", [("none.log", "blob.toml"), ("take.log", "none.toml")])
-def test_a_file_that_is_not_there_is_one_line(assert_refused, stage, files):
-    assert_refused("convert", files[0], "--puppet", files[1], "-o", "out.glb", parts=["none."])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["convert", "none.log", "--puppet", "blob.toml", "-o", "out.glb"],
+        ["convert", "take.log", "--puppet", "none.toml", "-o", "out.glb"],
+        ["studio", "--no-browser", "--port", "0", "--sound", "none.wav"],
+        ["serve", "--puppet", "blob.toml", "--source", "demo:walk", "--port", "0", "--sound", "none.wav"],
+    ],
+    ids=" ".join,
+)
+def test_a_file_that_is_not_there_is_one_line(assert_refused, stage, arguments):
+    assert_refused(*arguments, parts=["none."])
 
 
 def test_convert_prints_what_a_rig_and_a_vertex_cache_consist_of(invoke, stage):

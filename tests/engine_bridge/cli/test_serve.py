@@ -6,7 +6,6 @@ import socket
 import stat
 import subprocess
 import sys
-import threading
 
 import pytest
 from click.testing import CliRunner
@@ -80,19 +79,8 @@ def test_listen_reports_what_arrives(run, serve, blob_puppet):
 
 
 def test_record_writes_a_take_that_can_be_read_and_is_not_overwritten(run, sender, kung_fu, tmp_path):
-    stop = threading.Event()
-
-    def perform():
-        while not stop.is_set():
-            sender.play(kung_fu[:30], until=stop.is_set)
-
-    performer = threading.Thread(target=perform)
-    performer.start()
-    try:
+    with sender.playing(kung_fu[:30]):
         summary = json.loads(run("record", "--source", sender.uri, "-o", "take.log", "--seconds", 2, "--json").stdout)
-    finally:
-        stop.set()
-        performer.join()
     [clip] = read_log(tmp_path / "take.log")
     assert len(clip.times) == summary["frames"] > 20
     assert (summary["users"], summary["ended"]) == ([1], "time")

@@ -259,14 +259,8 @@ def test_sending_without_a_receiver_is_no_error(dog, own_clock):
         out.offer(performed(dog, step))
         out.send_due()
     out.close()
-    assert out.statistics == OutputStatus(
-        "osc",
-        f"localhost:{port}",
-        sent=5,
-        bytes=5 * len(encode("/puppetline/dog/performer", "performing", 2)),
-        skipped=0,
-        failed=0,
-    )
+    size = len(encode("/puppetline/dog/performer", "performing", 2))
+    assert out.statistics == OutputStatus("osc", f"localhost:{port}", sent=5, bytes=5 * size, skipped=0, failed=0)
 
 
 def test_a_name_that_nobody_knows_is_said_at_once():

@@ -1,6 +1,4 @@
 import contextlib
-import json
-import select
 import socket
 import struct
 import time
@@ -16,7 +14,6 @@ from engine_bridge.service.outputs.zeromq import REQUESTS_PER_TURN, ZeroMqOutput
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.header import FRAME_KINDS, Kind, subscription
 from engine_bridge.service.protocol.payloads import decode
-from engine_bridge.service.protocol.scene import Scene
 
 from .frames import Open, OwnClock, frame_of
 
@@ -74,67 +71,28 @@ def subscribe(context):
     return make
 
 
-class Raw:
-    """A subscriber of ZMTP 3.0 that is written by hand: what a small client relies on."""
+READY = b"\x05READY\x0bSocket-Type\0\0\0\x03SUB"
+HANDSHAKE = b"\xff" + bytes(8) + b"\x7f\x03\x00" + b"NULL".ljust(20, b"\0") + bytes(32) + bytes([4, len(READY)]) + READY
 
-    METADATA = b"\x0bSocket-Type\0\0\0\x03SUB"
 
-    def __init__(self, publisher, minor=0):
-        port = int(publisher.endpoints[0].rpartition(":")[2])
-        self.socket = socket.create_connection(("127.0.0.1", port))
-        self.socket.settimeout(SECONDS)
-        self.socket.sendall(b"\xff" + bytes(8) + b"\x7f" + bytes([3, minor]) + b"NULL".ljust(20, b"\0") + bytes(32))
-        self.command(b"READY", self.METADATA)
-        self.greeting = self.exactly(64)
-
-    def command(self, name, data):
-        body = bytes([len(name)]) + name + data
-        self.socket.sendall(bytes([4, len(body)]) + body)
-
-    def send(self, body):
-        self.socket.sendall(
-            bytes([0, len(body)]) + body if len(body) < 256 else b"\2" + struct.pack(">Q", len(body)) + body
-        )
-
-    def exactly(self, count):
-        got = b""
-        while len(got) < count:
-            more = self.socket.recv(count - len(got))
-            if not more:
-                raise ConnectionError
-            got += more
-        return got
-
-    def frame(self):
-        """Return the flags and the body of the next frame."""
-        (flags,) = self.exactly(1)
-        (size,) = struct.unpack(">Q", self.exactly(8)) if flags & 2 else self.exactly(1)
-        return flags, self.exactly(size)
-
-    def message(self):
-        """Return the next message, answering pings."""
-        while True:
-            flags, body = self.frame()
-            if not flags & 4:
-                return flags, body
-            if body.startswith(b"\x04PING"):
-                self.command(b"PONG", body[7:])
-
-    def close(self):
-        self.socket.close()
+def framed(*bodies):
+    """Return ZMTP's frames of messages."""
+    return b"".join(b"\2" + struct.pack(">Q", len(body)) + body for body in bodies)
 
 
 @pytest.fixture
 def raw():
-    made = []
+    """Connect a subscriber that is written by hand, and return its socket."""
+    with contextlib.ExitStack() as stack:
 
-    def connect(publisher, minor=0):
-        made.append(Raw(publisher, minor))
-        return made[-1]
+        def connect(publisher):
+            port = int(publisher.endpoints[0].rpartition(":")[2])
+            client = stack.enter_context(socket.create_connection(("127.0.0.1", port)))
+            client.sendall(HANDSHAKE)
+            client.recv(64, socket.MSG_WAITALL)
+            return client
 
-    yield connect
-    for client in made:
-        client.close()
+        yield connect
 
 
 def serve(publisher, until):
@@ -146,11 +104,6 @@ def serve(publisher, until):
             if each.poll(2):
                 publisher.handle(each)
         publisher.send_due()
-
-
-def readable(client):
-    """Tell whether something has come for a raw client."""
-    return bool(select.select([client.socket], [], [], 0)[0])
 
 
 def heard(publisher, client):
@@ -337,8 +290,8 @@ def test_messages_about_a_removed_character_are_forgotten(publisher, subscribe, 
 
 def test_a_client_that_never_reads_costs_nobody_else_a_message(publisher, subscribe, raw, dog):
     asleep = raw(publisher)
-    asleep.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-    asleep.send(b"\1" + subscription("dog/vertices"))
+    asleep.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    asleep.sendall(framed(b"\1" + subscription("dog/vertices")))
     client = subscribe(publisher, "dog/vertices")
     stream = publisher._streams[publisher.sockets[0]]
     serve(publisher, lambda: stream.subscriptions._held[subscription("dog/vertices")] == 2)
@@ -375,14 +328,11 @@ def test_a_client_that_wakes_up_finds_few_old_frames_and_then_the_newest(publish
 def test_garbage_subscriptions_are_survived_in_bounded_memory(publisher, subscribe, raw, dog):
     client = raw(publisher)
     junk = [b"", b"\1" + b"\xff" * 200, b"\1" + b"x" * 500, b"\0never", b"\2user message", b"\1dog/scene/" + b"y" * 60]
-    for body in junk:
-        client.send(body)
-    sent = b"".join(bytes([0, len(body)]) + body for body in (b"\1n%d/controls" % number for number in range(100_000)))
-    client.socket.setblocking(False)
-    waiting = memoryview(sent)
+    client.setblocking(False)
+    waiting = memoryview(framed(*junk, *(b"\1n%d/controls" % number for number in range(100_000))))
     while waiting:
         with contextlib.suppress(BlockingIOError):
-            waiting = waiting[client.socket.send(waiting[:65536]) :]
+            waiting = waiting[client.send(waiting[:65536]) :]
         publisher.handle(publisher.sockets[0])
     stream = publisher._streams[publisher.sockets[0]]
     serve(publisher, lambda: publisher.ignored >= 100_000 - MAX_SUBSCRIPTIONS)
@@ -392,7 +342,7 @@ def test_garbage_subscriptions_are_survived_in_bounded_memory(publisher, subscri
 
 def test_a_turn_takes_only_so_many_subscriptions(publisher, raw):
     client = raw(publisher)
-    client.socket.sendall(b"\0\x04\1a b" * (3 * REQUESTS_PER_TURN))
+    client.sendall(framed(b"\1a b") * (3 * REQUESTS_PER_TURN))
     first = publisher.sockets[0]
     while (before := publisher.ignored) < 3 * REQUESTS_PER_TURN:
         assert first.poll(1000 * SECONDS)
@@ -404,8 +354,7 @@ def test_a_client_cannot_end_another_clients_subscription(publisher, subscribe, 
     client = subscribe(publisher, "dog/controls")
     wanted(publisher, "dog", Kind.CONTROLS)
     rude = raw(publisher)
-    rude.send(b"\0" + subscription("dog/controls"))
-    rude.send(b"\1" + subscription("dog/handles"))
+    rude.sendall(framed(b"\0" + subscription("dog/controls"), b"\1" + subscription("dog/handles")))
     wanted(publisher, "dog", Kind.CONTROLS, Kind.HANDLES)
     publisher.offer(frame_of(dog))
     assert heard(publisher, client).topic == "dog/controls"
@@ -416,32 +365,3 @@ def test_a_port_that_is_taken_is_said_and_nothing_stays_open(open_publisher, con
     with pytest.raises(zmq.ZMQError) as error:
         ZeroMqOutput(context, [Open(), Open(taken)], [dog])
     assert error.value.errno == zmq.EADDRINUSE
-
-
-@pytest.mark.parametrize("minor", [0, 1])
-@pytest.mark.parametrize("form", ["message", "command"])
-def test_a_small_client_of_its_own_gets_whole_messages_of_one_part(publisher, raw, dog, minor, form):
-    client = raw(publisher, minor)
-    assert client.greeting[:1] + client.greeting[9:12] == b"\xff\x7f\x03\x01"
-    assert client.greeting[12:32] == b"NULL".ljust(20, b"\0")
-    for text in ("dog/scene/mine", "dog/controls"):
-        if form == "message":
-            client.send(b"\1" + subscription(text))
-        else:
-            client.command(b"SUBSCRIBE", subscription(text))
-    wanted(publisher, "dog", Kind.CONTROLS)
-    flags, ready = client.frame()
-    assert flags == 4
-    assert ready.startswith(b"\x05READY\x0bSocket-Type\0\0\0\x04XPUB")
-    flags, body = client.message()
-    assert flags == 2  # one part, its length in eight bytes
-    assert body[:15] == b"dog/scene/mine\0"
-    (length,) = struct.unpack_from("<I", body, 64 + 12)
-    assert len(body) == 128 + length
-    scene = Scene.decode(body[128:])
-    assert json.loads(body[132 : 132 + struct.unpack_from("<I", body, 128)[0]]) == scene.facts
-    publisher.offer(frame_of(dog, 7))
-    flags, body = client.message()
-    assert body[:13] == b"dog/controls\0"
-    assert struct.unpack_from("<Q", body, 64 + 16) == (7,)
-    assert len(body) == 128 + 48 * scene.facts["fields"] * scene.facts["isolines"]

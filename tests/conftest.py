@@ -11,6 +11,7 @@ import pickle
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -190,6 +191,13 @@ def opengl() -> None:
             pass
     except OutputError as error:
         missing("opengl", str(error))
+
+
+@pytest.fixture
+def until_end() -> Iterator[Callable[[Any], Any]]:
+    """Return a function that returns what it is given, and closes it at the end of the test."""
+    with ExitStack() as stack:
+        yield lambda opened: stack.enter_context(closing(opened))
 
 
 @pytest.fixture

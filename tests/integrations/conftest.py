@@ -148,13 +148,5 @@ class Line:
 
 
 @pytest.fixture
-def line():
-    lines = []
-
-    def lay(*arguments, **options):
-        lines.append(Line(*arguments, **options))
-        return lines[-1]
-
-    yield lay
-    for each in lines:
-        each.close()
+def line(until_end):
+    return lambda *arguments, **options: until_end(Line(*arguments, **options))

@@ -310,17 +310,9 @@ def serve_module(tmp_path_factory, own_cache, commands):
 
 
 @pytest.fixture
-def listen():
+def listen(until_end):
     """Connect a client to an endpoint."""
-    connected = []
-
-    def connect(endpoint, *topics):
-        connected.append(Client(endpoint, *topics))
-        return connected[-1]
-
-    yield connect
-    for client in connected:
-        client.close()
+    return lambda endpoint, *topics: until_end(Client(endpoint, *topics))
 
 
 @pytest.fixture(scope="session")

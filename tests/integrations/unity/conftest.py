@@ -79,7 +79,7 @@ class Program:
         assert (code, self.noise) == (0, [])
         return self.said
 
-    def kill(self):
+    def close(self):
         self.process.kill()
         self.process.wait()
         self._read.join()
@@ -145,17 +145,9 @@ def build(compiler, folder):
 
 
 @pytest.fixture
-def start(mono, built):
+def start(mono, built, until_end):
     """Start one of the programs with arguments."""
-    started = []
-
-    def run(name, *arguments):
-        started.append(Program([mono[1], built / f"{name}.exe", *arguments]))
-        return started[-1]
-
-    yield run
-    for program in started:
-        program.kill()
+    return lambda name, *arguments: until_end(Program([mono[1], built / f"{name}.exe", *arguments]))
 
 
 @pytest.fixture(scope="session")
@@ -244,17 +236,9 @@ class Reference:
 
 
 @pytest.fixture
-def reference():
+def reference(until_end):
     """Follow topics with libzmq and Python."""
-    followed = []
-
-    def follow(*arguments, **more):
-        followed.append(Reference(*arguments, **more))
-        return followed[-1]
-
-    yield follow
-    for each in followed:
-        each.close()
+    return lambda *arguments, **more: until_end(Reference(*arguments, **more))
 
 
 @pytest.fixture(scope="session")

@@ -65,10 +65,8 @@ class Service:
 
 
 @pytest.fixture
-def service():
-    made = Service()
-    yield made
-    made.close()
+def service(until_end):
+    return until_end(Service())
 
 
 @pytest.fixture

@@ -39,16 +39,8 @@ def manager(request, tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def notifier():
-    made = []
-
-    def make():
-        made.append(Notifier())
-        return made[-1]
-
-    yield make
-    for each in made:
-        each.close()
+def notifier(until_end):
+    return lambda: until_end(Notifier())
 
 
 def test_each_state_is_a_datagram_as_sd_notify_sends_it(manager, notifier):

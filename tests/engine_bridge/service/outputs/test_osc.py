@@ -46,16 +46,9 @@ def receiver():
 
 
 @pytest.fixture
-def output(receiver, own_clock):
-    made = []
-
-    def make(**more):
-        made.append(OscOutput(OscTable(port=receiver.getsockname()[1], **more), own_clock))
-        return made[-1]
-
-    yield make
-    for each in made:
-        each.close()
+def output(receiver, own_clock, until_end):
+    port = receiver.getsockname()[1]
+    return lambda **more: until_end(OscOutput(OscTable(port=port, **more), own_clock))
 
 
 def performed(character, sequence=0, **more):

@@ -102,16 +102,8 @@ class Office:
 
 
 @pytest.fixture
-def open_office(dog):
-    opened = []
-
-    def make(**more):
-        opened.append(Office(dog, **more))
-        return opened[-1]
-
-    yield make
-    for office in opened:
-        office.close()
+def open_office(dog, until_end):
+    return lambda **more: until_end(Office(dog, **more))
 
 
 @pytest.fixture
@@ -181,16 +173,8 @@ ENDS = (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED, aiohttp.WSMsgType.CLO
 
 
 @pytest.fixture
-def connect():
-    opened = []
-
-    def make(office, first=None, **more):
-        opened.append(Web(office, first, **more))
-        return opened[-1]
-
-    yield make
-    for each in opened:
-        each.close()
+def connect(until_end):
+    return lambda office, first=None, **more: until_end(Web(office, first, **more))
 
 
 def test_messages_are_those_of_every_output(office, connect, dog):

@@ -41,16 +41,11 @@ def context():
 
 
 @pytest.fixture
-def open_publisher(context):
-    made = []
-
+def open_publisher(context, until_end):
     def open_one(*characters, doors=None, clock=time.monotonic):
-        made.append(ZeroMqOutput(context, doors or [Open()], characters, clock))
-        return made[-1]
+        return until_end(ZeroMqOutput(context, doors or [Open()], characters, clock))
 
-    yield open_one
-    for publisher in made:
-        publisher.close()
+    return open_one
 
 
 @pytest.fixture

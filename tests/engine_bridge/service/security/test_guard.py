@@ -117,17 +117,9 @@ def network(tmp_path, keys, monkeypatch):
 
 
 @pytest.fixture
-def house(network):
+def house(network, until_end):
     """Open a service with some of the mechanisms."""
-    opened = []
-
-    def open_house(*mechanisms, **more):
-        opened.append(House(network(*mechanisms, **more)))
-        return opened[-1]
-
-    yield open_house
-    for each in opened:
-        each.close()
+    return lambda *mechanisms, **more: until_end(House(network(*mechanisms, **more)))
 
 
 @pytest.fixture

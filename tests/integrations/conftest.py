@@ -150,3 +150,32 @@ class Line:
 @pytest.fixture
 def line(until_end):
     return lambda *arguments, **options: until_end(Line(*arguments, **options))
+
+
+class Server:
+    """Something in the service's place that answers one connection after the other with a function of the test."""
+
+    def __init__(self, answer, port=0):
+        self._answer = answer
+        self._listener = socket.create_server(("127.0.0.1", port))
+        self.port = self._listener.getsockname()[1]
+        self._thread = threading.Thread(target=self._accept)
+        self._thread.start()
+
+    def _accept(self):
+        with suppress(OSError):
+            while True:
+                with self._listener.accept()[0] as line, suppress(OSError):
+                    self._answer(line)
+
+    def close(self):
+        with suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)  # wakes who waits for somebody to come
+        self._listener.close()
+        self._thread.join()
+
+
+@pytest.fixture
+def answering(until_end):
+    """Start a server that answers with a function, at a port or at any."""
+    return lambda answer, port=0: until_end(Server(answer, port))

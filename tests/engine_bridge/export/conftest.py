@@ -245,20 +245,8 @@ def bare_scene(glb, shape):
 
 
 VARIANTS = [
-    textured,
-    colored,
-    float_colors,
-    without_normals,
-    without_indices,
-    several_primitives,
-    with_lines,
-    node_transforms,
-    shared_mesh,
-    own_targets,
-    skinned,
-    quantized,
-    strips_and_fans,
-    bare_scene,
+    *(textured, colored, float_colors, without_normals, without_indices, several_primitives, with_lines),
+    *(node_transforms, shared_mesh, own_targets, skinned, quantized, strips_and_fans, bare_scene),
 ]
 
 

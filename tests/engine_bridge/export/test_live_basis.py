@@ -1,5 +1,3 @@
-import json
-import struct
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +16,8 @@ from engine_bridge.export.unit_weights import UnitWeights
 from engine_bridge.performance.rig import load_rig
 from puppetline.errors import PuppetError
 from solver.model.reduced_model import position_matrix
+
+from ...fuzz.corpus import pack, unpack
 
 SMALLER = "[retarget]\nscale = 1.3\n\n[solver]\nfields = 4\nisolines = 6\n"
 
@@ -222,14 +222,9 @@ def test_a_file_without_a_basis_is_refused(blob_file, blob_rig):
 
 def with_extras(path, into, extras):
     """Write a .glb with other extras of its asset."""
-    content = path.read_bytes()
-    (size,) = struct.unpack_from("<I", content, 12)
-    gltf = json.loads(content[20 : 20 + size])
+    gltf, binary = unpack(path.read_bytes())
     gltf["asset"]["extras"] = extras(gltf["asset"]["extras"])
-    text = json.dumps(gltf).encode()
-    text += b" " * (-len(text) % 4)
-    rest = content[20 + size :]
-    into.write_bytes(struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text) + len(rest), len(text), b"JSON") + text + rest)
+    into.write_bytes(pack(gltf, binary))
     return into
 
 

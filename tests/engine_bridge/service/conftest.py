@@ -310,6 +310,14 @@ def serve_module(tmp_path_factory, own_cache, commands):
 
 
 @pytest.fixture
+def context():
+    """Return a ZeroMQ context, whose sockets are closed after the test."""
+    made = zmq.Context()
+    yield made
+    made.destroy(linger=0)
+
+
+@pytest.fixture
 def listen(until_end):
     """Connect a client to an endpoint."""
     return lambda endpoint, *topics: until_end(Client(endpoint, *topics))

@@ -8,11 +8,9 @@ another in one process, except where a test needs a project of its own: it reque
 import json
 import os
 import shutil
-import socket
 import subprocess
-import threading
 import time
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -164,32 +162,6 @@ def playing(serve):
         return serve("--puppet", puppet, "--source", f"replay:{log}?loop", "--calibrate", "at_once", *more)
 
     return start
-
-
-@pytest.fixture
-def something_else():
-    """Start a server that is not a service; it counts its connections."""
-
-    @contextmanager
-    def answer(port):
-        calls = []
-
-        def run():
-            with suppress(OSError):
-                while True:
-                    with listener.accept()[0] as line:
-                        calls.append(port)
-                        line.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n" + bytes(range(256)))
-                        line.recv(100)
-
-        with socket.create_server(("127.0.0.1", port)) as listener:
-            thread = threading.Thread(target=run)
-            thread.start()
-            yield calls
-            listener.shutdown(socket.SHUT_RDWR)
-            thread.join()
-
-    return answer
 
 
 class StandIn:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import pygltflib as gltf
 import pytest
 from scipy.spatial import cKDTree
 
@@ -14,6 +13,8 @@ from engine_bridge.character.examples import MOTIONS, prepare
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.payloads import decode
+
+from ...engine_bridge.export.conftest import Raw
 
 CONTROLS, VERTICES, MORPHS = range(3)
 SAMPLES = 20
@@ -267,22 +268,13 @@ def test_more_parts_than_a_mesh_has_room_for(show, shade, playing, blob, new_glb
 
 def keyframes(path):
     """Return the times and the vertices (T, n, 3) of what `puppetline convert --as frames` has written."""
-    document = gltf.GLTF2().load(str(path))
-
-    def values(number):
-        accessor = document.accessors[number]
-        view = document.bufferViews[accessor.bufferView]
-        width = {"SCALAR": 1, "VEC3": 3}[accessor.type]
-        blob, start = document.binary_blob(), (view.byteOffset or 0) + (accessor.byteOffset or 0)
-        return np.frombuffer(blob, "<f4", accessor.count * width, start).reshape(accessor.count, width)
-
-    animation, primitive = document.animations[0], document.meshes[0].primitives[0]
-    sampled = {each.target.path: animation.samplers[each.sampler] for each in animation.channels}
-    times = values(sampled["weights"].input)[:, 0]
-    weights = values(sampled["weights"].output).reshape(len(times), -1)
-    targets = np.array([values(target["POSITION"]) for target in primitive.targets])
-    moved = values(primitive.attributes.POSITION) + np.tensordot(weights, targets, 1)
-    return times, moved + values(sampled["translation"].output)[:, None]
+    made = Raw(path)
+    animation, primitive = made.file.animations[0], made.file.meshes[0].primitives[0]
+    root = next(c.sampler for c in animation.channels if c.target.path == "translation")
+    root = animation.samplers[root]
+    targets = np.array([made.array(target["POSITION"]) for target in primitive.targets])
+    moved = made.array(primitive.attributes.POSITION) + np.tensordot(made.weights(0), targets, 1)
+    return made.array(root.input)[:, 0], moved + made.array(root.output)[:, None]
 
 
 @pytest.mark.parametrize("mode", [CONTROLS, VERTICES])

@@ -188,12 +188,13 @@ def test_a_foreign_publisher_on_the_port_is_no_service(follow, publisher):
     assert states(script) == ["CONNECTING", "OFFLINE"]
 
 
-def test_something_else_on_the_port_gives_way_to_a_service(follow, serve, blob_puppet, free_port, something_else):
-    port = free_port()
-    with something_else(port):
-        script = follow(port, "blob/scene/mine")
-        assert "does not support ZMTP 3" in script.until(state("OFFLINE"))["reason"]
-    serve("--puppet", blob_puppet, "--source", "osc:0", "--port", port)
+def test_something_else_on_the_port_gives_way_to_a_service(follow, serve, blob_puppet, free_port, answering):
+    page = b"HTTP/1.1 400 Bad Request\r\n\r\n" + bytes(range(256))
+    something_else = answering(lambda line: line.sendall(page) or line.recv(100), free_port())
+    script = follow(something_else.port, "blob/scene/mine")
+    assert "does not support ZMTP 3" in script.until(state("OFFLINE"))["reason"]
+    something_else.close()
+    serve("--puppet", blob_puppet, "--source", "osc:0", "--port", something_else.port)
     script.until(topic("blob/scene/mine"))
     script.end()
     assert states(script) == ["CONNECTING", "OFFLINE", "CONNECTED"]

@@ -90,33 +90,20 @@ def admit(context):
 
 
 @pytest.fixture
-def peer():
-    """Start a server that answers connections with a function of the test; return the port."""
-    listeners, threads = [], []
+def peer(answering):
+    """Start a server that answers with a function and then only listens; return the port."""
 
     def start(answer):
-        listener = socket.create_server(("127.0.0.1", 0))
-        listeners.append(listener)
+        def whole(line):
+            answer(line)
+            line.shutdown(socket.SHUT_WR)
+            line.settimeout(60)
+            while line.recv(1 << 16):
+                pass
 
-        def serve():
-            with suppress(OSError), listener.accept()[0] as line:
-                answer(line)
-                line.shutdown(socket.SHUT_WR)
-                line.settimeout(60)
-                while line.recv(1 << 16):
-                    pass
+        return answering(whole).port
 
-        threads.append(threading.Thread(target=serve))
-        threads[-1].start()
-        return listener.getsockname()[1]
-
-    yield start
-    for listener in listeners:
-        with suppress(OSError):
-            listener.shutdown(socket.SHUT_RDWR)  # wakes who waits for somebody to come
-        listener.close()
-    for thread in threads:
-        thread.join()
+    return start
 
 
 def shake_hands(line):

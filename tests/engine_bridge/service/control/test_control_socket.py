@@ -108,13 +108,6 @@ def office():
     opened.close()
 
 
-@pytest.fixture(scope="module")
-def context():
-    context = zmq.Context()
-    yield context
-    context.destroy(0)
-
-
 @pytest.fixture
 def dealer(context, office):
     with context.socket(zmq.DEALER) as client:

@@ -34,13 +34,6 @@ def cat(blob_rig):
 
 
 @pytest.fixture
-def context():
-    made = zmq.Context()
-    yield made
-    made.destroy(linger=0)
-
-
-@pytest.fixture
 def open_publisher(context, until_end):
     def open_one(*characters, doors=None, clock=time.monotonic):
         return until_end(ZeroMqOutput(context, doors or [Open()], characters, clock))

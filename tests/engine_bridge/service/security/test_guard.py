@@ -123,13 +123,6 @@ def house(network, until_end):
 
 
 @pytest.fixture
-def context():
-    context = zmq.Context()
-    yield context
-    context.destroy(0)
-
-
-@pytest.fixture
 def visit(context, keys):
     """Connect a subscriber; say whether it was let in, and give the subscriber."""
     here = []

@@ -57,7 +57,7 @@ def test_a_wrong_token_and_a_replayed_one_are_refused(studio, caplog):
 @pytest.mark.slow
 def test_clients_that_send_without_a_token_leave_nothing_in_memory(studio, monkeypatch):
     monkeypatch.setattr(api_connection, "CLOSE_SECONDS", 0.02)
-    sizes, kept = asyncio.run(sizes_of_floods(studio.served.port, "/api"))
+    sizes, kept = studio.run(sizes_of_floods(studio.served.port, "/api"))
     assert kept == 0
     assert max(sizes[1:]) - sizes[0] < 5e6
 

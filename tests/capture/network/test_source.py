@@ -22,6 +22,7 @@ from capture.skeleton import JOINT_INDEX, SkeletonFrame
 from puppetline.errors import SourceError
 
 from ...effort import EFFORT
+from ..conftest import Watched
 
 REFUSALS = {
     *REASONS,
@@ -345,12 +346,7 @@ def test_any_messages_become_sound_frames_or_counted_refusals(long_lived, osc_bu
 def test_a_valid_sender_is_received_afterwards(long_lived, body):
     source, sender = long_lived
     sender.sendto(body(77, 0.25), ("127.0.0.1", source.port))
-    events = []
-    give_up = time.monotonic() + 10
-    while not any(isinstance(event, SkeletonFrame) and event.user == 77 for event in events):
-        assert time.monotonic() < give_up
-        select([source.fileno()], [], [], 0.01)
-        events += source.receive()
+    events = Watched(source).events(until=lambda found: any(getattr(event, "user", 0) == 77 for event in found))
     assert _head(events[-1]) == 0.25
 
 

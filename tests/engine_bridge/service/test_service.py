@@ -23,6 +23,7 @@ from engine_bridge.service.discovery import find
 from engine_bridge.service.protocol.scene import Scene
 from solver.model.binding import Binding
 
+from ...waiting import wait_until
 from .conftest import Sender
 
 pytestmark = pytest.mark.slow
@@ -299,8 +300,5 @@ def test_a_reload_reads_the_stages_of_the_service_file_again(serve, blob_puppet,
     assert service.ask("list")["characters"] == ["one", "two"]
     write(("two", "demo:roar?loop"))
     assert service.ask("reload") == {"characters": ["two"]}
-    wait = time.monotonic() + 30
-    while stages(service) != {"two": "demo:roar?loop"}:
-        assert time.monotonic() < wait
-        time.sleep(0.1)
+    wait_until(lambda: stages(service) == {"two": "demo:roar?loop"})
     client.until(lambda message: performing(message) and message.topic == "two/controls", "controls")

@@ -230,11 +230,7 @@ def test_garbage_is_counted_by_its_reason_and_logged_without_its_bytes(listen, b
     with caplog.at_level(logging.WARNING):
         wire.settle(b"secret", b"", b"\xff" * 8, osc_message("/secret", "s", "secret"))
         wire.frame(body(1))
-    assert wire.source.counts.refused == {
-        "no multiple of 4 bytes": 1,
-        "cut short": 2,
-        "unknown message": 1,
-    }
+    assert wire.source.counts.refused == {"no multiple of 4 bytes": 1, "cut short": 2, "unknown message": 1}
     assert len(caplog.messages) <= 2
     assert "secret" not in caplog.text
     assert caplog.messages[0].startswith("osc:127.0.0.1:0: refused ")

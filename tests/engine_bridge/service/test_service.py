@@ -128,17 +128,6 @@ def test_clients_and_performer_continue_after_a_killed_service_is_restarted(
     assert frames[-1].header.state == 2
 
 
-def test_a_client_is_shown_what_the_source_sees(shared):
-    playing, _ = shared
-    playing.client("blob/controls").until(performing)
-    seen = playing.ask("look", stage="stage")
-    assert seen["picture"] is None
-    (performer,) = seen["performers"]
-    assert (performer["user"], performer["joints"]) == (1, None)
-    assert performer["text"].startswith(f"user 1: {performer['joints_seen']} of 20 joints tracked")
-    assert playing.ask("look", stage="other")["found"] == "no stage 'other'"
-
-
 def test_osc_is_sent_at_no_more_than_its_rate(serve, blob_puppet):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind(("127.0.0.1", 0))

@@ -125,14 +125,6 @@ def test_constant_velocity_is_followed_without_lag_whatever_came_before():
     np.testing.assert_allclose(run(smoothing, times, line)[-50:], line[-50:], rtol=0, atol=1e-12)
 
 
-def test_prediction_runs_ahead_by_that_many_30_hz_frames_on_a_ramp():
-    times = np.arange(50) / 60
-    velocity = np.array([0.6, 0.0, -1.2])
-    ramp = velocity * times[:, None, None] + np.ones((50, 20, 3))
-    out = run(Smoothing(prediction=2.5, **EQ_4_ONLY), times, ramp)
-    np.testing.assert_allclose(out[1:], ramp[1:] + velocity * 2.5 / 30, rtol=0, atol=1e-12)
-
-
 @pytest.mark.parametrize("nan", [True, False], ids=["NaN", "confidence 0"])
 def test_a_lost_joint_holds_its_last_output_and_starts_afresh(nan):
     p, confidence, times = random_walk(30), np.ones((30, 20), dtype=np.float32), np.arange(30) / 30

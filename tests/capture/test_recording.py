@@ -47,6 +47,7 @@ def performance(count):
         yield Tick(k / 30)
         if k % 4 == 1:
             yield Lost(k / 30, user=2)
+            yield Lost(k / 30, user=2, again=True)
             yield Cue(k / 30, "mirror", {"character": "dog", "rest": {"of": [k / 7, None, {"é}": "}"}]}})
 
 

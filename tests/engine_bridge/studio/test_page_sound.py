@@ -16,6 +16,9 @@ pytestmark = pytest.mark.slow
 SECONDS = 6.0
 """Duration of the take, in seconds."""
 
+QUIET_SECONDS = 3.0
+"""Second of the take from which on the channel of the voice is 1."""
+
 FULL_SECONDS = 10.0
 """The sound's value is its second, divided by these."""
 
@@ -74,7 +77,8 @@ def studio(limbed_puppet, tmp_path_factory):
             side = np.sign(shoulder[0] - positions[JOINTS.index("shoulder_right")][0])
             lengths = np.linalg.norm(positions[arm] - shoulder, axis=1)
             positions[arm] = shoulder + lengths[:, None] * [side * np.sin(angle), -np.cos(angle), 0.0]
-            recorder.write(SkeletonFrame(5.0 + number / 30, 1, positions, frame.confidence))
+            speaks = {"voice": float(number / 30 >= QUIET_SECONDS)}
+            recorder.write(SkeletonFrame(5.0 + number / 30, 1, positions, frame.confidence, channels=speaks))
     with WavWriter(folder / "takes" / "rise.wav") as writer:
         writer.write(
             (np.arange(48_000 * 8) / 48_000 / FULL_SECONDS).astype(np.float32),
@@ -146,3 +150,28 @@ def test_the_microphone_is_switched_off_on_the_page(window):
     window.button("Microphone").click()
     window.until("!state.server.microphone")
     window.idle()
+
+
+def test_two_clicks_make_a_mouth_that_opens_with_the_voice(window):
+    name = window.state("character")
+    window.button("Play").click()
+    window.until("state.server.timeline?.paused === false")
+    ask(window, "pause")
+    before = places(window, name, 2.5), places(window, name, 3.5)
+    window.button("+ Mouth").click()
+    (neck, _), (crown, top) = window.place("head", 0), window.place("head", 1)
+    window.page.mouse.click((neck + crown) / 2, top + 30)
+    assert window.page.get_by_text("Click the tip of the chin").is_visible()
+    window.page.mouse.click(crown, top)
+    window.until("state.puppets[state.character].present.limb.some(({ name }) => name === 'jaw')")
+    window.idle()
+    jaw = window.limb("jaw")
+    assert jaw["bend"] == {"channel": "voice", "degrees": 20.0, "axis": "x"}
+    assert (jaw["parent"], jaw["gain"], jaw["follow"]) == ("head", 0.0, "turn")
+    window.page.get_by_label("Opens with the voice, degrees").fill("35")
+    window.page.get_by_label("Opens with the voice, degrees").press("Tab")
+    window.idle()
+    assert window.limb("jaw")["bend"]["degrees"] == 35
+    window.button("Live").click()
+    after = places(window, name, 2.5), places(window, name, 3.5)
+    print(jaw, [np.abs(a - b).max() for a, b in zip(before, after)])

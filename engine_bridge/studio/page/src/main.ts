@@ -5,7 +5,7 @@ import { Client } from "../../../../integrations/web/puppetline.js";
 import { address } from "./connection";
 import { draw, h } from "./dom";
 import { play, position } from "./film";
-import { addHandle, freeName, handlesOf } from "./model/puppet";
+import { JAW, addHandle, addJaw, freeName, handlesOf } from "./model/puppet";
 import { banner } from "./panels/banner";
 import { empty } from "./panels/empty";
 import { covers } from "./panels/film";
@@ -43,8 +43,14 @@ const viewer = new Viewer(place, {
     const { tool, drawn } = current();
     const puppet = shownPuppet(current());
     if (puppet === null) return;
-    if (tool === "limb") {
+    if (tool === "limb" || (tool === "jaw" && drawn.length === 0)) {
       update({ drawn: [...drawn, inside] });
+      return;
+    }
+    if (tool === "jaw" && drawn[0] !== undefined) {
+      edit(addJaw(puppet, drawn[0], inside));
+      select({ kind: "limb", name: JAW });
+      update({ tool: "select", drawn: [] });
       return;
     }
     const name = freeName(strings.limbs.newHandle, handlesOf(puppet).map((handle) => handle.name));

@@ -88,6 +88,12 @@ export const strings = {
     close: "Close",
   },
 
+  kiosk: {
+    making: "Your film is being made. Wait a moment…",
+    open: (host: string) => `Your film! Open ${host}/clips and type`,
+    minutes: (minutes: number) => `It is there for ${count(minutes, "minute")}.`,
+  },
+
   install: {
     title: { camera: "Use a webcam?", film: "Make films?", sound: "Use the microphone?" },
     text: {

@@ -55,6 +55,7 @@ from engine_bridge.studio.messages.performers import (
 from engine_bridge.studio.messages.state import (
     Banner,
     CharacterState,
+    ClipState,
     FileState,
     JobState,
     PerformerState,
@@ -92,6 +93,7 @@ __all__ = [
     "Cancel",
     "ChangePlan",
     "CharacterState",
+    "ClipState",
     "ChooseUser",
     "CloseCharacter",
     "CloseCode",

@@ -81,9 +81,7 @@ def measure(folder: Path, seconds: float) -> None:
     steps = CLAP_SECONDS * np.arange(len(claps))
     drift, off = (claps[-1] - claps[0]) / steps[-1] - 1, np.abs(claps - claps[0] - steps).max()
     print(f"{times[-1] - times[0]:.1f} s, {used:.0f} s of processor time, load {os.getloadavg()[1]:.1f}")
-    print(
-        f"skeletons: {last - first + 1:,} sent, {len(times):,} in the take; longest interval {np.diff(times).max():.3f} s"
-    )
+    print(f"skeletons: {last - first + 1:,} sent, {len(times):,} in the take; longest gap {np.diff(times).max():.3f} s")
     for name, each in lost.items():
         print(f"{name}: {each['messages']:,} streamed, {each['lost']} lost")
     print(f"sound: {len(heard) / rate:.2f} s from {begin - times[0]:+.2f} s on, drift {1e6 * drift:.1f} ppm")

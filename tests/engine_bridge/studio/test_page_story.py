@@ -95,7 +95,7 @@ def film(studio, window, tmp_path_factory):
     window.button("Microphone").click()
     window.until("state.server.microphone")
     window.idle()
-    window.button("first").click()
+    window.page.get_by_label("Character", exact=True).select_option("first")
     take(window, 3.0)
     window.button("second").click()
     performing(window)

@@ -3,6 +3,7 @@ import shutil
 import numpy as np
 import pytest
 from puppetline.examples.performances import PERFORMANCES
+from scipy.spatial.transform import Rotation
 
 from capture.timeline import resample
 from engine_bridge.character.character import load_character, make_character
@@ -139,6 +140,18 @@ def test_two_logs_are_both_in_it(take, record, dance, blob_puppet, blob_rig, tmp
     assert summary.frames == 2 * 58
     for log in (take, backwards):
         assert live_error(tmp_path / "a.glb", blob_rig, frames_of(blob_rig, log)) <= summary.error + 1e-6 <= 5e-4 + 1e-6
+
+
+def test_it_covers_a_performer_who_turns_round_though_none_of_the_recordings_does(
+    take, limbed_puppet, limbed_rig, dance, record, tmp_path
+):
+    """The dance of the recording, in which the performer turns once about the hips."""
+    positions = dance()
+    turns = Rotation.from_rotvec(np.linspace(0, 2 * np.pi, len(positions))[:, None] * [0, 1, 0]).as_matrix()
+    hips = positions[:, :1]
+    turning = record(tmp_path / "turning.log", (positions - hips) @ turns.transpose(0, 2, 1) + hips)
+    bake(limbed_puppet, tmp_path / "a.glb", (take,))
+    assert live_error(tmp_path / "a.glb", limbed_rig, frames_of(limbed_rig, turning)) < 0.01
 
 
 def test_without_logs_it_covers_performances_and_handles(of_nothing, blob_rig, standing):

@@ -1,5 +1,5 @@
-"""Python loads this at its start if its folder is on the path: /dev/video0 is a camera with a drawn performer, who speaks
-into a microphone for 0.3 s from each second of the motion on."""
+"""Python loads this at its start if its folder is on the path: /dev/video0 is a camera with a drawn performer, who
+speaks into a microphone for 0.3 s from each second of the motion on."""
 
 import importlib.abc
 import importlib.util

@@ -1,7 +1,7 @@
 /** The puppet file as the server sends it, and its edits: every function returns a new puppet. */
 
 import { type Joint, type JointChoice, chainOf, sideOf, spread } from "./skeleton";
-import { type Vector, cross, reflect } from "./vector";
+import { type Vector, cross, dot, length, meetPlane, reflect, subtract } from "./vector";
 
 export interface Limb {
   readonly name: string;
@@ -173,6 +173,16 @@ export function addJaw(puppet: Puppet, hinge: Vector, tip: Vector): Puppet {
   const bend = { channel: "voice", degrees: JAW_DEGREES, axis };
   const jaw: Limb = { name: JAW, points: [hinge, tip], joints: ["shoulder_center", "head"], follow: "turn", gain: 0, ...parent, bend };
   return { ...puppet, limb: put(limbsOf(puppet), jaw) };
+}
+
+/** Least cosine of the angle between a click's ray and the body's left at which the ray meets the plane of symmetry. */
+const SIDEWAYS = 0.3;
+
+/** The point of a jaw that is clicked: in the plane of symmetry, or inside the body if the click is from the front. */
+export function jawPoint(puppet: Puppet, bounds: readonly [Vector, Vector], inside: Vector, surface: Vector): Vector {
+  const [direction, left] = [subtract(inside, surface), leftOf(puppet)];
+  if (Math.abs(dot(direction, left)) < SIDEWAYS * length(direction)) return inside;
+  return meetPlane({ origin: surface, direction }, symmetryPoint(puppet, bounds), left) ?? inside;
 }
 
 /** Insert a point in the middle of the bone after a point, or lengthen the limb by a bone after its last one. */

@@ -7,9 +7,11 @@ from scipy.spatial.transform import Rotation
 
 from capture import body
 from capture.formats import read_log
+from capture.orientations import unknown
 from capture.recording import as_recorded
 from capture.skeleton import JOINT_INDEX, mirrored, to_character_axes
 from capture.timeline import resample
+from capture.trackers.face import HeadDirection
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.retargeting import Retargeting, legs_of
 from engine_bridge.puppet.puppet import RetargetTable, RootTable, SmoothingTable
@@ -72,6 +74,28 @@ def test_a_mirroring_puppet_does_what_another_does_for_the_mirrored_performer(pu
         a, b = ours.step(frame), theirs.step(other)
         np.testing.assert_allclose(a.motions, b.motions, atol=1e-12)
         np.testing.assert_allclose(a.root, b.root, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "axis", [(0, 1, 0), (1, 0, 0), (0, 0, 1), (-0.4, 0.8, 0.3)], ids=("yaw", "pitch", "roll", "all")
+)
+def test_the_character_looks_where_the_face_of_the_performer_does(puppet, retargeting, frames, dance, axis):
+    """The tracker of faces moves the head and knows its orientation (`capture.trackers.face`)."""
+    (standing,) = dance(1)
+    neck, head = (JOINT_INDEX[name] for name in ("shoulder_center", "head"))
+    made, _ = retargeting(puppet, standing)
+    face, bone = HeadDirection(), standing[head] - standing[neck]
+    looks = Rotation.from_rotvec(np.outer(np.clip(np.linspace(0, 2, 60), 0, 1) * 0.6, axis))
+    for frame, look in zip(frames(np.repeat(standing[None], 60, axis=0)), looks, strict=True):
+        positions, orientations = standing.copy(), unknown()
+        positions[head] = positions[neck] + face.turned(look.apply(bone), look.as_matrix())
+        orientations[neck] = look.as_quat()[[3, 0, 1, 2]]
+        motions = made.step(replace(frame, positions=positions, orientations=orientations)).motions
+    last = sum(len(limb.points) - 1 for limb in itertools.takewhile(lambda limb: limb.name != "head", puppet.limbs))
+    found = Rotation.from_matrix(motions[last, :3].T)
+    sides = np.array([-1.0, 1, -1])
+    wanted = Rotation.from_rotvec(sides * looks[-1].as_rotvec())
+    assert (found * wanted.inv()).magnitude() < np.radians(1)
 
 
 def test_a_full_turn_of_a_performer_who_dances_turns_the_character_once_round(puppet, retargeting, frames, dance):

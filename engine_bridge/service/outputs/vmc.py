@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from capture.channels import FINGERS, FULL_BEND_DEGREES
 from capture.network.osc import bundle, encode
+from capture.skeleton import swap_sides
 from engine_bridge.service.protocol.frame import Frame
 
 DATAGRAM_BYTES = 1472
@@ -72,15 +73,18 @@ def datagrams(frame: Frame, seconds: float) -> Iterator[bytes]:
 
 def _fingers(frame: Frame, placed: dict[str, NDArray[np.float32]]) -> Iterator[bytes]:
     """Write the measured joints of fingers. Palms are down in a T-pose: fingers bend about z, thumbs about y."""
+    channels = frame.channels or {}
+    if frame.character.rig.puppet.retarget.mirror:
+        channels = {swap_sides(each): value for each, value in channels.items()}
     for side, out in (("left", -1.0), ("right", 1.0)):
         name = side.title()
         hand = placed.get(f"{name}Hand")
-        if hand is None or not frame.channels or f"index_1_{side}" not in frame.channels:
+        if hand is None or f"index_1_{side}" not in channels:
             continue
         size = float(np.linalg.norm(hand[:3])) / FOREARM_METRES
         for finger in FINGERS:
             for k, part in enumerate(("Proximal", "Intermediate", "Distal"), 1):
-                angle = math.radians(FULL_BEND_DEGREES) * frame.channels.get(f"{finger}_{k}_{side}", 0.0)
+                angle = math.radians(FULL_BEND_DEGREES) * channels.get(f"{finger}_{k}_{side}", 0.0)
                 turn = -out * math.sin(angle / 2)
                 axis = (0.0, -turn, 0.0) if finger == "thumb" else (0.0, 0.0, turn)
                 along, ahead = KNUCKLES_METRES[finger] if k == 1 else (PHALANX_METRES, 0.0)

@@ -187,6 +187,9 @@ def test_recordings_of_orbbec_play_and_end_and_others_are_refused(bus, noise, mo
             np.testing.assert_allclose(picture.depth, depth, rtol=2e-7)
         with pytest.raises(SourceError, match="the end of the recording"):
             read(device)
+    with closing(bus.open(Selection("file", "take.bag", loop=True))) as device:
+        times = [read(device).time for _ in range(7)]
+    np.testing.assert_allclose(times, np.arange(7) / 30, atol=1e-5)
     with pytest.raises(SourceError, match="a file that Orbbec's SDK does not play"):
         bus.open(Selection("file", "half.bag"))
 

@@ -13,7 +13,6 @@ The channels are differences from the neutral face, which is the median of the f
 The head turns with the face: its axes are the line through the eyes and temples, and that from chin to forehead.
 """
 
-import logging
 from importlib import import_module
 from typing import Any
 
@@ -58,8 +57,6 @@ MEAN_COUNT = 150.0
 """Number of images over which the direction from the neck to the head is averaged, about 5 s."""
 
 Floats = NDArray[np.float64]
-
-log = logging.getLogger(__name__)
 
 
 def measures(landmarks: Floats) -> Floats:
@@ -177,7 +174,6 @@ class FaceMesh:
 
     def __init__(self) -> None:
         self._mesh: Any = open_model("face_mesh", "FaceMesh", max_num_faces=1, refine_landmarks=True)
-        self._upside_down = False
 
     def find(self, color: NDArray[np.uint8]) -> Floats | None:
         """Return landmarks (468, 3) in pixels, right, down and away; None without a face that looks at the camera."""
@@ -187,10 +183,7 @@ class FaceMesh:
             return None
         points = result.multi_face_landmarks[0].landmark[:468]
         found = np.array([(point.x * width, point.y * height, point.z * width) for point in points])
-        upside_down = bool(found[_CHIN, 1] < found[_FOREHEAD, 1])
-        if upside_down and not self._upside_down:
-            log.warning("a face is upside down and is not measured: turn the camera, or the video, by 180 degrees")
-        self._upside_down = upside_down
+        upside_down = found[_CHIN, 1] < found[_FOREHEAD, 1]
         return None if upside_down or turn(found) > MAX_TURN else found
 
     def close(self) -> None:

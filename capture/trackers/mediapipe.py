@@ -58,7 +58,7 @@ _LANDMARK_COUNT, _HEAD_LANDMARKS = 33, 11
 _LEFT = {"shoulder": [11], "elbow": [13], "wrist": [15], "hand": [17, 19], "hip": [23], "knee": [25], "ankle": [27]}
 _LEFT |= {"foot": [29, 31]}
 _RIGHT = {joint: [landmark + 1 for landmark in landmarks] for joint, landmarks in _LEFT.items()}
-_EARS = [7, 8]
+_EYES, _EARS, _MOUTH = [2, 5], [7, 8], [9, 10]
 _NECK, _SPINE = 0.15, 0.17
 _HEAD, _NECK_JOINT = JOINT_INDEX["head"], JOINT_INDEX["shoulder_center"]
 
@@ -92,6 +92,7 @@ class MediaPipePose:
         self._face, self._head = FaceChannels(), HeadDirection()
         self._hands = Hands() if hands else None
         self._gestures = HandChannels()
+        self._upside_down = False
         self._height = height
         self._placer: BodyPlacer | None = None
         self._person: Person | None = None
@@ -157,12 +158,20 @@ class MediaPipePose:
         if self._mesh is not None:
             head = body[:_HEAD_LANDMARKS]
             part, corner = part_around(color, head.mean(axis=0), HEAD_CROP * float(np.ptp(head, axis=0).max()))
-            face = self._mesh.find(part)
+            face = None if self._is_upside_down(head) else self._mesh.find(part)
             channels |= self._face.step(picture.time, None if face is None else measures(face))
             if face is not None:
                 ray = picture.lens.unproject(corner + len(part) / 2, np.ones(()))
                 orientations = self._turn_head(positions, axes(face, ray))
         return Person(self._users, positions.astype(np.float32), confidence, channels or None, orientations)
+
+    def _is_upside_down(self, head: NDArray[np.float64]) -> bool:
+        """Return whether the mouth of a head's landmarks (11, 2) is above the eyes; log that once."""
+        upside_down = bool(head[_MOUTH, 1].mean() < head[_EYES, 1].mean())
+        if upside_down and not self._upside_down:
+            log.warning("%s: the face is upside down and not measured: turn the camera or the video", self.name)
+        self._upside_down = upside_down
+        return upside_down
 
     def _turn_head(self, positions: NDArray[np.float64], face: NDArray[np.float64]) -> NDArray[np.float64]:
         """Move the head of (20, 3) positions to where the face points, and return its orientation (20, 4)."""

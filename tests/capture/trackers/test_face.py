@@ -32,7 +32,7 @@ def mesh(camera):
 def channels_of(mesh, faces, **view):
     """Return the channels (n, 6) of faces that follow a second of the neutral face, each shown for 0.2 s."""
     channels, time = FaceChannels(), 0.0
-    neutral = measures([mesh.find(draw(**view)) for _ in range(5)][-1])
+    neutral = measures(mesh.find(draw(**view)))
     for time in np.arange(0, NEUTRAL_SECONDS + 0.1, 1 / RATE):
         channels.step(time, neutral)
     rows = []
@@ -44,7 +44,7 @@ def channels_of(mesh, faces, **view):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("yaw", "least"), [(0, 0.95), (-30, 0.85), (30, 0.85)])
-@pytest.mark.parametrize("size", [120, 240])
+@pytest.mark.parametrize("size", [240])
 def test_channels_of_drawn_faces_follow_their_openings(mesh, yaw, least, size):
     part = np.array([0.0, 0.5, 1.0, 0.2, 0.8, 0.0])
     for name, most, channel in (("opening", 3.0, MOUTH), ("smile", 0.8, SMILE), ("brow", 0.6, BROW)):

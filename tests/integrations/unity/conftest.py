@@ -2,6 +2,7 @@
 
 import base64
 import json
+import os
 import shutil
 import subprocess
 import threading
@@ -19,7 +20,7 @@ from ...engine_bridge.service.conftest import services
 from ...waiting import wait_until
 
 HERE = Path(__file__).parent
-PACKAGE = HERE.parents[2] / "integrations" / "unity"
+PACKAGE = Path(os.environ.get("PUPPETLINE_UNITY_PACKAGE", HERE.parents[2] / "integrations" / "unity"))
 TIMEOUT_SECONDS = 60.0
 """Time after which a test fails, in seconds."""
 

@@ -114,7 +114,8 @@ def update(gait, time, elapsed, lifted, rests, speed, leg_length, metre):
     seen = gait[STEP_TIME] > 0 and time - gait[LIFTED_AT] < SEEN_STEPS * gait[STEP_TIME]
     stands = gait[RESTED] > RESTED_SECONDS
     walked = gait[WALKS] > 0
-    moves = speed > (STOP_SPEED if walked else WALK_SPEED) * natural
+    # a body that turns over feet that rest does not begin to walk
+    moves = speed > (STOP_SPEED if walked else WALK_SPEED) * natural and (walked or not (rests[0] and rests[1]))
     gait[WALKS] = 1.0 if (seen or moves) and not stands else 0.0
     gait[STOPPED] = 0.0 if gait[WALKS] > 0 else gait[STOPPED] + elapsed
     gait[DUTY] = max(FAST_DUTY, SLOW_DUTY - (SLOW_DUTY - FAST_DUTY) * froude / FAST_FROUDE)
@@ -139,10 +140,10 @@ def update(gait, time, elapsed, lifted, rests, speed, leg_length, metre):
 @compiled(inner=True)
 def _watch_steps(gait, time, elapsed, lifted, rests):
     """Update the cadence and phase of a performer's steps."""
-    rested = gait[RESTED] + (elapsed if rests[0] and rests[1] else -UNREST_RATE * elapsed)
-    gait[RESTED] = min(max(rested, 0.0), 2 * RESTED_SECONDS)
     if gait[RESTED] > RESTED_SECONDS:
         gait[STEP_TIME] = 0.0
+    else:
+        gait[RESTED] = max(gait[RESTED] + (elapsed if rests[0] and rests[1] else -UNREST_RATE * elapsed), 0.0)
     for foot in range(2):
         other = 1 - foot
         if not (lifted[foot] and not lifted[other]) or gait[LAST_FOOT] == foot:
@@ -152,6 +153,7 @@ def _watch_steps(gait, time, elapsed, lifted, rests):
             continue
         if gait[LAST_FOOT] >= 0 and since < MAX_STEP_SECONDS:
             gait[STEP_TIME] = since if gait[STEP_TIME] == 0 else (gait[STEP_TIME] + since) / 2
+            gait[RESTED] = 0.0
         else:
             gait[STEP_TIME] = 0.0
         gait[LAST_FOOT], gait[LIFTED_AT] = foot, time

@@ -46,7 +46,7 @@ TOO_FAR, TOO_FAR_WALKING = 0.22, 0.47
 MAX_AWAY = 0.52
 """Largest distance between a foot that stands and its home, in leg lengths."""
 
-TIDY_DISTANCE, TIDY_SECONDS = 0.1, 0.65
+TIDY_DISTANCE, TIDY_SECONDS = 0.1, 0.5
 """Distance from home, in leg lengths, from which a leg steps once more in this time after a walk, in seconds."""
 
 LEAN_AWAY, TURN_AWAY = 0.2, math.radians(25)
@@ -296,7 +296,7 @@ def _turn_homes(plan, body, turned, elapsed):
 def _stays(state):
     """Return whether the performer stands where both feet came to rest; update where that is."""
     gait = state.gait
-    if gait[RESTED] <= RESTED_SECONDS or gait[STOPPED] < TIDY_SECONDS:
+    if gait[RESTED] <= RESTED_SECONDS:
         state.stand[:] = state.watch.last
         return False
     for foot in range(2):
@@ -304,7 +304,7 @@ def _stays(state):
         if not math.hypot(way[0], way[2]) < STEPPED_METRES:
             gait[RESTED] = 0.0
             return False
-    return True
+    return gait[STOPPED] >= TIDY_SECONDS
 
 
 @compiled(inner=True)
@@ -374,8 +374,9 @@ def _urgency(plan, state, leg, walks):
         share = share_of_stride(gait, plan.offsets[leg])
         due = share < LATE_SHARE * air
         return 1.0 + away if due else (away if away > TOO_FAR_WALKING else 0.0)
-    tidy = gait[STOPPED] < TIDY_SECONDS
-    too_far = TIDY_DISTANCE if tidy else TOO_FAR
+    if state.body[FOLLOWS] == 0 and gait[RESTED] > RESTED_SECONDS and gait[STOPPED] >= TIDY_SECONDS:
+        return away if away > TOO_FAR_WALKING else 0.0
+    too_far = TIDY_DISTANCE if gait[STOPPED] < TIDY_SECONDS else TOO_FAR
     if away > too_far or turned > TOO_TURNED:
         return away / too_far + turned / TOO_TURNED
     return 0.0

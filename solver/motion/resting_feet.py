@@ -21,10 +21,10 @@ resting."""
 STILL_SECONDS = 0.2
 """Time for which the lower foot must be slow until it defines the floor, in seconds; longer than the top of a jump."""
 
-MIN_JUMP_METRES = 0.05
+MIN_JUMP_METRES = 0.03
 """Height of both of a performer's feet over the floor, in metres, from which the character leaves its own floor."""
 
-SOFT_JUMP_METRES = 0.05
+SOFT_JUMP_METRES = 0.03
 """Height above that one, in metres, at which the character rises half as far, so that it leaves the floor smoothly."""
 
 VELOCITY_SECONDS = 0.05

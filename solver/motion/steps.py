@@ -57,6 +57,9 @@ STEPPED_METRES = 0.18
 """Distance between a performer's foot and where it came to rest, in metres, from which it has stepped, though so slowly
 that it seemed to rest."""
 
+LEFT_METRES = 0.12
+"""The same for a foot that does not rest."""
+
 CAUGHT_UP = 0.2
 """Share of these below which the homes rest again."""
 
@@ -72,7 +75,7 @@ BASE_SECONDS, SLOW_BASE_SECONDS = 0.15, 0.5
 HEADING_SECONDS = 0.08
 """Time constant of the critically damped spring with which the homes turn, in seconds."""
 
-MAX_TURNING_SPEED = 2.5
+MAX_TURNING_SPEED = 1.4
 """Largest speed at which a turning body moves the homes of its feet, in leg lengths per second."""
 
 TOO_TURNED = math.radians(20)
@@ -90,7 +93,7 @@ MIN_SWING_SECONDS, MAX_SWING_SECONDS = 0.14, 0.5
 ARC_HEIGHT, ARC_SLOPE, MAX_ARC_HEIGHT = 0.08, 0.06, 0.2
 """Height of a swing in leg lengths: of a short one; its increase with the step's length; the largest."""
 
-LIFTING = 0.1
+LIFTING_SHARE = 0.1
 """Share of a swing at its beginning, and at its end, in which the foot only rises, and only sinks."""
 
 AIM_SHARE = 0.8
@@ -301,7 +304,7 @@ def _stays(state):
         return False
     for foot in range(2):
         way = minus(row_of(state.watch.last, foot), row_of(state.stand, foot))
-        if not math.hypot(way[0], way[2]) < STEPPED_METRES:
+        if not math.hypot(way[0], way[2]) < (STEPPED_METRES if state.watch.held[foot] > 0 else LEFT_METRES):
             gait[RESTED] = 0.0
             return False
     return gait[STOPPED] >= TIDY_SECONDS
@@ -414,7 +417,7 @@ def _swing(plan, state, leg, elapsed):
     if share <= AIM_SHARE or elapsed >= state.seconds[leg]:
         _aim(plan, state, leg, (1 - share) * state.seconds[leg])
     way = minus(state.aim[leg], state.origin[leg])
-    ahead = min(max((share - LIFTING) / (1 - 2 * LIFTING), 0.0), 1.0)
+    ahead = min(max((share - LIFTING_SHARE) / (1 - 2 * LIFTING_SHARE), 0.0), 1.0)
     done = ahead * ahead * ahead * (ahead * (6 * ahead - 15) + 10)  # minimum jerk
     arc = min(ARC_HEIGHT + ARC_SLOPE * length(way) / plan.leg_length, MAX_ARC_HEIGHT) * plan.leg_length
     rise = arc * 16 * (share * (1 - share)) ** 2

@@ -36,7 +36,7 @@ AHEAD_SECONDS = 0.08
 MIN_WEIGHT = 1e-3
 """Smallest weight of a leg in the air in this."""
 
-SLACK = 0.02
+SLACK = 0.015
 """Largest way by which the spring may be behind, in leg lengths."""
 
 STANDING_HEIGHT = 0.9

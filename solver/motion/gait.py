@@ -93,7 +93,7 @@ def phases(sides: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.floa
 
 
 @compiled(inner=True)
-def update(gait, time, elapsed, lifted, rests, speed, leg_length, metre):
+def update(gait, time, elapsed, lifted, rests, lost, speed, leg_length, metre):
     """Update the gait of a body.
 
     Parameters
@@ -103,12 +103,14 @@ def update(gait, time, elapsed, lifted, rests, speed, leg_length, metre):
     time, elapsed : float
     lifted, rests : (2,) bool
         Which of the performer's feet are in the air, and which rest.
+    lost : bool
+        Whether the sensor does not see one of them.
     speed : float
         Of the body, or of its feet if it turns on the spot; mesh units per second.
     leg_length, metre : float
         Mesh units; mesh units per metre.
     """
-    _watch_steps(gait, time, elapsed, lifted, rests)
+    _watch_steps(gait, time, elapsed, lifted, rests, lost)
     natural = math.sqrt(GRAVITY * metre * leg_length)
     froude = (speed / natural) ** 2
     seen = gait[STEP_TIME] > 0 and time - gait[LIFTED_AT] < SEEN_STEPS * gait[STEP_TIME]
@@ -138,12 +140,14 @@ def update(gait, time, elapsed, lifted, rests, speed, leg_length, metre):
 
 
 @compiled(inner=True)
-def _watch_steps(gait, time, elapsed, lifted, rests):
-    """Update the cadence and phase of a performer's steps."""
+def _watch_steps(gait, time, elapsed, lifted, rests, lost):
+    """Update the cadence and phase of a performer's steps. A stand ends when both feet have stepped, or are lost."""
+    if rests[0] and rests[1]:
+        gait[RESTED] = min(gait[RESTED] + elapsed, 2 * RESTED_SECONDS)
+    elif lost or gait[RESTED] <= RESTED_SECONDS:
+        gait[RESTED] = max(gait[RESTED] - UNREST_RATE * elapsed, 0.0)
     if gait[RESTED] > RESTED_SECONDS:
         gait[STEP_TIME] = 0.0
-    else:
-        gait[RESTED] = max(gait[RESTED] + (elapsed if rests[0] and rests[1] else -UNREST_RATE * elapsed), 0.0)
     for foot in range(2):
         other = 1 - foot
         if not (lifted[foot] and not lifted[other]) or gait[LAST_FOOT] == foot:

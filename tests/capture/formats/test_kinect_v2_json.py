@@ -6,7 +6,7 @@ import pytest
 
 from capture.formats import kinect_v2_json
 from capture.formats.options import ReadOptions
-from capture.skeleton import JOINT_INDEX, PARENTS
+from capture.skeleton import JOINT_INDEX
 from puppetline.errors import SkeletonLogError
 
 from .conftest import assert_refused
@@ -143,20 +143,6 @@ def test_real_counts(real_logs: Path) -> None:
     # All of the 151 joints at −500 are the performer's: none of the 21st, which is the shoulder centre, is among them.
     assert np.count_nonzero(one.confidence == 0) == 151
     assert two.times[0] == 224 / 30
-
-
-@pytest.mark.parametrize("take", ["raise-right-arm", "raise-both-arms-separately"])
-def test_real_bodies_are_of_human_size(real_logs: Path, take: str) -> None:
-    clip = kinect_v2_json.read(real_logs / "kinect_v2_json" / f"1-person_{take}.json", ReadOptions())[0]
-    at = {name: clip.positions[:, index] for name, index in JOINT_INDEX.items()}
-    bone = {name: np.nanmedian(np.linalg.norm(at[name] - at[parent], axis=1)) for name, parent in PARENTS.items()}
-    for side in ("left", "right"):
-        assert 0.32 < bone[f"knee_{side}"] < 0.40
-        assert 0.34 < bone[f"ankle_{side}"] < 0.42
-        assert 0.21 < bone[f"elbow_{side}"] < 0.28
-        assert 0.19 < bone[f"wrist_{side}"] < 0.24
-    assert 1.3 < np.nanmedian(at["head"][:, 1] - at["ankle_left"][:, 1]) < 1.45
-    assert (at["shoulder_right"][:, 0] - at["shoulder_left"][:, 0] > 0.2).all()
 
 
 def test_recognises_a_list_of_frames_and_no_other_document() -> None:

@@ -3,8 +3,6 @@ import logging
 import math
 import re
 import socket
-import subprocess
-import sys
 import time
 import warnings
 from contextlib import closing
@@ -99,21 +97,6 @@ def test_closing_twice_frees_the_port():
         open_osc(f"{source.port}").close()
         del source
         gc.collect()
-
-
-def test_a_sender_in_another_process_is_received(listen, walk):
-    """The sender uses python-osc and one datagram per joint, like OSCeleton-KinectSDK2."""
-    wire = listen()
-    script = f"""
-from pythonosc.udp_client import SimpleUDPClient
-client = SimpleUDPClient("127.0.0.1", {wire.source.port})
-for step, name in enumerate(("head", "neck", "l_hand")):
-    client.send_message("/osceleton2/joint", [name, 0, 3, 100.0 * step, -200.0, 1500.0, 1.0, 7.0])
-"""
-    subprocess.run([sys.executable, "-c", script], check=True)
-    frame = wire.frame()
-    known = [JOINT_INDEX[name] for name in ("head", "shoulder_center", "hand_left")]
-    np.testing.assert_allclose(frame.positions[known], [[0, 0.2, 1.5], [0.1, 0.2, 1.5], [0.2, 0.2, 1.5]], atol=1e-15)
 
 
 def test_frames_have_increasing_arrival_times(listen, body):
@@ -286,37 +269,16 @@ VALUES = st.one_of(
 ADDRESSES = st.sampled_from(
     [
         *("/joint", "/orient", "/new_user", "/lost_user", "/joint/head/1", "/joint/tail/1", "/user/2"),
-        *(
-            "/osceleton2/joint",
-            "/osceleton2/hand",
-            "/face",
-            "Head",
-            "/Head_3",
-            "2/Left_Hand",
-            "NI_mate_sync",
-            "skeleton",
-        ),
+        *("/osceleton2/joint", "/osceleton2/hand", "/face", "Head", "/Head_3", "2/Left_Hand"),
+        *("NI_mate_sync", "skeleton"),
         *("/VMC/Ext/OK", "/VMC/Ext/Bone/Pos", "/VMC/Ext/Root/Pos", "/VMC/Ext/T", "/other"),
         *("/VMC/Ext/Blend/Val", "/VMC/Ext/Blend/Apply", "/puppetline/channel"),
     ]
 )
 SHAPES = st.sampled_from(
     [
-        "sifff",
-        "sff",
-        "sf",
-        "isfff",
-        "fff",
-        "ff",
-        "siifffff",
-        "f" * 7,
-        "f" * 12,
-        "f" * 4,
-        "f",
-        "i",
-        "iiii",
-        "sfffffff",
-        "",
+        *("sifff", "sff", "sf", "isfff", "siifffff", "sfffffff", "i", "iiii", ""),
+        *("f" * count for count in (1, 2, 3, 4, 7, 12)),
     ]
 )
 TYPED = {

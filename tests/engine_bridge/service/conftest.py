@@ -310,17 +310,17 @@ def serve_module(tmp_path_factory, own_cache, commands):
 
 
 @pytest.fixture
-def listen():
+def context():
+    """Return a ZeroMQ context, whose sockets are closed after the test."""
+    made = zmq.Context()
+    yield made
+    made.destroy(linger=0)
+
+
+@pytest.fixture
+def listen(until_end):
     """Connect a client to an endpoint."""
-    connected = []
-
-    def connect(endpoint, *topics):
-        connected.append(Client(endpoint, *topics))
-        return connected[-1]
-
-    yield connect
-    for client in connected:
-        client.close()
+    return lambda endpoint, *topics: until_end(Client(endpoint, *topics))
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,8 @@ import zmq
 
 from engine_bridge.service.protocol.payloads import decode
 
-from ...engine_bridge.service.conftest import Served
+from ...engine_bridge.service.conftest import services
+from ...waiting import wait_until
 
 HERE = Path(__file__).parent
 PACKAGE = HERE.parents[2] / "integrations" / "unity"
@@ -78,7 +79,7 @@ class Program:
         assert (code, self.noise) == (0, [])
         return self.said
 
-    def kill(self):
+    def close(self):
         self.process.kill()
         self.process.wait()
         self._read.join()
@@ -144,17 +145,9 @@ def build(compiler, folder):
 
 
 @pytest.fixture
-def start(mono, built):
+def start(mono, built, until_end):
     """Start one of the programs with arguments."""
-    started = []
-
-    def run(name, *arguments):
-        started.append(Program([mono[1], built / f"{name}.exe", *arguments]))
-        return started[-1]
-
-    yield run
-    for program in started:
-        program.kill()
+    return lambda name, *arguments: until_end(Program([mono[1], built / f"{name}.exe", *arguments]))
 
 
 @pytest.fixture(scope="session")
@@ -243,17 +236,9 @@ class Reference:
 
 
 @pytest.fixture
-def reference():
+def reference(until_end):
     """Follow topics with libzmq and Python."""
-    followed = []
-
-    def follow(*arguments, **more):
-        followed.append(Reference(*arguments, **more))
-        return followed[-1]
-
-    yield follow
-    for each in followed:
-        each.close()
+    return lambda *arguments, **more: until_end(Reference(*arguments, **more))
 
 
 @pytest.fixture(scope="session")
@@ -281,32 +266,18 @@ def serve_figure(serve, played, free_port):
     return start
 
 
-def served(commands, folder, *arguments):
-    """Serve for many tests: none of them asks for what others would see."""
-    state = {"XDG_STATE_HOME": str(folder)}
-    return Served(commands, *arguments, "--no-announce", "--takes", folder, "--port", 0, env=state)
-
-
-def end(service):
-    service.process.kill()
-    service.ended()
-    service.process.stderr.close()
-
-
 @pytest.fixture(scope="session")
 def figure(own_cache, commands, played, baked, tmp_path_factory):
-    """The small figure, served as long as the tests run, with morph targets."""
-    service = served(commands, tmp_path_factory.mktemp("figure"), *played, "--morphs", baked)
-    yield service
-    end(service)
+    """The small figure, served as long as the tests run, with morph targets; none asks for what others would see."""
+    with services(commands, tmp_path_factory.mktemp("figure")) as start:
+        yield start(*played, "--morphs", baked)
 
 
 @pytest.fixture(scope="session")
 def locked_figure(own_cache, commands, played, token_file, tmp_path_factory):
     """The same behind a token, without morph targets."""
-    service = served(commands, tmp_path_factory.mktemp("locked"), *played, "--token-file", token_file)
-    yield service
-    end(service)
+    with services(commands, tmp_path_factory.mktemp("locked")) as start:
+        yield start(*played, "--token-file", token_file)
 
 
 @pytest.fixture
@@ -327,11 +298,10 @@ def python(reference, figure):
 
 def shown(program, reference, wanted=20, since=0):
     """Wait until so many moments were shown that the reference has too; return (what was said, reference) of each."""
-    give_up = time.monotonic() + TIMEOUT_SECONDS
-    while time.monotonic() < give_up:
+
+    def both():
         theirs = dict(reference.frames)
-        both = [(each, theirs[each["frame"]].body) for each in program.said[since:] if each.get("frame") in theirs]
-        if len(both) >= wanted:
-            return both
-        time.sleep(0.05)
-    pytest.fail(f"{sum('frame' in each for each in program.said)} shown, {len(reference.frames)} of the reference")
+        found = [(each, theirs[each["frame"]].body) for each in program.said[since:] if each.get("frame") in theirs]
+        return found if len(found) >= wanted else None
+
+    return wait_until(both)

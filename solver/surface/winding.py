@@ -133,11 +133,7 @@ def _against(
     return (front != front[first[patch]]) & (front != back), patch
 
 
-def wound_outwards(
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.int64],
-    sides: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None,
-) -> NDArray[np.int64]:
+def wound_outwards(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """Flip faces so that neighbours agree on the outside, patch by patch.
 
     A closed patch faces outwards, by the sign of its enclosed volume. An open patch keeps the winding that most
@@ -149,14 +145,12 @@ def wound_outwards(
     vertices : (n, 3) float64
     faces : (t, 3) int64
         With three different corners each.
-    sides : tuple, optional
-        `of_side` and `faces_of_edge` from `edges_of`, if they are known.
 
     Returns
     -------
     (t, 3) int64
     """
-    of_side, faces_of_edge = sides or edges_of(faces)[1:]
+    _, of_side, faces_of_edge = edges_of(faces)
     against, patch = _against(faces, of_side, faces_of_edge)
     count = int(patch.max(initial=-1)) + 1
     area, agreeing, volume = _measures(vertices, flipped_faces(faces, against), patch, count, ~against)

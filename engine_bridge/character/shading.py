@@ -10,10 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from engine_bridge.character.surfaces.surface import Piece, Surface, count
 from puppetline.errors import MeshError
 from solver.surface.mesh import weld
-from solver.surface.winding import distinct_rows, edges_of, wound_consistently
-
-MIN_SOLIDITY = 1e-6
-"""Minimum volume of a closed part that has an inside, as a share of its area^1.5; a two-sided leaf has no inside."""
+from solver.surface.winding import MIN_VOLUME_RATIO, distinct_rows, edges_of, measures, wound_consistently
 
 MIN_SIZE = 1e-30
 """Minimum size of a surface whose areas can be compared."""
@@ -128,17 +125,10 @@ def wrongly_wound(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> ND
     proper = np.nonzero((a != b) & (b != c) & (c != a))[0]
     oriented, patch = wound_consistently(faces[proper])
     flipped = (oriented != faces[proper]).any(axis=1)
-    corners = vertices[oriented] - vertices.mean(axis=0)
-    cross = np.cross(corners[:, 1], corners[:, 2])
-    count_of = int(patch.max()) + 1
-    volume = np.bincount(patch, np.einsum("ij,ij->i", corners[:, 0], cross) / 6, count_of)
-    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    area = np.bincount(patch, doubled / 2, count_of)
-    minority = np.bincount(patch, np.where(flipped, doubled, -doubled), count_of) > 0
-    unbalanced = _unbalanced(oriented, patch)
-    solid = np.abs(volume) > MIN_SOLIDITY * area**1.5
-    solid[patch[unbalanced]] = False
-    against = np.where(solid, volume < 0, minority)
+    area, unchanged, volume = measures(vertices, oriented, patch, ~flipped)
+    solid = np.abs(volume) > MIN_VOLUME_RATIO * area**1.5
+    solid[patch[_unbalanced(oriented, patch)]] = False
+    against = np.where(solid, volume < 0, unchanged < area / 2)
     turned = np.zeros(len(faces), dtype=bool)
     turned[proper] = flipped ^ against[patch]
     return turned

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from solver.surface.near_points import connected_components
 
 MIN_VOLUME_RATIO = 1e-6
-"""Smallest volume, divided by the area to the power of 3/2, of a patch that has an inside."""
+"""Smallest volume of a patch with an inside, divided by the area to the power of 3/2. A two-sided leaf has none."""
 
 MIN_AGREEING_AREA_SHARE = 0.75
 """Smallest share of an open patch's area with the same winding for which the file's winding is kept."""
@@ -152,31 +152,42 @@ def wound_outwards(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> N
     """
     _, of_side, faces_of_edge = edges_of(faces)
     against, patch = _against(faces, of_side, faces_of_edge)
-    count = int(patch.max(initial=-1)) + 1
-    area, agreeing, volume = _measures(vertices, flipped_faces(faces, against), patch, count, ~against)
-    borders = np.bincount(patch[np.flatnonzero(faces_of_edge[of_side] != 2) // 3], minlength=count)
+    area, agreeing, volume = measures(vertices, flipped_faces(faces, against), patch, ~against)
+    borders = np.bincount(patch[np.flatnonzero(faces_of_edge[of_side] != 2) // 3], minlength=len(area))
     undecided = np.abs(agreeing / area - 0.5) < MIN_AGREEING_AREA_SHARE - 0.5
     by_volume = ((borders == 0) | undecided) & (np.abs(volume) > MIN_VOLUME_RATIO * area**1.5)
     inside_out = np.where(by_volume, volume < 0, agreeing < 0.5 * area)
     return flipped_faces(faces, against ^ inside_out[patch])
 
 
-def _measures(
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.int64],
-    patch: NDArray[np.int32],
-    count: int,
-    chosen: NDArray[np.bool_],
+def measures(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], patch: NDArray[np.int32], chosen: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return the area of each patch, that of its chosen faces, and the volume between it and its centroid."""
+    """Measure each of p patches.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (t, 3) int64
+        At least one.
+    patch : (t,) int32
+    chosen : (t,) bool
+
+    Returns
+    -------
+    area, chosen_area : (p,) float64
+        Area of all faces, and of the chosen ones.
+    volume : (p,) float64
+        Volume between the patch and its centroid, negative if the inside is outside.
+    """
     a, b, c = (vertices[corner] - vertices[faces[0, 0]] for corner in faces.T)
     middle, normal = (a + b + c) / 3, np.cross(b - a, c - a) / 2
     size = np.linalg.norm(normal, axis=1)
 
     def total(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.bincount(patch, values, count).astype(np.float64)
+        return np.bincount(patch, values).astype(np.float64)
 
     area = total(size)
-    center = np.column_stack([total(size * axis) for axis in middle.T]) / area[:, None]
+    center = np.column_stack([total(size * axis) for axis in middle.T]) / np.maximum(area, 1e-300)[:, None]
     volume = np.einsum("tx,tx->t", middle - center[patch], normal) / 3
     return area, total(size * chosen), total(volume)

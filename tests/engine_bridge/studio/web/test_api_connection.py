@@ -6,7 +6,10 @@ import aiohttp
 import pytest
 
 from engine_bridge.studio.messages import REQUESTS, CloseCode, State
+from engine_bridge.studio.web import api_connection
 from engine_bridge.studio.web.api_connection import MAX_MISTAKES
+
+from ...service.security.test_web_sockets import sizes_of_floods
 
 
 def closed_with(studio, path, *frames):
@@ -49,6 +52,14 @@ def test_a_wrong_token_and_a_replayed_one_are_refused(studio, caplog):
             return page.hello["session"]
 
     assert studio.run(again()) == session
+
+
+@pytest.mark.slow
+def test_clients_that_send_without_a_token_leave_nothing_in_memory(studio, monkeypatch):
+    monkeypatch.setattr(api_connection, "CLOSE_SECONDS", 0.02)
+    sizes, kept = studio.run(sizes_of_floods(studio.served.port, "/api"))
+    assert kept == 0
+    assert max(sizes[1:]) - sizes[0] < 5e6
 
 
 def test_the_stream_accepts_session_tokens_only(studio):

@@ -100,19 +100,6 @@ def test_a_missing_recording_is_an_error_when_it_is_opened(tmp_path, monkeypatch
         open_source("openni:file=take.oni", "file=take.oni", tmp_path)
 
 
-def test_two_sensors_work_at_the_same_time(virtual_sensors, opened, noise):
-    for sensor in virtual_sensors:
-        sensor.plug()
-    both = [opened("uri", sensor.uri) for sensor in virtual_sensors]
-    shown = [noise() for _ in both]
-    for sensor, pictures in zip(virtual_sensors, shown, strict=True):
-        sensor.show(*pictures, 1.0)
-    for device, (depth, color) in zip(both, shown, strict=True):
-        picture = read(device)
-        np.testing.assert_array_equal(picture.depth, depth)
-        np.testing.assert_array_equal(picture.color, color)
-
-
 def test_a_recording_plays_the_recorded_images_and_ends(recording, opened):
     path, pictures = recording
     device = opened("file", str(path))

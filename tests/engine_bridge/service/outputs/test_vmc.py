@@ -1,7 +1,6 @@
 import itertools
 import math
 import socket
-import time
 from contextlib import closing
 from dataclasses import replace
 from select import select
@@ -12,7 +11,7 @@ from pythonosc.osc_bundle import OscBundle
 from scipy.spatial.transform import Rotation
 
 from capture.network.source import open_vmc
-from capture.skeleton import JOINT_INDEX, LOST, SkeletonFrame, to_character_axes
+from capture.skeleton import JOINT_INDEX, LOST, to_character_axes
 from engine_bridge.performance.retargeting import PERFORMER
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.puppet.puppet import MorphTable
@@ -21,9 +20,9 @@ from engine_bridge.service.outputs.vmc import DATAGRAM_BYTES, datagrams
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from solver.motion.limb_motion import LimbMotion
 
+from ....capture.conftest import Watched
 from .frames import frame_of
 
-TIMEOUT_SECONDS = 60.0
 SIDE = """
 [[limb]]
 name = "{side} arm"
@@ -215,13 +214,7 @@ def test_a_vmc_reader_recovers_the_directions_of_the_characters_bones(figure, mo
 
 
 def next_frame(source):
-    give_up = time.monotonic() + TIMEOUT_SECONDS
-    while time.monotonic() < give_up:
-        select([source.fileno()], [], [], max(0, min(source.due() - time.monotonic(), 1)))
-        for event in source.receive():
-            if isinstance(event, SkeletonFrame):
-                return event
-    raise AssertionError("no frame")
+    return Watched(source).frames()[0]
 
 
 def test_the_clock_is_the_senders_and_the_rate_is_kept(figure, moved_by):

@@ -86,9 +86,7 @@ def studio(limbed_puppet, tmp_path_factory):
             speaks = {"voice": float(number / 30 >= QUIET_SECONDS)}
             recorder.write(SkeletonFrame(5.0 + number / 30, 1, positions, frame.confidence, channels=speaks))
     with WavWriter(folder / "takes" / "rise.wav") as writer:
-        writer.write(
-            (np.arange(48_000 * 8) / 48_000 / FULL_SECONDS).astype(np.float32),
-        )
+        writer.write((np.arange(48_000 * 8) / 48_000 / FULL_SECONDS).astype(np.float32))
     name = limbed_puppet.stem
     (folder / "film.toml").write_text(f'[[take]]\ncharacter = "{name}"\nfile = "takes/rise.log"\n')
     with running(folder, limbed_puppet, "--sound", folder / "takes" / "rise.wav") as running_studio:

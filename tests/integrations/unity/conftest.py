@@ -139,7 +139,7 @@ def build(compiler, folder):
     timeline = ("Puppetline.Timeline", "Unity.Timeline")
     compile_("Clips", [programs / "Clips.cs", programs / "Said.cs"], *unity, *timeline, target="exe")
     posing = [programs / f"{name}.cs" for name in ("Skeletons", "Said")]
-    compile_("Component", [programs / "Component.cs", *posing], *unity, target="exe")
+    compile_("Component", [programs / "Component.cs", *posing], *unity, "Sample", target="exe")
     compile_("Posing", [programs / "Posing.cs", *posing], *unity, target="exe")
 
 

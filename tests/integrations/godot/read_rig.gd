@@ -17,11 +17,9 @@ func start() -> void:
 	root.add_child(_stage)
 	_stage.add_child(scene)
 	var skeleton: Skeleton3D = scene.find_children("*", "Skeleton3D", true, false)[0]
-	var profile := SkeletonProfileHumanoid.new()
 	var bones: Array[Dictionary] = []
 	for bone in skeleton.get_bone_count():
 		var rest := skeleton.global_transform * skeleton.get_bone_global_rest(bone)
-		var known := profile.find_bone(skeleton.get_bone_name(bone))
 		var parent := skeleton.get_bone_parent(bone)
 		(
 			bones
@@ -29,7 +27,7 @@ func start() -> void:
 				{
 					"name": skeleton.get_bone_name(bone),
 					"parent": skeleton.get_bone_name(parent) if parent >= 0 else "",
-					"profile": profile.get_bone_parent(profile.get_bone_name(known)) if known >= 0 else null,
+					"profile": _parent_in_profile(skeleton, bone),
 					"place": [rest.origin.x, rest.origin.y, rest.origin.z],
 					"along": [rest.basis.y.x, rest.basis.y.y, rest.basis.y.z],
 					"across": [rest.basis.x.x, rest.basis.x.y, rest.basis.x.z],
@@ -49,10 +47,37 @@ func start() -> void:
 	quit()
 
 
+## Return the nearest bone above in Godot's humanoid that the skeleton has; null for a bone that the humanoid has not.
+func _parent_in_profile(skeleton: Skeleton3D, bone: int) -> Variant:
+	var profile := SkeletonProfileHumanoid.new()
+	var name: StringName = skeleton.get_bone_name(bone)
+	if profile.find_bone(name) < 0:
+		return null
+	name = profile.get_bone_parent(profile.find_bone(name))
+	while name and skeleton.find_bone(name) < 0:
+		name = profile.get_bone_parent(profile.find_bone(name))
+	return name
+
+
+## Return the positions that the weights and the bones give; a display server without images bakes no mesh.
 func _positions(mesh: MeshInstance3D) -> String:
-	var shown: Array = mesh.bake_mesh_from_current_skeleton_pose().surface_get_arrays(0)
-	var positions: PackedVector3Array = mesh.global_transform * (shown[Mesh.ARRAY_VERTEX] as PackedVector3Array)
-	return base64(positions.to_byte_array())
+	var skeleton: Skeleton3D = mesh.get_node(mesh.skeleton)
+	var moves: Array[Transform3D] = []
+	for bind in mesh.skin.get_bind_count():
+		var bone := mesh.skin.get_bind_bone(bind)
+		bone = bone if bone >= 0 else skeleton.find_bone(mesh.skin.get_bind_name(bind))
+		moves.append(skeleton.global_transform * skeleton.get_bone_global_pose(bone) * mesh.skin.get_bind_pose(bind))
+	var arrays := mesh.mesh.surface_get_arrays(0)
+	var bones: PackedInt32Array = arrays[Mesh.ARRAY_BONES]
+	var weights: PackedFloat32Array = arrays[Mesh.ARRAY_WEIGHTS]
+	var positions: PackedVector3Array = arrays[Mesh.ARRAY_VERTEX]
+	var shown := PackedVector3Array()
+	for vertex in positions.size():
+		var sum := Vector3.ZERO
+		for k in range(4 * vertex, 4 * vertex + 4):
+			sum += weights[k] * (moves[bones[k]] * positions[vertex])
+		shown.append(sum)
+	return base64(shown.to_byte_array())
 
 
 func _picture(name: String, mesh: MeshInstance3D) -> void:

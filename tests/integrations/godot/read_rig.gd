@@ -1,8 +1,6 @@
 extends "teller.gd"
 ## Reads a file of `puppetline rig`, tells its bones beside those of Godot's humanoid, and turns a bone about its own x
-## axis: FILE, BONE, degrees; with a folder, images at rest and turned are saved there.
-
-var _stage: SubViewport
+## axis: FILE, BONE, degrees.
 
 
 func start() -> void:
@@ -10,12 +8,7 @@ func start() -> void:
 	var state := GLTFState.new()
 	document.append_from_file(arguments()[0], state)
 	var scene: Node3D = document.generate_scene(state)
-	_stage = SubViewport.new()
-	_stage.size = Vector2i(420, 420)
-	_stage.own_world_3d = true
-	_stage.render_target_update_mode = SubViewport.UPDATE_ALWAYS
-	root.add_child(_stage)
-	_stage.add_child(scene)
+	root.add_child(scene)
 	var skeleton: Skeleton3D = scene.find_children("*", "Skeleton3D", true, false)[0]
 	var bones: Array[Dictionary] = []
 	for bone in skeleton.get_bone_count():
@@ -36,14 +29,12 @@ func start() -> void:
 		)
 	var mesh: MeshInstance3D = scene.find_children("*", "MeshInstance3D", true, false)[0]
 	tell({"bones": bones, "rest": _positions(mesh)})
-	await _picture("rest", mesh)
 	var turned := skeleton.find_bone(arguments()[1])
 	var turn := Quaternion(Vector3.RIGHT, deg_to_rad(arguments()[2].to_float()))
 	skeleton.set_bone_pose_rotation(turned, skeleton.get_bone_rest(turned).basis.get_rotation_quaternion() * turn)
 	skeleton.force_update_all_bone_transforms()
 	tell({"turned": _positions(mesh)})
-	await _picture("turned", mesh)
-	_stage.free()
+	scene.free()
 	quit()
 
 
@@ -78,19 +69,3 @@ func _positions(mesh: MeshInstance3D) -> String:
 			sum += weights[k] * (moves[bones[k]] * positions[vertex])
 		shown.append(sum)
 	return base64(shown.to_byte_array())
-
-
-func _picture(name: String, mesh: MeshInstance3D) -> void:
-	if arguments().size() < 4:
-		return
-	if _stage.get_camera_3d() == null:
-		var box := mesh.global_transform * mesh.get_aabb()
-		var camera := Camera3D.new()
-		_stage.add_child(camera)
-		camera.look_at_from_position(box.get_center() + box.size.length() * Vector3(0.5, 0.25, 1.1), box.get_center())
-		var light := DirectionalLight3D.new()
-		_stage.add_child(light)
-		light.look_at_from_position(Vector3(1, 2, 2), Vector3.ZERO)
-	for _image in 3:
-		await RenderingServer.frame_post_draw
-	_stage.get_texture().get_image().save_png("%s/%s.png" % [arguments()[3], name])

@@ -18,8 +18,6 @@ from engine_bridge.performance.settings import Settings
 from puppetline.errors import OutputError, PuppetError, SkeletonLogError
 from solver.model.reduced_model import position_matrix
 
-EXAMPLES = "examples/puppets"
-
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
@@ -305,19 +303,10 @@ def test_a_log_that_is_none_is_named(blob_puppet, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["dog", "human"])
-def test_an_example_is_baked_without_fault_and_covers_what_it_has_not_seen(
-    name, request, example_character, tmp_path, assert_valid_gltf
-):
-    made = example_character(name)
-    make_character(name, made.vertices, made.faces, made.colors).document.save(tmp_path / f"{name}.glb")
-    shutil.copy(request.config.rootpath / EXAMPLES / f"{name}.toml", tmp_path)
-    summary = bake(tmp_path / f"{name}.toml", tmp_path / "out.glb")
+def test_an_example_is_baked_within_the_tolerance(request, example_character, tmp_path, assert_valid_gltf):
+    made = example_character("human")
+    make_character("human", made.vertices, made.faces, made.colors).document.save(tmp_path / "human.glb")
+    shutil.copy(request.config.rootpath / "examples/puppets/human.toml", tmp_path)
+    summary = bake(tmp_path / "human.toml", tmp_path / "out.glb")
     assert_valid_gltf(tmp_path / "out.glb")
     assert summary.error <= DEFAULT_TOLERANCE
-    rig, settings = load_rig(tmp_path / f"{name}.toml"), Settings(tolerance=DEFAULT_TOLERANCE)
-    motion = synthetic_motion(rig, [other for other in PERFORMANCES if other != "kung_fu"], settings, lambda *_: None)
-    directions = fit(rig, motion, settings, lambda *_: None).directions.astype(np.float32)
-    basis = LiveBasis(directions, REACH, rig.model)
-    frames, _ = performed(rig, resample(PERFORMANCES["kung_fu"](), 30.0, 0.4))
-    assert max(basis.project(R).residual for R in frames) < 0.001

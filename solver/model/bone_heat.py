@@ -34,6 +34,9 @@ MIN_DISTANCE_DIAGONALS = 1e-3
 STIFF_DISTANCE_DIAGONALS = 0.05
 """Largest distance d of vertices that belong to the last bone of a limb."""
 
+NEGLIGIBLE_SHARE = 1e-3
+"""Largest share that is left out; far bones have a little of the heat everywhere."""
+
 HIDING_DIAGONALS = 2e-3
 """Smallest distance from a vertex, as a fraction of the diagonal, at which other surface hides a bone from it."""
 
@@ -85,7 +88,7 @@ def heat_shares(
         seen, source = regions.owner >= 0, np.eye(len(bones))[owner]
     heat = np.where(seen, mass * HEAT / np.maximum(distance, MIN_DISTANCE_DIAGONALS) ** 2, 0.0)
     shares = solve(scipy.sparse.csr_matrix(scipy.sparse.diags(heat) - L), heat[:, None] * source, mesh.vertices)
-    np.maximum(shares, 0.0, out=shares)
+    shares[shares < NEGLIGIBLE_SHARE * shares.max(axis=1, keepdims=True)] = 0.0
     limb = regions.limb_parts(mesh, bones)[:, None]
     shares[(limb >= 0) & (bones.limbs != limb)] = 0.0  # contacts do not carry the body's heat into an arm's part
     shares /= shares.sum(axis=1, keepdims=True)

@@ -1,6 +1,7 @@
 """Wavefront OBJ: objects, groups and materials, polygons, texture coordinates, normals and vertex colours."""
 
 import re
+from collections.abc import Iterable
 from dataclasses import replace
 from itertools import accumulate
 from pathlib import Path
@@ -101,7 +102,9 @@ class _Statements:
         """Collect the statements of all lines."""
         rows = {"v": self.vertices, "vt": self.coordinates, "vn": self.normals, "f": self.faces, "fo": self.faces}
         lines = text.split("\n")
-        numbers = accumulate((1 + line.count(LINE_CONTINUATION) for line in lines), initial=1)
+        numbers: Iterable[int] = range(1, len(lines) + 1)
+        if LINE_CONTINUATION in text:
+            numbers = accumulate((1 + line.count(LINE_CONTINUATION) for line in lines), initial=1)
         for number, line in zip(numbers, lines, strict=False):
             kind, _, value = line.partition(" ")
             if kind not in rows:  # it may be indented, or end with a tab

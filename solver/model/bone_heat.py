@@ -7,7 +7,7 @@ is 0 on vertices that do not see their nearest bone, such as those of ears; heat
 Three rules are ours. A bone of the trunk also reaches to each child that begins beside it: the rump belongs to the
 trunk, not to the tail or to a thigh. A vertex whose nearest bones are about equally near has a part of each: p_b is in
 proportion to (d / d_b)³². And the last bone of a limb, such as the head, is stiff: d is small where rays from the bone
-(`solver.model.bones`) give it the vertex too, and H is 0 where they disagree.
+(`solver.model.bones`) give it the vertex too.
 """
 
 from typing import TYPE_CHECKING
@@ -80,10 +80,9 @@ def heat_shares(
     """
     source, distance = _sources(mesh, bones)
     owner = np.maximum(regions.owner, 0)
-    stiff = regions.held & bones.terminal[owner]
-    agreed = source[np.arange(len(owner)), owner] > 0
+    stiff = regions.held & bones.terminal[owner] & (source[np.arange(len(owner)), owner] > 0)
     distance = np.where(stiff, np.minimum(distance, STIFF_DISTANCE_DIAGONALS), distance)
-    seen = source.any(axis=1) & (agreed | ~stiff)
+    seen = source.any(axis=1)
     if not seen.any():
         seen, source = regions.owner >= 0, np.eye(len(bones))[owner]
     heat = np.where(seen, mass * HEAT / np.maximum(distance, MIN_DISTANCE_DIAGONALS) ** 2, 0.0)

@@ -87,9 +87,10 @@ def heat_shares(
         seen, source = regions.owner >= 0, np.eye(len(bones))[owner]
     heat = np.where(seen, mass * HEAT / np.maximum(distance, MIN_DISTANCE_DIAGONALS) ** 2, 0.0)
     shares = solve(scipy.sparse.csr_matrix(scipy.sparse.diags(heat) - L), heat[:, None] * source, mesh.vertices)
-    shares[shares < NEGLIGIBLE_SHARE * shares.max(axis=1, keepdims=True)] = 0.0
+    np.maximum(shares, 0.0, out=shares)
     limb = regions.limb_parts(mesh, bones)[:, None]
     shares[(limb >= 0) & (bones.limbs != limb)] = 0.0  # contacts do not carry the body's heat into an arm's part
+    shares[shares < NEGLIGIBLE_SHARE * shares.max(axis=1, keepdims=True)] = 0.0
     shares /= shares.sum(axis=1, keepdims=True)
     whole = regions.whole_parts(mesh)
     shares[whole >= 0] = np.eye(len(bones))[whole[whole >= 0]]

@@ -4,10 +4,9 @@ I. Baran and J. Popović, *Automatic Rigging and Animation of 3D Characters* (20
 solves −Δ w_b + H w_b = H p_b, with p_b = 1 on vertices whose nearest bone is b, and H = c / d² with the distance d. H
 is 0 on vertices that do not see their nearest bone, such as those of ears; heat reaches them over the surface.
 
-Three rules are ours. A bone of the trunk also reaches to each child that begins beside it: the rump belongs to the
-trunk, not to the tail or to a thigh. A vertex whose nearest bones are about equally near has a part of each: p_b is in
-proportion to (d / d_b)³². And the last bone of a limb, such as the head, is stiff: d is small where rays from the bone
-(`solver.model.bones`) give it the vertex too.
+Two rules are ours. A bone of the trunk also reaches to each child that begins beside it: the rump belongs to the trunk,
+not to the tail or to a thigh. And the last bone of a limb, such as the head, is stiff: d is small where rays from the
+bone (`solver.model.bones`) give it the vertex too.
 """
 
 from typing import TYPE_CHECKING
@@ -40,11 +39,8 @@ NEGLIGIBLE_SHARE = 1e-3
 HIDING_DIAGONALS = 2e-3
 """Smallest distance from a vertex, as a fraction of the diagonal, at which other surface hides a bone from it."""
 
-NEARNESS_EXPONENT = 32
-"""Exponent of the ratio of distances. With 16 to 100, distances from artists' skins differ by less than 5 %."""
-
-MIN_NEARNESS = 0.1
-"""Smallest power of the ratio that counts."""
+EQUAL_DISTANCE_RATIO = 1 + 1e-4
+"""Largest ratio of two distances that count as equal: at a joint, two bones share a vertex."""
 
 VERTICES_PER_CHUNK = 65_536
 """Number of vertices whose distances are computed at once, to save memory."""
@@ -114,14 +110,12 @@ def _sources(mesh: SolverMesh, bones: Bones) -> tuple[NDArray[np.float64], NDArr
             cosine = np.einsum("nx,nx->n", offset, normals[rows]) / away
             distance[:, number] = away / size / (0.5 * (cosine + OUTSIDE_COSINE))
         nearest[rows] = distance.min(axis=1)
-        nearness = (nearest[rows, None] / distance) ** NEARNESS_EXPONENT
-        vertex, segment = np.nonzero(nearness >= MIN_NEARNESS)
+        vertex, segment = np.nonzero(distance <= EQUAL_DISTANCE_RATIO * nearest[rows, None])
         foot = _foot(vertices[vertex], heads[segment], axes[segment])
         hidden = tree.crossed(vertices[vertex], foot, np.full(len(vertex), HIDING_DIAGONALS * size))
-        seen = start + vertex[~hidden], bone[segment[~hidden]]
-        np.maximum.at(source, seen, nearness[vertex[~hidden], segment[~hidden]])
-    total = source.sum(axis=1, keepdims=True)
-    return np.divide(source, total, out=source, where=total > 0), nearest
+        source[start + vertex[~hidden], bone[segment[~hidden]]] = 1.0
+    source /= np.maximum(source.sum(axis=1, keepdims=True), 1.0)
+    return source, nearest
 
 
 def _foot(points: NDArray[np.float64], head: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -7,7 +7,7 @@ GDSCRIPT := integrations/godot tests/integrations/godot tests/peers/godot benchm
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup studio demo docs gallery test test-camera lint format bench lock peers archives dist clean
+.PHONY: help setup studio demo docs gallery test test-camera lint format bench lock platforms peers archives dist dist-check clean
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -95,7 +95,7 @@ test: setup .venv/.compiled ## Run every test, three at a time (PYTEST="-m 'not 
 # MediaPipe wants an older NumPy than everything else: cameras are tested beside it, and so is what all else rests on
 test-camera: export OPENBLAS_NUM_THREADS = 1
 test-camera: .venv-camera/.installed ## Run the tests of cameras, and a quick round of others, on their older NumPy
-	.venv-camera/bin/pytest -n 2 tests/capture/sensors tests/capture/trackers tests/engine_bridge/service/test_video.py
+	.venv-camera/bin/pytest -n 2 tests/capture/sensors tests/capture/trackers tests/engine_bridge/service/test_video.py tests/test_licences.py
 	.venv-camera/bin/pytest -n 2 -m "not slow" tests/solver tests/capture --ignore tests/capture/sensors --ignore tests/capture/trackers
 
 lint: setup $(PAGE)/node_modules/.to-check ## Check style, types and imports between packages
@@ -119,6 +119,20 @@ bench: setup ## Repeat the measurements of docs/performance.md (BENCH="--data FO
 peers: .venv-blender/.required setup ## Install programs that some tests compare with (needs npm and a C++ compiler)
 	.venv/$(INSTALL) --require-hashes -r requirements/peers.txt
 	cd tests/peers && npm ci --no-audit --no-fund
+
+# openni is pure Python without a wheel, and meshopt is built by a compiler: neither is checked
+RESOLVED = uv pip compile --quiet --only-binary :all: --python-platform $$platform pyproject.toml -o build/resolved.txt >/dev/null
+
+platforms: ## Check that dependencies have wheels for Windows and macOS (needs uv)
+	mkdir -p build && for platform in x86_64-pc-windows-msvc aarch64-apple-darwin x86_64-apple-darwin; do \
+		for python in 3.11 3.12 3.13 3.14; do \
+			$(RESOLVED) --python-version $$python || exit 1; \
+		done; \
+		$(RESOLVED) --python-version 3.13 --extra film --extra sound --extra batch || exit 1; \
+		$(RESOLVED) --python-version 3.12 --extra camera || exit 1; \
+	done
+	platform=x86_64-pc-windows-msvc && $(RESOLVED) --python-version 3.12 --extra realsense --extra orbbec
+	platform=aarch64-apple-darwin && $(RESOLVED) --python-version 3.12 --extra orbbec
 
 COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \
 	--no-emit-index-url --upgrade
@@ -156,6 +170,10 @@ dist: studio ## Build the archives of a release, with SBOMs and checksums, into 
 	dist=$(CURDIR)/dist && $(WITH_NODE) npm sbom --package-lock-only --omit dev --sbom-format cyclonedx \
 		>"$$dist/puppetline-page-$(VERSION).cdx.json"
 	cd dist && rm -f .gitignore && sha256sum -- * >SHA256SUMS
+
+dist-check: dist peers ## Install what `make dist` built and try it without a network (needs uv, pipx and Chromium)
+	rm -rf build/tried
+	$(BIN)/python packaging/try_archives.py dist build/tried
 
 clean: ## Remove the environment and all generated files
 	rm -rf .venv .venv-camera .venv-blender $(PAGE)/node_modules $(PAGE)/dist $(OUT) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache

@@ -79,10 +79,8 @@ def convergence(found: dict[str, Any], path: Path) -> None:
         figure = Figure(figsize=(7, 4), layout="constrained")
         axes = figure.subplots()
         iterations = found["iterations"]
-        for mode, color in (("triangles", ORANGE), ("covariance", BLUE)):
-            for measure, style, word in (("max", "-", "largest"), ("p99", "--", "99th percentile")):
-                label = f"{mode}, {word}"
-                axes.plot(iterations, found[mode][measure], style, color=color, marker="o", label=label)
+        for measure, style, label in (("max", "-", "largest"), ("p99", "--", "99th percentile")):
+            axes.plot(iterations, found[measure], style, color=BLUE, marker="o", label=label)
         axes.axvline(4, color=GREY, linewidth=1, linestyle=(0, (1, 2)))
         axes.text(4.1, axes.get_ylim()[1], "default", color=GREY, fontsize=8.5, va="top")
         axes.legend(frameon=False)

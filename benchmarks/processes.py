@@ -28,7 +28,6 @@ from engine_bridge.puppet.puppet import SolverTable
 from solver.model import coarse_fields, reduced_model
 from solver.model.binding import Binding
 from solver.model.reduced_model import build
-from solver.model.rotations import TRIANGLES_PER_ISOLINE, RotationMode
 from solver.motion.deformer import Deformer, to_file_units
 from solver.motion.limbs import bones_of
 from solver.surface.mesh import weld
@@ -38,8 +37,6 @@ MODULE = "benchmarks.processes"
 
 MAX_ARAP_VERTICES = 260_000
 """Number of vertices of the largest mesh that is measured with full-resolution ARAP."""
-
-MODES: tuple[RotationMode, ...] = ("covariance", "triangles")
 
 ITERATIONS = (1, 2, 4, 8, 16)
 
@@ -113,12 +110,11 @@ def cold(folder: Path, exact: int) -> dict[str, Any]:
 
 
 def table1_row(folder: Path) -> dict[str, Any]:
-    """Measure a row of the paper's Table 1: both rotation updates, with one iteration per frame."""
+    """Measure a row of the paper's Table 1, with one iteration per frame."""
     benchmark_process.warm_up(folder)
     rig = load_rig(folder / CHARACTER)
     handles = rig.puppet.handle_positions
     found: dict[str, Any] = {"vertices": len(rig.mesh.of_render), "handles": len(handles)}
-    found["n_tri"] = TRIANGLES_PER_ISOLINE * len(rig.model.rest_controls) // 4
     start = time.perf_counter()
     again = load_rig(folder / CHARACTER)
     Deformer(again.model, again.mesh, handles)
@@ -127,14 +123,13 @@ def table1_row(folder: Path) -> dict[str, Any]:
     mesh = rig.character.solver_mesh()
     Deformer(build(mesh), mesh, handles)
     found["precompute_s"] = time.perf_counter() - start
-    todo = {}
-    for name, mode in (("iteration", "covariance"), ("triangles", "triangles")):
-        playing = Playing(with_solver(rig, mode, 1), folder / LOG)
-        solve = playing.performance.deformer.solve
-        path = handle_path(playing, 60)
-        todo[name] = Work(_calling(solve, path), 60)
+    playing = Playing(with_iterations(rig, 1), folder / LOG)
+    path, solve = handle_path(playing, 60), playing.performance.deformer.solve
     controls = playing.controls()
-    todo["vertices"] = Work(lambda _: playing.vertices(controls), 10)
+    todo = {
+        "iteration": Work(lambda number: solve(path[number]), 60),
+        "vertices": Work(lambda _: playing.vertices(controls), 10),
+    }
     retargeting = Playing(rig, folder / LOG)
     still = retargeting.performance.step(retargeting.frame()).R
     retargeting.performance.deformer.solve = lambda *_: still  # leaves filter and retargeting
@@ -142,13 +137,9 @@ def table1_row(folder: Path) -> dict[str, Any]:
     return found | medians(interleaved(todo, 40))
 
 
-def _calling(solve: Any, path: NDArray[np.float64]) -> Any:
-    return lambda number: solve(path[number])
-
-
-def with_solver(rig: Rig, mode: RotationMode, iterations: int) -> Rig:
-    """Return a rig with other settings of the solver."""
-    solver = SolverTable(**{**rig.puppet.solver.model_dump(), "rotations": mode, "iterations": iterations})
+def with_iterations(rig: Rig, iterations: int) -> Rig:
+    """Return a rig with another number of iterations per frame, and a rotation per isoline."""
+    solver = SolverTable(**{**rig.puppet.solver.model_dump(), "rotations": "covariance", "iterations": iterations})
     puppet = rig.puppet.model_copy(update={"solver": solver})
     return Rig(puppet, rig.character, rig.mesh, rig.model)
 
@@ -159,7 +150,7 @@ def convergence(folder: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        For each mode and number of iterations the largest distance and the 99th percentile, in percent of the diagonal.
+        For each number of iterations the largest distance and the 99th percentile, in percent of the diagonal.
     """
     rig = load_rig(folder / CHARACTER)
     binding = Binding.of_solver_mesh(rig.model, rig.mesh)
@@ -167,20 +158,19 @@ def convergence(folder: Path) -> dict[str, Any]:
     binding = binding.only(sample)
     targets = list(handle_targets(rig, folder / LOG))
 
-    def positions(mode: RotationMode, iterations: int) -> NDArray[np.float32]:
-        deformer = Deformer(rig.model, rig.mesh, rig.puppet.handle_positions, iterations=iterations, mode=mode)
+    def positions(iterations: int) -> NDArray[np.float32]:
+        handles = rig.puppet.handle_positions
+        deformer = Deformer(rig.model, rig.mesh, handles, iterations=iterations, mode="covariance")
         solved = [to_file_units(deformer.solve(wanted), rig.model) for wanted in targets]
         return np.array([binding.vertices(controls) for controls in solved])
 
-    found: dict[str, Any] = {"iterations": ITERATIONS}
-    for mode in MODES:
-        settled = positions(mode, CONVERGED_ITERATIONS)
-        errors = [100 * np.linalg.norm(positions(mode, n) - settled, axis=2) / rig.mesh.diagonal for n in ITERATIONS]
-        found[mode] = {
-            "max": [float(error.max()) for error in errors],
-            "p99": [float(np.percentile(error, 99)) for error in errors],
-        }
-    return found
+    settled = positions(CONVERGED_ITERATIONS)
+    errors = [100 * np.linalg.norm(positions(n) - settled, axis=2) / rig.mesh.diagonal for n in ITERATIONS]
+    return {
+        "iterations": ITERATIONS,
+        "max": [float(error.max()) for error in errors],
+        "p99": [float(np.percentile(error, 99)) for error in errors],
+    }
 
 
 def handle_targets(rig: Rig, log: Path) -> Iterator[NDArray[np.float64]]:

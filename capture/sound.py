@@ -227,10 +227,10 @@ class Microphone:
             ) from error
         self._blocks: queue.SimpleQueue[Block] = queue.SimpleQueue()
         self.overflows = 0
-        if not Microphone._open:  # PortAudio lists devices once; this ends all of its streams
-            sounddevice._terminate()
-            sounddevice._initialize()
         try:
+            if not Microphone._open:  # PortAudio lists devices once; this ends all of its streams
+                sounddevice._terminate()
+                sounddevice._initialize()
             self._stream: Any = sounddevice.InputStream(
                 samplerate=SAMPLE_RATE,
                 channels=1,

@@ -89,12 +89,18 @@ class SoundFile:
 class SoundInput:
     """Follows the loudness of a sound, and writes it beside a take.
 
-    A microphone that falls silent is logged once, and opened again in the background when it is back.
+    A microphone that falls silent is logged once, and opened again in the background when it is back. If it then has
+    another sample rate, its sound is resampled to the first one.
 
     Parameters
     ----------
     opener : callable
         Function that opens the sound, now and after a failure.
+
+    Attributes
+    ----------
+    rate : int
+        Samples per second of the sound beside takes.
 
     Raises
     ------
@@ -103,13 +109,15 @@ class SoundInput:
     """
 
     def __init__(self, opener: Callable[[], SoundSource]) -> None:
-        self.source = opener()
+        self._source: SoundSource | None = opener()  # None while it is opened again
+        self.rate = self._source.rate
         self._opener = opener
-        self._heard, self._lost, self._closed = time.monotonic(), False, threading.Event()
+        self._heard, self._lost = time.monotonic(), False
+        self._closed, self._handing_over = threading.Event(), threading.Lock()
         self._reopened: queue.SimpleQueue[SoundSource] = queue.SimpleQueue()
-        self._voice = Voice(self.source.rate)
+        self._voice = Voice(self.rate)
         self._values: deque[tuple[float, float]] = deque(maxlen=round(KEPT_SECONDS / STEP_SECONDS))
-        self._clocked = ClockedSound(self.source.rate)
+        self._clocked = ClockedSound(self.rate)
         self._writer: WavWriter | None = None
 
     def voice_at(self, moment: float) -> float:
@@ -134,22 +142,26 @@ class SoundInput:
             It cannot be written; it is heard nevertheless, and not written any more.
         """
         if not self._reopened.empty():
-            self.source.close()
-            self.source = self._reopened.get()
-        for block in self.source.blocks():
+            self._source, self._heard = self._reopened.get(), time.monotonic()
+        if self._source is None:
+            return
+        for given in self._source.blocks():
             self._heard = time.monotonic()
             if self._lost:
                 self._lost = False
                 log.info("the microphone is back")
+            block = _resampled(given, self._source.rate, self.rate)
             values = self._voice.add(block.samples)
-            end = block.time + len(block.samples) / self.source.rate
+            end = block.time + len(block.samples) / self.rate
             self._values.extend((end - STEP_SECONDS * (len(values) - 1 - k), float(v)) for k, v in enumerate(values))
             if self._writer is not None:
                 self._write(block)
-        if not self._lost and time.monotonic() - self._heard > LOST_SECONDS:
-            self._lost = True
-            log.warning("the microphone is silent; plug it in again, it is then used at once")
-            threading.Thread(target=self._reopen, daemon=True).start()
+        if time.monotonic() - self._heard > LOST_SECONDS:
+            if not self._lost:
+                self._lost = True
+                log.warning("the microphone is silent; plug it in again, it is then used at once")
+            silent, self._source = self._source, None
+            threading.Thread(target=self._reopen, args=[silent], daemon=True).start()
 
     def record(self, path: Path) -> None:
         """Write the sound from now on.
@@ -158,7 +170,7 @@ class SoundInput:
         ------
         OutputError
         """
-        self._clocked, self._writer = ClockedSound(self.source.rate), WavWriter(path, self.source.rate)
+        self._clocked, self._writer = ClockedSound(self.rate), WavWriter(path, self.rate)
 
     def stop(self) -> Path | None:
         """End the sound beside a take, and return its file; None without one."""
@@ -169,19 +181,27 @@ class SoundInput:
 
     def close(self) -> None:
         """Release the microphone."""
-        self._closed.set()
         self.stop()
-        self.source.close()
+        with self._handing_over:
+            self._closed.set()
+        if not self._reopened.empty():
+            self._source = self._reopened.get()
+        if self._source is not None:
+            self._source.close()
 
-    def _reopen(self) -> None:
+    def _reopen(self, silent: SoundSource) -> None:
         """Open the microphone again as soon as it is there, in a thread, because that takes a while."""
-        self.source.close()
+        silent.close()
         while not self._closed.wait(RETRY_SECONDS):
             try:
-                self._reopened.put(self._opener())
+                found = self._opener()
             except SourceError:
                 continue
-            return
+            with self._handing_over:
+                if not self._closed.is_set():
+                    self._reopened.put(found)
+                    return
+            found.close()
 
     def _write(self, block: Block) -> None:
         assert self._writer is not None  # noqa: S101 - checked by the caller
@@ -192,6 +212,19 @@ class SoundInput:
             raise
 
 
+def _resampled(block: Block, rate: int, wanted: int) -> Block:
+    """Return a block with another sample rate."""
+    if rate == wanted:
+        return block
+    places = np.arange(round(len(block.samples) * wanted / rate)) * (rate / wanted)
+    return Block(block.time, np.interp(places, np.arange(len(block.samples)), block.samples).astype(np.float32))
+
+
+def is_sound_file(name: str) -> bool:
+    """Return whether a name is that of a file, not of a device."""
+    return name.lower().endswith(".wav")
+
+
 def open_sound(name: str, folder: Path) -> SoundInput:
     """Open ``"default"``, the system's microphone, or a device by name or number, or a .wav relative to a folder.
 
@@ -199,6 +232,6 @@ def open_sound(name: str, folder: Path) -> SoundInput:
     ------
     SourceError
     """
-    if name.lower().endswith(".wav"):
+    if is_sound_file(name):
         return SoundInput(lambda: SoundFile(folder / name))
     return SoundInput(lambda: Microphone(None if name == "default" else name))

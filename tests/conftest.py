@@ -11,6 +11,7 @@ import pickle
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -45,21 +46,8 @@ _separate_compiled_code()
 hypothesis.settings.register_profile("without a deadline", deadline=None)  # its 200 ms pass on a busy machine
 hypothesis.settings.load_profile("without a deadline")
 
-OPTIONAL = {
-    "assimp",
-    "blender",
-    "browser",
-    "camera",
-    "data",
-    "freenect",
-    "godot",
-    "mono",
-    "node",
-    "opengl",
-    "openni",
-    "realsense",
-    "vulkan",
-}
+OPTIONAL = {"assimp", "blender", "browser", "camera", "data", "freenect", "godot", "mono", "node"}
+OPTIONAL |= {"opengl", "openni", "realsense", "vulkan"}
 REQUIRED = set(filter(None, os.environ.get("PUPPETLINE_TEST_REQUIRE", "").split(",")))
 """Parts of `OPTIONAL` that must be present, such as ``data,node``: tests fail without them instead of being skipped."""
 
@@ -203,6 +191,13 @@ def opengl() -> None:
             pass
     except OutputError as error:
         missing("opengl", str(error))
+
+
+@pytest.fixture
+def until_end() -> Iterator[Callable[[Any], Any]]:
+    """Return a function that returns what it is given, and closes it at the end of the test."""
+    with ExitStack() as stack:
+        yield lambda opened: stack.enter_context(closing(opened))
 
 
 @pytest.fixture

@@ -4,28 +4,16 @@ import ast
 import os
 import re
 import shlex
-import shutil
 import textwrap
 
 import click
 import pytest
-from click.testing import CliRunner
 
-from engine_bridge.character.examples import prepare
 from engine_bridge.cli.main import main
 
 from .conftest import ROOT
 
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
-
-NOT_RUN = {
-    "demo": "solves and exports an animation, for ten seconds or more; --live does not end",
-    "serve": "does not end",
-    "film": "renders a film, for half a minute or more",
-    "bench": "measures for minutes",
-    "batch": "starts worker processes; tests/engine_bridge/batch runs it",
-}
-"""Commands of the first pages that are not run here, and why; this file checks their arguments only."""
 
 
 def blocks(page, language):
@@ -68,16 +56,3 @@ def test_python_of_a_page_imports_what_there_is(page):
 def test_every_page_is_in_the_navigation():
     pages = {page.relative_to(ROOT / "docs").with_suffix("").as_posix() for page in PAGES[1:]} - {"index"}
     assert set((ROOT / "docs" / "index.md").read_text(encoding="utf-8").split()) >= pages
-
-
-@pytest.mark.slow
-def test_quick_commands_of_the_first_pages_run(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    prepare("human", tmp_path / "out")  # as `demo human` does
-    shutil.copy("out/human.glb", "figure.glb")
-    found = [arguments for page in PAGES if page.parent.name == "start" for arguments in commands(page)]
-    for arguments in found:
-        if arguments[0] not in NOT_RUN:
-            assert CliRunner().invoke(main, arguments, catch_exceptions=False).exit_code == 0, arguments
-    assert NOT_RUN.keys() < {arguments[0] for arguments in found}

@@ -7,14 +7,10 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from engine_bridge.character.surfaces.corners import unique_rows
 from engine_bridge.character.surfaces.surface import Piece, Surface, count
 from puppetline.errors import MeshError
 from solver.surface.mesh import weld
-from solver.surface.winding import edges_of, lexicographic_order, wound_consistently
-
-MIN_SOLIDITY = 1e-6
-"""Minimum volume of a closed part that has an inside, as a share of its area^1.5; a two-sided leaf has no inside."""
+from solver.surface.winding import MIN_VOLUME_RATIO, distinct_rows, edges_of, measures, wound_consistently
 
 MIN_SIZE = 1e-30
 """Minimum size of a surface whose areas can be compared."""
@@ -129,17 +125,10 @@ def wrongly_wound(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> ND
     proper = np.nonzero((a != b) & (b != c) & (c != a))[0]
     oriented, patch = wound_consistently(faces[proper])
     flipped = (oriented != faces[proper]).any(axis=1)
-    corners = vertices[oriented] - vertices.mean(axis=0)
-    cross = np.cross(corners[:, 1], corners[:, 2])
-    count_of = int(patch.max()) + 1
-    volume = np.bincount(patch, np.einsum("ij,ij->i", corners[:, 0], cross) / 6, count_of)
-    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    area = np.bincount(patch, doubled / 2, count_of)
-    minority = np.bincount(patch, np.where(flipped, doubled, -doubled), count_of) > 0
-    unbalanced = _unbalanced(oriented, patch)
-    solid = np.abs(volume) > MIN_SOLIDITY * area**1.5
-    solid[patch[unbalanced]] = False
-    against = np.where(solid, volume < 0, minority)
+    area, unchanged, volume = measures(vertices, oriented, patch, ~flipped)
+    solid = np.abs(volume) > MIN_VOLUME_RATIO * area**1.5
+    solid[patch[_unbalanced(oriented, patch)]] = False
+    against = np.where(solid, volume < 0, unchanged < area / 2)
     turned = np.zeros(len(faces), dtype=bool)
     turned[proper] = flipped ^ against[patch]
     return turned
@@ -166,7 +155,7 @@ def is_angular(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> bool:
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
     normals = unit(np.cross(b - a, c - a), UP)
     edges, of_side, _ = edges_of(faces)
-    order = lexicographic_order(of_side[:, None], len(edges))
+    order = np.argsort(of_side, kind="stable")
     edge, face = of_side[order], order // 3
     shared = np.flatnonzero(edge[1:] == edge[:-1])
     cosine = np.einsum("ec,ec->e", normals[face[shared]], normals[face[shared + 1]])
@@ -174,14 +163,14 @@ def is_angular(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> bool:
     return bool(length[cosine < HARD_EDGE_COSINE].sum() > 0.5 * length[cosine < FLAT_EDGE_COSINE].sum())
 
 
-def _unbalanced(faces: NDArray[np.int64], patch: NDArray[np.int64] | None = None) -> NDArray[np.bool_]:
+def _unbalanced(faces: NDArray[np.int64], patch: NDArray[np.integer] | None = None) -> NDArray[np.bool_]:
     """Return which faces (t,) have an edge that is not traversed equally often in both directions.
 
     If patches are given, each patch has its own edges.
     """
     _, edge, _ = edges_of(faces)
     if patch is not None:
-        _, edge = unique_rows(np.column_stack([np.repeat(patch, 3), edge]))
+        _, edge = distinct_rows(np.column_stack([np.repeat(patch, 3), edge]))
     balance = np.bincount(edge, np.sign(np.roll(faces, -1, axis=1) - faces).ravel())
     a, b, c = (balance[edge] != 0).reshape(-1, 3).T
     return a | b | c
@@ -189,7 +178,7 @@ def _unbalanced(faces: NDArray[np.int64], patch: NDArray[np.int64] | None = None
 
 def _sides(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Return the first of all faces with the same vertices, and which of the (t,) faces are backs of these."""
-    first, kind = unique_rows(np.sort(faces, axis=1))
+    first, kind = distinct_rows(np.sort(faces, axis=1))
     order = np.argsort(faces, axis=1)
     is_even = (order[:, 1] - order[:, 0]) % 3 == 1
     return first, is_even != is_even[first[kind]]

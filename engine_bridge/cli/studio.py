@@ -57,6 +57,7 @@ def studio(
 
     import platformdirs
 
+    from capture.sound_input import is_sound_file, open_sound
     from engine_bridge.inspection.files import inspect
     from engine_bridge.service.monitoring import logs
     from engine_bridge.service.security.credentials import read_token
@@ -75,6 +76,8 @@ def studio(
             expected="a puppet file or a mesh",
             fix="Start without it, then drop it on the page.",
         )
+    if sound is not None:
+        open_sound(sound, Path()).close()  # refuses a missing one now
     logs.setup("text", "warning")
     settings = StudioSettings(
         folder=folder or platformdirs.user_data_path("puppetline") / "studio",
@@ -83,7 +86,7 @@ def studio(
         origins=origins,
         token_file=token_file,
         first=file,
-        sound=sound if sound is None or not sound.lower().endswith(".wav") else str(Path(sound).absolute()),
+        sound=sound if sound is None or not is_sound_file(sound) else str(Path(sound).absolute()),
         service=service,
         service_token=None if service is None else read_token(service_token_file),
         visitors=visitors,

@@ -1,7 +1,8 @@
 """Baking of a character with a morph basis for live motion, as a .glb that engines show without an addon.
 
 The basis is fitted to recorded motion, or to synthetic motion: all example motions, and an exercise
-of the handles. It does not contain the motion of the root, which is a separate translation in live frames.
+of the handles and bones. A character that turns with its performer is in it at any angle. It does not contain the
+motion of the root, which is a separate translation in live frames.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -9,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from capture.sources.demo import performances
@@ -26,9 +28,16 @@ from puppetline.errors import PuppetError
 from puppetline.files import check_writable
 from solver.model.batch import MAX_BATCH_FRAMES as CHUNK
 from solver.model.batch import BatchBinding
+from solver.motion.limbs import TRUNK
 
 DEFAULT_TOLERANCE = 0.002
 """Default tolerance as a fraction of the diagonal; the poses at the limits of the exercise have the largest errors."""
+
+TURNS_DEGREES = (120.0, 240.0)
+"""Turns of a character that span all turns about one axis, together with the one of 0 degrees."""
+
+TURNED_STEP = 3
+"""Every frame of this number is turned: the others move the surface along the same directions."""
 
 SHOWN_SECONDS = 20.0
 """Maximum duration of the animation in the file, in seconds."""
@@ -153,7 +162,9 @@ def recorded_motion(rig: Rig, logs: Sequence[Path], settings: Settings, progress
             timeline, notes = load_timeline(log, settings)
             yield log.stem, timeline, tuple(f"{log.name}: {note}" for note in notes)
 
-    return _play(rig, read(), len(logs), settings, progress)
+    motion = _play(rig, read(), len(logs), settings, progress)
+    _add_turned(rig, motion.frames)
+    return motion
 
 
 def synthetic_motion(rig: Rig, names: Sequence[str], settings: Settings, progress: Progress) -> Motion:
@@ -164,7 +175,23 @@ def synthetic_motion(rig: Rig, names: Sequence[str], settings: Settings, progres
     rest = reference_pose(rig.puppet, timelines[names[0]], settings)
     for solved in exercise(rig, rest, CHUNK):
         motion.frames.append(solved)
+    _add_turned(rig, motion.frames)
     return motion
+
+
+def _add_turned(rig: Rig, frames: FrameStore) -> None:
+    """Add frames in which the whole character has turned about its trunk's root, if it turns with its performer."""
+    trunk = next((limb for limb in rig.puppet.limbs if limb.name == TRUNK), None)
+    if trunk is None or not rig.puppet.turns:
+        return
+    middle = rig.model.to_model(np.array(trunk.points[:1]))
+    axis = np.radians(TURNS_DEGREES)[:, None] * rig.puppet.character.basis[1]
+    for start in range(0, len(frames), CHUNK):
+        some = frames[start : start + CHUNK : TURNED_STEP].astype(np.float64)
+        for turn in scipy.spatial.transform.Rotation.from_rotvec(axis).as_matrix():
+            moved = (some @ turn.T).reshape(len(some), -1, 4, 3)
+            moved[:, :, 3] += middle - middle @ turn.T
+            frames.append(moved.reshape(some.shape))
 
 
 def _play(

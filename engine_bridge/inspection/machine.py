@@ -38,6 +38,7 @@ LIBRARIES: dict[str, str] = {
     "python-osc": "pythonosc",
     "pyzmq": "zmq",
     "rich": "rich",
+    "robust-laplacian": "robust_laplacian",
     "scipy": "scipy",
     "tomlkit": "tomlkit",
     "zeroconf": "zeroconf",

@@ -22,6 +22,9 @@ skirt it is larger."""
 MAX_HIP_RATIO = 1.8
 """Maximum thickness of a leg at the hip, as a multiple of the median over the outer half of its curve."""
 
+SPRAWLING_JOINTS = 0.22, 0.6
+"""Usual places of the ankle and the knee of a leg that sprawls, as shares of the way from the end of the foot."""
+
 SECTION_COUNT = 41
 """Number of cross-sections of a leg."""
 
@@ -48,7 +51,7 @@ def folded_leg(skeleton: CurveSkeleton, leg: LimbCurve, top: float) -> NDArray[n
         Hip, knee, ankle and the end of the foot; None if the leg is not folded, or is not three straight bones.
     """
     hip = _below_axle(leg, top)
-    joints, misfit = three_bones(_middles(skeleton, leg, hip))
+    joints, misfit = three_bones(_middles(skeleton, leg, hip, with_heel=False))
     thigh, shin = joints[2] - joints[3], joints[1] - joints[2]
     cosine = thigh @ shin / max(float(np.linalg.norm(thigh) * np.linalg.norm(shin)), 1e-12)
     if cosine > np.cos(np.radians(FOLDED_DEGREES)) or misfit > MAX_MISFIT * hip:
@@ -56,7 +59,7 @@ def folded_leg(skeleton: CurveSkeleton, leg: LimbCurve, top: float) -> NDArray[n
     return np.array([*joints[:0:-1], leg.at(0.0)])
 
 
-def sprawling_leg(leg: LimbCurve) -> NDArray[np.float64]:
+def sprawling_leg(skeleton: CurveSkeleton, leg: LimbCurve) -> NDArray[np.float64]:
     """Return the joints (4, 3) of a leg that does not stand below the body, as those of frogs and spiders.
 
     Its hip is where the curve begins to lead into a thicker body.
@@ -66,9 +69,8 @@ def sprawling_leg(leg: LimbCurve) -> NDArray[np.float64]:
     leg : LimbCurve
     """
     thin = np.flatnonzero(leg.depth < MAX_HIP_RATIO * np.median(leg.depth[leg.along < 0.5 * leg.length]))
-    ways = np.linspace(0.0, leg.along[thin[-1]], SECTION_COUNT)
-    joints, _ = three_bones(np.column_stack([np.interp(ways, leg.along, column) for column in leg.centers.T]))
-    return joints[::-1]
+    joints, _ = three_bones(_middles(skeleton, leg, float(leg.along[thin[-1]]), with_heel=True), usual=SPRAWLING_JOINTS)
+    return np.array([*joints[:0:-1], leg.at(0.0)])
 
 
 def _below_axle(leg: LimbCurve, top: float) -> float:
@@ -79,9 +81,9 @@ def _below_axle(leg: LimbCurve, top: float) -> float:
     return float(ways[np.argmin(np.append(sideways, False))])
 
 
-def _middles(skeleton: CurveSkeleton, leg: LimbCurve, hip: float) -> NDArray[np.float64]:
+def _middles(skeleton: CurveSkeleton, leg: LimbCurve, hip: float, *, with_heel: bool) -> NDArray[np.float64]:
     """Return the middles (`SECTION_COUNT`, 3) of the cross-sections of a leg, from its end to the hip."""
-    cells, ways = _cells_of(skeleton, leg, hip)
+    cells, ways = _cells_of(skeleton, leg, hip, with_heel)
     middles = _section_middles(cells, ways, hip)
     for _ in range(ROUND_COUNT - 1):
         middles = _section_middles(cells, _ways_along(middles, cells, hip), hip)
@@ -105,13 +107,20 @@ def _ways_along(middles: NDArray[np.float64], cells: NDArray[np.float64], hip: f
     return fine[cKDTree(curve).query(cells)[1]] * hip / along[-1]
 
 
-def _cells_of(skeleton: CurveSkeleton, leg: LimbCurve, hip: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the centres (m, 3) of the cells nearest to a leg, inside the solid, and their distances from its end."""
+def _cells_of(
+    skeleton: CurveSkeleton, leg: LimbCurve, hip: float, with_heel: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the centres (m, 3) of the cells nearest to a leg, inside the solid, and their distances from its end.
+
+    With a heel, what branches off the leg belongs to it, such as the heel and the knee of a frog.
+    """
     solid = skeleton.solid
-    paths = np.unique(np.concatenate([skeleton.path(int(tip)) for tip in skeleton.tips]))
+    own = set(leg.cells[leg.along < hip].tolist()) if with_heel else set[int]()
+    paths = [skeleton.path(int(tip)) for tip in skeleton.tips]
+    others = np.array([cell for path in paths if own.isdisjoint(path) for cell in path], dtype=np.int64)
     way = np.full(len(solid.centers), np.inf)
     way[leg.cells] = np.where(leg.along < hip, leg.along, np.inf)
-    sources = np.union1d(paths, leg.cells)
+    sources = np.union1d(others, leg.cells)
     _, _, nearest = dijkstra(solid.graph, directed=False, indices=sources, min_only=True, return_predecessors=True)
     ways = np.where(nearest < 0, np.inf, way[nearest])
     mine = np.isfinite(ways)

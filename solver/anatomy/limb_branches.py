@@ -76,6 +76,8 @@ class LimbBranches(LimbEnds):
         Points of the legs by name.
     legs_are_folded : bool
         Whether a leg of a two-legged character is folded at the knee.
+    sprawls : bool
+        Whether the legs of a body that lies do not stand below it.
     thighs : set of int
         Cells of the legs outside the trunk.
     trunk : LimbCurve
@@ -85,7 +87,7 @@ class LimbBranches(LimbEnds):
     def __init__(self, mesh: SolverMesh, basis: NDArray[np.float64], ends: Mapping[str, Points]) -> None:
         super().__init__(mesh, basis, ends)
         self.legs: dict[str, Points] = {}
-        self.legs_are_folded = False
+        self.legs_are_folded = self.sprawls = False
         self.thighs: set[int] = set()
         self.leg_names = leg_names(len(self.feet))
         for name, row in zip(self.leg_names, self.feet, strict=True):
@@ -103,8 +105,9 @@ class LimbBranches(LimbEnds):
         curves = [curve_through(self.solid, self.skeleton.between(foot, fork)) for foot in feet]
         points, parted = leg_joints(curves, self.solid.size, upright=name == "leg")
         if self.lies and len(self.feet) < 3:
-            standing = standing_legs(self.solid, curves, front=name == "front leg")
-            points = standing or [sprawling_leg(curve) for curve in curves]
+            standing = None if self.sprawls else standing_legs(self.solid, curves, front=name == "front leg")
+            self.sprawls = standing is None
+            points = standing or [sprawling_leg(self.skeleton, curve) for curve in curves]
         elif name == "leg":
             folded = [folded_leg(self.skeleton, curve, curve.length - parted) for curve in curves]
             points = [leg if other is None else other for leg, other in zip(points, folded, strict=True)]
@@ -118,7 +121,7 @@ class LimbBranches(LimbEnds):
         fork = self.skeleton.fork(foot, others[0] if others else self.head)
         curve = curve_through(self.solid, self.skeleton.between(foot, fork))
         standing = standing_legs(self.solid, [curve], front=name == "front leg") if self.lies else None
-        points = standing[0] if standing else sprawling_leg(curve)
+        points = standing[0] if standing else sprawling_leg(self.skeleton, curve)
         aside = (points[0, 0] - self.middle) / self.unit
         side = "" if abs(aside) < MAX_SINGLE_OFFSET else "left " if aside > 0 else "right "
         self.legs[f"{side}{name}"] = points

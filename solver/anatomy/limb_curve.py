@@ -43,6 +43,10 @@ ANKLE_SHARES, KNEE_SHARES = (0.05, 0.6), (0.3, 0.7)
 """Range of the ankle, as shares of the distance from the end of the foot to the hip, and of the knee, as shares of the
 distance from ankle to hip."""
 
+UNUSUAL_WEIGHT = 0.06
+"""Distance from straight bones that counts as much as joints far from their usual places, as a share of the limb's
+length times that of the deviation."""
+
 AXLE_DEGREES = 60.0
 """Angle in degrees by which a curve turns away from a thigh or upper arm where it leaves the limb for the body."""
 
@@ -206,7 +210,7 @@ def _ankle(leg: LimbCurve, hip: float) -> NDArray[np.float64]:
 
 
 def three_bones(
-    points: NDArray[np.float64], knees: tuple[float, float] = KNEE_SHARES
+    points: NDArray[np.float64], knees: tuple[float, float] = KNEE_SHARES, usual: tuple[float, ...] = ()
 ) -> tuple[NDArray[np.float64], float]:
     """Fit three straight bones to a leg: from the end of the foot to ankle, knee and hip (`straight_bones`).
 
@@ -221,10 +225,12 @@ def three_bones(
     for low in range(round(ANKLE_SHARES[0] * last), round(ANKLE_SHARES[1] * last) + 1):
         first, past = (round(low + share * (last - low)) for share in knees)
         places += [(low, high) for high in range(first, past + 1)]
-    return straight_bones(points, places)
+    return straight_bones(points, places, usual)
 
 
-def straight_bones(points: NDArray[np.float64], places: Sequence[tuple[int, ...]]) -> tuple[NDArray[np.float64], float]:
+def straight_bones(
+    points: NDArray[np.float64], places: Sequence[tuple[int, ...]], usual: tuple[float, ...] = ()
+) -> tuple[NDArray[np.float64], float]:
     """Fit straight bones.
 
     Parameters
@@ -234,6 +240,9 @@ def straight_bones(points: NDArray[np.float64], places: Sequence[tuple[int, ...]
         have three columns each.
     places : sequence of tuple of int
         Numbers of the points that may be joints.
+    usual : tuple of float
+        Usual shares of the joints along the limb, which decide where the limb is straight; without them, all places
+        are as likely.
 
     Returns
     -------
@@ -244,7 +253,8 @@ def straight_bones(points: NDArray[np.float64], places: Sequence[tuple[int, ...]
     """
     last = len(points) - 1
     number = np.arange(len(points), dtype=np.float64)
-    best, joints = np.inf, points[[0, last]]
+    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    best, least, joints = np.inf, np.inf, points[[0, last]]
     for inner in places:
         # shares of the ends of the bones in each point
         corners = [0, *inner, last]
@@ -252,10 +262,12 @@ def straight_bones(points: NDArray[np.float64], places: Sequence[tuple[int, ...]
         fixed = points - shares[:, [0, -1]] @ points[[0, last]]
         between = shares[:, 1:-1]
         found = np.linalg.solve(between.T @ between, between.T @ fixed)
-        misfit = float(((between @ found - fixed) ** 2).sum())
-        if misfit < best:
-            best, joints = misfit, np.array([points[0], *found, points[last]])
-    return joints, float(np.sqrt(best / len(points)))
+        misfit = float(((between @ found - fixed) ** 2).mean(axis=0).sum())
+        unusual = sum((place / last - share) ** 2 for place, share in zip(inner, usual, strict=False))
+        cost = misfit + (UNUSUAL_WEIGHT * length) ** 2 * unusual
+        if cost < least:
+            best, least, joints = misfit, cost, np.array([points[0], *found, points[last]])
+    return joints, float(np.sqrt(best))
 
 
 def _low_corner(leg: LimbCurve, hip: float) -> NDArray[np.float64]:

@@ -19,11 +19,12 @@ MAX_LEVEL_DIFFERENCE = 0.05
 several such pairs, the one that is farthest apart counts."""
 
 TOE_DISTANCE = 0.15
-"""Two ends are toes of one foot if their curves meet below this share of the height, or if they are on one side and
-closer together than this share of the unit."""
+"""Two ends are toes of one foot if their curves meet below this share of the height, or if they are on one side of an
+upright body and closer together than this share of the unit."""
 
-MIN_TRUNK_SHARE = 0.6
-"""Minimum thickness of a trunk that lies, as a share of its thickest place: legs that meet there are two."""
+MIN_TRUNK_SHARE, MAX_FORK_SHARE = 0.6, 0.3
+"""Minimum thickness of a trunk that lies, and maximum thickness of one of its legs where toes, heel or knee branch off,
+as shares of the thickest place."""
 
 MAX_SINGLE_HEIGHT, MAX_SINGLE_THICKNESS = 0.03, 0.5
 """Maximum height of the foot of a single leg, as a share of the height, and maximum thickness of that leg, as a share
@@ -149,22 +150,25 @@ class LimbEnds:
     def _feet(self) -> list[Feet]:
         """Return the rows of feet."""
         scale = max(MIN_HEIGHT_SHARE * self.unit / self.height, 1.0) if self.lies else 1.0
-        candidates = [tip for tip in self.skeleton.tips.tolist() if self.place(tip)[1] < MAX_FOOT_HEIGHT * scale]
+        tips: list[int] = self.skeleton.tips.tolist()
+        candidates = [tip for tip in tips if self.place(tip)[1] < MAX_FOOT_HEIGHT * scale]
         stout = max((self._thicknesses(tip)[0] for tip in candidates), default=0.0)
+        candidates = [tip for tip in candidates if self._thicknesses(tip)[0] >= MIN_FOOT_THICKNESS * stout]
+        sole: dict[int, float] = {end: self.place(end)[1] for end in self.ends.values()}
         low: list[int] = []
-        for tip in candidates:
-            if self._thicknesses(tip)[0] < MIN_FOOT_THICKNESS * stout:
-                continue
-            others = [other for other in low if self.same_foot(tip, other)]
-            if all(self.cells[other, 2] < self.cells[tip, 2] for other in others):  # toes rather than a heel
-                low = [*(other for other in low if other not in others), tip]
+        while candidates:
+            one = candidates.pop(0)
+            foot = [one, *(tip for tip in (tips if self.lies else candidates) if self.same_foot(tip, one))]
+            low.append(max(foot, key=lambda tip: self.cells[tip, 2]))  # toes rather than a heel
+            sole[low[-1]] = min(self.place(tip)[1] for tip in foot)
+            candidates = [tip for tip in candidates if tip not in foot]
         left = [tip for tip in low if self.place(tip)[0] > 0]
         right = [tip for tip in low if self.place(tip)[0] <= 0]
         unlike = np.array([[self._foot_distance(a, b) for b in right] for a in left])
         rows, columns = scipy.optimize.linear_sum_assignment(unlike.reshape(len(left), len(right)))
         pairs: list[Feet] = [(left[i], right[j]) for i, j in zip(rows, columns, strict=True)]
         pairs = [pair for pair in pairs if self._foot_distance(pair[0], pair[1], stride=0.0) < MAX_MIRROR_DISTANCE]
-        pairs = [pair for pair in pairs if min(self.place(tip)[1] for tip in pair) < MAX_GROUND_HEIGHT * scale]
+        pairs = [pair for pair in pairs if min(sole[tip] for tip in pair) < MAX_GROUND_HEIGHT * scale]
         pairs.sort(key=lambda pair: sum(self.place(tip)[2] for tip in pair))
         for given in ("leg", "hind leg", "front leg"):
             if {f"left {given}", f"right {given}"} <= self.ends.keys():
@@ -173,7 +177,7 @@ class LimbEnds:
         if len(pairs) > 1 and self._stride(pairs[0], pairs[-1]) > (MIN_LYING_STRIDE if self.lies else MIN_STRIDE):
             between = [pair for pair in pairs[1:-1] if self._is_row(pair, pairs[0], pairs[-1])]
             return [pairs[0], *between, pairs[-1]]
-        heights = [max(self.place(tip)[1] for tip in pair) for pair in pairs]
+        heights = [max(sole[tip] for tip in pair) for pair in pairs]
         lowest = [
             pair for pair, height in zip(pairs, heights, strict=True) if height < min(heights) + MAX_LEVEL_DIFFERENCE
         ]
@@ -234,9 +238,9 @@ class LimbEnds:
         fork = self.skeleton.fork(tip, other)
         if self.place(fork)[1] < TOE_DISTANCE:
             return True
-        if self.lies and self.solid.depth[fork] > MIN_TRUNK_SHARE * self.solid.depth.max():
-            return False  # legs of neighbouring rows
         one_side = (self.place(tip)[0] > 0) == (self.place(other)[0] > 0)
+        if self.lies:  # legs of neighbouring rows meet in the trunk
+            return bool(one_side and self.solid.depth[fork] < MAX_FORK_SHARE * self.solid.depth.max())
         return bool(one_side and np.linalg.norm(self.cells[tip] - self.cells[other]) < TOE_DISTANCE * self.unit)
 
     def _head(self) -> int:

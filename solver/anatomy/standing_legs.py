@@ -7,40 +7,47 @@ three straight bones: foot, metatarsus and shin. The knee of a leg with a hock i
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solver.anatomy.limb_chain import evenly
-from solver.anatomy.limb_curve import LimbCurve, straight_bones, three_bones
+from solver.anatomy.limb_curve import LimbCurve, straight_bones
 from solver.anatomy.solid import Solid
 
 SAMPLE_COUNT = 61
 """Number of points on a leg to which straight bones are fitted."""
 
-MIN_FLANK_SHARE, FOOT_SHARE = 0.25, 0.2
+MIN_FLANK_SHARE, FOOT_SHARE = 0.35, 0.2
 """Minimum height of a flank, and height below which a leg is a foot that may lie, as shares of the height at which the
 leg's curve ends in the trunk."""
 
-MIN_BELLY_LENGTH = 0.9
+MIN_BELLY_LENGTH = 1.1
 """Minimum length of the belly from front to back, as a share of the same height; that of a leg is smaller."""
 
 MAX_SPRAWL = 0.5
 """Maximum distance from left to right that a leg covers below the flank, as a share of the flank's height."""
 
-HIP_SHARE, SHOULDER_SHARE = 0.45, 0.2
+HIP_SHARE, SHOULDER_SHARE = 0.5, 0.25
 """Height of the hip and of the shoulder, as shares of the distance from the flank to the back above it."""
 
-KNEE_SHARES = 0.4, 0.75
-"""Range of the middle joint of a leg without a hock, as shares of the distance from ankle to flank."""
+ANKLE_SHARE, ELBOW_SHARE, KNEE_SHARE = 0.22, 0.65, 0.6
+"""Usual places of the joints of a leg without a hock, as shares of the way from the end of the foot to the flank."""
+
+HOCK_ANKLE_SHARE = 0.4
+"""Usual place of the ankle of a leg with a hock, as a share of the way from the end of the foot to the hock."""
+
+MIN_BONE_SHARE = 0.2
+"""Minimum distance of a single joint from the ends of that way; of two, half as much, as a share of it."""
 
 HOCK_DEGREES = 12.0
 """Minimum angle in degrees by which the bone above a hock leans further to the front than the one below it."""
 
-HOCK_DEPTH = 0.35
+HOCK_DEPTH = 0.2
 """Distance of the hock from the back of the leg, as a share of the leg's length from front to back."""
 
-STIFLE_DROP, STIFLE_DEPTH = 0.15, 0.15
+STIFLE_DROP, STIFLE_DEPTH = 0.15, 0.1
 """Distance of the knee below the flank, as a share of that from hock to flank, and behind the leg's front, as a share
 of the leg's length from front to back."""
 
@@ -70,8 +77,9 @@ class _Leg:
     line: NDArray[np.float64]
 
     def top(self, share: float) -> NDArray[np.float64]:
-        """Return hip or shoulder (3,): above the flank, at a share of the way to the back."""
-        return np.asarray(self.line[-1] + [0.0, share * (self.back - self.line[-1, 1]), 0.0])
+        """Return hip or shoulder (3,): above the flank and the leg, at a share of the way to the back."""
+        _, flank, front = self.line[-1]
+        return np.array([np.median(self.line[:, 0]), flank + share * (self.back - flank), front])
 
     def hock(self) -> tuple[NDArray[np.float64], float]:
         """Return where the back of the leg sticks out most (3,), and the angle in degrees by which it bends there.
@@ -92,8 +100,7 @@ class _Leg:
         """Return the corner (3,) of the two straight bones from the end of the foot to the hock."""
         below = self.line[: max(int(np.argmax(self.line[:, 1] > hock[1])), 3)]
         points = evenly(np.concatenate([below, hock[None]]), SAMPLE_COUNT)
-        places = [(place,) for place in range(round(0.1 * SAMPLE_COUNT), round(0.9 * SAMPLE_COUNT))]
-        return np.asarray(straight_bones(points, places)[0][1])
+        return np.asarray(straight_bones(points, _places(1), (HOCK_ANKLE_SHARE,))[0][1])
 
     def stifle(self, hock: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the knee (3,) of a leg with a hock."""
@@ -132,8 +139,16 @@ def standing_legs(solid: Solid, legs: Sequence[LimbCurve], *, front: bool) -> li
             for hip, leg, (hock, _) in zip(hips, found, hocks, strict=True)
         ]
     # both legs have the same bones
-    bones = np.hsplit(three_bones(np.hstack([leg.line for leg in found]), KNEE_SHARES)[0], len(found))
+    lines, usual = np.hstack([leg.line for leg in found]), (ANKLE_SHARE, ELBOW_SHARE if front else KNEE_SHARE)
+    bones = np.hsplit(straight_bones(lines, _places(2), usual)[0], len(found))
     return [np.array([hip, *joints[2::-1]]) for hip, joints in zip(hips, bones, strict=True)]
+
+
+def _places(count: int) -> list[tuple[int, ...]]:
+    """Return where the joints below the flank may be, as numbers of the leg's points."""
+    least = round(MIN_BONE_SHARE / count * SAMPLE_COUNT)
+    inner = range(least, SAMPLE_COUNT - least)
+    return [places for places in combinations(inner, count) if min(np.diff(places), default=least) >= least]
 
 
 def _leg(solid: Solid, curve: LimbCurve) -> _Leg | None:

@@ -8,6 +8,7 @@ Transformations*, 2012). They blend nearly the same transforms, so one rotation 
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
@@ -56,65 +57,29 @@ def rotation_clusters(
     (n,) int32
         Cluster of each vertex, numbered from 0; `CLUSTER_COUNT` clusters unless the mesh is tiny.
     """
-    every = (isoline_coordinates * weights).astype(np.float32).T
-    points = np.ascontiguousarray(every[:, samples])
-    means = _farthest_points(
-        points,
-        points @ mass / mass.sum(),
-        max(1, min(CLUSTER_COUNT, len(isoline_coordinates) // MIN_VERTICES_PER_CLUSTER)),
-    )
+    every = (isoline_coordinates * weights).astype(np.float32)
+    points = every[samples]
+    count = max(1, min(CLUSTER_COUNT, len(isoline_coordinates) // MIN_VERTICES_PER_CLUSTER))
+    means = _farthest_points(points, mass @ points / mass.sum(), count)
     for _ in range(MEAN_UPDATES):
-        nearest = _nearest_mean(points, means)
+        nearest, _ = scipy.cluster.vq.vq(points, means)
         area = np.bincount(nearest, mass, len(means))
-        sums = [np.bincount(nearest, mass * row, len(means)) for row in points]
-        means = (np.stack(sums, axis=1)[area > 0] / area[area > 0, None]).astype(np.float32)
-    nearest = _nearest_mean(np.ascontiguousarray(every), means)
+        sums = np.column_stack([np.bincount(nearest, mass * column, len(means)) for column in points.T])
+        means = (sums[area > 0] / area[area > 0, None]).astype(np.float32)
+    nearest, _ = scipy.cluster.vq.vq(every, means)
     used = np.bincount(nearest, minlength=len(means)) > 0
     return (np.cumsum(used) - 1)[nearest].astype(np.int32)
 
 
-@compiled
-def _farthest_points(points, start, count):
-    """Choose up to count of (d, n) points: the farthest from a start, then the farthest from those already chosen."""
-    means = np.zeros((count, len(points)), dtype=np.float32)
-    square, nearest = np.full(points.shape[1], np.inf, dtype=np.float32), np.zeros(points.shape[1], dtype=np.int32)
-    _assign_nearer(points, start.astype(np.float32), 0, square, nearest)
-    for c in range(count):
-        farthest = square.argmax()
-        if c > 0 and square[farthest] == 0:  # every point coincides with a chosen one
-            return means[:c]
-        if c == 0:
-            square[:] = np.inf
-        means[c] = points[:, farthest]
-        _assign_nearer(points, means[c], c, square, nearest)
-    return means
-
-
-@compiled
-def _nearest_mean(points, means):
-    """Return the first of the nearest means of each of (d, n) points."""
-    square, nearest = np.full(points.shape[1], np.inf, dtype=np.float32), np.zeros(points.shape[1], dtype=np.int32)
-    for c in range(len(means)):
-        _assign_nearer(points, means[c], c, square, nearest)
-    return nearest
-
-
-@compiled
-def _assign_nearer(points, mean, cluster, square, nearest):
-    """Assign to a cluster the points that are nearer to its mean than to their current one."""
-    d, block = len(points), 1024
-    now = np.empty(block, dtype=np.float32)
-    for start in range(0, len(square), block):
-        stop = min(start + block, len(square))
-        now[:] = 0
-        for k in range(d):
-            row, at = points[k, start:stop], mean[k]
-            for v in range(stop - start):
-                now[v] += (row[v] - at) * (row[v] - at)
-        for v in range(stop - start):
-            nearer = now[v] < square[start + v]
-            square[start + v] = now[v] if nearer else square[start + v]
-            nearest[start + v] = cluster if nearer else nearest[start + v]
+def _farthest_points(points: NDArray[np.float32], start: NDArray[np.float64], count: int) -> NDArray[np.float32]:
+    """Choose up to count of (n, d) points: the farthest from a start, then the farthest from those already chosen."""
+    square = np.square(points - start.astype(np.float32)).sum(axis=1)
+    chosen: list[NDArray[np.float32]] = []
+    while len(chosen) < count and (not chosen or square.max() > 0):  # else every point coincides with a chosen one
+        chosen.append(points[square.argmax()])
+        own = np.square(points - chosen[-1]).sum(axis=1)
+        square = own if len(chosen) == 1 else np.minimum(square, own)
+    return np.array(chosen)
 
 
 def energy(products: Products, covariance: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

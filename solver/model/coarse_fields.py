@@ -12,7 +12,6 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from puppetline.compiled import compiled
 from solver.model import fields
 from solver.model.relaxation import relaxed
 from solver.surface.coarsening import coarse_surface
@@ -75,11 +74,11 @@ class CoarseFields:
         coarse = self._coarse.propagation_fields(count)
         eigenvalues = -np.einsum("ck,ck->k", coarse, self._coarse_L @ coarse)
         rough = relaxed(self._L, self._mass, eigenvalues, _single(self._up @ coarse))
-        energy, gram = _forms(self._L.indptr, self._L.indices, self._L.data, self._mass, rough)
+        energy, gram = _forms(self._L, self._mass, rough)
         values, mix = scipy.linalg.eigh(energy, gram)
         found = rough @ mix[1:, 1:]
         found += mix[0, 1:]
-        residuals = _residuals(self._L.indptr, self._L.indices, self._L.data, self._mass, found, values[1:])
+        residuals = _residuals(self._L, self._mass, found, values[1:])
         if not (residuals <= MAX_RESIDUAL).all():
             self._exact = fields.SurfaceOperator(self._L, self._mass, self._vertices)
             return self._exact.propagation_fields(count)
@@ -102,40 +101,18 @@ def _single(values: NDArray[np.float64]) -> NDArray[np.float32]:
     return values.astype(np.float32, order="C")
 
 
-@compiled
-def _forms(starts, neighbours, entries, mass, x):
-    """Return −Bᵀ L B and Bᵀ M B for B, (n, 1 + k), the constant function and those in x, without storing L B."""
-    n, count = x.shape
-    energy, gram = np.zeros((count + 1, count + 1)), np.zeros((count + 1, count + 1))
-    product, here = np.zeros(count + 1), np.ones(count + 1)
-    for v in range(n):
-        product[:] = 0.0
-        for entry in range(starts[v], starts[v + 1]):
-            u, factor = neighbours[entry], entries[entry]
-            product[0] += factor
-            for c in range(count):
-                product[1 + c] += factor * x[u, c]
-        for c in range(count):
-            here[1 + c] = x[v, c]
-        for a in range(count + 1):
-            for b in range(count + 1):
-                energy[a, b] -= here[a] * product[b]
-                gram[a, b] += mass[v] * here[a] * here[b]
-    return (energy + energy.T) / 2, gram
+def _forms(
+    L: "csr_matrix", mass: NDArray[np.float64], x: NDArray[np.float32]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return −Bᵀ L B and Bᵀ M B for B, (n, 1 + k), the constant function and those in x."""
+    B = np.column_stack([np.ones(len(x)), x])
+    energy = -(B.T @ (L @ B))
+    return (energy + energy.T) / 2, B.T @ (mass[:, None] * B)
 
 
-@compiled
-def _residuals(starts, neighbours, entries, mass, x, values):
+def _residuals(
+    L: "csr_matrix", mass: NDArray[np.float64], x: NDArray[np.floating], values: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Return how far each function is from solving −L e = λ M e, see `MAX_RESIDUAL`."""
-    n, count = x.shape
-    squares, load = np.zeros(count), np.empty(count)
-    for v in range(n):
-        for c in range(count):
-            load[c] = values[c] * mass[v] * x[v, c]
-        for entry in range(starts[v], starts[v + 1]):
-            u, factor = neighbours[entry], entries[entry]
-            for c in range(count):
-                load[c] += factor * x[u, c]
-        for c in range(count):
-            squares[c] += load[c] ** 2 / mass[v]
-    return squares / values**2
+    load = L @ x + mass[:, None] * x * values
+    return np.einsum("vk,vk,v->k", load, load, 1 / mass) / values**2

@@ -8,10 +8,10 @@ them: the integer part is the isoline below, the fraction blends towards the nex
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+import robust_laplacian
 import scipy
 from numpy.typing import NDArray
 
-from solver.surface import tufted
 from solver.surface.contacts import TOUCH_DIAGONALS, Contacts
 from solver.surface.dissection import nested_dissection
 from solver.surface.mesh import SolverMesh
@@ -44,7 +44,10 @@ MAX_RESTARTS = 300
 
 
 def laplacian(mesh: SolverMesh) -> "tuple[csr_matrix, NDArray[np.float64]]":
-    """Build the Laplacian of a character, without contacts between its parts (`solver.surface.tufted`).
+    """Build the Laplacian of a character, without contacts between its parts.
+
+    It is the cotangent Laplacian of the tufted cover, for surfaces with slivers, borders and edges of many faces (N.
+    Sharp and K. Crane, *A Laplacian for Nonmanifold Triangle Meshes*, SGP 2020).
 
     Returns
     -------
@@ -53,9 +56,10 @@ def laplacian(mesh: SolverMesh) -> "tuple[csr_matrix, NDArray[np.float64]]":
     mass : (n,) float64
         Area of each vertex, more than 0.
     """
-    L, mass = tufted.laplacian(mesh.vertices, mesh.faces)
+    L, areas = robust_laplacian.mesh_laplacian(mesh.vertices, mesh.faces)
     np.negative(L.data, out=L.data)  # a second matrix would need as much memory
-    return L, np.maximum(mass, 1e-12 * mass.max())
+    mass = areas.diagonal()
+    return L.T, np.maximum(mass, 1e-12 * mass.max())  # symmetric; transposed, its columns are rows
 
 
 def field_operator(

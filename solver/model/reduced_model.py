@@ -77,8 +77,6 @@ class ReducedModel:
         least 4 (n_e − 1) of them.
     covariance : (3m, 4m) float64
         Q of `rotations.covariance_map`.
-    edges : (2 · m · 10, 4m) float64
-        T of `rotations.edge_map`.
     cluster : (n,) int32
         Rotation cluster of each solver vertex, from 0 to r − 1.
     A_clusters : (4m, 4m) float64
@@ -103,7 +101,6 @@ class ReducedModel:
     gram: NDArray[np.float64]
     null_space: NDArray[np.float64]
     covariance: NDArray[np.float64]
-    edges: NDArray[np.float64]
     cluster: NDArray[np.int32]
     A_clusters: NDArray[np.float64]
     B_clusters: NDArray[np.float64]
@@ -271,7 +268,6 @@ def build(
         )
         covariance = clusters.covariance_map(surface, rest, isoline_coordinates, weights, parameters.isolines, cluster)
         strips = rotations.crossed_triangles(isoline_coordinates, unit.faces, parameters.isolines)
-        sampled = unit.faces[rotations.sample_strips(unit, strips)].ravel()
         reduced = products.result()
     A_clusters, B_clusters = clusters.energy(reduced, covariance)
     return ReducedModel(
@@ -284,9 +280,6 @@ def build(
         gram=reduced.gram,
         null_space=_null_projector(reduced.gram),
         covariance=rotations.covariance_map(unit, strips, isoline_coordinates, weights),
-        edges=rotations.edge_map(
-            position_matrix(rest[sampled], isoline_coordinates[sampled], weights, parameters.isolines)
-        ),
         cluster=cluster,
         A_clusters=A_clusters,
         B_clusters=B_clusters,

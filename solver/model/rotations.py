@@ -1,26 +1,22 @@
-"""One rotation per isoline from the deformed surface: from the covariance of edges, or from sampled triangles.
+"""One rotation per isoline from the deformed surface: from the covariance of its edges.
 
-Both use *strips*, the triangles that an isoline crosses, and begin with a linear map of the control variables R, so
+It uses *strips*, the triangles that an isoline crosses, and begins with a linear map of the control variables R, so
 that the iteration does not compute vertices. Rotations are for row vectors: x' = x · Rot.
 """
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
-from solver.model import polar
 from solver.model.fields import blends
 from solver.surface.mesh import SolverMesh
 
-if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
+RotationMode = Literal["clusters", "covariance"]
 
-RotationMode = Literal["clusters", "covariance", "triangles"]
-
-TRIANGLES_PER_ISOLINE = 10
-"""Number of triangles per isoline in the paper's update; 80 isolines then have about the n_tri of its Table 1."""
+NEAREST_TRIANGLES = 10
+"""Number of triangles of an isoline that crosses none."""
 
 
 def crossed_triangles(
@@ -41,52 +37,21 @@ def crossed_triangles(
     list of n_e · n_iso int64 arrays
         Indices of faces, ascending.
     """
-    m = isoline_coordinates.shape[1] * isolines
-    counts = _count_crossed(isoline_coordinates, faces, isolines, m)
-    crossed = np.split(
-        _crossed(isoline_coordinates, faces, isolines, np.cumsum(counts) - counts, int(counts.sum())),
-        np.cumsum(counts)[:-1],
-    )
-    for isoline in np.flatnonzero(counts == 0):
-        field, level = divmod(int(isoline), isolines)
-        away = np.abs(isoline_coordinates[:, field][faces].mean(axis=1) - level)
-        crossed[isoline] = np.sort(np.argsort(away, kind="stable")[:TRIANGLES_PER_ISOLINE])
-    return crossed
-
-
-@compiled
-def _levels(isoline_coordinates, face, field):
-    """Return the first level of a field that a face reaches, and the one after the last."""
-    a, b, c = (
-        isoline_coordinates[face[0], field],
-        isoline_coordinates[face[1], field],
-        isoline_coordinates[face[2], field],
-    )
-    low, high = min(a, b, c), max(a, b, c)
-    return (int(np.ceil(low)), int(np.floor(high)) + 1) if low < high else (0, 0)
-
-
-@compiled
-def _count_crossed(isoline_coordinates, faces, isolines, m):
-    counts = np.zeros(m, dtype=np.int64)
-    for f in range(len(faces)):
-        for field in range(isoline_coordinates.shape[1]):
-            first, stop = _levels(isoline_coordinates, faces[f], field)
-            for level in range(first, stop):
-                counts[field * isolines + level] += 1
-    return counts
-
-
-@compiled
-def _crossed(isoline_coordinates, faces, isolines, starts, total):
-    """Return the faces that each isoline crosses, those of isoline j from starts[j] on."""
-    crossed, place = np.empty(total, dtype=np.int64), starts.copy()
-    for f in range(len(faces)):
-        for field in range(isoline_coordinates.shape[1]):
-            first, stop = _levels(isoline_coordinates, faces[f], field)
-            for isoline in range(field * isolines + first, field * isolines + stop):
-                crossed[place[isoline]] = f
-                place[isoline] += 1
+    crossed = []
+    for coordinates in isoline_coordinates.T:
+        corners = coordinates[faces]
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        first = np.ceil(low).astype(np.int64)
+        count = np.where(low < high, np.floor(high).astype(np.int64) + 1 - first, 0)
+        face = np.repeat(np.arange(len(faces)), count)
+        level = np.arange(len(face)) - np.repeat(np.cumsum(count) - count - first, count)
+        order = np.argsort(level, kind="stable")
+        strips = np.split(face[order], np.searchsorted(level[order], np.arange(1, isolines)))
+        for isoline, strip in enumerate(strips):
+            if not len(strip):
+                away = np.abs(corners.mean(axis=1) - isoline)
+                strips[isoline] = np.sort(np.argsort(away, kind="stable")[:NEAREST_TRIANGLES])
+        crossed += strips
     return crossed
 
 
@@ -142,133 +107,3 @@ def _add_covariance(rest, faces, below, upper, weights, rows):
                     for k in range(4):
                         rows[x, column + k] += lowest * edge[x] * h[k]
                         rows[x, column + 4 + k] += highest * edge[x] * h[k]
-
-
-def sample_strips(mesh: SolverMesh, strips: list[NDArray[np.int64]]) -> NDArray[np.int64]:
-    """Take a farthest-point sample of `TRIANGLES_PER_ISOLINE` triangles of each strip.
-
-    They are spread all round the isoline; triangles with evenly spaced indices may all be on one side. A strip with
-    fewer triangles repeats some of them.
-
-    Returns
-    -------
-    (isolines, TRIANGLES_PER_ISOLINE) int64
-        Indices of faces.
-    """
-    return np.stack(
-        [
-            strip[_farthest_points(mesh.vertices[mesh.faces[strip]].mean(axis=1), TRIANGLES_PER_ISOLINE)]
-            for strip in strips
-        ]
-    )
-
-
-@compiled
-def _farthest_points(points, count):
-    """Choose points: the farthest from the mean, then the farthest from those already chosen."""
-    n = len(points)
-    away, target = np.full(n, np.inf), np.zeros(3)
-    for i in range(n):
-        target += points[i] / n
-    chosen = np.empty(count, dtype=np.int64)
-    for place in range(count):
-        farthest = 0
-        for i in range(n):
-            square = 0.0
-            for x in range(3):
-                square += (points[i, x] - target[x]) ** 2
-            away[i] = square if place <= 1 else min(away[i], square)
-            if away[i] > away[farthest]:
-                farthest = i
-        chosen[place] = farthest
-        target = points[farthest]
-    return chosen
-
-
-def edge_map(corners: "csr_matrix") -> NDArray[np.float64]:
-    """Build T: T R stacks the two edges from the first corner of every sampled triangle.
-
-    Parameters
-    ----------
-    corners : (isolines · TRIANGLES_PER_ISOLINE · 3, 4 · isolines) sparse float64
-        Rows of W for the corners of each triangle.
-
-    Returns
-    -------
-    (2 · isolines · TRIANGLES_PER_ISOLINE, 4 · isolines) float64
-    """
-    rows = corners.toarray().reshape(-1, 3, corners.shape[1])
-    return (rows[:, 1:] - rows[:, :1]).reshape(-1, corners.shape[1])
-
-
-def from_edges(edges: NDArray[np.float64], rest_frames: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the mean rotation of each isoline's sampled triangles from their rest frames.
-
-    Parameters
-    ----------
-    edges : (2 · m · TRIANGLES_PER_ISOLINE, 3) float64
-        T R.
-    rest_frames : (m, TRIANGLES_PER_ISOLINE, 3, 3) float64
-        `triangle_frames` of the rest pose.
-
-    Returns
-    -------
-    (m, 3, 3) float64
-    """
-    total = np.zeros((len(rest_frames), 3, 3))
-    _add_turns(edges, rest_frames, total)
-    return polar.of_matrices(total)
-
-
-def triangle_frames(edges: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return an orthonormal frame of each triangle, axes as rows: its first edge, its normal × that edge, its normal.
-
-    Parameters
-    ----------
-    edges : (2 · m · TRIANGLES_PER_ISOLINE, 3) float64
-
-    Returns
-    -------
-    (m, TRIANGLES_PER_ISOLINE, 3, 3) float64
-    """
-    frames = np.empty((len(edges) // (2 * TRIANGLES_PER_ISOLINE), TRIANGLES_PER_ISOLINE, 3, 3))
-    _write_frames(np.ascontiguousarray(edges), frames.reshape(-1, 3, 3))
-    return frames
-
-
-@compiled
-def _write_frames(edges, frames):
-    for k in range(len(frames)):
-        _write_frame(edges[2 * k], edges[2 * k + 1], frames[k])
-
-
-@compiled
-def _write_frame(first, second, frame):
-    along, across, normal = frame
-    _unit_cross(first, second, normal)
-    length = max(np.sqrt(first[0] ** 2 + first[1] ** 2 + first[2] ** 2), 1e-300)
-    for axis in range(3):
-        along[axis] = first[axis] / length
-    _unit_cross(normal, along, across)
-
-
-@compiled
-def _unit_cross(a, b, out):
-    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-    length = max(np.sqrt(x * x + y * y + z * z), 1e-300)
-    out[0], out[1], out[2] = x / length, y / length, z / length
-
-
-@compiled
-def _add_turns(edges, rest_frames, total):
-    """Add up the rotations of each isoline's sampled triangles from their rest frames to their current frames."""
-    frame = np.empty((3, 3))
-    triangle = 0
-    for isoline in range(len(rest_frames)):
-        for rest in rest_frames[isoline]:
-            _write_frame(edges[2 * triangle], edges[2 * triangle + 1], frame)
-            triangle += 1
-            for i in range(3):
-                for j in range(3):
-                    for axis in range(3):
-                        total[isoline, i, j] += rest[axis, i] * frame[axis, j]

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from puppetline.compiled import compiled
 from puppetline.errors import MeshError
 from solver.model import matrix_blocks as blocks
-from solver.model import rotations
 from solver.model.matrix_blocks import ROWS, add_product, apply_change, place_of_row
 from solver.model.polar import nearest_rotations
 from solver.model.reduced_model import Controls, ReducedModel
@@ -19,7 +18,7 @@ from solver.motion import twist
 from solver.motion.bone_terms import bone_shares, bone_terms, nearby_motions, nearby_rotations, prior, rotation_weights
 from solver.surface.mesh import SolverMesh
 
-HANDLE_STIFFNESS: dict[RotationMode, float] = {"clusters": 10.0, "covariance": 1.0, "triangles": 1.0}
+HANDLE_STIFFNESS: dict[RotationMode, float] = {"clusters": 10.0, "covariance": 1.0}
 """Weight λ of handles in units of trace(A) / trace((ΦW)ᵀ(ΦW)), larger for the stiffer energy of clusters. The
 Armadillo's handles are met to 3e-5 of its diagonal."""
 
@@ -75,10 +74,10 @@ class Deformer:
         Rest positions in the mesh file's coordinates, moved to the nearest surface points; at least one without bones.
     iterations : int
         Rotation updates per frame.
-    mode : {"clusters", "covariance", "triangles"}, optional
-        One rotation per cluster of vertices, the default with bones; one per isoline, from all triangles that it
-        crosses, the default without bones; or one from 10 of these triangles as in the paper, not drawn to the bones.
-        Clusters stretch edges least, but surface that no bone holds takes many iterations to follow its handles.
+    mode : {"clusters", "covariance"}, optional
+        One rotation per cluster of vertices, the default with bones; or one per isoline, from the triangles that it
+        crosses, the default without bones. Clusters stretch edges least, but surface that no bone holds takes many
+        iterations to follow its handles.
 
     Raises
     ------
@@ -110,7 +109,6 @@ class Deformer:
         A, B, reader = {
             "clusters": (model.A_clusters, model.B_clusters, model.B_clusters.T),
             "covariance": (model.A, model.B, model.covariance),
-            "triangles": (model.A, model.B, model.edges),
         }[self._mode]
         scale = np.trace(A)
         regions = model.regions
@@ -140,7 +138,6 @@ class Deformer:
         from_inputs = scipy.linalg.cho_solve(factor, np.hstack([stiffness * rows.T, held.pull + pinned @ anchor]))
         constant = np.zeros_like(rest) if len(self.bones) else scipy.linalg.cho_solve(factor, pinned @ rest)
         self._place_of_turns = blocks.matrix_row_places(B.shape[1] // 3)
-        self._place_of_seen = blocks.row_places(len(reader)) if self._mode == "triangles" else self._place_of_turns
         place_of_inputs = blocks.row_places(from_inputs.shape[1])
 
         def laid_out(
@@ -161,15 +158,11 @@ class Deformer:
         self._near_bones = blocks.pack_matrix(
             np.hstack([np.zeros((len(near), len(rows))), near]), self._place_of_turns, place_of_inputs
         )
-        drawn: NDArray[np.float64] | float = 0.0
-        if self._mode != "triangles":
-            size = np.einsum("rxx->r", (reader @ rest).reshape(-1, 3, 3)) / 3
-            drawn = prior(held_shares, size)
-        self._surface = laid_out(reader, self._place_of_seen, drawn)
+        size = np.einsum("rxx->r", (reader @ rest).reshape(-1, 3, 3)) / 3
+        self._surface = laid_out(reader, self._place_of_turns, prior(held_shares, size))
         self._controls = laid_out(np.eye(len(rest)), blocks.row_places(len(rest)), 0.0)
         self._inputs = blocks.pack_rows(np.zeros((from_inputs.shape[1], 3)), place_of_inputs)
         self._at_rest = np.tile(np.eye(4, 3), (len(self.bones), 1, 1))
-        self._rest_frames = rotations.triangle_frames(model.edges @ rest)
         spread = (
             np.linalg.svd(self.handles - self.handles.mean(axis=0), compute_uv=False) if len(handles) else np.zeros(3)
         )
@@ -253,24 +246,12 @@ class Deformer:
             start = twist.rigid_fit(self.handles, targets)
             self._turns[:] = blocks.pack_rows(np.tile(start, (len(self._place_of_turns) // 3, 1)), self._place_of_turns)
         self._started = True
-        if self._mode == "triangles":
-            self._compare_triangles()
-        else:
-            _turn(*self._surface, self._inputs, self.iterations, self._turns, self._fixed, self._now)
+        _turn(*self._surface, self._inputs, self.iterations, self._turns, self._fixed, self._now)
         if self._rolls:
             start = twist.rigid_fit(self.handles, targets)
             twist.remove_roll(self._turns, len(self._place_of_turns) // 3, start, _line_through(targets))
         _settle(*self._controls, self._inputs, self._turns, self._result, out)
         return out
-
-    def _compare_triangles(self) -> None:
-        """Update the rotations from sampled triangles, as in the paper."""
-        _fix(self._surface.inputs, self._surface.constant, self._inputs, self._fixed)
-        for _ in range(self.iterations):
-            self._now[:] = self._fixed
-            add_product(self._surface.turns, self._turns, self._now)
-            found = rotations.from_edges(blocks.unpack_rows(self._now, self._place_of_seen), self._rest_frames)
-            self._turns[:] = blocks.pack_rows(found.reshape(-1, 3), self._place_of_turns)
 
     def step(self, targets: NDArray[np.float64], motions: NDArray[np.float64] | None = None) -> Controls:
         """Solve for the next frame, starting from the previous one.

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
 from solver.surface.surface_tree import closest
-from solver.surface.winding import edges_of, lexicographic_order
+from solver.surface.winding import distinct_rows, edges_of
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -61,7 +61,7 @@ def coarse_surface(
     """
     radius = float(np.sqrt(SAMPLES_PER_SQUARE_RADIUS * area / count))
     samples, owner = _cells(L.indptr, L.indices, vertices, radius)
-    elements = _elements(owner[faces], len(samples))
+    elements = _elements(owner[faces])
     starts, of_sample = _incident(elements, len(samples))
     first, columns, values = _interpolate(vertices, samples, owner, elements, starts, of_sample)
     interpolation = scipy.sparse.csr_matrix((values, columns, first), shape=(len(vertices), len(samples)))
@@ -104,50 +104,30 @@ def _cells(starts, neighbours, points, radius):
     return samples[:count].copy(), owner
 
 
-def _elements(corners: NDArray[np.int32], count: int) -> NDArray[np.int64]:
+def _elements(corners: NDArray[np.int32]) -> NDArray[np.int64]:
     """Return the coarse triangles (e, 3) of faces whose corners are in the given cells.
 
     Two cells that meet without a third one are an edge, as a triangle with two equal corners.
     """
-    low, high, kind = _sorted_corners(corners)
-    apart = np.flatnonzero(kind == 3)
-    middle = corners[apart].sum(axis=1) - low[apart] - high[apart]
-    triangles = _distinct(np.column_stack([low[apart], middle, high[apart]]).astype(np.int64), count)
-    apart = np.flatnonzero(kind == 2)
-    pairs = _distinct(np.column_stack([low[apart], high[apart]]).astype(np.int64), count)
+    corners = np.sort(corners, axis=1).astype(np.int64)
+    kind = np.count_nonzero(np.diff(corners, axis=1), axis=1)
+    triangles, pairs = _distinct(corners[kind == 2]), _distinct(corners[kind == 1][:, [0, 2]])
     sides, _, _ = edges_of(triangles)
     both = np.concatenate([sides, pairs])
-    order = lexicographic_order(both, count)
-    again = np.zeros(len(both), dtype=bool)
-    again[order[1:]] = (both[order[1:]] == both[order[:-1]]).all(axis=1)
-    alone = pairs[~again[len(sides) :]]
+    first, _ = distinct_rows(both)
+    alone = both[np.sort(first[first >= len(sides)])]
     return np.concatenate([triangles, alone[:, [0, 1, 1]]])
 
 
-@compiled
-def _sorted_corners(corners):
-    """Return the smallest and the largest corner of each face, and the number of different ones."""
-    low, high, kind = np.empty(len(corners), np.int32), np.empty(len(corners), np.int32), np.ones(len(corners), np.int8)
-    for f in range(len(corners)):
-        a, b, c = corners[f, 0], corners[f, 1], corners[f, 2]
-        low[f], high[f] = min(a, b, c), max(a, b, c)
-        if low[f] != high[f]:
-            kind[f] = 3 if a != b and b != c and c != a else 2
-    return low, high, kind
-
-
-def _distinct(rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+def _distinct(rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the different rows in lexicographic order."""
-    rows = rows[lexicographic_order(rows, count)]
-    first = np.ones(len(rows), dtype=bool)
-    first[1:] = (rows[1:] != rows[:-1]).any(axis=1)
-    return rows[first]
+    return rows[distinct_rows(rows)[0]]
 
 
 def _incident(elements: NDArray[np.int64], count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the elements at each sample, in compressed rows."""
     starts = np.append(0, np.cumsum(np.bincount(elements.ravel(), minlength=count)))
-    return starts, lexicographic_order(elements.reshape(-1, 1), count) // 3
+    return starts, np.argsort(elements.ravel(), kind="stable") // 3
 
 
 @compiled

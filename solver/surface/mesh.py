@@ -8,11 +8,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from puppetline.compiled import compiled
 from puppetline.errors import MeshError
-from solver.surface.disjoint_sets import join, number_sets
-from solver.surface.near_points import group_near
-from solver.surface.winding import edges_of, lexicographic_order, pieces, wound_outwards
+from solver.surface.near_points import connected_components, group_near
+from solver.surface.winding import distinct_rows, edges_of, pieces, wound_outwards
 
 WELD_TOLERANCE_DIAGONALS = 1e-6
 """Largest distance between render vertices that become one solver vertex, as a fraction of the diagonal."""
@@ -96,7 +94,8 @@ class SolverMesh:
     @cached_property
     def components(self) -> NDArray[np.int32]:
         """(n,) int32: number of the connected part that each vertex belongs to."""
-        return _parts(self.faces, len(self.vertices))
+        a, b, c = self.faces.T
+        return connected_components(len(self.vertices), np.concatenate([a, a]), np.concatenate([b, c]))
 
     @cached_property
     def vertex_areas(self) -> NDArray[np.float64]:
@@ -122,17 +121,6 @@ class SolverMesh:
     @cached_property
     def _edges(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
         return edges_of(self.faces)
-
-
-@compiled
-def _parts(faces, count):
-    """Return the connected part of each vertex (count,), numbered in the order of their first vertices."""
-    part = np.arange(count, dtype=np.int32)
-    for f in range(len(faces)):
-        for corner in range(1, 3):
-            join(part, faces[f, 0], faces[f, corner])
-    number_sets(part)
-    return part
 
 
 def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str = "mesh") -> SolverMesh:
@@ -175,8 +163,7 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
     origin, solid = _split_at_points(given[has_area], len(first), *sides)
     place_of[corners[has_area]] = solid
     vertices = positions[used[first[origin]]]
-    may_repeat = _may_repeat(*sides)
-    faces = solid[_first_of_doubles(solid)] if may_repeat else solid
+    faces = solid[np.sort(distinct_rows(np.sort(solid, axis=1))[0])]
     if len(faces) < 4:
         raise MeshError(
             name,
@@ -193,8 +180,7 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
     isolated = of_render < 0
     if isolated.any():
         of_render[isolated] = scipy.spatial.cKDTree(vertices[kept]).query(positions[isolated])[1]
-    oriented = wound_outwards(vertices, faces, None if may_repeat else sides)
-    del sides
+    oriented = wound_outwards(vertices, faces)
     fine_vertices, fine_faces = vertices[kept], compact[oriented]
     while len(fine_vertices) < MIN_VERTICES:
         fine_vertices, fine_faces = _split(fine_vertices, fine_faces)
@@ -248,48 +234,12 @@ def _used(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: st
     return used
 
 
-@compiled
-def _has_area(vertices, faces):
+def _has_area(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Return which faces have three different corners that are not on a line."""
-    result = np.empty(len(faces), dtype=np.bool_)
-    for f in range(len(faces)):
-        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
-        height, ab, bc, ca = 0.0, 0.0, 0.0, 0.0
-        for x in range(3):
-            y, z = (x + 1) % 3, (x + 2) % 3
-            height += ((b[y] - a[y]) * (c[z] - a[z]) - (b[z] - a[z]) * (c[y] - a[y])) ** 2
-            ab += (b[x] - a[x]) ** 2
-            bc += (c[x] - b[x]) ** 2
-            ca += (a[x] - c[x]) ** 2
-        result[f] = min(ab, bc, ca) > 0 and np.sqrt(height) > 1e-10 * max(ab, bc, ca)
-    return result
-
-
-def _first_of_doubles(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which faces do not have the same corners as an earlier face."""
-    corners = np.sort(faces, axis=1)
-    order = lexicographic_order(corners, int(faces.max(initial=-1)) + 1)
-    again = (corners[order[1:]] == corners[order[:-1]]).all(axis=1)
-    first = np.ones(len(faces), dtype=bool)
-    first[order[1:][again]] = False
-    return first
-
-
-@compiled
-def _may_repeat(of_side, faces_of_edge):
-    """Return whether a face may have the same corners as another one, which then shares two edges with it."""
-    faces = np.zeros(len(faces_of_edge), dtype=np.int64)
-    for side in range(len(of_side)):
-        if faces_of_edge[of_side[side]] > 2:
-            return True
-        faces[of_side[side]] += side // 3
-    for face in range(len(of_side) // 3):
-        a, b, c = of_side[3 * face], of_side[3 * face + 1], of_side[3 * face + 2]
-        if faces_of_edge[a] == 2 and (
-            (faces_of_edge[b] == 2 and faces[a] == faces[b]) or (faces_of_edge[c] == 2 and faces[a] == faces[c])
-        ):
-            return True
-    return False
+    a, b, c = (vertices[corner] for corner in faces.T)
+    height = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    squares = igl.squared_edge_lengths(vertices, faces)
+    return (squares.min(axis=1) > 0) & (height > 1e-10 * squares.max(axis=1))
 
 
 def _split_at_points(
@@ -349,10 +299,8 @@ def snap(mesh: SolverMesh, points: NDArray[np.float64]) -> tuple[NDArray[np.int6
         Its barycentric coordinates.
     """
     points = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
-    # only triangles whose bounding box is as near as the nearest vertex: libigl's tree of all triangles costs more
-    candidates = mesh.faces[_near_any(points, mesh.vertices, mesh.faces)]
-    _, face, nearest = igl.point_mesh_squared_distance(points, mesh.vertices, candidates)
-    corners = candidates[np.atleast_1d(face)]
+    _, face, nearest = igl.point_mesh_squared_distance(points, mesh.vertices, mesh.faces)
+    corners = mesh.faces[np.atleast_1d(face)]
     a, b, c = np.moveaxis(mesh.vertices[corners], 1, 0)
     nearest = np.reshape(nearest, (-1, 3))
     normal = np.cross(b - a, c - a)
@@ -360,23 +308,3 @@ def snap(mesh: SolverMesh, points: NDArray[np.float64]) -> tuple[NDArray[np.int6
     weight_b = np.einsum("ij,ij->i", np.cross(nearest - a, c - a), normal) / area
     weight_c = np.einsum("ij,ij->i", np.cross(b - a, nearest - a), normal) / area
     return corners, np.column_stack([1 - weight_b - weight_c, weight_b, weight_c])
-
-
-@compiled
-def _near_any(points, vertices, faces):
-    """Return which faces have a bounding box that is as near to one of the points as the nearest vertex is."""
-    near = np.zeros(len(faces), dtype=np.bool_)
-    for point in points:
-        least = np.inf
-        for v in range(len(vertices)):
-            x, y, z = vertices[v, 0] - point[0], vertices[v, 1] - point[1], vertices[v, 2] - point[2]
-            least = min(least, x * x + y * y + z * z)
-        least *= 1 + 1e-9
-        for f in range(len(faces)):
-            square = 0.0
-            for axis in range(3):
-                a, b, c = vertices[faces[f, 0], axis], vertices[faces[f, 1], axis], vertices[faces[f, 2], axis]
-                away = max(min(a, b, c) - point[axis], point[axis] - max(a, b, c), 0.0)
-                square += away * away
-            near[f] |= square <= least
-    return near

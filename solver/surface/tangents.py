@@ -5,7 +5,9 @@ coordinates change from vertex to vertex, and where a limb bends, this change tu
 normals without slopes are 6° off in a tenth of the vertices and up to 36°; with slopes it is 0.2° and 8°.
 """
 
+import igl
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
@@ -54,11 +56,19 @@ def slopes(
     """
     order = np.argsort(follows, kind="stable")
     smooth = _one_for_each_side(follows, order, np.ascontiguousarray(normals, dtype=np.float64))
-    total = np.zeros((len(rest), isoline_coordinates.shape[1], 3))
-    area = np.zeros(len(rest))
-    _add_gradients(np.ascontiguousarray(rest, dtype=np.float64), triangles, isoline_coordinates, smooth, total, area)
+    rest = np.ascontiguousarray(rest, dtype=np.float64)
+    doubled = igl.doublearea(rest, triangles)
+    triangles, doubled = triangles[doubled > 0], doubled[doubled > 0]
+    gradient = igl.grad(rest, np.ascontiguousarray(triangles, dtype=np.int64))
+    faces = np.repeat(np.arange(len(triangles)), 3)
+    shares = scipy.sparse.csr_matrix(
+        (np.repeat(doubled, 3), (smooth[triangles].ravel(), faces)), (len(rest), len(triangles))
+    )
+    area = np.maximum(np.asarray(shares.sum(axis=1)), np.finfo(float).tiny)
     out = np.empty((len(rest), isoline_coordinates.shape[1], 2), dtype=np.float32)
-    _project(total, area, smooth, along, out)
+    for i, coordinates in enumerate(isoline_coordinates.T):
+        mean = (shares @ (gradient @ coordinates.astype(np.float64)).reshape(3, -1).T) / area
+        out[:, i] = np.einsum("vx,vkx->vk", mean[smooth], along)
     return out
 
 
@@ -85,44 +95,3 @@ def _one_for_each_side(follows, order, normals):
             sides[count] = v
             count += 1
     return smooth
-
-
-@compiled
-def _add_gradients(rest, triangles, isoline_coordinates, smooth, total, area):
-    """Add each triangle's gradients, times twice its area, to its corners: Σ_k t_k n̂ × e_k, e_k opposite corner k."""
-    for f in range(len(triangles)):
-        a, b, c = triangles[f, 0], triangles[f, 1], triangles[f, 2]
-        p, q = rest[b] - rest[a], rest[c] - rest[a]
-        nx, ny, nz = p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]
-        twice = np.sqrt(nx * nx + ny * ny + nz * nz)
-        if twice == 0:
-            continue
-        nx, ny, nz = nx / twice, ny / twice, nz / twice
-        # the coordinates at b and c less that at a: the edge opposite a drops out
-        bx, by, bz = -(ny * q[2] - nz * q[1]), -(nz * q[0] - nx * q[2]), -(nx * q[1] - ny * q[0])
-        cx, cy, cz = ny * p[2] - nz * p[1], nz * p[0] - nx * p[2], nx * p[1] - ny * p[0]
-        for k in range(3):
-            v = smooth[triangles[f, k]]
-            area[v] += twice
-            for i in range(isoline_coordinates.shape[1]):
-                tb, tc = (
-                    isoline_coordinates[b, i] - isoline_coordinates[a, i],
-                    isoline_coordinates[c, i] - isoline_coordinates[a, i],
-                )
-                total[v, i, 0] += tb * bx + tc * cx
-                total[v, i, 1] += tb * by + tc * cy
-                total[v, i, 2] += tb * bz + tc * cz
-
-
-@compiled
-def _project(total, area, smooth, along, out):
-    for v in range(len(out)):
-        own = smooth[v]
-        for i in range(out.shape[1]):
-            for k in range(2):
-                g = (
-                    total[own, i, 0] * along[v, k, 0]
-                    + total[own, i, 1] * along[v, k, 1]
-                    + total[own, i, 2] * along[v, k, 2]
-                )
-                out[v, i, k] = g / area[own] if area[own] > 0 else 0.0

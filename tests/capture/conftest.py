@@ -1,31 +1,437 @@
-"""Fixtures of the sensors: one set of virtual devices serves all tests of a process, as OpenNI2 starts once."""
+"""Scripted devices and trackers, virtual sensors, a rendered body, and a source received from like in the service."""
 
-from .devices import (
-    _virtual_sensors,
-    fakenect,
-    openni_folder,
-    record,
-    render,
-    run_with_kinect,
-    scripted_device,
-    scripted_tracker,
-    standing,
-    virtual_sensors,
-    watch,
-    write_dump,
-)
+import ctypes.util
+import mmap
+import os
+import queue
+import shutil
+import subprocess
+import sys
+import time
+from contextlib import ExitStack, closing
+from importlib.util import find_spec
+from pathlib import Path
+from select import select
 
-__all__ = [
-    "_virtual_sensors",
-    "fakenect",
-    "openni_folder",
-    "record",
-    "render",
-    "run_with_kinect",
-    "scripted_device",
-    "scripted_tracker",
-    "standing",
-    "virtual_sensors",
-    "watch",
-    "write_dump",
-]
+import numpy as np
+import pytest
+
+from capture.events import Tick
+from capture.sensors.depth_camera import metres
+from capture.sensors.source import SensorSource
+from capture.skeleton import JOINT_INDEX, PARENTS, SkeletonFrame
+from capture.trackers.picture import Lens, Person, Picture
+
+from ..conftest import missing
+from ..waiting import wait_until
+
+TIMEOUT_SECONDS = 10.0
+"""Time after which a test fails, in seconds."""
+
+LENS = Lens(4, 3, 4.0)
+
+STANDING_TABLE = """
+hip_center      0 0 0
+spine           0 0.07 0.01
+shoulder_center 0 0.41 0.02
+head            0.01 0.61 0
+shoulder_left   -0.19 0.36 0.02
+elbow_left      -0.24 0.11 0.05
+wrist_left      -0.26 -0.12 0.02
+hand_left       -0.27 -0.2 0
+shoulder_right  0.19 0.35 0.02
+elbow_right     0.35 0.52 -0.02
+wrist_right     0.41 0.75 -0.08
+hand_right      0.43 0.83 -0.11
+hip_left        -0.08 -0.06 0
+knee_left       -0.1 -0.54 -0.01
+ankle_left      -0.11 -0.92 0.05
+foot_left       -0.12 -0.96 -0.05
+hip_right       0.08 -0.06 0
+knee_right      0.11 -0.53 -0.05
+ankle_right     0.12 -0.9 0.03
+foot_right      0.14 -0.95 -0.08
+"""
+STANDING = {name: tuple(map(float, place)) for name, *place in map(str.split, STANDING_TABLE.strip().splitlines())}
+"""A performer who faces the sensor, with the right arm up; no joint is another's mirror image."""
+
+HEADERS = Path("/usr/include/openni2")
+FAKENECT = sorted(Path("/usr/lib").glob("*/fakenect/libfreenect.so.0.5"))
+
+
+class ScriptedDevice:
+    """Returns the images in its queue, and raises the exceptions in it."""
+
+    name = "a scripted device"
+
+    def __init__(self):
+        self.pictures = queue.SimpleQueue()
+        self.closed = 0
+
+    def show(self, *times, color=None):
+        """Put images with these times into the queue."""
+        for taken in times:
+            self.pictures.put(Picture(taken, LENS, color, None))
+
+    def read(self, timeout):
+        try:
+            picture = self.pictures.get(timeout=timeout)
+        except queue.Empty:
+            return None
+        if isinstance(picture, Exception):
+            raise picture
+        return picture
+
+    def close(self):
+        self.closed += 1
+
+
+class ScriptedTracker:
+    """Finds the performers `users`, or raises `users` if it is an exception; remembers the images' times.
+
+    All positions of a performer are the image's time.
+    """
+
+    name = "a scripted tracker"
+
+    def __init__(self, *users):
+        self.users = users
+        self.seen = []
+        self.closed = 0
+
+    def track(self, picture):
+        self.seen.append(picture.time)
+        if isinstance(self.users, Exception):
+            raise self.users
+        positions = np.full((20, 3), picture.time, dtype=np.float32)
+        return [Person(user, positions, np.ones(20, dtype=np.float32)) for user in self.users]
+
+    def close(self):
+        self.closed += 1
+
+
+class Watched:
+    """A source, received from like in the service."""
+
+    def __init__(self, watched):
+        self.source = watched
+
+    def events(self, count=1, until=None):
+        """Return the next events without ticks, at least `count`, or until a condition is true."""
+        found = []
+        give_up = time.monotonic() + TIMEOUT_SECONDS
+        while not (until(found) if until else len(found) >= count):
+            assert time.monotonic() < give_up, found
+            self.wait()
+            found += [event for event in self.source.receive() if not isinstance(event, Tick)]
+        return found
+
+    def frames(self, count=1):
+        """Return the next frames, at least `count`."""
+        events = self.events(until=lambda found: sum(isinstance(each, SkeletonFrame) for each in found) >= count)
+        return [each for each in events if isinstance(each, SkeletonFrame)]
+
+    def wait(self):
+        """Wait until the source wants to be called."""
+        select([self.source.fileno()], [], [], max(0, min(self.source.due() - time.monotonic(), 1)))
+
+    def error(self):
+        """Return the error that ends it."""
+        with pytest.raises(Exception) as caught:  # noqa: PT011
+            self.events(until=lambda _: False)
+        assert not isinstance(caught.value, AssertionError), caught.value
+        return caught.value
+
+
+@pytest.fixture
+def scripted_device():
+    return ScriptedDevice()
+
+
+@pytest.fixture
+def scripted_tracker():
+    return ScriptedTracker(1)
+
+
+@pytest.fixture
+def watch():
+    """Open a source of a device and a tracker, or of functions that open them."""
+    with ExitStack() as stack:
+
+        def opened(device, tracker, name="test:", **options):
+            sensor_source = SensorSource(
+                name,
+                device if callable(device) else lambda: device,
+                tracker if callable(tracker) else lambda _device: tracker,
+                **options,
+            )
+            stack.callback(sensor_source.close)
+            return Watched(sensor_source)
+
+        yield opened
+
+
+class VirtualSensor:
+    """A sensor of virtual_sensor.cpp: shared images of 640×480, and its plug.
+
+    Its horizontal field of view is 1 radian.
+    """
+
+    lens = Lens(640, 480, 320 / np.tan(0.5))
+    refusals = ("opening", "registration", "synchronisation", "mirror off")
+
+    def __init__(self, path):
+        head, pixels = 32, self.lens.width * self.lens.height
+        path.write_bytes(bytes(head + 5 * pixels))
+        with path.open("r+b") as file:
+            self._map = mmap.mmap(file.fileno(), 0)
+        self._plugged, self._listed, self._shown, self._given, self._streaming, self._refuses = (
+            np.frombuffer(self._map, np.uint32, 1, 4 * k) for k in range(6)
+        )
+        self._time = np.frombuffer(self._map, np.uint64, 1, 24)
+        shape = self.lens.height, self.lens.width
+        self._depth = np.frombuffer(self._map, np.uint16, pixels, head).reshape(shape)
+        self._color = np.frombuffer(self._map, np.uint8, 3 * pixels, head + 2 * pixels).reshape(*shape, 3)
+        self.uri, self.serial = f"virtual/{path.name}", f"serial-{path.name}"
+
+    def plug(self, refuses=()):
+        """Plug it in, without some of its functions in `refusals`."""
+        self.refuse(*refuses)
+        self._plugged[:] = 1
+        wait_until(lambda: self._listed[0])
+
+    def refuse(self, *what):
+        """Disable some of its functions in `refusals`."""
+        self._refuses[:] = sum(1 << self.refusals.index(each) for each in what)
+
+    def unplug(self):
+        self._plugged[:] = 0
+        wait_until(lambda: not self._listed[0])
+
+    def show(self, depth, color, moment):
+        """Show metres and RGB at a time of the sensor's clock, in seconds; return when they were delivered."""
+        self.wait_for_streams()
+        self._depth[:], self._color[:], self._time[:] = np.rint(1000 * depth), color, round(moment * 1e6)
+        self._shown += 1
+        wait_until(lambda: self._given == self._shown)
+
+    def wait_for_streams(self):
+        """Wait until depth and colour are being streamed."""
+        wait_until(lambda: self._streaming == 2)
+
+    @property
+    def streaming(self):
+        """Number of running streams."""
+        return int(self._streaming[0])
+
+
+@pytest.fixture(scope="session")
+def openni_folder(tmp_path_factory):
+    """Folder of the real OpenNI2 library with its driver of files and that of virtual sensors, for this process."""
+    if find_spec("openni") is None:
+        missing("openni", "the OpenNI2 bindings are not here (pip install openni)")
+    library = ctypes.util.find_library("OpenNI2")
+    files = [] if library is None else list(Path("/usr/lib").glob(f"*/{library}"))
+    if not files or not HEADERS.is_dir() or shutil.which("g++") is None:
+        missing("openni", "g++ or OpenNI2 is not here (Debian: g++, libopenni2-0 and libopenni2-dev)")
+    folder = tmp_path_factory.mktemp("openni")
+    drivers = folder / "OpenNI2" / "Drivers"
+    drivers.mkdir(parents=True)
+    shutil.copy(files[0], folder)
+    shutil.copy(files[0].parent / "OpenNI2" / "Drivers" / "libOniFile.so.0", drivers)
+    command = ["g++", "-std=c++17", "-O2", "-fPIC", "-shared", f"-I{HEADERS}"]
+    source = Path(__file__).parent / "sensors" / "virtual_sensor.cpp"
+    subprocess.run([*command, "-o", drivers / "libVirtualSensor.so.0", source], check=True, capture_output=True)
+    os.environ["OPENNI2_REDIST"] = str(folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def _virtual_sensors(openni_folder):
+    os.environ["PUPPETLINE_VIRTUAL_SENSORS"] = str(openni_folder)
+    return [VirtualSensor(openni_folder / str(k)) for k in range(2)]
+
+
+@pytest.fixture
+def virtual_sensors(_virtual_sensors):
+    """Two sensors, unplugged, that the real OpenNI2 library finds in this process once they are plugged in."""
+    from capture.sensors.openni_library import load_openni2
+
+    load_openni2("test")
+    yield _virtual_sensors
+    for sensor in _virtual_sensors:
+        sensor.unplug()
+
+
+@pytest.fixture(scope="session")
+def record(_virtual_sensors):
+    """Record depth and colour of a sensor that is plugged in, at even steps, with OpenNI2's recorder.
+
+    On a busy machine, the recorder skips images; then the recording is repeated.
+    """
+    from capture.sensors.depth_camera import Selection
+    from capture.sensors.openni import OpenNIDevice
+    from capture.sensors.openni_library import load_openni2
+
+    bindings = load_openni2("test")
+
+    def once(sensor, path, pictures, step):
+        with closing(OpenNIDevice("openni:", Selection())) as device:
+            recorder = bindings.Recorder(os.fsencode(path))
+            for stream in device._streams.values():
+                recorder.attach(stream)
+            recorder.start()
+            for k, (depth, color) in enumerate(pictures):
+                sensor.show(depth, color, 3.0 + k * step)
+                read(device)
+            recorder.stop()
+            recorder.close()
+
+    def recorded(sensor, path, pictures, step):
+        for _ in range(5):
+            once(sensor, path, pictures, step)
+            if len(data_of(path.read_bytes())) == 2 * len(pictures):
+                return
+        pytest.fail("OpenNI2's recorder left pictures out five times")
+
+    return recorded
+
+
+def read(device):
+    """Return the next image of a device."""
+    give_up = time.monotonic() + TIMEOUT_SECONDS
+    while (picture := device.read(0.5)) is None:
+        assert time.monotonic() < give_up
+    return picture
+
+
+def data_of(content):
+    """Return where the depths and colours are in a recording, in the order of time."""
+    found, place = [], 24
+    while (kind := int.from_bytes(content[place + 4 : place + 8], "little")) != 11:
+        own, size = (int.from_bytes(content[place + at : place + at + 4], "little") for at in (12, 16))
+        if kind == 10:
+            found.append(slice(place + own, place + own + size))
+        place += own + size
+    return found
+
+
+@pytest.fixture(scope="session")
+def fakenect(tmp_path_factory):
+    """A folder with fakenect, behind a library of the tests that has libfreenect's name."""
+    compiler = shutil.which("gcc")
+    if not FAKENECT or not compiler or not Path("/usr/include/libfreenect.h").exists():
+        missing("freenect", "libfreenect is not here (Debian: libfreenect-dev and gcc)")
+    folder = tmp_path_factory.mktemp("fakenect")
+    behind = FAKENECT[0].read_bytes().replace(b"libfreenect.so.0.5\0", b"libfakenect.so.0.5\0")
+    (folder / "libfakenect.so.0.5").write_bytes(behind)
+    source = Path(__file__).parent / "sensors" / "kinect.c"
+    name = "libfreenect.so.0.5"
+    link = f"-Wl,-soname,{name},--no-as-needed,-rpath,$ORIGIN"
+    subprocess.run(
+        [compiler, "-shared", "-fPIC", source, "-o", folder / name, link, "-L", folder, "-l:libfakenect.so.0.5"],
+        check=True,
+    )
+    return folder
+
+
+@pytest.fixture
+def run_with_kinect(fakenect):
+    """Run a program that finds fakenect where the library would be: `run(dump, program, *arguments)`, to its end."""
+
+    def run(dump, program, *arguments, fault=""):
+        environment = {"LD_LIBRARY_PATH": str(fakenect), "FAKENECT_PATH": str(dump), "KINECT_FAULT": fault}
+        return subprocess.run(
+            [sys.executable, "-c", program, *map(str, arguments)],
+            env=os.environ | environment,
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=True,
+        )
+
+    return run
+
+
+@pytest.fixture
+def write_dump(tmp_path):
+    """Write a dump for fakenect: depth in metres or colours with their ticks, in order of arrival."""
+
+    def write(pictures, interval=0.01):
+        folder = tmp_path / "dump"
+        folder.mkdir()
+        names = []
+        for number, (picture, ticks) in enumerate(pictures):
+            kind, header = ("d", b"P5 640 480 65535\n") if picture.ndim == 2 else ("r", b"P6 640 480 255 \n")
+            names.append(f"{kind}-{100 + interval * number:.6f}-{ticks % 2**32}.p")
+            pixels = np.rint(1000 * picture).astype(np.uint16) if kind == "d" else picture
+            (folder / names[-1]).write_bytes(header + pixels.tobytes())
+        (folder / "INDEX.txt").write_text("".join(f"{name}\n" for name in names))
+        return folder
+
+    return write
+
+
+@pytest.fixture
+def standing():
+    """(20, 3) joints of a performer who faces the sensor, 2.5 m away, with the right arm up."""
+    return np.array([STANDING[name] for name in JOINT_INDEX]) + np.array([0.1, 0.05, 2.5])
+
+
+BONES = [(JOINT_INDEX[child], JOINT_INDEX[parent]) for child, parent in PARENTS.items()]
+
+
+@pytest.fixture(scope="session")
+def render():
+    """Show a body to a lens: `render(joints, lens)` returns depths (metres, 0 for nothing) and colours.
+
+    A bone is a capsule of `radius` metres between two of the (20, 3) joints.
+    Colours are skin that is darker where it turns away.
+    """
+
+    def rendered(joints, lens, radius=0.05):
+        joints = np.asarray(joints, dtype=np.float64)
+        rows, columns = np.mgrid[: lens.height, : lens.width] + 0.5
+        rays = lens.unproject(np.stack([columns, rows], axis=-1), np.ones((lens.height, lens.width)))
+        nearest = np.full((lens.height, lens.width), np.inf)
+        light = np.zeros_like(nearest)
+        for start, end in BONES:
+            ends = joints[[start, end]]
+            corners = lens.project(ends)
+            margin = lens.focal * 1.5 * radius / (ends[:, 2].min() - radius) + 1
+            (left, top), (right, bottom) = corners.min(axis=0) - margin, corners.max(axis=0) + margin
+            window = np.s_[max(0, int(top)) : max(0, int(bottom) + 1), max(0, int(left)) : max(0, int(right) + 1)]
+            distance, facing = _capsule(rays[window], *ends, radius)
+            nearer = distance < nearest[window]
+            nearest[window][nearer], light[window][nearer] = distance[nearer], facing[nearer]
+        seen = np.isfinite(nearest)
+        depth = metres(np.where(seen, np.round(1000 * np.where(seen, nearest, 0)), 0).astype(np.uint16))
+        color = np.where(seen[..., None], (0.3 + 0.7 * light)[..., None] * [224, 172, 140], [40, 60, 80])
+        return depth, color.astype(np.uint8)
+
+    return rendered
+
+
+def _capsule(rays, start, end, radius):
+    """Return the depths, infinite for none, at which rays (…, 3) of z = 1 meet a capsule, and how it faces them."""
+    axis = end - start
+    length2 = axis @ axis
+    found = np.full(rays.shape[:-1], np.inf)
+    facing = np.zeros(rays.shape[:-1])
+    candidates = [(start, None), (end, None), (start, axis)] if length2 > 0 else [(start, None)]
+    for center, along in candidates:
+        across, offset = rays, np.broadcast_to(center, rays.shape)
+        if along is not None:  # as seen along the axis, a cylinder is a circle
+            across = rays - (rays @ along)[..., None] * along / length2
+            offset = offset - (offset @ along)[..., None] * along / length2
+        a, b, c = (across**2).sum(-1), (across * offset).sum(-1), (offset**2).sum(-1) - radius**2
+        discriminant = b**2 - a * c
+        with np.errstate(invalid="ignore", divide="ignore"):
+            depth = (b - np.sqrt(discriminant)) / a
+            point = rays * depth[..., None]
+            share = np.clip((point - start) @ axis / length2, 0, 1) if length2 > 0 else np.zeros(depth.shape)
+            normal = (point - (start + share[..., None] * axis)) / radius
+            on_it = (np.abs((normal**2).sum(-1) - 1) < 1e-6) & (depth < found)
+        found[on_it] = depth[on_it]
+        facing[on_it] = np.clip(-normal[on_it][:, 2], 0, 1)
+    return found, facing

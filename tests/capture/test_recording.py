@@ -19,7 +19,7 @@ from capture.formats.options import ReadOptions
 from capture.formats.puppetline_log import events, read
 from capture.recording import HEADER, Recorder, as_recorded, encode
 from capture.skeleton import JOINTS, LOST, SkeletonFrame
-from puppetline.errors import OutputError, SkeletonLogError
+from puppetline.errors import OutputError
 
 
 def make_frame(k, user=1):
@@ -82,23 +82,6 @@ def read_one(path):
     return clip
 
 
-def test_positions_are_read_back_to_a_hundredth_of_a_millimetre(tmp_path):
-    frames = [make_frame(k) for k in range(50)]
-    record(tmp_path / "take", frames)
-    clip = read_one(tmp_path / "take")
-    assert_clip_is(clip, frames)
-    assert (clip.format, clip.user, clip.notes) == ("puppetline", 1, ())
-    np.testing.assert_allclose(clip.positions, [frame.positions for frame in frames], rtol=0, atol=0.5e-5 + 1e-12)
-
-
-def test_recording_a_read_take_writes_the_same_bytes(tmp_path):
-    record(tmp_path / "take", [make_frame(k) for k in range(20)])
-    clip = read_one(tmp_path / "take")
-    frames = map(SkeletonFrame, clip.times, itertools.repeat(1), clip.positions, clip.confidence)
-    record(tmp_path / "again", frames)
-    assert (tmp_path / "again").read_bytes() == (tmp_path / "take").read_bytes()
-
-
 def test_a_frame_is_one_line_of_json_with_null_for_lost_joints():
     positions = np.full((20, 3), [0.1, -0.123456789, 2.5])
     positions[4] = np.nan
@@ -116,24 +99,6 @@ def test_each_frame_is_readable_as_soon_as_it_is_written(tmp_path):
         for k in range(5):
             recorder.write(make_frame(k))
             assert_clip_is(read_one(tmp_path / "take"), [make_frame(i) for i in range(k + 1)])
-
-
-def test_each_frame_is_one_write(tmp_path, monkeypatch):
-    class Spy:
-        def __init__(self, file):
-            self.file, self.writes = file, []
-
-        def write(self, data):
-            self.writes.append(data)
-            return self.file.write(data)
-
-    with Recorder(tmp_path / "take") as recorder:
-        spy = Spy(recorder._file)
-        with monkeypatch.context() as patch:
-            patch.setattr(recorder, "_file", spy)
-            for k in range(5):
-                recorder.write(make_frame(k))
-    assert spy.writes == [encode(make_frame(k)) for k in range(5)]
 
 
 def test_the_disk_is_synced_once_a_second_and_at_the_end(tmp_path, monkeypatch):
@@ -207,15 +172,6 @@ def test_as_recorded_is_the_frame_that_is_read_back_and_recorded_unchanged(
     assert_reads_back(path, [frame])
 
 
-def test_each_kind_of_event_is_a_line_of_its_own():
-    assert encode(Tick(12.6)) == b'{"t": 12.6, "tick": true}\n'
-    assert encode(Lost(12.8, 4)) == b'{"t": 12.8, "lost": 4}\n'
-    assert encode(Lost(12.8, 4, again=True)) == b'{"t": 12.8, "lost": 4, "again": true}\n'
-    assert encode(Cue(12.7, "calibrate", {"character": "dog"})) == (
-        b'{"t": 12.7, "do": "calibrate", "arguments": {"character": "dog"}}\n'
-    )
-
-
 @pytest.mark.parametrize("wrong", [Cue(0.0, "x", {"n": float("nan")}), Cue(0.0, "x", {"n": b""}), Tick(float("inf"))])
 def test_values_that_json_lacks_are_refused_before_writing(tmp_path, wrong):
     with Recorder(tmp_path / "take") as recorder:
@@ -247,35 +203,6 @@ def test_cut_off_at_any_byte_a_take_keeps_its_complete_lines_and_can_be_continue
         assert cut.read_bytes().startswith(whole[:size])
 
 
-def test_cut_off_at_any_byte_a_clip_has_all_complete_frames_and_a_note(tmp_path, monkeypatch):
-    monkeypatch.setattr(capture.recording.os, "fsync", lambda _: None)  # thousands of calls take long
-    frames = [make_frame(k) for k in range(2)]
-    record(tmp_path / "whole", frames)
-    whole = (tmp_path / "whole").read_bytes()
-    ends = list(itertools.accumulate([len(HEADER), *(len(encode(frame)) for frame in frames)]))
-    assert ends[-1] == len(whole)
-    later, cut = make_frame(9), tmp_path / "cut"
-    for size in cuts(whole):
-        cut.write_bytes(whole[:size])
-        complete = sum(size >= end for end in ends[1:])
-        torn = size not in ends and size > 0
-        line = 1 + sum(size >= end for end in ends)
-        notes = (f"Line {line} is incomplete and was skipped.",) if torn else ()
-        if complete:
-            clip = read_one(cut)
-            assert_clip_is(clip, frames[:complete])
-            assert clip.notes == notes
-        else:
-            with pytest.raises(SkeletonLogError, match="no frame with a tracked performer"):
-                read(cut, ReadOptions())
-
-        record(cut, [later])
-        clip = read_one(cut)
-        assert_clip_is(clip, [*frames[:complete], later])
-        assert clip.notes == (notes if size > len(HEADER) else ())
-        assert cut.read_bytes().startswith(whole[:size])
-
-
 CHILD = """
 import sys
 from pathlib import Path
@@ -302,14 +229,6 @@ def test_a_killed_process_loses_nothing_that_it_wrote(tmp_path):
     assert child.returncode == -signal.SIGKILL
     assert said <= len(clip.times) <= said + 1
     assert_clip_is(clip, [make_frame(k) for k in range(len(clip.times))])
-
-
-def test_recording_into_a_finished_recording_continues_it(tmp_path):
-    frames = [make_frame(k) for k in range(6)]
-    record(tmp_path / "take", frames[:3])
-    record(tmp_path / "take", frames[3:])
-    assert_clip_is(read_one(tmp_path / "take"), frames)
-    assert (tmp_path / "take").read_bytes().count(HEADER) == 1
 
 
 @pytest.mark.parametrize("content", [b"60 0.1 0.2\n", b'{"frames": []}', HEADER.replace(b": 2,", b": 1,"), b"\n"])
@@ -342,12 +261,3 @@ def test_a_full_disk_ends_the_take_which_can_be_continued(tmp_path):
     assert (tmp_path / "take").read_bytes() == whole[:-100]
     record(tmp_path / "take", [make_frame(2)])
     assert_clip_is(read_one(tmp_path / "take"), [make_frame(0), make_frame(2)])
-
-
-def test_several_performers_are_several_clips(tmp_path):
-    frames = [make_frame(k, user=(5, 2)[k % 2]) for k in range(10)]
-    record(tmp_path / "take", frames)
-    first, second = read(tmp_path / "take", ReadOptions())
-    assert (first.user, second.user) == (5, 2)
-    assert_clip_is(first, frames[::2])
-    assert_clip_is(second, frames[1::2])

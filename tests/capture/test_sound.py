@@ -2,6 +2,7 @@
 
 import itertools
 import sys
+import threading
 import time
 import types
 import wave
@@ -34,16 +35,15 @@ def claps(seconds, drift, jitter=0.0, lost=(), every=10.0):
 class Card:
     """A sound card that has delivered some blocks."""
 
-    rate = SAMPLE_RATE
-
-    def __init__(self, blocks):
-        self.waiting = blocks
+    def __init__(self, blocks, rate=SAMPLE_RATE):
+        self.waiting, self.rate, self.closed_in = blocks, rate, None
 
     def blocks(self):
+        assert self.closed_in is None
         yield from self.waiting
 
     def close(self):
-        pass
+        self.closed_in = threading.current_thread()
 
 
 @pytest.mark.slow
@@ -169,15 +169,72 @@ def test_a_microphone_that_vanishes_is_reported_once_and_heard_again_when_it_is_
         time.sleep(0.001)
     assert [record.message.partition(";")[0] for record in caplog.records] == ["the microphone is silent"]
     devices.plugged = True
-    while len(devices.streams) < 2 or sound.source._stream is not devices.streams[-1]:
+    while sound.voice_at(time.monotonic() + 0.1) <= 0.5:
+        if len(devices.streams) == 2:
+            devices.hear()
         sound.take_in()
-    for _ in range(30):
-        devices.hear()
-    sound.take_in()
     assert [record.message for record in caplog.records][1:] == ["the microphone is back"]
-    assert sound.voice_at(time.monotonic() + 0.1) > 0.5
     sound.close()
     assert all(stream.closed for stream in devices.streams)
+
+
+def test_a_microphone_that_comes_back_with_another_rate_is_resampled_and_never_read_after_it_was_closed(
+    monkeypatch, clock, tmp_path
+):
+    monkeypatch.setattr(sound_input, "RETRY_SECONDS", 0.001)
+    now = time.monotonic()
+
+    def tone(rate, begin):
+        """Two seconds of 400 Hz after a moment of silence, in blocks of 20 ms."""
+        every = rate // 50
+        wave = 0.3 * np.sin(2 * np.pi * 400 * np.arange(2 * rate) / rate).astype(np.float32)
+        wave[: rate // 20] = 0
+        return [Block(begin + k / rate, wave[k : k + every]) for k in range(0, len(wave), every)]
+
+    cards = [Card(tone(SAMPLE_RATE, now)), Card([], 44_100)]
+    waiting = iter(cards)
+    sound = SoundInput(lambda: next(waiting))
+    sound.record(tmp_path / "a.wav")
+    sound.take_in()
+    cards[0].waiting = []
+    clock.advance(6.0)
+    sound.take_in()
+    cards[1].waiting = tone(44_100, now + 6.0)
+    while sound.voice_at(now + 7.5) <= 0.5:
+        sound.take_in()
+    assert cards[0].closed_in not in (None, threading.current_thread())
+    cards[1].waiting = []
+    sound.close()
+    assert cards[1].closed_in is threading.current_thread()
+    heard, rate = read_wav(tmp_path / "a.wav")
+    assert rate == SAMPLE_RATE
+    assert len(heard) / rate == pytest.approx(8.0, abs=0.005)
+    spectrum = np.abs(np.fft.rfft(heard[6 * rate + 4800 : 8 * rate - 4800]))
+    assert spectrum.argmax() / (1.8) == pytest.approx(400, abs=1)
+    assert not heard[2 * rate + 480 : 6 * rate - 480].any()
+
+
+def test_a_microphone_that_comes_back_after_the_end_is_released(monkeypatch, clock):
+    opened, may_open = threading.Event(), threading.Event()
+    cards = [Card([]), Card([])]
+    waiting = iter(cards)
+
+    def opener():
+        card = next(waiting)
+        if card is cards[1]:
+            opened.set()
+            may_open.wait()
+        return card
+
+    monkeypatch.setattr(sound_input, "RETRY_SECONDS", 0.001)
+    sound = SoundInput(opener)
+    clock.advance(6.0)
+    sound.take_in()
+    opened.wait()
+    sound.close()
+    may_open.set()
+    while cards[1].closed_in is None:
+        time.sleep(0.001)
 
 
 @pytest.mark.parametrize(("name", "found"), [("a.wav", "a file that cannot be read"), ("no such device", "sound")])

@@ -16,7 +16,7 @@ import pytest
 from engine_bridge.character.readers import read_surface
 from puppetline.errors import MeshError
 
-from .corpus import CORPUS, RAW_JSON, pack, unpack
+from .corpus import CORPUS, RAW_JSON, Parts, pack, unpack
 
 MEASURE = Path(__file__).with_name("measure.py")
 
@@ -203,22 +203,11 @@ def good(folder):
         vertices, triangles, content = points, faces, b""
         while len(content) < size:
             vertices, triangles = igl.upsample(vertices, triangles)
-            position, index = vertices.astype(np.float32).tobytes(), triangles.astype(np.uint32).tobytes()
-            gltf = {
-                "asset": {"version": "2.0"},
-                "buffers": [{"byteLength": len(position) + len(index)}],
-                "bufferViews": [
-                    {"buffer": 0, "byteLength": len(position)},
-                    {"buffer": 0, "byteOffset": len(position), "byteLength": len(index)},
-                ],
-                "accessors": [
-                    {"bufferView": 0, "componentType": 5126, "count": len(vertices), "type": "VEC3"},
-                    {"bufferView": 1, "componentType": 5125, "count": triangles.size, "type": "SCALAR"},
-                ],
-                "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
-                "nodes": [{"mesh": 0}],
-            }
-            content = pack(gltf, position + index)
+            parts = Parts({"nodes": [{"mesh": 0}]})
+            position = parts.add(vertices.astype(np.float32))
+            index = parts.add(triangles.astype(np.uint32).ravel())
+            parts.gltf["meshes"] = [{"primitives": [{"attributes": {"POSITION": position}, "indices": index}]}]
+            content = parts.glb()
         path = folder / f"good_{size}.glb"
         path.write_bytes(content)
         return path

@@ -1,5 +1,9 @@
 """The service that engines talk to, as its own tests start it: the real process, on free ports, with a small figure."""
 
+import socket
+import threading
+import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -99,3 +103,79 @@ def spoken_files(spoken, tmp_path):
         return files
 
     return write
+
+
+class Line:
+    """A line to a port that cuts everything into pieces, takes its time over each, and can be torn."""
+
+    def __init__(self, port, piece=1, pause=0.0):
+        self._piece = piece
+        self.pause = pause
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self._listener.getsockname()[1]
+        self._to = port
+        self._open = []
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self):
+        with suppress(OSError):
+            while True:
+                ends = self._listener.accept()[0], socket.create_connection(("127.0.0.1", self._to))
+                self._open += ends
+                for source, sink in (ends, ends[::-1]):
+                    sink.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                    threading.Thread(target=self._pass, args=(source, sink), daemon=True).start()
+
+    def _pass(self, source, sink):
+        with suppress(OSError):
+            while data := source.recv(1 << 16):
+                for k in range(0, len(data), self._piece):
+                    sink.sendall(data[k : k + self._piece])
+                    if self.pause > 0:
+                        time.sleep(self.pause)
+
+    def tear(self):
+        for each in self._open:
+            with suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)
+        self._open.clear()
+
+    def close(self):
+        with suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        self.tear()
+
+
+@pytest.fixture
+def line(until_end):
+    return lambda *arguments, **options: until_end(Line(*arguments, **options))
+
+
+class Server:
+    """Something in the service's place that answers one connection after the other with a function of the test."""
+
+    def __init__(self, answer, port=0):
+        self._answer = answer
+        self._listener = socket.create_server(("127.0.0.1", port))
+        self.port = self._listener.getsockname()[1]
+        self._thread = threading.Thread(target=self._accept)
+        self._thread.start()
+
+    def _accept(self):
+        with suppress(OSError):
+            while True:
+                with self._listener.accept()[0] as line, suppress(OSError):
+                    self._answer(line)
+
+    def close(self):
+        with suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)  # wakes who waits for somebody to come
+        self._listener.close()
+        self._thread.join()
+
+
+@pytest.fixture
+def answering(until_end):
+    """Start a server that answers with a function, at a port or at any."""
+    return lambda answer, port=0: until_end(Server(answer, port))

@@ -6,18 +6,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 CHAINS = {
-    "leftUpperArm": ("leftLowerArm", "LeftArm"),
-    "leftLowerArm": ("leftHand", "LeftForeArm"),
-    "leftHand": (None, "LeftHand"),
-    "rightUpperArm": ("rightLowerArm", "RightArm"),
-    "rightLowerArm": ("rightHand", "RightForeArm"),
-    "rightHand": (None, "RightHand"),
-    "leftUpperLeg": ("leftLowerLeg", "LeftUpLeg"),
-    "leftLowerLeg": ("leftFoot", "LeftLeg"),
-    "leftFoot": (None, "LeftFoot"),
-    "rightUpperLeg": ("rightLowerLeg", "RightUpLeg"),
-    "rightLowerLeg": ("rightFoot", "RightLeg"),
-    "rightFoot": (None, "RightFoot"),
+    f"{side}{joint}": (following and f"{side}{following}", f"{side.title()}{bone}")
+    for side in ("left", "right")
+    for joint, following, bone in (
+        *(("UpperArm", "LowerArm", "Arm"), ("LowerArm", "Hand", "ForeArm"), ("Hand", None, "Hand")),
+        *(("UpperLeg", "LowerLeg", "UpLeg"), ("LowerLeg", "Foot", "Leg"), ("Foot", None, "Foot")),
+    )
 }
 """Next joint of each one that is compared, and its bone in the foreign skeleton."""
 

@@ -20,8 +20,12 @@ BASE_COLOR = 12
 """Kind of a texture."""
 
 
+def fields(**types):
+    return list(types.items())
+
+
 class Text(Structure):
-    _fields_ = [("length", c_uint), ("data", c_char * 1024)]
+    _fields_ = fields(length=c_uint, data=c_char * 1024)
 
     def __str__(self):
         return self.data[: self.length].decode()
@@ -32,58 +36,29 @@ class Node(Structure):
 
 
 Node._fields_ = [
-    ("name", Text),
-    ("transformation", c_float * 16),
-    ("parent", POINTER(Node)),
-    ("children_count", c_uint),
-    ("children", POINTER(POINTER(Node))),
-    ("meshes_count", c_uint),
-    ("meshes", POINTER(c_uint)),
-    ("metadata", c_void_p),
+    *fields(name=Text, transformation=c_float * 16, parent=POINTER(Node), children_count=c_uint),
+    *fields(children=POINTER(POINTER(Node)), meshes_count=c_uint, meshes=POINTER(c_uint), metadata=c_void_p),
 ]
 
 
 class VertexWeight(Structure):
-    _fields_ = [("vertex", c_uint), ("weight", c_float)]
+    _fields_ = fields(vertex=c_uint, weight=c_float)
 
 
 class Bone(Structure):
-    _fields_ = [
-        ("name", Text),
-        ("weights_count", c_uint),
-        ("armature", POINTER(Node)),
-        ("node", POINTER(Node)),
-        ("weights", POINTER(VertexWeight)),
-        ("offset", c_float * 16),
-    ]
+    _fields_ = fields(name=Text, weights_count=c_uint, armature=POINTER(Node), node=POINTER(Node))
+    _fields_ += fields(weights=POINTER(VertexWeight), offset=c_float * 16)
 
 
 class AnimMesh(Structure):
-    _fields_ = [
-        ("name", Text),
-        ("vertices", POINTER(c_float)),
-        ("others", c_void_p * 19),
-        ("vertices_count", c_uint),
-        ("weight", c_float),
-    ]
+    _fields_ = fields(name=Text, vertices=POINTER(c_float), others=c_void_p * 19, vertices_count=c_uint, weight=c_float)
 
 
 class Mesh(Structure):
-    _fields_ = [
-        ("primitives", c_uint),
-        ("vertices_count", c_uint),
-        ("faces_count", c_uint),
-        ("vertices", POINTER(c_float)),
-        ("others", c_void_p * 19),
-        ("uv_components", c_uint * 8),
-        ("faces", c_void_p),
-        ("bones_count", c_uint),
-        ("bones", POINTER(POINTER(Bone))),
-        ("material", c_uint),
-        ("name", Text),
-        ("anim_meshes_count", c_uint),
-        ("anim_meshes", POINTER(POINTER(AnimMesh))),
-    ]
+    _fields_ = fields(primitives=c_uint, vertices_count=c_uint, faces_count=c_uint, vertices=POINTER(c_float))
+    _fields_ += fields(others=c_void_p * 19, uv_components=c_uint * 8, faces=c_void_p, bones_count=c_uint)
+    _fields_ += fields(bones=POINTER(POINTER(Bone)), material=c_uint, name=Text, anim_meshes_count=c_uint)
+    _fields_ += fields(anim_meshes=POINTER(POINTER(AnimMesh)))
 
 
 VECTOR_KEY = np.dtype([("time", "f8"), ("value", "f4", 3)], align=True)
@@ -91,57 +66,28 @@ QUATERNION_KEY = np.dtype([("time", "f8"), ("value", "f4", 4)], align=True)
 
 
 class NodeChannel(Structure):
-    _fields_ = [
-        ("name", Text),
-        ("positions_count", c_uint),
-        ("positions", c_void_p),
-        ("rotations_count", c_uint),
-        ("rotations", c_void_p),
-        ("scalings_count", c_uint),
-        ("scalings", c_void_p),
-        ("states", c_uint * 2),
-    ]
+    _fields_ = fields(name=Text, positions_count=c_uint, positions=c_void_p, rotations_count=c_uint)
+    _fields_ += fields(rotations=c_void_p, scalings_count=c_uint, scalings=c_void_p, states=c_uint * 2)
 
 
 class MorphKey(Structure):
-    _fields_ = [
-        ("time", c_double),
-        ("values", POINTER(c_uint)),
-        ("weights", POINTER(c_double)),
-        ("count", c_uint),
-    ]
+    _fields_ = fields(time=c_double, values=POINTER(c_uint), weights=POINTER(c_double), count=c_uint)
 
 
 class MorphChannel(Structure):
-    _fields_ = [("name", Text), ("keys_count", c_uint), ("keys", POINTER(MorphKey))]
+    _fields_ = fields(name=Text, keys_count=c_uint, keys=POINTER(MorphKey))
 
 
 class Animation(Structure):
-    _fields_ = [
-        ("name", Text),
-        ("duration", c_double),
-        ("ticks", c_double),
-        ("channels_count", c_uint),
-        ("channels", POINTER(POINTER(NodeChannel))),
-        ("mesh_channels_count", c_uint),
-        ("mesh_channels", c_void_p),
-        ("morph_channels_count", c_uint),
-        ("morph_channels", POINTER(POINTER(MorphChannel))),
-    ]
+    _fields_ = fields(name=Text, duration=c_double, ticks=c_double, channels_count=c_uint)
+    _fields_ += fields(channels=POINTER(POINTER(NodeChannel)), mesh_channels_count=c_uint, mesh_channels=c_void_p)
+    _fields_ += fields(morph_channels_count=c_uint, morph_channels=POINTER(POINTER(MorphChannel)))
 
 
 class Scene(Structure):
-    _fields_ = [
-        ("flags", c_uint),
-        ("root", POINTER(Node)),
-        ("meshes_count", c_uint),
-        ("meshes", POINTER(POINTER(Mesh))),
-        ("materials_count", c_uint),
-        ("materials", POINTER(c_void_p)),
-        ("animations_count", c_uint),
-        ("animations", POINTER(POINTER(Animation))),
-        ("textures_count", c_uint),
-    ]
+    _fields_ = fields(flags=c_uint, root=POINTER(Node), meshes_count=c_uint, meshes=POINTER(POINTER(Mesh)))
+    _fields_ += fields(materials_count=c_uint, materials=POINTER(c_void_p), animations_count=c_uint)
+    _fields_ += fields(animations=POINTER(POINTER(Animation)), textures_count=c_uint)
 
 
 def each(count, pointers):
@@ -216,14 +162,10 @@ class Player:
                 raise SystemExit(f"{channel.name}: morph keys that leave targets out")
             self.morphs[str(channel.name)] = times, weights
         self.base = [floats(mesh.vertices, mesh.vertices_count, 3) for mesh in self.meshes]
+        self.targets = [each(mesh.anim_meshes_count, mesh.anim_meshes) for mesh in self.meshes]
         self.moves = [
-            np.array(
-                [
-                    floats(anim.vertices, anim.vertices_count, 3) - base
-                    for anim in each(mesh.anim_meshes_count, mesh.anim_meshes)
-                ]
-            )
-            for mesh, base in zip(self.meshes, self.base, strict=True)
+            np.array([floats(target.vertices, target.vertices_count, 3) - base for target in targets])
+            for targets, base in zip(self.targets, self.base, strict=True)
         ]
         self.bones = [self._bones(mesh) for mesh in self.meshes]
 
@@ -260,12 +202,9 @@ class Player:
         name = self.nodes[node][0]
         local = self.base[mesh]
         if len(self.moves[mesh]):
+            weights = [target.weight for target in self.targets[mesh]]
             if name in self.morphs:
                 weights = between(*self.morphs[name], ticks, straight)
-            else:
-                weights = [
-                    anim.weight for anim in each(self.meshes[mesh].anim_meshes_count, self.meshes[mesh].anim_meshes)
-                ]
             local = local + np.tensordot(weights, self.moves[mesh], axes=1)
         padded = np.column_stack([local, np.ones(len(local))])
         if not self.bones[mesh]:
@@ -322,7 +261,7 @@ def main():
                     "positions": start,
                     "normals": None,
                     "materials": [material(library, scene, own.material)],
-                    "targets": [str(anim.name) for anim in each(own.anim_meshes_count, own.anim_meshes)],
+                    "targets": [str(target.name) for target in player.targets[mesh]],
                     "bones": len(player.bones[mesh]),
                 }
             )

@@ -57,7 +57,6 @@ def test_a_path_may_stand_for_where():
     [
         (("take.csv",), "take.csv"),
         (("take.csv", 7), "take.csv, line 7"),
-        (("take.csv", 0), "take.csv, line 0"),
         (("dog.toml", None, "handle[2].joint"), "dog.toml, handle[2].joint"),
         (("dog.toml", 3, "smoothing"), "dog.toml, line 3, smoothing"),
         ((Path("dog.toml"),), "dog.toml"),

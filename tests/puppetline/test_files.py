@@ -1,6 +1,4 @@
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -64,16 +62,13 @@ def test_an_error_of_the_operating_system_is_an_output_error(tmp_path):
     assert names(tmp_path) == []
 
 
-def test_two_processes_that_write_one_file_do_not_meet_halfway(tmp_path):
-    path = tmp_path / "out"
-    script = (
-        "import sys; from pathlib import Path; from puppetline.files import written_whole\n"
-        "with written_whole(Path(sys.argv[1])) as beside: print(beside)"
-    )
-    other = subprocess.run([sys.executable, "-c", script, path], capture_output=True, text=True, check=False)
-    with written_whole(path) as beside:
-        assert Path(other.stdout.strip()) != beside
-        beside.write_text("mine")
+def test_two_processes_that_write_one_file_do_not_meet_halfway(tmp_path, monkeypatch):
+    with written_whole(tmp_path / "out") as mine:
+        monkeypatch.setattr(os, "getpid", lambda: -1)
+        with written_whole(tmp_path / "out") as other:
+            assert other != mine
+            other.write_text("other")
+        mine.write_text("mine")
 
 
 def test_an_interrupt_while_a_place_is_checked_leaves_no_file(tmp_path, monkeypatch):
@@ -112,10 +107,13 @@ def test_each_bad_path_states_a_fix(tmp_path):
     folder = tmp_path / "no" / "such"
     taken = tmp_path / "folder.glb"
     taken.mkdir()
+    device = tmp_path / "device.glb"
+    device.symlink_to(os.devnull)
     for path, found, fix in (
         (tmp_path, "a folder or device", "Add a file name to the path."),
         (tmp_path / "out.gltf", "the ending '.gltf'", "Call it out.glb."),
         (taken, "a folder or device", "Add a file name to the path."),
+        (device, "a folder or device", "Add a file name to the path."),
         (folder / "out.glb", f"no folder {folder}", f"Create it: mkdir -p {folder}"),
         (file / "out.glb", f"no folder {file}", "Choose another folder."),
     ):
@@ -131,18 +129,6 @@ def test_a_folder_that_takes_no_files_is_found_out_before_the_work():
     assert error.value.where == "/proc/out.glb"
 
 
-@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="permission bits do not bind the superuser")
-def test_a_folder_without_permission_is_found_out_before_the_work(tmp_path):
-    tmp_path.chmod(0o500)
-    with pytest.raises(OutputError, match="Permission denied"):
-        check_writable(tmp_path / "out.glb", ".glb")
-
-
-def test_a_name_that_is_too_long_for_the_file_system_is_an_output_error(tmp_path):
-    with pytest.raises(OutputError, match="a file that cannot be written"):
-        check_writable(tmp_path / ("a" * 300 + ".glb"), ".glb")
-
-
 def test_a_file_that_is_read_from_is_not_replaced_under_any_of_its_names(tmp_path):
     source = tmp_path / "dog.glb"
     source.write_text("the only copy")
@@ -152,10 +138,3 @@ def test_a_file_that_is_read_from_is_not_replaced_under_any_of_its_names(tmp_pat
         with pytest.raises(OutputError, match="an input file"):
             check_writable(output, ".glb", inputs=(tmp_path / "take.log", source))
     assert source.read_text() == "the only copy"
-
-
-@pytest.mark.skipif(not Path("/dev/null").exists(), reason="no device files here")
-def test_a_device_is_not_replaced(tmp_path):
-    (tmp_path / "device.glb").symlink_to("/dev/null")
-    with pytest.raises(OutputError, match="a folder or device"):
-        check_writable(tmp_path / "device.glb", ".glb")

@@ -1,9 +1,8 @@
 """Wavefront OBJ: objects, groups and materials, polygons, texture coordinates, normals and vertex colours."""
 
 import re
-from collections.abc import Iterable
+from array import array
 from dataclasses import replace
-from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
@@ -24,11 +23,11 @@ from engine_bridge.character.surfaces.surface import (
     material_for,
     upper_left,
 )
-from engine_bridge.character.surfaces.text import Rows, decoded, parsed
+from engine_bridge.character.surfaces.text import decoded, filled_lines, position, unreadable
 from puppetline.errors import at
 
-LINE_CONTINUATION = "\r"
-"""Placeholder for the end of a line that continues on the next line."""
+CONTINUED = re.compile(r"^(?:[^\n]*\\\n)+[^\n]*", re.MULTILINE)
+"""Statement on several lines, all of which but the last end with a backslash."""
 
 IGNORED_STATEMENT = re.compile(
     "bevel|bmat|con|cstype|[cs]tech|[cd]_interp|curv2?|deg|end|hole|lod|maplib|mg|parm|scrv|shadow_obj|sp|step|surf"
@@ -36,21 +35,18 @@ IGNORED_STATEMENT = re.compile(
 )
 """Statements that do not concern polygons, and comments."""
 
-NOT_A_SURFACE = frozenset(("l", "p"))
-
 LIBRARY_END = re.compile(r"(?<=\.mtl)(?=\s|\"|$)", re.IGNORECASE)
 """End of the name of a material file, which may contain spaces."""
 
 HEAD = re.compile(rb"^[ \t]*(?:v|vn|vt|f|o|g|mtllib|usemtl)[ \t]", re.MULTILINE)
 
-CORNER = re.compile(r"(?:[-+]?\d{1,18})?(?:/(?:[-+]?\d{1,18})?){0,2}", re.ASCII)
-"""Corner of a face: indices of a vertex, texture coordinates and a normal, any of which may be omitted."""
-
-MAX_INDEX = 10**18
-"""Limit of indices, because NumPy reads numbers of more than 64 bits as other numbers."""
-
-MISSING_NUMBER = re.compile(r"(?<![-+\d])(?=/)|(?<=/)(?![-+\d])")
-"""Position before or after a slash where a corner has no number."""
+EXPECTED = {
+    "v": "'v x y z' with finite numbers",
+    "vt": "'vt u v' with numbers",
+    "vn": "'vn x y z' with numbers",
+    "f": "'f a b c' with vertices from 1 on, as a, a/vt, a//vn or a/vt/vn",
+}
+"""Statements of numbers, for error messages."""
 
 
 def matches(head: bytes) -> bool:
@@ -72,60 +68,86 @@ def read(path: Path, content: bytes) -> Surface:
     MeshError
         The file has no surface or a line that cannot be read; the message has the line.
     """
-    text = decoded(path, content)
-    if "\\" in text:  # faster than a search for pairs
-        text = text.replace("\\\n", LINE_CONTINUATION).removesuffix("\\")
-    return _Statements(path, text).surface()
+    text = decoded(path, content).removesuffix("\\")
+    statements = _Statements(path)
+    for number, line in filled_lines(CONTINUED.sub(_joined, text) if "\\" in text else text):
+        kind, value = [*line.split(None, 1), ""][:2]
+        if kind not in EXPECTED:
+            statements.read_other(number, kind, value)
+            continue
+        words = value.partition("#")[0].split()
+        try:
+            statements.read_numbers(number, kind, words)
+        except (ValueError, OverflowError):
+            raise unreadable(path, number, " ".join(words), EXPECTED[kind]) from None
+    return statements.surface()
+
+
+def _joined(lines: re.Match[str]) -> str:
+    """Return a statement in one line, and blank lines in place of the others."""
+    return lines[0].replace("\\\n", " ") + "\n" * lines[0].count("\n")
 
 
 class _Statements:
     """Statements of a file, collected by keyword."""
 
-    def __init__(self, path: Path, text: str) -> None:
+    def __init__(self, path: Path) -> None:
         self.path = path
         self.notes: list[str] = []
         self.folder = Folder(path, self.notes)
-        self.vertices = Rows(path, "'v x y z' with finite numbers")
-        self.coordinates = Rows(path, "'vt u v' with numbers")
-        self.normals = Rows(path, "'vn x y z' with numbers")
-        self.faces = Rows(path, "'f a b c' with vertices from 1 on, as a, a/vt, a//vn or a/vt/vn")
+        self.positions, self.colors, self.coordinates, self.normals = (array("d") for _ in range(4))
+        self.corners = array("q")
+        self.face_sizes: list[int] = []
+        self.face_lines: list[int] = []
+        self.group_of_face: list[int] = []
         self.groups: dict[tuple[str, str], int] = {}
-        self.group_of: list[int] = []
         self.libraries: dict[str, int] = {}
         self.group = self.material = self.smoothing = ""
         self.smoothings: set[str] = set()
+        self.small_faces = 0
         self.lines_and_points = 0
         self.unknown: list[int] = []
-        self._read(text)
 
-    def _read(self, text: str) -> None:
-        """Collect the statements of all lines."""
-        rows = {"v": self.vertices, "vt": self.coordinates, "vn": self.normals, "f": self.faces, "fo": self.faces}
-        lines = text.split("\n")
-        numbers: Iterable[int] = range(1, len(lines) + 1)
-        if LINE_CONTINUATION in text:
-            numbers = accumulate((1 + line.count(LINE_CONTINUATION) for line in lines), initial=1)
-        for number, line in zip(numbers, lines, strict=False):
-            kind, _, value = line.partition(" ")
-            if kind not in rows:  # it may be indented, or end with a tab
-                kind, _, value = " ".join(line.split(None, 1)).partition(" ")
-            if kind in rows:
-                rows[kind].lines.append(number)
-                rows[kind].texts.append(value.partition("#")[0] if "#" in value else value)
-            elif kind:
-                self._assign()
-                self._other(number, kind, value)
-        self._assign()
+    def read_numbers(self, line: int, kind: str, words: list[str]) -> None:
+        """Read a vertex, texture coordinates, a normal or a face.
 
-    def _assign(self) -> None:
-        """Assign the faces since the last other statement to the current group and material."""
-        new = len(self.faces) - len(self.group_of)
-        if new:
-            self.group_of += [self.groups.setdefault((self.group, self.material), len(self.groups))] * new
-            self.smoothings.add(self.smoothing)
+        Raises
+        ------
+        ValueError, OverflowError
+            A word is not a number, or not one that is expected there.
+        """
+        if kind == "f":
+            self._read_face(line, words)
+        elif kind == "v":
+            self.positions.extend(position(words))
+            if len(words) >= 6:
+                self.colors.extend(map(float, words[3:6]))
+        elif kind == "vt":
+            u, v = [*map(float, words[:2]), 0.0][:2]
+            self.coordinates.extend((u, v))
+        else:
+            x, y, z = map(float, words[:3])
+            self.normals.extend((x, y, z))
 
-    def _other(self, line: int, kind: str, value: str) -> None:
-        """Read a statement that is neither a vertex attribute nor a face."""
+    def _read_face(self, line: int, words: list[str]) -> None:
+        so_far = len(self.positions) // 3, len(self.coordinates) // 2, len(self.normals) // 3
+        first = len(self.corners)
+        for word in words:
+            v, vt, vn = (*(int(part or 0) for part in word.split("/")), 0, 0, 0)[: max(3, 1 + word.count("/"))]
+            self.corners.extend(map(_index, (v, vt, vn), so_far))
+        if min(self.corners[first::3], default=0) < 0:
+            raise ValueError("no such vertex")
+        if len(words) < 3:
+            self.small_faces += 1
+            del self.corners[first:]
+            return
+        self.face_sizes.append(len(words))
+        self.face_lines.append(line)
+        self.group_of_face.append(self.groups.setdefault((self.group, self.material), len(self.groups)))
+        self.smoothings.add(self.smoothing)
+
+    def read_other(self, line: int, kind: str, value: str) -> None:
+        """Read a statement that has no numbers of a surface."""
         match kind:
             case "g" | "o":
                 self.group = " ".join(value.split())
@@ -133,103 +155,64 @@ class _Statements:
                 group = value.partition("#")[0].strip()
                 self.smoothing = "" if group in ("off", "0") else group
             case "usemtl":
-                self.material = value.strip()
+                self.material = value
             case "mtllib":
                 named = [name.strip('" \t') for name in LIBRARY_END.split(value)[:-1]]
                 for name in named or value.split():
                     self.libraries.setdefault(name.strip('"'), line)
-            case _ if kind in NOT_A_SURFACE:
+            case "l" | "p":
                 self.lines_and_points += 1
             case _ if not IGNORED_STATEMENT.fullmatch(kind):
                 self.unknown.append(line)
 
     def surface(self) -> Surface:
         """Return the surface of all statements."""
-        if not len(self.vertices):
+        if not self.positions:
             raise damaged(self.path, "no vertices", "an OBJ file with 'v x y z' lines")
-        table = self.vertices.positions()
-        corners, sizes, groups = self._polygons()
-        if not len(sizes):
+        if not self.face_sizes:
             raise damaged(self.path, "vertices without faces", "an OBJ file with faces")
-        triangles, polygon = triangulate(table[corners[0], :3], sizes)
+        positions = np.array(self.positions).reshape(-1, 3)
+        corners, sizes = self._corners(len(positions)), np.array(self.face_sizes)
+        triangles, polygon = triangulate(positions[corners[0]], sizes)
         # polygons that lack texture coordinates or normals at some corner become separate pieces
         starts = np.cumsum(sizes) - sizes
         has_uv, has_normal = np.minimum.reduceat(corners[1:], starts, axis=1) >= 0
-        kind = 4 * groups + 2 * has_normal + has_uv
-        pieces = self._pieces(table, corners, np.repeat(kind, sizes), triangles, kind[polygon])
+        kind = 4 * np.array(self.group_of_face) + 2 * has_normal + has_uv
+        pieces = self._pieces(positions, corners, np.repeat(kind, sizes), triangles, kind[polygon])
         self._note_omissions()
         return Surface(pieces, self.notes, files=self.folder.files)
 
-    def _polygons(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """Read the faces.
-
-        Returns
-        -------
-        corners : (3, c) int64
-            Indices of vertex, texture coordinates and normal from 0, −1 for none.
-        sizes : (p,) int64
-            Number of corners of each polygon.
-        groups : (p,) int64
-        """
-        stated, sizes = self._stated(), self.faces.widths
-        owner = np.repeat(np.arange(len(sizes)), sizes)
-        known = np.array([[len(self.vertices)], [len(self.coordinates)], [len(self.normals)]])
-        backwards = stated < 0
-        corners = stated - 1
-        if backwards.any():
-            rows = (self.vertices, self.coordinates, self.normals)
-            so_far = np.array([np.searchsorted(kind.lines, self.faces.lines) for kind in rows])
-            corners = np.where(backwards, so_far[:, owner] + stated, corners)
-        wrong = (corners >= known) | (backwards & (corners < 0))
-        no_vertex = wrong[0] | (stated[0] == 0)
-        if no_vertex.any():
-            corner = int(np.argmax(no_vertex))
-            raise self.faces.error(owner[corner], f"vertex {stated[0, corner]} of {len(self.vertices):,}")
+    def _corners(self, vertices: int) -> NDArray[np.int64]:
+        """Return the indices (3, c) of vertex, texture coordinates and normal of all corners, −1 for none."""
+        corners = np.array(self.corners).reshape(-1, 3).T.copy()
+        if corners[0].max() >= vertices:
+            corner = int(np.argmax(corners[0] >= vertices))
+            face = int(np.searchsorted(np.cumsum(self.face_sizes), corner, side="right"))
+            found = f"vertex {corners[0, corner] + 1} of {vertices:,}"
+            raise damaged(at(self.path, line=self.face_lines[face]), found, EXPECTED["f"])
+        wrong = (corners >= [[vertices], [len(self.coordinates) // 2], [len(self.normals) // 3]]) | (corners < -1)
         if wrong.any():
             self.notes.append("Some faces name texture coordinates or normals that are not in the file.")
             corners[wrong] = -1
-        enough = sizes >= 3
-        if not enough.all():
-            self.notes.append(f"{count(int((~enough).sum()), 'face')} with fewer than 3 corners omitted.")
-        return corners[:, enough[owner]], sizes[enough], np.array(self.group_of, dtype=np.int64)[enough]
-
-    def _stated(self) -> NDArray[np.int64]:
-        """Return the corners (3, c) as in the file, 0 for omitted indices."""
-        text = " ".join(" ".join(self.faces.texts).split())
-        if "//" in text or "/ " in text or " /" in text or text.endswith("/"):
-            text = MISSING_NUMBER.sub("0", text)
-        letters = np.frombuffer(text.encode("utf-8"), np.uint8)
-        slashes = np.cumsum(letters == ord("/"))
-        ends = slashes[np.append(np.flatnonzero(letters == ord(" ")), -1)] if text else np.empty(0, dtype=np.int64)
-        parts = np.diff(ends, prepend=0) + 1
-        numbers = parsed(text.replace("/", " "), np.int64)
-        is_read = numbers is not None and len(numbers) == parts.sum() and parts.max(initial=0) <= 3
-        if numbers is None or not is_read or np.abs(numbers).max(initial=0) >= MAX_INDEX:
-            is_face = (all(map(CORNER.fullmatch, face.split())) for face in self.faces.texts)
-            raise self.faces.error(next((row for row, fits in enumerate(is_face) if not fits), 0))
-        stated = np.zeros((3, len(parts)), dtype=np.int64)
-        first = np.cumsum(parts) - parts
-        for part in range(3):
-            there = parts > part
-            stated[part, there] = numbers[first[there] + part]
-        return stated
+        return corners
 
     def _pieces(
         self,
-        table: NDArray[np.float64],
+        positions: NDArray[np.float64],
         corners: NDArray[np.int64],
         kind_of_corner: NDArray[np.int64],
         triangles: NDArray[np.int64],
         kind_of_triangle: NDArray[np.int64],
     ) -> list[Piece]:
         """Return the pieces, each of which has vertices of its own."""
-        uvs = _texture_coordinates(self.coordinates.table(1))
-        normals = self.normals.table(3)[:, :3]
-        colors = linear(table[:, 3:6]) if table.shape[1] >= 6 else None
-        if colors is None and (self.vertices.widths >= 6).any():
+        uvs = upper_left(np.array(self.coordinates).reshape(-1, 2))
+        normals = np.array(self.normals).reshape(-1, 3)
+        colors = linear(np.array(self.colors).reshape(-1, 3)) if self.colors else None
+        if colors is not None and len(colors) < len(positions):
             self.notes.append("Vertex colours are omitted, because some vertices have none.")
+            colors = None
         names, materials = list(self.groups), self._materials()
-        isolated = np.ones(len(table), dtype=np.bool_)
+        isolated = np.ones(len(positions), dtype=np.bool_)
         isolated[corners[0]] = False
         vertex_of = np.empty(corners.shape[1], dtype=np.int64)
         pieces = []
@@ -250,7 +233,7 @@ class _Statements:
             pieces.append(
                 Piece(
                     name=name,
-                    positions=table[v, :3],
+                    positions=positions[v],
                     triangles=vertex_of[triangles[own_triangles]],
                     material=materials[material] if material else material_for(paint),
                     normals=normals[vn] if has & 2 else None,
@@ -285,7 +268,9 @@ class _Statements:
         return replace(piece, material=replace(material, texture=None, normal_texture=None))
 
     def _note_omissions(self) -> None:
-        if len(self.smoothings) > 1 and not len(self.normals):
+        if self.small_faces:
+            self.notes.append(f"{count(self.small_faces, 'face')} with fewer than 3 corners omitted.")
+        if len(self.smoothings) > 1 and not self.normals:
             self.notes.append("Smoothing groups are ignored. Export the mesh with normals to keep its hard edges.")
         if self.lines_and_points:
             self.notes.append(f"{count(self.lines_and_points, 'statement')} of lines or points omitted.")
@@ -300,6 +285,8 @@ def _runs(keys: NDArray[np.int64]) -> list[NDArray[np.int64]]:
     return np.split(order, np.nonzero(np.diff(keys[order]))[0] + 1)
 
 
-def _texture_coordinates(table: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return texture coordinates (n, 2) from the upper left corner of the image, as in glTF."""
-    return upper_left(np.column_stack([table[:, 0], table[:, 1] if table.shape[1] > 1 else np.zeros(len(table))]))
+def _index(stated: int, so_far: int) -> int:
+    """Return an index from 0: −1 for an omitted index, −2 for one that counts back beyond the first."""
+    if stated >= 0:
+        return stated - 1
+    return so_far + stated if stated >= -so_far else -2

@@ -1,8 +1,7 @@
 """PLY, text and binary, as tables of named columns."""
 
 import re
-from dataclasses import dataclass
-from itertools import repeat
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.surfaces.surface import count, damaged
-from engine_bridge.character.surfaces.text import Rows, decoded, filled_lines, spans
-from puppetline.errors import MeshError, at
+from engine_bridge.character.surfaces.text import decoded, filled_lines, unreadable
+from puppetline.errors import at
 
 TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
@@ -31,13 +30,29 @@ MAX_HEADER_BYTES = 2**18
 """Maximum size of a header in bytes."""
 
 
-@dataclass(frozen=True)
-class Property:
-    """A column's name, its type, and for lists the type of their lengths."""
+@dataclass
+class Column:
+    """A property of an element, and its values.
 
-    name: str
+    Attributes
+    ----------
+    kind : dtype
+        Type in the header.
+    kind_of_length : dtype or None
+        For a list, the type of the lengths.
+    values : (n,) or (m,) number
+        One value per row, or all lists one after another.
+    lengths : (n,) int64 or None
+        Lengths of the lists.
+    """
+
     kind: np.dtype[Any]
-    kind_of_length: np.dtype[Any] | None
+    kind_of_length: np.dtype[Any] | None = None
+    values: NDArray[Any] = field(default_factory=lambda: np.empty(0))
+    lengths: NDArray[np.int64] | None = None
+
+
+Table = dict[str, Column]
 
 
 @dataclass(frozen=True)
@@ -46,29 +61,7 @@ class Element:
 
     name: str
     rows: int
-    properties: list[Property]
-
-
-@dataclass(frozen=True)
-class Column:
-    """The values of a property.
-
-    Attributes
-    ----------
-    kind : dtype
-        Type in the header.
-    values : (n,) or (m,) number
-        One value per row, or all lists one after another.
-    lengths : (n,) int64 or None
-        Lengths of the lists.
-    """
-
-    kind: np.dtype[Any]
-    values: NDArray[Any]
-    lengths: NDArray[np.int64] | None
-
-
-Table = dict[str, Column]
+    columns: Table
 
 
 def matches(head: bytes) -> bool:
@@ -99,11 +92,11 @@ def read_tables(path: Path, content: bytes) -> tuple[dict[str, Table], list[tupl
         length += 1
     order, elements, images = _header(path, content[:length])
     if order is None:
-        return _text_tables(path, content, length, elements), images
-    tables = {}
-    for element in elements:
-        tables[element.name], length = _BinaryElement(path, content, length, element, order).read()
-    return tables, images
+        _read_text(path, content, length, elements)
+    else:
+        for element in elements:
+            length = _read_binary(path, content, length, element, order)
+    return {element.name: element.columns for element in elements}, images
 
 
 def _header(path: Path, content: bytes) -> tuple[Order | None, list[Element], list[tuple[int, str]]]:
@@ -111,25 +104,25 @@ def _header(path: Path, content: bytes) -> tuple[Order | None, list[Element], li
     word = ""
     elements: list[Element] = []
     images = []
-    for number, line in enumerate(decoded(path, content).split("\n"), 1):
+    for number, line in filled_lines(decoded(path, content)):
         match line.split():
             case ["format", stated, *_] if stated in ORDERS:
                 word = stated
             case ["element", name, rows] if re.fullmatch("[0-9]{1,18}", rows):
-                elements.append(Element(name, int(rows), []))
+                elements.append(Element(name, int(rows), {}))
             case ["property", "list", length, kind, name] if elements and TYPES.get(length, "f")[0] != "f":
-                elements[-1].properties.append(Property(name, _type(path, number, kind), np.dtype(TYPES[length])))
+                elements[-1].columns[name] = Column(_type(path, number, kind), np.dtype(TYPES[length]))
             case ["property", kind, name] if elements:
-                elements[-1].properties.append(Property(name, _type(path, number, kind), None))
+                elements[-1].columns[name] = Column(_type(path, number, kind))
             case ["comment", "TextureFile", *_]:
-                images.append((number, line.split(None, 2)[-1].strip()))
-            case ["ply" | "comment" | "obj_info" | "end_header", *_] | []:
+                images.append((number, line.split(None, 2)[-1]))
+            case ["ply" | "comment" | "obj_info" | "end_header", *_]:
                 pass
             case _:
                 raise damaged(at(path, line=number), repr(line[:60]), "a statement of a PLY header")
     if not word:
         raise damaged(path, "no format", f"'format', {' or '.join(ORDERS)}, '1.0'")
-    return ORDERS[word], [element for element in elements if element.properties], images
+    return ORDERS[word], [element for element in elements if element.columns], images
 
 
 def _type(path: Path, line: int, name: str) -> np.dtype[Any]:
@@ -138,118 +131,68 @@ def _type(path: Path, line: int, name: str) -> np.dtype[Any]:
     return np.dtype(TYPES[name])
 
 
-def _text_tables(path: Path, content: bytes, start: int, elements: list[Element]) -> dict[str, Table]:
+def _read_text(path: Path, content: bytes, start: int, elements: list[Element]) -> None:
+    """Read the rows of all elements, each of which is a line."""
     header = decoded(path, content[:start]).count("\n")
     lines = [line for line in filled_lines(decoded(path, content)) if line[0] > header]
-    tables = {}
     for element in elements:
         own, lines = lines[: element.rows], lines[element.rows :]
         if len(own) < element.rows:
             there = f"{count(len(own), 'line')} for {count(element.rows, 'row')}"
             raise damaged(at(path, field=f"element {element.name}"), there, "a complete PLY file")
-        expected = " ".join(
-            prop.name if prop.kind_of_length is None else f"n {prop.name}…" for prop in element.properties
-        )
-        tables[element.name] = _text_columns(
-            Rows(path, expected, [line for line, _ in own], [text for _, text in own]), element
-        )
-    return tables
+        values: list[list[float]] = [[] for _ in element.columns]
+        lengths: list[list[int]] = [[] for _ in element.columns]
+        for number, line in own:
+            words = line.split()
+            place = 0
+            try:
+                for index, column in enumerate(element.columns.values()):
+                    length = 1
+                    if column.kind_of_length is not None:
+                        length = int(words[place])
+                        lengths[index].append(length)
+                        place += 1
+                    if not 0 <= length <= len(words) - place:
+                        raise ValueError("too few numbers")
+                    values[index].extend(map(float, words[place : place + length]))
+                    place += length
+            except (ValueError, IndexError):
+                names = (name if c.kind_of_length is None else f"n {name}…" for name, c in element.columns.items())
+                raise unreadable(path, number, line, " ".join(names)) from None
+        for column, own_values, own_lengths in zip(element.columns.values(), values, lengths, strict=True):
+            _fill(column, np.array(own_values), own_lengths)
 
 
-def _text_columns(rows: Rows, element: Element) -> Table:
-    values, ends = rows.numbers, np.cumsum(rows.widths)
-    place, table = ends - rows.widths, {}
-    for prop in element.properties:
-        rows.refuse(place >= ends)
-        lengths = None
-        if prop.kind_of_length is not None:
-            stated = values[place]
-            rows.refuse(~((stated >= 0) & (stated < ends - place) & (stated == np.floor(stated))))
-            lengths = stated.astype(np.int64)
-            place = place + 1
-        table[prop.name] = Column(prop.kind, values[place if lengths is None else spans(place, lengths)], lengths)
-        place = place + (1 if lengths is None else lengths)
-    return table
+def _read_binary(path: Path, content: bytes, start: int, element: Element, order: Order) -> int:
+    """Read the rows of an element, whose bytes begin at `start`, and return their end."""
+    where, there = at(path, field=f"element {element.name}"), len(content) - start
+    columns = list(element.columns.values())
+    if element.rows * sum((column.kind_of_length or column.kind).itemsize for column in columns) > there:
+        there_are = f"{count(there, 'byte')} for {count(element.rows, 'row')}"
+        raise damaged(where, there_are, "a complete PLY file")
+    values = [bytearray() for _ in columns]
+    lengths: list[list[int]] = [[] for _ in columns]
+    place = start
+    for row in range(element.rows):
+        for index, column in enumerate(columns):
+            length = 1
+            if column.kind_of_length is not None:
+                digits = content[place : place + column.kind_of_length.itemsize]
+                length = int.from_bytes(digits, order, signed=column.kind_of_length.kind == "i")
+                lengths[index].append(length)
+                place += column.kind_of_length.itemsize
+            end = place + length * column.kind.itemsize
+            if not place <= end <= len(content):
+                raise damaged(where, f"{count(length, 'value')} in row {row}", "as many as the file has")
+            values[index] += content[place:end]
+            place = end
+    for column, own_values, own_lengths in zip(columns, values, lengths, strict=True):
+        stored = column.kind.newbyteorder("<" if order == "little" else ">")
+        _fill(column, np.frombuffer(own_values, stored), own_lengths)
+    return place
 
 
-class _BinaryElement:
-    """Reader of an element, whose bytes begin at `start`."""
-
-    def __init__(self, path: Path, content: bytes, start: int, element: Element, order: Order) -> None:
-        self.path = path
-        self.content = content
-        self.start = start
-        self.element = element
-        self.order = order
-
-    def read(self) -> tuple[Table, int]:
-        """Return the columns, and the start of the next element."""
-        rows, there = self.element.rows, len(self.content) - self.start
-        least = sum((prop.kind_of_length or prop.kind).itemsize for prop in self.element.properties)
-        if rows * least > there:
-            raise self._damaged(f"{count(there, 'byte')} for {count(rows, 'row')}", "a complete PLY file")
-        return self._read_alike() or self._read_each()
-
-    def _read_alike(self) -> tuple[Table, int] | None:
-        """Read rows whose lists are as long as those of the first row, the usual case; return None for other rows."""
-        rows, properties = self.element.rows, self.element.properties
-        if not rows:
-            return None
-        lengths = [first[0] if first else 1 for _, first in self._walk(1)[0]]
-        columns = list(enumerate(zip(properties, lengths, strict=True)))
-        fields = [(f"values{index}", self._stored(prop.kind), (length,)) for index, (prop, length) in columns]
-        for index, (prop, _) in reversed(columns):
-            if prop.kind_of_length is not None:
-                fields.insert(index, (f"length{index}", self._stored(prop.kind_of_length), (1,)))
-        row = np.dtype(fields)
-        if rows * row.itemsize > len(self.content) - self.start:
-            return None
-        read = np.frombuffer(self.content, row, rows, self.start)
-        table = {}
-        for index, (prop, length) in columns:
-            is_list = prop.kind_of_length is not None
-            if is_list and (read[f"length{index}"] != length).any():
-                return None
-            of_lists = np.full(rows, length, dtype=np.int64) if is_list else None
-            table[prop.name] = Column(prop.kind, read[f"values{index}"].ravel(), of_lists)
-        return table, self.start + rows * row.itemsize
-
-    def _read_each(self) -> tuple[Table, int]:
-        """Read rows whose lists have any length."""
-        found, end = self._walk(self.element.rows)
-        table = {}
-        for prop, (places, lengths) in zip(self.element.properties, found, strict=True):
-            size = prop.kind.itemsize
-            parts = (
-                self.content[place : place + size * length]
-                for place, length in zip(places, lengths or repeat(1), strict=False)
-            )
-            values = np.frombuffer(b"".join(parts), self._stored(prop.kind))
-            of_lists = None if prop.kind_of_length is None else np.array(lengths, dtype=np.int64)
-            table[prop.name] = Column(prop.kind, values, of_lists)
-        return table, end
-
-    def _walk(self, rows: int) -> tuple[list[tuple[list[int], list[int]]], int]:
-        """Return each property's offsets and list lengths in the first rows, and the end of these rows."""
-        found: list[tuple[list[int], list[int]]] = [([], []) for _ in self.element.properties]
-        sizes = [(prop.kind.itemsize, prop.kind_of_length) for prop in self.element.properties]
-        place = self.start
-        for row in range(rows):
-            for (places, lengths), (size, kind_of_length) in zip(found, sizes, strict=True):
-                length = 1
-                if kind_of_length is not None:
-                    digits = self.content[place : place + kind_of_length.itemsize]
-                    length = int.from_bytes(digits, self.order, signed=kind_of_length.kind == "i")
-                    place += kind_of_length.itemsize
-                    lengths.append(length)
-                places.append(place)
-                place += size * length
-                if length < 0 or place > len(self.content):
-                    raise self._damaged(f"a list of {length} in row {row}", "a list that fits into the file")
-        return found, place
-
-    def _stored(self, kind: np.dtype[Any]) -> np.dtype[Any]:
-        return kind.newbyteorder("<" if self.order == "little" else ">")
-
-    def _damaged(self, found: str, expected: str) -> MeshError:
-        return damaged(at(self.path, field=f"element {self.element.name}"), found, expected)
+def _fill(column: Column, values: NDArray[Any], lengths: list[int]) -> None:
+    column.values = values
+    if column.kind_of_length is not None:
+        column.lengths = np.array(lengths, dtype=np.int64)

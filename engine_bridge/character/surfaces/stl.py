@@ -6,23 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.surfaces.surface import Piece, Surface, count, damaged, outside
-from engine_bridge.character.surfaces.text import Rows, decoded, filled_lines
+from engine_bridge.character.surfaces.text import decoded, filled_lines, position, unreadable
 from puppetline.errors import at
 
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 HEADER_BYTES = 84
-
-NEXT_WORDS = {
-    "": ("solid",),
-    "solid": ("facet", "endsolid"),
-    "facet": ("outer",),
-    "outer": ("vertex",),
-    "vertex": ("vertex", "endloop"),
-    "endloop": ("endfacet",),
-    "endfacet": ("facet", "endsolid"),
-    "endsolid": ("solid",),
-}
-"""First words that may follow a line with this first word; the empty word precedes the first line."""
 
 
 def matches(head: bytes, size: int) -> bool:
@@ -78,54 +66,48 @@ def _read_binary(path: Path, content: bytes) -> Surface:
 
 
 def _read_text(path: Path, content: bytes) -> Surface:
-    text = decoded(path, content)
-    vertices, solids, unknown, last = _statements(path, text)
+    solids, unknown, last = _solids(path, decoded(path, content))
     notes = []
     if unknown:
         notes.append(f"{count(len(unknown), 'line')} not understood and omitted; the first is line {unknown[0]}.")
     if last == "endfacet":
         notes.append("The file ends without 'endsolid'; facets may be missing.")
-    elif last != "endsolid":
-        raise damaged(at(path, line=text.count("\n") + 1), "the end of the file within a solid", "'endsolid'")
-    corners = vertices.positions()[:, :3]
-    ends = [*(start for _, start in solids[1:]), len(corners)]
-    pieces = [_piece(name, corners[start:end]) for (name, start), end in zip(solids, ends, strict=True) if end > start]
+    pieces = [_piece(name, np.array(corners)) for name, corners in solids if corners]
     if not pieces:
         raise damaged(path, "no facets", "an STL file with facets")
     return Surface(pieces, notes, faceted=True)
 
 
-def _statements(path: Path, text: str) -> tuple[Rows, list[tuple[str, int]], list[int], str]:
-    """Return the rows of vertices, each solid's name and first vertex, the numbers of unknown lines, and the last word.
-
-    Raises
-    ------
-    MeshError
-        A line may not follow the one before it, or ends a facet without exactly 3 vertices; the message has the line.
-    """
-    vertices = Rows(path, "'vertex x y z' with finite numbers")
-    solids: list[tuple[str, int]] = []
+def _solids(path: Path, text: str) -> tuple[list[tuple[str, list[list[float]]]], list[int], str]:
+    """Return each solid's name and corners, the numbers of unknown lines, and the last known word."""
+    solids: list[tuple[str, list[list[float]]]] = []
+    facet: list[list[float]] = []
     unknown = []
-    before = ""
-    for line, statement in filled_lines(text):
-        word, *rest = statement.split(None, 1)
-        word = word.lower()
-        if word not in NEXT_WORDS:
-            unknown.append(line)
-            continue
-        if word not in NEXT_WORDS[before]:
-            raise damaged(at(path, line=line), repr(statement[:60]), " or ".join(map(repr, NEXT_WORDS[before])))
-        if word == "vertex":
-            vertices.lines.append(line)
-            vertices.texts.extend(rest or [""])
-        elif word == "outer":
-            loop = len(vertices)
-        elif word == "endloop" and len(vertices) != loop + 3:
-            raise damaged(at(path, line=line), f"a facet with {len(vertices) - loop} vertices", "3 vertices")
-        elif word == "solid":
-            solids.append(("".join(rest), len(vertices)))
-        before = word
-    return vertices, solids, unknown, before
+    number, last = 0, ""
+    for number, line in filled_lines(text):
+        word, value = [*line.split(None, 1), ""][:2]
+        match word.lower():
+            case "solid":
+                solids.append((value, []))
+            case "vertex":
+                try:
+                    facet.append(position(value.split()))
+                except ValueError:
+                    raise unreadable(path, number, value, "'vertex x y z' with finite numbers") from None
+            case "endfacet":
+                if len(facet) != 3:
+                    raise damaged(at(path, line=number), f"a facet with {len(facet)} vertices", "3 vertices")
+                solids[-1][1].extend(facet)
+                facet = []
+            case "facet" | "outer" | "endloop" | "endsolid":
+                pass
+            case _:
+                unknown.append(number)
+                continue
+        last = word.lower()
+    if facet or last not in ("endfacet", "endsolid"):
+        raise damaged(at(path, line=number), "the end of the file within a solid", "'endsolid'")
+    return solids, unknown, last
 
 
 def _piece(name: str, corners: NDArray[np.float64]) -> Piece:

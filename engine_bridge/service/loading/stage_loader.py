@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from capture.sound_input import is_sound_file, open_sound
 from engine_bridge.service.loading.character_loader import CharacterLoader
 from engine_bridge.service.loading.service_file import ServiceFile, stage_names
 from engine_bridge.service.players.character_player import CharacterPlayer
@@ -39,6 +40,9 @@ def load_stages(
     PuppetlineError
         An error in a file, or a source that cannot be opened. Sources that were opened are closed.
     """
+    for table in settings.stage:
+        if table.sound is not None and is_sound_file(table.sound):  # loading characters takes longer
+            open_sound(table.sound, folder).close()
     loaded: list[LoadedStage] = []
     kept = list(runners)
     try:

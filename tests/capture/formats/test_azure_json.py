@@ -70,10 +70,6 @@ def test_the_right_side_of_someone_facing_the_camera_is_at_positive_x(tmp_path: 
     assert (clip.confidence == 1).all()
 
 
-def test_the_turn_keeps_handedness() -> None:
-    assert np.linalg.det(np.diag(azure_json.TO_SENSOR_METRES)) > 0
-
-
 def test_each_body_id_is_a_clip_on_the_recordings_clock(tmp_path: Path) -> None:
     frames = document([body(1, 0)], [], [body(2, 2), body(1, 2)])
     one, two = azure_json.read(write(tmp_path, frames), ReadOptions(fps=5))
@@ -107,28 +103,16 @@ SECOND = ("frames", 1, "bodies", 1)
     [
         (changed(*SECOND, "joint_positions", 3, value=[1, 2]), "frames[1].bodies[1].joint_positions[3]", "2 numbers"),
         (changed(*SECOND, "joint_positions", 3, 1, value="a"), "frames[1].bodies[1].joint_positions[3][1]", '"a"'),
-        (changed(*SECOND, "joint_positions", 3, 1, value=False), "joint_positions[3][1]", "false"),
         (changed(*SECOND, "joint_positions", value=[[1, 2, 3]] * 25), "bodies[1].joint_positions", "25 joints"),
         (changed(*SECOND, "joint_positions", value=None), "frames[1].bodies[1]", "no 'joint_positions'"),
         (changed(*SECOND, "body_id", value=-1), "frames[1].bodies[1].body_id", "-1"),
-        (changed(*SECOND, "body_id", value=1.5), "frames[1].bodies[1].body_id", "1.5"),
         (changed(*SECOND, "joint_confidence", value=[2] * 31), "bodies[1].joint_confidence", "31 values"),
         (changed(*SECOND, "joint_confidence", value=[2] * 31 + [4]), "joint_confidence[31]", "0 none, 1 low"),
-        (
-            changed(*SECOND, "joint_confidence", value=[2] * 31 + [[]]),
-            "joint_confidence[31]",
-            "a list of 0; expected an integer",
-        ),
         (changed("frames", 1, "num_bodies", value=3), "frames[1].num_bodies", "the length of bodies, 2"),
-        (changed("frames", 1, "num_bodies", value=10**15), "frames[1].num_bodies", str(10**15)),
         (changed("frames", 1, "timestamp_usec", value=None), "frames[1]", "no 'timestamp_usec'"),
-        (changed("frames", 1, "timestamp_usec", value="soon"), "frames[1].timestamp_usec", '"soon"'),
         (changed("frames", 1, "bodies", value={}), "frames[1].bodies", "a list"),
         (changed("frames", value=None), "top level", "no 'frames'"),
         ([1], "top level", "an object"),
-        (json.dumps(document([body()]))[:900], "take.json, line 1", "broken JSON at column"),
-        (json.dumps(document([body()])).replace("2000.0", "NaN", 1), "take.json", "the number NaN"),
-        (json.dumps(document([body()])).replace("2000.0", "1e400", 1), "joint_positions[0][2]", "ordinary size"),
         (document([], []), "take.json", "no frame with a tracked performer"),
         (document([body(joint_confidence=[0] * 32)]), "take.json", "no frame with a tracked performer"),
     ],

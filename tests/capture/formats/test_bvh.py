@@ -28,45 +28,28 @@ from .bvh_files import (
 RIGID = [name for name in PARENTS if name.split("_")[0] in ("knee", "ankle", "elbow", "wrist")]
 
 # Sensor coordinates of the body in its rest pose: it faces the sensor, with the hips at (0, 0, 2.5).
-REST = {
-    "hip_center": (0, 0, 2.5),
-    "spine": (0, 0.10, 2.5),
-    "shoulder_center": (0, 0.50, 2.5),
-    "head": (0, 0.70, 2.5),
-    "shoulder_right": (0.18, 0.48, 2.5),
-    "elbow_right": (0.18, 0.20, 2.5),
-    "wrist_right": (0.18, -0.05, 2.5),
-    "hand_right": (0.18, -0.13, 2.5),
-    "hip_left": (-0.09, -0.05, 2.5),
-    "knee_left": (-0.09, -0.46, 2.5),
-    "ankle_left": (-0.09, -0.87, 2.5),
-    "foot_left": (-0.09, -0.93, 2.36),
-}
+REST_TABLE = """
+hip_center      0 0 2.5
+spine           0 0.1 2.5
+shoulder_center 0 0.5 2.5
+head            0 0.7 2.5
+shoulder_right  0.18 0.48 2.5
+elbow_right     0.18 0.2 2.5
+wrist_right     0.18 -0.05 2.5
+hand_right      0.18 -0.13 2.5
+hip_left        -0.09 -0.05 2.5
+knee_left       -0.09 -0.46 2.5
+ankle_left      -0.09 -0.87 2.5
+foot_left       -0.09 -0.93 2.36
+"""
+REST = {name: tuple(map(float, place)) for name, *place in map(str.split, REST_TABLE.strip().splitlines())}
 
 
 def chain_file(folder: Path, channels: str, row: Sequence[float], count: int = 6) -> Path:
     """Write a chain: the root at (1, 2, 3), a joint 1 further along x, an end 2 further along y and 3 along z."""
-    lines = [
-        "HIERARCHY",
-        "ROOT a",
-        "{",
-        "OFFSET 1 2 3",
-        "CHANNELS 0",
-        "JOINT b",
-        "{",
-        "OFFSET 1 0 0",
-        f"CHANNELS {count} {channels}",
-        "End Site",
-        "{",
-        "OFFSET 0 2 3",
-        "}",
-        "}",
-        "}",
-        "MOTION",
-        "Frames: 1",
-        "Frame Time: 1",
-        " ".join(map(str, row)),
-    ]
+    lines = ["HIERARCHY", "ROOT a", "{", "OFFSET 1 2 3", "CHANNELS 0", "JOINT b", "{", "OFFSET 1 0 0"]
+    lines += [f"CHANNELS {count} {channels}", "End Site", "{", "OFFSET 0 2 3", "}", "}", "}"]
+    lines += ["MOTION", "Frames: 1", "Frame Time: 1", " ".join(map(str, row))]
     return write(folder, lines)
 
 

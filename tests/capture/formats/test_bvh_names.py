@@ -1,4 +1,5 @@
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -34,160 +35,76 @@ def test_names_are_normalised(name: str, key: str) -> None:
     assert normalised_name(name) == key
 
 
-def sides(*names: str) -> list[str]:
-    return [name.replace("*", side) for side in ("Left", "Right") for name in names]
+def sides(*names: str, of: Sequence[str] = ("Left", "Right")) -> list[str]:
+    return [name.replace("*", side) for side in of for name in names]
 
 
-def short_sides(*names: str) -> list[str]:
-    return [name.replace("*", side) for side in "lr" for name in names]
+# Names of the joints that differ between skeletons: of the middle, and of the sides; and joints that are found there.
+SKELETONS_TEXT = """
+CMU | Left Right |
+Hips, LowerBack, Spine, Spine1, Neck, Neck1, Head, LFingers, RFingers |
+*Shoulder, *Arm, *ForeArm, *Hand, *UpLeg, *Leg, *Foot, *ToeBase |
+spine: Spine, shoulder_center: Neck, shoulder_left: LeftArm, wrist_left: LeftHand, hand_left: LFingers, hip_left:
+LeftUpLeg, knee_left: LeftLeg, ankle_left: LeftFoot, foot_left: LeftToeBase
+
+Biovision | Left Right |
+Hips, Chest, Neck, Head |
+*Collar, *Shoulder, *Elbow, *Wrist, *Hip, *Knee, *Ankle, *Toe |
+spine: Chest, shoulder_left: LeftShoulder, elbow_right: RightElbow, wrist_left: LeftWrist, hip_left: LeftHip,
+knee_left: LeftKnee, ankle_left: LeftAnkle, foot_left: LeftToe
+
+Kinect | Left Right |
+SpineBase, SpineMid, SpineShoulder, Neck, Head |
+Shoulder*, Elbow*, Wrist*, Hand*, Hip*, Knee*, Ankle*, Foot* |
+hip_center: SpineBase, spine: SpineMid, shoulder_center: SpineShoulder, wrist_left: WristLeft, hand_left: HandLeft,
+ankle_right: AnkleRight, foot_right: FootRight
+
+Mixamo | Left Right |
+mixamorig:Hips, mixamorig:Spine, mixamorig:Spine1, mixamorig:Spine2, mixamorig:Neck, mixamorig:Head |
+mixamorig:*Shoulder, mixamorig:*Arm, mixamorig:*ForeArm, mixamorig:*Hand, mixamorig:*HandMiddle1, mixamorig:*UpLeg,
+mixamorig:*Leg, mixamorig:*Foot, mixamorig:*ToeBase |
+spine: mixamorig:Spine, shoulder_right: mixamorig:RightArm, hand_left: mixamorig:LeftHandMiddle1
+
+Poser | l r |
+hip, abdomen, chest, neck, head |
+*Collar, *Shldr, *ForeArm, *Hand, *Thigh, *Shin, *Foot, *Toe |
+hip_center: hip, spine: abdomen, shoulder_left: lShldr, hip_right: rThigh, knee_right: rShin, ankle_left: lFoot,
+foot_left: lToe, wrist_left: lHand
+
+3ds Max | l r |
+Bip01, Bip01 Pelvis, Bip01 Spine, Bip01 Neck, Bip01 Head |
+Bip01 * Clavicle, Bip01 * UpperArm, Bip01 * Forearm, Bip01 * Hand, Bip01 * Finger2, Bip01 * Thigh, Bip01 * Calf,
+Bip01 * Foot, Bip01 * Toe0 |
+hip_center: Bip01 Pelvis, shoulder_left: Bip01 l UpperArm, knee_right: Bip01 r Calf, hand_left: Bip01 l Finger2,
+foot_right: Bip01 r Toe0
+
+Unreal | l r |
+root, pelvis, spine_01, spine_02, neck_01, head |
+clavicle_*, upperarm_*, lowerarm_*, hand_*, thigh_*, calf_*, foot_*, ball_* |
+hip_center: pelvis, spine: spine_01, shoulder_center: neck_01, elbow_left: lowerarm_l, foot_right: ball_r
+
+CMU, the bones of its ASF files | l r |
+hip, lowerback, upperback, thorax, lowerneck, upperneck, head |
+*hipjoint, *femur, *tibia, *foot, *toes, *clavicle, *humerus, *radius, *wrist, *hand, *fingers, *thumb |
+hip_center: hip, spine: lowerback, shoulder_center: lowerneck, shoulder_left: lhumerus, elbow_right: rradius,
+wrist_left: lwrist, hand_left: lfingers, hip_right: rfemur, knee_left: ltibia, ankle_right: rfoot, foot_left: ltoes
+
+MakeHuman | l r |
+Root, Spine1, Spine2, Neck, Head, Hips |
+__Clavicle_*, Clavicle_*, UpArm_*, LoArm_*, Hand_*, Middle1_*, __UpLeg_*, UpLeg_*, LoLeg_*, Foot_*, Toe_* |
+hip_center: Hips, spine: Spine1, shoulder_left: UpArm_l, hand_left: Middle1_l, hip_right: UpLeg_r, knee_right:
+LoLeg_r, ankle_left: Foot_l, foot_left: Toe_l
+"""
 
 
-# Names of the joints that differ between skeletons.
-ARM_AND_LEG = ("Shoulder", "Elbow", "Wrist", "Hand", "Hip", "Knee", "Ankle", "Foot")
-SKELETONS = {
-    "CMU": (
-        [
-            *("Hips", "LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head", "LFingers", "RFingers"),
-            *sides("*Shoulder", "*Arm", "*ForeArm", "*Hand", "*UpLeg", "*Leg", "*Foot", "*ToeBase"),
-        ],
-        {
-            "spine": "Spine",
-            "shoulder_center": "Neck",
-            "shoulder_left": "LeftArm",
-            "wrist_left": "LeftHand",
-            "hand_left": "LFingers",
-            "hip_left": "LeftUpLeg",
-            "knee_left": "LeftLeg",
-            "ankle_left": "LeftFoot",
-            "foot_left": "LeftToeBase",
-        },
-    ),
-    "Biovision": (
-        [
-            *("Hips", "Chest", "Neck", "Head"),
-            *sides("*Collar", "*Shoulder", "*Elbow", "*Wrist", "*Hip", "*Knee", "*Ankle", "*Toe"),
-        ],
-        {
-            "spine": "Chest",
-            "shoulder_left": "LeftShoulder",
-            "elbow_right": "RightElbow",
-            "wrist_left": "LeftWrist",
-            "hip_left": "LeftHip",
-            "knee_left": "LeftKnee",
-            "ankle_left": "LeftAnkle",
-            "foot_left": "LeftToe",
-        },
-    ),
-    "Kinect": (
-        [
-            *("SpineBase", "SpineMid", "SpineShoulder", "Neck", "Head"),
-            *sides(*(f"{part}*" for part in ARM_AND_LEG)),
-        ],
-        {
-            "hip_center": "SpineBase",
-            "spine": "SpineMid",
-            "shoulder_center": "SpineShoulder",
-            "wrist_left": "WristLeft",
-            "hand_left": "HandLeft",
-            "ankle_right": "AnkleRight",
-            "foot_right": "FootRight",
-        },
-    ),
-    "Mixamo": (
-        [
-            f"mixamorig:{name}"
-            for name in (
-                *("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head"),
-                *sides("*Shoulder", "*Arm", "*ForeArm", "*Hand", "*HandMiddle1", "*UpLeg", "*Leg", "*Foot", "*ToeBase"),
-            )
-        ],
-        {
-            "spine": "mixamorig:Spine",
-            "shoulder_right": "mixamorig:RightArm",
-            "hand_left": "mixamorig:LeftHandMiddle1",
-        },
-    ),
-    "Poser": (
-        [
-            *("hip", "abdomen", "chest", "neck", "head"),
-            *short_sides("*Collar", "*Shldr", "*ForeArm", "*Hand", "*Thigh", "*Shin", "*Foot", "*Toe"),
-        ],
-        {
-            "hip_center": "hip",
-            "spine": "abdomen",
-            "shoulder_left": "lShldr",
-            "hip_right": "rThigh",
-            "knee_right": "rShin",
-            "ankle_left": "lFoot",
-            "foot_left": "lToe",
-            "wrist_left": "lHand",
-        },
-    ),
-    "3ds Max": (
-        [
-            *("Bip01", "Bip01 Pelvis", "Bip01 Spine", "Bip01 Neck", "Bip01 Head"),
-            *short_sides("Bip01 * Clavicle", "Bip01 * UpperArm", "Bip01 * Forearm", "Bip01 * Hand", "Bip01 * Finger2"),
-            *short_sides("Bip01 * Thigh", "Bip01 * Calf", "Bip01 * Foot", "Bip01 * Toe0"),
-        ],
-        {
-            "hip_center": "Bip01 Pelvis",
-            "shoulder_left": "Bip01 l UpperArm",
-            "knee_right": "Bip01 r Calf",
-            "hand_left": "Bip01 l Finger2",
-            "foot_right": "Bip01 r Toe0",
-        },
-    ),
-    "Unreal": (
-        [
-            *("root", "pelvis", "spine_01", "spine_02", "neck_01", "head"),
-            *short_sides("clavicle_*", "upperarm_*", "lowerarm_*", "hand_*", "thigh_*", "calf_*", "foot_*", "ball_*"),
-        ],
-        {
-            "hip_center": "pelvis",
-            "spine": "spine_01",
-            "shoulder_center": "neck_01",
-            "elbow_left": "lowerarm_l",
-            "foot_right": "ball_r",
-        },
-    ),
-    "CMU, the bones of its ASF files": (
-        [
-            *("hip", "lowerback", "upperback", "thorax", "lowerneck", "upperneck", "head"),
-            *short_sides("*hipjoint", "*femur", "*tibia", "*foot", "*toes"),
-            *short_sides("*clavicle", "*humerus", "*radius", "*wrist", "*hand", "*fingers", "*thumb"),
-        ],
-        {
-            "hip_center": "hip",
-            "spine": "lowerback",
-            "shoulder_center": "lowerneck",
-            "shoulder_left": "lhumerus",
-            "elbow_right": "rradius",
-            "wrist_left": "lwrist",
-            "hand_left": "lfingers",
-            "hip_right": "rfemur",
-            "knee_left": "ltibia",
-            "ankle_right": "rfoot",
-            "foot_left": "ltoes",
-        },
-    ),
-    "MakeHuman": (
-        [
-            *("Root", "Spine1", "Spine2", "Neck", "Head", "Hips"),
-            *short_sides("__Clavicle_*", "Clavicle_*", "UpArm_*", "LoArm_*", "Hand_*", "Middle1_*"),
-            *short_sides("__UpLeg_*", "UpLeg_*", "LoLeg_*", "Foot_*", "Toe_*"),
-        ],
-        {
-            "hip_center": "Hips",
-            "spine": "Spine1",
-            "shoulder_left": "UpArm_l",
-            "hand_left": "Middle1_l",
-            "hip_right": "UpLeg_r",
-            "knee_right": "LoLeg_r",
-            "ankle_left": "Foot_l",
-            "foot_left": "Toe_l",
-        },
-    ),
-}
+def skeleton(text: str) -> tuple[str, list[str], dict[str, str]]:
+    """Return the program, the names of its joints, and the name that is expected for some of ours."""
+    program, of, middle, sided, expected = (" ".join(part.split()) for part in text.split("|"))
+    names = [*middle.split(", "), *sides(*sided.split(", "), of=of.split())]
+    return program, names, dict(pair.split(": ") for pair in expected.split(", "))
+
+
+SKELETONS = {program: rest for program, *rest in map(skeleton, SKELETONS_TEXT.strip().split("\n\n"))}
 
 
 def points_of(names: list[str], places: dict[int, float] | None = None) -> tuple[dict[str, float], list[str]]:

@@ -6,7 +6,7 @@ import pytest
 
 from capture.formats import kinect_v2_json
 from capture.formats.options import ReadOptions
-from capture.skeleton import JOINT_INDEX, PARENTS
+from capture.skeleton import JOINT_INDEX
 from puppetline.errors import SkeletonLogError
 
 from .conftest import assert_refused
@@ -88,23 +88,18 @@ def changed(*path: object, value: object) -> object:
     [
         (changed(1, 0, "joints", 4, "z", value=None), "[1][0].joints[4]", "no 'z'"),
         (changed(1, 0, "joints", 4, "z", value="far"), "[1][0].joints[4].z", '"far"'),
-        (changed(1, 0, "joints", 4, "z", value=True), "[1][0].joints[4].z", "true"),
-        (changed(1, 0, "joints", 4, "z", value=10**400), "[1][0].joints[4].z", "ordinary size"),
         (changed(1, 0, "joints", 4, value=[1, 2, 3]), "[1][0].joints[4]", "a list of 3; expected an object"),
         (changed(1, 0, "joints", value=[joint()] * 20), "[1][0].joints", "20 joints"),
         (changed(1, 0, "joints", value={}), "[1][0].joints", "a list"),
         (changed(1, 0, "leftHandState", value="open"), "[1][0].leftHandState", '"open"'),
         (changed(1, 0, "trackingId", value=None), "[1][0]", "no 'trackingId'"),
         (changed(1, 0, "trackingId", value="x7"), "[1][0].trackingId", '"x7"'),
-        (changed(1, 0, "trackingId", value="9" * 30), "[1][0].trackingId", "an integer"),
         (changed(1, value={"bodies": []}), "[1]", "an object of 1; expected a list"),
         ({"frames": []}, "the document's top level", "an object of 1"),
         (json.dumps([[body()]]).replace("212", "NaN", 1), "take.json", "the number NaN"),
-        (json.dumps([[body()]]).replace("212", "-Infinity", 1), "take.json", "the number -Infinity"),
         (json.dumps([[body()]]).replace("212", "1e999", 1), "[0][0].joints[0].y", "a number of ordinary size"),
         (json.dumps([[body()]])[:500], "take.json, line 1", "broken JSON at column"),
         ("[" * 100_000, "take.json", "cannot be parsed"),
-        ("[[" + "1" * 5000 + "]]", "take.json", "cannot be parsed"),
         ("", "take.json, line 1", "broken JSON"),
         ([[], []], "take.json", "no frame with a tracked performer"),
         ([[body(**{f"j{index}": joint(z=-500) for index in range(21)})]], "take.json", "no frame with a tracked"),
@@ -143,20 +138,6 @@ def test_real_counts(real_logs: Path) -> None:
     # All of the 151 joints at −500 are the performer's: none of the 21st, which is the shoulder centre, is among them.
     assert np.count_nonzero(one.confidence == 0) == 151
     assert two.times[0] == 224 / 30
-
-
-@pytest.mark.parametrize("take", ["raise-right-arm", "raise-both-arms-separately"])
-def test_real_bodies_are_of_human_size(real_logs: Path, take: str) -> None:
-    clip = kinect_v2_json.read(real_logs / "kinect_v2_json" / f"1-person_{take}.json", ReadOptions())[0]
-    at = {name: clip.positions[:, index] for name, index in JOINT_INDEX.items()}
-    bone = {name: np.nanmedian(np.linalg.norm(at[name] - at[parent], axis=1)) for name, parent in PARENTS.items()}
-    for side in ("left", "right"):
-        assert 0.32 < bone[f"knee_{side}"] < 0.40
-        assert 0.34 < bone[f"ankle_{side}"] < 0.42
-        assert 0.21 < bone[f"elbow_{side}"] < 0.28
-        assert 0.19 < bone[f"wrist_{side}"] < 0.24
-    assert 1.3 < np.nanmedian(at["head"][:, 1] - at["ankle_left"][:, 1]) < 1.45
-    assert (at["shoulder_right"][:, 0] - at["shoulder_left"][:, 0] > 0.2).all()
 
 
 def test_recognises_a_list_of_frames_and_no_other_document() -> None:

@@ -9,7 +9,6 @@ from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX
 from puppetline.errors import SkeletonLogError
 
-from ...oracles import assert_is_error_of, assert_is_sound_clip
 from .conftest import assert_refused
 
 ORDER = ("head", "shoulder_center", "spine", "hip_center", "shoulder_left", "elbow_left", "wrist_left", "hand_left",
@@ -85,25 +84,6 @@ def test_a_file_cut_anywhere_is_refused(tmp_path: Path, kept: int) -> None:
     path.write_bytes(path.read_bytes()[:kept])
     with pytest.raises(SkeletonLogError, match="expected"):
         utd_mhad.read(path, ReadOptions())
-
-
-def test_damaged_bytes_are_a_sound_clip_or_refused_with_the_place(tmp_path: Path) -> None:
-    path = tmp_path / "take.mat"
-    savemat(path, {"d_skel": numbered(2)}, do_compression=False)
-    whole = path.read_bytes()
-    generator = np.random.default_rng(5)
-    refused = 0
-    for _ in range(200):
-        damaged = bytearray(whole)
-        damaged[int(generator.integers(128, 200))] = int(generator.integers(256))
-        path.write_bytes(damaged)
-        try:
-            [clip] = utd_mhad.read(path, ReadOptions())
-            assert_is_sound_clip(clip)
-        except SkeletonLogError as error:
-            assert_is_error_of(error, SkeletonLogError, path)
-            refused += 1
-    assert 50 < refused < 200
 
 
 def test_a_claimed_number_of_frames_allocates_nothing(tmp_path: Path) -> None:

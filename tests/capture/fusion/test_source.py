@@ -62,14 +62,12 @@ def opened():
 
 
 @pytest.fixture
-def source(opened, here, beside):
+def source(opened, here, beside, until_end):
     def opener(uri):
         opened[uri].append(Scripted(uri))
         return opened[uri][-1]
 
-    fused = FusedSource("fused:two.toml", [Member("a", here), Member("b", beside, 0.04)], opener)
-    yield fused
-    fused.close()
+    return until_end(FusedSource("fused:two.toml", [Member("a", here), Member("b", beside, 0.04)], opener))
 
 
 @pytest.fixture

@@ -2,19 +2,15 @@
 
 import socket
 import struct
-import time
 from contextlib import ExitStack
-from select import select
 
 import numpy as np
 import pytest
 
-from capture.events import Tick
 from capture.network.source import open_osc, open_vmc
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 
-TIMEOUT_SECONDS = 10.0
-"""Time after which a test fails."""
+from ..conftest import STANDING, Watched
 
 
 def _pad(data):
@@ -33,11 +29,11 @@ def bundle(*elements, time_tag=1):
     return b"#bundle\0" + struct.pack(">Q", time_tag) + b"".join(struct.pack(">i", len(e)) + e for e in elements)
 
 
-class Wire:
+class Wire(Watched):
     """An open source, and a socket that sends to it."""
 
     def __init__(self, source):
-        self.source = source
+        super().__init__(source)
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
     def send(self, *datagrams):
@@ -47,13 +43,7 @@ class Wire:
     def events(self, *datagrams, count=1, until=None):
         """Send, and wait like a caller until a number of events, without ticks, have arrived."""
         self.send(*datagrams)
-        found = []
-        give_up = time.monotonic() + TIMEOUT_SECONDS
-        while not (until(found) if until else len(found) >= count):
-            assert time.monotonic() < give_up, found
-            select([self.source.fileno()], [], [], max(0, min(self.source.due() - time.monotonic(), 1)))
-            found += [event for event in self.source.receive() if not isinstance(event, Tick)]
-        return found
+        return super().events(count, until)
 
     def frame(self, *datagrams):
         [frame] = self.events(*datagrams)
@@ -98,31 +88,6 @@ def rng():
     return np.random.default_rng(5)
 
 
-STANDING = {
-    "hip_center": (0.0, 0.0, 0.0),
-    "spine": (0.0, 0.07, 0.01),
-    "shoulder_center": (0.0, 0.41, 0.02),
-    "head": (0.01, 0.61, 0.0),
-    "shoulder_left": (-0.19, 0.36, 0.02),
-    "elbow_left": (-0.24, 0.11, 0.05),
-    "wrist_left": (-0.26, -0.12, 0.02),
-    "hand_left": (-0.27, -0.20, 0.0),
-    "shoulder_right": (0.19, 0.35, 0.02),
-    "elbow_right": (0.35, 0.52, -0.02),
-    "wrist_right": (0.41, 0.75, -0.08),
-    "hand_right": (0.43, 0.83, -0.11),
-    "hip_left": (-0.08, -0.06, 0.0),
-    "knee_left": (-0.10, -0.54, -0.01),
-    "ankle_left": (-0.11, -0.92, 0.05),
-    "foot_left": (-0.12, -0.96, -0.05),
-    "hip_right": (0.08, -0.06, 0.0),
-    "knee_right": (0.11, -0.53, -0.05),
-    "ankle_right": (0.12, -0.90, 0.03),
-    "foot_right": (0.14, -0.95, -0.08),
-}
-"""A performer who faces the sensor, with the right arm up; no joint is another's mirror image."""
-
-
 @pytest.fixture
 def walk():
     """(T, 20, 3) metres in the sensor frame: from 3 m away towards the sensor and to the performer's right."""
@@ -140,20 +105,26 @@ def walk():
     return np.array(frames)
 
 
+def sided(*parts):
+    return {f"{side[0]}_{part}": f"{part}_{side}" for side in ("left", "right") for part in parts}
+
+
+FIFTEEN = {"head": "head", "neck": "shoulder_center", "torso": "spine"}
+FIFTEEN |= sided("shoulder", "elbow", "hand", "hip", "knee", "foot")
+"""Joint of each of NiTE's 15 joints, by OSCeleton's names."""
+
+TWENTY = FIFTEEN | sided("wrist", "ankle") | {"waist": "hip_center"}
+"""Joint of each of the Kinect SDK's 20 joints, by OSCeleton's names."""
+
+
 @pytest.fixture
 def fifteen():
-    """Joint of each of NiTE's 15 joints, by OSCeleton's names."""
-    parts = ("shoulder", "elbow", "hand", "hip", "knee", "foot")
-    sided = {f"{side[0]}_{part}": f"{part}_{side}" for side in ("left", "right") for part in parts}
-    return {"head": "head", "neck": "shoulder_center", "torso": "spine", **sided}
+    return FIFTEEN
 
 
 @pytest.fixture
-def twenty(fifteen):
-    """Joint of each of the Kinect SDK's 20 joints, by OSCeleton's names."""
-    parts = ("wrist", "ankle")
-    sided = {f"{side[0]}_{part}": f"{part}_{side}" for side in ("left", "right") for part in parts}
-    return {**fifteen, **sided, "waist": "hip_center"}
+def twenty():
+    return TWENTY
 
 
 @pytest.fixture

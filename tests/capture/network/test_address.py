@@ -32,10 +32,7 @@ def test_options_follow_the_place():
     [
         ("65536", r"^osc:65536: found '65536'; expected PORT, HOST or HOST:PORT, with a port up to 65535"),
         ("host:99999", "found 'host:99999'"),
-        ("host:port", "found 'host:port'"),
         ("::1", "found '::1'"),
-        (":7000", "found ':7000'"),
-        ("host:", "found 'host:'"),
         ("٧٠٠٠:1:2", "expected PORT"),
         ("7000?unit=mm", "found the option 'unit'; expected units, mirrored, flip, from, each at most once"),
         ("7000?units=mm&units=m", "found the option 'units' for the second time"),
@@ -43,7 +40,6 @@ def test_options_follow_the_place():
         ("7000?mirrored=yes", "mirrored: found 'yes'; expected 0 or 1"),
         ("7000?flip=w", "flip: found 'w'; expected axes of xyz"),
         ("7000?from=kiosk", "from: found 'kiosk'; expected an IP address"),
-        ("7000?units", "units: found ''; expected m, cm"),
     ],
 )
 def test_anything_else_is_refused_with_an_example(rest, message):

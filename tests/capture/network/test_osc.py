@@ -62,21 +62,12 @@ def test_python_osc_reads_encoded_messages_and_writes_the_same_bytes(address, ar
 
 def test_messages_of_python_osc_are_decoded():
     builder = OscMessageBuilder("/all")
-    for value, tag in [
-        (1, "i"),
-        (2**40, "h"),
-        (0.5, "f"),
-        (0.1, "d"),
-        ("ü", "s"),
-        (b"abcde", "b"),
-        (True, "T"),
-        (False, "F"),
-        (None, "N"),
-    ]:
+    values = (1, 2**40, 0.5, 0.1, "ü", b"abcde", True, False, None)
+    for value, tag in zip(values, "ihfdsbTFN", strict=True):
         builder.add_arg(value, tag)
     everything = builder.build()
     [decoded] = decode(everything.dgram)
-    assert decoded == Message("/all", "ihfdsbTFN", (1, 2**40, 0.5, 0.1, "ü", b"abcde", True, False, None))
+    assert decoded == Message("/all", "ihfdsbTFN", values)
 
     inner, outer = OscBundleBuilder(IMMEDIATELY), OscBundleBuilder(time.time() + 3600)
     inner.add_content(everything)
@@ -91,12 +82,6 @@ def test_python_osc_reads_our_bundles():
     assert theirs.content(0).dgram == one
     assert theirs.content(1).content(0).dgram == other
     assert decode(bundle(bundle(one), other, bundle())) == decode(one) + decode(other)
-
-
-@pytest.mark.parametrize("number", [80 * 12, 1, 0])
-def test_an_array_is_its_numbers_in_big_endian_order(number):
-    values = np.arange(number, dtype=np.float32) / 7
-    assert encode("/dog/controls", 5, values) == encode("/dog/controls", 5, *values.tolist())
 
 
 @given(st.lists(FLOATS, min_size=6, max_size=6))
@@ -128,23 +113,20 @@ def _bundles(depth):
     return nested
 
 
+def _element(size):
+    """A bundle that announces an element of a size in bytes."""
+    return b"#bundle\0" + bytes(8) + struct.pack(">i", size)
+
+
 HOSTILE = {
-    "a negative element size, on which python-osc hangs": (
-        b"#bundle\0" + bytes(8) + struct.pack(">i", -4),
-        "cut short",
-    ),
+    "a negative element size, on which python-osc hangs": (_element(-4), "cut short"),
     "400 bundles deep, on which python-osc dies": (_bundles(400), "bundles too deep"),
     "an address that is not UTF-8": (b"/\xff\xfe\0,\0\0\0", "text not in UTF-8"),
-    "an element of 2 GiB": (b"#bundle\0" + bytes(8) + struct.pack(">i", 0x7FFFFFFC), "cut short"),
-    "an element size that is no multiple of 4": (
-        b"#bundle\0" + bytes(8) + struct.pack(">i", 0x7FFFFFFF),
-        "no multiple of 4 bytes",
-    ),
-    "an empty element": (b"#bundle\0" + bytes(8) + struct.pack(">i", 0), "cut short"),
+    "an element of 2 GiB": (_element(0x7FFFFFFC), "cut short"),
+    "an element size that is no multiple of 4": (_element(0x7FFFFFFF), "no multiple of 4 bytes"),
+    "an empty element": (_element(0), "cut short"),
     "a blob of -1 bytes": (b"/a\0\0,b\0\0" + struct.pack(">i", -1), "cut short"),
-    "a blob of 2 GiB": (b"/a\0\0,b\0\0" + struct.pack(">i", 2**31 - 1), "cut short"),
     "not a number": (b"/a\0\0,f\0\0" + struct.pack(">f", math.nan), "number not finite"),
-    "an infinite number": (b"/a\0\0,d\0\0" + struct.pack(">d", -math.inf), "number not finite"),
     "nothing": (b"", "cut short"),
     "five bytes": (b"/abc\0", "no multiple of 4 bytes"),
     "an address without an end": (b"/abcdefg", "cut short"),

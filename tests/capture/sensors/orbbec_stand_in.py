@@ -23,14 +23,24 @@ class OBError(Exception):
     pass
 
 
+class _Getters:
+    """An object of the SDK: a function ``get_NAME`` returns each value."""
+
+    def __init__(self, **values):
+        for name, value in values.items():
+            setattr(self, f"get_{name}", lambda value=value: value)
+
+    def itself(self):
+        return self
+
+    as_frame_set = as_video_stream_profile = as_accel_frame = itself
+
+
 class _List(list):
     def get_count(self):
         return len(self)
 
-    def get_device_by_index(self, index):
-        return self[index]
-
-    get_stream_profile_by_index = get_device_by_index
+    get_device_by_index = get_stream_profile_by_index = list.__getitem__
 
 
 class Context:
@@ -40,76 +50,25 @@ class Context:
         return _List(PLUGGED)
 
 
-class _Frame:
-    def __init__(self, pixels, moment, form, scale=1.0):
-        self._pixels, self._moment, self._format, self._scale = pixels, moment, form, scale
-
-    def get_data(self):
-        return self._pixels.reshape(-1).view(np.uint8)
-
-    def get_height(self):
-        return self._pixels.shape[0]
-
-    def get_width(self):
-        return self._pixels.shape[1]
-
-    def get_timestamp_us(self):
-        return round(1e6 * self._moment)
-
-    def get_depth_scale(self):
-        return self._scale
-
-    def get_format(self):
-        return self._format
+def _frame(pixels, moment, form, scale=1.0):
+    height, width = pixels.shape[:2]
+    data, time = pixels.reshape(-1).view(np.uint8), round(1e6 * moment)
+    return _Getters(data=data, height=height, width=width, timestamp_us=time, depth_scale=scale, format=form)
 
 
-class _Frames:
-    def __init__(self, depth, color):
-        self._depth, self._color = depth, color
-
-    def get_depth_frame(self):
-        return self._depth
-
-    def get_color_frame(self):
-        return self._color
-
-    def as_frame_set(self):
-        return self
-
-
-class _Profile:
-    def __init__(self, width, height, fps, form):
-        self._values = width, height, fps, form
-
-    def as_video_stream_profile(self):
-        return self
-
-    def get_width(self):
-        return self._values[0]
-
-    def get_height(self):
-        return self._values[1]
-
-    def get_fps(self):
-        return self._values[2]
-
-    def get_format(self):
-        return self._values[3]
-
-    def get_intrinsic(self):
-        return SimpleNamespace(width=640, height=480, fx=600.0, fy=600.0, cx=310.5, cy=250.5)
-
-    def get_extrinsic_to(self, _profile):
-        return SimpleNamespace(rot=np.eye(3, dtype=np.float32))
+def _profile(width, height, fps, form):
+    lens = SimpleNamespace(width=640, height=480, fx=600.0, fy=600.0, cx=310.5, cy=250.5)
+    profile = _Getters(width=width, height=height, fps=fps, format=form, intrinsic=lens)
+    profile.get_extrinsic_to = lambda _profile: SimpleNamespace(rot=np.eye(3, dtype=np.float32))
+    return profile
 
 
 class _Accelerometer:
     def get_stream_profile_list(self):
-        return _List([_Profile(0, 0, 0, None)])
+        return _List([_profile(0, 0, 0, None)])
 
     def start(self, _profile, callback):
-        still = SimpleNamespace(get_x=lambda: 0.0, get_y=lambda: -9.81, get_z=lambda: 0.0)
-        callback(SimpleNamespace(as_accel_frame=lambda: still))
+        callback(_Getters(x=0.0, y=-9.81, z=0.0))
 
     def stop(self):
         pass
@@ -124,9 +83,7 @@ class StandInSensor:
 
     def get_device_info(self):
         name = f"Stand-in for an Orbbec {self.serial}"
-        return SimpleNamespace(
-            get_name=lambda: name, get_serial_number=lambda: self.serial, get_connection_type=lambda: self._usb
-        )
+        return _Getters(name=name, serial_number=self.serial, connection_type=self._usb)
 
     def get_sensor(self, _kind):
         return _Accelerometer()
@@ -134,10 +91,10 @@ class StandInSensor:
     def show(self, depth, color, moment):
         """Deliver metres and RGB, or None, at a time of the sensor's clock, in seconds."""
         if depth is not None:
-            depth = _Frame(np.rint(1000 / self._scale * depth).astype(np.uint16), moment, OBFormat.Y16, self._scale)
+            depth = _frame(np.rint(1000 / self._scale * depth).astype(np.uint16), moment, OBFormat.Y16, self._scale)
         if color is not None:
-            color = _Frame(color, moment, OBFormat.RGB)
-        self.frames.put(_Frames(depth, color))
+            color = _frame(color, moment, OBFormat.RGB)
+        self.frames.put(_Getters(depth_frame=depth, color_frame=color))
 
 
 class PlaybackDevice(StandInSensor):
@@ -171,7 +128,7 @@ class Pipeline:
     def get_stream_profile_list(self, sensor):
         form = OBFormat.Y16 if sensor is OBSensorType.DEPTH_SENSOR else OBFormat.RGB
         modes = (640, 480, 30), (1280, 720, 30), (640, 480, 5)
-        return _List([*(_Profile(*mode, form) for mode in modes), _Profile(640, 480, 30, OBFormat.MJPG)])
+        return _List([*(_profile(*mode, form) for mode in modes), _profile(640, 480, 30, OBFormat.MJPG)])
 
     def enable_frame_sync(self):
         pass

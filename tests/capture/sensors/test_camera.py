@@ -29,17 +29,8 @@ def video_file(camera, tmp_path_factory):
 
 
 @pytest.fixture
-def opened_video(video_file):
-    videos = []
-
-    def open_it(path=video_file, **options):
-        videos.append(Video("video:clip", path, Options(str(path), **options)))
-        return videos[-1]
-
-    yield open_it
-    for video in videos:
-        video.close()
-        video.close()
+def opened_video(video_file, until_end):
+    return lambda path=video_file, **options: until_end(Video("video:clip", path, Options(str(path), **options)))
 
 
 def all_of(video):

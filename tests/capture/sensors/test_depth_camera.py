@@ -19,7 +19,7 @@ from capture.sensors.realsense import RealSenseDevice
 from puppetline.errors import SourceError
 
 from ...conftest import missing
-from ..devices import read
+from ..conftest import read
 
 
 class OpenNI:

@@ -45,35 +45,6 @@ np.savez(
 """
 
 
-FOLLOW = """
-import time
-import numpy as np
-from capture.events import Tick
-from capture.sensors.depth_camera import metres
-from capture.sensors.freenect import FreenectDevice
-from capture.trackers.picture import Person
-from capture.sensors.source import SensorSource
-from capture.source import wait
-from puppetline.errors import SourceError
-class Corner:
-    name = "the depth in a corner"
-    def track(self, picture):
-        return [Person(1, np.full((20, 3), picture.depth[0, 0], np.float32), np.ones(20, np.float32))]
-    def close(self):
-        pass
-source = SensorSource("freenect:", lambda: FreenectDevice("freenect:"), lambda _: Corner())
-try:
-    while True:
-        wait(source, time.monotonic() + 1)
-        for event in source.receive():
-            if not isinstance(event, Tick):
-                print("frame", event.positions[0, 0])
-except SourceError as error:
-    print("SourceError", error.found)
-source.close()
-"""
-
-
 @pytest.fixture
 def read(run_with_kinect, tmp_path):
     """Read images of a dump in another process: `run(dump, count)` returns the process and the images."""
@@ -188,18 +159,6 @@ def test_a_sensor_that_cannot_be_opened_is_an_error_and_nothing_stays_open(read,
     (message,) = (line for line in process.stdout.splitlines() if line.startswith("SourceError"))
     assert found in message
     assert fix in message
-    assert process.stderr == "shut down with 0 open\n"
-
-
-def test_a_source_delivers_performers_until_the_sensor_is_unplugged(run_with_kinect, write_dump):
-    dump = write_dump(SIX_IMAGES, interval=0.1)
-    process = run_with_kinect(dump, FOLLOW, fault="unplugged")
-    *frames, end = process.stdout.splitlines()
-    assert end.startswith("SourceError an unplugged Kinect")
-    depths = [float(frame.removeprefix("frame ")) for frame in frames]
-    assert depths
-    assert depths == sorted(set(depths))
-    assert set(depths) <= {float(depth_of(number)[0, 0]) for number in range(4)}
     assert process.stderr == "shut down with 0 open\n"
 
 

@@ -17,7 +17,7 @@ from engine_bridge.cli.record import record
 from puppetline.errors import SourceError
 
 from ...conftest import missing
-from ..devices import read
+from ..conftest import read
 
 NAME = "realsense:"
 

@@ -17,7 +17,7 @@ from capture.sources.registry import open_source
 from capture.trackers.mediapipe import MediaPipePose
 
 from ...conftest import missing
-from ..devices import Watched, read
+from ..conftest import Watched, read
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("camera")]
 

@@ -18,7 +18,8 @@ from capture.skeleton import SkeletonFrame
 from capture.trackers.picture import Picture
 from puppetline.errors import SourceError
 
-from ..devices import LENS
+from ...waiting import wait_until
+from ..conftest import LENS
 from .rooms import LENS as ROOM_LENS
 from .rooms import room
 
@@ -83,10 +84,7 @@ def test_a_device_whose_clock_stands_still_works_and_is_logged_once(
             clock.advance(0.005)
         return found
 
-    give_up = time.monotonic() + 10
-    while said not in caplog.messages:
-        assert time.monotonic() < give_up
-        frames(1)
+    wait_until(lambda: frames(1) and said in caplog.messages)
     assert len(frames(20)) == 20
     assert caplog.messages == [said]
 
@@ -106,20 +104,13 @@ def test_performers_found_and_lost_are_events_in_order(watch, scripted_device, s
         assert _told(watched.events(len(told))) == told
 
 
-def _wait_until(what):
-    give_up = time.monotonic() + 10
-    while not what():
-        assert time.monotonic() < give_up
-        time.sleep(0.001)
-
-
 def test_the_newest_image_is_tracked_and_the_others_count_as_dropped(watch, scripted_device, scripted_tracker):
     halting = Halting(scripted_tracker)
     watched = watch(scripted_device, halting)
     scripted_device.show(0.0)
     assert halting.begun.acquire(timeout=10)
     scripted_device.show(0.001, 0.002, 0.003)
-    _wait_until(lambda: watched.source.counts.received == 4)
+    wait_until(lambda: watched.source.counts.received == 4)
     for _ in range(2):
         halting.go_on.release()
         watched.events()
@@ -131,10 +122,10 @@ def test_a_newer_frame_replaces_one_that_was_not_received(watch, scripted_device
     watched = watch(scripted_device, scripted_tracker)
     for k in range(3):
         scripted_device.show(0.001 * k)
-        _wait_until(lambda k=k: len(scripted_tracker.seen) == k + 1)
+        wait_until(lambda k=k: len(scripted_tracker.seen) == k + 1)
     scripted_tracker.users = (1, 2)
     scripted_device.show(0.003)
-    _wait_until(lambda: watched.source.counts.dropped == 3)
+    wait_until(lambda: watched.source.counts.dropped == 3)
     assert _told(watched.events(2)) == [("SkeletonFrame", 1), ("SkeletonFrame", 2)]
 
 
@@ -201,7 +192,7 @@ def test_a_frame_that_is_too_old_is_dropped(watch, scripted_device, scripted_tra
     assert halting.begun.acquire(timeout=10)
     if who == "caller":
         halting.go_on.release()
-        _wait_until(lambda: select([watched.source.fileno()], [], [], 0)[0])
+        wait_until(lambda: select([watched.source.fileno()], [], [], 0)[0])
     clock.advance(1.5 * module.MAX_AGE_SECONDS)
     halting.go_on.release(1000)
     assert _show_until_somebody_comes(watched, scripted_device) > late
@@ -216,7 +207,7 @@ def test_a_lost_performer_is_reported_however_late(watch, scripted_device, scrip
     halting.go_on.release(1000)
     _show_until_somebody_comes(watched, scripted_device)
     scripted_tracker.users = ()
-    _wait_until(lambda: not halting.go_on.acquire(blocking=False))
+    wait_until(lambda: not halting.go_on.acquire(blocking=False))
     time.sleep(0.01)
     while halting.begun.acquire(blocking=False):
         pass
@@ -277,7 +268,7 @@ def test_a_slow_machine_delivers_late_frames_and_logs_it_once(
     [said] = caplog.messages
     assert said.startswith("test: tracking is too slow on this machine: performers are 0.")
     slow.takes = 0.0
-    _wait_until(lambda: perform(1) and not watched.source._slow)
+    wait_until(lambda: perform(1) and not watched.source._slow)
     slow.takes = 1.5 * module.MAX_AGE_SECONDS
     late = perform(1)
     slow.takes = 0.0
@@ -315,7 +306,7 @@ def test_an_image_without_performers_is_a_tick(watch, scripted_device, scripted_
     scripted_tracker.users = ()
     watched = watch(scripted_device, scripted_tracker, recorded=True)
     scripted_device.show(3.0)
-    _wait_until(lambda: select([watched.source.fileno()], [], [], 0)[0])
+    wait_until(lambda: select([watched.source.fileno()], [], [], 0)[0])
     assert watched.source.receive() == [Tick(3.0)]
 
 
@@ -360,20 +351,17 @@ def test_a_recording_plays_in_real_time_or_fast(watch, scripted_device, scripted
     assert [frame.time for frame in fast.events(2)] == [0.0, 1000.0]
 
 
-def test_a_device_that_stops_is_an_error(watch, scripted_device, scripted_tracker, monkeypatch):
+@pytest.mark.parametrize("recorded", [False, True])
+def test_a_device_or_a_recording_that_stops_is_an_error(
+    watch, scripted_device, scripted_tracker, monkeypatch, recorded
+):
     monkeypatch.setattr(module, "SILENCE_SECONDS", 0.2)
-    watched = watch(scripted_device, scripted_tracker)
+    watched = watch(scripted_device, scripted_tracker, recorded=recorded, fast=recorded)
     scripted_device.show(0.0)
     watched.events()
-    assert "no new image for 0.2 s" in watched.error().found
-
-
-def test_a_recording_that_stops_is_damaged(watch, scripted_device, scripted_tracker, monkeypatch):
-    monkeypatch.setattr(module, "SILENCE_SECONDS", 0.2)
-    watched = watch(scripted_device, scripted_tracker, recorded=True, fast=True)
-    scripted_device.show(0.0)
-    watched.events()
-    assert watched.error().fix == "The recording is damaged: record it again."
+    error = watched.error()
+    assert "no new image for 0.2 s" in error.found
+    assert (error.fix == "The recording is damaged: record it again.") == recorded
 
 
 @pytest.mark.usefixtures("strict")

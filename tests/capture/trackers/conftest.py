@@ -1,5 +1,5 @@
 """Sources of these tests do not wait."""
 
-from ..devices import unhurried
+from ..sensors.conftest import unhurried
 
 __all__ = ["unhurried"]

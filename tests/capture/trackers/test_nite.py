@@ -6,23 +6,22 @@ The sensor is virtual, and the OpenNI2 library is real; see nite_stand_in.cpp an
 import ctypes
 import logging
 import subprocess
-import time
 from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from capture.events import Lost, Tick
 from capture.sensors import openni
 from capture.sensors.depth_camera import Selection
 from capture.sensors.openni import OpenNIDevice, open_source
-from capture.skeleton import INFERRED, JOINT_INDEX, LOST, TRACKED, SkeletonFrame
+from capture.skeleton import INFERRED, JOINT_INDEX, LOST, TRACKED
 from capture.trackers import nite
 from capture.trackers.nite import NiTE, library_path
 from puppetline.errors import SourceError
 
-from ..devices import HEADERS, TIMEOUT_SECONDS, Watched
+from ...waiting import wait_until
+from ..conftest import HEADERS, Watched
 
 NAME = "openni:"
 
@@ -165,13 +164,6 @@ def opened(sensor, monkeypatch):
         source._done.wait(10)
 
 
-def _wait_for(caplog, message):
-    give_up = time.monotonic() + TIMEOUT_SECONDS
-    while message not in caplog.messages:
-        assert time.monotonic() < give_up, caplog.messages
-        time.sleep(0.001)
-
-
 def test_a_calibrated_user_is_a_performer_with_the_librarys_positions_and_confidence(track, standing):
     confidence = np.linspace(0.6, 1.0, 15)
     person = track(confidence)
@@ -273,34 +265,10 @@ def test_an_image_that_the_library_does_not_process_is_an_error(stand_in, look, 
         look(1.1)
 
 
-def test_the_source_delivers_frames_and_losses(stand_in, opened, show, body, standing, caplog):
-    caplog.set_level(logging.INFO, "capture")
-    watched = opened()
-    _wait_for(caplog, "openni: tracking images of Puppetline virtual sensor 0 with NiTE2")
-    moments = iter(np.arange(1.0, 100.0, 1 / 30))
-
-    def events():
-        found = []
-        while not found:
-            show(next(moments))
-            watched.wait()
-            found = [event for event in watched.source.receive() if not isinstance(event, Tick)]
-        return found
-
-    stand_in.show(7, NEW, CALIBRATED, body)
-    [frame] = events()
-    assert (type(frame), frame.user) == (SkeletonFrame, 7)
-    np.testing.assert_allclose(frame.positions[OURS], standing[OURS], atol=1e-6)
-    stand_in.show(7, GONE, CALIBRATED, body)
-    while type(found := events()[0]) is SkeletonFrame:  # of earlier images
-        pass
-    assert (type(found), found.user) == (Lost, 7)
-
-
 def test_a_library_that_fails_later_is_an_error_and_the_sensor_is_released(stand_in, opened, sensor, show, caplog):
     caplog.set_level(logging.INFO, "capture")
     watched = opened()
-    _wait_for(caplog, "openni: tracking images of Puppetline virtual sensor 0 with NiTE2")
+    wait_until(lambda: "openni: tracking images of Puppetline virtual sensor 0 with NiTE2" in caplog.messages)
     stand_in.refuse(READING)
     show(1.0)
     assert watched.error().found == "the status 1 of niteReadUserTrackerFrame"
@@ -316,7 +284,9 @@ def test_mediapipe_tracks_if_the_library_does_not_start(stand_in, opened, sensor
     stand_in.refuse(refusal)
     opened()
     sensor.wait_for_streams()
-    _wait_for(caplog, "openni: tracking images of Puppetline virtual sensor 0 with MediaPipe's place")
+    wait_until(
+        lambda: "openni: tracking images of Puppetline virtual sensor 0 with MediaPipe's place" in caplog.messages
+    )
     [said] = [record for record in caplog.records if record.levelname == "WARNING"]
     assert "tracking with MediaPipe, because NiTE2 did not start" in said.getMessage()
     assert f"the status 1 of {call};" in said.getMessage()
@@ -329,7 +299,9 @@ def test_mediapipe_tracks_without_the_library(opened, sensor, caplog, monkeypatc
     assert library_path() is None
     opened()
     sensor.wait_for_streams()
-    _wait_for(caplog, "openni: tracking images of Puppetline virtual sensor 0 with MediaPipe's place")
+    wait_until(
+        lambda: "openni: tracking images of Puppetline virtual sensor 0 with MediaPipe's place" in caplog.messages
+    )
     said = "Puppetline virtual sensor 0: tracking with MediaPipe, because NiTE2 is not installed (or set NITE2_REDIST)"
     assert said in caplog.messages
 

@@ -4,9 +4,9 @@ import os
 
 import pytest
 
-from ..service.conftest import free_port, kung_fu, listen, sender, serve
+from ..service.conftest import free_port, kung_fu, listen, sender, serve, serve_module
 
-__all__ = ["free_port", "kung_fu", "listen", "sender", "serve"]
+__all__ = ["free_port", "kung_fu", "listen", "sender", "serve", "serve_module"]
 
 
 @pytest.fixture

@@ -24,12 +24,9 @@ UNKNOWN_ELSEWHERE = {"precompute_peak_mb", "peak_mb"}
 def measured(blob_file):
     """JSON output of the command for a small mesh and few frames."""
     with pytest.MonkeyPatch.context() as patch:
-        for name, short in (
-            ("TIMED_FRAMES", benchmark_process.BLOCK_FRAMES),
-            ("CONVERTED_FRAMES", 90),
-            ("PROCESSES", 1),
-        ):
-            patch.setattr(benchmark, name, short)
+        fewer = {"TIMED_FRAMES": benchmark_process.BLOCK_FRAMES, "CONVERTED_FRAMES": 90, "PROCESSES": 1}
+        for name, number in fewer.items():
+            patch.setattr(benchmark, name, number)
         result = CliRunner().invoke(main, ["bench", "--mesh", str(blob_file), "--json"], catch_exceptions=False)
     return json.loads(result.stdout)
 

@@ -135,13 +135,11 @@ def test_a_command_imports_no_other_command():
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["dance"],
         ["convert", "take.log"],
         ["convert", "take.log", "-o", "out.bvh", "--as", "morph"],
         ["convert", "take.log", "--puppet", "blob.toml", "-o", "out.glb", "--fps", "0"],
         ["convert", "take.log", "--puppet", "blob.toml", "-o", "out.glb", "--targets", "none"],
         ["new", "blob.glb", "-o", "x.toml", "--handle", "head"],
-        ["inspect"],
         ["demo", "dragon"],
     ],
     ids=" ".join,
@@ -162,25 +160,9 @@ def test_a_bad_log_is_one_line_and_leaves_nothing(assert_refused, stage, tmp_pat
     assert_refused("convert", "bad.log", "--puppet", stage, "-o", "out.glb", parts=parts)
 
 
-def test_a_log_without_a_tracked_frame_is_one_line_and_leaves_nothing(assert_refused, stage, record, tmp_path):
-    record(tmp_path / "lost.log", np.full((9, 20, 3), np.nan))
-    assert_refused("convert", "lost.log", "--puppet", stage, "-o", "out.glb", parts=["lost.log"])
-
-
-BAD_PUPPETS = {
-    "a typo": ("gain = 0.8", "gian = 0.8", ["blob.toml, [[handle]] 3 'head', gian", "Did you mean 'gain'?"]),
-    "a handle off the mesh": (
-        "[1.55,",
-        "[15.5,",
-        [".toml, [[handle]] 1 'left hand', position", "nearest surface point"],
-    ),
-    "a missing mesh": ('"blob.glb"', '"blub.glb"', ["blob.toml, [character], mesh", "blub.glb"]),
-}
-
-
-@pytest.mark.parametrize(("old", "new", "parts"), BAD_PUPPETS.values(), ids=BAD_PUPPETS)
-def test_a_bad_puppet_is_one_line_and_leaves_nothing(assert_refused, stage, old, new, parts):
-    stage.write_text(stage.read_text().replace(old, new, 1))
+def test_a_bad_puppet_is_one_line_and_leaves_nothing(assert_refused, stage):
+    stage.write_text(stage.read_text().replace("gain = 0.8", "gian = 0.8", 1))
+    parts = ["blob.toml, [[handle]] 3 'head', gian", "Did you mean 'gain'?"]
     assert_refused("convert", "take.log", "--puppet", stage, "-o", "out.glb", parts=parts)
 
 
@@ -205,21 +187,13 @@ def test_a_bad_output_is_one_line_before_any_work(assert_refused, stage, output,
     [
         ["convert", "none.log", "--puppet", "blob.toml", "-o", "out.glb"],
         ["convert", "take.log", "--puppet", "none.toml", "-o", "out.glb"],
+        ["studio", "--no-browser", "--port", "0", "--sound", "none.wav"],
+        ["serve", "--puppet", "blob.toml", "--source", "demo:walk", "--port", "0", "--sound", "none.wav"],
     ],
     ids=" ".join,
 )
 def test_a_file_that_is_not_there_is_one_line(assert_refused, stage, arguments):
     assert_refused(*arguments, parts=["none."])
-
-
-def test_convert_writes_the_file_and_prints_results_only(stage, tmp_path):
-    before = names(tmp_path)
-    command = [COMMAND, "convert", "take.log", "--puppet", stage, "-o", "out.glb", "--preview", "out.png"]
-    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (result.returncode, result.stderr) == (0, "")
-    assert result.stdout.startswith("out.glb: 58 frames, 1.9 s, ")
-    assert "\x1b" not in result.stdout
-    assert names(tmp_path) == before | {"out.glb", "out.png"}
 
 
 def test_convert_prints_what_a_rig_and_a_vertex_cache_consist_of(invoke, stage):
@@ -303,10 +277,6 @@ def test_new_makes_a_puppet_that_converts_right_away_and_is_not_overwritten(invo
     assert invoke("convert", "take.log", "--puppet", "made.toml", "-o", "out.glb").returncode == 0
 
 
-def test_new_with_a_wrong_option_prints_one_line_and_writes_nothing(assert_refused, stage):
-    assert_refused("new", "blob.glb", "-o", "made.toml", "--handle", "paw=1,2", parts=["the command line"])
-
-
 def test_new_says_how_a_recording_is_converted(assert_refused, stage):
     assert_refused("new", "take.log", "-o", "made.toml", parts=["a recording", "puppetline convert"])
 
@@ -339,7 +309,8 @@ def drain(terminal, process, seconds=60):
 
 def test_progress_is_on_the_terminal_and_the_standard_output_stays_clean(commands, stage, tmp_path):
     terminal, other = pty.openpty()
-    command = ["convert", "take.log", "--puppet", stage, "-o", "out.glb"]
+    command = ["convert", "take.log", "--puppet", stage, "-o", "out.glb", "--preview", "out.png"]
+    before = names(tmp_path)
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
     with commands.start(*command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=other, env=environment) as process:
         os.close(other)
@@ -349,12 +320,13 @@ def test_progress_is_on_the_terminal_and_the_standard_output_stays_clean(command
     assert process.returncode == 0
     assert "Fitting morph targets" in shown
     assert "100%" in shown
-    assert output.startswith("out.glb: 58 frames")
+    assert output.startswith("out.glb: 58 frames, 1.9 s, ")
     assert "\x1b" not in output
+    assert names(tmp_path) == before | {"out.glb", "out.png"}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("delay", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("delay", [0.0, 0.7])
 def test_an_interrupt_ends_quickly_and_leaves_no_partial_file(commands, stage, long_take, tmp_path, delay):
     (tmp_path / "out.glb").write_text("old")
     before = names(tmp_path)

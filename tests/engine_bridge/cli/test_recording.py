@@ -1,6 +1,5 @@
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -35,54 +34,33 @@ def key(event):
     return event
 
 
-class Sender:
-    """A source of datagrams with user numbers, in which 0 means that user 1 is lost."""
+END = SourceError("openni:", found="an unplugged sensor", expected="a sensor", fix="Plug it in.")
 
-    name = "test:"
-    recorded = False
 
-    def __init__(self):
-        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.bind(("127.0.0.1", 0))
-        self.socket.setblocking(False)
-        self.counts = Counts(dropped=3)
+class Scripted:
+    """A live source that returns a script's events one by one, or raises its exception; nothing at the end."""
+
+    name, recorded = "openni:", False
+
+    def __init__(self, *script):
+        self.script, self.counts = list(script), Counts(dropped=3)
         self.counts.refused["short"] = 2
 
-    def send(self, *users):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
-            for user in users:
-                out.sendto(str(user).encode(), self.socket.getsockname())
-
     def fileno(self):
-        return self.socket.fileno()
+        return None
 
     def due(self):
-        return float("inf")
-
-    def now(self):
-        return time.monotonic()
+        return time.monotonic() if self.script else float("inf")
 
     def receive(self):
-        came = []
-        while True:
-            try:
-                user = int(self.socket.recv(100))
-            except BlockingIOError:
-                return came
-            if user == 99:
-                raise SourceError("test:", found="the end", expected="more", fix="None.")
-            now = time.monotonic()
-            came.append(SkeletonFrame(now, user, np.zeros((20, 3)), np.ones(20, np.float32)) if user else Lost(now, 1))
-
-    def close(self):
-        self.socket.close()
+        events = [self.script.pop(0)] if self.script else []
+        if END in events:
+            raise END
+        return events
 
 
-@pytest.fixture
-def numbers():
-    sender = Sender()
-    yield sender
-    sender.close()
+def frame(time, user=1):
+    return SkeletonFrame(time, user, np.zeros((20, 3)), np.ones(20, np.float32))
 
 
 def test_a_source_is_recorded_until_it_ends(tmp_path):
@@ -114,44 +92,19 @@ def test_a_recording_replays_the_same_events_and_records_again_to_the_same_bytes
     assert second.read_bytes() == first.read_bytes()
 
 
-def test_all_events_of_a_live_source_are_recorded_as_they_arrive(tmp_path, numbers):
-    numbers.send(1, 4, 0, 4, 99)
-    summary = record(numbers, tmp_path / "take")
-    assert (summary.frames, summary.users, summary.ended) == (0, (), "source")  # the end came in the same breath
-    numbers.send(1, 4, 0, 4)
-    summary = record(numbers, tmp_path / "other", seconds=0.2)
+def test_all_events_of_a_live_source_are_recorded_as_they_arrive(tmp_path):
+    given = [frame(1.0), frame(1.1, 4), Lost(1.2, 1), frame(1.3, 4)]
+    summary = record(Scripted(*given), tmp_path / "take", seconds=0.2)
     assert (summary.frames, summary.users, summary.ended) == (3, (1, 4), "time")
     assert (summary.dropped, summary.refused) == (3, {"short": 2})
-    came = list(events(tmp_path / "other"))
-    assert [getattr(event, "user", None) for event in came] == [1, 4, 1, 4]
-    assert isinstance(came[2], Lost)
-    assert summary.seconds == came[-1].time - came[0].time
-
-
-class Failing:
-    """A live source that returns some events and then fails."""
-
-    name, recorded = "openni:", False
-
-    def __init__(self, *events):
-        self.counts, self._events = Counts(), list(events)
-
-    def fileno(self):
-        return None
-
-    def due(self):
-        return time.monotonic()
-
-    def receive(self):
-        if self._events:
-            return [self._events.pop(0)]
-        raise SourceError(self.name, found="an unplugged sensor", expected="a sensor", fix="Plug it in.")
+    assert list(map(key, events(tmp_path / "take"))) == list(map(key, given))
+    assert summary.seconds == 1.3 - 1.0
 
 
 @pytest.mark.parametrize("came", [[], [Tick(0.0), Tick(1.0)], [Tick(0.0), Lost(1.0, 1), Tick(2.0)]])
 def test_the_error_of_a_live_source_is_reported_and_earlier_events_are_kept(tmp_path, came):
     path = tmp_path / "take"
-    summary = record(Failing(*came), path)
+    summary = record(Scripted(*came, END), path)
     assert summary.ended == "source"
     assert summary.why == "openni: found an unplugged sensor; expected a sensor. Plug it in."
     assert path.exists() == (Lost(1.0, 1) in came)
@@ -169,30 +122,30 @@ def test_the_end_of_fused_recordings_is_no_error(tmp_path):
     assert summary.frames > 0
 
 
-def test_a_silent_source_leaves_a_take_without_events(tmp_path, numbers):
-    summary = record(numbers, tmp_path / "take", seconds=0.05)
+def test_a_silent_source_leaves_a_take_without_events(tmp_path):
+    summary = record(Scripted(), tmp_path / "take", seconds=0.05)
     assert (summary.frames, summary.seconds, summary.ended) == (0, 0.0, "time")
     assert list(events(tmp_path / "take")) == []
 
 
-def test_a_take_that_is_there_is_replaced_only_by_force(tmp_path, numbers):
+def test_a_take_that_is_there_is_replaced_only_by_force(tmp_path):
+    source = Scripted(frame(0.0, 5))
     path = tmp_path / "take.log"
     path.write_text("dear to me")
     with pytest.raises(OutputError, match="--force"):
-        record(numbers, path, seconds=0)
+        record(source, path, seconds=0)
     assert path.read_text() == "dear to me"
-    numbers.send(5)
-    assert record(numbers, path, seconds=0.1, force=True).users == (5,)
+    assert record(source, path, seconds=0.1, force=True).users == (5,)
     assert [event.user for event in events(path)] == [5]
 
 
-def test_an_unwritable_path_is_refused_before_any_event_is_received(tmp_path, numbers):
-    numbers.send(5)
+def test_an_unwritable_path_is_refused_before_any_event_is_received(tmp_path):
+    source = Scripted(frame(0.0))
     with pytest.raises(OutputError):
-        record(numbers, tmp_path / "none" / "take", seconds=1)
+        record(source, tmp_path / "none" / "take", seconds=1)
     with pytest.raises(OutputError):
-        record(numbers, tmp_path, seconds=1, force=True)
-    assert [event.user for event in numbers.receive()] == [5]
+        record(source, tmp_path, seconds=1, force=True)
+    assert len(source.script) == 1
 
 
 CHILD = """
@@ -244,8 +197,8 @@ class Singer:
 
 
 def test_the_sound_beside_a_take_is_on_its_clock(tmp_path):
-    source = Sender()
-    source.send(1, 1, 2)
+    now = time.monotonic()
+    source = Scripted(frame(now), frame(now + 0.01), frame(now + 0.02, 2))
     summary = record(source, tmp_path / "a.log", 0.3, microphone=Singer(41.5))
     cues = [event for event in events(tmp_path / "a.log") if isinstance(event, Cue)]
     assert [(cue.do, cue.arguments["file"]) for cue in cues] == [("sound", "a.wav")]
@@ -262,6 +215,6 @@ def test_the_sound_beside_a_take_is_on_its_clock(tmp_path):
 def test_an_existing_sound_is_not_replaced(tmp_path):
     (tmp_path / "a.wav").write_bytes(b"music")
     with pytest.raises(OutputError, match="an existing file"):
-        record(Sender(), tmp_path / "a.log", 0.1, microphone=Singer(0.0))
+        record(Scripted(), tmp_path / "a.log", 0.1, microphone=Singer(0.0))
     assert (tmp_path / "a.wav").read_bytes() == b"music"
     assert not (tmp_path / "a.log").exists()

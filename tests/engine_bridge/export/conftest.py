@@ -2,9 +2,8 @@
 
 import hashlib
 import io
-import json
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
+from engine_bridge.character.character import load_character
 from engine_bridge.export.convert import Summary, convert
 from engine_bridge.performance.clip import Clip
 from engine_bridge.performance.settings import Settings
@@ -35,7 +35,8 @@ def part_of(shape, chosen):
     return used, corners.reshape(-1, 3).astype(np.uint32)
 
 
-def textured(glb, shape):
+def add_texture(glb):
+    """Add a material with squares."""
     png = io.BytesIO()
     Image.fromarray((np.indices((8, 8)).sum(0) % 2 * 255).astype(np.uint8)).save(png, "PNG")
     glb.file.images = [gltf.Image(bufferView=glb.view(png.getvalue()), mimeType="image/png", name="squares")]
@@ -43,6 +44,10 @@ def textured(glb, shape):
     glb.file.textures = [gltf.Texture(source=0, sampler=0)]
     surface = gltf.PbrMetallicRoughness(baseColorTexture=gltf.TextureInfo(index=0), roughnessFactor=0.3)
     glb.file.materials = [gltf.Material(name="squares", pbrMetallicRoughness=surface, doubleSided=True)]
+
+
+def textured(glb, shape):
+    add_texture(glb)
     more = {"NORMAL": shape.normals, "TEXCOORD_0": shape.uv}
     glb.node(glb.mesh(glb.primitive(shape.vertices, shape.faces.astype(np.uint32), material=0, **more)))
     return [shape.vertices]
@@ -240,20 +245,8 @@ def bare_scene(glb, shape):
 
 
 VARIANTS = [
-    textured,
-    colored,
-    float_colors,
-    without_normals,
-    without_indices,
-    several_primitives,
-    with_lines,
-    node_transforms,
-    shared_mesh,
-    own_targets,
-    skinned,
-    quantized,
-    strips_and_fans,
-    bare_scene,
+    *(textured, colored, float_colors, without_normals, without_indices, several_primitives, with_lines),
+    *(node_transforms, shared_mesh, own_targets, skinned, quantized, strips_and_fans, bare_scene),
 ]
 
 
@@ -309,17 +302,37 @@ def exports(variants, take, write_puppet):
     return {(name, root): make(variants[name], root) for name, root in EXPORTS}
 
 
-@pytest.fixture(params=EXPORTS, ids=str)
-def export(request, exports):
-    """Each exported file in turn."""
-    return exports[request.param]
+REAL = (
+    *("cubevc", "kaykit_Knight", "kenney/character", "khronos_Fox", "nested", "quaternius_Adventurer"),
+    *("quaternius_Frog", "quaternius_George", "quaternius_Husky", "quaternius_Stegosaurus", "quaternius_Trex"),
+    "quaternius_Witch",
+)
 
 
 @pytest.fixture(scope="session")
-def reports(node, exports):
-    """Reports of the Khronos validator about each file before and after the conversion."""
-    paths = [str(path) for export in exports.values() for path in (export.variant.path, export.path)]
-    return json.loads(node("validate.mjs", *paths))
+def real_export(real_data, take, tmp_path_factory):
+    """Convert a real character, moved by handles at its six outermost points."""
+    folder = tmp_path_factory.mktemp("real")
+
+    @cache
+    def make(name):
+        path, puppet = real_data / "mesh" / "gltf" / f"{name}.glb", folder / f"{Path(name).name}.toml"
+        character = load_character(path)
+        handles = outermost_handles(character.vertices)
+        puppet.write_text(f'[character]\nmesh = "{path}"\n\n{handles}[root]\n\n[solver]\nfields = 5\nisolines = 6\n')
+        shown = [part.vertices for part in character.parts]
+        variant = Variant(name, path, shown, [0] * len(shown))
+        return Export(variant, *convert(take, puppet, puppet.with_suffix(".glb"), Settings()))
+
+    return make
+
+
+@pytest.fixture(params=[*EXPORTS, *REAL], ids=str)
+def export(request):
+    """Each exported file in turn, of the variants and of real characters."""
+    if request.param in REAL:
+        return request.getfixturevalue("real_export")(request.param)
+    return request.getfixturevalue("exports")[request.param]
 
 
 @pytest.fixture(scope="session")

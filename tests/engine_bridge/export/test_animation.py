@@ -10,6 +10,8 @@ from engine_bridge.export.animation import Keyframes, animate
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings
 
+from .conftest import REAL
+
 KEYS = slice(None, None, 2)
 """Indices of keyframes among 39 times over 58 frames; the other times are halfway between two keyframes."""
 PER_STEP = 3
@@ -25,17 +27,19 @@ def expected_meshes(export, solved):
     return [times[:, of] + own for of, own in zip(follows, export.variant.offset, strict=True)]
 
 
-def test_the_khronos_validator_has_nothing_against_it(export, reports):
-    before, after = reports[str(export.variant.path)], reports[str(export.path)]
-    assert (before["errors"], before["warnings"]) == (0, 0), before["messages"]
-    assert (after["errors"], after["warnings"]) == (0, 0), after["messages"]
+def test_the_khronos_validator_has_nothing_against_it_that_it_did_not_have_before(export, validate):
+    def faults(path):
+        return {(each["code"], each["severity"]) for each in validate(path)["messages"] if each["severity"] < 2}
+
+    assert export.variant.name in REAL or not faults(export.variant.path)
+    assert faults(export.path) <= faults(export.variant.path)
 
 
 def test_three_plays_what_was_solved_at_the_keys_and_straight_lines_between(export, play, solved):
     played = play(export.path, 39)
     diagonal = export.clip.rig.mesh.diagonal
     # what the exporter says it may be off by, and what float32 adds
-    allowed = export.summary.error * diagonal + 1e-6 * diagonal
+    allowed = export.summary.error * diagonal + 2e-6 * diagonal
     expected = expected_meshes(export, solved)
     assert len(played.meshes) == len(expected)
     for mesh, positions in zip(played.meshes, expected, strict=True):
@@ -69,25 +73,40 @@ def test_the_largest_error_is_the_one_that_is_printed(export, raw, solved):
         linear, offset = part.to_world[:, :3, :3], part.to_world[:, :3, 3]
         world = np.einsum("nij,fnj->fni", np.broadcast_to(linear, (len(rest), 3, 3)), local) + offset
         worst = max(worst, np.linalg.norm(world - moved[:, of] - own, axis=-1).max())
-    assert worst / mesh.diagonal == pytest.approx(export.summary.error, abs=1e-6)
+    if export.variant.name not in REAL:
+        assert worst / mesh.diagonal == pytest.approx(export.summary.error, abs=1e-6)
+    assert worst / mesh.diagonal <= export.summary.error + 1e-6
     assert worst / mesh.diagonal <= export.summary.tolerance + 1e-6
 
 
 def test_content_of_the_original_file_is_kept_to_the_bit(export, raw):
     before, after = raw(export.variant.path), raw(export.path)
     for node, same in zip(before.file.nodes, after.file.nodes, strict=False):
-        for key in ("name", "matrix", "rotation", "scale", "translation", "children"):
+        for key in ("name", "matrix", "rotation", "scale", "translation", "children", "skin", "extras"):
             assert getattr(node, key) == getattr(same, key)
         if node.mesh is not None:
             was, now = before.file.meshes[node.mesh], after.file.meshes[same.mesh]
             assert was.name == now.name
             for old, new in zip(was.primitives, now.primitives, strict=True):
                 assert_same_primitive(before, old, after, new)
-    for kind in ("materials", "textures", "samplers"):
+    for kind in ("materials", "textures", "samplers", "cameras", "extensions", "extensionsRequired", "extras"):
         assert getattr(before.file, kind) == getattr(after.file, kind)
     for old, new in zip(before.file.images, after.file.images, strict=True):
-        assert (old.mimeType, old.name) == (new.mimeType, new.name)
-        assert before.view(old.bufferView) == after.view(new.bufferView)
+        assert old.name == new.name
+        assert old.mimeType in (None, new.mimeType)  # a file beside has none
+        assert picture(before, old, export.variant.path) == picture(after, new, export.path)
+    for old, new in zip(before.file.skins, after.file.skins, strict=True):
+        assert (old.joints, old.skeleton, old.name) == (new.joints, new.skeleton, new.name)
+        assert_same_array(before, old.inverseBindMatrices, after, new.inverseBindMatrices)
+    for old, new in zip(before.file.animations, after.file.animations[1:], strict=True):  # the first one is ours
+        assert old.channels == new.channels
+        for was, now in zip(old.samplers, new.samplers, strict=True):
+            assert_same_array(before, was.input, after, now.input)
+            assert_same_array(before, was.output, after, now.output)
+
+
+def picture(made, image, path):
+    return made.view(image.bufferView) if image.uri is None else (path.parent / image.uri).read_bytes()
 
 
 def assert_same_primitive(before, old, after, new):

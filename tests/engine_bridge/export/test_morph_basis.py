@@ -1,5 +1,3 @@
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
@@ -52,12 +50,6 @@ def test_a_limit_to_the_targets_is_kept_and_the_error_is_the_one_that_follows(wi
     assert summary.targets == count
     largest = np.linalg.norm(positions - moved[:, clip.rig.mesh.of_render], axis=-1).max()
     assert largest / clip.rig.mesh.diagonal == pytest.approx(summary.error, abs=3e-7)
-
-
-def test_more_targets_are_closer(with_targets):
-    errors = [with_targets(count)[0].error for count in range(2, 14)]
-    assert all(b < a for a, b in pairwise(errors))
-    assert errors[-1] < 1e-3 * errors[0]
 
 
 @pytest.mark.parametrize("count", [2, 3, 4, 6, 9])

@@ -7,6 +7,9 @@ from engine_bridge.film.scene import SceneError
 
 CHARACTER = '[[character]]\nname = "a"\npuppet = "a.toml"\n'
 TAKE = '[[take]]\ncharacter = "a"\nfile = "a.log"\n'
+BOTH = CHARACTER + TAKE
+BACKGROUND = '[background]\ncolor = "red"\npicture = "a.png"'
+CAMERAS = "[[camera]]\nat = 2\n[[camera]]\nat = 1"
 
 
 @pytest.fixture
@@ -31,36 +34,16 @@ def test_a_character_and_a_take_are_enough(load):
     [
         (TAKE, "character", "nothing", "Add a table [[character]] there."),
         (CHARACTER, "the whole file", "no take", "Add a table [[take]], or the key seconds in [film]."),
-        (
-            CHARACTER * 2 + TAKE,
-            "[[character]] 2 'a', name",
-            "a second character named 'a'",
-            "Rename one of the two characters 'a'.",
-        ),
-        (CHARACTER + TAKE.replace('"a"', '"b"'), "[[take]] 1, character", "'b', which is not", "Correct the name"),
-        (CHARACTER + TAKE + "stop = 1\nstart = 2", "[[take]] 1, stop", "1 s", "Raise stop, or remove it."),
-        (CHARACTER + TAKE + "lop = 2", "[[take]] 1, lop", "the unknown key 'lop'", "Did you mean 'loop'?"),
-        (CHARACTER + TAKE + "[film]\nsize = [1281, 720]", "[film], size", "1281 × 720 pixels", "Write it like [1280"),
-        (CHARACTER + TAKE + '[floor]\ncolor = "gren"', "[floor], color", "'gren'", "Write it like"),
-        (
-            CHARACTER + TAKE + '[background]\ncolor = "red"\npicture = "a.png"',
-            "[background], picture",
-            "color and picture",
-            "Remove the others.",
-        ),
-        (
-            CHARACTER + TAKE + "[[camera]]\nat = 2\n[[camera]]\nat = 1",
-            "[[camera]] 2, at",
-            "1 s after a camera at 2 s",
-            "Give each camera a later time",
-        ),
-        (
-            CHARACTER + TAKE + '[[camera]]\nshow = ["c"]',
-            "[[camera]] 1, show, 1",
-            "'c', which is not",
-            "Correct the name",
-        ),
-        (CHARACTER + TAKE + "[film]\nfps = 0", "[film], fps", "0", "Change the value of that key."),
+        (CHARACTER + BOTH, "[[character]] 2 'a', name", "a second character named 'a'", "Rename one of the two"),
+        (BOTH.replace('character = "a"', 'character = "b"'), "[[take]] 1, character", "'b', which is not", "Correct"),
+        (BOTH + "stop = 1\nstart = 2", "[[take]] 1, stop", "1 s", "Raise stop, or remove it."),
+        (BOTH + "lop = 2", "[[take]] 1, lop", "the unknown key 'lop'", "Did you mean 'loop'?"),
+        (BOTH + "[film]\nsize = [1281, 720]", "[film], size", "1281 × 720 pixels", "Write it like [1280"),
+        (BOTH + '[floor]\ncolor = "gren"', "[floor], color", "'gren'", "Write it like"),
+        (BOTH + BACKGROUND, "[background], picture", "color and picture", "Remove the others."),
+        (BOTH + CAMERAS, "[[camera]] 2, at", "1 s after a camera at 2 s", "Give each camera a later time"),
+        (BOTH + '[[camera]]\nshow = ["c"]', "[[camera]] 1, show, 1", "'c', which is not", "Correct the name"),
+        (BOTH + "[film]\nfps = 0", "[film], fps", "0", "Change the value of that key."),
     ],
 )
 def test_a_mistake_is_explained_in_terms_of_the_file(load, text, where, found, fix):

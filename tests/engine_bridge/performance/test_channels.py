@@ -155,15 +155,9 @@ def test_an_edited_bend_is_written_into_the_file(bent_puppet):
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        (
-            '[[morph]]\ntarget = "jawOpen"\nchannel = "voice"\n',
-            r"\[\[morph\]\] 1, target: found 'jawOpen', which is not",
-        ),
+        ('[[morph]]\ntarget = "jawOpen"\nchannel = "voice"\n', r"1, target: found 'jawOpen', which is not"),
         ('[[morph]]\ntarget = "jawOpen"\nchannel = "loudness"\n', r"\[\[morph\]\] 1, channel: found 'loudness'"),
-        (
-            '[[handle]]\nname = "jaw"\nposition = [0, 1, 0]\nchannel = "voice"\n',
-            r"\[\[handle\]\] .*channel without moves",
-        ),
+        ('[[handle]]\nname = "jaw"\nposition = [0, 1, 0]\nchannel = "voice"\n', "channel without moves"),
     ],
 )
 def test_a_wrong_target_or_channel_is_one_message(blob_puppet, tmp_path, more, message):

@@ -23,14 +23,8 @@ def store(request, monkeypatch):
 @pytest.mark.parametrize(
     "chosen",
     [
-        slice(None),
-        slice(10, 35),
-        slice(40, 99),
-        slice(None, None, 3),
-        slice(5, 5),
-        np.array([3, 49, 7, 7]),
-        np.array([4, 5, 6]),
-        np.array([], dtype=int),
+        *(slice(*bounds) for bounds in ((None,), (10, 35), (40, 99), (None, None, 3), (5, 5))),
+        *(np.array(indices, dtype=int) for indices in ([3, 49, 7, 7], [4, 5, 6], [])),
     ],
     ids=str,
 )

@@ -14,6 +14,8 @@ from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.retargeting import Retargeting, legs_of
 from engine_bridge.puppet.puppet import RetargetTable, RootTable, SmoothingTable
 
+from ...capture.formats.bvh_files import JOINT_COUNT, body_file
+
 RAW = SmoothingTable(alpha=1, gamma=0, jitter_radius=0, max_deviation=float("inf"), prediction=0)
 
 
@@ -64,13 +66,18 @@ def test_bones_point_where_the_performers_do_whatever_pose_it_was_calibrated_in(
         np.testing.assert_allclose(found[arms], wanted(free, frame.positions)[arms], atol=1e-9)
 
 
-def test_a_mirroring_puppet_does_what_another_does_for_the_mirrored_performer(puppet, retargeting, frames, dance):
+@pytest.mark.parametrize("scale", ["auto", 1.7])
+def test_a_mirroring_puppet_does_what_another_does_for_the_mirrored_performer(
+    puppet, retargeting, frames, dance, scale
+):
     takes = dance(20)
-    ours, _ = retargeting(changed(puppet, retarget=RetargetTable(mirror=True)), takes[0])
-    theirs, _ = retargeting(puppet, mirrored(takes[0]))
+    takes[10:13, JOINT_INDEX["hand_left"]] = np.nan  # lost on one side only
+    ours, _ = retargeting(changed(puppet, retarget=RetargetTable(mirror=True, scale=scale)), takes[0])
+    theirs, _ = retargeting(changed(puppet, retarget=RetargetTable(scale=scale)), mirrored(takes[0]))
     for frame, other in zip(frames(takes), frames(mirrored(takes)), strict=True):
         a, b = ours.step(frame), theirs.step(other)
         np.testing.assert_allclose(a.motions, b.motions, atol=1e-12)
+        np.testing.assert_allclose(a.targets, b.targets, atol=1e-9)
         np.testing.assert_allclose(a.root, b.root, atol=1e-12)
 
 
@@ -89,11 +96,7 @@ def test_a_full_turn_of_a_performer_who_dances_turns_the_character_once_round(pu
 @pytest.mark.parametrize(
     ("log", "turn", "nearness"),
     [
-        (
-            "logs/msr_action3d_world/a17_s03_e01_skeleton3D.txt",
-            200,
-            15,
-        ),  # a serve
+        ("logs/msr_action3d_world/a17_s03_e01_skeleton3D.txt", 200, 15),  # a serve
         ("bvh/cmu_01_01_hops.bvh", 180, 10),
     ],
 )
@@ -166,36 +169,16 @@ def test_a_walk_is_scaled_by_the_length_of_the_legs_and_stays_at_the_height_of_t
     assert min(over) == pytest.approx(0, abs=1e-9)
 
 
-def joint(name, offset, *children, channels="CHANNELS 0"):
-    """A joint of a BVH file."""
-    return "\n".join([name, "{", f"OFFSET {offset}", channels, *children, "}"])
-
-
-def side(name, sign, forearm_channels="CHANNELS 0"):
-    """The arm and the leg of one side of a body in a T-pose."""
-    hand = joint(f"JOINT {name}Hand", f"{sign * 0.25} 0 0", f"End Site\n{{\nOFFSET {sign * 0.1} 0 0\n}}")
-    forearm = joint(f"JOINT {name}ForeArm", f"{sign * 0.28} 0 0", hand, channels=forearm_channels)
-    foot = joint(f"JOINT {name}Foot", "0 -0.42 0", "End Site\n{\nOFFSET 0 -0.05 0.15\n}")
-    leg = joint(f"JOINT {name}UpLeg", f"{sign * 0.1} -0.05 0", joint(f"JOINT {name}Leg", "0 -0.42 0", foot))
-    return joint(f"JOINT {name}Arm", f"{sign * 0.18} 0.23 0", forearm), leg
-
-
-LEFT_ARM, LEFT_LEG = side("Left", 1, "CHANNELS 1 Xrotation")
-RIGHT_ARM, RIGHT_LEG = side("Right", -1)
-NECK = joint("JOINT Neck", "0 0.25 0", joint("JOINT Head", "0 0.2 0"))
-SPINE = joint("JOINT Spine", "0 0.25 0", NECK, LEFT_ARM, RIGHT_ARM)
-HIPS = joint("ROOT Hips", "0 0 0", SPINE, LEFT_LEG, RIGHT_LEG, channels="CHANNELS 3 Xposition Yposition Zposition")
-FOREARM = f"HIERARCHY\n{HIPS}\n"
-"""A body in a T-pose whose left forearm can turn about its axis."""
+FOREARM = 3 + 3 * 6 + 1
+"""Column of the left forearm's rotation about its axis, of which the arm hangs, in a BVH file."""
 
 
 @pytest.fixture(scope="module")
 def twisted(tmp_path_factory):
     """The left forearm turns by 150° about its axis within a second, and then stays for another second."""
-    log = tmp_path_factory.mktemp("log") / "forearm.bvh"
-    angles = np.concatenate([np.linspace(0, 150, 31), np.full(30, 150.0)])
-    rows = [f"0 0 0 {angle}" for angle in angles.tolist()]
-    log.write_text("\n".join([FOREARM + "MOTION", f"Frames: {len(rows)}", f"Frame Time: {1 / 30}", *rows, ""]))
+    rows = np.zeros((61, 3 + 3 * JOINT_COUNT))
+    rows[:, FOREARM] = np.minimum(np.arange(61) * 5, 150)
+    log = body_file(tmp_path_factory.mktemp("log"), rows)
     (clip,) = read_log(log)
     return clip
 
@@ -219,14 +202,12 @@ def test_a_straight_forearm_turns_about_itself_by_as_much_as_the_performers(pupp
     own = changed(puppet, retarget=RetargetTable(mirror=mirror))
     made, _ = retargeting(own, twisted.positions[0])
     found = np.degrees(forearm_turns(made, own, twisted.frames()))
-    np.testing.assert_allclose(found[-1], [150, 0, 0], atol=0.01)
-    np.testing.assert_allclose(np.diff(found[10:30], axis=0), np.tile([5, 0, 0], (19, 1)), atol=0.1)
-    without = np.degrees(
-        forearm_turns(
-            retargeting(own, twisted.positions[0])[0], own, [replace(f, orientations=None) for f in twisted.frames()]
-        )
-    )
-    np.testing.assert_allclose(without, 0, atol=1e-6)
+    turn = np.array([0, -5 if mirror else 5, 0])
+    np.testing.assert_allclose(found[-1], 30 * turn, atol=0.01)
+    np.testing.assert_allclose(np.diff(found[10:30], axis=0), np.tile(turn, (19, 1)), atol=0.1)
+    made, _ = retargeting(own, twisted.positions[0])
+    without = forearm_turns(made, own, [replace(frame, orientations=None) for frame in twisted.frames()])
+    np.testing.assert_allclose(np.degrees(without), 0, atol=1e-6)
 
 
 def test_a_take_turns_the_forearm_as_the_performance_that_it_recorded(
@@ -243,5 +224,5 @@ def test_an_orientation_that_is_lost_for_a_moment_does_not_turn_the_forearm_back
     made, _ = retargeting(puppet, twisted.positions[0])
     seen = [replace(f, orientations=None if 20 <= k < 25 else f.orientations) for k, f in enumerate(twisted.frames())]
     found = np.degrees(forearm_turns(made, puppet, seen))
-    assert np.abs(np.diff(found, axis=0)).max() < 48  # `FASTEST` a frame
-    np.testing.assert_allclose(found[-1], [150, 0, 0], atol=0.01)
+    assert np.abs(np.diff(found, axis=0)).max() < 57.3  # `FASTEST` a frame
+    np.testing.assert_allclose(found[-1], [0, 150, 0], atol=0.01)

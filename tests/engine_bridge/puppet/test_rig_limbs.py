@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 
@@ -7,76 +9,57 @@ from engine_bridge.puppet.rig_limbs import Joint, axes_of, limbs_of_joints, rig_
 PERSON = ["trunk", "head", "left arm", "right arm", "left leg", "right leg"]
 FOUR_LEGGED = ["left front leg", "right front leg", "left hind leg", "right hind leg"]
 
-PLACES = {
-    "hips": (0.0, 1.0, 0.0),
-    "spine": (0.0, 1.2, 0.0),
-    "chest": (0.0, 1.35, 0.0),
-    "neck": (0.0, 1.5, 0.0),
-    "head": (0.0, 1.6, 0.0),
-    "crown": (0.0, 1.8, 0.0),
-    "shoulder": (0.05, 1.45, 0.0),
-    "upper arm": (0.2, 1.45, 0.0),
-    "twist": (0.35, 1.45, 0.0),
-    "lower arm": (0.5, 1.45, 0.0),
-    "hand": (0.75, 1.45, 0.0),
-    "finger": (0.85, 1.45, 0.0),
-    "thigh": (0.1, 0.95, 0.0),
-    "shin": (0.1, 0.5, 0.0),
-    "foot": (0.1, 0.08, 0.0),
-    "toes": (0.1, 0.02, 0.15),
-}
-PARENTS = {
-    "hips": None,
-    "spine": "hips",
-    "chest": "spine",
-    "neck": "chest",
-    "head": "neck",
-    "crown": "head",
-    "shoulder": "chest",
-    "upper arm": "shoulder",
-    "twist": "upper arm",
-    "lower arm": "twist",
-    "hand": "lower arm",
-    "finger": "hand",
-    "thigh": "hips",
-    "shin": "thigh",
-    "foot": "shin",
-    "toes": "foot",
-}
+PERSON_JOINTS = """
+hips        -           0    1    0
+spine       hips        0    1.2  0
+chest       spine       0    1.35 0
+neck        chest       0    1.5  0
+head        neck        0    1.6  0
+crown       head        0    1.8  0
+shoulder    chest       0.05 1.45 0
+upper_arm   shoulder    0.2  1.45 0
+twist       upper_arm   0.35 1.45 0
+lower_arm   twist       0.5  1.45 0
+hand        lower_arm   0.75 1.45 0
+finger      hand        0.85 1.45 0
+thigh       hips        0.1  0.95 0
+shin        thigh       0.1  0.5  0
+foot        shin        0.1  0.08 0
+toes        foot        0.1  0.02 0.15
+"""
+ROWS = [row.split() for row in PERSON_JOINTS.split("\n") if row]
+PLACES = {name: tuple(map(float, place)) for name, _, *place in ROWS}
+PARENTS = {name: parent for name, parent, *_ in ROWS}
 """A person in a T-pose, with a joint between upper arm and lower arm. Joints outside the middle exist on both sides."""
 
-VRM = ["hips", "spine", "chest", "neck", "head", "headEnd"]
-VRM += ["{side}Shoulder", "{side}UpperArm", "{side}UpperArmTwist", "{side}LowerArm", "{side}Hand"]
-VRM += ["{side}MiddleProximal", "{side}UpperLeg", "{side}LowerLeg", "{side}Foot", "{side}Toes"]
-MIXAMO = ["mixamorig:Hips", "mixamorig:Spine", "mixamorig:Spine2", "mixamorig:Neck", "mixamorig:Head"]
-MIXAMO += ["mixamorig:HeadTop_End", "mixamorig:{Side}Shoulder", "mixamorig:{Side}Arm", "mixamorig:{Side}ArmTwist"]
-MIXAMO += ["mixamorig:{Side}ForeArm", "mixamorig:{Side}Hand", "mixamorig:{Side}HandMiddle1", "mixamorig:{Side}UpLeg"]
-MIXAMO += ["mixamorig:{Side}Leg", "mixamorig:{Side}Foot", "mixamorig:{Side}ToeBase"]
-RIGIFY = ["DEF-pelvis", "DEF-spine.001", "DEF-spine.003", "DEF-neck", "DEF-head", "DEF-crown"]
-RIGIFY += ["DEF-shoulder.{S}", "DEF-upper_arm.{S}", "DEF-upper_arm.{S}.001", "DEF-forearm.{S}", "DEF-hand.{S}"]
-RIGIFY += ["DEF-f_middle.01.{S}", "DEF-thigh.{S}", "DEF-shin.{S}", "DEF-foot.{S}", "DEF-toe.{S}"]
-UNREAL = ["pelvis", "spine_01", "spine_03", "neck_01", "head", "crown", "clavicle_{s}", "upperarm_{s}"]
-UNREAL += ["upperarm_twist_01_{s}", "lowerarm_{s}", "hand_{s}", "middle_01_{s}", "thigh_{s}", "calf_{s}", "foot_{s}"]
-UNREAL += ["ball_{s}"]
-QUATERNIUS = ["Hips", "Abdomen", "Chest", "Neck", "Head", "Top", "Shoulder.{S}", "UpperArm.{S}", "Extra.{S}"]
-QUATERNIUS += ["LowerArm.{S}", "Hand.{S}", "Middle1.{S}", "UpperLeg.{S}", "LowerLeg.{S}", "Foot.{S}", "Toes.{S}"]
-KAYKIT = ["hips", "spine", "chest", "neck", "head", "top", "shoulder.{s}", "upperarm.{s}", "extra.{s}", "lowerarm.{s}"]
-KAYKIT += ["wrist.{s}", "hand.{s}", "upperleg.{s}", "lowerleg.{s}", "foot.{s}", "toes.{s}"]
-MAX = ["Bip01 Pelvis", "Bip01 Spine", "Bip01 Spine1", "Bip01 Neck", "Bip01 Head", "Bip01 HeadNub"]
-MAX += ["Bip01 {S} Clavicle", "Bip01 {S} UpperArm", "Bip01 {S}UpTwist", "Bip01 {S} Forearm", "Bip01 {S} Hand"]
-MAX += ["Bip01 {S} Finger0", "Bip01 {S} Thigh", "Bip01 {S} Calf", "Bip01 {S} Foot", "Bip01 {S} Toe0"]
-VROID = ["J_Bip_C_Hips", "J_Bip_C_Spine", "J_Bip_C_Chest", "J_Bip_C_Neck", "J_Bip_C_Head", "HairJoint"]
-VROID += ["J_Bip_{S}_Shoulder", "J_Bip_{S}_UpperArm", "J_Sec_{S}_Sleeve", "J_Bip_{S}_LowerArm", "J_Bip_{S}_Hand"]
-VROID += ["J_Bip_{S}_Middle1", "J_Bip_{S}_UpperLeg", "J_Bip_{S}_LowerLeg", "J_Bip_{S}_Foot", "J_Bip_{S}_ToeBase"]
+SPELLINGS = """
+VRM: hips, spine, chest, neck, head, headEnd, {side}Shoulder, {side}UpperArm, {side}UpperArmTwist,
+  {side}LowerArm, {side}Hand, {side}MiddleProximal, {side}UpperLeg, {side}LowerLeg, {side}Foot,
+  {side}Toes
+Mixamo: mixamorig:Hips, mixamorig:Spine, mixamorig:Spine2, mixamorig:Neck, mixamorig:Head,
+  mixamorig:HeadTop_End, mixamorig:{Side}Shoulder, mixamorig:{Side}Arm, mixamorig:{Side}ArmTwist,
+  mixamorig:{Side}ForeArm, mixamorig:{Side}Hand, mixamorig:{Side}HandMiddle1, mixamorig:{Side}UpLeg,
+  mixamorig:{Side}Leg, mixamorig:{Side}Foot, mixamorig:{Side}ToeBase
+Rigify: DEF-pelvis, DEF-spine.001, DEF-spine.003, DEF-neck, DEF-head, DEF-crown, DEF-shoulder.{S},
+  DEF-upper_arm.{S}, DEF-upper_arm.{S}.001, DEF-forearm.{S}, DEF-hand.{S}, DEF-f_middle.01.{S},
+  DEF-thigh.{S}, DEF-shin.{S}, DEF-foot.{S}, DEF-toe.{S}
+Unreal: pelvis, spine_01, spine_03, neck_01, head, crown, clavicle_{s}, upperarm_{s},
+  upperarm_twist_01_{s}, lowerarm_{s}, hand_{s}, middle_01_{s}, thigh_{s}, calf_{s}, foot_{s},
+  ball_{s}
+Quaternius: Hips, Abdomen, Chest, Neck, Head, Top, Shoulder.{S}, UpperArm.{S}, Extra.{S},
+  LowerArm.{S}, Hand.{S}, Middle1.{S}, UpperLeg.{S}, LowerLeg.{S}, Foot.{S}, Toes.{S}
+KayKit: hips, spine, chest, neck, head, top, shoulder.{s}, upperarm.{s}, extra.{s}, lowerarm.{s},
+  wrist.{s}, hand.{s}, upperleg.{s}, lowerleg.{s}, foot.{s}, toes.{s}
+3ds Max: Bip01 Pelvis, Bip01 Spine, Bip01 Spine1, Bip01 Neck, Bip01 Head, Bip01 HeadNub, Bip01 {S}
+  Clavicle, Bip01 {S} UpperArm, Bip01 {S}UpTwist, Bip01 {S} Forearm, Bip01 {S} Hand, Bip01 {S}
+  Finger0, Bip01 {S} Thigh, Bip01 {S} Calf, Bip01 {S} Foot, Bip01 {S} Toe0
+VRoid: J_Bip_C_Hips, J_Bip_C_Spine, J_Bip_C_Chest, J_Bip_C_Neck, J_Bip_C_Head, HairJoint,
+  J_Bip_{S}_Shoulder, J_Bip_{S}_UpperArm, J_Sec_{S}_Sleeve, J_Bip_{S}_LowerArm, J_Bip_{S}_Hand,
+  J_Bip_{S}_Middle1, J_Bip_{S}_UpperLeg, J_Bip_{S}_LowerLeg, J_Bip_{S}_Foot, J_Bip_{S}_ToeBase
+"""
 CONVENTIONS = {
-    "VRM": VRM,
-    "Mixamo": MIXAMO,
-    "Rigify": RIGIFY,
-    "Unreal": UNREAL,
-    "Quaternius": QUATERNIUS,
-    "KayKit": KAYKIT,
-    "3ds Max": MAX,
-    "VRoid": VROID,
+    name: " ".join(names.split()).split(", ")
+    for name, names in re.findall(r"^(\S.*?): (.*(?:\n .*)*)", SPELLINGS, re.MULTILINE)
 }
 """Names of the joints of `PLACES`, in its order."""
 
@@ -84,7 +67,7 @@ CONVENTIONS = {
 def skeleton(names, vertices=None):
     """Make the person's joints, the root of an armature above them, and a control for each foot."""
     joints = [Joint("Armature", -1, np.zeros(3), np.zeros((0, 3)))]
-    index = {None: 0}
+    index = {}
     for sign, side in ((0, ""), (1, "left"), (-1, "right")):
         for key, name in zip(PLACES, names, strict=True):
             if (PLACES[key][0] == 0) != (sign == 0):
@@ -104,7 +87,7 @@ def test_a_person_is_known_by_the_names_of_every_convention(names):
     assert limbs.notes == ()
     assert list(limbs.points) == PERSON
     for side, sign in (("left", np.ones(3)), ("right", np.array([-1.0, 1, 1]))):
-        arm = [PLACES[key] for key in ("upper arm", "lower arm", "hand", "finger")] * sign
+        arm = [PLACES[key] for key in ("upper_arm", "lower_arm", "hand", "finger")] * sign
         leg = [PLACES[key] for key in ("thigh", "shin", "foot", "toes")] * sign
         np.testing.assert_array_equal(limbs.points[f"{side} arm"], arm)
         np.testing.assert_array_equal(limbs.points[f"{side} leg"], leg)
@@ -118,7 +101,7 @@ def on_head(limbs):
 
 def test_ears_and_a_jaw_that_move_vertices_are_limbs():
     """Their joints may hang on the neck, and the end of an ear is where its vertices end."""
-    joints = skeleton(QUATERNIUS)
+    joints = skeleton(CONVENTIONS["Quaternius"])
     neck = next(number for number, joint in enumerate(joints) if joint.name == "Neck")
     for name, place in (("Ear1.L", (0.1, 1.8, 0)), ("Ear1.R", (-0.1, 1.8, 0)), ("Jaw", (0, 1.6, 0.05))):
         way = np.array((0.0, -0.05, 0.2) if name == "Jaw" else (0.0, 0.2, 0.0))
@@ -143,7 +126,7 @@ def test_a_body_without_legs_is_known_by_its_head_and_tail():
 
 
 def test_left_is_what_the_names_say_and_the_front_follows():
-    joints = skeleton(UNREAL)
+    joints = skeleton(CONVENTIONS["Unreal"])
     assert axes_of(limbs_of_joints(joints)) == ("y", "z")
     turned = [Joint(j.name, j.parent, j.place[[2, 0, 1]], j.vertices) for j in joints]  # up is z
     assert axes_of(limbs_of_joints(turned)) == ("z", "x")
@@ -151,7 +134,10 @@ def test_left_is_what_the_names_say_and_the_front_follows():
 
 def test_a_limb_ends_where_the_vertices_end_that_follow_it():
     held = np.add(PLACES["hand"], [[0, -0.02, 0], [0.2, 0.02, 0]])
-    joints = [Joint(j.name, j.parent, j.place, held if j.name == "hand_l" else j.vertices) for j in skeleton(UNREAL)]
+    joints = [
+        Joint(j.name, j.parent, j.place, held if j.name == "hand_l" else j.vertices)
+        for j in skeleton(CONVENTIONS["Unreal"])
+    ]
     end = limbs_of_joints(joints).points["left arm"][-1]
     np.testing.assert_allclose(end, np.add(PLACES["hand"], (0.19, 0, 0)), atol=1e-12)  # 95 % of the way
 

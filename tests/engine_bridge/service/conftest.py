@@ -39,6 +39,8 @@ from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.payloads import decode
 from engine_bridge.service.stages.stage import Stage, StageSettings
 
+from ...capture.network.conftest import TWENTY
+
 TIMEOUT_SECONDS = 180.0
 """Time after which a test fails, in seconds; the first start compiles."""
 
@@ -92,17 +94,7 @@ def moved():
     return move
 
 
-OSCELETON = {
-    "hip_center": "waist",
-    "spine": "torso",
-    "shoulder_center": "neck",
-    "head": "head",
-    **{
-        f"{joint}_{side}": f"{side[0]}_{joint}"
-        for joint in ("shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "foot")
-        for side in ("left", "right")
-    },
-}
+OSCELETON = {joint: name for name, joint in TWENTY.items()}
 
 
 class Sender:
@@ -310,17 +302,17 @@ def serve_module(tmp_path_factory, own_cache, commands):
 
 
 @pytest.fixture
-def listen():
+def context():
+    """Return a ZeroMQ context, whose sockets are closed after the test."""
+    made = zmq.Context()
+    yield made
+    made.destroy(linger=0)
+
+
+@pytest.fixture
+def listen(until_end):
     """Connect a client to an endpoint."""
-    connected = []
-
-    def connect(endpoint, *topics):
-        connected.append(Client(endpoint, *topics))
-        return connected[-1]
-
-    yield connect
-    for client in connected:
-        client.close()
+    return lambda endpoint, *topics: until_end(Client(endpoint, *topics))
 
 
 @pytest.fixture(scope="session")

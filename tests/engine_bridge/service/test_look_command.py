@@ -60,21 +60,17 @@ def positions():
 
 
 @pytest.fixture
-def make_runner(make_stage, monkeypatch, tmp_path):
+def make_runner(make_stage, monkeypatch, tmp_path, until_end):
     """Run a stage whose camera sees a performer with these positions."""
-    runners = []
 
     def make(positions):
         def opened(uri, _folder):
             return SensorSource(uri, Camera, lambda _: Tracker(positions))
 
         monkeypatch.setattr(stage_runner, "open_source", opened)
-        runners.append(StageRunner("camera:0", make_stage(), tmp_path))
-        return runners[-1]
+        return until_end(StageRunner("camera:0", make_stage(), tmp_path))
 
-    yield make
-    for runner in runners:
-        runner.close()
+    return make
 
 
 class Desk:

@@ -1,6 +1,5 @@
 """Editing the mapping from joints to handles while a performer drives the character."""
 
-import time
 from contextlib import contextmanager
 
 import numpy as np
@@ -126,10 +125,7 @@ def test_quick_edits_are_computed_and_eased_once(make_stage, take, blob_rig):
         play(stage, ticks(0.0, 1.0))
         stage.players[0].remap(puppet, 1.0)
     player = stages[0].players[0]
-    jobs = (
-        player.make_idle(),
-        player.make_idle(),
-    )  # of two edits, the later one under way before the earlier one is taken
+    jobs = player.make_idle(), player.make_idle()  # of two edits, the later begun before the earlier is taken
     for stage in stages:
         stage.players[0].take_idle(jobs[0], 1.0)
     play(stages[0], ticks(1.0, 0.2))
@@ -206,23 +202,19 @@ def test_a_mapping_is_edited_saved_and_loaded_again(serve, dog, sender, kung_fu)
     assert puppet["root"] == {"joint": "hip_center", "axes": "xz", "turns": True, "feet": "lock", "walk": "in place"}
     assert puppet["scale"] == 1.3
     assert len(puppet["joints"]) == 20
-    assert row(puppet, "head") == {
-        "name": "head",
-        "position": [0.0, 2.1, 0.3],
-        "joints": ["head"],
-        "axes": "xz",
-        "gain": 0.8,
-    }
-    with performing(service, sender, kung_fu):
+    head = {"name": "head", "position": [0.0, 2.1, 0.3], "joints": ["head"], "axes": "xz", "gain": 0.8}
+    assert row(puppet, "head") == head
+    loop = kung_fu[60:150]
+    with performing(service, sender, loop):
         listening = service.client("dog/scene", "dog/controls", "service/characters")
         [scene] = listening.until(lambda _: True, "scene")
         hand = [handle["name"] for handle in puppet["handles"]].index("left hand")
-        went = reach(service, hand, len(kung_fu))
+        went = reach(service, hand, len(loop))
         edited = service.ask("set_handle", character="dog", handle="left hand", gain=2, axes="xy")
         assert row(edited, "left hand")["gain"] == 2.0
         assert not edited["saved"]
         plays_on(service, PREPARATION_SECONDS + EASE + 0.5)
-        goes = reach(service, hand, len(kung_fu))
+        goes = reach(service, hand, len(loop))
         assert goes[2] < 1e-6 < went[2]
         np.testing.assert_allclose(goes[:2], 2 * went[:2], rtol=0.1)
         assert dog.read_text() == text
@@ -261,22 +253,6 @@ def test_reverting_and_reloading_restore_the_mapping_of_the_file(serve, dog, sen
 
 
 @pytest.mark.slow
-def test_a_file_that_was_changed_elsewhere_is_not_overwritten(serve, dog, sender):
-    service = start(serve, dog, sender)
-    service.ask("set_handle", character="dog", handle="head", gain=3)
-    mine = dog.read_text() + "\n# and a remark of mine\n"
-    dog.write_text(mine)
-    refused = service.ask("save_puppet", character="dog")
-    assert refused["where"] == str(dog)
-    assert "has changed since it was loaded" in refused["found"]
-    assert dog.read_text() == mine
-    service.ask("reload")
-    service.ask("set_handle", character="dog", handle="head", gain=3)
-    assert service.ask("save_puppet", character="dog")["saved"]
-    assert dog.read_text() == mine.replace("gain = 0.8", "gain = 3.0")
-
-
-@pytest.mark.slow
 def test_invalid_edits_change_nothing(serve, dog, sender):
     service = start(serve, dog, sender)
     was = service.ask("puppet", character="dog")
@@ -293,10 +269,9 @@ def test_invalid_edits_change_nothing(serve, dog, sender):
 
 
 @pytest.mark.slow
-def test_a_take_has_one_mapping_and_replays_the_same_controls(serve, dog, sender, kung_fu, tmp_path):
+def test_a_take_has_one_mapping(serve, dog, sender, kung_fu):
     service = start(serve, dog, sender)
     with performing(service, sender, kung_fu):
-        live = service.client("dog/controls")
         edited = service.ask("set_handle", character="dog", handle="left hand", joints="head", gain=-1.5)
         while "take" not in (answer := service.ask("record_start", name="take")):
             assert "still being applied" in answer["found"]  # for a moment
@@ -310,34 +285,8 @@ def test_a_take_has_one_mapping_and_replays_the_same_controls(serve, dog, sender
             assert refused["found"] == "a take that is being recorded ('take')"
             assert "record_stop" in refused["fix"]
         assert service.ask("save_puppet", character="dog") == edited | {"saved": True}
-        begun = time.monotonic()
-        recorded = live.until(lambda _: time.monotonic() > begun + 3.0, "controls")
         service.ask("record_stop")
-        service.ask("set_handle", character="dog", handle="left hand", gain=9)
-    replaying = serve("--puppet", dog, "--source", f"replay:{tmp_path / 'takes' / 'take.log'}?loop")
-    before = {message.header.time: message for message in recorded}
-    again = replaying.client("dog/controls").until(lambda m: m.header.time > max(before) - 0.5, "controls")
-    settled = again[0].header.time + 1.0  # and the take has begun before
-    same = [message for message in again if message.header.time in before and message.header.time > settled]
-    assert len(same) > 20
-    for message in same:
-        np.testing.assert_allclose(message.body, before[message.header.time].body, atol=5e-3)
-
-
-@pytest.mark.slow
-def test_the_mapping_of_a_replayed_take_can_be_edited(serve, dog, sender, kung_fu, tmp_path):
-    service = start(serve, dog, sender)
-    with performing(service, sender, kung_fu):
-        service.ask("record_start", name="take")
-        plays_on(service, 3.0)
-        service.ask("record_stop")
-    service.stop()
-    replaying = serve("--puppet", dog, "--source", f"replay:{tmp_path / 'takes' / 'take.log'}")
-    names = [handle["name"] for handle in replaying.ask("puppet", character="dog")["handles"]]
-    replaying.ask("set_handle", character="dog", handle="left foot", joints="head", gain=2)
-    foot = names.index("left foot")
-    moves = lambda message: np.linalg.norm(message.body[foot] - message.header.root - [0.55, -1.65, 0.1]) > 0.05  # noqa: E731
-    replaying.client("dog/handles").until(moves, "handles")
+        assert row(service.ask("set_handle", character="dog", handle="head", gain=1), "head")["gain"] == 1
 
 
 @pytest.mark.slow

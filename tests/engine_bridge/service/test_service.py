@@ -1,6 +1,5 @@
 """`puppetline serve` as a process, with skeletons over UDP and ZeroMQ clients."""
 
-import itertools
 import json
 import os
 import re
@@ -16,7 +15,6 @@ from select import select
 
 import numpy as np
 import pytest
-from pythonosc.osc_message import OscMessage
 
 from capture import body
 from capture.events import Cue
@@ -25,6 +23,7 @@ from engine_bridge.service.discovery import find
 from engine_bridge.service.protocol.scene import Scene
 from solver.model.binding import Binding
 
+from ...waiting import wait_until
 from .conftest import Sender
 
 pytestmark = pytest.mark.slow
@@ -70,52 +69,6 @@ def test_a_late_subscriber_receives_the_scene_and_then_controls_that_move_it(sha
     assert 1e-3 < moved / blob_rig.mesh.diagonal < 1.5
 
 
-def test_every_kind_of_frame_is_sent_to_its_subscribers(shared, blob_rig):
-    playing, _ = shared
-    kinds = ("controls", "vertices", "vertices16", "joints", "handles")
-    client = playing.client(*(f"blob/{kind}" for kind in kinds))
-    at_one_moment = {}
-    first = client.until(performing)[-1].header.sequence
-    for message in client.until(lambda message: performing(message) and message.header.sequence > first + 60):
-        at_one_moment.setdefault(message.header.sequence, {})[message.topic.removeprefix("blob/")] = message.body
-    whole = [bodies for bodies in at_one_moment.values() if len(bodies) == len(kinds)]
-    assert whole
-    diagonal = blob_rig.mesh.diagonal
-    for bodies in whole:
-        positions = bodies["vertices"].positions
-        box = np.ptp(positions, axis=0).max()
-        np.testing.assert_allclose(bodies["vertices16"].positions, positions, atol=box / 65535)
-        assert bodies["joints"].shape == (20, 4)
-        reached = Binding.of_solver_mesh(blob_rig.model, blob_rig.mesh).vertices(bodies["controls"])
-        nearest = [np.linalg.norm(reached - handle, axis=1).min() for handle in bodies["handles"]]
-        assert max(nearest) < 0.1 * diagonal
-
-
-def test_a_take_plays_again_to_the_same_controls(playing, serve, blob_puppet, tmp_path):
-    live = playing.client("blob/controls")
-    live.until(performing)
-    assert playing.ask("record_start", name="take")["take"] == "take"
-    start = time.monotonic()
-    recorded = live.until(lambda _: time.monotonic() > start + 3.0, "controls")
-    playing.ask("record_stop")
-    assert [take["name"] for take in playing.ask("list")["takes"]] == ["take"]
-    replaying = serve("--puppet", blob_puppet, "--source", f"replay:{tmp_path / 'takes' / 'take.log'}?loop")
-    replay = replaying.client("blob/controls")
-    before = {message.header.time: message for message in recorded}
-    last = max(before)
-    again = [
-        m for m in replay.until(lambda message: message.header.time > last - 0.5, "controls") if m.header.time in before
-    ]
-    assert len(again) > 40
-    settled = again[0].header.time + 1.0  # the take begins no later than what is seen of it
-    for message in again:
-        was = before[message.header.time]
-        assert (message.header.state, message.header.user) == (was.header.state, was.header.user)
-        if message.header.time > settled:
-            np.testing.assert_allclose(message.body, was.body, atol=5e-3)
-            np.testing.assert_allclose(message.header.root, was.header.root, atol=5e-3)
-
-
 def test_a_stalled_service_goes_on_with_the_newest_frame(shared):
     playing, _ = shared
     client = playing.client("blob/controls")
@@ -151,20 +104,6 @@ def test_reloading_keeps_clients_and_performers(playing, blob_puppet):
     assert playing.ask("reload") == {"characters": ["blob"]}
 
 
-def test_a_character_returns_to_rest_when_its_source_is_silent_and_moves_again_with_it(
-    serve, blob_puppet, sender, kung_fu
-):
-    service = serve("--puppet", blob_puppet, "--source", sender.uri, "--calibrate", "at_once")
-    client = service.client("blob/controls")
-    sender.play(kung_fu[:90], until=lambda: False)
-    client.until(performing)
-    client.until(lambda message: message.header.state == 3)
-    client.until(lambda message: message.header.state == 0)
-    sender.play(kung_fu[90:], interval=1 / 30)
-    states = [state for state, _ in itertools.groupby(message.header.state for message in client.pending())]
-    assert states[states.index(1) :][:2] == [1, 2]
-
-
 def test_clients_and_performer_continue_after_a_killed_service_is_restarted(
     serve, blob_puppet, sender, kung_fu, tmp_path, free_port
 ):
@@ -189,87 +128,17 @@ def test_clients_and_performer_continue_after_a_killed_service_is_restarted(
     assert frames[-1].header.state == 2
 
 
-def test_a_client_is_shown_what_the_source_sees(shared):
-    playing, _ = shared
-    playing.client("blob/controls").until(performing)
-    seen = playing.ask("look", stage="stage")
-    assert seen["picture"] is None
-    (performer,) = seen["performers"]
-    assert (performer["user"], performer["joints"]) == (1, None)
-    assert performer["text"].startswith(f"user 1: {performer['joints_seen']} of 20 joints tracked")
-    assert playing.ask("look", stage="other")["found"] == "no stage 'other'"
-
-
-def test_garbage_is_counted_and_frames_continue(shared):
-    playing, sender = shared
-    client = playing.client("blob/controls")
-    client.until(performing)
-    for datagram in (b"", b"\0", b"#bundle\0" + bytes(12), bytes(65000), b"/joint\0\0,sifff\0\0", b"{}" * 500):
-        sender.raw(datagram)
-    playing.client("service/status").until(lambda status: sum(status.body["stages"][0]["refused"].values()) >= 5)
-    client.until(lambda message: performing(message) and message.header.sequence % 20 == 0, "controls")
-    assert playing.ask("describe")["status"]["stages"][0]["faults"] == 0
-
-
-def test_two_performers_drive_two_characters(serve, blob_puppet, sender, kung_fu, tmp_path):
-    other = blob_puppet.with_name("cat.toml")
-    other.write_text(blob_puppet.read_text())
-    service = serve("--puppet", blob_puppet, "--puppet", other, "--source", sender.uri, "--calibrate", "at_once")
-    client = service.client("blob/controls", "cat/controls")
-    for frame in kung_fu[:120]:
-        sender.send(frame, user=4)
-        sender.send(frame, user=8)
-        time.sleep(1 / 60)
-    users = {(message.topic, message.header.user) for message in client.pending() if performing(message)}
-    assert users == {("blob/controls", 4), ("cat/controls", 8)}
-
-
-def test_osc_is_sent_at_no_more_than_its_rate(serve, blob_puppet, sender, kung_fu):
+def test_osc_is_sent_at_no_more_than_its_rate(serve, blob_puppet):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind(("127.0.0.1", 0))
-        receiver.settimeout(0.5)
+        receiver.settimeout(60)
         target = f"127.0.0.1:{receiver.getsockname()[1]}"
-        serve(
-            "--puppet", blob_puppet, "--source", sender.uri, "--calibrate", "at_once", "--osc", target, "--osc-rate", 10
-        )
-        thread = threading.Thread(target=sender.play, args=(kung_fu[:180],))
-        start = time.monotonic()
-        thread.start()
-        handles = []
-        while time.monotonic() < start + 3.0:
-            datagram = receiver.recv(65536)
-            if b"/handle" in datagram[:120]:
-                handles.append(datagram)
-        took = time.monotonic() - start
-        thread.join()
-    assert 5 < len(handles) <= 10 * took * len({datagram[:60] for datagram in handles}) + 10
-    [first, *_] = handles
-    if not first.startswith(b"#bundle"):
-        assert OscMessage(first).address.startswith("/puppetline/blob/")
-
-
-def test_an_address_that_other_machines_reach_requires_credentials(serve, blob_puppet, sender):
-    service = serve("--puppet", blob_puppet, "--source", sender.uri, "--host", "0.0.0.0")
-    assert service.process.wait() == 1
-    service._read.join()
-    [line] = [line for line in service.log if line.startswith("puppetline:")]
-    assert "no credentials" in line
-
-
-def test_only_clients_with_the_token_receive_anything(serve, blob_puppet, sender, kung_fu, tmp_path):
-    token = b"correct-horse-battery-staple"
-    file = tmp_path / "token"
-    file.write_bytes(token)
-    file.chmod(0o600)
-    service = serve("--puppet", blob_puppet, "--source", sender.uri, "--host", "0.0.0.0", "--token-file", file)
-    service.stream = service.stream.replace("0.0.0.0", "127.0.0.1")
-    service.control = service.control.replace("0.0.0.0", "127.0.0.1")
-    strangers = [service.client("blob/controls"), service.client("blob/controls", token=b"wrong-horse-battery-staple")]
-    client = service.client("blob/controls", token=token)
-    [first] = client.until(lambda _: True)
-    client.until(lambda message: message.header.sequence >= first.header.sequence + 15)
-    assert [stranger.pending() for stranger in strangers] == [[], []]
-    assert service.ask("ping", token=token) == "pong"
+        serve("--puppet", blob_puppet, "--source", "demo:walk?loop", "--osc", target, "--osc-rate", 10)
+        arrived = []
+        while len(arrived) < 10:
+            if b"/puppetline/blob/handle/head" in receiver.recv(65536):
+                arrived.append(time.monotonic())
+    assert arrived[-1] - arrived[0] > 0.8
 
 
 def test_a_stopped_service_ends_cleanly_and_leaves_a_complete_take(playing, tmp_path):
@@ -287,13 +156,8 @@ def test_the_watchdog_is_notified_of_frames(serve, blob_puppet, tmp_path):
         path = tmp_path / "notify"
         systemd.bind(str(path))
         systemd.settimeout(60)
-        service = serve(
-            "--puppet",
-            blob_puppet,
-            "--source",
-            "demo:walk?loop",
-            env={"NOTIFY_SOCKET": str(path), "WATCHDOG_USEC": "400000"},
-        )
+        environment = {"NOTIFY_SOCKET": str(path), "WATCHDOG_USEC": "400000"}
+        service = serve("--puppet", blob_puppet, "--source", "demo:walk?loop", env=environment)
         told = []
         while told.count("WATCHDOG=1") < 3:
             told.append(systemd.recv(4096).decode())
@@ -355,17 +219,8 @@ def test_a_log_that_is_not_read_delays_nothing(listen, blob_puppet, commands):
 
 def test_the_status_is_in_the_terminal_at_prometheus_and_in_the_announcement(blob_puppet, commands, free_port):
     metrics = free_port()
-    command = [
-        *SERVE[:-1],
-        "--puppet",
-        blob_puppet,
-        "--source",
-        "demo:walk?loop",
-        "--status",
-        "--metrics",
-        str(metrics),
-    ]
-    process = commands.start(*command, stdout=subprocess.PIPE)
+    source = ("--puppet", blob_puppet, "--source", "demo:walk?loop")
+    process = commands.start(*SERVE[:-1], *source, "--status", "--metrics", metrics, stdout=subprocess.PIPE)
     try:
         service, stage = process.stdout.readline(), process.stdout.readline()
         assert re.match(r"Puppetline \S+  up 0:0\d:\d\d  \d+ MB .* of 64 clients", service)
@@ -434,8 +289,5 @@ def test_a_reload_reads_the_stages_of_the_service_file_again(serve, blob_puppet,
     assert service.ask("list")["characters"] == ["one", "two"]
     write(("two", "demo:roar?loop"))
     assert service.ask("reload") == {"characters": ["two"]}
-    wait = time.monotonic() + 30
-    while stages(service) != {"two": "demo:roar?loop"}:
-        assert time.monotonic() < wait
-        time.sleep(0.1)
+    wait_until(lambda: stages(service) == {"two": "demo:roar?loop"})
     client.until(lambda message: performing(message) and message.topic == "two/controls", "controls")

@@ -52,11 +52,3 @@ def test_a_broken_video_is_one_line_and_exit_code_1(tmp_path, commands):
     [line] = result.stderr.splitlines()
     assert "found no image in" in line
     assert (result.returncode, result.stdout) == (1, "")
-
-
-def test_no_video_is_one_line_and_exit_code_1(blob_puppet, tmp_path, commands):
-    result = commands.run("serve", "--puppet", blob_puppet, "--port", 0, "--no-announce", "--source", "video:none.mp4")
-    assert result.returncode == 1
-    [line] = [line for line in result.stderr.splitlines() if line.startswith("puppetline: ")]
-    assert "found no file none.mp4" in line
-    assert "Traceback" not in result.stderr

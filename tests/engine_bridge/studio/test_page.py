@@ -1,12 +1,8 @@
 """The page of `puppetline studio` in a browser: from an empty page to an exported file, and what goes wrong."""
 
-import asyncio
 import gzip
 import re
-import threading
-import time
 
-import aiohttp
 import numpy as np
 import psutil
 import pytest
@@ -15,7 +11,6 @@ from puppetline.examples.performances import PERFORMANCES
 from capture.recording import Recorder
 from capture.skeleton import SkeletonFrame
 from engine_bridge.character.examples import prepare
-from engine_bridge.service.protocol.payloads import decode
 
 from ...conftest import ROOT, missing
 from .page_driver import TIMEOUT_SECONDS, Window, running
@@ -80,42 +75,6 @@ def test_the_proposal_says_what_is_unclear(window):
     window.page.get_by_text("About this proposal").click()
 
 
-def test_positions_on_the_page_are_those_of_the_solver(studio, window):
-    session = window.page.evaluate("sessionStorage['puppetline.session']")
-    host = window.page.evaluate("location.host")
-    vertices, stop = {}, threading.Event()
-
-    async def collect():
-        async with aiohttp.ClientSession() as http, http.ws_connect(f"http://{host}/stream", max_msg_size=0) as socket:
-            await socket.send_json({"token": session})
-            await socket.send_json({"subscribe": "pegasus/vertices"})
-            async for message in socket:
-                if message.type == aiohttp.WSMsgType.BINARY:
-                    received = decode(message.data)
-                    vertices[received.header.sequence] = received.body.positions
-                if stop.is_set():
-                    return
-
-    thread = threading.Thread(target=lambda: asyncio.run(collect()))
-    thread.start()
-    compared = 0
-    end = time.monotonic() + 60
-    while compared < 3 and time.monotonic() < end:
-        shown = window.page.evaluate("studio.viewer.shown('pegasus')")
-        window.page.wait_for_timeout(1000)  # the service's vertices of these frames arrive
-        earlier, later = (vertices.get(shown["moment"][which]) for which in ("earlier", "later"))
-        if earlier is None or later is None:
-            continue
-        expected = earlier + shown["moment"]["share"] * (later - earlier)
-        diagonal = np.linalg.norm(np.ptp(expected, axis=0))
-        positions = np.reshape(shown["positions"], (-1, 3))
-        assert np.abs(positions - expected).max() < 1e-4 * diagonal
-        compared += 1
-    stop.set()
-    thread.join()
-    assert compared == 3
-
-
 def test_record_export_and_download_what_convert_makes_of_the_take(studio, window, horse, commands, tmp_path, request):
     record(window, RECORDED_SECONDS)
     window.until("state.recording?.kind === 'take'")
@@ -171,6 +130,22 @@ def test_a_take_is_played_trimmed_in_a_loop_and_deleted(window):
     window.until("state.server.takes.length === 0")
 
 
+def walk_again(window):
+    """Choose the example that walks as the performer."""
+    window.button("Change…").click()
+    window.page.locator(".sources").get_by_role("button", name="Walk", exact=True).click()
+    window.until("state.server.source.name === 'walk'")
+    window.idle()
+
+
+def open_recording(window, path):
+    """Choose a file as the performer."""
+    window.button("Change…").click()
+    with window.page.expect_file_chooser() as chooser:
+        window.button("Open a recording…").click()
+    chooser.value.set_files(path)
+
+
 def test_sources_are_listed_and_chosen(window, standing_log):
     window.button("Change…").click()
     window.until("state.sources")
@@ -180,16 +155,10 @@ def test_sources_are_listed_and_chosen(window, standing_log):
     window.button("Use my webcam").click()
     window.until("state.server.source.uri === 'camera:0' && state.server.performers.length === 1")
     window.idle()
-    window.button("Change…").click()
-    with window.page.expect_file_chooser() as chooser:
-        window.button("Open a recording…").click()
-    chooser.value.set_files(standing_log)
+    open_recording(window, standing_log)
     window.until("state.server.source.kind === 'upload'")
     window.idle()
-    window.button("Change…").click()
-    window.page.locator(".sources").get_by_role("button", name="Walk", exact=True).click()
-    window.until("state.server.source.name === 'walk'")
-    window.idle()
+    walk_again(window)
     window.button("Change…").click()
     window.button("‹ Back to the figure").click()
     assert window.page.locator(".figure .joint").count() == 20
@@ -207,10 +176,7 @@ def test_a_recording_that_is_dropped_on_the_page_performs(window, standing_log):
     hint.wait_for(state="detached")
     window.until("state.server.source.kind === 'upload' && state.server.source.name === 'rear.txt'")
     window.idle()
-    window.button("Change…").click()
-    window.page.locator(".sources").get_by_role("button", name="Walk", exact=True).click()
-    window.until("state.server.source.name === 'walk'")
-    window.idle()
+    walk_again(window)
 
 
 @pytest.fixture
@@ -253,10 +219,7 @@ def two_performers(tmp_path):
 
 
 def test_a_performer_in_view_is_chosen_for_the_character_and_the_recording_deleted(window, two_performers):
-    window.button("Change…").click()
-    with window.page.expect_file_chooser() as chooser:
-        window.button("Open a recording…").click()
-    chooser.value.set_files(two_performers)
+    open_recording(window, two_performers)
     playing = "state.server.performers.find(({ character }) => character === 'pegasus')?.user"
     first = window.until(f"state.server.source.name === 'two.log' && state.server.performers.length === 2 && {playing}")
     window.idle()
@@ -282,10 +245,7 @@ def test_a_performer_in_view_is_chosen_for_the_character_and_the_recording_delet
     window.button("Delete recording two.log").click()
     assert "found a recording that is playing now" in window.until("state.notice?.text")
     window.button("Dismiss").click()
-    window.button("Change…").click()
-    window.page.locator(".sources").get_by_role("button", name="Walk", exact=True).click()
-    window.until("state.server.source.name === 'walk'")
-    window.idle()
+    walk_again(window)
     window.page.locator(".panel button.line", has_text="two.log").click()
     window.button("Delete recording two.log").click()
     window.until("!state.server.uploads.some(({ name }) => name === 'two.log')")
@@ -303,40 +263,6 @@ def test_an_export_that_is_cancelled_leaves_no_file(window):
     window.button("Dismiss").click()
     assert window.state("server.jobs").pop()["state"] == "cancelled"
     assert len(window.state("server.files")) == files
-
-
-SLOW_PAGE = """() => new Promise((resolve) => {
-  const socket = new WebSocket(`ws://${location.host}/stream`);
-  socket.binaryType = "arraybuffer";
-  const sequences = [];
-  window.slow = { socket, sequences };
-  socket.onopen = () => {
-    socket.send(JSON.stringify({ token: sessionStorage["puppetline.session"] }));
-    socket.send(JSON.stringify({ subscribe: "pegasus/vertices" }));
-  };
-  socket.onmessage = ({ data }) => {
-    sequences.push(Number(new DataView(data).getBigUint64(80, true)));
-    if (sequences.length === 2) resolve();
-  };
-})"""
-"""JavaScript of a page that receives all vertices, a megabyte per frame or so."""
-
-
-def test_a_browser_that_is_busy_loses_frames_and_costs_the_others_none(studio, browser, window):
-    slow = studio.open(browser)
-    slow.until("state.connected === 'open' && state.server")
-    slow.page.evaluate(SLOW_PAGE)
-    sequence = "studio.viewer.shown(state.character)?.moment?.later"
-    before = window.until(sequence)
-    slow.page.evaluate("() => { setTimeout(() => { const end = Date.now() + 6000; while (Date.now() < end); }, 0); }")
-    window.until(f"{sequence} > {before} + 60")
-    newest = window.until(sequence)
-    slow.until(f"slow.sequences.at(-1) > {newest}")
-    received = slow.page.evaluate("slow.sequences")
-    assert received == sorted(set(received))
-    assert received[-1] - received[0] + 1 > len(received)
-    slow.page.evaluate("slow.socket.close()")
-    slow.close()
 
 
 def test_a_reload_keeps_everything(window):

@@ -73,7 +73,8 @@ def window(studio, browser):
 
 @pytest.fixture(autouse=True)
 def _list(window):
-    """Begin with the list of limbs, at rest."""
+    """Begin with the list of limbs, at rest, as the file has them."""
+    undo_all(window)
     window.tab("Limbs")
     window.page.keyboard.press("Escape")
     window.button("Rest pose").click()
@@ -84,6 +85,21 @@ def undo_all(window):
     while window.button("Undo").is_enabled():
         window.button("Undo").click()
         window.idle()
+
+
+def fill(window, label, text, **options):
+    """Fill a field and leave it."""
+    field = window.page.get_by_label(label, **options)
+    field.fill(text)
+    field.press("Tab")
+
+
+def add_limb(window, *above):
+    """Begin a limb with points above the end of the trunk, in pixels."""
+    window.page.get_by_role("group", name="Tool").get_by_role("button", name="+ Limb").click()
+    x, y = window.place("trunk", 2)
+    for each in above:
+        window.page.mouse.click(x, y - each)
 
 
 def line(window, name):
@@ -104,7 +120,6 @@ def test_a_dragged_point_moves_in_the_view_plane_and_undo_brings_it_back(window)
     window.button("Redo").click()
     window.idle()
     assert window.limb("left arm")["points"] == after
-    undo_all(window)
 
 
 def test_a_point_dragged_along_the_surface_stays_inside_of_the_body(window):
@@ -119,7 +134,6 @@ def test_a_point_dragged_along_the_surface_stays_inside_of_the_body(window):
     assert moved != before[1]
     assert all(low <= value <= high for value, low, high in zip(moved, *bounds, strict=True))
     window.button("View plane").click()
-    undo_all(window)
 
 
 def test_arrow_keys_move_the_selected_point_and_delete_removes_it(window):
@@ -155,7 +169,6 @@ def test_a_joint_moves_the_limb_that_is_clicked_after_it(window):
     line(window, "left arm").click()
     window.idle()
     assert window.limb("left arm")["joints"] == ["hip_right", "knee_right", "ankle_right", "foot_right"]
-    undo_all(window)
 
 
 def test_a_joint_and_a_tool_are_put_back(window):
@@ -177,7 +190,6 @@ def test_a_joint_moves_the_point_that_was_selected_before_it(window):
     window.page.locator("#joint-head").press("Enter")
     window.idle()
     assert window.limb("left arm")["joints"][3] == "head"
-    undo_all(window)
 
 
 def test_joints_are_reached_by_arrow_keys(window):
@@ -191,8 +203,7 @@ def test_name_follow_gain_and_parent_of_a_limb_can_be_changed(window):
     window.page.get_by_label("Name").fill("left flipper")
     window.page.get_by_label("Name").press("Enter")
     window.page.get_by_label("Follows by").select_option("turn")
-    window.page.get_by_label("Gain").fill("1.5")
-    window.page.get_by_label("Gain").press("Tab")
+    fill(window, "Gain", "1.5")
     window.page.get_by_label("Attached to").select_option("head")
     window.page.get_by_label("Joint of point 1").select_option("spine")
     window.idle()
@@ -207,9 +218,7 @@ def test_points_can_be_added_and_removed(window):
     count = len(window.limb("left arm")["points"])
     window.button("Point 1").click()
     x, y, z = window.limb("left arm")["points"][0]
-    height = window.page.get_by_label("Position, y")
-    height.fill(f"{y + 0.05:.3f}")
-    height.press("Tab")
+    fill(window, "Position, y", f"{y + 0.05:.3f}")
     window.idle()
     assert window.limb("left arm")["points"][0] == [x, round(y + 0.05, 3), z]
     window.button("Add point").click()
@@ -218,7 +227,6 @@ def test_points_can_be_added_and_removed(window):
     window.button("Remove point").click()
     window.idle()
     assert len(window.limb("left arm")["points"]) == count
-    undo_all(window)
 
 
 def test_a_deleted_limb_comes_back_as_a_copy_of_the_other_side(window):
@@ -235,7 +243,6 @@ def test_a_deleted_limb_comes_back_as_a_copy_of_the_other_side(window):
     middle = sum(point[0] for point in trunk) / len(trunk)
     for a, b in zip(left["points"], right["points"], strict=True):
         assert b == pytest.approx([2 * middle - a[0], a[1], a[2]], abs=1e-6)
-    undo_all(window)
 
 
 def test_a_handle_is_added_where_the_surface_is_clicked_and_mapped_tuned_and_deleted(window):
@@ -248,14 +255,12 @@ def test_a_handle_is_added_where_the_surface_is_clicked_and_mapped_tuned_and_del
         window.page.get_by_label(axis).uncheck()
         window.page.get_by_label(axis).check()
     window.page.get_by_label("z: forwards").uncheck()
-    window.page.get_by_label("Gain").fill("2")
-    window.page.get_by_label("Gain").press("Tab")
+    fill(window, "Gain", "2")
     window.idle()
     handle = window.handle("handle")
     assert (handle["joint"], handle["axes"], handle["gain"]) == ("hand_left", "xy", 2.0)
     for axis, value in zip("xyz", handle["position"], strict=True):
-        window.page.get_by_label(f"Position, {axis}").fill(f"{value + 0.05:.3f}")
-        window.page.get_by_label(f"Position, {axis}").press("Tab")
+        fill(window, f"Position, {axis}", f"{value + 0.05:.3f}")
     window.idle()
     assert window.handle("handle")["position"] == [round(value + 0.05, 3) for value in handle["position"]]
     window.page.locator(".overlay").focus()
@@ -268,7 +273,6 @@ def test_a_handle_is_added_where_the_surface_is_clicked_and_mapped_tuned_and_del
     window.button("Delete handle").click()
     window.idle()
     assert window.puppet["handle"] == []
-    undo_all(window)
 
 
 def test_a_limb_is_added_by_clicking_its_points(window):
@@ -283,24 +287,17 @@ def test_a_limb_is_added_by_clicking_its_points(window):
     line(window, "head").click()
     window.button("Delete head").click()
     window.idle()
-    window.page.get_by_role("group", name="Tool").get_by_role("button", name="+ Limb").click()
-    x, y = window.place("trunk", 2)
-    window.page.mouse.click(x, y - 15)
-    window.page.mouse.click(x, y - 40)
+    add_limb(window, 15, 40)
     window.button("Finish limb").click()
     window.idle()
     assert len(window.puppet["limb"]) == count
     assert len(window.limb("limb")["points"]) == 2
     window.button("Undo").click()
     window.idle()
-    window.page.get_by_role("group", name="Tool").get_by_role("button", name="+ Limb").click()
-    x, y = window.place("trunk", 2)
-    window.page.mouse.click(x, y - 15)
-    window.page.mouse.click(x, y - 40)
+    add_limb(window, 15, 40)
     window.page.keyboard.press("Enter")
     window.idle()
     assert len(window.limb("limb")["points"]) == 2
-    undo_all(window)
 
 
 def test_the_settings_of_the_whole_body(window):
@@ -308,14 +305,12 @@ def test_the_settings_of_the_whole_body(window):
     window.page.get_by_label("Mirror: the performer's left").check()
     window.page.get_by_label("Hands meet").uncheck()
     window.page.get_by_label("Scale of handles: automatic").uncheck()
-    window.page.get_by_label("Scale of handles", exact=True).fill("1.5")
-    window.page.get_by_label("Scale of handles", exact=True).press("Tab")
+    fill(window, "Scale of handles", "1.5", exact=True)
     window.page.get_by_label("Arm space").fill("10")
     window.page.get_by_label("Arm space").press("ArrowRight")
     window.idle()
     retarget = window.puppet["retarget"]
     assert retarget == {"mirror": True, "hands_meet": False, "scale": 1.5, "arm_space": 11}
-    undo_all(window)
 
 
 def test_walking(window):
@@ -332,7 +327,6 @@ def test_walking(window):
     walks.uncheck()
     window.idle()
     assert window.puppet["root"] is None
-    undo_all(window)
 
 
 def test_a_preset_of_smoothing_changes_the_plot_and_its_numbers(window):
@@ -359,7 +353,6 @@ def test_a_preset_of_smoothing_changes_the_plot_and_its_numbers(window):
         window.page.get_by_label(label).fill(str(value))
     window.idle()
     assert {key: window.puppet["smoothing"][key] for key, _ in sliders.values()} == dict(sliders.values())
-    undo_all(window)
 
 
 def test_tabs_are_reached_by_arrow_keys(window):
@@ -389,8 +382,7 @@ def test_bones_can_be_hidden_and_the_view_fitted(window):
 
 def test_the_puppet_file_is_saved_and_downloaded(window):
     line(window, "left arm").click()
-    window.page.get_by_label("Gain").fill("1.25")
-    window.page.get_by_label("Gain").press("Tab")
+    fill(window, "Gain", "1.25")
     window.idle()
     window.until("!state.server.characters[0].saved")
     window.page.get_by_text("Unsaved changes").wait_for()

@@ -76,9 +76,7 @@ def studio(limbed_puppet, tmp_path_factory):
             positions[arm] = shoulder + lengths[:, None] * [side * np.sin(angle), -np.cos(angle), 0.0]
             recorder.write(SkeletonFrame(5.0 + number / 30, 1, positions, frame.confidence))
     with WavWriter(folder / "takes" / "rise.wav") as writer:
-        writer.write(
-            (np.arange(48_000 * 8) / 48_000 / FULL_SECONDS).astype(np.float32),
-        )
+        writer.write((np.arange(48_000 * 8) / 48_000 / FULL_SECONDS).astype(np.float32))
     name = limbed_puppet.stem
     (folder / "film.toml").write_text(f'[[take]]\ncharacter = "{name}"\nfile = "takes/rise.log"\n')
     with running(folder, limbed_puppet, "--sound", folder / "takes" / "rise.wav") as running_studio:

@@ -8,11 +8,9 @@ another in one process, except where a test needs a project of its own: it reque
 import json
 import os
 import shutil
-import socket
 import subprocess
-import threading
 import time
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -164,87 +162,6 @@ def playing(serve):
         return serve("--puppet", puppet, "--source", f"replay:{log}?loop", "--calibrate", "at_once", *more)
 
     return start
-
-
-class Line:
-    """A line to a port that cuts everything into pieces, takes its time over each, and can be torn."""
-
-    def __init__(self, port, piece=1, pause=0.0):
-        self._piece = piece
-        self.pause = pause
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self.port = self._listener.getsockname()[1]
-        self._to = port
-        self._open = []
-        threading.Thread(target=self._accept, daemon=True).start()
-
-    def _accept(self):
-        with suppress(OSError):
-            while True:
-                ends = self._listener.accept()[0], socket.create_connection(("127.0.0.1", self._to))
-                self._open += ends
-                for source, sink in (ends, ends[::-1]):
-                    sink.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                    threading.Thread(target=self._pass, args=(source, sink), daemon=True).start()
-
-    def _pass(self, source, sink):
-        with suppress(OSError):
-            while data := source.recv(1 << 16):
-                for k in range(0, len(data), self._piece):
-                    sink.sendall(data[k : k + self._piece])
-                    if self.pause > 0:
-                        time.sleep(self.pause)
-
-    def tear(self):
-        for each in self._open:
-            with suppress(OSError):
-                each.shutdown(socket.SHUT_RDWR)
-        self._open.clear()
-
-    def close(self):
-        with suppress(OSError):
-            self._listener.shutdown(socket.SHUT_RDWR)
-        self._listener.close()
-        self.tear()
-
-
-@pytest.fixture
-def line():
-    lines = []
-
-    def lay(*arguments, **options):
-        lines.append(Line(*arguments, **options))
-        return lines[-1]
-
-    yield lay
-    for each in lines:
-        each.close()
-
-
-@pytest.fixture
-def something_else():
-    """Start a server that is not a service; it counts its connections."""
-
-    @contextmanager
-    def answer(port):
-        calls = []
-
-        def run():
-            with suppress(OSError):
-                while True:
-                    with listener.accept()[0] as line:
-                        calls.append(port)
-                        line.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n" + bytes(range(256)))
-                        line.recv(100)
-
-        with socket.create_server(("127.0.0.1", port)) as listener:
-            thread = threading.Thread(target=run)
-            thread.start()
-            yield calls
-            listener.shutdown(socket.SHUT_RDWR)
-            thread.join()
-
-    return answer
 
 
 class StandIn:

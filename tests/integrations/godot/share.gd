@@ -35,10 +35,6 @@ func _do_step(message: Message) -> void:
 		3:
 			_other.unfollow("dog/performer", _take_other)
 			_other.unfollow("dog/controls", _take_other)
-		4:
-			for _i in 3:
-				_one.ask("dog/scene/mine")
-				_one.follow("dog/scene/mine", _take_one)
 	tell({"step": message.sequence, "same": _one == _other})
 
 

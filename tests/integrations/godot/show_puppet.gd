@@ -1,7 +1,7 @@
 extends "teller.gd"
 ## Shows a character and reports the shown frames: {"settings": properties of Puppet3D, "samples": number of frames,
 ## "apart": minimum number of frames between two samples, "file": path of the positions, 3 floats per vertex; in MORPHS,
-## the rest positions come first, "then": properties to set after a service has refused the connection}.
+## the rest positions come first}.
 
 const SIGNALS: Array[StringName] = [
 	&"connected",
@@ -27,13 +27,18 @@ func start() -> void:
 	_wanted = asked["samples"]
 	_apart = asked["apart"]
 	_file = FileAccess.open(asked["file"], FileAccess.WRITE)
-	_apply(asked["settings"])
+	var settings: Dictionary = asked["settings"]
+	for property: String in settings:
+		_puppet.set(
+			property, load(settings[property]) if property == "mesh_source" else settings[property]
+		)
 	for happening in SIGNALS:
-		_puppet.connect(happening, func(what: Variant = null) -> void: tell({"signal": happening, "what": what}))
+		_puppet.connect(
+			happening, func(what: Variant = null) -> void: tell({"signal": happening, "what": what})
+		)
 	_puppet.scene_loaded.connect(
 		func() -> void: _file.store_buffer(_puppet.evaluate().to_byte_array()), CONNECT_ONE_SHOT
 	)
-	_puppet.refused.connect(func(_why: String) -> void: _apply(asked["then"]))
 	_puppet.disconnected.connect(func() -> void: _next = 0)
 	root.add_child(_puppet)
 
@@ -49,8 +54,3 @@ func step(_delta: float) -> bool:
 	if _wanted == 0:
 		_puppet.free()
 	return _wanted == 0
-
-
-func _apply(settings: Dictionary) -> void:
-	for property: String in settings:
-		_puppet.set(property, load(settings[property]) if property == "mesh_source" else settings[property])

@@ -9,9 +9,16 @@ import threading
 from contextlib import closing
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 from PIL import Image
+
+from capture.events import Cue
+from capture.skeleton import JOINT_INDEX
+from capture.sound import WavWriter
+
+from .resident import Godot
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("project")]
 
@@ -115,6 +122,56 @@ def test_takes_are_recorded_over_each_other_and_trimmed_on_the_film_set(stage, s
     assert [each["started"] for each in said if "started" in each] == [first, second]
     assert said[-1] == {"cut": "Close"}
     assert stage.ask("describe")["status"]["timeline"] is None
+
+
+CLAP_SECONDS = 1.0
+"""Second of the take at which both hands of the performer jump up and the sound clicks."""
+
+FIRST_SECONDS, LAST_SECONDS = 0.5, 1.7
+"""Part of the takes that is filmed."""
+
+
+@pytest.fixture
+def filmed(frames, record, record_events, standing, dance, serve, two, project, free_port, godot, tmp_path):
+    """Images (n, 90, 160) of grey values and samples (m,) with their rate, of a movie by Godot's movie writer: a take
+    with a sound plays on one character of the film set, and a dance on the other."""
+    takes = tmp_path / "takes"
+    takes.mkdir()
+    clap = np.tile(standing, (61, 1, 1))
+    clap[round(30 * CLAP_SECONDS) :, [JOINT_INDEX["hand_left"], JOINT_INDEX["hand_right"]], 1] += 0.5
+    record_events(takes / "clap.log", [Cue(0.0, "sound", {"file": "clap.wav", "at": -0.25}), *frames(clap)])
+    record(takes / "dance.log", dance(61))
+    with WavWriter(takes / "clap.wav") as writer:
+        samples = np.zeros(3 * 48_000, np.float32)
+        samples[round((CLAP_SECONDS + 0.25) * 48_000) :][:480] = 0.9
+        writer.write(samples)
+    port = free_port()
+    puppets = [argument for path in two.values() for argument in ("--puppet", path)]
+    serve(*puppets, "--source", f"replay:{takes / 'dance.log'}?loop", "--port", port, "--takes", takes)
+    scene, timeline = project / "demo" / "film" / "film.tscn", 'script = ExtResource("timeline")'
+    text = scene.read_text().replace(timeline, f'{timeline}\ntakes_folder = "{takes}"')
+    scene.write_text(re.sub('character = "', f"port = {port}\n\\g<0>", text))
+    movie = tmp_path / "film.avi"
+    screen = ["xvfb-run", "-a", "-s", "-screen 0 640x480x24", godot, "--rendering-driver", "opengl3", "--path", project]
+    part = [f"from={FIRST_SECONDS}", f"to={LAST_SECONDS}"]
+    writer = ["--write-movie", movie, "--fixed-fps", 30, scene.relative_to(project)]
+    Godot(*screen, *writer, "--", "dog=clap", "cat=dance", *part).finish(120)
+    with av.open(str(movie)) as file:
+        images = np.array([each.to_ndarray(format="gray", width=160, height=90) for each in file.decode(video=0)])
+        file.seek(0)
+        heard = np.concatenate([each.to_ndarray().reshape(-1, 2)[:, 0] for each in file.decode(audio=0)])
+        return images.astype(int), heard.astype(int), file.streams.audio[0].rate
+
+
+def test_godots_movie_writer_films_a_part_of_takes_with_their_sound(filmed):
+    images, heard, rate = filmed
+    assert len(images) == pytest.approx(30 * (LAST_SECONDS - FIRST_SECONDS), abs=1.5)
+    assert len(heard) / rate == pytest.approx(len(images) / 30, abs=0.001)
+    changes = np.abs(np.diff(images, axis=0)).mean(axis=(1, 2))
+    seen = np.diff(changes).argmax() + 2
+    clicked = np.flatnonzero(np.abs(heard) > 0.5 * 32767)[0] / rate
+    assert seen / 30 == pytest.approx(CLAP_SECONDS - FIRST_SECONDS, abs=0.07)
+    assert clicked == pytest.approx(seen / 30, abs=1 / 30)
 
 
 def answers(port):

@@ -17,18 +17,14 @@ on_the_network = pytest.mark.usefixtures("multicast")
 
 
 @pytest.fixture
-def announce(free_port):
+def announce(free_port, until_end):
     """Announce a service on loopback, or everywhere, as the service does."""
-    made = []
 
     def start(*characters, host="127.0.0.1", mechanism="NULL"):
         port = free_port()
-        made.append(Announcement(host, port, port + 1, mechanism, characters))
-        return made[-1], port
+        return until_end(Announcement(host, port, port + 1, mechanism, characters)), port
 
-    yield start
-    for each in made:
-        each.close()
+    return start
 
 
 def at(port):

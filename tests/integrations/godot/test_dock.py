@@ -282,9 +282,6 @@ def test_the_dock_is_in_the_editor_and_adds_a_character_to_the_scene(drive_edito
 
 NONSENSE = [
     None,
-    [],
-    "characters",
-    {},
     {"characters": 5, "status": []},
     {"characters": [None, 1, "dog", {}, {"name": 7, "stage": [], "performer": {}, "mirror": "yes"}]},
     {"characters": [{"name": "dog", "performer": 1e300}] * 10_000, "status": {"stages": {"users": 1}}},
@@ -294,7 +291,6 @@ NONSENSE = [
 
 NO_MAPPINGS = [
     None,
-    {"character": "dog"},
     {"character": "dog", "handles": [None, {}, {"name": []}, {"name": "a", "joints": "head", "axes": 1, "gain": "2"}]},
     {"character": "dog", "handles": [{"name": str(k)} for k in range(9_999)], "joints": [1, None, "head"] * 999},
     {"character": "dog", "root": "head", "scale": -1e308, "joints": {}, "saved": 1, "handles": {"name": "a"}},

@@ -128,38 +128,26 @@ def test_a_new_version_of_the_character_replaces_the_old_one(watch, serve, blob_
     watched.end()
 
 
-def test_a_service_that_refuses_is_not_asked_again_until_the_token_changes(watch, serve, blob_puppet, take, token_file):
+def test_a_service_that_refuses_is_asked_again_only_when_told_to_and_when_the_token_changes(
+    watch, serve, blob_puppet, take, token_file
+):
     source = f"replay:{take}?loop"
     service = serve("--puppet", blob_puppet, "--source", source, "--token-file", token_file, "--calibrate", "at_once")
     watched = watch({"port": service.port, "token": "wrong"})
     why = f"The service at 127.0.0.1:{service.port} does not accept this token."
     watched.until_signal("refused", why)
     assert watched.until_next(lambda _state: True)["warnings"] == [f"The service refuses the connection: {why}"]
+    watched.order(call=["retry"])
+    watched.until_next(lambda _state: watched.signals().count("refused") == 2)
     watched.order(set={"token": token_file.read_text()})
     assert watched.until(moves)["warnings"] == []
-    assert watched.signals().count("refused") == 1
+    assert watched.signals().count("refused") == 2
     clients = {"refused": 0}
-    while clients["refused"] == 0:  # it is counted once a second
+    while clients["refused"] < 2:  # it is counted once a second
         clients = service.ask("describe", token=token_file.read_bytes())["status"]["clients"]
-    assert clients["refused"] == 1
+    assert clients["refused"] == 2
     lines = watched.end()
-    assert sum(f":{service.port} refuses the connection" in line for line in lines) == 1
-
-
-def test_a_refused_node_can_try_again(watch, serve, blob_puppet, take, token_file, tmp_path, free_port):
-    played = ("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
-    port, token = free_port(), "the-token-of-the-node"
-    service = serve(*played, "--port", port, "--token-file", token_file)
-    watched = watch({"port": port, "token": token})
-    watched.until_signal("refused", f"The service at 127.0.0.1:{port} does not accept this token.")
-    service.stop()
-    (tmp_path / "token").write_text(token)
-    (tmp_path / "token").chmod(0o600)
-    serve(*played, "--port", port, "--token-file", tmp_path / "token")
-    watched.order(call=["retry"])
-    assert watched.until(moves)["warnings"] == []
-    assert watched.signals().count("refused") == 1
-    watched.end()
+    assert sum(f":{service.port} refuses the connection" in line for line in lines) == 2
 
 
 def test_a_source_shows_itself_until_a_service_moves_it(watch, serve, add_glb, blob_puppet, take, tmp_path, free_port):
@@ -319,7 +307,7 @@ def test_rendering_properties_are_passed_on_to_all_meshes(
     watched.end()
 
 
-def test_a_mesh_of_another_puppet_is_not_used(
+def test_a_mesh_of_another_puppet_and_one_for_vertices_are_not_used(
     watch, serve, add_glb, blob_file, blob_puppet, write_puppet, take, tmp_path
 ):
     other = write_puppet(blob_file.with_name("other.toml"), blob_file.name, more="[solver]\nfields = 3\nisolines = 5")
@@ -328,29 +316,27 @@ def test_a_mesh_of_another_puppet_is_not_used(
     watched = watch({"port": service.port, "mesh_source": add_glb(tmp_path / "other.glb")})
     state = watched.until(lambda state: state["calibrated"] and any(state["visible"]))
     assert "run `puppetline shader-mesh` again" in state["warnings"][0]
+    watched.order(set={"mode": 1})
+    [warning] = watched.until(lambda state: moves(state) and "again" not in state["warnings"][0])["warnings"]
+    assert "mesh_source is used by CONTROLS and MORPHS only" in warning
     assert sum("WARNING" in line and "run `puppetline shader-mesh` again" in line for line in watched.end()) == 1
 
 
-def test_vertices_say_that_a_source_is_not_used(watch, serve, add_glb, blob_puppet, take, tmp_path):
-    write_shader_mesh(blob_puppet, tmp_path / "own.glb")
-    service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
-    watched = watch({"port": service.port, "mode": 1, "mesh_source": add_glb(tmp_path / "own.glb")})
-    [warning] = watched.until(moves)["warnings"]
-    assert "mesh_source is used by CONTROLS and MORPHS only" in warning
-    watched.end()
-
-
-@pytest.mark.usefixtures("multicast")
-def test_a_service_that_has_the_character_is_found_in_the_network(
-    watch, serve, blob_file, write_puppet, take, tmp_path, free_port
-):
+@pytest.fixture
+def announced(multicast, blob_file, write_puppet, take, tmp_path, free_port):
+    """The name of a character and the file of a service that announces it."""
     name = f"figure_{secrets.token_hex(4)}"  # there may be other services
-    puppet = write_puppet(blob_file.with_name(f"{name}.toml"), blob_file.name)
-    service = tmp_path / "service.toml"
+    puppet, service = blob_file.with_name(f"{name}.toml"), tmp_path / "service.toml"
+    write_puppet(puppet, blob_file.name)
     service.write_text(
         f'takes = "{tmp_path / "takes"}"\n[network]\nport = {free_port()}\n[[stage]]\n'
         f'source = "replay:{take}?loop"\ncalibrate = "at_once"\n[[stage.character]]\npuppet = "{puppet}"\n'
     )
+    return name, service
+
+
+def test_a_service_that_has_the_character_is_found_in_the_network(watch, serve, announced):
+    name, service = announced
     watched = watch({"host": "", "character": name})
     serve("--config", service)
     assert watched.until(moves)["character"] == name
@@ -359,18 +345,9 @@ def test_a_service_that_has_the_character_is_found_in_the_network(
     watched.end()
 
 
-@pytest.mark.usefixtures("multicast")
-def test_a_token_is_not_sent_to_whoever_announces_itself(
-    watch, serve, blob_file, write_puppet, take, token_file, tmp_path, free_port
-):
-    name = f"figure_{secrets.token_hex(4)}"
-    puppet = write_puppet(blob_file.with_name(f"{name}.toml"), blob_file.name)
-    service = tmp_path / "service.toml"
-    service.write_text(
-        f'takes = "{tmp_path / "takes"}"\n[network]\nport = {free_port()}\ntoken_file = "{token_file}"\n[[stage]]\n'
-        f'source = "replay:{take}?loop"\ncalibrate = "at_once"\n[[stage.character]]\npuppet = "{puppet}"\n'
-    )
-    serve("--config", service)
+def test_a_token_is_not_sent_to_whoever_announces_itself(watch, serve, announced, token_file):
+    name, service = announced
+    serve("--config", service, "--token-file", token_file)
     watched = watch({"host": "", "character": name, "token": token_file.read_text()})
     [warning] = watched.until(lambda _state: True)["warnings"]
     assert warning == "The token is not sent to services found on the network. Set host, or turn on trust_network."

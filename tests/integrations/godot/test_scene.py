@@ -75,14 +75,6 @@ def test_the_recorded_scene_is_what_it_is_for_python(read):
     assert_same(told, payload)
 
 
-def test_the_scene_of_a_service_is_what_it_is_for_python(read, serve, blob_puppet):
-    """A character without colours, texture coordinates or morph targets."""
-    client = serve("--puppet", blob_puppet, "--source", "osc:0").client("blob/scene")
-    payload = bytes(client.socket.recv())[128:]
-    [told] = read([payload])
-    assert_same(told, payload)
-
-
 def test_arrays_in_any_order_and_others_that_are_not_known(read):
     facts, arrays = taken_apart()
     extra = b"????" * 3

@@ -6,8 +6,6 @@ import signal
 
 import pytest
 
-from engine_bridge.service.protocol.header import PAYLOAD_OFFSET
-
 MANY = 256 << 20
 
 
@@ -51,15 +49,6 @@ def test_frames_are_byte_for_byte_those_of_zeromq(connect, web_service):
     while client.socket.poll(0):
         over_zeromq.add(hashlib.sha256(client.socket.recv()).hexdigest())
     assert set(hashes(script)[:40]) <= over_zeromq
-
-
-def test_a_scene_arrives_whole(connect, web_service):
-    service, address = web_service()
-    script = connect(address, "blob/scene/mine")
-    size = script.until(lambda told: "size" in told)["size"]
-    script.end()
-    [scene] = service.client("blob/scene/mine").until(lambda _: True)
-    assert size == PAYLOAD_OFFSET + scene.header.length
 
 
 def hashes(script):

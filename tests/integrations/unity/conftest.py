@@ -2,6 +2,7 @@
 
 import base64
 import json
+import os
 import shutil
 import subprocess
 import threading
@@ -15,10 +16,11 @@ import zmq
 
 from engine_bridge.service.protocol.payloads import decode
 
-from ...engine_bridge.service.conftest import Served
+from ...engine_bridge.service.conftest import services
+from ...waiting import wait_until
 
 HERE = Path(__file__).parent
-PACKAGE = HERE.parents[2] / "integrations" / "unity"
+PACKAGE = Path(os.environ.get("PUPPETLINE_UNITY_PACKAGE", HERE.parents[2] / "integrations" / "unity"))
 TIMEOUT_SECONDS = 60.0
 """Time after which a test fails, in seconds."""
 
@@ -78,7 +80,7 @@ class Program:
         assert (code, self.noise) == (0, [])
         return self.said
 
-    def kill(self):
+    def close(self):
         self.process.kill()
         self.process.wait()
         self._read.join()
@@ -95,66 +97,46 @@ def built(mono, made_once):
 def build(compiler, folder):
     """Compile the package and the programs into a folder."""
 
-    def compile_(name, sources, *references, target="library", more=()):
+    def compile_(name, sources, *references, doc=None, pattern="*.cs"):
+        """Make a library of a folder's sources or, of a list, a program."""
+        program = isinstance(sources, list)
+        sources = sources if program else sorted(sources.glob(pattern))
         assert sources
+        output = f"-out:{name}.exe" if program else f"-out:{name}.dll"
+        more = [output, f"-target:{'exe' if program else 'library'}", *([f"-doc:{doc}.xml"] if doc else [])]
         libraries = [f"-r:{reference}.dll" for reference in references]
-        output = f"{name}.exe" if target == "exe" else f"{name}.dll"
-        command = [compiler, *STRICT, f"-target:{target}", f"-out:{output}", *libraries, *more, *map(str, sources)]
+        command = [compiler, *STRICT, *more, *libraries, *map(str, sources)]
         made = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
         assert (made.returncode, made.stdout + made.stderr) == (0, ""), name
 
-    runtime, programs = PACKAGE / "Runtime", HERE / "programs"
+    def program(name, *references, sources=("Said",)):
+        compile_(name, [HERE / "programs" / f"{each}.cs" for each in (name, *sources)], *references)
+
+    runtime, stand_ins = PACKAGE / "Runtime", HERE / "stand_ins"
     unity = ("Puppetline.Core", "Puppetline.Unity", "UnityEngine")
-    compile_("UnityEngine", sorted((HERE / "stand_ins").glob("*.cs")))
-    compile_("Puppetline.Core", sorted((runtime / "Core").glob("*.cs")), more=["-doc:core.xml"])
-    compile_(
-        "Puppetline.Unity", sorted(runtime.glob("*.cs")), "Puppetline.Core", "UnityEngine", more=["-doc:unity.xml"]
-    )
-    stand_ins = HERE / "stand_ins"
-    compile_("Unity.Timeline", sorted((stand_ins / "timeline").glob("*.cs")), "UnityEngine")
-    compile_("UnityEditor", sorted((stand_ins / "editor").glob("*.cs")), "UnityEngine")
-    compile_("nunit.framework", sorted((stand_ins / "nunit").glob("*.cs")))
-    compile_(
-        "Puppetline.Timeline",
-        sorted((runtime / "Timeline").glob("*.cs")),
-        *unity,
-        "Unity.Timeline",
-        more=["-doc:timeline.xml"],
-    )
-    compile_(
-        "Puppetline.Editor",
-        sorted((PACKAGE / "Editor").glob("*.cs")),
-        *unity,
-        "UnityEditor",
-        more=["-doc:editor.xml"],
-    )
-    editing = (*unity, "UnityEditor", "Puppetline.Editor")
-    compile_("Tests", sorted((PACKAGE / "Tests").rglob("*.cs")), *editing, "nunit.framework", more=["-doc:tests.xml"])
-    compile_(
-        "Editing", [programs / "Editing.cs", programs / "Said.cs"], *editing, "nunit.framework", "Tests", target="exe"
-    )
-    compile_("Sample", sorted((PACKAGE / "Samples~").rglob("*.cs")), *unity)
-    compile_("Core", [programs / "Core.cs", programs / "Said.cs"], "Puppetline.Core", target="exe")
-    compile_("Sharing", [programs / "Sharing.cs", programs / "Said.cs"], "Puppetline.Core", target="exe")
-    timeline = ("Puppetline.Timeline", "Unity.Timeline")
-    compile_("Clips", [programs / "Clips.cs", programs / "Said.cs"], *unity, *timeline, target="exe")
-    posing = [programs / f"{name}.cs" for name in ("Skeletons", "Said")]
-    compile_("Component", [programs / "Component.cs", *posing], *unity, target="exe")
-    compile_("Posing", [programs / "Posing.cs", *posing], *unity, target="exe")
+    editing = (*unity, "UnityEditor", "Puppetline.Editor", "nunit.framework")
+    compile_("UnityEngine", stand_ins)
+    compile_("Puppetline.Core", runtime / "Core", doc="core")
+    compile_("Puppetline.Unity", runtime, "Puppetline.Core", "UnityEngine", doc="unity")
+    compile_("Unity.Timeline", stand_ins / "timeline", "UnityEngine")
+    compile_("UnityEditor", stand_ins / "editor", "UnityEngine")
+    compile_("nunit.framework", stand_ins / "nunit")
+    compile_("Puppetline.Timeline", runtime / "Timeline", *unity, "Unity.Timeline", doc="timeline")
+    compile_("Puppetline.Editor", PACKAGE / "Editor", *unity, "UnityEditor", doc="editor")
+    compile_("Tests", PACKAGE / "Tests", *editing, doc="tests", pattern="**/*.cs")
+    compile_("Sample", PACKAGE / "Samples~", *unity, pattern="**/*.cs")
+    program("Editing", *editing, "Tests")
+    program("Core", "Puppetline.Core")
+    program("Sharing", "Puppetline.Core")
+    program("Clips", *unity, "Puppetline.Timeline", "Unity.Timeline")
+    program("Component", *unity, sources=("Skeletons", "Said"))
+    program("Posing", *unity, sources=("Skeletons", "Said"))
 
 
 @pytest.fixture
-def start(mono, built):
+def start(mono, built, until_end):
     """Start one of the programs with arguments."""
-    started = []
-
-    def run(name, *arguments):
-        started.append(Program([mono[1], built / f"{name}.exe", *arguments]))
-        return started[-1]
-
-    yield run
-    for program in started:
-        program.kill()
+    return lambda name, *arguments: until_end(Program([mono[1], built / f"{name}.exe", *arguments]))
 
 
 @pytest.fixture(scope="session")
@@ -243,17 +225,9 @@ class Reference:
 
 
 @pytest.fixture
-def reference():
+def reference(until_end):
     """Follow topics with libzmq and Python."""
-    followed = []
-
-    def follow(*arguments, **more):
-        followed.append(Reference(*arguments, **more))
-        return followed[-1]
-
-    yield follow
-    for each in followed:
-        each.close()
+    return lambda *arguments, **more: until_end(Reference(*arguments, **more))
 
 
 @pytest.fixture(scope="session")
@@ -281,32 +255,18 @@ def serve_figure(serve, played, free_port):
     return start
 
 
-def served(commands, folder, *arguments):
-    """Serve for many tests: none of them asks for what others would see."""
-    state = {"XDG_STATE_HOME": str(folder)}
-    return Served(commands, *arguments, "--no-announce", "--takes", folder, "--port", 0, env=state)
-
-
-def end(service):
-    service.process.kill()
-    service.ended()
-    service.process.stderr.close()
-
-
 @pytest.fixture(scope="session")
 def figure(own_cache, commands, played, baked, tmp_path_factory):
-    """The small figure, served as long as the tests run, with morph targets."""
-    service = served(commands, tmp_path_factory.mktemp("figure"), *played, "--morphs", baked)
-    yield service
-    end(service)
+    """The small figure, served as long as the tests run, with morph targets; none asks for what others would see."""
+    with services(commands, tmp_path_factory.mktemp("figure")) as start:
+        yield start(*played, "--morphs", baked)
 
 
 @pytest.fixture(scope="session")
 def locked_figure(own_cache, commands, played, token_file, tmp_path_factory):
     """The same behind a token, without morph targets."""
-    service = served(commands, tmp_path_factory.mktemp("locked"), *played, "--token-file", token_file)
-    yield service
-    end(service)
+    with services(commands, tmp_path_factory.mktemp("locked")) as start:
+        yield start(*played, "--token-file", token_file)
 
 
 @pytest.fixture
@@ -327,11 +287,10 @@ def python(reference, figure):
 
 def shown(program, reference, wanted=20, since=0):
     """Wait until so many moments were shown that the reference has too; return (what was said, reference) of each."""
-    give_up = time.monotonic() + TIMEOUT_SECONDS
-    while time.monotonic() < give_up:
+
+    def both():
         theirs = dict(reference.frames)
-        both = [(each, theirs[each["frame"]].body) for each in program.said[since:] if each.get("frame") in theirs]
-        if len(both) >= wanted:
-            return both
-        time.sleep(0.05)
-    pytest.fail(f"{sum('frame' in each for each in program.said)} shown, {len(reference.frames)} of the reference")
+        found = [(each, theirs[each["frame"]].body) for each in program.said[since:] if each.get("frame") in theirs]
+        return found if len(found) >= wanted else None
+
+    return wait_until(both)

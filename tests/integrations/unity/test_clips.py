@@ -133,15 +133,11 @@ def of_another_scene(content):
 DAMAGES = {
     "no file": (lambda whole: b"", "0 frames"),
     "an end too early": (lambda whole: whole[:-9], "damaged at byte"),
-    "another file": (lambda whole: b"\0" + whole[1:], "damaged at byte 0"),
     "no description": (lambda whole: b"".join(list(messages_of(whole))[1:]), "damaged at byte 0"),
     "no scene": (lambda whole: next(messages_of(whole)), "0 frames"),
     "a frame too few": (lambda whole: rewritten(whole, frames=59), "59 are described"),
     "a time that goes back": (lambda whole: at_times(whole, lambda k: -k), "not later than the one before"),
-    "a time that is no number": (
-        lambda whole: at_times(whole, lambda k: float("nan")),
-        "not later than the one before",
-    ),
+    "a time that is no number": (lambda whole: at_times(whole, lambda k: np.nan), "not later than the one before"),
     "another scene": (lambda whole: rewritten(whole, revision=7), "another scene"),
 }
 

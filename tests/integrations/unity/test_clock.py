@@ -11,7 +11,7 @@ from engine_bridge.service.protocol.header import Header, Kind, join, write_json
 from engine_bridge.service.protocol.payloads import decode
 
 from ...recorded import recorded
-from .conftest import TIMEOUT_SECONDS
+from ...waiting import wait_until
 
 SCENE = decode(recorded("scene"))
 CONTROLS = recorded("1.controls")[128:]
@@ -65,10 +65,8 @@ class Service:
 
 
 @pytest.fixture
-def service():
-    made = Service()
-    yield made
-    made.close()
+def service(until_end):
+    return until_end(Service())
 
 
 @pytest.fixture
@@ -100,13 +98,13 @@ def ask(program, *lines):
 
 def wait_for(program, frames):
     """Wait until so many frames are there."""
-    give_up = time.monotonic() + TIMEOUT_SECONDS
-    while time.monotonic() < give_up:
+
+    def waiting():
         since = len(program.said)
         program.tell("waiting")
-        if program.until(lambda said: "waiting" in said, since)["waiting"] >= frames:
-            return
-    pytest.fail("the frames have not come")
+        return program.until(lambda said: "waiting" in said, since)["waiting"]
+
+    wait_until(lambda: waiting() >= frames)
 
 
 def test_a_manual_clock_moves_by_what_it_is_advanced(puppet, service):

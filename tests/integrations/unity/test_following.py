@@ -14,7 +14,8 @@ import pytest
 from engine_bridge.character import examples
 
 from ...recorded import recorded
-from .conftest import TIMEOUT_SECONDS, array
+from ...waiting import wait_until
+from .conftest import array
 
 FRAMES = 20
 FEW, EVERY = 6, 25
@@ -37,15 +38,13 @@ def frames(program, since=0):
 
 def common(program, reference, wanted=FRAMES, since=0):
     """Wait until both have so many frames of the same moments, and return those: (C#'s, Python's) each."""
-    give_up = time.monotonic() + TIMEOUT_SECONDS
-    while time.monotonic() < give_up:
+
+    def both():
         theirs = dict(reference.frames)
-        both = {n: (ours, theirs[n].body) for n, ours in frames(program, since).items() if n in theirs}
-        if len(both) >= wanted:
-            return list(both.values())
-        time.sleep(0.05)
-    states = [each for each in program.said if "state" in each]
-    pytest.fail(f"{len(frames(program, since))} frames, {len(reference.frames)} of the reference, {states}")
+        found = [(ours, theirs[n].body) for n, ours in frames(program, since).items() if n in theirs]
+        return found if len(found) >= wanted else None
+
+    return wait_until(both)
 
 
 def assert_equal(both, diagonal, most=1e-6, normals_most=1e-5):
@@ -175,12 +174,6 @@ def test_a_reload_brings_another_scene(serve, blob_puppet, take, follow, free_po
     program.finish()
 
 
-def test_the_right_token_lets_in(locked_figure, follow, token_file):
-    program = follow(locked_figure.port, "blob", token=token_file.read_text())
-    program.until(lambda said: "frame" in said)
-    program.finish()
-
-
 def test_a_wrong_token_is_refused_and_not_tried_again(locked_figure, follow, token_file):
     client = locked_figure.client("service/status", token=token_file.read_bytes())
     before = client.until(lambda _: True)[-1].body["clients"]["refused"]
@@ -204,45 +197,13 @@ def test_a_missing_token_and_one_too_many_are_guessed_at(figure, locked_figure, 
         program.finish()
 
 
-class Proxy:
-    """A network that gives everything byte by byte."""
-
-    def __init__(self, to):
-        self.to = to
-        self.listening = socket.create_server(("127.0.0.1", 0))
-        self.port = self.listening.getsockname()[1]
-        self.bytes = 0
-        threading.Thread(target=self._accept, daemon=True).start()
-
-    def _accept(self):
-        with suppress(OSError):
-            while True:
-                near, _ = self.listening.accept()
-                far = socket.create_connection(("127.0.0.1", self.to))
-                for one, other in ((near, far), (far, near)):
-                    other.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                    threading.Thread(target=self._pump, args=(one, other), daemon=True).start()
-
-    def _pump(self, one, other):
-        with suppress(OSError):
-            while some := one.recv(65536):
-                for byte in some:
-                    other.send(bytes((byte,)))
-                self.bytes += len(some)
-        one.close()
-        other.close()
-
-
-def test_a_network_that_gives_one_byte_at_a_time_does_no_harm(locked_figure, follow, reference, token_file):
+def test_a_network_that_gives_one_byte_at_a_time_does_no_harm(locked_figure, follow, reference, token_file, line):
     token = token_file.read_text()
-    proxy = Proxy(locked_figure.port)
     python = reference(locked_figure.stream, "blob/vertices", "blob/scene/python", token=token)
-    program = follow(proxy.port, "blob", token=token)
+    program = follow(line(locked_figure.port).port, "blob", token=token)
     both = common(program, python)
     assert_equal(both, python.scene.facts["diagonal"])
     program.finish()
-    assert proxy.bytes > 100_000
-    proxy.listening.close()
 
 
 GREETING = b"\xff" + bytes(8) + b"\x7f\x03\x00" + b"NULL".ljust(20, b"\0") + bytes(32)
@@ -253,34 +214,24 @@ def ping(context):
     return b"\x04" + bytes([7 + len(context)]) + b"\x04PING\x00\x00" + context
 
 
-class Impostor:
-    """Something else at the service's port: says one thing to each who comes, waits for an answer, and closes."""
+@pytest.fixture
+def impostor(answering):
+    """Have something say one thing to each who comes, wait for an answer, and close."""
 
-    def __init__(self, port, *sayings):
-        self.sayings = list(sayings)
-        self.heard = []
-        self.listening = socket.create_server(("127.0.0.1", port))
-        self._thread = threading.Thread(target=self._accept)
-        self._thread.start()
+    def start(*sayings, port=0):
+        left, heard = list(sayings), []
 
-    def _accept(self):
-        with suppress(OSError):
-            for saying in self.sayings:
-                one, _ = self.listening.accept()
-                with one, suppress(OSError):
-                    one.settimeout(1)
-                    one.sendall(saying)
-                    heard = b""
-                    self.heard.append(heard)
-                    with suppress(TimeoutError):
-                        while some := one.recv(4096):
-                            heard += some
-                            self.heard[-1] = heard
+        def answer(line):
+            line.settimeout(1)
+            line.sendall(left.pop(0) if left else b"")
+            heard.append(b"")
+            with suppress(TimeoutError):
+                while some := line.recv(4096):
+                    heard[-1] += some
 
-    def close(self):
-        self.listening.shutdown(socket.SHUT_RDWR)
-        self.listening.close()
-        self._thread.join()
+        return answering(answer, port), heard
+
+    return start
 
 
 NOISE = np.random.default_rng(3).bytes(5000)
@@ -304,54 +255,50 @@ SAYINGS = {
 
 
 @pytest.mark.slow
-def test_the_service_is_followed_once_it_replaces_another_program_on_the_port(serve_figure, follow, free_port):
+def test_the_service_is_followed_once_it_replaces_another_program_there(serve_figure, follow, impostor, free_port):
     """After a second each time, so that three clients at once meet a third of them each."""
     meetings = []
     for first in range(3):
-        port, sayings = free_port(), dict(list(SAYINGS.items())[first::3])
-        impostor = Impostor(port, *(saying for saying, _ in sayings.values()))
-        meetings.append((port, sayings, impostor, follow(port, "blob")))
-    for port, sayings, impostor, program in meetings:
+        sayings = dict(list(SAYINGS.items())[first::3])
+        server, _ = impostor(*(saying for saying, _ in sayings.values()), port=free_port())
+        meetings.append((sayings, server, follow(server.port, "blob")))
+    for sayings, server, program in meetings:
         since = 0
         for what, (_, reason) in sayings.items():
             said = program.until(
                 lambda said, reason=reason: said["state"] == "Offline" and reason in said["reason"], since
             )
             since = program.said.index(said, since) + 1
-            assert f":{port}" in said["reason"], what
+            assert f":{server.port}" in said["reason"], what
         peak = next(
             int(line.split()[1])
             for line in Path(f"/proc/{program.process.pid}/status").read_text().splitlines()
             if line.startswith("VmHWM")
         )
         assert peak < 200_000  # KB: what was announced has taken no memory
-        impostor.close()
-        serve_figure(port=port)
+        server.close()
+        serve_figure(port=server.port)
         program.until(lambda said: "frame" in said, since)
         program.finish()
 
 
-def test_a_ping_is_answered_with_its_context(follow, free_port):
-    port = free_port()
-    impostor = Impostor(port, SHAKEN + ping(b"") + ping(b"some context"))
-    program = follow(port, "blob")
+def test_a_ping_is_answered_with_its_context(follow, impostor):
+    server, heard = impostor(SHAKEN + ping(b"") + ping(b"some context"))
+    program = follow(server.port, "blob")
     program.until(lambda said: said.get("state") == "Offline")
-    impostor.close()
-    heard = impostor.heard[0]
+    heard = heard[0]
     assert heard.index(b"\x04\x05\x04PONG") < heard.index(b"\x04\x11\x04PONGsome context")
     assert heard.startswith(GREETING + b"\x04\x19\x05READY\x0bSocket-Type\x00\x00\x00\x03SUB")
     assert b"\x00\x0f\x01blob/controls\x00" in heard
 
 
-def test_another_protocol_version_is_refused_by_its_number(follow, free_port):
-    port = free_port()
+def test_another_protocol_version_is_refused_by_its_number(follow, impostor):
     message = (b"service/status".ljust(64, b"\0") + b"\x02\x00\x09" + bytes(61) + b"{}").ljust(200, b"\0")
-    impostor = Impostor(port, SHAKEN + b"\x00" + bytes([len(message)]) + message)
-    program = follow(port, "blob")
+    server, _ = impostor(SHAKEN + b"\x00" + bytes([len(message)]) + message)
+    program = follow(server.port, "blob")
     refused = program.until(lambda said: said.get("state") == "Refused")
     assert "version 2" in refused["reason"]
     program.finish()
-    impostor.close()
 
 
 @pytest.mark.slow
@@ -376,60 +323,35 @@ def sent(topic, name):
     return b"\x02" + struct.pack(">Q", len(message)) + message
 
 
-class SlowService:
-    """Nothing but the recorded scene, in nine parts with a second between them, and a frame behind it."""
+@pytest.mark.slow
+def test_a_scene_may_take_longer_than_a_service_may_be_silent(follow, answering):
+    """And is asked for less and less often meanwhile: each time, all of it would be sent again.
 
-    def __init__(self, port):
-        self.asked = []
-        self.met = 0
-        self.listening = socket.create_server(("127.0.0.1", port))
-        self._thread = threading.Thread(target=self._accept)
-        self._thread.start()
+    It comes in nine parts with a second between them, and a frame behind it.
+    """
+    asked, met = [], []
 
-    def _accept(self):
-        with suppress(OSError):
-            while True:
-                one, _ = self.listening.accept()
-                self.met += 1
-                with one, suppress(OSError):
-                    one.sendall(SHAKEN)
-                    self._serve(one)
-
-    def _serve(self, one):
-        sending = None
-        while some := one.recv(4096):
-            for topic in re.findall(rb"\x01(worm/scene/\w+)\0", some):
-                self.asked.append(time.monotonic())
-                if sending is None:
-                    sending = threading.Thread(target=self._send, args=(one, sent(topic, "scene")))
-                    sending.start()
-
-    def _send(self, one, scene):
+    def send(line, scene):
         part = -(-len(scene) // 9)
         with suppress(OSError):
             for start in range(0, len(scene), part):
-                one.sendall(scene[start : start + part])
+                line.sendall(scene[start : start + part])
                 time.sleep(1)
-            one.sendall(sent(b"worm/controls", "1.controls"))
+            line.sendall(sent(b"worm/controls", "1.controls"))
 
-    def close(self):
-        self.listening.shutdown(socket.SHUT_RDWR)
-        self.listening.close()
-        self._thread.join()
+    def answer(line):
+        met.append(line)
+        line.sendall(SHAKEN)
+        while some := line.recv(4096):
+            for topic in re.findall(rb"\x01(worm/scene/\w+)\0", some):
+                asked.append(time.monotonic())
+                if len(asked) == 1:
+                    threading.Thread(target=send, args=(line, sent(topic, "scene"))).start()
 
-
-@pytest.mark.slow
-def test_a_scene_may_take_longer_than_a_service_may_be_silent(follow, free_port):
-    """And is asked for less and less often meanwhile: each time, all of it would be sent again."""
-    port = free_port()
-    service = SlowService(port)
-    program = follow(port, "worm")
+    program = follow(answering(answer).port, "worm")
     program.until(lambda said: "frame" in said)
-    assert [said["state"] for said in program.finish() if said.get("state") in ("Connected", "Offline")] == [
-        "Connected"
-    ]
-    service.close()
-    assert service.met == 1
-    pauses = np.diff(service.asked)
+    states = [said["state"] for said in program.finish() if said.get("state") in ("Connected", "Offline")]
+    assert (states, len(met)) == (["Connected"], 1)
+    pauses = np.diff(asked)
     assert len(pauses) >= 2
     assert (np.diff(pauses) > 0).all()

@@ -7,7 +7,7 @@ import tomllib
 
 import pytest
 
-from .conftest import PACKAGE, STRICT
+from .conftest import HERE, PACKAGE, STRICT
 
 GUID = re.compile(r"guid: ([0-9a-f]{32})\b")
 FILES = [path for path in PACKAGE.rglob("*") if "Documentation~" not in path.parts and path.suffix != ".meta"]
@@ -34,10 +34,10 @@ def test_the_core_needs_nothing_of_the_engine(built):
 
 def test_the_package_says_what_it_is():
     package = json.loads((PACKAGE / "package.json").read_text())
-    project = tomllib.loads((PACKAGE.parents[1] / "pyproject.toml").read_text())["project"]
+    project = tomllib.loads((HERE.parents[2] / "pyproject.toml").read_text())["project"]
     assert (package["name"], package["version"]) == ("com.puppetline.unity", project["version"])
     assert package["license"] == project["license"]
-    assert (PACKAGE / "LICENSE.md").read_text() == (PACKAGE.parents[1] / "LICENSE").read_text()
+    assert (PACKAGE / "LICENSE.md").read_text() == (HERE.parents[2] / "LICENSE").read_text()
     for sample in package["samples"]:
         assert list((PACKAGE / sample["path"]).glob("*.unity"))
 
@@ -89,7 +89,7 @@ def test_the_sample_scene_refers_to_what_there_is():
     assert set(named) <= set(fields)
 
 
-GUIDE = PACKAGE.parents[1] / "docs" / "unity.md"
+GUIDE = HERE.parents[2] / "docs" / "unity.md"
 EXAMPLES = re.findall(r"^```csharp\n(.*?)^```$", GUIDE.read_text(), re.MULTILINE | re.DOTALL)
 
 

@@ -40,19 +40,8 @@ def compile_hlsl(tmp_path):
         stage = ENTRIES.get(entry, "vert")
         includes = [f"-I{folder}" for folder in (tmp_path, stand_ins, FOLDER)]
         options = ["--auto-map-bindings", "--auto-map-locations", "-o", tmp_path / "out.spv"]
-        command = [
-            compiler,
-            "-D",
-            "-V",
-            "-S",
-            stage,
-            "-e",
-            entry,
-            *includes,
-            *(f"-D{each}=1" for each in defines),
-            *options,
-        ]
-        compiled = subprocess.run([*command, source], capture_output=True, text=True, check=False)
+        command = [compiler, "-D", "-V", "-S", stage, "-e", entry, *includes, *(f"-D{each}=1" for each in defines)]
+        compiled = subprocess.run([*command, *options, source], capture_output=True, text=True, check=False)
         assert compiled.returncode == 0, compiled.stdout
         assert "WARNING" not in compiled.stdout, compiled.stdout
         validator = shutil.which("spirv-val")

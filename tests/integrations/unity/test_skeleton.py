@@ -108,10 +108,10 @@ def test_a_puppet_without_bones_of_a_known_name_says_which_joints_there_are(show
     warned = program.until(lambda said: "has a known name" in said.get("warning", ""))["warning"]
     assert "leftUpperArm" in warned
     assert "no joint 'tail_9'" in program.until(lambda said: "boneMap: " in said.get("warning", ""))["warning"]
-    program.kill()
+    program.close()
 
 
 def test_a_character_without_limbs_is_refused_with_a_remedy(show):
     program = show(mode="Bones")
     assert program.until(lambda said: "[[limb]]" in said.get("warning", ""))
-    program.kill()
+    program.close()

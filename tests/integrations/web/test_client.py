@@ -1,9 +1,10 @@
 """The JavaScript client in a real browser, with real services."""
 
-import time
 from pathlib import Path
 
 import pytest
+
+from ...waiting import wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -66,11 +67,7 @@ def test_listeners_of_a_topic_share_a_subscription_and_late_ones_get_the_last_me
     before = page.run("() => heard.frames")
     page.page.wait_for_timeout(300)
     assert page.run("() => heard.frames") == before
-    give_up = time.monotonic() + 10  # the service counts its clients once per second
-    while (output := service.ask("describe")["status"]["outputs"][-1])["clients"] != 1:
-        assert time.monotonic() < give_up
-        page.page.wait_for_timeout(100)
-    assert output["wire"] == "websocket"
+    wait_until(lambda: service.ask("describe")["status"]["outputs"][-1]["clients"] == 1)  # counted once per second
 
 
 def test_a_wrong_token_is_final_until_retry_and_the_right_one_is_accepted(start, open_page, token_file):
@@ -187,6 +184,4 @@ def test_the_ten_lines_of_the_documentation_show_a_character(start, open_page, s
     template = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")
     page.write_text(template.replace('src="page.js">', f">{mine}"), encoding="utf-8")
     shown = open_page(site.add(page))
-    give_up = time.monotonic() + 60
-    while (abs(shown.picture()[:150, :300].astype(int)).max(axis=2) > 30).mean() < 0.02:
-        assert time.monotonic() < give_up
+    wait_until(lambda: (abs(shown.picture()[:150, :300].astype(int)).max(axis=2) > 30).mean() >= 0.02)

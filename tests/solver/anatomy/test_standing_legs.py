@@ -7,7 +7,8 @@ import pytest
 
 from solver.anatomy.limb_finding import find_limbs
 
-from .test_limb_finding import IMAGE, both, found
+from .test_limb_finding import ARM, BODY, IMAGE, KNEE, SKULL, both, found
+from .test_limb_finding import HIP as HIP_OF_A_PERSON
 
 HIP, STIFLE, HOCK, FETLOCK, TOE = (
     (0.2, 1.0, -0.9),
@@ -97,3 +98,66 @@ def test_legs_of_a_centipede_that_stand_close_together_are_not_one(solver_mesh):
 
 def test_nothing_is_unclear_about_a_third_leg_of_a_body_that_lies(solver_mesh):
     assert find_limbs(solver_mesh([*TRUNK, *MIDDLE, *both(*FRONT)]), np.eye(3)).notes == ()
+
+
+FROG_HIND = [(0.3, 0.5, -1.0), (0.95, 0.42, -0.2), (0.9, 0.12, -1.3), (1.25, 0.08, -0.2)]
+FROG_FRONT = [(0.45, 0.7, 0.5), (0.95, 0.4, 0.1), (1.0, 0.1, 0.7), (1.0, 0.08, 1.1)]
+FROG_TOES = [((1.0, 0.1, 0.7), (0.75, 0.08, 1.0), 0.06), ((1.0, 0.1, 0.7), (1.3, 0.08, 0.95), 0.06)]
+
+
+def test_a_frog_sits_on_folded_legs_with_their_joints_at_the_corners_and_one_foot_with_its_toes(solver_mesh):
+    body = [((0.0, 0.6, -1.0), (0.0, 0.75, 0.9), 0.42), ((0.0, 0.8, 0.9), (0.0, 0.8, 1.3), 0.36)]
+    legs = [(*bone, 0.1) for joints in (FROG_HIND, FROG_FRONT) for bone in pairwise(joints)]
+    limbs = found(solver_mesh([*body, *both(*legs, *FROG_TOES)], 0.04))
+    assert sum("leg" in name for name in limbs) == 4
+    for side, sign in FEET.items():
+        assert away(limbs[f"{side} hind leg"][1:], sign * FROG_HIND[1:]).max() < 0.2
+        assert away(limbs[f"{side} front leg"][:3], sign * FROG_FRONT[:3]).max() < 0.25
+
+
+def test_a_straight_leg_has_its_joints_at_the_usual_places(solver_mesh):
+    limbs = found(solver_mesh([*TRUNK, *both(*HIND, ((0.25, 1.0, 0.9), (0.25, 0.06, 0.9), 0.1))]))
+    for side in FEET:
+        np.testing.assert_allclose(limbs[f"{side} front leg"][1:3, 1], np.multiply(0.7, (0.65, 0.22)), atol=0.08)
+
+
+def pillars(*feet):
+    return [((x, 0.9, z), (x, y, z), 0.1) for x, y, z in feet]
+
+
+@pytest.mark.parametrize(
+    ("limbs", "feet"),
+    [
+        (
+            [((x, 0.9, -0.8), (x, 0.9, 0.8), 0.1) for x in np.linspace(-0.6, 0.6, 9)],
+            [(x, 0.0, z) for x in (0.6, -0.6) for z in (-0.8, 0.8)],
+        ),
+        (TRUNK, [(0.25, 0.0, -0.9), (-0.25, 0.0, -0.9), (0.25, 0.0, 0.9), (-0.25, 0.25, 0.9)]),
+        (TRUNK, [(0.25, -0.3, -0.9), (-0.25, -0.3, -0.9), (0.25, -0.3, 0.9), (-0.25, -0.3, 0.9), (0.0, -0.3, 0.0)]),
+    ],
+    ids=["a table", "one leg is too short", "a fifth leg in the middle"],
+)
+def test_each_leg_of_an_odd_body_is_a_limb_with_its_own_foot_or_is_named(solver_mesh, limbs, feet):
+    result = find_limbs(solver_mesh([*limbs, *pillars(*feet)], 0.045), np.eye(3))
+    ends = [points[-1] for name, points in result.points.items() if "leg" in name]
+    said = [note.split(" at ")[1].split(". ")[0] for note in result.notes if note.startswith("Something else")]
+    ends += [np.array(place.split(","), dtype=float) for place in said]
+    assert len(ends) == len(feet)
+    for foot in feet:
+        assert away(ends, foot).min() < 0.2, (foot, result.notes)
+
+
+def test_a_person_who_stands_on_the_toes_has_ankles_above_them(solver_mesh):
+    toes = (0.18, 0.06, 0.12)
+    leg = [(HIP_OF_A_PERSON, KNEE, 0.08), (KNEE, (0.18, 0.28, 0.0), 0.06), ((0.18, 0.28, 0.0), toes, 0.05)]
+    limbs = found(solver_mesh([*BODY, SKULL, *both(*ARM, *leg)]))
+    for side, sign in FEET.items():
+        np.testing.assert_allclose(limbs[f"{side} leg"][2:], sign * np.array([(0.18, 0.28, 0.0), toes]), atol=0.12)
+
+
+def test_a_ghost_with_arms_and_no_legs_glides(solver_mesh):
+    robe = [((0.0, 1.4, 0.0), (0.0, 0.9, 0.0), 0.22), ((0.0, 0.9, 0.0), (0.05, 0.3, -0.2), 0.12)]
+    result = find_limbs(solver_mesh([*robe, SKULL, *BODY[1:], *both(*ARM)]), np.eye(3))
+    assert {"left arm", "right arm"} <= result.points.keys()
+    assert not any("leg" in name for name in result.points)
+    assert [note.split(".")[0] for note in result.notes] == ["No legs were found"]

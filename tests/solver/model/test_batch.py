@@ -5,8 +5,6 @@ import pytest
 
 from solver.model import batch
 from solver.model.batch import BatchBinding
-from solver.model.reduced_model import build
-from solver.surface.mesh import SolverMesh
 
 
 @pytest.fixture(scope="module")
@@ -77,14 +75,6 @@ def test_some_of_the_vertices_move_as_all_do(binding, frames):
     chosen = np.array([7, 3, 200, 3])
     assert len(binding.only(chosen)) == 4
     np.testing.assert_allclose(binding.only(chosen).vertices(frames), binding.vertices(frames)[chosen], atol=1e-6)
-
-
-def test_a_character_far_from_the_origin_is_moved_as_exactly_as_a_float32_can_be(creature, creature_model, surface):
-    far = SolverMesh(creature.vertices + np.array([5000, 0, -300]), creature.faces, creature.of_render)
-    model = build(far)
-    R = model.rest_controls + np.random.default_rng(2).normal(scale=0.05, size=model.rest_controls.shape)
-    found = BatchBinding.of_solver_mesh(model, far).vertices(R[None])[:, :, 0]
-    np.testing.assert_allclose(found, surface(model, far, R), rtol=1e-6, atol=1e-6)
 
 
 def test_fewer_frames_at_a_time_where_there_are_many_vertices(binding, monkeypatch):

@@ -78,14 +78,6 @@ def test_smoothing_is_that_of_all_vertices(fine):
         assert np.abs(sampled.smoothed(values, length) - expected).max() < 0.03 * np.ptp(values, axis=0).max()
 
 
-def test_the_order_of_vertices_hardly_shows(fine):
-    """Another order has other samples; the 2nd and 3rd field, whose eigenvalues are 5 % apart, mix a little."""
-    order = np.random.default_rng(4).permutation(len(fine.vertices))
-    rank = np.argsort(order)
-    mixed = SolverMesh(fine.vertices[order], rank[fine.faces], np.arange(len(order)))
-    assert isolines_apart(mixed) < 0.4
-
-
 def test_parts_that_touch_are_between_the_same_isolines(two_parts):
     whole = weld(*igl.upsample(two_parts.vertices, two_parts.faces, 2))
     assert whole.parts == 2

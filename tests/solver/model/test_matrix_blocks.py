@@ -43,11 +43,8 @@ def test_packed_blocks_are_unpacked_unchanged(rng, count):
     ],
 )
 def test_a_product_in_lanes_is_the_product_and_is_added_to_what_was_there(rng, row, column):
-    M, x, y = (
-        rng.normal(size=(len(row), len(column))),
-        rng.normal(size=(len(column), 3)),
-        rng.normal(size=(len(row), 3)),
-    )
+    M = rng.normal(size=(len(row), len(column)))
+    x, y = rng.normal(size=(len(column), 3)), rng.normal(size=(len(row), 3))
     result = matrix_blocks.pack_rows(y, row)
     matrix_blocks.add_product(matrix_blocks.pack_matrix(M, row, column), matrix_blocks.pack_rows(x, column), result)
     np.testing.assert_allclose(matrix_blocks.unpack_rows(result, row), y + M @ x, rtol=0, atol=1e-13 * len(column))

@@ -9,8 +9,6 @@ from solver.model import fields
 from solver.model.reduced_model import ModelParameters, build
 from solver.surface.mesh import SolverMesh, weld
 
-PARAMETERS = ModelParameters()
-
 
 def same(a, b):
     for field in dataclasses.fields(a):
@@ -35,18 +33,6 @@ def test_model_units_are_those_of_the_bounding_box(creature, creature_model):
     points = creature_model.to_model(creature.vertices)
     np.testing.assert_allclose(points.min(axis=0), -points.max(axis=0), atol=1e-12)
     assert np.linalg.norm(np.ptp(points, axis=0)) == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize(("count", "isolines"), [(8, 10), (3, 4), (1, 2)])
-def test_shapes_follow_the_parameters(creature, count, isolines):
-    model = build(creature, ModelParameters(count, isolines))
-    m = count * isolines
-    assert model.isolines == isolines
-    assert model.weights.shape == (count,)
-    assert model.isoline_coordinates.shape == (len(creature.vertices), count)
-    assert (model.A.shape, model.B.shape) == ((4 * m, 4 * m), (4 * m, 3 * m))
-    assert model.rest_controls.shape == (4 * m, 3)
-    assert 0 <= model.isoline_coordinates.min() < model.isoline_coordinates.max() == isolines - 1
 
 
 def test_positions_are_the_blend_written_out(creature, creature_model, dense, naive_interpolation):

@@ -42,7 +42,7 @@ def test_single_precision_gives_the_same_to_its_rounding(operator):
 def test_each_part_of_an_error_is_reduced_by_the_chebyshev_polynomial(operator):
     L, mass = operator
     diagonal = -L.diagonal()
-    largest = (np.abs(L).sum(axis=1).A1 if hasattr(np.abs(L).sum(axis=1), "A1") else np.abs(L).sum(axis=1)) / diagonal
+    largest = np.asarray(np.abs(L).sum(axis=1)).ravel() / diagonal
     values, vectors = scipy.linalg.eigh(-L.toarray(), np.diag(diagonal))
     top = float(np.max(largest))
     low = top / ROUGH_EIGENVALUE_RATIO

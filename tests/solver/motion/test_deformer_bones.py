@@ -13,7 +13,7 @@ from solver.motion.bone_terms import BLEND_POWER, BONE_STIFFNESS, DISTANT_BONE_W
 from solver.motion.deformer import HANDLE_STIFFNESS, NEARBY_BONE_WEIGHT, Deformer
 from solver.surface.mesh import SolverMesh
 
-MODES = ["clusters", "covariance", "triangles"]
+MODES = ["clusters", "covariance"]
 
 
 def pulled(deformer, seed=0, size=0.1):

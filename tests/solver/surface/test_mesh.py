@@ -102,12 +102,6 @@ def test_degenerate_and_double_faces_are_dropped():
     np.testing.assert_array_equal(mesh.vertices, CORNERS)
 
 
-def test_faces_that_collapse_when_their_corners_are_welded_are_dropped():
-    positions = np.concatenate([CORNERS, CORNERS[[3]]])
-    mesh = weld(positions, np.concatenate([CUBE, [[3, 8, 1]]]))
-    np.testing.assert_array_equal(mesh.faces, CUBE)
-
-
 def test_repairs_are_counted_and_reported():
     middle, loose = [[0.5, 0.0, 0.0]], [[3.0, 3, 3], [4.0, 4, 4]]
     positions = np.concatenate([CORNERS, middle, loose, CORNERS[[2, 5, 5]]])
@@ -260,14 +254,6 @@ def test_a_surface_with_one_side_only_is_no_obstacle():
     assert mesh.parts == 1
 
 
-def test_normals_stay_outwards_far_from_the_origin(figure):
-    offset = np.array([1e6, -2e6, 5e5])
-    chosen = np.random.default_rng(3).random(len(figure.faces)) < 0.5
-    mesh = weld(figure.vertices + offset, flipped(figure.faces, chosen))
-    np.testing.assert_array_equal(sides(mesh), sides(figure))
-    np.testing.assert_array_equal(mesh.of_render, np.arange(len(figure.vertices)))
-
-
 # --- too coarse
 
 
@@ -325,16 +311,9 @@ def positions_with(value):
         (np.zeros((0, 3)), np.zeros((0, 3)), "0 vertices and 0 triangles", "a triangle surface"),
         (CORNERS, np.zeros((0, 3)), "8 vertices and 0 triangles", "a triangle surface"),
         (positions_with(np.nan), CUBE, "not a finite number at vertex 5", "finite coordinates"),
-        (positions_with(-np.inf), CUBE, "not a finite number at vertex 5", "finite coordinates"),
         (CORNERS, [[0, 1, 2], [0, 8, 1]], "vertex index 8 in triangle 1", "indices from 0 to 7"),
         (CORNERS, [[0, 1, -2], [0, 3, 1]], "vertex index -2 in triangle 0", "indices from 0 to 7"),
         (np.ones((8, 3)), CUBE, "all vertices at one point", "a surface with an extent"),
-        (
-            np.concatenate([np.ones((8, 3)), [[2.0, 2, 2]]]),
-            CUBE,
-            "all vertices at one point",
-            "a surface with an extent",
-        ),
         (CORNERS, CUBE[:3], "3 faces with an area", "at least 4 triangles"),
         (CORNERS * [1, 0, 0], CUBE, "0 faces with an area", "at least 4 triangles"),
         (CORNERS, np.repeat(CUBE[:1], 9, axis=0), "1 faces with an area", "at least 4 triangles"),

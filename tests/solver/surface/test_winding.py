@@ -2,7 +2,7 @@ import igl
 import numpy as np
 import pytest
 
-from solver.surface.winding import edges_of, lexicographic_order, pieces, wound_consistently, wound_outwards
+from solver.surface.winding import distinct_rows, edges_of, pieces, wound_consistently, wound_outwards
 
 
 def strip(count, twist):
@@ -100,9 +100,12 @@ def test_edges_are_those_that_sorting_finds(count):
         np.testing.assert_array_equal(found, numpys.reshape(found.shape))
 
 
-def test_rows_are_put_in_order_and_equal_ones_keep_theirs():
-    rows = np.random.default_rng(0).integers(0, 6, (500, 3))
-    np.testing.assert_array_equal(lexicographic_order(rows, 6), np.lexsort(rows.T[::-1]))
+@pytest.mark.parametrize(("rows", "columns"), [(500, 3), (500, 1), (1, 2), (0, 3)])
+def test_distinct_rows_are_those_that_numpy_finds(rows, columns):
+    table = np.random.default_rng(0).integers(-1, 6, (rows, columns))
+    _, first, kind = np.unique(table, axis=0, return_index=True, return_inverse=True)
+    for found, numpys in zip(distinct_rows(table), (first, kind), strict=True):
+        np.testing.assert_array_equal(found, numpys.reshape(-1))
 
 
 def test_pieces_hang_together_at_edges_and_not_at_points():

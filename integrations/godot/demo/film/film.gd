@@ -75,6 +75,7 @@ func _film(takes: Dictionary) -> void:
 	var begin := Time.get_ticks_msec() + 1000 * EASE_SECONDS
 	_wait_for(func() -> bool: return Time.get_ticks_msec() > begin)
 	_wait_for_reply(func(done: Callable) -> void: _timeline.pause(false, done))
+	_timeline.is_filmed = true
 	_timeline.last = minf(_timeline.last, _timeline.state["end"])
 	_timeline.ended.connect(func() -> void: get_tree().quit())
 	for puppet in _puppets:

@@ -1,7 +1,7 @@
 extends Node
 ## The takes that the service plays on its characters, from a first to a last second, with the sounds beside them.
 ##
-## The service keeps the time. While Godot writes a movie, the engine does, because images wait for their frames.
+## The service keeps the time, or the engine while it films.
 
 ## Emitted with each status of the service.
 signal changed
@@ -22,6 +22,8 @@ var first := 0.0
 var last := INF
 ## Second of the timeline that is shown.
 var position := 0.0
+## Whether the engine keeps the time, because the images of a movie wait for their frames.
+var is_filmed := false
 
 var _puppet: Puppet3D
 var _sounds: Dictionary = {}  # name of a take: its player; null if it has no sound
@@ -86,7 +88,7 @@ func _taking_state(done := Callable()) -> Callable:
 
 
 func _take_state(timeline: Dictionary) -> void:
-	if OS.has_feature("movie") and is_running():
+	if is_filmed:
 		return
 	state = timeline
 	position = state.get("position", 0.0)

@@ -1,6 +1,6 @@
 import numpy as np
 
-from engine_bridge.character.surfaces.corners import distinct_corners, unique_rows
+from engine_bridge.character.surfaces.corners import distinct_corners
 
 
 def test_distinct_corners_come_in_the_order_in_which_they_first_appear():
@@ -15,12 +15,3 @@ def test_corners_are_put_together_again_from_their_vertices():
     np.testing.assert_array_equal(corners[first][vertex_of], corners)
     assert len(first) == len(np.unique(corners, axis=0))
     assert (np.diff(first) > 0).all()
-
-
-def test_equal_rows_are_found_in_the_order_of_their_entries():
-    rows = np.random.default_rng(3).integers(-1, 5, (400, 2))
-    _, first, kind = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    found = unique_rows(rows)
-    np.testing.assert_array_equal(found[0], first)
-    np.testing.assert_array_equal(found[1], kind.ravel())
-    assert [len(part) for part in unique_rows(rows[:0])] == [0, 0]

@@ -152,7 +152,7 @@ def test_more_rows_than_the_bytes_hold_are_refused_before_any_memory_is_taken(wr
 def test_lists_longer_than_the_bytes_or_shorter_than_nothing_are_refused(written, length, row):
     head = b"ply\nformat binary_little_endian 1.0\nelement a 2\nproperty list int double some\nend_header\n"
     lists = [struct.pack("<id", 1, 0.5)] * row + [struct.pack("<i", length)] + [bytes(16)] * (2 - row)
-    assert refused(written, head + b"".join(lists)) == (", element a", f"a list of {length} in row {row}")
+    assert refused(written, head + b"".join(lists)) == (", element a", f"{length:,} values in row {row}")
 
 
 def test_only_a_word_of_its_own_is_a_beginning():

@@ -71,10 +71,9 @@ def test_a_facet_that_is_nowhere_is_named(cube, written, bad):
     [
         (4, "vertex 0 0", 4, "'0 0'"),
         (4, "vertex 0 0 nan", 4, "'0 0 nan'"),
-        (4, "vortex 0 0 0", 7, "a facet with 2 vertices"),
-        (4, "", 7, "a facet with 2 vertices"),
-        (2, "fact normal 0 0 0", 3, "'outer loop'"),
-        (6, "facet normal 0 0 0", 6, "'facet normal 0 0 0'"),
+        (4, "vortex 0 0 0", 8, "a facet with 2 vertices"),
+        (4, "", 8, "a facet with 2 vertices"),
+        (8, "", 15, "a facet with 6 vertices"),
     ],
 )
 def test_a_line_that_does_not_fit_is_named(cube, written, line, instead, where, found):

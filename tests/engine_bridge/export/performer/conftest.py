@@ -14,14 +14,10 @@ OF_JOINTS = {
     **{
         f"{joint}_{side}": f"{side}{bone}"
         for side in ("left", "right")
-        for joint, bone in {
-            "shoulder": "UpperArm",
-            "elbow": "LowerArm",
-            "wrist": "Hand",
-            "hip": "UpperLeg",
-            "knee": "LowerLeg",
-            "ankle": "Foot",
-        }.items()
+        for joint, bone in (
+            *(("shoulder", "UpperArm"), ("elbow", "LowerArm"), ("wrist", "Hand")),
+            *(("hip", "UpperLeg"), ("knee", "LowerLeg"), ("ankle", "Foot")),
+        )
     },
 }
 """VRM's bone at each joint of the Kinect."""

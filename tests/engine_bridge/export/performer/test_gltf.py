@@ -1,4 +1,5 @@
 import json
+from itertools import pairwise
 
 import numpy as np
 import pygltflib as gltf
@@ -15,19 +16,9 @@ from .conftest import joints_of
 TIMES = 13
 """Number of times, of which every other is between two keyframes."""
 
-LIMBS = [
-    *(
-        (f"{side}{a}", f"{side}{b}")
-        for side in ("left", "right")
-        for a, b in (("UpperArm", "LowerArm"), ("LowerArm", "Hand"))
-    ),
-    *(
-        (f"{side}{a}", f"{side}{b}")
-        for side in ("left", "right")
-        for a, b in (("UpperLeg", "LowerLeg"), ("LowerLeg", "Foot"))
-    ),
-    ("neck", "head"),
-]
+CHAINS = (("UpperArm", "LowerArm", "Hand"), ("UpperLeg", "LowerLeg", "Foot"))
+LIMBS = [(side + a, side + b) for side in ("left", "right") for chain in CHAINS for a, b in pairwise(chain)]
+LIMBS.append(("neck", "head"))
 
 
 @pytest.fixture(scope="module")

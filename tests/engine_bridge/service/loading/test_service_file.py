@@ -7,6 +7,8 @@ from puppetline.errors import ServiceError
 
 STAGE = '[[stage]]\nsource = "osc:7110"\n'
 CHARACTER = '[[stage.character]]\npuppet = "dog.toml"\n'
+OSC = "[[osc]]\nport = 1\n"
+BOTH, FIRST = STAGE + CHARACTER, "[[stage]] 1, [[character]] 1"
 
 
 def read(tmp_path, text):
@@ -79,43 +81,21 @@ puppet = "figures/big dog (2).toml"
     [
         ("", "stage", "nothing", "Add a table [[stage]] there."),
         (STAGE, "[[stage]] 1, character", "nothing", "Add a table [[character]] there."),
-        (
-            STAGE + CHARACTER + 'colour = "red"',
-            "[[stage]] 1, [[character]] 1, colour",
-            "unknown key 'colour'",
-            "Remove it.",
-        ),
+        (BOTH + 'colour = "red"', f"{FIRST}, colour", "unknown key 'colour'", "Remove it."),
         (STAGE + 'poeple = "each"\n' + CHARACTER, "[[stage]] 1, poeple", "unknown key", "Did you mean 'people'?"),
         (STAGE + 'people = "all"\n' + CHARACTER, "[[stage]] 1, people", "'all'", "Change the value of that key."),
         (STAGE + "turn = true\n" + CHARACTER, "[[stage]] 1, turn", "True", "Change the value of that key."),
-        (STAGE + CHARACTER + 'name = "a/b"', "[[stage]] 1, [[character]] 1 'a/b', name", "'a/b'", "Change"),
+        (BOTH + 'name = "a/b"', f"{FIRST} 'a/b', name", "'a/b'", "Change"),
+        (BOTH + CHARACTER, "[[stage]] 1, [[character]] 2, name", "the name 'dog' again", "Choose another"),
+        (BOTH + 'name = "service"', f"{FIRST} 'service', name", "'service'", "Choose"),
+        ("[network]\nport = 99999\n" + BOTH, "[network], port", "99999", "Change"),
+        ("[netwrok]\n" + BOTH, "netwrok", "unknown key 'netwrok'", "Did you mean 'network'?"),
+        (OSC + "send = []\n" + BOTH, "[[osc]] 1, send", "[]", "Change"),
+        (OSC + 'characters = ["cat"]\n' + BOTH, "[[osc]] 1, characters, 1", "no character 'cat'", "Choose one"),
+        (OSC + 'send = ["morphs"]\n' + BOTH, "[[osc]] 1, send", "morph weights", "Make"),
         (
-            STAGE + CHARACTER + CHARACTER,
-            "[[stage]] 1, [[character]] 2, name",
-            "the name 'dog' again",
-            "Choose another",
-        ),
-        (
-            STAGE + CHARACTER + 'name = "service"',
-            "[[stage]] 1, [[character]] 1 'service', name",
-            "'service'",
-            "Choose",
-        ),
-        ("[network]\nport = 99999\n" + STAGE + CHARACTER, "[network], port", "99999", "Change"),
-        ("[netwrok]\n" + STAGE + CHARACTER, "netwrok", "unknown key 'netwrok'", "Did you mean 'network'?"),
-        ("[[osc]]\nport = 1\nsend = []\n" + STAGE + CHARACTER, "[[osc]] 1, send", "[]", "Change"),
-        (
-            '[[osc]]\nport = 1\ncharacters = ["cat"]\n' + STAGE + CHARACTER,
-            "[[osc]] 1, characters, 1",
-            "no character 'cat'",
-            "Choose one",
-        ),
-        ('[[osc]]\nport = 1\nsend = ["morphs"]\n' + STAGE + CHARACTER, "[[osc]] 1, send", "morph weights", "Make"),
-        (
-            '[[osc]]\nport = 1\nsend = ["vmc"]\n' + STAGE + CHARACTER + CHARACTER + 'name = "cat"\n',
-            "[[osc]] 1, characters",
-            "VMC of 2 characters (dog, cat)",
-            "Choose one of them",
+            OSC + 'send = ["vmc"]\n' + BOTH + CHARACTER + 'name = "cat"\n',
+            *("[[osc]] 1, characters", "VMC of 2 characters (dog, cat)", "Choose one of them"),
         ),
         (STAGE.replace("osc:7110", "") + CHARACTER, "[[stage]] 1, source", "''", "Change"),
     ],

@@ -39,16 +39,8 @@ def manager(request, tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def notifier():
-    made = []
-
-    def make():
-        made.append(Notifier())
-        return made[-1]
-
-    yield make
-    for each in made:
-        each.close()
+def notifier(until_end):
+    return lambda: until_end(Notifier())
 
 
 def test_each_state_is_a_datagram_as_sd_notify_sends_it(manager, notifier):
@@ -91,22 +83,15 @@ def test_the_watchdog_is_fed_by_frames_and_by_nothing_else(manager, notifier, mo
 
 
 @pytest.mark.parametrize(
-    "environment", [{}, {"WATCHDOG_USEC": "10000000", "WATCHDOG_PID": "1"}, {"WATCHDOG_USEC": "x"}]
+    ("usec", "pid", "told"),
+    [("", "", []), ("10000000", "1", []), ("x", "", []), ("10000000", str(os.getpid()), ["WATCHDOG=1"])],
 )
-def test_without_a_watchdog_for_this_process_nothing_is_fed(manager, notifier, monkeypatch, environment):
-    for key, value in environment.items():
-        monkeypatch.setenv(key, value)
-    told = notifier()
-    told.watchdog(5)
-    assert manager() == []
-
-
-def test_a_watchdog_for_this_process_by_its_number_is_fed(manager, notifier, monkeypatch):
-    monkeypatch.setenv("WATCHDOG_USEC", "10000000")
-    monkeypatch.setenv("WATCHDOG_PID", str(os.getpid()))
-    told = notifier()
-    told.watchdog(5)
-    assert manager() == ["WATCHDOG=1"]
+def test_only_a_watchdog_for_this_process_is_fed(manager, notifier, monkeypatch, usec, pid, told):
+    for name, value in (("WATCHDOG_USEC", usec), ("WATCHDOG_PID", pid)):
+        if value:
+            monkeypatch.setenv(name, value)
+    notifier().watchdog(5)
+    assert manager() == told
 
 
 def test_without_systemd_nothing_happens(notifier, monkeypatch):

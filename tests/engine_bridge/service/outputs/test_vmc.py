@@ -1,7 +1,6 @@
 import itertools
 import math
 import socket
-import time
 from contextlib import closing
 from dataclasses import replace
 from select import select
@@ -12,7 +11,7 @@ from pythonosc.osc_bundle import OscBundle
 from scipy.spatial.transform import Rotation
 
 from capture.network.source import open_vmc
-from capture.skeleton import JOINT_INDEX, LOST, SkeletonFrame, to_character_axes
+from capture.skeleton import JOINT_INDEX, LOST, to_character_axes
 from engine_bridge.performance.retargeting import PERFORMER
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.puppet.puppet import MorphTable
@@ -21,9 +20,9 @@ from engine_bridge.service.outputs.vmc import DATAGRAM_BYTES, datagrams
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from solver.motion.limb_motion import LimbMotion
 
+from ....capture.conftest import Watched
 from .frames import frame_of
 
-TIMEOUT_SECONDS = 60.0
 SIDE = """
 [[limb]]
 name = "{side} arm"
@@ -200,13 +199,7 @@ def test_a_vmc_reader_recovers_the_directions_of_the_characters_bones(figure, mo
 
 
 def next_frame(source):
-    give_up = time.monotonic() + TIMEOUT_SECONDS
-    while time.monotonic() < give_up:
-        select([source.fileno()], [], [], max(0, min(source.due() - time.monotonic(), 1)))
-        for event in source.receive():
-            if isinstance(event, SkeletonFrame):
-                return event
-    raise AssertionError("no frame")
+    return Watched(source).frames()[0]
 
 
 def test_the_clock_is_the_senders_and_the_rate_is_kept(figure, moved_by):
@@ -229,44 +222,3 @@ def test_the_clock_is_the_senders_and_the_rate_is_kept(figure, moved_by):
     np.testing.assert_allclose(times, np.arange(10) / 10, atol=1e-4)
     assert len(whole) == 20
     assert len(got) == 21
-
-
-@pytest.fixture
-def service_file(humanoid_puppet, tmp_path, free_port):
-    def write(source, port):
-        file = tmp_path / "kiosk.toml"
-        file.write_text(
-            f'announce = false\n[network]\nport = {free_port()}\n[[stage]]\nsource = "{source}"\n'
-            f'[[stage.character]]\npuppet = "{humanoid_puppet}"\n[[osc]]\nport = {port}\nrate = 60\nsend = ["vmc"]\n'
-        )
-        return file
-
-    return write
-
-
-@pytest.mark.slow
-def test_a_vmc_program_sees_the_arms_where_the_performer_has_them(serve, service_file, sender, kung_fu, moved):
-    first, held = kung_fu[0], kung_fu[100]
-    begin = [moved(first, time=n / 60) for n in range(100)]
-    frames = itertools.chain(begin, (moved(held, time=2 + n / 60) for n in itertools.count()))
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
-        receiver.bind(("127.0.0.1", 0))
-        receiver.settimeout(TIMEOUT_SECONDS)
-        serve("--config", service_file(sender.uri, receiver.getsockname()[1]))
-        with sender.playing(frames):
-            expected = directions(to_character_axes(held.positions))[3:5]  # the left upper arm and forearm
-            give_up = time.monotonic() + TIMEOUT_SECONDS
-            calibrated, latest, apart = [], {}, 180.0
-            while apart > 2 and time.monotonic() < give_up:
-                sent = [receiver.recv(65536)]
-                assert len(sent[0]) <= DATAGRAM_BYTES
-                calibrated += [values for address, values in messages(sent) if address == "/VMC/Ext/OK"]
-                latest |= bones(sent)
-                if len(latest) == 21:
-                    chest = latest["Hips"][1] * latest["Spine"][1] * latest["Chest"][1] * latest["LeftShoulder"][1]
-                    upper = chest * latest["LeftUpperArm"][1]
-                    lower = upper * latest["LeftLowerArm"][1]
-                    arms = np.array([turn.apply([-1, 0, 0]) for turn in (upper, lower)]) * [-1, 1, 1]
-                    apart = math.degrees(np.arccos(np.clip((arms * expected).sum(axis=1), -1, 1)).max())
-    assert apart <= 2
-    assert [1, 3, 0, 1] in calibrated

@@ -10,21 +10,20 @@ from dataclasses import replace
 import aiohttp
 import numpy as np
 import pytest
-import zmq
 
 from engine_bridge.service.control.dispatcher import Dispatcher
 from engine_bridge.service.control.requests import Nothing
 from engine_bridge.service.outputs import websocket_server
 from engine_bridge.service.outputs.output import Opening
 from engine_bridge.service.outputs.websocket import WebSocketTable
-from engine_bridge.service.outputs.zeromq import ZeroMqOutput
 from engine_bridge.service.protocol.frame import StreamedCharacter
-from engine_bridge.service.protocol.header import FRAME_KINDS, Kind, subscription
-from engine_bridge.service.protocol.payloads import decode
+from engine_bridge.service.protocol.header import FRAME_KINDS, Kind
+from engine_bridge.service.protocol.payloads import decode, encode
 from engine_bridge.service.security.endpoints import Endpoint
 from puppetline.errors import ServiceError
 
-from .frames import Open, frame_of
+from ....waiting import wait_until
+from .frames import frame_of
 
 SECONDS = 30
 """After which what a test waits for has not come."""
@@ -82,7 +81,7 @@ class Office:
     def do(self, call):
         done = []
         self._calls.append((call, done))
-        wait_for(lambda: done)
+        wait_until(lambda: done)
         return done[0]
 
     def offer(self, *frames):
@@ -102,24 +101,9 @@ class Office:
         self.output.close()
 
 
-def wait_for(condition):
-    end = time.monotonic() + SECONDS
-    while not condition():
-        assert time.monotonic() < end, "it has not come"
-        time.sleep(0.002)
-
-
 @pytest.fixture
-def open_office(dog):
-    opened = []
-
-    def make(**more):
-        opened.append(Office(dog, **more))
-        return opened[-1]
-
-    yield make
-    for office in opened:
-        office.close()
+def open_office(dog, until_end):
+    return lambda **more: until_end(Office(dog, **more))
 
 
 @pytest.fixture
@@ -189,47 +173,21 @@ ENDS = (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED, aiohttp.WSMsgType.CLO
 
 
 @pytest.fixture
-def connect():
-    opened = []
-
-    def make(office, first=None, **more):
-        opened.append(Web(office, first, **more))
-        return opened[-1]
-
-    yield make
-    for each in opened:
-        each.close()
+def connect(until_end):
+    return lambda office, first=None, **more: until_end(Web(office, first, **more))
 
 
-def test_a_message_is_byte_for_byte_that_of_zeromq(office, connect, dog):
+def test_messages_are_those_of_every_output(office, connect, dog):
     web = connect(office)
-    topics = [f"dog/{kind.word}" for kind in (*LIVE, Kind.PERFORMER)]
-    web.subscribe(*topics)
-    wait_for(lambda: office.kinds() == set(LIVE))
-    with zmq.Context() as context, context.socket(zmq.SUB) as subscriber:
-        beside = ZeroMqOutput(context, [Open()], [dog])
-        try:
-            subscriber.connect(beside.endpoints[0])
-            for each in topics:
-                subscriber.subscribe(subscription(each))
-            wait_for(lambda: served(beside) and set(beside._streams[beside.sockets[0]].kinds_of("dog")) == set(LIVE))
-            frame = tracked(dog, 3, state="performing", user=2)
-            beside.offer(frame)
-            office.offer(frame)
-            over_zeromq = [subscriber.recv() for _ in range(1 + len(LIVE))]
-        finally:
-            beside.close()
-    over_web = [web.message() for _ in range(1 + len(LIVE))]
-    assert over_web[1:] == over_zeromq[1:]
-    performer, same = decode(over_web[0]), decode(over_zeromq[0])
-    assert performer.body == same.body
-    assert performer.header == same.header._replace(published=performer.header.published)
-
-
-def served(output):
-    for each in output.sockets:
-        output.handle(each)
-    return True
+    web.subscribe(*(f"dog/{kind.word}" for kind in (*LIVE, Kind.PERFORMER)))
+    wait_until(lambda: office.kinds() == set(LIVE))
+    frame = tracked(dog, 3, state="performing", user=2)
+    office.offer(frame)
+    performer, *messages = [web.message() for _ in range(1 + len(LIVE))]
+    assert messages == [
+        encode(kind, frame, decode(each).header.published) for kind, each in zip(LIVE, messages, strict=True)
+    ]
+    assert decode(performer).body == {"character": "dog", "state": "performing", "user": 2, "time": frame.time}
 
 
 def test_scene_and_characters_are_answered_at_once_and_again_when_requested_again(office, connect, dog):
@@ -257,28 +215,18 @@ def test_only_what_is_subscribed_to_is_computed_and_nothing_after_the_end_of_it(
     computed = {"controls", "vertices_and_normals"}
     web = connect(office)
     web.subscribe("dog/controls", "dog/vertices")
-    wait_for(lambda: office.kinds() == {Kind.CONTROLS, Kind.VERTICES})
+    wait_until(lambda: office.kinds() == {Kind.CONTROLS, Kind.VERTICES})
     web.send({"unsubscribe": "dog/vertices"})
-    wait_for(lambda: office.kinds() == {Kind.CONTROLS})
+    wait_until(lambda: office.kinds() == {Kind.CONTROLS})
     frame = tracked(dog)
     office.offer(frame)
     assert decode(web.message()).topic == "dog/controls"
     assert computed & set(vars(frame)) == {"controls"}
     web.close()
-    wait_for(lambda: office.counts.clients == 0 and office.kinds() == set())
+    wait_until(lambda: office.counts.clients == 0 and office.kinds() == set())
     frame = tracked(dog)
     office.offer(frame)
     assert not computed & set(vars(frame))
-
-
-def test_two_clients_receive_the_same_bytes(office, connect, dog):
-    one, two = connect(office), connect(office)
-    for each in (one, two):
-        each.subscribe("dog/vertices16")
-    wait_for(lambda: office.do(lambda: [len(s.kinds_of("dog")) for s in office.output._streams.values()]) == [1, 1])
-    assert office.counts.clients == 2
-    office.offer(tracked(dog))
-    assert one.message() == two.message()
 
 
 def test_requests_of_the_control_socket_are_answered_in_their_order(office, connect):
@@ -293,16 +241,8 @@ def test_requests_of_the_control_socket_are_answered_in_their_order(office, conn
 @pytest.mark.parametrize(
     "text",
     [
-        "",
-        "mirror the dog",
-        "[]",
-        '{"subscribe": 5}',
-        '{"subscribe": ""}',
-        '{"subscribe": "dog/\\u0000"}',
-        '{"subscribe": "' + "a" * 64 + '"}',
-        '{"subscribe": "dog/controls", "id": 1}',
-        "[" * 60_000,
-        "ހ{}",
+        *("", "mirror the dog", "[]", "[" * 60_000),
+        *('{"subscribe": 5}', '{"subscribe": ""}', '{"subscribe": "dog/\\u0000"}', '{"subscribe": "%s"}' % ("a" * 64)),
     ],
 )
 def test_a_text_that_is_no_request_gets_an_error_and_the_client_stays(office, connect, text):
@@ -317,7 +257,7 @@ def test_a_slow_client_receives_the_newest_frames_and_costs_the_others_nothing(o
     for each in ("dog/vertices", "dog/joints"):
         slow.send({"subscribe": each})
     quick.subscribe("dog/controls")
-    wait_for(lambda: office.kinds() == {Kind.VERTICES, Kind.JOINTS, Kind.CONTROLS})
+    wait_until(lambda: office.kinds() == {Kind.VERTICES, Kind.JOINTS, Kind.CONTROLS})
     size = len(tracked(dog).vertices_and_normals.tobytes())
     count = 200 + 8_000_000 // size
     for sequence in range(count):
@@ -327,9 +267,7 @@ def test_a_slow_client_receives_the_newest_frames_and_costs_the_others_nothing(o
     received = [decode(slow.message()) for _ in range(5)]
     assert received[0].header.sequence == 0
     by_topic = {}
-    while {topic: by_topic.get(topic, -1) for topic in ("dog/vertices", "dog/joints")} != dict.fromkeys(
-        ("dog/vertices", "dog/joints"), count - 1
-    ):
+    while by_topic != {"dog/vertices": count - 1, "dog/joints": count - 1}:
         message = decode(slow.message())
         assert message.header.sequence > by_topic.get(message.topic, -1)
         by_topic[message.topic] = message.header.sequence
@@ -383,9 +321,9 @@ def test_a_client_that_never_reads_costs_no_more_memory_than_its_topics(office, 
     for _ in range(200):
         stalled.send({"do": "long"})
     connect(office).subscribe("dog/controls")
-    wait_for(lambda: office.taken >= 200)
+    wait_until(lambda: office.taken >= 200)
     (client,) = [each for each, stream in office.output._streams.items() if not stream.kinds_of("dog")]
-    wait_for(lambda: office.do(office.output.due) > time.monotonic() + 100)
+    wait_until(lambda: office.do(office.output.due) > time.monotonic() + 100)
     assert len(client._messages) <= websocket_server.MAX_WAITING_TOPICS
     assert len(client._replies) <= websocket_server.MAX_WAITING_REPLIES
     scenes = {id(parts[1]) for parts in client._messages.values() if len(parts) > 1}
@@ -397,22 +335,21 @@ def test_a_client_that_does_not_answer_pings_is_disconnected(open_office, monkey
     monkeypatch.setattr(websocket_server, "HEARTBEAT_SECONDS", 0.2)
     office = open_office()
     client = raw_client(office)
-    wait_for(lambda: office.counts.clients == 1)
-    wait_for(lambda: office.counts.clients == 0)
+    wait_until(lambda: office.counts.clients == 1)
+    wait_until(lambda: office.counts.clients == 0)
     client.close()
 
 
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:7402", "10.0.0.7", "127.0.0.1.evil.example", "[", ""])
-def test_another_host_is_refused_with_a_reason_in_the_log(office, connect, host, caplog):
+def test_another_host_is_refused_with_a_reason_in_the_log(office, connect, caplog):
     with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
-        connect(office, headers={"Host": host})
+        connect(office, headers={"Host": "127.0.0.1.evil.example"})
     assert refused.value.status == 403
     assert office.counts.refused == 1
     (record,) = caplog.records
     assert (record.message, record.fields["reason"]) == ("web client refused", "wrong host")
 
 
-@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1", "http://localhost:1", ""])
+@pytest.mark.parametrize("origin", ["http://evil.example", ""])
 def test_another_origin_is_refused_with_a_reason_in_the_log(open_office, connect, origin, caplog):
     office = open_office(origins=["http://localhost:8000"])
     with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
@@ -485,7 +422,7 @@ def test_a_client_beyond_the_limit_is_closed_and_may_come_when_there_is_room(ope
     assert connect(office).message() == 1013
     assert first.ask({"do": "ping"})["ok"]
     first.close()
-    wait_for(lambda: office.counts.clients == 0)
+    wait_until(lambda: office.counts.clients == 0)
     assert connect(office).ask({"do": "ping"})["ok"]
 
 
@@ -526,28 +463,20 @@ def test_other_paths_and_plain_requests_are_answered_briefly(office):
             assert answer.startswith(f"HTTP/1.1 {status}".encode())
 
 
-def test_ten_thousand_random_frames_leave_the_service_unharmed_and_the_memory_flat(office, connect):
-    psutil = pytest.importorskip("psutil")
-    member, process = connect(office), psutil.Process()
-    random = np.random.default_rng(5)
-    sizes = []
-    for turn in range(4):
-        sent = 0
-        while sent < 2500:
-            client = raw_client(office)
-            with suppress(OSError):
-                for _ in range(25):
-                    sent += 1
-                    body = random.bytes(random.integers(0, 300))
-                    if random.random() < 0.8:  # a text, which keeps the connection open
-                        client.frame(1, body.decode("latin-1").encode()[:125])
-                    else:
-                        client.socket.sendall(body)
-            client.close()
+def test_random_frames_leave_the_service_unharmed(office, connect):
+    member, random = connect(office), np.random.default_rng(5)
+    for turn in range(40):
+        client = raw_client(office)
+        with suppress(OSError):
+            for _ in range(25):
+                body = random.bytes(random.integers(0, 300))
+                if random.random() < 0.8:  # a text, which keeps the connection open
+                    client.frame(1, body.decode("latin-1").encode()[:125])
+                else:
+                    client.socket.sendall(body)
+        client.close()
         assert member.ask({"do": "ping", "id": turn})["id"] == turn
-        wait_for(lambda: office.counts.clients == 1)
-        sizes.append(process.memory_info().rss)
-    assert max(sizes[1:]) - sizes[1] < 10e6
+    wait_until(lambda: office.counts.clients == 1)
     assert office.do(lambda: len(office.output._streams)) == 1
 
 

@@ -1,28 +1,19 @@
 import contextlib
-import json
-import secrets
-import select
 import socket
 import struct
 import time
-from contextlib import suppress
 from dataclasses import replace
 from hashlib import sha256
 
 import numpy as np
 import pytest
 import zmq
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from engine_bridge.service.outputs.subscriptions import MAX_SUBSCRIPTIONS
 from engine_bridge.service.outputs.zeromq import REQUESTS_PER_TURN, ZeroMqOutput
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.header import FRAME_KINDS, Kind, subscription
 from engine_bridge.service.protocol.payloads import decode
-from engine_bridge.service.protocol.scene import Scene
-from engine_bridge.service.security.endpoints import Endpoint
-from engine_bridge.service.security.guard import Guard
 
 from .frames import Open, OwnClock, frame_of
 
@@ -43,23 +34,11 @@ def cat(blob_rig):
 
 
 @pytest.fixture
-def context():
-    made = zmq.Context()
-    yield made
-    made.destroy(linger=0)
-
-
-@pytest.fixture
-def open_publisher(context):
-    made = []
-
+def open_publisher(context, until_end):
     def open_one(*characters, doors=None, clock=time.monotonic):
-        made.append(ZeroMqOutput(context, doors or [Open()], characters, clock))
-        return made[-1]
+        return until_end(ZeroMqOutput(context, doors or [Open()], characters, clock))
 
-    yield open_one
-    for publisher in made:
-        publisher.close()
+    return open_one
 
 
 @pytest.fixture
@@ -80,71 +59,28 @@ def subscribe(context):
     return make
 
 
-class Raw:
-    """A subscriber of ZMTP 3.0 that is written by hand: what a small client relies on."""
+READY = b"\x05READY\x0bSocket-Type\0\0\0\x03SUB"
+HANDSHAKE = b"\xff" + bytes(8) + b"\x7f\x03\x00" + b"NULL".ljust(20, b"\0") + bytes(32) + bytes([4, len(READY)]) + READY
 
-    METADATA = b"\x0bSocket-Type\0\0\0\x03SUB"
 
-    def __init__(self, publisher, minor=0, token=None):
-        port = int(publisher.endpoints[0].rpartition(":")[2])
-        self.socket = socket.create_connection(("127.0.0.1", port))
-        self.socket.settimeout(SECONDS)
-        mechanism = (b"NULL" if token is None else b"PLAIN").ljust(20, b"\0")
-        self.socket.sendall(b"\xff" + bytes(8) + b"\x7f" + bytes([3, minor]) + mechanism + bytes(32))
-        if token is None:
-            self.command(b"READY", self.METADATA)
-        else:
-            self.command(b"HELLO", bytes([4]) + b"user" + bytes([len(token)]) + token)
-        self.greeting = self.exactly(64)
-
-    def command(self, name, data):
-        body = bytes([len(name)]) + name + data
-        self.socket.sendall(bytes([4, len(body)]) + body)
-
-    def send(self, body):
-        self.socket.sendall(
-            bytes([0, len(body)]) + body if len(body) < 256 else b"\2" + struct.pack(">Q", len(body)) + body
-        )
-
-    def exactly(self, count):
-        got = b""
-        while len(got) < count:
-            more = self.socket.recv(count - len(got))
-            if not more:
-                raise ConnectionError
-            got += more
-        return got
-
-    def frame(self):
-        """Return the flags and the body of the next frame."""
-        (flags,) = self.exactly(1)
-        (size,) = struct.unpack(">Q", self.exactly(8)) if flags & 2 else self.exactly(1)
-        return flags, self.exactly(size)
-
-    def message(self):
-        """Return the next message, answering pings."""
-        while True:
-            flags, body = self.frame()
-            if not flags & 4:
-                return flags, body
-            if body.startswith(b"\x04PING"):
-                self.command(b"PONG", body[7:])
-
-    def close(self):
-        self.socket.close()
+def framed(*bodies):
+    """Return ZMTP's frames of messages."""
+    return b"".join(b"\2" + struct.pack(">Q", len(body)) + body for body in bodies)
 
 
 @pytest.fixture
 def raw():
-    made = []
+    """Connect a subscriber that is written by hand, and return its socket."""
+    with contextlib.ExitStack() as stack:
 
-    def connect(publisher, minor=0, token=None):
-        made.append(Raw(publisher, minor, token))
-        return made[-1]
+        def connect(publisher):
+            port = int(publisher.endpoints[0].rpartition(":")[2])
+            client = stack.enter_context(socket.create_connection(("127.0.0.1", port)))
+            client.sendall(HANDSHAKE)
+            client.recv(64, socket.MSG_WAITALL)
+            return client
 
-    yield connect
-    for client in made:
-        client.close()
+        yield connect
 
 
 def serve(publisher, until):
@@ -156,11 +92,6 @@ def serve(publisher, until):
             if each.poll(2):
                 publisher.handle(each)
         publisher.send_due()
-
-
-def readable(client):
-    """Tell whether something has come for a raw client."""
-    return bool(select.select([client.socket], [], [], 0)[0])
 
 
 def heard(publisher, client):
@@ -347,8 +278,8 @@ def test_messages_about_a_removed_character_are_forgotten(publisher, subscribe, 
 
 def test_a_client_that_never_reads_costs_nobody_else_a_message(publisher, subscribe, raw, dog):
     asleep = raw(publisher)
-    asleep.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-    asleep.send(b"\1" + subscription("dog/vertices"))
+    asleep.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    asleep.sendall(framed(b"\1" + subscription("dog/vertices")))
     client = subscribe(publisher, "dog/vertices")
     stream = publisher._streams[publisher.sockets[0]]
     serve(publisher, lambda: stream.subscriptions._held[subscription("dog/vertices")] == 2)
@@ -385,14 +316,11 @@ def test_a_client_that_wakes_up_finds_few_old_frames_and_then_the_newest(publish
 def test_garbage_subscriptions_are_survived_in_bounded_memory(publisher, subscribe, raw, dog):
     client = raw(publisher)
     junk = [b"", b"\1" + b"\xff" * 200, b"\1" + b"x" * 500, b"\0never", b"\2user message", b"\1dog/scene/" + b"y" * 60]
-    for body in junk:
-        client.send(body)
-    sent = b"".join(bytes([0, len(body)]) + body for body in (b"\1n%d/controls" % number for number in range(100_000)))
-    client.socket.setblocking(False)
-    waiting = memoryview(sent)
+    client.setblocking(False)
+    waiting = memoryview(framed(*junk, *(b"\1n%d/controls" % number for number in range(100_000))))
     while waiting:
         with contextlib.suppress(BlockingIOError):
-            waiting = waiting[client.socket.send(waiting[:65536]) :]
+            waiting = waiting[client.send(waiting[:65536]) :]
         publisher.handle(publisher.sockets[0])
     stream = publisher._streams[publisher.sockets[0]]
     serve(publisher, lambda: publisher.ignored >= 100_000 - MAX_SUBSCRIPTIONS)
@@ -400,30 +328,9 @@ def test_garbage_subscriptions_are_survived_in_bounded_memory(publisher, subscri
     assert heard(publisher, subscribe(publisher, "dog/scene")).topic == "dog/scene"
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    requests=st.lists(
-        st.binary(max_size=80) | st.text("/\0adegcnostrlhk", max_size=20).map(lambda text: b"\1" + text.encode())
-    )
-)
-def test_any_bytes_are_a_subscription_or_nothing(publisher, raw, requests):
-    client = raw(publisher)
-    for body in requests:
-        client.send(body)
-    own = f"dog/scene/{secrets.token_hex(4)}"  # each topic is answered once a second
-    client.send(b"\1" + subscription(own))
-    serve(publisher, lambda: readable(client))
-    client.frame()  # its READY
-    topics = []
-    while own not in topics:
-        serve(publisher, lambda: readable(client))
-        topics.append(client.message()[1].partition(b"\0")[0].decode("latin-1"))
-    client.close()
-
-
 def test_a_turn_takes_only_so_many_subscriptions(publisher, raw):
     client = raw(publisher)
-    client.socket.sendall(b"\0\x04\1a b" * (3 * REQUESTS_PER_TURN))
+    client.sendall(framed(b"\1a b") * (3 * REQUESTS_PER_TURN))
     first = publisher.sockets[0]
     while (before := publisher.ignored) < 3 * REQUESTS_PER_TURN:
         assert first.poll(1000 * SECONDS)
@@ -435,27 +342,10 @@ def test_a_client_cannot_end_another_clients_subscription(publisher, subscribe, 
     client = subscribe(publisher, "dog/controls")
     wanted(publisher, "dog", Kind.CONTROLS)
     rude = raw(publisher)
-    rude.send(b"\0" + subscription("dog/controls"))
-    rude.send(b"\1" + subscription("dog/handles"))
+    rude.sendall(framed(b"\0" + subscription("dog/controls"), b"\1" + subscription("dog/handles")))
     wanted(publisher, "dog", Kind.CONTROLS, Kind.HANDLES)
     publisher.offer(frame_of(dog))
     assert heard(publisher, client).topic == "dog/controls"
-
-
-def test_a_client_finds_the_service_again_when_it_comes_back(open_publisher, subscribe, dog, free_port):
-    first = open_publisher(dog, doors=[Open(f"tcp://127.0.0.1:{free_port()}")])
-    client = subscribe(first, "dog/scene/mine", "dog/controls")
-    heard(first, client)
-    endpoint = first.endpoints[0]
-    first.close()
-    second = None
-    while second is None:  # libzmq closes it in a thread of its own
-        with suppress(zmq.ZMQError):
-            second = open_publisher(dog, doors=[Open(endpoint)])
-    assert heard(second, client).topic == "dog/scene/mine"
-    wanted(second, "dog", Kind.CONTROLS)
-    second.offer(frame_of(dog))
-    assert heard(second, client).topic == "dog/controls"
 
 
 def test_a_port_that_is_taken_is_said_and_nothing_stays_open(open_publisher, context, dog):
@@ -463,79 +353,3 @@ def test_a_port_that_is_taken_is_said_and_nothing_stays_open(open_publisher, con
     with pytest.raises(zmq.ZMQError) as error:
         ZeroMqOutput(context, [Open(), Open(taken)], [dog])
     assert error.value.errno == zmq.EADDRINUSE
-
-
-def test_closing_twice_does_nothing(publisher):
-    publisher.close()
-    publisher.close()
-    assert publisher.sockets == []
-
-
-def test_a_small_client_says_the_token_and_waits_to_be_let_in(open_publisher, context, raw, dog):
-    token = b"a-token-of-some-length"
-    door = Endpoint("PLAIN", "tcp://127.0.0.1:*", "tcp://127.0.0.1:*", token=token)
-    guard = Guard(context, [door], max_clients=4)
-    publisher = open_publisher(dog, doors=[door])
-
-    def answer(client):
-        """The frame that a client gets while the guard is at work."""
-        client.socket.setblocking(False)
-        end = time.monotonic() + SECONDS
-        while time.monotonic() < end:
-            guard.handle()
-            with contextlib.suppress(BlockingIOError):
-                client.socket.recv(1, socket.MSG_PEEK)
-                client.socket.settimeout(SECONDS)
-                return client.frame()
-        raise AssertionError("it has not come")
-
-    client = raw(publisher, token=token)
-    assert client.greeting[12:32] == b"PLAIN".ljust(20, b"\0")
-    assert answer(client) == (4, b"\x07WELCOME")
-    client.command(b"INITIATE", Raw.METADATA)
-    assert answer(client)[1].startswith(b"\x05READY")
-    client.send(b"\1" + subscription("dog/scene/mine"))
-    serve(publisher, lambda: publisher.statistics.sent)
-    assert client.message()[1][:15] == b"dog/scene/mine\0"
-    flags, body = answer(raw(publisher, token=b"another-token-of-a-length"))
-    assert (flags, body[1:5]) == (4, b"RROR")
-    guard.close()
-
-
-@pytest.mark.parametrize("minor", [0, 1])
-@pytest.mark.parametrize("form", ["message", "command"])
-def test_a_small_client_of_its_own_gets_whole_messages_of_one_part(publisher, raw, dog, minor, form):
-    client = raw(publisher, minor)
-    assert client.greeting[:1] + client.greeting[9:12] == b"\xff\x7f\x03\x01"
-    assert client.greeting[12:32] == b"NULL".ljust(20, b"\0")
-    for text in ("dog/scene/mine", "dog/controls"):
-        if form == "message":
-            client.send(b"\1" + subscription(text))
-        else:
-            client.command(b"SUBSCRIBE", subscription(text))
-    wanted(publisher, "dog", Kind.CONTROLS)
-    flags, ready = client.frame()
-    assert flags == 4
-    assert ready.startswith(b"\x05READY\x0bSocket-Type\0\0\0\x04XPUB")
-    flags, body = client.message()
-    assert flags == 2  # one part, its length in eight bytes
-    assert body[:15] == b"dog/scene/mine\0"
-    (length,) = struct.unpack_from("<I", body, 64 + 12)
-    assert len(body) == 128 + length
-    scene = Scene.decode(body[128:])
-    assert json.loads(body[132 : 132 + struct.unpack_from("<I", body, 128)[0]]) == scene.facts
-    publisher.offer(frame_of(dog, 7))
-    flags, body = client.message()
-    assert body[:13] == b"dog/controls\0"
-    assert struct.unpack_from("<Q", body, 64 + 16) == (7,)
-    assert len(body) == 128 + 48 * scene.facts["fields"] * scene.facts["isolines"]
-
-
-def test_a_client_that_asks_whether_anybody_is_there_is_answered(publisher, raw):
-    client = raw(publisher)
-    client.send(b"\1" + subscription("dog/controls"))
-    flags, body = client.frame()
-    assert body.startswith(b"\x05READY")
-    client.command(b"PING", b"\0\x3c" + b"anybody")
-    flags, body = client.frame()
-    assert (flags, body) == (4, b"\x04PONGanybody")

@@ -58,30 +58,26 @@ def test_a_performer_is_calibrated_by_standing_still_and_then_plays_what_convert
             np.testing.assert_array_equal(frame.joints, aim.joints)
 
 
+def gone_for_a_while(frames, moved, *lost):
+    """Return frames with a silence of two seconds in the middle."""
+    gone = frames[150].time
+    back = [moved(frame, time=frame.time + 2.0 + TICK_SECONDS) for frame in frames[150:]]
+    return [*frames[:150], *lost, *ticks(gone, 2.0), *back]
+
+
 def test_a_character_never_jumps_when_a_performer_comes_goes_and_returns(make_stage, blob_rig, kung_fu, moved):
-    stage = make_stage()
     diagonal = blob_rig.mesh.diagonal
     steady = largest_step(play(make_stage(), kung_fu)["dog"], diagonal)
-    gone = kung_fu[150].time
-    events = [*kung_fu[:150], *ticks(gone, 2.0)]
-    away = gone + 2.0
-    events += [moved(frame, time=away + frame.time - kung_fu[150].time + TICK_SECONDS) for frame in kung_fu[150:]]
-    frames = play(stage, events)["dog"]
+    frames = play(make_stage(), gone_for_a_while(kung_fu, moved, Lost(kung_fu[149].time + 0.01, 1)))["dog"]
     states = [state for state, _ in itertools.groupby(frame.state for frame in frames)]
     assert states == ["calibrating", "performing", "leaving", "waiting", "calibrating", "performing"]
     assert largest_step(frames, diagonal) <= 1.5 * steady
+    assert np.abs(frames[149].R - blob_rig.model.rest_controls).max() > 1e-2
+    resting = next(frame for frame in reversed(frames) if frame.state == "waiting")
+    np.testing.assert_allclose(resting.R, blob_rig.model.rest_controls, atol=1e-5)
+    away = kung_fu[150].time + 2.0
     back = next(frame.time for frame in frames if frame.time > away and frame.state == "performing")
     assert back - away <= PREPARATION_SECONDS + 3 * TICK_SECONDS  # remembered: no second still second
-
-
-def test_a_performer_that_leaves_lets_the_character_come_to_rest(make_stage, blob_rig, kung_fu):
-    stage = make_stage()
-    frames = play(
-        stage, [*kung_fu[:150], Lost(kung_fu[149].time + 0.01, kung_fu[0].user), *ticks(kung_fu[149].time, 2.0)]
-    )["dog"]
-    assert frames[-1].state == "waiting"
-    np.testing.assert_allclose(frames[-1].R, blob_rig.model.rest_controls, atol=1e-5)
-    assert np.abs(frames[149].R - blob_rig.model.rest_controls).max() > 1e-2
 
 
 def directions(frames):
@@ -116,12 +112,8 @@ def test_a_new_performer_drives_limbs_as_convert_does_after_a_moment(make_stage,
 
 
 def test_bones_ease_to_rest_and_back_without_a_jump(make_stage, limbed_rig, kung_fu, moved):
-    stage, steady = make_stage(rig=limbed_rig), play(make_stage(rig=limbed_rig), kung_fu)["dog"]
-    gone = kung_fu[150].time
-    events = [*kung_fu[:150], *ticks(gone, 2.0)]
-    away = gone + 2.0
-    events += [moved(frame, time=away + frame.time - kung_fu[150].time + TICK_SECONDS) for frame in kung_fu[150:]]
-    frames = play(stage, events)["dog"]
+    steady = play(make_stage(rig=limbed_rig), kung_fu)["dog"]
+    frames = play(make_stage(rig=limbed_rig), gone_for_a_while(kung_fu, moved))["dog"]
     resting = next(frame for frame in reversed(frames) if frame.state == "waiting")
     np.testing.assert_allclose(resting.motions, np.broadcast_to(np.eye(4, 3), resting.motions.shape), atol=1e-9)
     assert largest_turn(frames) <= 1.5 * largest_turn(steady)

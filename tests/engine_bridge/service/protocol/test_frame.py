@@ -37,10 +37,6 @@ def test_vertices_are_the_bindings(frame):
     assert frame.vertices_and_normals.flags.c_contiguous
 
 
-def test_there_are_no_morphs_without_a_basis(frame):
-    assert frame.morphs is None
-
-
 def test_normals_are_rounded_as_clients_get_them_so_that_tangents_are_the_same_to_the_bit(dog):
     np.testing.assert_array_equal(dog.normals, dog.normals.astype(np.float32))
     np.testing.assert_array_equal(tangents(dog.normals), tangents(dog.normals.astype(np.float32).astype(np.float64)))

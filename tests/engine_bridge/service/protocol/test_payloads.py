@@ -23,9 +23,11 @@ from engine_bridge.service.protocol.header import (
 from engine_bridge.service.protocol.payloads import decode, encode
 from engine_bridge.service.protocol.quantisation import BOX_STEPS
 from engine_bridge.service.protocol.scene import Scene
-from solver.motion.deformer import Deformer, to_file_units
+from solver.motion.deformer import Deformer
 
 from ....oracles import assert_is_clause
+from ..outputs.frames import frame_of
+from .test_vectors import followed
 
 ROOT = np.array([0.25, 0.0, -1.5])
 
@@ -70,46 +72,13 @@ def message(frame, kind):
     return encode(kind, frame, 456)
 
 
-def documented(scene, controls):
-    """Positions and normals as docs/protocol.md tells a client to make them, in NumPy."""
-    x, n = scene.arrays["positions"].astype(float), scene.arrays["normals"].astype(float)
-    t, slopes = scene.arrays["ladder"].astype(float), scene.arrays["slopes"].astype(float)
-    isolines = scene.facts["isolines"]
-    k = np.minimum(np.floor(t), isolines - 2).astype(int)
-    share = (t - k)[..., None, None]
-    row = np.arange(scene.facts["fields"]) * isolines + k
-    low, high = controls[row].astype(float), controls[row + 1].astype(float)
-    weights = np.array(scene.facts["weights"])
-    blend = np.einsum("i,vixy->vxy", weights, (1 - share) * low + share * high)
-    homogeneous = np.column_stack([x, np.ones(len(x))])
-    positions = np.einsum("vxy,vy->vx", blend, homogeneous)
-    axis = np.eye(3)[np.abs(n).argmin(axis=1)]
-    first = np.cross(axis, n)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    carried = []
-    for number, tangent in enumerate((first, np.cross(n, first))):
-        change = np.einsum("i,vi,vixy->vxy", weights, slopes[:, :, number], high - low)
-        carried.append(np.einsum("vxy,vy->vx", blend[:, :, :3], tangent) + np.einsum("vxy,vy->vx", change, homogeneous))
-    normals = np.cross(*carried)
-    return positions, normals / np.linalg.norm(normals, axis=1, keepdims=True)
-
-
 def test_controls_and_the_scene_are_all_that_positions_and_normals_need(character, frame):
     scene = Scene.decode(character.scene)
     controls = decode(message(frame, Kind.CONTROLS)).body
-    positions, normals = documented(scene, controls)
+    positions, normals = followed(scene.facts, scene.arrays, controls)
     expected, expected_normals = frame.vertices_and_normals
     assert np.abs(positions - expected).max() <= 1e-5 * character.rig.mesh.diagonal
     assert np.abs(normals - expected_normals).max() <= 1e-5
-
-
-def test_controls_are_the_solvers_with_the_root_added(character, frame):
-    body = decode(message(frame, Kind.CONTROLS)).body
-    alone = to_file_units(frame.R, character.rig.model)
-    np.testing.assert_array_equal(body[:, :, :3], alone[:, :, :3])
-    np.testing.assert_allclose(body[:, :, 3], alone[:, :, 3] + ROOT, rtol=1e-6)
-    unmoved = character.binding.vertices(alone)
-    np.testing.assert_allclose(character.binding.vertices(body), unmoved + ROOT, atol=1e-5)
 
 
 def test_the_header_says_which_frame_it_is(frame):
@@ -176,14 +145,6 @@ def test_a_value_that_a_frame_lacks_gives_no_message(frame):
     bare = replace(frame, character=replace(frame.character, basis=None), joints=None, confidence=None)
     assert encode(Kind.JOINTS, bare, 0) is None
     assert encode(Kind.MORPHS, bare, 0) is None
-
-
-def test_only_requested_payloads_are_computed(frame):
-    fresh = replace(frame)
-    encode(Kind.HANDLES, fresh, 0)
-    assert not {"controls", "vertices_and_normals", "morphs"} & set(vars(fresh))
-    encode(Kind.CONTROLS, fresh, 0)
-    assert "vertices_and_normals" not in vars(fresh)
 
 
 def test_a_kind_of_a_later_minor_version_has_no_body():
@@ -279,19 +240,7 @@ def test_every_kind_has_an_encoder_and_a_decoder():
 def test_bones_at_rest_are_those_of_the_scene_moved_by_the_root(limbed_rig):
     character = StreamedCharacter("dog", limbed_rig, 3)
     still = np.tile(np.eye(4, 3), (sum(len(limb.points) - 1 for limb in limbed_rig.puppet.limbs), 1, 1))
-    handles = limbed_rig.puppet.handle_positions
-    frame = Frame(
-        character=character,
-        sequence=1,
-        time=0.0,
-        received=0,
-        state="waiting",
-        user=None,
-        R=limbed_rig.model.rest_controls,
-        root=ROOT,
-        targets=handles + ROOT,
-        motions=still,
-    )
+    frame = frame_of(character, root=ROOT, motions=still)
     table = Scene.decode(memoryview(character.scene)).facts["bones"]
     values = decode(message(frame, Kind.BONES)).body
     turns, places = values[: 4 * len(table)].reshape(-1, 4), values[4 * len(table) :].reshape(-1, 3)

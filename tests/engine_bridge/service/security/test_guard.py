@@ -1,12 +1,10 @@
 import logging
 import socket as sockets
-import struct
 import threading
 import time
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import asdict
 from functools import partial
-from itertools import pairwise
 
 import pytest
 import zmq
@@ -119,24 +117,9 @@ def network(tmp_path, keys, monkeypatch):
 
 
 @pytest.fixture
-def house(network):
+def house(network, until_end):
     """Open a service with some of the mechanisms."""
-    opened = []
-
-    def open_house(*mechanisms, **more):
-        opened.append(House(network(*mechanisms, **more)))
-        return opened[-1]
-
-    yield open_house
-    for each in opened:
-        each.close()
-
-
-@pytest.fixture
-def context():
-    context = zmq.Context()
-    yield context
-    context.destroy(0)
+    return lambda *mechanisms, **more: until_end(House(network(*mechanisms, **more)))
 
 
 @pytest.fixture
@@ -178,14 +161,6 @@ def assert_served(visit):
     return check
 
 
-@pytest.mark.parametrize("mechanism", ["NULL", "PLAIN", "CURVE"])
-def test_a_client_with_valid_credentials_is_served(house, assert_served, mechanism):
-    opened = house(mechanism)
-    for _ in range(3):
-        assert_served(opened, mechanism)
-    assert opened.guard.refused == 0
-
-
 @pytest.mark.parametrize(
     ("endpoint", "visitor"),
     [
@@ -214,13 +189,6 @@ def test_a_client_without_credentials_is_refused_and_the_next_is_served(house, v
     assert not client.poll(0)
 
 
-def test_one_doors_credentials_do_not_open_the_other(house, visit, assert_served):
-    opened = house("PLAIN", "CURVE")
-    for mechanism, other in (("PLAIN", "CURVE"), ("CURVE", "PLAIN")):
-        assert not visit(opened.address(other)[0], mechanism)[0]
-        assert_served(opened, mechanism)
-
-
 def test_the_control_socket_has_the_same_lock(house):
     control = house("PLAIN").address("PLAIN")[1]
     for token in ("another-token-of-that-length", None):
@@ -244,23 +212,16 @@ def greeting(mechanism):
         b"GET / HTTP/1.1\r\nHost: 127.0.0.1:7400\r\n\r\n",
         b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + bytes(64),
         bytes(range(256)) * 300,
-        bytes(4096),
-        b"\xff" * 4096,
-        b"\xff" + bytes(7) + b"\x01\x7f\x01\x02\x00\x00",
-        b"\x01\x00\x02\x00\x01",
         greeting("GSSAPI"),
-        greeting("NULL")[:-1] + b"\x01",
         greeting("NULL") + b"\x06" + b"\xff" * 8,
-        greeting("NULL") + b"\x06\x00\x00\x00\x01\x00\x00\x00\x00",
         greeting("NULL") + b"\x04\x05\x05HELLO",
         greeting("NULL") + b"\x04\x0e\x05READY\xff\xff\xff\xff\xff\xff\xff\xff",
         greeting("NULL") + b"\x04\x1a\x05READY\x0bSocket-Type\x00\x00\x00\x04PAIR",
-        greeting("PLAIN") + b"\x04\x06\x05READY",
         greeting("PLAIN") + b"\x04\x08\x05HELLO\xff\xff",
         greeting("PLAIN") + b"\x04\x08\x08INITIATE",
         greeting("CURVE") + b"\x04\xc8\x05HELLO" + bytes(194),
     ],
-    ids=range(18),
+    ids=range(11),
 )
 def test_garbage_ends_in_nothing_and_the_next_is_served(house, assert_served, endpoint, data):
     opened = house(endpoint)
@@ -279,23 +240,6 @@ def test_garbage_ends_in_nothing_and_the_next_is_served(house, assert_served, en
             assert_served(opened, endpoint)
 
 
-@pytest.mark.parametrize("hello", [b"\x00\x00", b"\x08anybody!\x00", b"\x00\x12" + TOKEN.encode()[::-1]], ids=str)
-def test_an_empty_token_opens_nothing(house, assert_served, hello, monkeypatch):
-    """libzmq's own client sends none; a small one might."""
-    monkeypatch.setattr(endpoints_module, "HANDSHAKE_SECONDS", 1.0)
-    opened = house("PLAIN")
-    for address in opened.address("PLAIN"):
-        with left_open(address, greeting("PLAIN") + b"\x04" + bytes([6 + len(hello)]) + b"\x05HELLO" + hello, 1) as (
-            raw,
-        ):
-            heard = b""
-            while part := raw.recv(4096):
-                heard += part
-        assert b"WELCOME" not in heard
-        assert len(heard) > 64, "it has been listened to"
-    assert_served(opened, "PLAIN")
-
-
 @contextmanager
 def left_open(address, data, number):
     """Connections on each of which a client has said so much, and then nothing more."""
@@ -310,19 +254,14 @@ def left_open(address, data, number):
             each.close()
 
 
-@pytest.mark.parametrize("endpoint", ["NULL", "PLAIN", "CURVE"])
-@pytest.mark.parametrize("length", [0, 1, 10, 11, 63])
+@pytest.mark.parametrize(
+    ("endpoint", "length"),
+    [(endpoint, length) for endpoint in ("NULL", "PLAIN") for length in (0, 10, 63)] + [("PLAIN", 64), ("CURVE", 64)],
+)
 def test_handshakes_left_half_way_take_nobodys_place(house, assert_served, endpoint, length):
     opened = house(endpoint, max_clients=4)
     address, _ = opened.address(endpoint)
     with left_open(address, greeting(endpoint)[:length], 30):
-        assert_served(opened, endpoint)
-
-
-@pytest.mark.parametrize("endpoint", ["PLAIN", "CURVE"])
-def test_greetings_without_credentials_take_nobodys_place(house, assert_served, endpoint):
-    opened = house(endpoint, max_clients=4)
-    with left_open(opened.address(endpoint)[0], greeting(endpoint), 30):
         assert_served(opened, endpoint)
 
 
@@ -338,9 +277,7 @@ def test_a_client_that_never_ends_the_handshake_is_disconnected_and_counted(hous
 
 
 def test_the_65th_client_waits_until_one_has_left(house, visit, monkeypatch):
-    monkeypatch.setattr(
-        endpoints_module, "HANDSHAKE_SECONDS", 1.0
-    )  # what one that is turned away waits before it tries again
+    monkeypatch.setattr(endpoints_module, "HANDSHAKE_SECONDS", 1.0)  # one that is turned away tries again after it
     opened = house("NULL")
     stream, control = opened.address("NULL")
     clients = []
@@ -483,10 +420,6 @@ def test_a_question_cut_short_is_a_no(asker, length):
     assert asker(*GOOD) == answer(b"200")
 
 
-def test_a_question_with_more_is_a_no(asker):
-    assert asker(*GOOD, b"") == answer(b"400")
-
-
 @settings(max_examples=300)
 @given(st.lists(st.one_of(st.sampled_from(GOOD), st.binary(max_size=300)), max_size=12))
 def test_a_request_of_any_form_is_granted_with_the_token_only(asker, frames):
@@ -500,59 +433,6 @@ def test_a_request_of_any_form_is_granted_with_the_token_only(asker, frames):
         assert reply[2] == frames[1]
         assert (reply[3] == b"200") == good
     assert asker(*GOOD) == answer(b"200")
-
-
-def command(name, body=b""):
-    return b"\x04" + bytes([1 + len(name) + len(body)]) + bytes([len(name)]) + name + body
-
-
-SESSION = {
-    "NULL": greeting("NULL") + command(b"READY", b"\x0bSocket-Type\x00\x00\x00\x03SUB") + b"\x00\x02\x01a",
-    "PLAIN": greeting("PLAIN")
-    + command(b"HELLO", b"\x07anybody\x12" + TOKEN.encode())
-    + command(b"INITIATE", b"\x0bSocket-Type\x00\x00\x00\x06DEALER\x08Identity\x00\x00\x00\x01i")
-    + b'\x00\x0e{"do": "ping"}\x01\x01a\x03\x00\x00\x00\x00\x00\x00\x00\x01b',
-    "CURVE": greeting("CURVE") + command(b"HELLO", b"\x01\x00" + bytes(72 + 32 + 8 + 80)),
-}
-changes = st.lists(
-    st.tuples(st.floats(0, 1), st.sampled_from(["set", "insert", "remove", "cut", "wait"]), st.binary(max_size=9)),
-    max_size=5,
-)
-
-
-@pytest.mark.parametrize("mechanism", SESSION)
-def test_no_handshake_however_garbled_harms_the_next(house, assert_served, mechanism):
-    opened = house(mechanism)
-    ports = [int(address.rsplit(":", 1)[1]) for address in opened.address(mechanism)]
-
-    @settings(max_examples=60)
-    @given(st.sampled_from(ports), changes, st.booleans())
-    def garbled(port, changes, abrupt):
-        data, pauses = SESSION[mechanism], set()
-        for place, change, with_what in changes:
-            at = round(place * len(data))
-            match change:
-                case "set":
-                    data = data[:at] + with_what + data[at + len(with_what) :]
-                case "insert":
-                    data = data[:at] + with_what + data[at:]
-                case "remove":
-                    data = data[:at] + data[at + len(with_what) :]
-                case "cut":
-                    data = data[:at]
-                case "wait":
-                    pauses.add(at)
-        with sockets.create_connection(("127.0.0.1", port), TIMEOUT_MS / 1000) as raw:
-            raw.settimeout(0.05)
-            with suppress(OSError):
-                for start, end in pairwise([0, *sorted(pauses), len(data)]):
-                    raw.sendall(data[start:end])
-                    raw.recv(4096)
-            if abrupt:
-                raw.setsockopt(sockets.SOL_SOCKET, sockets.SO_LINGER, struct.pack("ii", 1, 0))
-        assert_served(opened, mechanism)
-
-    garbled()
 
 
 @pytest.mark.slow
@@ -574,12 +454,7 @@ def test_the_real_service_opens_to_keys_and_to_nothing_else(serve, blob_puppet, 
     )
     service = serve("--config", tmp_path / "service.toml")
     stream = service.stream.replace("0.0.0.0", "127.0.0.1")
-    strangers = [
-        visit(stream, "NULL"),
-        visit(stream, "PLAIN"),
-        visit(stream, "CURVE", key="stranger"),
-        visit(stream, "CURVE", service="stranger"),
-    ]
+    strangers = [visit(stream, "NULL"), visit(stream, "PLAIN"), visit(stream, "CURVE", key="stranger")]
     with left_open(stream, greeting("CURVE"), 70), left_open(stream, b"GET / HTTP/1.1\r\n\r\n", 10):
         let_in, client = visit(stream, "CURVE")
         assert let_in

@@ -39,39 +39,29 @@ def run(clock):
 
 
 @pytest.fixture
+def open_stage(make_stage, tmp_path, until_end):
+    """Open a source before a stage."""
+    return lambda source, stage=None: until_end(StageRunner(source, stage or make_stage(), tmp_path))
+
+
+@pytest.fixture
 def short(record_events, tmp_path, kung_fu):
     record_events(tmp_path / "short.log", kung_fu[:10])
     return "replay:short.log"
 
 
-def test_the_clock_continues_after_the_end_of_a_recording(run, short, make_stage, tmp_path, kung_fu):
-    runner = StageRunner(short, make_stage(), tmp_path)
+def test_the_clock_continues_after_the_end_of_a_recording(run, short, open_stage, kung_fu):
+    runner = open_stage(short)
     run(runner, until=lambda: isinstance(runner.source.inner, SilentSource))
     assert runner.skeletons == 10
     frames = run(runner, seconds=1.0)
     assert frames[0].time >= kung_fu[9].time
     assert frames[-1].state == "waiting"
     assert runner.source.name == short
-    runner.close()
 
 
-def test_a_source_that_fails_is_reopened(run, make_stage, tmp_path, sender, kung_fu):
-    runner = StageRunner(sender.uri, make_stage(), tmp_path)
-
-    def fail():
-        raise SourceError("osc", found="a fault", expected="none", fix="None.")
-
-    runner.source.inner.receive = fail
-    runner.take_in()
-    assert isinstance(runner.source.inner, SilentSource)
-    run(runner, until=lambda: not isinstance(runner.source.inner, SilentSource))
-    sender.send(kung_fu[0])
-    run(runner, until=lambda: runner.skeletons == 1)
-    runner.close()
-
-
-def test_a_source_that_cannot_be_opened_is_retried_and_the_character_continues(run, make_stage, tmp_path, sender):
-    runner = StageRunner(sender.uri, make_stage(), tmp_path)
+def test_a_source_that_cannot_be_opened_is_retried_and_the_character_continues(run, open_stage, sender):
+    runner = open_stage(sender.uri)
     runner.source.inner.close()
     runner.source.inner.receive = lambda: (_ for _ in ()).throw(SourceError("osc", found="x", expected="y", fix="z"))
     runner.take_in()
@@ -81,42 +71,12 @@ def test_a_source_that_cannot_be_opened_is_retried_and_the_character_continues(r
         assert isinstance(runner.source.inner, SilentSource)
     assert len(frames) > 20  # the character goes on
     run(runner, until=lambda: not isinstance(runner.source.inner, SilentSource))
-    runner.close()
 
 
-def test_a_failure_is_logged_once_and_its_end_with_the_first_event(run, make_stage, tmp_path, sender, kung_fu, caplog):
-    caplog.set_level("INFO")
-    runner = StageRunner(sender.uri, make_stage(), tmp_path)
-    trouble = SourceError("osc", found="x", expected="y", fix="z")
-    for _ in range(3):
-        runner.source.inner.receive = lambda: (_ for _ in ()).throw(trouble)
-        runner.take_in()
-        run(runner, until=lambda: not isinstance(runner.source.inner, SilentSource))
-    assert caplog.messages == [f"the source is silent: {trouble}"]
-    sender.send(kung_fu[0])
-    run(runner, until=lambda: runner.skeletons == 1)
-    assert caplog.messages[1:] == ["the source is back"]
-    runner.close()
-
-
-def test_a_source_that_raises_any_error_is_reopened_and_its_counts_continue(run, make_stage, tmp_path, sender):
-    runner = StageRunner(sender.uri, make_stage(), tmp_path)
-    sender.raw(b"garbage!")
-    run(runner, until=lambda: sum(runner.source.counts.refused.values()) == 1)
-
-    def fail():
-        raise RuntimeError("the cable")
-
-    runner.source.inner.receive = fail
-    run(runner, until=lambda: isinstance(runner.source.inner, SilentSource))
-    run(runner, until=lambda: not isinstance(runner.source.inner, SilentSource))
-    sender.raw(b"garbage!")
-    run(runner, until=lambda: sum(runner.source.counts.refused.values()) == 2)
-    runner.close()
-
-
-def test_events_of_a_take_are_in_order_even_if_the_sources_are_not(run, make_stage, tmp_path, sender, kung_fu, moved):
-    runner = StageRunner(sender.uri, make_stage(player_settings=PlayerSettings(calibrate="at_once")), tmp_path)
+def test_events_of_a_take_are_in_order_even_if_the_sources_are_not(
+    run, make_stage, open_stage, tmp_path, sender, kung_fu, moved
+):
+    runner = open_stage(sender.uri, make_stage(player_settings=PlayerSettings(calibrate="at_once")))
     runner.start_recording(tmp_path / "take.log")
     start = time.monotonic()
     given = []
@@ -133,22 +93,21 @@ def test_events_of_a_take_are_in_order_even_if_the_sources_are_not(run, make_sta
         if k % 20 == 10:
             live += runner.cue("mirror", character="dog", on=k == 10)  # now, which is before the frames that follow
     runner.stop_recording().close()
-    again = StageRunner("replay:take.log", make_stage(), tmp_path)
+    again = open_stage("replay:take.log")
     replayed = run(again, until=lambda: isinstance(again.source.inner, SilentSource))
     replayed = [frame for frame in replayed if frame.time <= live[-1].time]
     assert len(live) == len(replayed)
     for a, b in zip(live, replayed, strict=True):
         np.testing.assert_array_equal(a.controls, b.controls)
-    for each in (runner, again):
-        each.close()
 
 
-def recorded_from_the_middle(run, make_stage, tmp_path, kung_fu):
+@pytest.fixture
+def calibration(run, open_stage, tmp_path, kung_fu):
     """Record a take that begins before the performer is calibrated, and return the calibration."""
     with Recorder(tmp_path / "log") as recorder:
         for frame in kung_fu[:90]:
             recorder.write(frame)
-    runner = StageRunner("replay:log", make_stage(), tmp_path)
+    runner = open_stage("replay:log")
     run(runner, until=lambda: runner.skeletons >= 20)
     runner.start_recording(tmp_path / "take.log")
     run(runner, until=lambda: runner.skeletons == 90)
@@ -157,21 +116,16 @@ def recorded_from_the_middle(run, make_stage, tmp_path, kung_fu):
     return player.calibration
 
 
-def test_a_take_uses_its_calibration_although_the_second_without_motion_began_before_it(
-    run, make_stage, tmp_path, kung_fu
-):
-    calibration = recorded_from_the_middle(run, make_stage, tmp_path, kung_fu)
-    runner = StageRunner("replay:take.log", make_stage(), tmp_path)
+def test_a_take_uses_its_calibration_although_the_second_without_motion_began_before_it(run, open_stage, calibration):
+    runner = open_stage("replay:take.log")
     [player] = runner.stage.players
     frames = run(runner, until=lambda: runner.skeletons >= 60)
     assert frames[-1].state == "performing"
     np.testing.assert_array_equal(player.calibration.rest, calibration.rest)
-    runner.close()
 
 
-def test_after_a_command_a_take_plays_like_any_other_recording(run, make_stage, tmp_path, kung_fu):
-    recorded_from_the_middle(run, make_stage, tmp_path, kung_fu)
-    runner = StageRunner("replay:take.log?loop", make_stage(), tmp_path)
+def test_after_a_command_a_take_plays_like_any_other_recording(run, open_stage, calibration):
+    runner = open_stage("replay:take.log?loop")
     [player] = runner.stage.players
     run(runner, until=lambda: runner.skeletons >= 5)
     runner.cue("mirror", on=True)
@@ -179,34 +133,29 @@ def test_after_a_command_a_take_plays_like_any_other_recording(run, make_stage, 
     assert player.calibration is None  # no performer stood still for a second since
     run(runner, until=lambda: runner.skeletons >= 80)  # the second pass
     assert player.mirror
-    runner.close()
 
 
-def test_a_take_continues_after_its_characters_are_loaded_again(run, make_stage, make_player, tmp_path, kung_fu):
-    recorded_from_the_middle(run, make_stage, tmp_path, kung_fu)
-    runner = StageRunner("replay:take.log", make_stage(), tmp_path)
+def test_a_take_continues_after_its_characters_are_loaded_again(run, open_stage, make_player, calibration):
+    runner = open_stage("replay:take.log")
     run(runner, until=lambda: runner.skeletons >= 60)
     assert runner.stage.players[0].state == "performing"
     runner.replace_players([make_player("dog")])
     run(runner, until=lambda: runner.stage.players[0].state == "performing")
-    runner.close()
 
 
-def test_a_take_with_a_damaged_beginning_plays_like_any_other_recording(run, make_stage, tmp_path, kung_fu, caplog):
-    recorded_from_the_middle(run, make_stage, tmp_path, kung_fu)
+def test_a_take_with_a_damaged_beginning_plays_like_any_other_recording(run, open_stage, tmp_path, caplog, calibration):
     text = (tmp_path / "take.log").read_text()
     (tmp_path / "take.log").write_text(text.replace('"people": "each"', '"peoples": "each"'))
-    runner = StageRunner("replay:take.log", make_stage(), tmp_path)
+    runner = open_stage("replay:take.log")
     frames = run(runner, until=lambda: runner.skeletons >= 65)
     assert caplog.messages == ["an event was refused"]
     assert "a take with a damaged beginning" in caplog.records[0].fields["why"]
     assert frames[-1].state == "performing"
-    runner.close()
 
 
-def test_an_internal_error_loses_one_event(run, short, make_stage, tmp_path):
+def test_an_internal_error_loses_one_event(run, short, make_stage, open_stage):
     stage = make_stage()
-    runner = StageRunner(short, stage, tmp_path)
+    runner = open_stage(short, stage)
     step, calls = stage.step, []
 
     def stumbling(event, received):
@@ -218,22 +167,20 @@ def test_an_internal_error_loses_one_event(run, short, make_stage, tmp_path):
     stage.step = stumbling
     run(runner, until=lambda: runner.skeletons == 10)
     assert (runner.faults, len(calls)) == (1, runner.events)
-    runner.close()
 
 
-def test_a_take_ends_if_the_disk_is_full_and_the_stage_continues(run, short, make_stage, tmp_path):
-    runner = StageRunner(short, make_stage(), tmp_path)
+def test_a_take_ends_if_the_disk_is_full_and_the_stage_continues(run, short, open_stage, tmp_path):
+    runner = open_stage(short)
     runner.start_recording(tmp_path / "take.log")
     runner._recorder._file.close()
     runner._recorder._file = Path("/dev/full").open("ab", buffering=0)  # noqa: SIM115 - the runner closes it
     run(runner, until=lambda: runner.skeletons == 10)
     assert runner.recording is None
     assert runner.faults == 0
-    runner.close()
 
 
-def test_a_take_of_a_runner_is_a_skeleton_log(run, short, make_stage, tmp_path, kung_fu):
-    runner = StageRunner(short, make_stage(), tmp_path)
+def test_a_take_of_a_runner_is_a_skeleton_log(run, short, open_stage, tmp_path, kung_fu):
+    runner = open_stage(short)
     runner.start_recording(tmp_path / "take.log")
     assert runner.recording == "take"
     run(runner, until=lambda: runner.skeletons == 10)
@@ -246,21 +193,20 @@ def test_a_take_of_a_runner_is_a_skeleton_log(run, short, make_stage, tmp_path, 
     assert clip.times.tolist() == [frame.time for frame in kung_fu[:10]]
     assert b'"do": "mirror"' in (tmp_path / "take.log").read_bytes()
     assert b"horse" not in (tmp_path / "take.log").read_bytes()
-    runner.close()
 
 
 @pytest.mark.parametrize(
     ("follow", "hanging", "told"), [("turn", False, True), ("turn", True, False), ("direction", False, False)]
 )
 def test_a_calibration_with_raised_arms_is_logged_if_limbs_turn(
-    run, make_stage, limbed_rig, tmp_path, record_events, standing, caplog, follow, hanging, told
+    run, make_stage, open_stage, limbed_rig, tmp_path, record_events, standing, caplog, follow, hanging, told
 ):
     """The performer of the fixture stretches the arms out."""
     pose, sure = upright(standing) if hanging else standing, np.ones(20, dtype=np.float32)
     record_events(tmp_path / "still.log", [SkeletonFrame(number / 30, 1, pose, sure) for number in range(60)])
     limbs = [limb.model_copy(update={"follow": follow}) for limb in limbed_rig.puppet.limb]
     stage = make_stage(rig=replace(limbed_rig, puppet=limbed_rig.puppet.model_copy(update={"limb": limbs})))
-    runner = StageRunner("replay:still.log", stage, tmp_path)
+    runner = open_stage("replay:still.log", stage)
     run(runner, until=lambda: stage.players[0].state == "performing")
     runner.close()
     warnings = [record.fields for record in caplog.records if "hanging arms" in record.message]

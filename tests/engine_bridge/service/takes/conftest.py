@@ -62,9 +62,8 @@ def stopped_clock(monkeypatch):
 
 
 @pytest.fixture
-def make_theatre(stopped_clock, make_stage, record_events, kung_fu, tmp_path):
+def make_theatre(stopped_clock, make_stage, record_events, kung_fu, until_end, tmp_path):
     """Make stages with a performer in a loop of an example, or without one."""
-    opened = []
 
     def make(
         names=("dog", "cat"), performer=True, player_settings=SOON, uri="replay:performer.log?loop", sound=None, **more
@@ -73,12 +72,10 @@ def make_theatre(stopped_clock, make_stage, record_events, kung_fu, tmp_path):
         if not log.exists():
             record_events(log, kung_fu)
         source = uri if performer else "osc:0"
-        opened.append(StageRunner(source, make_stage(names, player_settings, **more), tmp_path, sound))
-        return Theatre(stopped_clock, opened[-1])
+        stage = make_stage(names, player_settings, **more)
+        return Theatre(stopped_clock, until_end(StageRunner(source, stage, tmp_path, sound)))
 
-    yield make
-    for runner in opened:
-        runner.close()
+    return make
 
 
 @pytest.fixture(scope="session")

@@ -90,11 +90,7 @@ def test_the_stream_is_passed_through_byte_for_byte(joined):
 
 def test_a_text_that_is_no_subscription_is_answered_and_the_stream_goes_on(joined):
     async def ask():
-        async with (
-            aiohttp.ClientSession() as http,
-            http.ws_connect(f"{joined.address}/stream", max_msg_size=0) as socket,
-        ):
-            await socket.send_json({"token": joined._session})
+        async with stream_of(joined) as socket:
             await socket.send_json({"do": "reload"})
             refusal = await socket.receive_json()
             await socket.send_json({"subscribe": "blob/controls"})

@@ -29,6 +29,9 @@ NAME = "openni:"
         ("file=take.oni&fast", Selection("file", "take.oni", fast=True)),
         ("file=take.oni?loop", Selection("file", "take.oni", loop=True)),
         ("file=take.oni&fast?loop", Selection("file", "take.oni", fast=True, loop=True)),
+        ("?face&hands", Selection(face=True, hands=True)),
+        ("serial=A1?hands", Selection("serial", "A1", hands=True)),
+        ("file=take.oni?loop&face", Selection("file", "take.oni", loop=True, face=True)),
     ],
 )
 def test_a_uri_selects_a_sensor_or_a_recording(rest, selection):

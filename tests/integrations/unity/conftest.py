@@ -129,7 +129,7 @@ def build(compiler, folder):
     program("Core", "Puppetline.Core")
     program("Sharing", "Puppetline.Core")
     program("Clips", *unity, "Puppetline.Timeline", "Unity.Timeline")
-    program("Component", *unity, sources=("Skeletons", "Said"))
+    program("Component", *unity, "Sample", sources=("Skeletons", "Said"))
     program("Posing", *unity, sources=("Skeletons", "Said"))
 
 

@@ -117,6 +117,21 @@ def test_morph_targets_that_channels_move_are_blend_shapes_and_return_as_the_sam
     assert returned.channels == channels
 
 
+def test_measured_fingers_bend_down_in_a_t_pose_and_those_of_the_other_hand_are_not_sent(figure, moved_by):
+    channels = {"index_1_left": 0.75, "index_2_left": 0.0, "thumb_2_left": 0.75}
+    sent = bones(datagrams(replace(moved_by(still(figure)), channels=channels), 0.0))
+    fingers = {name: sent[name] for name in sent.keys() - set(figure.humanoid.names)}
+    assert len(fingers) == 15
+    assert all(name.startswith("Left") for name in fingers)
+    left, down, back = np.array([-1.0, 0, 0]), np.array([0, -1.0, 0]), np.array([0, 0, -1.0])  # Unity's axes
+    np.testing.assert_allclose(fingers["LeftIndexProximal"][1].apply(left), down, atol=1e-6)
+    np.testing.assert_allclose(fingers["LeftThumbIntermediate"][1].apply(left), back, atol=1e-6)
+    assert fingers["LeftLittleDistal"][1].magnitude() == 0
+    assert all(place @ left > 0 for place, _ in fingers.values())
+    other = bones(datagrams(replace(moved_by(still(figure)), channels={"index_1_right": 0.75}), 0.0))
+    np.testing.assert_allclose(other["RightIndexProximal"][1].apply(-left), down, atol=1e-6)
+
+
 def test_a_frame_is_bundles_that_travel_in_one_piece_and_say_all_that_the_protocol_wants(figure, moved_by):
     sent = list(datagrams(moved_by(still(figure), root=(2.0, 0.0, -1.0)), 12.5))
     assert all(len(datagram) <= DATAGRAM_BYTES and OscBundle.dgram_is_bundle(datagram) for datagram in sent)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from capture.clip import SkeletonClip
 from capture.formats.options import ReadOptions
 from capture.orientations import unit_or_unknown, unknown
-from capture.skeleton import LOST, TRACKED, SkeletonFrame
+from capture.skeleton import INFERRED, LOST, SkeletonFrame
 from puppetline.errors import SkeletonLogError
 
 
@@ -28,7 +28,7 @@ def build_clip(
     The arrays are those of `SkeletonClip`, in the order of the file, and the clip has user 0. Frames whose times do not
     increase are skipped, and a note counts them. A joint is lost if its confidence is 0 or its position is exactly
     (0, 0, 0), which recorders write for a lost joint. A quaternion becomes NaN if its length is not 1 or if its joint
-    is not tracked.
+    is inferred or lost.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def build_clip(
     confidence = np.where(known, confidence, LOST).astype(np.float32)
     if orientations is not None:
         orientations = unit_or_unknown(orientations[keep])
-        orientations[confidence < TRACKED] = np.nan
+        orientations[confidence <= INFERRED] = np.nan
     if channels is not None:
         kept = {name: values[keep] for name, values in channels.items()}
         channels = {name: values for name, values in kept.items() if not np.isnan(values).all()} or None

@@ -15,10 +15,8 @@ from types import ModuleType
 from typing import Any
 from urllib.parse import parse_qsl
 
-from capture.channels import CHANNELS
 from capture.libraries import import_error
 from capture.sensors.source import SensorSource
-from capture.trackers.face import FACE_CHANNELS
 from capture.trackers.mediapipe import DEFAULT_HEIGHT_METRES, INSTALL_FIX, MediaPipePose, load_mediapipe
 from capture.trackers.picture import Lens, Picture
 from puppetline.errors import SourceError, at
@@ -57,13 +55,6 @@ class Options:
     face: bool = False
     hands: bool = False
 
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Names of the channels to measure."""
-        return tuple(
-            name for name in CHANNELS if (self.face and name in FACE_CHANNELS) or (self.hands and "_open_" in name)
-        )
-
 
 def open_camera(uri: str, rest: str) -> SensorSource:
     """Open a camera with MediaPipe as its tracker.
@@ -85,7 +76,7 @@ def open_camera(uri: str, rest: str) -> SensorSource:
         )
     load_opencv()
     load_mediapipe()
-    return SensorSource(uri, lambda: Camera(uri, options), lambda _: MediaPipePose(options.height, options.channels))
+    return SensorSource(uri, lambda: Camera(uri, options), lambda _: _tracker(options))
 
 
 def open_video(uri: str, rest: str, folder: Path) -> SensorSource:
@@ -106,7 +97,7 @@ def open_video(uri: str, rest: str, folder: Path) -> SensorSource:
     options = parse(uri, rest)
     load_mediapipe()
     video = Video(uri, folder / options.name, options)
-    return SensorSource(uri, lambda: video, lambda _: MediaPipePose(options.height, options.channels), recorded=True)
+    return SensorSource(uri, lambda: video, lambda _: _tracker(options), recorded=True)
 
 
 def parse(uri: str, rest: str) -> Options:
@@ -261,6 +252,10 @@ def load_opencv() -> ModuleType:
             "OpenCV", found=f"a library that cannot be loaded ({error})", expected="OpenCV 4", fix=INSTALL_FIX
         ) from error
     return cv2
+
+
+def _tracker(options: Options) -> MediaPipePose:
+    return MediaPipePose(options.height, face=options.face, hands=options.hands)
 
 
 def _picture(moment: float, frame: Any, fov: float) -> Picture:

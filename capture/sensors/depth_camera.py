@@ -52,6 +52,8 @@ class Selection:
         Path, or value of the property; empty for any.
     fast, loop : bool
         How a recording is played.
+    face, hands : bool
+        Whether to measure the performer's face and hands.
     settings : mapping
         Numbers that the sensor is set to.
     """
@@ -60,6 +62,8 @@ class Selection:
     value: str = ""
     fast: bool = False
     loop: bool = False
+    face: bool = False
+    hands: bool = False
     settings: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -72,6 +76,8 @@ def parse(
     uri: str, rest: str, properties: Collection[str] = ("serial",), settings: Mapping[str, str] | None = None
 ) -> Selection:
     """Parse the part of a URI after its scheme: nothing, ``serial=…``, or a file with ``&fast`` or ``?loop``.
+
+    ``?face&hands`` may follow each.
 
     Parameters
     ----------
@@ -87,17 +93,19 @@ def parse(
     SourceError
         The text has another form.
     """
-    target, *options = re.split("[&?]", rest)
+    target, *every = re.split("[&?]", rest)
+    face, hands = "face" in every, "hands" in every
+    options = [option for option in every if option not in ("face", "hands")]
     kind, equals, value = target.partition("=")
     if not equals and target.endswith(SENSOR_RECORDINGS):
         kind, value = "file", target
     if kind == "file" and value and set(options) <= {"fast", "loop"}:
-        return Selection("file", value, "fast" in options, "loop" in options)
+        return Selection("file", value, "fast" in options, "loop" in options, face, hands)
     units = settings or {}
     pairs = [option.partition("=") for option in options]
     if (not target or (kind in properties and value)) and all(name in units for name, _, _ in pairs):
         numbers = {name: _number(at(uri, field=name), text, units[name]) for name, _, text in pairs}
-        return Selection(kind or "any", value, settings=numbers)
+        return Selection(kind or "any", value, face=face, hands=hands, settings=numbers)
     forms = [*(f"{name}=TEXT" for name in properties), *(f"?{name}=NUMBER" for name in units)]
     scheme = uri.partition(":")[0]
     raise SourceError(
@@ -123,7 +131,7 @@ def open_depth_camera(
     """
     if open_tracker is None:
         load_mediapipe()
-        open_tracker = _mediapipe
+    open_tracker = open_tracker or (lambda _: MediaPipePose(face=selection.face, hands=selection.hands))
     if selection.recorded:
         file = open_device()
         return SensorSource(uri, lambda: file, open_tracker, recorded=True, fast=selection.fast)
@@ -290,10 +298,6 @@ def unplayable(uri: str, library: str, reason: str, recording: str) -> SourceErr
         expected=f"an intact {recording} recording",
         fix="Record it again.",
     )
-
-
-def _mediapipe(_device: Device) -> Tracker:
-    return MediaPipePose()
 
 
 def _number(where: str, text: str, unit: str) -> float:

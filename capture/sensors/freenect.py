@@ -1,4 +1,4 @@
-"""Kinect v1 through libfreenect: the sources ``freenect:`` for the first one, ``freenect:1`` for the second.
+"""Kinect v1 through libfreenect: the sources ``freenect:`` for the first one, ``freenect:1?face&hands`` for the second.
 
 ctypes calls the installed library, so nothing has to be compiled.
 """
@@ -64,7 +64,8 @@ def open_source(uri: str, rest: str, _folder: Path) -> SensorSource:
     SourceError
         The URI is wrong, or a library is missing. The source itself raises the errors of the sensor.
     """
-    if not re.fullmatch("[0-9]{0,2}", rest):
+    number, *options = re.split("[&?]", rest)
+    if not re.fullmatch("[0-9]{0,2}", number) or not set(options) <= {"face", "hands"}:
         raise SourceError(
             uri,
             found=repr(rest),
@@ -72,7 +73,8 @@ def open_source(uri: str, rest: str, _folder: Path) -> SensorSource:
             fix="Write freenect: for the first, freenect:1 for the second.",
         )
     _load(uri)
-    return open_depth_camera(uri, Selection(), lambda: FreenectDevice(uri, int(rest or 0)))
+    selection = Selection(face="face" in options, hands="hands" in options)
+    return open_depth_camera(uri, selection, lambda: FreenectDevice(uri, int(number or 0)))
 
 
 def count_sensors(where: str) -> int | None:

@@ -2,7 +2,8 @@
 
 ``openni:`` is the first sensor that the library finds; ``openni:serial=…`` and ``openni:uri=…`` select one.
 ``openni:file=take.oni`` plays a recording: with ``&fast`` as fast as tracking allows, with ``?loop`` in a loop. For
-sensors, NiTE2 is the tracker if it is installed and starts; otherwise, and for recordings, MediaPipe is.
+sensors, NiTE2 is the tracker if it is installed and starts; otherwise, for recordings and with ``?face&hands``,
+MediaPipe is.
 """
 
 import ctypes
@@ -67,11 +68,12 @@ def open_source(uri: str, rest: str, folder: Path) -> SensorSource:
     """
     selection = parse(uri, rest, ("serial", "uri"))
     load_openni2(uri)
+    measures = selection.face or selection.hands  # which NiTE2 cannot
     if selection.recorded:
         check_plays(uri, folder / selection.value)
     elif library_path() is None:
         load_mediapipe()
-    open_tracker = None if selection.recorded else _open_tracker
+    open_tracker = None if selection.recorded or measures else _open_tracker
     return open_depth_camera(uri, selection, lambda: OpenNIDevice(uri, selection, folder), open_tracker)
 
 

@@ -1,6 +1,6 @@
 """Orbbec sensors (Femto, Gemini, Astra 2) through Orbbec's SDK: ``orbbec:``, ``orbbec:serial=…``, ``orbbec:take.bag``.
 
-The SDK's own recordings play with ``&fast`` as fast as tracking allows.
+The SDK's own recordings play with ``&fast`` as fast as tracking allows, with ``?loop`` in a loop.
 """
 
 import logging
@@ -90,6 +90,7 @@ class OrbbecDevice(DepthCamera):
 
     def __init__(self, uri: str, selection: Selection, folder: Path = Path()) -> None:
         super().__init__(uri, selection)
+        self._selection, self._folder = selection, folder
         self._ob = load_orbbec(uri)
         self._pipeline: Any = None
         self._device: Any = None
@@ -188,7 +189,10 @@ class OrbbecDevice(DepthCamera):
         except (RuntimeError, self._ob.OBError) as error:
             raise self._failure(error) from error
         if frames is None and self._recorded and self._at_end():
-            raise self._ended()
+            if not self._loop:
+                raise self._ended()
+            self.close()
+            self._start(self._selection, self._folder)
         return frames is not None
 
     def _add_frames(self, frames: Any) -> None:

@@ -261,7 +261,8 @@ class SensorSource:
                         person.user,
                         person.positions.astype(np.float64),
                         person.confidence,
-                        channels=person.channels,
+                        person.orientations,
+                        person.channels,
                     )
                     for person in people
                 ]

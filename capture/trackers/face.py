@@ -9,6 +9,8 @@ Distances are between landmarks in three dimensions, so that turning the head ch
   corners. A smile is how far the corners of the mouth rise above the middle of its upper lip, divided likewise.
 
 The channels are differences from the neutral face, which is the median of the first second in which the face is seen.
+
+The head turns with the face: its axes are the line through the eyes and temples, and that from chin to forehead.
 """
 
 from importlib import import_module
@@ -18,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.libraries import import_error
+from capture.pose import Pose
 
 FACE_CHANNELS = ("mouth_open", "mouth_wide", "smile", "blink_left", "blink_right", "brow_up")
 """Channels of a face, in the order of every (6,) array."""
@@ -45,6 +48,13 @@ _LIPS = ((82, 87), (13, 14), (312, 317))
 _MOUTH_CORNERS, _UPPER_LIP = (61, 291), 13
 _OUTER_CORNERS, _INNER_CORNERS, _BROWS = (33, 263), (133, 362), (105, 334)
 _FOREHEAD, _CHIN = 10, 152
+_TEMPLES = (127, 356)
+
+MIN_PART_PIXELS = 240
+"""Size to which smaller images of heads are enlarged; landmarks in the small ones jump."""
+
+MEAN_COUNT = 150.0
+"""Number of images over which the direction from the neck to the head is averaged, about 5 s."""
 
 Floats = NDArray[np.float64]
 
@@ -70,6 +80,52 @@ def turn(landmarks: Floats) -> float:
     across = landmarks[_OUTER_CORNERS[1]] - landmarks[_OUTER_CORNERS[0]]
     normal = np.cross(across, landmarks[_CHIN] - landmarks[_FOREHEAD])
     return float(np.hypot(normal[0], normal[1]) / np.linalg.norm(normal))
+
+
+def axes(landmarks: Floats, ray: Floats) -> Floats:
+    """Return the rotation (3, 3) of a head in sensor coordinates; it is the identity if the face looks at the sensor.
+
+    Parameters
+    ----------
+    landmarks : (468, 3) float64
+        Right, down and away in the image, in any unit.
+    ray : (3,) float64
+        Direction to the head in sensor coordinates; a face that looks straight into the image's middle does not look at
+        the sensor if it is at the image's edge.
+    """
+    points = landmarks * [-1.0, -1.0, 1.0]
+    right = points[_OUTER_CORNERS[0]] - points[_OUTER_CORNERS[1]] + points[_TEMPLES[0]] - points[_TEMPLES[1]]
+    right /= np.linalg.norm(right)
+    back = np.cross(right, points[_FOREHEAD] - points[_CHIN])
+    back /= np.linalg.norm(back)
+    tilt, aside = np.degrees([-np.arcsin(ray[1] / np.linalg.norm(ray)), np.arctan2(ray[0], ray[2])])
+    to_head = Pose.of_degrees(float(tilt), float(aside), 0.0, np.zeros(3)).rotation
+    return np.asarray(to_head @ np.column_stack([right, np.cross(back, right), back]))
+
+
+class HeadDirection:
+    """Turns the direction from a performer's neck to the head with the face.
+
+    In the axes of the face, that direction is the mean of the directions at which the body's tracker saw the head.
+    """
+
+    def __init__(self) -> None:
+        self._mean, self._count = np.zeros(3), 0.0
+
+    def turned(self, bone: Floats, face: Floats) -> Floats:
+        """Return the bone (3,) from neck to head, with the same length, as the face turns it.
+
+        Parameters
+        ----------
+        bone : (3,) float64
+            The same bone by the body's tracker, metres, sensor coordinates.
+        face : (3, 3) float64
+            `axes`.
+        """
+        length = float(np.linalg.norm(bone))
+        self._count = min(self._count + 1, MEAN_COUNT)
+        self._mean += (bone / length @ face - self._mean) / self._count
+        return np.asarray(face @ self._mean * length / np.linalg.norm(self._mean))
 
 
 class FaceChannels:
@@ -121,10 +177,10 @@ class FaceMesh:
 
     def find(self, color: NDArray[np.uint8]) -> Floats | None:
         """Return landmarks (468, 3) in pixels, right, down and away; None without a face that looks at the camera."""
-        result = self._mesh.process(color)
+        height, width = color.shape[:2]
+        result = self._mesh.process(enlarged(color, MIN_PART_PIXELS))
         if result.multi_face_landmarks is None:
             return None
-        height, width = color.shape[:2]
         points = result.multi_face_landmarks[0].landmark[:468]
         found = np.array([(point.x * width, point.y * height, point.z * width) for point in points])
         upside_down = found[_CHIN, 1] < found[_FOREHEAD, 1]
@@ -165,6 +221,14 @@ def part_around(color: NDArray[np.uint8], centre: Floats, size: float) -> tuple[
     if rows.start < rows.stop and columns.start < columns.stop:
         part[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left] = color[rows, columns]
     return part, np.array([left, top], np.float64)
+
+
+def enlarged(part: NDArray[np.uint8], least: int) -> NDArray[np.uint8]:
+    """Return an image of at least so many pixels of height, enlarged with cubic interpolation."""
+    if len(part) >= least:
+        return part
+    cv2 = import_module("cv2")  # MediaPipe requires it
+    return np.asarray(cv2.resize(part, None, fx=least / len(part), fy=least / len(part), interpolation=cv2.INTER_CUBIC))
 
 
 def _distance(landmarks: Floats, one: int, other: int) -> float:

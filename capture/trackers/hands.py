@@ -1,21 +1,35 @@
-"""Channels of hands from the 21 landmarks of each hand that MediaPipe finds.
+"""Hands, their fingers and their channels from the 21 landmarks of each hand that MediaPipe finds.
 
-A finger is straight if the distance from its knuckle to its tip equals the sum of its bones' lengths. A hand is open
-as far as its four fingers are straight, and points as far as the index finger is straighter than the other three.
+The bend of a joint of a finger is the angle between the two bones that meet there; at a knuckle, one of them is
+the palm's, from the wrist. A hand is open as far as its four fingers are straight, and points as far as the index
+finger is straighter than the other three.
 """
 
+import logging
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.channels import FINGER_CHANNELS, FINGERS, FULL_BEND_DEGREES
 from capture.trackers.face import open_model, part_around
 
 SIDES = ("left", "right")
 """The performer's hands, in the order of MediaPipe's landmarks of the body."""
 
-BENT, STRAIGHT = 0.5, 0.92
-"""Straightness of a finger in a fist, and of one that is stretched."""
+STRAIGHT_DEGREES, BENT_DEGREES = 50.0, 220.0
+"""Sum of the bends of a finger's joints that is straight, and that in a fist; MediaPipe bends straight fingers by up to
+50 degrees."""
+
+FLAT_DEGREES = np.array([[30.0, 20.0, 20.0], *[[15.0, 20.0, 15.0]] * 4])
+"""(5, 3) bends of the joints of thumb to little finger in a flat hand, by MediaPipe."""
+
+MAX_WRIST_SHARE = 0.5
+"""Largest distance of a hand's wrist from that of the body, in lengths of the forearm; others are another hand's."""
+
+SURE_SCORE = 0.95
+"""Score from which MediaPipe's left or right counts; hands that are seen from the side have lower ones."""
 
 CROP_SHARE = 1.6
 """Size of the part of the image around a hand, in lengths of the forearm; the palm is a third of it or more."""
@@ -23,22 +37,48 @@ CROP_SHARE = 1.6
 SMOOTHING_SECONDS, LOST_SECONDS = 0.05, 0.15
 """Time constants of the channels' smoothing, and of their fall to 0 while a hand is not seen, in seconds."""
 
-_KNUCKLES = (5, 9, 13, 17)  # of index to little finger; the next three landmarks are its other joints and its tip
+_WRIST, _KNUCKLES = 0, (5, 17)  # of a hand; the latter those of index and little finger
+_BONES = np.array([[0, *range(first, first + 4)] for first in (1, 5, 9, 13, 17)])  # landmarks of each finger
 _ELBOWS, _WRISTS, _LITTLE, _INDEX = (13, 14), (15, 16), (17, 18), (19, 20)  # landmarks of the body
 
 Floats = NDArray[np.float64]
 
-
-def straightness(landmarks: Floats) -> Floats:
-    """Return how straight the fingers (4,) from index to little finger are, from 0 to 1, from landmarks (21, 3)."""
-    fingers = landmarks[np.add.outer(_KNUCKLES, range(4))]
-    bones = np.linalg.norm(np.diff(fingers, axis=1), axis=-1).sum(axis=1)
-    straight = np.linalg.norm(fingers[:, 3] - fingers[:, 0], axis=-1) / np.maximum(bones, 1e-9)
-    return np.asarray(np.clip((straight - BENT) / (STRAIGHT - BENT), 0, 1))
+log = logging.getLogger(__name__)
 
 
-class HandChannels:
-    """Finds a performer's hands and returns their channels.
+@dataclass(frozen=True, slots=True)
+class Hand:
+    """A hand in an image.
+
+    Attributes
+    ----------
+    pixels : (2, 2) float64
+        The wrist, and the middle of the knuckles of index and little finger.
+    direction : (3,) float64
+        From the former to the latter in metres; right and down in the image, and away.
+    bends : (5, 3) float64
+        `bends`.
+    """
+
+    pixels: Floats
+    direction: Floats
+    bends: Floats
+
+
+def bends(landmarks: Floats) -> Floats:
+    """Return the bends (5, 3) of the joints of thumb to little finger, in degrees, from landmarks (21, 3)."""
+    bones = np.diff(landmarks[_BONES], axis=1)
+    bones /= np.maximum(np.linalg.norm(bones, axis=-1, keepdims=True), 1e-9)
+    return np.degrees(np.arccos(np.clip((bones[:, 1:] * bones[:, :-1]).sum(axis=-1), -1, 1)))
+
+
+def straightness(bent: Floats) -> Floats:
+    """Return how straight the fingers (4,) from index to little finger are, from 0 to 1, from `bends`."""
+    return np.asarray(np.clip((BENT_DEGREES - bent[1:].sum(axis=1)) / (BENT_DEGREES - STRAIGHT_DEGREES), 0, 1))
+
+
+class Hands:
+    """Finds a performer's hands.
 
     Raises
     ------
@@ -47,46 +87,71 @@ class HandChannels:
     """
 
     def __init__(self) -> None:
-        self._models: list[Any] = [open_model("hands", "Hands", max_num_hands=1, model_complexity=0) for _ in SIDES]
-        self._values, self._time = np.zeros((len(SIDES), 2)), 0.0
-        self._seen = [False, False]
+        self._models: list[Any] = [open_model("hands", "Hands", max_num_hands=1, model_complexity=1) for _ in SIDES]
+        self._others = False
 
-    def step(self, time: float, color: NDArray[np.uint8], body: Floats) -> dict[str, float]:
-        """Return the channels of the hands that have been seen.
+    def find(self, color: NDArray[np.uint8], body: Floats) -> list[Hand | None]:
+        """Return the left and the right hand; None for one that is not seen.
 
         Parameters
         ----------
-        time : float
-            Seconds.
         color : (height, width, 3) uint8
         body : (33, 2) float64
             MediaPipe's landmarks of the body, in pixels.
         """
-        passed, self._time = max(time - self._time, 0.0), time
-        channels = {}
-        for side, name in enumerate(SIDES):
-            target, seconds = np.zeros(2), LOST_SECONDS
-            landmarks = self._find(side, color, body)
-            if landmarks is not None:
-                straight, seconds = straightness(landmarks), SMOOTHING_SECONDS
-                target = np.array([straight.mean(), max(straight[0] - straight[1:].mean(), 0.0)])
-                self._seen[side] = True
-            self._values[side] += (target - self._values[side]) * (1 - np.exp(-passed / seconds))
-            if self._seen[side]:
-                channels[f"hand_open_{name}"], channels[f"point_{name}"] = self._values[side].tolist()
-        return channels
+        return [self._find(side, color, body) for side in range(len(SIDES))]
 
     def close(self) -> None:
         """Release MediaPipe."""
         for model in self._models:
             model.close()
 
-    def _find(self, side: int, color: NDArray[np.uint8], body: Floats) -> Floats | None:
+    def _find(self, side: int, color: NDArray[np.uint8], body: Floats) -> Hand | None:
         wrist, elbow = body[_WRISTS[side]], body[_ELBOWS[side]]
         knuckles = (body[_LITTLE[side]] + body[_INDEX[side]]) / 2
-        size = CROP_SHARE * max(float(np.linalg.norm(wrist - elbow)), float(np.linalg.norm(body[11] - body[12])) / 2)
-        result = self._models[side].process(part_around(color, (wrist + 2 * knuckles) / 3, size)[0])
+        forearm = max(float(np.linalg.norm(wrist - elbow)), float(np.linalg.norm(body[11] - body[12])) / 2)
+        part, corner = part_around(color, (wrist + 2 * knuckles) / 3, CROP_SHARE * forearm)
+        result = self._models[side].process(part)
         if result.multi_hand_world_landmarks is None:
             return None
-        points = result.multi_hand_world_landmarks[0].landmark
-        return np.array([(point.x, point.y, point.z) for point in points])
+        flat, space = (
+            np.array([(point.x, point.y, point.z) for point in each[0].landmark])
+            for each in (result.multi_hand_landmarks, result.multi_hand_world_landmarks)
+        )
+        pixels = np.array([flat[_WRIST], flat[list(_KNUCKLES)].mean(axis=0)])[:, :2] * len(part) + corner
+        hand = result.multi_handedness[0].classification[0]
+        if np.linalg.norm(pixels[0] - wrist) > MAX_WRIST_SHARE * forearm:
+            if not self._others:
+                log.warning("more hands than the performer's are in view; those that do not end its arms are ignored")
+            self._others = True
+            return None
+        if hand.label.lower() == SIDES[side] and hand.score > SURE_SCORE:  # MediaPipe names hands as in a mirror
+            return None
+        direction = space[list(_KNUCKLES)].mean(axis=0) - space[_WRIST]
+        return Hand(pixels, direction, bends(space))
+
+
+class HandChannels:
+    """Turns a performer's hands into channels."""
+
+    def __init__(self) -> None:
+        self._values, self._time = np.zeros((len(SIDES), 2 + len(FINGER_CHANNELS) // 2)), 0.0
+        self._seen = [False, False]
+
+    def step(self, time: float, hands: list[Hand | None]) -> dict[str, float]:
+        """Return the channels, at a time in seconds, of the hands that have been seen."""
+        passed, self._time = max(time - self._time, 0.0), time
+        channels: dict[str, float] = {}
+        for side, (name, hand) in enumerate(zip(SIDES, hands, strict=True)):
+            target, seconds = np.zeros(self._values.shape[1]), LOST_SECONDS
+            if hand is not None:
+                straight, seconds = straightness(hand.bends), SMOOTHING_SECONDS
+                bent = np.clip((hand.bends - FLAT_DEGREES) / FULL_BEND_DEGREES, 0, 1)
+                target = np.array([straight.mean(), max(straight[0] - straight[1:].mean(), 0.0), *bent.ravel()])
+                self._seen[side] = True
+            self._values[side] += (target - self._values[side]) * (1 - np.exp(-passed / seconds))
+            if self._seen[side]:
+                fingers = (f"{finger}_{joint}" for finger in FINGERS for joint in (1, 2, 3))
+                names = (f"{each}_{name}" for each in ("hand_open", "point", *fingers))
+                channels |= dict(zip(names, self._values[side].tolist(), strict=True))
+        return channels

@@ -13,20 +13,25 @@ hip_center             halfway between the hips
 shoulder_center        from halfway between the shoulders, 0.15 of the way to the head: the root of the neck
 spine                  0.17 of the way from hip_center to shoulder_center, as in `capture.formats.layouts`
 =====================  =================================================================================
+
+If faces or hands are measured, the head points up from the neck as the face does and has its orientation, and wrists
+and hands are those of the landmarks of the hands.
 """
 
 import logging
-from collections.abc import Collection
+from collections.abc import Sequence
 from types import ModuleType
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from capture.libraries import import_error
-from capture.skeleton import JOINT_INDEX, JOINTS
-from capture.trackers.face import FACE_CHANNELS, FaceChannels, FaceMesh, measures, part_around
-from capture.trackers.hands import HandChannels
+from capture.orientations import unknown
+from capture.skeleton import JOINT_INDEX, JOINTS, TRACKED
+from capture.trackers.face import FaceChannels, FaceMesh, HeadDirection, axes, measures, part_around
+from capture.trackers.hands import SIDES, Hand, HandChannels, Hands
 from capture.trackers.picture import Person, Picture
 from capture.trackers.placing import BodyPlacer, warm_up
 from puppetline.errors import SourceError
@@ -53,8 +58,9 @@ _LANDMARK_COUNT, _HEAD_LANDMARKS = 33, 11
 _LEFT = {"shoulder": [11], "elbow": [13], "wrist": [15], "hand": [17, 19], "hip": [23], "knee": [25], "ankle": [27]}
 _LEFT |= {"foot": [29, 31]}
 _RIGHT = {joint: [landmark + 1 for landmark in landmarks] for joint, landmarks in _LEFT.items()}
-_EARS = [7, 8]
+_EYES, _EARS, _MOUTH = [2, 5], [7, 8], [9, 10]
 _NECK, _SPINE = 0.15, 0.17
+_HEAD, _NECK_JOINT = JOINT_INDEX["head"], JOINT_INDEX["shoulder_center"]
 
 _TO_SENSOR = np.array([-1.0, -1.0, 1.0])  # MediaPipe's axes: x right in the image, y down, z away
 
@@ -68,8 +74,8 @@ class MediaPipePose:
     ----------
     height : float
         The performer's height, in metres; it does not count for images with depth.
-    channels : collection of str
-        Channels to measure (`capture.channels`); faces and hands are searched only if one of theirs is among them.
+    face, hands : bool
+        Whether to measure the performer's face and hands (`capture.channels`).
 
     Raises
     ------
@@ -79,12 +85,14 @@ class MediaPipePose:
 
     name = "MediaPipe pose"
 
-    def __init__(self, height: float = DEFAULT_HEIGHT_METRES, channels: Collection[str] = ()) -> None:
+    def __init__(self, height: float = DEFAULT_HEIGHT_METRES, *, face: bool = False, hands: bool = False) -> None:
         self._pose: Any = load_mediapipe().Pose(model_complexity=1)  # the package includes the model of this complexity
         warm_up()
-        self._mesh = FaceMesh() if set(channels) & set(FACE_CHANNELS) else None
-        self._face = FaceChannels()
-        self._hands = HandChannels() if any(name.startswith(("hand_", "point_")) for name in channels) else None
+        self._mesh = FaceMesh() if face else None
+        self._face, self._head = FaceChannels(), HeadDirection()
+        self._hands = Hands() if hands else None
+        self._gestures = HandChannels()
+        self._upside_down = False
         self._height = height
         self._placer: BodyPlacer | None = None
         self._person: Person | None = None
@@ -105,7 +113,7 @@ class MediaPipePose:
                 expected="a colour image, with depth or without",
                 fix="Use a sensor with a colour camera, or NiTE2.",
             )
-        found = self._find(picture)
+        found = self._find(picture, picture.color)
         if found is not None:
             self._log_absence("")
             self._person, self._last_found = found, picture.time
@@ -113,7 +121,7 @@ class MediaPipePose:
         self._log_absence(_absence(picture.color))
         if self._person is None or picture.time - self._last_found > LOST_SECONDS:
             self._person = self._placer = None
-            self._face = FaceChannels()
+            self._face, self._head = FaceChannels(), HeadDirection()
             return []
         return [Person(self._person.user, self._person.positions, np.zeros(len(JOINTS), np.float32))]
 
@@ -126,8 +134,8 @@ class MediaPipePose:
                 if model is not None:
                     model.close()
 
-    def _find(self, picture: Picture) -> Person | None:
-        result = self._pose.process(picture.color)
+    def _find(self, picture: Picture, color: NDArray[np.uint8]) -> Person | None:
+        result = self._pose.process(color)
         if result.pose_landmarks is None or result.pose_world_landmarks is None:
             return None
         size = picture.lens.width, picture.lens.height
@@ -136,37 +144,60 @@ class MediaPipePose:
         if self._placer is None:
             self._placer = BodyPlacer(self._height)
             self._users += 1
-        placed = self._placer.place(
-            picture.time,
-            picture.lens,
-            LANDMARK_WEIGHTS @ (seen[:, :2] * size),
-            LANDMARK_WEIGHTS @ world * _TO_SENSOR,
-            (LANDMARK_WEIGHTS @ seen[:, 2]).astype(np.float32),
-            picture.depth,
-        )
+        body = seen[:, :2] * size
+        pixels, posture = LANDMARK_WEIGHTS @ body, LANDMARK_WEIGHTS @ world * _TO_SENSOR
+        confidence = (LANDMARK_WEIGHTS @ seen[:, 2]).astype(np.float32)
+        hands = [] if self._hands is None else self._hands.find(color, body)
+        _place_hands(hands, pixels, posture, confidence)
+        placed = self._placer.place(picture.time, picture.lens, pixels, posture, confidence, picture.depth)
         if placed is None:
             return None
-        channels = self._channels(picture, seen[:, :2] * size)
-        return Person(self._users, placed[0].astype(np.float32), placed[1], channels)
-
-    def _channels(self, picture: Picture, body: NDArray[np.float64]) -> dict[str, float] | None:
-        """Return the channels of face and hands, in the parts of the image where the body's landmarks (33, 2) are."""
-        channels: dict[str, float] = {}
-        if picture.color is None:
-            return None
+        positions, confidence = placed
+        channels = self._gestures.step(picture.time, hands) if hands else {}
+        orientations = None
         if self._mesh is not None:
             head = body[:_HEAD_LANDMARKS]
-            part, _ = part_around(picture.color, head.mean(axis=0), HEAD_CROP * float(np.ptp(head, axis=0).max()))
-            face = self._mesh.find(part)
+            part, corner = part_around(color, head.mean(axis=0), HEAD_CROP * float(np.ptp(head, axis=0).max()))
+            face = None if self._is_upside_down(head) else self._mesh.find(part)
             channels |= self._face.step(picture.time, None if face is None else measures(face))
-        if self._hands is not None:
-            channels |= self._hands.step(picture.time, picture.color, body)
-        return channels or None
+            if face is not None:
+                ray = picture.lens.unproject(corner + len(part) / 2, np.ones(()))
+                orientations = self._turn_head(positions, axes(face, ray))
+        return Person(self._users, positions.astype(np.float32), confidence, channels or None, orientations)
+
+    def _is_upside_down(self, head: NDArray[np.float64]) -> bool:
+        """Return whether the mouth of a head's landmarks (11, 2) is above the eyes; log that once."""
+        upside_down = bool(head[_MOUTH, 1].mean() < head[_EYES, 1].mean())
+        if upside_down and not self._upside_down:
+            log.warning("%s: the face is upside down and not measured: turn the camera or the video", self.name)
+        self._upside_down = upside_down
+        return upside_down
+
+    def _turn_head(self, positions: NDArray[np.float64], face: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Move the head of (20, 3) positions to where the face points, and return its orientation (20, 4)."""
+        positions[_HEAD] = positions[_NECK_JOINT] + self._head.turned(positions[_HEAD] - positions[_NECK_JOINT], face)
+        orientations = unknown()
+        orientations[_NECK_JOINT] = scipy.spatial.transform.Rotation.from_matrix(face).as_quat()[[3, 0, 1, 2]]
+        return orientations
 
     def _log_absence(self, cause: str) -> None:
         if cause and cause != self._absence:
             log.warning("%s: %s", self.name, cause)
         self._absence = cause
+
+
+def _place_hands(
+    hands: Sequence[Hand | None],
+    pixels: NDArray[np.float64],
+    posture: NDArray[np.float64],
+    confidence: NDArray[np.float32],
+) -> None:
+    """Put wrists and hands of a body's joints, (20, 2) pixels and (20, 3) metres, where the hands are."""
+    for side, hand in zip(SIDES, hands, strict=False):
+        if hand is not None:
+            joints = [JOINT_INDEX[f"wrist_{side}"], JOINT_INDEX[f"hand_{side}"]]
+            pixels[joints], confidence[joints] = hand.pixels, TRACKED
+            posture[joints[1]] = posture[joints[0]] + hand.direction * _TO_SENSOR
 
 
 def load_mediapipe() -> ModuleType:

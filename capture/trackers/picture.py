@@ -88,12 +88,15 @@ class Person:
         From 0 (lost) to 1 (tracked), as in `capture.skeleton`.
     channels : mapping of str to float, optional
         Values of channels (`capture.channels`) from 0 to 1.
+    orientations : (20, 4) float64, optional
+        As in `capture.skeleton`.
     """
 
     user: int
     positions: NDArray[np.float32]
     confidence: NDArray[np.float32]
     channels: Mapping[str, float] | None = None
+    orientations: NDArray[np.float64] | None = None
 
 
 class Device(Protocol):

@@ -9,7 +9,6 @@ from engine_bridge.character.document import Document
 from engine_bridge.performance.clip import Progress
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.rig import make_rig as prepared
-from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.rig_bones import own_bones
 from engine_bridge.rigging.file_joints import humanoid_joints
 from engine_bridge.rigging.made_rig import make_rig
@@ -126,6 +125,8 @@ def load_rig_of(source: Path, output: Path) -> tuple[Rig, tuple[str, ...]]:
     """
     if source.suffix.lower() not in CHARACTER_FILES:
         return load_rig(source), ()
+    from engine_bridge.puppet.proposal import new_puppet  # importing it takes a while
+
     proposal = new_puppet(source, output)
     if not proposal.puppet.limb:
         raise PuppetError(

@@ -3,6 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from engine_bridge.performance.channels import morph_weights
 from engine_bridge.performance.clip import Progress, load_timeline, solve
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
@@ -59,6 +62,9 @@ def write_clip(
     rig = load_rig(puppet)
     character = StreamedCharacter.of(name, rig)
     count = len(timeline.positions)
+    moved = morph_weights(rig.puppet, timeline.channels)
+    still = np.zeros(count, np.float32)
+    weights = np.array([moved.get(target, still) for target in rig.puppet.targets], np.float32).reshape(-1, count).T
     facts = ClipFacts(name, character.revision, count, timeline.fps, log.stem)
     progress("Preparing the character", 1.0)
     with written_whole(output) as path, path.open("wb") as file:
@@ -66,7 +72,7 @@ def write_clip(
         number = 0
         for solved in solve(rig, timeline, settings, MAX_BATCH_FRAMES):
             for R, root in zip(solved.R, solved.root, strict=True):
-                file.write(frame_message(character, number, number / timeline.fps, R, root))
+                file.write(frame_message(character, number, number / timeline.fps, R, root, weights[number]))
                 number += 1
             progress("Performing", number / count)
     return ClipSummary(

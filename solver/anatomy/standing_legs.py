@@ -38,8 +38,8 @@ ANKLE_SHARE, ELBOW_SHARE, KNEE_SHARE = 0.22, 0.65, 0.6
 HOCK_ANKLE_SHARE = 0.4
 """Usual place of the ankle of a leg with a hock, as a share of the way from the end of the foot to the hock."""
 
-MIN_BONE_SHARE = 0.08
-"""Minimum distance between joints below the flank, as a share of the same way."""
+MIN_BONE_SHARE = 0.2
+"""Minimum distance of a single joint from the ends of that way; of two, half as much, as a share of it."""
 
 HOCK_DEGREES = 12.0
 """Minimum angle in degrees by which the bone above a hock leans further to the front than the one below it."""
@@ -146,7 +146,7 @@ def standing_legs(solid: Solid, legs: Sequence[LimbCurve], *, front: bool) -> li
 
 def _places(count: int) -> list[tuple[int, ...]]:
     """Return where the joints below the flank may be, as numbers of the leg's points."""
-    least = round(MIN_BONE_SHARE * SAMPLE_COUNT)
+    least = round(MIN_BONE_SHARE / count * SAMPLE_COUNT)
     inner = range(least, SAMPLE_COUNT - least)
     return [places for places in combinations(inner, count) if min(np.diff(places), default=least) >= least]
 

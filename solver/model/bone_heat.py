@@ -4,9 +4,9 @@ I. Baran and J. Popović, *Automatic Rigging and Animation of 3D Characters* (20
 solves −Δ w_b + H w_b = H p_b, with p_b = 1 on vertices whose nearest bone is b, and H = c / d² with the distance d. H
 is 0 on vertices that do not see their nearest bone, such as those of ears; heat reaches them over the surface.
 
-Two rules are ours. A bone also reaches to each child that begins beside it: the rump belongs to the trunk, not to the
-tail or to a thigh. And the last bone of a limb, such as the head, is stiff: d is small where rays from the bone
-(`solver.model.bones`) give it the vertex too, and H is 0 where they disagree.
+Two rules are ours. A bone of the trunk also reaches to each child that begins beside it: the rump belongs to the trunk,
+not to the tail or to a thigh. And the last bone of a limb, such as the head, is stiff: d is small where rays from the
+bone (`solver.model.bones`) give it the vertex too.
 """
 
 from typing import TYPE_CHECKING
@@ -30,8 +30,11 @@ HEAT = 6.0
 MIN_DISTANCE_DIAGONALS = 1e-3
 """Smallest distance d, as a fraction of the diagonal."""
 
-STIFF_DISTANCE_DIAGONALS = 0.02
+STIFF_DISTANCE_DIAGONALS = 0.05
 """Largest distance d of vertices that belong to the last bone of a limb."""
+
+NEGLIGIBLE_SHARE = 1e-3
+"""Largest share that is left out; far bones have a little of the heat everywhere."""
 
 HIDING_DIAGONALS = 2e-3
 """Smallest distance from a vertex, as a fraction of the diagonal, at which other surface hides a bone from it."""
@@ -73,10 +76,9 @@ def heat_shares(
     """
     source, distance = _sources(mesh, bones)
     owner = np.maximum(regions.owner, 0)
-    stiff = regions.held & bones.terminal[owner]
-    agreed = source[np.arange(len(owner)), owner] > 0
+    stiff = regions.held & bones.terminal[owner] & (source[np.arange(len(owner)), owner] > 0)
     distance = np.where(stiff, np.minimum(distance, STIFF_DISTANCE_DIAGONALS), distance)
-    seen = source.any(axis=1) & (agreed | ~stiff)
+    seen = source.any(axis=1)
     if not seen.any():
         seen, source = regions.owner >= 0, np.eye(len(bones))[owner]
     heat = np.where(seen, mass * HEAT / np.maximum(distance, MIN_DISTANCE_DIAGONALS) ** 2, 0.0)
@@ -84,6 +86,7 @@ def heat_shares(
     np.maximum(shares, 0.0, out=shares)
     limb = regions.limb_parts(mesh, bones)[:, None]
     shares[(limb >= 0) & (bones.limbs != limb)] = 0.0  # contacts do not carry the body's heat into an arm's part
+    shares[shares < NEGLIGIBLE_SHARE * shares.max(axis=1, keepdims=True)] = 0.0
     shares /= shares.sum(axis=1, keepdims=True)
     whole = regions.whole_parts(mesh)
     shares[whole >= 0] = np.eye(len(bones))[whole[whole >= 0]]
@@ -103,8 +106,8 @@ def _sources(mesh: SolverMesh, bones: Bones) -> tuple[NDArray[np.float64], NDArr
         distance = np.empty((len(vertices), len(bone)))
         for number, (head, axis) in enumerate(zip(heads, axes, strict=True)):
             offset = vertices - _foot(vertices, head, axis)
-            away = np.linalg.norm(offset, axis=1)
-            cosine = np.einsum("nx,nx->n", offset, normals[rows]) / np.maximum(away, 1e-12 * size)
+            away = np.maximum(np.linalg.norm(offset, axis=1), 1e-12 * size)
+            cosine = np.einsum("nx,nx->n", offset, normals[rows]) / away
             distance[:, number] = away / size / (0.5 * (cosine + OUTSIDE_COSINE))
         nearest[rows] = distance.min(axis=1)
         vertex, segment = np.nonzero(distance <= EQUAL_DISTANCE_RATIO * nearest[rows, None])
@@ -122,8 +125,8 @@ def _foot(points: NDArray[np.float64], head: NDArray[np.float64], axis: NDArray[
 
 
 def _segments(bones: Bones, diagonal: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """Return heads (s, 3), tails (s, 3) and the bone (s,) of the bones and of their ways to children beside them."""
-    child = np.flatnonzero(bones.parents >= 0)
+    """Return heads (s, 3), tails (s, 3) and the bone (s,) of the bones and the trunk's ways to children beside it."""
+    child = np.flatnonzero((bones.parents >= 0) & (bones.limbs[bones.parents] < 0))
     parent = bones.parents[child]
     axes = bones.tails[parent] - bones.heads[parent]
     along = np.einsum("sx,sx->s", bones.heads[child] - bones.heads[parent], axes) / bones.lengths[parent] ** 2

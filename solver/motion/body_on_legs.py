@@ -55,7 +55,7 @@ FRONT_CROUCH = 0.25
 MAX_SITTING_PITCH, REARING_PITCH = math.radians(40), math.radians(36)
 """Largest pitch of a body that sits, and that of one that rears, in radians."""
 
-REARED = 0.15
+REARED = 0.03
 """Share of that pitch from which a body does not sink for its front legs."""
 
 POSE_SECONDS = 0.15
@@ -181,13 +181,14 @@ def _drop(plan, state, motions, root, ahead):
         if carrier >= 0:
             hip = moved(motions[carrier], hip)
         away = minus(plus(hip, root, 1.0), plus(row_of(state.place, leg), up, jump))
-        high = dot(away, up)
+        flat = dot(away, away) - dot(away, up) ** 2
+        high = dot(away, up) + dot(minus(row_of(state.place, leg), row_of(plan.ankles, leg)), up)  # over the floor
         share = state.swing[leg]
         if share > 0:
             share = min(share + ahead / state.seconds[leg], 1.0)
         else:
             away = plus(away, state.velocity, ahead)
-        flat = dot(away, away) - dot(away, up) ** 2
+            flat = dot(away, away) - dot(away, up) ** 2
         weight = math.cos(math.pi * share) ** 2 * (1 - smooth_step(state.lift[leg, 1], (0.0, 1.0)))
         if plan.front[leg]:  # a body that has reared does not drop to its front feet
             weight *= 1 - smooth_step(state.body[REARING], (0.0, REARED))

@@ -93,7 +93,7 @@ def phases(sides: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.floa
 
 
 @compiled(inner=True)
-def update(gait, time, elapsed, lifted, rests, speed, leg_length, metre):
+def update(gait, time, elapsed, lifted, rests, lost, speed, leg_length, metre):
     """Update the gait of a body.
 
     Parameters
@@ -103,18 +103,21 @@ def update(gait, time, elapsed, lifted, rests, speed, leg_length, metre):
     time, elapsed : float
     lifted, rests : (2,) bool
         Which of the performer's feet are in the air, and which rest.
+    lost : bool
+        Whether the sensor does not see one of them.
     speed : float
         Of the body, or of its feet if it turns on the spot; mesh units per second.
     leg_length, metre : float
         Mesh units; mesh units per metre.
     """
-    _watch_steps(gait, time, elapsed, lifted, rests)
+    _watch_steps(gait, time, elapsed, lifted, rests, lost)
     natural = math.sqrt(GRAVITY * metre * leg_length)
     froude = (speed / natural) ** 2
     seen = gait[STEP_TIME] > 0 and time - gait[LIFTED_AT] < SEEN_STEPS * gait[STEP_TIME]
     stands = gait[RESTED] > RESTED_SECONDS
     walked = gait[WALKS] > 0
-    moves = speed > (STOP_SPEED if walked else WALK_SPEED) * natural
+    # a body that turns over feet that rest does not begin to walk
+    moves = speed > (STOP_SPEED if walked else WALK_SPEED) * natural and (walked or not (rests[0] and rests[1]))
     gait[WALKS] = 1.0 if (seen or moves) and not stands else 0.0
     gait[STOPPED] = 0.0 if gait[WALKS] > 0 else gait[STOPPED] + elapsed
     gait[DUTY] = max(FAST_DUTY, SLOW_DUTY - (SLOW_DUTY - FAST_DUTY) * froude / FAST_FROUDE)
@@ -137,10 +140,12 @@ def update(gait, time, elapsed, lifted, rests, speed, leg_length, metre):
 
 
 @compiled(inner=True)
-def _watch_steps(gait, time, elapsed, lifted, rests):
-    """Update the cadence and phase of a performer's steps."""
-    rested = gait[RESTED] + (elapsed if rests[0] and rests[1] else -UNREST_RATE * elapsed)
-    gait[RESTED] = min(max(rested, 0.0), 2 * RESTED_SECONDS)
+def _watch_steps(gait, time, elapsed, lifted, rests, lost):
+    """Update the cadence and phase of a performer's steps. A stand ends when both feet have stepped, or are lost."""
+    if rests[0] and rests[1]:
+        gait[RESTED] = min(gait[RESTED] + elapsed, 2 * RESTED_SECONDS)
+    elif lost or gait[RESTED] <= RESTED_SECONDS:
+        gait[RESTED] = max(gait[RESTED] - UNREST_RATE * elapsed, 0.0)
     if gait[RESTED] > RESTED_SECONDS:
         gait[STEP_TIME] = 0.0
     for foot in range(2):
@@ -152,6 +157,7 @@ def _watch_steps(gait, time, elapsed, lifted, rests):
             continue
         if gait[LAST_FOOT] >= 0 and since < MAX_STEP_SECONDS:
             gait[STEP_TIME] = since if gait[STEP_TIME] == 0 else (gait[STEP_TIME] + since) / 2
+            gait[RESTED] = 0.0
         else:
             gait[STEP_TIME] = 0.0
         gait[LAST_FOOT], gait[LIFTED_AT] = foot, time

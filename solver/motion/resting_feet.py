@@ -21,8 +21,11 @@ resting."""
 STILL_SECONDS = 0.2
 """Time for which the lower foot must be slow until it defines the floor, in seconds; longer than the top of a jump."""
 
-MIN_JUMP_METRES = 0.05
+MIN_JUMP_METRES = 0.03
 """Height of both of a performer's feet over the floor, in metres, from which the character leaves its own floor."""
+
+SOFT_JUMP_METRES = 0.03
+"""Height above that one, in metres, at which the character rises half as far, so that it leaves the floor smoothly."""
 
 VELOCITY_SECONDS = 0.05
 """Time constant of the mean velocity of a performer's foot, in seconds: smoothed joints still shake."""
@@ -129,4 +132,5 @@ def _find_floor(plan, clock, lowest, still, elapsed):
     stands = still > STILL_SECONDS or (still > 0 and lowest < clock[FLOOR] + RELEASE_HEIGHT_METRES)
     seconds = FLOOR_SECONDS if stands else DRIFT_SECONDS
     clock[FLOOR] = lowest + remaining(seconds, elapsed) * (clock[FLOOR] - lowest)
-    clock[LIFT] = plan.metre * max(0.0, lowest - clock[FLOOR] - MIN_JUMP_METRES)
+    rise = max(0.0, lowest - clock[FLOOR] - MIN_JUMP_METRES)
+    clock[LIFT] = plan.metre * rise * rise / (rise + SOFT_JUMP_METRES)

@@ -46,7 +46,7 @@ TOO_FAR, TOO_FAR_WALKING = 0.22, 0.47
 MAX_AWAY = 0.52
 """Largest distance between a foot that stands and its home, in leg lengths."""
 
-TIDY_DISTANCE, TIDY_SECONDS = 0.1, 0.65
+TIDY_DISTANCE, TIDY_SECONDS = 0.1, 0.5
 """Distance from home, in leg lengths, from which a leg steps once more in this time after a walk, in seconds."""
 
 LEAN_AWAY, TURN_AWAY = 0.2, math.radians(25)
@@ -56,6 +56,9 @@ they follow."""
 STEPPED_METRES = 0.18
 """Distance between a performer's foot and where it came to rest, in metres, from which it has stepped, though so slowly
 that it seemed to rest."""
+
+LEFT_METRES = 0.12
+"""The same for a foot that does not rest."""
 
 CAUGHT_UP = 0.2
 """Share of these below which the homes rest again."""
@@ -72,7 +75,7 @@ BASE_SECONDS, SLOW_BASE_SECONDS = 0.15, 0.5
 HEADING_SECONDS = 0.08
 """Time constant of the critically damped spring with which the homes turn, in seconds."""
 
-MAX_TURNING_SPEED = 2.5
+MAX_TURNING_SPEED = 1.4
 """Largest speed at which a turning body moves the homes of its feet, in leg lengths per second."""
 
 TOO_TURNED = math.radians(20)
@@ -90,7 +93,7 @@ MIN_SWING_SECONDS, MAX_SWING_SECONDS = 0.14, 0.5
 ARC_HEIGHT, ARC_SLOPE, MAX_ARC_HEIGHT = 0.08, 0.06, 0.2
 """Height of a swing in leg lengths: of a short one; its increase with the step's length; the largest."""
 
-LIFTING = 0.1
+LIFTING_SHARE = 0.1
 """Share of a swing at its beginning, and at its end, in which the foot only rises, and only sinks."""
 
 AIM_SHARE = 0.8
@@ -203,14 +206,17 @@ def _step(plan, state, time, positions, confidence, motions, root):
     elapsed = max(0.0, time - clock[TIME]) if began else math.inf
     clock[TIME] = time
     rests, low = resting_feet(plan.watch, state.watch, positions, confidence, elapsed, began)
+    lost = False
     for foot in range(2):
+        seen = is_seen(plan.watch.joints[foot], positions, confidence)
+        lost = lost or not seen
         state.watch.held[foot] = 1.0 if rests[foot] else 0.0
         # a lost foot keeps its position, which says nothing about whether the performer stands; a foot that is held up
         # does not carry the body on, and on tilted sensors feet on the floor differ in height
-        rests[foot] = state.watch.still[foot] > 0 and is_seen(plan.watch.joints[foot], positions, confidence)
+        rests[foot] = state.watch.still[foot] > 0 and seen
     _move_homes(plan, state, motions, root, elapsed, began)
     speed = math.hypot(length(state.velocity), plan.radius * state.body[TURNING])
-    update(state.gait, time, elapsed, ~(rests | low), rests, speed, plan.leg_length, plan.metre)
+    update(state.gait, time, elapsed, ~(rests | low), rests, lost, speed, plan.leg_length, plan.metre)
     watch_hands(plan, state, positions, confidence, elapsed)
     if not began:
         for leg in range(len(plan.feet)):
@@ -296,15 +302,15 @@ def _turn_homes(plan, body, turned, elapsed):
 def _stays(state):
     """Return whether the performer stands where both feet came to rest; update where that is."""
     gait = state.gait
-    if gait[RESTED] <= RESTED_SECONDS or gait[STOPPED] < TIDY_SECONDS:
+    if gait[RESTED] <= RESTED_SECONDS:
         state.stand[:] = state.watch.last
         return False
     for foot in range(2):
         way = minus(row_of(state.watch.last, foot), row_of(state.stand, foot))
-        if not math.hypot(way[0], way[2]) < STEPPED_METRES:
+        if not math.hypot(way[0], way[2]) < (STEPPED_METRES if state.watch.held[foot] > 0 else LEFT_METRES):
             gait[RESTED] = 0.0
             return False
-    return True
+    return gait[STOPPED] >= TIDY_SECONDS
 
 
 @compiled(inner=True)
@@ -374,8 +380,9 @@ def _urgency(plan, state, leg, walks):
         share = share_of_stride(gait, plan.offsets[leg])
         due = share < LATE_SHARE * air
         return 1.0 + away if due else (away if away > TOO_FAR_WALKING else 0.0)
-    tidy = gait[STOPPED] < TIDY_SECONDS
-    too_far = TIDY_DISTANCE if tidy else TOO_FAR
+    if state.body[FOLLOWS] == 0 and gait[RESTED] > RESTED_SECONDS and gait[STOPPED] >= TIDY_SECONDS:
+        return away if away > TOO_FAR_WALKING else 0.0
+    too_far = TIDY_DISTANCE if gait[STOPPED] < TIDY_SECONDS else TOO_FAR
     if away > too_far or turned > TOO_TURNED:
         return away / too_far + turned / TOO_TURNED
     return 0.0
@@ -413,7 +420,7 @@ def _swing(plan, state, leg, elapsed):
     if share <= AIM_SHARE or elapsed >= state.seconds[leg]:
         _aim(plan, state, leg, (1 - share) * state.seconds[leg])
     way = minus(state.aim[leg], state.origin[leg])
-    ahead = min(max((share - LIFTING) / (1 - 2 * LIFTING), 0.0), 1.0)
+    ahead = min(max((share - LIFTING_SHARE) / (1 - 2 * LIFTING_SHARE), 0.0), 1.0)
     done = ahead * ahead * ahead * (ahead * (6 * ahead - 15) + 10)  # minimum jerk
     arc = min(ARC_HEIGHT + ARC_SLOPE * length(way) / plan.leg_length, MAX_ARC_HEIGHT) * plan.leg_length
     rise = arc * 16 * (share * (1 - share)) ** 2

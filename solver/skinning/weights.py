@@ -23,7 +23,7 @@ from solver.surface.mesh import SolverMesh
 MAX_INFLUENCES = 4
 """Number of bones per vertex that all players support (glTF 2.0, section 3.7.3.3)."""
 
-CANDIDATE_BONES = 10
+CANDIDATE_BONES = 8
 """Number of bones that are tried for a vertex: those that alone move it with the smallest error."""
 
 REGULARISATION_WEIGHT = 1e-6

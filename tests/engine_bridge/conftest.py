@@ -26,24 +26,18 @@ hip_center      0 0.9 2.5
 spine           0 0.97 2.5
 shoulder_center 0 1.31 2.5
 head            0 1.51 2.48
-shoulder_left   -0.19 1.28 2.5
-elbow_left      -0.45 1.26 2.5
-wrist_left      -0.7 1.25 2.49
-hand_left       -0.78 1.25 2.48
-shoulder_right  0.19 1.28 2.5
-elbow_right     0.45 1.26 2.5
-wrist_right     0.7 1.25 2.49
-hand_right      0.78 1.25 2.48
-hip_left        -0.1 0.87 2.5
-knee_left       -0.12 0.45 2.48
-ankle_left      -0.13 0.08 2.5
-foot_left       -0.14 0.03 2.42
-hip_right       0.1 0.87 2.5
-knee_right      0.12 0.45 2.48
-ankle_right     0.13 0.08 2.5
-foot_right      0.14 0.03 2.42
+shoulder        0.19 1.28 2.5
+elbow           0.45 1.26 2.5
+wrist           0.7 1.25 2.49
+hand            0.78 1.25 2.48
+hip             0.1 0.87 2.5
+knee            0.12 0.45 2.48
+ankle           0.13 0.08 2.5
+foot            0.14 0.03 2.42
 """
-PERFORMER = {name: tuple(map(float, place)) for name, *place in map(str.split, PERFORMER_TABLE.strip().splitlines())}
+HALF = {name: tuple(map(float, place)) for name, *place in map(str.split, PERFORMER_TABLE.strip().splitlines())}
+PERFORMER = HALF | {f"{name}_right": place for name, place in HALF.items()}
+PERFORMER |= {f"{name}_left": (-x, y, z) for name, (x, y, z) in HALF.items()}
 """Metres, sensor frame: the performer's right hand is at +x."""
 
 HANDLES = """

@@ -120,7 +120,10 @@ def service():
 
 @pytest.fixture(scope="module")
 def baked(tmp_path_factory):
-    """The recorded morphs' targets in a .glb, in a node that is turned and stretched, after a target of its own."""
+    """The recorded morphs' targets in a .glb, after a target of its own.
+
+    It has two halves, one of them turned and stretched, which are stored in another order than shown.
+    """
     record = load("tests/vectors/record.py")
     rig = record.worm()
     deformer = Deformer(rig.model, rig.mesh, rig.puppet.handle_positions)
@@ -130,16 +133,21 @@ def baked(tmp_path_factory):
         binding.vertices(to_file_units(deformer.solve(deformer.handles + pull), rig.model)) for pull in pulls
     )
     above, turn = np.array([[0.0, 2, 0], [-1, 0, 0], [0, 0, 3]]), Rotation.from_rotvec([0.3, -1.1, 0.7])
-    to_own = np.linalg.inv(above @ turn.as_matrix() * [1.5, 1, 0.5])
     moved = UnitWeights.within(np.full(2, REACH)).targets(np.stack([first, second]) - rest)
-    targets = np.stack([np.ones_like(rest), *moved @ to_own.T]).astype("<f4")
     matrix = np.eye(4)
     matrix[:3, :3] = above
     glb = Glb()
     glb.file.asset.extras = {"puppetline_morphs": {"lengths": [1.0, 1.0, 1.0]}}
-    surface = glb.primitive(rest, targets=[{"POSITION": target} for target in targets])
-    parent = glb.node(matrix=matrix.T.ravel().tolist())
-    glb.node(glb.mesh(surface), parent, rotation=turn.as_quat().tolist(), scale=[1.5, 1, 0.5])
+    parent, half = glb.node(matrix=matrix.T.ravel().tolist()), len(rest) // 2
+    turned = {"rotation": turn.as_quat().tolist(), "scale": [1.5, 1, 0.5]}
+    for part, linear, how in (
+        (slice(half, None), above, {}),
+        (slice(half), above @ turn.as_matrix() * [1.5, 1, 0.5], turned),
+    ):
+        targets = np.stack([np.ones_like(rest[part]), *moved[:, part] @ np.linalg.inv(linear).T]).astype("<f4")
+        surface = glb.primitive(rest[part], targets=[{"POSITION": target} for target in targets])
+        glb.node(glb.mesh(surface), parent, **how)
+    glb.file.nodes[parent].children.reverse()
     return glb.save(tmp_path_factory.mktemp("baked") / "worm.glb")
 
 

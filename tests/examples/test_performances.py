@@ -6,7 +6,6 @@ from puppetline.examples.performer import REST, posed
 
 from capture.body import typical_bone_length
 from capture.formats import read_log
-from capture.recording import DECIMALS, Recorder
 from capture.skeleton import INFERRED, JOINT_INDEX, LOST, PARENTS, TRACKED
 
 NAMES = list(PERFORMANCES)
@@ -209,20 +208,6 @@ def test_the_sensor_loses_the_whole_body_once_in_the_walk():
     gaps = np.diff(seen)
     assert gaps.max() == pytest.approx(ABSENCE_SECONDS, abs=0.08)
     assert np.count_nonzero(gaps > 0.25) == 1
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_recording_reads_back_to_its_rounding(name, tmp_path):
-    clip = PERFORMANCES[name]()
-    path = tmp_path / "take"
-    with Recorder(path) as recorder:
-        for frame in clip.frames():
-            recorder.write(frame)
-    (read,) = read_log(path)
-    assert (read.format, read.user, read.notes) == ("puppetline", 1, ())
-    np.testing.assert_array_equal(read.times, clip.times)
-    np.testing.assert_array_equal(read.positions, np.round(clip.positions, DECIMALS))
-    np.testing.assert_array_equal(read.confidence, clip.confidence)
 
 
 def test_bones_vary_and_the_clock_jitters_as_on_a_real_kinect(real_logs):

@@ -1,6 +1,4 @@
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -64,16 +62,13 @@ def test_an_error_of_the_operating_system_is_an_output_error(tmp_path):
     assert names(tmp_path) == []
 
 
-def test_two_processes_that_write_one_file_do_not_meet_halfway(tmp_path):
-    path = tmp_path / "out"
-    script = (
-        "import sys; from pathlib import Path; from puppetline.files import written_whole\n"
-        "with written_whole(Path(sys.argv[1])) as beside: print(beside)"
-    )
-    other = subprocess.run([sys.executable, "-c", script, path], capture_output=True, text=True, check=False)
-    with written_whole(path) as beside:
-        assert Path(other.stdout.strip()) != beside
-        beside.write_text("mine")
+def test_two_processes_that_write_one_file_do_not_meet_halfway(tmp_path, monkeypatch):
+    with written_whole(tmp_path / "out") as mine:
+        monkeypatch.setattr(os, "getpid", lambda: -1)
+        with written_whole(tmp_path / "out") as other:
+            assert other != mine
+            other.write_text("other")
+        mine.write_text("mine")
 
 
 def test_an_interrupt_while_a_place_is_checked_leaves_no_file(tmp_path, monkeypatch):

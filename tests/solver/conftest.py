@@ -13,10 +13,7 @@ from puppetline import compiled as compiled_module
 from solver.model import reduced_model
 from solver.surface.mesh import SolverMesh, weld
 
-LIMBS = {
-    "hand": ((0.0, 1.1, 0.0), (1.4, 1.3, 0.0), 0.18),
-    "foot": ((0.0, 0.0, 0.0), (0.6, -1.5, 0.1), 0.20),
-}
+LIMBS = {"hand": ((0.0, 1.1, 0.0), (1.4, 1.3, 0.0), 0.18), "foot": ((0.0, 0.0, 0.0), (0.6, -1.5, 0.1), 0.20)}
 """Capsules (from, to, radius) that a figure has on both sides."""
 TRUNK = {"trunk": ((0.0, 0.0, 0.0), (0.0, 1.2, 0.0), 0.35), "head": ((0.0, 1.2, 0.0), (0.0, 1.9, 0.2), 0.22)}
 

@@ -58,7 +58,12 @@ def beginning(character: StreamedCharacter, facts: ClipFacts) -> bytes:
 
 
 def frame_message(
-    character: StreamedCharacter, number: int, time: float, R: NDArray[np.float32], root: NDArray[np.float32]
+    character: StreamedCharacter,
+    number: int,
+    time: float,
+    R: NDArray[np.float32],
+    root: NDArray[np.float32],
+    weights: NDArray[np.float32],
 ) -> bytes:
     """Return the message of a frame.
 
@@ -73,6 +78,8 @@ def frame_message(
         Control variables without the root, model units.
     root : (3,) float32
         Translation of the whole character, mesh file's coordinates.
+    weights : (k,) float32
+        Weights of the mesh's own morph targets, in the order of `Puppet.targets`.
     """
     controls = to_file_units(R, character.rig.model)
     controls[:, :, 3] += root
@@ -85,8 +92,9 @@ def frame_message(
         state=STATES.index("performing"),
         time=time,
         root=(x, y, z),
+        targets=len(weights),
     )
-    return join(topic(character.name, Kind.CONTROLS), header, controls.data)
+    return join(topic(character.name, Kind.CONTROLS), header, controls.data, weights.tobytes())
 
 
 def read_clip(content: bytes | memoryview) -> Iterator[Received]:
@@ -100,8 +108,9 @@ def read_clip(content: bytes | memoryview) -> Iterator[Received]:
     """
     view, number, frames, revision = memoryview(content), 0, -1, 0
     while len(view):
-        length = split(view).header.length
-        message = decode(view[: PAYLOAD_OFFSET + length])
+        header = split(view).header
+        end = PAYLOAD_OFFSET + header.length + 4 * header.targets
+        message = decode(view[:end])
         expected = (Kind.CLIP, Kind.SCENE)[number] if number < 2 else Kind.CONTROLS
         if message.header.kind != expected:
             raise WireError(f"message {number} of kind {message.header.kind}, and a clip file has {expected} there")
@@ -110,7 +119,7 @@ def read_clip(content: bytes | memoryview) -> Iterator[Received]:
         if message.header.revision != revision:
             raise WireError(f"message {number} of the scene {message.header.revision}, and the clip's is {revision}")
         yield message
-        view, number = view[PAYLOAD_OFFSET + length :], number + 1
+        view, number = view[end:], number + 1
     if number != frames + 2:
         raise WireError(f"{max(number - 2, 0)} frames, and {frames} are described")
 

@@ -226,9 +226,12 @@ class Kiosk:
         return self._process.returncode
 
     def _made(self, clip: Clip, code: int) -> None:
+        if code:
+            clip.delete()
+            self._clips.remove(clip)
+            return
         clip.offered = time.monotonic()
-        if code == 0:
-            log.info("a visitor's video", extra=fields(code=clip.path.stem))
+        log.info("a visitor's video", extra=fields(code=clip.path.stem))
 
 
 def visitors_folder(takes: Path) -> Path:

@@ -5,6 +5,7 @@ The files of the service are on its machine. Therefore nothing is opened, closed
 
 import asyncio
 import contextlib
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Never
@@ -13,7 +14,7 @@ from engine_bridge.studio import messages
 from engine_bridge.studio.backend.backend import Backend
 from engine_bridge.studio.backend.joined_mapping import puppet_of, requests_of
 from engine_bridge.studio.backend.page_state import state_of, version_of
-from engine_bridge.studio.messages import CharacterState, PuppetReply, SourceState, State, TakeState
+from engine_bridge.studio.messages import CharacterState, ClipState, PuppetReply, SourceState, State, TakeState
 from engine_bridge.studio.project.workspace import Workspace
 from engine_bridge.studio.service.chosen_source import ChosenSource
 from engine_bridge.studio.service.joined_service import JoinedService
@@ -42,6 +43,7 @@ class JoinedStudio(Backend):
         super().__init__(workspace, service, invite)
         self._mappings: dict[str, dict[str, Any]] = {}
         self._takes: list[TakeState] = []
+        self._clips: list[ClipState] = []
         self._editing = asyncio.Lock()
         self._poller = asyncio.create_task(self._poll())
 
@@ -57,7 +59,8 @@ class JoinedStudio(Backend):
             if name in self._mappings
         ]
         recording = next((each["recording"] for each in stages if each["recording"] is not None), None)
-        return state_of(characters, playing, self.service, self._takes, self.workspace, [], recording)
+        state = state_of(characters, playing, self.service, self._takes, self.workspace, [], recording)
+        return state.model_copy(update={"clips": self._clips})
 
     async def receive(self, name: str, path: Path) -> Never:
         """Refuse a file."""
@@ -123,6 +126,16 @@ class JoinedStudio(Backend):
             self._takes = takes
             self.changed()
 
+    async def _list_clips(self) -> None:
+        listed = (await self.service.request("clips"))["clips"]
+        clips = [
+            ClipState(code=code, minutes=None if left is None else math.ceil(left / 60))
+            for code, left in ((each["code"], each["seconds_left"]) for each in listed)
+        ]
+        if clips != self._clips:
+            self._clips = clips
+            self.changed()
+
     async def _poll(self) -> None:
         while True:
             with contextlib.suppress(PuppetlineError):
@@ -130,6 +143,7 @@ class JoinedStudio(Backend):
                     await self._mapped(name)
                 if self.service.status:
                     await self._list_takes()
+                    await self._list_clips()
             await asyncio.sleep(MAPPING_SECONDS if self._mappings else MAPPING_SECONDS / 10)
 
 

@@ -55,6 +55,7 @@ from engine_bridge.studio.messages.performers import (
 from engine_bridge.studio.messages.state import (
     Banner,
     CharacterState,
+    ClipState,
     FileState,
     JobState,
     PerformerState,
@@ -93,6 +94,7 @@ __all__ = [
     "ChangePlan",
     "CharacterState",
     "ChooseUser",
+    "ClipState",
     "CloseCharacter",
     "CloseCode",
     "DeleteTake",

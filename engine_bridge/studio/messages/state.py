@@ -273,6 +273,13 @@ class Banner(Table):
     fix: str = ""
 
 
+class ClipState(Table):
+    """A video of a kiosk's visitor: its code, and the minutes until it is deleted, None while it is made."""
+
+    code: str
+    minutes: int | None
+
+
 class State(Table):
     """Everything that the page shows and that is not in a reply; sent whole whenever it changes.
 
@@ -291,6 +298,7 @@ class State(Table):
     installed: Sequence[str] = ()
     microphone: bool = False
     timeline: TimelineState | None = None
+    clips: Sequence[ClipState] = ()
     uploads: Sequence[UploadState] = ()
     files: Sequence[FileState] = ()
     jobs: Sequence[JobState] = ()

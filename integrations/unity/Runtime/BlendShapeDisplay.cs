@@ -8,6 +8,7 @@ namespace Puppetline
     sealed class BlendShapeDisplay : Display
     {
         readonly List<Skin> skins = new List<Skin>();
+        readonly OwnTargets ownTargets;
         readonly Transform rootNode;
         readonly Vector3 rootAtRest;
 
@@ -16,7 +17,9 @@ namespace Puppetline
             rootNode = puppet.rootNode == null ? Find("puppetline_root", puppet.transform) : puppet.rootNode;
             rootAtRest = rootNode == null ? Vector3.zero : rootNode.localPosition;
             string first = scene.Morphs.Count == 0 ? "" : scene.Morphs[0];
-            foreach (SkinnedMeshRenderer renderer in puppet.skins.Length > 0 ? puppet.skins : puppet.GetComponentsInChildren<SkinnedMeshRenderer>())
+            SkinnedMeshRenderer[] renderers = puppet.skins.Length > 0 ? puppet.skins : puppet.GetComponentsInChildren<SkinnedMeshRenderer>();
+            ownTargets = new OwnTargets(scene, renderers);
+            foreach (SkinnedMeshRenderer renderer in renderers)
             {
                 if (renderer == null || renderer.sharedMesh == null)
                 {
@@ -55,6 +58,7 @@ namespace Puppetline
             {
                 skin.Show(frame.Values);
             }
+            ownTargets.Show(frame.Targets);
             if (rootNode != null)
             {
                 var root = new Vector3(-frame.Header.RootX, frame.Header.RootY, frame.Header.RootZ);
@@ -64,6 +68,7 @@ namespace Puppetline
 
         public override void Dispose()
         {
+            ownTargets.Rest();
             if (rootNode != null)
             {
                 rootNode.localPosition = rootAtRest;

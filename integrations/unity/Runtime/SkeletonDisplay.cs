@@ -9,13 +9,15 @@ namespace Puppetline
     {
         readonly SkeletonPose pose;
         readonly Puppet puppet;
-        float[] values;
+        readonly OwnTargets ownTargets;
+        float[] values, weights;
 
         public SkeletonDisplay(Puppet puppet, Scene scene)
         {
             this.puppet = puppet;
             Transform root = puppet.skeleton == null ? puppet.transform : puppet.skeleton;
             pose = new SkeletonPose(scene, root, puppet.boneMap);
+            ownTargets = new OwnTargets(scene, puppet.skins.Length > 0 ? puppet.skins : puppet.GetComponentsInChildren<SkinnedMeshRenderer>());
             if (pose.Names.Count == 0)
             {
                 string joints = string.Join(", ", scene.Joints.Select(joint => joint.Name));
@@ -33,6 +35,7 @@ namespace Puppetline
         public override void Show(Frame frame)
         {
             values = frame.Values;
+            weights = frame.Targets;
         }
 
         public override void ShowOverAnimations()
@@ -40,12 +43,14 @@ namespace Puppetline
             if (values != null)
             {
                 pose.Apply(values, puppet.movesHips);
+                ownTargets.Show(weights);
             }
         }
 
         public override void Dispose()
         {
             pose.Rest();
+            ownTargets.Rest();
         }
     }
 }

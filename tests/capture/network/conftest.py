@@ -105,20 +105,26 @@ def walk():
     return np.array(frames)
 
 
+def sided(*parts):
+    return {f"{side[0]}_{part}": f"{part}_{side}" for side in ("left", "right") for part in parts}
+
+
+FIFTEEN = {"head": "head", "neck": "shoulder_center", "torso": "spine"}
+FIFTEEN |= sided("shoulder", "elbow", "hand", "hip", "knee", "foot")
+"""Joint of each of NiTE's 15 joints, by OSCeleton's names."""
+
+TWENTY = FIFTEEN | sided("wrist", "ankle") | {"waist": "hip_center"}
+"""Joint of each of the Kinect SDK's 20 joints, by OSCeleton's names."""
+
+
 @pytest.fixture
 def fifteen():
-    """Joint of each of NiTE's 15 joints, by OSCeleton's names."""
-    parts = ("shoulder", "elbow", "hand", "hip", "knee", "foot")
-    sided = {f"{side[0]}_{part}": f"{part}_{side}" for side in ("left", "right") for part in parts}
-    return {"head": "head", "neck": "shoulder_center", "torso": "spine", **sided}
+    return FIFTEEN
 
 
 @pytest.fixture
-def twenty(fifteen):
-    """Joint of each of the Kinect SDK's 20 joints, by OSCeleton's names."""
-    parts = ("wrist", "ankle")
-    sided = {f"{side[0]}_{part}": f"{part}_{side}" for side in ("left", "right") for part in parts}
-    return {**fifteen, **sided, "waist": "hip_center"}
+def twenty():
+    return TWENTY
 
 
 @pytest.fixture

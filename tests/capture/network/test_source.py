@@ -22,6 +22,7 @@ from capture.skeleton import JOINT_INDEX, SkeletonFrame
 from puppetline.errors import SourceError
 
 from ...effort import EFFORT
+from ..conftest import Watched
 
 REFUSALS = {
     *REASONS,
@@ -229,11 +230,7 @@ def test_garbage_is_counted_by_its_reason_and_logged_without_its_bytes(listen, b
     with caplog.at_level(logging.WARNING):
         wire.settle(b"secret", b"", b"\xff" * 8, osc_message("/secret", "s", "secret"))
         wire.frame(body(1))
-    assert wire.source.counts.refused == {
-        "no multiple of 4 bytes": 1,
-        "cut short": 2,
-        "unknown message": 1,
-    }
+    assert wire.source.counts.refused == {"no multiple of 4 bytes": 1, "cut short": 2, "unknown message": 1}
     assert len(caplog.messages) <= 2
     assert "secret" not in caplog.text
     assert caplog.messages[0].startswith("osc:127.0.0.1:0: refused ")
@@ -345,12 +342,7 @@ def test_any_messages_become_sound_frames_or_counted_refusals(long_lived, osc_bu
 def test_a_valid_sender_is_received_afterwards(long_lived, body):
     source, sender = long_lived
     sender.sendto(body(77, 0.25), ("127.0.0.1", source.port))
-    events = []
-    give_up = time.monotonic() + 10
-    while not any(isinstance(event, SkeletonFrame) and event.user == 77 for event in events):
-        assert time.monotonic() < give_up
-        select([source.fileno()], [], [], 0.01)
-        events += source.receive()
+    events = Watched(source).events(until=lambda found: any(getattr(event, "user", 0) == 77 for event in found))
     assert _head(events[-1]) == 0.25
 
 

@@ -6,12 +6,13 @@ import sys
 from contextlib import ExitStack, closing
 from functools import partial
 from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 import psutil
 import pytest
 
-from capture.sensors import orbbec, realsense
+from capture.sensors import depth_camera, freenect, openni, orbbec, realsense
 from capture.sensors.depth_camera import MAX_ALONE_COUNT, Selection, metres, upward
 from capture.sensors.openni import OpenNIDevice
 from capture.sensors.orbbec import OrbbecDevice
@@ -186,6 +187,9 @@ def test_recordings_of_orbbec_play_and_end_and_others_are_refused(bus, noise, mo
             np.testing.assert_allclose(picture.depth, depth, rtol=2e-7)
         with pytest.raises(SourceError, match="the end of the recording"):
             read(device)
+    with closing(bus.open(Selection("file", "take.bag", loop=True))) as device:
+        times = [read(device).time for _ in range(7)]
+    np.testing.assert_allclose(times, np.arange(7) / 30, atol=1e-5)
     with pytest.raises(SourceError, match="a file that Orbbec's SDK does not play"):
         bus.open(Selection("file", "half.bag"))
 
@@ -211,3 +215,19 @@ def test_what_is_up_follows_from_the_acceleration_of_a_sensor_at_rest():
     np.testing.assert_allclose(upward(tilted, np.eye(3)), [0, np.cos(0.3), -np.sin(0.3)])
     assert upward([0, -14.0, 0], np.eye(3)) is None
     assert metres(np.array([2500], np.uint16)).tolist() == [2.5]
+
+
+@pytest.mark.parametrize(("module", "number"), [(openni, ""), (freenect, "1"), (realsense, ""), (orbbec, "")])
+def test_every_one_measures_faces_and_hands_if_asked(monkeypatch, module, number):
+    def tracker_of(rest):
+        made = []
+        monkeypatch.setattr(depth_camera, "MediaPipePose", lambda **options: made.append(options))
+        module.open_source(f"{module.__name__}:{rest}", rest, Path())
+        return made
+
+    for name in ("load_openni2", "load_realsense", "load_orbbec", "load_mediapipe", "_load"):
+        monkeypatch.setattr(module, name, lambda *_: None, raising=False)
+    monkeypatch.setattr(depth_camera, "load_mediapipe", lambda: None)
+    monkeypatch.setattr(depth_camera, "SensorSource", lambda _uri, _device, open_tracker: open_tracker(None))
+    assert tracker_of(f"{number}?face&hands") == [{"face": True, "hands": True}]
+    assert tracker_of(f"{number}?hands") == [{"face": False, "hands": True}]

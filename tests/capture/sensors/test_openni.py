@@ -29,6 +29,9 @@ NAME = "openni:"
         ("file=take.oni&fast", Selection("file", "take.oni", fast=True)),
         ("file=take.oni?loop", Selection("file", "take.oni", loop=True)),
         ("file=take.oni&fast?loop", Selection("file", "take.oni", fast=True, loop=True)),
+        ("?face&hands", Selection(face=True, hands=True)),
+        ("serial=A1?hands", Selection("serial", "A1", hands=True)),
+        ("file=take.oni?loop&face", Selection("file", "take.oni", loop=True, face=True)),
     ],
 )
 def test_a_uri_selects_a_sensor_or_a_recording(rest, selection):
@@ -95,19 +98,6 @@ def test_a_missing_recording_is_an_error_when_it_is_opened(tmp_path, monkeypatch
     monkeypatch.setattr(depth_camera, "load_mediapipe", lambda: None)
     with pytest.raises(SourceError, match=rf"found {tmp_path}/take.oni, which cannot be read \(No such file"):
         open_source("openni:file=take.oni", "file=take.oni", tmp_path)
-
-
-def test_two_sensors_work_at_the_same_time(virtual_sensors, opened, noise):
-    for sensor in virtual_sensors:
-        sensor.plug()
-    both = [opened("uri", sensor.uri) for sensor in virtual_sensors]
-    shown = [noise() for _ in both]
-    for sensor, pictures in zip(virtual_sensors, shown, strict=True):
-        sensor.show(*pictures, 1.0)
-    for device, (depth, color) in zip(both, shown, strict=True):
-        picture = read(device)
-        np.testing.assert_array_equal(picture.depth, depth)
-        np.testing.assert_array_equal(picture.color, color)
 
 
 def test_a_recording_plays_the_recorded_images_and_ends(recording, opened):

@@ -351,20 +351,17 @@ def test_a_recording_plays_in_real_time_or_fast(watch, scripted_device, scripted
     assert [frame.time for frame in fast.events(2)] == [0.0, 1000.0]
 
 
-def test_a_device_that_stops_is_an_error(watch, scripted_device, scripted_tracker, monkeypatch):
+@pytest.mark.parametrize("recorded", [False, True])
+def test_a_device_or_a_recording_that_stops_is_an_error(
+    watch, scripted_device, scripted_tracker, monkeypatch, recorded
+):
     monkeypatch.setattr(module, "SILENCE_SECONDS", 0.2)
-    watched = watch(scripted_device, scripted_tracker)
+    watched = watch(scripted_device, scripted_tracker, recorded=recorded, fast=recorded)
     scripted_device.show(0.0)
     watched.events()
-    assert "no new image for 0.2 s" in watched.error().found
-
-
-def test_a_recording_that_stops_is_damaged(watch, scripted_device, scripted_tracker, monkeypatch):
-    monkeypatch.setattr(module, "SILENCE_SECONDS", 0.2)
-    watched = watch(scripted_device, scripted_tracker, recorded=True, fast=True)
-    scripted_device.show(0.0)
-    watched.events()
-    assert watched.error().fix == "The recording is damaged: record it again."
+    error = watched.error()
+    assert "no new image for 0.2 s" in error.found
+    assert (error.fix == "The recording is damaged: record it again.") == recorded
 
 
 @pytest.mark.usefixtures("strict")

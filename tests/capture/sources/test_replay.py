@@ -41,13 +41,8 @@ def make_frame(moment, user=1):
 
 def make_clip(times, user=1):
     frames = [make_frame(moment, user) for moment in times]
-    return SkeletonClip(
-        "made",
-        user,
-        np.array(times, dtype=np.float64),
-        np.stack([frame.positions for frame in frames]),
-        np.stack([frame.confidence for frame in frames]),
-    )
+    arrays = (np.array([getattr(frame, what) for frame in frames]) for what in ("time", "positions", "confidence"))
+    return SkeletonClip("made", user, *arrays)
 
 
 def take(path, events):

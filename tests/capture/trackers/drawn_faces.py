@@ -10,11 +10,12 @@ EYE_X, MOUTH_Y = 3.1, 6.6
 VIEW_CM, DISTANCE_CM = 22.0, 150.0
 
 
-def draw(opening=0.0, smile=0.0, blink=(0.0, 0.0), brow=0.0, yaw=0.0, size=200, fill=0.6):
+def draw(opening=0.0, smile=0.0, blink=(0.0, 0.0), brow=0.0, yaw=0.0, size=200, fill=0.6, pitch=0.0, roll=0.0):
     """Return an image (size, size, 3) of a face.
 
     Opening of the mouth, height of its corners and of the brows are in centimetres, blinks of the performer's left and
-    right eye from 0 to 1, the turn in degrees. The face fills a part of the image.
+    right eye from 0 to 1, and the turns in degrees: to the performer's left, down, and to its left shoulder. The face
+    fills a part of the image.
     """
     x, y, z, normals, inside = _surface(opening)
     colors = np.empty((*x.shape, 3))
@@ -26,7 +27,7 @@ def draw(opening=0.0, smile=0.0, blink=(0.0, 0.0), brow=0.0, yaw=0.0, size=200, 
     _over(colors, _cover(y + 6.0 - 6 * np.clip(np.abs(x) - 5.8, 0, None), 0.3), HAIR)
     parts = [(np.stack([x, y, z], -1)[inside], colors[inside], normals[inside]), _back(), _neck()]
     points, colors, normals = (np.concatenate(each) for each in zip(*parts, strict=True))
-    return _projected(points, colors, normals, np.radians(yaw), size, fill)
+    return _projected(points, colors, normals, turn(yaw, pitch, roll), size, fill)
 
 
 def _cover(distance, width=0.06):
@@ -114,8 +115,15 @@ def _neck():
     return points, np.broadcast_to((200.0, 150.0, 120.0), points.shape), normals
 
 
-def _projected(points, colors, normals, yaw, size, fill):
-    turned = np.array([[np.cos(yaw), 0, np.sin(yaw)], [0, 1, 0], [-np.sin(yaw), 0, np.cos(yaw)]])
+def turn(yaw=0.0, pitch=0.0, roll=0.0):
+    """Return the rotation (3, 3) of a head, from degrees; x is right in the image, y down, z towards the camera."""
+    (sy, sp, sr), (cy, cp, cr) = np.sin(angles := np.radians([yaw, pitch, roll])), np.cos(angles)
+    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+    about_x = np.array([[1, 0, 0], [0, cp, sp], [0, -sp, cp]])
+    return about_y @ about_x @ np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
+
+
+def _projected(points, colors, normals, turned, size, fill):
     points, normals = (points + np.array([0, 0, 8])) @ turned.T, normals @ turned.T
     shade = 0.55 + 0.5 * np.clip(normals @ (-0.25, -0.45, 0.86), 0, 1)
     scale = 2 * size * fill / VIEW_CM * DISTANCE_CM / (DISTANCE_CM - points[:, 2])

@@ -58,8 +58,8 @@ def draw(bend, turned=0.0):
 
 
 def body():
-    """Return MediaPipe's landmarks (33, 2) of a body with this forearm as its right one, in pixels."""
+    """Return MediaPipe's landmarks (33, 2) of a body with this forearm as its left one, in pixels."""
     points = np.zeros((33, 2))
-    for index, (x, y) in {14: (0, -0.25), 16: (0, 0), 18: KNUCKLES[3], 20: KNUCKLES[0]}.items():
+    for index, (x, y) in {13: (0, -0.25), 15: (0, 0), 17: KNUCKLES[3], 19: KNUCKLES[0]}.items():
         points[index] = WRIST + PIXELS_PER_METRE * np.array([x, -y])
     return points

@@ -2,10 +2,19 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from capture.trackers.face import FACE_CHANNELS, NEUTRAL_SECONDS, FaceChannels, FaceMesh, measures
+from capture.trackers.face import (
+    FACE_CHANNELS,
+    NEUTRAL_SECONDS,
+    FaceChannels,
+    FaceMesh,
+    HeadDirection,
+    axes,
+    measures,
+)
 
-from .drawn_faces import draw
+from .drawn_faces import draw, turn
 
 MOUTH, SMILE, BLINK, BROW = (FACE_CHANNELS.index(name) for name in ("mouth_open", "smile", "blink_left", "brow_up"))
 NEUTRAL = np.array([0.0, 0.6, 0.0, 0.3, 0.3, 0.32])
@@ -49,6 +58,37 @@ def test_channels_of_drawn_faces_follow_their_openings(mesh, yaw, least, size):
 def test_an_eye_that_blinks_is_told_from_the_other(mesh, yaw):
     found = channels_of(mesh, [{"blink": blink} for blink in ((1, 0), (0, 1), (0, 0), (1, 1))], yaw=yaw)
     np.testing.assert_array_equal(found[:, BLINK : BLINK + 2] > 0.5, [[1, 0], [0, 1], [0, 0], [1, 1]])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("view", [(-45, 0, 0), (-30, -15, 20), (20, 15, 10), (45, 0, 0), (0, 30, 0), (0, -30, 0)])
+def test_the_axes_of_a_head_turn_as_the_drawn_one(mesh, view):
+    straight = axes(mesh.find(draw(size=240)), np.array([0.0, 0, 1]))
+    names = dict(zip(("yaw", "pitch", "roll"), view, strict=True))
+    found = axes([mesh.find(draw(**names, size=240)) for _ in range(2)][-1], np.array([0.0, 0, 1])) @ straight.T
+    wanted = (image := np.diag([-1.0, -1, -1])) @ turn(**names) @ image
+    assert np.degrees(np.linalg.norm(Rotation.from_matrix(found @ wanted.T).as_rotvec())) < 8
+
+
+def test_a_face_that_looks_straight_ahead_at_the_edge_of_the_image_does_not_look_at_the_sensor():
+    """Its landmarks are seen as of a head that is turned by the angle of the ray."""
+    landmarks = np.zeros((468, 3))
+    landmarks[[33, 127], 0], landmarks[[263, 356], 0], landmarks[10, 1], landmarks[152, 1] = -1, 1, -1, 1
+    np.testing.assert_allclose(axes(landmarks, np.array([0.0, 0, 1])), np.eye(3), atol=1e-12)
+    seen = landmarks @ Rotation.from_rotvec([0, -0.5, 0]).as_matrix().T
+    np.testing.assert_allclose(axes(seen, np.array([-np.tan(0.5), 0, 1])), np.eye(3), atol=1e-12)
+    seen = landmarks @ Rotation.from_rotvec([-0.3, 0, 0]).as_matrix().T
+    np.testing.assert_allclose(axes(seen, np.array([0, np.tan(0.3), 1])), np.eye(3), atol=1e-12)
+
+
+def test_the_bone_to_the_head_turns_with_the_face_and_keeps_its_mean_direction():
+    head, bone = HeadDirection(), np.array([0.0, 0.3, -0.1])
+    np.testing.assert_allclose(head.turned(bone, np.eye(3)), bone)
+    nod = Rotation.from_rotvec([-0.4, 0, 0]).as_matrix()
+    for _ in range(2000):
+        found = head.turned(nod @ bone, nod)
+    np.testing.assert_allclose(found, nod @ bone)
+    np.testing.assert_allclose(head.turned(2 * bone, np.eye(3)), 2 * bone, rtol=0.01)
 
 
 def test_a_face_upside_down_or_of_no_person_has_no_landmarks(mesh):

@@ -166,6 +166,18 @@ def test_absence_is_logged_once(tracker, caplog):
     ]
 
 
+def test_a_face_upside_down_is_not_measured_and_logged_once(clip, camera, caplog):
+    tracker, picture = MediaPipePose(face=True), clip[0][0]
+    upside_down = np.ascontiguousarray(picture.color[::-1, ::-1])
+    with caplog.at_level(logging.WARNING):
+        people = [tracker.track(replace(picture, time=k / RATE, color=upside_down)) for k in range(4)]
+    tracker.close()
+    assert {person.orientations is None for each in people for person in each} == {True}
+    assert [record.getMessage() for record in caplog.records] == [
+        "MediaPipe pose: the face is upside down and not measured: turn the camera or the video"
+    ]
+
+
 def test_an_image_without_colours_is_an_error(tracker):
     with pytest.raises(SourceError, match="an image without colours"):
         tracker.track(Picture(0.0, Lens(4, 3, 4.0), None, np.ones((3, 4), np.float32)))

@@ -147,12 +147,6 @@ def test_every_performer_is_a_result_with_users_all(mine, here, rows, dance, com
     assert list(results(mine / "out")) == ["mine/two.glb"]
 
 
-def test_other_forms_are_the_same_bytes_as_of_convert(mine, here, commands):
-    here("a.log", "--as", "frames", puppets=["mine.toml"])
-    commands.run("convert", "a.log", "--puppet", "mine.toml", "--as", "frames", "-o", "a.glb", cwd=mine)
-    assert (mine / "out/mine/a.glb").read_bytes() == (mine / "a.glb").read_bytes()
-
-
 def test_shards_make_all_results_once_and_a_run_without_a_shard_joins_their_manifests(
     logs, puppets, batch, rows, tmp_path
 ):

@@ -17,6 +17,7 @@ from engine_bridge.batch.identity import FileState
 from engine_bridge.batch.store import OWN_FOLDER, PARTIAL_FOLDER, Store
 
 from ...effort import EFFORT
+from ...waiting import wait_until
 from .conftest import results
 
 KILLS = 10 if EFFORT >= 1 else 1
@@ -226,10 +227,7 @@ def test_a_folder_without_rights_is_one_message_before_the_work(start, tmp_path)
 def test_ctrl_c_ends_the_batch_quietly_and_it_continues(start, finished, expected, tmp_path, workers):
     wanted, _ = expected
     with start(tmp_path, "--workers", workers, "--no-report") as process:
-        deadline = time.monotonic() + TIMEOUT_SECONDS
-        while len(results(tmp_path)) < 3:
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
+        wait_until(lambda: len(results(tmp_path)) >= 3, TIMEOUT_SECONDS)
         started = worker_processes(process)
         for each in [process, *started]:  # as a terminal does
             os.kill(each.pid, signal.SIGINT)

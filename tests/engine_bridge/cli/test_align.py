@@ -1,8 +1,6 @@
-"""Two sensors from their recordings to a service, as a user runs it."""
+"""Two sensors from their recordings to one recording, as a user runs it."""
 
 import json
-import threading
-import time
 
 import numpy as np
 import pytest
@@ -11,7 +9,7 @@ from puppetline.examples.performances import clean
 
 from capture.formats import read_log
 from capture.pose import Pose
-from capture.skeleton import JOINT_INDEX, SkeletonFrame
+from capture.skeleton import SkeletonFrame
 from engine_bridge.cli.main import main
 
 POSE = Pose.of_degrees(4.0, -75.0, 2.0, np.array([2.4, 0.3, 1.9]))
@@ -29,13 +27,6 @@ def recordings(record_events, tmp_path):
     for name, pose, clock in (("left", HERE, 0.0), ("right", POSE, 0.02)):
         record_events(tmp_path / f"{name}.log", (seen(frame, pose, clock) for frame in clean("walk").frames()))
     return tmp_path
-
-
-@pytest.fixture
-def sender_pair(sender):
-    second = type(sender)()
-    yield sender, second
-    second.socket.close()
 
 
 @pytest.fixture
@@ -89,51 +80,3 @@ def test_recordings_that_cannot_be_aligned_are_errors_and_no_file_is_written(
     result = invoke("align", *arguments, code=code)
     assert message in (result.output if code == 2 else str(result.exception) + result.output)
     assert not (recordings / "two.toml").exists()
-
-
-@pytest.mark.slow
-def test_a_service_plays_a_performer_whom_each_sensor_sees_one_side_of(serve, blob_puppet, sender_pair, tmp_path):
-    """It continues with the other sensor when one of them is silent."""
-    file = tmp_path / "two.toml"
-    first, second = sender_pair
-    position, rotation = POSE.position.tolist(), list(POSE.degrees)
-    file.write_text(
-        f'[[sensor]]\nsource = "{first.uri}"\n\n'
-        f'[[sensor]]\nsource = "{second.uri}"\nposition = {position}\nrotation = {rotation}\n'
-    )
-    service = serve("--puppet", blob_puppet, "--source", f"fused:{file}", "--calibrate", "at_once")
-    left = [joint for name, joint in JOINT_INDEX.items() if name.endswith("_left")]
-    right = [joint for name, joint in JOINT_INDEX.items() if name.endswith("_right")]
-    pose_of_all = clean("kung_fu").positions[0]  # who stands still looks the same however long it takes
-    stop, one_alone = threading.Event(), threading.Event()
-
-    def half(missing):
-        confidence = np.ones(20, dtype=np.float32)
-        confidence[missing] = 0
-        return SkeletonFrame(0.0, 1, pose_of_all, confidence)
-
-    def perform():
-        while not stop.is_set():
-            if not one_alone.is_set():
-                first.send(half(right))
-            second.send(seen(half(left), POSE), user=4)
-            time.sleep(1 / 30)
-
-    performer = threading.Thread(target=perform)
-    performer.start()
-    try:
-        client = service.client("blob/joints")
-
-        def whole(message):
-            return (message.body[:, 3] == 1).all()
-
-        joints = client.until(whole, "joints")[-1]
-        np.testing.assert_allclose(joints.body[:, :3], pose_of_all, atol=0.01)
-        one_alone.set()
-        alone = client.until(lambda message: (message.body[left, 3] < 1).all(), "joints")
-        assert (alone[-1].body[right, 3] == 1).all()
-        assert {message.header.user for message in alone} == {joints.header.user}
-    finally:
-        stop.set()
-        performer.join()
-    assert service.stop() == 0

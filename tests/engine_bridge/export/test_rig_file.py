@@ -110,7 +110,13 @@ def unused(shape):
     return np.concatenate([shape.vertices, shape.vertices[:9] + 0.1]), shape.faces
 
 
-@pytest.mark.parametrize("damaged", [degenerate, single_triangles, unused])
+def doubled(shape):
+    """Every vertex twice, half of the triangles with each copy."""
+    copies = np.arange(len(shape.faces))[:, None] % 2 * len(shape.vertices)
+    return np.concatenate([shape.vertices, shape.vertices]), shape.faces + copies
+
+
+@pytest.mark.parametrize("damaged", [degenerate, single_triangles, unused, doubled])
 def test_every_vertex_of_a_damaged_mesh_has_weights(damaged, blob, glb, limb_tables, write_puppet, tmp_path):
     vertices, faces = damaged(blob)
     glb.node(glb.mesh(glb.primitive(vertices, faces.astype(np.uint32))))

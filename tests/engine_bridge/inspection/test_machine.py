@@ -104,14 +104,6 @@ def test_a_folder_that_is_not_there_yet_is_judged_by_the_one_it_would_be_made_in
     assert "will be created" in finding.detail
 
 
-@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_without_permission_has_a_fix(tmp_path):
-    (tmp_path / "closed").mkdir(mode=0o500)
-    finding = machine._folder("takes", tmp_path / "closed", asked=True)
-    assert finding.ok is False
-    assert str(tmp_path / "closed") in finding.fix
-
-
 @pytest.mark.parametrize(("asked", "ok"), [(False, None), (True, False)])
 def test_an_unwritable_folder_is_a_failure_if_the_user_asked_for_it(tmp_path, monkeypatch, asked, ok):
     def refuse(dir):  # noqa: A002 - tempfile's own name

@@ -5,14 +5,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from capture import body
+from capture import body, orientations
 from capture.formats import read_log
 from capture.recording import as_recorded
 from capture.skeleton import JOINT_INDEX, mirrored, to_character_axes
 from capture.timeline import resample
+from capture.trackers.face import HeadDirection
 from engine_bridge.performance.performance import make_deformer
-from engine_bridge.performance.retargeting import Retargeting, legs_of
+from engine_bridge.performance.retargeting import PERFORMER, Retargeting, legs_of
+from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.puppet import RetargetTable, RootTable, SmoothingTable
+from solver.motion.limb_motion import LimbMotion
 
 from ...capture.formats.bvh_files import JOINT_COUNT, body_file
 
@@ -79,6 +82,28 @@ def test_a_mirroring_puppet_does_what_another_does_for_the_mirrored_performer(
         np.testing.assert_allclose(a.motions, b.motions, atol=1e-12)
         np.testing.assert_allclose(a.targets, b.targets, atol=1e-9)
         np.testing.assert_allclose(a.root, b.root, atol=1e-12)
+
+
+@pytest.mark.parametrize("axis", [(0, 1, 0), (1, 0, 0), (0, 0, 1), (-0.4, 0.8, 0.3)], ids=str)
+def test_the_head_of_a_character_turns_as_the_face_of_the_performer(request, standing, axis):
+    """The tracker of faces moves the head and knows its orientation (`capture.trackers.face`)."""
+    puppet = puppet_file.load(request.config.rootpath / "examples/puppets/human.toml")
+    neck, head = (JOINT_INDEX[name] for name in ("shoulder_center", "head"))
+    limbs, basis = LimbMotion(puppet.limbs, PERFORMER, to_character_axes(standing)), puppet.character.basis
+    np.testing.assert_array_equal(basis, np.eye(3))
+    face, bone = HeadDirection(), standing[head] - standing[neck]
+    looks = Rotation.from_rotvec(np.outer(np.clip(np.linspace(0, 2, 60), 0, 1) * 0.6, axis))
+    row = sum(len(each.points) - 1 for each in itertools.takewhile(lambda each: each.name != "head", limbs.limbs))
+    turns = []
+    for number, look in enumerate(looks):
+        positions, known = standing.copy(), orientations.unknown()
+        positions[head] = positions[neck] + face.turned(look.apply(bone), look.as_matrix())
+        known[neck] = look.as_quat()[[3, 0, 1, 2]]
+        seen = to_character_axes(positions), np.ones(20, np.float32)
+        motions = limbs.step(number / 30, *seen, orientations=orientations.to_character_axes(known))
+        turns.append(Rotation.from_matrix(motions[row, :3].T))
+    wanted = Rotation.from_rotvec([-1.0, 1, -1] * looks[-1].as_rotvec())
+    assert (turns[-1] * turns[0].inv() * wanted.inv()).magnitude() < np.radians(0.1)
 
 
 def test_a_full_turn_of_a_performer_who_dances_turns_the_character_once_round(puppet, retargeting, frames, dance):

@@ -3,12 +3,7 @@ import pytest
 
 from capture.skeleton import JOINT_INDEX, JOINTS
 from engine_bridge.puppet import puppet_file
-from engine_bridge.puppet.puppet import (
-    CharacterTable,
-    HandleTable,
-    Puppet,
-    RetargetTable,
-)
+from engine_bridge.puppet.puppet import CharacterTable, HandleTable, Puppet, RetargetTable
 from puppetline.errors import PuppetError
 
 CHARACTER = '[character]\nmesh = "dog.glb"\n'

@@ -39,6 +39,8 @@ from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.payloads import decode
 from engine_bridge.service.stages.stage import Stage, StageSettings
 
+from ...capture.network.conftest import TWENTY
+
 TIMEOUT_SECONDS = 180.0
 """Time after which a test fails, in seconds; the first start compiles."""
 
@@ -92,17 +94,7 @@ def moved():
     return move
 
 
-OSCELETON = {
-    "hip_center": "waist",
-    "spine": "torso",
-    "shoulder_center": "neck",
-    "head": "head",
-    **{
-        f"{joint}_{side}": f"{side[0]}_{joint}"
-        for joint in ("shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "foot")
-        for side in ("left", "right")
-    },
-}
+OSCELETON = {joint: name for name, joint in TWENTY.items()}
 
 
 class Sender:

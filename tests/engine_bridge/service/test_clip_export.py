@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -68,3 +69,13 @@ def test_the_command_names_the_character_after_the_puppet_file(commands, take, b
     done = commands.run("clip", take, "--puppet", blob_puppet, "-o", output, "--json")
     assert json.loads(done.stdout)["character"] == blob_puppet.stem
     assert inspect(output)["character"] == blob_puppet.stem
+
+
+def test_frames_have_the_weights_of_the_targets_that_a_voice_moves(talking, frames, dance, record_events, tmp_path):
+    voices = np.linspace(0, 1, 30, dtype=np.float32)
+    said = [replace(each, channels={"voice": float(v)}) for each, v in zip(frames(dance(30)), voices, strict=True)]
+    log = record_events(tmp_path / "talk.log", said)
+    write_clip(log, talking(limbs=True), tmp_path / "talk.clip", None, Settings())
+    _, scene, *shown = read_clip((tmp_path / "talk.clip").read_bytes())
+    assert scene.body.facts["targets"] == ["jaw"]
+    np.testing.assert_allclose([each.targets for each in shown], voices[:, None], atol=1e-5)

@@ -147,9 +147,8 @@ def test_a_network_that_comes_up_later_is_noticed(monkeypatch, port):
     [
         ({}, None, ()),
         ({"control": "99999", "characters": ",,a,"}, None, ("a",)),
-        ({"control": "-1", "characters": b"a,\x00b"}, None, ("a", "\x00b")),
+        ({"control": "-1", "characters": b"a,\x00\xff"}, None, ("a", "\x00\N{REPLACEMENT CHARACTER}")),
         ({"control": "٣", "characters": None}, None, ()),
-        ({"control": "9" * 200}, None, ()),
         ({"control": "7401"}, 7401, ()),
     ],
 )
@@ -158,11 +157,6 @@ def test_foreign_announcements_of_our_type_are_read_with_caution(properties, con
     found = discovery._found(info)
     assert (found.control, found.port, found.addresses) == (control, 5, ("127.0.0.1",))
     assert found.characters == characters
-
-
-def test_bytes_that_are_no_text_are_no_failure():
-    info = ServiceInfo(TYPE, f"x.{TYPE}", port=5, properties={"characters": b"\xff,b"}, parsed_addresses=LOOPBACK)
-    assert discovery._found(info).characters == ("\N{REPLACEMENT CHARACTER}", "b")
 
 
 def test_more_characters_than_a_record_holds_are_cut_between_names():

@@ -21,16 +21,8 @@ FRAMES = round(12_000 * EFFORT)
 @pytest.fixture(scope="module")
 def report(blob_puppet, own_cache):
     """Return the report of a service and its clients over `FRAMES` frames with faults between them."""
-    command = [
-        sys.executable,
-        "-m",
-        "benchmarks.live_soak",
-        str(blob_puppet),
-        "--frames",
-        str(FRAMES),
-        "--pause",
-        "0.02",
-    ]
+    options = ("--frames", str(FRAMES), "--pause", "0.02")
+    command = [sys.executable, "-m", "benchmarks.live_soak", str(blob_puppet), *options]
     done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, check=True, env=dict(os.environ))
     return json.loads(done.stdout)
 

@@ -35,16 +35,6 @@ def with_client(address, talk, token=None):
     return asyncio.run(run())
 
 
-def test_a_reload_from_a_web_page_reaches_its_subscribers(playing):
-    _, address = playing()
-
-    async def talk(socket):
-        await socket.send_json({"do": "reload", "id": "again"})
-        return json.loads(await socket.receive_str())
-
-    assert with_client(address, talk) == {"id": "again", "ok": True, "result": {"characters": ["blob"]}}
-
-
 def test_a_token_file_is_the_token_of_both_wires(playing, tmp_path):
     path = tmp_path / "token"
     path.write_text("correct-horse-battery-staple")

@@ -13,7 +13,7 @@ from capture.skeleton import SkeletonFrame
 from engine_bridge.character.examples import prepare
 
 from ...conftest import ROOT, missing
-from .page_driver import TIMEOUT_SECONDS, Window, running
+from .page_driver import Window, running
 
 pytestmark = pytest.mark.slow
 
@@ -327,64 +327,6 @@ def test_axe_finds_no_serious_violation(studio, browser, window, scheme):
     check("empty")
     assert checked == {key: [] for key in checked}
     other.close()
-
-
-def test_two_characters_are_recorded_one_over_the_other_and_become_a_film_that_plays_in_the_page(studio, window):
-    (studio.folder / "film.toml").write_text("[film]\nsize = [320, 180]  # small\nfps = 10\n")
-    window.page.get_by_label("Character", exact=True).select_option(label="Open another…")
-    window.button("Walker").click()
-    window.until("state.character === 'biped' && studio.viewer.has('biped')")
-    window.idle()
-    window.page.get_by_label("Character", exact=True).select_option("pegasus")
-    first = record(window, 1.5)
-    window.until("state.film.present.length === 1 && state.server.takes[0].picture")
-    window.button("biped").click()
-    window.page.locator(".overlay").focus()
-    window.page.keyboard.press("r")
-    playing = window.until("state.server.recording && !state.count && state.server.timeline?.takes")
-    assert [(each["character"], each["take"]) for each in playing] == [("pegasus", first)]
-    window.page.wait_for_timeout(1500)
-    window.page.keyboard.press("r")
-    window.until("state.film.present.length === 2")
-    window.idle()
-
-    edge = window.page.locator(".clip").nth(1).locator(".edge.end").bounding_box()
-    stop = window.state("film.present")[1]["stop"]
-    start = edge["x"] + edge["width"] / 2, edge["y"] + edge["height"] / 2
-    window.page.mouse.move(*start)
-    window.page.mouse.down()
-    window.page.mouse.move(start[0] - 40, start[1], steps=4)
-    window.page.mouse.up()
-    window.until(f"state.film.present[1].stop < {stop} - 0.2")
-    window.idle()
-    trimmed = window.state("film.present")
-    window.page.locator(".clip-button").first.focus()
-    window.page.keyboard.press("Delete")
-    window.until("state.film.present.length === 1")
-    window.idle()
-    window.page.keyboard.press("Control+z")
-    window.until("state.server.film.takes.length === 2")
-    window.idle()
-    assert window.state("film.present") == trimmed
-    window.page.locator(".overlay").focus()
-    window.page.keyboard.press("Space")
-    window.until("state.server.timeline?.takes.length === 2")
-
-    window.button("Make the film").click()
-    video = window.page.locator("video")
-    video.wait_for(timeout=1000 * TIMEOUT_SECONDS)
-    window.until("document.querySelector('video').currentTime > 0.3")
-    assert video.evaluate("each => [each.videoWidth, each.videoHeight]") == [320, 180]
-    longest = max(each["at"] + each["stop"] - each["start"] for each in trimmed)
-    assert 1.0 < video.evaluate("each => each.duration") < longest + 0.2  # a loop of an example ends its performer
-    with window.page.expect_download() as download:
-        window.button("Save the film").click()
-    assert download.value.path().read_bytes()[4:8] == b"ftyp"
-    window.page.locator(".dialog").get_by_role("button", name="Close").click()
-    assert "# small" in (studio.folder / "film.toml").read_text()
-    window.button("Close biped").click()
-    window.until("state.server.characters.length === 1 && state.film.present.length === 1")
-    window.idle()
 
 
 def record(window, seconds):

@@ -1,13 +1,15 @@
 """The page of a studio that has joined a service: a camera's picture, mapping and recording."""
 
+import json
 import os
+import re
 import subprocess
 import sys
 
 import pytest
 
 from ..service.conftest import free_port
-from .page_driver import CAMERA, running
+from .page_driver import CAMERA, Window, running
 
 __all__ = ["free_port"]
 
@@ -89,3 +91,31 @@ def test_a_take_is_recorded_in_the_services_folder(window):
     window.until(f"state.server.takes.some(({{ name }}) => name === {take!r})")
     window.tab("Takes")
     window.page.get_by_text("Takes are in the folder of the service").wait_for()
+
+
+def test_a_kiosk_s_visitor_sees_the_code_of_the_video(studio, browser):
+    clips = []
+
+    def connect(socket):
+        server = socket.connect_to_server()
+
+        def pass_on(text):
+            message = json.loads(text)
+            if "state" in message:
+                message["state"]["clips"] = clips
+            socket.send(json.dumps(message))
+
+        server.on_message(pass_on)
+
+    context = browser.new_context(viewport={"width": 1280, "height": 720})
+    context.route_web_socket(re.compile("/api$"), connect)
+    opened = Window(context, studio.address())
+    opened.until("state.server?.characters.length === 1")
+    assert opened.page.locator(".offer").count() == 0
+    clips[:] = [{"code": "K7M2QX", "minutes": None}]
+    opened.page.get_by_text("Your film is being made").wait_for()
+    clips[:] = [{"code": "K7M2QX", "minutes": 10}]
+    opened.page.get_by_text("K7M2QX", exact=True).wait_for()
+    assert opened.page.locator(".offer video").get_attribute("src") == "/clips/K7M2QX"
+    assert f"{opened.page.evaluate('location.host')}/clips" in opened.page.locator(".offer").inner_text()
+    opened.context.close()

@@ -16,6 +16,9 @@ pytestmark = pytest.mark.slow
 SECONDS = 6.0
 """Duration of the take, in seconds."""
 
+QUIET_SECONDS = 3.0
+"""Second of the take from which on the channel of the voice is 1."""
+
 FULL_SECONDS = 10.0
 """The sound's value is its second, divided by these."""
 
@@ -57,6 +60,12 @@ window.measure = (name, vertex) => {
 """JavaScript: send a request; and return where a vertex is, the sample that is played, and when it will be heard."""
 
 
+HINGE, CHIN = [0.0, 1.68, 0.12], [0.0, 1.66, 0.36]
+"""Where the figure's jaw begins, and its tip."""
+
+PROJECT = "([name, point]) => studio.viewer.stage.project(studio.viewer.figures.get(name), point)"
+
+
 @pytest.fixture(scope="module")
 def studio(limbed_puppet, tmp_path_factory):
     """A studio with a film of one take: an arm rises, and the sound rises with it."""
@@ -74,11 +83,10 @@ def studio(limbed_puppet, tmp_path_factory):
             side = np.sign(shoulder[0] - positions[JOINTS.index("shoulder_right")][0])
             lengths = np.linalg.norm(positions[arm] - shoulder, axis=1)
             positions[arm] = shoulder + lengths[:, None] * [side * np.sin(angle), -np.cos(angle), 0.0]
-            recorder.write(SkeletonFrame(5.0 + number / 30, 1, positions, frame.confidence))
+            speaks = {"voice": float(number / 30 >= QUIET_SECONDS)}
+            recorder.write(SkeletonFrame(5.0 + number / 30, 1, positions, frame.confidence, channels=speaks))
     with WavWriter(folder / "takes" / "rise.wav") as writer:
-        writer.write(
-            (np.arange(48_000 * 8) / 48_000 / FULL_SECONDS).astype(np.float32),
-        )
+        writer.write((np.arange(48_000 * 8) / 48_000 / FULL_SECONDS).astype(np.float32))
     name = limbed_puppet.stem
     (folder / "film.toml").write_text(f'[[take]]\ncharacter = "{name}"\nfile = "takes/rise.log"\n')
     with running(folder, limbed_puppet, "--sound", folder / "takes" / "rise.wav") as running_studio:
@@ -146,3 +154,40 @@ def test_the_microphone_is_switched_off_on_the_page(window):
     window.button("Microphone").click()
     window.until("!state.server.microphone")
     window.idle()
+
+
+def test_two_clicks_make_a_mouth_that_opens_with_the_voice(window):
+    name = window.state("character")
+    window.button("+ Mouth").click()
+    box = window.page.locator(".overlay").bounding_box()
+    x, y = box["x"] + 40, box["y"] + box["height"] - 40
+    window.page.mouse.move(x, y)
+    window.page.mouse.down()
+    window.page.mouse.move(x + box["height"] / 8, y, steps=4)
+    window.page.mouse.up()  # an eighth of a turn, so that the arms do not hide the head
+    window.place("head", 0)
+    for point in (HINGE, CHIN):
+        there = window.page.evaluate(PROJECT, [name, point])
+        window.page.mouse.click(box["x"] + there[0], box["y"] + there[1])
+        window.page.get_by_text("Click the tip of the chin").wait_for(state="visible" if point == HINGE else "hidden")
+    window.until("state.puppets[state.character].present.limb.some(({ name }) => name === 'jaw')")
+    window.idle()
+    jaw = window.limb("jaw")
+    assert (jaw["parent"], jaw["gain"], jaw["follow"]) == ("head", 0.0, "turn")
+    assert jaw["bend"] == {"channel": "voice", "degrees": 20.0, "axis": "x"}
+    np.testing.assert_allclose(jaw["points"], [HINGE, CHIN], atol=0.02)
+    window.page.get_by_label("Opens with the voice, degrees").fill("35")
+    window.page.get_by_label("Opens with the voice, degrees").press("Tab")
+    window.idle()
+    assert window.limb("jaw")["bend"]["degrees"] == 35
+    rest = window.page.evaluate("(name) => [...studio.viewer.positions(name)]", name)
+    window.button("Live").click()
+    window.button("Play").click()
+    window.until("state.server.timeline?.paused === false")
+    ask(window, "pause")
+    quiet, loud = (places(window, name, second) for second in (QUIET_SECONDS - 0.5, QUIET_SECONDS + 0.5))
+    rest = np.reshape(rest, (-1, 3))
+    chin, crown = np.linalg.norm(rest - CHIN, axis=1) < 0.15, rest[:, 1] > 2
+    drop = -(loud - quiet)[chin, 1].mean()
+    assert drop > 0.05
+    assert np.abs(loud - quiet)[crown].mean() < 0.5 * drop

@@ -46,4 +46,4 @@ func _set_clip(how: String, path: String) -> void:
 
 func _tell(when: String) -> void:
 	var positions := base64(_puppet.evaluate().to_byte_array())
-	tell({"when": when, "positions": positions, "looks_for_service": _puppet._link != null})
+	tell({"when": when, "positions": positions, "looks_for_service": _puppet._followed.link != null})

@@ -314,7 +314,7 @@ def test_a_mesh_of_another_puppet_and_one_for_vertices_are_not_used(
     write_shader_mesh(other, tmp_path / "other.glb")
     service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
     watched = watch({"port": service.port, "mesh_source": add_glb(tmp_path / "other.glb")})
-    state = watched.until(lambda state: state["calibrated"] and any(state["visible"]))
+    state = watched.until(lambda state: state["calibrated"] and any(state["visible"]) and state["warnings"])
     assert "run `puppetline shader-mesh` again" in state["warnings"][0]
     watched.order(set={"mode": 1})
     [warning] = watched.until(lambda state: moves(state) and "again" not in state["warnings"][0])["warnings"]

@@ -97,52 +97,40 @@ def built(mono, made_once):
 def build(compiler, folder):
     """Compile the package and the programs into a folder."""
 
-    def compile_(name, sources, *references, target="library", more=()):
+    def compile_(name, sources, *references, doc=None, pattern="*.cs"):
+        """Make a library of a folder's sources or, of a list, a program."""
+        program = isinstance(sources, list)
+        sources = sources if program else sorted(sources.glob(pattern))
         assert sources
+        output = f"-out:{name}.exe" if program else f"-out:{name}.dll"
+        more = [output, f"-target:{'exe' if program else 'library'}", *([f"-doc:{doc}.xml"] if doc else [])]
         libraries = [f"-r:{reference}.dll" for reference in references]
-        output = f"{name}.exe" if target == "exe" else f"{name}.dll"
-        command = [compiler, *STRICT, f"-target:{target}", f"-out:{output}", *libraries, *more, *map(str, sources)]
+        command = [compiler, *STRICT, *more, *libraries, *map(str, sources)]
         made = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
         assert (made.returncode, made.stdout + made.stderr) == (0, ""), name
 
-    runtime, programs = PACKAGE / "Runtime", HERE / "programs"
+    def program(name, *references, sources=("Said",)):
+        compile_(name, [HERE / "programs" / f"{each}.cs" for each in (name, *sources)], *references)
+
+    runtime, stand_ins = PACKAGE / "Runtime", HERE / "stand_ins"
     unity = ("Puppetline.Core", "Puppetline.Unity", "UnityEngine")
-    compile_("UnityEngine", sorted((HERE / "stand_ins").glob("*.cs")))
-    compile_("Puppetline.Core", sorted((runtime / "Core").glob("*.cs")), more=["-doc:core.xml"])
-    compile_(
-        "Puppetline.Unity", sorted(runtime.glob("*.cs")), "Puppetline.Core", "UnityEngine", more=["-doc:unity.xml"]
-    )
-    stand_ins = HERE / "stand_ins"
-    compile_("Unity.Timeline", sorted((stand_ins / "timeline").glob("*.cs")), "UnityEngine")
-    compile_("UnityEditor", sorted((stand_ins / "editor").glob("*.cs")), "UnityEngine")
-    compile_("nunit.framework", sorted((stand_ins / "nunit").glob("*.cs")))
-    compile_(
-        "Puppetline.Timeline",
-        sorted((runtime / "Timeline").glob("*.cs")),
-        *unity,
-        "Unity.Timeline",
-        more=["-doc:timeline.xml"],
-    )
-    compile_(
-        "Puppetline.Editor",
-        sorted((PACKAGE / "Editor").glob("*.cs")),
-        *unity,
-        "UnityEditor",
-        more=["-doc:editor.xml"],
-    )
-    editing = (*unity, "UnityEditor", "Puppetline.Editor")
-    compile_("Tests", sorted((PACKAGE / "Tests").rglob("*.cs")), *editing, "nunit.framework", more=["-doc:tests.xml"])
-    compile_(
-        "Editing", [programs / "Editing.cs", programs / "Said.cs"], *editing, "nunit.framework", "Tests", target="exe"
-    )
-    compile_("Sample", sorted((PACKAGE / "Samples~").rglob("*.cs")), *unity)
-    compile_("Core", [programs / "Core.cs", programs / "Said.cs"], "Puppetline.Core", target="exe")
-    compile_("Sharing", [programs / "Sharing.cs", programs / "Said.cs"], "Puppetline.Core", target="exe")
-    timeline = ("Puppetline.Timeline", "Unity.Timeline")
-    compile_("Clips", [programs / "Clips.cs", programs / "Said.cs"], *unity, *timeline, target="exe")
-    posing = [programs / f"{name}.cs" for name in ("Skeletons", "Said")]
-    compile_("Component", [programs / "Component.cs", *posing], *unity, target="exe")
-    compile_("Posing", [programs / "Posing.cs", *posing], *unity, target="exe")
+    editing = (*unity, "UnityEditor", "Puppetline.Editor", "nunit.framework")
+    compile_("UnityEngine", stand_ins)
+    compile_("Puppetline.Core", runtime / "Core", doc="core")
+    compile_("Puppetline.Unity", runtime, "Puppetline.Core", "UnityEngine", doc="unity")
+    compile_("Unity.Timeline", stand_ins / "timeline", "UnityEngine")
+    compile_("UnityEditor", stand_ins / "editor", "UnityEngine")
+    compile_("nunit.framework", stand_ins / "nunit")
+    compile_("Puppetline.Timeline", runtime / "Timeline", *unity, "Unity.Timeline", doc="timeline")
+    compile_("Puppetline.Editor", PACKAGE / "Editor", *unity, "UnityEditor", doc="editor")
+    compile_("Tests", PACKAGE / "Tests", *editing, doc="tests", pattern="**/*.cs")
+    compile_("Sample", PACKAGE / "Samples~", *unity, pattern="**/*.cs")
+    program("Editing", *editing, "Tests")
+    program("Core", "Puppetline.Core")
+    program("Sharing", "Puppetline.Core")
+    program("Clips", *unity, "Puppetline.Timeline", "Unity.Timeline")
+    program("Component", *unity, "Sample", sources=("Skeletons", "Said"))
+    program("Posing", *unity, sources=("Skeletons", "Said"))
 
 
 @pytest.fixture

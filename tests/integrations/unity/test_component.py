@@ -1,13 +1,18 @@
 """The component, compiled and run with stand-ins for Unity and the real service: the data of its mesh."""
 
+import json
 import shutil
 import socket
+import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import zmq
 
-from .conftest import array, shown
+from engine_bridge.export.bake import bake
+
+from .conftest import TIMEOUT_SECONDS, array, shown
 
 UNITY = np.float32([-1, 1, 1])
 
@@ -274,3 +279,69 @@ def test_takes_are_those_of_the_characters_stage(show, serve, blob_puppet, take,
         assert ask(do="record_stop", stage="stage1")["take"] == "theirs"
     events = [(said["event"], said["value"]) for said in program.finish() if "take" in said.get("event", "")]
     assert events == [("takeStarted", "mine"), ("takeStopped", "mine")]
+
+
+@pytest.mark.slow
+def test_the_samples_buttons_record_a_take_play_it_record_over_it_and_trim_it(show, serve, played, tmp_path, free_port):
+    service = serve(*played, "--takes", tmp_path / "takes", "--port", free_port())
+    program = show(service)
+
+    def press(button, wanted):
+        """Press a button until the service's timeline is as wanted, and return it."""
+        give_up = time.monotonic() + TIMEOUT_SECONDS
+        while not wanted(found := service.ask("describe")["status"]["timeline"]):
+            assert time.monotonic() < give_up, (button, found)
+            program.tell(f"press {button}")
+            program.tell("ask ping")
+            program.until(lambda said: "reply" in said, len(program.said))
+        return found
+
+    def record(button):
+        since = len(program.said)
+        program.tell(f"press {button}")
+        take = program.until(lambda said: said.get("event") == "takeStarted", since)["value"]
+        since = len(program.said)
+        program.until(lambda _: sum("frame" in said for said in program.said[since:]) > 60)
+        program.tell(f"press Stop {take}")
+        program.until(lambda said: said.get("event") == "takeStopped", since)
+        return take
+
+    program.until(lambda said: said.get("event") == "performerCalibrated")
+    first = record("Record")
+    whole = press(f"Play {first}", lambda now: now is not None)["takes"][0]
+    assert (whole["take"], whole["character"]) == (first, "blob")
+    press("Play in a loop", lambda now: now["loop"])
+    second = record("Record over")
+    assert [each["name"] for each in service.ask("list")["takes"]] == sorted([first, second])
+    press("Pause", lambda now: now["paused"])
+    service.ask("seek", seconds=whole["seconds"] / 2)
+    press("Continue", lambda now: not now["paused"])
+    trimmed = press("Begin here", lambda now: now["takes"][0]["seconds"] < whole["seconds"])["takes"]
+    assert [each["take"] for each in trimmed] == [first]
+    press("Back to the performer", lambda now: now is None)
+    program.finish()
+
+
+@pytest.mark.parametrize("mode", ["Morphs", "Bones"])
+def test_a_voice_moves_the_targets_that_the_meshes_have_themselves(
+    mode, show, serve, reference, talking, frames, dance, record_events, tmp_path, free_port
+):
+    voices = [replace(each, channels={"voice": 0.9 * (n % 20) / 20}) for n, each in enumerate(frames(dance()))]
+    log, puppet, targets = record_events(tmp_path / "talk.log", voices), talking(limbs=True), tmp_path / "baked.glb"
+    bake(puppet, targets, (log,), tolerance=0.01)
+    played = ("--puppet", puppet, "--source", f"replay:{log}?loop", "--calibrate", "at_once", "--morphs", targets)
+    service = serve(*played, "--port", free_port())
+    python = reference(service.stream, f"talking/{mode.lower()}", "talking/scene/python")
+    bones = tmp_path / "bones.json"
+    bones.write_text(json.dumps(python.scene.facts["bones"]))
+    shapes = ",".join(["jaw", *python.scene.facts["morphs"]])
+    program = show(service, character="talking", mode=mode, shapes=shapes, bones=bones)
+    jaws = np.array(
+        [
+            [dict(map(tuple, said["weights"]))[0], 100 * python.frames[said["frame"]].targets[0]]
+            for said, _ in shown(program, python)
+        ]
+    )
+    np.testing.assert_allclose(jaws[:, 0], jaws[:, 1], rtol=1e-5)
+    assert np.ptp(jaws) > 20
+    assert dict(map(tuple, program.finish()[-1]["weights"]))[0] == 0

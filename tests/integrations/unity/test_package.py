@@ -79,7 +79,7 @@ def test_every_file_and_folder_has_an_identity_of_its_own():
 def test_the_sample_scene_refers_to_what_there_is():
     (scene,) = PACKAGE.rglob("*.unity")
     text = scene.read_text()
-    assert set(GUID.findall(text)) == {guid(PACKAGE / "Runtime/Puppet.cs"), guid(scene.with_suffix(".cs"))}
+    assert set(GUID.findall(text)) == {guid(PACKAGE / "Runtime/Puppet.cs"), *map(guid, scene.parent.glob("*.cs"))}
     anchors = re.findall(r"^--- !u!\d+ &(\d+)$", text, re.MULTILINE)
     assert len(set(anchors)) == len(anchors)
     assert set(re.findall(r"{fileID: (\d+)}", text)) <= {*anchors, "0"}

@@ -12,7 +12,7 @@ LEG = Bones(
     limbs=np.array([0, 0, 0]),
     feet=np.array([2]),
 )
-FLOOR = [[0, 0, 0.4], [0, 0, -0.3], [0, 0.1, 0.0]]
+FLOOR = [[0, 0, 0.4], [0, 0, -0.05], [0, 0.1, 0.0]]
 SHIN = [[0, 0.5, 0], [0, 1.0, 0], [0, 1.5, 0]]
 
 
@@ -24,9 +24,9 @@ def test_soles_follow_their_foot_alone():
 
 
 def test_shares_keep_their_sum_between_sole_and_shin():
-    between = np.array([[0, 0.25, 0.0], [0, 0.25, 0.4]])  # 1.25 ankle heights: half way from sole to shin
-    held = feet_held(np.array([[0.0, 1, 0], [0, 0.8, 0.2], [0, 0, 1]]), np.vstack([between, [[0, 0, 0.4]]]), LEG)
-    np.testing.assert_allclose(held[:2], [[0, 0.5, 0.5], [0, 0.4, 0.6]])
+    between = np.array([[0, 0.25, 0.0], [0, 0.25, 0.1]])  # 1.25 ankle heights: half way from sole to shin
+    held = feet_held(np.array([[0.2, 0.8, 0], [0, 0.8, 0.2], [0, 0, 1]]), np.vstack([between, [[0, 0, 0.4]]]), LEG)
+    np.testing.assert_allclose(held[:2], [[0.1, 0.4, 0.5], [0, 0.4, 0.6]])
 
 
 def test_other_limbs_and_feet_that_do_not_stand_keep_their_shares():
@@ -35,3 +35,11 @@ def test_other_limbs_and_feet_that_do_not_stand_keep_their_shares():
     np.testing.assert_array_equal(feet_held(shares, np.array(FLOOR), hanging), shares)
     apart = Bones(LEG.heads, LEG.tails, LEG.parents, np.array([-1, 0, 0]), LEG.feet)
     np.testing.assert_array_equal(feet_held(shares, np.array(FLOOR), apart)[1:], shares[1:])
+
+
+def test_a_leg_that_lies_on_the_floor_and_a_rigid_plate_keep_their_shares():
+    far_and_rigid = np.array([[0, 0, -0.3], [0, 0, -1.0], [0, 0.1, 0]])
+    shares = np.array([[0.0, 0.8, 0.2], [0.0, 0.8, 0.2], [0, 1, 0]])
+    held = feet_held(shares, far_and_rigid, LEG)
+    assert 0.2 < held[0, 2] < 1  # between heel and leg
+    np.testing.assert_array_equal(held[1:], shares[1:])

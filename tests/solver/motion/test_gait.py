@@ -6,7 +6,6 @@ from solver.motion.gait import (
     DUTY,
     PHASE,
     RATE,
-    RESTED_SECONDS,
     WALKS,
     new_gait,
     phases,
@@ -21,8 +20,8 @@ REST, LEFT_UP, RIGHT_UP = (False, False), (True, False), (False, True)
 
 
 @compiled
-def call(gait, time, elapsed, lifted, rests, speed, leg_length, metre):
-    update(gait, time, elapsed, lifted, rests, speed, leg_length, metre)
+def call(gait, time, elapsed, lifted, rests, lost, speed, leg_length, metre):
+    update(gait, time, elapsed, lifted, rests, lost, speed, leg_length, metre)
 
 
 @compiled
@@ -30,14 +29,14 @@ def share(gait, offsets):
     return share_of_stride(gait, offsets)
 
 
-def play(speed, lifted=lambda time: REST, seconds=4.0, gait=None, resting=False, scale=1.0):
+def play(speed, lifted=lambda time: REST, seconds=4.0, gait=None, resting=False, lost=False, scale=1.0):
     """Return the states of a gait, frame by frame."""
     gait = new_gait() if gait is None else gait
     found = []
     for number in range(1, round(seconds / TICK)):
         time = number * TICK
         up = np.array(lifted(time))
-        call(gait, time, TICK, up, ~up & resting, scale * speed, scale * LEG, scale)
+        call(gait, time, TICK, up, ~up & resting, lost, scale * speed, scale * LEG, scale)
         found.append(gait.copy())
     return np.array(found)
 
@@ -83,9 +82,22 @@ def test_a_body_walks_on_until_it_is_slower_than_when_it_began():
 
 
 def test_a_performer_whose_feet_rest_stands_whatever_the_hips_do():
-    states = play(1.0, resting=True)
+    assert not play(1.0, resting=True)[:, WALKS].any()
 
-    assert not states[round(RESTED_SECONDS / TICK) + 1 :, WALKS].any()
+
+def test_a_performer_who_stands_does_so_until_both_feet_have_stepped():
+    gait = new_gait()
+    play(0.0, resting=True, seconds=1.0, gait=gait)
+
+    assert not play(1.0, seconds=1.0, gait=gait)[:, WALKS].any()  # a foot shakes
+    assert play(1.0, alternating(0.8), seconds=2.0, gait=gait)[-1, WALKS] == 1
+
+
+def test_a_performer_whose_feet_are_lost_walks_if_the_hips_do():
+    gait = new_gait()
+    play(0.0, resting=True, seconds=1.0, gait=gait)
+
+    assert play(1.0, seconds=1.0, gait=gait, lost=True)[-1, WALKS] == 1
 
 
 @pytest.mark.parametrize("period", [0.8, 1.1])
@@ -104,7 +116,7 @@ def test_a_walk_in_place_ends_when_the_feet_stop():
 
     assert gait[WALKS] == 1
     for number in range(120):
-        call(gait, 5 + number * TICK, TICK, np.array(REST), np.array(REST), 0.0, LEG, 1.0)
+        call(gait, 5 + number * TICK, TICK, np.array(REST), np.array(REST), False, 0.0, LEG, 1.0)
     assert gait[WALKS] == 0
 
 

@@ -3,8 +3,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from solver.model.bones import Bones
-from solver.motion.step_plan import PerformersLegs, StandingLeg
-from solver.motion.steps import Steps
+from solver.motion.step_plan import HEADING, PerformersLegs, StandingLeg
+from solver.motion.steps import MAX_TURNING_SPEED, Steps
 
 TICK = 1 / 60
 HIPS, ANKLES, SHOULDERS, HANDS = (0, 1), (2, 3), (4, 5), (6, 7)
@@ -309,6 +309,47 @@ def test_nothing_steps_while_both_feet_rest_though_hips_turn_and_shift():
 
     assert not walk.swinging.any()
     assert np.ptp(walk.feet, axis=0).max() < 1e-6
+
+
+@pytest.mark.parametrize(("way", "steps"), [(0.1, False), (0.3, True)])
+def test_a_shaking_foot_is_no_step_and_a_foot_that_is_put_elsewhere_is_one(way, steps):
+    poses, headings = [], []
+    for number in range(300):
+        pose, share = stand(), min(max(number - 120, 0) / 6, 1.0)
+        pose[ANKLES[0], 2] += way * share  # faster than a foot that rests
+        poses.append(pose)
+        headings.append(share)
+
+    walk = Walk(poses, headings=headings)
+
+    assert walk.swinging.any() == steps
+
+
+def test_a_body_turns_no_faster_than_its_legs_can_follow_and_not_too_far():
+    turning, headings = stand(), []
+    turning[list(ANKLES)] = np.nan
+    walk = Walk([])
+    walk.play(
+        [turning] * 300,
+        np.where(np.arange(300) < 60, 0.0, np.pi / 2),
+        lambda *_: headings.append(walk.steps._state.body[HEADING]),
+    )
+
+    speeds = np.diff(headings) / TICK
+    fastest = MAX_TURNING_SPEED * HEIGHT / walk.steps._plan.radius
+    assert 0.9 * fastest < speeds.max() <= fastest
+    assert speeds.min() >= 0
+    assert headings[-1] == pytest.approx(np.pi / 2, abs=0.01)
+
+
+def test_feet_only_rise_before_they_move_ahead_and_only_sink_before_they_land():
+    walk = Walk(walking(0.8))
+
+    way = np.linalg.norm(np.diff(walk.feet[:, :, [0, 2]], axis=0), axis=2)
+    rise = np.diff(walk.feet[:, :, 1], axis=0)
+    begins = ~walk.swinging[:-1] & walk.swinging[1:]
+    assert rise[begins].min() > 0
+    assert way[begins].max() < 1e-9
 
 
 def test_a_performer_who_shuffles_away_slowly_takes_the_body_along():

@@ -87,7 +87,7 @@ function change(element: ChildNode, node: Node_ | string): void {
 
 function set(element: Element & Record<string, unknown>, name: string, value: Value): void {
   if (name === "key" || name === "raw" || name === "reveal") return;
-  if (name === "value" || name === "checked" || name === "disabled") element[name] = value ?? (name === "value" ? "" : false);
+  if (["value", "checked", "disabled", "muted"].includes(name)) element[name] = value ?? (name === "value" ? "" : false);
   else if (name === "style") (element as unknown as HTMLElement).style.cssText = String(value ?? ""); // as an attribute, the policy forbids it
   else if (name.startsWith("on")) element[name] = value ?? null;
   else if (value === null || value === undefined || value === false) element.removeAttribute(name);

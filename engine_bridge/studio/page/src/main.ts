@@ -5,7 +5,7 @@ import { Client } from "../../../../integrations/web/puppetline.js";
 import { address } from "./connection";
 import { draw, h } from "./dom";
 import { play, position } from "./film";
-import { addHandle, freeName, handlesOf } from "./model/puppet";
+import { JAW, addHandle, addJaw, freeName, handlesOf, jawPoint } from "./model/puppet";
 import { banner } from "./panels/banner";
 import { empty } from "./panels/empty";
 import { covers } from "./panels/film";
@@ -40,11 +40,24 @@ const viewer = new Viewer(place, {
     if (!current().atRest) update({ atRest: true });
   },
   placed: (inside, surface) => {
-    const { tool, drawn } = current();
+    const { tool, drawn, character } = current();
     const puppet = shownPuppet(current());
     if (puppet === null) return;
     if (tool === "limb") {
       update({ drawn: [...drawn, inside] });
+      return;
+    }
+    if (tool === "jaw") {
+      const bounds = character === null ? null : viewer.bounds(character);
+      const point = bounds === null ? inside : jawPoint(puppet, bounds, inside, surface);
+      const [hinge] = drawn;
+      if (hinge === undefined) {
+        update({ drawn: [point] });
+        return;
+      }
+      edit(addJaw(puppet, hinge, point));
+      select({ kind: "limb", name: JAW });
+      update({ tool: "select", drawn: [] });
       return;
     }
     const name = freeName(strings.limbs.newHandle, handlesOf(puppet).map((handle) => handle.name));

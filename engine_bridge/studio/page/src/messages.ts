@@ -103,6 +103,12 @@ export interface Timeline {
   readonly takes: readonly TimelineTake[];
 }
 
+/** A video of a kiosk's visitor; null while it is made. */
+export interface ClipState {
+  readonly code: string;
+  readonly minutes: number | null;
+}
+
 export interface FilmReply {
   readonly file: string;
   readonly name: string;
@@ -145,6 +151,7 @@ export interface ServerState {
   /** Whether the sound is recorded with takes. */
   readonly microphone: boolean;
   readonly timeline: Timeline | null;
+  readonly clips: readonly ClipState[];
   readonly uploads: readonly UploadState[];
   readonly jobs: readonly JobState[];
   readonly status: StatusState;

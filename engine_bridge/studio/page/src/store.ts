@@ -8,7 +8,7 @@ import type { Vector } from "./model/vector";
 
 export type Connected = "connecting" | "open" | "lost" | "refused";
 export type Tab = "limbs" | "motion" | "takes";
-export type Tool = "select" | "limb" | "handle";
+export type Tool = "select" | "limb" | "handle" | "jaw";
 export type Dragging = "view" | "surface";
 
 export interface Notice {
@@ -40,7 +40,7 @@ export interface State {
   readonly tab: Tab;
   readonly tool: Tool;
   readonly dragging: Dragging;
-  /** Points of the limb that is being added. */
+  /** Points of the limb or jaw that is being added. */
   readonly drawn: readonly Vector[];
   /** Whether the character is shown in its rest pose, to edit it. */
   readonly atRest: boolean;

@@ -88,6 +88,12 @@ export const strings = {
     close: "Close",
   },
 
+  kiosk: {
+    making: "Your film is being made. Wait a moment…",
+    open: (host: string) => `Your film! Open ${host}/clips and type`,
+    minutes: (minutes: number) => `It is there for ${count(minutes, "minute")}.`,
+  },
+
   install: {
     title: { camera: "Use a webcam?", film: "Make films?", sound: "Use the microphone?" },
     text: {
@@ -110,6 +116,7 @@ export const strings = {
     select: "Select",
     addLimb: "+ Limb",
     addHandle: "+ Handle",
+    addJaw: "+ Mouth",
     dragging: "Drag points",
     inView: "View plane",
     onSurface: "Surface",
@@ -121,6 +128,10 @@ export const strings = {
           ? "Click the next point of the limb."
           : "Click further points, then choose Finish limb.",
     handleHint: "Click the surface where the handle belongs.",
+    jawHint: (points: number) =>
+      points === 0
+        ? "Turn the head to the side. Click where the jaw begins, below the ear."
+        : "Click the tip of the chin. The mouth then opens when you speak.",
     finish: "Finish limb",
     cancel: "Cancel",
     preparing: (character: string) => `Preparing ${character}…`,
@@ -199,6 +210,7 @@ export const strings = {
     turn: "Turn: turns as far",
     gain: "Gain",
     gainHint: "2 moves twice as far; a negative gain moves the other way.",
+    bend: (channel: string) => `Opens with the ${channel.replaceAll("_", " ")}, degrees`,
     parent: "Attached to",
     parentNone: "Trunk (default)",
     point: (n: number) => `Point ${n}`,

@@ -4,11 +4,13 @@ import test from "node:test";
 import {
   type Puppet,
   addHandle,
+  addJaw,
   addLimb,
   addPoint,
   follow,
   freeName,
   has,
+  jawPoint,
   jointsOf,
   leftOf,
   mirror,
@@ -142,4 +144,25 @@ test("a new limb follows what its name suggests, and a new name is free", () => 
   assert.deepEqual(addLimb(PUPPET, "right leg", [[0, 0, 0], [0, 1, 0]]).limb?.at(-1)?.joints, ["hip_right", "foot_right"]);
   assert.deepEqual(addLimb(PUPPET, "tail", [[0, 0, 0], [0, 1, 0]]).limb?.at(-1)?.joints, ["hip_center", "head"]);
   assert.equal(freeName("limb", ["limb", "limb 2"]), "limb 3");
+});
+
+test("a click puts a point of a jaw into the plane of symmetry, or inside the body from the front", () => {
+  const bounds = [[0, 0, 0], [2, 2, 2]] as const;
+  assert.deepEqual(jawPoint(PUPPET, bounds, [3, 1, 1], [5, 1, 2]), [1, 1, 0]);
+  assert.deepEqual(jawPoint(PUPPET, bounds, [3, 1, 1], [3.1, 1, 2]), [3, 1, 1]);
+  assert.deepEqual(jawPoint(PUPPET, bounds, [-1, 1, 1], [0, 1, 1]), [-1, 1, 1]);
+});
+
+test("a jaw opens downwards with the voice, whatever the mesh's directions, and replaces the one that there is", () => {
+  for (const [up, front, axis] of [["y", "z", "x"], ["z", "-y", "x"], ["z", "y", "-x"], ["y", "x", "-z"]] as const) {
+    const puppet = { ...PUPPET, character: { up, front }, limb: [...(PUPPET.limb ?? []), { name: "head", points: [], joints: [] }] };
+    const made = addJaw(addJaw(puppet, [0, 0, 0], [1, 1, 1]), [1, 2, 3], [1, 2, 4]);
+    const limbs = made.limb ?? [];
+    assert.deepEqual(limbs.at(-1), {
+      name: "jaw", points: [[1, 2, 3], [1, 2, 4]], joints: ["shoulder_center", "head"], follow: "turn", gain: 0, parent: "head",
+      bend: { channel: "voice", degrees: 20, axis },
+    });
+    assert.equal(limbs.length, 5);
+  }
+  assert.equal(addJaw(PUPPET, [0, 0, 0], [1, 1, 1]).limb?.at(-1)?.parent, undefined);
 });

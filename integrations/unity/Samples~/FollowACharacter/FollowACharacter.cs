@@ -8,7 +8,6 @@ public sealed class FollowACharacter : MonoBehaviour
     public Puppet puppet;
 
     string performer = "No performer. Step in front of the sensor and stand still for one second.";
-    string take = "";
     bool mirrored;
 
     void OnEnable()
@@ -16,8 +15,6 @@ public sealed class FollowACharacter : MonoBehaviour
         puppet.events.performerFound.AddListener(Found);
         puppet.events.performerCalibrated.AddListener(Calibrated);
         puppet.events.performerLost.AddListener(Lost);
-        puppet.events.takeStarted.AddListener(Started);
-        puppet.events.takeStopped.AddListener(Stopped);
     }
 
     void OnDisable()
@@ -25,8 +22,6 @@ public sealed class FollowACharacter : MonoBehaviour
         puppet.events.performerFound.RemoveListener(Found);
         puppet.events.performerCalibrated.RemoveListener(Calibrated);
         puppet.events.performerLost.RemoveListener(Lost);
-        puppet.events.takeStarted.RemoveListener(Started);
-        puppet.events.takeStopped.RemoveListener(Stopped);
     }
 
     void OnGUI()
@@ -42,14 +37,6 @@ public sealed class FollowACharacter : MonoBehaviour
         {
             mirrored = !mirrored;
             puppet.SetMirror(mirrored);
-        }
-        if (take.Length == 0 && GUILayout.Button("Record"))
-        {
-            puppet.StartRecording();
-        }
-        if (take.Length > 0 && GUILayout.Button("Stop recording " + take))
-        {
-            puppet.StopRecording();
         }
         GUILayout.EndArea();
     }
@@ -67,15 +54,5 @@ public sealed class FollowACharacter : MonoBehaviour
     void Lost(int user)
     {
         performer = "Performer " + user + " has left.";
-    }
-
-    void Started(string name)
-    {
-        take = name;
-    }
-
-    void Stopped(string name)
-    {
-        take = "";
     }
 }

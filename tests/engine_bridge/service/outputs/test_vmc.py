@@ -1,7 +1,6 @@
 import itertools
 import math
 import socket
-import time
 from contextlib import closing
 from dataclasses import replace
 from select import select
@@ -12,7 +11,7 @@ from pythonosc.osc_bundle import OscBundle
 from scipy.spatial.transform import Rotation
 
 from capture.network.source import open_vmc
-from capture.skeleton import JOINT_INDEX, LOST, SkeletonFrame, to_character_axes
+from capture.skeleton import JOINT_INDEX, LOST, to_character_axes
 from engine_bridge.performance.retargeting import PERFORMER
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.puppet.puppet import MorphTable
@@ -21,9 +20,9 @@ from engine_bridge.service.outputs.vmc import DATAGRAM_BYTES, datagrams
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from solver.motion.limb_motion import LimbMotion
 
+from ....capture.conftest import Watched
 from .frames import frame_of
 
-TIMEOUT_SECONDS = 60.0
 SIDE = """
 [[limb]]
 name = "{side} arm"
@@ -118,6 +117,21 @@ def test_morph_targets_that_channels_move_are_blend_shapes_and_return_as_the_sam
     assert returned.channels == channels
 
 
+def test_measured_fingers_bend_down_in_a_t_pose_and_those_of_the_other_hand_are_not_sent(figure, moved_by):
+    channels = {"index_1_left": 0.75, "index_2_left": 0.0, "thumb_2_left": 0.75}
+    sent = bones(datagrams(replace(moved_by(still(figure)), channels=channels), 0.0))
+    fingers = {name: sent[name] for name in sent.keys() - set(figure.humanoid.names)}
+    assert len(fingers) == 15
+    assert all(name.startswith("Left") for name in fingers)
+    left, down, back = np.array([-1.0, 0, 0]), np.array([0, -1.0, 0]), np.array([0, 0, -1.0])  # Unity's axes
+    np.testing.assert_allclose(fingers["LeftIndexProximal"][1].apply(left), down, atol=1e-6)
+    np.testing.assert_allclose(fingers["LeftThumbIntermediate"][1].apply(left), back, atol=1e-6)
+    assert fingers["LeftLittleDistal"][1].magnitude() == 0
+    assert all(place @ left > 0 for place, _ in fingers.values())
+    other = bones(datagrams(replace(moved_by(still(figure)), channels={"index_1_right": 0.75}), 0.0))
+    np.testing.assert_allclose(other["RightIndexProximal"][1].apply(-left), down, atol=1e-6)
+
+
 def test_a_frame_is_bundles_that_travel_in_one_piece_and_say_all_that_the_protocol_wants(figure, moved_by):
     sent = list(datagrams(moved_by(still(figure), root=(2.0, 0.0, -1.0)), 12.5))
     assert all(len(datagram) <= DATAGRAM_BYTES and OscBundle.dgram_is_bundle(datagram) for datagram in sent)
@@ -200,13 +214,7 @@ def test_a_vmc_reader_recovers_the_directions_of_the_characters_bones(figure, mo
 
 
 def next_frame(source):
-    give_up = time.monotonic() + TIMEOUT_SECONDS
-    while time.monotonic() < give_up:
-        select([source.fileno()], [], [], max(0, min(source.due() - time.monotonic(), 1)))
-        for event in source.receive():
-            if isinstance(event, SkeletonFrame):
-                return event
-    raise AssertionError("no frame")
+    return Watched(source).frames()[0]
 
 
 def test_the_clock_is_the_senders_and_the_rate_is_kept(figure, moved_by):

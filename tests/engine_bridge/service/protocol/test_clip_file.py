@@ -8,6 +8,7 @@ from engine_bridge.service.states import STATES
 from solver.motion.deformer import to_file_units
 
 ROOT = np.array([0.25, 0.0, -1.5], dtype=np.float32)
+WEIGHTS = np.array([0.25, 0.5], dtype=np.float32)
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +22,10 @@ def messages(character):
     R = character.rig.model.rest_controls.astype(np.float32)
     content = beginning(character, ClipFacts("blob", character.revision, 3, 30.0, "walk"))
     size = PAYLOAD_OFFSET + split(content).header.length
-    frames = [frame_message(character, number, number / 30, R * (1 + number), number * ROOT) for number in range(3)]
+    frames = [
+        frame_message(character, number, number / 30, R * (1 + number), number * ROOT, number * WEIGHTS)
+        for number in range(3)
+    ]
     return [content[:size], content[size:], *frames]
 
 
@@ -37,6 +41,7 @@ def test_a_clip_is_read_as_it_was_written(character, messages):
         controls = to_file_units(R * (1 + number), character.rig.model)
         controls[:, :, 3] += number * ROOT
         np.testing.assert_array_equal(frame.body, controls)
+        np.testing.assert_array_equal(frame.targets, number * WEIGHTS)
         header = frame.header
         assert (header.sequence, header.time, header.root) == (number, number / 30, tuple((number * ROOT).tolist()))
         assert STATES[header.state] == "performing"
@@ -66,7 +71,7 @@ def other_scene(message):
         (lambda messages: [messages[1], messages[0]], "message 0 of kind 1"),
         (lambda messages: [messages[0], *messages[2:]], "message 1 of kind 2"),
         (lambda messages: [*messages[:4], other_scene(messages[4])], "message 4 of the scene"),
-        (lambda messages: [*messages[:4], messages[4][:-1]], "bytes of payload of"),
+        (lambda messages: [*messages[:4], messages[4][:-1]], "7 bytes for 2 weights"),
         (lambda messages: [*messages[:4], messages[4][:100]], "100 bytes"),
         (
             lambda messages: [join(topic("blob", Kind.CLIP), Header(Kind.CLIP, 2), b"{}"), *messages[1:]],

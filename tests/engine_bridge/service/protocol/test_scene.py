@@ -103,10 +103,6 @@ def test_an_attribute_that_no_part_has_is_left_out(scene):
     assert not {"uv", "colors"} & scene.arrays.keys()
 
 
-def test_the_description_alone_is_json(character):
-    assert json.loads(json.dumps(describe(character), allow_nan=False))["vertices"] == len(character.rest)
-
-
 WRONG = {
     "no description": lambda facts: facts.clear(),
     "arrays that are no table": lambda facts: facts.update(arrays=[]),

@@ -19,6 +19,8 @@ from engine_bridge.service.protocol.payloads import decode, message
 from engine_bridge.service.protocol.scene import describe
 from engine_bridge.service.takes.take_track import TakeTrack
 
+from ....waiting import wait_until
+
 BEND = 'bend = { channel = "voice", degrees = 30, axis = "x" }\n'
 
 
@@ -114,9 +116,7 @@ def test_a_killed_service_leaves_take_and_sound_that_are_readable_to_within_a_se
     service.ask("record_start", name="evening")
     started = time.monotonic()
     path = tmp_path / "takes" / "evening.log"
-    while not path.exists() or path.stat().st_size < 150_000:
-        assert time.monotonic() < started + 120
-        time.sleep(0.05)
+    wait_until(lambda: path.exists() and path.stat().st_size >= 150_000, 120)
     killed = time.monotonic()
     assert service.stop(signal.SIGKILL) == -signal.SIGKILL
     events = list(puppetline_log.events(path))

@@ -56,10 +56,7 @@ def test_a_take_plays_up_to_its_damage_and_says_so(record_take, make_player):
     assert np.array_equal(track.frame(50)[1][1], frames[50].R)
 
 
-@pytest.mark.parametrize(
-    ("keep", "problem"),
-    [(1, "the end of the recording"), (2, "a take without motion")],
-)
+@pytest.mark.parametrize(("keep", "problem"), [(1, "the end of the recording"), (2, "a take without motion")])
 def test_a_take_without_motion_is_refused(record_take, make_player, keep, problem):
     path, _ = record_take(names=("dog",), seconds=0.5)
     path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:keep]))

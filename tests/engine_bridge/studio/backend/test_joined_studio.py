@@ -200,3 +200,16 @@ def test_serve_prints_the_address_of_the_page_and_ends_it(commands, blob_puppet,
     assert process.wait() == 0
     with pytest.raises(OSError, match=r"Connect call failed|Cannot connect"):
         asyncio.run(enter())
+
+
+def test_the_videos_of_a_kiosk_s_visitors_are_listed(joined, monkeypatch):
+    service = joined.served.studio.service
+    request = service.request
+    listed = [{"code": "K7M2QX", "seconds_left": 541}, {"code": "ABCDEF", "seconds_left": None}]
+
+    async def answered(do, **arguments):
+        return {"clips": listed} if do == "clips" else await request(do, **arguments)
+
+    monkeypatch.setattr(service, "request", answered)
+    state = joined.until(lambda state: state["clips"])
+    assert state["clips"] == [{"code": "K7M2QX", "minutes": 10}, {"code": "ABCDEF", "minutes": None}]

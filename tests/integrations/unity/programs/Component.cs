@@ -13,6 +13,7 @@ static class Component
     static readonly GameObject Owner = new GameObject();
     static readonly Queue<string> Told = new Queue<string>();
     static Puppet puppet;
+    static TakeControls takeControls;
     static readonly Transform RootNode = new Transform { name = "puppetline_root" };
     static SkinnedMeshRenderer skin;
     static Mesh mesh;
@@ -43,6 +44,9 @@ static class Component
             Set(pair[0], pair[1]);
         }
         Listen();
+        takeControls = Owner.AddComponent<TakeControls>();
+        takeControls.puppet = puppet;
+        Player.Call(takeControls, "OnEnable");
         Player.Enable(puppet, true);
         new Thread(Read) { IsBackground = true }.Start();
         while (Step())
@@ -54,7 +58,7 @@ static class Component
             Player.Enable(puppet, false);
         }
         Complain();
-        Said.Line("ended", (mesh == null || mesh.destroyed) && GraphicsBuffer.Alive == 0, "rest", new object[] { RootNode.localPosition.x, RootNode.localPosition.y });
+        Said.Line("ended", (mesh == null || mesh.destroyed) && GraphicsBuffer.Alive == 0, "rest", new object[] { RootNode.localPosition.x, RootNode.localPosition.y }, "weights", Weights());
         Said.End(0);
         return 0;
     }
@@ -257,6 +261,11 @@ static class Component
             case "change":
                 Set(told[1], told[2]);
                 break;
+            case "press":
+                GUILayout.pressed = string.Join(" ", told, 1, told.Length - 1);
+                Player.Call(takeControls, "OnGUI");
+                GUILayout.pressed = "";
+                break;
             case "waiting":
                 Said.Line("waiting", Waiting());
                 break;
@@ -274,6 +283,7 @@ static class Component
         ulong sequence = before == null ? 0 : before.Header.Sequence;
         double time = before == null ? 0 : before.Header.Time;
         Player.Call(puppet, "Update");
+        Player.Call(takeControls, "Update");
         Complain();
         Frame shown = puppet.Shown;
         if (shown != null && (shown.Header.Sequence != sequence || shown.Header.Time != time))
@@ -316,24 +326,29 @@ static class Component
             : null;
     }
 
+    static object[] Weights()
+    {
+        var weights = new List<object>();
+        foreach (KeyValuePair<int, float> pair in skin.weights)
+        {
+            weights.Add(new object[] { pair.Key, pair.Value });
+        }
+        return weights.ToArray();
+    }
+
     static void SayShown()
     {
         Header header = puppet.Shown.Header;
         if (puppet.mode == PuppetMode.Morphs)
         {
             Vector3 at = RootNode.localPosition;
-            var weights = new List<object>();
-            foreach (KeyValuePair<int, float> pair in skin.weights)
-            {
-                weights.Add(new object[] { pair.Key, pair.Value });
-            }
-            Said.Line("frame", header.Sequence, "weights", weights.ToArray(), "root", new object[] { at.x, at.y, at.z });
+            Said.Line("frame", header.Sequence, "weights", Weights(), "root", new object[] { at.x, at.y, at.z });
             return;
         }
         if (puppet.mode == PuppetMode.Bones)
         {
             Player.Call(puppet, "LateUpdate");
-            Said.Line("frame", header.Sequence, "time", header.Time, "bones", Skeletons.PosesOf(puppet.skeleton, bones));
+            Said.Line("frame", header.Sequence, "time", header.Time, "weights", Weights(), "bones", Skeletons.PosesOf(puppet.skeleton, bones));
             return;
         }
         puppet.TryGetComponent(out MeshRenderer renderer);

@@ -106,6 +106,8 @@ namespace UnityEngine
         public Mesh sharedMesh { get; set; }
 
         public void SetBlendShapeWeight(int index, float value) => weights[index] = value;
+
+        public float GetBlendShapeWeight(int index) => weights.TryGetValue(index, out float value) ? value : 0;
     }
 
     public sealed class Shader : Object

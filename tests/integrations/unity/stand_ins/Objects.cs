@@ -214,7 +214,10 @@ namespace UnityEngine
         {
         }
 
-        public static bool Button(string text, params GUILayoutOption[] options) => false;
+        /// <summary>Text of the button that is pressed.</summary>
+        public static string pressed = "";
+
+        public static bool Button(string text, params GUILayoutOption[] options) => text == pressed;
     }
 }
 

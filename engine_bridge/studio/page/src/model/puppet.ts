@@ -1,7 +1,7 @@
 /** The puppet file as the server sends it, and its edits: every function returns a new puppet. */
 
 import { type Joint, type JointChoice, chainOf, sideOf, spread } from "./skeleton";
-import { type Vector, cross, reflect } from "./vector";
+import { type Vector, cross, dot, length, meetPlane, reflect, subtract } from "./vector";
 
 export interface Limb {
   readonly name: string;
@@ -10,6 +10,14 @@ export interface Limb {
   readonly follow?: "direction" | "turn";
   readonly gain?: number;
   readonly parent?: string | null;
+  readonly bend?: Bend | null;
+}
+
+/** A channel that turns a limb about its first point. */
+export interface Bend {
+  readonly channel: string;
+  readonly degrees: number;
+  readonly axis?: string;
 }
 
 export interface Handle {
@@ -52,6 +60,9 @@ export interface Puppet {
   readonly retarget?: Retarget;
   readonly smoothing?: Partial<Smoothing>;
 }
+
+/** Name of the limb that `addJaw` adds. */
+export const JAW = "jaw";
 
 /** A limb, one of its points, or a handle. */
 export type Part =
@@ -148,6 +159,30 @@ export function addLimb(puppet: Puppet, name: string, points: readonly Vector[])
   const chain = chainOf(/leg|foot|hind/.test(name) ? `hip_${side}` : /trunk|neck|head|tail/.test(name) ? "head" : `hand_${side}`);
   const limb: Limb = { name, points, joints: spread(chain, points.length), follow: "turn" };
   return { ...puppet, limb: [...limbsOf(puppet), limb] };
+}
+
+/** Angle by which the voice opens a jaw. */
+const JAW_DEGREES = 20;
+
+/** Add a jaw that opens with the voice and is otherwise rigid with the head, or replace the one that there is. */
+export function addJaw(puppet: Puppet, hinge: Vector, tip: Vector): Puppet {
+  const left = leftOf(puppet);
+  const number = left.findIndex((value) => value !== 0);
+  const axis = `${(left[number] ?? 0) > 0 ? "" : "-"}${"xyz".charAt(number)}`;
+  const parent = limbNamed(puppet, "head") === undefined ? {} : { parent: "head" };
+  const bend = { channel: "voice", degrees: JAW_DEGREES, axis };
+  const jaw: Limb = { name: JAW, points: [hinge, tip], joints: ["shoulder_center", "head"], follow: "turn", gain: 0, ...parent, bend };
+  return { ...puppet, limb: put(limbsOf(puppet), jaw) };
+}
+
+/** Least cosine of the angle between a click's ray and the body's left at which the ray meets the plane of symmetry. */
+const SIDEWAYS = 0.3;
+
+/** The point of a jaw that is clicked: in the plane of symmetry, or inside the body if the click is from the front. */
+export function jawPoint(puppet: Puppet, bounds: readonly [Vector, Vector], inside: Vector, surface: Vector): Vector {
+  const [direction, left] = [subtract(inside, surface), leftOf(puppet)];
+  if (Math.abs(dot(direction, left)) < SIDEWAYS * length(direction)) return inside;
+  return meetPlane({ origin: surface, direction }, symmetryPoint(puppet, bounds), left) ?? inside;
 }
 
 /** Insert a point in the middle of the bone after a point, or lengthen the limb by a bone after its last one. */

@@ -121,6 +121,12 @@ function limb(puppet: Puppet, part: Part & { kind: "limb" }, bounds: Bounds): Ch
     gainField(shown.gain ?? 1, (gain) => {
       change((old) => ({ ...old, gain }));
     }),
+    shown.bend != null && field(
+      words.bend(shown.bend.channel),
+      number(shown.bend.degrees, (degrees) => {
+        change((old) => ({ ...old, ...(old.bend == null ? {} : { bend: { ...old.bend, degrees } }) }));
+      }, { min: -180, max: 180, step: 1 }),
+    ),
     field(
       words.parent,
       select(

@@ -13,6 +13,7 @@ export function toolbar(state: State, fit: () => void): Node_ {
     ["select", words.select],
     ["limb", words.addLimb],
     ["handle", words.addHandle],
+    ["jaw", words.addJaw],
   ];
   return h(
     "div",
@@ -55,6 +56,7 @@ export function toolHint(state: State): Node_ | false {
   const { tool, drawn, joint } = state;
   if (joint !== null) return hint(words.mapHint(joint), cancel({ joint: null }));
   if (tool === "handle") return hint(words.handleHint, cancel({ tool: "select" }));
+  if (tool === "jaw") return hint(words.jawHint(drawn.length), cancel({ tool: "select", drawn: [] }));
   if (tool !== "limb") return false;
   const finish = button(words.finish, finishLimb, { primary: true, disabled: drawn.length < 2 });
   return hint(words.limbHint(drawn.length), finish, cancel({ tool: "select", drawn: [] }));

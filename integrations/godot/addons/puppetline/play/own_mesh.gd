@@ -27,6 +27,16 @@ static func find(source: Node3D, scene: Scene, surfaces: Surfaces) -> String:
 	return ""
 
 
+## Return a new instance of a scene; null without one, or if it is no scene of 3D nodes.
+static func instance_of(scene: PackedScene) -> Node3D:
+	var own := scene.instantiate() if scene != null else null
+	if own != null and not own is Node3D:
+		push_warning("Puppetline: %s is not a scene of 3D nodes. Import a .glb." % scene.resource_path)
+		own.free()
+		return null
+	return own
+
+
 ## Return all mesh instances below a node, including the node itself.
 static func meshes_below(source: Node) -> Array[MeshInstance3D]:
 	var found: Array[MeshInstance3D] = []

@@ -5,7 +5,8 @@ const Message := preload("message.gd")
 const Scene := preload("scene.gd")
 
 const HEADER_BYTES := 128
-const LENGTH_OFFSET := 76
+const _LENGTH_OFFSET := 76
+const _TARGETS_OFFSET := 124
 ## Size of the description, in bytes. It is padded with spaces, so that the number of frames can be written last.
 const _DESCRIPTION_BYTES := 512
 
@@ -25,6 +26,7 @@ static func frame(character: String, received: Message, number: int, time: float
 	message.sequence = number
 	message.time = time
 	message.root = received.root
+	message.targets = received.targets
 	return message.encode()
 
 
@@ -34,7 +36,7 @@ static func completed(bytes: PackedByteArray) -> PackedByteArray:
 	var end := 0
 	var last: Message = null
 	while end + HEADER_BYTES <= bytes.size():
-		var next := end + HEADER_BYTES + bytes.decode_u32(end + LENGTH_OFFSET)
+		var next := end + size_at(bytes, end)
 		if next > bytes.size():
 			break
 		last = Message.parse(bytes.slice(end, next))
@@ -50,6 +52,11 @@ static func completed(bytes: PackedByteArray) -> PackedByteArray:
 	var whole := _description(str(facts.get("character", "")), first.revision, facts)
 	whole.append_array(bytes.slice(whole.size(), end))
 	return whole
+
+
+## Return the size of the message whose header is at a byte, in bytes.
+static func size_at(bytes: PackedByteArray, at: int) -> int:
+	return HEADER_BYTES + bytes.decode_u32(at + _LENGTH_OFFSET) + 4 * bytes.decode_u32(at + _TARGETS_OFFSET)
 
 
 static func _description(character: String, revision: int, facts: Dictionary) -> PackedByteArray:

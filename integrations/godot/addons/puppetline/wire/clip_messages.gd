@@ -67,7 +67,7 @@ func _find() -> String:
 			times.append(message.time)
 		if message.revision != revision:
 			return "a frame of another scene at byte %d" % at
-		at += ClipFile.HEADER_BYTES + message.payload.size()
+		at += ClipFile.size_at(_data, at)
 		number += 1
 	if _starts.is_empty() or _starts.size() != int(_facts.get("frames", -1)):
 		return "%d frames, and %s are described" % [_starts.size(), _facts.get("frames", "none")]
@@ -77,4 +77,4 @@ func _find() -> String:
 func _message_at(at: int) -> PackedByteArray:
 	if at + ClipFile.HEADER_BYTES > _data.size():
 		return PackedByteArray()
-	return _data.slice(at, at + ClipFile.HEADER_BYTES + _data.decode_u32(at + ClipFile.LENGTH_OFFSET))
+	return _data.slice(at, at + ClipFile.size_at(_data, at))

@@ -98,7 +98,8 @@ func encode() -> PackedByteArray:
 	bytes.encode_u64(_TOPIC_BYTES + 40, published)
 	for axis in 3:
 		bytes.encode_float(_TOPIC_BYTES + 48 + 4 * axis, root[axis])
-	return bytes + payload
+	bytes.encode_u32(_TOPIC_BYTES + 60, targets.size())
+	return bytes + payload + targets.to_byte_array()
 
 
 ## Return whether this message is a frame of the motion. Other messages are sent on changes or on request.

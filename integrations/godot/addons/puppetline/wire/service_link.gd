@@ -91,8 +91,10 @@ func poll_control() -> void:
 
 
 ## Send a request (docs/control.md). [param done] is called with its reply, or with an error of the same form if there
-## is no reply.
+## is no reply; without it, an error is a warning.
 func request(body: Dictionary, done: Callable) -> void:
+	if not done.is_valid():
+		done = _warn_of_failure
 	var address := _host if stream == null else stream.host
 	if address.is_empty():
 		var fix := "Start a service, or set host."
@@ -160,3 +162,9 @@ func _on_status(message: Message) -> void:
 	var status: Variant = message.json()
 	if status is Dictionary:
 		status_received.emit(status)
+
+
+static func _warn_of_failure(reply: Dictionary) -> void:
+	if not reply.get("ok", false):
+		var error: Variant = reply.get("error", {})
+		push_warning("Puppetline: %s" % (" ".join(error.values().map(str)) if error is Dictionary else str(error)))

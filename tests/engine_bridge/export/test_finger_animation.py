@@ -1,0 +1,104 @@
+"""Fingers of skeletons that are made by code bend towards their palms."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from capture.channels import FINGER_CHANNELS, FINGERS, FULL_BEND_DEGREES
+from engine_bridge.character.document_reader import load_document
+from engine_bridge.character.scene import world_transforms
+from engine_bridge.export.finger_animation import bend_fingers, finger_joints
+
+QUARTER = 90 / FULL_BEND_DEGREES
+VRM_1 = {
+    (finger, k): f"{{side}}{finger.title()}{part}"
+    for finger in FINGERS
+    for k, part in enumerate(
+        ("Metacarpal", "Proximal", "Distal") if finger == "thumb" else ("Proximal", "Intermediate", "Distal"), 1
+    )
+}
+MIXAMO = {
+    (finger, k): f"mixamorig:{{Side}}Hand{'Pinky' if finger == 'little' else finger.title()}{k}"
+    for finger in FINGERS
+    for k in (1, 2, 3, 4)
+}
+BLENDER = {(finger, k): f"{finger.title()}{k + 1}.{{S}}" for finger in FINGERS for k in (1, 2, 3)}
+
+
+def place_of(side, finger, k):
+    """Return the place of a joint in a T-pose with palms down that faces +z."""
+    out = 1 if side == "left" else -1
+    ahead = 0.04 - 0.02 * FINGERS.index(finger)
+    if finger == "thumb":
+        return np.array([out * (0.75 + 0.02 * k), 0.0, 0.04 + 0.02 * k])
+    return np.array([out * (0.8 + 0.03 * (k - 1)), 0.0, ahead])
+
+
+@pytest.fixture(params=[VRM_1, MIXAMO, BLENDER], ids=("VRM", "Mixamo", "Blender"))
+def hands(request, glb, tmp_path):
+    """A document of two hands whose joints have axes of their own, with an animation of three keyframes."""
+    random = np.random.default_rng(5)
+    for side in ("left", "right"):
+        above = glb.node(name=f"{side} hand", translation=[0.7 if side == "left" else -0.7, 0.0, 0.0])
+        for finger in FINGERS:
+            parent, world = above, np.eye(4)
+            world[0, 3] = 0.7 if side == "left" else -0.7
+            for k in [k for name, k in request.param if name == finger]:
+                place = np.eye(4)
+                place[:3, :3] = Rotation.random(random_state=random).as_matrix()
+                place[:3, 3] = place_of(side, finger, k)
+                local, world = np.linalg.inv(world) @ place, place
+                name = request.param[finger, k].format(side=side, Side=side.title(), S=side[0].upper())
+                turn = Rotation.from_matrix(local[:3, :3]).as_quat().tolist()
+                parent = glb.node(parent=parent, name=name, translation=local[:3, 3].tolist(), rotation=turn)
+    document = load_document(glb.save(tmp_path / "hands.glb"))
+    clock = document.add(np.arange(3, dtype=np.float32), bounds=True)
+    document.gltf["animations"] = [{"channels": [], "samplers": [{"input": clock, "output": clock}]}]
+    return document
+
+
+def shown(document, frame):
+    """Return the places of the joints of fingers in a keyframe."""
+    animation = document.gltf["animations"][0]
+    for channel in animation["channels"]:
+        keys = document.array(animation["samplers"][channel["sampler"]]["output"]).reshape(3, 4)
+        document.gltf["nodes"][channel["target"]["node"]]["rotation"] = keys[frame].tolist()
+    world = world_transforms(document)
+    return {joint: world[node][:3, 3] for joint, node in finger_joints(document).items()}
+
+
+def test_every_joint_of_a_finger_is_known_by_its_name(hands):
+    wanted = {(side, finger, k) for side in ("left", "right") for finger in FINGERS for k in (1, 2, 3)}
+    joints = finger_joints(hands)
+    assert joints.keys() == wanted
+    world = world_transforms(hands)
+    for joint, node in joints.items():
+        np.testing.assert_allclose(world[node][:3, 3], place_of(*joint), atol=1e-6)
+
+
+def test_a_hand_points_while_the_bent_fingers_follow_the_palm_and_rests_at_zero(hands):
+    rest = {joint: place_of(*joint) for joint in finger_joints(hands)}
+    bent = {name: np.array([0, 1, 0], np.float32) * QUARTER for name in FINGER_CHANNELS if name.endswith("1_left")}
+    del bent["index_1_left"], bent["thumb_1_left"]
+    assert bend_fingers(hands, bent | {"smile": np.ones(3, np.float32)}) == 3
+    for frame in (1, 2):
+        places = shown(hands, frame)
+        for joint, place in places.items():
+            side, finger, k = joint
+            wanted = rest[joint]
+            if frame == 1 and side == "left" and finger in ("middle", "ring", "little"):
+                wanted = rest[side, finger, 1] - [0, 0.03 * (k - 1), 0]  # straight down
+            np.testing.assert_allclose(place, wanted, atol=1e-5, err_msg=str(joint))
+
+
+def test_fists_are_mirror_images_and_fingertips_return_to_the_palm(hands):
+    bend_fingers(hands, {name: np.full(3, QUARTER, np.float32) for name in FINGER_CHANNELS})
+    places = shown(hands, 0)
+    for (side, finger, k), place in places.items():
+        np.testing.assert_allclose(
+            place * [-1, 1, 1], places[{"left": "right"}.get(side, "left"), finger, k], atol=1e-5
+        )
+        if finger != "thumb" and k == 3:
+            assert abs(place[0]) < abs(places[side, finger, 1][0])
+            assert place[1] < -0.02
+    assert places["left", "thumb", 3][1] < 0

@@ -1,0 +1,257 @@
+"""A family's film as one story in a browser: two characters, one performer who speaks, two takes, a cut, the film."""
+
+import json
+import shutil
+import tomllib
+
+import av
+import numpy as np
+import pytest
+from PIL import Image, ImageDraw
+from puppetline.examples.performances import PERFORMANCES
+
+from capture.formats import puppetline_log
+from capture.skeleton import SkeletonFrame
+from engine_bridge.film import scene as scenes
+from engine_bridge.film.film_document import make_document
+from engine_bridge.film.framing import Shots
+from engine_bridge.film.production import produce
+from engine_bridge.performance.clip import load_timeline, solve
+from engine_bridge.performance.settings import Settings
+from solver.model.binding import Binding
+from solver.motion.deformer import to_file_units
+
+from .page_driver import TIMEOUT_SECONDS, running
+
+pytestmark = pytest.mark.slow
+
+SIZE = (320, 180)
+FPS = 30
+
+SCENE = f"""
+[film]
+size = {list(SIZE)}  # small
+[floor]
+show = false
+[background]
+color = "black"
+[[character]]
+name = "first"
+puppet = "characters/first/live.toml"
+position = [-1.3, 0.0]
+height = 1.5
+[[character]]
+name = "second"
+puppet = "characters/second/live.toml"
+position = [1.3, 0.0]
+height = 1.5
+"""
+
+MAX_OFFSET_SECONDS = 0.02
+"""Maximum difference of sound and motion in the film, in seconds."""
+
+SPOKEN_FRAMES, SPOKEN_SECONDS = 30, 0.3
+"""Frames of the motion from one beginning to speak to the next, and for how long, see `virtual_camera`."""
+
+MIN_AGREEMENT = 0.9
+"""Least share of the pixels of a small figure that are drawn where its take says; edges are about a pixel wide."""
+
+MAX_SKIN_ERROR = 0.015
+"""Largest distance of a vertex of the .glb, whose joints have fitted weights, as a share of the diagonal."""
+
+LEAST_GREY, LEAST_SOUND = 40, 0.1
+"""Values above which a pixel is of a character, and the sound of the performer."""
+
+
+@pytest.fixture(scope="module")
+def studio(limbed_puppet, opengl, tmp_path_factory):
+    """A studio with two figures whose heads nod with the voice, a webcam, and a small film without takes."""
+    folder = tmp_path_factory.mktemp("studio")
+    head = 'joints = ["shoulder_center", "head"]\n'
+    nods = head + 'bend = { channel = "voice", degrees = 40, axis = "x" }\n'
+    characters = []
+    for name in ("first", "second"):
+        own = folder / "characters" / name
+        own.mkdir(parents=True)
+        text = limbed_puppet.read_text()
+        mesh = tomllib.loads(text)["character"]["mesh"]
+        shutil.copy(limbed_puppet.parent / mesh, own / mesh)
+        for file in (f"{name}.toml", "live.toml"):
+            (own / file).write_text(text.replace(head, nods))
+        characters.append({"name": name, "title": name, "saved_file": str(own / f"{name}.toml")})
+    source = {"kind": "live", "name": "camera:0"}
+    (folder / "session.json").write_text(json.dumps({"source": source, "characters": characters}))
+    (folder / "film.toml").write_text(SCENE)
+    with running(folder) as running_studio:
+        yield running_studio
+
+
+@pytest.fixture(scope="module")
+def window(studio, browser):
+    opened = studio.open(browser)
+    opened.until("state.server?.characters.length === 2 && studio.viewer.shown('first')?.moment")
+    yield opened
+    opened.close()
+
+
+@pytest.fixture(scope="module")
+def film(studio, window, tmp_path_factory):
+    """Play the story; return the path of the film, which the page has shown and saved."""
+    window.button("Microphone").click()
+    window.until("state.server.microphone")
+    window.idle()
+    window.page.get_by_label("Character", exact=True).select_option("first")
+    take(window, 3.0)
+    window.button("second").click()
+    window.page.locator(".overlay").focus()
+    window.page.keyboard.press("r")
+    playing = window.until("state.server.recording && !state.count && state.server.timeline?.takes")
+    assert [each["character"] for each in playing] == ["first"]
+    window.page.wait_for_timeout(2500)
+    window.page.keyboard.press("r")
+    window.until("state.film.present.length === 2 && state.server.takes.every(({ wave }) => wave !== '')")
+    window.idle()
+
+    edge = window.page.locator(".clip").nth(1).locator(".edge.end").bounding_box()
+    start = edge["x"] + edge["width"] / 2, edge["y"] + edge["height"] / 2
+    stop = window.state("film.present")[1]["stop"]
+    window.page.mouse.move(*start)
+    window.page.mouse.down()
+    window.page.mouse.move(start[0] - 40, start[1], steps=4)
+    window.page.mouse.up()
+    window.until(f"state.film.present[1].stop < {stop} - 0.2")
+    window.idle()
+    trimmed = window.state("film.present")
+    window.page.locator(".clip-button").first.focus()
+    window.page.keyboard.press("Delete")
+    window.until("state.film.present.length === 1")
+    window.idle()
+    window.page.keyboard.press("Control+z")
+    window.until("state.server.film.takes.length === 2")
+    window.idle()
+    assert window.state("film.present") == trimmed
+    window.page.locator(".overlay").focus()
+    window.page.keyboard.press("Space")
+    window.until("state.server.timeline?.takes.length === 2")
+
+    window.button("Make the film").click()
+    video = window.page.locator("video")
+    video.wait_for(timeout=1000 * TIMEOUT_SECONDS)
+    window.until("document.querySelector('video').currentTime > 0.3")
+    assert video.evaluate("each => [each.videoWidth, each.videoHeight]") == list(SIZE)
+    saved = tmp_path_factory.mktemp("saved") / "film.mp4"
+    with window.page.expect_download() as download:
+        window.button("Save the film").click()
+    shutil.copy(download.value.path(), saved)
+    assert "# small" in (studio.folder / "film.toml").read_text()
+    return saved
+
+
+def performing(window):
+    window.until("state.server.characters.find(({ name }) => name === state.character).state === 'performing'")
+
+
+def take(window, seconds):
+    """Record a take of the character that is shown."""
+    performing(window)
+    count = len(window.state("film.present"))
+    window.button("Record").click()
+    window.until("state.server.recording && state.count === 0")
+    window.page.wait_for_timeout(1000 * seconds)
+    window.button("Stop recording").click()
+    window.until(f"state.film.present.length === {count + 1}")
+    window.idle()
+
+
+@pytest.fixture(scope="module")
+def told(studio, film):
+    """What the takes say of each frame of the film: triangles, and vertices (F, n, 3) in metres, of each character."""
+    path = studio.folder / "film.toml"
+    production = produce(path, scenes.load(path), lambda *_: None)
+    tables = {each["character"]: each for each in takes_of(studio)}
+    found = []
+    for actor in production.actors:
+        table, rig = tables[actor.name], actor.rig
+        timeline, _ = load_timeline(path.parent / table["file"], Settings())
+        (solved,) = solve(rig, timeline, Settings(), len(timeline.positions))
+        binding = Binding(rig.model, rig.character.vertices, rig.mesh.of_render)
+        first, last = round(FPS * table.get("start", 0.0)), round(FPS * table.get("stop", 1000.0))
+        places = []
+        for frame in range(production.frames):
+            row = min(max(frame - round(FPS * table.get("at", 0.0)), 0) + first, last, len(solved.R) - 1)
+            to_stage = actor.to_stage(frame)
+            places.append(binding.vertices(to_file_units(solved.R[row], rig.model)) @ to_stage[:3] + to_stage[3])
+        found.append((rig.character.triangles, np.array(places)))
+    return production, found
+
+
+def test_every_frame_shows_the_poses_of_both_takes(film, told):
+    production, found = told
+    with av.open(str(film)) as file:
+        frames = [(each.time, each.to_ndarray(format="gray")) for each in file.decode(video=0)]
+    assert len(frames) == production.frames
+    np.testing.assert_allclose([time for time, _ in frames], np.arange(len(frames)) / FPS, atol=1e-3)
+    shots = Shots(production.scene.camera, production.boxes(lambda *_: None), FPS, SIZE)
+    half = SIZE[0] // 2
+    for side, (triangles, places) in zip((slice(0, half), slice(half, None)), found, strict=True):
+        moving = np.linalg.norm(np.diff(places, axis=0), axis=2).max(axis=1)
+        fastest = int(moving[10:-10].argmax()) + 10  # between this frame and the next one
+        for frame in (10, fastest, len(frames) - 10):
+            camera = shots.camera(frame)
+            shown = frames[frame][1][:, side] > LEAST_GREY
+            drawn = [silhouette(places[k], triangles, camera)[:, side] for k in (frame, frame + 1)]
+            agreement = [(shown & each).sum() / (shown | each).sum() for each in drawn]
+            assert agreement[0] > MIN_AGREEMENT
+            assert frame != fastest or agreement[0] > agreement[1]
+
+
+def silhouette(places, triangles, camera):
+    """Return which pixels (h, w) of a frame a character covers."""
+    clip = np.c_[places, np.ones(len(places))] @ camera.matrix(SIZE)
+    pixels = (clip[:, :2] / clip[:, 3:] + 1) / 2 * SIZE
+    image = Image.new("1", SIZE)
+    pen = ImageDraw.Draw(image)
+    for corners in pixels[triangles]:
+        pen.polygon([tuple(corner) for corner in corners - 0.5], fill=1)
+    return np.asarray(image)
+
+
+def test_the_performer_is_heard_when_the_motion_says(studio, film):
+    with av.open(str(film)) as file:
+        blocks = list(file.decode(audio=0))
+    heard = np.abs(np.concatenate([block.to_ndarray() for block in blocks], axis=1)[0])
+    loud = np.flatnonzero(heard > LEAST_SOUND) / blocks[0].sample_rate
+    onsets = loud[np.insert(np.diff(loud) > 0.1, 0, True)]
+    expected = np.sort(np.concatenate([spoken(studio.folder, table) for table in takes_of(studio)]))
+    expected = expected[np.insert(np.diff(expected) > SPOKEN_SECONDS + 0.1, 0, True)]  # not while the other is heard
+    begun = max(table.get("at", 0.0) for table in takes_of(studio)) + SPOKEN_SECONDS + 0.1  # a take can begin in a word
+    assert (expected > begun).sum() >= 2
+    np.testing.assert_allclose(onsets[onsets > begun], expected[expected > begun], atol=MAX_OFFSET_SECONDS)
+
+
+def takes_of(studio):
+    return tomllib.loads((studio.folder / "film.toml").read_text())["take"]
+
+
+def spoken(folder, table):
+    """Return the seconds of the film at which the performer of a take begins to speak, by what the performer does."""
+    clip = PERFORMANCES["rear"]().positions
+    seen = [each for each in puppetline_log.events(folder / table["file"]) if isinstance(each, SkeletonFrame)]
+    times = np.array([each.time for each in seen]) - seen[0].time
+    numbers = [np.nanmax(np.abs(clip - each.positions), axis=(1, 2)).argmin() for each in seen]
+    numbers = np.unwrap(numbers, period=len(clip))
+    late = np.mean(times - (numbers + 0.5) / FPS)
+    first, last = round(FPS * table.get("start", 0.0)) / FPS, min(table.get("stop", 1000.0), times[-1])
+    begins = np.array([k for k in range(numbers[0], numbers[-1]) if k % len(clip) % SPOKEN_FRAMES == 0]) / FPS + late
+    return begins[(begins > first) & (begins < last)] - first + round(FPS * table.get("at", 0.0)) / FPS
+
+
+def test_the_glb_has_both_takes(studio, told, assert_valid_gltf, play, tmp_path):
+    production, found = told
+    make_document(studio.folder / "film.toml", tmp_path / "film.glb", lambda *_: None)
+    assert_valid_gltf(tmp_path / "film.glb")
+    played = play(tmp_path / "film.glb", production.frames)
+    np.testing.assert_allclose(played.times, np.arange(production.frames) / FPS, atol=1e-5)
+    for mesh, (_, places) in zip(played.meshes, found, strict=True):
+        diagonal = np.linalg.norm(np.ptp(places[0], axis=0))
+        assert np.abs(mesh.positions - places).max() < MAX_SKIN_ERROR * diagonal

@@ -12,8 +12,9 @@ from engine_bridge.service.protocol.header import Kind
 from engine_bridge.service.protocol.payloads import encode
 from engine_bridge.service.protocol.scene import encode_scene
 
+from ...engine_bridge.service.conftest import services
 from ..foreign_skeleton import FOREIGN, foreign, hips_place, worst_angle
-from .conftest import end, served, shown
+from .conftest import shown
 
 UNKNOWN = {"neck", "head", "leftHand", "rightHand", "leftFoot", "rightFoot"}
 """Joints whose T-pose a skeleton does not tell: no bone follows in the direction that they have there."""
@@ -63,9 +64,8 @@ def test_a_map_names_bones_and_an_empty_name_leaves_a_joint_out(pose, posed_huma
 def limbed(own_cache, commands, limbed_puppet, take, tmp_path_factory):
     """The small figure with limbs, served."""
     played = ("--puppet", limbed_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
-    service = served(commands, tmp_path_factory.mktemp("limbed"), *played)
-    yield service
-    end(service)
+    with services(commands, tmp_path_factory.mktemp("limbed")) as start:
+        yield start(*played)
 
 
 @pytest.fixture

@@ -71,7 +71,6 @@ def test_damaged_characters_have_a_finite_model_or_are_refused(folder, try_damag
             (model.B, (4 * count, 3 * count)),
             (model.gram, (4 * count, 4 * count)),
             (model.covariance, (3 * count, 4 * count)),
-            (model.edges, (2 * count * 10, 4 * count)),
             (model.A_clusters, (4 * count, 4 * count)),
             (model.B_clusters, (4 * count, 3 * clusters)),
         ):

@@ -129,7 +129,7 @@ def test_a_missing_library_is_an_error_with_the_command_that_installs_it(monkeyp
 def test_record_writes_the_images_beside_the_take(plug, noise, monkeypatch, scripted_tracker, tmp_path):
     sensor, images, stop = plug("7"), noise(), threading.Event()
     monkeypatch.setattr(depth_camera, "load_mediapipe", lambda: None)
-    monkeypatch.setattr(depth_camera, "MediaPipePose", lambda: scripted_tracker)
+    monkeypatch.setattr(depth_camera, "MediaPipePose", lambda **_: scripted_tracker)
 
     def perform():
         while not stop.wait(1 / 30):

@@ -49,8 +49,11 @@ class Scripted:
     def fileno(self):
         return None
 
+    def now(self):
+        return time.monotonic()
+
     def due(self):
-        return time.monotonic() if self.script else float("inf")
+        return self.now() if self.script else float("inf")
 
     def receive(self):
         events = [self.script.pop(0)] if self.script else []

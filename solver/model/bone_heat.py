@@ -30,7 +30,7 @@ HEAT = 6.0
 MIN_DISTANCE_DIAGONALS = 1e-3
 """Smallest distance d, as a fraction of the diagonal."""
 
-STIFF_DISTANCE_DIAGONALS = 0.05
+STIFF_DISTANCE_DIAGONALS = 0.03
 """Largest distance d of vertices that belong to the last bone of a limb."""
 
 NEGLIGIBLE_SHARE = 1e-3

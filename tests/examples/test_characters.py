@@ -129,10 +129,11 @@ def digest(character):
 
 @pytest.mark.slow
 def test_two_processes_make_the_same_bytes(example_character):
+    names = ("biped", "dog")  # the others are made by the same functions
     program = (
         "import hashlib; from puppetline.examples.characters import CHARACTERS\n"
-        "for c in (make() for make in CHARACTERS.values()):\n"
+        f"for c in (CHARACTERS[name]() for name in {names}):\n"
         "    print(hashlib.sha256(b''.join(a.tobytes() for a in (c.vertices, c.faces, c.colors))).hexdigest())"
     )
     made = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
-    assert made.split() == [digest(example_character(name)).hexdigest() for name in CHARACTERS]
+    assert made.split() == [digest(example_character(name)).hexdigest() for name in names]

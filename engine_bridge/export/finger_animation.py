@@ -92,9 +92,11 @@ def _axis(
     children = document.gltf["nodes"][node].get("children", [])
     last = children[0] if last is None and children else last
     before = joints.get((side, finger, number - 1))
-    along = places[node] - places[before] if last is None and before is not None else None
-    along = along if last is None else places[last] - places[node]
-    if along is None:
+    if last is not None:
+        along = places[last] - places[node]
+    elif before is not None:
+        along = places[node] - places[before]
+    else:
         return None
     axis: NDArray[np.float64] = np.cross(along, towards)
     length = float(np.linalg.norm(axis))

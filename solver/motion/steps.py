@@ -53,12 +53,9 @@ LEAN_AWAY, TURN_AWAY = 0.2, math.radians(25)
 """Distance, in leg lengths, and angle, in radians, by which a body that does not walk can be away from its homes until
 they follow."""
 
-STEPPED_METRES = 0.18
-"""Distance between a performer's foot and where it came to rest, in metres, from which it has stepped, though so slowly
-that it seemed to rest."""
-
-LEFT_METRES = 0.12
-"""The same for a foot that does not rest."""
+SLOW_STEP_METRES, QUICK_STEP_METRES = 0.18, 0.12
+"""Distances between a performer's foot and where it came to rest, in metres, from which it has stepped: of a foot that
+moves so slowly that it seems to rest, and of another one."""
 
 CAUGHT_UP = 0.2
 """Share of these below which the homes rest again."""
@@ -307,10 +304,16 @@ def _stays(state):
         return False
     for foot in range(2):
         way = minus(row_of(state.watch.last, foot), row_of(state.stand, foot))
-        if not math.hypot(way[0], way[2]) < (STEPPED_METRES if state.watch.held[foot] > 0 else LEFT_METRES):
+        if not math.hypot(way[0], way[2]) < (SLOW_STEP_METRES if state.watch.held[foot] > 0 else QUICK_STEP_METRES):
             gait[RESTED] = 0.0
             return False
-    return gait[STOPPED] >= TIDY_SECONDS
+    return _has_arrived(gait)
+
+
+@compiled(inner=True)
+def _has_arrived(gait):
+    """Return whether the performer stands, and the steps that end a walk are over."""
+    return gait[RESTED] > RESTED_SECONDS and gait[STOPPED] >= TIDY_SECONDS
 
 
 @compiled(inner=True)
@@ -380,7 +383,7 @@ def _urgency(plan, state, leg, walks):
         share = share_of_stride(gait, plan.offsets[leg])
         due = share < LATE_SHARE * air
         return 1.0 + away if due else (away if away > TOO_FAR_WALKING else 0.0)
-    if state.body[FOLLOWS] == 0 and gait[RESTED] > RESTED_SECONDS and gait[STOPPED] >= TIDY_SECONDS:
+    if state.body[FOLLOWS] == 0 and _has_arrived(gait):  # homes do not move, so a foot that is near enough stays
         return away if away > TOO_FAR_WALKING else 0.0
     too_far = TIDY_DISTANCE if gait[STOPPED] < TIDY_SECONDS else TOO_FAR
     if away > too_far or turned > TOO_TURNED:

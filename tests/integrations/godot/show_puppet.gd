@@ -29,13 +29,9 @@ func start() -> void:
 	_file = FileAccess.open(asked["file"], FileAccess.WRITE)
 	var settings: Dictionary = asked["settings"]
 	for property: String in settings:
-		_puppet.set(
-			property, load(settings[property]) if property == "mesh_source" else settings[property]
-		)
+		_puppet.set(property, load(settings[property]) if property == "mesh_source" else settings[property])
 	for happening in SIGNALS:
-		_puppet.connect(
-			happening, func(what: Variant = null) -> void: tell({"signal": happening, "what": what})
-		)
+		_puppet.connect(happening, func(what: Variant = null) -> void: tell({"signal": happening, "what": what}))
 	_puppet.scene_loaded.connect(
 		func() -> void: _file.store_buffer(_puppet.evaluate().to_byte_array()), CONNECT_ONE_SHOT
 	)

@@ -6,15 +6,15 @@ therefore always complete, whenever a process is killed. A result that does not 
 again. No locks are needed: processes that convert the same recording at the same time write equal files.
 """
 
-import json
 import os
 import time
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
 
 from engine_bridge.batch.identity import FileState
 from engine_bridge.batch.row import Row
@@ -80,6 +80,10 @@ class Record:
     def has_failed(self) -> bool:
         """Whether no result could be made for some performer."""
         return any(row.state == "failed" for row in self.rows)
+
+
+RECORD = TypeAdapter(Record)
+"""Reads and writes records as JSON."""
 
 
 class Store:
@@ -173,7 +177,7 @@ class Store:
             for name in (former.files.keys() if former else set()) - record.files.keys():
                 (self.folder / name).unlink(missing_ok=True)
         with written_whole(path) as beside:
-            beside.write_text(json.dumps(asdict(record), ensure_ascii=False), encoding="utf-8")
+            beside.write_bytes(RECORD.dump_json(record))
         self._starts(job.name).unlink(missing_ok=True)
 
     @contextmanager
@@ -239,13 +243,6 @@ def refused_as_output_error(path: Path) -> Iterator[None]:
 
 def _read(path: Path) -> Record | None:
     try:
-        values: dict[str, Any] = json.loads(path.read_bytes())
-        return Record(
-            values["identity"],
-            values["run"],
-            None if values["log"] is None else FileState(**values["log"]),
-            tuple(Row(**row | {"notes": tuple(row["notes"])}) for row in values["rows"]),
-            {name: FileState(**state) for name, state in values["files"].items()},
-        )
-    except (OSError, ValueError, KeyError, TypeError):  # absent, damaged, or of another version
+        return RECORD.validate_json(path.read_bytes())
+    except (OSError, ValidationError):  # absent, damaged, or of another version
         return None

@@ -3,7 +3,6 @@
 import re
 import sys
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
@@ -23,6 +22,9 @@ from puppetline.errors import PuppetlineError
 
 MAX_REASONS = 20
 """Maximum number of rows in the table of reasons."""
+
+PACE_SECONDS = 3600.0
+"""Time over which the speed is averaged that determines the time left, in seconds."""
 
 NUMBER = re.compile(r"\d[\d.,]*")
 """Numbers in reasons, which do not make them different."""
@@ -142,15 +144,14 @@ def describe(result: Result) -> str:
 
 def _reasons(failures: Sequence[Row]) -> list[str]:
     """Return a table of the reasons of failures, the most frequent first."""
-    kinds = {id(row): NUMBER.sub("#", row.reason) for row in failures}
-    counts = Counter(kinds.values())
-    first: dict[str, Row] = {}
+    kinds: dict[str, list[Row]] = {}
     for row in failures:
-        first.setdefault(kinds[id(row)], row)
+        kinds.setdefault(NUMBER.sub("#", row.reason), []).append(row)
+    frequent = sorted(kinds.values(), key=len, reverse=True)
     lines = ["   failed  reason, for the first recording"]
-    lines += [f"  {count:7,}  {first[kind].message}" for kind, count in counts.most_common(MAX_REASONS)]
-    if len(counts) > MAX_REASONS:
-        lines.append(f"           … and {len(counts) - MAX_REASONS:,} other reasons, see the manifest")
+    lines += [f"  {len(rows):7,}  {rows[0].message}" for rows in frequent[:MAX_REASONS]]
+    if len(frequent) > MAX_REASONS:
+        lines.append(f"           … and {len(frequent) - MAX_REASONS:,} other reasons, see the manifest")
     return lines
 
 
@@ -191,44 +192,20 @@ def _shown(plan: Plan) -> Iterator[tuple[Callable[[], None], Callable[[Outcome],
             yield check, lambda _outcome: None
             return
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-        columns = (TextColumn("Converting"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[pace]}"))
-        pace = Pace([log_size(job) for job in plan.waiting])
-        with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
-            task = bars.add_task("", total=len(plan.waiting), pace="")
+        columns = (TextColumn("Converting"), BarColumn(), TextColumn("{task.fields[pace]}"), TimeRemainingColumn())
+        show_on = Console(stderr=True)
+        with Progress(*columns, console=show_on, transient=True, speed_estimate_period=PACE_SECONDS) as bars:
+            task = bars.add_task("", total=sum(map(log_size, plan.waiting)), pace="")
+            done: list[Outcome] = []
 
             def show(outcome: Outcome) -> None:
-                pace.add(log_size(outcome.job), failed=outcome.record.has_failed)
-                bars.update(task, advance=1, pace=pace.describe(bars.tasks[0].elapsed or 0.0))
+                done.append(outcome)
+                failed = sum(each.record.has_failed for each in done)
+                rate = 3600 * len(done) / max(bars.tasks[0].elapsed or 0.0, 1e-3)
+                pace = f"{len(done):,}/{len(plan.waiting):,} · {rate:,.0f} per hour"
+                pace += f" · {failed:,} failed" if failed else ""
+                bars.update(task, advance=log_size(outcome.job), pace=pace)
 
             yield check, show
-
-
-class Pace:
-    """Rate and time left of a batch.
-
-    Parameters
-    ----------
-    sizes : sequence of int
-        Sizes of all recordings in bytes; larger ones take longer.
-    """
-
-    def __init__(self, sizes: Sequence[int]) -> None:
-        self._total, self._size = sum(sizes), 0
-        self._count = self._failed = 0
-
-    def add(self, size: int, *, failed: bool) -> None:
-        """Count a recording that was converted, or that failed."""
-        self._size += size
-        self._count += 1
-        self._failed += failed
-
-    def describe(self, elapsed: float) -> str:
-        """Return the rate, the time left and the number of failures after some seconds."""
-        rate = 3600 * self._count / max(elapsed, 1e-3)
-        left = elapsed * (self._total - self._size) / max(self._size, 1)
-        hours, rest = divmod(round(left), 3600)
-        minutes, seconds = divmod(rest, 60)
-        failed = f" · {self._failed:,} failed" if self._failed else ""
-        return f"{rate:,.0f} per hour · {hours}:{minutes:02}:{seconds:02} left{failed}"

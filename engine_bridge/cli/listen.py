@@ -33,8 +33,6 @@ def listen(
 
     It reports rates, latency and gaps. The default ADDRESS is 127.0.0.1:7400.
     """
-    from dataclasses import asdict
-
     from engine_bridge.client import listening
     from engine_bridge.service.security.credentials import read_token
 
@@ -47,7 +45,4 @@ def listen(
         kinds=kinds or ("controls",),
         notice=lambda text: click.echo(f"puppetline: {text}", err=True),
     )
-    if as_json:
-        options.echo_json(asdict(report))
-    else:
-        click.echo(listening.describe(report))
+    options.show(report, as_json, listening.describe(report))

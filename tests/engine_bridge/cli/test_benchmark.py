@@ -1,5 +1,4 @@
 import json
-import os
 import sys
 from itertools import islice
 
@@ -13,7 +12,6 @@ from engine_bridge.cli import benchmark, benchmark_process
 from engine_bridge.cli.benchmark import FIGURES, RATIOS, Report
 from engine_bridge.cli.benchmark_process import CHARACTER, Work, interleaved
 from engine_bridge.cli.main import main
-from engine_bridge.performance.rig import cache_folder
 from puppetline.errors import PuppetError
 
 UNKNOWN_ELSEWHERE = {"precompute_peak_mb", "peak_mb"}
@@ -50,13 +48,6 @@ def test_the_performance_goes_from_one_example_to_the_next_at_30_frames_a_second
     np.testing.assert_allclose([frame.time for frame in frames], np.arange(count + 5) / 30)
     np.testing.assert_array_equal([frame.positions for frame in frames[:count]], first.positions)
     np.testing.assert_array_equal([frame.positions for frame in frames[count:]], second.positions[:5])
-
-
-def test_models_are_kept_apart_from_the_users(tmp_path):
-    before = cache_folder(), dict(os.environ)
-    with benchmark.own_cache(tmp_path):
-        assert cache_folder().is_relative_to(tmp_path)
-    assert (cache_folder(), dict(os.environ)) == before
 
 
 def test_ratios_are_quotients_of_their_figures_and_missing_with_them():

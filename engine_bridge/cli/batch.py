@@ -7,6 +7,7 @@ import click
 
 from engine_bridge.cli import conversion, options
 from engine_bridge.cli.options import FILE
+from engine_bridge.cli.progress import progress
 
 if TYPE_CHECKING:
     from engine_bridge.batch.batch import Shard
@@ -104,28 +105,21 @@ def batch(
     if performer is not None:
         conversion.refuse_without_puppet(**choices)
     settings = conversion.settings(user=None, **choices)
-    given = batch_run.Request(
-        logs,
-        tuple(dict.fromkeys(puppets)),
-        BatchSettings(
-            output.absolute(),
-            new_run(),
-            settings,
-            users,
-            performer,
-            fail_fast=fail_fast,
-            retry_failed=retry_failed,
-        ),
-        shard,
-    )
+    given = BatchSettings(output.absolute(), new_run(), settings, users, performer, fail_fast, retry_failed)
+    with progress() as show:
+        others, plan = batch_run.prepare(logs, tuple(dict.fromkeys(puppets)), given, shard, show)
     if dry_run:
-        names = batch_run.list_waiting(given)
+        ending = (".user*" if users == "all" else "") + given.ending
+        names = [job.name + ending for job in plan.waiting]
         if as_json or names:
             options.show({"waiting": names}, as_json, *names)
         return
     part = "" if shard is None else f".{shard.index}-of-{shard.count}"
     result = batch_run.run(
+        plan,
+        others,
         given,
+        shard,
         workers,
         manifest or output / f"manifest{part}.parquet",
         output / "report.html" if report and shard is None else None,

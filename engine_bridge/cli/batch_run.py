@@ -31,16 +31,6 @@ NUMBER = re.compile(r"\d[\d.,]*")
 
 
 @dataclass(frozen=True)
-class Request:
-    """What a user wants to convert: recordings, puppet files, the settings, and the part of the batch."""
-
-    logs: tuple[str, ...]
-    puppets: tuple[Path, ...]
-    batch: BatchSettings
-    shard: Shard | None
-
-
-@dataclass(frozen=True)
 class Result:
     """What a batch did.
 
@@ -65,19 +55,50 @@ class Result:
         return asdict(self) | {"failures": failures}
 
 
-def list_waiting(request: Request) -> list[str]:
-    """Return the names of the results that are missing or out of date."""
-    _, plan = _prepare(request, lambda _step, _share: None)
-    ending = (".user*" if request.batch.users == "all" else "") + request.batch.ending
-    return [job.name + ending for job in plan.waiting]
+def prepare(
+    logs: Sequence[str],
+    puppets: Sequence[Path],
+    batch: BatchSettings,
+    shard: Shard | None,
+    report: Callable[[str, float], None],
+) -> tuple[list[Path], Plan]:
+    """Return the files that are no recordings, and the plan for the others.
+
+    Raises
+    ------
+    PuppetlineError
+    """
+    report("Looking for recordings", 0.0)
+    recordings = find_recordings(logs, batch.folder)
+    report("Looking for recordings", 1.0)
+    step = "Preparing the characters" if puppets else "Listing the results"
+    report(step, 0.0)
+    jobs = make_jobs(recordings.found, puppets, batch, shard)
+    report(step, 1.0)
+    report("Looking for results", 0.0)
+    plan = make_plan(jobs, batch)
+    report("Looking for results", 1.0)
+    return recordings.others, plan
 
 
-def run(request: Request, workers: int, table: Path, page: Path | None) -> Result:
+def run(
+    plan: Plan,
+    others: Sequence[Path],
+    batch: BatchSettings,
+    shard: Shard | None,
+    workers: int,
+    table: Path,
+    page: Path | None,
+) -> Result:
     """Run a batch, and write its manifest and report.
 
     Parameters
     ----------
-    request : Request
+    plan, others
+        From `prepare`.
+    batch : BatchSettings
+    shard : Shard or None
+        The part of the batch; None for all of it.
     workers : int
         Number of worker processes; 0 for none.
     table : Path
@@ -89,27 +110,25 @@ def run(request: Request, workers: int, table: Path, page: Path | None) -> Resul
     ------
     PuppetlineError
     """
-    with progress() as report:
-        others, plan = _prepare(request, report)  # an error leaves no folder behind
-    store = Store(request.batch.folder, request.batch.run)
+    store = Store(batch.folder, batch.run)
     with store.opened():
         manifest.check_manifest(table)
         start = time.perf_counter()
         outcomes: list[Outcome] = []
         try:
             with _shown(plan) as (check, show):
-                for outcome in run_plan(plan, request.batch, workers, check):
+                for outcome in run_plan(plan, batch, workers, check):
                     outcomes.append(outcome)
                     show(outcome)
         except BaseException:
             with suppress(PuppetlineError):  # such as a full disk, which is being reported
-                _write_manifest(request, store, table, plan, outcomes)
+                _write_manifest(shard, store, table, plan, outcomes)
             raise
         seconds = time.perf_counter() - start
-        rows = _write_manifest(request, store, table, plan, outcomes)
+        rows = _write_manifest(shard, store, table, plan, outcomes)
         if page is not None:
             with progress() as report:
-                write_report(page, rows, store, request.batch, lambda share: report("Drawing the worst results", share))
+                write_report(page, rows, store, batch, lambda share: report("Drawing the worst results", share))
     new = [row for outcome in outcomes for row in outcome.record.rows]
     old = [row for record in plan.settled.values() for row in record.rows]
     failures = tuple(row for row in (*old, *new) if row.state == "failed")
@@ -155,25 +174,11 @@ def _reasons(failures: Sequence[Row]) -> list[str]:
     return lines
 
 
-def _prepare(request: Request, report: Callable[[str, float], None]) -> tuple[list[Path], Plan]:
-    """Return the files that are no recordings, and the plan."""
-    report("Looking for recordings", 0.0)
-    recordings = find_recordings(request.logs, request.batch.folder)
-    report("Looking for recordings", 1.0)
-    report("Preparing the characters" if request.puppets else "Listing the results", 0.0)
-    jobs = make_jobs(recordings.found, request.puppets, request.batch, request.shard)
-    report("Preparing the characters" if request.puppets else "Listing the results", 1.0)
-    report("Looking for results", 0.0)
-    plan = make_plan(jobs, request.batch)
-    report("Looking for results", 1.0)
-    return recordings.others, plan
-
-
 def _write_manifest(
-    request: Request, store: Store, path: Path, plan: Plan, outcomes: Sequence[Outcome]
+    shard: Shard | None, store: Store, path: Path, plan: Plan, outcomes: Sequence[Outcome]
 ) -> Sequence[Row]:
     """Write the rows of a shard, or those of all results in the folder, and return them."""
-    if request.shard is None:
+    if shard is None:
         return manifest.write_whole_manifest(path, store)
     records = plan.settled | {outcome.job.name: outcome.record for outcome in outcomes}
     rows = [row for _, record in sorted(records.items()) for row in record.rows]

@@ -15,8 +15,10 @@ from engine_bridge.cli.options import FILE, Finite
     "--kind",
     "kinds",
     multiple=True,
-    help="What to receive: controls, morphs, vertices, vertices16, joints, handles or performer. Can be repeated.  "
-    "[default: controls]",
+    default=("controls",),
+    show_default=True,
+    type=click.Choice(["controls", "morphs", "vertices", "vertices16", "joints", "handles", "performer"]),
+    help="What to receive. Can be repeated.",
 )
 @click.option("--seconds", type=Finite(0, min_open=True), help="Duration in seconds.  [default: until Ctrl-C]")
 @click.option("--token-file", type=FILE, help="The token that the service requires.")
@@ -42,7 +44,7 @@ def listen(
         seconds=seconds,
         token=token,
         characters=characters,
-        kinds=kinds or ("controls",),
+        kinds=kinds,
         notice=lambda text: click.echo(f"puppetline: {text}", err=True),
     )
     options.show(report, as_json, listening.describe(report))

@@ -18,7 +18,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from engine_bridge.batch.identity import FileState
 from engine_bridge.batch.row import Row
-from puppetline.files import write_error, written_whole
+from puppetline.files import output_errors, written_whole
 
 OWN_FOLDER = ".puppetline"
 """Folder for everything but results, in the folder of a batch."""
@@ -112,7 +112,7 @@ class Store:
         ------
         OutputError
         """
-        with refused_as_output_error(self.folder):
+        with output_errors(self.folder):
             for folder in (self._partial, self._records, self._own / SHEET_FOLDER):
                 folder.mkdir(parents=True, exist_ok=True)
             probe = self._partial / f"{self.run}.probe"
@@ -172,7 +172,7 @@ class Store:
         """
         former = self.load(job.name)
         path = self._record(job.name)
-        with refused_as_output_error(self.folder / job.name):
+        with output_errors(self.folder / job.name):
             path.parent.mkdir(parents=True, exist_ok=True)
             for name in (former.files.keys() if former else set()) - record.files.keys():
                 (self.folder / name).unlink(missing_ok=True)
@@ -197,7 +197,7 @@ class Store:
         partial = self._partial / f"{self.run}-{uuid.uuid4().hex}{final.suffix}"
         try:
             yield partial
-            with refused_as_output_error(final):
+            with output_errors(final):
                 with partial.open("rb") as file:
                     os.fsync(file.fileno())
                 final.parent.mkdir(parents=True, exist_ok=True)
@@ -213,7 +213,7 @@ class Store:
         OutputError
         """
         path = self._starts(job.name)
-        with refused_as_output_error(self.folder / job.name):
+        with output_errors(self.folder / job.name):
             path.parent.mkdir(parents=True, exist_ok=True)
             with path.open("a+", encoding="utf-8") as file:
                 file.seek(0)
@@ -230,15 +230,6 @@ class Store:
 
     def _starts(self, name: str) -> Path:
         return self._records / f"{name}.started"
-
-
-@contextmanager
-def refused_as_output_error(path: Path) -> Iterator[None]:
-    """Turn an `OSError` into an `OutputError` about a path."""
-    try:
-        yield
-    except OSError as error:
-        raise write_error(path, error) from error
 
 
 def _read(path: Path) -> Record | None:

@@ -21,4 +21,4 @@ def bench(mesh: Path | None, as_json: bool) -> None:
 
     with progress() as report:
         measured = benchmark.bench(mesh, progress=report)
-    options.show(measured.as_dict(), as_json, benchmark.describe(measured))
+    options.show(measured, as_json, benchmark.describe(measured))

@@ -12,7 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.metadata import version
 from itertools import cycle, islice
 from pathlib import Path
@@ -108,20 +108,19 @@ class Report:
         Name and size of the character.
     figures : dict of float or None
         Medians, by the names of `FIGURES`.
+    ratios : dict of float or None
+        By the names of `RATIOS`.
     """
 
     machine: dict[str, Any]
     character: dict[str, Any]
     figures: dict[str, float | None]
+    ratios: dict[str, float | None]
 
-    @property
-    def ratios(self) -> dict[str, float | None]:
-        """Ratios by the names of `RATIOS`; None where a value is missing."""
-        return {name: _quotient(self.figures[a], self.figures[b]) for name, (a, b, _) in RATIOS.items()}
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the report as plain values for JSON."""
-        return {**asdict(self), "ratios": self.ratios}
+def ratios(figures: dict[str, float | None]) -> dict[str, float | None]:
+    """Return ratios by the names of `RATIOS`; None where a value is missing."""
+    return {name: _quotient(figures[a], figures[b]) for name, (a, b, _) in RATIOS.items()}
 
 
 def _quotient(a: float | None, b: float | None) -> float | None:
@@ -217,7 +216,8 @@ def measure(
         figures[name] = median(known) if known else None
     figures["convert_fps"] = _quotient(figures["convert_frames"], figures["convert_s"])
     character = {**character, "handles": figures["handles"], "frames": figures["frames"]}
-    return Report(machine(), character, {name: figures.get(name) for name in FIGURES})
+    figures = {name: figures.get(name) for name in FIGURES}
+    return Report(machine(), character, figures, ratios(figures))
 
 
 def in_process(

@@ -15,7 +15,7 @@ from capture.source import SkeletonSource, wait
 from capture.sources.replay import RecordingSource
 from engine_bridge.cli.options import REPLACING
 from puppetline.errors import SourceError
-from puppetline.files import check_new, check_writable, write_error
+from puppetline.files import check_new, check_writable, output_errors
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,5 @@ def remove_existing(path: Path, force: bool) -> None:
     check_writable(path, path.suffix.lower())
     if not force:
         check_new(path, REPLACING)
-    try:
+    with output_errors(path):
         path.unlink(missing_ok=True)
-    except OSError as error:
-        raise write_error(path, error) from error

@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Collection
 from importlib.metadata import version
 
@@ -25,14 +25,12 @@ class Statistics:
         self._process = psutil.Process()
         self._version = version("puppetline")
         self._started = time.monotonic()
-        self._taken: dict[str, _Window] = {}
-        self._latencies: dict[str, _Window] = {}
-        self._performed: dict[str, _Window] = {}
+        self._taken, self._latencies, self._performed = (defaultdict[str, _Window](_Window) for _ in range(3))
         self._cpu = (self._started, time.process_time())
 
     def taken(self, stage: str) -> None:
         """Count a skeleton that a stage has received."""
-        _window(self._taken, stage).add(time.monotonic())
+        self._taken[stage].add(time.monotonic())
 
     def performed(self, stage: str, character: str, received: int) -> None:
         """Count a character's frame that has just been sent.
@@ -45,8 +43,8 @@ class Statistics:
             `time.monotonic_ns` at which the skeleton that moved it arrived.
         """
         now = time.monotonic_ns()
-        _window(self._latencies, stage).add(now * 1e-9, (now - received) * 1e-6)
-        _window(self._performed, character).add(now * 1e-9)
+        self._latencies[stage].add(now * 1e-9, (now - received) * 1e-6)
+        self._performed[character].add(now * 1e-9)
 
     def service(self) -> ServiceStatus:
         """Return the state of the process; the share of the processor is measured since the previous call."""
@@ -62,11 +60,11 @@ class Statistics:
     def stage(self, name: str) -> tuple[int, float, LatencyStatus]:
         """Return the number of skeletons of a stage, their rate per second, and its latency."""
         now = time.monotonic()
-        return *_window(self._taken, name).count_and_rate(now), _window(self._latencies, name).percentiles(now)
+        return *self._taken[name].count_and_rate(now), self._latencies[name].percentiles(now)
 
     def character(self, name: str) -> tuple[int, float]:
         """Return the number of frames of a character and their rate per second."""
-        return _window(self._performed, name).count_and_rate(time.monotonic())
+        return self._performed[name].count_and_rate(time.monotonic())
 
     def keep(self, stages: Collection[str], characters: Collection[str]) -> None:
         """Forget all stages and characters but these."""
@@ -84,8 +82,8 @@ class Statistics:
 class _Window:
     """Times of events in the last `WINDOW_SECONDS`, each with a value, and the number of all events so far."""
 
-    def __init__(self, since: float) -> None:
-        self._since = since
+    def __init__(self) -> None:
+        self._since = time.monotonic()
         self._count = 0
         self._moments: deque[tuple[float, float]] = deque(maxlen=WINDOW_FRAMES)
 
@@ -111,10 +109,3 @@ class _Window:
     def _forget(self, now: float) -> None:
         while self._moments and self._moments[0][0] < now - WINDOW_SECONDS:
             self._moments.popleft()
-
-
-def _window(windows: dict[str, _Window], name: str) -> _Window:
-    window = windows.get(name)
-    if window is None:
-        window = windows[name] = _Window(time.monotonic())
-    return window

@@ -13,10 +13,11 @@ import zmq
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from engine_bridge.service.commands import ARGUMENTS
 from engine_bridge.service.control import dispatcher as dispatcher_module
 from engine_bridge.service.control.control_socket import Control, request
 from engine_bridge.service.control.dispatcher import Deferred, Dispatcher
-from engine_bridge.service.control.requests import ARGUMENTS, Nothing
+from engine_bridge.service.control.requests import Nothing
 from engine_bridge.service.security.endpoints import NetworkSettings, endpoints_of
 from engine_bridge.service.security.guard import Guard
 from puppetline.errors import PuppetError, ServiceError

@@ -7,7 +7,7 @@ from capture import body
 from capture.skeleton import JOINT_INDEX, LIMBS
 from engine_bridge.puppet.puppet import Puppet
 from solver.model.bones import Bones
-from solver.motion.limbs import TRUNK, parents_first
+from solver.motion.limbs import TRUNK, bone_ranges, parents_first
 from solver.motion.step_plan import PerformersLegs, StandingLeg
 from solver.motion.steps import Steps
 
@@ -37,17 +37,13 @@ def steps_of(puppet: Puppet, bones: Bones, rest: NDArray[np.float64]) -> Steps |
 
 def _legs_and_trunk(puppet: Puppet) -> tuple[list[StandingLeg], list[int]]:
     """Return the legs that stand, and the bones of the trunk."""
-    legs, trunk, first = [], [], 0
+    legs, ranges = [], bone_ranges(puppet.limbs)
     for limb in parents_first(puppet.limbs):
-        bones = range(first, first + len(limb.points) - 1)
-        first = bones.stop
-        if limb.name == TRUNK:
-            trunk = list(bones)
-        elif limb.stands:
+        if limb.stands and limb.name != TRUNK:
             arm = next((side for side in SIDES if _is_of(limb.joints, f"{side} arm")), None)
             hand, shoulder = (-1, -1) if arm is None else (limb.joints[-1][0], JOINT_INDEX[f"shoulder_{arm}"])
-            legs.append(StandingLeg(tuple(bones), hand, shoulder))
-    return legs, trunk
+            legs.append(StandingLeg(tuple(ranges[limb.name]), hand, shoulder))
+    return legs, list(ranges.get(TRUNK, ()))
 
 
 def _is_of(joints: tuple[tuple[int, ...], ...], limb: str) -> bool:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from engine_bridge.character.character import Character
 from engine_bridge.character.scene import tree
 from engine_bridge.puppet.file_skeleton import FileSkeleton
-from solver.motion.limbs import TRUNK, Limb, bones_of, parents_first
+from solver.motion.limbs import TRUNK, Limb, bone_ranges, bones_of, parents_first
 
 MAX_LIMB_DISTANCE = 0.01
 """Maximum distance between a limb and its first joint, as a fraction of the diagonal."""
@@ -124,7 +124,7 @@ class _Polyline:
     """
 
     limb: Limb
-    bones: slice
+    bones: range
     near: float
 
     @cached_property
@@ -160,11 +160,8 @@ class _BoneAssignment:
     def __init__(self, skeleton: FileSkeleton, limbs: Sequence[Limb]) -> None:
         self.skeleton = skeleton
         self.bones = bones_of(limbs)
-        self.polylines: dict[str, _Polyline] = {}
-        for limb in parents_first(limbs):
-            start = sum(len(polyline.limb.points) - 1 for polyline in self.polylines.values())
-            bones = slice(start, start + len(limb.points) - 1)
-            self.polylines[limb.name] = _Polyline(limb, bones, HEAD_TOLERANCE * skeleton.diagonal)
+        ranges, near = bone_ranges(limbs), HEAD_TOLERANCE * skeleton.diagonal
+        self.polylines = {limb.name: _Polyline(limb, ranges[limb.name], near) for limb in parents_first(limbs)}
         self.trunk = self.polylines.get(TRUNK)
         self.firsts = self._first_joints()
         self.limb_of = [

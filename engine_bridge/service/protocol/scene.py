@@ -7,7 +7,7 @@ the reduced model: with them a client turns controls into positions and normals 
 import struct
 from dataclasses import dataclass
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,10 @@ from solver.surface import tangents
 if TYPE_CHECKING:
     from engine_bridge.character.character import Character
     from engine_bridge.character.schema import Primitive
+    from engine_bridge.export.live_basis import LiveBasis
+    from engine_bridge.performance.rig import Rig
     from engine_bridge.puppet.puppet import Puppet
     from engine_bridge.rigging.skeleton import Skeleton
-    from engine_bridge.service.protocol.frame import StreamedCharacter
 
 Array = NDArray[Any]
 """An array of one of the `TYPES`."""
@@ -35,7 +36,47 @@ TYPES: dict[str, np.dtype[Any]] = {"f32": np.dtype("<f4"), "u32": np.dtype("<u4"
 _LENGTH = struct.Struct("<I")
 
 
-def encode_scene(character: "StreamedCharacter") -> bytes:
+class DrawnCharacter(Protocol):
+    """The parts of a scene; see `engine_bridge.service.protocol.frame.StreamedCharacter`."""
+
+    @property
+    def name(self) -> str:
+        """Name in topics."""
+
+    @property
+    def revision(self) -> int:
+        """A number that differs after each reload that changes the character."""
+
+    @property
+    def rig(self) -> "Rig":
+        """The puppet, the character, its mesh and its model."""
+
+    @property
+    def rest(self) -> NDArray[np.float64]:
+        """(n, 3): rest positions, mesh file's coordinates."""
+
+    @property
+    def triangles(self) -> NDArray[np.int64]:
+        """(t, 3)."""
+
+    @property
+    def normals(self) -> NDArray[np.float64]:
+        """(n, 3): unit rest normals."""
+
+    @property
+    def basis(self) -> "LiveBasis | None":
+        """Morph targets that poses are projected on."""
+
+    @property
+    def skeleton(self) -> "Skeleton | None":
+        """Named joints along its limbs."""
+
+    @property
+    def displacements(self) -> NDArray[np.float32]:
+        """(k, n, 3): displacements by the mesh's own morph targets that channels move."""
+
+
+def encode_scene(character: DrawnCharacter) -> bytes:
     """Return a character's scene payload."""
     arrays = scene_arrays(character)
     directory: dict[str, Any] = {}
@@ -47,7 +88,7 @@ def encode_scene(character: "StreamedCharacter") -> bytes:
     return _described(character, directory, *(array.data for array in arrays.values()))
 
 
-def with_description(scene: bytes, character: "StreamedCharacter") -> bytes:
+def with_description(scene: bytes, character: DrawnCharacter) -> bytes:
     """Return a scene payload with the same arrays and a new description."""
     view = memoryview(scene)
     start = arrays_start(scene)
@@ -60,13 +101,13 @@ def arrays_start(scene: bytes) -> int:
     return _LENGTH.size + length
 
 
-def _described(character: "StreamedCharacter", directory: dict[str, Any], *arrays: memoryview) -> bytes:
+def _described(character: DrawnCharacter, directory: dict[str, Any], *arrays: memoryview) -> bytes:
     text = write_json({**describe(character), "arrays": directory})
     text += b" " * (-len(text) % 8)
     return b"".join((_LENGTH.pack(len(text)), text, *arrays))
 
 
-def describe(character: "StreamedCharacter") -> dict[str, Any]:
+def describe(character: DrawnCharacter) -> dict[str, Any]:
     """Return the description of a character, in JSON's types."""
     rig, puppet = character.rig, character.rig.puppet
     return {
@@ -116,7 +157,7 @@ def bones(skeleton: "Skeleton", puppet: "Puppet") -> list[dict[str, Any]]:
     ]
 
 
-def scene_arrays(character: "StreamedCharacter") -> dict[str, Array]:
+def scene_arrays(character: DrawnCharacter) -> dict[str, Array]:
     """Return a character's arrays by name, C-contiguous."""
     rig, normals = character.rig, character.normals
     isoline_coordinates = rig.model.isoline_coordinates[rig.mesh.of_render]

@@ -13,7 +13,7 @@ import numpy as np
 from capture import body
 from capture.clip import SkeletonClip
 from capture.events import Cue
-from engine_bridge.performance.performer_calibration import Calibration
+from engine_bridge.performance.calibration import Calibration
 
 MAX_METRES = 100.0
 """Maximum coordinate of a calibration pose and maximum height of its sensor, in metres; beyond it, it is damaged."""

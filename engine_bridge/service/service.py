@@ -25,9 +25,8 @@ from engine_bridge.service.control.control_socket import Control
 from engine_bridge.service.control.dispatcher import Command, Deferred, Dispatcher
 from engine_bridge.service.control.requests import PlayTake
 from engine_bridge.service.discovery import Announcement
-from engine_bridge.service.loading.character_loader import CharacterLoader
 from engine_bridge.service.loading.service_file import ServiceFile
-from engine_bridge.service.loading.stage_loader import LoadedStage, load_stages
+from engine_bridge.service.loading.stage_loader import CharacterLoader, LoadedStage, load_stages
 from engine_bridge.service.look_command import Looking
 from engine_bridge.service.monitoring.logs import OnceASecond, fields
 from engine_bridge.service.monitoring.status import Status

@@ -18,15 +18,14 @@ from capture.events import TICK_SECONDS
 from capture.sensor_tilt import MIN_TILT_CHANGE, SensorTilt, estimate_tilt
 from capture.skeleton import SkeletonFrame
 from capture.smoothing import JointFilter
+from engine_bridge.performance.calibration import Calibration, places_of, rows_of
 from engine_bridge.performance.easing import EASE_SECONDS, TargetPose
 from engine_bridge.performance.idle import IdleRecording
 from engine_bridge.performance.performance import mirrored
-from engine_bridge.performance.performer_calibration import Calibration, places_of, rows_of
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.puppet.puppet import Puppet
-from engine_bridge.service.players.automatic_calibration import AutomaticCalibration, Calibrate
+from engine_bridge.service.players.automatic_calibration import AutomaticCalibration, Calibrate, PreparedCalibration
 from engine_bridge.service.players.pose_display import Appearance, PoseDisplay
-from engine_bridge.service.players.prepared_calibration import PreparedCalibration
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from engine_bridge.service.states import State
 from puppetline.errors import ServiceError

@@ -4,8 +4,8 @@ import pytest
 from capture.events import Cue
 from capture.formats import read_log
 from capture.sensor_tilt import SensorTilt
+from engine_bridge.performance.calibration import Calibration
 from engine_bridge.performance.clip import load_timeline, resting_pose
-from engine_bridge.performance.performer_calibration import Calibration
 from engine_bridge.performance.settings import Settings
 from engine_bridge.performance.take_calibration import of_performer
 

@@ -7,7 +7,6 @@ from engine_bridge.puppet.puppet import CharacterTable, HandleTable, LimbTable, 
 from puppetline.errors import PuppetError
 from solver.anatomy.limb_chain import LimbChain, Limbs
 
-from .test_limb_proposal import UPRIGHT, chains
 from .test_proposal import ARM, LEG, PERSON
 
 

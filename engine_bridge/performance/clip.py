@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,17 +176,8 @@ def _calibrated(timeline: Timeline, clip: SkeletonClip, found: Sequence[TakeCali
         math.ceil((each.time - start) * timeline.fps): (pose, each.mirror)
         for each, pose in zip(found[1:], poses[1:], strict=True)
     }
-    return TakeTimeline(
-        timeline.fps,
-        timeline.positions,
-        timeline.confidence,
-        timeline.gaps,
-        timeline.orientations,
-        rest=poses[0],
-        channels=timeline.channels,
-        mirror=found[0].mirror,
-        later=later,
-    )
+    kept: dict[str, Any] = {each.name: getattr(timeline, each.name) for each in fields(Timeline)} | {"rest": poses[0]}
+    return TakeTimeline(**kept, mirror=found[0].mirror, later=later)
 
 
 def resting_pose(timeline: Timeline, settings: Settings) -> NDArray[np.float64]:

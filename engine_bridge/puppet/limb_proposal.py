@@ -6,9 +6,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.puppet.body_plans import PLANS, BodyPlan, Plan, fits, is_leg, is_upright, plan_of
+from engine_bridge.puppet.body_plans import PLANS, BodyPlan, Plan, check_plan, fits, is_leg, is_upright, plan_of
 from engine_bridge.puppet.puppet import BendTable, CharacterTable, LimbTable, Puppet
-from puppetline.errors import PuppetError
 from solver.anatomy.limb_chain import LimbChain, Limbs
 
 ARM, LEG = ("shoulder", "elbow", "wrist", "hand"), ("hip", "knee", "ankle", "foot")
@@ -148,13 +147,7 @@ def with_plan(puppet: Puppet, plan: BodyPlan) -> Puppet:
         The body lacks the limbs that the plan needs.
     """
     names = [limb.name for limb in puppet.limb]
-    if not fits(plan, names):
-        raise PuppetError(
-            f"the body plan {plan!r}",
-            found=f"a character with these limbs: {', '.join(names) or 'none'}",
-            expected="trunk, head, arms and legs" if plan == "upright" else "at least one leg",
-            fix="Choose another plan, or add the missing limbs.",
-        )
+    check_plan(plan, names, f"the body plan {plan!r}", "Choose another plan, or add the missing limbs.")
     chains = tuple(LimbChain(limb.name, np.array(limb.points)) for limb in puppet.limb if _is_known(limb.name))
     planned = {table.name: table for table in limb_tables(Limbs(chains), puppet.character, plan)}
     limbs = tuple(

@@ -69,13 +69,8 @@ class StageTable(Table):
     @property
     def player_settings(self) -> PlayerSettings:
         """Settings of how the characters are calibrated and eased."""
-        return PlayerSettings(
-            calibrate=self.calibrate,
-            ease=self.ease,
-            remember=self.remember,
-            tilt=None if self.tilt == "auto" else self.tilt,
-            height=None if self.height == "auto" else self.height,
-        )
+        tilt, height = (None if value == "auto" else value for value in (self.tilt, self.height))
+        return PlayerSettings(self.calibrate, self.ease, self.remember, tilt, height)
 
 
 class MetricsTable(Table):

@@ -120,13 +120,11 @@ class CharacterPlayer:
         self.user, self.state = user, "calibrating"
         self._watched.reset()
         calibration, left = self._remembered.pop(user, (None, 0.0))
-        if calibration is not None and self._floor is not None:
-            stands = self._with_settings(self._floor)
-            calibration = (
-                calibration if calibration.sensor.near(stands, *MIN_TILT_CHANGE) else None
-            )  # the sensor was moved
         if calibration is not None and time - left > self._settings.remember:
             calibration = None
+        if calibration is not None and self._floor is not None:
+            stands = self._with_settings(self._floor)
+            calibration = calibration if calibration.sensor.near(stands, *MIN_TILT_CHANGE) else None  # it was moved
         self._automatic.enter(returning=calibration is not None)
         if calibration is not None:
             self._prepare(calibration, time)
@@ -176,9 +174,7 @@ class CharacterPlayer:
     def set_mirror(self, mirror: bool, time: float) -> None:
         """Turn mirroring on or off."""
         self.mirror = mirror
-        prepared = self.next_calibration or self._current
-        if prepared is not None:
-            self._prepare(prepared.calibration, time)
+        self._prepare_again(time)
 
     def remap(self, puppet: Puppet, time: float) -> None:
         """Apply the mapping of another puppet with the same handles, as soon as it is computed.
@@ -186,9 +182,7 @@ class CharacterPlayer:
         The idle motion is not computed here: see `make_idle` and `take_idle`.
         """
         self.character = self.character.remapped(puppet)
-        prepared = self.next_calibration or self._current
-        if prepared is not None:
-            self._prepare(prepared.calibration, time)
+        self._prepare_again(time)
 
     def make_idle(self) -> IdleRecording | None:
         """Compute the idle motion with the present mapping, which may take a second."""
@@ -335,6 +329,12 @@ class CharacterPlayer:
         """Start to compute a retargeting, in place of one that is not in use yet; the stream continues meanwhile."""
         self._drop_next()
         self.next_calibration = self._preparing(calibration, self.mirror, time)
+
+    def _prepare_again(self, time: float) -> None:
+        """Apply a changed setting to the calibration, if there is one."""
+        prepared = self.next_calibration or self._current
+        if prepared is not None:
+            self._prepare(prepared.calibration, time)
 
     def _drop_next(self) -> None:
         if self.next_calibration is not None:

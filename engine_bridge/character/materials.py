@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import igl
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
@@ -131,6 +132,20 @@ def preview_colors(character: Character) -> NDArray[np.float64] | None:
         return None
     materials = zip(materials_of(character), painted, strict=True)
     return np.concatenate([each.at_vertices if own else np.full((len(each.uv), 3), 0.6) for each, own in materials])
+
+
+def drawn_normals(character: Character) -> NDArray[np.float64]:
+    """Return unit normals (n, 3): the file's, or smooth ones for parts without normals; zero without a direction.
+
+    Subnormal float32 numbers become zero, because graphics cards treat them as zero and would choose other tangents
+    (docs/protocol.md).
+    """
+    parts = [
+        igl.per_vertex_normals(part.vertices, part.triangles) if part.normals is None else part.normals
+        for part in character.parts
+    ]
+    normals = np.nan_to_num(np.concatenate(parts))
+    return np.where(np.abs(normals) < np.finfo(np.float32).tiny, 0.0, normals)
 
 
 def _transform(texture: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,13 +14,13 @@ from capture.clip import SkeletonClip
 from capture.formats import read_log
 from capture.skeleton import JOINTS, LOST
 from capture.timeline import Timeline, choose, resample
+from engine_bridge.performance.calibration import TakeCalibration, of_performer
 from engine_bridge.performance.channels import with_voice
 from engine_bridge.performance.easing import TargetPose
 from engine_bridge.performance.frame_store import FrameStore
 from engine_bridge.performance.performance import Performance, Pose, mirrored
 from engine_bridge.performance.rig import Rig
 from engine_bridge.performance.settings import Settings
-from engine_bridge.performance.take_calibration import TakeCalibration, of_performer
 from engine_bridge.puppet.puppet import Puppet
 from puppetline.errors import SkeletonLogError, at
 from solver.model.batch import BatchBinding

@@ -1,4 +1,4 @@
-"""Proposal of joints that drive the limbs of a character."""
+"""Proposal of joints that drive the limbs of a character, by its body plan, and of another plan for a puppet."""
 
 import math
 from collections.abc import Mapping

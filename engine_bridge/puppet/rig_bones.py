@@ -1,4 +1,4 @@
-"""Bones of a puppet that the joints of a file's skeleton follow."""
+"""Bones of a puppet that the joints of a file's skeleton follow, and their shares in the motion of vertices."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Loads the stages of a service file, at the start and at each reload."""
+"""Loads the stages of a service file and their characters, at the start and at each reload."""
 
 from collections.abc import Sequence
 from concurrent.futures import Executor

@@ -274,8 +274,8 @@ class CharacterPlayer:
         if self._retargeting is None:
             seen = replace(levelled, positions=self._watched.step(frame.time, levelled.positions, frame.confidence))
             return self._show(frame.time, received, self._idle_places(frame.time), seen)
-        pose = self._retargeting.step(levelled)
-        return self._show(frame.time, received, pose, replace(levelled, positions=self._retargeting.joints))
+        aim = self._retargeting.step(levelled)
+        return self._show(frame.time, received, aim, replace(levelled, positions=self._retargeting.joints))
 
     def pass_time(self, time: float, received: int) -> Frame | None:
         """Return a frame without a performer; None while there is one, or if it is too early for another frame."""

@@ -3,8 +3,7 @@ import pygltflib as gltf
 import pytest
 
 from engine_bridge.character.character import load_character
-from engine_bridge.character.drawn_normals import drawn_normals
-from engine_bridge.character.materials import preview_colors
+from engine_bridge.character.materials import drawn_normals, preview_colors
 from engine_bridge.export.flattened import flatten
 from puppetline.errors import MeshError
 

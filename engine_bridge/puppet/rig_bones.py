@@ -59,13 +59,12 @@ class RigBones:
         above = np.where(self.parents[:, None] >= 0, self.shares[self.parents], 0.0)
         return np.asarray((self.shares != above).any(axis=1))
 
-    def of_nodes(self, character: Character) -> NDArray[np.int64]:
-        """Return the bone (nodes,) that moves each node most, −1 for none."""
-        strongest = np.where(self.shares.any(axis=1), self.shares.argmax(axis=1), -1)
-        own = dict(zip(self.nodes.tolist(), strongest.tolist(), strict=True))
-        found = np.full(len(character.document.gltf["nodes"]), -1)
+    def of_nodes(self, character: Character) -> NDArray[np.float64]:
+        """Return the shares (nodes, b) of the bones in the motion of each node, which follows its nearest joint above."""
+        own = dict(zip(self.nodes.tolist(), self.shares, strict=True))
+        found = np.zeros((len(character.document.gltf["nodes"]), self.shares.shape[1]))
         for node, parent in tree(character.document):
-            found[node] = own.get(node, -1 if parent is None else found[parent])
+            found[node] = own.get(node, 0.0 if parent is None else found[parent])
         return found
 
 
@@ -128,12 +127,8 @@ def skin_shares(character: Character, limbs: Sequence[Limb]) -> NDArray[np.float
     found = rig_bones(character, limbs) if limbs else None
     if found is None or not len(found.nodes) or found.missing:
         return None
-    own = dict(zip(found.nodes.tolist(), found.shares, strict=True))
-    of_node = np.zeros((len(character.document.gltf["nodes"]), found.shares.shape[1]))
-    for node, parent in tree(character.document):
-        of_node[node] = own.get(node, of_node[parent] if parent is not None else 0.0)
     which, share = vertex_influences(character)
-    return np.asarray(np.einsum("nk,nkb->nb", share, of_node[which]))
+    return np.asarray(np.einsum("nk,nkb->nb", share, found.of_nodes(character)[which]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -60,7 +60,7 @@ class RigBones:
         return np.asarray((self.shares != above).any(axis=1))
 
     def of_nodes(self, character: Character) -> NDArray[np.float64]:
-        """Return the shares (nodes, b) of the bones in the motion of each node, which follows its nearest joint above."""
+        """Return the shares (nodes, b) of the bones in the motion of each node, those of the nearest joint above."""
         own = dict(zip(self.nodes.tolist(), self.shares, strict=True))
         found = np.zeros((len(character.document.gltf["nodes"]), self.shares.shape[1]))
         for node, parent in tree(character.document):

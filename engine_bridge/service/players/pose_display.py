@@ -8,21 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.skeleton import JOINTS, TRACKED, SkeletonFrame
-from capture.smoothing import JointFilter
+from capture.skeleton import JOINTS, LOST, SkeletonFrame
 from engine_bridge.performance.easing import MAX_STEP_SECONDS, Easing, TargetPose
 from engine_bridge.performance.idle import IdleRecording
 from engine_bridge.performance.performance import make_deformer
-from engine_bridge.performance.retargeting import PERFORMER, legs_of
+from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.performance.rig import Rig
-from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from engine_bridge.service.states import State
 from solver.motion.deformer import Deformer
-from solver.motion.feet import Feet
-from solver.motion.limb_motion import LimbMotion
 from solver.motion.motion_blend import difference, moved_by
-from solver.motion.retarget import SmoothReturn, soft_limit
 
 
 class Appearance(NamedTuple):
@@ -81,7 +76,17 @@ class PoseDisplay:
         self.rest = TargetPose(self.deformer.handles, np.tile(np.eye(4, 3), (len(bones), 1, 1)), np.zeros(3))
         self.easing = Easing(bones, self.rest, seconds)
         self._followed: Deformer | None = None  # has computed the last frame, instead of `deformer`
-        precompile(rig.puppet, self.deformer, self.rest)
+        self._precompile(rig)
+
+    def _precompile(self, rig: Rig) -> None:
+        """Compile what a frame runs, which takes 15 seconds the first time, by a frame in which nothing is known."""
+        unknown, lost = np.full((len(JOINTS), 3), np.nan), np.full(len(JOINTS), LOST, np.float32)
+        Retargeting(rig.puppet, rig.mesh, self.deformer, unknown).step(SkeletonFrame(0.0, 0, unknown, lost))
+        easing = Easing(self.deformer.bones, self.rest, 1.0)
+        easing.begin(0.0)
+        easing.show(MAX_STEP_SECONDS, self.rest)
+        self.deformer.solve(self.deformer.handles)
+        self.deformer.reset()
 
     def ease(self, time: float) -> None:
         """Ease from the pose that is shown into the one that is shown from now on."""
@@ -168,31 +173,6 @@ class PoseDisplay:
             apart = difference(other.deformer.bones, other.rest.motions, other.easing.shown.motions)
             motions = moved_by(self.deformer.bones, motions, apart, 1.0)
         return TargetPose(targets, motions, other.easing.shown.root)
-
-
-def precompile(puppet: Puppet, deformer: Deformer, rest: TargetPose) -> None:
-    """Compile what a frame of a character runs, which takes 15 seconds the first time.
-
-    Parameters
-    ----------
-    puppet : Puppet
-    deformer : Deformer
-        The character's; it is reset.
-    rest : TargetPose
-        The character's rest pose.
-    """
-    unknown, lost = np.full((len(JOINTS), 3), np.nan), np.zeros(len(JOINTS), dtype=np.float32)
-    JointFilter(puppet.smoothing.parameters).step(0.0, np.zeros_like(unknown), np.full_like(lost, TRACKED))
-    SmoothReturn(1).step(0.0, np.zeros((1, 3)), np.ones(1, dtype=bool))
-    soft_limit(np.zeros((1, 3)), np.ones((1, 3, 2)))
-    motions = LimbMotion(puppet.limbs, PERFORMER, unknown).step(0.0, unknown, lost)
-    if legs := legs_of(puppet):
-        Feet(deformer.bones, legs, 1.0).step(0.0, unknown, lost, motions, np.zeros(3))
-    easing = Easing(deformer.bones, rest, 1.0)
-    easing.begin(0.0)
-    easing.show(MAX_STEP_SECONDS, rest)
-    deformer.solve(deformer.handles)
-    deformer.reset()
 
 
 def _shape_of_limbs(rig: Rig) -> list[tuple[str, int]]:

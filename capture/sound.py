@@ -170,8 +170,9 @@ class WavWriter:
 
     def close(self) -> None:
         """Close the file. Closing again does nothing."""
-        with self._file, suppress(OSError):  # the length in the header is up to date
-            self._sound.close()
+        if not self._file.closed:
+            with self._file, suppress(OSError):  # the length in the header is up to date
+                self._sound.close()
 
 
 class Microphone:

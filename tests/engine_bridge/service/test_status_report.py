@@ -9,7 +9,7 @@ import pytest
 
 from capture.sensor_tilt import SensorTilt
 from capture.source import Counts
-from engine_bridge.service.monitoring import statistics
+from engine_bridge.service import status_report
 from engine_bridge.service.monitoring.status import ClientsStatus, LatencyStatus, OutputStatus
 from engine_bridge.service.players.character_player import PlayerSettings
 from engine_bridge.service.status_report import WINDOW_FRAMES, WINDOW_SECONDS, Reporter, Statistics
@@ -93,7 +93,7 @@ class Clock:
 @pytest.fixture
 def own_clock(monkeypatch):
     clock = Clock()
-    monkeypatch.setattr(statistics, "time", clock)
+    monkeypatch.setattr(status_report, "time", clock)
     return clock
 
 

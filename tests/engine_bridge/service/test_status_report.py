@@ -167,11 +167,11 @@ def test_memory_stays_flat_however_long_it_runs(own_clock):
             collected.performed("kinect", "dog", own_clock.monotonic_ns())
             own_clock.seconds += 1 / 3000
 
-    run(50_000)
+    run(2 * WINDOW_FRAMES)
     tracemalloc.start()
-    run(100_000)
+    run(2 * WINDOW_FRAMES)
     grown, _ = tracemalloc.get_traced_memory()
-    run(100_000)
+    run(2 * WINDOW_FRAMES)
     later, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert later <= grown + 20_000

@@ -262,7 +262,7 @@ bodies = st.one_of(
 )
 
 
-@settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(bodies, st.booleans())
 def test_every_body_gets_one_well_formed_answer_and_the_next_request_works(dealer, req, body, framed):
     client = req if framed else dealer

@@ -289,11 +289,13 @@ class Studio(Backend):
 
     async def _do_play_film(self, asked: messages.PlayFilm) -> dict[str, Any]:
         self._refuse_while_recording()
-        await self._film.play(asked.at)
+        failed = await self._film.play(asked.at)
         with contextlib.suppress(PuppetlineError):  # nothing plays
             await self.service.request("seek", seconds=asked.at)
             await self.service.request("pause", on=False)
         await self.service.refresh()
+        if failed is not None:
+            raise failed
         return {}
 
     async def _do_make_film(self, _: messages.MakeFilm) -> dict[str, Any]:

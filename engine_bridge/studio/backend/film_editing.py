@@ -1,7 +1,8 @@
 """Edits the film of the studio's takes, and plays it on the characters of the service."""
 
 from engine_bridge.film.scene import SceneError, TakeTable
-from engine_bridge.studio.messages import FilmState, TakeState
+from engine_bridge.studio.messages.film import FilmState
+from engine_bridge.studio.messages.state import TakeState
 from engine_bridge.studio.project.film_file import FilmFile
 from engine_bridge.studio.project.take_list import TakeList
 from engine_bridge.studio.project.workspace import Workspace

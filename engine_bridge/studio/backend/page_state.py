@@ -4,7 +4,7 @@ import hashlib
 import json
 from typing import Any
 
-from engine_bridge.studio.messages import (
+from engine_bridge.studio.messages.state import (
     Banner,
     CharacterState,
     FileState,

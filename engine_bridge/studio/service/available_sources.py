@@ -8,7 +8,7 @@ from capture.network.source import OSC_PORT, VMC_PORT
 from capture.sensors.source_report import observe
 from capture.sources.registry import open_source
 from engine_bridge.inspection.finding import Finding
-from engine_bridge.studio.messages import Device, Port
+from engine_bridge.studio.messages.performers import Device, Port
 from puppetline.errors import PuppetlineError
 
 LISTEN_SECONDS = 1.0

@@ -16,7 +16,6 @@ from engine_bridge.studio.messages.state import (
     State,
     StatusState,
     TakeState,
-    TimelineState,
     UploadState,
 )
 from engine_bridge.studio.project.open_characters import OpenCharacter
@@ -73,7 +72,7 @@ def state_of(
         performers=performers,
         recording=recording,
         takes=takes,
-        timeline=None if status.get("timeline") is None else TimelineState.model_validate(status["timeline"]),
+        timeline=status.get("timeline"),
         uploads=[
             UploadState(upload=each.id, name=each.name, kind=each.kind, bytes=each.bytes, facts=each.facts)
             for each in workspace.uploads.values()

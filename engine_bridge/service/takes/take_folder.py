@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from capture import sound
-from puppetline.errors import ServiceError
+from puppetline.errors import ServiceError, unknown_name
 from puppetline.files import output_errors
 
 ENDING = ".log"
@@ -74,12 +74,7 @@ class Takes:
         """
         names = [each["name"] for each in self.all()]
         if name not in names:
-            raise ServiceError(
-                "the request, take",
-                found=f"no take {name!r}",
-                expected=f"one of {', '.join(names)}" if names else "a take",
-                fix="Choose one of these." if names else "Record one first.",
-            )
+            raise unknown_name("the request, take", f"no take {name!r}", names)
         return self.folder / f"{name}{ENDING}"
 
     def all(self) -> list[dict[str, Any]]:

@@ -121,15 +121,6 @@ class Backend:
     async def _do_invite(self, _: connection.Invite) -> dict[str, Any]:
         return {"address": self._invite()}
 
-    async def _do_calibrate(self, asked: performers.Calibrate) -> dict[str, Any]:
-        return await self._pass_on("calibrate", character=asked.character)
-
-    async def _do_mirror(self, asked: performers.Mirror) -> dict[str, Any]:
-        return await self._pass_on("mirror", character=asked.character, on=asked.on)
-
-    async def _do_choose_user(self, asked: performers.ChooseUser) -> dict[str, Any]:
-        return await self._pass_on("choose_user", character=asked.character, user=asked.user)
-
     async def _do_look(self, asked: performers.Look) -> dict[str, Any]:
         seen = await self.service.request("look", **({"stage": asked.stage} if asked.stage else self._first_stage()))
         return look_reply(seen, self.workspace.without_folders).model_dump(mode="json")
@@ -172,17 +163,11 @@ class Backend:
         stages = [each["name"] for each in self.service.status.get("stages", [])]
         return {"stage": stages[0]} if stages else {}
 
-    async def _play(self, asked: base.Request) -> dict[str, Any]:
-        """Send a request about takes that play to the service, and return its result."""
-        arguments = asked.model_dump(exclude={"id", "do"}, exclude_none=True)
-        result: dict[str, Any] = await self.service.request(getattr(asked, "do", ""), **arguments)
+    async def _pass_on(self, asked: base.Request) -> Any:
+        """Send a request to the service, and return its result."""
+        arguments = asked.model_dump(exclude={"id", "do"}, exclude_unset=True)
+        result = await self.service.request(getattr(asked, "do", ""), **arguments)
         await self.service.refresh()
         return result
 
-    _do_pause = _do_seek = _do_stop = _play
-
-    async def _pass_on(self, do: str, **arguments: Any) -> dict[str, Any]:
-        """Send a request to the service."""
-        await self.service.request(do, **arguments)
-        await self.service.refresh()
-        return {}
+    _do_calibrate = _do_mirror = _do_choose_user = _do_pause = _do_seek = _do_stop = _pass_on

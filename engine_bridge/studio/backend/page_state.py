@@ -100,14 +100,8 @@ def _stage(stage: dict[str, Any], playing: ChosenSource) -> StageState:
 
 
 def _performer(user: dict[str, Any], stage: str) -> PerformerState:
-    return PerformerState(
-        user=user["user"],
-        stage=stage,
-        state=user["state"],
-        character=user["character"],
-        distance=user["distance"],
-        height=user["height"],
-    )
+    known = {key: user[key] for key in PerformerState.model_fields if key != "stage"}
+    return PerformerState(stage=stage, **known)
 
 
 def _numbers(status: dict[str, Any]) -> StatusState:

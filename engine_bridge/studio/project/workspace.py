@@ -20,6 +20,7 @@ import secrets
 import shutil
 from collections.abc import AsyncIterator
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from typing import Any, Literal
 
@@ -241,16 +242,11 @@ class Workspace:
     def character_folder(self, stem: str) -> Path:
         """Create a new folder for a character, named after its file, and return it."""
         name = _plain(stem)
-        number = 1
-        while True:
-            ending = "" if number == 1 else f"-{number}"
-            folder = self.folder / "characters" / f"{name[: MAX_STEM - len(ending)]}{ending}"
-            try:
-                folder.mkdir(mode=0o700)
-            except FileExistsError:
-                number += 1
-                continue
-            return folder
+        endings = ("" if number == 1 else f"-{number}" for number in count(1))
+        folders = (self.folder / "characters" / f"{name[: MAX_STEM - len(ending)]}{ending}" for ending in endings)
+        folder = next(each for each in folders if not each.exists())
+        folder.mkdir(mode=0o700)
+        return folder
 
     def write_session(self, values: dict[str, Any]) -> None:
         """Store which characters are open and what performs, for the next start."""

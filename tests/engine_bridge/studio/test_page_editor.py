@@ -254,7 +254,7 @@ def test_a_handle_is_added_where_the_surface_is_clicked_and_mapped_tuned_and_del
     for axis in ("to the sides", "up and down"):
         window.page.get_by_label(axis).uncheck()
         window.page.get_by_label(axis).check()
-    window.page.get_by_label("z: forwards").uncheck()
+    window.page.get_by_label("forwards and back").uncheck()
     fill(window, "How far it moves", "2")
     window.idle()
     handle = window.handle("handle")
@@ -417,6 +417,7 @@ def test_the_mesh_is_stood_up_and_turned_round(window):
 
 def test_the_plot_shows_a_live_joint_of_the_performer(window):
     window.tab("Motion")
+    window.page.get_by_label("Shaking").get_by_text("Details").click()
     window.page.get_by_role("combobox", name="Plot of").select_option("hand_left")
     live = window.until(
         "state.preview !== null && state.plotted === 'hand_left' && state.preview.times.at(-1) > 1 && state.preview"

@@ -8,16 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.service.protocol import quantisation
-from engine_bridge.service.protocol.header import (
-    NO_USER,
-    Header,
-    Kind,
-    WireError,
-    join,
-    read_json,
-    split,
-    topic,
-)
+from engine_bridge.service.protocol.header import NO_USER, Header, Kind, WireError, join, read_json, split, topic
 from engine_bridge.service.protocol.scene import Scene
 from engine_bridge.service.states import STATES
 

@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 from capture.events import Cue
 from capture.formats import read_log
 from capture.sensor_tilt import SensorTilt
+from engine_bridge.performance.calibration import Calibration
 from engine_bridge.performance.channels import ChannelMotion, morph_weights
 from engine_bridge.performance.clip import load_timeline, solve
 from engine_bridge.performance.easing import TargetPose
-from engine_bridge.performance.performer_calibration import Calibration
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file

@@ -61,8 +61,9 @@ def laplacian(mesh: SolverMesh) -> "tuple[csr_matrix, NDArray[np.float64]]":
     mass : (n,) float64
         Area of each vertex, more than 0.
     """
-    slender = igl.doublearea(mesh.vertices, mesh.faces) / igl.squared_edge_lengths(mesh.vertices, mesh.faces).max(axis=1)
-    if mesh.border_edges or mesh.nonmanifold_edges or slender.min() < MIN_HEIGHT_RATIO:
+    squares = igl.squared_edge_lengths(mesh.vertices, mesh.faces).max(axis=1)
+    sliver = (igl.doublearea(mesh.vertices, mesh.faces) < MIN_HEIGHT_RATIO * squares).any()
+    if sliver or mesh.border_edges or mesh.nonmanifold_edges:
         L, areas = robust_laplacian.mesh_laplacian(mesh.vertices, mesh.faces)
         np.negative(L.data, out=L.data)  # a second matrix would need as much memory
         mass = areas.diagonal()

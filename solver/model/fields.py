@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 MIN_HEIGHT_RATIO = 1e-3
 """Smallest height of a triangle, divided by its longest edge, that is no sliver."""
 
+PLACE_DECIMALS = 12
+"""Number of decimals of positions, in diagonals, that decide which edges are Delaunay."""
+
 CONTACT_CONDUCTANCE = 100.0
 """Conductance of a contact between two parts that touch, so large that fields hardly jump; a cotangent is about 1."""
 
@@ -68,7 +71,11 @@ def laplacian(mesh: SolverMesh) -> "tuple[csr_matrix, NDArray[np.float64]]":
         np.negative(L.data, out=L.data)  # a second matrix would need as much memory
         mass = areas.diagonal()
     else:
-        L, mass = igl.intrinsic_delaunay_cotmatrix(mesh.vertices, mesh.faces)[0], mesh.vertex_areas
+        # without rounding, the place of a mesh would decide which diagonals of squares are flipped
+        places = np.round((mesh.vertices - mesh.vertices.min(axis=0)) / mesh.diagonal, PLACE_DECIMALS)
+        L, lengths, faces = igl.intrinsic_delaunay_cotmatrix(places, mesh.faces)
+        areas = igl.doublearea(mesh.diagonal * lengths, 0.0) / 6
+        mass = np.bincount(faces.ravel(), np.repeat(areas, 3), len(places))
     return L.T, np.maximum(mass, 1e-12 * mass.max())  # symmetric; transposed, its columns are rows
 
 

@@ -38,7 +38,7 @@ def motion(handles, size=0.3):
 def test_operator_of_a_good_mesh_is_that_of_its_tufted_cover(creature):
     L, mass = fields.laplacian(creature)
     reference, areas = robust_laplacian.mesh_laplacian(creature.vertices, creature.faces)
-    assert abs(L + reference).max() <= 1e-9 * abs(reference).max()
+    assert abs(L + reference).max() <= 1e-7 * abs(reference).max()
     assert mass.sum() == pytest.approx(areas.diagonal().sum())
 
 

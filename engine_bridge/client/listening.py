@@ -27,7 +27,7 @@ ADDRESS = "tcp://127.0.0.1:7400"
 KINDS = tuple(kind.word for kind in (*FRAME_KINDS, Kind.PERFORMER))
 """Kinds that can be measured."""
 
-SPARSE_TOPICS = ("/joints", "/performer")
+SPARSE_TOPICS = ("/joints", "/performer", "/channels")
 """Ends of the topics whose sequence numbers have gaps although nothing is lost."""
 
 POLL_SECONDS = 0.25

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capture.skeleton import swap_sides
 from engine_bridge.character.document import Document
 from engine_bridge.export.animation import Keyframes, hold_targets
 from engine_bridge.export.finger_animation import bend_fingers
@@ -64,8 +63,7 @@ def _of_own(clip: Clip, keyframes: Keyframes, bones: RigBones) -> RigExport:
         animation = document.gltf["animations"][0]
         hold_targets(document, animation, animation["samplers"][0]["input"], keyframes, clip.rig.character)
     if clip.timeline.channels and document.gltf["animations"]:
-        mirror, channels = clip.rig.puppet.retarget.mirror, clip.timeline.channels
-        bend_fingers(document, {swap_sides(each): channels[each] for each in channels} if mirror else channels)
+        bend_fingers(document, clip.timeline.channels)
     notes = []
     if bones.missing:
         notes.append(

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import SkeletonFrame
-from engine_bridge.performance.channels import ChannelMotion
+from engine_bridge.performance.channels import ChannelMotion, sided
 from engine_bridge.performance.easing import EASE_SECONDS, Easing, TargetPose
 from engine_bridge.performance.retargeting import RetargetedFrame, Retargeting
 from engine_bridge.puppet.puppet import Puppet
@@ -67,7 +67,7 @@ class Performance:
         """Return the targets and motions of the next frame, moved by its channels."""
         aim = self.retargeting.step(frame)
         shown = self._easing.show(frame.time, TargetPose(aim.targets, aim.motions, aim.root))
-        moved = self._channels.moved(shown, frame.channels)
+        moved = self._channels.moved(shown, sided(frame.channels, self._puppet.retarget.mirror))
         return replace(aim, targets=moved.targets, motions=moved.motions, root=moved.root)
 
     def step(self, frame: SkeletonFrame, out: NDArray[np.float64] | None = None) -> Pose:

@@ -26,5 +26,7 @@ FINGER_CHANNELS = tuple(
 )
 """Names of the channels of the joints of fingers, from the palm to the tip: how far each is bent."""
 
+ALL_CHANNELS = CHANNELS + FINGER_CHANNELS
+
 FULL_BEND_DEGREES = 120.0
 """Bend of a finger's joint from the flat hand at which its channel is 1."""

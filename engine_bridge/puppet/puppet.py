@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, FiniteFloat, StrictBool, model_validator
 
-from capture.channels import CHANNELS, FINGER_CHANNELS
+from capture.channels import ALL_CHANNELS
 from capture.skeleton import JOINT_INDEX, JOINTS
 from capture.smoothing import Smoothing
 from puppetline.toml_schema import Table, check_distinct, mistake
@@ -81,7 +81,7 @@ class CharacterTable(Table):
 
 
 Point = tuple[Number, Number, Number]
-Channel = Literal[CHANNELS + FINGER_CHANNELS]  # type: ignore[valid-type]
+Channel = Literal[ALL_CHANNELS]  # type: ignore[valid-type]
 
 MIN_RANGE = 0.01
 """Smallest difference of the two values of a channel that become 0 and 1."""

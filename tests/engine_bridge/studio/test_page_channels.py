@@ -29,7 +29,10 @@ class Sender:
             self.port = free.getsockname()[1]
         self.channels = {}
         self._body = bundle(
-            *(encode(f"/{_name(joint)}", place) for joint, place in zip(JOINTS, standing * [-1, 1, -1], strict=True)),
+            *(
+                encode(f"/{_name(joint)}", place)
+                for joint, place in zip(JOINTS, (standing * [-1, 1, -1]).astype(np.float32), strict=True)
+            ),
             encode("/NI_mate_sync", 1),
         )
         self._stop = threading.Event()
@@ -138,7 +141,11 @@ def test_meters_are_mapped_by_clicks_and_learn_how_far_the_performers_mouth_open
     window.until("state.puppets[state.character].present.channel.length === 1")
     window.page.get_by_text("Your range of mouth open is measured").wait_for()
     (found,) = window.puppet["channel"]
-    assert (found["name"], found["neutral"], found["full"]) == ("mouth_open", pytest.approx(0.125), pytest.approx(0.625))
+    assert (found["name"], found["neutral"], found["full"]) == (
+        "mouth_open",
+        pytest.approx(0.125),
+        pytest.approx(0.625),
+    )
     for value, share in ((0.625, 1.0), (0.375, 0.5), (0.0, 0.0)):
         sender.channels["mouth_open"] = value
         wait_until(window, lambda share=share: filled(window, "mouth open") == pytest.approx(share, abs=0.01))

@@ -156,7 +156,8 @@ def _applied(progress: Progress, puppet: Puppet, live: Path) -> dict[str, Any]:
 
 def _digest(rig: Rig) -> str:
     """Return a hash of what the page's model depends on."""
-    return hashlib.sha256(rig.model.isoline_coordinates.tobytes() + rig.character.vertices.tobytes()).hexdigest()
+    arrays = rig.model.isoline_coordinates.tobytes() + rig.character.vertices.tobytes()
+    return hashlib.sha256(arrays + "\0".join(rig.puppet.targets).encode()).hexdigest()
 
 
 def values_of_file(_progress: Progress, path: Path) -> dict[str, Any]:

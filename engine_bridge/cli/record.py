@@ -40,9 +40,8 @@ def record(
     puppetline convert reads takes, and the source replay: plays them.
     """
     from contextlib import ExitStack, closing
-    from dataclasses import asdict
 
-    from capture.sound import Microphone
+    from capture.sound_input import open_sound
     from capture.sources.registry import check_records, open_recording_sensor, open_source
     from engine_bridge.cli import recording
     from engine_bridge.service.monitoring import native_output
@@ -52,7 +51,8 @@ def record(
             click.echo(f"\r{frames:,} frames, {elapsed:.0f} s", err=True, nl=False)
 
     with native_output.logged(), ExitStack() as stack:
-        microphone = stack.enter_context(closing(Microphone(sound_device))) if sound or sound_device else None
+        heard = sound or sound_device is not None
+        microphone = stack.enter_context(closing(open_sound(sound_device or "default", Path()))) if heard else None
         if sensor is not None:
             check_records(source, sensor)
             recording.remove_existing(sensor, force)
@@ -63,13 +63,14 @@ def record(
         click.echo(err=True)
     if summary.why:
         click.echo(f"puppetline: {summary.why}", err=True)
-    if as_json:
-        options.echo_json(asdict(summary))
-    elif output.exists():
+    if as_json or output.exists():
         users = ", ".join(map(str, summary.users)) or "none"
-        click.echo(f"{summary.take}: {summary.frames:,} frames, {summary.seconds:.1f} s, performers: {users}")
-        if summary.sound:
-            lost = f", {summary.sound_overflows} overflows" if summary.sound_overflows else ""
-            click.echo(f"  sound          {summary.sound}{lost}")
+        lost = f", {summary.sound_overflows} overflows" if summary.sound_overflows else ""
+        options.show(
+            summary,
+            as_json,
+            f"{summary.take}: {summary.frames:,} frames, {summary.seconds:.1f} s, performers: {users}",
+            *([f"  sound          {summary.sound}{lost}"] if summary.sound else []),
+        )
     if summary.why:
         raise click.exceptions.Exit(1)

@@ -19,7 +19,7 @@ from capture.voice import voice_of
 from engine_bridge.performance.easing import TargetPose
 from engine_bridge.puppet.puppet import Puppet
 from solver.model.bones import Bones
-from solver.motion.limbs import TRUNK, parents_first
+from solver.motion.limbs import TRUNK, bone_ranges
 
 
 def with_voice(timeline: Timeline, clip: SkeletonClip, log: Path) -> tuple[Timeline, tuple[str, ...]]:
@@ -97,23 +97,19 @@ class ChannelMotion:
     """
 
     def __init__(self, puppet: Puppet, bones: Bones) -> None:
-        tables = {limb.name: limb.bend for limb in puppet.limb}
         self._puppet = puppet
         self._bends: list[tuple[str, NDArray[np.float64], NDArray[np.float64], list[int]]] = []
         self._handles = [
             (number, each.channel, each.moves) for number, each in enumerate(puppet.handle) if each.channel
         ]
-        self._trunk: int | None = None
-        first = 0
-        for limb in parents_first(puppet.limbs):
-            table = tables[limb.name]
-            if limb.name == TRUNK:
-                self._trunk = first
-            if table is not None:
+        ranges = bone_ranges(puppet.limbs)
+        self._trunk = ranges[TRUNK].start if TRUNK in ranges else None
+        for limb in sorted(puppet.limb, key=lambda limb: ranges[limb.name].start):
+            if limb.bend is not None:
+                first = ranges[limb.name].start
                 moved = [first]
                 moved += [bone for bone in range(first + 1, len(bones)) if _hangs_on(bones, bone, first)]
-                self._bends.append((table.channel, table.turn, bones.heads[first], moved))
-            first += len(limb.points) - 1
+                self._bends.append((limb.bend.channel, limb.bend.turn, bones.heads[first], moved))
 
     def moved(self, pose: TargetPose, channels: Mapping[str, float] | None) -> TargetPose:
         """Return a pose with all bends and moved handles.

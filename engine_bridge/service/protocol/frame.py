@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character import own_targets
-from engine_bridge.character.drawn_normals import drawn_normals
+from engine_bridge.character.materials import drawn_normals
 from engine_bridge.performance.channels import ChannelMotion, weights_at
 from engine_bridge.performance.rig import Rig
 from engine_bridge.puppet.puppet import Puppet

@@ -11,11 +11,11 @@ from capture.events import Cue
 from capture.formats import read_log
 from capture.sensor_tilt import SensorTilt
 from capture.timeline import Timeline
+from engine_bridge.performance.calibration import Calibration
 from engine_bridge.performance.channels import ChannelMotion, morph_weights
 from engine_bridge.performance.clip import TakeTimeline, channels_of, load_timeline, solve
 from engine_bridge.performance.easing import TargetPose
 from engine_bridge.performance.performance import mirrored
-from engine_bridge.performance.performer_calibration import Calibration
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file

@@ -184,7 +184,7 @@ def test_a_topic_of_another_kind_is_refused(frame):
 def test_a_box_without_bounds_is_refused():
     payload = struct.pack("<6f", 0, 0, 0, float("inf"), 1, 1)
     with pytest.raises(WireError, match="bounds"):
-        decode(join(topic("dog", Kind.VERTICES16), Header(Kind.VERTICES16, len(payload)), payload))
+        decode(join(topic("dog", Kind.VERTICES16), Header(kind=Kind.VERTICES16, length=len(payload)), payload))
 
 
 @given(kind=st.sampled_from(list(Kind)), payload=st.binary(max_size=200))

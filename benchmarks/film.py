@@ -15,8 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from engine_bridge.character import examples
-from engine_bridge.character.drawn_normals import drawn_normals
-from engine_bridge.character.materials import materials_of
+from engine_bridge.character.materials import drawn_normals, materials_of
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.pictures.camera import Camera
 from engine_bridge.pictures.gpu_renderer import Floor, GpuRenderer, Stage

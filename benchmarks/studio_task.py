@@ -18,9 +18,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.own_cache import own_cache
 from benchmarks.studio_page import CAMERA, SIZE, chromium, studio, until
 from engine_bridge.character.examples import prepare
-from engine_bridge.cli import benchmark
 
 THINK, POINT, PRESS, READ = 1.35, 1.1, 0.1, 2.0
 """Seconds that a person takes to think, to point, to press or release a button, and to read a panel."""
@@ -247,7 +247,7 @@ def row(step: Step) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.parse_args()
-    with tempfile.TemporaryDirectory() as name, benchmark.own_cache(Path(name)):
+    with tempfile.TemporaryDirectory() as name, own_cache(Path(name)):
         prepare("pegasus", Path(name))
         with studio(Path(name) / "studio", **CAMERA) as addresses, chromium() as browser:
             page = browser.new_page(viewport=SIZE)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character, Part, rest_weights
 from engine_bridge.character.document import ARRAY_BUFFER, Document
-from engine_bridge.character.document_edits import own_mesh, show_all
 from engine_bridge.character.gltf_file import damaged
 from engine_bridge.character.own_targets import weights_over_time
+from engine_bridge.character.scene import own_mesh, show_all
 from engine_bridge.character.schema import Animation, Mesh, Node, Primitive
 from engine_bridge.character.surfaces.surface import MAX_COORDINATE
 from puppetline.errors import at

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from capture.skeleton import swap_sides
 from engine_bridge.character.document import Document
 from engine_bridge.export.animation import ExportResult, Keyframes, hold_targets
 from engine_bridge.export.finger_animation import bend_fingers
@@ -53,8 +52,7 @@ def _of_own(clip: Clip, keyframes: Keyframes, bones: RigBones) -> tuple[Document
     if keyframes.own:
         hold_targets(document, keyframes, clip.rig.character)
     if clip.timeline.channels and document.gltf["animations"]:
-        mirror, channels = clip.rig.puppet.retarget.mirror, clip.timeline.channels
-        bend_fingers(document, {swap_sides(each): channels[each] for each in channels} if mirror else channels)
+        bend_fingers(document, clip.timeline.channels)
     notes = []
     if bones.missing:
         notes.append(

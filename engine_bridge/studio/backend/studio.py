@@ -12,7 +12,7 @@ from capture.sources.demo import performances
 from engine_bridge.character.examples import MOTIONS
 from engine_bridge.inspection.finding import Finding
 from engine_bridge.performance.settings import PerformerFormat
-from engine_bridge.puppet.plan_change import plan_in, with_plan
+from engine_bridge.puppet.limb_proposal import plan_in, with_plan
 from engine_bridge.studio import messages
 from engine_bridge.studio.backend.backend import Backend
 from engine_bridge.studio.backend.film_editing import FilmEditing

@@ -237,3 +237,12 @@ def test_ctrl_c_ends_the_batch_quietly_and_it_continues(start, finished, expecte
     assert 3 <= assert_whole(tmp_path, wanted) < 2 * LOGS
     assert list((tmp_path / OWN_FOLDER / PARTIAL_FOLDER).iterdir()) == []
     assert_finished(tmp_path, wanted, finished)
+
+
+@pytest.mark.slow
+def test_sigterm_ends_the_batch_and_its_workers_without_a_word(start, tmp_path):
+    with start(tmp_path, "--workers", 2, "--no-report") as process:
+        wait_until(lambda: results(tmp_path), TIMEOUT_SECONDS)
+        process.terminate()
+        assert process.wait(TIMEOUT_SECONDS) == -signal.SIGTERM
+        assert process.stderr.read() == ""  # at the end of all processes that could write to it

@@ -8,8 +8,8 @@ import pytest
 from capture.events import Cue
 from capture.sensor_tilt import SensorTilt
 from engine_bridge.film.scene import SceneError
+from engine_bridge.performance.calibration import Calibration
 from engine_bridge.performance.clip import load_timeline, solve
-from engine_bridge.performance.performer_calibration import Calibration
 from engine_bridge.performance.settings import Settings
 from puppetline.errors import SkeletonLogError
 

@@ -265,6 +265,38 @@ def test_an_export_that_is_cancelled_leaves_no_file(window):
     assert len(window.state("server.files")) == files
 
 
+OVERLAPS = """() => {
+  const shown = [...document.querySelectorAll("header button, header select, .strip button, .drawers button")].filter(
+    (each) => each.checkVisibility() && !each.closest("dialog"));
+  const boxes = shown.map((each) => [each.innerText || each.ariaLabel, each.getBoundingClientRect()]);
+  const before = (low, high) => low <= high + 1;
+  const apart = (a, b) => before(a.right, b.left) || before(b.right, a.left) ||
+    before(a.bottom, b.top) || before(b.bottom, a.top);
+  return boxes.flatMap(([name, a], index) => [
+    ...(a.left < 0 || a.right > innerWidth || a.bottom > innerHeight ? [name + " is outside"] : []),
+    ...boxes.slice(index + 1).filter(([, b]) => !apart(a, b)).map(([other]) => name + " is over " + other),
+  ]);
+}"""
+"""JavaScript: the controls that overlap each other or the edge of the window."""
+
+
+@pytest.mark.parametrize("size", [(820, 1180), (390, 844)], ids=["tablet in portrait", "phone"])
+def test_a_narrow_page_calibrates_records_and_plays(studio, browser, window, size):
+    narrow = studio.open(browser, viewport={"width": size[0], "height": size[1]}, has_touch=True)
+    narrow.until("state.server?.characters.length === 1 && studio.viewer.shown(state.character)?.moment")
+    assert narrow.page.evaluate(OVERLAPS) == []
+    narrow.button("Performer").click()
+    narrow.button("Calibrate now").click()
+    narrow.idle()
+    narrow.button("Performer").click()
+    record(narrow, 1)
+    narrow.button("Play").click()
+    narrow.until("state.server.timeline?.takes.length")
+    assert narrow.page.evaluate(OVERLAPS) == []
+    assert narrow.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    narrow.close()
+
+
 def test_a_reload_keeps_everything(window):
     before = window.puppet
     window.page.reload()

@@ -1,6 +1,5 @@
 """Terms of the surface that bones hold."""
 
-
 import numpy as np
 import pytest
 

@@ -51,8 +51,8 @@ MAX_DATAGRAMS, MAX_MESSAGES = 256, 4096
 """Limits of one call of `receive`. The system keeps further datagrams until its buffer is full."""
 RECEIVE_BUFFER_BYTES = 1 << 20
 """Size of the receive buffer that is requested from the system, which may provide less."""
-MAX_WAITING_FRAMES = 64
-"""Maximum number of frames of a performer that one call of `receive` returns: two seconds at 30 per second."""
+MAX_WAITING_FRAMES = 256
+"""Maximum number of frames of a performer that one call of `receive` returns: eight seconds at 30 per second."""
 TIMESTAMP_NS = 35
 """Linux's option SO_TIMESTAMPNS of sockets, and the kind of the ancillary data that it adds to datagrams."""
 TIMESPEC = struct.Struct("@ll")

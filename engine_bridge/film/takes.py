@@ -14,7 +14,7 @@ from capture.sound import is_wav
 from capture.timeline import choose
 from engine_bridge.film.scene import CharacterTable, SceneError, SoundTable, TakeTable
 from engine_bridge.performance.channels import sound_of
-from engine_bridge.performance.clip import aim_at, performance_of, timeline_of
+from engine_bridge.performance.clip import aim_at, channels_of, performance_of, timeline_of
 from engine_bridge.performance.frame_store import FrameStore
 from engine_bridge.performance.rig import Rig
 from engine_bridge.performance.settings import Settings
@@ -180,7 +180,7 @@ def solve_take(rig: Rig, log: Path, settings: Settings, progress: Callable[[floa
         aim = aim_at(performance, timeline, number)
         motion.append(performance.deformer.solve(aim.targets, aim.motions), aim.targets, aim.motions, aim.root)
         progress((number + 1) / count)
-    motion.channels = timeline.channels or {}
+    motion.channels = channels_of(rig, timeline)
     sound = sound_of(choose(clips, settings.user)[0], log)
     return SolvedTake(motion, None if sound is None or not is_wav(sound[0]) else TakeSound(*sound), notes)
 

@@ -32,6 +32,7 @@ def character_state(character: OpenCharacter, described: dict[str, Any]) -> Char
         stage=described.get("stage", ""),
         limbs=[limb["name"] for limb in character.puppet["limb"]],
         handles=[handle["name"] for handle in character.puppet["handle"]],
+        targets=character.targets,
         vertices=character.vertices,
         triangles=character.triangles,
         version=version_of(character.puppet),

@@ -21,6 +21,8 @@ class CharacterState(Table):
         Stage that it is on; empty before it is streamed.
     limbs, handles : list of str
         Names.
+    targets : list of str
+        Names of the morph targets that the mesh has.
     vertices, triangles : int
     version : str
         Changes with every edit of the puppet; pages then request it again.
@@ -47,6 +49,7 @@ class CharacterState(Table):
     stage: str = ""
     limbs: Sequence[str] = ()
     handles: Sequence[str] = ()
+    targets: Sequence[str] = ()
     vertices: int = 0
     triangles: int = 0
     version: str = ""

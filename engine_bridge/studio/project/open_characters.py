@@ -29,6 +29,8 @@ class OpenCharacter:
         Puppet file that `Characters.save` writes to.
     puppet, saved : dict
         Values of the puppet in the service, and of the one that was opened or last saved.
+    targets : list of str
+        Names of the morph targets that the mesh has.
     digest : str
         Hash of what the page's model depends on.
     model : Download or None
@@ -41,6 +43,7 @@ class OpenCharacter:
     saved_file: Path
     puppet: dict[str, Any]
     saved: dict[str, Any]
+    targets: list[str]
     vertices: int
     triangles: int
     digest: str
@@ -159,7 +162,17 @@ class Characters:
     ) -> OpenCharacter:
         facts = await self._worker.run(task, *arguments, progress=progress)
         character = OpenCharacter(
-            folder.name, shown(title), folder, saved_file, facts["puppet"], facts["puppet"], 0, 0, "", None
+            folder.name,
+            shown(title),
+            folder,
+            saved_file,
+            facts["puppet"],
+            facts["puppet"],
+            facts["targets"],
+            0,
+            0,
+            "",
+            None,
         )
         self._take(character, facts)
         character.notes = facts["notes"]

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from capture.events import TICK_SECONDS, Lost, Tick
 from capture.network.assembly import PART_TIMEOUT_SECONDS
 from capture.network.osc import REASONS, encode
-from capture.network.source import MAX_DATAGRAMS, MAX_MESSAGES, MAX_PERFORMERS, MAX_WAITING_FRAMES, open_osc, open_vmc
+from capture.network.source import MAX_DATAGRAMS, MAX_MESSAGES, MAX_PERFORMERS, open_osc, open_vmc
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 from puppetline.errors import SourceError
 
@@ -128,11 +128,11 @@ def test_frames_that_wait_are_returned_in_order_with_the_times_at_which_they_arr
         assert times[2] <= between < times[3] <= times[5] <= after
 
 
-def test_the_last_frames_of_a_performer_are_returned_if_too_many_wait(listen, body):
+def test_the_last_frames_of_a_performer_are_returned_if_too_many_wait(listen, body, monkeypatch):
+    monkeypatch.setattr("capture.network.source.MAX_WAITING_FRAMES", 4)
     wire = listen()
-    wire.send(*(body(1, 0.001 * number) for number in range(MAX_WAITING_FRAMES + 3)))
-    frames = wire.events(count=MAX_WAITING_FRAMES)
-    assert _head(frames[0]) == 0.003
+    wire.send(*(body(1, 0.1 * number) for number in range(7)))
+    assert [_head(frame) for frame in wire.events(count=4)] == pytest.approx([0.3, 0.4, 0.5, 0.6])
     assert wire.source.counts.dropped == 3
 
 

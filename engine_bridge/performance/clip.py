@@ -15,7 +15,7 @@ from capture.formats import read_log
 from capture.skeleton import JOINTS, LOST
 from capture.timeline import Timeline, choose, resample
 from engine_bridge.performance.calibration import TakeCalibration, of_performer
-from engine_bridge.performance.channels import with_voice
+from engine_bridge.performance.channels import sided, with_voice
 from engine_bridge.performance.easing import TargetPose
 from engine_bridge.performance.frame_store import FrameStore
 from engine_bridge.performance.performance import Performance, Pose, mirrored
@@ -67,6 +67,7 @@ class Clip:
     ----------
     rig : Rig
     timeline : Timeline
+        Its channels are those of the character, see `channels_of`.
     frames : FrameStore
         (F, 4m, 3) float32: control variables, model units.
     root : (F, 3) float32
@@ -211,6 +212,20 @@ def performance_of(rig: Rig, timeline: Timeline, settings: Settings) -> Performa
     return Performance(mirrored(rig.puppet, mirror), rig.mesh, rig.model, rest)
 
 
+def channels_of(rig: Rig, timeline: Timeline) -> dict[str, NDArray[np.float32]]:
+    """Return the channels (T,) of a timeline as the character has them, mirrored while the take mirrors."""
+    channels, mirror = timeline.channels or {}, rig.puppet.retarget.mirror
+    if not isinstance(timeline, TakeTimeline):
+        return dict(sided(channels, mirror) or {})
+    first = mirror if timeline.mirror is None else timeline.mirror
+    mirrors = np.full(len(timeline.positions), first)
+    for number, (_, later) in sorted(timeline.later.items()):
+        mirrors[max(number, 0) :] = mirrors[number - 1] if later is None else later
+    other, still = sided(channels, True) or {}, np.zeros(len(mirrors), np.float32)
+    names = [*channels, *(name for name in other if name not in channels)]
+    return {name: np.where(mirrors, other.get(name, still), channels.get(name, still)) for name in names}
+
+
 def aim_at(performance: Performance, timeline: Timeline, number: int) -> TargetPose:
     """Return what the performance of a timeline aims at in its next frame, with the take's calibrations."""
     if isinstance(timeline, TakeTimeline) and number in timeline.later:
@@ -301,6 +316,7 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
             f"The recording has no data for {', '.join(unknown)}; parts that only these joints move stay still.",
         )
     parts_apart = None if separation is None else separation.largest
+    timeline = replace(timeline, channels=channels_of(rig, timeline))
     return Clip(
         rig, timeline.part(first, end), frames, root, motions, stretch.percentiles(1, 50, 99), parts_apart, notes
     )

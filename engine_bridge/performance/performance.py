@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import SkeletonFrame
-from engine_bridge.performance.channels import ChannelMotion
+from engine_bridge.performance.channels import ChannelMotion, sided
 from engine_bridge.performance.easing import EASE_SECONDS, Easing, TargetPose
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.puppet.puppet import Puppet
@@ -65,7 +65,7 @@ class Performance:
     def aim(self, frame: SkeletonFrame) -> TargetPose:
         """Return the targets and motions of the next frame, moved by its channels."""
         shown = self._easing.show(frame.time, self.retargeting.step(frame))
-        return self._channels.moved(shown, frame.channels)
+        return self._channels.moved(shown, sided(frame.channels, self._puppet.retarget.mirror))
 
     def step(self, frame: SkeletonFrame, out: NDArray[np.float64] | None = None) -> Pose:
         """Return the pose of the next frame.

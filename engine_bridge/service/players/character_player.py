@@ -19,6 +19,7 @@ from capture.sensor_tilt import MIN_TILT_CHANGE, SensorTilt, estimate_tilt
 from capture.skeleton import SkeletonFrame
 from capture.smoothing import JointFilter
 from engine_bridge.performance.calibration import Calibration, places_of, rows_of
+from engine_bridge.performance.channels import sided
 from engine_bridge.performance.easing import EASE_SECONDS, TargetPose
 from engine_bridge.performance.idle import IdleRecording
 from engine_bridge.performance.performance import mirrored
@@ -270,7 +271,7 @@ class CharacterPlayer:
             pose = self._automatic.due(rest, self._directs)
             if pose is not None:
                 self._calibrate(pose, frame.time)
-        levelled = self._sensor.levelled(frame)
+        levelled = replace(self._sensor.levelled(frame), channels=sided(frame.channels, self.mirror))
         if self._retargeting is None:
             seen = replace(levelled, positions=self._watched.step(frame.time, levelled.positions, frame.confidence))
             return self._show(frame.time, received, self._idle_places(frame.time), seen)

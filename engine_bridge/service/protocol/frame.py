@@ -189,7 +189,7 @@ class Frame:
     motions : (b, 4, 3) float64 or None
         Motions of the bones for row vectors, without the root, mesh file's coordinates.
     channels : mapping of str to float or None
-        Values of the performer's channels; None without a performer.
+        Values of the performer's channels, left and right as the character has them; None without a performer.
     """
 
     character: StreamedCharacter

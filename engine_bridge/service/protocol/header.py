@@ -47,6 +47,7 @@ class Kind(IntEnum):
     CHARACTERS = 10
     CLIP = 11
     BONES = 12
+    CHANNELS = 13
 
     @property
     def word(self) -> str:
@@ -54,7 +55,16 @@ class Kind(IntEnum):
         return self.name.lower()
 
 
-FRAME_KINDS = (Kind.CONTROLS, Kind.MORPHS, Kind.VERTICES, Kind.VERTICES16, Kind.JOINTS, Kind.HANDLES, Kind.BONES)
+FRAME_KINDS = (
+    Kind.CONTROLS,
+    Kind.MORPHS,
+    Kind.VERTICES,
+    Kind.VERTICES16,
+    Kind.JOINTS,
+    Kind.HANDLES,
+    Kind.BONES,
+    Kind.CHANNELS,
+)
 """Kinds sent for every frame; the others are sent when they change or are requested."""
 
 WORDS = {kind.word: kind for kind in Kind if kind != Kind.CLIP}

@@ -33,7 +33,7 @@ NOTHING = object()
 
 TOKEN = "a-token-of-24-characters"
 
-LIVE = [kind for kind in FRAME_KINDS if kind not in (Kind.MORPHS, Kind.BONES)]
+LIVE = [kind for kind in FRAME_KINDS if kind not in (Kind.MORPHS, Kind.BONES, Kind.CHANNELS)]
 
 
 @pytest.fixture(scope="module")

@@ -167,7 +167,7 @@ def test_the_service_says_whom_it_streams_and_how_it_is(publisher, subscribe, do
             "revision": 1,
             "digest": received_digest(publisher, subscribe(publisher, f"{name}/scene/mine")),
             "vertices": len(dog.rest),
-            "kinds": ["controls", "vertices", "vertices16", "joints", "handles"],
+            "kinds": ["controls", "vertices", "vertices16", "joints", "handles", "channels"],
         }
         for name in ("dog", "cat")
     ]

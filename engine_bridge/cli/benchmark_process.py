@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from capture.skeleton import SkeletonFrame
 from engine_bridge.character.character import load_character
-from engine_bridge.character.drawn_normals import drawn_normals
+from engine_bridge.character.materials import drawn_normals
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.clip import load_timeline, reference_pose
 from engine_bridge.performance.performance import Performance

@@ -22,7 +22,7 @@ from engine_bridge.cli.options import Finite
     "--sensor",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Record the images of a RealSense too, as FILE.db3, which realsense:FILE.db3 plays.",
+    help="Record the images of a RealSense (FILE.db3) or an Orbbec sensor (FILE.bag) too; its source plays them.",
 )
 @options.as_json
 def record(
@@ -42,10 +42,9 @@ def record(
     from contextlib import ExitStack, closing
 
     from capture.sound_input import open_sound
-    from capture.sources.registry import open_recording_sensor, open_source
+    from capture.sources.registry import check_records, open_recording_sensor, open_source
     from engine_bridge.cli import recording
     from engine_bridge.service.monitoring import native_output
-    from puppetline.files import check_writable
 
     def report(frames: int, elapsed: float) -> None:
         if sys.stderr.isatty():
@@ -55,7 +54,7 @@ def record(
         heard = sound or sound_device is not None
         microphone = stack.enter_context(closing(open_sound(sound_device or "default", Path()))) if heard else None
         if sensor is not None:
-            check_writable(sensor, ".db3")
+            check_records(source, sensor)
             recording.remove_existing(sensor, force)
         begun = open_source(source) if sensor is None else open_recording_sensor(source, sensor)
         opened = stack.enter_context(closing(begun))

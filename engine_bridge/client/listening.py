@@ -24,7 +24,7 @@ from puppetline.errors import ServiceError
 
 ADDRESS = "tcp://127.0.0.1:7400"
 
-SPARSE_TOPICS = ("/joints", "/performer")
+SPARSE_TOPICS = ("/joints", "/performer", "/channels")
 """Ends of the topics whose sequence numbers have gaps although nothing is lost."""
 
 POLL_SECONDS = 0.25

@@ -155,9 +155,11 @@ class Task:
         x, y = box["x"] + 60, box["y"] + box["height"] - 60
         self.person.drag((x, y), (x + box["height"] / 4, y))  # a quarter of a turn
         neck, muzzle = (np.array(point) for point in self._points("head")[:: len(self._points("head")) - 1])
+        along = muzzle - neck
+        down = np.array([-along[1], along[0]]) * np.sign(along[0])
         before = self._puppet()
-        for share in JAW_SHARES:
-            self.person.click_at(*(neck + share * (muzzle - neck)))
+        for share, lower in JAW_PLACES:
+            self.person.click_at(*(neck + share * along + lower * down))
         self._edited(before)
 
     def microphone(self) -> None:
@@ -253,8 +255,8 @@ class Task:
 LIMBS = "left front leg", "right wing"
 """Limbs of the winged horse: one whose joint is dragged, and one that is mapped."""
 
-JAW_SHARES = 0.45, 0.95
-"""Where the jaw begins and ends, as shares of the way from the neck to the muzzle."""
+JAW_PLACES = (0.3, 0.35), (1.0, 0.22)
+"""Where the jaw begins and ends: along the head, from the neck to the muzzle, and below, as shares of its length."""
 
 STILL = """(name) => new Promise((resolve) => {
   let before = "";

@@ -291,8 +291,8 @@ def processor_seconds() -> float:
 
 def row(step: Step) -> str:
     """Return a line of the table."""
-    machine = step.seconds - step.person
-    return f"| {step.title} | {step.seconds:.1f} | {step.person:.1f} | {machine:.1f} | {step.clicks} | {step.processor:.0f} |"
+    seconds = f"{step.seconds:.1f} | {step.person:.1f} | {step.seconds - step.person:.1f}"
+    return f"| {step.title} | {seconds} | {step.clicks} | {step.processor:.0f} |"
 
 
 def main() -> None:

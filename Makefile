@@ -116,7 +116,7 @@ bench: setup ## Repeat the measurements of docs/performance.md (BENCH="--data FO
 	$(BIN)/python -m benchmarks.performance $(BENCH)
 
 # Blender's module requires Python 3.11 and old versions of what it imports: it has an environment of its own
-peers: .venv-blender/.required setup ## Install programs that some tests compare with (needs npm and a C++ compiler)
+peers: .venv-blender/.required setup .venv/.docs ## Install programs that some tests compare with (needs npm and a C++ compiler)
 	.venv/$(INSTALL) --require-hashes -r requirements/peers.txt
 	cd tests/peers && npm ci --no-audit --no-fund
 

@@ -117,7 +117,7 @@ def read_rig(character: Character) -> Truth:
     names = [(limb.name, number) for limb in parents_first(limbs) for number in range(len(limb.points) - 1)]
     heads = dict(zip(names, bones_of(limbs).heads, strict=True))
     tails = dict(zip(names, bones_of(limbs).tails, strict=True))
-    owners = tuple(names[max(bone, 0)] for bone in rig_bones(character, limbs).of_nodes(character))
+    owners = tuple(names[bone] for bone in rig_bones(character, limbs).of_nodes(character).argmax(axis=1))
     which, share = vertex_influences(character)
     number = {bone: index for index, bone in enumerate(names)}
     owner = np.array([number[bone] for bone in owners])[which]

@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.own_cache import own_cache
 from engine_bridge.cli import benchmark
 from engine_bridge.cli.benchmark import number
 from engine_bridge.cli.benchmark_process import CHARACTER, LOG
@@ -49,7 +50,7 @@ def main() -> None:
     godot = shutil.which(os.environ.get("GODOT", "godot"))
     if godot is None:
         parser.error("Godot was not found: put godot on PATH, or its path in GODOT")
-    with tempfile.TemporaryDirectory() as place, benchmark.own_cache(Path(place)):
+    with tempfile.TemporaryDirectory() as place, own_cache(Path(place)):
         folder = Path(place)
         character = benchmark.prepare(folder, mesh, 900)
         load_rig(folder / CHARACTER)  # so that all processes find it in the cache

@@ -102,7 +102,7 @@ def posed(character: Character, count: int) -> Iterator[tuple[SolverMesh, Truth]
     names = [(limb.name, number) for limb in limbs for number in range(len(limb.points) - 1)]
     bones = bones_of(limbs)
     which, share = vertex_influences(character)
-    follows = np.maximum(rig_bones(character, limbs).of_nodes(character), 0)[which]
+    follows = rig_bones(character, limbs).of_nodes(character).argmax(axis=1)[which]
     shown = np.unique(mesh.of_render, return_index=True)[1]
     rest = np.column_stack([mesh.vertices, np.ones(len(mesh.vertices))])
     for _ in range(count):

@@ -20,6 +20,7 @@ from typing import Any
 
 from benchmarks import live_numbers, live_soak
 from benchmarks.goals import Goal
+from benchmarks.own_cache import own_cache
 from engine_bridge.cli import benchmark
 from engine_bridge.cli.benchmark_process import CHARACTER, WARM_UP
 
@@ -195,7 +196,7 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, metavar="FILE", help="file to add the values to")
     options = parser.parse_args()
     mesh = min(options.data.rglob("armadillo.obj"), default=None) if options.data else None
-    with tempfile.TemporaryDirectory() as folder, benchmark.own_cache(Path(folder)):
+    with tempfile.TemporaryDirectory() as folder, own_cache(Path(folder)):
         subject = Path(folder) / "subject"
         subject.mkdir()
         character = benchmark.prepare(subject, mesh, 60)

@@ -246,7 +246,7 @@ def _perform(
     return np.array(memory)
 
 
-def _calm(client: GoodClient, seconds: float = 3.0) -> dict[str, Any]:
+def _calm(client: GoodClient, seconds: float = 1.5) -> dict[str, Any]:
     """Wait until the service is idle, and return its status."""
     until = time.monotonic() + seconds
     while time.monotonic() < until:

@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from benchmarks import players
+from benchmarks.own_cache import own_cache
 from engine_bridge.character import examples
 from engine_bridge.character.document_reader import load_document
-from engine_bridge.cli import benchmark
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file
@@ -41,7 +41,7 @@ def main() -> None:
     blender = players.commands()["Blender"]
     if blender is None:
         parser.error("Blender is not installed: run make peers")
-    with tempfile.TemporaryDirectory() as place, benchmark.own_cache(Path(place)):
+    with tempfile.TemporaryDirectory() as place, own_cache(Path(place)):
         folder, version = Path(place), None
         for character, log, puppet in [*_examples(folder), *(_real(folder, options.data) if options.data else ())]:
             output = folder / "out.glb"

@@ -17,6 +17,7 @@ from puppetline.examples.performances import PERFORMANCES
 
 from benchmarks import goals, live, plots, scaling, table1
 from benchmarks.documents import DOCUMENT, IMAGES, replaced
+from benchmarks.own_cache import own_cache
 from benchmarks.processes import MODULE
 from engine_bridge.cli import benchmark
 
@@ -36,7 +37,7 @@ def main() -> None:
     options = parser.parse_args()
     todo = options.only.split(",")
     mesh = min(options.data.rglob("armadillo.obj"), default=None) if options.data else None
-    with tempfile.TemporaryDirectory() as folder, benchmark.own_cache(Path(folder)):
+    with tempfile.TemporaryDirectory() as folder, own_cache(Path(folder)):
         scratch, subject = Path(folder), Path(folder) / "subject"
         subject.mkdir()
         character = benchmark.prepare(subject, mesh, benchmark.CONVERTED_FRAMES)

@@ -183,7 +183,7 @@ def handle_targets(rig: Rig, log: Path) -> Iterator[NDArray[np.float64]]:
         return solve(targets, *more)
 
     playing.performance.deformer.solve = watched
-    for _ in range(playing.length):
+    for _ in range(len(playing.positions)):
         playing.performance.step(playing.frame())
         yield given.pop()
 

@@ -24,7 +24,7 @@ from engine_bridge.performance.exercise import random_poses
 from engine_bridge.performance.rig import Rig, make_rig
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.puppet import Puppet
-from engine_bridge.puppet.skin_shares import skin_shares
+from engine_bridge.puppet.rig_bones import skin_shares
 from engine_bridge.rigging import made_rig
 from solver.motion.limbs import bones_of, parents_first
 from solver.skinning.weights import Weights, as_matrix

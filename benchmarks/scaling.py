@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from benchmarks import plots
 from benchmarks.documents import DOCUMENT, IMAGES, replaced
+from benchmarks.own_cache import own_cache
 from benchmarks.processes import MODULE
 from engine_bridge.character.character import Character, load_character, make_character
 from engine_bridge.cli import benchmark
@@ -144,7 +145,7 @@ def main() -> None:
     parser.add_argument("--max-exact", type=int, default=MAX_EXACT_SIZE, help="most vertices with exact fields too")
     options = parser.parse_args()
     mesh = min(options.data.rglob("armadillo.obj"), default=None) if options.data else None
-    with tempfile.TemporaryDirectory() as folder, benchmark.own_cache(Path(folder)):
+    with tempfile.TemporaryDirectory() as folder, own_cache(Path(folder)):
         scratch, subject = Path(folder), Path(folder) / "subject"
         subject.mkdir()
         benchmark.prepare(subject, mesh, SHORT_FRAMES)

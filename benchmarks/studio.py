@@ -25,6 +25,7 @@ import numpy as np
 
 from benchmarks.datagrams import bodies
 from benchmarks.live_peers import free_tcp_ports, free_udp_port
+from benchmarks.own_cache import own_cache
 from benchmarks.studio_page import SIZE, chromium, command
 from engine_bridge.cli import benchmark
 from engine_bridge.studio.web.web_app import PAGE
@@ -202,7 +203,7 @@ def main() -> None:
     options = parser.parse_args()
     mesh = min(options.data.rglob("armadillo.obj"), default=None) if options.data else None
     print(sizes())
-    with tempfile.TemporaryDirectory() as folder, benchmark.own_cache(Path(folder)):
+    with tempfile.TemporaryDirectory() as folder, own_cache(Path(folder)):
         character = benchmark.prepare(Path(folder), mesh, 10)
         puppet = Path(folder) / benchmark.CHARACTER
         print(f"{character['name']}: {character['vertices']:,} vertices; load before: {os.getloadavg()[0]:.1f}")

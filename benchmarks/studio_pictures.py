@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.live_peers import free_tcp_ports
+from benchmarks.own_cache import own_cache
 from benchmarks.studio_page import CAMERA, SIZE, chromium, command, studio, until
 from engine_bridge.character.examples import MOTIONS, prepare
-from engine_bridge.cli import benchmark
 from engine_bridge.studio.long_work.take_pictures import draw_take
 
 MOVING = "state.busy.length === 0 && studio.viewer.shown(state.character)?.moment"
@@ -163,7 +163,7 @@ def main() -> None:
     parser.add_argument("--examples", action="store_true", help="make the pictures of the example characters only")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as name, benchmark.own_cache(Path(name)), chromium() as browser:
+    with tempfile.TemporaryDirectory() as name, own_cache(Path(name)), chromium() as browser:
         folder = Path(name)
         if options.examples:
             for character in MOTIONS:

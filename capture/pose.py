@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -35,19 +36,15 @@ class Pose:
         position : (3,) float64
             Metres.
         """
-        (sx, sy, sz), (cx, cy, cz) = np.sin(angles := np.radians([tilt, turn, roll])), np.cos(angles)
-        about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
-        about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-        about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
-        return cls(about_y @ about_x @ about_z, np.asarray(position, dtype=np.float64))
+        turned = scipy.spatial.transform.Rotation.from_euler("YXZ", [turn, tilt, roll], degrees=True)
+        return cls(turned.as_matrix(), np.asarray(position, dtype=np.float64))
 
     @property
     def degrees(self) -> tuple[float, float, float]:
         """Tilt, turn and roll as in `of_degrees`."""
-        r = self.rotation
-        tilt = np.arcsin(np.clip(-r[1, 2], -1.0, 1.0))
-        turn, roll = np.arctan2(r[0, 2], r[2, 2]), np.arctan2(r[1, 0], r[1, 1])
-        return float(np.degrees(tilt)), float(np.degrees(turn)), float(np.degrees(roll))
+        rotation = scipy.spatial.transform.Rotation.from_matrix(self.rotation)
+        turn, tilt, roll = rotation.as_euler("YXZ", degrees=True).tolist()
+        return tilt, turn, roll
 
     @property
     def is_identity(self) -> bool:

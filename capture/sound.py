@@ -6,10 +6,10 @@ them to follow that clock.
 """
 
 import queue
-import struct
 import time
 import wave
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -34,11 +34,7 @@ MAX_OFFSET_SECONDS = 0.1
 BLOCK_SECONDS = 0.02
 """Length of the blocks that a microphone delivers."""
 
-HEADER_SECONDS = 1.0
-"""Interval at which the file's length is updated; what comes later is lost in a crash."""
-
-_HEADER = struct.Struct("<4sI4s4sIHHIIHH4sI")
-_MAX_BYTES = 2**32 - 1 - _HEADER.size
+_MAX_BYTES = 2**32 - 1 - 44  # the header takes 44
 
 
 class Block(NamedTuple):
@@ -134,10 +130,12 @@ class WavWriter:
 
     def __init__(self, path: Path, rate: int = SAMPLE_RATE) -> None:
         self.path, self.rate = path, rate
-        self._bytes = self._stated = 0
+        self._bytes = 0
         try:
             self._file = path.open("wb", buffering=0)
-            self._file.write(self._header())
+            self._sound: wave.Wave_write = wave.open(self._file)  # noqa: SIM115 - closed with it
+            self._sound.setparams((1, 2, rate, 0, "NONE", ""))
+            self._sound.writeframes(b"")  # the header
         except OSError as error:
             raise append_error(path, error) from error
 
@@ -164,31 +162,17 @@ class WavWriter:
         if self._bytes + len(data) > _MAX_BYTES:
             raise append_error(self.path, OSError(0, "it has reached its maximum length"))
         try:
-            self._file.write(data)
+            self._sound.writeframes(data)  # and their number in the header
             self._bytes += len(data)
-            if self._bytes - self._stated >= 2 * self.rate * HEADER_SECONDS:
-                self._state_length()
         except OSError as error:
-            self._file.close()
+            self.close()
             raise append_error(self.path, error) from error
 
     def close(self) -> None:
-        """State the length and close the file. Closing again does nothing."""
-        if self._file.closed:
-            return
-        with self._file:
-            self._state_length()
-
-    def _state_length(self) -> None:
-        self._file.seek(0)
-        self._file.write(self._header())
-        self._file.seek(0, 2)
-        self._stated = self._bytes
-
-    def _header(self) -> bytes:
-        size = self._bytes
-        head = (b"RIFF", 36 + size, b"WAVE", b"fmt ", 16, 1, 1, self.rate, 2 * self.rate, 2, 16, b"data", size)
-        return _HEADER.pack(*head)
+        """Close the file. Closing again does nothing."""
+        if not self._file.closed:
+            with self._file, suppress(OSError):  # the length in the header is up to date
+                self._sound.close()
 
 
 class Microphone:

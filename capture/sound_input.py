@@ -39,9 +39,12 @@ class SoundSource(Protocol):
     ----------
     rate : int
         Samples per second.
+    overflows : int
+        Number of times that samples were not read in time.
     """
 
     rate: int
+    overflows: int
 
     def blocks(self) -> Iterator[Block]:
         """Yield the blocks that have arrived."""
@@ -58,6 +61,8 @@ class SoundFile:
     SourceError
         It cannot be read.
     """
+
+    overflows = 0
 
     def __init__(self, path: Path) -> None:
         try:
@@ -132,6 +137,11 @@ class SoundInput:
     def start(self) -> float | None:
         """Time of the first sample beside the take, in seconds of `time.monotonic`; None before it."""
         return None if self._writer is None else self._clocked.start
+
+    @property
+    def overflows(self) -> int:
+        """Number of times that samples of the present microphone were not read in time."""
+        return 0 if self._source is None else self._source.overflows
 
     def take_in(self) -> None:
         """Process the sound that has arrived.

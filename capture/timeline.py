@@ -191,14 +191,10 @@ def _resample_joint(
         return np.full((len(times), 3), np.nan), np.zeros(len(times), dtype=np.float32)
     sample_times, positions, confidence = sample_times[known], positions[known], confidence[known]
 
-    before = np.searchsorted(sample_times, times + TIME_TOLERANCE_SECONDS, side="right") - 1
-    left = np.maximum(before, 0)
-    right = np.minimum(left + 1, len(sample_times) - 1)
-    elapsed = times - sample_times[left]
-    span = sample_times[right] - sample_times[left]
+    left, right, elapsed, span = _neighbours(times, sample_times)
     on_sample = np.abs(elapsed) <= TIME_TOLERANCE_SECONDS
     # there is no sample to the right of the last one (span 0) or to the left of the first one
-    between = ~on_sample & (before >= 0) & (span > 0) & (span <= max_gap + TIME_TOLERANCE_SECONDS)
+    between = (elapsed > TIME_TOLERANCE_SECONDS) & (span > 0) & (span <= max_gap + TIME_TOLERANCE_SECONDS)
 
     part = np.divide(elapsed, span, out=np.zeros_like(times), where=between)[:, None]
     resampled = positions[left] + part * (positions[right] - positions[left])
@@ -206,13 +202,20 @@ def _resample_joint(
     return resampled, np.where(on_sample, confidence[left], np.where(between, lower, np.float32(LOST)))
 
 
+def _neighbours(
+    times: NDArray[np.float64], sample_times: NDArray[np.float64]
+) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the samples (T,) before and after each time, and the time since the former and between both."""
+    left = np.maximum(np.searchsorted(sample_times, times + TIME_TOLERANCE_SECONDS, side="right") - 1, 0)
+    right = np.minimum(left + 1, len(sample_times) - 1)
+    return left, right, times - sample_times[left], sample_times[right] - sample_times[left]
+
+
 def _resample_orientations(
     times: NDArray[np.float64], sample_times: NDArray[np.float64], samples: NDArray[np.float64], max_gap: float
 ) -> NDArray[np.float64]:
     """Resample (S, 20, 4) orientations to (T, 20, 4), NaN if a neighbouring sample is unknown or too far away."""
-    left = np.maximum(np.searchsorted(sample_times, times + TIME_TOLERANCE_SECONDS, side="right") - 1, 0)
-    right = np.minimum(left + 1, len(sample_times) - 1)
-    elapsed, span = times - sample_times[left], sample_times[right] - sample_times[left]
+    left, right, elapsed, span = _neighbours(times, sample_times)
     on_sample = np.abs(elapsed) <= TIME_TOLERANCE_SECONDS
     part = np.divide(elapsed, span, out=np.zeros_like(times), where=~on_sample & (span > 0))[:, None]
     found = [

@@ -34,6 +34,25 @@ def read_whole(
         ) from error
 
 
+@contextmanager
+def output_errors(path: Path) -> Iterator[None]:
+    """Turn an error of the operating system into one about a file, for example because of permissions or a full disk.
+
+    Raises
+    ------
+    OutputError
+    """
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(
+            path,
+            found=f"a file that cannot be written ({error.strerror})",
+            expected="a folder with write permission and free space",
+            fix="Choose another folder, free disk space, or change the folder's permissions.",
+        ) from error
+
+
 def check_writable(path: Path, ending: str, inputs: Iterable[Path] = ()) -> None:
     """Check before the work whether its result can be written.
 
@@ -50,7 +69,7 @@ def check_writable(path: Path, ending: str, inputs: Iterable[Path] = ()) -> None
     OutputError
         The file cannot be written, has another ending, or is one of the inputs.
     """
-    try:
+    with output_errors(path):
         if path.exists() and not path.is_file():
             raise OutputError(
                 path, found="a folder or device", expected="a file name", fix="Add a file name to the path."
@@ -73,8 +92,6 @@ def check_writable(path: Path, ending: str, inputs: Iterable[Path] = ()) -> None
             beside.touch()
         finally:  # also after an interrupt, which may come between the two
             beside.unlink(missing_ok=True)
-    except OSError as error:
-        raise write_error(path, error) from error
 
 
 def check_one_of(path: Path, endings: Iterable[str], expected: str, fix: str, inputs: Iterable[Path] = ()) -> None:
@@ -127,24 +144,12 @@ def written_whole(path: Path) -> Iterator[Path]:
         The operating system refuses, for example because of permissions or a full disk.
     """
     beside = _beside(path)
-    try:
+    with output_errors(path):
         try:
             yield beside
             beside.replace(path)
         finally:
             beside.unlink(missing_ok=True)
-    except OSError as error:
-        raise write_error(path, error) from error
-
-
-def write_error(path: Path, error: OSError) -> OutputError:
-    """Return the error for a file that the operating system refuses to write."""
-    return OutputError(
-        path,
-        found=f"a file that cannot be written ({error.strerror})",
-        expected="a folder with write permission and free space",
-        fix="Choose another folder with -o, or change the folder's permissions.",
-    )
 
 
 def append_error(path: Path, error: OSError) -> OutputError:

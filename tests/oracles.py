@@ -3,6 +3,7 @@
 import numpy as np
 
 from capture.skeleton import JOINTS
+from engine_bridge.character.materials import preview_colors
 from puppetline.errors import heading
 
 
@@ -44,9 +45,10 @@ def assert_is_sound_character(character):
             assert part.normals.shape == (count, 3)
             assert np.isfinite(part.normals).all()
             assert (np.linalg.norm(part.normals, axis=1) < 1 + 1e-5).all()
-    if character.colors is not None:
-        assert character.colors.shape == character.vertices.shape
-        assert np.isfinite(character.colors).all()
+    colors = preview_colors(character)
+    if colors is not None:
+        assert colors.shape == character.vertices.shape
+        assert np.isfinite(colors).all()
     assert mesh.of_render.shape == (len(character.vertices),)
     assert 0 <= mesh.of_render.min() <= mesh.of_render.max() < len(mesh.vertices)
     assert np.array_equal(np.unique(mesh.faces), np.arange(len(mesh.vertices)))

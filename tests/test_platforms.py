@@ -3,8 +3,11 @@
 import ast
 import subprocess
 import sys
+from pathlib import PureWindowsPath
 
 import pytest
+
+from capture.sources import registry
 
 from .conftest import ROOT
 
@@ -73,6 +76,13 @@ def test_no_call_is_for_posix_only():
         for call in posix_calls(ast.parse(path.read_text(encoding="utf-8")))
     }
     assert found == set()
+
+
+def test_the_path_of_a_recording_may_have_a_drive_letter(monkeypatch):
+    monkeypatch.setattr(registry.RecordingSource, "of_file", lambda *arguments: arguments)
+    uri = r"replay:C:\takes\a.log?loop"
+    opened = registry.open_source(uri, PureWindowsPath("D:/service"))
+    assert opened == (uri, PureWindowsPath("C:/takes/a.log"), True)
 
 
 @pytest.mark.slow

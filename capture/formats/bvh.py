@@ -162,11 +162,11 @@ def forward_kinematics(
         values = motion[:, column : column + len(node.channels)].T
         column += len(node.channels)
         translation = _translation(node, values)
-        rotation = np.eye(3)
-        for (axis, kind), value in zip(node.channels, values, strict=True):
-            if kind == "rotation":
-                rotation = rotation @ _axis_rotation("XYZ".index(axis), np.radians(value))
-        rotation = np.broadcast_to(rotation, (len(motion), 3, 3))
+        turns = [(axis, value) for (axis, kind), value in zip(node.channels, values, strict=True) if kind == "rotation"]
+        rotation = np.broadcast_to(np.eye(3), (len(motion), 3, 3))
+        if turns:
+            order, angles = "".join(axis for axis, _ in turns), np.stack([value for _, value in turns], axis=1)
+            rotation = Rotation.from_euler(order, angles, degrees=True).as_matrix()
         if node.parent < 0:
             positions.append(translation)
             rotations.append(rotation)
@@ -192,17 +192,6 @@ def _translation(node: Node, values: NDArray[np.float64]) -> NDArray[np.float64]
         is_added = np.linalg.norm(median) < np.linalg.norm(median - node.offset[axes])
         translation[:, axes] = values_of_axes + node.offset[axes] if is_added else values_of_axes
     return translation
-
-
-def _axis_rotation(axis: int, angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (T, 3, 3) rotations about a coordinate axis by (T,) radians."""
-    j, k = (axis + 1) % 3, (axis + 2) % 3
-    rotation = np.zeros((len(angle), 3, 3))
-    rotation[:, axis, axis] = 1
-    rotation[:, j, j] = rotation[:, k, k] = np.cos(angle)
-    rotation[:, k, j] = np.sin(angle)
-    rotation[:, j, k] = -rotation[:, k, j]
-    return rotation
 
 
 def _up(points: NDArray[np.float64], options: ReadOptions) -> tuple[NDArray[np.float64], str]:

@@ -20,26 +20,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
+from capture.formats import _rows as rows
 from capture.formats._clips import build_clip
-from capture.formats._rows import (
-    WHOLE_FRAME,
-    CutOffError,
-    Line,
-    RowLayout,
-    cut_off_error,
-    cut_off_note,
-    line_error,
-    read_lines,
-)
 from capture.formats.layouts import K25, orientations_to_kinect20, to_kinect20
 from capture.formats.options import ReadOptions
 from capture.orientations import move_to_bone_starts
 from capture.skeleton import LOST, TRACKED
 
 _START = re.compile(rb"(\xef\xbb\xbf)?\s*\d+\s*\nPos \d+\s*\n")
-_TIME = RowLayout(1, "milliseconds", frame=WHOLE_FRAME)
-_POSITION = RowLayout(4, "joint x y z", frame=WHOLE_FRAME)
-_ROTATION = RowLayout(5, "joint and a quaternion", frame=WHOLE_FRAME, unused=range(1, 5))
+_TIME = rows.RowLayout(1, "milliseconds", frame=rows.WHOLE_FRAME)
+_POSITION = rows.RowLayout(4, "joint x y z", frame=rows.WHOLE_FRAME)
+_ROTATION = rows.RowLayout(5, "joint and a quaternion", frame=rows.WHOLE_FRAME, unused=range(1, 5))
 
 
 def matches(head: bytes) -> bool:
@@ -55,16 +46,16 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:  # noqa: ARG00
     SkeletonLogError
         A line violates the format, the file ends within the first frame, or no frame is tracked.
     """
-    lines = iter(read_lines(path))
+    lines = iter(rows.read_lines(path))
     frames: list[tuple[float, NDArray[np.float64], NDArray[np.float64]]] = []
     notes: tuple[str, ...] = ()
     for first_line in lines:
         try:
             frames.append(_frame(path, lines, first_line))
-        except CutOffError:
+        except rows.CutOffError:
             if not frames:
                 raise
-            notes = (cut_off_note(first_line),)
+            notes = (rows.cut_off_note(first_line),)
             break
     times = np.array([time for time, _, _ in frames])
     positions = np.array([joints for _, joints, _ in frames]).reshape(-1, len(K25), 3)
@@ -75,7 +66,9 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:  # noqa: ARG00
     return [build_clip(path, "kinect_v2_sparse", times, positions, confidence, notes, orientations)]
 
 
-def _frame(path: Path, lines: Iterator[Line], frame: Line) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+def _frame(
+    path: Path, lines: Iterator[rows.Line], frame: rows.Line
+) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
     """Return the time in seconds, (25, 3) positions and (25, 4) quaternions of the frame that begins in a line."""
     time = _TIME.numbers(path, frame)[0] / 1000
     positions = _positions(path, _block(path, lines, frame, "Pos"))
@@ -86,29 +79,29 @@ def _frame(path: Path, lines: Iterator[Line], frame: Line) -> tuple[float, NDArr
     return time, positions, quaternions
 
 
-def _block(path: Path, lines: Iterator[Line], frame: Line, name: str) -> list[Line]:
+def _block(path: Path, lines: Iterator[rows.Line], frame: rows.Line, name: str) -> list[rows.Line]:
     """Return the n lines after the header ``name n``."""
     expected = f"“{name} n” and n lines, n at most {len(K25)}"
     header = next(lines, None)
     if header is None:
-        raise cut_off_error(path, frame, f"the end of the file before “{name}”", expected)
+        raise rows.cut_off_error(path, frame, f"the end of the file before “{name}”", expected)
     announced = re.fullmatch(rf"{name} (\d\d?)", header[1].strip())
     if announced is None or int(announced[1]) > len(K25):
         if not header[1].endswith("\n"):
-            raise cut_off_error(path, frame, f"the end of the file in “{header[1][:40]}”", expected)
-        raise line_error(path, header, f"“{header[1].strip()[:40]}”", expected, WHOLE_FRAME)
+            raise rows.cut_off_error(path, frame, f"the end of the file in “{header[1][:40]}”", expected)
+        raise rows.line_error(path, header, f"“{header[1].strip()[:40]}”", expected, rows.WHOLE_FRAME)
     block = list(islice(lines, int(announced[1])))
     if len(block) < int(announced[1]):
-        raise cut_off_error(path, frame, f"the end of the file after {len(block)} lines of “{name}”", expected)
+        raise rows.cut_off_error(path, frame, f"the end of the file after {len(block)} lines of “{name}”", expected)
     return block
 
 
-def _positions(path: Path, lines: list[Line]) -> NDArray[np.float64]:
+def _positions(path: Path, lines: list[rows.Line]) -> NDArray[np.float64]:
     """Return the (25, 3) positions in a block, with NaN for joints that are not listed."""
     joints = np.full((len(K25), 3), np.nan)
     for line, (number, *position) in zip(lines, _POSITION.table(path, lines), strict=True):
         if number not in range(len(K25)) or not np.isnan(joints[int(number)]).all():
             expected = f"joints from 0 to {len(K25) - 1}, each once"
-            raise line_error(path, line, f"joint {number:g}", expected, WHOLE_FRAME)
+            raise rows.line_error(path, line, f"joint {number:g}", expected, rows.WHOLE_FRAME)
         joints[int(number)] = position
     return joints

@@ -11,21 +11,9 @@ second.
 from pathlib import Path
 
 from capture.clip import SkeletonClip
+from capture.formats import _rows as rows
 from capture.formats._clips import clips_by_performer, frame_rate
 from capture.formats._hand_states import hand_channels
-from capture.formats._rows import (
-    CutOffError,
-    Line,
-    LineSource,
-    RowLayout,
-    confidence_from_states,
-    count_note,
-    cut_off_error,
-    cut_off_note,
-    head_lines,
-    line_error,
-    read_lines,
-)
 from capture.formats.layouts import K25, orientations_to_kinect20, to_kinect20
 from capture.formats.options import ReadOptions
 from capture.orientations import move_to_bone_starts
@@ -35,20 +23,20 @@ from puppetline.errors import SkeletonLogError, at
 DEFAULT_FPS = 30.0
 MAX_HEAD_LINES = 1000
 """Number of lines that are searched for the first body: more than the empty frames before it."""
-BODY = RowLayout(
+BODY = rows.RowLayout(
     10,
     "body id, clipped edges, confidence and state of each hand, restricted, lean x and y, state",
     unused=range(1, 10),
 )
 HIGH_CONFIDENCE = 1
 """The SDK's high confidence in the state of a hand; the low one is 0."""
-JOINT = RowLayout(12, "x y z, depth x y, colour x y, quaternion w x y z, state", unused=range(3, 11))
+JOINT = rows.RowLayout(12, "x y z, depth x y, colour x y, quaternion w x y z, state", unused=range(3, 11))
 """Columns of a joint. The sensor's SDK writes infinite pixels for a joint outside the view of both cameras."""
 
 
 def matches(head: bytes) -> bool:
     """Return whether a file's head has counts, then a body's 10 values, the number 25, and a joint's 12 values."""
-    lines = head_lines(head, MAX_HEAD_LINES)
+    lines = rows.head_lines(head, MAX_HEAD_LINES)
     counts = next((index for index, line in enumerate(lines) if not line.strip().isdecimal()), len(lines))
     if counts < 2 or counts + 2 >= len(lines):
         return False
@@ -65,40 +53,40 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
         A line violates the format, the file ends before the first body is complete, or no performer is tracked.
     """
     fps, notes = frame_rate(options, DEFAULT_FPS)
-    lines = LineSource(path, read_lines(path))
+    lines = rows.LineSource(path, rows.read_lines(path))
     stated = _count(path, lines.take("the number of frames"), "the number of frames")
     frames: list[list[SkeletonFrame]] = []
     for line in lines:
         try:
             bodies = _count(path, line, f"the number of bodies in frame {len(frames)}")
             frames.append([_body(lines, len(frames) / fps) for _ in range(bodies)])
-        except CutOffError:
+        except rows.CutOffError:
             if not any(frames):
                 raise
-            notes = (*notes, cut_off_note(line))
+            notes = (*notes, rows.cut_off_note(line))
             break
     if len(frames) != stated:
-        notes = (*notes, count_note(stated, len(frames)))
+        notes = (*notes, rows.count_note(stated, len(frames)))
     return clips_by_performer(path, "ntu", [body for bodies in frames for body in bodies], notes)
 
 
-def _count(path: Path, line: Line, meaning: str) -> int:
+def _count(path: Path, line: rows.Line, meaning: str) -> int:
     text = line[1].strip()
     if not (text.isascii() and text.isdecimal() and len(text) <= 9):
-        raise line_error(path, line, repr(text[:40]), f"{meaning}, an integer")
+        raise rows.line_error(path, line, repr(text[:40]), f"{meaning}, an integer")
     return int(text)
 
 
-def _body(lines: LineSource, time: float) -> SkeletonFrame:
+def _body(lines: rows.LineSource, time: float) -> SkeletonFrame:
     line = lines.take("a body")
     _, _, *hands, _, _, _, _ = BODY.numbers(lines.path, line)
     user = line[1].split()[0]
     if not (user.isascii() and user.isdecimal() and len(user) <= 18):  # float would round an id of 17 digits
-        raise line_error(lines.path, line, f"the body id {user!r}", "an integer of up to 18 digits")
+        raise rows.line_error(lines.path, line, f"the body id {user!r}", "an integer of up to 18 digits")
     count = lines.take("the number of joints, 25")
     if not count[1].endswith("\n"):
         found = "the end of the file after a body's number of joints"
-        raise cut_off_error(lines.path, line, found, "25 lines of joints")
+        raise rows.cut_off_error(lines.path, line, found, "25 lines of joints")
     if _count(lines.path, count, "the number of joints, 25") != len(K25):
         raise SkeletonLogError(
             at(lines.path, count[0]),
@@ -106,9 +94,9 @@ def _body(lines: LineSource, time: float) -> SkeletonFrame:
             expected="25 joints",
             fix="Copy the file again.",
         )
-    rows = [lines.take(f"joint {joint} of 25") for joint in range(len(K25))]
-    table = JOINT.table(lines.path, rows)
-    confidence = confidence_from_states(lines.path, rows, table[:, -1:], (LOST, INFERRED, TRACKED))[:, 0]
+    joints = [lines.take(f"joint {joint} of 25") for joint in range(len(K25))]
+    table = JOINT.table(lines.path, joints)
+    confidence = rows.confidence_from_states(lines.path, joints, table[:, -1:], (LOST, INFERRED, TRACKED))[:, 0]
     orientations = move_to_bone_starts(orientations_to_kinect20(K25, table[:, 7:11]))
     states = [state if sure == HIGH_CONFIDENCE else 0 for sure, state in (hands[:2], hands[2:])]
     joints20 = to_kinect20(K25, table[:, :3], confidence)

@@ -6,7 +6,7 @@ Senders describe a state, so a value holds for a short time after its last messa
 import math
 from collections.abc import Mapping
 
-from capture.channels import CHANNELS
+from capture.channels import ALL_CHANNELS
 from capture.network.dialect import ChannelValues, Refusal, has_types
 from capture.network.osc import Message
 
@@ -23,7 +23,7 @@ BLEND_CHANNELS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("browinnerup", "surprised"), ("brow_up",)),
     "blink": ("blink_left", "blink_right"),
     **{f"{prefix}blink{side}": channels for side, channels in _BLINKS.items() for prefix in ("", "eye")},
-    **{name.replace("_", ""): (name,) for name in CHANNELS},
+    **{name.replace("_", ""): (name,) for name in ALL_CHANNELS},
 }
 """Channels of blend shapes by name in VRM 0, VRM 1 and ARKit, and our own; lower case, without underscores."""
 
@@ -35,7 +35,7 @@ def read_channel(message: Message) -> ChannelValues | Refusal | None:
     if not has_types(message, "sf"):
         return "wrong arguments"
     name, value = message.arguments
-    if name not in CHANNELS:
+    if name not in ALL_CHANNELS:
         return "unknown channel"
     return ChannelValues({name: float(value)}) if 0 <= value <= 1 else "channel outside 0 to 1"
 

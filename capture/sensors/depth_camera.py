@@ -11,6 +11,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -149,6 +150,8 @@ class DepthCamera(ABC):
     uri : str
         URI of the source.
     selection : Selection
+    record : Path, optional
+        File to which the sensor's images are recorded, if the subclass records to `_partial`.
 
     Attributes
     ----------
@@ -156,9 +159,11 @@ class DepthCamera(ABC):
         Name of the sensor.
     """
 
-    def __init__(self, uri: str, selection: Selection) -> None:
+    def __init__(self, uri: str, selection: Selection, record: Path | None = None) -> None:
         self.name = uri
-        self._uri, self._recorded = uri, selection.recorded
+        self._uri, self._selection, self._recorded = uri, selection, selection.recorded
+        self._record = record
+        self._partial = None if record is None else record.with_name(f".{record.stem}.part{record.suffix}")
         self._kinds: tuple[Kind, ...] = ("depth", "color")
         self._lens = Lens(1, 1, 1.0)
         self._up: NDArray[np.float64] | None = None
@@ -185,6 +190,30 @@ class DepthCamera(ABC):
     @abstractmethod
     def _receive(self, timeout: float) -> bool:
         """Wait for frames and add them; return whether there were any. Errors end the sensor or recording."""
+
+    def _choose(self, devices: Mapping[str, Any], usb: Callable[[Any], str]) -> Any:
+        """Return the selected one of the devices by serial number; log a USB port that is too slow.
+
+        Parameters
+        ----------
+        devices : mapping
+        usb : callable
+            Returns the version of USB by which a device is connected, such as ``3.2`` or ``USB3.2``.
+        """
+        kind, value = self._selection.kind, self._selection.value
+        serial = value if kind == "serial" else next(iter(devices), "") if kind == "any" else ""
+        if serial not in devices:
+            raise not_plugged_in(self._uri, self._selection, list(devices))
+        version = usb(devices[serial]).removeprefix("USB")
+        if version.startswith(("1", "2")):
+            message = "%s connected by USB %s, which is too slow for all images: use a USB 3 port and cable"
+            log.warning(message, heading(self._uri), version)
+        return devices[serial]
+
+    def _keep_recording(self) -> None:
+        """Give a complete recording its name."""
+        if self._record is not None and self._partial is not None and self._partial.exists():
+            self._partial.replace(self._record)
 
     def _is_plugged(self) -> bool:
         """Return whether the sensor, which delivers nothing, is plugged in."""

@@ -3,7 +3,6 @@
 The SDK's own recordings play with ``&fast`` as fast as tracking allows, with ``?loop`` in a loop.
 """
 
-import logging
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,6 @@ from capture.sensors.depth_camera import (
     Selection,
     best_mode,
     metres,
-    not_plugged_in,
     open_depth_camera,
     parse,
     unplayable,
@@ -24,15 +22,13 @@ from capture.sensors.depth_camera import (
 )
 from capture.sensors.source import SensorSource
 from capture.trackers.picture import Lens
-from puppetline.errors import SourceError, heading
+from puppetline.errors import SourceError
 
 INSTALL_FIX = "Install it: pip install --no-deps pyorbbecsdk2"
 """What to do if the SDK is missing; it also works without its dependencies of 2 GB, which only its examples use."""
 
-log = logging.getLogger(__name__)
 
-
-def open_source(uri: str, rest: str, folder: Path) -> SensorSource:
+def open_source(uri: str, rest: str, folder: Path, record: Path | None = None) -> SensorSource:
     """Open a sensor or a recording with MediaPipe as its tracker.
 
     Parameters
@@ -41,6 +37,8 @@ def open_source(uri: str, rest: str, folder: Path) -> SensorSource:
         The whole URI, and the part after its scheme.
     folder : Path
         Folder to which paths are relative.
+    record : Path, optional
+        File ``.bag`` to which a sensor's images are recorded.
 
     Raises
     ------
@@ -50,7 +48,7 @@ def open_source(uri: str, rest: str, folder: Path) -> SensorSource:
     """
     selection = parse(uri, rest)
     load_orbbec(uri)
-    return open_depth_camera(uri, selection, lambda: OrbbecDevice(uri, selection, folder))
+    return open_depth_camera(uri, selection, lambda: OrbbecDevice(uri, selection, folder, record))
 
 
 def load_orbbec(where: str) -> Any:
@@ -81,6 +79,8 @@ class OrbbecDevice(DepthCamera):
     selection : Selection
     folder : Path
         Folder to which paths are relative.
+    record : Path, optional
+        File ``.bag`` to which the sensor's images are recorded.
 
     Raises
     ------
@@ -88,11 +88,12 @@ class OrbbecDevice(DepthCamera):
         No such sensor is plugged in, it is in use or may not be opened, or the file is not a recording.
     """
 
-    def __init__(self, uri: str, selection: Selection, folder: Path = Path()) -> None:
-        super().__init__(uri, selection)
-        self._selection, self._folder = selection, folder
+    def __init__(self, uri: str, selection: Selection, folder: Path = Path(), record: Path | None = None) -> None:
+        super().__init__(uri, selection, record)
+        self._folder = folder
         self._ob = load_orbbec(uri)
         self._pipeline: Any = None
+        self._recorder: Any = None
         self._device: Any = None
         self._accelerometer: Any = None
         try:
@@ -110,14 +111,19 @@ class OrbbecDevice(DepthCamera):
             if each is not None:
                 with suppress(RuntimeError, self._ob.OBError):
                     each.stop()
-        self._accelerometer = self._pipeline = self._device = None
+        # the SDK finishes a recording when nothing refers to its recorder
+        self._accelerometer = self._pipeline = self._recorder = self._device = None
+        self._keep_recording()
 
     def _start(self, selection: Selection, folder: Path) -> None:
         ob = self._ob
         if selection.recorded:
             self._device = ob.PlaybackDevice(str(folder / selection.value))
         else:
-            self._device = self._choose(selection)
+            devices = {each.get_device_info().get_serial_number(): each for each in plugged_in(ob)}
+            self._device = self._choose(devices, lambda each: str(each.get_device_info().get_connection_type()))
+        if self._partial is not None:
+            self._recorder = ob.RecordDevice(self._device, str(self._partial))
         about = self._device.get_device_info()
         self.name, self._serial = about.get_name(), about.get_serial_number()
         pipeline, config = ob.Pipeline(self._device), ob.Config()
@@ -132,21 +138,6 @@ class OrbbecDevice(DepthCamera):
         self._align = ob.AlignFilter(align_to_stream=ob.OBStreamType.COLOR_STREAM)
         with suppress(RuntimeError, ob.OBError):  # most sensors, and some recordings, have no accelerometer
             self._start_accelerometer(profile)
-
-    def _choose(self, selection: Selection) -> Any:
-        devices = plugged_in(self._ob)
-        serials = [device.get_device_info().get_serial_number() for device in devices]
-        if selection.kind == "serial" and selection.value in serials:
-            device = devices[serials.index(selection.value)]
-        elif selection.kind == "any" and devices:
-            device = devices[0]
-        else:
-            raise not_plugged_in(self._uri, selection, serials)
-        speed = device.get_device_info().get_connection_type()
-        if speed.startswith(("USB1", "USB2")):
-            message = "%s connected by %s, which is too slow for all images: use a USB 3 port and cable"
-            log.warning(message, heading(self._uri), speed)
-        return device
 
     def _enable(self, pipeline: Any, config: Any) -> Any:
         """Enable depth and colour in the modes closest to 640×480; return the profile of colour."""

@@ -4,7 +4,6 @@ Recordings (``.db3`` and ``.bag``) play with ``&fast`` as fast as tracking allow
 and laser stay as they are unless the URI sets them: ``realsense:?exposure=8000&laser=150``.
 """
 
-import logging
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,6 @@ from capture.sensors.depth_camera import (
     Selection,
     best_mode,
     metres,
-    not_plugged_in,
     open_depth_camera,
     parse,
     unplayable,
@@ -26,12 +24,10 @@ from capture.sensors.depth_camera import (
 )
 from capture.sensors.source import SensorSource
 from capture.trackers.picture import Lens
-from puppetline.errors import SourceError, heading
+from puppetline.errors import SourceError
 
 SETTINGS = {"exposure": "microseconds", "laser": "milliwatts"}
 """Units of the settings that a URI may have."""
-
-log = logging.getLogger(__name__)
 
 
 def open_source(uri: str, rest: str, folder: Path, record: Path | None = None) -> SensorSource:
@@ -102,11 +98,9 @@ class RealSenseDevice(DepthCamera):
     """
 
     def __init__(self, uri: str, selection: Selection, folder: Path = Path(), record: Path | None = None) -> None:
-        super().__init__(uri, selection)
+        super().__init__(uri, selection, record)
         self._rs = load_realsense(uri)
         self._started = False
-        self._record = record
-        self._partial = None if record is None else record.with_name(f".{record.stem}.part.db3")
         self._pipeline, self._config = self._rs.pipeline(), self._rs.config()
         self._profile: Any = None
         try:
@@ -126,8 +120,7 @@ class RealSenseDevice(DepthCamera):
                 self._pipeline.stop()
         # the library finishes a recording, and closes a file, when nothing refers to it
         self._pipeline = self._config = self._profile = None
-        if self._record is not None and self._partial is not None and self._partial.exists():
-            self._partial.replace(self._record)
+        self._keep_recording()
 
     def _start(self, selection: Selection, folder: Path) -> None:
         rs = self._rs
@@ -137,7 +130,8 @@ class RealSenseDevice(DepthCamera):
             device.as_playback().set_real_time(False)
             device.as_playback().pause()  # otherwise it plays before all streams have started
         else:
-            device = self._choose(selection)
+            devices = {information(rs, each, "serial_number"): each for each in plugged_in(rs)}
+            device = self._choose(devices, lambda each: information(rs, each, "usb_type_descriptor"))
             self._pipeline.set_device(device)
             self._enable(device)
             if self._partial is not None:
@@ -151,21 +145,6 @@ class RealSenseDevice(DepthCamera):
         if selection.recorded:
             self._profile.get_device().as_playback().resume()
         self._examine()
-
-    def _choose(self, selection: Selection) -> Any:
-        devices = plugged_in(self._rs)
-        serials = [information(self._rs, device, "serial_number") for device in devices]
-        if selection.kind == "serial" and selection.value in serials:
-            device = devices[serials.index(selection.value)]
-        elif selection.kind == "any" and devices:
-            device = devices[0]
-        else:
-            raise not_plugged_in(self._uri, selection, serials)
-        speed = information(self._rs, device, "usb_type_descriptor")
-        if speed.startswith(("1", "2")):
-            message = "%s connected by USB %s, which is too slow for all images: use a USB 3 port and cable"
-            log.warning(message, heading(self._uri), speed)
-        return device
 
     def _enable(self, device: Any) -> None:
         """Enable depth and colour in one mode, and the accelerometer if there is one."""
@@ -261,7 +240,7 @@ class RealSenseDevice(DepthCamera):
         reason = str(error).rpartition("Reason: ")[2].strip()
         if self._recorded:
             return unplayable(self._uri, "librealsense", reason, ".db3 or .bag")
-        if "ermission" in reason or "EACCES" in reason:
+        if any(sign in reason for sign in ("ermission", "ACCES")):  # RS2_USB_STATUS_ACCESS too
             return SourceError(
                 self._uri,
                 found=f"no permission to open the RealSense ({reason})",

@@ -10,9 +10,13 @@ from capture.source import SENSOR_RECORDINGS, SkeletonSource
 from capture.sources.demo import open_demo
 from capture.sources.replay import RecordingSource
 from puppetline.errors import SourceError
+from puppetline.files import check_writable
 
 LOOP_SUFFIX = "?loop"
 """End of the URI of a recording that plays in a loop."""
+
+RECORDING_SENSORS = {"realsense": ".db3", "orbbec": ".bag"}
+"""Ending of the recordings of each sensor that can record its images."""
 
 Opener = Callable[[str, str, Path], SkeletonSource]
 """Opens a source, given the URI, its rest and the folder of files."""
@@ -50,25 +54,32 @@ def open_source(uri: str, folder: Path = Path()) -> SkeletonSource:
     return SCHEMES[scheme](uri, rest, folder)
 
 
-def open_recording_sensor(uri: str, path: Path) -> SkeletonSource:
-    """Open a sensor that writes its images to a file as long as it is open.
+def check_records(uri: str, path: Path) -> None:
+    """Check that a source is a sensor that can record its images to a file.
 
     Raises
     ------
     SourceError
-        The source is not a RealSense that is plugged in, or cannot be opened.
+        The source is not a RealSense or an Orbbec sensor.
+    OutputError
+        The file cannot be written, or has another ending than the sensor's recordings.
     """
-    scheme, _, rest = uri.partition(":")
-    if scheme != "realsense" or is_recorded(uri):
+    scheme = uri.partition(":")[0]
+    if scheme not in RECORDING_SENSORS or is_recorded(uri):
         raise SourceError(
             uri,
             found="a source whose sensor cannot record its images",
-            expected="a RealSense that is plugged in, realsense:",
+            expected="a sensor that is plugged in, realsense: or orbbec:",
             fix="Remove --sensor: takes of other sources have skeletons only.",
         )
-    from capture.sensors.realsense import open_source
+    check_writable(path, RECORDING_SENSORS[scheme])
 
-    return open_source(uri, rest, Path(), path)
+
+def open_recording_sensor(uri: str, path: Path) -> SkeletonSource:
+    """Open a sensor that records its images to a file as long as it is open, see `check_records`."""
+    scheme, _, rest = uri.partition(":")
+    source: SkeletonSource = importlib.import_module(f"capture.sensors.{scheme}").open_source(uri, rest, Path(), path)
+    return source
 
 
 def _demo(uri: str, rest: str, _folder: Path) -> SkeletonSource:

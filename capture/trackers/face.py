@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.channels import SmoothedChannels
 from capture.libraries import import_error
 from capture.pose import Pose
 
@@ -135,7 +136,7 @@ class FaceChannels:
         self._first: list[Floats] = []
         self._began: float | None = None
         self._neutral: Floats | None = None
-        self._values, self._time = np.zeros(len(FACE_CHANNELS)), 0.0
+        self._channels = SmoothedChannels(FACE_CHANNELS, SMOOTHING_SECONDS, LOST_SECONDS)
 
     def step(self, time: float, measured: Floats | None) -> dict[str, float]:
         """Return the channels at a time in seconds; empty before the neutral face is known.
@@ -153,14 +154,11 @@ class FaceChannels:
                 self._neutral = np.median(self._first, axis=0)
         if self._neutral is None:
             return {}
-        target, seconds = np.zeros(len(FACE_CHANNELS)), LOST_SECONDS
-        if measured is not None:
-            change = measured - self._neutral
-            change[3:5] /= self._neutral[3:5]
-            target, seconds = np.clip((change / RANGES - DEAD_SHARE) / (1 - DEAD_SHARE), 0, 1), SMOOTHING_SECONDS
-        self._values += (target - self._values) * (1 - np.exp(min(self._time - time, 0.0) / seconds))
-        self._time = time
-        return dict(zip(FACE_CHANNELS, self._values.tolist(), strict=True))
+        if measured is None:
+            return self._channels.step(time, None)
+        change = measured - self._neutral
+        change[3:5] /= self._neutral[3:5]
+        return self._channels.step(time, np.clip((change / RANGES - DEAD_SHARE) / (1 - DEAD_SHARE), 0, 1))
 
 
 class FaceMesh:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.channels import FINGER_CHANNELS, FINGERS, FULL_BEND_DEGREES
+from capture.channels import FINGER_CHANNELS, FULL_BEND_DEGREES, SmoothedChannels
 from capture.trackers.face import open_model, part_around
 
 SIDES = ("left", "right")
@@ -135,23 +135,24 @@ class HandChannels:
     """Turns a performer's hands into channels."""
 
     def __init__(self) -> None:
-        self._values, self._time = np.zeros((len(SIDES), 2 + len(FINGER_CHANNELS) // 2)), 0.0
+        fingers = [[name for name in FINGER_CHANNELS if name.endswith(side)] for side in SIDES]
+        names = [[f"hand_open_{side}", f"point_{side}", *own] for side, own in zip(SIDES, fingers, strict=True)]
+        self._channels = [SmoothedChannels(each, SMOOTHING_SECONDS, LOST_SECONDS) for each in names]
         self._seen = [False, False]
 
     def step(self, time: float, hands: list[Hand | None]) -> dict[str, float]:
         """Return the channels, at a time in seconds, of the hands that have been seen."""
-        passed, self._time = max(time - self._time, 0.0), time
         channels: dict[str, float] = {}
-        for side, (name, hand) in enumerate(zip(SIDES, hands, strict=True)):
-            target, seconds = np.zeros(self._values.shape[1]), LOST_SECONDS
-            if hand is not None:
-                straight, seconds = straightness(hand.bends), SMOOTHING_SECONDS
-                bent = np.clip((hand.bends - FLAT_DEGREES) / FULL_BEND_DEGREES, 0, 1)
-                target = np.array([straight.mean(), max(straight[0] - straight[1:].mean(), 0.0), *bent.ravel()])
-                self._seen[side] = True
-            self._values[side] += (target - self._values[side]) * (1 - np.exp(-passed / seconds))
-            if self._seen[side]:
-                fingers = (f"{finger}_{joint}" for finger in FINGERS for joint in (1, 2, 3))
-                names = (f"{each}_{name}" for each in ("hand_open", "point", *fingers))
-                channels |= dict(zip(names, self._values[side].tolist(), strict=True))
+        for side, hand in enumerate(hands):
+            measured = None if hand is None else _measures(hand)
+            self._seen[side] = self._seen[side] or hand is not None
+            values = self._channels[side].step(time, measured)
+            channels |= values if self._seen[side] else {}
         return channels
+
+
+def _measures(hand: Hand) -> Floats:
+    """Return how far a hand is open, how far it points, and how far each joint of its fingers is bent."""
+    straight = straightness(hand.bends)
+    bent = np.clip((hand.bends - FLAT_DEGREES) / FULL_BEND_DEGREES, 0, 1)
+    return np.array([straight.mean(), max(straight[0] - straight[1:].mean(), 0.0), *bent.ravel()])

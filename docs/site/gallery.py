@@ -39,15 +39,25 @@ SIZE = 480
 IMAGE_SIZE, IMAGE_FPS, PERFORMER_SIZE = 288, 12, (84, 126)
 """The same of an animated image, and the width and height of the performer in its corner."""
 
-CC0, CHECK = "CC0 1.0", "licence not checked: see the author's page"
+CC0, CC_BY = "CC0 1.0", "CC BY 4.0"
+ADDRESSES = {
+    CC0: "https://creativecommons.org/publicdomain/zero/1.0/",
+    CC_BY: "https://creativecommons.org/licenses/by/4.0/",
+}
+"""Texts of the licences, which the pages link to."""
+
 QUATERNIUS, KAYKIT, KENNEY = "Quaternius", "KayKit (Kay Lousberg)", "Kenney"
+
+WHOLE, PAW = (0.0, 1e3), (3.0, 8.4)
+"""The whole of a recording, and the part of the example "bark" in which the performer raises a hand, in seconds."""
 
 
 class Model(NamedTuple):
     """A model, the recording that it plays, and who made it.
 
     `mesh` is its path in the data folder, empty for an example character. `recording` is an example motion, or a path
-    in the data folder. `part` is the part of the recording in seconds in which the loop is sought.
+    in the data folder. `part` is the part of the recording in seconds in which the loop is sought. `axes` are options
+    of `puppetline new`, for a model whose front is not recognised.
     """
 
     name: str
@@ -55,32 +65,35 @@ class Model(NamedTuple):
     recording: str
     author: str
     licence: str
-    part: tuple[float, float] = (0.0, 1e3)
+    part: tuple[float, float] = WHOLE
     azimuth: float = 25.0
+    axes: tuple[str, ...] = ()
 
 
 MODELS = (
     *(
-        Model(name, "", motion, "Puppetline", "MIT", (3.0, 8.4) if name == "dog" else (0.0, 1e3))  # the dog gives a paw
+        Model(name, "", motion, "Puppetline", "MIT", PAW if name == "dog" else WHOLE)
         for name, motion in MOTIONS.items()
     ),
-    Model("husky", "mesh/gltf/quaternius_Husky.glb", "walk", QUATERNIUS, CHECK),
-    Model("fox", "mesh/gltf/quaternius_Fox.glb", "bark", QUATERNIUS, CHECK),
-    Model("trex", "mesh/gltf/quaternius_Trex.glb", "roar", QUATERNIUS, CHECK),
-    Model("horse", "mesh/gltf/quaternius_Horse.glb", "rear", QUATERNIUS, CHECK),
-    Model("cow", "mesh/gltf/quaternius_Cow.glb", "walk", QUATERNIUS, CHECK),
-    Model("alpaca", "mesh/gltf/quaternius_Alpaca.glb", "bark", QUATERNIUS, CHECK),
-    Model("parasaurolophus", "mesh/gltf/quaternius_Parasaurolophus.glb", "roar", QUATERNIUS, CHECK),
-    Model("stegosaurus", "mesh/gltf/quaternius_Stegosaurus.glb", "walk", QUATERNIUS, CHECK),
-    Model("frog", "mesh/gltf/quaternius_Frog.glb", "bark", QUATERNIUS, CHECK),
-    Model("rat", "mesh/gltf/quaternius_Rat.glb", "walk", QUATERNIUS, CHECK),
-    Model("adventurer", "mesh/gltf/quaternius_Adventurer.glb", "kung_fu", QUATERNIUS, CHECK),
-    Model("witch", "mesh/gltf/quaternius_Witch.glb", "kung_fu", QUATERNIUS, CHECK),
-    Model("george", "mesh/gltf/quaternius_George.glb", "bvh/jumping_jacks.bvh", QUATERNIUS, CHECK),
-    Model("leela", "mesh/gltf/quaternius_Leela.glb", "kung_fu", QUATERNIUS, CHECK),
+    Model("husky", "mesh/gltf/quaternius_Husky.glb", "walk", QUATERNIUS, CC0),
+    Model("fox", "mesh/gltf/quaternius_Fox.glb", "bark", QUATERNIUS, CC0, PAW),
+    Model("trex", "mesh/gltf/quaternius_Trex.glb", "roar", QUATERNIUS, CC0),
+    Model("horse", "mesh/gltf/quaternius_Horse.glb", "rear", QUATERNIUS, CC0),
+    Model("cow", "mesh/gltf/quaternius_Cow.glb", "walk", QUATERNIUS, CC0),
+    Model("alpaca", "mesh/gltf/quaternius_Alpaca.glb", "rear", QUATERNIUS, CC0),
+    Model("parasaurolophus", "mesh/gltf/quaternius_Parasaurolophus.glb", "roar", QUATERNIUS, CC0),
+    Model("stegosaurus", "mesh/gltf/quaternius_Stegosaurus.glb", "walk", QUATERNIUS, CC0),
+    Model("frog", "mesh/gltf/quaternius_Frog.glb", "rear", QUATERNIUS, CC0),
+    Model("rat", "mesh/gltf/quaternius_Rat.glb", "walk", QUATERNIUS, CC0),
+    Model("snake", "mesh/gltf/quaternius_Snake.glb", "kung_fu", QUATERNIUS, CC0),
+    Model("shark", "mesh/gltf/quaternius_Shark.glb", "kung_fu", QUATERNIUS, CC0, axes=("--up", "y", "--front", "z")),
+    Model("adventurer", "mesh/gltf/quaternius_Adventurer.glb", "kung_fu", QUATERNIUS, CC0),
+    Model("witch", "mesh/gltf/quaternius_Witch.glb", "kung_fu", QUATERNIUS, CC0),
+    Model("george", "mesh/gltf/quaternius_George.glb", "bvh/jumping_jacks.bvh", QUATERNIUS, CC0),
+    Model("leela", "mesh/gltf/quaternius_Leela.glb", "walk", QUATERNIUS, CC0),
     Model("knight", "mesh/gltf/kaykit_Knight.glb", "kung_fu", KAYKIT, CC0),
     Model("kenney", "mesh/gltf/kenney/character.glb", "bvh/jumping_jacks.bvh", KENNEY, CC0),
-    Model("khronos-fox", "mesh/gltf/khronos_Fox.glb", "walk", "PixelMannen, tomkranis", "CC0 1.0, rig CC BY 4.0"),
+    Model("khronos-fox", "mesh/gltf/khronos_Fox.glb", "walk", "PixelMannen, tomkranis", f"{CC0}, rig {CC_BY}"),
 )
 
 
@@ -123,7 +136,7 @@ def prepared(model: Model, folder: Path, data: Path | None) -> tuple[Path, Path]
     if not model.mesh:
         return prepare(model.name, folder)
     puppet = folder / f"{model.name}.toml"
-    run("new", Path(data or "") / model.mesh, "-o", puppet, "--force")
+    run("new", Path(data or "") / model.mesh, "-o", puppet, "--force", *model.axes)
     if model.recording in MOTIONS.values():
         maker = next(name for name, motion in MOTIONS.items() if motion == model.recording)
         return prepare(maker, folder / "examples")[0].resolve(), puppet
@@ -209,8 +222,11 @@ def write_pages(models: list[Model], folder: Path) -> None:
 
 
 def credit(model: Model) -> str:
-    """Return who made a model, and its licence."""
-    return html.escape(f"{model.author}, {model.licence}")
+    """Return who made a model, its licence, and that it was changed, which licences require."""
+    text = html.escape(f"{model.author}, {model.licence}")
+    for name, address in ADDRESSES.items():
+        text = text.replace(name, f'<a href="{address}">{name}</a>')
+    return f"{text}, animated by Puppetline" if model.mesh else text
 
 
 def filled(template: str, title: str, body: str) -> str:

@@ -7,14 +7,8 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from engine_bridge.batch.conversion import (
-    BatchSettings,
-    Outcome,
-    convert_job,
-    identity_of_performers,
-    is_settled,
-)
-from engine_bridge.batch.identity import identity
+from engine_bridge.batch.conversion import BatchSettings, Outcome, convert_job, is_settled
+from engine_bridge.batch.identity import identity, performer_identity
 from engine_bridge.batch.recordings import Recording
 from engine_bridge.batch.store import Job, Record, Store
 from engine_bridge.batch.workers import convert_in_processes
@@ -41,15 +35,12 @@ class Plan:
 
     Attributes
     ----------
-    jobs : list of Job
-        All jobs, ordered by puppet.
     settled : dict
         Records of the jobs that need no conversion, by the jobs' names.
     waiting : list of Job
-        The other jobs, which have to run.
+        The other jobs, which have to run, ordered by puppet.
     """
 
-    jobs: list[Job]
     settled: dict[str, Record]
     waiting: list[Job]
 
@@ -83,7 +74,7 @@ def make_jobs(
             )
     jobs = []
     if batch.performer is not None:
-        of_performers = identity_of_performers(batch)
+        of_performers = performer_identity(batch.settings, batch.users, batch.ending)
         jobs = [Job(recording.name, recording.path, None, of_performers) for recording in recordings]
     for name, puppet in names.items():
         of_puppet = identity(load_rig(puppet), batch.settings, batch.users)
@@ -97,7 +88,7 @@ def make_plan(jobs: list[Job], batch: BatchSettings) -> Plan:
     store = Store(batch.folder, batch.run)
     records = ((job, store.load(job.name)) for job in jobs)
     settled = {job.name: record for job, record in records if record and is_settled(record, job, store, batch)}
-    return Plan(jobs, settled, [job for job in jobs if job.name not in settled])
+    return Plan(settled, [job for job in jobs if job.name not in settled])
 
 
 def run(plan: Plan, batch: BatchSettings, workers: int, check: Callable[[], None]) -> Generator[Outcome, None, None]:
@@ -118,21 +109,16 @@ def run(plan: Plan, batch: BatchSettings, workers: int, check: Callable[[], None
     PuppetlineError
         See `engine_bridge.batch.workers.convert_in_processes`.
     """
-    with closing(_outcomes(plan, batch, workers, check)) as outcomes:
+    outcomes = (
+        convert_in_processes(plan.waiting, batch, workers, check)
+        if workers
+        else (convert_job(job, batch, check) for job in plan.waiting)
+    )
+    with closing(outcomes):
         for outcome in outcomes:
             yield outcome
             if batch.fail_fast and outcome.record.has_failed:
                 return
-
-
-def _outcomes(
-    plan: Plan, batch: BatchSettings, workers: int, check: Callable[[], None]
-) -> Generator[Outcome, None, None]:
-    if workers:
-        yield from convert_in_processes(plan.waiting, batch, workers, check)
-    else:
-        for job in plan.waiting:
-            yield convert_job(job, batch, check)
 
 
 def log_size(job: Job) -> int:

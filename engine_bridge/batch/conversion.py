@@ -136,7 +136,8 @@ class _Conversion:
     def __init__(self, job: Job, store: Store, batch: BatchSettings, check: Callable[[], None]) -> None:
         self._job, self._store, self._batch, self._check = job, store, batch, check
         self._rig = None if job.puppet is None else _rig(job, job.puppet, batch)
-        if job.puppet is None and identity_of_performers(batch) != job.identity:
+        of_performers = performer_identity(batch.settings, batch.users, batch.ending)
+        if job.puppet is None and of_performers != job.identity:
             raise _changed(job.log)
         form = batch.performer or batch.settings.form
         self._row = Row("failed", "", str(job.log), str(job.puppet or ""), None, None, form)
@@ -246,11 +247,6 @@ def _loaded(puppet: Path, settings: Settings, users: str) -> tuple[Rig, str]:
     """Return a puppet with its prepared character, and its identity."""
     rig = load_rig(puppet)
     return rig, identity(rig, settings, users)
-
-
-def identity_of_performers(batch: BatchSettings) -> str:
-    """Return the identity of jobs without a puppet."""
-    return performer_identity(batch.settings, batch.users, batch.ending)
 
 
 def _rig(job: Job, puppet: Path, batch: BatchSettings) -> Rig:

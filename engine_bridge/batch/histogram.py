@@ -25,23 +25,21 @@ def histogram(values: Sequence[float], label: str) -> str:
         Name of the axis, as plain text without "<" and "&".
     """
     data = np.asarray(values, dtype=np.float64)
-    low, high = float(data.min()), float(data.max())
-    is_logarithmic = low > 0 and high / low > LOGARITHMIC_RATIO
-    scale = np.log if is_logarithmic else np.asarray
-    counts, edges = np.histogram(scale(data), BIN_COUNT)
+    is_logarithmic = data.min() > 0 and data.max() / data.min() > LOGARITHMIC_RATIO
+    counts, edges = np.histogram(np.log(data) if is_logarithmic else data, BIN_COUNT)
     ticks = np.linspace(edges[0], edges[-1], 5)
+    if is_logarithmic:
+        edges, ticks = np.exp(edges), np.exp(ticks)
     step, top = WIDTH / BIN_COUNT, HEIGHT - BOTTOM
     bars = "".join(
         f'<rect x="{index * step + 0.5:.1f}" y="{top - height:.1f}" width="{step - 1:.1f}" height="{height:.1f}">'
-        f"<title>{count} from {_number(_value(start, is_logarithmic))} to "
-        f"{_number(_value(end, is_logarithmic))}</title></rect>"
+        f"<title>{count} from {start:.3g} to {end:.3g}</title></rect>"
         for index, (count, height, start, end) in enumerate(
             zip(counts.tolist(), counts / counts.max() * (top - 18), edges, edges[1:], strict=False)
         )
     )
     numbers = "".join(
-        f'<text x="{WIDTH * index / 4:.0f}" y="{top + 14}" text-anchor="{anchor}">'
-        f"{_number(_value(tick, is_logarithmic))}</text>"
+        f'<text x="{WIDTH * index / 4:.0f}" y="{top + 14}" text-anchor="{anchor}">{tick:.3g}</text>'
         for index, (tick, anchor) in enumerate(zip(ticks, ("start", "middle", "middle", "middle", "end"), strict=True))
     )
     return (
@@ -51,11 +49,3 @@ def histogram(values: Sequence[float], label: str) -> str:
         f'<text x="{WIDTH / 2}" y="{HEIGHT - 5}" text-anchor="middle">{label}'
         f"{', logarithmic' if is_logarithmic else ''}</text></svg>"
     )
-
-
-def _value(position: float, is_logarithmic: bool) -> float:
-    return float(np.exp(position)) if is_logarithmic else float(position)
-
-
-def _number(value: float) -> str:
-    return f"{value:.3g}"

@@ -11,9 +11,6 @@ from engine_bridge.character import cache
 from engine_bridge.performance.rig import Rig
 from engine_bridge.performance.settings import Settings
 
-CHUNK_BYTES = 2**20
-"""Number of bytes of a file that are hashed at once."""
-
 
 @dataclass(frozen=True)
 class FileState:
@@ -43,9 +40,7 @@ class FileState:
         """
         with path.open("rb") as file:
             before = path.stat()  # a change while the file is read gives it another time
-            digest = hashlib.sha256()
-            while chunk := file.read(CHUNK_BYTES):
-                digest.update(chunk)
+            digest = hashlib.file_digest(file, "sha256")
         return cls(before.st_size, before.st_mtime_ns, digest.hexdigest())
 
     def is_of(self, path: Path) -> bool:

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, fields
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import Any, get_args, get_origin, get_type_hints
 
 from engine_bridge.batch.row import Row
 from engine_bridge.batch.store import Store
@@ -16,18 +17,6 @@ from puppetline.files import check_writable, written_whole
 ENDINGS = (".parquet", ".csv")
 
 COLUMNS = tuple(field.name for field in fields(Row))
-
-INTEGERS = ("user", "frames", "keyframes", "targets", "bones", "bytes")
-NUMBERS = (
-    "seconds",
-    "error",
-    "rms",
-    "stretch_p1",
-    "stretch_p50",
-    "stretch_p99",
-    "parts_apart",
-    "conversion_seconds",
-)
 
 
 def check_manifest(path: Path) -> None:
@@ -98,13 +87,15 @@ def _write_parquet(path: Path, rows: Sequence[Row]) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    def kind(column: str) -> Any:
-        if column == "notes":
-            return pa.list_(pa.string())
-        return pa.int64() if column in INTEGERS else pa.float64() if column in NUMBERS else pa.string()
+    types = {int: pa.int64(), float: pa.float64(), tuple: pa.list_(pa.string())}
+
+    def of_column(hint: Any) -> Any:
+        """Return the type of a column whose values have a type such as ``int | None``; text is the default."""
+        kind = get_args(hint)[0] if isinstance(hint, UnionType) else get_origin(hint) or hint
+        return types.get(kind, pa.string())
 
     values = {column: [getattr(row, column) for row in rows] for column in COLUMNS}
-    schema = pa.schema([(column, kind(column)) for column in COLUMNS])
+    schema = pa.schema([(column, of_column(hint)) for column, hint in get_type_hints(Row).items()])
     pq.write_table(pa.table(values, schema=schema), path)
 
 

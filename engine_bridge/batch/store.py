@@ -6,19 +6,19 @@ therefore always complete, whenever a process is killed. A result that does not 
 again. No locks are needed: processes that convert the same recording at the same time write equal files.
 """
 
-import json
 import os
 import time
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
 
 from engine_bridge.batch.identity import FileState
 from engine_bridge.batch.row import Row
-from puppetline.files import write_error, written_whole
+from puppetline.files import output_errors, written_whole
 
 OWN_FOLDER = ".puppetline"
 """Folder for everything but results, in the folder of a batch."""
@@ -82,6 +82,10 @@ class Record:
         return any(row.state == "failed" for row in self.rows)
 
 
+RECORD = TypeAdapter(Record)
+"""Reads and writes records as JSON."""
+
+
 class Store:
     """The folder of a batch.
 
@@ -108,7 +112,7 @@ class Store:
         ------
         OutputError
         """
-        with refused_as_output_error(self.folder):
+        with output_errors(self.folder):
             for folder in (self._partial, self._records, self._own / SHEET_FOLDER):
                 folder.mkdir(parents=True, exist_ok=True)
             probe = self._partial / f"{self.run}.probe"
@@ -168,12 +172,12 @@ class Store:
         """
         former = self.load(job.name)
         path = self._record(job.name)
-        with refused_as_output_error(self.folder / job.name):
+        with output_errors(self.folder / job.name):
             path.parent.mkdir(parents=True, exist_ok=True)
             for name in (former.files.keys() if former else set()) - record.files.keys():
                 (self.folder / name).unlink(missing_ok=True)
         with written_whole(path) as beside:
-            beside.write_text(json.dumps(asdict(record), ensure_ascii=False), encoding="utf-8")
+            beside.write_bytes(RECORD.dump_json(record))
         self._starts(job.name).unlink(missing_ok=True)
 
     @contextmanager
@@ -193,7 +197,7 @@ class Store:
         partial = self._partial / f"{self.run}-{uuid.uuid4().hex}{final.suffix}"
         try:
             yield partial
-            with refused_as_output_error(final):
+            with output_errors(final):
                 with partial.open("rb") as file:
                     os.fsync(file.fileno())
                 final.parent.mkdir(parents=True, exist_ok=True)
@@ -209,7 +213,7 @@ class Store:
         OutputError
         """
         path = self._starts(job.name)
-        with refused_as_output_error(self.folder / job.name):
+        with output_errors(self.folder / job.name):
             path.parent.mkdir(parents=True, exist_ok=True)
             with path.open("a+", encoding="utf-8") as file:
                 file.seek(0)
@@ -228,24 +232,8 @@ class Store:
         return self._records / f"{name}.started"
 
 
-@contextmanager
-def refused_as_output_error(path: Path) -> Iterator[None]:
-    """Turn an `OSError` into an `OutputError` about a path."""
-    try:
-        yield
-    except OSError as error:
-        raise write_error(path, error) from error
-
-
 def _read(path: Path) -> Record | None:
     try:
-        values: dict[str, Any] = json.loads(path.read_bytes())
-        return Record(
-            values["identity"],
-            values["run"],
-            None if values["log"] is None else FileState(**values["log"]),
-            tuple(Row(**row | {"notes": tuple(row["notes"])}) for row in values["rows"]),
-            {name: FileState(**state) for name, state in values["files"].items()},
-        )
-    except (OSError, ValueError, KeyError, TypeError):  # absent, damaged, or of another version
+        return RECORD.validate_json(path.read_bytes())
+    except (OSError, ValidationError):  # absent, damaged, or of another version
         return None

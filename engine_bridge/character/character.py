@@ -5,23 +5,20 @@ A character file of any format is converted to a glTF document first. A glTF fil
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.appearance import Appearance
 from engine_bridge.character.assembly import assemble
 from engine_bridge.character.document import Document
 from engine_bridge.character.document_reader import load_document
 from engine_bridge.character.gltf_file import MAGIC, damaged
-from engine_bridge.character.readers import SURFACE_FILES
 from engine_bridge.character.scene import shown_nodes, skinning, world_transforms
 from engine_bridge.character.schema import Mesh, Node, Primitive
 from engine_bridge.character.shading import shaded, unit
-from engine_bridge.character.surface_document import read_document
+from engine_bridge.character.surface_document import SURFACE_FILES, read_document
 from engine_bridge.character.surfaces.surface import MAX_COORDINATE, Piece, Surface, material_for, outside
 from puppetline.errors import MeshError, at
 from puppetline.files import read_whole
@@ -92,20 +89,10 @@ class Character:
         ends = np.cumsum([len(part.vertices) for part in self.parts]).tolist()
         return [slice(start, end) for start, end in pairwise([0, *ends])]
 
-    @cached_property
-    def colors(self) -> NDArray[np.float64] | None:
-        """Linear RGB (N, 3) for previews, or None if no part has a colour."""
-        look, gltf = Appearance(self.document), self.document.gltf
-        primitives = [
-            gltf["meshes"][gltf["nodes"][part.node]["mesh"]]["primitives"][part.primitive] for part in self.parts
-        ]
-        colors = [
-            look.of(primitive, len(part.vertices)) for primitive, part in zip(primitives, self.parts, strict=True)
-        ]
-        if all(own is None for own in colors):
-            return None
-        grey = [np.full_like(part.vertices, 0.6) for part in self.parts]
-        return np.concatenate([plain if own is None else own for own, plain in zip(colors, grey, strict=True)])
+    def primitive(self, part: Part) -> Primitive:
+        """Return a part's primitive in the document."""
+        gltf = self.document.gltf
+        return gltf["meshes"][gltf["nodes"][part.node]["mesh"]]["primitives"][part.primitive]
 
     def solver_mesh(self) -> SolverMesh:
         """Weld all parts into the solver's mesh."""

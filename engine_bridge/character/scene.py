@@ -1,5 +1,6 @@
 """Tree of nodes: shown nodes, their transforms, and skins."""
 
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.document import Document
 from engine_bridge.character.gltf_file import damaged
-from engine_bridge.character.schema import Gltf, Node, Primitive
+from engine_bridge.character.schema import Gltf, Mesh, Node, Primitive, copied
 from puppetline.errors import MeshError, at
 
 MAX_JOINT_SETS = 16
@@ -26,6 +27,31 @@ def _roots(gltf: Gltf) -> list[int]:
     """Return the nodes without a parent."""
     children = {child for node in gltf["nodes"] for child in node.get("children", [])}
     return [index for index in range(len(gltf["nodes"])) if index not in children]
+
+
+def show_all(gltf: Gltf) -> None:
+    """Add a scene with all nodes to a file without scenes, because viewers would show nothing of it."""
+    if not gltf["scenes"]:
+        gltf["scenes"], gltf["scene"] = [{"nodes": top_nodes(gltf)}], 0
+
+
+def own_mesh(document: Document, node: int, shown: Counter[int | None]) -> Mesh:
+    """Return a mesh that only this node shows, because displacements are in the coordinates of a node.
+
+    Parameters
+    ----------
+    document : Document
+    node : int
+    shown : Counter
+        Number of nodes that show each mesh; it is updated.
+    """
+    gltf = document.gltf
+    mesh = gltf["nodes"][node]["mesh"]
+    if shown[mesh] > 1:
+        shown[mesh] -= 1
+        gltf["meshes"].append(copied(gltf["meshes"][mesh]))
+        gltf["nodes"][node]["mesh"] = mesh = len(gltf["meshes"]) - 1
+    return gltf["meshes"][mesh]
 
 
 def shown_nodes(document: Document) -> list[int]:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from engine_bridge.character.surfaces.surface import Piece, Surface, count
 from puppetline.errors import MeshError
 from solver.surface.mesh import weld
-from solver.surface.winding import MIN_VOLUME_RATIO, distinct_rows, edges_of, measures, wound_consistently
+from solver.surface.winding import distinct_rows, edges_of, wound_outwards
 
 MIN_SIZE = 1e-30
 """Minimum size of a surface whose areas can be compared."""
@@ -106,10 +106,7 @@ def _check_size(positions: NDArray[np.float64], triangles: NDArray[np.int64], na
 
 
 def wrongly_wound(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which triangles have the wrong winding; the right one is counter-clockwise as seen from outside.
-
-    Triangles that meet in pairs at edges form a patch with consistent winding. A closed patch faces outwards (its
-    volume is positive); in any other patch, the smaller part of its area is wrong.
+    """Return which triangles have the wrong winding, see `solver.surface.winding.wound_outwards`.
 
     Parameters
     ----------
@@ -122,15 +119,9 @@ def wrongly_wound(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> ND
     (t,) bool
     """
     a, b, c = faces.T
-    proper = np.nonzero((a != b) & (b != c) & (c != a))[0]
-    oriented, patch = wound_consistently(faces[proper])
-    flipped = (oriented != faces[proper]).any(axis=1)
-    area, unchanged, volume = measures(vertices, oriented, patch, ~flipped)
-    solid = np.abs(volume) > MIN_VOLUME_RATIO * area**1.5
-    solid[patch[_unbalanced(oriented, patch)]] = False
-    against = np.where(solid, volume < 0, unchanged < area / 2)
+    proper = faces[(a != b) & (b != c) & (c != a)]
     turned = np.zeros(len(faces), dtype=bool)
-    turned[proper] = flipped ^ against[patch]
+    turned[(a != b) & (b != c) & (c != a)] = (wound_outwards(vertices, proper) != proper).any(axis=1)
     return turned
 
 
@@ -163,14 +154,9 @@ def is_angular(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> bool:
     return bool(length[cosine < HARD_EDGE_COSINE].sum() > 0.5 * length[cosine < FLAT_EDGE_COSINE].sum())
 
 
-def _unbalanced(faces: NDArray[np.int64], patch: NDArray[np.integer] | None = None) -> NDArray[np.bool_]:
-    """Return which faces (t,) have an edge that is not traversed equally often in both directions.
-
-    If patches are given, each patch has its own edges.
-    """
+def _unbalanced(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return which faces (t,) have an edge that is not traversed equally often in both directions."""
     _, edge, _ = edges_of(faces)
-    if patch is not None:
-        _, edge = distinct_rows(np.column_stack([np.repeat(patch, 3), edge]))
     balance = np.bincount(edge, np.sign(np.roll(faces, -1, axis=1) - faces).ravel())
     a, b, c = (balance[edge] != 0).reshape(-1, 3).T
     return a | b | c

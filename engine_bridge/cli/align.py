@@ -24,27 +24,20 @@ def align(logs: tuple[Path, ...], output: Path, sources: tuple[str, ...], as_jso
 
     LOGS are two or more recordings, one from each sensor.
     """
-    from dataclasses import asdict
-
     from engine_bridge.cli import alignment
 
     if len(logs) < 2:
         raise click.UsageError("Give two or more recordings.")
     summaries = alignment.align(logs, sources, output)
-    if as_json:
-        options.echo_json([asdict(each) for each in summaries])
-        return
-    click.echo(f"{output}: {len(logs)} sensors, in the coordinates of {logs[0]}")
+    lines = [f"{output}: {len(logs)} sensors, in the coordinates of {logs[0]}"]
     for each in summaries:
         x, y, z = each.position
         tilt, turn, roll = each.rotation
-        click.echo(
+        lines += [
             f"  {each.log}: at ({x:.2f}, {y:.2f}, {z:.2f}) m, tilt {tilt:.1f}°, turn {turn:.1f}°, roll {roll:.1f}°, "
-            f"clock {1000 * each.clock:+.1f} ms"
-        )
-        click.echo(
+            f"clock {1000 * each.clock:+.1f} ms",
             f"    joints {each.residual_cm:.1f} cm apart (mean) in {each.seconds:.1f} s; "
-            f"left and right differ in {100 * each.swapped:.0f} % of the frames"
-        )
-        for note in each.notes:
-            click.echo(f"    note: {note}")
+            f"left and right differ in {100 * each.swapped:.0f} % of the frames",
+            *(f"    note: {note}" for note in each.notes),
+        ]
+    options.show(summaries, as_json, *lines)

@@ -1,6 +1,5 @@
 """`puppetline bake`: a character's morph targets for live use."""
 
-from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -35,13 +34,12 @@ def bake(
 
     with progress() as report:
         summary = bake(puppet, output, logs, targets=targets, tolerance=tolerance, progress=report)
-    if as_json:
-        options.echo_json(asdict(summary))
-        return
     size = f"{summary.targets} morph targets, {summary.bytes / 1e6:.1f} MB"
-    click.echo(f"{summary.output}: {size}, from {summary.frames:,} frames of motion")
-    click.echo(
+    options.show(
+        summary,
+        as_json,
+        f"{summary.output}: {size}, from {summary.frames:,} frames of motion",
         f"  largest error  {summary.error:.2g} of the diagonal, root mean square {summary.rms:.2g} "
-        f"(tolerance {summary.tolerance:g})"
+        f"(tolerance {summary.tolerance:g})",
+        *(f"  note: {note}" for note in (*summary.repairs, *summary.notes)),
     )
-    options.echo_notes((*summary.repairs, *summary.notes))

@@ -7,25 +7,23 @@ import click
 
 from engine_bridge.cli import conversion, options
 from engine_bridge.cli.options import FILE
+from engine_bridge.cli.progress import progress
 
 if TYPE_CHECKING:
     from engine_bridge.batch.batch import Shard
     from engine_bridge.performance.settings import PerformerFormat
 
 
-class PartOfBatch(click.ParamType):  # type: ignore[type-arg]  # generic in newer versions of click only
-    """A part of a batch, such as 3/16."""
+def part_of_batch(_ctx: click.Context, _param: click.Parameter, value: str | None) -> "Shard | None":
+    """Read a part of a batch, such as 3/16, or report why it is refused."""
+    from engine_bridge.batch.batch import Shard
 
-    name = "I/N"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> "Shard":
-        """Read a part, or report why it is refused."""
-        from engine_bridge.batch.batch import Shard
-
-        index, _, count = str(value).partition("/")
-        if not (index.isdecimal() and count.isdecimal() and 1 <= int(index) <= int(count)):
-            self.fail(f"{value} is not a part like 3/16, from 1/16 to 16/16.", param, ctx)
-        return Shard(int(index), int(count))
+    if value is None:
+        return None
+    index, _, count = value.partition("/")
+    if not (index.isdecimal() and count.isdecimal() and 1 <= int(index) <= int(count)):
+        raise click.BadParameter(f"{value} is not a part like 3/16, from 1/16 to 16/16.")
+    return Shard(int(index), int(count))
 
 
 @click.command()
@@ -52,7 +50,10 @@ class PartOfBatch(click.ParamType):  # type: ignore[type-arg]  # generic in newe
     help="Worker processes; 0 converts in the command's own process.  [default: one per CPU; with --shard 0]",
 )
 @click.option(
-    "--shard", type=PartOfBatch(), help="Convert only this part of the results, such as 3/16, for array jobs."
+    "--shard",
+    metavar="I/N",
+    callback=part_of_batch,
+    help="Convert only this part of the results, such as 3/16, for array jobs.",
 )
 @click.option(
     "--manifest",
@@ -104,34 +105,25 @@ def batch(
     if performer is not None:
         conversion.refuse_without_puppet(**choices)
     settings = conversion.settings(user=None, **choices)
-    given = batch_run.Request(
-        logs,
-        tuple(dict.fromkeys(puppets)),
-        BatchSettings(
-            output.absolute(),
-            new_run(),
-            settings,
-            users,
-            performer,
-            fail_fast=fail_fast,
-            retry_failed=retry_failed,
-        ),
-        shard,
-    )
+    given = BatchSettings(output.absolute(), new_run(), settings, users, performer, fail_fast, retry_failed)
+    with progress() as show:
+        others, plan = batch_run.prepare(logs, tuple(dict.fromkeys(puppets)), given, shard, show)
     if dry_run:
-        names = batch_run.list_waiting(given)
-        options.echo_json({"waiting": names}) if as_json else click.echo("\n".join(names), nl=bool(names))
+        ending = (".user*" if users == "all" else "") + given.ending
+        names = [job.name + ending for job in plan.waiting]
+        if as_json or names:
+            options.show({"waiting": names}, as_json, *names)
         return
     part = "" if shard is None else f".{shard.index}-of-{shard.count}"
     result = batch_run.run(
+        plan,
+        others,
         given,
+        shard,
         workers,
         manifest or output / f"manifest{part}.parquet",
         output / "report.html" if report and shard is None else None,
     )
-    if as_json:
-        options.echo_json(result.as_dict())
-    else:
-        click.echo(batch_run.describe(result))
+    options.show(result.as_dict(), as_json, batch_run.describe(result))
     if result.failures:
         raise click.exceptions.Exit(1)

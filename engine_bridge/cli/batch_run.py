@@ -3,7 +3,6 @@
 import re
 import sys
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
@@ -24,18 +23,11 @@ from puppetline.errors import PuppetlineError
 MAX_REASONS = 20
 """Maximum number of rows in the table of reasons."""
 
+PACE_SECONDS = 3600.0
+"""Time over which the speed is averaged that determines the time left, in seconds."""
+
 NUMBER = re.compile(r"\d[\d.,]*")
 """Numbers in reasons, which do not make them different."""
-
-
-@dataclass(frozen=True)
-class Request:
-    """What a user wants to convert: recordings, puppet files, the settings, and the part of the batch."""
-
-    logs: tuple[str, ...]
-    puppets: tuple[Path, ...]
-    batch: BatchSettings
-    shard: Shard | None
 
 
 @dataclass(frozen=True)
@@ -63,19 +55,50 @@ class Result:
         return asdict(self) | {"failures": failures}
 
 
-def list_waiting(request: Request) -> list[str]:
-    """Return the names of the results that are missing or out of date."""
-    _, plan = _prepare(request, lambda _step, _share: None)
-    ending = (".user*" if request.batch.users == "all" else "") + request.batch.ending
-    return [job.name + ending for job in plan.waiting]
+def prepare(
+    logs: Sequence[str],
+    puppets: Sequence[Path],
+    batch: BatchSettings,
+    shard: Shard | None,
+    report: Callable[[str, float], None],
+) -> tuple[list[Path], Plan]:
+    """Return the files that are no recordings, and the plan for the others.
+
+    Raises
+    ------
+    PuppetlineError
+    """
+    report("Looking for recordings", 0.0)
+    recordings = find_recordings(logs, batch.folder)
+    report("Looking for recordings", 1.0)
+    step = "Preparing the characters" if puppets else "Listing the results"
+    report(step, 0.0)
+    jobs = make_jobs(recordings.found, puppets, batch, shard)
+    report(step, 1.0)
+    report("Looking for results", 0.0)
+    plan = make_plan(jobs, batch)
+    report("Looking for results", 1.0)
+    return recordings.others, plan
 
 
-def run(request: Request, workers: int, table: Path, page: Path | None) -> Result:
+def run(
+    plan: Plan,
+    others: Sequence[Path],
+    batch: BatchSettings,
+    shard: Shard | None,
+    workers: int,
+    table: Path,
+    page: Path | None,
+) -> Result:
     """Run a batch, and write its manifest and report.
 
     Parameters
     ----------
-    request : Request
+    plan, others
+        From `prepare`.
+    batch : BatchSettings
+    shard : Shard or None
+        The part of the batch; None for all of it.
     workers : int
         Number of worker processes; 0 for none.
     table : Path
@@ -87,27 +110,25 @@ def run(request: Request, workers: int, table: Path, page: Path | None) -> Resul
     ------
     PuppetlineError
     """
-    with progress() as report:
-        others, plan = _prepare(request, report)  # an error leaves no folder behind
-    store = Store(request.batch.folder, request.batch.run)
+    store = Store(batch.folder, batch.run)
     with store.opened():
         manifest.check_manifest(table)
         start = time.perf_counter()
         outcomes: list[Outcome] = []
         try:
             with _shown(plan) as (check, show):
-                for outcome in run_plan(plan, request.batch, workers, check):
+                for outcome in run_plan(plan, batch, workers, check):
                     outcomes.append(outcome)
                     show(outcome)
         except BaseException:
             with suppress(PuppetlineError):  # such as a full disk, which is being reported
-                _write_manifest(request, store, table, plan, outcomes)
+                _write_manifest(shard, store, table, plan, outcomes)
             raise
         seconds = time.perf_counter() - start
-        rows = _write_manifest(request, store, table, plan, outcomes)
+        rows = _write_manifest(shard, store, table, plan, outcomes)
         if page is not None:
             with progress() as report:
-                write_report(page, rows, store, request.batch, lambda share: report("Drawing the worst results", share))
+                write_report(page, rows, store, batch, lambda share: report("Drawing the worst results", share))
     new = [row for outcome in outcomes for row in outcome.record.rows]
     old = [row for record in plan.settled.values() for row in record.rows]
     failures = tuple(row for row in (*old, *new) if row.state == "failed")
@@ -142,37 +163,22 @@ def describe(result: Result) -> str:
 
 def _reasons(failures: Sequence[Row]) -> list[str]:
     """Return a table of the reasons of failures, the most frequent first."""
-    kinds = {id(row): NUMBER.sub("#", row.reason) for row in failures}
-    counts = Counter(kinds.values())
-    first: dict[str, Row] = {}
+    kinds: dict[str, list[Row]] = {}
     for row in failures:
-        first.setdefault(kinds[id(row)], row)
+        kinds.setdefault(NUMBER.sub("#", row.reason), []).append(row)
+    frequent = sorted(kinds.values(), key=len, reverse=True)
     lines = ["   failed  reason, for the first recording"]
-    lines += [f"  {count:7,}  {first[kind].message}" for kind, count in counts.most_common(MAX_REASONS)]
-    if len(counts) > MAX_REASONS:
-        lines.append(f"           … and {len(counts) - MAX_REASONS:,} other reasons, see the manifest")
+    lines += [f"  {len(rows):7,}  {rows[0].message}" for rows in frequent[:MAX_REASONS]]
+    if len(frequent) > MAX_REASONS:
+        lines.append(f"           … and {len(frequent) - MAX_REASONS:,} other reasons, see the manifest")
     return lines
 
 
-def _prepare(request: Request, report: Callable[[str, float], None]) -> tuple[list[Path], Plan]:
-    """Return the files that are no recordings, and the plan."""
-    report("Looking for recordings", 0.0)
-    recordings = find_recordings(request.logs, request.batch.folder)
-    report("Looking for recordings", 1.0)
-    report("Preparing the characters" if request.puppets else "Listing the results", 0.0)
-    jobs = make_jobs(recordings.found, request.puppets, request.batch, request.shard)
-    report("Preparing the characters" if request.puppets else "Listing the results", 1.0)
-    report("Looking for results", 0.0)
-    plan = make_plan(jobs, request.batch)
-    report("Looking for results", 1.0)
-    return recordings.others, plan
-
-
 def _write_manifest(
-    request: Request, store: Store, path: Path, plan: Plan, outcomes: Sequence[Outcome]
+    shard: Shard | None, store: Store, path: Path, plan: Plan, outcomes: Sequence[Outcome]
 ) -> Sequence[Row]:
     """Write the rows of a shard, or those of all results in the folder, and return them."""
-    if request.shard is None:
+    if shard is None:
         return manifest.write_whole_manifest(path, store)
     records = plan.settled | {outcome.job.name: outcome.record for outcome in outcomes}
     rows = [row for _, record in sorted(records.items()) for row in record.rows]
@@ -191,44 +197,20 @@ def _shown(plan: Plan) -> Iterator[tuple[Callable[[], None], Callable[[Outcome],
             yield check, lambda _outcome: None
             return
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-        columns = (TextColumn("Converting"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[pace]}"))
-        pace = Pace([log_size(job) for job in plan.waiting])
-        with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
-            task = bars.add_task("", total=len(plan.waiting), pace="")
+        columns = (TextColumn("Converting"), BarColumn(), TextColumn("{task.fields[pace]}"), TimeRemainingColumn())
+        show_on = Console(stderr=True)
+        with Progress(*columns, console=show_on, transient=True, speed_estimate_period=PACE_SECONDS) as bars:
+            task = bars.add_task("", total=sum(map(log_size, plan.waiting)), pace="")
+            done: list[Outcome] = []
 
             def show(outcome: Outcome) -> None:
-                pace.add(log_size(outcome.job), failed=outcome.record.has_failed)
-                bars.update(task, advance=1, pace=pace.describe(bars.tasks[0].elapsed or 0.0))
+                done.append(outcome)
+                failed = sum(each.record.has_failed for each in done)
+                rate = 3600 * len(done) / max(bars.tasks[0].elapsed or 0.0, 1e-3)
+                pace = f"{len(done):,}/{len(plan.waiting):,} · {rate:,.0f} per hour"
+                pace += f" · {failed:,} failed" if failed else ""
+                bars.update(task, advance=log_size(outcome.job), pace=pace)
 
             yield check, show
-
-
-class Pace:
-    """Rate and time left of a batch.
-
-    Parameters
-    ----------
-    sizes : sequence of int
-        Sizes of all recordings in bytes; larger ones take longer.
-    """
-
-    def __init__(self, sizes: Sequence[int]) -> None:
-        self._total, self._size = sum(sizes), 0
-        self._count = self._failed = 0
-
-    def add(self, size: int, *, failed: bool) -> None:
-        """Count a recording that was converted, or that failed."""
-        self._size += size
-        self._count += 1
-        self._failed += failed
-
-    def describe(self, elapsed: float) -> str:
-        """Return the rate, the time left and the number of failures after some seconds."""
-        rate = 3600 * self._count / max(elapsed, 1e-3)
-        left = elapsed * (self._total - self._size) / max(self._size, 1)
-        hours, rest = divmod(round(left), 3600)
-        minutes, seconds = divmod(rest, 60)
-        failed = f" · {self._failed:,} failed" if self._failed else ""
-        return f"{rate:,.0f} per hour · {hours}:{minutes:02}:{seconds:02} left{failed}"

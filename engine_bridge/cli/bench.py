@@ -21,7 +21,4 @@ def bench(mesh: Path | None, as_json: bool) -> None:
 
     with progress() as report:
         measured = benchmark.bench(mesh, progress=report)
-    if as_json:
-        options.echo_json(measured.as_dict())
-    else:
-        click.echo(benchmark.describe(measured))
+    options.show(measured, as_json, benchmark.describe(measured))

@@ -12,8 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.metadata import version
 from itertools import cycle, islice
 from pathlib import Path
@@ -59,6 +58,9 @@ ONE_THREAD = dict.fromkeys(
     "1",
 )
 """Environment variables that limit each library to one thread."""
+
+CACHE_VARIABLES = "XDG_CACHE_HOME", "WIN_PD_OVERRIDE_LOCAL_APPDATA"
+"""Environment variables of platformdirs, on Linux and on Windows, that determine the folder of the cache."""
 
 FIGURES: dict[str, tuple[str, str]] = {
     "solve_ms": ("ms", "a frame, controls only: filter, retarget, 4 iterations"),
@@ -106,20 +108,19 @@ class Report:
         Name and size of the character.
     figures : dict of float or None
         Medians, by the names of `FIGURES`.
+    ratios : dict of float or None
+        By the names of `RATIOS`.
     """
 
     machine: dict[str, Any]
     character: dict[str, Any]
     figures: dict[str, float | None]
+    ratios: dict[str, float | None]
 
-    @property
-    def ratios(self) -> dict[str, float | None]:
-        """Ratios by the names of `RATIOS`; None where a value is missing."""
-        return {name: _quotient(self.figures[a], self.figures[b]) for name, (a, b, _) in RATIOS.items()}
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the report as plain values for JSON."""
-        return {**asdict(self), "ratios": self.ratios}
+def ratios(figures: dict[str, float | None]) -> dict[str, float | None]:
+    """Return ratios by the names of `RATIOS`; None where a value is missing."""
+    return {name: _quotient(figures[a], figures[b]) for name, (a, b, _) in RATIOS.items()}
 
 
 def _quotient(a: float | None, b: float | None) -> float | None:
@@ -203,43 +204,26 @@ def measure(
     progress: Reporter = lambda _stage, _share: None,
 ) -> Report:
     """Measure all values for a folder from `prepare`, with `rounds` processes per measurement."""
-    with own_cache(folder):
-        figures = in_process(folder, "frames", frames)
-        results: list[dict[str, float | None]] = []
-        for number in range(rounds):
-            progress("Measuring", (1 + number) / (1 + rounds))
-            results += [in_process(folder, name) for name in ("precompute", "load", "convert")]
-            results += [{"startup_ms": startup_ms()} for _ in range(2)]
+    figures = in_process(folder, "frames", frames)
+    results: list[dict[str, float | None]] = []
+    for number in range(rounds):
+        progress("Measuring", (1 + number) / (1 + rounds))
+        results += [in_process(folder, name) for name in ("precompute", "load", "convert")]
+        results += [{"startup_ms": startup_ms()} for _ in range(2)]
     for name in {name for result in results for name in result}:
         values = [result[name] for result in results if name in result]
         known = [value for value in values if value is not None]
         figures[name] = median(known) if known else None
     figures["convert_fps"] = _quotient(figures["convert_frames"], figures["convert_s"])
     character = {**character, "handles": figures["handles"], "frames": figures["frames"]}
-    return Report(machine(), character, {name: figures.get(name) for name in FIGURES})
-
-
-@contextmanager
-def own_cache(folder: Path) -> Iterator[None]:
-    """Use an empty cache of reduced models in a folder, for this process and those that it starts."""
-    cache = str(folder.resolve() / "cache")
-    names = ("XDG_CACHE_HOME", "WIN_PD_OVERRIDE_LOCAL_APPDATA")  # platformdirs, the latter on Windows
-    before = {name: os.environ.get(name) for name in names}
-    os.environ.update(dict.fromkeys(names, cache))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+    figures = {name: figures.get(name) for name in FIGURES}
+    return Report(machine(), character, figures, ratios(figures))
 
 
 def in_process(
     folder: Path, measurement: str, *count: int, module: str = "engine_bridge.cli.benchmark_process"
 ) -> dict[str, Any]:
-    """Run a measurement in a separate process with one thread, and return its result.
+    """Run a measurement in a separate process with one thread and a cache in the folder, and return its result.
 
     Raises
     ------
@@ -252,7 +236,7 @@ def in_process(
         stdout=subprocess.PIPE,
         text=True,
         check=True,
-        env=os.environ | ONE_THREAD,
+        env=os.environ | ONE_THREAD | dict.fromkeys(CACHE_VARIABLES, str(folder.resolve() / "cache")),
         **OWN_GROUP,  # Ctrl-C stops only this process, which then stops the other
     )
     result: dict[str, Any] = json.loads(done.stdout)

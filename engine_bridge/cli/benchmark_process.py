@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from capture.skeleton import SkeletonFrame
 from engine_bridge.character.character import load_character
-from engine_bridge.character.drawn_normals import drawn_normals
+from engine_bridge.character.materials import drawn_normals
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.clip import load_timeline, reference_pose
 from engine_bridge.performance.performance import Performance
@@ -100,7 +100,7 @@ class Playing:
         self.rig = rig
         settings = Settings()
         timeline, _ = load_timeline(log, settings)
-        self._positions, self._confidence = timeline.positions, timeline.confidence
+        self.positions, self._confidence = timeline.positions, timeline.confidence
         self._R = np.empty_like(rig.model.rest_controls)
         self._controls = np.empty((len(self._R) // 4, 3, 4), dtype=np.float32)
         self.performance = Performance(rig.puppet, rig.mesh, rig.model, reference_pose(rig.puppet, timeline, settings))
@@ -109,16 +109,11 @@ class Playing:
         self._drawn = np.empty_like(self.binding.rest), np.empty_like(self.binding.rest)
         self._next = 0
 
-    @property
-    def length(self) -> int:
-        """Number of frames of the recording."""
-        return len(self._positions)
-
     def frame(self) -> SkeletonFrame:
         """Return the performer's next frame."""
         number, self._next = self._next, self._next + 1
-        at = number % len(self._positions)
-        return SkeletonFrame(number / 30, 0, self._positions[at], self._confidence[at])
+        at = number % len(self.positions)
+        return SkeletonFrame(number / 30, 0, self.positions[at], self._confidence[at])
 
     def controls(self) -> Controls:
         """Smooth, retarget and solve the next frame; all calls return the same array."""

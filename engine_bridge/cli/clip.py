@@ -1,6 +1,5 @@
 """`puppetline clip`: a recording becomes motion that an engine plays without a service."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +24,10 @@ def clip(log: Path, puppet: Path, output: Path, name: str | None, as_json: bool,
 
     with progress() as report:
         summary = write_clip(log, puppet, output, name, conversion.reading_settings(**choices), report)
-    if as_json:
-        options.echo_json(asdict(summary))
-        return
-    size = f"{summary.frames:,} frames, {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB"
-    click.echo(f"{summary.output}: {size}")
-    click.echo(f"  character      {summary.character}, {summary.vertices:,} vertices, revision {summary.revision}")
-    options.echo_notes(summary.notes)
+    options.show(
+        summary,
+        as_json,
+        f"{summary.output}: {summary.frames:,} frames, {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB",
+        f"  character      {summary.character}, {summary.vertices:,} vertices, revision {summary.revision}",
+        *(f"  note: {note}" for note in summary.notes),
+    )

@@ -127,31 +127,22 @@ def refuse_without_puppet(**choices: Any) -> None:
             raise click.UsageError(f"--{names.get(option, option)} is about a character and requires --puppet.")
 
 
-def check_animated(output: Path) -> None:
-    """Check that the file for an animation is no avatar.
-
-    Raises
-    ------
-    OutputError
-    """
-    if output.suffix.lower() == ".vrm":
-        raise OutputError(
-            output,
-            found="the ending '.vrm', of an avatar",
-            expected="a file that contains an animation",
-            fix=f"Write the animation as {output.stem}.vrma, without --puppet, and the avatar with puppetline rig.",
-        )
-
-
-def check_character_output(output: Path) -> None:
-    """Check that the file for a character has no ending of animations without one.
+def check_output(output: Path, has_puppet: bool) -> None:
+    """Check that the file is for an animation: no avatar, and with a puppet no animation without a character.
 
     Raises
     ------
     OutputError
     """
     ending = output.suffix.lower()
-    if ending in (".bvh", ".vrma"):
+    if ending == ".vrm":
+        raise OutputError(
+            output,
+            found="the ending '.vrm', of an avatar",
+            expected="a file that contains an animation",
+            fix=f"Write the animation as {output.stem}.vrma, without --puppet, and the avatar with puppetline rig.",
+        )
+    if has_puppet and ending in (".bvh", ".vrma"):
         raise OutputError(
             output,
             found=f"the ending {ending!r}, of an animation of the performer's own skeleton, and a puppet",

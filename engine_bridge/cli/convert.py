@@ -1,6 +1,5 @@
 """`puppetline convert`: a recording becomes an animated character, or an animation of its performers."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,23 +41,19 @@ def convert(log: Path, puppet: Path | None, output: Path, preview: Path | None, 
     from engine_bridge.pictures import clip_sheet
     from puppetline.files import check_writable
 
-    conversion.check_animated(output)
+    conversion.check_output(output, puppet is not None)
     if puppet is None:
         conversion.refuse_without_puppet(preview=preview, **choices)
         _convert_performers(log, output, conversion.settings(**choices), as_json)
         return
     settings = conversion.settings(**choices)
-    conversion.check_character_output(output)
     if preview is not None:
         check_writable(preview, ".png", inputs=(log, puppet))
     with progress() as report:
         clip, summary = convert(log, puppet, output, settings, report)
         if preview is not None:
             clip_sheet.draw(clip, preview, f"{puppet.stem} · {log.stem}", lambda share: report("Drawing", share))
-    if as_json:
-        options.echo_json(asdict(summary))
-    else:
-        click.echo(describe(summary))
+    options.show(summary, as_json, describe(summary))
 
 
 def _convert_performers(log: Path, output: Path, settings: "Settings", as_json: bool) -> None:
@@ -67,7 +62,4 @@ def _convert_performers(log: Path, output: Path, settings: "Settings", as_json: 
 
     with progress() as report:
         made = convert_performers(log, output, settings, report)
-    if as_json:
-        options.echo_json([asdict(each) for each in made])
-    else:
-        click.echo(describe(made))
+    options.show(made, as_json, describe(made))

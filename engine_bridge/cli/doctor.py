@@ -20,14 +20,9 @@ def doctor(sources: tuple[str, ...], takes: Path | None, as_json: bool) -> None:
     It checks libraries, ports, folders, sensors, sources and the network. The exit code is 1 if something does not work
     that Puppetline requires or that you have asked for.
     """
-    from dataclasses import asdict
-
     from engine_bridge.inspection import machine
 
     findings = machine.examine(takes, sources)
-    if as_json:
-        options.echo_json([asdict(each) for each in findings])
-    else:
-        click.echo(machine.text(findings))
+    options.show(findings, as_json, machine.text(findings))
     if any(finding.ok is False for finding in findings):
         raise click.exceptions.Exit(1)

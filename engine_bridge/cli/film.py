@@ -1,6 +1,5 @@
 """`puppetline film`: a scene file becomes a video, or a .glb with all characters and their animations."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,10 +37,7 @@ def film(scene: Path, output: Path, draft: bool, start: float, stop: float | Non
             summary = make_document(scene, output, report)
         else:
             summary = make_video(scene, output, start, stop, draft, report)
-    if as_json:
-        options.echo_json(asdict(summary))
-    else:
-        click.echo(describe(summary))
+    options.show(summary, as_json, describe(summary))
 
 
 def describe(summary: "FilmSummary") -> str:

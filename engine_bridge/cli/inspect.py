@@ -21,10 +21,7 @@ def inspect(file: Path, as_json: bool) -> None:
     from engine_bridge.inspection import files
 
     facts = files.inspect(file)
-    if as_json:
-        options.echo_json(facts)
-    else:
-        click.echo("\n".join(_outline(facts)))
+    options.show(facts, as_json, *_outline(facts))
 
 
 def _outline(value: Any, depth: int = 0) -> Iterator[str]:

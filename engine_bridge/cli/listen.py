@@ -15,8 +15,10 @@ from engine_bridge.cli.options import FILE, Finite
     "--kind",
     "kinds",
     multiple=True,
-    help="What to receive: controls, morphs, vertices, vertices16, joints, handles or performer. Can be repeated.  "
-    "[default: controls]",
+    default=("controls",),
+    show_default=True,
+    type=click.Choice(["controls", "morphs", "vertices", "vertices16", "joints", "handles", "performer"]),
+    help="What to receive. Can be repeated.",
 )
 @click.option("--seconds", type=Finite(0, min_open=True), help="Duration in seconds.  [default: until Ctrl-C]")
 @click.option("--token-file", type=FILE, help="The token that the service requires.")
@@ -33,8 +35,6 @@ def listen(
 
     It reports rates, latency and gaps. The default ADDRESS is 127.0.0.1:7400.
     """
-    from dataclasses import asdict
-
     from engine_bridge.client import listening
     from engine_bridge.service.security.credentials import read_token
 
@@ -44,10 +44,7 @@ def listen(
         seconds=seconds,
         token=token,
         characters=characters,
-        kinds=kinds or ("controls",),
+        kinds=kinds,
         notice=lambda text: click.echo(f"puppetline: {text}", err=True),
     )
-    if as_json:
-        options.echo_json(asdict(report))
-    else:
-        click.echo(listening.describe(report))
+    options.show(report, as_json, listening.describe(report))

@@ -60,16 +60,12 @@ def _print(report: "SourceReport", output: Path | None, as_json: bool) -> None:
     from capture.sensors.diagnosis import describe, diagnose, summary
 
     problems = diagnose(report)
-    if as_json:
-        options.echo_json(summary(report, problems))
-        return
-    click.echo(f"{'' if output is None else f'{output}: '}{report.source}, {report.seconds:.1f} s")
-    for _, performer in sorted(report.performers.items()):
-        click.echo(f"  {describe(performer)}")
+    lines = [f"{'' if output is None else f'{output}: '}{report.source}, {report.seconds:.1f} s"]
+    lines += [f"  {describe(performer)}" for _, performer in sorted(report.performers.items())]
     if report.sensor_tilt is not None:
-        click.echo(f"  the sensor: {report.sensor_tilt}")
-    for problem in problems:
-        click.echo(f"  {problem.what}" + (f"\n    → {problem.fix}" if problem.fix else ""))
+        lines.append(f"  the sensor: {report.sensor_tilt}")
+    lines += [f"  {problem.what}" + (f"\n    → {problem.fix}" if problem.fix else "") for problem in problems]
+    options.show(summary(report, problems), as_json, *lines)
 
 
 def _watch(source: str, seconds: float | None) -> "SourceReport":

@@ -37,18 +37,14 @@ COMMANDS = (
 )
 """Names of the commands. Each is a function in a module of this package, both named like it, with "_" for "-"."""
 
-FORMER_NAMES = {"ladder": "shader-mesh"}
-"""Former names of commands, which still work but are not listed."""
-
 
 class _Commands(click.Group):
     """Imports commands, and turns errors into one line on standard error and exit code 1."""
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
-        name = FORMER_NAMES.get(cmd_name, cmd_name)
-        if name not in COMMANDS:
+        if cmd_name not in COMMANDS:
             return None
-        function = name.replace("-", "_")
+        function = cmd_name.replace("-", "_")
         command: click.Command = getattr(import_module(f"engine_bridge.cli.{function}"), function)
         return command
 

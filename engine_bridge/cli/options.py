@@ -2,7 +2,8 @@
 
 import json
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -39,12 +40,6 @@ targets = click.option(
 )
 
 
-def echo_json(value: object) -> None:
-    """Print a value as JSON."""
-    click.echo(json.dumps(value, indent=2))
-
-
-def echo_notes(notes: Iterable[str]) -> None:
-    """Print the notes of a result, one per line."""
-    for note in notes:
-        click.echo(f"  note: {note}")
+def show(result: object, as_json: bool, *lines: str) -> None:
+    """Print a result, of dataclasses and plain values: as JSON, or as the lines that describe it."""
+    click.echo(json.dumps(result, indent=2, default=asdict) if as_json else "\n".join(lines))

@@ -10,6 +10,9 @@ from puppetline.interrupts import repeated_interrupts
 
 Reporter = Callable[[str, float], None]
 
+COMPILING = "Compiling, once"
+"""Step during which functions are compiled; the number of those that are ready follows."""
+
 
 @contextmanager
 def interrupts() -> Iterator[Callable[[], None]]:
@@ -48,9 +51,11 @@ def progress() -> Iterator[Reporter]:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
+        from puppetline.compiling import reported
+
         columns = (TextColumn("{task.description:24}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+        tasks: dict[str, Any] = {}
         with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
-            tasks: dict[str, Any] = {}
 
             def report(step: str, share: float) -> None:
                 check()
@@ -58,4 +63,10 @@ def progress() -> Iterator[Reporter]:
                     tasks[step] = bars.add_task(step, total=1.0)
                 bars.update(tasks[step], completed=share)
 
-            yield report
+            def compiling(count: int) -> None:
+                if COMPILING not in tasks:
+                    tasks[COMPILING] = bars.add_task("", total=None)
+                bars.update(tasks[COMPILING], description=f"{COMPILING}: {count}")
+
+            with reported(compiling):
+                yield report

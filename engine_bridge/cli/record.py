@@ -22,7 +22,7 @@ from engine_bridge.cli.options import Finite
     "--sensor",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Record the images of a RealSense too, as FILE.db3, which realsense:FILE.db3 plays.",
+    help="Record the images of a RealSense (FILE.db3) or an Orbbec sensor (FILE.bag) too; its source plays them.",
 )
 @options.as_json
 def record(
@@ -40,22 +40,21 @@ def record(
     puppetline convert reads takes, and the source replay: plays them.
     """
     from contextlib import ExitStack, closing
-    from dataclasses import asdict
 
-    from capture.sound import Microphone
-    from capture.sources.registry import open_recording_sensor, open_source
+    from capture.sound_input import open_sound
+    from capture.sources.registry import check_records, open_recording_sensor, open_source
     from engine_bridge.cli import recording
     from engine_bridge.service.monitoring import native_output
-    from puppetline.files import check_writable
 
     def report(frames: int, elapsed: float) -> None:
         if sys.stderr.isatty():
             click.echo(f"\r{frames:,} frames, {elapsed:.0f} s", err=True, nl=False)
 
     with native_output.logged(), ExitStack() as stack:
-        microphone = stack.enter_context(closing(Microphone(sound_device))) if sound or sound_device else None
+        heard = sound or sound_device is not None
+        microphone = stack.enter_context(closing(open_sound(sound_device or "default", Path()))) if heard else None
         if sensor is not None:
-            check_writable(sensor, ".db3")
+            check_records(source, sensor)
             recording.remove_existing(sensor, force)
         begun = open_source(source) if sensor is None else open_recording_sensor(source, sensor)
         opened = stack.enter_context(closing(begun))
@@ -64,13 +63,14 @@ def record(
         click.echo(err=True)
     if summary.why:
         click.echo(f"puppetline: {summary.why}", err=True)
-    if as_json:
-        options.echo_json(asdict(summary))
-    elif output.exists():
+    if as_json or output.exists():
         users = ", ".join(map(str, summary.users)) or "none"
-        click.echo(f"{summary.take}: {summary.frames:,} frames, {summary.seconds:.1f} s, performers: {users}")
-        if summary.sound:
-            lost = f", {summary.sound_overflows} overflows" if summary.sound_overflows else ""
-            click.echo(f"  sound          {summary.sound}{lost}")
+        lost = f", {summary.sound_overflows} overflows" if summary.sound_overflows else ""
+        options.show(
+            summary,
+            as_json,
+            f"{summary.take}: {summary.frames:,} frames, {summary.seconds:.1f} s, performers: {users}",
+            *([f"  sound          {summary.sound}{lost}"] if summary.sound else []),
+        )
     if summary.why:
         raise click.exceptions.Exit(1)

@@ -2,20 +2,20 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
 
 from capture.events import Cue, Tick
 from capture.recording import Recorder
 from capture.skeleton import SkeletonFrame
-from capture.sound import ClockedSound, Microphone, WavWriter
+from capture.sound_input import SoundInput
 from capture.source import SkeletonSource, wait
 from capture.sources.replay import RecordingSource
 from engine_bridge.cli.options import REPLACING
-from puppetline.errors import OutputError, SourceError
-from puppetline.files import check_new, check_writable
+from puppetline.errors import SourceError
+from puppetline.files import check_new, check_writable, output_errors
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def record(
     seconds: float | None = None,
     report: Callable[[int, float], None] = lambda _frames, _seconds: None,
     force: bool = False,
-    microphone: Microphone | None = None,
+    sound: SoundInput | None = None,
 ) -> RecordSummary:
     """Write the events of a source to a take, until the seconds have passed, the source ends or Ctrl-C is pressed.
 
@@ -82,8 +82,8 @@ def record(
         Called after each batch of events with the number of frames so far and the seconds that have passed.
     force : bool
         Whether to replace an existing file.
-    microphone : Microphone, optional
-        Its sound is written beside the take, as a .wav; it is left open.
+    sound : SoundInput, optional
+        It is written beside the take, as a .wav, and left open.
 
     Raises
     ------
@@ -91,7 +91,6 @@ def record(
         The take cannot be written, or exists already.
     """
     remove_existing(path, force)
-    sound = _Sound(microphone, path.with_suffix(".wav"), force)
     started = time.monotonic()
     deadline = math.inf if seconds is None else started + seconds
     frames = 0
@@ -99,7 +98,8 @@ def record(
     users: set[int] = set()
     first = last = None
     ended, why = "time", ""
-    with Recorder(path) as recorder, sound:
+    sound_path = path.with_suffix(".wav")
+    with _written_beside(sound, sound_path, force) as follow_sound, Recorder(path) as recorder:
         try:
             while time.monotonic() < deadline:
                 wait(source, deadline)
@@ -110,7 +110,7 @@ def record(
                     if isinstance(event, SkeletonFrame):
                         frames += 1
                         users.add(event.user)
-                sound.follow(recorder, source, last)
+                follow_sound(recorder, source, last)
                 report(frames, time.monotonic() - started)
         except SourceError as error:
             if isinstance(source, RecordingSource) and source.damaged:
@@ -130,59 +130,39 @@ def record(
         refused=dict(source.counts.refused),
         ended=ended,
         why=why,
-        sound=sound.path,
-        sound_overflows=sound.overflows,
+        sound="" if sound is None else str(sound_path),
+        sound_overflows=0 if sound is None else sound.overflows,
     )
 
 
-class _Sound:
-    """The sound beside a take; nothing without a microphone."""
+@contextmanager
+def _written_beside(
+    sound: SoundInput | None, path: Path, force: bool
+) -> Iterator[Callable[[Recorder, SkeletonSource, float | None], None]]:
+    """Write a sound beside a take; yield a function that continues it and writes, once, the cue of its beginning.
 
-    def __init__(self, microphone: Microphone | None, path: Path, force: bool) -> None:
-        self.path = ""
-        self._microphone = microphone
-        if microphone is not None:
-            remove_existing(path, force)
-            self.path = str(path)
-            self._clocked, self._writer = ClockedSound(), WavWriter(path)
-        self._stated = False
+    The function takes the take's recorder, the source, whose clock is that of the take, and the time of the last event.
+    """
+    if sound is None:
+        yield lambda _recorder, _source, _last: None
+        return
+    remove_existing(path, force)
+    sound.record(path)
+    stated = False
 
-    def __enter__(self) -> Self:
-        return self
+    def follow(recorder: Recorder, source: SkeletonSource, last: float | None) -> None:
+        nonlocal stated
+        sound.take_in()
+        if not stated and last is not None and sound.start is not None:
+            stated = True
+            begin = sound.start + source.now() - time.monotonic()
+            recorder.write(Cue(last, "sound", {"file": path.name, "at": begin}))
 
-    def __exit__(self, *_: object) -> None:
-        if self._microphone is not None:
-            self._write(self._microphone)
-            self._writer.close()
-
-    @property
-    def overflows(self) -> int:
-        """Number of times that samples were not read in time."""
-        return 0 if self._microphone is None else self._microphone.overflows
-
-    def follow(self, recorder: Recorder, source: SkeletonSource, last: float | None) -> None:
-        """Write the sound that has arrived and, once, the cue that says when it began.
-
-        Parameters
-        ----------
-        recorder : Recorder
-        source : SkeletonSource
-            Its clock is that of the take.
-        last : float or None
-            Time of the last event in the take; None before the first one.
-        """
-        if self._microphone is None:
-            return
-        self._write(self._microphone)
-        if self._stated or last is None or self._clocked.start is None:
-            return
-        self._stated = True
-        begin = self._clocked.start + source.now() - time.monotonic()
-        recorder.write(Cue(last, "sound", {"file": Path(self.path).name, "at": begin}))
-
-    def _write(self, microphone: Microphone) -> None:
-        for block in microphone.blocks():
-            self._writer.write(self._clocked.add(block))
+    try:
+        yield follow
+        sound.take_in()
+    finally:
+        sound.stop()
 
 
 def remove_existing(path: Path, force: bool) -> None:
@@ -196,12 +176,5 @@ def remove_existing(path: Path, force: bool) -> None:
     check_writable(path, path.suffix.lower())
     if not force:
         check_new(path, REPLACING)
-    try:
+    with output_errors(path):
         path.unlink(missing_ok=True)
-    except OSError as error:
-        raise OutputError(
-            path,
-            found=f"a file that cannot be replaced ({error.strerror})",
-            expected="a file that you may replace",
-            fix="Choose another name with -o.",
-        ) from error

@@ -1,6 +1,5 @@
 """`puppetline rig`: a skeleton and skin weights for any mesh."""
 
-from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -72,7 +71,4 @@ def rig(
             summary = write_vrm(source, output, settings, given, report)
         else:
             summary = write_rig(source, output, settings, report)
-    if as_json:
-        options.echo_json(asdict(summary))
-    else:
-        click.echo(describe(summary))
+    options.show(summary, as_json, describe(summary))

@@ -236,24 +236,24 @@ def _service_file(config: Path | None, settings: dict[str, Any]) -> "tuple[Servi
         return service_file.load(config), config.parent
     if "puppets" not in given:
         raise click.UsageError("Give --puppet or --config.")
-    rest: dict[str, Any] = {
-        "network": {name: given[name] for name in ("host", "port", "token_file") if name in given},
+    if "origins" in given and "websocket" not in given:
+        raise click.UsageError("--origin requires --websocket.")
+
+    def chosen(*names: str) -> dict[str, Any]:
+        values = {name: given[name] for name in names if name in given}
+        return {name: str(value) if isinstance(value, Path) else value for name, value in values.items()}
+
+    rest = {
+        "network": chosen("host", "port", "token_file"),
         "osc": [_osc_receiver(each, given.get("osc_rate")) for each in settings["targets"]],
+        **chosen("takes", "announce"),
     }
     if "websocket" in given:
-        host = {"host": given["host"]} if "host" in given else {}
-        rest["websocket"] = {"port": given["websocket"], "origins": list(settings["origins"]), **host}
-    elif "origins" in given:
-        raise click.UsageError("--origin requires --websocket.")
-    if "takes" in given:
-        rest["takes"] = str(given["takes"])
-    if "announce" in given:
-        rest["announce"] = given["announce"]
+        rest["websocket"] = {"port": given["websocket"], "origins": list(settings["origins"]), **chosen("host")}
     if "metrics" in given:
         rest["metrics"] = {"port": given["metrics"]}
-    stage: dict[str, Any] = {name: given[name] for name in ("people", "calibrate", "sound") if name in given}
-    character: dict[str, Any] = {name: str(given[name]) for name in ("idle", "morphs") if name in given}
     sources = tuple(_looped(uri) if loop else uri for uri in given.get("sources", ("osc:7110",)))
+    stage, character = chosen("people", "calibrate", "sound"), chosen("idle", "morphs")
     return service_file.from_flags(sources, given["puppets"], stage, character, rest), Path()
 
 

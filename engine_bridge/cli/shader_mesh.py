@@ -1,6 +1,5 @@
 """`puppetline shader-mesh`: a character whose vertices an engine's shader moves."""
 
-from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -21,10 +20,7 @@ def shader_mesh(puppet: Path, output: Path, as_json: bool) -> None:
     from engine_bridge.export.shader_mesh import write_shader_mesh
 
     summary = write_shader_mesh(puppet, output)
-    if as_json:
-        options.echo_json(asdict(summary))
-        return
     surfaces = f"{summary.surfaces} surface{'s' if summary.surfaces > 1 else ''}"
     size = f"{summary.vertices:,} vertices in {surfaces}, {summary.bytes / 1e6:.1f} MB"
-    click.echo(f"{summary.output}: {size}, isoline coordinates of {summary.fields} fields")
-    options.echo_notes(summary.notes)
+    line = f"{summary.output}: {size}, isoline coordinates of {summary.fields} fields"
+    options.show(summary, as_json, line, *(f"  note: {note}" for note in summary.notes))

@@ -24,10 +24,7 @@ from puppetline.errors import ServiceError
 
 ADDRESS = "tcp://127.0.0.1:7400"
 
-KINDS = tuple(kind.word for kind in (*FRAME_KINDS, Kind.PERFORMER))
-"""Kinds that can be measured."""
-
-SPARSE_TOPICS = ("/joints", "/performer")
+SPARSE_TOPICS = ("/joints", "/performer", "/channels")
 """Ends of the topics whose sequence numbers have gaps although nothing is lost."""
 
 POLL_SECONDS = 0.25
@@ -137,7 +134,7 @@ def listen(
     characters : sequence of str
         Names of the characters to follow; all by default.
     kinds : sequence of str
-        Some of `KINDS`.
+        Words of `FRAME_KINDS`, and ``performer``.
     notice : callable
         Called once with a text if the service refuses the client, or if nothing has been received for
         `NOTICE_SECONDS`; the client goes on.
@@ -147,10 +144,6 @@ def listen(
     ServiceError
         The address, a kind or a name is invalid, or nothing was received.
     """
-    for kind in kinds:
-        if kind not in KINDS:
-            expected = f"one of {', '.join(KINDS)}"
-            raise ServiceError("--kind", found=repr(kind), expected=expected, fix="Choose one of these.")
     for name in characters:
         if not NAME.fullmatch(name):
             fix = "Omit the option to follow all characters."

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character, Part, rest_weights
 from engine_bridge.character.document import ARRAY_BUFFER, Document
-from engine_bridge.character.document_edits import own_mesh, show_all
 from engine_bridge.character.gltf_file import damaged
 from engine_bridge.character.own_targets import weights_over_time
+from engine_bridge.character.scene import own_mesh, show_all
 from engine_bridge.character.schema import Animation, Mesh, Node, Primitive
 from engine_bridge.character.surfaces.surface import MAX_COORDINATE
 from puppetline.errors import at
@@ -40,6 +40,19 @@ class Keyframes:
     weights: NDArray[np.float32]
     root: NDArray[np.float32] | None
     own: dict[str, NDArray[np.float32]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ExportResult:
+    """Numbers about an exported clip, see `engine_bridge.export.convert.Summary`."""
+
+    error: float
+    rms: float | None = None
+    targets: int = 0
+    bones: int = 0
+    following: int = 0
+    keyframes: int | None = None
+    notes: tuple[str, ...] = ()
 
 
 Displacements = Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32] | None]]
@@ -190,9 +203,7 @@ def add_channel(
     animation["channels"].append({"sampler": len(animation["samplers"]) - 1, "target": {"node": node, "path": path}})
 
 
-def hold_targets(
-    document: Document, animation: Animation, clock: int, keyframes: Keyframes, character: Character
-) -> None:
+def hold_targets(document: Document, keyframes: Keyframes, character: Character) -> None:
     """Add channels for the weights of a character's own morph targets: those that are moved, and the others at rest.
 
     Godot ignores the rest weights of a mesh, but not those of an animation.
@@ -200,18 +211,17 @@ def hold_targets(
     Parameters
     ----------
     document : Document
-    animation : Animation
-    clock : int
-        Accessor of the keyframes' times.
+        Without animations, there is nothing to add to.
     keyframes : Keyframes
     character : Character
     """
     gltf = document.gltf
-    for node in dict.fromkeys(part.node for part in character.parts):
+    for node in dict.fromkeys(part.node for part in character.parts) if gltf["animations"] else ():
+        animation = gltf["animations"][0]
         mesh = gltf["meshes"][gltf["nodes"][node]["mesh"]]
         held = weights_over_time(mesh, rest_weights(gltf["nodes"][node], mesh), keyframes.own, len(keyframes.times))
         if held.any():
-            add_channel(document, animation, clock, held.ravel(), node, "weights")
+            add_channel(document, animation, animation["samplers"][0]["input"], held.ravel(), node, "weights")
 
 
 def add_root(document: Document) -> int:

@@ -1,31 +1,16 @@
 """Export of a clip in each form: morph targets, one target per keyframe, or joints."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.document import Document
 from engine_bridge.export import frames_animation, morph_basis
-from engine_bridge.export.animation import Keyframes, animate
+from engine_bridge.export.animation import ExportResult, Keyframes, animate
 from engine_bridge.export.rig_export import export_rig
 from engine_bridge.performance.channels import morph_weights
 from engine_bridge.performance.clip import Clip, Progress
 from engine_bridge.performance.settings import Settings
 from solver.model.batch import BatchBinding
-
-
-@dataclass(frozen=True)
-class ExportResult:
-    """Numbers about an exported clip, see `engine_bridge.export.convert.Summary`."""
-
-    error: float
-    rms: float | None = None
-    targets: int = 0
-    bones: int = 0
-    following: int = 0
-    keyframes: int | None = None
-    notes: tuple[str, ...] = ()
 
 
 def export_clip(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
@@ -47,7 +32,8 @@ def export_clip(clip: Clip, name: str, settings: Settings, progress: Progress) -
     """
     form = settings.for_puppet(clip.rig.puppet).form
     if form == "rig":
-        return _as_rig(clip, name, settings, progress)
+        no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
+        return export_rig(clip, _keyframes(clip, name, no_weights), settings, progress)
     return _as_frames(clip, name, progress) if form == "frames" else _as_morph(clip, name, settings, progress)
 
 
@@ -80,17 +66,3 @@ def _as_frames(clip: Clip, name: str, progress: Progress) -> tuple[Document, Exp
     keyframes = _keyframes(clip, name, np.eye(count, dtype=np.float32))  # hat functions with linear interpolation
     document = animate(rig.character, keyframes, displacements)
     return document, ExportResult(error=0.0, targets=count)
-
-
-def _as_rig(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
-    no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
-    exported = export_rig(clip, _keyframes(clip, name, no_weights), settings, progress)
-    diagonal = float(clip.rig.model.diagonal)
-    return exported.document, ExportResult(
-        exported.error / diagonal,
-        None if exported.rms is None else exported.rms / diagonal,
-        bones=exported.joints.animated,
-        following=exported.joints.following,
-        keyframes=exported.keyframes,
-        notes=exported.notes,
-    )

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
 
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import influences, local_transform, tree
@@ -17,9 +18,6 @@ from engine_bridge.export.key_thinning import interpolated, thin
 
 THINNING_SHARES = (0.8, 0.4, 0.2, 0.1, 0.0)
 """Shares of the tolerance for omitted keyframes; the first one whose result is within the tolerance is used."""
-
-NEARLY_EQUAL = 1 - 1e-9
-"""Cosine of half the angle above which rotations are interpolated linearly."""
 
 Tracks = dict[tuple[int, str], NDArray[np.float32]]
 """Node and path to values (F, width) in all frames."""
@@ -110,36 +108,22 @@ def _moved(
         local = np.tile(local_transform(document.gltf["nodes"][node]), (count, 1, 1))
         own = document.gltf["nodes"][node]
         if (node, "rotation") in tracks:
-            local[:, :3, :3] = _matrices(tracks[node, "rotation"]) * np.array(own.get("scale", [1.0, 1.0, 1.0]))
+            local[:, :3, :3] = Rotation.from_quat(tracks[node, "rotation"]).as_matrix() * np.array(
+                own.get("scale", [1.0, 1.0, 1.0])
+            )
         if (node, "translation") in tracks:
             local[:, :3, 3] = tracks[node, "translation"]
         world[node] = local if parent is None else world[parent] @ local
     return np.concatenate([corners @ world[node].swapaxes(1, 2) for node, corners in boxes], axis=1)[:, :, :3]
 
 
-def _matrices(quaternions: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Return rotation matrices (F, 3, 3) of quaternions, whose length players assume to be 1."""
-    x, y, z, w = quaternions.T.astype(np.float64)
-    zero = np.zeros_like(x)
-    cross = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
-    square = cross @ cross
-    return np.eye(3) + 2 * (w[:, None, None] * cross + square)
-
-
 def _played(path: str, values: NDArray[np.float32], kept: NDArray[np.int64]) -> NDArray[np.float32]:
     """Return values in all frames by linear interpolation, which for rotations is along the shortest arc."""
     if path != "rotation":
         return interpolated(values, kept)
-    frames = np.arange(kept[-1] + 1)
-    before = np.clip(np.searchsorted(kept, frames, side="right") - 1, 0, max(len(kept) - 2, 0))
-    after = np.minimum(before + 1, len(kept) - 1)
-    share = ((frames - kept[before]) / np.maximum(kept[after] - kept[before], 1))[:, None]
-    a, b = values[before].astype(np.float64), values[after].astype(np.float64)
-    cosine = np.einsum("fc,fc->f", a, b)[:, None]
-    b, cosine = np.where(cosine < 0, -b, b), np.minimum(np.abs(cosine), 1)
-    angle = np.arccos(np.minimum(cosine, NEARLY_EQUAL))
-    arc = (np.sin((1 - share) * angle) * a + np.sin(share * angle) * b) / np.sin(angle)
-    return np.where(cosine > NEARLY_EQUAL, (1 - share) * a + share * b, arc).astype(np.float32)
+    if len(kept) == 1:
+        return values[[0]]
+    return Slerp(kept, Rotation.from_quat(values))(np.arange(kept[-1] + 1)).as_quat().astype(np.float32)
 
 
 def _rewrite(document: Document, animation: Animation, times: NDArray[np.float32], stored: Tracks) -> None:

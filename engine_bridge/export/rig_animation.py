@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from engine_bridge.character.document import Document
-from engine_bridge.character.document_edits import show_all
-from engine_bridge.character.scene import local_transform, rotation_matrix, tree, world_transforms
+from engine_bridge.character.scene import local_transform, rotation_matrix, show_all, tree, world_transforms
 from engine_bridge.character.schema import Animation
 from engine_bridge.export.animation import Keyframes, add_channel
 from engine_bridge.performance.frame_store import Frames

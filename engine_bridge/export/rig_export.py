@@ -1,12 +1,12 @@
 """Export of a clip as an animation of named joints, of the file's own skeleton or of a rig that is made."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from capture.skeleton import swap_sides
 from engine_bridge.character.document import Document
-from engine_bridge.export.animation import Keyframes, hold_targets
+from engine_bridge.export.animation import ExportResult, Keyframes, hold_targets
 from engine_bridge.export.finger_animation import bend_fingers
 from engine_bridge.export.motion_thinning import thin_motion
 from engine_bridge.export.rig_animation import RigAnimation, animate_rig
@@ -23,19 +23,9 @@ MAX_COMPARED_FRAMES = 400
 """Approximate maximum number of frames in which a made rig is compared with the solver's surface."""
 
 
-@dataclass(frozen=True)
-class RigExport:
-    """An exported rig, see `engine_bridge.export.clip_export.ExportResult`; errors are in mesh units."""
-
-    document: Document
-    joints: RigAnimation
-    keyframes: int
-    error: float
-    rms: float | None
-    notes: tuple[str, ...]
-
-
-def export_rig(clip: Clip, keyframes: Keyframes, settings: Settings, progress: Progress) -> RigExport:
+def export_rig(
+    clip: Clip, keyframes: Keyframes, settings: Settings, progress: Progress
+) -> tuple[Document, ExportResult]:
     """Animate the joints of the file's own skeleton, or of a new one if no limb of the puppet is along it.
 
     Parameters
@@ -47,25 +37,22 @@ def export_rig(clip: Clip, keyframes: Keyframes, settings: Settings, progress: P
     progress : callable
     """
     own = own_bones(clip.rig.character, clip.rig.puppet.limbs)
-    exported = _of_own(clip, keyframes, own) if own is not None else _of_made(clip, keyframes, progress)
-    document, diagonal = exported.document, float(clip.rig.model.diagonal)
-    count, error = exported.keyframes, exported.error
+    document, result = _of_made(clip, keyframes, progress) if own is None else _of_own(clip, keyframes, own)
     if settings.max_error and document.gltf["animations"]:
+        diagonal = float(clip.rig.model.diagonal)
         count, more = thin_motion(document, settings.max_error * diagonal)
-        error += more
+        result = replace(result, keyframes=count, error=result.error + more / diagonal)
     progress("Turning joints", 1.0)
-    return RigExport(document, exported.joints, count, error, exported.rms, exported.notes)
+    return document, result
 
 
-def _of_own(clip: Clip, keyframes: Keyframes, bones: RigBones) -> RigExport:
+def _of_own(clip: Clip, keyframes: Keyframes, bones: RigBones) -> tuple[Document, ExportResult]:
     """Animate the file's own skeleton."""
     document, moved = animate_rig(clip.rig.character.document, keyframes, bones, clip.motions)
-    if keyframes.own and document.gltf["animations"]:
-        animation = document.gltf["animations"][0]
-        hold_targets(document, animation, animation["samplers"][0]["input"], keyframes, clip.rig.character)
+    if keyframes.own:
+        hold_targets(document, keyframes, clip.rig.character)
     if clip.timeline.channels and document.gltf["animations"]:
-        mirror, channels = clip.rig.puppet.retarget.mirror, clip.timeline.channels
-        bend_fingers(document, {swap_sides(each): channels[each] for each in channels} if mirror else channels)
+        bend_fingers(document, clip.timeline.channels)
     notes = []
     if bones.missing:
         notes.append(
@@ -78,10 +65,10 @@ def _of_own(clip: Clip, keyframes: Keyframes, bones: RigBones) -> RigExport:
             f"The scale above {', '.join(moved.uneven)} differs by axis, so that the rotation of these joints is "
             "approximate. Use --as morph for the exact motion."
         )
-    return RigExport(document, moved, len(clip.frames), moved.error, None, tuple(notes))
+    return document, _result(clip, moved, 0.0, None, notes)
 
 
-def _of_made(clip: Clip, keyframes: Keyframes, progress: Progress) -> RigExport:
+def _of_made(clip: Clip, keyframes: Keyframes, progress: Progress) -> tuple[Document, ExportResult]:
     """Rig the character, and animate the rig."""
     rig = clip.rig
     made = made_rig(rig, lambda share: progress("Fitting skin weights", share))
@@ -90,17 +77,17 @@ def _of_made(clip: Clip, keyframes: Keyframes, progress: Progress) -> RigExport:
     if rig.puppet.handle:
         motions = with_handles(rig, clip.frames[:], motions).astype(np.float32)
     document, moved = animate_rig(rigged, keyframes, bones_of_joints(made.skeleton, nodes, motions.shape[1]), motions)
-    if document.gltf["animations"]:
-        animation = document.gltf["animations"][0]
-        clock = animation["samplers"][0]["input"]
-        hold_targets(document, animation, clock, keyframes, rig.character)
+    hold_targets(document, keyframes, rig.character)
     stride = -(-len(motions) // MAX_COMPARED_FRAMES)
     of_bones = Weights(made.weights.weights, made.skeleton.bones[made.weights.bones].astype(np.uint16))
-    rms, error = (
-        float(rig.model.diagonal) * each
-        for each in distances(rig, of_bones, rig.mesh.vertices, clip.frames[::stride], motions[::stride])
-    )
-    return RigExport(document, moved, len(clip.frames), error + moved.error, rms, notes)
+    rms, error = distances(rig, of_bones, rig.mesh.vertices, clip.frames[::stride], motions[::stride])
+    return document, _result(clip, moved, error, rms, notes)
+
+
+def _result(clip: Clip, moved: RigAnimation, error: float, rms: float | None, notes: Sequence[str]) -> ExportResult:
+    """Return the numbers of an animation, whose joints may be away from where their bones take them."""
+    error += moved.error / float(clip.rig.model.diagonal)
+    return ExportResult(error, rms, 0, moved.animated, moved.following, len(clip.frames), tuple(notes))
 
 
 def bones_of_joints(skeleton: Skeleton, nodes: list[int], bones: int) -> RigBones:

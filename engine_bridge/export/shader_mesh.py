@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from engine_bridge.character.drawn_normals import drawn_normals
+from engine_bridge.character.materials import drawn_normals
 from engine_bridge.export.flattened import flatten
 from engine_bridge.performance.rig import load_rig
 from puppetline.errors import PuppetError, at

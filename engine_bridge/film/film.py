@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from PIL import ImageColor
 
 from engine_bridge.character import own_targets
-from engine_bridge.character.drawn_normals import drawn_normals
-from engine_bridge.character.materials import materials_of
+from engine_bridge.character.materials import drawn_normals, materials_of
 from engine_bridge.character.surfaces.surface import srgb_to_linear
 from engine_bridge.film import overlays
 from engine_bridge.film.actor import Actor

@@ -59,22 +59,13 @@ def _puppet(path: Path) -> dict[str, Any]:
         "character": puppet.character.mesh,
         "mesh_found": mesh.is_file(),
         "limbs": {
-            limb.name: {
-                "points": [list(point) for point in limb.points],
-                "joints": [list(joints) for joints in limb.driven_by],
-                "follow": limb.follow,
-                "gain": limb.gain,
-                "parent": puppet.limb_parents[limb.name],
-            }
+            limb.name: limb.model_dump(mode="json", include={"points", "follow", "gain"})
+            | {"joints": [list(joints) for joints in limb.driven_by], "parent": puppet.limb_parents[limb.name]}
             for limb in puppet.limb
         },
         "handles": {
-            handle.name: {
-                "position": list(handle.position),
-                "joints": list(handle.driven_by),
-                "axes": handle.axes,
-                "gain": handle.gain,
-            }
+            handle.name: handle.model_dump(mode="json", include={"position", "axes", "gain"})
+            | {"joints": list(handle.driven_by)}
             for handle in puppet.handle
         },
         "root": None if puppet.root is None else puppet.root.model_dump(),

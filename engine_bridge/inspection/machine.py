@@ -8,6 +8,7 @@ that is plugged in. Anything else that is missing is optional, and `Finding.fix`
 import errno
 import os
 import platform
+import re
 import shutil
 import socket
 import sys
@@ -16,34 +17,15 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 
 from engine_bridge.inspection import sensors
 from engine_bridge.inspection.finding import Finding
 from puppetline.errors import PuppetlineError
 
-LIBRARIES: dict[str, str] = {
-    "aiohttp": "aiohttp",
-    "click": "click",
-    "libigl": "igl",
-    "msgpack": "msgpack",
-    "numba": "numba",
-    "numpy": "numpy",
-    "pillow": "PIL",
-    "platformdirs": "platformdirs",
-    "prometheus-client": "prometheus_client",
-    "psutil": "psutil",
-    "pydantic": "pydantic",
-    "python-osc": "pythonosc",
-    "pyzmq": "zmq",
-    "rich": "rich",
-    "robust-laplacian": "robust_laplacian",
-    "scipy": "scipy",
-    "tomlkit": "tomlkit",
-    "zeroconf": "zeroconf",
-}
-"""Distributions that Puppetline requires, and their modules."""
+MODULES = {"libigl": "igl", "pillow": "PIL", "python-osc": "pythonosc", "pyzmq": "zmq"}
+"""Modules of the required distributions whose modules have other names."""
 
 PORTS: tuple[tuple[str, int, str], ...] = (
     ("tcp", 7400, "stream"),
@@ -100,12 +82,18 @@ def text(findings: Sequence[Finding]) -> str:
     return "\n".join(lines)
 
 
+def required() -> list[str]:
+    """Return the distributions that Puppetline requires on every system."""
+    return [re.split("[^a-z-]", each)[0] for each in requires("puppetline") or () if ";" not in each]
+
+
 def _python() -> Finding:
     return Finding("Python", sys.version_info >= (3, 11), f"{platform.python_version()}, {platform.platform()}")
 
 
 def _libraries() -> Iterator[Finding]:
-    for distribution, module in LIBRARIES.items():
+    for distribution in required():
+        module = MODULES.get(distribution, distribution.replace("-", "_"))
         try:
             import_module(module)
             detail = version(distribution)

@@ -77,18 +77,15 @@ def examine() -> Iterator[Finding]:
     schemes = {kind.scheme for kind, _, _ in plugged}
     yield from _cameras()
     yield from _depth_sensors(plugged)
-    yield _library("libfreenect", _kinects, "freenect:", needed="freenect:" in schemes)
-    yield _library("OpenNI 2", _openni, "openni:", needed="openni:" in schemes)
-    yield from _openni_sensors()
-    yield _library("librealsense", _realsense, "realsense:", needed="realsense:" in schemes)
-    yield from _realsense_sensors()
-    yield _library("Orbbec SDK", _orbbec, "orbbec:", needed="orbbec:" in schemes)
-    yield from _orbbec_sensors()
+    yield from _library("libfreenect", _kinects, "freenect:", needed="freenect:" in schemes)
+    yield from _library("OpenNI 2", _openni, "openni:", needed="openni:" in schemes)
+    yield from _library("librealsense", _realsense, "realsense:", needed="realsense:" in schemes)
+    yield from _library("Orbbec SDK", _orbbec, "orbbec:", needed="orbbec:" in schemes)
     tracks = bool({"freenect:", "orbbec:", "realsense:"} & schemes) or (
         "openni:" in schemes and nite.library_path() is None
     )
-    yield _library("MediaPipe", _mediapipe, "camera:, video: and depth sensors", needed=tracks)
-    yield _library("OpenCV", _opencv, "camera: and video:", needed=False)
+    yield from _library("MediaPipe", _mediapipe, "camera:, video: and depth sensors", needed=tracks)
+    yield from _library("OpenCV", _opencv, "camera: and video:", needed=False)
     yield _nite()
 
 
@@ -150,25 +147,31 @@ def _depth_sensors(plugged: list[tuple[Kind, Path, str]]) -> Iterator[Finding]:
             )
 
 
-def _library(name: str, look: Callable[[str], str], use: str, *, needed: bool) -> Finding:
+def _library(name: str, look: Callable[[str], str | list[Finding]], use: str, *, needed: bool) -> Iterator[Finding]:
     """Report what `look` returns about an optional library, or why the library cannot be used.
 
     Parameters
     ----------
     name : str
     look : callable
-        Loads the library and returns the detail; raises a SourceError if it cannot be used.
+        Loads the library and returns the detail, or the sensors that the library finds; raises a SourceError if it
+        cannot be used.
     use : str
         Sources that require it.
     needed : bool
         Whether something that is plugged in requires it.
     """
     try:
-        return Finding(name, True, look(name))
+        found = look(name)
     except NotInstalledError as error:
-        return Finding(name, False if needed else None, f"not installed; required by {use}", error.fix)
+        yield Finding(name, False if needed else None, f"not installed; required by {use}", error.fix)
     except SourceError as error:
-        return Finding(name, False, error.found, error.fix)
+        yield Finding(name, False, error.found, error.fix)
+    else:
+        sensors = [] if isinstance(found, str) else found
+        count = f"installed; {len(sensors) or 'no'} sensor{'s' * (len(sensors) > 1)} plugged in"
+        yield Finding(name, True, found if isinstance(found, str) else count)
+        yield from sensors
 
 
 def _kinects(name: str) -> str:
@@ -178,61 +181,41 @@ def _kinects(name: str) -> str:
     return f"installed; {count or 'no'} Kinect v1 plugged in"
 
 
-def _openni(name: str) -> str:
-    count = len(openni_library.sensor_uris(openni_library.load_openni2(name)))
-    return f"installed; {count or 'no'} sensor{'s' * (count > 1)} plugged in"
-
-
-def _openni_sensors() -> Iterator[Finding]:
+def _openni(name: str) -> list[Finding]:
     """Return the sensors that OpenNI2 finds, by the URIs of their sources."""
-    try:
-        found = openni_library.list_sensors("OpenNI 2")
-    except SourceError:  # reported with the library
-        return
-    for sensor in found:
+    findings = []
+    for sensor in openni_library.list_sensors(name):
         uri = f"openni:uri={sensor.uri}"
         if sensor.error is not None:
-            yield Finding(uri, None, f"{sensor.name}, {sensor.error.found}", sensor.error.fix)
+            findings.append(Finding(uri, None, f"{sensor.name}, {sensor.error.found}", sensor.error.fix))
         elif sensor.serial:
-            yield Finding(f"openni:serial={sensor.serial}", True, f"{sensor.name}, also {uri}")
+            findings.append(Finding(f"openni:serial={sensor.serial}", True, f"{sensor.name}, also {uri}"))
         else:
-            yield Finding(uri, True, f"{sensor.name}, which has no serial number")
+            findings.append(Finding(uri, True, f"{sensor.name}, which has no serial number"))
+    return findings
 
 
-def _realsense(name: str) -> str:
-    count = len(realsense.plugged_in(realsense.load_realsense(name)))
-    return f"installed; {count or 'no'} sensor{'s' * (count > 1)} plugged in"
-
-
-def _realsense_sensors() -> Iterator[Finding]:
+def _realsense(where: str) -> list[Finding]:
     """Return the sensors that librealsense finds, by the URIs of their sources."""
-    try:
-        library = realsense.load_realsense("librealsense")
-    except SourceError:  # reported with the library
-        return
+    library = realsense.load_realsense(where)
+    findings = []
     for device in realsense.plugged_in(library):
         name, serial, firmware, usb = (
             realsense.information(library, device, each)
             for each in ("name", "serial_number", "firmware_version", "usb_type_descriptor")
         )
-        yield Finding(f"realsense:serial={serial}", True, f"{name}, firmware {firmware}, USB {usb}")
+        findings.append(Finding(f"realsense:serial={serial}", True, f"{name}, firmware {firmware}, USB {usb}"))
+    return findings
 
 
-def _orbbec(name: str) -> str:
-    count = len(orbbec.plugged_in(orbbec.load_orbbec(name)))
-    return f"installed; {count or 'no'} sensor{'s' * (count > 1)} plugged in"
-
-
-def _orbbec_sensors() -> Iterator[Finding]:
+def _orbbec(name: str) -> list[Finding]:
     """Return the sensors that Orbbec's SDK finds, by the URIs of their sources."""
-    try:
-        library = orbbec.load_orbbec("Orbbec SDK")
-    except SourceError:  # reported with the library
-        return
-    for device in orbbec.plugged_in(library):
+    findings = []
+    for device in orbbec.plugged_in(orbbec.load_orbbec(name)):
         about = device.get_device_info()
         detail = f"{about.get_name()}, firmware {about.get_firmware_version()}, {about.get_connection_type()}"
-        yield Finding(f"orbbec:serial={about.get_serial_number()}", True, detail)
+        findings.append(Finding(f"orbbec:serial={about.get_serial_number()}", True, detail))
+    return findings
 
 
 def _nite() -> Finding:

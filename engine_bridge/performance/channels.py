@@ -4,6 +4,7 @@ import wave
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy
@@ -11,14 +12,14 @@ from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.events import Cue
-from capture.skeleton import LOST
+from capture.skeleton import LOST, swap_sides
 from capture.sound import read_wav
 from capture.timeline import Timeline
 from capture.voice import voice_of
 from engine_bridge.performance.easing import TargetPose
 from engine_bridge.puppet.puppet import Puppet
 from solver.model.bones import Bones
-from solver.motion.limbs import TRUNK, parents_first
+from solver.motion.limbs import TRUNK, bone_ranges
 
 
 def with_voice(timeline: Timeline, clip: SkeletonClip, log: Path) -> tuple[Timeline, tuple[str, ...]]:
@@ -70,6 +71,21 @@ def sound_cue(cue: Cue) -> tuple[str, float] | None:
     return (Path(file).name, float(begin)) if isinstance(file, str) and isinstance(begin, int | float) else None
 
 
+def sided(channels: Mapping[str, Any] | None, mirror: bool) -> Mapping[str, Any] | None:
+    """Return the performer's channels as the character has them: of the other side if it mirrors the performer."""
+    return {swap_sides(name): values for name, values in channels.items()} if channels and mirror else channels
+
+
+def ranged(puppet: Puppet, channels: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values or arrays of channels, those with a table ``[[channel]]`` within its range, from 0 to 1."""
+    scaled = {
+        each.name: np.clip((channels[each.name] - each.neutral) / (each.full - each.neutral), 0, 1)
+        for each in puppet.channel
+        if each.name in channels
+    }
+    return {**channels, **scaled}
+
+
 class ChannelMotion:
     """Limbs that channels bend, such as a jaw that opens with the voice, and handles that channels move.
 
@@ -81,22 +97,19 @@ class ChannelMotion:
     """
 
     def __init__(self, puppet: Puppet, bones: Bones) -> None:
-        tables = {limb.name: limb.bend for limb in puppet.limb}
+        self._puppet = puppet
         self._bends: list[tuple[str, NDArray[np.float64], NDArray[np.float64], list[int]]] = []
         self._handles = [
             (number, each.channel, each.moves) for number, each in enumerate(puppet.handle) if each.channel
         ]
-        self._trunk: int | None = None
-        first = 0
-        for limb in parents_first(puppet.limbs):
-            table = tables[limb.name]
-            if limb.name == TRUNK:
-                self._trunk = first
-            if table is not None:
+        ranges = bone_ranges(puppet.limbs)
+        self._trunk = ranges[TRUNK].start if TRUNK in ranges else None
+        for limb in sorted(puppet.limb, key=lambda limb: ranges[limb.name].start):
+            if limb.bend is not None:
+                first = ranges[limb.name].start
                 moved = [first]
                 moved += [bone for bone in range(first + 1, len(bones)) if _hangs_on(bones, bone, first)]
-                self._bends.append((table.channel, table.turn, bones.heads[first], moved))
-            first += len(limb.points) - 1
+                self._bends.append((limb.bend.channel, limb.bend.turn, bones.heads[first], moved))
 
     def moved(self, pose: TargetPose, channels: Mapping[str, float] | None) -> TargetPose:
         """Return a pose with all bends and moved handles.
@@ -105,6 +118,7 @@ class ChannelMotion:
         """
         if not channels or not (self._bends or self._handles):
             return pose
+        channels = ranged(self._puppet, channels)
         return TargetPose(self._targets(pose, channels), self._motions(pose.motions, channels), pose.root)
 
     def _targets(self, pose: TargetPose, channels: Mapping[str, float]) -> NDArray[np.float64]:
@@ -144,9 +158,10 @@ def _square(motion: NDArray[np.float64]) -> NDArray[np.float64]:
 def morph_weights(puppet: Puppet, channels: Mapping[str, NDArray[np.float32]] | None) -> dict[str, NDArray[np.float32]]:
     """Return the weights (T,) of the morph targets that channels move, within [0, 1], by target."""
     weights: dict[str, NDArray[np.float32]] = {}
+    values = ranged(puppet, channels or {})
     for morph in puppet.morph:
-        if channels and morph.channel in channels:
-            moved = np.float32(morph.gain) * channels[morph.channel]
+        if morph.channel in values:
+            moved = np.float32(morph.gain) * values[morph.channel]
             weights[morph.target] = np.clip(weights.get(morph.target, 0) + moved, 0, 1)
     return weights
 

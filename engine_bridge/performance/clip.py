@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +14,13 @@ from capture.clip import SkeletonClip
 from capture.formats import read_log
 from capture.skeleton import JOINTS, LOST
 from capture.timeline import Timeline, choose, resample
-from engine_bridge.performance.channels import with_voice
+from engine_bridge.performance.calibration import TakeCalibration, of_performer
+from engine_bridge.performance.channels import sided, with_voice
+from engine_bridge.performance.easing import TargetPose
 from engine_bridge.performance.frame_store import FrameStore
-from engine_bridge.performance.performance import Performance, mirrored
-from engine_bridge.performance.retargeting import RetargetedFrame
+from engine_bridge.performance.performance import Performance, Pose, mirrored
 from engine_bridge.performance.rig import Rig
 from engine_bridge.performance.settings import Settings
-from engine_bridge.performance.take_calibration import TakeCalibration, of_performer
 from engine_bridge.puppet.puppet import Puppet
 from puppetline.errors import SkeletonLogError, at
 from solver.model.batch import BatchBinding
@@ -67,6 +67,7 @@ class Clip:
     ----------
     rig : Rig
     timeline : Timeline
+        Its channels are those of the character, see `channels_of`.
     frames : FrameStore
         (F, 4m, 3) float32: control variables, model units.
     root : (F, 3) float32
@@ -176,17 +177,8 @@ def _calibrated(timeline: Timeline, clip: SkeletonClip, found: Sequence[TakeCali
         math.ceil((each.time - start) * timeline.fps): (pose, each.mirror)
         for each, pose in zip(found[1:], poses[1:], strict=True)
     }
-    return TakeTimeline(
-        timeline.fps,
-        timeline.positions,
-        timeline.confidence,
-        timeline.gaps,
-        timeline.orientations,
-        rest=poses[0],
-        channels=timeline.channels,
-        mirror=found[0].mirror,
-        later=later,
-    )
+    kept: dict[str, Any] = {each.name: getattr(timeline, each.name) for each in fields(Timeline)} | {"rest": poses[0]}
+    return TakeTimeline(**kept, mirror=found[0].mirror, later=later)
 
 
 def resting_pose(timeline: Timeline, settings: Settings) -> NDArray[np.float64]:
@@ -213,24 +205,6 @@ def reference_pose(puppet: Puppet, timeline: Timeline, settings: Settings) -> ND
     return body.upright(pose) if turns and not calibrated else pose
 
 
-class Solved(NamedTuple):
-    """Solved frames.
-
-    Attributes
-    ----------
-    R : (f, 4m, 3) float32
-        Control variables, model units.
-    root : (f, 3) float32
-        Translation, mesh file's coordinates.
-    motions : (f, b, 4, 3) float32
-        Motions of the bones for row vectors, mesh file's coordinates, without the root's.
-    """
-
-    R: NDArray[np.float32]
-    root: NDArray[np.float32]
-    motions: NDArray[np.float32]
-
-
 def performance_of(rig: Rig, timeline: Timeline, settings: Settings) -> Performance:
     """Return the performance of a timeline before its first frame, mirrored as the take was."""
     mirror = timeline.mirror if isinstance(timeline, TakeTimeline) else None
@@ -238,19 +212,33 @@ def performance_of(rig: Rig, timeline: Timeline, settings: Settings) -> Performa
     return Performance(mirrored(rig.puppet, mirror), rig.mesh, rig.model, rest)
 
 
-def aim_at(performance: Performance, timeline: Timeline, number: int) -> RetargetedFrame:
+def channels_of(rig: Rig, timeline: Timeline) -> dict[str, NDArray[np.float32]]:
+    """Return the channels (T,) of a timeline as the character has them, mirrored while the take mirrors."""
+    channels, mirror = timeline.channels or {}, rig.puppet.retarget.mirror
+    if not isinstance(timeline, TakeTimeline):
+        return dict(sided(channels, mirror) or {})
+    first = mirror if timeline.mirror is None else timeline.mirror
+    mirrors = np.full(len(timeline.positions), first)
+    for number, (_, later) in sorted(timeline.later.items()):
+        mirrors[max(number, 0) :] = mirrors[number - 1] if later is None else later
+    other, still = sided(channels, True) or {}, np.zeros(len(mirrors), np.float32)
+    names = [*channels, *(name for name in other if name not in channels)]
+    return {name: np.where(mirrors, other.get(name, still), channels.get(name, still)) for name in names}
+
+
+def aim_at(performance: Performance, timeline: Timeline, number: int) -> TargetPose:
     """Return what the performance of a timeline aims at in its next frame, with the take's calibrations."""
     if isinstance(timeline, TakeTimeline) and number in timeline.later:
         performance.calibrate(number / timeline.fps, *timeline.later[number])
     return performance.aim(timeline.frame(number))
 
 
-def solve(rig: Rig, timeline: Timeline, settings: Settings, chunk_size: int) -> Iterator[Solved]:
+def solve(rig: Rig, timeline: Timeline, settings: Settings, chunk_size: int) -> Iterator[Pose]:
     """Solve all frames of a timeline.
 
     Yields
     ------
-    Solved
+    Pose
         The next frames, at most `chunk_size`.
     """
     performance = performance_of(rig, timeline, settings)
@@ -268,7 +256,7 @@ def solve(rig: Rig, timeline: Timeline, settings: Settings, chunk_size: int) -> 
                 aim.root,
                 aim.motions,
             )
-        yield Solved(R, root, motions)
+        yield Pose(R, root, motions)
 
 
 def part_of(timeline: Timeline, settings: Settings) -> tuple[int, int]:
@@ -279,14 +267,14 @@ def part_of(timeline: Timeline, settings: Settings) -> tuple[int, int]:
     return min(round(settings.start * timeline.fps), last - MIN_CLIP_FRAMES + 1), last + 1
 
 
-def _between(first: int, end: int, chunks: Iterator[Solved]) -> Iterator[Solved]:
+def _between(first: int, end: int, chunks: Iterator[Pose]) -> Iterator[Pose]:
     """Yield the frames from number `first` to the one before `end`."""
     number = 0
     for chunk in chunks:
         inside = slice(max(first - number, 0), end - number)
         number += len(chunk.R)
         if number > first:
-            yield Solved(*(each[inside] for each in chunk))
+            yield Pose(*(each[inside] for each in chunk))
         if number >= end:
             return
 
@@ -328,6 +316,7 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
             f"The recording has no data for {', '.join(unknown)}; parts that only these joints move stay still.",
         )
     parts_apart = None if separation is None else separation.largest
+    timeline = replace(timeline, channels=channels_of(rig, timeline))
     return Clip(
         rig, timeline.part(first, end), frames, root, motions, stretch.percentiles(1, 50, 99), parts_apart, notes
     )

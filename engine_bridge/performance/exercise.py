@@ -12,7 +12,7 @@ from engine_bridge.performance.retargeting import fit_sizes
 from engine_bridge.performance.rig import Rig
 from solver.model.bones import Bones
 from solver.model.vectors import perpendicular
-from solver.motion.limbs import TRUNK, Limb, parents_first
+from solver.motion.limbs import TRUNK, Limb, bone_ranges
 from solver.motion.motion_blend import moved_by
 from solver.motion.retarget import soft_limit
 
@@ -104,8 +104,8 @@ class _Course:
         self._axes = _axes(puppet.limbs, deformer.bones)
         handles = self._mapping.axes & (self._mapping.matrix != 0).any(axis=1, keepdims=True)
         self.free = np.concatenate([handles, self._axes.any(axis=2)])
-        names = _names(puppet.limbs)
-        self._trunk = names.index(TRUNK) if TRUNK in names else None
+        ranges = bone_ranges(puppet.limbs)
+        self._trunk = ranges[TRUNK].start if TRUNK in ranges else None
 
     def solve(self, shares: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
         """Return the controls (F, 4m, 3) and the motions of the bones (F, b, 4, 3) for displacements (F, k, 3)."""
@@ -126,19 +126,14 @@ class _Course:
         return solved, motions
 
 
-def _names(limbs: Sequence[Limb]) -> list[str]:
-    """Return the names of the bones' limbs."""
-    return [limb.name for limb in parents_first(limbs) for _ in limb.points[1:]]
-
-
 def _axes(limbs: Sequence[Limb], bones: Bones) -> NDArray[np.float64]:
     """Return the rotation vectors (b, 3, 3) of each bone: two across it, and one along a bone of the trunk."""
-    out = np.zeros((len(bones), 3, 3))
-    for axes, name, along in zip(out, _names(limbs), (bones.tails - bones.heads) / bones.lengths[:, None], strict=True):
+    out, trunk = np.zeros((len(bones), 3, 3)), bone_ranges(limbs).get(TRUNK, ())
+    for bone, (axes, along) in enumerate(zip(out, (bones.tails - bones.heads) / bones.lengths[:, None], strict=True)):
         axes[0] = perpendicular(tuple(along))
         axes[1] = np.cross(along, axes[0])
-        axes[2] = along if name == TRUNK else 0.0
-        axes *= TRUNK_TURN_RADIANS if name == TRUNK else LIMB_TURN_RADIANS
+        axes[2] = along if bone in trunk else 0.0
+        axes *= TRUNK_TURN_RADIANS if bone in trunk else LIMB_TURN_RADIANS
     return out
 
 

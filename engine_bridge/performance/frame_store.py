@@ -3,7 +3,6 @@
 import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,10 +55,6 @@ class FrameStore:
         """Return the number of frames."""
         return self._count
 
-    @overload
-    def __getitem__(self, chosen: int) -> NDArray[np.float32]: ...
-    @overload
-    def __getitem__(self, chosen: slice | NDArray[np.integer]) -> NDArray[np.float32]: ...
     def __getitem__(self, chosen: int | slice | NDArray[np.integer]) -> NDArray[np.float32]:
         """Return frames as an array would."""
         numbers = np.arange(self._count)[chosen]

@@ -1,23 +1,22 @@
 """Retargeting and deformation of a character by one performer, frame by frame."""
 
-from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import SkeletonFrame
-from engine_bridge.performance.channels import ChannelMotion
+from engine_bridge.performance.channels import ChannelMotion, sided
 from engine_bridge.performance.easing import EASE_SECONDS, Easing, TargetPose
-from engine_bridge.performance.retargeting import RetargetedFrame, Retargeting
+from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.puppet.puppet import Puppet
 from solver.model.reduced_model import ReducedModel
 from solver.motion.deformer import Deformer
 from solver.surface.mesh import SolverMesh
 
 
-@dataclass(frozen=True)
-class Pose:
-    """Pose of a character in one frame.
+class Pose(NamedTuple):
+    """Pose of a character in a frame, or in each of f frames: all arrays then have a first axis f, and are float32.
 
     Attributes
     ----------
@@ -29,9 +28,9 @@ class Pose:
         Motions of the bones for row vectors, mesh file's coordinates, without the root's motion.
     """
 
-    R: NDArray[np.float64]
-    root: NDArray[np.float64]
-    motions: NDArray[np.float64]
+    R: NDArray[Any]
+    root: NDArray[Any]
+    motions: NDArray[Any]
 
 
 class Performance:
@@ -63,12 +62,10 @@ class Performance:
         self.retargeting = Retargeting(self._puppet, self._mesh, self.deformer, rest)
         self._easing.begin(time)
 
-    def aim(self, frame: SkeletonFrame) -> RetargetedFrame:
+    def aim(self, frame: SkeletonFrame) -> TargetPose:
         """Return the targets and motions of the next frame, moved by its channels."""
-        aim = self.retargeting.step(frame)
-        shown = self._easing.show(frame.time, TargetPose(aim.targets, aim.motions, aim.root))
-        moved = self._channels.moved(shown, frame.channels)
-        return replace(aim, targets=moved.targets, motions=moved.motions, root=moved.root)
+        shown = self._easing.show(frame.time, self.retargeting.step(frame))
+        return self._channels.moved(shown, sided(frame.channels, self._puppet.retarget.mirror))
 
     def step(self, frame: SkeletonFrame, out: NDArray[np.float64] | None = None) -> Pose:
         """Return the pose of the next frame.

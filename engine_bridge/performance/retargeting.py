@@ -6,7 +6,6 @@ and the rest is scaled to the character (`solver.motion.retarget`); handles move
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from capture import body, orientations
 from capture.skeleton import JOINT_INDEX, LIMBS, LOST, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
 from capture.smoothing import JointFilter
-from engine_bridge.performance.standing_legs import steps_of
+from engine_bridge.performance.easing import TargetPose
 from engine_bridge.puppet.puppet import Puppet, axis_mask
 from solver.model.bones import Bones
 from solver.motion.arms import Arm, Arms
@@ -22,34 +21,12 @@ from solver.motion.deformer import Deformer
 from solver.motion.feet import Feet, Leg
 from solver.motion.late_limbs import LateLimbs
 from solver.motion.limb_motion import LimbMotion
-from solver.motion.limbs import TRUNK, Performer, parents_first
+from solver.motion.limbs import TRUNK, Performer, bone_ranges, parents_first
 from solver.motion.motion_limits import limb_reach
 from solver.motion.retarget import Fit, Retargeter, SmoothReturn
+from solver.motion.step_plan import PerformersLegs, StandingLeg
 from solver.motion.steps import Steps
 from solver.surface.mesh import SolverMesh
-
-
-@dataclass(frozen=True, slots=True)
-class RetargetedFrame:
-    """Targets of a character's handles and motions of its bones in one frame.
-
-    Attributes
-    ----------
-    targets : (h, 3) float64
-        Targets of the handles without the root's motion, mesh file's coordinates.
-    motions : (b, 4, 3) float64
-        Motions of the bones for row vectors, mesh file's coordinates, without the root's motion.
-    root : (3,) float64
-        Translation of the whole character, mesh file's coordinates; zero if the puppet has no root.
-    joints : (20, 3) float64
-        Smoothed joints, metres, sensor coordinates.
-    """
-
-    targets: NDArray[np.float64]
-    motions: NDArray[np.float64]
-    root: NDArray[np.float64]
-    joints: NDArray[np.float64]
-
 
 PERFORMER = Performer(
     hips=(JOINT_INDEX["hip_left"], JOINT_INDEX["hip_right"]),
@@ -70,9 +47,15 @@ class Retargeting:
         Deformer of that mesh, used to find the reach of the handles and bones; it is not changed.
     rest : (20, 3) float64
         Performer's calibration pose, sensor coordinates, NaN for unknown joints.
+
+    Attributes
+    ----------
+    joints : (20, 3) float64
+        Smoothed joints of the performer in the last frame, sensor coordinates, NaN for unknown joints.
     """
 
     def __init__(self, puppet: Puppet, mesh: SolverMesh, deformer: Deformer, rest: NDArray[np.float64]) -> None:
+        self.joints = rest
         self._puppet = puppet
         self._basis = puppet.character.basis
         self._filter = JointFilter(puppet.smoothing.parameters)
@@ -96,10 +79,10 @@ class Retargeting:
         self._root_return = SmoothReturn(1)
         self._with_root = np.full_like(self._rest, np.nan)  # all joints when the root was last known
 
-    def step(self, frame: SkeletonFrame) -> RetargetedFrame:
+    def step(self, frame: SkeletonFrame) -> TargetPose:
         """Retarget the next frame, which is later than the previous one."""
-        joints = self._filter.step(frame.time, frame.positions, frame.confidence)
-        positions = self._to_character(joints)
+        self.joints = self._filter.step(frame.time, frame.positions, frame.confidence)
+        positions = self._to_character(self.joints)
         confidence = frame.confidence[OPPOSITE] if self._puppet.retarget.mirror else frame.confidence
         moved = np.zeros(3)
         if self._puppet.root is not None:
@@ -119,7 +102,7 @@ class Retargeting:
         if self._feet is not None:
             self._feet.step(frame.time, positions, confidence, motions, root)
         self._late.step(frame.time, motions, root)
-        return RetargetedFrame(targets, motions, root, joints)
+        return TargetPose(targets, motions, root)
 
     @property
     def standing(self) -> NDArray[np.float64]:
@@ -237,12 +220,8 @@ def _leg(puppet: Puppet, side: str) -> Leg | None:
 
 def pelvis_of(puppet: Puppet) -> int | None:
     """Return the first bone of the trunk if the trunk has several bones, else None."""
-    bone = 0
-    for limb in parents_first(puppet.limbs):
-        if limb.name == TRUNK and len(limb.points) > 2:
-            return bone
-        bone += len(limb.points) - 1
-    return None
+    bones = bone_ranges(puppet.limbs).get(TRUNK, range(0))
+    return bones.start if len(bones) > 1 else None
 
 
 def arms_of(puppet: Puppet, bones: Bones, rest: NDArray[np.float64]) -> Arms | None:
@@ -270,18 +249,75 @@ def arms_of(puppet: Puppet, bones: Bones, rest: NDArray[np.float64]) -> Arms | N
     return Arms(bones, left, right, float(performers), puppet.character.basis, space=space, meet=meet)
 
 
+SIDES = "left", "right"
+
+
+def steps_of(puppet: Puppet, bones: Bones, rest: NDArray[np.float64]) -> Steps | None:
+    """Return the steps of a puppet; None without legs that stand, without a root, or with free feet.
+
+    Parameters
+    ----------
+    puppet : Puppet
+    bones : Bones
+        Bones of its limbs.
+    rest : (20, 3) float64
+        Performer's calibration pose, NaN for unknown joints.
+    """
+    legs, trunk = _legs_and_trunk(puppet)
+    if not legs or puppet.root is None or puppet.root.feet == "free":
+        return None
+    performer = _performers_legs(rest)
+    basis = puppet.character.basis
+    metre = puppet.units_per_metre or _leg_length(legs, bones, basis) / performer.leg
+    forward = puppet.root.walk == "forward"
+    return Steps(bones, legs, trunk, performer, metre, basis, goes_forward=forward)
+
+
+def _legs_and_trunk(puppet: Puppet) -> tuple[list[StandingLeg], list[int]]:
+    """Return the legs that stand, and the bones of the trunk."""
+    legs, ranges = [], bone_ranges(puppet.limbs)
+    for limb in parents_first(puppet.limbs):
+        if limb.stands and limb.name != TRUNK:
+            arm = next((side for side in SIDES if _is_of(limb.joints, f"{side} arm")), None)
+            hand, shoulder = (-1, -1) if arm is None else (limb.joints[-1][0], JOINT_INDEX[f"shoulder_{arm}"])
+            legs.append(StandingLeg(tuple(ranges[limb.name]), hand, shoulder))
+    return legs, list(ranges.get(TRUNK, ()))
+
+
+def _is_of(joints: tuple[tuple[int, ...], ...], limb: str) -> bool:
+    """Return whether the last of a limb's joints belongs to a limb of the performer."""
+    return joints[-1][0] in {JOINT_INDEX[joint] for joint in LIMBS[limb]}
+
+
+def _performers_legs(rest: NDArray[np.float64]) -> PerformersLegs:
+    lengths = body.bone_lengths(rest)
+
+    def mean(*bones: str) -> float:
+        return float(sum(np.mean([lengths[f"{bone}_{side}"] for side in SIDES]) for bone in bones))
+
+    return PerformersLegs(
+        ankles=(JOINT_INDEX["ankle_left"], JOINT_INDEX["ankle_right"]),
+        hips=(JOINT_INDEX["hip_left"], JOINT_INDEX["hip_right"]),
+        leg=mean("knee", "ankle"),
+        arm=mean("elbow", "wrist", "hand"),
+    )
+
+
+def _leg_length(legs: list[StandingLeg], bones: Bones, basis: NDArray[np.float64]) -> float:
+    """Return the mean height of the hips over the ends of the legs."""
+    return float(np.mean([(bones.heads[leg.bones[0]] - bones.tails[leg.bones[-1]]) @ basis[1] for leg in legs]))
+
+
 def _chain(puppet: Puppet, side: str, *joints: str) -> tuple[int, int, tuple[int, ...]] | None:
     """Find a limb that follows the directions between three joints of one side, which are given by name.
 
     Returns the bone between the first two joints, the limb's last bone, and the joints at its tip.
     """
-    chain, first = tuple((JOINT_INDEX[f"{joint}_{side}"],) for joint in joints), 0
+    chain, ranges = tuple((JOINT_INDEX[f"{joint}_{side}"],) for joint in joints), bone_ranges(puppet.limbs)
     for limb in parents_first(puppet.limbs):
-        last = first + len(limb.points) - 2
-        for k in range(len(limb.joints) - 2):
+        for k, bone in enumerate(ranges[limb.name]):
             if limb.follow == "direction" and limb.joints[k : k + 3] == chain:
-                return first + k, last, limb.joints[-1]
-        first = last + 1
+                return bone, ranges[limb.name][-1], limb.joints[-1]
     return None
 
 

@@ -12,7 +12,7 @@ from engine_bridge.character.preparation import prepare
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.placement import check_handles, check_limbs
 from engine_bridge.puppet.puppet import Puppet
-from engine_bridge.puppet.skin_shares import skin_shares
+from engine_bridge.puppet.rig_bones import skin_shares
 from puppetline.errors import PuppetError, at
 from solver.model.reduced_model import ReducedModel
 from solver.motion.limbs import bones_of

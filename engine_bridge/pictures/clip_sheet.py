@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import JOINT_INDEX, mirrored, to_character_axes
+from engine_bridge.character.materials import preview_colors
 from engine_bridge.performance.clip import Clip
 from engine_bridge.performance.retargeting import legs_of
 from engine_bridge.performance.rig import Rig
@@ -87,8 +88,8 @@ def draw_character(
         limb.stands for limb in rig.puppet.limb
     ):  # what hangs from a hand may be lower than the feet
         view = replace(view, ground=float((rig.character.vertices @ basis[1]).min()))
-    images = []
+    images, colors = [], preview_colors(rig.character)
     for pose, way in zip(poses, ways, strict=True):
         along = replace(view, center=tuple(view.center + way))
-        images.append(render(pose, rig.character.triangles, along, size, rig.character.colors))
+        images.append(render(pose, rig.character.triangles, along, size, colors))
     return images

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from engine_bridge.character.character import Character
+from engine_bridge.character.materials import preview_colors
 from engine_bridge.pictures.contact_sheet import write_contact_sheet
 from engine_bridge.pictures.renderer import View, project, render
 from engine_bridge.puppet.puppet import HandleTable, LimbTable, Puppet
@@ -49,11 +50,12 @@ def draw(puppet: Puppet, character: Character, path: Path, title: str) -> None:
     """
     basis = puppet.character.basis
     vertices = character.vertices @ basis.T
+    colors = preview_colors(character)
     marks = [*map(_limb_mark, puppet.limb), *map(_handle_mark, puppet.handle)]
     images = []
     for angles in VIEWS.values():
         view = View.around(vertices, *angles)
-        picture = render(vertices, character.triangles, view, SIZE, character.colors)
+        picture = render(vertices, character.triangles, view, SIZE, colors)
         if puppet.limb:
             picture = np.round(picture + FADING * (255.0 - picture)).astype(np.uint8)
         image = Image.fromarray(picture)

@@ -7,14 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.pictures.lighting import Lights, dome_lights
-from engine_bridge.pictures.rasteriser import (
-    barycentric,
-    camera_axes,
-    interpolate,
-    pixel_matrix,
-    rasterise,
-    transform,
-)
+from engine_bridge.pictures.rasteriser import barycentric, camera_axes, interpolate, pixel_matrix, rasterise, transform
 from puppetline.compiled import compiled
 
 SUPERSAMPLING = 2

@@ -133,37 +133,33 @@ def _overlay(title: str, picture: Picture, pixels: NDArray[np.uint8], performers
 
 def _front_panel(performers: list[PerformerReport]) -> _Panel:
     """Draw performers as seen from the sensor, with heights above the lowest foot."""
-    panel = _Panel("from the front, the performer's right hand on your left", (PANEL_HEIGHT, PANEL_HEIGHT))
     low, high = _bounds(performers)
-    view = _projection(low, high, [[-1, 0, 0], [0, -1, 0]])
-    floor = float(low[1])
-    for line in range(-20, 21):
-        across = view.project(np.array([line * _GRID, 0, 0]))[0]
-        panel.line((across, 0), (across, PANEL_HEIGHT), LINES)
-    for line in range(20):
-        down = view.project(np.array([0, floor + line * _GRID, 0]))[1]
-        panel.line((0, down), (PANEL_HEIGHT, down), FAINT if line == 0 else LINES)
-        panel.text((6, down - 1), f"{line * _GRID:g} m", FAINT, 11, "ls")
-    for performer in performers:
-        _draw_skeleton(panel, view.project(performer.newest.positions), performer, performer.known())
-    return panel
+    floor = np.array([0.0, low[1], 0.0])
+    title = "from the front, the performer's right hand on your left"
+    return _plan(title, performers, _projection(low, high, [[-1, 0, 0], [0, -1, 0]]), floor)
 
 
 def _top_panel(performers: list[PerformerReport], origin: str) -> _Panel:
     """Draw performers from above, with the sensor, called `origin`, below them."""
-    panel = _Panel("from above", (PANEL_HEIGHT, PANEL_HEIGHT))
     low, high = _bounds(performers)
     view = _projection(np.minimum(low, 0), np.maximum(high, 0), [[-1, 0, 0], [0, 0, -1]])
-    for line in range(-40, 41):
-        across, down = view.project(np.array([line * _GRID, 0, line * _GRID]))
-        panel.line((across, 0), (across, PANEL_HEIGHT), LINES)
-        panel.line((0, down), (PANEL_HEIGHT, down), LINES)
-        if line % 2 == 0:
-            panel.text((6, down - 1), f"{line * _GRID:g} m", FAINT, 11, "ls")
+    panel = _plan("from above", performers, view, np.zeros(3))
     x, y = view.project(np.zeros(3))
     r = _HEAD_RADIUS
     panel.polygon([(x, y - 1.3 * r), (x - 1.15 * r, y + 0.85 * r), (x + 1.15 * r, y + 0.85 * r)], FAINT)
     panel.text((x + 14, y), origin, FAINT, 12, "lm")
+    return panel
+
+
+def _plan(title: str, performers: list[PerformerReport], view: _Projection, zero: NDArray[np.float64]) -> _Panel:
+    """Draw performers on a grid whose distances count from the point `zero`."""
+    panel = _Panel(title, (PANEL_HEIGHT, PANEL_HEIGHT))
+    for line in range(-40, 41):
+        across, down = view.project(zero + line * _GRID)
+        panel.line((across, 0), (across, PANEL_HEIGHT), LINES)
+        panel.line((0, down), (PANEL_HEIGHT, down), LINES if line else FAINT)
+        if line % 2 == 0:
+            panel.text((6, down - 1), f"{line * _GRID:g} m", FAINT, 11, "ls")
     for performer in performers:
         _draw_skeleton(panel, view.project(performer.newest.positions), performer, performer.known())
     return panel

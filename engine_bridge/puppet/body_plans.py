@@ -7,6 +7,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.errors import PuppetError
+
 BodyPlan = Literal["upright", "two legs", "four legs", "many legs", "wings", "no legs"]
 
 UPRIGHT_COSINE = np.cos(np.radians(40))
@@ -98,3 +100,19 @@ def is_upright(direction: NDArray[np.float64], up: NDArray[np.float64]) -> bool:
 def fits(plan: BodyPlan, limbs: Collection[str]) -> bool:
     """Return whether a body has the limbs that a plan needs."""
     return plan == "no legs" or (set(limbs) >= PERSON if plan == "upright" else any(is_leg(name) for name in limbs))
+
+
+def check_plan(plan: BodyPlan, limbs: Collection[str], where: str, fix: str) -> None:
+    """Refuse a plan for a body without the limbs that it needs.
+
+    Raises
+    ------
+    PuppetError
+    """
+    if not fits(plan, limbs):
+        raise PuppetError(
+            where,
+            found=f"a character with these limbs: {', '.join(limbs) or 'none'}",
+            expected="trunk, head, arms and legs" if plan == "upright" else "at least one leg",
+            fix=fix,
+        )

@@ -1,4 +1,4 @@
-"""Proposal of joints that drive the limbs of a character."""
+"""Proposal of joints that drive the limbs of a character, by its body plan, and of another plan for a puppet."""
 
 import math
 from collections.abc import Mapping
@@ -6,8 +6,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.puppet.body_plans import PLANS, BodyPlan, Plan, is_leg, is_upright, plan_of
-from engine_bridge.puppet.puppet import BendTable, CharacterTable, LimbTable
+from engine_bridge.puppet.body_plans import PLANS, BodyPlan, Plan, check_plan, fits, is_leg, is_upright, plan_of
+from engine_bridge.puppet.puppet import BendTable, CharacterTable, LimbTable, Puppet
 from solver.anatomy.limb_chain import LimbChain, Limbs
 
 ARM, LEG = ("shoulder", "elbow", "wrist", "hand"), ("hip", "knee", "ankle", "foot")
@@ -130,3 +130,42 @@ def _limb_joints(limb: str) -> tuple[str, ...]:
 def _rounded(point: NDArray[np.float64], size: float) -> tuple[float, ...]:
     decimals = 5 - math.floor(math.log10(size))
     return tuple(round(float(value), decimals) for value in point)
+
+
+PLANNED = ("joints", "follow", "gain", "delay", "stands")
+"""Keys of a limb that a body plan determines."""
+
+
+def with_plan(puppet: Puppet, plan: BodyPlan) -> Puppet:
+    """Return a puppet whose limbs follow the performer as a body plan says.
+
+    Names, points and parents of limbs are kept, and so are limbs whose names no plan knows, handles and settings.
+
+    Raises
+    ------
+    PuppetError
+        The body lacks the limbs that the plan needs.
+    """
+    names = [limb.name for limb in puppet.limb]
+    check_plan(plan, names, f"the body plan {plan!r}", "Choose another plan, or add the missing limbs.")
+    chains = tuple(LimbChain(limb.name, np.array(limb.points)) for limb in puppet.limb if _is_known(limb.name))
+    planned = {table.name: table for table in limb_tables(Limbs(chains), puppet.character, plan)}
+    limbs = tuple(
+        limb.model_copy(update={key: getattr(planned[limb.name], key) for key in PLANNED})
+        if limb.name in planned
+        else limb
+        for limb in puppet.limb
+    )
+    return puppet.model_copy(update={"limb": limbs})
+
+
+def _is_known(name: str) -> bool:
+    return name in MIDDLE_JOINTS or name.partition(" ")[2] in LIMB_JOINTS or is_leg(name)
+
+
+def plan_in(puppet: Puppet) -> BodyPlan | None:
+    """Return the body plan that the limbs of a puppet follow; None if they follow none, or there are no limbs."""
+    names = [limb.name for limb in puppet.limb]
+    return next(
+        (plan for plan in PLANS if names and fits(plan, names) and with_plan(puppet, plan).limb == puppet.limb), None
+    )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character, load_character
 from engine_bridge.character.own_targets import names_of
-from engine_bridge.puppet.body_plans import BodyPlan, fits, plan_of
+from engine_bridge.puppet.body_plans import BodyPlan, check_plan, plan_of
 from engine_bridge.puppet.handle_proposal import propose_handles
 from engine_bridge.puppet.limb_proposal import LIMB_JOINTS, limb_tables
 from engine_bridge.puppet.placement import check_handles, check_on_surface
@@ -193,14 +193,9 @@ def _limbs(
 
 def _checked(plan: BodyPlan | None, limbs: Limbs) -> BodyPlan | None:
     """Return a plan that the user chose, or refuse it for a body without the limbs that it needs."""
-    if plan is not None and not fits(plan, limbs.points):
-        found = ", ".join(limbs.points) or "none"
-        raise PuppetError(
-            at("the command line", field=f"--plan {plan}"),
-            found=f"a character with these limbs: {found}",
-            expected="trunk, head, arms and legs" if plan == "upright" else "at least one leg",
-            fix="Choose another plan, or give the ends of the missing limbs with --limb.",
-        )
+    if plan is not None:
+        fix = "Choose another plan, or give the ends of the missing limbs with --limb."
+        check_plan(plan, limbs.points, at("the command line", field=f"--plan {plan}"), fix)
     return plan
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, FiniteFloat, StrictBool, model_validator
 
-from capture.channels import CHANNELS
+from capture.channels import ALL_CHANNELS
 from capture.skeleton import JOINT_INDEX, JOINTS
 from capture.smoothing import Smoothing
 from puppetline.toml_schema import Table, check_distinct, mistake
@@ -81,7 +81,10 @@ class CharacterTable(Table):
 
 
 Point = tuple[Number, Number, Number]
-Channel = Literal[CHANNELS]  # type: ignore[valid-type]
+Channel = Literal[ALL_CHANNELS]  # type: ignore[valid-type]
+
+MIN_RANGE = 0.01
+"""Smallest difference of the two values of a channel that become 0 and 1."""
 
 
 class HandleTable(Table):
@@ -139,6 +142,25 @@ class MorphTable(Table):
     target: Text
     channel: Channel
     gain: Number = 1.0
+
+
+class ChannelTable(Table):
+    """[[channel]]: the values of a channel that count as 0 and as 1, such as those of a closed and an open mouth."""
+
+    name: Channel
+    neutral: Number = 0.0
+    full: Number = 1.0
+
+    @model_validator(mode="after")
+    def _check_range(self) -> Self:
+        if abs(self.full - self.neutral) < MIN_RANGE:
+            raise mistake(
+                "full",
+                found=f"full {self.full:g} with neutral {self.neutral:g}",
+                expected=f"values that differ by at least {MIN_RANGE:g}",
+                fix="Write the channel's value when nothing moves as neutral, and the largest one as full.",
+            )
+        return self
 
 
 class LimbTable(Table):
@@ -262,6 +284,7 @@ class Puppet(Table):
     limb: tuple[LimbTable, ...] = ()
     handle: tuple[HandleTable, ...] = ()
     morph: tuple[MorphTable, ...] = ()
+    channel: tuple[ChannelTable, ...] = ()
     root: RootTable | None = None
     retarget: RetargetTable = RetargetTable()
     smoothing: SmoothingTable = SmoothingTable()
@@ -280,7 +303,7 @@ class Puppet(Table):
 
     @model_validator(mode="after")
     def _check_names(self) -> Self:
-        for kind, tables_ in (("limb", self.limb), ("handle", self.handle)):
+        for kind, tables_ in (("limb", self.limb), ("handle", self.handle), ("channel", self.channel)):
             check_distinct([table.name for table in tables_], kind)
         return self
 

@@ -10,7 +10,7 @@ import tomlkit
 from tomlkit.items import AbstractTable, AoT, InlineTable
 
 from engine_bridge.puppet import puppet_file
-from engine_bridge.puppet.puppet import Puppet
+from engine_bridge.puppet.puppet import MorphTable, Puppet
 from engine_bridge.puppet.puppet_file import as_toml, root_values
 from puppetline.errors import PuppetError
 from puppetline.files import written_whole
@@ -91,8 +91,8 @@ def with_puppet(text: str, before: Puppet, after: Puppet) -> str:
         Contents of the file now and after the edit.
     """
     document = tomlkit.parse(text)
-    _update_tables(document, "limb", before.limb, after.limb)
-    _update_tables(document, "handle", before.handle, after.handle)
+    for name in ("limb", "handle", "morph", "channel"):
+        _update_tables(document, name, getattr(before, name), getattr(after, name))
     if after.root is None:
         document.pop("root", None)
     elif before.root is None:
@@ -110,7 +110,8 @@ def with_puppet(text: str, before: Puppet, after: Puppet) -> str:
 
 def _update_tables(document: Any, name: str, before: Sequence[Any], after: Sequence[Any]) -> None:
     """Change, add, remove and reorder the tables of a list."""
-    sources = _sources([each.name for each in before], [each.name for each in after])
+    were, become = ([_name(each) for each in tables] for tables in (before, after))
+    sources = list(range(len(before))) if were == become else _sources(were, become)
     if sources == list(range(len(before))):
         for table, was, becomes in zip(document.get(name, ()), before, after, strict=True):
             _update(table, was, becomes)
@@ -131,6 +132,11 @@ def _update_tables(document: Any, name: str, before: Sequence[Any], after: Seque
             _update(table, before[source], becomes)
         tables.append(table)
     document[name] = tables
+
+
+def _name(table: Any) -> str:
+    """Return by what a table of a list is known."""
+    return f"{table.channel} {table.target}" if isinstance(table, MorphTable) else str(table.name)
 
 
 def _sources(before: list[str], after: list[str]) -> list[int | None]:

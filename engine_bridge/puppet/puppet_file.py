@@ -100,7 +100,7 @@ def dumps(puppet: Puppet) -> str:
     values = puppet.model_dump(exclude_none=True, exclude_defaults=True)
     document = tomlkit.document()
     document["character"] = values["character"]
-    for name in ("limb", "handle", "morph"):
+    for name in ("limb", "handle", "morph", "channel"):
         if name in values:
             document[name] = tomlkit.aot()
             for each in values[name]:

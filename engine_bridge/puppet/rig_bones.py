@@ -1,4 +1,4 @@
-"""Bones of a puppet that the joints of a file's skeleton follow."""
+"""Bones of a puppet that the joints of a file's skeleton follow, and their shares in the motion of vertices."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from engine_bridge.character.character import Character
 from engine_bridge.character.scene import tree
 from engine_bridge.puppet.file_skeleton import FileSkeleton
-from solver.motion.limbs import TRUNK, Limb, bones_of, parents_first
+from engine_bridge.puppet.rig_limbs import vertex_influences
+from solver.motion.limbs import TRUNK, Limb, bone_ranges, bones_of, parents_first
 
 MAX_LIMB_DISTANCE = 0.01
 """Maximum distance between a limb and its first joint, as a fraction of the diagonal."""
@@ -58,13 +59,12 @@ class RigBones:
         above = np.where(self.parents[:, None] >= 0, self.shares[self.parents], 0.0)
         return np.asarray((self.shares != above).any(axis=1))
 
-    def of_nodes(self, character: Character) -> NDArray[np.int64]:
-        """Return the bone (nodes,) that moves each node most, −1 for none."""
-        strongest = np.where(self.shares.any(axis=1), self.shares.argmax(axis=1), -1)
-        own = dict(zip(self.nodes.tolist(), strongest.tolist(), strict=True))
-        found = np.full(len(character.document.gltf["nodes"]), -1)
+    def of_nodes(self, character: Character) -> NDArray[np.float64]:
+        """Return the shares (nodes, b) of the bones in the motion of each node, those of the nearest joint above."""
+        own = dict(zip(self.nodes.tolist(), self.shares, strict=True))
+        found = np.zeros((len(character.document.gltf["nodes"]), self.shares.shape[1]))
         for node, parent in tree(character.document):
-            found[node] = own.get(node, -1 if parent is None else found[parent])
+            found[node] = own.get(node, 0.0 if parent is None else found[parent])
         return found
 
 
@@ -110,6 +110,27 @@ def own_bones(character: Character, limbs: Sequence[Limb]) -> RigBones | None:
     return found
 
 
+def skin_shares(character: Character, limbs: Sequence[Limb]) -> NDArray[np.float64] | None:
+    """Return each bone's share in the motion of each vertex.
+
+    Parameters
+    ----------
+    character : Character
+    limbs : sequence of Limb
+
+    Returns
+    -------
+    (N, b) float64 or None
+        Rows sum to 1, or to 0 for vertices that follow no bone. None if the file has no skeleton, or if its skeleton
+        lacks joints for some limb.
+    """
+    found = rig_bones(character, limbs) if limbs else None
+    if found is None or not len(found.nodes) or found.missing:
+        return None
+    which, share = vertex_influences(character)
+    return np.asarray(np.einsum("nk,nkb->nb", share, found.of_nodes(character)[which]))
+
+
 @dataclass(frozen=True, eq=False)
 class _Polyline:
     """Bones of a limb as a polyline.
@@ -124,7 +145,7 @@ class _Polyline:
     """
 
     limb: Limb
-    bones: slice
+    bones: range
     near: float
 
     @cached_property
@@ -160,11 +181,8 @@ class _BoneAssignment:
     def __init__(self, skeleton: FileSkeleton, limbs: Sequence[Limb]) -> None:
         self.skeleton = skeleton
         self.bones = bones_of(limbs)
-        self.polylines: dict[str, _Polyline] = {}
-        for limb in parents_first(limbs):
-            start = sum(len(polyline.limb.points) - 1 for polyline in self.polylines.values())
-            bones = slice(start, start + len(limb.points) - 1)
-            self.polylines[limb.name] = _Polyline(limb, bones, HEAD_TOLERANCE * skeleton.diagonal)
+        ranges, near = bone_ranges(limbs), HEAD_TOLERANCE * skeleton.diagonal
+        self.polylines = {limb.name: _Polyline(limb, ranges[limb.name], near) for limb in parents_first(limbs)}
         self.trunk = self.polylines.get(TRUNK)
         self.firsts = self._first_joints()
         self.limb_of = [

@@ -400,8 +400,7 @@ def vertex_influences(character: Character) -> tuple[NDArray[np.int64], NDArray[
     for part in character.parts:
         node, count = gltf["nodes"][part.node], len(part.vertices)
         if "skin" in node:
-            primitive = gltf["meshes"][node["mesh"]]["primitives"][part.primitive]
-            which, share = influences(character.document, primitive, node["skin"], count)
+            which, share = influences(character.document, character.primitive(part), node["skin"], count)
             found.append((np.array(gltf["skins"][node["skin"]]["joints"])[which], share))
         else:
             found.append((np.full((count, 1), part.node), np.ones((count, 1))))

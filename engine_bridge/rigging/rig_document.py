@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.character import TRIANGLES, Character
 from engine_bridge.character.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
-from engine_bridge.character.document_edits import own_mesh, show_all
+from engine_bridge.character.scene import own_mesh, show_all, world_transforms
 from engine_bridge.character.scene import skinning as carried_by_skin
-from engine_bridge.character.scene import world_transforms
 from engine_bridge.character.schema import Animation, ChannelTarget, Gltf, Node, Primitive
 from engine_bridge.rigging.made_rig import MadeRig
 from engine_bridge.rigging.skeleton import Skeleton

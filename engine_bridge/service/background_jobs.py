@@ -1,7 +1,7 @@
 """Work in threads beside the service's loop: calibrations, loading and writing files, images for `look`."""
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
 Result = TypeVar("Result")
@@ -25,9 +25,7 @@ class Jobs:
         self.filming = ThreadPoolExecutor(1, "filming")
         self._running: list[tuple[Future[Any], Callable[[Future[Any]], None]]] = []
 
-    def start(
-        self, pool: ThreadPoolExecutor, work: Callable[[], Result], then: Callable[[Future[Result]], None]
-    ) -> None:
+    def start(self, pool: Executor, work: Callable[[], Result], then: Callable[[Future[Result]], None]) -> None:
         """Run `work` in one of the pools, and have `take_finished` return `then` when it is done."""
         self._running.append((pool.submit(work), then))
 
@@ -40,7 +38,5 @@ class Jobs:
     def close(self) -> None:
         """Wait until everything is written, and abandon everything else; closing again does nothing."""
         self.writing.shutdown()
-        self.looking.shutdown(wait=False, cancel_futures=True)
-        self.filming.shutdown(wait=False, cancel_futures=True)
-        self.loading.shutdown(wait=False, cancel_futures=True)
-        self.calibrating.shutdown(wait=False, cancel_futures=True)
+        for pool in (self.looking, self.filming, self.loading, self.calibrating):
+            pool.shutdown(wait=False, cancel_futures=True)

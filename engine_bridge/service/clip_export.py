@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from engine_bridge.performance.channels import morph_weights
-from engine_bridge.performance.clip import Progress, load_timeline, solve
+from engine_bridge.performance.clip import Progress, channels_of, load_timeline, solve
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.service.loading.service_file import name_from_stem
@@ -62,7 +62,7 @@ def write_clip(
     rig = load_rig(puppet)
     character = StreamedCharacter.of(name, rig)
     count = len(timeline.positions)
-    moved = morph_weights(rig.puppet, timeline.channels)
+    moved = morph_weights(rig.puppet, channels_of(rig, timeline))
     still = np.zeros(count, np.float32)
     weights = np.array([moved.get(target, still) for target in rig.puppet.targets], np.float32).reshape(-1, count).T
     facts = ClipFacts(name, character.revision, count, timeline.fps, log.stem)

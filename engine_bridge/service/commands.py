@@ -15,12 +15,13 @@ from engine_bridge.service.service import Service
 from engine_bridge.service.stages.stage_runner import StageRunner
 from engine_bridge.service.takes.timeline import Timeline
 from puppetline.errors import ServiceError, unknown_name
+from puppetline.toml_schema import Table
 
 
 def commands(service: Service) -> Mapping[str, Command]:
     """Bind all commands to a service."""
     done = _Commands(service)
-    return {name: (arguments, getattr(done, name)) for name, arguments in requests.ARGUMENTS.items()}
+    return {name: (arguments, getattr(done, name)) for name, arguments in ARGUMENTS.items()}
 
 
 class _Commands:
@@ -34,12 +35,10 @@ class _Commands:
 
     def list(self, _: requests.Nothing) -> dict[str, Any]:
         return {
-            "characters": [
-                player.character.name for runner in self._service.runners for player in runner.stage.players
-            ],
+            "characters": self._service.names,
             "stages": [runner.stage.name for runner in self._service.runners],
             "takes": self._service.takes.all(),
-            "commands": [*requests.ARGUMENTS],
+            "commands": [*ARGUMENTS],
         }
 
     def describe(self, _: requests.Nothing) -> dict[str, Any]:
@@ -48,9 +47,7 @@ class _Commands:
             "protocol": 1,
             "stream": service.stream,
             "control": service.control.endpoints,
-            "characters": [
-                self._described(runner, player) for runner in service.runners for player in runner.stage.players
-            ],
+            "characters": [self._described(runner, player) for runner, player in service.players],
             "status": replace(service.status, timeline=service.playback.status()).as_json(),
         }
 
@@ -241,12 +238,10 @@ class _Commands:
                 )
 
     def _player(self, character: str) -> tuple[StageRunner, CharacterPlayer]:
-        for runner in self._service.runners:
-            for player in runner.stage.players:
-                if player.character.name == character:
-                    return runner, player
-        names = [player.character.name for runner in self._service.runners for player in runner.stage.players]
-        raise unknown_name("the request, character", f"no character {character!r}", names)
+        found = self._service.find(character)
+        if found is None:
+            raise unknown_name("the request, character", f"no character {character!r}", self._service.names)
+        return found
 
     def _runner(self, stage: str | None) -> StageRunner:
         runners = self._service.runners
@@ -273,3 +268,9 @@ class _Commands:
             "state": player.state,
             "mirror": player.mirror,
         }
+
+
+ARGUMENTS: dict[str, type[Table]] = {
+    name: next(iter(do.__annotations__.values())) for name, do in vars(_Commands).items() if not name.startswith("_")
+}
+"""Every command, and its arguments, which its method is annotated with."""

@@ -1,7 +1,8 @@
 """The live service: one loop that reads skeletons and sends characters until it is stopped.
 
-Everything happens in one thread, in the order in which it arrives, and nothing waits: late data is dropped. Jobs
-(calibrations, loading and writing files), logs, the announcement, the metrics and the status table have threads.
+Everything happens in one thread, in the order in which it arrives, and nothing waits: late data is dropped, unless a
+take needs it. Jobs (calibrations, loading and writing files), logs, the announcement, the metrics and the status table
+have threads.
 """
 
 import contextlib
@@ -11,7 +12,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future
+from concurrent.futures import Executor, Future
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,9 +26,8 @@ from engine_bridge.service.control.control_socket import Control
 from engine_bridge.service.control.dispatcher import Command, Deferred, Dispatcher
 from engine_bridge.service.control.requests import PlayTake
 from engine_bridge.service.discovery import Announcement
-from engine_bridge.service.loading.character_loader import CharacterLoader
 from engine_bridge.service.loading.service_file import ServiceFile
-from engine_bridge.service.loading.stage_loader import LoadedStage, load_stages
+from engine_bridge.service.loading.stage_loader import CharacterLoader, LoadedStage, load_stages
 from engine_bridge.service.look_command import Looking
 from engine_bridge.service.monitoring.logs import OnceASecond, fields
 from engine_bridge.service.monitoring.status import Status
@@ -185,7 +185,7 @@ class Service:
         host, _, port = places[best]
         control = self.control.endpoints[best].rpartition(":")[2]
         mechanism = endpoints[best].mechanism
-        self._announcement = Announcement(host.strip("[]"), int(port), int(control), mechanism, self._names())
+        self._announcement = Announcement(host.strip("[]"), int(port), int(control), mechanism, self.names)
         self._resources.callback(self._announcement.close)
 
     @property
@@ -218,29 +218,29 @@ class Service:
         self._reload(deferred)
         return deferred
 
+    @property
+    def players(self) -> list[tuple[StageRunner, CharacterPlayer]]:
+        """The players of all characters, each with its stage."""
+        return [(runner, player) for runner in self.runners for player in runner.stage.players]
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all characters."""
+        return [player.character.name for _, player in self.players]
+
     def find(self, character: str) -> tuple[StageRunner, CharacterPlayer] | None:
         """Return the stage and the player of a character; None for an unknown name."""
-        return next(
-            (
-                (each, player)
-                for each in self.runners
-                for player in each.stage.players
-                if player.character.name == character
-            ),
-            None,
-        )
+        return next((found for found in self.players if found[1].character.name == character), None)
 
     def play_take(self, player: CharacterPlayer, path: Path, asked: PlayTake) -> Deferred:
         """Play a take on a character; the answer comes when its motion is computed."""
-        deferred = Deferred()
 
         def played(track: TakeTrack) -> dict[str, Any]:
             added = self.playback.add(track, asked.at, asked.start, asked.stop, asked.beside)
             return {**added, "note": track.note or None}
 
         load = partial(TakeTrack, player, path, asked.part)
-        self._jobs.start(self._jobs.loading, load, lambda loaded: self._answer(deferred, loaded, played))
-        return deferred
+        return self._later(self._jobs.loading, load, played)
 
     def _refresh_takes(self) -> None:
         """Compute the motion of takes again for characters whose mapping or files have changed."""
@@ -253,14 +253,12 @@ class Service:
         recorder = runner.stop_recording()
         if recorder is None:
             return None
-        deferred = Deferred()
-        facts = {"stage": runner.stage.name, "take": recorder.path.stem}
+        path, stage = recorder.path, runner.stage.name
 
-        def answer(closed: Future[None]) -> None:
-            self._answer(deferred, closed, lambda _: facts | {"bytes": recorder.path.stat().st_size})
+        def facts(_: None) -> dict[str, Any]:
+            return {"stage": stage, "take": path.stem, "bytes": path.stat().st_size}
 
-        self._jobs.start(self._jobs.writing, recorder.close, answer)
-        return deferred
+        return self._later(self._jobs.writing, recorder.close, facts)
 
     def _stop_clip(self, runner: StageRunner, clip: Clip) -> None:
         """End a visitor's take, show it again, and make a video of it."""
@@ -298,10 +296,8 @@ class Service:
 
     def save(self, player: CharacterPlayer, result: Callable[[], Any]) -> Deferred:
         """Write a character's mapping into its puppet file; the answer is `result()`, called when it is written."""
-        deferred = Deferred()
         write = partial(self.document(player).save, player.character.rig.puppet)
-        self._jobs.start(self._jobs.writing, write, lambda saved: self._answer(deferred, saved, lambda _: result()))
-        return deferred
+        return self._later(self._jobs.writing, write, lambda _: result())
 
     def show_frames(self, runner: StageRunner, frames: list[Frame]) -> None:
         """Offer frames to all outputs."""
@@ -401,15 +397,15 @@ class Service:
             self._replace_runners(loaded.result())
             self.status = self._current_status()
         for deferred in waiting:
-            self._answer(deferred, loaded, lambda _: {"characters": self._names()})
+            self._answer(deferred, loaded, lambda _: {"characters": self.names})
         if error is not None:
             log.error("reload failed, characters unchanged: %s", error)
         else:
             self._announce_characters()
             if self._announcement is not None:
-                self._announcement.rename(self._names())
+                self._announcement.rename(self.names)
             self._jobs.loading.submit(trim_memory)
-            log.info("reloaded", extra=fields(characters=self._names()))
+            log.info("reloaded", extra=fields(characters=self.names))
         if self._reload_again:
             self._reload(None)
 
@@ -438,6 +434,12 @@ class Service:
             log.warning("the reload ends the take", extra=fields(stage=runner.stage.name, take=runner.recording))
             self.stop_recording(runner)
 
+    def _later(self, pool: Executor, work: Callable[[], Any], result: Callable[[Any], Any]) -> Deferred:
+        """Run work in a thread; the answer is what `result` makes of its result."""
+        deferred = Deferred()
+        self._jobs.start(pool, work, lambda done: self._answer(deferred, done, result))
+        return deferred
+
     def _answer(self, deferred: Deferred, done: Future[Any], result: Callable[[Any], Any]) -> None:
         """Send a deferred answer: the result of the work, or the error."""
         try:
@@ -447,10 +449,7 @@ class Service:
         self._dispatcher.finish(deferred, outcome)
 
     def _characters(self) -> list[StreamedCharacter]:
-        return [player.character for runner in self.runners for player in runner.stage.players]
-
-    def _names(self) -> list[str]:
-        return [character.name for character in self._characters()]
+        return [player.character for _, player in self.players]
 
     def _announce_characters(self) -> None:
         for output in self._outputs:

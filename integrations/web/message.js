@@ -1,6 +1,6 @@
 // Messages of Puppetline's wire protocol, version 1 (docs/protocol.md): decoded without copies, and checked.
 
-/** @typedef {"scene" | "controls" | "morphs" | "vertices" | "vertices16" | "joints" | "handles" | "performer" | "status" | "characters" | "bones"} Kind */
+/** @typedef {"scene" | "controls" | "morphs" | "vertices" | "vertices16" | "joints" | "handles" | "performer" | "status" | "characters" | "bones" | "channels"} Kind */
 
 /**
  * @typedef {object} Header
@@ -73,6 +73,7 @@
  *   | {kind: "controls" | "joints" | "handles" | "bones", body: Float32Array}
  *   | {kind: "morphs", body: Morphs}
  *   | {kind: "vertices" | "vertices16", body: Vertices}
+ *   | {kind: "channels", body: {[name: string]: number}}
  *   | {kind: "performer" | "status", body: Json}
  *   | {kind: "characters", body: {name: string, revision: number, vertices: number, kinds: Kind[]}[]}
  *   | {kind: null, body: null}
@@ -85,11 +86,11 @@ export const MAJOR = 1;
 /** Names of the kinds by their numbers. @type {readonly (Kind | null)[]} */
 export const KINDS = [
   null, "scene", "controls", "morphs", "vertices", "vertices16", "joints", "handles", "performer", "status", "characters",
-  null, "bones",
+  null, "bones", "channels",
 ];
 
 /** Kinds that are sent for every frame. @type {ReadonlySet<Kind | null>} */
-export const FRAME_KINDS = new Set(["controls", "morphs", "vertices", "vertices16", "joints", "handles", "bones"]);
+export const FRAME_KINDS = new Set(["controls", "morphs", "vertices", "vertices16", "joints", "handles", "bones", "channels"]);
 
 /** States of a character by their numbers. */
 export const STATES = /** @type {const} */ (["waiting", "calibrating", "performing", "leaving"]);
@@ -181,6 +182,7 @@ const BODIES = {
   },
   handles: (payload) => floats(payload, 3),
   bones: (payload) => floats(payload, 1),
+  channels: readJson,
   performer: readJson,
   status: readJson,
   characters: readJson,

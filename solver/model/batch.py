@@ -98,10 +98,13 @@ class BatchBinding:
             Displacement of that vertex, mesh units.
         vertex : (F,) int64
         """
-        square, place = np.full(len(R), -1, dtype=np.float32), np.zeros(len(R), dtype=np.int64)
-        lines, slopes = self._side_by_side(R, np.zeros(3))
-        _largest_displacements(self._rest, self._between, self._cells, self._below, lines, slopes, square, place)
-        return np.sqrt(square), self._order[place]
+        largest, place = np.empty(len(R), dtype=np.float32), np.empty(len(R), dtype=np.int64)
+        for start in range(0, len(R), self.batch_frames):
+            part = slice(start, start + self.batch_frames)
+            moved = self.displacements(R[part])
+            square = np.einsum("nxf,nxf->nf", moved, moved)
+            largest[part], place[part] = np.sqrt(square.max(axis=0)), square.argmax(axis=0)
+        return largest, place
 
     def _blended(self, R: NDArray[np.floating], origin: NDArray[np.float64]) -> NDArray[np.float32]:
         out = np.empty((len(self._rest), 3 * len(R)), dtype=np.float32)
@@ -154,21 +157,3 @@ def _blend(rest, between, cells, below, lines, slopes, order, out):
         _gather(below[number], lines, slopes, cell)
         for v in range(cells[number], cells[number + 1]):
             _place(rest[v], between[v], cell, out[order[v]])
-
-
-@compiled
-def _largest_displacements(rest, between, cells, below, lines, slopes, square, place):
-    """Find the vertex with the largest squared length in each frame."""
-    frames = len(square)
-    cell = np.empty((4 + 4 * between.shape[1], lines.shape[2]), dtype=np.float32)
-    moved = np.empty(3 * frames, dtype=np.float32)
-    for number in range(len(below)):
-        _gather(below[number], lines, slopes, cell)
-        for v in range(cells[number], cells[number + 1]):
-            _place(rest[v], between[v], cell, moved)
-            x, y, z = moved[:frames], moved[frames : 2 * frames], moved[2 * frames :]
-            for f in range(frames):
-                length = x[f] * x[f] + y[f] * y[f] + z[f] * z[f]
-                if length > square[f]:
-                    square[f] = length
-                    place[f] = v

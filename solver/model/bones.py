@@ -32,8 +32,8 @@ MAX_RAY_LENGTH_RATIO = 1.5
 """Largest length of a ray that meets its own limb, in median ray lengths of its bone. The excess of a longer ray, into
 another limb or out of a hem, counts as distance."""
 
-HELD_SPAN = 0.2, 0.8
-"""Part of a bone's length along which it holds the surface; nearer to its joints the surface can bend."""
+MIN_HELD_PLACE = 0.2
+"""Place along the first bone of a limb, as a share of its length, below which the surface can bend, as at a neck."""
 
 MIN_LIMB_AREA_SHARE = 2 / 3
 """Smallest share of a part's area in one limb with which the whole part belongs to that limb."""
@@ -46,10 +46,6 @@ MIN_HELD_WEIGHT = 0.95
 
 MIN_HELD_VERTICES = 4
 """Smallest number of vertices that determine a bone's motion."""
-
-MAX_HELD_RATIO = 2.0
-"""Largest distance of held surface from where the rays of its bone meet the surface, in median ray lengths. It does not
-apply to the last bone of a limb, which holds fingers and hair."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,9 +142,8 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
     2. Every vertex belongs to the bone that is nearest along edges and contacts between parts. Vertices behind the head
        of a limb's first bone do not belong to it. A part that mostly belongs to one limb belongs to it entirely. A part
        that nearly belongs to one bone, such as a plate of armour, belongs to it entirely, and moves rigidly with it.
-    3. A bone holds those of its vertices that are within its `HELD_SPAN` and `MAX_HELD_RATIO`. The last bone of a limb
-       holds all of its vertices beyond its head. Its first bone also holds those at and behind its head that are of a
-       part of the limb.
+    3. The last bone of a limb holds its vertices beyond its head. If it is also the first bone, it holds those beyond
+       `MIN_HELD_PLACE`, or all of a part of the limb.
 
     Parameters
     ----------
@@ -162,27 +157,19 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
     lengths = bones.lengths
     axes = (bones.tails - bones.heads) / lengths[:, None]
     along = (mesh.vertices @ axes.T - np.einsum("bx,bx->b", bones.heads, axes)) / lengths
-    start, radius = _cast_rays(mesh, bones, axes, along)
+    start = _cast_rays(mesh, bones, axes, along)
     graph = _symmetric_lengths(mesh)
     before_its_head = (along < 0) & bones.roots
-    owner, distance = _nearest(graph.indptr, graph.indices.astype(np.int64), graph.data, start, before_its_head)
-    limb = _limb_of_parts(mesh, bones, owner)[mesh.components, None]
+    owner = _nearest(graph.indptr, graph.indices.astype(np.int64), graph.data, start, before_its_head)
+    limb = _majority(mesh, np.where(owner >= 0, bones.limbs[owner], -1), MIN_LIMB_AREA_SHARE)[:, None]
     if np.any(limb >= 0):
         forbidden = np.where(limb >= 0, bones.limbs != limb, before_its_head)
-        owner, distance = _nearest(graph.indptr, graph.indices.astype(np.int64), graph.data, start, forbidden)
-    whole = _bone_of_parts(mesh, bones, owner)[mesh.components]
+        owner = _nearest(graph.indptr, graph.indices.astype(np.int64), graph.data, start, forbidden)
+    whole = _majority(mesh, owner, MIN_BONE_AREA_SHARE)
     owner = np.where(whole >= 0, whole, owner)
-    known = owner >= 0
     place = along[np.arange(len(owner)), owner]
-    low, high = HELD_SPAN
-    middle = (place >= low) & (place <= high) & (distance <= MAX_HELD_RATIO * radius[owner])
-    # at the head of a root bone, such as at a neck, the surface bends
-    first = np.where(bones.roots, low, 0.0)[owner]
-    held = known & np.where(bones.terminal[owner], place >= first, middle)
-    held |= known & bones.roots[owner] & (limb[:, 0] >= 0) & (place < low)  # a separate part does not bend there
-    held |= whole >= 0
-    coarse = np.bincount(owner[held], minlength=len(bones)) == 0  # a coarse mesh with vertices at joints only
-    held |= known & coarse[owner]
+    first = np.where(bones.roots[owner] & (limb[:, 0] < 0), MIN_HELD_PLACE, 0.0)
+    held = (whole >= 0) | ((owner >= 0) & bones.terminal[owner] & (place >= first))
     return BoneRegions(owner, held)
 
 
@@ -204,30 +191,19 @@ def regions_of_shares(shares: NDArray[np.float64]) -> BoneRegions:
     return BoneRegions(owner, held | ((owner >= 0) & few[owner]))
 
 
-def _limb_of_parts(mesh: SolverMesh, bones: Bones, owner: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the number of the limb to which most of each part belongs, (parts,) int64; −1 for none.
+def _majority(mesh: SolverMesh, numbers: NDArray[np.int64], least: float) -> NDArray[np.int64]:
+    """Return the number (n,) that more than a share of the area of each vertex's part has; −1 for none.
 
-    A separate part, such as a sleeve or a weapon, may extend behind the root of its limb, or beside another limb.
+    A separate part, such as a sleeve or a weapon, may extend behind the root of its limb, or beside another limb. A
+    character of one part has no majority.
     """
-    parts, limbs = mesh.parts, int(bones.limbs.max(initial=-1)) + 1
-    if parts == 1 or not limbs:
-        return np.full(parts, -1)
-    limb = np.where(owner >= 0, bones.limbs[owner], -1)
-    area = np.zeros((parts, limbs))
-    np.add.at(area, (mesh.components[limb >= 0], limb[limb >= 0]), mesh.vertex_areas[limb >= 0])
+    known, parts = numbers >= 0, mesh.parts
+    if parts == 1 or not known.any():
+        return np.full(len(numbers), -1)
+    area = np.zeros((parts, int(numbers.max()) + 1))
+    np.add.at(area, (mesh.components[known], numbers[known]), mesh.vertex_areas[known])
     whole = np.bincount(mesh.components, mesh.vertex_areas, parts)
-    return np.where(area.max(axis=1) > MIN_LIMB_AREA_SHARE * whole, area.argmax(axis=1), -1)
-
-
-def _bone_of_parts(mesh: SolverMesh, bones: Bones, owner: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the bone to which nearly all of each part belongs, (parts,) int64; −1 for none."""
-    if mesh.parts == 1:
-        return np.full(1, -1)
-    known = owner >= 0
-    area = np.zeros((mesh.parts, len(bones)))
-    np.add.at(area, (mesh.components[known], owner[known]), mesh.vertex_areas[known])
-    whole = np.bincount(mesh.components, mesh.vertex_areas, mesh.parts)
-    return np.where(area.max(axis=1) > MIN_BONE_AREA_SHARE * whole, area.argmax(axis=1), -1)
+    return np.where(area.max(axis=1) > least * whole, area.argmax(axis=1), -1)[mesh.components]
 
 
 def _symmetric_lengths(mesh: SolverMesh) -> "csr_matrix":
@@ -246,17 +222,15 @@ def _symmetric_lengths(mesh: SolverMesh) -> "csr_matrix":
 
 def _cast_rays(
     mesh: SolverMesh, bones: Bones, axes: NDArray[np.float64], along: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> NDArray[np.float64]:
     """Cast rays at right angles to each bone.
 
     Returns
     -------
-    start : (n, b) float64
+    (n, b) float64
         Initial distance of each vertex to each bone; infinite if no ray meets one of its triangles.
-    radius : (b,) float64
-        Median length of each bone's rays.
     """
-    start, radius = np.full(along.shape, np.inf), np.zeros(len(bones))
+    start = np.full(along.shape, np.inf)
     places = (np.arange(RINGS_PER_BONE) + 0.5) / RINGS_PER_BONE
     for b, axis in enumerate(axes):
         side = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
@@ -268,14 +242,13 @@ def _cast_rays(
         met = _leaves(mesh, face, world - bones.heads[b] - point[:, :1] * (axis * bones.lengths[b]))
         if not met.any():  # a bone outside the mesh has its nearest vertex
             away = np.linalg.norm(mesh.vertices - (bones.heads[b] + bones.tails[b]) / 2, axis=1)
-            start[away.argmin(), b], radius[b] = 0.0, away.min()
+            start[away.argmin(), b] = 0.0
             continue
-        radius[b] = np.median(length[met])
-        excess = np.maximum(0.0, length[met] - MAX_RAY_LENGTH_RATIO * radius[b])
+        excess = np.maximum(0.0, length[met] - MAX_RAY_LENGTH_RATIO * np.median(length[met]))
         corners = mesh.faces[face[met]]
         away = np.linalg.norm(mesh.vertices[corners] - world[met, None], axis=2) + excess[:, None]
         np.minimum.at(start[:, b], corners, away)
-    return start, radius
+    return start
 
 
 def _leaves(mesh: SolverMesh, face: NDArray[np.int64], ray: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -346,7 +319,7 @@ def _cast(faces, along, flat, places):
 
 @compiled
 def _nearest(starts, neighbours, lengths, start, forbidden):
-    """Return the nearest bone of each vertex along a graph, and its distance (Dijkstra's algorithm).
+    """Return the nearest bone of each vertex along a graph (Dijkstra's algorithm).
 
     Parameters
     ----------
@@ -378,4 +351,4 @@ def _nearest(starts, neighbours, lengths, start, forbidden):
                 if further < distance[u]:
                     distance[u] = further  # if equal, the first bone is kept
                     heapq.heappush(heap, (further, u, b))
-    return owner, distance
+    return owner

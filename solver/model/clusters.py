@@ -12,7 +12,7 @@ import scipy
 from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
-from solver.model.cell_products import Products
+from solver.model.energy_matrices import Products
 from solver.model.fields import blends
 
 if TYPE_CHECKING:

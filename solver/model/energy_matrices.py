@@ -5,13 +5,12 @@ zero. These are multiplied as dense matrices by BLAS, in memory that does not gr
 """
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
-from solver.model.cell_products import Products, add_cells, inside_cells
 from solver.model.fields import blends
 
 if TYPE_CHECKING:
@@ -19,6 +18,30 @@ if TYPE_CHECKING:
 
 MAX_CHUNK_ROWS = 384
 """Largest number of rows in a chunk. Larger chunks have more columns that are not zero; smaller ones more overhead."""
+
+
+class Products(NamedTuple):
+    """Products of the tall matrices.
+
+    Attributes
+    ----------
+    A : (4m, 4m) float64
+        (KW)ᵀ(KW).
+    B : (4m, 3m) float64
+        (KW)ᵀ M^(−1/2) W_δ.
+    gram : (4m, 4m) float64
+        The Gram matrix WᵀW.
+    dirichlet : (4m, 4m) float64
+        −WᵀLW of the surface, without contacts.
+    B_clusters : (4m, 3r) float64
+        (KW)ᵀ M^(−1/2) δ over the vertices of each cluster.
+    """
+
+    A: NDArray[np.float64]
+    B: NDArray[np.float64]
+    gram: NDArray[np.float64]
+    dirichlet: NDArray[np.float64]
+    B_clusters: NDArray[np.float64]
 
 
 def products(
@@ -30,8 +53,6 @@ def products(
     weights: NDArray[np.float64],
     isolines: int,
     cluster: NDArray[np.int32],
-    *,
-    by_cells: bool = False,
 ) -> Products:
     """Multiply W, K W, M^(−1/2) W_δ and M^(−1/2) δ, with K = M^(−1/2) L, δ = L rest and W_δ = w_i φ_ik(v) δ(v).
 
@@ -52,9 +73,6 @@ def products(
         n_iso; the model has m = n_e · n_iso isolines.
     cluster : (n,) int32
         Rotation cluster of each vertex, from 0 to r − 1.
-    by_cells : bool
-        Whether to multiply vertices in the cells between isolines separately (`solver.model.cell_products`), which is
-        faster for large meshes. Results are equal except for rounding.
     """
     m = len(weights) * isolines
     r = int(cluster.max()) + 1
@@ -62,10 +80,6 @@ def products(
     below, upper = blends(isoline_coordinates, isolines)
     levels = np.arange(isolines)
     order = np.lexsort((*below.T[::-1], cluster))
-    if by_cells:
-        inside = inside_cells(L.indptr, L.indices, below)[order]
-        add_cells(sums, order[inside], L, surface, mass, rest, below, upper, weights, isolines, cluster)
-        order = order[~inside]
     for rows in _chunks(order, cluster):
         lowest, highest = _span(rows, L.indptr, L.indices, below)
         others = (rest, below, upper, weights, lowest, highest - lowest + 1)

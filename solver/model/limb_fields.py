@@ -5,7 +5,6 @@ the rest of the character and rises from bone to bone gives a limb all isolines 
 other limb uses.
 """
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -20,17 +19,13 @@ SURFACE_FIELD_COUNT = 3
 """Number of the surface's smoothest fields that are kept besides those of the limbs, for the trunk and its bends."""
 
 BLUR_DIAGONALS = 0.006
-"""Minimum length over which a limb's field is smoothed, as a fraction of the diagonal: about 1 cm on a person."""
-
-BLUR_RADII = 0.3
-"""The same length in radii of the limb's first bone, because the surface around a thick joint moves farther. It is
-rounded to `BLUR_DIAGONALS` times a power of two, because each length takes a factorisation."""
+"""Length over which a limb's field is smoothed, as a fraction of the diagonal: about 1 cm on a person."""
 
 MAX_SEAM_DIAGONALS = 1e-3
 """Greatest distance at which two parts are sewn together, as a fraction of the diagonal: 2 mm on a person."""
 
 BONE_RISE_SHARE = 0.5
-"""Share of a bone's step of its field that is along the bone itself if there is a skin; the rest is at its joints."""
+"""Share of a bone's step of its field that is along the bone itself; the rest is at its joints, which bend."""
 
 
 def limb_field_count(bones: Bones, regions: BoneRegions, fields: int) -> int:
@@ -44,13 +39,13 @@ def limb_fields(
     bones: Bones,
     regions: BoneRegions,
     count: int,
-    shares: NDArray[np.float64] | None = None,
+    shares: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Make fields that rise along the limbs of a character.
 
     A field is 0 outside its limb, (1 + k + s) / (1 + n) at the share s of the length of the limb's bone k of n, and 1
-    on the limb's children; then it is smoothed. If there is a skin, each vertex has the mean of its bones, and s stays
-    within the middle `BONE_RISE_SHARE`, so that the field rises at the joints as the skin does.
+    on the limb's children; a vertex has the mean of its bones. s stays within the middle `BONE_RISE_SHARE`, so that the
+    field rises at the joints as the shares do. Then it is smoothed.
 
     If there are more limbs than fields, the limbs with the fewest bones share a field in pairs, one of them with a
     negative sign. Limbs beyond two per field have none.
@@ -65,8 +60,8 @@ def limb_fields(
     regions : BoneRegions
     count : int
         Number of fields, from `limb_field_count`.
-    shares : (n, b) float64, optional
-        Skin weight of each bone in each vertex.
+    shares : (n, b) float64
+        Share of each bone in the motion of each vertex.
 
     Returns
     -------
@@ -76,26 +71,13 @@ def limb_fields(
         return np.empty((len(vertices), 0))
     limbs = _limbs(bones, regions)[: 2 * count]
     rises = [_rise(limb, bones) for limb in limbs]
-    if shares is None:
-        lengths = np.array([_blur_length(limb, vertices, bones, regions) for limb in limbs])
-        owner = regions.owner
-        place = _places(vertices, bones, 1.0)[np.arange(len(owner)), owner]
-        fields = [np.where(owner < 0, 0.0, start[owner] + slope[owner] * place) for start, slope in rises]
-    else:
-        lengths = np.full(len(limbs), BLUR_DIAGONALS)
-        places = _places(vertices, bones, BONE_RISE_SHARE)
-        fields = [np.einsum("nb,nb->n", shares, start + slope * places) for start, slope in rises]
+    places = _places(vertices, bones)
+    fields = [np.einsum("nb,nb->n", shares, start + slope * places) for start, slope in rises]
     pairs = max(0, len(limbs) - count)
     alone = fields[: len(fields) - 2 * pairs]
     shared = fields[len(alone) :]
     both = [one - other for one, other in zip(shared[:pairs], shared[pairs:], strict=True)]
-    result = np.column_stack([*alone, *both])
-    pair_lengths = np.maximum(lengths[len(alone) : len(alone) + pairs], lengths[len(alone) + pairs :])
-    lengths = np.append(lengths[: len(alone)], pair_lengths)
-    for length in np.unique(lengths):
-        columns = lengths == length
-        result[:, columns] = smoothed(result[:, columns], length)
-    return result
+    return smoothed(np.column_stack([*alone, *both]), BLUR_DIAGONALS)
 
 
 def contacts_that_hold(
@@ -132,23 +114,11 @@ def _limbs(bones: Bones, regions: BoneRegions) -> list[int]:
     return sorted((limb for limb in there.tolist() if limb >= 0), key=lambda limb: (-size[limb], limb))
 
 
-def _blur_length(limb: int, vertices: NDArray[np.float64], bones: Bones, regions: BoneRegions) -> float:
-    """Return the length over which the field of a limb is smoothed, as a fraction of the diagonal."""
-    root = int(np.flatnonzero(bones.limbs == limb)[0])
-    axis = (bones.tails[root] - bones.heads[root]) / bones.lengths[root]
-    offsets = vertices[regions.owner == root] - bones.heads[root]
-    if not len(offsets):
-        return BLUR_DIAGONALS
-    radius = float(np.median(np.linalg.norm(np.cross(offsets, axis), axis=1)))
-    length = BLUR_RADII * radius / float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    return BLUR_DIAGONALS * 2.0 ** round(math.log2(max(length / BLUR_DIAGONALS, 1.0)))
-
-
-def _places(vertices: NDArray[np.float64], bones: Bones, within: float) -> NDArray[np.float64]:
+def _places(vertices: NDArray[np.float64], bones: Bones) -> NDArray[np.float64]:
     """Return the place of each vertex along each bone (n, b), from 0 to 1, within the middle share of the bone."""
     axes = bones.tails - bones.heads
     along = (vertices @ axes.T - np.einsum("bx,bx->b", bones.heads, axes)) / bones.lengths**2
-    return 0.5 + within * (np.clip(along, 0.0, 1.0) - 0.5)
+    return 0.5 + BONE_RISE_SHARE * (np.clip(along, 0.0, 1.0) - 0.5)
 
 
 def _rise(limb: int, bones: Bones) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -87,9 +87,8 @@ class ReducedModel:
         Bones for which the model was made.
     regions : BoneRegions
         The part of the surface that belongs to each bone.
-    shares : (n or 0, b) float32
+    shares : (n, b) float32
         Share of each bone in the motion of each vertex, whose rows sum to 1, or to 0 for vertices that no bone moves.
-        Without rows, held vertices move with their owner, and no others are held.
     """
 
     center: NDArray[np.float64]
@@ -119,12 +118,8 @@ class ReducedModel:
         return np.tile(np.eye(4, 3), (self.B.shape[1] // 3, 1))
 
     def held_shares(self) -> "csr_matrix":
-        """Return the share (n, b) of each bone in each vertex; rows of vertices that are not held are 0."""
-        if len(self.shares):
-            return scipy.sparse.csr_matrix(_unit_rows(self.shares.astype(np.float64)))
-        held = np.flatnonzero(self.regions.held)
-        entries = np.ones(len(held)), (held, self.regions.owner[held])
-        return scipy.sparse.csr_matrix(entries, shape=(len(self.regions.owner), len(self.bones)))
+        """Return the share (n, b) of each bone in each vertex; rows of vertices that no bone moves are 0."""
+        return scipy.sparse.csr_matrix(_unit_rows(self.shares.astype(np.float64)))
 
     def rows(self, mesh: SolverMesh, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return Φ W for the surface points nearest to some points.
@@ -226,24 +221,27 @@ def build(
     surface, mass = propagation.laplacian(unit)
     ties = replace(contacts(mesh), gap=contacts(mesh).gap / diagonal)
     if shares is None:
-        regions = bone_regions(mesh, bones)
-        if (regions.owner >= 0).any():
-            connected = propagation.energy_operator(surface, ties, mass, unit.diagonal)
-            shares = heat_shares(connected, mass, mesh, bones, regions)
-    if shares is not None:
+        regions, shares = bone_regions(mesh, bones), np.zeros((len(rest), len(bones)))
+    else:
         shares = feet_held(shares, mesh.vertices, bones)
         regions = regions_of_shares(shares)
-    along_limbs = limb_fields.limb_field_count(bones, regions, parameters.fields)
+    own_fields = parameters.fields - limb_fields.limb_field_count(bones, regions, parameters.fields)
     holds = limb_fields.contacts_that_hold(ties, rest, regions, bones, skinned=is_skinned)
     L = propagation.energy_operator(surface, ties.only(holds), mass, unit.diagonal)
     try:
         tied = propagation.field_operator(surface, ties, unit.diagonal, holds)
         operator = CoarseFields(tied, L, mass, unit) if is_large else propagation.SurfaceOperator(tied, mass, rest)
         with ThreadPoolExecutor(1) as other:  # both consist of factorisations
-            arguments = operator.smoothed, mesh.vertices, bones, regions, along_limbs, shares
-            limbs = other.submit(limb_fields.limb_fields, *arguments)
+            fields = other.submit(operator.propagation_fields, own_fields)
+            if not is_skinned and (regions.owner >= 0).any():
+                connected = propagation.energy_operator(surface, ties, mass, unit.diagonal)
+                shares = feet_held(heat_shares(connected, mass, mesh, bones, regions), mesh.vertices, bones)
+                regions = regions_of_shares(shares)
+            modes = fields.result()
+        along_limbs = limb_fields.limb_field_count(bones, regions, parameters.fields)
+        if own_fields + along_limbs < parameters.fields:  # the heat of a bone that is hidden reaches nothing
             modes = operator.propagation_fields(parameters.fields - along_limbs)
-            limb_modes = limbs.result()
+        limb_modes = limb_fields.limb_fields(operator.smoothed, mesh.vertices, bones, regions, along_limbs, shares)
     except RuntimeError as error:  # SuperLU finds the matrix singular, or ARPACK does not converge
         raise MeshError(
             mesh.name,
@@ -251,6 +249,7 @@ def build(
             expected="parts that are near each other for their size, and triangles that are not all needles",
             fix="Remove what lies far away from the character, or remesh it.",
         ) from error
+    modes = modes[:, : parameters.fields - along_limbs]
     weights = propagation.field_weights(rest, mass, modes)
     modes = np.column_stack([modes, limb_modes])
     own = 1 - along_limbs / parameters.fields
@@ -264,7 +263,6 @@ def build(
         products = other.submit(
             energy_matrices.products,
             *(L, surface, mass, rest, isoline_coordinates, weights, parameters.isolines, cluster),
-            by_cells=is_large,
         )
         covariance = clusters.covariance_map(surface, rest, isoline_coordinates, weights, parameters.isolines, cluster)
         strips = rotations.crossed_triangles(isoline_coordinates, unit.faces, parameters.isolines)
@@ -285,7 +283,7 @@ def build(
         B_clusters=B_clusters,
         bones=bones,
         regions=regions,
-        shares=(np.zeros((0, len(bones))) if shares is None else _unit_rows(shares)).astype(np.float32),
+        shares=_unit_rows(shares).astype(np.float32),
     )
 
 

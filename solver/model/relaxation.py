@@ -6,15 +6,10 @@ product with the matrix (Y. Saad, *Iterative Methods for Sparse Linear Systems*,
 of reading memory, so float32 takes much less.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-
-from puppetline.compiled import compiled
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -57,63 +52,26 @@ def relaxed(
     (n, k) float32 or float64
         The overwritten array.
     """
-    diagonal, largest = _diagonal(L.indptr, L.indices, L.data)
+    diagonal = -L.diagonal()
+    used = diagonal > 0
+    # Gershgorin's theorem bounds the eigenvalues of −L divided by its diagonal
+    largest = float((np.asarray(abs(L).sum(axis=1)).ravel()[used] / diagonal[used]).max())
     middle = largest * (1 + 1 / ROUGH_EIGENVALUE_RATIO) / 2
     half = largest * (1 - 1 / ROUGH_EIGENVALUE_RATIO) / 2
     real: Any = start.dtype.type
-    load = np.zeros((1, len(shifts)), real) if load is None else load.astype(real, copy=False)
-    given = [each.astype(real, copy=False) for each in (L.data, diagonal, mass, shifts)]
+    matrix, shifted = L.astype(real), (mass[:, None] * shifts).astype(real)
+    inverse = (1 / (diagonal[:, None] + np.abs(shifted))).astype(real)
+    load = np.zeros(1, real) if load is None else load.astype(real, copy=False)
     change = np.zeros_like(start)
     kept, taken, ratio = 0.0, 1 / middle, half / middle
-    threads = os.cpu_count() or 1
-    ends = np.linspace(0, len(start), threads + 1, dtype=np.int64)
-    with ThreadPoolExecutor(threads) as pool:
-        for _ in range(STEPS):
-            step = partial(_step, L.indptr, L.indices, *given, load, start, change, real(kept), real(taken))
-            list(pool.map(step, ends[:-1], ends[1:]))
-            list(pool.map(partial(_add, start, change), ends[:-1], ends[1:]))
-            following = 1 / (2 * middle / half - ratio)
-            kept, taken, ratio = following * ratio, 2 * following / half, following
+    for _ in range(STEPS):
+        residual = matrix @ start
+        residual += shifted * start
+        residual += load
+        residual *= inverse
+        change *= kept
+        change += taken * residual
+        start += change
+        following = 1 / (2 * middle / half - ratio)
+        kept, taken, ratio = following * ratio, 2 * following / half, following
     return start
-
-
-@compiled
-def _diagonal(starts, neighbours, entries):
-    """Return the diagonal of −L, and a bound on the eigenvalues of −L divided by it (Gershgorin's theorem)."""
-    n = len(starts) - 1
-    diagonal, largest = np.zeros(n), 0.0
-    for v in range(n):
-        total = 0.0
-        for entry in range(starts[v], starts[v + 1]):
-            total += abs(entries[entry])
-            if neighbours[entry] == v:
-                diagonal[v] -= entries[entry]
-        if diagonal[v] > 0:
-            largest = max(largest, total / diagonal[v])
-    return diagonal, largest
-
-
-@compiled(fastmath=True)
-def _step(starts, neighbours, entries, diagonal, mass, shifts, load, x, change, kept, taken, first, end):
-    """Take change = kept · change + taken · D⁻¹ (b − (−L − σ M) x), from the row `first` to before the row `end`."""
-    count = x.shape[1]
-    residual = np.empty(count, dtype=x.dtype)
-    for v in range(first, end):
-        b = load[v % len(load)]
-        for c in range(count):
-            residual[c] = b[c] + mass[v] * shifts[c] * x[v, c]
-        for entry in range(starts[v], starts[v + 1]):
-            u, factor = neighbours[entry], entries[entry]
-            for c in range(count):
-                residual[c] += factor * x[u, c]
-        for c in range(count):
-            scale = taken / (diagonal[v] + abs(shifts[c]) * mass[v])
-            change[v, c] = kept * change[v, c] + scale * residual[c]
-
-
-@compiled
-def _add(x, change, first, end):
-    """Add the changes to x, from the row `first` to before the row `end`."""
-    for v in range(first, end):
-        for c in range(x.shape[1]):
-            x[v, c] += change[v, c]

@@ -87,6 +87,15 @@ def parents_first(limbs: Sequence[Limb]) -> list[Limb]:
     return ordered
 
 
+def bone_ranges(limbs: Sequence[Limb]) -> dict[str, range]:
+    """Return the numbers of each limb's bones by its name, in the order of `parents_first`."""
+    ranges: dict[str, range] = {}
+    end = 0
+    for limb in parents_first(limbs):
+        ranges[limb.name] = range(end, end := end + len(limb.points) - 1)
+    return ranges
+
+
 def bones_of(limbs: Sequence[Limb], up: ArrayLike = (0.0, 1.0, 0.0)) -> Bones:
     """Return the bones of limbs, in the order of `parents_first`, each limb from root to tip.
 

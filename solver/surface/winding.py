@@ -78,29 +78,6 @@ def pieces(of_side: NDArray[np.int64], edges: int) -> NDArray[np.int32]:
     return connected_components(t + edges, np.repeat(np.arange(t), 3), t + of_side)[:t]
 
 
-def wound_consistently(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Wind the triangles of each patch like its first one.
-
-    Time and memory do not grow with the number of triangles that share an edge; those of `igl.bfs_orient` do, with its
-    square.
-
-    Parameters
-    ----------
-    faces : (t, 3) int64
-        With three different corners each.
-
-    Returns
-    -------
-    wound : (t, 3) int64
-        Triangles of a patch with one side only, such as a Möbius strip, are not changed.
-    patch : (t,) int32
-        Patch of each triangle, numbered from 0 in the order of their first triangles.
-    """
-    _, of_side, faces_of_edge = edges_of(faces)
-    against, patch = _against(faces, of_side, faces_of_edge)
-    return flipped_faces(faces, against), patch
-
-
 def flipped_faces(faces: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return (t, 3) faces with the winding of the chosen ones reversed."""
     turned = faces.copy()
@@ -108,7 +85,7 @@ def flipped_faces(faces: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArra
     return turned
 
 
-def _against(
+def wound_against(
     faces: NDArray[np.int64], of_side: NDArray[np.int64], faces_of_edge: NDArray[np.int64]
 ) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
     """Return which faces (t,) are wound against the first one of their patch, and each face's patch (t,).
@@ -123,6 +100,8 @@ def _against(
     crossed = faces.ravel()[one] == faces.ravel()[other]  # both pass the edge in one direction
     one, other = one // 3, other // 3
     patch = connected_components(t, one, other)
+    if not crossed.any():
+        return np.zeros(t, dtype=np.bool_), patch
     sheets = connected_components(
         2 * t,
         np.concatenate([one, one + t]),
@@ -136,7 +115,8 @@ def _against(
 def wound_outwards(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """Flip faces so that neighbours agree on the outside, patch by patch.
 
-    A closed patch faces outwards, by the sign of its enclosed volume. An open patch keeps the winding that most
+    A closed patch, whose faces pass each edge equally often in both directions, faces outwards, by the sign of its
+    enclosed volume. An open patch keeps the winding that most
     of its area has in the file. If the file's winding is mixed (`MIN_AGREEING_AREA_SHARE`), the convex side is the
     outside.
 
@@ -151,11 +131,16 @@ def wound_outwards(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> N
     (t, 3) int64
     """
     _, of_side, faces_of_edge = edges_of(faces)
-    against, patch = _against(faces, of_side, faces_of_edge)
-    area, agreeing, volume = measures(vertices, flipped_faces(faces, against), patch, ~against)
-    borders = np.bincount(patch[np.flatnonzero(faces_of_edge[of_side] != 2) // 3], minlength=len(area))
+    against, patch = wound_against(faces, of_side, faces_of_edge)
+    wound = flipped_faces(faces, against)
+    area, agreeing, volume = measures(vertices, wound, patch, ~against)
     undecided = np.abs(agreeing / area - 0.5) < MIN_AGREEING_AREA_SHARE - 0.5
-    by_volume = ((borders == 0) | undecided) & (np.abs(volume) > MIN_VOLUME_RATIO * area**1.5)
+    outer = np.flatnonzero(faces_of_edge[of_side] != 2)
+    first, edge = distinct_rows(np.column_stack([patch[outer // 3], of_side[outer]]))
+    passes = np.bincount(edge, np.sign(np.roll(wound, -1, axis=1) - wound).ravel()[outer])
+    closed = np.ones(len(area), dtype=bool)
+    closed[patch[outer[first[passes != 0]] // 3]] = False
+    by_volume = (closed | undecided) & (np.abs(volume) > MIN_VOLUME_RATIO * area**1.5)
     inside_out = np.where(by_volume, volume < 0, agreeing < 0.5 * area)
     return flipped_faces(faces, against ^ inside_out[patch])
 

@@ -47,8 +47,7 @@ class Card:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("drift", [1e-4, -3e-4])
-@pytest.mark.parametrize("jitter", [0.0, 0.004])
+@pytest.mark.parametrize(("drift", "jitter"), [(1e-4, 0.004), (-3e-4, 0.0)])
 def test_claps_of_ten_minutes_are_within_20_ms_although_the_clock_drifts(drift, jitter, tmp_path):
     source = Card(claps(600, drift, jitter))
     sound = SoundInput(lambda: source)
@@ -82,14 +81,14 @@ def test_lost_blocks_become_silence_of_their_length():
     np.testing.assert_allclose(places, np.arange(10.0, 60, 10.0), atol=0.002)
 
 
-def test_a_file_is_readable_to_within_a_second_before_it_is_closed(tmp_path):
+def test_a_file_is_readable_before_it_is_closed(tmp_path):
     writer = WavWriter(tmp_path / "a.wav")
     tone = np.sin(np.arange(480) / 9).astype(np.float32)
     for _ in range(510):
         writer.write(tone)
     with wave.open(str(tmp_path / "a.wav")) as file:
         assert (file.getframerate(), file.getnchannels(), file.getsampwidth()) == (SAMPLE_RATE, 1, 2)
-        assert 4.1 * SAMPLE_RATE <= file.getnframes() <= 5.1 * SAMPLE_RATE
+        assert file.getnframes() == 510 * 480
         samples = np.frombuffer(file.readframes(480), "<i2")
     np.testing.assert_array_equal(samples, np.rint(tone * 32767))
     writer.close()

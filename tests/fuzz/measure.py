@@ -13,6 +13,7 @@ import warnings
 from pathlib import Path
 
 from engine_bridge.character.character import load_character
+from engine_bridge.character.materials import preview_colors
 
 EXTRA_MEMORY_BYTES = 2**31
 """Maximum memory that reading a file may add, in bytes."""
@@ -22,7 +23,7 @@ def read(path):
     """Read a file as far as a picture requires; return the kind of error, or None."""
     try:
         character = load_character(path)
-        character.colors  # noqa: B018 - which reads the pictures
+        preview_colors(character)  # which reads the pictures
         character.solver_mesh()
     except Exception as error:
         return type(error).__name__

@@ -13,7 +13,7 @@ import igl
 import numpy as np
 import pytest
 
-from engine_bridge.character.readers import read_surface
+from engine_bridge.character.surface_document import read_surface
 from puppetline.errors import MeshError
 
 from .corpus import CORPUS, RAW_JSON, Parts, pack, unpack

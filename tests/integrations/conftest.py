@@ -92,7 +92,7 @@ def spoken_files(spoken, tmp_path):
 
     def write(kind):
         character = spoken[0].character
-        header = Header(Kind.SCENE, len(character.scene), character.revision)
+        header = Header(kind=Kind.SCENE, length=len(character.scene), revision=character.revision)
         messages = [
             join(topic("talker", Kind.SCENE), header, character.scene),
             *(encode(kind, each, 0) for each in spoken),

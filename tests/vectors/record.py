@@ -120,6 +120,7 @@ def limbed_frame() -> Frame:
         root=np.array([0.25, 0.0, -0.125]),
         targets=deformer.handles,
         motions=motions,
+        channels={"mouth_open": 0.25, "voice": 1.0},
     )
 
 
@@ -137,7 +138,8 @@ def messages() -> dict[str, bytes]:
     limbed = limbed_frame()
     described = Header(kind=Kind.SCENE, length=len(limbed.character.scene), revision=8, published=5)
     made["limbed.scene"] = join(topic("limbed", Kind.SCENE), described, limbed.character.scene)
-    made["limbed.bones"] = encode(Kind.BONES, limbed, limbed.received + 2_000_000)
+    for kind in (Kind.BONES, Kind.CHANNELS):
+        made[f"limbed.{kind.word}"] = encode(kind, limbed, limbed.received + 2_000_000)
     for number, frame in enumerate(played):
         for kind in FRAME_KINDS:
             message = encode(kind, frame, frame.received + 2_000_000)
@@ -145,7 +147,8 @@ def messages() -> dict[str, bytes]:
                 made[f"{number}.{kind.word}"] = message
     performer = {"character": "worm", "state": "calibrating", "user": 3, "time": played[1].time}
     made["performer"] = json_message("worm/performer", Kind.PERFORMER, performer, revision=7, state=1, user=3)
-    kinds = [kind.word for kind in FRAME_KINDS if kind is not Kind.BONES]  # the worm has no limbs
+    # the worm has no limbs, and channels are younger
+    kinds = [kind.word for kind in FRAME_KINDS if kind not in (Kind.BONES, Kind.CHANNELS)]
     listed = [{"name": "worm", "revision": 7, "digest": character.digest, "vertices": 162, "kinds": kinds}]
     made["characters"] = json_message("service/characters", Kind.CHARACTERS, listed)
     return made

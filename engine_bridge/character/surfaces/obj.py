@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.surfaces import mtl
-from engine_bridge.character.surfaces.corners import distinct_corners
 from engine_bridge.character.surfaces.files import Folder
-from engine_bridge.character.surfaces.polygons import triangulate
+from engine_bridge.character.surfaces.polygons import distinct_corners, triangulate
 from engine_bridge.character.surfaces.surface import (
     DEFAULT_MATERIAL,
     Material,

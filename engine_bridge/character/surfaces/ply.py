@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.surfaces.corners import distinct_corners
 from engine_bridge.character.surfaces.files import Folder
 from engine_bridge.character.surfaces.ply_tables import Table, read_tables
-from engine_bridge.character.surfaces.polygons import triangulate
+from engine_bridge.character.surfaces.polygons import distinct_corners, triangulate
 from engine_bridge.character.surfaces.surface import (
     Material,
     Piece,

@@ -5,6 +5,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.surface.winding import distinct_rows
+
 MAX_CONCAVE_CORNERS = 500
 """Maximum number of corners of a polygon that is cut by ear clipping, which takes quadratic time."""
 
@@ -101,3 +103,25 @@ def _is_ear(points: NDArray[np.float64], ear: tuple[int, int, int], ring: list[i
     within = np.all(sides[:, 0] * away[:, :, 1] - sides[:, 1] * away[:, :, 0] >= 0, axis=1)
     elsewhere = np.all(away.any(axis=2), axis=1)
     return not np.any(within & elsewhere)
+
+
+def distinct_corners(corners: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Find the distinct corners, which become a mesh's vertices.
+
+    Parameters
+    ----------
+    corners : (c, k) int64
+        Indices, −1 for none.
+
+    Returns
+    -------
+    first : (n,) int64
+        Index of the first corner of each kind, ascending.
+    vertex_of : (c,) int64
+        Vertex of each corner, as an index into `first`.
+    """
+    first, kind = distinct_rows(corners)
+    order = np.argsort(first)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return first[order], rank[kind]

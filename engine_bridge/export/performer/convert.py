@@ -16,9 +16,9 @@ from capture.timeline import Timeline, choose
 from engine_bridge.export.performer.bvh import write_bvh
 from engine_bridge.export.performer.gltf import skeleton_animation, vrm_animation
 from engine_bridge.export.performer.motion import PerformerMotion, motion_of
+from engine_bridge.performance.calibration import of_performer
 from engine_bridge.performance.clip import Progress, part_of, timeline_of
 from engine_bridge.performance.settings import PerformerFormat, Settings
-from engine_bridge.performance.take_calibration import of_performer
 from puppetline.errors import SkeletonLogError
 from puppetline.files import check_one_of
 

@@ -123,7 +123,7 @@ def request(
     address : str
         Address of the control socket, such as ``tcp://127.0.0.1:7401``.
     do : str
-        See `engine_bridge.service.control.requests.ARGUMENTS`.
+        See docs/control.md.
     token : str, optional
         Required if the service has one.
     encoding : {"json", "msgpack"}

@@ -5,17 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from engine_bridge.service.control.requests import (
-    WHERE,
-    Encoding,
-    RequestId,
-    decode,
-    encode,
-    error_reply,
-    ok_reply,
-    take_command,
-    take_id,
-)
+from engine_bridge.service.control import requests
 from puppetline import toml_schema
 from puppetline.errors import PuppetlineError, ServiceError
 from puppetline.toml_schema import Table
@@ -54,8 +44,8 @@ class _Caller:
     """Destination of an answer: what sends it, its encoding, and the number of its request."""
 
     reply: Reply
-    encoding: Encoding
-    request: RequestId = None
+    encoding: requests.Encoding
+    request: requests.RequestId = None
 
 
 class Dispatcher:
@@ -71,7 +61,7 @@ class Dispatcher:
         self._commands = commands
         self._deferred: dict[Deferred, _Caller] = {}
 
-    def take(self, body: bytes, reply: Reply, encoding: Encoding) -> None:
+    def take(self, body: bytes, reply: Reply, encoding: requests.Encoding) -> None:
         """Carry out a request; the reply, in the same encoding, is sent now or when the work is done."""
         caller = _Caller(reply, encoding)
         try:
@@ -92,25 +82,25 @@ class Dispatcher:
             caller.reply(_encoded(caller, outcome))
 
     def _carry_out(self, caller: _Caller, body: bytes) -> Any:
-        values = decode(body, caller.encoding)
-        caller.request = take_id(values)
-        model, run = self._commands[take_command(values, self._commands)]
-        return run(toml_schema.check(model, values, WHERE, ServiceError))
+        values = requests.decode(body, caller.encoding)
+        caller.request = requests.take_id(values)
+        model, run = self._commands[requests.take_command(values, self._commands)]
+        return run(toml_schema.check(model, values, requests.WHERE, ServiceError))
 
 
-def refusal(error: PuppetlineError, encoding: Encoding) -> bytes:
+def refusal(error: PuppetlineError, encoding: requests.Encoding) -> bytes:
     """Return the reply to a message that is not a request."""
-    return encode(error_reply(None, error), encoding)
+    return requests.encode(requests.error_reply(None, error), encoding)
 
 
 def _encoded(caller: _Caller, outcome: Any) -> bytes:
     """Write the answer; an internal error is logged, and the client receives `FAILED`."""
     try:
         if not isinstance(outcome, Exception):
-            return encode(ok_reply(caller.request, outcome), caller.encoding)
+            return requests.encode(requests.ok_reply(caller.request, outcome), caller.encoding)
     except (TypeError, ValueError, OverflowError, RecursionError) as error:
         outcome = error
     if not isinstance(outcome, PuppetlineError):
         log.error("request failed", exc_info=outcome)
         outcome = FAILED
-    return encode(error_reply(caller.request, outcome), caller.encoding)
+    return requests.encode(requests.error_reply(caller.request, outcome), caller.encoding)

@@ -172,35 +172,6 @@ class Trace(Table):
     stage: Name | None = None
 
 
-ARGUMENTS: dict[str, type[Table]] = {
-    "ping": Nothing,
-    "list": Nothing,
-    "describe": Nothing,
-    "calibrate": OneCharacter,
-    "choose_user": ChooseUser,
-    "mirror": Mirror,
-    "look": OneStage,
-    "trace": Trace,
-    "record_start": RecordStart,
-    "record_stop": OneStage,
-    "play_take": PlayTake,
-    "pause": Switch,
-    "seek": Seek,
-    "loop": Switch,
-    "speed": Speed,
-    "stop": Stop,
-    "clips": Nothing,
-    "puppet": OneCharacter,
-    "set_handle": SetHandle,
-    "set_root": SetRoot,
-    "set_scale": SetScale,
-    "save_puppet": OneCharacter,
-    "revert_puppet": OneCharacter,
-    "reload": Nothing,
-}
-"""Every command, and its arguments."""
-
-
 def encoding_of(body: bytes) -> Encoding:
     """Return the encoding of a request, which its first byte shows; its reply has the same."""
     return "msgpack" if body[:1] and body[0] in MSGPACK_MAPS else "json"

@@ -4,12 +4,16 @@
 """
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, FiniteFloat, StrictBool, model_validator
 
-from engine_bridge.service.outputs.registry import OutputTables
+from engine_bridge.service.outputs.osc import OscTable
+from engine_bridge.service.outputs.output import OutputTable
+from engine_bridge.service.outputs.websocket import WebSocketTable
+from engine_bridge.service.outputs.zeromq import NetworkTable
 from engine_bridge.service.players.automatic_calibration import Calibrate
 from engine_bridge.service.players.character_player import PlayerSettings
 from engine_bridge.service.security.endpoints import Text
@@ -65,19 +69,34 @@ class StageTable(Table):
     @property
     def player_settings(self) -> PlayerSettings:
         """Settings of how the characters are calibrated and eased."""
-        return PlayerSettings(
-            calibrate=self.calibrate,
-            ease=self.ease,
-            remember=self.remember,
-            tilt=None if self.tilt == "auto" else self.tilt,
-            height=None if self.height == "auto" else self.height,
-        )
+        tilt, height = (None if value == "auto" else value for value in (self.tilt, self.height))
+        return PlayerSettings(self.calibrate, self.ease, self.remember, tilt, height)
 
 
 class MetricsTable(Table):
     """[metrics]: metrics for Prometheus, on loopback because they require no credentials."""
 
     port: Port = 9464
+
+
+class OutputTables(Table):
+    """One row per wire: a key of the service file and its table, or a tuple of tables.
+
+    To add a wire, add a module with an `Output` and its `OutputTable`, and a row.
+    """
+
+    network: NetworkTable = NetworkTable()
+    osc: tuple[OscTable, ...] = ()
+    websocket: WebSocketTable | None = None
+
+    def output_tables(self) -> Iterator[tuple[tuple[str | int, ...], OutputTable]]:
+        """Yield the keys and indices of each table in the file, and the table, in the order of the rows."""
+        for key in OutputTables.model_fields:
+            value = getattr(self, key)
+            if isinstance(value, tuple):
+                yield from (((key, index), table) for index, table in enumerate(value))
+            elif value is not None:
+                yield (key,), value
 
 
 class ServiceFile(OutputTables):

@@ -3,6 +3,7 @@
 import ipaddress
 import threading
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import astuple
 from typing import Any
 from wsgiref.simple_server import WSGIRequestHandler, make_server
 
@@ -11,14 +12,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoM
 from prometheus_client.exposition import ThreadingWSGIServer, make_wsgi_app
 from prometheus_client.registry import Collector
 
-from engine_bridge.service.monitoring.status import (
-    CharacterStatus,
-    ClientsStatus,
-    OutputStatus,
-    ServiceStatus,
-    StageStatus,
-    Status,
-)
+from engine_bridge.service.monitoring.status import Status
 from engine_bridge.service.states import STATES
 from puppetline.errors import ServiceError
 
@@ -132,13 +126,12 @@ class _StatusCollector(Collector):
     def collect(self) -> Iterator[Metric]:
         """Turn the latest status into metrics."""
         status = self._status()
-        yield from _service(status.service, status.clients)
-        yield from _stages(status.stages)
-        yield from _characters(status.characters)
-        yield from _outputs(status.outputs)
+        for metrics in (_service, _stages, _characters, _outputs):
+            yield from metrics(status)
 
 
-def _service(service: ServiceStatus, clients: ClientsStatus) -> Iterator[Metric]:
+def _service(status: Status) -> Iterator[Metric]:
+    service, clients = status.service, status.clients
     yield InfoMetricFamily("puppetline", "The service.", {"version": service.version})
     yield _gauge("uptime_seconds", "Time since the start.", (), [((), service.uptime)])
     yield _gauge("resident_memory_bytes", "Memory of the process.", (), [((), service.memory)])
@@ -148,8 +141,8 @@ def _service(service: ServiceStatus, clients: ClientsStatus) -> Iterator[Metric]
     yield _counter("clients_refused", "Refused ZeroMQ connections.", (), [((), clients.refused)])
 
 
-def _stages(stages: Iterable[StageStatus]) -> Iterator[Metric]:
-    label = ("stage",)
+def _stages(status: Status) -> Iterator[Metric]:
+    stages, label = status.stages, ("stage",)
     yield _counter("stage_frames", "Skeletons received.", label, (((s.name,), s.frames) for s in stages))
     about = "Skeletons skipped because a newer one had arrived."
     yield _counter("stage_dropped", about, label, (((s.name,), s.dropped) for s in stages))
@@ -158,12 +151,7 @@ def _stages(stages: Iterable[StageStatus]) -> Iterator[Metric]:
     latencies = (
         ((stage.name, quantile), milliseconds / 1000)
         for stage in stages
-        for quantile, milliseconds in (
-            ("0.5", stage.latency_ms.p50),
-            ("0.95", stage.latency_ms.p95),
-            ("0.99", stage.latency_ms.p99),
-            ("1", stage.latency_ms.max),
-        )
+        for quantile, milliseconds in zip(("0.5", "0.95", "0.99", "1"), astuple(stage.latency_ms), strict=True)
         if milliseconds is not None
     )
     yield _gauge("latency_seconds", "Time from a skeleton to its frame.", ("stage", "quantile"), latencies)
@@ -172,8 +160,8 @@ def _stages(stages: Iterable[StageStatus]) -> Iterator[Metric]:
     yield _gauge("stage_recording", "1 while a take is recorded.", label, recording)
 
 
-def _characters(characters: Iterable[CharacterStatus]) -> Iterator[Metric]:
-    label = ("character",)
+def _characters(status: Status) -> Iterator[Metric]:
+    characters, label = status.characters, ("character",)
     yield _counter("character_frames", "Frames sent.", label, (((c.name,), c.frames) for c in characters))
     states = (((c.name, state), c.state == state) for c in characters for state in STATES)
     yield _gauge("character_state", "1 for the current state.", ("character", "state"), states)
@@ -184,8 +172,8 @@ def _characters(characters: Iterable[CharacterStatus]) -> Iterator[Metric]:
     yield _counter("character_limited_frames", about, label, limited)
 
 
-def _outputs(outputs: Iterable[OutputStatus]) -> Iterator[Metric]:
-    labels = ("wire", "target")
+def _outputs(status: Status) -> Iterator[Metric]:
+    outputs, labels = status.outputs, ("wire", "target")
     yield _counter("output_sent", "Messages sent.", labels, (((o.wire, o.target), o.sent) for o in outputs))
     yield _counter("output_sent_bytes", "Bytes sent.", labels, (((o.wire, o.target), o.bytes) for o in outputs))
     skipped = (((o.wire, o.target), o.skipped) for o in outputs if o.skipped is not None)

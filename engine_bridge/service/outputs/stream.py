@@ -136,7 +136,7 @@ class StreamOutput(Output, Generic[Peer]):
     def _publish_json(self, name: str, value: Any) -> None:
         """Send a value about the whole service, and keep it for clients that subscribe later."""
         place, payload, kind = topic_field(name), write_json(value), WORDS[name.removeprefix("service/")]
-        self._keep(place, join(place, Header(kind, len(payload), published=time.monotonic_ns()), payload))
+        self._keep(place, join(place, Header(kind=kind, length=len(payload), published=time.monotonic_ns()), payload))
 
     def _keep(self, place: bytes, message: bytes) -> None:
         self._kept[place] = message
@@ -168,7 +168,9 @@ class StreamOutput(Output, Generic[Peer]):
         character = self._characters.get(place.decode("ascii").partition("/")[0])
         if character is None:
             return ()
-        scene = Header(Kind.SCENE, len(character.scene), character.revision, published=time.monotonic_ns())
+        scene = Header(
+            kind=Kind.SCENE, length=len(character.scene), revision=character.revision, published=time.monotonic_ns()
+        )
         return join(place, scene), character.scene
 
 

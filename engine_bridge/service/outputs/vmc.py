@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from capture.channels import FINGERS, FULL_BEND_DEGREES
 from capture.network.osc import bundle, encode
-from capture.skeleton import swap_sides
 from engine_bridge.service.protocol.frame import Frame
 
 DATAGRAM_BYTES = 1472
@@ -74,8 +73,6 @@ def datagrams(frame: Frame, seconds: float) -> Iterator[bytes]:
 def _fingers(frame: Frame, placed: dict[str, NDArray[np.float32]]) -> Iterator[bytes]:
     """Write the measured joints of fingers. Palms are down in a T-pose: fingers bend about z, thumbs about y."""
     channels = frame.channels or {}
-    if frame.character.rig.puppet.retarget.mirror:
-        channels = {swap_sides(each): value for each, value in channels.items()}
     for side, out in (("left", -1.0), ("right", 1.0)):
         name = side.title()
         hand = placed.get(f"{name}Hand")

@@ -99,11 +99,6 @@ class ZeroMqOutput(StreamOutput[zmq.Socket[bytes]]):
         return [bytes(socket.getsockopt(zmq.LAST_ENDPOINT)).rstrip(b"\0").decode() for socket in self._streams]
 
     @property
-    def ignored(self) -> int:
-        """Number of subscriptions so far that were ignored, see `Subscriptions`."""
-        return sum(stream.subscriptions.ignored for stream in self._streams.values())
-
-    @property
     def statistics(self) -> OutputStatus:
         """Messages and bytes so far; libzmq does not report what it drops for slow clients."""
         return OutputStatus("zeromq", " ".join(self.endpoints), self._messages, self._bytes, None, 0)

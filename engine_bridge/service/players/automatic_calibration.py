@@ -1,15 +1,51 @@
-"""Decides when a performer is calibrated without a command, and in which pose."""
+"""Decides when a performer is calibrated without a command, and in which pose; calibrations that are computed."""
 
-from typing import Literal
+from concurrent.futures import Future
+from copy import deepcopy
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import SkeletonFrame
-from engine_bridge.performance.calibration import POSE_SECONDS, RecentFrames, same_body
+from engine_bridge.performance.calibration import POSE_SECONDS, Calibration, RecentFrames, same_body
+from engine_bridge.performance.retargeting import Retargeting
+from engine_bridge.puppet.puppet import Puppet
 
 Calibrate = Literal["still", "at_once", "command"]
 """When to calibrate: after the first second without motion; after a moment, in any pose; or only by command."""
+
+
+@dataclass(frozen=True)
+class PreparedCalibration:
+    """A calibration, and the retargeting that is computed from it.
+
+    Attributes
+    ----------
+    calibration : Calibration
+    mirror : bool
+    asked : float
+        Time at which it was requested.
+    puppet : Puppet
+        The character's puppet when it was requested, whose mapping the retargeting applies.
+    working : Future
+        Computes the retargeting, which takes a tenth of a second.
+    """
+
+    calibration: Calibration
+    mirror: bool
+    asked: float
+    puppet: Puppet
+    working: Future[Retargeting]
+
+    def retargeting(self) -> Retargeting:
+        """Return a retargeting without frames so far, once it is computed."""
+        return deepcopy(self.working.result())
+
+    def to_json(self) -> dict[str, Any]:
+        """Return values of JSON's types, from which `CharacterPlayer.begin` prepares the same calibration."""
+        return self.calibration.to_json() | {"mirror": self.mirror}
 
 
 class AutomaticCalibration:

@@ -18,15 +18,15 @@ from capture.events import TICK_SECONDS
 from capture.sensor_tilt import MIN_TILT_CHANGE, SensorTilt, estimate_tilt
 from capture.skeleton import SkeletonFrame
 from capture.smoothing import JointFilter
+from engine_bridge.performance.calibration import Calibration, places_of, rows_of
+from engine_bridge.performance.channels import sided
 from engine_bridge.performance.easing import EASE_SECONDS, TargetPose
 from engine_bridge.performance.idle import IdleRecording
 from engine_bridge.performance.performance import mirrored
-from engine_bridge.performance.performer_calibration import Calibration, places_of, rows_of
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.puppet.puppet import Puppet
-from engine_bridge.service.players.automatic_calibration import AutomaticCalibration, Calibrate
+from engine_bridge.service.players.automatic_calibration import AutomaticCalibration, Calibrate, PreparedCalibration
 from engine_bridge.service.players.pose_display import Appearance, PoseDisplay
-from engine_bridge.service.players.prepared_calibration import PreparedCalibration
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from engine_bridge.service.states import State
 from puppetline.errors import ServiceError
@@ -121,13 +121,11 @@ class CharacterPlayer:
         self.user, self.state = user, "calibrating"
         self._watched.reset()
         calibration, left = self._remembered.pop(user, (None, 0.0))
-        if calibration is not None and self._floor is not None:
-            stands = self._with_settings(self._floor)
-            calibration = (
-                calibration if calibration.sensor.near(stands, *MIN_TILT_CHANGE) else None
-            )  # the sensor was moved
         if calibration is not None and time - left > self._settings.remember:
             calibration = None
+        if calibration is not None and self._floor is not None:
+            stands = self._with_settings(self._floor)
+            calibration = calibration if calibration.sensor.near(stands, *MIN_TILT_CHANGE) else None  # it was moved
         self._automatic.enter(returning=calibration is not None)
         if calibration is not None:
             self._prepare(calibration, time)
@@ -177,9 +175,7 @@ class CharacterPlayer:
     def set_mirror(self, mirror: bool, time: float) -> None:
         """Turn mirroring on or off."""
         self.mirror = mirror
-        prepared = self.next_calibration or self._current
-        if prepared is not None:
-            self._prepare(prepared.calibration, time)
+        self._prepare_again(time)
 
     def remap(self, puppet: Puppet, time: float) -> None:
         """Apply the mapping of another puppet with the same handles, as soon as it is computed.
@@ -187,9 +183,7 @@ class CharacterPlayer:
         The idle motion is not computed here: see `make_idle` and `take_idle`.
         """
         self.character = self.character.remapped(puppet)
-        prepared = self.next_calibration or self._current
-        if prepared is not None:
-            self._prepare(prepared.calibration, time)
+        self._prepare_again(time)
 
     def make_idle(self) -> IdleRecording | None:
         """Compute the idle motion with the present mapping, which may take a second."""
@@ -277,13 +271,12 @@ class CharacterPlayer:
             pose = self._automatic.due(rest, self._directs)
             if pose is not None:
                 self._calibrate(pose, frame.time)
-        levelled = self._sensor.levelled(frame)
+        levelled = replace(self._sensor.levelled(frame), channels=sided(frame.channels, self.mirror))
         if self._retargeting is None:
             seen = replace(levelled, positions=self._watched.step(frame.time, levelled.positions, frame.confidence))
             return self._show(frame.time, received, self._idle_places(frame.time), seen)
         aim = self._retargeting.step(levelled)
-        places = TargetPose(aim.targets, aim.motions, aim.root)
-        return self._show(frame.time, received, places, replace(levelled, positions=aim.joints))
+        return self._show(frame.time, received, aim, replace(levelled, positions=self._retargeting.joints))
 
     def pass_time(self, time: float, received: int) -> Frame | None:
         """Return a frame without a performer; None while there is one, or if it is too early for another frame."""
@@ -337,6 +330,12 @@ class CharacterPlayer:
         """Start to compute a retargeting, in place of one that is not in use yet; the stream continues meanwhile."""
         self._drop_next()
         self.next_calibration = self._preparing(calibration, self.mirror, time)
+
+    def _prepare_again(self, time: float) -> None:
+        """Apply a changed setting to the calibration, if there is one."""
+        prepared = self.next_calibration or self._current
+        if prepared is not None:
+            self._prepare(prepared.calibration, time)
 
     def _drop_next(self) -> None:
         if self.next_calibration is not None:

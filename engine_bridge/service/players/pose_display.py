@@ -8,12 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.skeleton import SkeletonFrame
-from engine_bridge.performance.easing import Easing, TargetPose
+from capture.skeleton import JOINTS, LOST, SkeletonFrame
+from engine_bridge.performance.easing import MAX_STEP_SECONDS, Easing, TargetPose
 from engine_bridge.performance.idle import IdleRecording
 from engine_bridge.performance.performance import make_deformer
+from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.performance.rig import Rig
-from engine_bridge.service.players.precompilation import precompile
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from engine_bridge.service.states import State
 from solver.motion.deformer import Deformer
@@ -76,7 +76,17 @@ class PoseDisplay:
         self.rest = TargetPose(self.deformer.handles, np.tile(np.eye(4, 3), (len(bones), 1, 1)), np.zeros(3))
         self.easing = Easing(bones, self.rest, seconds)
         self._followed: Deformer | None = None  # has computed the last frame, instead of `deformer`
-        precompile(rig.puppet, self.deformer, self.rest)
+        self._precompile(rig)
+
+    def _precompile(self, rig: Rig) -> None:
+        """Compile what a frame runs, which takes 15 seconds the first time, by a frame in which nothing is known."""
+        unknown, lost = np.full((len(JOINTS), 3), np.nan), np.full(len(JOINTS), LOST, np.float32)
+        Retargeting(rig.puppet, rig.mesh, self.deformer, unknown).step(SkeletonFrame(0.0, 0, unknown, lost))
+        easing = Easing(self.deformer.bones, self.rest, 1.0)
+        easing.begin(0.0)
+        easing.show(MAX_STEP_SECONDS, self.rest)
+        self.deformer.solve(self.deformer.handles)
+        self.deformer.reset()
 
     def ease(self, time: float) -> None:
         """Ease from the pose that is shown into the one that is shown from now on."""

@@ -52,7 +52,7 @@ class ClipFacts:
 def beginning(character: StreamedCharacter, facts: ClipFacts) -> bytes:
     """Return the first two messages of a clip file: its description and the scene."""
     return b"".join(
-        join(topic(character.name, kind), Header(kind, len(payload), character.revision), payload)
+        join(topic(character.name, kind), Header(kind=kind, length=len(payload), revision=character.revision), payload)
         for kind, payload in ((Kind.CLIP, write_json(asdict(facts))), (Kind.SCENE, character.scene))
     )
 
@@ -85,9 +85,9 @@ def frame_message(
     controls[:, :, 3] += root
     x, y, z = map(float, root)
     header = Header(
-        Kind.CONTROLS,
-        controls.nbytes,
-        character.revision,
+        kind=Kind.CONTROLS,
+        length=controls.nbytes,
+        revision=character.revision,
         sequence=number,
         state=STATES.index("performing"),
         time=time,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character import own_targets
-from engine_bridge.character.drawn_normals import drawn_normals
+from engine_bridge.character.materials import drawn_normals
 from engine_bridge.performance.channels import ChannelMotion, weights_at
 from engine_bridge.performance.rig import Rig
 from engine_bridge.puppet.puppet import Puppet
@@ -189,7 +189,7 @@ class Frame:
     motions : (b, 4, 3) float64 or None
         Motions of the bones for row vectors, without the root, mesh file's coordinates.
     channels : mapping of str to float or None
-        Values of the performer's channels; None without a performer.
+        Values of the performer's channels, left and right as the character has them; None without a performer.
     """
 
     character: StreamedCharacter

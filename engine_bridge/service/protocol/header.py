@@ -47,6 +47,7 @@ class Kind(IntEnum):
     CHARACTERS = 10
     CLIP = 11
     BONES = 12
+    CHANNELS = 13
 
     @property
     def word(self) -> str:
@@ -54,7 +55,16 @@ class Kind(IntEnum):
         return self.name.lower()
 
 
-FRAME_KINDS = (Kind.CONTROLS, Kind.MORPHS, Kind.VERTICES, Kind.VERTICES16, Kind.JOINTS, Kind.HANDLES, Kind.BONES)
+FRAME_KINDS = (
+    Kind.CONTROLS,
+    Kind.MORPHS,
+    Kind.VERTICES,
+    Kind.VERTICES16,
+    Kind.JOINTS,
+    Kind.HANDLES,
+    Kind.BONES,
+    Kind.CHANNELS,
+)
 """Kinds sent for every frame; the others are sent when they change or are requested."""
 
 WORDS = {kind.word: kind for kind in Kind if kind != Kind.CLIP}
@@ -62,22 +72,23 @@ WORDS = {kind.word: kind for kind in Kind if kind != Kind.CLIP}
 
 
 class Header(NamedTuple):
-    """The second 64 bytes of a message.
+    """The second 64 bytes of a message, in the order of the bytes.
 
     Attributes
     ----------
+    major, minor : int
     kind : int
         A `Kind`, or a number added by a later minor version.
-    length : int
-        Bytes of the payload.
-    revision : int
-        Of the character's scene; 0 if the message concerns no character.
-    sequence : int
-        Increases by one with each frame of the character; 0 if the message is no frame.
     state : int
         Index in `STATES`.
     user : int
         The performer, or `NO_USER`.
+    revision : int
+        Of the character's scene; 0 if the message concerns no character.
+    length : int
+        Bytes of the payload.
+    sequence : int
+        Increases by one with each frame of the character; 0 if the message is no frame.
     time : float
         Seconds, the source's clock.
     received, published : int
@@ -86,52 +97,32 @@ class Header(NamedTuple):
         Translation of the whole character, mesh file's coordinates.
     targets : int
         Number of weights of the mesh's own morph targets, which follow the payload.
-    major, minor : int
     """
 
-    kind: int
-    length: int
-    revision: int = 0
-    sequence: int = 0
+    major: int = MAJOR
+    minor: int = MINOR
+    kind: int = 0
     state: int = 0
     user: int = NO_USER
+    revision: int = 0
+    length: int = 0
+    sequence: int = 0
     time: float = 0.0
     received: int = 0
     published: int = 0
     root: tuple[float, float, float] = (0.0, 0.0, 0.0)
     targets: int = 0
-    major: int = MAJOR
-    minor: int = MINOR
 
     def pack(self) -> bytes:
         """Return the 64 bytes."""
-        return _LAYOUT.pack(
-            self.major,
-            self.minor,
-            self.kind,
-            self.state,
-            self.user,
-            self.revision,
-            self.length,
-            self.sequence,
-            self.time,
-            self.received,
-            self.published,
-            *self.root,
-            self.targets,
-        )
+        *before, root, targets = self
+        return _LAYOUT.pack(*before, *root, targets)
 
     @classmethod
     def unpack(cls, content: bytes | memoryview) -> Self:
         """Read 64 bytes."""
-        major, minor, kind, state, user, revision, length, sequence, time, received, published, *rest = _LAYOUT.unpack(
-            content
-        )
-        *root, targets = rest
-        moved = (root[0], root[1], root[2])
-        return cls(
-            kind, length, revision, sequence, state, user, time, received, published, moved, targets, major, minor
-        )
+        *before, x, y, z, targets = _LAYOUT.unpack(content)
+        return cls._make([*before, (x, y, z), targets])
 
 
 _LAYOUT = struct.Struct("<4BiIIQdQQ3fI")

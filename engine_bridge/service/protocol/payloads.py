@@ -17,6 +17,7 @@ from engine_bridge.service.protocol.header import (
     read_json,
     split,
     topic,
+    write_json,
 )
 from engine_bridge.service.protocol.scene import Scene
 from engine_bridge.service.states import STATES
@@ -75,7 +76,7 @@ def encode(kind: Kind, frame: "Frame", published: int) -> bytes | None:
     Returns
     -------
     bytes or None
-        None if the frame has nothing of that kind: no joints, no morph targets.
+        None if the frame has nothing of that kind: no joints, no morph targets, no channels.
     """
     payload = _PARTS[kind](frame)
     if payload is None:
@@ -133,6 +134,10 @@ def _bones(frame: "Frame") -> Parts | None:
     return None if pose is None else (pose.rotations.data, pose.translations.data)
 
 
+def _channels(frame: "Frame") -> Parts | None:
+    return (write_json({name: round(value, 4) for name, value in frame.channels.items()}),) if frame.channels else None
+
+
 _PARTS: dict[Kind, Callable[["Frame"], Parts | None]] = {
     Kind.CONTROLS: lambda frame: (frame.controls.data,),
     Kind.MORPHS: _morphs,
@@ -140,6 +145,7 @@ _PARTS: dict[Kind, Callable[["Frame"], Parts | None]] = {
     Kind.VERTICES16: _vertices16,
     Kind.JOINTS: _joints,
     Kind.BONES: _bones,
+    Kind.CHANNELS: _channels,
     Kind.HANDLES: lambda frame: (np.ascontiguousarray(frame.targets, dtype="<f4").data,),
 }
 
@@ -210,4 +216,5 @@ _BODIES: dict[Kind, Callable[[memoryview], Any]] = {
     Kind.STATUS: read_json,
     Kind.CHARACTERS: read_json,
     Kind.CLIP: read_json,
+    Kind.CHANNELS: read_json,
 }

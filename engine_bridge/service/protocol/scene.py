@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import JOINTS
+from engine_bridge.character.materials import preview_colors
 from engine_bridge.puppet.humanoid_bones import HUMANOID_BONES
 from engine_bridge.rigging.skeleton import from_t_pose
 from engine_bridge.service.protocol.header import WireError, read_json, write_json
@@ -175,7 +176,7 @@ def scene_arrays(character: DrawnCharacter) -> dict[str, Array]:
         "ladder": isoline_coordinates,
         "slopes": slopes,
         "uv": uv(rig.character),
-        "colors": rig.character.colors,
+        "colors": preview_colors(rig.character),
         "displacements": character.displacements if rig.puppet.targets else None,
     }
     return {
@@ -191,8 +192,8 @@ def scene_arrays(character: DrawnCharacter) -> dict[str, Array]:
 def uv(character: "Character") -> NDArray[np.float32] | None:
     """Return the first texture coordinates (n, 2) of all parts, zeros for parts without; None if no part has any."""
     found = [
-        character.document.attribute(_primitive(character, index), "TEXCOORD_0", len(part.vertices), 2)
-        for index, part in enumerate(character.parts)
+        character.document.attribute(character.primitive(part), "TEXCOORD_0", len(part.vertices), 2)
+        for part in character.parts
     ]
     if all(own is None for own in found):
         return None
@@ -206,23 +207,17 @@ def parts(character: "Character") -> list[dict[str, Any]]:
     described = []
     first_triangle = 0
     for index, (part, place) in enumerate(zip(character.parts, character.vertex_slices, strict=True)):
-        primitive = _primitive(character, index)
         node = gltf["nodes"][part.node]
         described.append(
             {
                 "name": node.get("name") or gltf["meshes"][node["mesh"]].get("name") or f"part {index}",
                 "vertices": [place.start, len(part.vertices)],
                 "triangles": [first_triangle, len(part.triangles)],
-                "material": _material(character, primitive),
+                "material": _material(character, character.primitive(part)),
             }
         )
         first_triangle += len(part.triangles)
     return described
-
-
-def _primitive(character: "Character", index: int) -> "Primitive":
-    part, gltf = character.parts[index], character.document.gltf
-    return gltf["meshes"][gltf["nodes"][part.node]["mesh"]]["primitives"][part.primitive]
 
 
 def _material(character: "Character", primitive: "Primitive") -> dict[str, Any]:

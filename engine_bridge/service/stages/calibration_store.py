@@ -8,7 +8,7 @@ from typing import Any
 
 import platformdirs
 
-from engine_bridge.performance.performer_calibration import Calibration
+from engine_bridge.performance.calibration import Calibration
 from engine_bridge.service.stages.stage import Stage
 from puppetline.errors import OutputError
 from puppetline.files import written_whole

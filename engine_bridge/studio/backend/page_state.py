@@ -4,7 +4,7 @@ import hashlib
 import json
 from typing import Any
 
-from engine_bridge.studio.messages import (
+from engine_bridge.studio.messages.state import (
     Banner,
     CharacterState,
     FileState,
@@ -16,7 +16,6 @@ from engine_bridge.studio.messages import (
     State,
     StatusState,
     TakeState,
-    TimelineState,
     UploadState,
 )
 from engine_bridge.studio.project.open_characters import OpenCharacter
@@ -33,6 +32,7 @@ def character_state(character: OpenCharacter, described: dict[str, Any]) -> Char
         stage=described.get("stage", ""),
         limbs=[limb["name"] for limb in character.puppet["limb"]],
         handles=[handle["name"] for handle in character.puppet["handle"]],
+        targets=character.targets,
         vertices=character.vertices,
         triangles=character.triangles,
         version=version_of(character.puppet),
@@ -73,7 +73,7 @@ def state_of(
         performers=performers,
         recording=recording,
         takes=takes,
-        timeline=None if status.get("timeline") is None else TimelineState.model_validate(status["timeline"]),
+        timeline=status.get("timeline"),
         uploads=[
             UploadState(upload=each.id, name=each.name, kind=each.kind, bytes=each.bytes, facts=each.facts)
             for each in workspace.uploads.values()
@@ -101,14 +101,8 @@ def _stage(stage: dict[str, Any], playing: ChosenSource) -> StageState:
 
 
 def _performer(user: dict[str, Any], stage: str) -> PerformerState:
-    return PerformerState(
-        user=user["user"],
-        stage=stage,
-        state=user["state"],
-        character=user["character"],
-        distance=user["distance"],
-        height=user["height"],
-    )
+    known = {key: user[key] for key in PerformerState.model_fields if key != "stage"}
+    return PerformerState(stage=stage, **known)
 
 
 def _numbers(status: dict[str, Any]) -> StatusState:

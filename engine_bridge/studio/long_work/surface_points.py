@@ -29,7 +29,7 @@ def snapped(mesh: SolverMesh, point: tuple[float, float, float]) -> dict[str, An
     Returns
     -------
     dict
-        The keys of `engine_bridge.studio.messages.SnapReply`.
+        Result of `engine_bridge.studio.messages.characters.Snap`.
     """
     corners, blend = snap(mesh, np.array(point))
     triangle = mesh.vertices[corners[0]]

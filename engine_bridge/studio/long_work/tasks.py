@@ -14,7 +14,7 @@ import tomlkit
 from capture.formats import read_log
 from capture.recording import Recorder
 from capture.sources.demo import performances
-from engine_bridge.character import examples
+from engine_bridge.character import examples, own_targets
 from engine_bridge.character.character import load_character
 from engine_bridge.export.convert import convert, describe
 from engine_bridge.export.performer import convert as performer_conversion
@@ -96,8 +96,8 @@ def prepare(progress: Progress, saved: Path, folder: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``puppet`` (see `values_of`), ``vertices``, ``triangles``, ``digest`` (of the isoline coordinates), ``notes``,
-        and ``model``: whether there is a file `MODEL`.
+        ``puppet`` (see `values_of`), ``targets`` (names), ``vertices``, ``triangles``, ``digest`` (of the isoline
+        coordinates), ``notes``, and ``model``: whether there is a file `MODEL`.
     """
     progress("Preparing the character", 0.0)
     puppet = puppet_file.load(saved)
@@ -145,6 +145,7 @@ def _applied(progress: Progress, puppet: Puppet, live: Path) -> dict[str, Any]:
     progress("Preparing the character", 1.0)
     return {
         "puppet": values_of(puppet),
+        "targets": own_targets.names_of(rig.character),
         "vertices": len(rig.character.vertices),
         "triangles": len(rig.character.triangles),
         "digest": digest,
@@ -155,7 +156,8 @@ def _applied(progress: Progress, puppet: Puppet, live: Path) -> dict[str, Any]:
 
 def _digest(rig: Rig) -> str:
     """Return a hash of what the page's model depends on."""
-    return hashlib.sha256(rig.model.isoline_coordinates.tobytes() + rig.character.vertices.tobytes()).hexdigest()
+    arrays = rig.model.isoline_coordinates.tobytes() + rig.character.vertices.tobytes()
+    return hashlib.sha256(arrays + "\0".join(rig.puppet.targets).encode()).hexdigest()
 
 
 def values_of_file(_progress: Progress, path: Path) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Any
 from engine_bridge.studio.long_work import tasks
 from engine_bridge.studio.long_work.worker import Progress, Worker
 from engine_bridge.studio.project.workspace import Download, Upload, Workspace, shown
-from puppetline.errors import ServiceError
+from puppetline.errors import ServiceError, unknown_name
 
 MAX_CHARACTERS = 16
 """Maximum number of characters that are open at the same time."""
@@ -29,6 +29,8 @@ class OpenCharacter:
         Puppet file that `Characters.save` writes to.
     puppet, saved : dict
         Values of the puppet in the service, and of the one that was opened or last saved.
+    targets : list of str
+        Names of the morph targets that the mesh has.
     digest : str
         Hash of what the page's model depends on.
     model : Download or None
@@ -41,6 +43,7 @@ class OpenCharacter:
     saved_file: Path
     puppet: dict[str, Any]
     saved: dict[str, Any]
+    targets: list[str]
     vertices: int
     triangles: int
     digest: str
@@ -73,12 +76,7 @@ class Characters:
 
     def __getitem__(self, name: str) -> OpenCharacter:
         if name not in self._open:
-            raise ServiceError(
-                "the request, character",
-                found=f"no character {name!r}",
-                expected=f"one of {', '.join(self._open)}" if self._open else "an open character",
-                fix="Choose one of these." if self._open else "Open one first.",
-            )
+            raise unknown_name("the request, character", f"no character {name!r}", self._open)
         return self._open[name]
 
     async def open_mesh(self, upload: Upload, options: dict[str, Any], progress: Progress) -> OpenCharacter:
@@ -164,7 +162,17 @@ class Characters:
     ) -> OpenCharacter:
         facts = await self._worker.run(task, *arguments, progress=progress)
         character = OpenCharacter(
-            folder.name, shown(title), folder, saved_file, facts["puppet"], facts["puppet"], 0, 0, "", None
+            folder.name,
+            shown(title),
+            folder,
+            saved_file,
+            facts["puppet"],
+            facts["puppet"],
+            facts["targets"],
+            0,
+            0,
+            "",
+            None,
         )
         self._take(character, facts)
         character.notes = facts["notes"]

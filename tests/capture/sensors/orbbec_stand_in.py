@@ -5,6 +5,7 @@ Depth is aligned already, in units of 0.25 mm if `scale` says so. Its names and 
 
 import queue
 from enum import Enum, IntEnum
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -78,7 +79,7 @@ class StandInSensor:
     """A sensor whose images a test shows."""
 
     def __init__(self, serial, usb="USB3.2", scale=0.25):
-        self.serial, self._usb, self._scale = serial, usb, scale
+        self.serial, self._usb, self._scale, self.forbids = serial, usb, scale, False
         self.frames, self.streaming = queue.SimpleQueue(), False
 
     def get_device_info(self):
@@ -113,6 +114,13 @@ class PlaybackDevice(StandInSensor):
         return OBPlaybackStatus.STOPPED if self.frames.empty() else OBPlaybackStatus.PLAYING
 
 
+class RecordDevice:
+    """Writes a file that `PlaybackDevice` accepts."""
+
+    def __init__(self, _device, file):
+        Path(file).write_bytes(b"images")
+
+
 class Config:
     def enable_stream(self, profile):
         assert profile.get_width() == 640
@@ -134,8 +142,8 @@ class Pipeline:
         pass
 
     def start(self, _config):
-        if self._device.streaming:
-            raise OBError("the device is in use")
+        if self._device.streaming or self._device.forbids:
+            raise OBError("the device is in use" if self._device.streaming else "openUsbDevice failed: Access denied")
         self._device.streaming = True
 
     def stop(self):

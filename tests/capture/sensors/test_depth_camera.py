@@ -17,7 +17,8 @@ from capture.sensors.depth_camera import MAX_ALONE_COUNT, Selection, metres, upw
 from capture.sensors.openni import OpenNIDevice
 from capture.sensors.orbbec import OrbbecDevice
 from capture.sensors.realsense import RealSenseDevice
-from puppetline.errors import SourceError
+from capture.sources.registry import check_records
+from puppetline.errors import OutputError, SourceError
 
 from ...conftest import missing
 from ..conftest import read
@@ -60,6 +61,12 @@ class RealSense:
     def unplug(self):
         del self._plugged[0]
 
+    def forbid(self, monkeypatch):
+        def start(*_):
+            raise RuntimeError("Reason: failed to open usb interface: 0, error: RS2_USB_STATUS_ACCESS")
+
+        monkeypatch.setattr(RealSenseDevice, "_enable", start)
+
 
 class Orbbec:
     """A stand-in for Orbbec's SDK."""
@@ -80,6 +87,9 @@ class Orbbec:
 
     def unplug(self):
         del self.sdk.PLUGGED[0]
+
+    def forbid(self, _monkeypatch):
+        self.sdk.PLUGGED[0].forbids = True
 
 
 @pytest.fixture(params=[OpenNI, RealSense, Orbbec], ids=lambda kind: kind.__name__)
@@ -165,6 +175,36 @@ def test_a_slow_usb_port_is_logged_and_the_accelerometer_shows_what_is_up(bus, o
     np.testing.assert_allclose(read(device).up, [0, 1, 0], atol=1e-6)
 
 
+@pytest.mark.parametrize("bus", [RealSense, Orbbec], ids=lambda kind: kind.__name__, indirect=True)
+def test_a_lost_image_of_one_kind_costs_its_counterpart_only(bus, opened, noise):
+    sensor, device = bus.plug(), opened()
+    shown = [[*noise(), 1.0 + k / 30] for k in range(6)]
+    shown[1][0] = shown[3][1] = None
+    pictures = []
+    for images in shown:
+        sensor.show(*images)
+        pictures.append(device.read(0.2))
+    pictures = [picture for picture in pictures if picture is not None]
+    for picture, (depth, color, moment) in zip(pictures, (shown[k] for k in (0, 2, 4, 5)), strict=True):
+        assert picture.time == pytest.approx(moment, abs=2e-6)
+        np.testing.assert_allclose(picture.depth, depth, rtol=2e-7)
+        np.testing.assert_array_equal(picture.color, color)
+
+
+@pytest.mark.parametrize("bus", [RealSense, Orbbec], ids=lambda kind: kind.__name__, indirect=True)
+def test_missing_permission_is_an_error_with_the_udev_rules_and_it_opens_once_it_is_granted(bus, opened, noise):
+    sensor = bus.plug()
+    with pytest.MonkeyPatch.context() as patched:
+        bus.forbid(patched)
+        with pytest.raises(SourceError, match=r"\(.*(ACCESS|Access denied)\).*udev.*rules"):
+            opened()
+    if isinstance(bus, Orbbec):
+        sensor.forbids = False
+    device = opened()
+    sensor.show(*noise(), 1.0)
+    assert read(device).time == 1.0
+
+
 def test_memory_stays_the_same_from_image_to_image(bus, opened, noise):
     sensor, device = bus.plug(), opened()
     images, used = noise(), []
@@ -192,6 +232,18 @@ def test_recordings_of_orbbec_play_and_end_and_others_are_refused(bus, noise, mo
     np.testing.assert_allclose(times, np.arange(7) / 30, atol=1e-5)
     with pytest.raises(SourceError, match="a file that Orbbec's SDK does not play"):
         bus.open(Selection("file", "half.bag"))
+
+
+@pytest.mark.parametrize("bus", [Orbbec], indirect=True)
+def test_a_recording_of_an_orbbec_has_its_name_when_it_is_complete(bus, tmp_path):
+    bus.plug()
+    file = tmp_path / "take.bag"
+    check_records("orbbec:", file)
+    with closing(bus.open(Selection(), record=file)):
+        assert [path.name for path in tmp_path.iterdir()] == [".take.part.bag"]
+    assert [path.name for path in tmp_path.iterdir()] == ["take.bag"]
+    with pytest.raises(OutputError, match=r"expected '\.bag'"):
+        check_records("orbbec:", tmp_path / "take.db3")
 
 
 @pytest.mark.parametrize("bus", [Orbbec], indirect=True)

@@ -92,6 +92,18 @@ def test_a_recording_plays_the_recorded_images_and_ends(recorded, opened):
     assert caught.value.found == "the end of the recording"
 
 
+def test_a_bag_of_an_older_librealsense_plays(bus, opened):
+    """Librealsense 2.55 has recorded three images of a `VirtualRealSense` of 16×12 pixels."""
+    device = opened("file", str(Path(__file__).with_name("librealsense_2_55.bag")))
+    for k in range(3):
+        picture = read(device)
+        assert picture.time == pytest.approx(1 + k / 30, abs=1e-6)
+        np.testing.assert_allclose(picture.depth, np.full((12, 16), 1 + k / 10), rtol=1e-6)
+        np.testing.assert_array_equal(picture.color, np.full((12, 16, 3), 10 * k))
+    with pytest.raises(SourceError, match="the end of the recording"):
+        read(device)
+
+
 def test_the_time_of_a_looped_recording_increases(recorded):
     path, pictures = recorded
     with closing(RealSenseDevice(NAME, Selection("file", str(path), loop=True))) as device:

@@ -219,7 +219,8 @@ def test_a_folder_without_rights_is_one_message_before_the_work(start, tmp_path)
         assert process.wait(TIMEOUT_SECONDS) == 1
         assert process.stderr.read() == (
             f"puppetline: {tmp_path}: found a file that cannot be written (Read-only file system); expected a folder "
-            "with write permission and free space. Choose another folder with -o, or change the folder's permissions.\n"
+            "with write permission and free space. Choose another folder, free disk space, or change the folder's "
+            "permissions.\n"
         )
 
 
@@ -237,3 +238,12 @@ def test_ctrl_c_ends_the_batch_quietly_and_it_continues(start, finished, expecte
     assert 3 <= assert_whole(tmp_path, wanted) < 2 * LOGS
     assert list((tmp_path / OWN_FOLDER / PARTIAL_FOLDER).iterdir()) == []
     assert_finished(tmp_path, wanted, finished)
+
+
+@pytest.mark.slow
+def test_sigterm_ends_the_batch_and_its_workers_without_a_word(start, tmp_path):
+    with start(tmp_path, "--workers", 2, "--no-report") as process:
+        wait_until(lambda: results(tmp_path), TIMEOUT_SECONDS)
+        process.terminate()
+        assert process.wait(TIMEOUT_SECONDS) == -signal.SIGTERM
+        assert process.stderr.read() == ""  # at the end of all processes that could write to it

@@ -6,7 +6,7 @@ from PIL import Image
 from engine_bridge.character.assembly import assemble
 from engine_bridge.character.character import from_document, load_character
 from engine_bridge.character.document_reader import load_document
-from engine_bridge.character.readers import read_surface
+from engine_bridge.character.surface_document import read_surface
 from engine_bridge.character.surfaces.surface import DEFAULT_MATERIAL, ImageFile, Material, Piece, Surface
 
 CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])

@@ -2,13 +2,16 @@
 
 import io
 
+import igl
 import numpy as np
 import pygltflib as gltf
 import pytest
 from PIL import Image
 
-from engine_bridge.character.character import load_character
-from engine_bridge.character.materials import materials_of
+from engine_bridge.character import schema
+from engine_bridge.character.character import Character, Part, load_character
+from engine_bridge.character.document import Document
+from engine_bridge.character.materials import drawn_normals, materials_of, preview_colors
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
 UV = np.array([[0, 0], [1, 0], [0, 1]], np.float32)
@@ -69,3 +72,70 @@ def test_a_damaged_image_leaves_the_colour(material):
     found = material(made, np.zeros((2, 2, 4), np.uint8))
     assert found.image is None  # there are no texture coordinates
     assert found.unlit
+
+
+MIDDLES = np.array([[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [1.75, -0.25]], np.float32)
+"""The middles of 2 × 2 pixels, the last one in another repetition of the image."""
+
+
+def encoded(picture, kind="PNG"):
+    file = io.BytesIO()
+    picture.save(file, kind)
+    return file.getvalue()
+
+
+@pytest.fixture
+def painted():
+    """Return the colours of 4 vertices in a document whose materials have one image each."""
+
+    def colors(*pictures):
+        document = Document(schema.empty())
+        gltf = document.gltf
+        attributes = {"POSITION": document.add(np.zeros((4, 3), np.float32)), "TEXCOORD_0": document.add(MIDDLES)}
+        for number, content in enumerate(pictures):
+            gltf["images"].append({"bufferView": document.add_view(content)})
+            gltf["textures"].append({"source": number})
+            gltf["materials"].append({"pbrMetallicRoughness": {"baseColorTexture": {"index": number}}})
+        primitives = [{"attributes": attributes, "material": number} for number in range(len(pictures))]
+        gltf["meshes"].append({"primitives": primitives})
+        gltf["nodes"].append({"mesh": 0})
+        same = np.zeros((4, 3)), np.zeros((0, 3), np.int64), None
+        character = Character(document, [Part(0, number, np.eye(4)[None], *same) for number in range(len(pictures))])
+        return np.split(preview_colors(character), len(pictures))
+
+    return colors
+
+
+def test_a_vertex_has_the_linear_colour_of_its_pixel(painted):
+    pixels = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [188, 188, 188]]], np.uint8)
+    (colors,) = painted(encoded(Image.fromarray(pixels)))
+    grey = ((188 / 255 + 0.055) / 1.055) ** 2.4
+    np.testing.assert_allclose(colors, [[1, 0, 0], [0, 1, 0], [0, 0, 1], [grey] * 3], atol=1e-6)
+
+
+def test_an_unreadable_picture_or_one_that_gltf_lacks_is_left_out(painted):
+    postscript = encoded(Image.new("RGB", (2, 2)), "EPS")
+    for colors in painted(b"", b"\x89PNG", postscript, b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n"):
+        np.testing.assert_array_equal(colors, np.ones((4, 3)))
+
+
+def test_pictures_are_shown_as_long_as_there_is_room(painted):
+    black, large = encoded(Image.new("1", (2, 2))), encoded(Image.new("1", (8192, 8191)))
+    first, second, third = painted(black, large, large)
+    assert (first.max(), second.max(), third.min()) == (0, 0, 1)
+
+
+def test_normals_have_no_numbers_that_a_graphics_card_takes_for_zero(glb, tmp_path, blob):
+    normals = np.tile(np.float32([-3.5e-39, -1.0, 2e-38]), (len(blob.vertices), 1))
+    glb.node(glb.mesh(glb.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=normals)))
+    drawn = drawn_normals(load_character(glb.save(tmp_path / "upside_down.glb")))
+    np.testing.assert_array_equal(drawn, np.tile([0.0, -1.0, np.float32(2e-38)], (len(normals), 1)))
+
+
+def test_a_file_without_normals_gets_smooth_ones(glb, tmp_path, blob):
+    with_normals = glb.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=blob.normals)
+    without = glb.primitive(blob.vertices, blob.faces.astype(np.uint32))
+    glb.node(glb.mesh(with_normals, without))
+    normals = drawn_normals(load_character(glb.save(tmp_path / "two.glb")))
+    smooth = igl.per_vertex_normals(blob.vertices.astype(float), blob.faces)
+    np.testing.assert_allclose(normals, np.concatenate([blob.normals, smooth]), atol=1e-6)

@@ -1,4 +1,6 @@
 import shutil
+import struct
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -6,7 +8,8 @@ from PIL import Image
 
 from engine_bridge.character import surface_document
 from engine_bridge.character.character import load_character
-from engine_bridge.character.surface_document import read_document
+from engine_bridge.character.surface_document import SURFACE_FILES, read_document, read_surface
+from puppetline.errors import MeshError
 
 OBJ = """mtllib a.mtl
 v 0 0 0
@@ -132,3 +135,164 @@ def test_real_characters_are_the_same_from_the_cache(real_data, tmp_path, name):
             np.testing.assert_array_equal(one.triangles, other.triangles)
             np.testing.assert_array_equal(one.normals, other.normals)
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def as_obj(cube):
+    vertices = "".join(f"v {x:g} {y:g} {z:g}\n" for x, y, z in cube.vertices)
+    return (vertices + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in cube.triangles)).encode()
+
+
+def as_off(cube):
+    vertices = "".join(f"{x:g} {y:g} {z:g}\n" for x, y, z in cube.vertices)
+    return ("OFF\n8 12 0\n" + vertices + "".join(f"3 {a} {b} {c}\n" for a, b, c in cube.triangles)).encode()
+
+
+def as_ply(cube):
+    head = (
+        "ply\nformat binary_little_endian 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
+    )
+    head += "element face 12\nproperty list uchar uint vertex_index\nend_header\n"
+    faces = b"".join(struct.pack("<B3I", 3, *face) for face in cube.triangles)
+    return head.encode() + cube.vertices.astype("<f4").tobytes() + faces
+
+
+def as_stl(cube):
+    facets = b"".join(struct.pack("<12fH", 0, 0, 0, *cube.vertices[face].ravel(), 0) for face in cube.triangles)
+    return b"solid".ljust(80) + struct.pack("<I", 12) + facets
+
+
+def as_text_stl(cube):
+    def facet(face):
+        corners = "".join("vertex {:g} {:g} {:g}\n".format(*cube.vertices[vertex]) for vertex in face)
+        return f"facet normal 0 0 0\nouter loop\n{corners}endloop\nendfacet\n"
+
+    return f"solid\n{''.join(map(facet, cube.triangles))}endsolid\n".encode()
+
+
+ENCODINGS = {"obj": as_obj, "off": as_off, "ply": as_ply, "stl": as_stl, "text stl": as_text_stl}
+
+
+NOISE = np.random.default_rng(3).integers(0, 256, 5000, dtype=np.uint8).tobytes()
+
+KNOWN = [(encoding, ending) for encoding in ENCODINGS for ending in (*SURFACE_FILES, ".OBJ", ".mesh", "")]
+
+
+# only its ending tells an OBJ from a damaged file of another kind
+@pytest.mark.parametrize(
+    ("encoding", "ending"), [case for case in KNOWN if case[0] != "obj" or case[1] not in SURFACE_FILES[1:]]
+)
+def test_a_file_is_known_by_its_content_whatever_its_ending(cube, written, encoding, ending):
+    (piece,) = read_surface(written(f"a{ending}", ENCODINGS[encoding](cube))).pieces
+    np.testing.assert_array_equal(piece.positions[piece.triangles], cube.vertices[cube.triangles])
+    assert (piece.normals is None) == ("stl" not in encoding)  # facets have normals, and so many hard edges need none
+    assert (piece.material.double_sided, len(piece.positions)) == (False, 36 if "stl" in encoding else 8)
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_position_that_is_not_finite_is_refused_with_its_place(cube, written, encoding, value):
+    places = {
+        "obj": ", line 6",
+        "off": ", line 8",
+        "ply": ", vertex 5",
+        "stl": ", facet 2",
+        "text stl": ", line 19",
+    }
+    cube.vertices[5, 1] = value
+    path = written("a.mesh", ENCODINGS[encoding](cube))
+    with pytest.raises(MeshError) as error:
+        read_surface(path)
+    assert error.value.where == f"{path}{places[encoding]}"
+    assert str(value) in error.value.found
+    assert "finite" in error.value.expected
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_a_truncated_file_is_refused_or_a_surface_with_fewer_triangles(cube, written, encoding):
+    whole = ENCODINGS[encoding](cube)
+    loaded = {}
+    for size in range(0, len(whole) - 1, 7):
+        with suppress(MeshError):
+            surface = read_surface(written(f"a.{encoding[-3:]}", whole[:size]))
+            loaded[size] = sum(len(piece.triangles) for piece in surface.pieces)
+    if encoding == "text stl":  # a file may end after a facet
+        assert loaded == {size: whole[:size].count(b"endfacet") for size in loaded}
+        assert 0 < len(loaded) < len(whole) // 20
+    elif encoding == "obj":  # which does not state its length
+        ends = {size: whole[:size].count(b"\nf ") for size in loaded}
+        assert all(0 <= ends[size] - triangles <= 1 for size, triangles in loaded.items())
+    else:
+        assert loaded == {}
+
+
+@pytest.mark.parametrize("ending", SURFACE_FILES)
+@pytest.mark.parametrize(
+    "content", [b"", b"\0" * 100, b"\n" * 100, b"ID3\4 song", b"v", b"\xff\xfe" * 200, b"0 0 0 0", NOISE]
+)
+def test_a_file_without_a_mesh_is_refused(written, ending, content):
+    path = written(f"a{ending}", content)
+    with pytest.raises(MeshError) as error:
+        read_surface(path)
+    assert error.value.where.startswith(str(path))
+    if not content:
+        assert error.value.found == "an empty file"
+
+
+def test_a_file_that_cannot_be_opened_is_refused(tmp_path):
+    for path in (tmp_path / "none.obj", tmp_path):
+        with pytest.raises(MeshError, match="found a file that cannot be read"):
+            read_surface(path)
+
+
+def test_an_unknown_kind_of_file_is_refused_with_the_known_kinds(written):
+    with pytest.raises(MeshError) as error:
+        read_surface(written("song.mp3", b"ID3\4"))
+    assert (error.value.found, error.value.expected) == (
+        "no mesh in a supported format",
+        "one of the formats .glb, .gltf, .obj, .off, .ply, .stl",
+    )
+
+
+NOT_SOLID = {"dog_10k.off", "stanford_bunny_holes.obj", "suzanne.obj"}
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["armadillo.obj", "beast_32k_quads.obj", "cat_7k.obj", "cheburashka.off", "dinosaur_14k.obj", "dog_10k.off",
+     "feline_winged_genus2.obj", "fertility_genus4.off", "homer_6k.obj", "human_crane_10k.obj", "nasty/busted.STL",
+     "stanford_bunny_holes.obj", "spot_cow_uv.obj", "suzanne.obj"],
+)  # fmt: skip
+def test_real_surfaces_look_outwards_as_they_are_and_the_open_ones_have_two_sides(real_data, name):
+    surface = read_surface(real_data / "mesh" / name)
+    (piece,) = surface.pieces
+    a, b, c = piece.positions[piece.triangles].swapaxes(0, 1)
+    assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() > 0
+    facing = np.cross(b - a, c - a) * piece.normals[piece.triangles].sum(axis=1)
+    assert (facing.sum(axis=1) >= 0).mean() > 0.97
+    assert (surface.notes, piece.material.double_sided) == ([], name in NOT_SOLID)
+
+
+def test_a_real_surface_that_was_turned_inside_out_in_places_is_mended(real_data, written):
+    original = read_surface(real_data / "mesh/homer_6k.obj").pieces[0]
+    inside_out = original.triangles.copy()
+    inside_out[:5000] = inside_out[:5000, ::-1]
+    lines = [f"v {x!r} {y!r} {z!r}\n" for x, y, z in original.positions.tolist()]
+    lines += [f"f {a} {b} {c}\n" for a, b, c in (inside_out + 1).tolist()]
+    surface = read_surface(written("a.obj", "".join(lines)))
+    np.testing.assert_array_equal(surface.pieces[0].triangles, original.triangles)
+    np.testing.assert_array_equal(surface.pieces[0].normals, original.normals)
+    assert surface.notes == ["5,000 triangles of 12,000 faced the wrong way and were flipped."]
+
+
+def test_a_real_file_whose_picture_path_leaves_the_folder_is_read_without_the_picture(real_data, tmp_path):
+    for name in ("fuze.obj", "fuze.obj.mtl"):
+        shutil.copyfile(real_data / "mesh/fuze" / name, tmp_path / name)
+    materials = tmp_path / "fuze.obj.mtl"
+    materials.write_text(materials.read_text().replace("fuze uv.jpg", "../../../etc/passwd"))
+    (piece,) = read_surface(tmp_path / "fuze.obj").pieces
+    (whole,) = read_surface(real_data / "mesh/fuze/fuze.obj").pieces
+    np.testing.assert_array_equal(piece.positions, whole.positions)
+    np.testing.assert_array_equal(piece.uvs, whole.uvs)
+    assert (piece.material.texture, whole.material.texture.name) == (None, "fuze uv")
+    (note,) = (note for note in read_surface(tmp_path / "fuze.obj").notes if "line 13" in note)
+    assert note.startswith(f"{materials}, line 13: '../../../etc/passwd' is outside the mesh's folder")

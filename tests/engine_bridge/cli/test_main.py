@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from engine_bridge.cli.main import COMMANDS, FORMER_NAMES, main
+from engine_bridge.cli.main import COMMANDS, main
 
 COMMAND = str(Path(sys.executable).with_name("puppetline"))
 
@@ -102,7 +102,7 @@ def test_help_of_every_command_is_there(invoke, command):
     assert result.stdout.startswith(f"Usage: puppetline {' '.join(command)}".rstrip())
 
 
-def test_the_help_lists_every_command_and_no_former_name(invoke):
+def test_the_help_lists_every_command(invoke):
     lines = invoke("--help").stdout.split("Commands:")[1].splitlines()
     assert [line.split()[0] for line in lines if line.strip()] == sorted(COMMANDS)
 
@@ -111,11 +111,6 @@ def test_without_a_command_the_first_ones_are_shown(invoke):
     shown = invoke()
     first = (shown.stdout + shown.stderr).split("First commands:")[1].split("Options:")[0]
     assert [line.split()[1] for line in first.splitlines() if line.strip()] == ["demo", "studio", "new"]
-
-
-def test_a_former_name_is_the_same_command():
-    for former, name in FORMER_NAMES.items():
-        assert main.get_command(None, former) is main.get_command(None, name)
 
 
 def test_a_misspelled_command_gets_a_suggestion(invoke):

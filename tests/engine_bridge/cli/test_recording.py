@@ -16,7 +16,8 @@ from capture.fusion.source import FusedSource, Member
 from capture.pose import Pose
 from capture.recording import as_recorded
 from capture.skeleton import SkeletonFrame
-from capture.sound import Block
+from capture.sound import SAMPLE_RATE, Block
+from capture.sound_input import SoundInput
 from capture.source import Counts
 from capture.sources.replay import RecordingSource
 from engine_bridge.cli.recording import RecordSummary, record
@@ -187,7 +188,7 @@ def test_stopped_it_leaves_a_take_that_can_be_read(tmp_path):
 class Singer:
     """A microphone that has heard a tone since a time; see `capture.sound.Microphone`."""
 
-    overflows = 1
+    overflows, rate = 1, SAMPLE_RATE
 
     def __init__(self, begin):
         self.begin, self.heard = begin, 0
@@ -198,11 +199,14 @@ class Singer:
             yield Block(self.begin + self.heard * 0.02, tone)
             self.heard += 1
 
+    def close(self):
+        pass
+
 
 def test_the_sound_beside_a_take_is_on_its_clock(tmp_path):
     now = time.monotonic()
     source = Scripted(frame(now), frame(now + 0.01), frame(now + 0.02, 2))
-    summary = record(source, tmp_path / "a.log", 0.3, microphone=Singer(41.5))
+    summary = record(source, tmp_path / "a.log", 0.3, sound=SoundInput(lambda: Singer(41.5)))
     cues = [event for event in events(tmp_path / "a.log") if isinstance(event, Cue)]
     assert [(cue.do, cue.arguments["file"]) for cue in cues] == [("sound", "a.wav")]
     assert cues[0].arguments["at"] == pytest.approx(41.5, abs=0.005)
@@ -218,6 +222,6 @@ def test_the_sound_beside_a_take_is_on_its_clock(tmp_path):
 def test_an_existing_sound_is_not_replaced(tmp_path):
     (tmp_path / "a.wav").write_bytes(b"music")
     with pytest.raises(OutputError, match="an existing file"):
-        record(Scripted(), tmp_path / "a.log", 0.1, microphone=Singer(0.0))
+        record(Scripted(), tmp_path / "a.log", 0.1, sound=SoundInput(lambda: Singer(0.0)))
     assert (tmp_path / "a.wav").read_bytes() == b"music"
     assert not (tmp_path / "a.log").exists()

@@ -3,7 +3,7 @@ import pygltflib as gltf
 import pytest
 
 from engine_bridge.character.character import load_character
-from engine_bridge.character.drawn_normals import drawn_normals
+from engine_bridge.character.materials import drawn_normals, preview_colors
 from engine_bridge.export.flattened import flatten
 from puppetline.errors import MeshError
 
@@ -60,9 +60,10 @@ def test_a_flattened_character_is_the_same_when_read_again(variant, flat):
     np.testing.assert_array_equal(again.vertices, character.vertices.astype(np.float32))
     np.testing.assert_array_equal(again.triangles, character.triangles)
     np.testing.assert_allclose(drawn_normals(again), drawn_normals(character), atol=1e-6)
-    assert (again.colors is None) == (character.colors is None)
-    if character.colors is not None:
-        np.testing.assert_array_equal(again.colors, character.colors)
+    shown, expected = preview_colors(again), preview_colors(character)
+    assert (shown is None) == (expected is None)
+    if expected is not None:
+        np.testing.assert_array_equal(shown, expected)
 
 
 def test_names_materials_and_pictures_are_those_of_the_file(variants, raw, flat):

@@ -183,7 +183,8 @@ def posed(document, frame):
 
 def blended(character, bones, motions, root=None):
     """Positions (F, N, 3) of all vertices by linear blend skinning of the motions."""
-    gltf, of_node = character.document.gltf, bones.of_nodes(character)
+    gltf, shares = character.document.gltf, bones.of_nodes(character)
+    of_node = np.where(shares.any(axis=1), shares.argmax(axis=1), -1)
     shown = []
     for part in character.parts:
         node = gltf["nodes"][part.node]

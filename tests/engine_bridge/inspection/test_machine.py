@@ -3,14 +3,13 @@ import json
 import os
 import socket
 from dataclasses import asdict
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from engine_bridge.inspection import machine
 from engine_bridge.inspection.finding import Finding
-from engine_bridge.inspection.machine import LIBRARIES, PORTS, examine, text
+from engine_bridge.inspection.machine import PORTS, examine, required, text
 
 SENSORS = ("libfreenect", "OpenNI 2", "MediaPipe", "OpenCV", "NiTE 2")
 
@@ -26,36 +25,17 @@ def test_every_requirement_of_the_service_is_checked_without_changing_anything(t
     assert sorted(tmp_path.rglob("*")) == before
     names = [finding.name for finding in findings]
     assert len(names) == len(set(names))
-    assert {
-        "Python",
-        "processor",
-        "cache",
-        "state",
-        "takes",
-        "clock",
-        "systemd",
-        "multicast DNS",
-        *LIBRARIES,
-        *SENSORS,
-    } <= set(names)
+    checked = {"Python", "processor", "cache", "state", "takes", "clock", "systemd", "multicast DNS"}
+    assert checked | {*required(), *SENSORS} <= set(names)
     assert {f"port {port}/{kind}" for kind, port, _ in PORTS} <= set(names)
-    for library in LIBRARIES:
+    for library in required():
         assert named(findings, library).ok is True
     assert all(finding.fix for finding in findings if finding.ok is False)
     assert all(finding.fix for finding in findings if "not installed; " in finding.detail)
 
 
-def test_the_libraries_are_those_that_the_distribution_depends_on():
-    import tomllib
-
-    project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())
-    everywhere = [each for each in project["project"]["dependencies"] if ";" not in each]
-    needed = {dependency.partition(">")[0] for dependency in everywhere}
-    assert needed - {"typing-extensions"} == set(LIBRARIES)
-
-
 def test_a_library_that_is_missing_is_named_and_the_rest_is_still_looked_at(monkeypatch):
-    monkeypatch.setattr(machine, "LIBRARIES", {"numpy": "numpy", "no-such-thing": "no_such_thing", "click": "click"})
+    monkeypatch.setattr(machine, "requires", lambda _: ["numpy>=2", "no-such-thing[a]>1", "click", 'tornado; x == "y"'])
     good, bad, also_good = machine._libraries()
     assert (good.ok, bad.ok, also_good.ok) == (True, False, True)
     assert (bad.detail, bad.fix[:7]) == ("No module named 'no_such_thing'", "Install")

@@ -185,7 +185,7 @@ def test_python_libraries_that_are_missing_and_that_do_not_load_are_distinguishe
         monkeypatch.delitem(sys.modules, loaded)
     monkeypatch.setattr(sys, "meta_path", [Finder(), *sys.meta_path])
     detail = "not installed; required by camera:" if ok is None else f"a library that cannot be loaded ({reason})"
-    found = sensors._library("a library", lambda _name: load(), "camera:", needed=False)
+    (found,) = sensors._library("a library", lambda _name: load(), "camera:", needed=False)
     assert found == Finding("a library", ok, detail, mediapipe.INSTALL_FIX)
 
 
@@ -199,7 +199,9 @@ def test_openni2_is_optional_unless_the_environment_names_its_folder(tmp_path, m
     bindings = SimpleNamespace(
         loaded_dll_directory=None, OpenNIError=ArithmeticError, c_api=SimpleNamespace(load_dll=ctypes.CDLL)
     )
-    finding = sensors._library("OpenNI 2", lambda name: openni_library._start(name, bindings), "openni:", needed=False)
+    (finding,) = sensors._library(
+        "OpenNI 2", lambda name: openni_library._start(name, bindings), "openni:", needed=False
+    )
     assert (finding.ok, finding.fix) == (ok, "Install it: apt install libopenni2-0 on Debian and Ubuntu.")
 
 
@@ -226,7 +228,6 @@ def test_sensors_that_openni2_finds_have_the_names_that_sources_have(usb, monkey
     trouble = SourceError("openni:uri=b", found="a sensor that does not work (busy)", expected="one", fix="End it.")
     plugged = [Sensor("Xtion", "a", "17", None), Sensor("Xtion", "b", "", trouble), Sensor("Carmine", "c", "", None)]
     monkeypatch.setattr(openni_library, "load_openni2", lambda _where: None)
-    monkeypatch.setattr(openni_library, "sensor_uris", lambda _bindings: [sensor.uri for sensor in plugged])
     monkeypatch.setattr(openni_library, "list_sensors", lambda _where: plugged)
     findings = [*sensors.examine()]
     start = findings.index(Finding("OpenNI 2", True, "installed; 3 sensors plugged in"))

@@ -2,8 +2,13 @@ import numpy as np
 import pytest
 from puppetline.examples.performances import PERFORMANCES
 
+from capture.events import Cue
+from capture.formats import read_log
+from capture.sensor_tilt import SensorTilt
 from capture.skeleton import JOINT_INDEX, LOST, TRACKED, SkeletonFrame
-from engine_bridge.performance.calibration import RecentFrames, same_body
+from engine_bridge.performance.calibration import Calibration, RecentFrames, of_performer, same_body
+from engine_bridge.performance.clip import load_timeline, resting_pose
+from engine_bridge.performance.settings import Settings
 
 
 def frames_of(positions, confidence=None, fps=30.0):
@@ -64,3 +69,146 @@ def test_performers_of_the_examples_stand_still_at_the_start(name):
 def test_a_body_is_known_again_in_another_pose_and_another_body_is_not(standing, dance):
     assert same_body(standing, dance(30)[20])
     assert not same_body(standing, 0.75 * standing)
+
+
+SENSOR = SensorTilt(10.0, 1.2)
+
+
+@pytest.fixture
+def write_take(record_events, frames, standing, tmp_path):
+    """Write a take of users who stand beside each other for two seconds, and of cues."""
+
+    def write(*cues, users=(1,)):
+        beside = [frames(np.tile(standing + np.array([2.0 * user, 0, 0]), (60, 1, 1))) for user in users]
+        events = [
+            type(frame)(frame.time, user, frame.positions, frame.confidence)
+            for user, seen in zip(users, beside, strict=True)
+            for frame in seen
+        ]
+        return record_events(tmp_path / "take.log", sorted([*cues, *events], key=lambda event: event.time))
+
+    return write
+
+
+@pytest.fixture
+def calibration(standing):
+    """Make calibrations in JSON's types."""
+
+    def make(offset=0.0, user=1):
+        return Calibration(standing + np.array([2.0 * user, offset, 0]), SENSOR).to_json() | {"mirror": False}
+
+    return make
+
+
+def opening(**characters):
+    return Cue(0.0, "stage", {"time": 0.0, "characters": characters})
+
+
+def begin(time, calibration, character="dog"):
+    return Cue(time, "begin", {"character": character, "calibration": calibration})
+
+
+def found(log, user=1):
+    clips = read_log(log)
+    calibrations, notes = of_performer(clips, next(clip for clip in clips if clip.user == user))
+    return calibrations[0].calibration.to_json() if calibrations else None, notes
+
+
+def same(found, made):
+    return found == {name: made[name] for name in ("rest", "sensor")}
+
+
+def test_the_calibration_at_the_beginning_comes_before_later_ones(write_take, calibration):
+    start, later = calibration(0.1), calibration(0.2)
+    used, notes = found(write_take(opening(dog={"user": 1, "calibration": start}), begin(1.0, later)))
+    assert same(used, start)
+    assert notes == (
+        "The performer's calibration pose is the one in the take, which was in use when the take began.",
+        "It was calibrated or mirrored again at 1.00 s.",
+    )
+
+
+def test_without_one_at_the_beginning_the_first_later_one_is_used(write_take, calibration):
+    first, second = calibration(0.1), calibration(0.2)
+    waiting = opening(dog={"user": 1, "calibration": None})
+    used, notes = found(write_take(waiting, begin(0.5, first), begin(1.0, second)))
+    assert same(used, first)
+    assert notes[0] == "The performer's calibration pose is the one in the take, which was made at 0.50 s."
+
+
+def test_later_calibrations_and_mirroring_follow_in_their_order_and_repetitions_do_not(write_take, calibration):
+    start, later = calibration(0.1), calibration(0.2)
+    cues = begin(0.4, start), begin(0.8, start | {"mirror": True}), begin(1.2, later | {"mirror": True})
+    (clip,) = read_log(write_take(opening(dog={"user": 1, "calibration": start}), *cues))
+    calibrations, _ = of_performer([clip], clip)
+    assert [(each.time, each.mirror) for each in calibrations] == [(0.0, False), (0.8, True), (1.2, True)]
+    assert [same(each.calibration.to_json(), start) for each in calibrations] == [True, True, False]
+
+
+def test_a_part_of_a_take_has_the_calibration_that_was_made_before_it(write_take, calibration):
+    """The studio writes such a part: the opening, and later calibrations at its first skeleton."""
+    earlier, later = calibration(0.1), calibration(0.2)
+    used, _ = found(write_take(opening(dog={"user": 1, "calibration": earlier}), begin(0.0, later)))
+    assert same(used, later)
+
+
+def test_each_performer_has_a_calibration_of_their_own(write_take, calibration):
+    one, two = calibration(0.1, user=1), calibration(0.1, user=2)
+    state = opening(dog={"user": 1, "calibration": one}, cat={"user": None, "calibration": None})
+    log = write_take(state, begin(0.5, two, "cat"), users=(1, 2, 3))
+    assert same(found(log, 1)[0], one)
+    assert same(found(log, 2)[0], two)
+    assert found(log, 3) == (None, ())
+
+
+def test_a_performer_who_was_chosen_for_a_character_has_its_calibration(write_take, calibration):
+    remembered = calibration(user=1)  # which fits where another performer is now
+    chosen = Cue(0.4, "choose_user", {"character": "dog", "user": 2})
+    log = write_take(opening(dog={"user": None}), chosen, begin(0.5, remembered), users=(1, 2))
+    assert same(found(log, 2)[0], remembered)
+    assert found(log, 1)[0] is None
+
+
+def test_the_timeline_is_level_and_has_the_calibration_unless_another_time_is_asked_for(
+    write_take, calibration, standing
+):
+    used = calibration(0.1)
+    log = write_take(opening(dog={"user": 1, "calibration": used}))
+    timeline, _ = load_timeline(log, Settings())
+    expected = SENSOR.upright(standing + np.array([2.0, 0, 0]))
+    np.testing.assert_allclose(timeline.positions[0], expected, atol=1e-4)
+    np.testing.assert_allclose(resting_pose(timeline, Settings()), SENSOR.upright(np.array(used["rest"])), atol=1e-12)
+    np.testing.assert_array_equal(timeline.part(3, 9).rest, timeline.rest)
+    at_start = Settings(rest_at=0.0)
+    timeline, notes = load_timeline(log, at_start)
+    assert notes == ()
+    np.testing.assert_allclose(resting_pose(timeline, at_start), standing + np.array([2.0, 0, 0]), atol=1e-4)
+
+
+LEVEL = {"tilt": 0, "height": 0, "roll": 0}
+POINTS = ([0, 0, 0], None, [1e300, 0, 0], [10**400, 0, 0], ["a", "b", "c"])
+DAMAGED = [None, "rest", {}, {"rest": []}, *({"rest": [point] * 20, "sensor": LEVEL} for point in POINTS)]
+
+
+@pytest.mark.parametrize("damaged", DAMAGED)
+def test_a_damaged_calibration_is_ignored_with_a_note(write_take, damaged):
+    used, notes = found(write_take(begin(0.5, damaged)))
+    assert (used, notes) == (None, ("A calibration in the take is damaged and was ignored.",))
+
+
+@pytest.mark.parametrize(
+    "cue",
+    [
+        Cue(0.0, "stage", {}),
+        Cue(0.0, "stage", {"characters": [1, 2]}),
+        Cue(0.0, "stage", {"characters": {"dog": None, "cat": {"user": [], "calibration": None}}}),
+        Cue(0.0, "choose_user", {"character": [], "user": {}}),
+    ],
+)
+def test_cues_of_other_forms_are_ignored(write_take, calibration, cue):
+    good = calibration()
+    unnamed = Cue(0.5, "begin", {"character": ["dog"], "calibration": good})
+    assert same(found(write_take(cue, unnamed))[0], good)
+    several = found(write_take(cue, begin(0.2, None), begin(0.3, 7), unnamed, users=(1, 2)))
+    assert same(several[0], good)
+    assert several[1][0] == "2 calibrations in the take are damaged and were ignored."

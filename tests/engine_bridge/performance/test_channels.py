@@ -10,14 +10,16 @@ from scipy.spatial.transform import Rotation
 from capture.events import Cue
 from capture.formats import read_log
 from capture.sensor_tilt import SensorTilt
+from capture.timeline import Timeline
+from engine_bridge.performance.calibration import Calibration
 from engine_bridge.performance.channels import ChannelMotion, morph_weights
-from engine_bridge.performance.clip import load_timeline, solve
+from engine_bridge.performance.clip import TakeTimeline, channels_of, load_timeline, solve
 from engine_bridge.performance.easing import TargetPose
-from engine_bridge.performance.performer_calibration import Calibration
+from engine_bridge.performance.performance import mirrored
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file
-from engine_bridge.puppet.puppet import BendTable
+from engine_bridge.puppet.puppet import BendTable, ChannelTable, MorphTable
 from engine_bridge.puppet.puppet_document import with_puppet
 from puppetline.errors import PuppetError
 from solver.motion.limbs import bones_of
@@ -141,14 +143,24 @@ def test_a_puppet_file_keeps_bends_and_morphs(bent_puppet, tmp_path):
     assert 'bend = {channel = "voice", degrees = 30.0}' in (tmp_path / "b.toml").read_text()
 
 
-def test_an_edited_bend_is_written_into_the_file(bent_puppet):
-    text = bent_puppet.read_text()
+def test_edited_channels_are_written_into_the_file(bent_puppet):
+    text = bent_puppet.read_text() + "".join(
+        f'[[morph]]\ntarget = "{target}"\nchannel = "{channel}"\n'
+        for target, channel in (("jawOpen", "voice"), ("jawOpen", "mouth_open"), ("smile", "smile"))
+    )
     before = puppet_file.loads(text, "a.toml")
     limbs = list(before.limb)
     bend = BendTable(channel="voice", degrees=12, axis="-z")
     limbs[1] = limbs[1].model_copy(update={"bend": bend})
     limbs[2] = limbs[2].model_copy(update={"bend": bend})
-    after = before.model_copy(update={"limb": tuple(limbs)})
+    morphs = before.morph[1:2], MorphTable(target="jawOpen", channel="voice", gain=0.5), before.morph[2:]
+    after = before.model_copy(
+        update={
+            "limb": tuple(limbs),
+            "morph": (*morphs[0], morphs[1], *morphs[2]),
+            "channel": (ChannelTable(name="mouth_open", neutral=0.1, full=0.6),),
+        }
+    )
     assert puppet_file.loads(with_puppet(text, before, after), "a.toml") == after
 
 
@@ -157,6 +169,7 @@ def test_an_edited_bend_is_written_into_the_file(bent_puppet):
     [
         ('[[morph]]\ntarget = "jawOpen"\nchannel = "voice"\n', r"1, target: found 'jawOpen', which is not"),
         ('[[morph]]\ntarget = "jawOpen"\nchannel = "loudness"\n', r"\[\[morph\]\] 1, channel: found 'loudness'"),
+        ('[[channel]]\nname = "smile"\nfull = 0.0\n', r"'smile', full: found full 0 with neutral 0"),
         ('[[handle]]\nname = "jaw"\nposition = [0, 1, 0]\nchannel = "voice"\n', "channel without moves"),
     ],
 )
@@ -175,3 +188,41 @@ def test_weights_of_targets_follow_their_channels_within_0_and_1(blob_puppet):
     weights = morph_weights(puppet, {"voice": np.array([0, 0.25, 1], np.float32)})
     assert {name: values.tolist() for name, values in weights.items()} == {"a": [0, 0.5, 1], "b": [0, 0, 0]}
     assert morph_weights(puppet, None) == {}
+
+
+@pytest.mark.parametrize(("neutral", "full", "expected"), [(0.1, 0.6, [0, 0.5, 1]), (0.6, 0.1, [1, 0.5, 0])])
+def test_a_channels_range_becomes_0_to_1_for_targets_and_limbs(bent_puppet, neutral, full, expected):
+    text = bent_puppet.read_text() + (
+        '[[morph]]\ntarget = "a"\nchannel = "voice"\n[[morph]]\ntarget = "b"\nchannel = "index_1_left"\n'
+        f'[[channel]]\nname = "voice"\nneutral = {neutral}\nfull = {full}\n'
+    )
+    puppet = puppet_file.loads(text, "a.toml")
+    measured = np.array([0.0, 0.35, 0.9], np.float32)
+    weights = morph_weights(puppet, {"voice": measured, "index_1_left": measured})
+    np.testing.assert_allclose(weights["a"], expected, atol=1e-6)
+    assert weights["b"].tolist() == measured.tolist()
+    bones = bones_of(puppet.limbs)
+    pose = TargetPose(np.empty((0, 3)), np.tile(np.eye(4, 3), (len(bones), 1, 1)), np.zeros(3))
+    turned = [
+        np.degrees(Rotation.from_matrix(motions[:, :3]).magnitude()).max()
+        for value in measured.tolist()
+        for motions in [ChannelMotion(puppet, bones).moved(pose, {"voice": value}).motions]
+    ]
+    np.testing.assert_allclose(turned, 30 * np.array(expected), atol=1e-4)
+
+
+def test_a_mirrored_character_has_the_channels_of_the_other_side_while_the_take_mirrors(limbed_puppet):
+    rig, pose = load_rig(limbed_puppet), np.zeros((20, 3))
+    left = np.arange(1, 7, dtype=np.float32)
+    given = {"point_left": left, "smile": left}
+    take = TakeTimeline(30, np.zeros((6, 20, 3)), np.ones((6, 20)), (), channels=given, mirror=True)
+    take = replace(take, later={2: (pose, None), 4: (pose, False)})
+    assert {name: values.tolist() for name, values in channels_of(rig, take).items()} == {
+        "point_left": [0, 0, 0, 0, 5, 6],
+        "point_right": [1, 2, 3, 4, 0, 0],
+        "smile": left.tolist(),
+    }
+    plain = Timeline(30, take.positions, take.confidence, (), channels=given)
+    assert channels_of(rig, plain) == given
+    mirroring = replace(rig, puppet=mirrored(rig.puppet, True))
+    assert channels_of(mirroring, plain) == {"point_right": left, "smile": left}

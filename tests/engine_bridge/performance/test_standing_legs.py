@@ -3,7 +3,7 @@ import pytest
 
 from capture import body
 from capture.skeleton import JOINTS, PARENTS
-from engine_bridge.performance.standing_legs import steps_of
+from engine_bridge.performance.retargeting import steps_of
 from engine_bridge.puppet.puppet import Puppet
 from solver.motion.limbs import bones_of
 

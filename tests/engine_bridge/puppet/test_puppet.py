@@ -76,8 +76,8 @@ ANY_JOINT = f"expected the name of a Kinect joint. Choose one of these: {', '.jo
 MISTAKES = {
     "an unknown table": (
         PUPPET + "[smothing]\nalpha = 1\n",
-        "smothing: found the unknown key 'smothing'; expected one of character, limb, handle, morph, root, retarget, "
-        "smoothing, solver, vrm. Did you mean 'smoothing'?",
+        "smothing: found the unknown key 'smothing'; expected one of character, limb, handle, morph, channel, root, "
+        "retarget, smoothing, solver, vrm. Did you mean 'smoothing'?",
     ),
     "an unknown key": (
         PUPPET + 'joit = "head"\n',

@@ -191,7 +191,7 @@ class StandIn:
                 self.send(name, Kind.CHARACTERS, write_json([self.listed]))
 
     def send(self, name, kind, payload, **header):
-        self._socket.send(join(topic_field(name), Header(kind, len(payload), **header), payload))
+        self._socket.send(join(topic_field(name), Header(kind=kind, length=len(payload), **header), payload))
 
     def frame(self, payload=None, revision=1):
         self._sequence += 1

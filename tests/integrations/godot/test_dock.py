@@ -307,7 +307,7 @@ def impostor(free_port):
     """A server in place of the service that follows the protocol but sends invalid values."""
     port, over = free_port(), threading.Event()
     status = write_json({"service": None})
-    message = join(topic_field("service/status"), Header(Kind.STATUS, len(status)), status)
+    message = join(topic_field("service/status"), Header(kind=Kind.STATUS, length=len(status)), status)
 
     def answer():
         asked = {"describe": itertools.chain(NONSENSE, itertools.repeat(NONSENSE[-1]))}

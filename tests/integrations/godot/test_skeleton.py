@@ -20,7 +20,7 @@ def drive(run_godot, human, tmp_path):
     def driven(payloads, bones=None, bone_map=(), **more):
         told = {"bones": foreign() if bones is None else bones, "map": dict(bone_map)}
         (tmp_path / "told.json").write_text(json.dumps(told))
-        scene = Header(Kind.SCENE, len(human.scene), human.revision, published=time.monotonic_ns())
+        scene = Header(kind=Kind.SCENE, length=len(human.scene), revision=human.revision, published=time.monotonic_ns())
         (tmp_path / "scene").write_bytes(join(topic("figure", Kind.SCENE), scene, human.scene))
         for number, payload in enumerate(payloads):
             (tmp_path / f"frame_{number}").write_bytes(payload)

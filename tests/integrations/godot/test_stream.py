@@ -35,7 +35,7 @@ def publisher():
 
 
 def message(topic, kind, sequence=1, payload=b"{}", **header):
-    return join(topic_field(topic), Header(kind, len(payload), sequence=sequence, **header), payload)
+    return join(topic_field(topic), Header(kind=kind, length=len(payload), sequence=sequence, **header), payload)
 
 
 def port_at(socket):

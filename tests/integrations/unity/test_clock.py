@@ -19,7 +19,11 @@ FPS = 30
 
 
 def message(topic, kind, payload, **fields):
-    return join(topic.encode().ljust(64, b"\0"), Header(kind, len(payload), SCENE.header.revision, **fields), payload)
+    return join(
+        topic.encode().ljust(64, b"\0"),
+        Header(kind=kind, length=len(payload), revision=SCENE.header.revision, **fields),
+        payload,
+    )
 
 
 class Service:

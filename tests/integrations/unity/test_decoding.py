@@ -62,7 +62,7 @@ def test_recorded_frames_have_the_same_numbers(vectors, name):
         np.testing.assert_array_equal(found, body.ravel())
 
 
-@pytest.mark.parametrize("name", ["performer", "characters"])
+@pytest.mark.parametrize("name", ["performer", "characters", "limbed.channels"])
 def test_recorded_json_is_the_same(vectors, name):
     assert vectors[name]["json"] == decoded(name)
 

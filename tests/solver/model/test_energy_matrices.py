@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_matrix, diags
 
-from solver.model import cell_products, energy_matrices, fields
+from solver.model import energy_matrices, fields
 from solver.surface.mesh import SolverMesh
 
 
@@ -23,12 +23,10 @@ def tall(rest, isoline_coordinates, weights, isolines):
     return csr_matrix(phi), csr_matrix(np.hstack([block.toarray() for block in blocks])[:, order])
 
 
-@pytest.mark.parametrize("by_cells", [False, True])
 @pytest.mark.parametrize("chunk", [1, 37, 384, 10**6])
 @pytest.mark.parametrize(("count", "isolines"), [(8, 10), (1, 2), (3, 4)])
-def test_products_are_those_of_the_sparse_matrices(operator, monkeypatch, chunk, count, isolines, by_cells):
+def test_products_are_those_of_the_sparse_matrices(operator, monkeypatch, chunk, count, isolines):
     monkeypatch.setattr(energy_matrices, "MAX_CHUNK_ROWS", chunk)
-    monkeypatch.setattr(cell_products, "MAX_CHUNK_ROWS", chunk)
     L, mass, rest = operator
     rng = np.random.default_rng(count)
     isoline_coordinates = np.clip((rest @ rng.normal(size=(3, count)) + 0.5) * (isolines - 1), 0, isolines - 1)
@@ -36,9 +34,7 @@ def test_products_are_those_of_the_sparse_matrices(operator, monkeypatch, chunk,
     cluster = rng.integers(0, 7, len(rest)).astype(np.int32)
     chain = csr_matrix(diags([np.full(len(rest) - 1, 0.5)], [1]))
     tied = csr_matrix(L + chain + chain.T - diags(np.asarray((chain + chain.T).sum(axis=1)).ravel()))
-    found = energy_matrices.products(
-        tied, L, mass, rest, isoline_coordinates, weights, isolines, cluster, by_cells=by_cells
-    )
+    found = energy_matrices.products(tied, L, mass, rest, isoline_coordinates, weights, isolines, cluster)
     phi, W = tall(rest, isoline_coordinates, weights, isolines)
     KW = diags(mass**-0.5) @ tied @ W
     delta = tied @ rest
@@ -59,13 +55,3 @@ def test_rows_that_lie_between_far_isolines_go_into_one_chunk(operator):
     _, W = tall(rest, isoline_coordinates, np.ones(2), 10)
     KW = diags(mass**-0.5) @ L @ W
     np.testing.assert_allclose(A, (KW.T @ KW).toarray(), rtol=0, atol=1e-11 * np.abs(A).max())
-
-
-def test_cells_have_the_vertices_whose_neighbours_are_between_the_same_isolines(operator):
-    L, _, rest = operator
-    below = np.floor(6 * (rest + 0.5)).astype(np.int64)
-    inside = cell_products.inside_cells(L.indptr, L.indices, below)
-    rows = np.repeat(np.arange(len(rest)), np.diff(L.indptr))
-    differs = (below[rows] != below[L.indices]).any(axis=1)
-    np.testing.assert_array_equal(inside, ~np.isin(np.arange(len(rest)), rows[differs]))
-    assert 0.1 < inside.mean() < 0.9

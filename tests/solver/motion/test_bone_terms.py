@@ -1,7 +1,5 @@
 """Terms of the surface that bones hold."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -43,11 +41,3 @@ def test_vertices_are_held_to_the_blend_of_their_bones(figure, model, shares):
     ratio = np.trace(terms.normal) / np.trace(normal)
     np.testing.assert_allclose(terms.normal, ratio * normal, atol=1e-9 * np.abs(terms.normal).max())
     np.testing.assert_allclose(terms.pull, ratio * pull, atol=1e-9 * np.abs(terms.pull).max())
-
-
-def test_without_shares_held_vertices_move_with_their_owner_alone(model):
-    alone = replace(model, shares=model.shares[:0])
-    found = alone.held_shares().toarray()
-    held = model.regions.held
-    np.testing.assert_array_equal(found[held], np.eye(2)[model.regions.owner[held]])
-    assert not found[~held].any()

@@ -2,7 +2,7 @@ import igl
 import numpy as np
 import pytest
 
-from solver.surface.winding import distinct_rows, edges_of, pieces, wound_consistently, wound_outwards
+from solver.surface.winding import distinct_rows, edges_of, flipped_faces, pieces, wound_against, wound_outwards
 
 
 def strip(count, twist):
@@ -32,6 +32,11 @@ def passes(faces):
     """How often each directed edge is passed."""
     directed = np.stack([faces.ravel(), np.roll(faces, -1, axis=1).ravel()], axis=1)
     return np.unique(directed, axis=0, return_counts=True)[1]
+
+
+def wound_consistently(faces):
+    against, patch = wound_against(faces, *edges_of(faces)[1:])
+    return flipped_faces(faces, against), patch
 
 
 def test_closed_surfaces_pass_every_edge_once_in_each_direction():

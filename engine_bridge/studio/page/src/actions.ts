@@ -12,6 +12,7 @@ import type {
   Sources,
 } from "./messages";
 import { begin, commit, redo as later, undo as earlier } from "./model/history";
+import { type Sample, held, movedByChannel, withBend, withMorph, withRange } from "./model/channels";
 import { type Part, type Puppet, type Smoothing, follow, has, mirror, remove, symmetryPoint } from "./model/puppet";
 import type { Joint } from "./model/skeleton";
 import { smoothingOf } from "./model/smoothing";
@@ -258,10 +259,14 @@ export function select(selection: Part | null): void {
   update({ selection, ...(selection === null ? {} : { tab: "limbs" as const }) });
 }
 
-/** Choose a part; a joint that waits for it moves it from now on. */
+/** Choose a part; a joint or a channel that waits for it moves it from now on. */
 export function pickPart(part: Part): void {
   const puppet = shownPuppet(current());
-  const { joint } = current();
+  const { joint, channel } = current();
+  if (channel !== null && puppet !== null && part.kind === "limb") {
+    edit(withBend(puppet, part.name, channel));
+    update({ channel: null });
+  }
   if (joint !== null && puppet !== null) {
     edit(follow(puppet, part, joint));
     update({ joint: null });
@@ -274,7 +279,56 @@ export function pickJoint(joint: Joint): void {
   const { selection, joint: waiting } = current();
   const puppet = shownPuppet(current());
   if (selection !== null && puppet !== null) edit(follow(puppet, selection, joint));
-  else update({ joint: waiting === joint ? null : joint });
+  else update({ joint: waiting === joint ? null : joint, channel: null, target: null });
+}
+
+/** Choose a channel: it moves the selected limb or the morph target that waits for it, or waits for one of these. */
+export function pickChannel(channel: string): void {
+  const { selection, channel: waiting, target } = current();
+  const puppet = shownPuppet(current());
+  if (puppet === null) return;
+  if (target !== null) edit(withMorph(puppet, target, channel));
+  else if (selection?.kind === "limb") edit(withBend(puppet, selection.name, channel));
+  else {
+    update({ channel: waiting === channel ? null : channel, joint: null, tab: "limbs", selection: null });
+    return;
+  }
+  update({ channel: null, target: null });
+}
+
+/** Choose a morph target: the channel that waits for it moves it, or it waits for one. */
+export function pickTarget(target: string): void {
+  const { channel, target: waiting } = current();
+  const puppet = shownPuppet(current());
+  if (channel !== null && puppet !== null) {
+    edit(withMorph(puppet, target, channel));
+    update({ channel: null });
+  } else update({ target: waiting === target ? null : target, joint: null });
+}
+
+let samples: Sample[] = [];
+
+/** Measure which values of a channel count as 0 and 1: the performer holds both for a second. */
+export function findRange(channel: string): void {
+  samples = [];
+  update({ finding: { channel, neutral: null }, channel: null, target: null, joint: null });
+}
+
+/** Take a value of the channel whose range is being measured, at a time in milliseconds. */
+export function sampled(time: number, values: Readonly<Record<string, number>>): void {
+  const { finding } = current();
+  const puppet = shownPuppet(current());
+  if (finding === null || puppet === null) return;
+  samples.push({ time, value: values[finding.channel] ?? 0 });
+  const value = held(samples, finding.neutral);
+  if (value === null) return;
+  samples = [];
+  if (finding.neutral === null) {
+    update({ finding: { ...finding, neutral: value } });
+    return;
+  }
+  edit(withRange(puppet, finding.channel, { neutral: finding.neutral, full: value }));
+  update({ finding: null, notice: { level: "info", text: strings.channels.found(finding.channel, movedByChannel(puppet, finding.channel)) } });
 }
 
 export function removeSelected(): void {

@@ -1,6 +1,6 @@
 /** The page: joins the state, the stream, the 3D view and the panels. */
 
-import { connect, download, edit, openFiles, pickPart, record, redo, removeSelected, save, select, sessionToken, undo } from "./actions";
+import { connect, download, edit, openFiles, pickPart, record, redo, removeSelected, sampled, save, select, sessionToken, undo } from "./actions";
 import { Client } from "../../../../integrations/web/puppetline.js";
 import { address } from "./connection";
 import { draw, h } from "./dom";
@@ -11,6 +11,7 @@ import { empty } from "./panels/empty";
 import { covers } from "./panels/film";
 import { figure } from "./panels/figure";
 import { header } from "./panels/header";
+import { meters } from "./panels/meters";
 import { performer } from "./panels/performer";
 import { status } from "./panels/status";
 import { movePlayhead, strip } from "./panels/strip";
@@ -68,8 +69,9 @@ const viewer = new Viewer(place, {
 });
 
 let joints: Float32Array | null = null;
+let channels: Readonly<Record<string, number>> = {};
 let jointsOf: string | null = null;
-let unfollow = (): void => undefined;
+let unfollow: (() => void)[] = [];
 let client: Client | null = null;
 
 /** Receive the stream; a new session of the server has a new token. */
@@ -83,19 +85,37 @@ function follow({ connected, server, character }: State): void {
   }
   viewer.follow(client, server.characters);
   if (character === jointsOf) return;
-  unfollow();
-  [joints, jointsOf] = [null, character];
+  for (const end of unfollow) end();
+  [joints, channels, jointsOf, unfollow] = [null, {}, character, []];
   if (character === null) return;
-  unfollow = client.subscribe(`${character}/joints`, (message) => {
-    if (message.kind !== "joints") return;
-    joints = message.body;
-    scheduleFigure();
-  });
+  unfollow = [
+    client.subscribe(`${character}/joints`, (message) => {
+      if (message.kind !== "joints") return;
+      joints = message.body;
+      scheduleFigure();
+    }),
+    client.subscribe(`${character}/channels`, (message) => {
+      if (message.kind !== "channels") return;
+      channels = message.body;
+      clearTimeout(silence);
+      silence = setTimeout(() => {
+        channels = {};
+        scheduleFigure();
+      }, SILENCE_MS);
+      sampled(performance.now(), channels);
+      scheduleFigure();
+    }),
+  ];
 }
+
+/** Time without a value after which meters show 0, in milliseconds. */
+const SILENCE_MS = 1000;
+
+let silence: ReturnType<typeof setTimeout> | undefined;
 
 let figureScheduled = false;
 
-/** The figure moves with the performer, at most once per drawn frame. */
+/** The figure and the meters move with the performer, at most once per drawn frame. */
 function scheduleFigure(): void {
   if (figureScheduled) return;
   figureScheduled = true;
@@ -128,6 +148,8 @@ function drawFigure(state: State): void {
       viewer.emphasise(joint);
     }),
   ]);
+  const others = document.querySelector(".meters-box");
+  if (others !== null) draw(others, [meters(state, channels)]);
 }
 
 function render(state: State): void {
@@ -186,7 +208,7 @@ function keys(event: KeyboardEvent): void {
   else if (command && key === "y") redo();
   else if (key === "r" && !command && !(event.target instanceof HTMLSelectElement)) void toggleRecording();
   else if (key === " " && !(event.target instanceof HTMLElement && event.target.matches("button, input, select, summary, video"))) void play();
-  else if (key === "escape") update({ selection: null, joint: null, tool: "select", drawn: [], clip: null, drawer: null, asking: null });
+  else if (key === "escape") update({ selection: null, joint: null, channel: null, target: null, finding: null, tool: "select", drawn: [], clip: null, drawer: null, asking: null });
   else if (key === "enter" && current().drawn.length >= 2 && event.target === document.activeElement) finishLimb();
   else if (key === "delete" || key === "backspace") removeSelected();
   else return;

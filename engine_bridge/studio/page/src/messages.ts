@@ -8,6 +8,8 @@ export interface CharacterState {
   readonly stage: string;
   readonly limbs: readonly string[];
   readonly handles: readonly string[];
+  /** Names of the morph targets that the mesh has. */
+  readonly targets: readonly string[];
   readonly vertices: number;
   readonly triangles: number;
   /** Changes with every edit. */

@@ -37,6 +37,12 @@ export interface State {
   readonly selection: Part | null;
   /** A joint that waits for the part that it will move. */
   readonly joint: Joint | null;
+  /** A channel that waits for the limb or morph target that it will move. */
+  readonly channel: string | null;
+  /** A morph target that waits for its channel. */
+  readonly target: string | null;
+  /** The channel whose range is being measured, and its neutral value as soon as it is known. */
+  readonly finding: { readonly channel: string; readonly neutral: number | null } | null;
   readonly tab: Tab;
   readonly tool: Tool;
   readonly dragging: Dragging;
@@ -96,6 +102,9 @@ export const INITIAL: State = {
   plans: {},
   selection: null,
   joint: null,
+  channel: null,
+  target: null,
+  finding: null,
   tab: "limbs",
   tool: "select",
   dragging: "view",

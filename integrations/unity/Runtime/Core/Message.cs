@@ -41,6 +41,9 @@ namespace Puppetline.Protocol
 
         /// <summary>Rotations of the character's joints, and positions of those that travel: <see cref="Joint"/>.</summary>
         Bones = 12,
+
+        /// <summary>The performer's channels, in JSON.</summary>
+        Channels = 13,
     }
 
     /// <summary>State of a character's performer.</summary>

@@ -13,10 +13,11 @@ import zmq
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from engine_bridge.service.commands import ARGUMENTS
 from engine_bridge.service.control import dispatcher as dispatcher_module
 from engine_bridge.service.control.control_socket import Control, request
 from engine_bridge.service.control.dispatcher import Deferred, Dispatcher
-from engine_bridge.service.control.requests import ARGUMENTS, Nothing
+from engine_bridge.service.control.requests import Nothing
 from engine_bridge.service.security.endpoints import NetworkSettings, endpoints_of
 from engine_bridge.service.security.guard import Guard
 from puppetline.errors import PuppetError, ServiceError
@@ -261,7 +262,7 @@ bodies = st.one_of(
 )
 
 
-@settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(bodies, st.booleans())
 def test_every_body_gets_one_well_formed_answer_and_the_next_request_works(dealer, req, body, framed):
     client = req if framed else dealer

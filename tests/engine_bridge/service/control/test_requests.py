@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from engine_bridge.service.commands import ARGUMENTS
 from engine_bridge.service.control.requests import (
-    ARGUMENTS,
     MAX_REQUEST_BYTES,
     decode,
     encode,

@@ -74,7 +74,7 @@ def other_scene(message):
         (lambda messages: [*messages[:4], messages[4][:-1]], "7 bytes for 2 weights"),
         (lambda messages: [*messages[:4], messages[4][:100]], "100 bytes"),
         (
-            lambda messages: [join(topic("blob", Kind.CLIP), Header(Kind.CLIP, 2), b"{}"), *messages[1:]],
+            lambda messages: [join(topic("blob", Kind.CLIP), Header(kind=Kind.CLIP, length=2), b"{}"), *messages[1:]],
             "without a number of frames",
         ),
     ],

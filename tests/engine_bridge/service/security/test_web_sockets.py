@@ -65,7 +65,7 @@ async def sizes_of_floods(port, path="/"):
     """Return the memory of this process after each of some floods, and how many of their connections it keeps."""
     sizes = []
     for _ in range(4):
-        for _ in range(10):
+        for _ in range(4):
             await asyncio.gather(*(flood(port, 20, path) for _ in range(16)))
         for _ in range(1000):
             gc.collect()

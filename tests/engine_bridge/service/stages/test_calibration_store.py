@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from capture.sensor_tilt import SensorTilt
-from engine_bridge.performance.performer_calibration import Calibration
+from engine_bridge.performance.calibration import Calibration
 from engine_bridge.service.stages import calibration_store
 
 

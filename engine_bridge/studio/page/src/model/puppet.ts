@@ -1,5 +1,6 @@
 /** The puppet file as the server sends it, and its edits: every function returns a new puppet. */
 
+import type { Morph, Range } from "./channels";
 import { type Joint, type JointChoice, chainOf, sideOf, spread } from "./skeleton";
 import { type Vector, cross, dot, length, meetPlane, reflect, subtract } from "./vector";
 
@@ -27,6 +28,7 @@ export interface Handle {
   readonly joints?: readonly Joint[] | null;
   readonly axes?: string;
   readonly gain?: number;
+  readonly channel?: string | null;
 }
 
 export interface Root {
@@ -56,6 +58,8 @@ export interface Puppet {
   readonly character: { readonly mesh?: string; readonly up?: string; readonly front?: string; readonly scale?: number };
   readonly limb?: readonly Limb[];
   readonly handle?: readonly Handle[];
+  readonly morph?: readonly Morph[];
+  readonly channel?: readonly Range[];
   readonly root?: Root | null;
   readonly retarget?: Retarget;
   readonly smoothing?: Partial<Smoothing>;
@@ -161,16 +165,13 @@ export function addLimb(puppet: Puppet, name: string, points: readonly Vector[])
   return { ...puppet, limb: [...limbsOf(puppet), limb] };
 }
 
-/** Angle by which the voice opens a jaw. */
-const JAW_DEGREES = 20;
+/** Angle by which a channel bends a limb, such as a jaw, until it is changed. */
+export const BEND_DEGREES = 20;
 
 /** Add a jaw that opens with the voice and is otherwise rigid with the head, or replace the one that there is. */
 export function addJaw(puppet: Puppet, hinge: Vector, tip: Vector): Puppet {
-  const left = leftOf(puppet);
-  const number = left.findIndex((value) => value !== 0);
-  const axis = `${(left[number] ?? 0) > 0 ? "" : "-"}${"xyz".charAt(number)}`;
   const parent = limbNamed(puppet, "head") === undefined ? {} : { parent: "head" };
-  const bend = { channel: "voice", degrees: JAW_DEGREES, axis };
+  const bend = { channel: "voice", degrees: BEND_DEGREES, axis: sidewaysAxis(puppet) };
   const jaw: Limb = { name: JAW, points: [hinge, tip], joints: ["shoulder_center", "head"], follow: "turn", gain: 0, ...parent, bend };
   return { ...puppet, limb: put(limbsOf(puppet), jaw) };
 }
@@ -257,6 +258,13 @@ export function leftOf(puppet: Puppet): Vector {
   return cross(axis(puppet.character.up ?? "y"), axis(puppet.character.front ?? "z"));
 }
 
+/** The name of the mesh file's axis to the character's left, about which jaws and claws open. */
+export function sidewaysAxis(puppet: Puppet): string {
+  const left = leftOf(puppet);
+  const number = left.findIndex((value) => value !== 0);
+  return `${(left[number] ?? 0) > 0 ? "" : "-"}${"xyz".charAt(number)}`;
+}
+
 /**
  * Copy a part to the other side of the body, and replace the part there if there is one.
  *
@@ -285,8 +293,17 @@ export function mirror(puppet: Puppet, part: Part, through: Vector): { puppet: P
     points: limb.points.map(across),
     joints: limb.joints.map((choice) => (typeof choice === "string" ? swapped(choice) : choice.map(swapped))),
     ...(parent !== null && limbNamed(puppet, parent) !== undefined ? { parent } : {}),
+    ...(limb.bend == null ? {} : { bend: mirroredBend(puppet, limb.bend) }),
   };
   return { puppet: { ...puppet, limb: put(limbsOf(puppet), copy) }, part: { kind: "limb", name } };
+}
+
+/** A bend by the channel of the other side; about any axis but that to the side, it turns the other way. */
+function mirroredBend(puppet: Puppet, bend: Bend): Bend {
+  const { channel, axis: about = "x" } = bend;
+  const opposite = about.startsWith("-") ? about.slice(1) : `-${about}`;
+  const sideways = Math.abs(dot(axis(about), leftOf(puppet))) > 0.5;
+  return { ...bend, channel: otherSide(channel) ?? channel, axis: sideways ? about : opposite };
 }
 
 /** A point of the plane of symmetry: the mean of the points of the limb "trunk", or the middle of the box without one. */

@@ -42,7 +42,7 @@ export function sideOf(name: string): Side {
 /** A joint's name for people: "left hand". */
 export function spoken(joint: string): string {
   const match = /^(.*)_(left|right)$/.exec(joint);
-  if (match?.[1] !== undefined && match[2] !== undefined) return `${match[2]} ${match[1]}`;
+  if (match?.[1] !== undefined && match[2] !== undefined) return `${match[2]} ${match[1].replaceAll("_", " ")}`;
   return joint === "hip_center" ? "hips" : joint === "shoulder_center" ? "shoulders" : joint.replaceAll("_", " ");
 }
 

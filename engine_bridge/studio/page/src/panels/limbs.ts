@@ -1,7 +1,8 @@
 /** Limbs and handles: the list of all, and the settings of the selected one. */
 
-import { edit, mirrorSelected, pickPart, removeSelected, select as choose } from "../actions";
+import { edit, mirrorSelected, pickPart, pickTarget, removeSelected, select as choose } from "../actions";
 import { type Child, type Node_, h } from "../dom";
+import { CHANNELS, morphsOf, withBend, withMorph, withoutBend, withoutMorph } from "../model/channels";
 import {
   type Handle,
   type Limb,
@@ -89,10 +90,92 @@ function list(state: State, puppet: Puppet): Node_ {
           }),
         ),
       ),
+    targets(state, puppet),
     allLimbs.length + allHandles.length === 0 && h("p", {}, words.none),
     notes.length > 0 &&
       h("details", { key: "notes" }, h("summary", {}, words.notes), h("ul", { class: "notes" }, notes.map((note) => h("li", {}, note)))),
   );
+}
+
+/** The morph targets of the mesh: a channel that was chosen before moves the one that is clicked. */
+function targets(state: State, puppet: Puppet): Child {
+  const { channels: words } = strings;
+  const names = shownCharacter(state)?.targets ?? [];
+  if (names.length === 0 || isJoined(state)) return null;
+  return section(
+    words.targets,
+    h(
+      "ul",
+      {},
+      names.map((name) => {
+        const morphs = morphsOf(puppet).filter(({ target }) => target === name);
+        return h(
+          "li",
+          { key: `target ${name}` },
+          h(
+            "button",
+            {
+              type: "button",
+              class: "line",
+              "aria-pressed": String(state.target === name),
+              onclick: () => {
+                pickTarget(name);
+              },
+            },
+            h("span", { class: "mark target", "aria-hidden": "true" }),
+            h("span", { class: "name" }, name),
+            h("small", {}, morphs.map(({ channel }) => words.name(channel)).join(", ")),
+          ),
+          morphs.map(({ channel, gain }) =>
+            h(
+              "div",
+              { class: "row", key: channel },
+              field(
+                words.gain(channel),
+                number(gain ?? 1, (value) => {
+                  edit(withMorph(puppet, name, channel, value));
+                }, { min: -20, max: 20, step: 0.1 }),
+              ),
+              button(words.unmap, () => {
+                edit(withoutMorph(puppet, name, channel));
+              }, { quiet: true, label: words.unmapTarget(channel, name) }),
+            ),
+          ),
+        );
+      }),
+    ),
+  );
+}
+
+const AXES = ["x", "-x", "y", "-y", "z", "-z"] as const;
+
+/** The channel that bends a limb, how far, and about which axis. */
+function bend(puppet: Puppet, { name, bend: shown }: Limb): Child {
+  const { channels: words, limbs: labels } = strings;
+  const change = (values: object): void => {
+    edit(withLimb(puppet, name, (old) => ({ ...old, ...(old.bend == null ? {} : { bend: { ...old.bend, ...values } }) })));
+  };
+  const channel = shown?.channel ?? "";
+  const choices = [...new Set([...CHANNELS, ...(channel === "" ? [] : [channel])])];
+  return [
+    field(
+      words.bends,
+      select([["", words.nothing], ...choices.map((each): [string, string] => [each, words.name(each)])], channel, (chosen) => {
+        edit(chosen === "" ? withoutBend(puppet, name) : withBend(puppet, name, chosen));
+      }),
+    ),
+    shown != null && [
+      field(labels.bend(channel), number(shown.degrees, (degrees) => {
+        change({ degrees });
+      }, { min: -180, max: 180, step: 1 })),
+      field(
+        words.axis,
+        select(AXES.map((axis) => [axis, strings.motion.direction(axis)] as const), (shown.axis ?? "x") as (typeof AXES)[number], (axis) => {
+          change({ axis });
+        }),
+      ),
+    ],
+  ];
 }
 
 function limb(puppet: Puppet, part: Part & { kind: "limb" }, bounds: Bounds): Child {
@@ -121,12 +204,7 @@ function limb(puppet: Puppet, part: Part & { kind: "limb" }, bounds: Bounds): Ch
     gainField(shown.gain ?? 1, (gain) => {
       change((old) => ({ ...old, gain }));
     }),
-    shown.bend != null && field(
-      words.bend(shown.bend.channel),
-      number(shown.bend.degrees, (degrees) => {
-        change((old) => ({ ...old, ...(old.bend == null ? {} : { bend: { ...old.bend, degrees } }) }));
-      }, { min: -180, max: 180, step: 1 }),
-    ),
+    bend(puppet, shown),
     field(
       words.parent,
       select(

@@ -68,6 +68,7 @@ function body(state: State): Node_ {
       void look(!state.looking);
     }, { pressed: state.looking }),
     state.looking && seen(state),
+    h("div", { class: "meters-box", raw: true, key: "meters" }),
   );
 }
 

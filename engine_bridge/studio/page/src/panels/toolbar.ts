@@ -2,7 +2,7 @@
 
 import { edit, select } from "../actions";
 import { type Node_, h } from "../dom";
-import { addLimb, freeName, limbsOf } from "../model/puppet";
+import { addLimb, freeName, limbsOf, otherSide } from "../model/puppet";
 import { type State, type Tool, isJoined, shownPuppet, update } from "../store";
 import { strings } from "../strings";
 import { button, checkbox, choice } from "./parts";
@@ -53,13 +53,24 @@ export function toolbar(state: State, fit: () => void): Node_ {
 /** Instructions for the chosen tool. */
 export function toolHint(state: State): Node_ | false {
   const { viewer: words } = strings;
-  const { tool, drawn, joint } = state;
+  const { tool, drawn, joint, channel, target, finding } = state;
   if (joint !== null) return hint(words.mapHint(joint), cancel({ joint: null }));
+  if (finding !== null) return hint(rangeHint(state, finding), cancel({ finding: null }));
+  if (channel !== null) return hint(strings.channels.mapHint(channel), cancel({ channel: null }));
+  if (target !== null) return hint(strings.channels.targetHint(target), cancel({ target: null }));
   if (tool === "handle") return hint(words.handleHint, cancel({ tool: "select" }));
   if (tool === "jaw") return hint(words.jawHint(drawn.length), cancel({ tool: "select", drawn: [] }));
   if (tool !== "limb") return false;
   const finish = button(words.finish, finishLimb, { primary: true, disabled: drawn.length < 2 });
   return hint(words.limbHint(drawn.length), finish, cancel({ tool: "select", drawn: [] }));
+}
+
+/** What the performer does while a channel's range is measured; a mirrored character's left is the performer's right. */
+function rangeHint(state: State, { channel, neutral }: NonNullable<State["finding"]>): string {
+  const { channels: words } = strings;
+  const mirrored = shownPuppet(state)?.retarget?.mirror === true;
+  const own = mirrored ? (otherSide(channel) ?? channel) : channel;
+  return words.hold(neutral === null ? (words.neutral[own] ?? words.anyNeutral) : (words.full[own] ?? words.anyFull(own)));
 }
 
 function hint(text: string, ...actions: readonly Node_[]): Node_ {

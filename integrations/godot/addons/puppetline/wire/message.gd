@@ -15,6 +15,7 @@ enum Kind {
 	CHARACTERS,
 	CLIP,
 	BONES,
+	CHANNELS,
 }
 ## There is no performer; the performer is being calibrated; the performer drives the character; the character eases
 ## into its rest pose.
@@ -104,7 +105,7 @@ func encode() -> PackedByteArray:
 
 ## Return whether this message is a frame of the motion. Other messages are sent on changes or on request.
 func is_frame() -> bool:
-	return (kind >= Kind.CONTROLS and kind <= Kind.HANDLES) or kind == Kind.BONES
+	return (kind >= Kind.CONTROLS and kind <= Kind.HANDLES) or kind >= Kind.BONES
 
 
 ## Return the JSON value of the payload; null if it is damaged.

@@ -4,8 +4,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine_bridge.service.loading.character_loader import CharacterLoader
 from engine_bridge.service.loading.service_file import from_flags
+from engine_bridge.service.loading.stage_loader import CharacterLoader
 from puppetline.errors import PuppetlineError
 
 

@@ -27,7 +27,7 @@ from engine_bridge.performance.rig import Rig, make_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures import clip_sheet
 from engine_bridge.puppet.proposal import new_puppet
-from engine_bridge.puppet.skin_shares import skin_shares
+from engine_bridge.puppet.rig_bones import skin_shares
 from puppetline.errors import PuppetlineError
 from solver.model.batch import BatchBinding
 from solver.model.stretch import EdgeStretch

@@ -4,6 +4,7 @@ Run ``python -m benchmarks.film``. Processor time is that of all threads. A fram
 and both renderers take turns, so that their ratio holds on a busy machine too.
 """
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import psutil
 
 from engine_bridge.character import examples
 from engine_bridge.character.materials import drawn_normals, materials_of
@@ -90,12 +92,23 @@ def measure_film(folder: Path) -> None:
     scene.write_text(SCENE + "".join(ACTOR.format(name=name, x=x) for name, x in (("a", -0.9), ("b", 0.9))))
     started = time.monotonic()
     command = [sys.executable, "-m", "puppetline", "film", str(scene), "-o", str(folder / "film.mp4")]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-    _, _, used = os.wait4(process.pid, 0)
+    process = psutil.Popen(command, stdout=subprocess.DEVNULL)
+    waited = memory = used = 0.0
+    while process.poll() is None:
+        with contextlib.suppress(psutil.Error, OSError):
+            waited = queued_seconds(process.pid)
+            memory = max(memory, process.memory_info().rss)
+            used = sum(process.cpu_times()[:2])
+        time.sleep(0.2)
     print(
-        f"ten seconds: {time.monotonic() - started:.0f} s, {used.ru_utime + used.ru_stime:.0f} s of processor time, "
-        f"{used.ru_maxrss / 1000:.0f} MB at most, load {os.getloadavg()[0]:.1f}"
+        f"ten seconds: {time.monotonic() - started:.0f} s, of them {waited:.0f} s without a processor; "
+        f"{used:.0f} s of processor time, {memory / 1e6:.0f} MB at most, load {os.getloadavg()[0]:.1f}"
     )
+
+
+def queued_seconds(pid: int) -> float:
+    """Return how long the main thread of a process was ready and had no processor (Linux)."""
+    return int(Path(f"/proc/{pid}/task/{pid}/schedstat").read_text(encoding="ascii").split()[1]) / 1e9
 
 
 if __name__ == "__main__":

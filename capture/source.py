@@ -11,10 +11,12 @@ readable or its time is due, and then receives the events::
 import select
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
 from capture.events import TICK_SECONDS, Event, Tick
+from capture.skeleton import SkeletonFrame
 
 SENSOR_RECORDINGS = ".oni", ".db3", ".bag"
 """Endings of the names of sensors' own recordings."""
@@ -32,7 +34,7 @@ class Counts:
     received : int
         Packets, or events of a recording.
     dropped : int
-        Complete frames that a newer frame of the same performer replaced before they were received.
+        Complete frames that were not used, because newer ones of the same performer had arrived or were too many.
     refused : Counter
         Refused packets and messages by reason. The reasons are a closed set.
     """
@@ -76,8 +78,9 @@ class SkeletonSource(Protocol):
     def receive(self) -> list[Event]:
         """Return the events since the last call, oldest first, without waiting.
 
-        The times of a performer's frames increase strictly. A live source drops all but the newest frame of each
-        performer; a recording returns every frame. After `capture.events.TICK_SECONDS` without an event, there is a
+        The times of a performer's frames increase strictly; a frame that is received late has the time at which it
+        arrived. Every frame is returned, so that recordings are complete; `newest` drops those that a live character
+        does not need. After `capture.events.TICK_SECONDS` without an event, there is a
         tick.
 
         Raises
@@ -88,6 +91,16 @@ class SkeletonSource(Protocol):
 
     def close(self) -> None:
         """Close sockets and files; closing again does nothing."""
+
+
+def newest(events: Sequence[Event]) -> list[Event]:
+    """Return the events without the frames of a performer before the newest one."""
+    last = {event.user: number for number, event in enumerate(events) if isinstance(event, SkeletonFrame)}
+    return [
+        event
+        for number, event in enumerate(events)
+        if not isinstance(event, SkeletonFrame) or last[event.user] == number
+    ]
 
 
 def wait(source: SkeletonSource, deadline: float) -> None:

@@ -69,7 +69,9 @@ def unknown_name(where: str, found: str, known: Iterable[str]) -> ServiceError:
     known : iterable of str
         The names that exist.
     """
-    return ServiceError(where, found=found, expected=f"one of {', '.join(known)}", fix="Choose one of these.")
+    names = ", ".join(known)
+    expected, fix = (f"one of {names}", "Choose one of these.") if names else ("one that exists", "There is none yet.")
+    return ServiceError(where, found=found, expected=expected, fix=fix)
 
 
 def heading(where: str | Path) -> str:

@@ -49,7 +49,7 @@ def output_errors(path: Path) -> Iterator[None]:
             path,
             found=f"a file that cannot be written ({error.strerror})",
             expected="a folder with write permission and free space",
-            fix="Choose another folder with -o, or change the folder's permissions.",
+            fix="Choose another folder, free disk space, or change the folder's permissions.",
         ) from error
 
 

@@ -22,9 +22,8 @@ _ROW = RowLayout(
 _POSITION_COLUMNS = np.array([1 + 14 * joint + 10 for joint in range(11)] + [155 + 4 * joint for joint in range(4)])
 
 
-def matches(head: bytes) -> bool:
-    """Return whether the first line has 171 numbers between commas."""
-    return _ROW.fits_first_line(head)
+matches = _ROW.fits_first_line
+"""Return whether the first line has 171 numbers between commas."""
 
 
 def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:

@@ -15,9 +15,8 @@ from capture.skeleton import INFERRED, LOST, TRACKED
 _ROW = RowLayout(101, "100 ns ticks, then 25 × x, y, z, state", separator=",")
 
 
-def matches(head: bytes) -> bool:
-    """Return whether the first line has 101 numbers between commas."""
-    return _ROW.fits_first_line(head)
+matches = _ROW.fits_first_line
+"""Return whether the first line has 101 numbers between commas."""
 
 
 def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:  # noqa: ARG001 - the format has a clock and a unit

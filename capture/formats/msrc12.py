@@ -14,9 +14,8 @@ from capture.skeleton import INFERRED, TRACKED
 _ROW = RowLayout(81, "microseconds, then 20 × x y z flag")
 
 
-def matches(head: bytes) -> bool:
-    """Return whether the first line has 81 numbers between white space."""
-    return _ROW.fits_first_line(head)
+matches = _ROW.fits_first_line
+"""Return whether the first line has 81 numbers between white space."""
 
 
 def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:  # noqa: ARG001 - the format has a clock and a unit

@@ -17,9 +17,8 @@ from capture.skeleton import TRACKED
 _ROW = RowLayout(61, "frame number, then 20 × x y z")
 
 
-def matches(head: bytes) -> bool:
-    """Return whether the first line has 61 numbers between white space."""
-    return _ROW.fits_first_line(head)
+matches = _ROW.fits_first_line
+"""Return whether the first line has 61 numbers between white space."""
 
 
 def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:

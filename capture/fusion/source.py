@@ -142,8 +142,6 @@ class FusedSource:
             fused += self._fused(place, event)
         if math.isfinite(now):
             fused += self._performers.forget(now)
-        if not self.recorded:
-            fused = self._newest(fused)
         events: list[Event] = [self._in_order(replace(event, time=event.time + self._offset)) for event in fused]
         if not events and self.now() - self._delay - self._last_time >= TICK_SECONDS:
             events.append(self._in_order(Tick(self.now() - self._delay)))
@@ -179,15 +177,6 @@ class FusedSource:
             return list(self._performers.lose(place, event.user, event.time))
         frame = self._performers.observe(place, event)
         return [] if frame is None else [frame]
-
-    def _newest(self, events: list[_MemberEvent]) -> list[_MemberEvent]:
-        """Return the events without the frames of a performer before the newest one."""
-        last = {event.user: k for k, event in enumerate(events) if isinstance(event, SkeletonFrame)}
-        kept = [
-            event for k, event in enumerate(events) if not isinstance(event, SkeletonFrame) or last[event.user] == k
-        ]
-        self.counts.dropped += len(events) - len(kept)
-        return kept
 
     def _in_order(self, event: Any) -> Any:
         """Return the event with a time after all events before."""

@@ -4,9 +4,13 @@ import errno
 import ipaddress
 import math
 import socket
+import struct
+import sys
 import time
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -47,6 +51,14 @@ MAX_DATAGRAMS, MAX_MESSAGES = 256, 4096
 """Limits of one call of `receive`. The system keeps further datagrams until its buffer is full."""
 RECEIVE_BUFFER_BYTES = 1 << 20
 """Size of the receive buffer that is requested from the system, which may provide less."""
+MAX_WAITING_FRAMES = 256
+"""Maximum number of frames of a performer that one call of `receive` returns: eight seconds at 30 per second."""
+TIMESTAMP_NS = 35
+"""Linux's option SO_TIMESTAMPNS of sockets, and the kind of the ancillary data that it adds to datagrams."""
+TIMESPEC = struct.Struct("@ll")
+"""What these data are: seconds and nanoseconds of the system's clock."""
+MAX_AGE_NS = 10_000_000_000
+"""Maximum plausible time that a datagram has waited; beyond, the system's clock was set meanwhile."""
 USERS = range(-(2**31), 2**31)
 """Valid user numbers."""
 
@@ -111,7 +123,7 @@ class OscSource:
         self._refusals = Refusals(name, self.counts.refused)
         self._channels = HeldChannels()
         self._assemblies: dict[tuple[Dialect, int], FrameAssembly] = {}  # in the order of the last packets
-        self._pending: dict[tuple[type[_Pending], int], _Pending] = {}  # not returned yet, the newest last
+        self._pending: dict[tuple[type[_Pending], int], deque[_Pending]] = {}  # not returned yet
         self._present: set[int] = set()  # performers of whom frames were returned
         self._last_time = self._last_return = time.monotonic()  # of the last pending event, and of the last return
         self._socket = _listen(name, address)
@@ -131,16 +143,19 @@ class OscSource:
         return time.monotonic()
 
     def receive(self) -> list[Event]:
-        """Return the newest frame of each performer, the performers who have left, or a tick if nothing happens.
+        """Return the frames that have arrived, the performers who have left, or a tick if nothing happens.
 
-        Packets that are not skeletons are refused and counted; they raise no error.
+        On Linux, a frame has the time at which its last datagram arrived at this machine, however late it is read;
+        elsewhere, the time at which it is read. Packets that are not skeletons are refused and counted; they raise no
+        error.
         """
         self._drain()
         now = self.now()
         for key, assembly in self._assemblies.items():
             if assembly.parts and now - assembly.time >= PART_TIMEOUT_SECONDS:
                 self._queue_frames(*key, assembly.end())
-        events = [event for pending in self._pending.values() if (event := self._event(pending))]
+        pending = sorted((each for queue in self._pending.values() for each in queue), key=lambda each: each.time)
+        events = [event for each in pending if (event := self._event(each))]
         self._pending.clear()
         if not events and now - self._last_return >= TICK_SECONDS:
             events.append(Tick(self._next_time(now)))
@@ -157,7 +172,7 @@ class OscSource:
         messages = 0
         for _ in range(MAX_DATAGRAMS):
             try:
-                datagram, sender = self._socket.recvfrom(MAX_DATAGRAM_BYTES)
+                datagram, sender, arrival = _received(self._socket)
             except BlockingIOError:
                 return
             except OSError:  # Windows reports ICMP messages so; the socket still works
@@ -167,18 +182,17 @@ class OscSource:
             if self._address.sender not in (None, ANY_SENDER, sender[0].removeprefix("::ffff:")):
                 self._refusals.add("another sender")
                 continue
-            messages += self._read_datagram(datagram)
+            messages += self._read_datagram(datagram, arrival)
             if messages >= MAX_MESSAGES:
                 return
 
-    def _read_datagram(self, datagram: bytes) -> int:
+    def _read_datagram(self, datagram: bytes, now: float) -> int:
         """Process one datagram; return its number of messages."""
         try:
             messages = decode(datagram)
         except OscError as error:
             self._refusals.add(error.reason)
             return 1
-        now = self.now()
         bundled = datagram.startswith(BUNDLE)
         ended: list[tuple[Dialect, int]] = []
         for message in messages:
@@ -242,11 +256,10 @@ class OscSource:
             self._queue(_Frame(self._next_time(frame.time), user, dialect, frame.parts), user)
 
     def _queue(self, pending: _Pending, user: int) -> None:
-        """Keep an event until `receive` returns it or a newer one of the same performer replaces it."""
-        key = type(pending), user
-        if self._pending.pop(key, None) is not None and isinstance(pending, _Frame):
-            self.counts.dropped += 1
-        self._pending[key] = pending
+        """Keep an event until `receive` returns it or too many newer ones of the same performer replace it."""
+        waiting = self._pending.setdefault((type(pending), user), deque(maxlen=MAX_WAITING_FRAMES))
+        self.counts.dropped += len(waiting) == MAX_WAITING_FRAMES and isinstance(pending, _Frame)
+        waiting.append(pending)
 
     def _next_time(self, arrival: float) -> float:
         """Return the time of an event that arrived at `arrival`; times increase strictly."""
@@ -281,6 +294,20 @@ class OscSource:
         return synthesise_missing(positions, confidence)
 
 
+def _received(listener: socket.socket) -> tuple[bytes, Any, float]:
+    """Return a datagram, its sender, and when it arrived at this machine, in seconds of `time.monotonic`."""
+    if sys.platform != "linux":
+        return *listener.recvfrom(MAX_DATAGRAM_BYTES), time.monotonic()
+    datagram, ancillary, _, sender = listener.recvmsg(MAX_DATAGRAM_BYTES, socket.CMSG_SPACE(TIMESPEC.size))
+    real, now = time.time_ns(), time.monotonic()
+    age = 0
+    for _, kind, data in ancillary:
+        if kind == TIMESTAMP_NS:
+            seconds, nanoseconds = TIMESPEC.unpack(data)
+            age = real - 1_000_000_000 * seconds - nanoseconds
+    return datagram, sender, now - age / 1e9 if 0 <= age <= MAX_AGE_NS else now
+
+
 def _listen(name: str, address: Address) -> socket.socket:
     """Open the socket for the exclusive use of its port."""
     try:
@@ -293,6 +320,8 @@ def _listen(name: str, address: Address) -> socket.socket:
     try:
         listener.setblocking(False)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+        if sys.platform == "linux":
+            listener.setsockopt(socket.SOL_SOCKET, TIMESTAMP_NS, 1)
         listener.bind(socket_address)
     except OSError as error:
         listener.close()

@@ -4,9 +4,9 @@ One thread waits for images, and another tracks the newest. The first also opens
 device may take seconds to open, or never return. Results make the source's file descriptor readable.
 
 Events of a live device have the times of their images on the monotonic clock. Without results, ticks follow with a
-delay, so that they are never ahead of the image that is being tracked. Images and results older than `MAX_AGE_SECONDS`
-are dropped. If a machine is too slow, so that `MAX_LATE_COUNT` more results were late than in time, late results are
-delivered instead of none. Every image of a recording is tracked, at the recording's own time.
+delay, so that they are never ahead of the image that is being tracked. Images older than `MAX_AGE_SECONDS` are not
+tracked. If `MAX_LATE_COUNT` more results were late than in time, the machine is too slow, and ticks wait for results.
+Every image of a recording is tracked, at the recording's own time.
 
 If images have depth and show the floor, a cue ``level`` reports tilt, roll and height of the sensor; see
 `capture.trackers.floor`.
@@ -27,7 +27,7 @@ from capture.events import TICK_SECONDS, Cue, Event, Lost, Tick
 from capture.sensors.clock import DeviceClock
 from capture.sensors.threads import start
 from capture.skeleton import SkeletonFrame
-from capture.source import Counts
+from capture.source import Counts, newest
 from capture.trackers.floor import FloorTracker
 from capture.trackers.picture import Device, Picture, Tracker
 from puppetline.errors import SourceError, heading
@@ -37,16 +37,16 @@ OPENING_SECONDS = 10.0
 SILENCE_SECONDS = 2.0
 """Time without an image after which a device counts as failed, in seconds."""
 MAX_AGE_SECONDS = 0.1
-"""Maximum age of an image that is tracked, and of a result that is delivered, in seconds."""
+"""Maximum age of an image that is tracked, in seconds; an older result is late."""
 MAX_LATE_COUNT = 10
-"""Number of late results, minus those in time, from which late results are delivered, until it is 0 again."""
+"""Number of late results, minus those in time, from which ticks wait for late results, until it is 0 again."""
+MAX_WAITING_RESULTS = 256
+"""Maximum number of results that wait for the caller."""
 MAX_LAG_SECONDS = 1.0
 """Maximum delay of a recording in real time, in seconds; at a longer one, the rest is played that much later."""
 
 _READ_SECONDS = 0.1  # timeout of one read from a device, by which closing may be delayed
 _CLOSING_SECONDS = 0.5  # maximum time that closing waits for a device or tracker
-
-_Result = SkeletonFrame | Lost | Tick | Cue
 
 log = logging.getLogger(__name__)
 
@@ -71,7 +71,7 @@ class SensorSource:
     ----------
     name : str
     counts : Counts
-        Images received; images and frames dropped because newer ones arrived or because they were too old.
+        Images received; images that were not tracked because newer ones arrived or because they were too old.
     tracked_picture : Picture or None
         The newest tracked image.
     """
@@ -92,7 +92,7 @@ class SensorSource:
         self._last_time = 0.0 if recorded else time.monotonic() - MAX_AGE_SECONDS  # time of the last event
         self._tick_delay = MAX_AGE_SECONDS  # delay of ticks, in seconds
         self._late = 0  # number of late results minus those in time, 0 to MAX_LATE_COUNT
-        self._slow = self._slow_logged = False  # whether late results are delivered, and whether that was logged
+        self._slow = self._slow_logged = False  # whether ticks wait for late results, and whether that was logged
         self._waker, self._waiter = socket.socketpair()
         self._waker.setblocking(False)
         self._waiter.setblocking(False)
@@ -100,7 +100,7 @@ class SensorSource:
         # shared by the threads and the caller, protected by the condition
         self._changed = threading.Condition()
         self._picture: tuple[float, Picture] | None = None  # the next image to be tracked, and its time
-        self._results: list[_Result] = []
+        self._results: list[Event] = []
         self._deadline = time.monotonic() + OPENING_SECONDS  # for the next image
         self._failure: SourceError | None = None
         self._stopping = False  # no more images are read
@@ -135,7 +135,7 @@ class SensorSource:
         with suppress(BlockingIOError):
             self._waiter.recv(4096)
         with self._changed:
-            results, self._results = self._results if self.recorded else self._drop_late(self._results), []
+            results, self._results = self._results, []
             failure = self._failure if self._closed else None
             silent = time.monotonic() >= self._deadline
             self._changed.notify_all()
@@ -143,6 +143,10 @@ class SensorSource:
             raise failure
         if not results and silent:
             raise self._silence_error()
+        if results and not self.recorded:
+            self._delay_ticks(time.monotonic() - max(event.time for event in results))
+            late = [event for event in results if event.time < self._last_time]  # a tick was ahead of them
+            results[: len(late)] = newest(late)
         tick = time.monotonic() - self._tick_delay
         if not (results or self.recorded) and tick - self._last_time >= TICK_SECONDS:
             results.append(Tick(tick))
@@ -160,26 +164,17 @@ class SensorSource:
             self._stopping = True
             self._changed.notify_all()
 
-    def _drop_late(self, results: list[_Result]) -> list[_Result]:
-        """Drop frames that are too old, unless this machine is too slow."""
-        if not results:
-            return results
-        now = time.monotonic()
-        age = now - max(event.time for event in results)
+    def _delay_ticks(self, age: float) -> None:
+        """Let ticks wait for results that are usually late, after results of this age in seconds."""
         self._late = min(self._late + 1, MAX_LATE_COUNT) if age > MAX_AGE_SECONDS else max(self._late - 1, 0)
         self._slow = self._late > (0 if self._slow else MAX_LATE_COUNT - 1)
         self._tick_delay = max(age, MAX_AGE_SECONDS) if self._slow else MAX_AGE_SECONDS
-        if self._slow:
-            if not self._slow_logged:
-                message = "%s tracking is too slow on this machine: performers are %.2f s late"
-                log.warning(message, heading(self.name), age)
+        if self._slow and not self._slow_logged:
+            message = "%s tracking is too slow on this machine: performers are %.2f s late"
+            log.warning(message, heading(self.name), age)
             self._slow_logged = True
-            return results
-        kept = [event for event in results if isinstance(event, Lost | Cue) or now - event.time <= MAX_AGE_SECONDS]
-        self.counts.dropped += _frame_count(results) - _frame_count(kept)
-        return kept
 
-    def _in_order(self, event: _Result) -> _Result:
+    def _in_order(self, event: Event) -> Event:
         """Return an event with a time not before the last one; a slow tracker's results may be before a tick."""
         if event.time < self._last_time:
             event = replace(event, time=math.nextafter(self._last_time, math.inf))
@@ -288,15 +283,12 @@ class SensorSource:
                     return found
                 self.counts.dropped += 1
 
-    def _publish(self, results: list[_Result]) -> None:
-        """Pass results to the caller; those of a live device replace waiting ones of the same kind and performer."""
+    def _publish(self, results: list[Event]) -> None:
+        """Pass results to the caller."""
         with self._changed:
             if self.recorded:
                 self._changed.wait_for(lambda: self._stopping or not self._results)
-            kinds = {_kind(event) for event in results}
-            replaced = kinds & {_kind(event) for event in self._results}
-            self.counts.dropped += sum(kind is SkeletonFrame for kind, _ in replaced)
-            self._results = [event for event in self._results if _kind(event) not in replaced] + results
+            self._results = [*self._results, *results][-MAX_WAITING_RESULTS:]
             self._wake()
 
     def _end(self) -> None:
@@ -332,11 +324,3 @@ class SensorSource:
     def _wake(self) -> None:
         with suppress(BlockingIOError, OSError):  # a full pipe is readable, and a closed one has no reader
             self._waker.send(b"\0")
-
-
-def _frame_count(results: list[_Result]) -> int:
-    return sum(isinstance(event, SkeletonFrame) for event in results)
-
-
-def _kind(event: _Result) -> tuple[type[_Result], int | None]:
-    return type(event), None if isinstance(event, Tick | Cue) else event.user

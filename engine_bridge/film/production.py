@@ -10,12 +10,20 @@ from numpy.typing import NDArray
 
 from engine_bridge.film.actor import Actor
 from engine_bridge.film.scene import Scene, SceneError, SoundTable, TakeTable
-from engine_bridge.film.takes import Footing, SolvedTake, segments_of, solve_take, sound_table
+from engine_bridge.film.takes import (
+    Footing,
+    PlayedTake,
+    SolvedTake,
+    played_take,
+    segments_of,
+    solve_take,
+    sound_table,
+)
 from engine_bridge.performance.frame_store import evenly
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures.gpu_renderer import Stage
-from puppetline.errors import at
+from puppetline.errors import PuppetlineError, at
 from solver.model.binding import Binding
 from solver.motion.deformer import to_file_units
 
@@ -95,31 +103,41 @@ class Production:
 def produce(path: Path, scene: Scene, progress: Progress) -> Production:
     """Load the characters of a scene, and solve its takes.
 
+    A take that cannot be played is left out, with a note.
+
     Raises
     ------
     PuppetlineError
+        Also if no take is left.
     """
     rigs: dict[Path, Rig] = {}
     solved: dict[tuple[Path, Path, int | None], SolvedTake] = {}
     actors, notes = [], list[str]()
+    errors: list[PuppetlineError] = []
     for table in scene.character:
         puppet = path.parent / table.puppet
         if puppet not in rigs:
             progress(f"Preparing {table.name}", 0.0)
             rigs[puppet] = load_rig(puppet)
-        rig, played = rigs[puppet], []
+        rig, played = rigs[puppet], list[PlayedTake]()
         for number, take in enumerate(scene.take, 1):
             if take.character != table.name or take.mute:
                 continue
-            log = _existing(path, number, take)
-            key = (puppet, log, take.user)
-            if key not in solved:
-                settings = Settings(fps=scene.film.fps, user=take.user)
-                solved[key] = solve_take(rig, log, settings, partial(progress, f"Performing {log.stem}"))
-                notes += [f"{table.name}, {log.stem}: {note}" for note in solved[key].notes]
-            played.append((number, take, solved[key]))
+            try:
+                log = _existing(path, number, take)
+                key = (puppet, log, take.user)
+                if key not in solved:
+                    settings = Settings(fps=scene.film.fps, user=take.user)
+                    solved[key] = solve_take(rig, log, settings, partial(progress, f"Performing {log.stem}"))
+                    notes += [f"{table.name}, {log.stem}: {note}" for note in solved[key].notes]
+                played.append(played_take(number, take, solved[key], scene.film.fps, path))
+            except PuppetlineError as error:  # the rest is played
+                errors.append(error)
         footing = Footing(table, rig)
         actors.append(Actor(table, rig, footing, segments_of(table, played, footing, scene.film.fps, path)))
+    if errors and not any(actor.segments for actor in actors):
+        raise errors[0]
+    notes += [f"A take is left out. {error}" for error in errors]
     frames = max(actor.end for actor in actors)
     if scene.film.seconds is not None:
         frames = max(round(scene.film.seconds * scene.film.fps), 2)

@@ -69,6 +69,16 @@ class SolvedTake(NamedTuple):
     notes: tuple[str, ...]
 
 
+class PlayedTake(NamedTuple):
+    """A take of a scene file: its number from 1, its table, and its first frame and the one after its last one."""
+
+    number: int
+    table: TakeTable
+    solved: SolvedTake
+    first: int
+    end: int
+
+
 class Place(NamedTuple):
     """Where a character stands in a frame.
 
@@ -175,6 +185,27 @@ def solve_take(rig: Rig, log: Path, settings: Settings, progress: Callable[[floa
     return SolvedTake(motion, None if sound is None or not is_wav(sound[0]) else TakeSound(*sound), notes)
 
 
+def played_take(number: int, take: TakeTable, solved: SolvedTake, fps: float, scene: Path) -> PlayedTake:
+    """Return a take with the frames of it that are played.
+
+    Raises
+    ------
+    SceneError
+        The part is outside its recording.
+    """
+    count = len(solved.motion)
+    first = round(take.start * fps)
+    end = count if take.stop is None else min(round(take.stop * fps) + 1, count)
+    if end - first < 2:
+        raise SceneError(
+            at(scene, field=f"[[take]] {number}, start"),
+            found=f"{take.start:g} s in a recording of {(count - 1) / fps:.2f} s",
+            expected="at least two frames of the recording",
+            fix="Choose an earlier start or a later stop.",
+        )
+    return PlayedTake(number, take, solved, first, end)
+
+
 def sound_table(segment: Segment, fps: float) -> SoundTable | None:
     """Return the part of its take's sound that belongs to a segment; None if it has none."""
     if segment.sound is None:
@@ -189,7 +220,7 @@ def sound_table(segment: Segment, fps: float) -> SoundTable | None:
 
 
 def segments_of(
-    table: CharacterTable, takes: Sequence[tuple[int, TakeTable, SolvedTake]], footing: Footing, fps: float, scene: Path
+    table: CharacterTable, takes: Sequence[PlayedTake], footing: Footing, fps: float, scene: Path
 ) -> list[Segment]:
     """Put the takes of one character on the film's clock.
 
@@ -199,8 +230,7 @@ def segments_of(
     Parameters
     ----------
     table : CharacterTable
-    takes : sequence of (int, TakeTable, SolvedTake)
-        With the number of each in the scene file, from 1.
+    takes : sequence of PlayedTake
     footing : Footing
     fps : float
     scene : Path
@@ -209,12 +239,11 @@ def segments_of(
     Raises
     ------
     SceneError
-        A part is outside its recording, or takes are not in the order of their times.
+        Takes are not in the order of their times.
     """
     made: list[Segment] = []
-    for number, take, solved in takes:
+    for number, take, solved, first, end in takes:
         sound = solved.sound if take.sound else None
-        first, end = _part(take, len(solved.motion), fps, at(scene, field=f"[[take]] {number}, start"))
         for repetition in range(take.loop):
             last = made[-1] if made else None
             fade = 0 if last is None else min(round(take.fade * fps), (end - first) // 2)
@@ -242,17 +271,3 @@ def segments_of(
         for segment, after in pairwise([*made, None])
         if segment is not None
     ]
-
-
-def _part(take: TakeTable, count: int, fps: float, where: str) -> tuple[int, int]:
-    """Return the first frame of a take that is played, and the one after the last one."""
-    first = round(take.start * fps)
-    end = count if take.stop is None else min(round(take.stop * fps) + 1, count)
-    if end - first < 2:
-        raise SceneError(
-            where,
-            found=f"{take.start:g} s in a recording of {(count - 1) / fps:.2f} s",
-            expected="at least two frames of the recording",
-            fix="Choose an earlier start or a later stop.",
-        )
-    return first, end

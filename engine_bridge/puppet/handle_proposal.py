@@ -66,12 +66,8 @@ def propose_handles(mesh: SolverMesh, character: CharacterTable) -> list[HandleT
     graph = surface_graph(mesh)
     found = extremities(mesh, graph)
     placed = _placed(mesh, character.basis)
-    tips = [
-        _Tip(int(vertex), float(left), float(up), float(front), float(prominence))
-        for vertex, (left, up, front), prominence in zip(
-            found.vertices, placed[found.vertices], found.prominence, strict=True
-        )
-    ]
+    rows = np.column_stack([found.vertices, placed[found.vertices], found.prominence]).tolist()
+    tips = [_Tip(int(vertex), left, up, front, prominence) for vertex, left, up, front, prominence in rows]
     feet = _feet(tips)
     four_legged = len(feet) > 1
     head = _head(placed, four_legged)

@@ -1,7 +1,8 @@
 """The live service: one loop that reads skeletons and sends characters until it is stopped.
 
-Everything happens in one thread, in the order in which it arrives, and nothing waits: late data is dropped. Jobs
-(calibrations, loading and writing files), logs, the announcement, the metrics and the status table have threads.
+Everything happens in one thread, in the order in which it arrives, and nothing waits: late data is dropped, unless a
+take needs it. Jobs (calibrations, loading and writing files), logs, the announcement, the metrics and the status table
+have threads.
 """
 
 import contextlib

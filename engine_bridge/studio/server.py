@@ -3,9 +3,9 @@
 import asyncio
 import contextlib
 import logging
+import os
 import signal
 import socket
-import sys
 import tempfile
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
@@ -158,17 +158,12 @@ def _service_token(folder: Path) -> str:
 
 def _bound(address: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
-    listener = socket.socket(family, socket.SOCK_STREAM)
     try:
-        if sys.platform != "win32":  # there, two programs could then use the port
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind((address, port))
+        return socket.create_server((address, port), family=family)
     except OSError as error:
-        listener.close()
         raise ServiceError(
             "--port",
-            found=f"the port {port}, which cannot be used ({error.strerror})",
+            found=f"the port {port}, which cannot be used ({os.strerror(error.errno or 0)})",
             expected="a port that no other program uses",
             fix="Close the other program, or choose another port.",
         ) from error
-    return listener

@@ -186,7 +186,12 @@ class Stage:
         match cue.do:
             case "calibrate":
                 if not [player for player in chosen if player.calibrate(cue.time)]:
-                    raise self._nobody(cue.arguments.get("character"))
+                    raise ServiceError(
+                        f"stage {self.name}",
+                        found=f"no performer for {cue.arguments.get('character') or 'any character'}",
+                        expected="a performer in view of the sensor",
+                        fix="Calibrate when a performer is in view.",
+                    )
             case "mirror":
                 self._mirror(chosen, cue.arguments.get("on"), cue.time)
             case "begin":
@@ -250,20 +255,11 @@ class Stage:
                 fix="Measure it again; until then, the previous position is used.",
             ) from error
 
-    def _nobody(self, character: str | None) -> ServiceError:
-        return ServiceError(
-            f"stage {self.name}",
-            found=f"no performer for {character or 'any character'}",
-            expected="a performer in view of the sensor",
-            fix="Calibrate when a performer is in view.",
-        )
-
     def replace_players(self, players: Sequence[CharacterPlayer]) -> None:
         """Replace the characters after a reload; performers stay with those of the same name."""
         names = [player.character.name for player in self.players]
-        before = [
-            names.index(name) if name in names else None for name in (player.character.name for player in players)
-        ]
+        new = [player.character.name for player in players]
+        before = [names.index(name) if name in names else None for name in new]
         for player, k in zip(players, before, strict=True):
             if k is not None:
                 player.succeed(self.players[k])

@@ -19,6 +19,7 @@ from capture.recording import Recorder, as_recorded
 from capture.sensors.source_report import SourceMonitor, SourceReport
 from capture.skeleton import SkeletonFrame
 from capture.sound_input import open_sound
+from capture.source import newest
 from capture.sources.registry import open_source
 from engine_bridge.performance.idle import IdleRecording
 from engine_bridge.puppet.puppet import Puppet
@@ -98,10 +99,16 @@ class StageRunner:
         return self.source.due()
 
     def take_in(self) -> list[Frame]:
-        """Process the events that have arrived, and return the frames."""
+        """Process the events that have arrived, and return the frames.
+
+        A take gets every frame, in which case each is shown too, because the take replays to the same motion.
+        """
         self._listen()
         events = self.source.receive()
         self._watch(events)
+        if not self.recorded and self._recorder is None:
+            count, events = len(events), newest(events)
+            self.source.counts.dropped += count - len(events)
         now, now_ns = self.source.now(), time.monotonic_ns()
         frames: list[Frame] = []
         for event in events:

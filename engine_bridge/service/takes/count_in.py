@@ -11,6 +11,7 @@ from engine_bridge.service.monitoring.logs import fields
 from engine_bridge.service.stages.stage_runner import StageRunner
 from engine_bridge.service.takes.take_playback import TakePlayback
 from puppetline.errors import OutputError, ServiceError
+from puppetline.files import append_error
 
 log = logging.getLogger(__name__)
 
@@ -113,9 +114,4 @@ def _keep(path: Path) -> None:
     try:
         path.touch(exist_ok=False)
     except OSError as error:
-        raise OutputError(
-            path,
-            found=f"a file that cannot be written ({error.strerror})",
-            expected="a new file in the folder of takes",
-            fix="Choose another name, free disk space, or change the permissions.",
-        ) from error
+        raise append_error(path, error) from error

@@ -168,7 +168,8 @@ class Kiosk:
             if clip is None and asked and not self._count_in.left(runner) and runner.recording is None:
                 self._begin(runner)
             elif clip is not None and now >= clip.began and self._over(runner, clip, asked, now):
-                self._finish(runner, clip)
+                del self._recorded[runner]
+                self._stop(runner, clip)
         self._asked.clear()
         for clip in [each for each in self._clips if now >= self._end(each)]:
             clip.delete()
@@ -210,10 +211,6 @@ class Kiosk:
         """Return whether a recording ends: by the gesture, after the longest time, or because the performers left."""
         left = all(player.user is None for player in runner.stage.players)
         return asked or left or now >= clip.began + self._table.longest
-
-    def _finish(self, runner: StageRunner, clip: Clip) -> None:
-        del self._recorded[runner]
-        self._stop(runner, clip)
 
     def _make(self, scene: Path, video: Path) -> int:
         command = [sys.executable, "-m", "puppetline", "film", str(scene), "-o", str(video)]

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from capture import sound
-from puppetline.errors import OutputError, ServiceError
+from puppetline.errors import ServiceError, unknown_name
+from puppetline.files import output_errors
 
 ENDING = ".log"
 
@@ -59,15 +60,8 @@ class Takes:
                 expected="a new name",
                 fix="Choose another name, or omit it.",
             )
-        try:
+        with output_errors(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(
-                self.folder,
-                found=f"a folder that cannot be created ({error.strerror})",
-                expected="a folder for takes",
-                fix="Choose another folder with --takes, or change the permissions.",
-            ) from error
         return path
 
     def path(self, name: str) -> Path:
@@ -80,12 +74,7 @@ class Takes:
         """
         names = [each["name"] for each in self.all()]
         if name not in names:
-            raise ServiceError(
-                "the request, take",
-                found=f"no take {name!r}",
-                expected=f"one of {', '.join(names)}" if names else "a take",
-                fix="Choose one of these." if names else "Record one first.",
-            )
+            raise unknown_name("the request, take", f"no take {name!r}", names)
         return self.folder / f"{name}{ENDING}"
 
     def all(self) -> list[dict[str, Any]]:

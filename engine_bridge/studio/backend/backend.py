@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from capture.smoothing import Smoothing
-from engine_bridge.studio import messages
 from engine_bridge.studio.backend.look_reply import look_reply
 from engine_bridge.studio.backend.smoothing_preview import MIN_FRAMES, preview, preview_of
-from engine_bridge.studio.messages import JobState, State
+from engine_bridge.studio.messages import base, connection, performers, requests, takes
+from engine_bridge.studio.messages.state import JobState, State
 from engine_bridge.studio.project.workspace import Upload, Workspace
 from engine_bridge.studio.service.service_link import ServiceLink
 from puppetline import toml_schema
@@ -99,42 +99,33 @@ class Backend:
         PuppetlineError
         """
         do = request.get("do")
-        if not isinstance(do, str) or do not in messages.REQUESTS:
+        if not isinstance(do, str) or do not in requests.REQUESTS:
             raise ServiceError(
                 "the request, do",
                 found="nothing" if do is None else f"the unknown request {do!r:.80}",
-                expected=f"one of {', '.join(messages.REQUESTS)}",
+                expected=f"one of {', '.join(requests.REQUESTS)}",
                 fix="Reload the page, which may be of another version.",
             )
-        checked = toml_schema.check(messages.REQUESTS[do], request, "the request", ServiceError)
+        checked = toml_schema.check(requests.REQUESTS[do], request, "the request", ServiceError)
         return await getattr(self, f"_do_{do}", self._refuse)(checked)
 
-    async def _refuse(self, asked: messages.Request) -> Any:
+    async def _refuse(self, asked: base.Request) -> Any:
         raise NotImplementedError
 
-    async def _do_ping(self, _: messages.Ping) -> str:
+    async def _do_ping(self, _: connection.Ping) -> str:
         return "pong"
 
-    async def _do_state(self, _: messages.GetState) -> dict[str, Any]:
+    async def _do_state(self, _: connection.GetState) -> dict[str, Any]:
         return self.state.model_dump(mode="json")
 
-    async def _do_invite(self, _: messages.Invite) -> dict[str, Any]:
+    async def _do_invite(self, _: connection.Invite) -> dict[str, Any]:
         return {"address": self._invite()}
 
-    async def _do_calibrate(self, asked: messages.Calibrate) -> dict[str, Any]:
-        return await self._pass_on("calibrate", character=asked.character)
-
-    async def _do_mirror(self, asked: messages.Mirror) -> dict[str, Any]:
-        return await self._pass_on("mirror", character=asked.character, on=asked.on)
-
-    async def _do_choose_user(self, asked: messages.ChooseUser) -> dict[str, Any]:
-        return await self._pass_on("choose_user", character=asked.character, user=asked.user)
-
-    async def _do_look(self, asked: messages.Look) -> dict[str, Any]:
+    async def _do_look(self, asked: performers.Look) -> dict[str, Any]:
         seen = await self.service.request("look", **({"stage": asked.stage} if asked.stage else self._first_stage()))
         return look_reply(seen, self.workspace.without_folders).model_dump(mode="json")
 
-    async def _do_smoothing_preview(self, asked: messages.SmoothingPreview) -> dict[str, Any]:
+    async def _do_smoothing_preview(self, asked: performers.SmoothingPreview) -> dict[str, Any]:
         values = asked.model_dump(include={"alpha", "gamma", "jitter_radius", "prediction"})
         smoothing = Smoothing(**values, max_deviation=math.inf if asked.max_deviation is None else asked.max_deviation)
         if asked.joint is None or asked.character is None:
@@ -159,7 +150,7 @@ class Backend:
             fix="Try again in a second.",
         )
 
-    async def _begin_take(self, asked: messages.RecordStart) -> dict[str, Any]:
+    async def _begin_take(self, asked: takes.RecordStart) -> dict[str, Any]:
         """Record a take of a character's stage or the first one, and return the service's reply."""
         wanted = asked.model_dump(include={"name", "count_in"}, exclude_defaults=True)
         described = self.service.described.get(asked.character or "")
@@ -172,17 +163,11 @@ class Backend:
         stages = [each["name"] for each in self.service.status.get("stages", [])]
         return {"stage": stages[0]} if stages else {}
 
-    async def _play(self, asked: messages.Request) -> dict[str, Any]:
-        """Send a request about takes that play to the service, and return its result."""
-        arguments = asked.model_dump(exclude={"id", "do"}, exclude_none=True)
-        result: dict[str, Any] = await self.service.request(getattr(asked, "do", ""), **arguments)
+    async def _pass_on(self, asked: base.Request) -> Any:
+        """Send a request to the service, and return its result."""
+        arguments = asked.model_dump(exclude={"id", "do"}, exclude_unset=True)
+        result = await self.service.request(getattr(asked, "do", ""), **arguments)
         await self.service.refresh()
         return result
 
-    _do_pause = _do_seek = _do_stop = _play
-
-    async def _pass_on(self, do: str, **arguments: Any) -> dict[str, Any]:
-        """Send a request to the service."""
-        await self.service.request(do, **arguments)
-        await self.service.refresh()
-        return {}
+    _do_calibrate = _do_mirror = _do_choose_user = _do_pause = _do_seek = _do_stop = _pass_on

@@ -1,7 +1,8 @@
 """Edits the film of the studio's takes, and plays it on the characters of the service."""
 
-from engine_bridge.film.scene import TakeTable
-from engine_bridge.studio.messages import FilmState, TakeState
+from engine_bridge.film.scene import SceneError, TakeTable
+from engine_bridge.studio.messages.film import FilmState
+from engine_bridge.studio.messages.state import TakeState
 from engine_bridge.studio.project.film_file import FilmFile
 from engine_bridge.studio.project.take_list import TakeList
 from engine_bridge.studio.project.workspace import Workspace
@@ -51,8 +52,10 @@ class FilmEditing:
         if len(kept) < len(takes):
             self.edit(kept)
 
-    async def play(self, at: float, but: str | None = None) -> None:
+    async def play(self, at: float, but: str | None = None) -> PuppetlineError | None:
         """Play all takes that are not over at a second of the film, and wait there.
+
+        Returns the error of a take that cannot be played; the rest plays.
 
         Parameters
         ----------
@@ -62,24 +65,34 @@ class FilmEditing:
         """
         await self._service.request("stop")
         known, begun = self._by_file, set[str]()
+        failed: PuppetlineError | None = None
         for take in self._played(but):
             recorded, begin = known.get(take.file), max(take.at or 0.0, at)
-            if recorded is None or _end(take) <= begin or take.character not in self._service.described:
+            if recorded is None:
+                failed = failed or _missing(take)
+                continue
+            over = recorded.seconds is not None and _end(take) <= begin
+            if over or take.character not in self._service.described:
                 continue
             part = take.character if take.character in recorded.parts else next(iter(recorded.parts), None)
-            await self._service.request(
-                "play_take",
-                character=take.character,
-                take=recorded.name,
-                part=part,
-                at=begin,
-                start=take.start + begin - (take.at or 0.0),
-                stop=take.stop,
-                beside=take.character in begun,
-            )
+            try:
+                await self._service.request(
+                    "play_take",
+                    character=take.character,
+                    take=recorded.name,
+                    part=part,
+                    at=begin,
+                    start=take.start + begin - (take.at or 0.0),
+                    stop=take.stop,
+                    beside=take.character in begun,
+                )
+            except PuppetlineError as error:
+                failed = failed or error
+                continue
             if not begun:
                 await self._service.request("pause")
             begun.add(take.character)
+        return failed
 
     async def claim(self, character: str) -> None:
         """Let a performer of a character's stage drive it, if none does."""
@@ -98,6 +111,15 @@ class FilmEditing:
 
 
 _UNKNOWN = TakeState(name="", seconds=None, frames=0, bytes=0, written=0.0)
+
+
+def _missing(take: TakeTable) -> SceneError:
+    return SceneError(
+        take.file,
+        found="a missing file",
+        expected="the take that the film shows",
+        fix="Remove the take from the film, or copy the file back.",
+    )
 
 
 def _file(take: str) -> str:

@@ -10,11 +10,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Never
 
-from engine_bridge.studio import messages
 from engine_bridge.studio.backend.backend import Backend
 from engine_bridge.studio.backend.joined_mapping import puppet_of, requests_of
 from engine_bridge.studio.backend.page_state import state_of, version_of
-from engine_bridge.studio.messages import CharacterState, ClipState, PuppetReply, SourceState, State, TakeState
+from engine_bridge.studio.messages import base, characters, takes
+from engine_bridge.studio.messages.characters import PuppetReply
+from engine_bridge.studio.messages.state import CharacterState, ClipState, SourceState, State, TakeState
 from engine_bridge.studio.project.workspace import Workspace
 from engine_bridge.studio.service.chosen_source import ChosenSource
 from engine_bridge.studio.service.joined_service import JoinedService
@@ -74,32 +75,32 @@ class JoinedStudio(Backend):
             await self._poller
         await super().close()
 
-    async def _refuse(self, asked: messages.Request) -> Never:
+    async def _refuse(self, asked: base.Request) -> Never:
         raise _elsewhere(f"the request {getattr(asked, 'do', '')}")
 
-    async def _do_puppet(self, asked: messages.GetPuppet) -> dict[str, Any]:
+    async def _do_puppet(self, asked: characters.GetPuppet) -> dict[str, Any]:
         return self._took(await self.service.mapping(asked.character))
 
-    async def _do_edit(self, asked: messages.Edit) -> dict[str, Any]:
+    async def _do_edit(self, asked: characters.Edit) -> dict[str, Any]:
         async with self._editing:
             before = puppet_of(await self.service.mapping(asked.character))
             for do, arguments in list(requests_of(before, asked.puppet)):
                 await self.service.request(do, character=asked.character, **arguments)
             return await self._mapped(asked.character)
 
-    async def _do_save_puppet(self, asked: messages.SavePuppet) -> dict[str, Any]:
+    async def _do_save_puppet(self, asked: characters.SavePuppet) -> dict[str, Any]:
         self._took(await self.service.request("save_puppet", character=asked.character))
         return {"character": asked.character, "name": "", "file": ""}
 
-    async def _do_revert_puppet(self, asked: messages.RevertPuppet) -> dict[str, Any]:
+    async def _do_revert_puppet(self, asked: characters.RevertPuppet) -> dict[str, Any]:
         return self._took(await self.service.request("revert_puppet", character=asked.character))
 
-    async def _do_record_start(self, asked: messages.RecordStart) -> dict[str, Any]:
+    async def _do_record_start(self, asked: takes.RecordStart) -> dict[str, Any]:
         begun = await self._begin_take(asked)
         await self.service.refresh()
         return {"take": begun["take"]}
 
-    async def _do_record_stop(self, _: messages.RecordStop) -> dict[str, Any]:
+    async def _do_record_stop(self, _: takes.RecordStop) -> dict[str, Any]:
         stages = [each["name"] for each in self.service.status.get("stages", []) if each["recording"] is not None]
         ended = await self.service.request("record_stop", **({"stage": stages[0]} if stages else {}))
         await self.service.refresh()

@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
-from engine_bridge.studio.messages import Banner, LookReply, SeenPerformer
+from engine_bridge.studio.messages.performers import LookReply, SeenPerformer
+from engine_bridge.studio.messages.state import Banner
 
 
 def look_reply(seen: dict[str, Any], shown: Callable[[str], str]) -> LookReply:

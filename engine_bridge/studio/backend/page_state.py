@@ -4,7 +4,7 @@ import hashlib
 import json
 from typing import Any
 
-from engine_bridge.studio.messages import (
+from engine_bridge.studio.messages.state import (
     Banner,
     CharacterState,
     FileState,
@@ -16,7 +16,6 @@ from engine_bridge.studio.messages import (
     State,
     StatusState,
     TakeState,
-    TimelineState,
     UploadState,
 )
 from engine_bridge.studio.project.open_characters import OpenCharacter
@@ -74,7 +73,7 @@ def state_of(
         performers=performers,
         recording=recording,
         takes=takes,
-        timeline=None if status.get("timeline") is None else TimelineState.model_validate(status["timeline"]),
+        timeline=status.get("timeline"),
         uploads=[
             UploadState(upload=each.id, name=each.name, kind=each.kind, bytes=each.bytes, facts=each.facts)
             for each in workspace.uploads.values()
@@ -91,25 +90,14 @@ def state_of(
 
 
 def _stage(stage: dict[str, Any], playing: ChosenSource) -> StageState:
-    return StageState(
-        name=stage["name"],
-        source=playing.state.uri if stage["source"] == playing.uri else stage["source"],
-        rate=stage["rate"],
-        refused=stage["refused"],
-        recording=stage["recording"],
-        count_in=stage.get("count_in", 0),
-    )
+    known = {key: stage[key] for key in ("name", "rate", "refused", "recording")}
+    source = playing.state.uri if stage["source"] == playing.uri else stage["source"]
+    return StageState(source=source, count_in=stage.get("count_in", 0), **known)
 
 
 def _performer(user: dict[str, Any], stage: str) -> PerformerState:
-    return PerformerState(
-        user=user["user"],
-        stage=stage,
-        state=user["state"],
-        character=user["character"],
-        distance=user["distance"],
-        height=user["height"],
-    )
+    known = {key: user[key] for key in PerformerState.model_fields if key != "stage"}
+    return PerformerState(stage=stage, **known)
 
 
 def _numbers(status: dict[str, Any]) -> StatusState:

@@ -1,10 +1,10 @@
 """Checks of requests beyond the types of their values, and their errors."""
 
-from engine_bridge.studio import messages
+from engine_bridge.studio.messages import base
 from puppetline.errors import ServiceError, unknown_name
 
 
-def check_one(asked: messages.Request, keys: tuple[str, ...]) -> None:
+def check_one(asked: base.Request, keys: tuple[str, ...]) -> None:
     """Refuse a request that does not have exactly one of the keys."""
     given = [key for key in keys if getattr(asked, key) is not None]
     if len(given) != 1:

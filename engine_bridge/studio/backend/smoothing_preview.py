@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from capture.skeleton import JOINTS
 from capture.smoothing import FRAMES_PER_SECOND, JointFilter, Smoothing
-from engine_bridge.studio.messages import SmoothingReply
+from engine_bridge.studio.messages.performers import SmoothingReply
 
 NOISE_METRES, STEP_METRES, SPEED = 0.005, 0.3, 1.0
 """Standard deviation of the noise in metres, height of the step in metres, and speed in metres per second."""

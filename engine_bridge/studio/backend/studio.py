@@ -13,7 +13,6 @@ from engine_bridge.character.examples import MOTIONS
 from engine_bridge.inspection.finding import Finding
 from engine_bridge.performance.settings import PerformerFormat
 from engine_bridge.puppet.limb_proposal import plan_in, with_plan
-from engine_bridge.studio import messages
 from engine_bridge.studio.backend.backend import Backend
 from engine_bridge.studio.backend.film_editing import FilmEditing
 from engine_bridge.studio.backend.page_state import character_state, state_of
@@ -23,7 +22,9 @@ from engine_bridge.studio.long_work.installation import MODULES, TITLES, is_inst
 from engine_bridge.studio.long_work.jobs import Jobs
 from engine_bridge.studio.long_work.puppet_values import puppet_of, values_of
 from engine_bridge.studio.long_work.worker import Progress, Worker
-from engine_bridge.studio.messages import PuppetReply, SourceState, State
+from engine_bridge.studio.messages import characters, film, performers, takes
+from engine_bridge.studio.messages.characters import PuppetReply
+from engine_bridge.studio.messages.state import SourceState, State
 from engine_bridge.studio.project.open_characters import Characters, OpenCharacter
 from engine_bridge.studio.project.take_list import TakeList
 from engine_bridge.studio.project.workspace import Upload, Workspace
@@ -132,7 +133,7 @@ class Studio(Backend):
             return chosen_source.NOTHING
         given[key] = state.name
         rest = {"loop": state.loop, "start": state.start, "stop": state.stop}
-        return await self._chosen(messages.Source.model_validate({"id": 0, "do": "source", **given, **rest}))
+        return await self._chosen(performers.Source.model_validate({"id": 0, "do": "source", **given, **rest}))
 
     async def _open_first(self, first: Path, progress: Progress) -> OpenCharacter:
         if first.suffix.lower() == ".toml":
@@ -150,21 +151,21 @@ class Studio(Backend):
 
     # ------------------------------------------------------------------------------------------------ requests
 
-    async def _do_open_character(self, asked: messages.OpenCharacter) -> dict[str, Any]:
+    async def _do_open_character(self, asked: characters.OpenCharacter) -> dict[str, Any]:
         upload = self.workspace.upload(asked.upload, "character")
         options = {key: getattr(asked, key) for key in ("up", "front", "scale", "limbs", "mirror")}
         return await self._open(upload.name, partial(self.characters.open_mesh, upload, options))
 
-    async def _do_open_puppet(self, asked: messages.OpenPuppet) -> dict[str, Any]:
+    async def _do_open_puppet(self, asked: characters.OpenPuppet) -> dict[str, Any]:
         puppet = self.workspace.upload(asked.upload, "puppet")
         mesh = self._mesh_of(puppet) if asked.mesh is None else self.workspace.upload(asked.mesh, "character")
         return await self._open(puppet.name, partial(self.characters.open_puppet, puppet, mesh))
 
-    async def _do_open_example(self, asked: messages.OpenExample) -> dict[str, Any]:
+    async def _do_open_example(self, asked: characters.OpenExample) -> dict[str, Any]:
         check_known(asked.name, list(MOTIONS), "name")
         return await self._open(asked.name, partial(self.characters.open_example, asked.name), MOTIONS[asked.name])
 
-    async def _do_close_character(self, asked: messages.CloseCharacter) -> dict[str, Any]:
+    async def _do_close_character(self, asked: characters.CloseCharacter) -> dict[str, Any]:
         self._refuse_while_recording()
         self.characters[asked.character]  # refuses an unknown one
         async with self._changing:
@@ -174,7 +175,7 @@ class Studio(Backend):
             await self._apply()
         return {}
 
-    async def _do_source(self, asked: messages.Source) -> dict[str, Any]:
+    async def _do_source(self, asked: performers.Source) -> dict[str, Any]:
         self._refuse_while_recording()
         playing = await self._chosen(asked)
         others = contextlib.nullcontext() if asked.uri is None else self._listing  # it listens to the same ports
@@ -182,21 +183,21 @@ class Studio(Backend):
             await self._replace(playing)
         return playing.state.model_dump(mode="json")
 
-    async def _do_sources(self, _: messages.GetSources) -> dict[str, Any]:
+    async def _do_sources(self, _: performers.GetSources) -> dict[str, Any]:
         from engine_bridge.studio.service.available_sources import device, ports
 
         async with self._listing:  # two could not listen to the same port
             found = [device(Finding(**each)) for each in await self._worker.run("devices")]
             arriving = await asyncio.to_thread(ports, self._playing.uri)
-        listed = messages.Sources(
+        listed = performers.Sources(
             characters=list(MOTIONS), examples=list(performances()), devices=found, ports=arriving
         )
         return listed.model_dump(mode="json")
 
-    async def _do_puppet(self, asked: messages.GetPuppet) -> dict[str, Any]:
+    async def _do_puppet(self, asked: characters.GetPuppet) -> dict[str, Any]:
         return _puppet_reply(self.characters[asked.character])
 
-    async def _do_edit(self, asked: messages.Edit) -> dict[str, Any]:
+    async def _do_edit(self, asked: characters.Edit) -> dict[str, Any]:
         self._refuse_while_recording()
         self.characters[asked.character]
         async with self._changing:
@@ -204,24 +205,24 @@ class Studio(Backend):
             await self._apply()
         return _puppet_reply(character)
 
-    async def _do_snap(self, asked: messages.Snap) -> dict[str, Any]:
+    async def _do_snap(self, asked: characters.Snap) -> dict[str, Any]:
         folder = self.characters[asked.character].folder
         reply: dict[str, Any] = await self._worker.run("snap", folder, asked.point)
         return reply
 
-    async def _do_mirror_limb(self, asked: messages.MirrorLimb) -> dict[str, Any]:
+    async def _do_mirror_limb(self, asked: characters.MirrorLimb) -> dict[str, Any]:
         character = self.characters[asked.character]
         values = await self._worker.run("mirror_limb", character.folder, asked.name)
         return PuppetReply(character=character.name, puppet=values, saved=False).model_dump(mode="json")
 
-    async def _do_change_plan(self, asked: messages.ChangePlan) -> dict[str, Any]:
+    async def _do_change_plan(self, asked: characters.ChangePlan) -> dict[str, Any]:
         character = self.characters[asked.character]
         puppet = with_plan(puppet_of(character.puppet, character.puppet["character"]["mesh"]), asked.plan)
         return PuppetReply(character=character.name, puppet=values_of(puppet), saved=False, plan=asked.plan).model_dump(
             mode="json"
         )
 
-    async def _do_save_puppet(self, asked: messages.SavePuppet) -> dict[str, Any]:
+    async def _do_save_puppet(self, asked: characters.SavePuppet) -> dict[str, Any]:
         self.characters[asked.character]
         async with self._changing:
             character = await self.characters.save(asked.character)
@@ -229,7 +230,7 @@ class Studio(Backend):
         self.changed()
         return {"character": character.name, "name": file.name, "file": file.id}
 
-    async def _do_revert_puppet(self, asked: messages.RevertPuppet) -> dict[str, Any]:
+    async def _do_revert_puppet(self, asked: characters.RevertPuppet) -> dict[str, Any]:
         self._refuse_while_recording()
         self.characters[asked.character]
         async with self._changing:
@@ -237,7 +238,7 @@ class Studio(Backend):
             await self._apply()
         return _puppet_reply(character)
 
-    async def _do_record_start(self, asked: messages.RecordStart) -> dict[str, Any]:
+    async def _do_record_start(self, asked: takes.RecordStart) -> dict[str, Any]:
         self._refuse_while_recording()
         character = asked.character or next((each.name for each in self.characters.all), "")
         await self._film.play(self._film.end_of(character), but=character)
@@ -247,7 +248,7 @@ class Studio(Backend):
         self.changed()
         return {"take": begun["take"]}
 
-    async def _do_record_stop(self, _: messages.RecordStop) -> dict[str, Any]:
+    async def _do_record_stop(self, _: takes.RecordStop) -> dict[str, Any]:
         stage = {} if self._take is None else {"stage": self._take[0]}
         self._take = None
         ended = await self.service.request("record_stop", **stage)
@@ -264,13 +265,13 @@ class Studio(Backend):
         self.changed()
         return take.model_dump(mode="json")
 
-    async def _do_microphone(self, asked: messages.Microphone) -> dict[str, Any]:
+    async def _do_microphone(self, asked: takes.Microphone) -> dict[str, Any]:
         self._refuse_while_recording()
         async with self._changing:
             await self._replace(self._playing, asked.on)
         return {}
 
-    async def _do_delete_take(self, asked: messages.DeleteTake) -> dict[str, Any]:
+    async def _do_delete_take(self, asked: takes.DeleteTake) -> dict[str, Any]:
         self._takes.path(asked.take)  # refuses an unknown one
         timeline = self.state.timeline
         playing = () if timeline is None else (each.take for each in timeline.takes)
@@ -282,21 +283,23 @@ class Studio(Backend):
         self.changed()
         return {}
 
-    async def _do_edit_film(self, asked: messages.EditFilm) -> dict[str, Any]:
+    async def _do_edit_film(self, asked: film.EditFilm) -> dict[str, Any]:
         self._film.edit(asked.takes)
         self.changed()
         return self._film.state.model_dump(mode="json")
 
-    async def _do_play_film(self, asked: messages.PlayFilm) -> dict[str, Any]:
+    async def _do_play_film(self, asked: film.PlayFilm) -> dict[str, Any]:
         self._refuse_while_recording()
-        await self._film.play(asked.at)
+        failed = await self._film.play(asked.at)
         with contextlib.suppress(PuppetlineError):  # nothing plays
             await self.service.request("seek", seconds=asked.at)
             await self.service.request("pause", on=False)
         await self.service.refresh()
+        if failed is not None:
+            raise failed
         return {}
 
-    async def _do_make_film(self, _: messages.MakeFilm) -> dict[str, Any]:
+    async def _do_make_film(self, _: film.MakeFilm) -> dict[str, Any]:
         async def work(progress: Progress) -> dict[str, Any]:
             output = self.workspace.new_export("film", ".mp4")
             made = await self._exporter.run("make_film", self._film.file.path, output, progress=progress)
@@ -304,7 +307,7 @@ class Studio(Backend):
 
         return await self._jobs.run("Making the film", work)
 
-    async def _do_install(self, asked: messages.Install) -> dict[str, Any]:
+    async def _do_install(self, asked: film.Install) -> dict[str, Any]:
         self._refuse_while_recording()
 
         async def work(progress: Progress) -> dict[str, Any]:
@@ -320,7 +323,7 @@ class Studio(Backend):
 
         return await self._jobs.run(TITLES[asked.extra], work)
 
-    async def _do_delete_upload(self, asked: messages.DeleteUpload) -> dict[str, Any]:
+    async def _do_delete_upload(self, asked: characters.DeleteUpload) -> dict[str, Any]:
         upload = self.workspace.upload(asked.upload)
         if self._playing.uri.startswith(f"replay:{upload.path.parent}"):
             raise in_use(upload.name)
@@ -328,7 +331,7 @@ class Studio(Backend):
         self.changed()
         return {}
 
-    async def _do_export(self, asked: messages.Export) -> dict[str, Any]:
+    async def _do_export(self, asked: takes.Export) -> dict[str, Any]:
         character = self.characters[asked.character]
         check_one(asked, ("take", "upload", "example"))
         title = f"Export of {asked.take or asked.example or self.workspace.upload(str(asked.upload)).name}"
@@ -348,7 +351,7 @@ class Studio(Backend):
 
         return await self._jobs.run(f"{title} for {character.name}", work)
 
-    async def _do_cancel(self, asked: messages.Cancel) -> dict[str, Any]:
+    async def _do_cancel(self, asked: takes.Cancel) -> dict[str, Any]:
         self._jobs.cancel(asked.job)
         return {}
 
@@ -396,7 +399,7 @@ class Studio(Backend):
 
         return await self._jobs.run(f"Opening {title}", work)
 
-    async def _chosen(self, asked: messages.Source) -> ChosenSource:
+    async def _chosen(self, asked: performers.Source) -> ChosenSource:
         """Return the source that a request chooses."""
         check_one(asked, ("uri", "upload", "example", "take"))
         if asked.uri is not None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from engine_bridge.studio.long_work.worker import Worker
-from engine_bridge.studio.messages import TakeState
+from engine_bridge.studio.messages.state import TakeState
 from engine_bridge.studio.project.open_characters import Characters
 from engine_bridge.studio.project.take_list import TakeList
 from puppetline.errors import PuppetlineError

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from engine_bridge.studio.long_work.worker import Progress
-from engine_bridge.studio.messages import JobState
+from engine_bridge.studio.messages.state import JobState
 from puppetline.errors import PuppetlineError, ServiceError
 
 MAX_FINISHED = 8

@@ -22,13 +22,3 @@ class Request(Table):
     """A request; all requests have the keys `id` and `do`."""
 
     id: int
-
-
-class JobResult(Table):
-    """Result of a request that starts a job and waits for it: the job's id, and further keys.
-
-    While the job runs, it is in `State.jobs` with its progress. The reply comes when it is done; it is an error reply
-    if the job has failed or was cancelled.
-    """
-
-    job: str

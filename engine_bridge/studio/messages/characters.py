@@ -10,12 +10,12 @@ from puppetline.toml_schema import Table
 
 
 class OpenCharacter(Request):
-    """Propose a puppet for an uploaded mesh and open it; a job, see `JobResult`.
+    """Propose a puppet for an uploaded mesh and open it, a job.
 
     `up`, `front` and `scale` are as in the puppet file; None detects them. `limbs` false proposes handles only. If no
     source has been chosen, an example performer starts, so that the character moves.
 
-    Result: `JobResult` with ``{"character": name}``.
+    A job. Result: ``{"character": name}``.
     """
 
     do: Literal["open_character"]
@@ -30,7 +30,7 @@ class OpenCharacter(Request):
 class OpenPuppet(Request):
     """Open an uploaded puppet file with an uploaded mesh: by default, the one whose name is in the puppet file.
 
-    Result: `JobResult` with ``{"character": name}``.
+    A job. Result: ``{"character": name}``.
     """
 
     do: Literal["open_puppet"]
@@ -39,7 +39,7 @@ class OpenPuppet(Request):
 
 
 class OpenExample(Request):
-    """Open an example character, of `Sources.characters`. Result: `JobResult` with ``{"character": name}``."""
+    """Open an example character, of `Sources.characters`. A job. Result: ``{"character": name}``."""
 
     do: Literal["open_example"]
     name: Name
@@ -96,19 +96,15 @@ class Edit(Request):
 
 
 class Snap(Request):
-    """Find the surface point and the point inside the character next to a point. Result: `SnapReply`."""
+    """Find the surface point and the point inside the character next to a point.
+
+    Result: ``{"surface", "centre", "radius"}``: the nearest point of the surface, the point in the middle of the
+    character below it, and half the thickness there.
+    """
 
     do: Literal["snap"]
     character: Name
     point: tuple[FiniteFloat, FiniteFloat, FiniteFloat]
-
-
-class SnapReply(Table):
-    """Nearest point of the surface, the point in the middle of the character below it, and half the thickness there."""
-
-    surface: tuple[float, float, float]
-    centre: tuple[float, float, float]
-    radius: float
 
 
 class MirrorLimb(Request):
@@ -136,21 +132,15 @@ class ChangePlan(Request):
 
 
 class SavePuppet(Request):
-    """Save the puppet into its file, whose comments and order are kept. Result: `SaveReply`.
+    """Save the puppet into its file, whose comments and order are kept.
+
+    Result: ``{"character", "name", "file"}``, with the id to download it.
 
     The file is the one that was opened from the command line, otherwise a copy in the studio's folder.
     """
 
     do: Literal["save_puppet"]
     character: Name
-
-
-class SaveReply(Table):
-    """A saved puppet file: its name, and the id to download it."""
-
-    character: str
-    name: str
-    file: str
 
 
 class RevertPuppet(Request):

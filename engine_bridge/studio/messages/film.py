@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from engine_bridge.film.scene import TakeTable
-from engine_bridge.studio.messages.base import JobResult, Request, Seconds
+from engine_bridge.studio.messages.base import Request, Seconds
 from puppetline.toml_schema import Table
 
 
@@ -35,22 +35,16 @@ class PlayFilm(Request):
 
 
 class MakeFilm(Request):
-    """Make a video of the film. A job, see `JobResult`. Result: `FilmReply`."""
+    """Make a video of the film, a job.
+
+    Result: ``{"file", "name", "seconds", "notes"}``: a file to download, its duration, and sentences about its takes.
+    """
 
     do: Literal["make_film"]
 
 
-class FilmReply(JobResult):
-    """A video: its file, its duration in seconds, and notes about its takes and sounds."""
-
-    file: str
-    name: str
-    seconds: float
-    notes: list[str]
-
-
 class Install(Request):
-    """Install what a webcam, films or a microphone require, an extra, with pip. A job. Result: `JobResult`."""
+    """Install what a webcam, films or a microphone require, an extra, with pip, a job. Result: ``{}``."""
 
     do: Literal["install"]
     extra: Literal["camera", "film", "sound"]

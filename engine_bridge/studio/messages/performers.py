@@ -79,14 +79,17 @@ class Sources(Table):
 
 
 class Calibrate(Request):
-    """Map the performer's present pose to the character's rest pose. Result: ``{}``."""
+    """Map the performer's present pose to the character's rest pose. Result: that of the service."""
 
     do: Literal["calibrate"]
     character: Name
 
 
 class Mirror(Request):
-    """Turn mirroring on or off until the service ends; `Edit` of ``retarget.mirror`` keeps it. Result: ``{}``."""
+    """Turn mirroring on or off until the service ends. Result: that of the service.
+
+    `Edit` of ``retarget.mirror`` keeps it.
+    """
 
     do: Literal["mirror"]
     character: Name
@@ -94,7 +97,7 @@ class Mirror(Request):
 
 
 class ChooseUser(Request):
-    """Assign a performer to a character; None lets the service choose. Result: ``{}``."""
+    """Assign a performer to a character; None lets the service choose. Result: that of the service."""
 
     do: Literal["choose_user"]
     character: Name

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, Literal
 
+from engine_bridge.service.monitoring.status import TimelineStatus
 from engine_bridge.studio.messages.film import FilmState
 from puppetline.toml_schema import Table
 
@@ -183,39 +184,6 @@ class TakeState(Table):
     sound_file: str = ""
 
 
-class TimelineTake(Table):
-    """A take that plays on a character: the second of the timeline at which it begins, and its duration in seconds.
-
-    `sound` has the name of a file in the folder of takes (``file``), and the second of the timeline of its first
-    sample (``at``).
-    """
-
-    character: str
-    take: str
-    at: float
-    seconds: float
-    sound: dict[str, str | float] | None = None
-
-
-class TimelineState(Table):
-    """The timeline of the takes that play.
-
-    `position` is that of `moment`, in seconds of the service's monotonic clock, as `received` of frames is in
-    nanoseconds. While it is not `paused`, it increases from then on by `speed` per second up to `end`, where it stops,
-    or continues at `start` if `loop` is true. `moment` is at most half a second ago, or later: takes wait until then
-    during a count-in.
-    """
-
-    position: float
-    moment: float
-    start: float
-    end: float
-    speed: float
-    paused: bool
-    loop: bool
-    takes: Sequence[TimelineTake]
-
-
 class FileState(Table):
     """A file to download with ``GET /files/ID``."""
 
@@ -300,20 +268,13 @@ class State(Table):
     film: FilmState = FilmState()
     installed: Sequence[str] = ()
     microphone: bool = False
-    timeline: TimelineState | None = None
+    timeline: TimelineStatus | None = None
     clips: Sequence[ClipState] = ()
     uploads: Sequence[UploadState] = ()
     files: Sequence[FileState] = ()
     jobs: Sequence[JobState] = ()
     status: StatusState = StatusState()
     banner: Banner = Banner()
-
-
-class StateEvent(Table):
-    """``{"event": "state", "state": {…}}``: the state has changed; pushed at most ten times per second."""
-
-    event: Literal["state"] = "state"
-    state: State
 
 
 class ProgressEvent(Table):
@@ -323,15 +284,3 @@ class ProgressEvent(Table):
     job: str
     text: str
     fraction: float
-
-
-class UploadReply(Table):
-    """Answer to ``POST /uploads?name=FILE`` with the file as the body; status 200.
-
-    A refused upload has status 400, 401, 403, 413 or 507, and the body ``{"error": {where, found, expected, fix}}``.
-    """
-
-    upload: str
-    kind: Literal["character", "log", "puppet"]
-    name: str
-    facts: dict[str, Any]

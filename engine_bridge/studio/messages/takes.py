@@ -1,11 +1,11 @@
 """Requests that record, play, delete and export takes."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, FiniteFloat
 
 from engine_bridge.performance.settings import Form, PerformerFormat
-from engine_bridge.studio.messages.base import Id, JobResult, Name, Request, Seconds
+from engine_bridge.studio.messages.base import Id, Name, Request, Seconds
 
 
 class RecordStart(Request):
@@ -36,14 +36,14 @@ class Microphone(Request):
 
 
 class Pause(Request):
-    """Stop the timeline of the takes that play, or continue. Result: `TimelineState`."""
+    """Stop the timeline of the takes that play, or continue. Result: `TimelineStatus`."""
 
     do: Literal["pause"]
     on: bool = True
 
 
 class Seek(Request):
-    """Jump to a second of the timeline. Result: `TimelineState`."""
+    """Jump to a second of the timeline. Result: `TimelineStatus`."""
 
     do: Literal["seek"]
     seconds: FiniteFloat
@@ -67,8 +67,11 @@ class Export(Request):
     """Convert a recording (exactly one of `take`, `upload`, `example`) for a character, as `puppetline convert` does.
 
     `form` is the value of ``--as``, None for its default, or a format for the skeleton of the performer who is tracked
-    longest, without the character. `start` and `stop` trim the recording, in seconds from its beginning. A job, see
-    `JobResult`. Result: `ExportReply`.
+    longest, without the character. `start` and `stop` trim the recording, in seconds from its beginning. A job.
+
+    Result: ``{"file", "name", "numbers", "text"}``: `numbers` is `engine_bridge.export.convert.Summary`, or for a
+    performer's skeleton `PerformerSummary` of `engine_bridge.export.performer.convert`, and `text` the lines that
+    `puppetline convert` prints.
     """
 
     do: Literal["export"]
@@ -79,19 +82,6 @@ class Export(Request):
     form: Form | PerformerFormat | None = None
     start: Seconds | None = None
     stop: Seconds | None = None
-
-
-class ExportReply(JobResult):
-    """An exported file.
-
-    `numbers` is `engine_bridge.export.convert.Summary`, or for a performer's skeleton `PerformerSummary` of
-    `engine_bridge.export.performer.convert`, and `text` the lines that `puppetline convert` prints.
-    """
-
-    file: str
-    name: str
-    numbers: dict[str, Any]
-    text: str
 
 
 class Cancel(Request):

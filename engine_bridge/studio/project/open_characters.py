@@ -8,7 +8,7 @@ from typing import Any
 from engine_bridge.studio.long_work import tasks
 from engine_bridge.studio.long_work.worker import Progress, Worker
 from engine_bridge.studio.project.workspace import Download, Upload, Workspace, shown
-from puppetline.errors import ServiceError
+from puppetline.errors import ServiceError, unknown_name
 
 MAX_CHARACTERS = 16
 """Maximum number of characters that are open at the same time."""
@@ -76,12 +76,7 @@ class Characters:
 
     def __getitem__(self, name: str) -> OpenCharacter:
         if name not in self._open:
-            raise ServiceError(
-                "the request, character",
-                found=f"no character {name!r}",
-                expected=f"one of {', '.join(self._open)}" if self._open else "an open character",
-                fix="Choose one of these." if self._open else "Open one first.",
-            )
+            raise unknown_name("the request, character", f"no character {name!r}", self._open)
         return self._open[name]
 
     async def open_mesh(self, upload: Upload, options: dict[str, Any], progress: Progress) -> OpenCharacter:

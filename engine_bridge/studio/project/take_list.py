@@ -7,7 +7,7 @@ from typing import Any
 
 from capture import sound
 from engine_bridge.service.takes.take_folder import Takes
-from engine_bridge.studio.messages import TakeState
+from engine_bridge.studio.messages.state import TakeState
 from engine_bridge.studio.project.workspace import Workspace
 
 

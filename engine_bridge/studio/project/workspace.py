@@ -20,11 +20,12 @@ import secrets
 import shutil
 from collections.abc import AsyncIterator
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from typing import Any, Literal
 
-from puppetline.errors import OutputError, PuppetlineError, ServiceError
-from puppetline.files import written_whole
+from puppetline.errors import PuppetlineError, ServiceError
+from puppetline.files import output_errors, written_whole
 
 MAX_UPLOAD_BYTES = 256_000_000
 """Maximum size of an upload in bytes."""
@@ -109,18 +110,11 @@ class Workspace:
         self._pending = 0
         inside = r"(?:(?:uploads|exports|characters)/[^/\s]+/|(?:takes|examples)/)?"
         self._own_folders = re.compile(re.escape(f"{self.folder}/") + inside)
-        try:
-            shutil.rmtree(self.folder / "uploads", ignore_errors=True)
-            shutil.rmtree(self.folder / "exports", ignore_errors=True)
+        shutil.rmtree(self.folder / "uploads", ignore_errors=True)
+        shutil.rmtree(self.folder / "exports", ignore_errors=True)
+        with output_errors(self.folder):
             for name in ("uploads", "characters", "takes", "exports", "examples", "pictures"):
                 (self.folder / name).mkdir(mode=0o700, parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(
-                self.folder,
-                found=f"a folder that cannot be created ({error.strerror})",
-                expected="a folder for uploads, takes and exports",
-                fix="Choose another folder with --folder.",
-            ) from error
 
     def upload(self, key: str, kind: Kind | None = None) -> Upload:
         """Return an upload.
@@ -175,22 +169,15 @@ class Workspace:
         path = self.folder / "uploads" / new_id() / file_name(name)
         self._pending += 1
         try:
-            path.parent.mkdir(mode=0o700)
-            written = 0
-            with path.open("wb") as file:
-                async for chunk in chunks:
-                    written += len(chunk)
-                    if written > room:
-                        raise _too_large(name, room)
-                    file.write(chunk)
-        except OSError as error:
-            shutil.rmtree(path.parent, ignore_errors=True)
-            raise OutputError(
-                path.parent,
-                found=f"a file that cannot be written ({error.strerror})",
-                expected="free space in the studio's folder",
-                fix="Free space, or choose another folder with --folder.",
-            ) from error
+            with output_errors(path.parent):
+                path.parent.mkdir(mode=0o700)
+                written = 0
+                with path.open("wb") as file:
+                    async for chunk in chunks:
+                        written += len(chunk)
+                        if written > room:
+                            raise _too_large(name, room)
+                        file.write(chunk)
         except BaseException:
             shutil.rmtree(path.parent, ignore_errors=True)
             raise
@@ -255,16 +242,11 @@ class Workspace:
     def character_folder(self, stem: str) -> Path:
         """Create a new folder for a character, named after its file, and return it."""
         name = _plain(stem)
-        number = 1
-        while True:
-            ending = "" if number == 1 else f"-{number}"
-            folder = self.folder / "characters" / f"{name[: MAX_STEM - len(ending)]}{ending}"
-            try:
-                folder.mkdir(mode=0o700)
-            except FileExistsError:
-                number += 1
-                continue
-            return folder
+        endings = ("" if number == 1 else f"-{number}" for number in count(1))
+        folders = (self.folder / "characters" / f"{name[: MAX_STEM - len(ending)]}{ending}" for ending in endings)
+        folder = next(each for each in folders if not each.exists())
+        folder.mkdir(mode=0o700)
+        return folder
 
     def write_session(self, values: dict[str, Any]) -> None:
         """Store which characters are open and what performs, for the next start."""

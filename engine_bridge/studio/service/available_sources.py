@@ -3,12 +3,13 @@
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from dataclasses import asdict
 
 from capture.network.source import OSC_PORT, VMC_PORT
 from capture.sensors.source_report import observe
 from capture.sources.registry import open_source
 from engine_bridge.inspection.finding import Finding
-from engine_bridge.studio.messages import Device, Port
+from engine_bridge.studio.messages.performers import Device, Port
 from puppetline.errors import PuppetlineError
 
 LISTEN_SECONDS = 1.0
@@ -29,13 +30,7 @@ def ports(used: str) -> list[Port]:
 
 def device(finding: Finding) -> Device:
     """Return a finding of `puppetline doctor` with the URI of its source, if it has one."""
-    return Device(
-        name=finding.name,
-        ok=finding.ok,
-        detail=finding.detail,
-        fix=finding.fix,
-        uri=next(_uris(finding), ""),
-    )
+    return Device(**asdict(finding), uri=next(_uris(finding), ""))
 
 
 def _uris(finding: Finding) -> Iterator[str]:

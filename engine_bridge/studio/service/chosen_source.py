@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from capture.sources.registry import LOOP_SUFFIX, is_recorded
-from engine_bridge.studio.messages import SourceState
+from engine_bridge.studio.messages.state import SourceState
 from engine_bridge.studio.project.open_characters import OpenCharacter
 from puppetline.errors import ServiceError
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from engine_bridge.studio.messages import ServiceState
+from engine_bridge.studio.messages.state import ServiceState
 from engine_bridge.studio.service.service_link import ServiceLink
 from engine_bridge.studio.service.service_process import Reached
 from puppetline.errors import ServiceError

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from engine_bridge.studio.messages import ServiceState
+from engine_bridge.studio.messages.state import ServiceState
 from engine_bridge.studio.service.service_link import ServiceLink
 from engine_bridge.studio.service.service_process import Reached, ServiceProcess
 from puppetline.errors import ServiceError

@@ -5,7 +5,7 @@ import contextlib
 from collections.abc import Callable
 from typing import Any
 
-from engine_bridge.studio.messages import ServiceState
+from engine_bridge.studio.messages.state import ServiceState
 from engine_bridge.studio.service.control_link import ControlLink
 from engine_bridge.studio.service.service_process import Reached
 from puppetline.errors import PuppetlineError, ServiceError

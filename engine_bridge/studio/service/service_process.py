@@ -15,7 +15,7 @@ from typing import Any
 import psutil
 import tomlkit
 
-from engine_bridge.studio.messages import ServiceState
+from engine_bridge.studio.messages.state import ServiceState
 from puppetline.interrupts import END, OWN_GROUP
 
 START_SECONDS = 600.0

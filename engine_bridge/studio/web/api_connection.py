@@ -17,7 +17,9 @@ from engine_bridge.service.control.requests import error_reply, ok_reply
 from engine_bridge.service.monitoring.logs import OnceASecond
 from engine_bridge.service.security.web_sockets import CLOSE_SECONDS, Heartbeat, first_text, refuse
 from engine_bridge.studio.backend.backend import Backend
-from engine_bridge.studio.messages import MAX_REQUEST_BYTES, CloseCode, Greeting, JobState, ProgressEvent
+from engine_bridge.studio.messages.base import MAX_REQUEST_BYTES
+from engine_bridge.studio.messages.connection import CloseCode, Greeting
+from engine_bridge.studio.messages.state import JobState, ProgressEvent
 from engine_bridge.studio.project.workspace import MAX_UPLOAD_BYTES, MAX_UPLOADS
 from engine_bridge.studio.web.page_access import Tokens
 from puppetline import __version__

@@ -17,7 +17,7 @@ from aiohttp import WSMsgType, web
 
 from engine_bridge.service.monitoring.logs import OnceASecond
 from engine_bridge.service.security.web_sockets import CLOSE_SECONDS, Heartbeat, first_text, refuse
-from engine_bridge.studio.messages import CloseCode
+from engine_bridge.studio.messages.connection import CloseCode
 from engine_bridge.studio.service.service_process import Reached
 from engine_bridge.studio.service.stream_link import streaming
 from engine_bridge.studio.web.api_connection import HEARTBEAT_SECONDS, HELLO_SECONDS, token_of

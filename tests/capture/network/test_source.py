@@ -3,6 +3,7 @@ import logging
 import math
 import re
 import socket
+import sys
 import time
 import warnings
 from contextlib import closing
@@ -111,15 +112,28 @@ def test_frames_have_increasing_arrival_times(listen, body):
     assert wire.source.now() == pytest.approx(time.monotonic(), abs=1.0)
 
 
-def test_the_latest_frame_of_each_performer_is_kept_and_the_others_are_counted(listen, body):
+def test_frames_that_wait_are_returned_in_order_with_the_times_at_which_they_arrived(listen, body):
     wire = listen()
     heights = [(1, 0.1), (2, 0.2), (1, 0.3), (3, 0.4), (1, 0.5), (2, 0.6)]
-    wire.send(*(body(user, height) for user, height in heights))
-    frames = wire.events(count=3)
-    assert [(frame.user, _head(frame)) for frame in frames] == [(3, 0.4), (1, 0.5), (2, 0.6)]
+    before = time.monotonic()
+    wire.send(*(body(*each) for each in heights[:3]))
+    between = time.monotonic()
+    wire.send(*(body(*each) for each in heights[3:]))
+    after = time.monotonic()
+    frames = wire.events(count=6)
+    assert [(frame.user, _head(frame)) for frame in frames] == heights
+    times = [frame.time for frame in frames]
+    assert all(one < other for one, other in pairwise([before, *times, time.monotonic()]))
+    if sys.platform == "linux":
+        assert times[2] <= between < times[3] <= times[5] <= after
+
+
+def test_the_last_frames_of_a_performer_are_returned_if_too_many_wait(listen, body, monkeypatch):
+    monkeypatch.setattr("capture.network.source.MAX_WAITING_FRAMES", 4)
+    wire = listen()
+    wire.send(*(body(1, 0.1 * number) for number in range(7)))
+    assert [_head(frame) for frame in wire.events(count=4)] == pytest.approx([0.3, 0.4, 0.5, 0.6])
     assert wire.source.counts.dropped == 3
-    assert wire.source.counts.received == 6
-    assert all(one.time < other.time for one, other in pairwise(frames))
 
 
 def test_leaving_and_returning_between_two_calls_is_reported_in_order(listen, body, osc_message):
@@ -127,8 +141,8 @@ def test_leaving_and_returning_between_two_calls_is_reported_in_order(listen, bo
     wire.frame(body(1))
     gone = osc_message("/lost_user", "i", 1)
     wire.send(body(1, 0.1), gone, body(1, 0.2))
-    lost, back = wire.events(count=2)
-    assert (type(lost), type(back), _head(back)) == (Lost, SkeletonFrame, 0.2)
+    frame, lost, back = wire.events(count=3)
+    assert (_head(frame), type(lost), type(back), _head(back)) == (0.1, Lost, SkeletonFrame, 0.2)
     wire.send(body(1, 0.3), gone)
     frame, lost = wire.events(count=2)
     assert (_head(frame), type(lost)) == (0.3, Lost)

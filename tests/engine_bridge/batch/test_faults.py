@@ -219,7 +219,8 @@ def test_a_folder_without_rights_is_one_message_before_the_work(start, tmp_path)
         assert process.wait(TIMEOUT_SECONDS) == 1
         assert process.stderr.read() == (
             f"puppetline: {tmp_path}: found a file that cannot be written (Read-only file system); expected a folder "
-            "with write permission and free space. Choose another folder with -o, or change the folder's permissions.\n"
+            "with write permission and free space. Choose another folder, free disk space, or change the folder's "
+            "permissions.\n"
         )
 
 

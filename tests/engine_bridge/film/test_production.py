@@ -171,19 +171,27 @@ def test_the_rest_is_played_if_the_sound_of_a_take_is_missing(produced, tmp_path
         )
 
 
-@pytest.mark.parametrize(
-    ("text", "error", "message"),
-    [
-        (TAKE.replace("TAKE", "none.log"), SceneError, r"\[\[take\]\] 1, file: found the missing file .*none\.log"),
-        (TAKE.replace("TAKE", "LIMBED"), SkeletonLogError, "expected"),
-        (TAKE + "user = 7", SkeletonLogError, "no user 7"),
-        (TAKE + "start = 9", SceneError, r"\[\[take\]\] 1, start: found 9 s in a recording of 1\.90 s"),
-        (TAKE + "at = 1\n" + TAKE + "at = 0.5", SceneError, r"\[\[take\]\] 2, at: found 0\.5 s, which is not after"),
-    ],
-)
-def test_a_take_that_cannot_be_played_is_one_message(produced, text, error, message):
+UNPLAYABLE = [
+    (TAKE.replace("TAKE", "none.log"), SceneError, r"\[\[take\]\] 1, file: found the missing file .*none\.log"),
+    (TAKE.replace("TAKE", "LIMBED"), SkeletonLogError, "expected"),
+    (TAKE + "user = 7", SkeletonLogError, "no user 7"),
+    (TAKE + "start = 9", SceneError, r"\[\[take\]\] 1, start: found 9 s in a recording of 1\.90 s"),
+]
+
+
+@pytest.mark.parametrize(("text", "error", "message"), UNPLAYABLE)
+def test_a_take_that_cannot_be_played_is_one_message_and_the_rest_plays(produced, text, error, message):
     with pytest.raises(error, match=message):
         produced(CHARACTER + text)
+    production = produced(CHARACTER + text + "\n" + TAKE.replace('"TAKE"', '"TAKE"\nstart = 1'))
+    (note,) = [each for each in production.notes if each.startswith("A take is left out. ")]
+    assert re.search(message, note)
+    assert production.frames == 28
+
+
+def test_takes_in_another_order_than_their_times_are_refused(produced):
+    with pytest.raises(SceneError, match=r"\[\[take\]\] 2, at: found 0\.5 s, which is not after"):
+        produced(CHARACTER + TAKE + "at = 1\n" + TAKE + "at = 0.5")
 
 
 def test_a_missing_puppet_is_one_message(produced):

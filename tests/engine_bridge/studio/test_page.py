@@ -69,10 +69,10 @@ def test_the_proposal_says_what_is_unclear(window):
     notes = window.state("server.characters")[0]["notes"]
     assert notes
     assert not window.page.get_by_text(notes[0]).is_visible()
-    window.page.get_by_text("About this proposal").click()
+    window.page.get_by_text("What Puppetline guessed").click()
     for note in notes:
         assert window.page.get_by_text(note).is_visible()
-    window.page.get_by_text("About this proposal").click()
+    window.page.get_by_text("What Puppetline guessed").click()
 
 
 def test_record_export_and_download_what_convert_makes_of_the_take(studio, window, horse, commands, tmp_path, request):
@@ -93,7 +93,7 @@ def test_record_export_and_download_what_convert_makes_of_the_take(studio, windo
     download.value.save_as(exported)
 
     with window.page.expect_download() as download:
-        window.button("Save puppet file").click()
+        window.button("Save the character").click()
     download.value.save_as(tmp_path / "pegasus.toml")
     mesh = re.search(r'mesh = "([^"]+)"', (tmp_path / "pegasus.toml").read_text())
     (tmp_path / mesh[1]).write_bytes(horse.read_bytes())
@@ -199,7 +199,7 @@ def test_a_source_without_pictures_says_so_and_the_performer_is_calibrated(windo
     assert window.page.locator(".look").get_by_text(re.compile(r"^user \d+: \d+ of 20 joints tracked")).count() == 1
     window.button("Hide what the sensor sees").click()
     window.until("state.look === null && !state.looking")
-    window.button("Calibrate now").click()
+    window.button("Start from this pose").click()
     window.idle()
 
 
@@ -286,7 +286,7 @@ def test_a_narrow_page_calibrates_records_and_plays(studio, browser, window, siz
     narrow.until("state.server?.characters.length === 1 && studio.viewer.shown(state.character)?.moment")
     assert narrow.page.evaluate(OVERLAPS) == []
     narrow.button("Performer").click()
-    narrow.button("Calibrate now").click()
+    narrow.button("Start from this pose").click()
     narrow.idle()
     narrow.button("Performer").click()
     record(narrow, 1)

@@ -202,10 +202,10 @@ def test_name_follow_gain_and_parent_of_a_limb_can_be_changed(window):
     line(window, "left arm").click()
     window.page.get_by_label("Name").fill("left flipper")
     window.page.get_by_label("Name").press("Enter")
-    window.page.get_by_label("Follows by").select_option("turn")
-    fill(window, "Gain", "1.5")
-    window.page.get_by_label("Attached to").select_option("head")
-    window.page.get_by_label("Joint of point 1").select_option("spine")
+    window.page.get_by_label("It copies").select_option("turn")
+    fill(window, "How far it moves", "1.5")
+    window.page.get_by_label("Grows out of").select_option("head")
+    window.page.get_by_label("Your joint for point 1").select_option("spine")
     window.idle()
     limb = window.limb("left flipper")
     assert (limb["follow"], limb["gain"], limb["parent"], limb["joints"][0]) == ("turn", 1.5, "head", "spine")
@@ -218,7 +218,7 @@ def test_points_can_be_added_and_removed(window):
     count = len(window.limb("left arm")["points"])
     window.button("Point 1").click()
     x, y, z = window.limb("left arm")["points"][0]
-    fill(window, "Position, y", f"{y + 0.05:.3f}")
+    fill(window, "Place, y", f"{y + 0.05:.3f}")
     window.idle()
     assert window.limb("left arm")["points"][0] == [x, round(y + 0.05, 3), z]
     window.button("Add point").click()
@@ -250,17 +250,17 @@ def test_a_handle_is_added_where_the_surface_is_clicked_and_mapped_tuned_and_del
     window.page.mouse.click(*window.place("trunk", 1))
     window.idle()
     assert window.state("selection") == {"kind": "handle", "name": "handle"}
-    window.page.get_by_label("Moved by").select_option("hand_left")
-    for axis in ("x: sideways", "y: up"):
+    window.page.get_by_label("What moves it").select_option("hand_left")
+    for axis in ("to the sides", "up and down"):
         window.page.get_by_label(axis).uncheck()
         window.page.get_by_label(axis).check()
-    window.page.get_by_label("z: forwards").uncheck()
-    fill(window, "Gain", "2")
+    window.page.get_by_label("forwards and back").uncheck()
+    fill(window, "How far it moves", "2")
     window.idle()
     handle = window.handle("handle")
     assert (handle["joint"], handle["axes"], handle["gain"]) == ("hand_left", "xy", 2.0)
     for axis, value in zip("xyz", handle["position"], strict=True):
-        fill(window, f"Position, {axis}", f"{value + 0.05:.3f}")
+        fill(window, f"Place, {axis}", f"{value + 0.05:.3f}")
     window.idle()
     assert window.handle("handle")["position"] == [round(value + 0.05, 3) for value in handle["position"]]
     window.page.locator(".overlay").focus()
@@ -302,12 +302,12 @@ def test_a_limb_is_added_by_clicking_its_points(window):
 
 def test_the_settings_of_the_whole_body(window):
     window.tab("Motion")
-    window.page.get_by_label("Mirror: the performer's left").check()
+    window.page.get_by_label("Like a mirror").check()
     window.page.get_by_label("Hands meet").uncheck()
-    window.page.get_by_label("Scale of handles: automatic").uncheck()
-    fill(window, "Scale of handles", "1.5", exact=True)
-    window.page.get_by_label("Arm space").fill("10")
-    window.page.get_by_label("Arm space").press("ArrowRight")
+    window.page.get_by_label("How far handles go: automatic").uncheck()
+    fill(window, "How far handles go", "1.5", exact=True)
+    window.page.get_by_label("Room under the arms").fill("10")
+    window.page.get_by_label("Room under the arms").press("ArrowRight")
     window.idle()
     retarget = window.puppet["retarget"]
     assert retarget == {"mirror": True, "hands_meet": False, "scale": 1.5, "arm_space": 11}
@@ -315,12 +315,12 @@ def test_the_settings_of_the_whole_body(window):
 
 def test_walking(window):
     window.tab("Motion")
-    walks = window.page.get_by_label("The character walks with the performer")
+    walks = window.page.get_by_label("It walks when you walk")
     if not walks.is_checked():
         walks.check()
-    window.page.get_by_label("Turns with the performer").uncheck()
+    window.page.get_by_label("It turns when you turn").uncheck()
     window.page.get_by_label("Feet stand on the floor").uncheck()
-    window.page.get_by_label("Directions").select_option("xyz")
+    window.page.get_by_label("Where it can walk").select_option("xyz")
     window.idle()
     root = window.puppet["root"]
     assert (root["turns"], root["feet"], root["axes"]) == (False, "free", "xyz")
@@ -332,9 +332,10 @@ def test_walking(window):
 def test_a_preset_of_smoothing_changes_the_plot_and_its_numbers(window):
     window.tab("Motion")
     before = window.until("state.preview?.jitter_mm")
-    window.page.get_by_label("Preset").select_option("very")
+    window.page.get_by_label("How smooth?").select_option("very")
     window.idle()
     window.until(f"state.preview?.jitter_mm < {before}")
+    window.page.get_by_label("Shaking").get_by_text("Details").click()
     assert window.state("preview")["lag_ms"] > 50
     assert window.puppet["smoothing"]["alpha"] == 0.3
     assert "mm of 5 mm jitter left" in window.page.locator("figcaption").inner_text()
@@ -342,7 +343,7 @@ def test_a_preset_of_smoothing_changes_the_plot_and_its_numbers(window):
     window.page.get_by_label("Response").press("ArrowRight")
     window.idle()
     assert window.puppet["smoothing"]["alpha"] == 0.95
-    assert window.page.get_by_label("Preset").input_value() == "custom"
+    assert window.page.get_by_label("How smooth?").input_value() == "custom"
     sliders = {
         "Trend": ("gamma", 0.35),
         "Jitter radius, m": ("jitter_radius", 0.03),
@@ -382,17 +383,17 @@ def test_bones_can_be_hidden_and_the_view_fitted(window):
 
 def test_the_puppet_file_is_saved_and_downloaded(window):
     line(window, "left arm").click()
-    fill(window, "Gain", "1.25")
+    fill(window, "How far it moves", "1.25")
     window.idle()
     window.until("!state.server.characters[0].saved")
     window.page.get_by_text("Unsaved changes").wait_for()
     with window.page.expect_download() as download:
-        window.button("Save puppet file").click()
+        window.button("Save the character").click()
     assert "gain = 1.25" in download.value.path().read_text()
     window.until("state.server.characters[0].saved")
-    window.page.get_by_label("Gain").fill("1")
+    window.page.get_by_label("How far it moves").fill("1")
     with window.page.expect_download() as download:
-        window.page.get_by_label("Gain").press("Tab")
+        window.page.get_by_label("How far it moves").press("Tab")
         window.idle()
         window.page.keyboard.press("Control+s")
     assert "gain = 1.25" not in download.value.path().read_text()
@@ -403,11 +404,11 @@ def test_the_mesh_is_stood_up_and_turned_round(window):
     window.tab("Motion")
     height = "(([low, high]) => high.y - low.y)(Object.values(studio.viewer.boxes())[0])"
     before = window.page.evaluate(height)
-    window.page.get_by_label("Up in the mesh file").select_option("z")
+    window.page.get_by_label("Which way is up?").select_option("z")
     window.idle()
     assert window.puppet["character"] | {"mesh": ""} == {"mesh": "", "up": "z", "front": "y", "scale": 1.0}
     window.until(f"Math.abs({height} - ({before})) > 0.1")
-    window.page.get_by_label("Front in the mesh file").select_option("-x")
+    window.page.get_by_label("Which way does it look?").select_option("-x")
     window.idle()
     assert window.puppet["character"]["front"] == "-x"
     undo_all(window)
@@ -416,6 +417,7 @@ def test_the_mesh_is_stood_up_and_turned_round(window):
 
 def test_the_plot_shows_a_live_joint_of_the_performer(window):
     window.tab("Motion")
+    window.page.get_by_label("Shaking").get_by_text("Details").click()
     window.page.get_by_role("combobox", name="Plot of").select_option("hand_left")
     live = window.until(
         "state.preview !== null && state.plotted === 'hand_left' && state.preview.times.at(-1) > 1 && state.preview"

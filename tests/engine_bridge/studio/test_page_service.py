@@ -65,8 +65,8 @@ def test_the_cameras_picture_is_shown_with_the_joints_over_it(window):
 def test_a_handle_of_the_service_is_mapped_and_what_its_files_decide_is_locked(window):
     window.page.locator(".panel button.line", has_text="left hand").click()
     assert window.page.get_by_label("Name").is_disabled()
-    assert window.page.get_by_label("Position, x").is_disabled()
-    window.page.get_by_label("Moved by").select_option("head")
+    assert window.page.get_by_label("Place, x").is_disabled()
+    window.page.get_by_label("What moves it").select_option("head")
     window.idle()
     window.until("state.server.characters[0].saved === false")
     assert window.handle("left hand")["joint"] == "head"
@@ -76,11 +76,11 @@ def test_a_handle_of_the_service_is_mapped_and_what_its_files_decide_is_locked(w
     for name in ("Open another…", "Change…", "+ Limb", "+ Handle", "Export"):
         assert window.button(name).count() == 0
     window.tab("Motion")
-    assert window.page.get_by_label("Preset").is_disabled()
-    window.page.get_by_label("Mirror: the performer's left").check()
+    assert window.page.get_by_label("How smooth?").is_disabled()
+    window.page.get_by_label("Like a mirror").check()
     window.idle()
     window.until("state.server.characters[0].mirror")
-    window.page.get_by_label("Mirror: the performer's left").uncheck()
+    window.page.get_by_label("Like a mirror").uncheck()
     window.idle()
 
 

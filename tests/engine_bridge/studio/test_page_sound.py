@@ -149,6 +149,38 @@ def test_the_sound_of_a_take_is_in_step_with_its_image_after_a_jump_and_a_pause_
     window.until("!measure(state.character, 0)[2]")
 
 
+def test_a_take_is_moved_in_time_by_dragging_and_by_keys_and_is_muted(window):
+    def take():
+        window.idle()
+        ((shown,), (stored,)) = window.state("film")["present"], window.state("server")["film"]["takes"]
+        assert (shown["at"], shown["mute"]) == (stored["at"], stored["mute"])
+        return stored
+
+    clip = window.page.locator(".clip-button")
+    box, track = clip.bounding_box(), window.page.locator(".track").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    second = box["width"] / (take()["stop"] - take()["start"])
+    window.page.mouse.move(x, y)
+    window.page.mouse.down()
+    window.page.mouse.move(x + 2 * second, y, steps=4)
+    assert clip.bounding_box()["x"] == pytest.approx(box["x"] + 2 * second, abs=2)
+    window.page.mouse.up()
+    window.until("state.server.film.takes[0].at > 1")
+    assert take()["at"] == pytest.approx(2.0, abs=0.1)
+    assert box["x"] + 2 * second < track["x"] + track["width"]
+    clip.press("ArrowLeft")
+    window.until("state.server.film.takes[0].at < 1.95")
+    window.button("Mute").click()
+    window.until("state.server.film.takes[0].mute")
+    assert take()["mute"]
+    assert window.button("Make the film").is_disabled()
+    for _ in range(3):
+        window.button("Undo").click()
+        window.idle()
+    window.until("state.server.film.takes[0].at === 0")
+    assert not take()["mute"]
+
+
 def test_the_microphone_is_switched_off_on_the_page(window):
     assert window.button("Microphone").get_attribute("aria-pressed") == "true"
     window.button("Microphone").click()

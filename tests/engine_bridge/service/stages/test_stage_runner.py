@@ -73,6 +73,22 @@ def test_a_source_that_cannot_be_opened_is_retried_and_the_character_continues(r
     run(runner, until=lambda: not isinstance(runner.source.inner, SilentSource))
 
 
+def test_a_take_has_every_frame_that_waited_and_only_the_newest_is_used_otherwise(
+    run, open_stage, make_stage, tmp_path, sender, kung_fu, moved
+):
+    runner = open_stage(sender.uri, make_stage(player_settings=PlayerSettings(calibrate="at_once")))
+    waiting = [moved(each, time=time.monotonic() + 0.01 * k) for k, each in enumerate(kung_fu[:12])]
+    given = [waiting[:6], waiting[6:]]
+    runner.source.inner.receive = lambda: given.pop(0)
+    assert len(runner.take_in()) == runner.skeletons == 1
+    assert runner.source.counts.dropped == 5
+    runner.start_recording(tmp_path / "take.log")
+    assert len(runner.take_in()) == 6
+    runner.close()
+    [clip] = read_log(tmp_path / "take.log")
+    assert clip.times.tolist() == [each.time for each in waiting[6:]]
+
+
 def test_events_of_a_take_are_in_order_even_if_the_sources_are_not(
     run, make_stage, open_stage, tmp_path, sender, kung_fu, moved
 ):

@@ -27,7 +27,7 @@ def test_without_a_name_it_is_called_by_stage_and_time(tmp_path):
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path):
     (tmp_path / "takes").write_text("")
-    with pytest.raises(OutputError, match="cannot be created"):
+    with pytest.raises(OutputError, match="cannot be written"):
         Takes(tmp_path / "takes" / "deeper").new("a", "stage")
 
 

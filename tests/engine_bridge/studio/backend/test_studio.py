@@ -11,6 +11,7 @@ import numpy as np
 import psutil
 import pytest
 
+from capture.recording import HEADER
 from capture.sound import SAMPLE_RATE, WavWriter, read_wav
 from engine_bridge.export.shader_mesh import write_shader_mesh
 from engine_bridge.puppet import puppet_file
@@ -209,6 +210,16 @@ def test_the_film_plays_its_takes_cut_as_they_are_and_nothing_else(stage):
     stage.result("play_film", at=0.25)
     timeline = stage.until(lambda state: state["timeline"] and len(state["timeline"]["takes"]) == 2)["timeline"]
     assert [(each["take"], each["at"]) for each in timeline["takes"]] == [("walking", 0.25), ("walking", 2.0)]
+    stage.result("stop")
+    damaged = stage.settings.folder / "takes" / "damaged.log"
+    damaged.write_bytes(HEADER + b"{}}\n")
+    stage.result("edit_film", takes=[take, {**take, "file": "takes/damaged.log", "at": 5.0}])
+    for found in ("a line that is not JSON", "a missing file"):
+        assert found in stage.error("play_film")["found"]
+        stage.until(
+            lambda state: state["timeline"] and [each["take"] for each in state["timeline"]["takes"]] == ["walking"]
+        )
+        damaged.unlink(missing_ok=True)
     stage.result("stop")
     assert stage.result("edit_film", takes=[take])["takes"] == [take]
 

@@ -151,5 +151,5 @@ def test_a_damaged_session_counts_as_none(tmp_path):
 
 def test_a_folder_that_cannot_be_created_is_reported(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="Choose another folder with --folder"):
+    with pytest.raises(OutputError, match="Choose another folder"):
         Workspace(tmp_path / "file" / "studio")

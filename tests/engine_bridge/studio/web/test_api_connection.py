@@ -5,7 +5,9 @@ import random
 import aiohttp
 import pytest
 
-from engine_bridge.studio.messages import REQUESTS, CloseCode, State
+from engine_bridge.studio.messages.connection import CloseCode
+from engine_bridge.studio.messages.requests import REQUESTS
+from engine_bridge.studio.messages.state import State
 from engine_bridge.studio.web import api_connection
 from engine_bridge.studio.web.api_connection import MAX_MISTAKES
 

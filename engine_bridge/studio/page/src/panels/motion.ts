@@ -117,7 +117,7 @@ function root(puppet: Puppet): Node_ {
       }),
       field(
         words.rootAxes,
-        select(AXES.map((axes) => [axes, axes.split("").join(", ")] as const), (shown.axes ?? "xz") as (typeof AXES)[number], (axes) => {
+        select(AXES.map((axes) => [axes, words.walkAxes[axes]] as const), (shown.axes ?? "xz") as (typeof AXES)[number], (axes) => {
           change({ axes });
         }),
       ),

@@ -1,7 +1,7 @@
 /** Smoothing: presets, sliders, and a plot of their effect on a joint. */
 
 import { plot as choosePlot, edit, preview } from "../actions";
-import { type Node_, h } from "../dom";
+import { type Child, type Node_, h } from "../dom";
 import type { Puppet, Smoothing } from "../model/puppet";
 import { path, range } from "../model/plot";
 import { JOINTS, type Joint } from "../model/skeleton";
@@ -32,43 +32,51 @@ export function smoothing(state: State, puppet: Puppet): Node_ {
   };
   const names = Object.keys(words.presetNames).map((name) => [name, words.presetNames[name] ?? name] as const);
   const preset = presetOf(values);
-  const controls = [
-    field(
-      words.presets,
-      select(names.filter(([name]) => name !== "custom" || preset === "custom"), preset, (name) => {
-        const chosen = PRESETS[name];
-        if (chosen !== undefined) change(chosen);
-      }),
-    ),
-    (Object.keys(LIMITS) as (keyof typeof LIMITS)[]).map((key) =>
-      slider(
-        words[key],
-        values[key] ?? LIMITS[key].max,
-        LIMITS[key],
-        (value) => {
-          change({ ...values, [key]: value });
-        },
-        (value) => {
-          show({ ...values, [key]: value });
-        },
-      ),
-    ),
-  ];
+  const disabled = isJoined(state);
+  const locked = (...controls: readonly Child[]): Child => (disabled ? h("fieldset", { class: "plain stack", disabled }, controls) : controls);
   return section(
     words.smoothing,
-    isJoined(state) ? h("fieldset", { class: "plain stack", disabled: true }, controls) : controls,
-    field(
-      words.plotted,
-      select(
-        [["", words.test], ...JOINTS.map((joint) => [joint, words.live(joint)] as const)],
-        state.plotted ?? "",
-        (joint) => {
-          void choosePlot(joint === "" ? null : joint);
-        },
+    locked(
+      field(
+        words.presets,
+        select(names.filter(([name]) => name !== "custom" || preset === "custom"), preset, (name) => {
+          const chosen = PRESETS[name];
+          if (chosen !== undefined) change(chosen);
+        }),
       ),
     ),
-    state.preview !== null && plot(state.preview, state.plotted),
-    state.preview === null && state.plotted !== null && h("p", { class: "small", role: "status" }, words.noJoint),
+    h(
+      "details",
+      { key: "smoothing" },
+      h("summary", {}, strings.details),
+      locked(
+        (Object.keys(LIMITS) as (keyof typeof LIMITS)[]).map((key) =>
+          slider(
+            words[key],
+            values[key] ?? LIMITS[key].max,
+            LIMITS[key],
+            (value) => {
+              change({ ...values, [key]: value });
+            },
+            (value) => {
+              show({ ...values, [key]: value });
+            },
+          ),
+        ),
+      ),
+      field(
+        words.plotted,
+        select(
+          [["", words.test], ...JOINTS.map((joint) => [joint, words.live(joint)] as const)],
+          state.plotted ?? "",
+          (joint) => {
+            void choosePlot(joint === "" ? null : joint);
+          },
+        ),
+      ),
+      state.preview !== null && plot(state.preview, state.plotted),
+      state.preview === null && state.plotted !== null && h("p", { class: "small", role: "status" }, words.noJoint),
+    ),
   );
 }
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.character import own_targets
 from engine_bridge.character.materials import drawn_normals
+from engine_bridge.export.finger_animation import FingerBends, with_fingers
 from engine_bridge.performance.channels import ChannelMotion, weights_at
 from engine_bridge.performance.rig import Rig
 from engine_bridge.puppet.puppet import Puppet
@@ -86,10 +87,20 @@ class StreamedCharacter:
         """Its limbs as bones of a humanoid; None if it is not a humanoid."""
         return humanoid_of(self.rig.puppet, self.rest) if is_humanoid(self.rig.puppet) else None
 
-    @cached_property
+    @property
     def skeleton(self) -> Skeleton | None:
-        """Its named joints, with axes along the bones; None if the puppet has no limbs."""
-        return Skeleton.along_bones(self.rig.puppet) if self.rig.puppet.limb else None
+        """Its named joints, with axes along the bones, and those of its file's fingers; None without limbs."""
+        return None if self._with_fingers is None else self._with_fingers[0]
+
+    @property
+    def finger_bends(self) -> FingerBends | None:
+        """How channels bend the joints of its fingers; None without limbs."""
+        return None if self._with_fingers is None else self._with_fingers[1]
+
+    @cached_property
+    def _with_fingers(self) -> tuple[Skeleton, FingerBends] | None:
+        made = Skeleton.along_bones(self.rig.puppet) if self.rig.puppet.limb else None
+        return None if made is None else with_fingers(made, self.rig.character.document)
 
     @cached_property
     def handle_motions(self) -> HandleMotions | None:
@@ -130,7 +141,7 @@ class StreamedCharacter:
         """
         other = copy(self)
         vars(other)["rig"] = replace(self.rig, puppet=puppet)
-        for name in ("skeleton", "humanoid", "handle_motions", "channel_motion", "displacements"):
+        for name in ("_with_fingers", "humanoid", "handle_motions", "channel_motion", "displacements"):
             vars(other).pop(name, None)
         vars(other)["scene"] = with_description(self.scene, other)
         return other
@@ -245,6 +256,8 @@ class Frame:
         if self.character.handle_motions is not None:
             motions = np.concatenate([motions, self.character.handle_motions.of(self.R[None])[0]])
         positions, rotations = skeleton.pose(motions, self.root)
+        if self.channels and self.character.finger_bends is not None:
+            self.character.finger_bends.bend(rotations, self.channels)
         return BonePose(rotations.astype("<f4"), positions[skeleton.travelling].astype("<f4"))
 
     @cached_property

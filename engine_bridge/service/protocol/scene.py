@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from capture.skeleton import JOINTS
 from engine_bridge.character.materials import preview_colors
-from engine_bridge.puppet.humanoid_bones import HUMANOID_BONES
+from engine_bridge.puppet.humanoid_bones import FINGER_BONES, HUMANOID_BONES
 from engine_bridge.rigging.skeleton import from_t_pose
 from engine_bridge.service.protocol.header import WireError, read_json, write_json
 from solver.motion import quaternions as quat
@@ -152,7 +152,7 @@ def bones(skeleton: "Skeleton", puppet: "Puppet") -> list[dict[str, Any]]:
             "position": position.tolist(),
             "rotation": rotation.tolist(),
             "travels": travels,
-            "from_t_pose": turn if joint.name in HUMANOID_BONES else None,
+            "from_t_pose": turn if joint.name in (*HUMANOID_BONES, *FINGER_BONES.values()) else None,
         }
         for joint, position, rotation, travels, turn in rows
     ]

@@ -41,6 +41,10 @@ HOCK_ANKLE_SHARE = 0.4
 MIN_BONE_SHARE = 0.2
 """Minimum distance of a single joint from the ends of that way; of two, half as much, as a share of it."""
 
+MIN_SHIN_SHARE = 0.2
+"""Minimum height of the knee above the ankle of a leg without a hock, as a share of the hip's height over the foot:
+little of a plump body's leg is seen below the flank."""
+
 HOCK_DEGREES = 12.0
 """Minimum angle in degrees by which the bone above a hock leans further to the front than the one below it."""
 
@@ -143,6 +147,10 @@ def standing_legs(solid: Solid, legs: Sequence[LimbCurve], *, front: bool) -> li
     # both legs have the same bones
     lines, usual = np.hstack([leg.line for leg in found]), (ANKLE_SHARE, ELBOW_SHARE if front else KNEE_SHARE)
     bones = np.hsplit(straight_bones(lines, _places(2), usual)[0], len(found))
+    for hip, leg, joints in zip(hips, found, bones, strict=True):
+        high = leg.line[:, 1] >= joints[1, 1] + MIN_SHIN_SHARE * (hip[1] - joints[0, 1])
+        if joints[2, 1] < leg.line[np.argmax(high), 1] and high.any():
+            joints[2] = leg.line[np.argmax(high)]
     return [np.array([hip, *joints[2::-1]]) for hip, joints in zip(hips, bones, strict=True)]
 
 

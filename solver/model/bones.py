@@ -127,6 +127,11 @@ class BoneRegions:
         return _common_to_parts(mesh, np.where(self.owner < 0, -1, bones.limbs[self.owner]))
 
 
+def plates_of(shares: NDArray[np.float64], mesh: SolverMesh) -> NDArray[np.bool_]:
+    """Return the vertices of parts that one bone moves alone, by each bone's share in them (n, b)."""
+    return _common_to_parts(mesh, np.where(shares.max(axis=1, initial=0) < 1, -1, shares.argmax(axis=1))) >= 0
+
+
 def _common_to_parts(mesh: SolverMesh, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the number that all vertices of each vertex's part have; −1 for none, as on a single part."""
     low, high = np.full(mesh.parts, np.iinfo(np.int64).max), np.full(mesh.parts, -1)

@@ -13,13 +13,18 @@ HEEL_LENGTHS = 0.5, 1.0
 """Distances from the ankle, in lengths of the foot, up to which a leg's surface at this height is the heel, and from
 which it is a leg that lies on the floor, such as a frog's."""
 
+MIN_LENGTH_HEIGHTS = 5.0
+"""Smallest length of a foot in this sense, in heights of the ankle: below a stout leg the bone of the foot is short."""
 
-def feet_held(shares: NDArray[np.float64], vertices: NDArray[np.float64], bones: Bones) -> NDArray[np.float64]:
+
+def feet_held(
+    shares: NDArray[np.float64], vertices: NDArray[np.float64], bones: Bones, plates: NDArray[np.bool_]
+) -> NDArray[np.float64]:
     """Return shares with which soles follow their foot alone.
 
     In many files, and where heat spreads, soles also follow the shin or the hips a little, and would sink into the
     floor with them. A vertex of a foot follows the bone before it only near the ankle. A heel that the shin is nearer
-    to follows the foot, but not a vertex that one bone moves alone, such as one of a rigid plate.
+    to follows the foot, but not a rigid plate of the shin.
 
     Parameters
     ----------
@@ -28,6 +33,8 @@ def feet_held(shares: NDArray[np.float64], vertices: NDArray[np.float64], bones:
     vertices : (n, 3) float64
         In the units of the bones.
     bones : Bones
+    plates : (n,) bool
+        Vertices of parts that one bone moves alone.
 
     Returns
     -------
@@ -47,9 +54,10 @@ def feet_held(shares: NDArray[np.float64], vertices: NDArray[np.float64], bones:
         floor = heights[of_leg].min(initial=np.inf)
         ankle = bones.heads[foot] @ bones.up
         if ankle > floor:
-            blended = of_leg[shares[of_leg].max(axis=1) < 1]
+            blended = of_leg[~plates[of_leg]]
             sole = _fading((heights[blended] - floor) / (ankle - floor), *SOLE_HEIGHTS)
-            sole *= _fading(away[blended], *HEEL_LENGTHS)
+            longer = max(1.0, MIN_LENGTH_HEIGHTS * (ankle - floor) / bones.lengths[foot])
+            sole *= _fading(away[blended] / longer, *HEEL_LENGTHS)
             shares[blended] *= 1 - sole[:, None]
             shares[blended, foot] += sole
     return shares

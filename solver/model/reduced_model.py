@@ -19,7 +19,7 @@ from puppetline.errors import MeshError
 from solver.model import clusters, energy_matrices, limb_fields, rotations
 from solver.model import fields as propagation
 from solver.model.bone_heat import heat_shares
-from solver.model.bones import NO_BONES, BoneRegions, Bones, bone_regions, regions_of_shares
+from solver.model.bones import NO_BONES, BoneRegions, Bones, bone_regions, plates_of, regions_of_shares
 from solver.model.coarse_fields import MAX_EXACT_VERTICES, CoarseFields
 from solver.model.feet import feet_held
 from solver.surface.contacts import contacts
@@ -223,7 +223,7 @@ def build(
     if shares is None:
         regions, shares = bone_regions(mesh, bones), np.zeros((len(rest), len(bones)))
     else:
-        shares = feet_held(shares, mesh.vertices, bones)
+        shares = feet_held(shares, mesh.vertices, bones, plates_of(shares, mesh))
         regions = regions_of_shares(shares)
     own_fields = parameters.fields - limb_fields.limb_field_count(bones, regions, parameters.fields)
     holds = limb_fields.contacts_that_hold(ties, rest, regions, bones, skinned=is_skinned)
@@ -235,7 +235,8 @@ def build(
             fields = other.submit(operator.propagation_fields, own_fields)
             if not is_skinned and (regions.owner >= 0).any():
                 connected = propagation.energy_operator(surface, ties, mass, unit.diagonal)
-                shares = feet_held(heat_shares(connected, mass, mesh, bones, regions), mesh.vertices, bones)
+                shares = heat_shares(connected, mass, mesh, bones, regions)
+                shares = feet_held(shares, mesh.vertices, bones, plates_of(shares, mesh))
                 regions = regions_of_shares(shares)
             modes = fields.result()
         along_limbs = limb_fields.limb_field_count(bones, regions, parameters.fields)

@@ -34,7 +34,8 @@ from engine_bridge.service.monitoring.status import Status
 from engine_bridge.service.monitoring.systemd import Notifier
 from engine_bridge.service.outputs.output import Opening, Output
 from engine_bridge.service.players.character_player import CharacterPlayer
-from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.frame import Frame
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.security.endpoints import Endpoint, endpoints_of
 from engine_bridge.service.security.guard import Guard
 from engine_bridge.service.stages import calibration_store

@@ -18,7 +18,7 @@ from engine_bridge.service.loading.service_file import (
     stage_names,
 )
 from engine_bridge.service.players.character_player import CharacterPlayer
-from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.stages.stage import Stage
 from engine_bridge.service.stages.stage_runner import StageRunner
 

@@ -27,7 +27,8 @@ from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.service.players.automatic_calibration import AutomaticCalibration, Calibrate, PreparedCalibration
 from engine_bridge.service.players.pose_display import Appearance, PoseDisplay
-from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.frame import Frame
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.states import State
 from puppetline.errors import ServiceError
 from solver.motion.deformer import Deformer

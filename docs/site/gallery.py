@@ -56,7 +56,8 @@ class Model(NamedTuple):
     """A model, the recording that it plays, and who made it.
 
     `mesh` is its path in the data folder, empty for an example character. `recording` is an example motion, or a path
-    in the data folder. `part` is the part of the recording in seconds in which the loop is sought.
+    in the data folder. `part` is the part of the recording in seconds in which the loop is sought. `axes` are options
+    of `puppetline new`, for a model whose front is not recognised.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Model(NamedTuple):
     licence: str
     part: tuple[float, float] = WHOLE
     azimuth: float = 25.0
+    axes: tuple[str, ...] = ()
 
 
 MODELS = (
@@ -84,7 +86,7 @@ MODELS = (
     Model("frog", "mesh/gltf/quaternius_Frog.glb", "rear", QUATERNIUS, CC0),
     Model("rat", "mesh/gltf/quaternius_Rat.glb", "walk", QUATERNIUS, CC0),
     Model("snake", "mesh/gltf/quaternius_Snake.glb", "kung_fu", QUATERNIUS, CC0),
-    Model("shark", "mesh/gltf/quaternius_Shark.glb", "kung_fu", QUATERNIUS, CC0),
+    Model("shark", "mesh/gltf/quaternius_Shark.glb", "kung_fu", QUATERNIUS, CC0, axes=("--up", "y", "--front", "z")),
     Model("adventurer", "mesh/gltf/quaternius_Adventurer.glb", "kung_fu", QUATERNIUS, CC0),
     Model("witch", "mesh/gltf/quaternius_Witch.glb", "kung_fu", QUATERNIUS, CC0),
     Model("george", "mesh/gltf/quaternius_George.glb", "bvh/jumping_jacks.bvh", QUATERNIUS, CC0),
@@ -134,7 +136,7 @@ def prepared(model: Model, folder: Path, data: Path | None) -> tuple[Path, Path]
     if not model.mesh:
         return prepare(model.name, folder)
     puppet = folder / f"{model.name}.toml"
-    run("new", Path(data or "") / model.mesh, "-o", puppet, "--force")
+    run("new", Path(data or "") / model.mesh, "-o", puppet, "--force", *model.axes)
     if model.recording in MOTIONS.values():
         maker = next(name for name, motion in MOTIONS.items() if motion == model.recording)
         return prepare(maker, folder / "examples")[0].resolve(), puppet

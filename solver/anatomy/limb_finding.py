@@ -140,7 +140,7 @@ class _Finder(LimbBranches):
 
     def _lengthen_hidden_legs(self, found: dict[str, Points]) -> None:
         """Lengthen legs that a skirt hides."""
-        if self.legs_are_folded or not {"left leg", "left arm"} <= found.keys():
+        if self.legs_are_folded or not {"left leg", "right leg", "left arm", "right arm"} <= found.keys():
             return
         legs, arms = ([found[f"{side} {limb}"] for side in ("left", "right")] for limb in ("leg", "arm"))
         middle, ground = float(self.trunk.points[0, 0]), float(self.low[1])

@@ -5,7 +5,7 @@ import pytest
 from puppetline.examples.characters import biped
 
 from solver.anatomy.limb_chain import evenly
-from solver.anatomy.limb_finding import find_limbs
+from solver.anatomy.limb_finding import _Finder, find_limbs
 from solver.surface.mesh import SolverMesh, weld
 
 IMAGE = np.array([-1.0, 1.0, 1.0])
@@ -348,3 +348,11 @@ def test_every_leg_of_a_body_with_many_is_a_limb_in_rows_from_the_front(solver_m
             assert np.linalg.norm(points[-1] - image * tip) < 0.15
             assert np.linalg.norm(points[0] - image * [0.15, 0.6, 0.6 * rows[row - 1]]) < 0.15
     assert sum("leg" in name for name in limbs) == 2 * pairs
+
+
+def test_a_single_leg_beside_two_arms_is_not_taken_for_a_pair(person):
+    finder = _Finder(person, np.eye(3), {})
+    del finder.legs["right leg"]
+    limbs = finder.limbs().keys()
+    assert {"left leg", "left arm", "right arm"} <= limbs
+    assert "right leg" not in limbs

@@ -19,7 +19,7 @@ def cast(blob_puppet, tmp_path, executor):
         (tmp_path / mesh.name).write_bytes(mesh.read_bytes() if mesh_bytes is None else mesh_bytes)
         (tmp_path / "dog.toml").write_text(text.replace(old, new) if old else text)
         settings = from_flags(("osc:0",), (Path("dog.toml"),), {"ease": 0.5}, {}, rest or {})
-        [[player]] = load_players(settings, tmp_path, executor, ())
+        [[player]] = load_players(settings, tmp_path, executor, [table for _, table in settings.output_tables()])
         return player
 
     return load

@@ -3,8 +3,9 @@
     python -m benchmarks.animals --data FOLDER [--only NAME …] [--logs NAME …] [--pictures FOLDER] [--free]
 
 Each character of FOLDER/mesh plays each recording with the puppet that `puppetline new` proposes. Heights and speeds
-are those of the lowest vertices of each foot, in body heights, and stretch that of all edges. With `--free` no foot is
-held, for comparison; with `--pictures` a contact sheet of each clip is drawn.
+are those of the lowest vertices of each foot, in body heights, and stretch that of all edges; "their skin" is linear
+blend skinning of the same motions with the weights of the file. With `--free` no foot is held, for comparison; with
+`--pictures` a contact sheet of each clip is drawn.
 """
 
 import argparse
@@ -17,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.rig_weights import skinned
 from capture.skeleton import JOINT_INDEX
 from capture.timeline import Timeline
 from engine_bridge.performance.clip import load_timeline, perform, reference_pose
@@ -25,6 +27,7 @@ from engine_bridge.performance.rig import Rig, make_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures import clip_sheet
 from engine_bridge.puppet.proposal import new_puppet
+from engine_bridge.puppet.rig_bones import skin_shares
 from puppetline.errors import PuppetlineError
 from solver.model.batch import BatchBinding
 from solver.model.stretch import EdgeStretch
@@ -71,6 +74,8 @@ class Row(NamedTuple):
     steps_standing: int
     low: float
     high: float
+    skin_low: float
+    skin_high: float
 
 
 def main() -> None:
@@ -83,8 +88,8 @@ def main() -> None:
     parser.add_argument("--free", action="store_true")
     chosen = parser.parse_args()
     print("| character | recording | legs | above | below | below half | on floor | slide | 95 % | acceleration "
-          "| steps while standing | edges p1 | p99 |")  # fmt: skip
-    print("| --- |" + " --- |" * 12)
+          "| steps while standing | edges p1 | p99 | their skin p1 | p99 |")  # fmt: skip
+    print("| --- |" + " --- |" * 14)
     rows = []
     for mesh in sorted(path for path in (chosen.data / "mesh").rglob("*") if path.suffix in (".glb", ".obj", ".off")):
         if any(part in mesh.stem for part in chosen.only):
@@ -118,7 +123,8 @@ def measured(mesh: Path, chosen: argparse.Namespace) -> Iterator[Row]:
             print(
                 f"| {mesh.stem} | {log.stem} | {len(soles)} | {100 * row.above:.1f} | {100 * row.below:.1f} "
                 f"| {100 * row.few:.1f} % | {100 * row.touching:.0f} % | {row.slide:.3f} | {row.slide95:.2f} "
-                f"| {row.acceleration:.1f} | {row.steps_standing} | {row.low:.2f} | {row.high:.2f} |",
+                f"| {row.acceleration:.1f} | {row.steps_standing} | {row.low:.2f} | {row.high:.2f} "
+                f"| {row.skin_low:.2f} | {row.skin_high:.2f} |",
                 flush=True,
             )
             if chosen.pictures:
@@ -151,7 +157,12 @@ def soles_of(rig: Rig) -> list[NDArray[np.int64]]:
 def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[np.int64]]) -> Row:
     """Play a recording, and measure the feet."""
     performance = Performance(rig.puppet, rig.mesh, rig.model, reference_pose(rig.puppet, timeline, settings))
-    surface, stretch = BatchBinding.of_solver_mesh(rig.model, rig.mesh), EdgeStretch(rig.mesh)
+    surface, stretch, stretch_of_skin = (
+        BatchBinding.of_solver_mesh(rig.model, rig.mesh),
+        EdgeStretch(rig.mesh),
+        EdgeStretch(rig.mesh),
+    )
+    shares = skin_of(rig)
     basis, rest = rig.puppet.character.basis, rig.mesh.vertices
     size = float(np.ptp(rest @ basis[1]))
     steps = getattr(performance.retargeting, "_feet", None)
@@ -165,6 +176,8 @@ def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[n
         pose = performance.step(timeline.frame(number))
         moved = surface.vertices(pose.R[None].astype(np.float32))
         stretch.add(moved)
+        if shares is not None:
+            stretch_of_skin.add(skinned(shares, rest, pose.motions[None])[0].astype(np.float32)[:, :, None])
         now = (moved[used, :, 0] + pose.root) @ basis.T
         heights.append(np.array([now[a:b, 1].min() for a, b in pairwise(starts)]) - floors)
         places.append([now[a:b].mean(axis=0) for a, b in pairwise(starts)])
@@ -180,8 +193,21 @@ def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[n
         np.array(lifted),
         timeline,
         performance.retargeting.root_scale / size,
-        stretch.percentiles(1, 99),
+        (
+            *stretch.percentiles(1, 99),
+            *(stretch_of_skin.percentiles(1, 99) if shares is not None else (np.nan, np.nan)),
+        ),
     )
+
+
+def skin_of(rig: Rig) -> Floats | None:
+    """Return the weights (n, b) that the file's skin gives to the vertices of the solver's mesh."""
+    shares = skin_shares(rig.character, rig.puppet.limbs) if rig.character.document.gltf.get("skins") else None
+    if shares is None:
+        return None
+    out = np.empty((len(rig.mesh.vertices), shares.shape[1]))
+    out[rig.mesh.of_render] = shares
+    return out
 
 
 def rig_head(rig: Rig, bone: int) -> Floats:
@@ -232,6 +258,8 @@ def _row(
         steps_standing=int(began.sum()),
         low=edges[0],
         high=edges[1],
+        skin_low=edges[2],
+        skin_high=edges[3],
     )
 
 

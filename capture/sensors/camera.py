@@ -11,11 +11,10 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 from urllib.parse import parse_qsl
 
-from capture.libraries import import_error
+from capture.libraries import UNLOADABLE, load_module
 from capture.sensors.source import SensorSource
 from capture.trackers.mediapipe import DEFAULT_HEIGHT_METRES, INSTALL_FIX, MediaPipePose, load_mediapipe
 from capture.trackers.picture import Lens, Picture
@@ -235,7 +234,7 @@ class Video:
         return _picture(self._last, frame, self._fov)
 
 
-def load_opencv() -> ModuleType:
+def load_opencv() -> Any:
     """Return OpenCV.
 
     Raises
@@ -245,13 +244,7 @@ def load_opencv() -> ModuleType:
     """
     # the timeout of a camera in seconds, which OpenCV reads when it is loaded; its default is 10
     os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "2")
-    try:
-        import cv2
-    except (ImportError, OSError) as error:  # OSError: a shared library is missing
-        raise import_error("cv2", error)(
-            "OpenCV", found=f"a library that cannot be loaded ({error})", expected="OpenCV 4", fix=INSTALL_FIX
-        ) from error
-    return cv2
+    return load_module("cv2", "OpenCV", found=UNLOADABLE, expected="OpenCV 4", fix=INSTALL_FIX)
 
 
 def _tracker(options: Options) -> MediaPipePose:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from capture.libraries import import_error, load_error
+from capture.libraries import load_error, load_module
 from puppetline.errors import SourceError
 
 REDIST_VARIABLE = "OPENNI2_REDIST"
@@ -59,15 +59,8 @@ def load_openni2(where: str) -> Any:
     SourceError
         About `where`: the bindings or the library are not installed, or the library does not start.
     """
-    try:
-        from openni import openni2 as bindings
-    except ImportError as error:
-        raise import_error("openni", error)(
-            where,
-            found=f"no OpenNI2 bindings ({error})",
-            expected="the Python package openni",
-            fix="Install it: pip install 'puppetline[openni]'",
-        ) from error
+    package, fix = "the Python package openni", "Install it: pip install 'puppetline[openni]'"
+    bindings = load_module("openni.openni2", where, found="no OpenNI2 bindings", expected=package, fix=fix)
     if not bindings.is_initialized():
         with exclusive(where):
             _start(where, bindings)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from capture.libraries import import_error
+from capture.libraries import load_module
 from capture.sensors.depth_camera import (
     DepthCamera,
     Selection,
@@ -53,12 +53,8 @@ def open_source(uri: str, rest: str, folder: Path, record: Path | None = None) -
 
 def load_orbbec(where: str) -> Any:
     """Return the SDK, which then logs nothing to files; raise SourceError about `where` if it does not load."""
-    try:
-        import pyorbbecsdk
-    except (ImportError, OSError) as error:
-        raise import_error("pyorbbecsdk", error)(
-            where, found=f"no Orbbec SDK ({error})", expected="the Python package pyorbbecsdk2", fix=INSTALL_FIX
-        ) from error
+    package = "the Python package pyorbbecsdk2"
+    pyorbbecsdk = load_module("pyorbbecsdk", where, found="no Orbbec SDK", expected=package, fix=INSTALL_FIX)
     pyorbbecsdk.Context.set_logger_level(pyorbbecsdk.OBLogLevel.NONE)
     return pyorbbecsdk
 

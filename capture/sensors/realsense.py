@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from capture.libraries import import_error
+from capture.libraries import load_module
 from capture.sensors.depth_camera import (
     DepthCamera,
     Kind,
@@ -55,16 +55,13 @@ def open_source(uri: str, rest: str, folder: Path, record: Path | None = None) -
 
 def load_realsense(where: str) -> Any:
     """Return the library; raise SourceError about `where` if it is not installed or does not load."""
-    try:
-        import pyrealsense2
-    except (ImportError, OSError) as error:
-        raise import_error("pyrealsense2", error)(
-            where,
-            found=f"no RealSense library ({error})",
-            expected="the Python package pyrealsense2",
-            fix="Install it: pip install 'puppetline[realsense]'",
-        ) from error
-    return pyrealsense2
+    return load_module(
+        "pyrealsense2",
+        where,
+        found="no RealSense library",
+        expected="the Python package pyrealsense2",
+        fix="Install it: pip install 'puppetline[realsense]'",
+    )
 
 
 def plugged_in(rs: Any) -> list[Any]:

@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.channels import SmoothedChannels
-from capture.libraries import import_error
+from capture.libraries import load_module
 from capture.pose import Pose
+from puppetline.errors import SourceError
 
 FACE_CHANNELS = ("mouth_open", "mouth_wide", "smile", "blink_left", "blink_right", "brow_up")
 """Channels of a face, in the order of every (6,) array."""
@@ -197,15 +198,13 @@ def open_model(module: str, name: str, **options: float) -> Any:
     SourceError
         It or its models cannot be loaded.
     """
+    where, found, expected = f"MediaPipe {module}", "a model that cannot be loaded", "MediaPipe 0.10.21 with its models"
+    fix = "Install it again: pip install --force-reinstall mediapipe==0.10.21"
+    solution = load_module(f"mediapipe.python.solutions.{module}", where, found=found, expected=expected, fix=fix)
     try:
-        return getattr(import_module(f"mediapipe.python.solutions.{module}"), name)(**options)
-    except (ImportError, OSError, RuntimeError, ValueError) as error:
-        raise import_error("mediapipe", error)(
-            f"MediaPipe {module}",
-            found=f"a model that cannot be loaded ({error})",
-            expected="MediaPipe 0.10.21, which includes its models",
-            fix="Install it again: pip install --force-reinstall mediapipe==0.10.21",
-        ) from error
+        return getattr(solution, name)(**options)
+    except (OSError, RuntimeError, ValueError) as error:
+        raise SourceError(where, found=f"{found} ({error})", expected=expected, fix=fix) from error
 
 
 def part_around(color: NDArray[np.uint8], centre: Floats, size: float) -> tuple[NDArray[np.uint8], Floats]:

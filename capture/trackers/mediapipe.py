@@ -27,7 +27,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from capture.libraries import import_error
+from capture.libraries import UNLOADABLE, load_module
 from capture.orientations import unknown
 from capture.skeleton import JOINT_INDEX, JOINTS, TRACKED
 from capture.trackers.face import FaceChannels, FaceMesh, HeadDirection, axes, measures, part_around
@@ -208,16 +208,8 @@ def load_mediapipe() -> ModuleType:
     SourceError
         MediaPipe cannot be loaded.
     """
-    try:
-        from mediapipe.python.solutions import pose
-    except (ImportError, OSError) as error:  # OSError: a shared library is missing
-        raise import_error("mediapipe", error)(
-            "MediaPipe",
-            found=f"a library that cannot be loaded ({error})",
-            expected="MediaPipe 0.10.21",
-            fix=INSTALL_FIX,
-        ) from error
-    return pose
+    name = "mediapipe.python.solutions.pose"
+    return load_module(name, "MediaPipe", found=UNLOADABLE, expected="MediaPipe 0.10.21", fix=INSTALL_FIX)
 
 
 def _absence(color: NDArray[np.uint8]) -> str:

@@ -86,7 +86,7 @@ MODELS = (
     Model("frog", "mesh/gltf/quaternius_Frog.glb", "rear", QUATERNIUS, CC0),
     Model("rat", "mesh/gltf/quaternius_Rat.glb", "walk", QUATERNIUS, CC0),
     Model("snake", "mesh/gltf/quaternius_Snake.glb", "kung_fu", QUATERNIUS, CC0),
-    Model("shark", "mesh/gltf/quaternius_Shark.glb", "kung_fu", QUATERNIUS, CC0, axes=("--up", "y", "--front", "z")),
+    Model("shark", "mesh/gltf/quaternius_Shark.glb", "bark", QUATERNIUS, CC0, PAW, 45.0, ("--up", "y", "--front", "z")),
     Model("adventurer", "mesh/gltf/quaternius_Adventurer.glb", "kung_fu", QUATERNIUS, CC0),
     Model("witch", "mesh/gltf/quaternius_Witch.glb", "kung_fu", QUATERNIUS, CC0),
     Model("george", "mesh/gltf/quaternius_George.glb", "bvh/jumping_jacks.bvh", QUATERNIUS, CC0),

@@ -23,6 +23,9 @@ const SIDED = {
   Toes: ["toes", "toebase", "toe", "ball"],
 };
 
+/** A finger's joint, by its part or by its number from the palm. */
+const FINGER = /^(?:jbip)?(?:hand|f)?(thumb|index|middle|ring|little|pink[a-z]+)(?:finger)?(?:0*([123])|(metacarpal|proximal|intermediate|distal))$/;
+
 const SIDES = new Map([
   ["left", "left"],
   ["l", "left"],
@@ -45,7 +48,20 @@ export function meaningOf(bone) {
   const rest = known.filter((word) => !SIDES.has(word)).join("");
   const table = Object.entries(side === undefined ? MIDDLE : SIDED);
   const found = table.find(([, names]) => names.includes(rest));
-  return found ? (side ?? "") + found[0] : null;
+  if (found) return (side ?? "") + found[0];
+  return side === undefined ? null : fingerOf(side, rest);
+}
+
+/**
+ * @param {string} side
+ * @param {string} text
+ */
+function fingerOf(side, text) {
+  const [, finger, number, part] = FINGER.exec(text) ?? [];
+  if (finger === undefined) return null;
+  const parts = finger === "thumb" ? ["metacarpal", "proximal", "distal"] : ["proximal", "intermediate", "distal"];
+  const words = [finger.startsWith("pink") ? "little" : finger, part ?? parts[Number(number) - 1]];
+  return side + words.map((word) => word.charAt(0).toUpperCase() + word.slice(1)).join("");
 }
 
 /**

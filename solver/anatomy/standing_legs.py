@@ -87,8 +87,10 @@ class _Leg:
         The angle is that by which the leg leans further to the front above than below.
         """
         middles = (self.backs + self.fronts) / 2
-        chord = np.linspace(self.backs[self.foot], self.backs[-1], len(self.backs) - self.foot)
-        row = self.foot + int(np.argmax(chord - self.backs[self.foot :]))
+        middle = (self.foot + len(self.backs)) // 2
+        top = middle + int(np.argmax(self.backs[middle:]))  # above it the rump sticks out
+        chord = np.linspace(self.backs[self.foot], self.backs[top], top - self.foot + 1)
+        row = self.foot + int(np.argmax(chord - self.backs[self.foot : top + 1]))
         ends = [self.foot, row, len(middles) - 1]
         lean = np.degrees(np.arctan2(np.diff(middles[ends]), np.maximum(np.diff(self.heights[ends]), 1e-12)))
         left = np.interp(self.heights[row], self.line[:, 1], self.line[:, 0])

@@ -104,11 +104,15 @@ def _hinges(ways: NDArray[np.float64], towards: NDArray[np.float64]) -> tuple[ND
 
 
 def _turning_point(chains: Chains, leg: int, end: float) -> float:
-    """Return how far κ can go from 0 towards an end while the leg's length keeps growing or shrinking."""
+    """Return how far κ can go from 0 towards an end while the leg's length keeps growing or shrinking.
+
+    A leg that is nearly straight may become a little longer before it folds.
+    """
     values = np.linspace(0.0, end, SAMPLES)
-    lengths = np.array([_length(chains, leg, value) for value in values])
-    wrong = np.flatnonzero(np.diff(lengths) * -np.sign(end) < 0)
-    return float(values[wrong[0]] if len(wrong) else end)
+    steps = np.diff([_length(chains, leg, value) for value in values]) * -np.sign(end)
+    first = int(np.argmax(steps > 0)) if end > 0 else 0
+    wrong = np.flatnonzero(steps[first:] < 0)
+    return float(values[first + wrong[0]] if len(wrong) else end)
 
 
 @compiled(inner=True)

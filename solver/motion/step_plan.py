@@ -105,7 +105,7 @@ class StepPlan(NamedTuple):
     axes: NDArray[np.float64]  # (3, 3): rows left, up and forward
     pivot: NDArray[np.float64]  # (3,): the point about which the body turns: the middle of its hips
     radius: float  # mean level distance of the ankles from it
-    leg_length: float  # mean height of the hips over the tips of the legs
+    leg_length: float  # how far legs reach when they stand
     depth: float  # how far the body can sink until a leg is folded
     span: float  # distance from the hind hips to the front hips along the body, 0 for a single pair
     metre: float
@@ -137,6 +137,9 @@ class StepState(NamedTuple):
     gait: NDArray[np.float64]
     watch: WatchState
 
+
+MIN_REACH = 0.5
+"""Smallest reach of a leg when it stands, as a share of the length of its bones: a frog's legs are folded at rest."""
 
 MAX_TURNS = np.radians([35.0, 12.0])
 """Largest turn of the trunk from how it stands, in radians, of bodies with one pair of legs, and with several."""
@@ -184,7 +187,7 @@ def plan_of(
         axes=np.ascontiguousarray(basis),
         pivot=pivot,
         radius=float(np.linalg.norm((ankles - pivot) - np.outer((ankles - pivot) @ up, up), axis=1).mean()),
-        leg_length=float(max(((hips - tips) @ up).mean(), 1e-9)),
+        leg_length=_leg_length(bones, legs, up),
         depth=float(max(0.0, MAX_FOLD * (lengths - chains.shortest)[~front].min())),
         span=max(span, 0.0),
         metre=float(metre),
@@ -195,6 +198,13 @@ def plan_of(
         performers_arm=float(performer.arm),
         goes_forward=goes_forward,
     )
+
+
+def _leg_length(bones: Bones, legs: Sequence[StandingLeg], up: NDArray[np.float64]) -> float:
+    """Return the mean height of the hips over the tips of the legs, or more where legs are folded at rest."""
+    heights = [(bones.heads[leg.bones[0]] - bones.tails[leg.bones[-1]]) @ up for leg in legs]
+    lengths = [bones.lengths[list(leg.bones)].sum() for leg in legs]
+    return float(max(np.mean(heights), MIN_REACH * np.mean(lengths), 1e-9))
 
 
 def _behind(bones: Bones, trunk: Sequence[int]) -> NDArray[np.bool_]:

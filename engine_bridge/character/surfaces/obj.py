@@ -131,7 +131,9 @@ class _Statements:
     def _read_face(self, line: int, words: list[str]) -> None:
         so_far = len(self.positions) // 3, len(self.coordinates) // 2, len(self.normals) // 3
         first = len(self.corners)
-        for word in words:
+        if "".join(words).isdigit():  # the usual case, in a third of the time
+            self.corners.extend(number for word in words for number in (int(word) - 1, -1, -1))
+        for word in words if len(self.corners) == first else ():
             v, vt, vn = (*(int(part or 0) for part in word.split("/")), 0, 0, 0)[: max(3, 1 + word.count("/"))]
             self.corners.extend(map(_index, (v, vt, vn), so_far))
         if min(self.corners[first::3], default=0) < 0:

@@ -123,6 +123,8 @@ class Frame:
         if self.character.handle_motions is not None:
             motions = np.concatenate([motions, self.character.handle_motions.of(self.R[None])[0]])
         positions, rotations = skeleton.pose(motions, self.root)
+        if self.channels and self.character.finger_bends is not None:
+            self.character.finger_bends.bend(rotations, self.channels)
         return BonePose(rotations.astype("<f4"), positions[skeleton.travelling].astype("<f4"))
 
     @cached_property

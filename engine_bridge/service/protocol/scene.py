@@ -20,9 +20,10 @@ from engine_bridge.character import own_targets
 from engine_bridge.character.character import Character
 from engine_bridge.character.materials import drawn_normals, preview_colors
 from engine_bridge.character.schema import Primitive
+from engine_bridge.export.finger_animation import FingerBends, with_fingers
 from engine_bridge.performance.channels import ChannelMotion
 from engine_bridge.performance.rig import Rig
-from engine_bridge.puppet.humanoid_bones import HUMANOID_BONES
+from engine_bridge.puppet.humanoid_bones import FINGER_BONES, HUMANOID_BONES
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.rigging.humanoid import humanoid_of, is_humanoid
 from engine_bridge.rigging.skeleton import Skeleton, from_t_pose
@@ -100,10 +101,20 @@ class StreamedCharacter:
         """Its limbs as bones of a humanoid; None if it is not a humanoid."""
         return humanoid_of(self.rig.puppet, self.rest) if is_humanoid(self.rig.puppet) else None
 
-    @cached_property
+    @property
     def skeleton(self) -> Skeleton | None:
-        """Its named joints, with axes along the bones; None if the puppet has no limbs."""
-        return Skeleton.along_bones(self.rig.puppet) if self.rig.puppet.limb else None
+        """Its named joints, with axes along the bones, and those of its file's fingers; None without limbs."""
+        return None if self._with_fingers is None else self._with_fingers[0]
+
+    @property
+    def finger_bends(self) -> FingerBends | None:
+        """How channels bend the joints of its fingers; None without limbs."""
+        return None if self._with_fingers is None else self._with_fingers[1]
+
+    @cached_property
+    def _with_fingers(self) -> tuple[Skeleton, FingerBends] | None:
+        made = Skeleton.along_bones(self.rig.puppet) if self.rig.puppet.limb else None
+        return None if made is None else with_fingers(made, self.rig.character.document)
 
     @cached_property
     def handle_motions(self) -> HandleMotions | None:
@@ -144,7 +155,7 @@ class StreamedCharacter:
         """
         other = copy(self)
         vars(other)["rig"] = replace(self.rig, puppet=puppet)
-        for name in ("skeleton", "humanoid", "handle_motions", "channel_motion", "displacements"):
+        for name in ("_with_fingers", "humanoid", "handle_motions", "channel_motion", "displacements"):
             vars(other).pop(name, None)
         vars(other)["scene"] = with_description(self.scene, other)
         return other
@@ -233,7 +244,7 @@ def bones(skeleton: Skeleton, puppet: Puppet) -> list[dict[str, Any]]:
             "position": position.tolist(),
             "rotation": rotation.tolist(),
             "travels": travels,
-            "from_t_pose": turn if joint.name in HUMANOID_BONES else None,
+            "from_t_pose": turn if joint.name in (*HUMANOID_BONES, *FINGER_BONES.values()) else None,
         }
         for joint, position, rotation, travels, turn in rows
     ]

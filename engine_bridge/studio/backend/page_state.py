@@ -90,14 +90,9 @@ def state_of(
 
 
 def _stage(stage: dict[str, Any], playing: ChosenSource) -> StageState:
-    return StageState(
-        name=stage["name"],
-        source=playing.state.uri if stage["source"] == playing.uri else stage["source"],
-        rate=stage["rate"],
-        refused=stage["refused"],
-        recording=stage["recording"],
-        count_in=stage.get("count_in", 0),
-    )
+    known = {key: stage[key] for key in ("name", "rate", "refused", "recording")}
+    source = playing.state.uri if stage["source"] == playing.uri else stage["source"]
+    return StageState(source=source, count_in=stage.get("count_in", 0), **known)
 
 
 def _performer(user: dict[str, Any], stage: str) -> PerformerState:

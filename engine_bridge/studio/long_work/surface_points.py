@@ -3,6 +3,7 @@
 import re
 from typing import Any
 
+import igl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -99,17 +100,9 @@ def _other_side(table: dict[str, Any], left: NDArray[np.float64], mesh: SolverMe
 
 
 def _depth(mesh: SolverMesh, start: NDArray[np.float64], direction: NDArray[np.float64]) -> float:
-    """Return the distance (Möller and Trumbore 1997) to the next surface along a direction; 0 if there is none."""
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
-    across = np.cross(direction, c - a)
-    volume = np.einsum("fx,fx->f", b - a, across)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        u = np.einsum("fx,fx->f", start - a, across) / volume
-        turned = np.cross(start - a, b - a)
-        v = turned @ direction / volume
-        distance = np.einsum("fx,fx->f", c - a, turned) / volume
-    hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (distance > SKIN_SHARE * mesh.diagonal) & np.isfinite(distance)
-    return float(distance[hit].min()) if hit.any() else 0.0
+    """Return the distance to the next surface along a direction; 0 if there is none."""
+    hits = igl.ray_mesh_intersect(start, np.ascontiguousarray(direction), mesh.vertices, mesh.faces)
+    return next((distance for _, distance, *_ in hits if distance > SKIN_SHARE * mesh.diagonal), 0.0)
 
 
 def _swapped_in(value: Any) -> Any:

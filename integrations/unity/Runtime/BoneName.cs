@@ -42,6 +42,10 @@ namespace Puppetline
             "Foot: foot ankle",
             "Toes: toes toebase toe ball");
 
+        /// <summary>A finger's joint, by its part or by its number from the palm.</summary>
+        static readonly Regex Finger = new Regex(
+            "^(?:jbip)?(?:hand|f)?(thumb|index|middle|ring|little|pink[a-z]+)(?:finger)?(?:0*([123])|(metacarpal|proximal|intermediate|distal))$");
+
         static readonly Dictionary<string, string> Sides = Meanings("left: left l", "right: right r");
 
         static readonly HashSet<string> Prefixes = new HashSet<string> { "def", "org", "mixamorig", "bip01", "bip001" };
@@ -64,7 +68,21 @@ namespace Puppetline
                     rest += word;
                 }
             }
-            return (side == null ? Middle : Sided).TryGetValue(rest, out string meaning) ? side + meaning : null;
+            if ((side == null ? Middle : Sided).TryGetValue(rest, out string meaning))
+            {
+                return side + meaning;
+            }
+            Match joint = Finger.Match(rest);
+            return side != null && joint.Success ? side + FingerOf(joint) : null;
+        }
+
+        /// <summary>Return VRM's name of a finger's joint without its side.</summary>
+        static string FingerOf(Match joint)
+        {
+            string finger = joint.Groups[1].Value.StartsWith("pink") ? "little" : joint.Groups[1].Value;
+            string[] parts = finger == "thumb" ? new[] { "metacarpal", "proximal", "distal" } : new[] { "proximal", "intermediate", "distal" };
+            string part = joint.Groups[2].Success ? parts[int.Parse(joint.Groups[2].Value) - 1] : joint.Groups[3].Value;
+            return char.ToUpperInvariant(finger[0]) + finger.Substring(1) + char.ToUpperInvariant(part[0]) + part.Substring(1);
         }
 
         /// <summary>Return the number of the bone for each joint: one of the same name, or of the same meaning.</summary>

@@ -131,7 +131,7 @@ def test_a_looped_camera_is_an_error():
         open_camera("camera:0?loop", "0?loop")
 
 
-@pytest.mark.parametrize("module", ["cv2", "mediapipe.python.solutions"])
+@pytest.mark.parametrize("module", ["cv2", "mediapipe.python.solutions.pose"])
 def test_a_missing_library_is_an_error_with_the_package(monkeypatch, module):
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(SourceError, match=r"pip install 'puppetline\[camera\]'"):

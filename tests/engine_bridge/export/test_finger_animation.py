@@ -7,7 +7,10 @@ from scipy.spatial.transform import Rotation
 from capture.channels import FINGER_CHANNELS, FINGERS, FULL_BEND_DEGREES
 from engine_bridge.character.document_reader import load_document
 from engine_bridge.character.scene import world_transforms
-from engine_bridge.export.finger_animation import bend_fingers, finger_joints
+from engine_bridge.export.finger_animation import bend_fingers, finger_joints, with_fingers
+from engine_bridge.puppet.humanoid_bones import FINGER_BONES
+from engine_bridge.rigging.joints import Joint
+from engine_bridge.rigging.skeleton import Skeleton
 
 QUARTER = 90 / FULL_BEND_DEGREES
 VRM_1 = {
@@ -102,3 +105,32 @@ def test_fists_are_mirror_images_and_fingertips_return_to_the_palm(hands):
             assert abs(place[0]) < abs(places[side, finger, 1][0])
             assert place[1] < -0.02
     assert places["left", "thumb", 3][1] < 0
+
+
+@pytest.fixture
+def live(hands):
+    """A skeleton with two hands, in whose place the document's fingers are."""
+    points = {side: np.array([[out * 0.4, 0, 0], [out * 0.7, 0, 0]]) for side, out in (("left", 1.0), ("right", -1.0))}
+    joints = [
+        Joint(f"{side}Hand", -1, number, points[side][1], points[side][1], f"{side} arm")
+        for number, side in enumerate(points)
+    ]
+    return with_fingers(Skeleton(tuple(joints), np.tile(np.eye(3), (2, 1, 1)), np.eye(3), np.zeros(3)), hands)
+
+
+def test_live_bones_have_the_fingers_of_the_file_which_channels_bend_as_in_an_animation(hands, live):
+    skeleton, bends = live
+    assert skeleton.names[2:] == tuple(FINGER_BONES[joint] for joint in sorted(finger_joints(hands)))
+    assert not skeleton.travelling[2:].any()
+    channels = {name: QUARTER for name in FINGER_CHANNELS if not name.startswith("thumb")} | {"thumb_2_left": 0.5}
+    positions, rotations = skeleton.rest
+    bends.bend(rotations, channels)
+    bend_fingers(hands, {name: np.full(3, channels.get(name, 0.0), np.float32) for name in FINGER_CHANNELS})
+    turned, places = {}, {}
+    for row, joint in enumerate(skeleton.joints):
+        above = joint.parent
+        turn = Rotation.from_quat(rotations[row])
+        turned[row] = turn if above < 0 else turned[above] * turn
+        places[row] = positions[row] if above < 0 else places[above] + turned[above].apply(positions[row])
+    for joint, place in shown(hands, 1).items():
+        np.testing.assert_allclose(places[skeleton.names.index(FINGER_BONES[joint])], place, atol=1e-6)

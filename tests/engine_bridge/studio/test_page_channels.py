@@ -135,7 +135,7 @@ def test_meters_are_mapped_by_clicks_and_learn_how_far_the_performers_mouth_open
 
     wait_until(window, lambda: dropped() > 0.12)  # more than half of the way
     with window.page.expect_download() as download:
-        window.button("Save puppet file").click()
+        window.button("Save the character").click()
     text = download.value.path().read_text()
     assert '[[channel]]\nname = "mouth_open"\n' in text
     assert 'channel = "smile"\ngain = 0.5\n' in text

@@ -48,6 +48,15 @@ def test_a_hind_leg_has_a_knee_and_a_hock_and_a_front_leg_none(solver_mesh):
         assert np.abs(front[:2, [0, 2]] - (sign * (0.25, 0, 0.9))[[0, 2]]).max() < 0.1
 
 
+def test_a_rump_that_sticks_out_is_no_hock(solver_mesh):
+    straight = [((0.2, 1.0, -0.8), (0.25, 0.07, -0.8), 0.1), ((0.25, 0.07, -0.8), (0.25, 0.05, -0.62), 0.07)]
+    rump = [((0.12, 0.85, -1.05), (0.14, 0.62, -0.9), 0.17)]
+    limbs = found(solver_mesh([*TRUNK, *both(*straight, *rump, *FRONT)]))
+    heights = limbs["left hind leg"][1:-1, 1]
+    assert (np.diff(heights) < -0.2).all()
+    assert heights[-1] < 0.35
+
+
 @pytest.mark.parametrize(
     ("legs", "names"),
     [

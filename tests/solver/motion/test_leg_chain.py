@@ -8,6 +8,7 @@ UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 HIND = np.array([[0, 1.0, 0], [0, 0.62, 0.12], [0, 0.35, -0.14], [0, 0.06, 0.0]])  # hip, knee, hock, fetlock
 SPIDER = np.array([[0.1, 0.5, 0], [0.4, 0.8, 0.1], [0.8, 0.7, 0.1], [1.0, 0.0, 0.1]])
 STRAIGHT = np.array([[0, 1.0, 0], [0, 0.5, 0], [0, 0.0, 0]])
+NEARLY_STRAIGHT = np.array([[0, 1.0, 0], [0, 0.5, -0.01], [0, 0.0, 0]])  # bent to the other side than it folds
 
 
 @compiled
@@ -40,7 +41,7 @@ def test_a_leg_whose_ankle_is_where_it_is_at_rest_does_not_move(points):
     assert np.allclose(motions[:, 3], 0, atol=1e-12)
 
 
-@pytest.mark.parametrize("points", [HIND, SPIDER, STRAIGHT])
+@pytest.mark.parametrize("points", [HIND, SPIDER, STRAIGHT, NEARLY_STRAIGHT])
 @pytest.mark.parametrize("way", [(0, 0.1, 0), (0.02, 0.2, 0.15), (-0.03, 0.05, -0.2)])
 def test_the_ankle_goes_where_it_should_and_the_bones_keep_their_lengths(points, way):
     wanted = points[-1] + way

@@ -20,6 +20,11 @@ const _SIDED: Dictionary = {
 	"Foot": ["foot", "ankle"],
 	"Toes": ["toes", "toebase", "toe", "ball"],
 }
+## A finger's joint, by its part or by its number from the palm.
+const _FINGER := (
+	"^(?:hand|f)?(thumb|index|middle|ring|little|pink[a-z]+)(?:finger)?"
+	+ "(?:0*([123])|(metacarpal|proximal|intermediate|distal))$"
+)
 const _PREFIXES: Array[String] = ["def", "org", "mixamorig", "bip01", "bip001", "jbip", "valvebiped"]
 
 
@@ -60,7 +65,17 @@ static func meaning_of(bone: String) -> String:
 	for meaning: String in table:
 		if own in table[meaning]:
 			return side + meaning
-	return ""
+	return "" if side.is_empty() else _finger_of(side, own)
+
+
+static func _finger_of(side: String, own: String) -> String:
+	var joint := RegEx.create_from_string(_FINGER).search(own)
+	if joint == null:
+		return ""
+	var finger := "little" if joint.get_string(1).begins_with("pink") else joint.get_string(1)
+	var parts := ["metacarpal", "proximal", "distal"] if finger == "thumb" else ["proximal", "intermediate", "distal"]
+	var part: String = parts[joint.get_string(2).to_int() - 1] if joint.get_string(2) else joint.get_string(3)
+	return side + finger.capitalize() + part.capitalize()
 
 
 ## Return the words of a name in lower case, without its namespace: "mixamorig:LeftUpLeg" has left, up and leg.

@@ -13,9 +13,10 @@ from pathlib import Path
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
-from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.protocol.header import Header, Kind, join, topic
 from engine_bridge.service.protocol.payloads import encode
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from solver.motion.deformer import Deformer
 
 ROOT = Path(__file__).parents[1]

@@ -11,8 +11,8 @@ from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.service.loading.service_file import name_from_stem
 from engine_bridge.service.protocol.clip_file import ClipFacts, beginning, frame_message
-from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.header import NAME
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from puppetline.errors import OutputError
 from puppetline.files import check_writable, written_whole
 from solver.model.batch import MAX_BATCH_FRAMES

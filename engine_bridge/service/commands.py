@@ -165,7 +165,7 @@ class _Commands:
 
     def revert_puppet(self, asked: requests.OneCharacter) -> dict[str, Any]:
         runner, player = self._editable(asked.character)
-        return self._remap(runner, player, self._service.document(player).puppet)
+        return self._remap(runner, player, player.document.puppet)
 
     def reload(self, _: requests.Nothing) -> Deferred:
         return self._service.reload()
@@ -207,7 +207,7 @@ class _Commands:
             "scale": puppet.retarget.scale,
             "smoothing": puppet.smoothing.model_dump() | {"max_deviation": deviation if isfinite(deviation) else None},
             "joints": list(JOINTS),
-            "saved": puppet == self._service.document(player).puppet,
+            "saved": puppet == player.document.puppet,
         }
 
     def _moved(self, move: Callable[[Timeline, float], None]) -> dict[str, Any]:

@@ -20,21 +20,21 @@ from typing import Any
 import zmq
 
 from engine_bridge.puppet.puppet import Puppet
-from engine_bridge.puppet.puppet_document import PuppetDocument
 from engine_bridge.service.background_jobs import Jobs
 from engine_bridge.service.control.control_socket import Control
 from engine_bridge.service.control.dispatcher import Command, Deferred, Dispatcher
 from engine_bridge.service.control.requests import PlayTake
 from engine_bridge.service.discovery import Announcement
 from engine_bridge.service.loading.service_file import ServiceFile
-from engine_bridge.service.loading.stage_loader import CharacterLoader, LoadedStage, load_stages
+from engine_bridge.service.loading.stage_loader import LoadedStage, load_stages
 from engine_bridge.service.look_command import Looking
 from engine_bridge.service.monitoring.logs import OnceASecond, fields
 from engine_bridge.service.monitoring.status import Status
 from engine_bridge.service.monitoring.systemd import Notifier
 from engine_bridge.service.outputs.output import Opening, Output
 from engine_bridge.service.players.character_player import CharacterPlayer
-from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.frame import Frame
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.security.endpoints import Endpoint, endpoints_of
 from engine_bridge.service.security.guard import Guard
 from engine_bridge.service.stages import calibration_store
@@ -120,8 +120,9 @@ class Service:
         self.playback = TakePlayback(self.find, self.show_frames)
         self.count_in = CountIn(self.playback)
         self._reported: object = None
-        self._loader = CharacterLoader(settings, folder, self._jobs.calibrating)
-        self.runners = [stage.runner for stage in load_stages(settings, folder, self._loader)]
+        outputs = [table for _, table in settings.output_tables()]
+        self._load_stages = partial(load_stages, folder=folder, executor=self._jobs.calibrating, outputs=outputs)
+        self.runners = [stage.runner for stage in self._load_stages(settings)]
         keep.callback(self._close_runners)
         calibration_store.recall(self._live_stages(), calibration_store.state_file())
         self._outputs: list[Output] = []
@@ -130,7 +131,7 @@ class Service:
         self.kiosk: Kiosk | None = None
         if settings.kiosk is not None:
             folder, count_in = self.takes.folder, self.count_in
-            self.kiosk = Kiosk(settings.kiosk, folder, count_in, self.document, self._stop_clip, self._jobs)
+            self.kiosk = Kiosk(settings.kiosk, folder, count_in, self._stop_clip, self._jobs)
             keep.callback(self.kiosk.close)
         self._reporter = Reporter()
         self._looking = Looking(self._jobs, self._answer)
@@ -281,10 +282,6 @@ class Service:
         """Report what the source of a stage sees; the answer comes when the image is drawn."""
         return self._looking.ask(runner)
 
-    def document(self, player: CharacterPlayer) -> PuppetDocument:
-        """Return the puppet file that a character was loaded from."""
-        return self._loader.document(player)
-
     def remap(self, runner: StageRunner, player: CharacterPlayer, puppet: Puppet) -> None:
         """Move a character's handles by other joints, and change its idle motion as soon as that is computed."""
         if puppet == player.character.rig.puppet:
@@ -296,7 +293,7 @@ class Service:
 
     def save(self, player: CharacterPlayer, result: Callable[[], Any]) -> Deferred:
         """Write a character's mapping into its puppet file; the answer is `result()`, called when it is written."""
-        write = partial(self.document(player).save, player.character.rig.puppet)
+        write = partial(player.document.save, player.character.rig.puppet)
         return self._later(self._jobs.writing, write, lambda _: result())
 
     def show_frames(self, runner: StageRunner, frames: list[Frame]) -> None:
@@ -321,7 +318,7 @@ class Service:
     def _load(self) -> list[LoadedStage]:
         """Load the stages of the service file again; runs in a thread."""
         settings = self._settings if self._read_settings is None else self._read_settings()
-        return load_stages(settings, self._folder, self._loader, list(self.runners))
+        return self._load_stages(settings, runners=list(self.runners))
 
     def _turn(self) -> None:
         """Wait until something arrives or is due, and process it: skeletons first."""

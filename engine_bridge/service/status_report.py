@@ -3,7 +3,7 @@
 import os
 import time
 from collections import Counter, defaultdict, deque
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 
@@ -32,67 +32,6 @@ WINDOW_SECONDS = 10.0
 
 WINDOW_FRAMES = 16_384
 """Maximum number of frames in a window: ten seconds at 1600 frames per second."""
-
-
-class Statistics:
-    """Counts skeletons and frames; one thread calls it."""
-
-    def __init__(self) -> None:
-        self._process = psutil.Process()
-        self._version = version("puppetline")
-        self._started = time.monotonic()
-        self._taken, self._latencies, self._performed = (defaultdict[str, _Window](_Window) for _ in range(3))
-        self._cpu = (self._started, time.process_time())
-
-    def taken(self, stage: str) -> None:
-        """Count a skeleton that a stage has received."""
-        self._taken[stage].add(time.monotonic())
-
-    def performed(self, stage: str, character: str, received: int) -> None:
-        """Count a character's frame that has just been sent.
-
-        Parameters
-        ----------
-        stage, character : str
-            Names.
-        received : int
-            `time.monotonic_ns` at which the skeleton that moved it arrived.
-        """
-        now = time.monotonic_ns()
-        self._latencies[stage].add(now * 1e-9, (now - received) * 1e-6)
-        self._performed[character].add(now * 1e-9)
-
-    def service(self) -> ServiceStatus:
-        """Return the state of the process; the share of the processor is measured since the previous call."""
-        now = time.monotonic()
-        return ServiceStatus(
-            version=self._version,
-            uptime=now - self._started,
-            pid=os.getpid(),
-            memory=self._process.memory_info().rss,
-            cpu=self._cpu_share(now),
-        )
-
-    def stage(self, name: str) -> tuple[int, float, LatencyStatus]:
-        """Return the number of skeletons of a stage, their rate per second, and its latency."""
-        now = time.monotonic()
-        return *self._taken[name].count_and_rate(now), self._latencies[name].percentiles(now)
-
-    def character(self, name: str) -> tuple[int, float]:
-        """Return the number of frames of a character and their rate per second."""
-        return self._performed[name].count_and_rate(time.monotonic())
-
-    def keep(self, stages: Collection[str], characters: Collection[str]) -> None:
-        """Forget all stages and characters but these."""
-        for windows, named in ((self._taken, stages), (self._latencies, stages), (self._performed, characters)):
-            for name in windows.keys() - set(named):
-                del windows[name]
-
-    def _cpu_share(self, now: float) -> float:
-        """Return the share of one core since the previous call."""
-        used = time.process_time()
-        (then, used_then), self._cpu = self._cpu, (now, used)
-        return (used - used_then) / max(now - then, 1e-3)
 
 
 class _Window:
@@ -131,19 +70,24 @@ class Reporter:
     """Counts what stages receive and what characters send, and builds the status from it; one thread calls it."""
 
     def __init__(self) -> None:
-        self._statistics = Statistics()
+        self._process = psutil.Process()
+        self._version = version("puppetline")
+        self._started = time.monotonic()
+        self._cpu = (self._started, time.process_time())
+        self._received, self._latencies, self._sent = (defaultdict[str, _Window](_Window) for _ in range(3))
         self._residuals: dict[str, float] = {}
         self._limited: Counter[str] = Counter()
 
     def received(self, stage: str, skeletons: int) -> None:
         """Count skeletons that a stage has received."""
         for _ in range(skeletons):
-            self._statistics.taken(stage)
+            self._received[stage].add(time.monotonic())
 
     def sent(self, stage: str, frame: Frame) -> None:
-        """Count a frame that has been offered to all outputs."""
-        name = frame.character.name
-        self._statistics.performed(stage, name, frame.received)
+        """Count a frame that has just been offered to all outputs."""
+        name, now = frame.character.name, time.monotonic_ns()
+        self._latencies[stage].add(now * 1e-9, (now - frame.received) * 1e-6)
+        self._sent[name].add(now * 1e-9)
         if "morphs" in frame.__dict__ and frame.morphs is not None:  # computed for an output
             self._residuals[name] = frame.morphs.residual
             self._limited[name] += frame.morphs.limited
@@ -157,10 +101,13 @@ class Reporter:
         timeline: TimelineStatus | None = None,
     ) -> Status:
         """Return the present status; the numbers of stages and characters that no longer exist are forgotten."""
+        stages = {runner.stage.name for runner in runners}
         names = {player.character.name for runner in runners for player in runner.stage.players}
-        self._statistics.keep({runner.stage.name for runner in runners}, names)
+        for windows, kept in ((self._received, stages), (self._latencies, stages), (self._sent, names)):
+            for name in windows.keys() - kept:
+                del windows[name]
         return Status(
-            service=self._statistics.service(),
+            service=self._service(),
             stages=[self._stage(runner, count_in(runner)) for runner in runners],
             characters=[self._character(player, runner) for runner in runners for player in runner.stage.players],
             clients=clients,
@@ -168,9 +115,22 @@ class Reporter:
             timeline=timeline,
         )
 
+    def _service(self) -> ServiceStatus:
+        """Return the state of the process; the share of the processor is measured since the previous call."""
+        now, used = time.monotonic(), time.process_time()
+        (then, used_then), self._cpu = self._cpu, (now, used)
+        return ServiceStatus(
+            version=self._version,
+            uptime=now - self._started,
+            pid=os.getpid(),
+            memory=self._process.memory_info().rss,
+            cpu=(used - used_then) / max(now - then, 1e-3),
+        )
+
     def _stage(self, runner: StageRunner, count_in: int) -> StageStatus:
         stage, source = runner.stage, runner.source
-        frames, rate, latency = self._statistics.stage(stage.name)
+        now = time.monotonic()
+        frames, rate = self._received[stage.name].count_and_rate(now)
         sensor = next((player.sensor for player in stage.players if player.sensor != SensorTilt()), SensorTilt())
         return StageStatus(
             name=stage.name,
@@ -180,7 +140,7 @@ class Reporter:
             dropped=source.counts.dropped,
             refused=dict(source.counts.refused),
             faults=runner.faults,
-            latency_ms=latency,
+            latency_ms=self._latencies[stage.name].percentiles(now),
             users=_users(runner),
             sensor=SensorStatus(**{name: round(value, 2) for name, value in asdict(sensor).items()}),
             recording=runner.recording,
@@ -189,7 +149,7 @@ class Reporter:
 
     def _character(self, player: CharacterPlayer, runner: StageRunner) -> CharacterStatus:
         name = player.character.name
-        frames, rate = self._statistics.character(name)
+        frames, rate = self._sent[name].count_and_rate(time.monotonic())
         return CharacterStatus(
             name=name,
             stage=runner.stage.name,

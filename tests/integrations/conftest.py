@@ -14,9 +14,10 @@ from engine_bridge.performance.exercise import random_poses
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.service.clip_export import write_clip
-from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.protocol.header import Header, Kind, join, topic
 from engine_bridge.service.protocol.payloads import encode
+from engine_bridge.service.protocol.scene import StreamedCharacter
 
 from ..engine_bridge import conftest as figures
 from ..engine_bridge.service import conftest as services

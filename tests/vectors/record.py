@@ -11,7 +11,7 @@ from engine_bridge.character.preparation import prepare
 from engine_bridge.export.live_basis import REACH, LiveBasis
 from engine_bridge.performance.rig import Rig
 from engine_bridge.puppet import puppet_file
-from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.protocol.header import (
     FRAME_KINDS,
     Header,
@@ -22,6 +22,7 @@ from engine_bridge.service.protocol.header import (
     write_json,
 )
 from engine_bridge.service.protocol.payloads import decode, encode
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.states import STATES
 from solver.motion.deformer import Deformer
 from solver.motion.limbs import bones_of

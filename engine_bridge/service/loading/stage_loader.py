@@ -1,10 +1,9 @@
 """Loads the stages of a service file and their characters, at the start and at each reload."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
-from weakref import WeakKeyDictionary
 
 from capture.sound_input import is_sound_file, open_sound
 from engine_bridge.export.live_basis import LiveBasis
@@ -17,14 +16,17 @@ from engine_bridge.service.loading.service_file import (
     character_names,
     stage_names,
 )
+from engine_bridge.service.outputs.output import OutputTable
 from engine_bridge.service.players.character_player import CharacterPlayer
-from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.stages.stage import Stage
 from engine_bridge.service.stages.stage_runner import StageRunner
 
 
-class CharacterLoader:
-    """Loads the characters of a service file.
+def load_players(
+    settings: ServiceFile, folder: Path, executor: Executor, outputs: Iterable[OutputTable]
+) -> list[list[CharacterPlayer]]:
+    """Load all characters of a service file and return their players, one list per stage.
 
     Parameters
     ----------
@@ -33,49 +35,32 @@ class CharacterLoader:
         Folder that the paths in the service file are relative to.
     executor : Executor
         Computes calibrations.
+    outputs : iterable of OutputTable
+        Tables of the outputs that are open; each checks the puppets.
+
+    Raises
+    ------
+    PuppetlineError
+        The first error in one of the files.
     """
 
-    def __init__(self, settings: ServiceFile, folder: Path, executor: Executor) -> None:
-        self._settings, self._folder, self._executor = settings, folder, executor
-        self._documents: WeakKeyDictionary[CharacterPlayer, PuppetDocument] = WeakKeyDictionary()
-
-    def load(self, settings: ServiceFile) -> list[list[CharacterPlayer]]:
-        """Load all characters and return their players, one list per stage.
-
-        Parameters
-        ----------
-        settings : ServiceFile
-            The service file, or a newer one for its stages.
-
-        Raises
-        ------
-        PuppetlineError
-            The first error in one of the files.
-        """
-        return [
-            [
-                self._player(stage, table, name)
-                for table, name in zip(stage.character, character_names(stage), strict=True)
-            ]
-            for stage in settings.stage
-        ]
-
-    def document(self, player: CharacterPlayer) -> PuppetDocument:
-        """Return the puppet file that a character was loaded from."""
-        return self._documents[player]
-
-    def _player(self, stage: StageTable, table: CharacterTable, name: str) -> CharacterPlayer:
-        document = PuppetDocument(self._folder / table.puppet)
-        for _, output in self._settings.output_tables():
+    def player(stage: StageTable, table: CharacterTable, name: str) -> CharacterPlayer:
+        document = PuppetDocument(folder / table.puppet)
+        for output in outputs:
             output.check_puppet(name, document.puppet, document.path)
         rig = rig_of(document.puppet, document.path)
-        basis = None if table.morphs is None else LiveBasis.load(self._folder / table.morphs, rig)
+        basis = None if table.morphs is None else LiveBasis.load(folder / table.morphs, rig)
         character = StreamedCharacter.of(name, rig, basis)
         character.prepare()  # now, so that the first client does not wait for it
-        idle = None if table.idle is None else self._folder / table.idle
-        player = CharacterPlayer(character, stage.player_settings, self._executor, idle)
-        self._documents[player] = document
-        return player
+        idle = None if table.idle is None else folder / table.idle
+        loaded = CharacterPlayer(character, stage.player_settings, executor, idle)
+        loaded.document = document
+        return loaded
+
+    return [
+        [player(stage, table, name) for table, name in zip(stage.character, character_names(stage), strict=True)]
+        for stage in settings.stage
+    ]
 
 
 @dataclass(frozen=True)
@@ -88,16 +73,18 @@ class LoadedStage:
 
 
 def load_stages(
-    settings: ServiceFile, folder: Path, loader: CharacterLoader, runners: Sequence[StageRunner] = ()
+    settings: ServiceFile,
+    folder: Path,
+    executor: Executor,
+    outputs: Iterable[OutputTable],
+    runners: Sequence[StageRunner] = (),
 ) -> list[LoadedStage]:
     """Load the stages of a service file, and open the sources that no stage has yet.
 
     Parameters
     ----------
-    settings : ServiceFile
-    folder : Path
-        Folder that files of the sources are relative to.
-    loader : CharacterLoader
+    settings, folder, executor, outputs
+        See `load_players`.
     runners : sequence of StageRunner
         Runners of the previous load; the sequence is not changed.
 
@@ -112,7 +99,8 @@ def load_stages(
     loaded: list[LoadedStage] = []
     kept = list(runners)
     try:
-        for name, table, players in zip(stage_names(settings), settings.stage, loader.load(settings), strict=True):
+        cast = load_players(settings, folder, executor, outputs)
+        for name, table, players in zip(stage_names(settings), settings.stage, cast, strict=True):
             runner = _matching(kept, name, table.source, table.sound)
             if runner is None:
                 runner = StageRunner(table.source, Stage(name, players, table.settings), folder, table.sound)

@@ -11,7 +11,8 @@ import zmq
 
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.service.monitoring.status import OutputStatus, Status
-from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.frame import Frame
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.security.endpoints import Endpoint
 from engine_bridge.service.security.guard import Guard
 from puppetline.toml_schema import Table

@@ -12,7 +12,7 @@ from typing import Any, Generic, TypeVar
 from engine_bridge.service.monitoring.status import Status
 from engine_bridge.service.outputs.output import Output
 from engine_bridge.service.outputs.subscriptions import Answers, Subscriptions
-from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.protocol.header import (
     FRAME_KINDS,
     WORDS,
@@ -25,6 +25,7 @@ from engine_bridge.service.protocol.header import (
     write_json,
 )
 from engine_bridge.service.protocol.payloads import header, message
+from engine_bridge.service.protocol.scene import StreamedCharacter
 
 Peer = TypeVar("Peer", bound=Hashable)
 """What messages are sent to: a ZeroMQ socket with all its clients, or one client."""

@@ -11,8 +11,8 @@ import zmq
 from engine_bridge.service.monitoring.status import OutputStatus
 from engine_bridge.service.outputs.output import Opening, Output, OutputTable
 from engine_bridge.service.outputs.stream import Stream, StreamOutput
-from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.header import FRAME_KINDS
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.security.endpoints import Endpoint, NetworkSettings
 
 QUEUED_FRAMES = 2

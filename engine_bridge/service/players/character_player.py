@@ -25,9 +25,11 @@ from engine_bridge.performance.idle import IdleRecording
 from engine_bridge.performance.performance import mirrored
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.puppet.puppet import Puppet
+from engine_bridge.puppet.puppet_document import PuppetDocument
 from engine_bridge.service.players.automatic_calibration import AutomaticCalibration, Calibrate, PreparedCalibration
 from engine_bridge.service.players.pose_display import Appearance, PoseDisplay
-from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.frame import Frame
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.states import State
 from puppetline.errors import ServiceError
 from solver.motion.deformer import Deformer
@@ -75,6 +77,8 @@ class CharacterPlayer:
 
     Attributes
     ----------
+    document : PuppetDocument
+        The puppet file that it was loaded from, assigned by the loader.
     follows_take : bool
         Whether a take drives the character instead of a performer.
     display : PoseDisplay
@@ -84,6 +88,8 @@ class CharacterPlayer:
     PuppetlineError
         The recording cannot be read, or the character cannot be solved.
     """
+
+    document: PuppetDocument
 
     def __init__(
         self, character: StreamedCharacter, settings: PlayerSettings, executor: Executor, idle: Path | None = None

@@ -14,7 +14,8 @@ from engine_bridge.performance.idle import IdleRecording
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.performance.rig import Rig
-from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.frame import Frame
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.states import State
 from solver.motion.deformer import Deformer
 from solver.motion.motion_blend import difference, moved_by

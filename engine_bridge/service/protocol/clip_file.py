@@ -10,7 +10,6 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.header import (
     PAYLOAD_OFFSET,
     Header,
@@ -22,6 +21,7 @@ from engine_bridge.service.protocol.header import (
     write_json,
 )
 from engine_bridge.service.protocol.payloads import Received, decode
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.states import STATES
 from solver.motion.deformer import to_file_units
 

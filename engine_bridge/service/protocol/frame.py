@@ -3,156 +3,23 @@
 Each property is computed when it is first used, and once.
 """
 
-import hashlib
 from collections.abc import Mapping
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character import own_targets
-from engine_bridge.character.materials import drawn_normals
-from engine_bridge.export.finger_animation import FingerBends, with_fingers
-from engine_bridge.performance.channels import ChannelMotion, weights_at
-from engine_bridge.performance.rig import Rig
-from engine_bridge.puppet.puppet import Puppet
-from engine_bridge.rigging.humanoid import humanoid_of, is_humanoid
-from engine_bridge.rigging.skeleton import Skeleton
+from engine_bridge.performance.channels import weights_at
 from engine_bridge.service.protocol.header import Kind
-from engine_bridge.service.protocol.quantisation import quantised
-from engine_bridge.service.protocol.scene import arrays_start, encode_scene, with_description
-from solver.model.binding import ShadedBinding
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from solver.model.reduced_model import Controls
 from solver.motion.deformer import to_file_units
-from solver.motion.handle_motion import HandleMotions
-from solver.motion.limbs import bones_of
 
 if TYPE_CHECKING:
-    from engine_bridge.export.live_basis import LiveBasis, Projection
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class StreamedCharacter:
-    """The part of a character that does not change from frame to frame.
-
-    Attributes
-    ----------
-    name : str
-        Name in topics: ``[A-Za-z0-9_-]{1,32}``.
-    rig : Rig
-    revision : int
-        32 bits of a hash of the scene and the morph targets. A new mapping does not change it, see `remapped`.
-    basis : LiveBasis or None
-        Morph targets that poses are projected on.
-    """
-
-    name: str
-    rig: Rig
-    revision: int
-    basis: "LiveBasis | None" = None
-
-    @classmethod
-    def of(cls, name: str, rig: Rig, basis: "LiveBasis | None" = None) -> Self:
-        """Return a character with the revision that follows from its scene and its morph targets."""
-        digest = hashlib.sha256(cls(name, rig, 0, basis).scene)
-        if basis is not None:
-            digest.update(basis.targets.tobytes())
-        return cls(name, rig, int.from_bytes(digest.digest()[:4], "little"), basis)
-
-    @cached_property
-    def rest(self) -> NDArray[np.float64]:
-        """(n, 3): rest positions, mesh file's coordinates."""
-        return self.rig.character.vertices
-
-    @cached_property
-    def triangles(self) -> NDArray[np.int64]:
-        """(t, 3)."""
-        return self.rig.character.triangles
-
-    @cached_property
-    def normals(self) -> NDArray[np.float64]:
-        """(n, 3): unit rest normals, rounded as clients receive them, so that clients compute the same tangents."""
-        return drawn_normals(self.rig.character).astype(np.float32).astype(np.float64)
-
-    @cached_property
-    def binding(self) -> ShadedBinding:
-        """The binding that turns controls into positions and normals."""
-        return ShadedBinding(self.rig.model, self.rest, self.rig.mesh.of_render, self.normals, self.triangles)
-
-    @cached_property
-    def humanoid(self) -> Skeleton | None:
-        """Its limbs as bones of a humanoid; None if it is not a humanoid."""
-        return humanoid_of(self.rig.puppet, self.rest) if is_humanoid(self.rig.puppet) else None
-
-    @property
-    def skeleton(self) -> Skeleton | None:
-        """Its named joints, with axes along the bones, and those of its file's fingers; None without limbs."""
-        return None if self._with_fingers is None else self._with_fingers[0]
-
-    @property
-    def finger_bends(self) -> FingerBends | None:
-        """How channels bend the joints of its fingers; None without limbs."""
-        return None if self._with_fingers is None else self._with_fingers[1]
-
-    @cached_property
-    def _with_fingers(self) -> tuple[Skeleton, FingerBends] | None:
-        made = Skeleton.along_bones(self.rig.puppet) if self.rig.puppet.limb else None
-        return None if made is None else with_fingers(made, self.rig.character.document)
-
-    @cached_property
-    def handle_motions(self) -> HandleMotions | None:
-        """Rigid motions of its handles; None if it has none."""
-        handles = self.rig.puppet.handle_positions
-        return HandleMotions(self.rig.model, self.rig.mesh, handles) if len(handles) else None
-
-    @cached_property
-    def channel_motion(self) -> ChannelMotion:
-        """How channels bend its limbs and move its handles."""
-        return ChannelMotion(self.rig.puppet, bones_of(self.rig.puppet.limbs))
-
-    @cached_property
-    def displacements(self) -> NDArray[np.float32]:
-        """(k, n, 3): displacements by the mesh's own morph targets that channels move."""
-        moved = [own_targets.displacements(self.rig.character, name) for name in self.rig.puppet.targets]
-        return np.array(moved, np.float32).reshape(-1, len(self.rest), 3)
-
-    @cached_property
-    def scene(self) -> bytes:
-        """The payload of its scene message."""
-        return encode_scene(self)
-
-    @property
-    def digest(self) -> str:
-        """The digest of its scene (docs/protocol.md, "Keep scenes"), in hexadecimal digits."""
-        description = self.scene[: arrays_start(self.scene)]
-        return hashlib.sha256(description + self._arrays_digest).hexdigest()
-
-    @cached_property
-    def _arrays_digest(self) -> bytes:
-        return hashlib.sha256(memoryview(self.scene)[arrays_start(self.scene) :]).digest()
-
-    def remapped(self, puppet: Puppet) -> "StreamedCharacter":
-        """Return the same character with another mapping, and keep all that was computed from its mesh and model.
-
-        The description of its scene changes; its arrays and its revision stay.
-        """
-        other = copy(self)
-        vars(other)["rig"] = replace(self.rig, puppet=puppet)
-        for name in ("_with_fingers", "humanoid", "handle_motions", "channel_motion", "displacements"):
-            vars(other).pop(name, None)
-        vars(other)["scene"] = with_description(self.scene, other)
-        return other
-
-    def prepare(self) -> None:
-        """Compute what the first frame and the first client would wait for, compiled code included."""
-        controls = to_file_units(self.rig.model.rest_controls, self.rig.model)
-        quantised(*self.binding.vertices_and_normals(controls))
-        self.digest, self.humanoid, self.handle_motions, self.displacements  # noqa: B018
-        if self.skeleton is not None:
-            self.skeleton.rest  # noqa: B018
+    from engine_bridge.export.live_basis import Projection
 
 
 class BonePose(NamedTuple):

@@ -1,32 +1,43 @@
-"""The scene message: the constant part of a character, with which a client draws it and applies its controls.
+"""A streamed character: the constant part of its frames, and the scene message, with which a client draws it.
 
 A scene is a description in JSON, followed by arrays. Isoline coordinates (array ``ladder``) and their slopes represent
 the reduced model: with them a client turns controls into positions and normals (docs/protocol.md).
 """
 
+import hashlib
 import struct
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
 from math import prod
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import JOINTS
-from engine_bridge.character.materials import preview_colors
+from engine_bridge.character import own_targets
+from engine_bridge.character.character import Character
+from engine_bridge.character.materials import drawn_normals, preview_colors
+from engine_bridge.character.schema import Primitive
+from engine_bridge.export.finger_animation import FingerBends, with_fingers
+from engine_bridge.performance.channels import ChannelMotion
+from engine_bridge.performance.rig import Rig
 from engine_bridge.puppet.humanoid_bones import FINGER_BONES, HUMANOID_BONES
-from engine_bridge.rigging.skeleton import from_t_pose
+from engine_bridge.puppet.puppet import Puppet
+from engine_bridge.rigging.humanoid import humanoid_of, is_humanoid
+from engine_bridge.rigging.skeleton import Skeleton, from_t_pose
 from engine_bridge.service.protocol.header import WireError, read_json, write_json
+from engine_bridge.service.protocol.quantisation import quantised
+from solver.model.binding import ShadedBinding
 from solver.motion import quaternions as quat
+from solver.motion.deformer import to_file_units
+from solver.motion.handle_motion import HandleMotions
+from solver.motion.limbs import bones_of
 from solver.surface import tangents
 
 if TYPE_CHECKING:
-    from engine_bridge.character.character import Character
-    from engine_bridge.character.schema import Primitive
     from engine_bridge.export.live_basis import LiveBasis
-    from engine_bridge.performance.rig import Rig
-    from engine_bridge.puppet.puppet import Puppet
-    from engine_bridge.rigging.skeleton import Skeleton
 
 Array = NDArray[Any]
 """An array of one of the `TYPES`."""
@@ -37,47 +48,128 @@ TYPES: dict[str, np.dtype[Any]] = {"f32": np.dtype("<f4"), "u32": np.dtype("<u4"
 _LENGTH = struct.Struct("<I")
 
 
-class DrawnCharacter(Protocol):
-    """The parts of a scene; see `engine_bridge.service.protocol.frame.StreamedCharacter`."""
+@dataclass(frozen=True, eq=False, repr=False)
+class StreamedCharacter:
+    """The part of a character that does not change from frame to frame.
 
-    @property
-    def name(self) -> str:
-        """Name in topics."""
+    Attributes
+    ----------
+    name : str
+        Name in topics: ``[A-Za-z0-9_-]{1,32}``.
+    rig : Rig
+    revision : int
+        32 bits of a hash of the scene and the morph targets. A new mapping does not change it, see `remapped`.
+    basis : LiveBasis or None
+        Morph targets that poses are projected on.
+    """
 
-    @property
-    def revision(self) -> int:
-        """A number that differs after each reload that changes the character."""
+    name: str
+    rig: Rig
+    revision: int
+    basis: "LiveBasis | None" = None
 
-    @property
-    def rig(self) -> "Rig":
-        """The puppet, the character, its mesh and its model."""
+    @classmethod
+    def of(cls, name: str, rig: Rig, basis: "LiveBasis | None" = None) -> Self:
+        """Return a character with the revision that follows from its scene and its morph targets."""
+        digest = hashlib.sha256(cls(name, rig, 0, basis).scene)
+        if basis is not None:
+            digest.update(basis.targets.tobytes())
+        return cls(name, rig, int.from_bytes(digest.digest()[:4], "little"), basis)
 
-    @property
+    @cached_property
     def rest(self) -> NDArray[np.float64]:
         """(n, 3): rest positions, mesh file's coordinates."""
+        return self.rig.character.vertices
 
-    @property
+    @cached_property
     def triangles(self) -> NDArray[np.int64]:
         """(t, 3)."""
+        return self.rig.character.triangles
 
-    @property
+    @cached_property
     def normals(self) -> NDArray[np.float64]:
-        """(n, 3): unit rest normals."""
+        """(n, 3): unit rest normals, rounded as clients receive them, so that clients compute the same tangents."""
+        return drawn_normals(self.rig.character).astype(np.float32).astype(np.float64)
+
+    @cached_property
+    def binding(self) -> ShadedBinding:
+        """The binding that turns controls into positions and normals."""
+        return ShadedBinding(self.rig.model, self.rest, self.rig.mesh.of_render, self.normals, self.triangles)
+
+    @cached_property
+    def humanoid(self) -> Skeleton | None:
+        """Its limbs as bones of a humanoid; None if it is not a humanoid."""
+        return humanoid_of(self.rig.puppet, self.rest) if is_humanoid(self.rig.puppet) else None
 
     @property
-    def basis(self) -> "LiveBasis | None":
-        """Morph targets that poses are projected on."""
+    def skeleton(self) -> Skeleton | None:
+        """Its named joints, with axes along the bones, and those of its file's fingers; None without limbs."""
+        return None if self._with_fingers is None else self._with_fingers[0]
 
     @property
-    def skeleton(self) -> "Skeleton | None":
-        """Named joints along its limbs."""
+    def finger_bends(self) -> FingerBends | None:
+        """How channels bend the joints of its fingers; None without limbs."""
+        return None if self._with_fingers is None else self._with_fingers[1]
 
-    @property
+    @cached_property
+    def _with_fingers(self) -> tuple[Skeleton, FingerBends] | None:
+        made = Skeleton.along_bones(self.rig.puppet) if self.rig.puppet.limb else None
+        return None if made is None else with_fingers(made, self.rig.character.document)
+
+    @cached_property
+    def handle_motions(self) -> HandleMotions | None:
+        """Rigid motions of its handles; None if it has none."""
+        handles = self.rig.puppet.handle_positions
+        return HandleMotions(self.rig.model, self.rig.mesh, handles) if len(handles) else None
+
+    @cached_property
+    def channel_motion(self) -> ChannelMotion:
+        """How channels bend its limbs and move its handles."""
+        return ChannelMotion(self.rig.puppet, bones_of(self.rig.puppet.limbs))
+
+    @cached_property
     def displacements(self) -> NDArray[np.float32]:
         """(k, n, 3): displacements by the mesh's own morph targets that channels move."""
+        moved = [own_targets.displacements(self.rig.character, name) for name in self.rig.puppet.targets]
+        return np.array(moved, np.float32).reshape(-1, len(self.rest), 3)
+
+    @cached_property
+    def scene(self) -> bytes:
+        """The payload of its scene message."""
+        return encode_scene(self)
+
+    @property
+    def digest(self) -> str:
+        """The digest of its scene (docs/protocol.md, "Keep scenes"), in hexadecimal digits."""
+        description = self.scene[: arrays_start(self.scene)]
+        return hashlib.sha256(description + self._arrays_digest).hexdigest()
+
+    @cached_property
+    def _arrays_digest(self) -> bytes:
+        return hashlib.sha256(memoryview(self.scene)[arrays_start(self.scene) :]).digest()
+
+    def remapped(self, puppet: Puppet) -> "StreamedCharacter":
+        """Return the same character with another mapping, and keep all that was computed from its mesh and model.
+
+        The description of its scene changes; its arrays and its revision stay.
+        """
+        other = copy(self)
+        vars(other)["rig"] = replace(self.rig, puppet=puppet)
+        for name in ("_with_fingers", "humanoid", "handle_motions", "channel_motion", "displacements"):
+            vars(other).pop(name, None)
+        vars(other)["scene"] = with_description(self.scene, other)
+        return other
+
+    def prepare(self) -> None:
+        """Compute what the first frame and the first client would wait for, compiled code included."""
+        controls = to_file_units(self.rig.model.rest_controls, self.rig.model)
+        quantised(*self.binding.vertices_and_normals(controls))
+        self.digest, self.humanoid, self.handle_motions, self.displacements  # noqa: B018
+        if self.skeleton is not None:
+            self.skeleton.rest  # noqa: B018
 
 
-def encode_scene(character: DrawnCharacter) -> bytes:
+def encode_scene(character: StreamedCharacter) -> bytes:
     """Return a character's scene payload."""
     arrays = scene_arrays(character)
     directory: dict[str, Any] = {}
@@ -89,7 +181,7 @@ def encode_scene(character: DrawnCharacter) -> bytes:
     return _described(character, directory, *(array.data for array in arrays.values()))
 
 
-def with_description(scene: bytes, character: DrawnCharacter) -> bytes:
+def with_description(scene: bytes, character: StreamedCharacter) -> bytes:
     """Return a scene payload with the same arrays and a new description."""
     view = memoryview(scene)
     start = arrays_start(scene)
@@ -102,13 +194,13 @@ def arrays_start(scene: bytes) -> int:
     return _LENGTH.size + length
 
 
-def _described(character: DrawnCharacter, directory: dict[str, Any], *arrays: memoryview) -> bytes:
+def _described(character: StreamedCharacter, directory: dict[str, Any], *arrays: memoryview) -> bytes:
     text = write_json({**describe(character), "arrays": directory})
     text += b" " * (-len(text) % 8)
     return b"".join((_LENGTH.pack(len(text)), text, *arrays))
 
 
-def describe(character: DrawnCharacter) -> dict[str, Any]:
+def describe(character: StreamedCharacter) -> dict[str, Any]:
     """Return the description of a character, in JSON's types."""
     rig, puppet = character.rig, character.rig.puppet
     return {
@@ -137,7 +229,7 @@ def describe(character: DrawnCharacter) -> dict[str, Any]:
     }
 
 
-def bones(skeleton: "Skeleton", puppet: "Puppet") -> list[dict[str, Any]]:
+def bones(skeleton: Skeleton, puppet: Puppet) -> list[dict[str, Any]]:
     """Return the name, parent and rest pose of each joint, and its rotation from the T-pose to rest.
 
     All are in the mesh file's axes. Joints that a VRM humanoid does not have have no T-pose.
@@ -158,7 +250,7 @@ def bones(skeleton: "Skeleton", puppet: "Puppet") -> list[dict[str, Any]]:
     ]
 
 
-def scene_arrays(character: DrawnCharacter) -> dict[str, Array]:
+def scene_arrays(character: StreamedCharacter) -> dict[str, Array]:
     """Return a character's arrays by name, C-contiguous."""
     rig, normals = character.rig, character.normals
     isoline_coordinates = rig.model.isoline_coordinates[rig.mesh.of_render]
@@ -189,7 +281,7 @@ def scene_arrays(character: DrawnCharacter) -> dict[str, Array]:
     }
 
 
-def uv(character: "Character") -> NDArray[np.float32] | None:
+def uv(character: Character) -> NDArray[np.float32] | None:
     """Return the first texture coordinates (n, 2) of all parts, zeros for parts without; None if no part has any."""
     found = [
         character.document.attribute(character.primitive(part), "TEXCOORD_0", len(part.vertices), 2)
@@ -201,7 +293,7 @@ def uv(character: "Character") -> NDArray[np.float32] | None:
     return np.concatenate([empty if own is None else own for own, empty in zip(found, none, strict=True)]).astype("<f4")
 
 
-def parts(character: "Character") -> list[dict[str, Any]]:
+def parts(character: Character) -> list[dict[str, Any]]:
     """Return the vertices, triangles, name and material of each part."""
     gltf = character.document.gltf
     described = []
@@ -220,7 +312,7 @@ def parts(character: "Character") -> list[dict[str, Any]]:
     return described
 
 
-def _material(character: "Character", primitive: "Primitive") -> dict[str, Any]:
+def _material(character: Character, primitive: Primitive) -> dict[str, Any]:
     """Return a material's numbers, with glTF's defaults for what the file omits."""
     material = character.document.gltf["materials"][primitive["material"]] if "material" in primitive else {}
     surface = material.get("pbrMetallicRoughness", {})

@@ -18,10 +18,8 @@ from pydantic import Field, FiniteFloat
 
 from capture.gestures import HandsUp
 from capture.skeleton import SkeletonFrame
-from engine_bridge.puppet.puppet_document import PuppetDocument
 from engine_bridge.service.background_jobs import Jobs
 from engine_bridge.service.monitoring.logs import fields
-from engine_bridge.service.players.character_player import CharacterPlayer
 from engine_bridge.service.stages.stage_runner import StageRunner
 from engine_bridge.service.takes.count_in import CountIn
 from puppetline.errors import PuppetlineError
@@ -111,8 +109,6 @@ class Kiosk:
     folder : Path
         Folder of takes.
     count_in : CountIn
-    document : callable
-        Returns the puppet file of a character.
     stop : callable
         Ends the take of a stage and shows it again; called with the stage and the clip.
     jobs : Jobs
@@ -123,12 +119,11 @@ class Kiosk:
         table: KioskTable,
         folder: Path,
         count_in: CountIn,
-        document: Callable[[CharacterPlayer], PuppetDocument],
         stop: Callable[[StageRunner, Clip], None],
         jobs: Jobs,
     ) -> None:
         self._table, self._folder, self._count_in = table, visitors_folder(folder), count_in
-        self._document, self._stop, self._jobs = document, stop, jobs
+        self._stop, self._jobs = stop, jobs
         self._hands: dict[StageRunner, HandsUp] = {}
         self._asked: set[StageRunner] = set()
         self._recorded: dict[StageRunner, Clip] = {}
@@ -198,7 +193,7 @@ class Kiosk:
         self._folder.mkdir(parents=True, exist_ok=True)
         path = self._folder / f"{_code()}.log"
         driven = [(each, each.user) for each in runner.stage.players if each.user is not None]
-        characters = [(each.character.name, self._document(each).path, user) for each, user in driven]
+        characters = [(each.character.name, each.document.path, user) for each, user in driven]
         clip = Clip(path, characters, time.monotonic() + self._table.count_in)
         try:
             self._count_in.start(runner, path, self._table.count_in)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.service.players.pose_display import Appearance
-from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.takes.take_track import TakeTrack
 from solver.motion.deformer import Deformer
 

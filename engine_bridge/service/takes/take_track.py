@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.service.players.character_player import CharacterPlayer
 from engine_bridge.service.players.pose_display import Appearance
-from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.takes.take_stage import TakeStage
 from puppetline.errors import ServiceError
 from solver.motion.deformer import Deformer, DeformerState

@@ -117,4 +117,5 @@ def test_the_text_is_of_the_same_report_and_names_every_figure(measured, blob_fi
 def test_the_default_character_has_the_vertices_of_the_armadillo(tmp_path, example_character, monkeypatch):
     made = example_character(benchmark.EXAMPLE_CHARACTER)
     monkeypatch.setitem(CHARACTERS, benchmark.EXAMPLE_CHARACTER, lambda: made)
+    monkeypatch.setattr(benchmark, "_propose", lambda *_: None)
     assert benchmark.prepare(tmp_path, None, 30) == {"name": "biped.glb", "vertices": 43_243, "triangles": 86_482}

@@ -9,7 +9,7 @@ from zmq.auth.thread import ThreadAuthenticator
 from engine_bridge.client import listening
 from engine_bridge.client.listening import describe, listen
 from engine_bridge.service.outputs.zeromq import ZeroMqOutput
-from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from puppetline.errors import ServiceError
 
 from ..service.outputs.frames import Open, frame_of

@@ -13,8 +13,7 @@ from engine_bridge.cli.main import main
 from engine_bridge.export.shader_mesh import write_shader_mesh
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.puppet import proposal, puppet_file
-from engine_bridge.service.protocol.frame import StreamedCharacter
-from engine_bridge.service.protocol.scene import Scene
+from engine_bridge.service.protocol.scene import Scene, StreamedCharacter
 from puppetline.errors import OutputError, PuppetError
 
 EXAMPLES = "examples/puppets"

@@ -35,8 +35,8 @@ from engine_bridge.service.monitoring.status import (
     UserStatus,
 )
 from engine_bridge.service.players.character_player import CharacterPlayer, PlayerSettings
-from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.payloads import decode
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.stages.stage import Stage, StageSettings
 
 from ...capture.network.conftest import TWENTY

@@ -10,7 +10,7 @@ from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.service.clip_export import write_clip
 from engine_bridge.service.protocol.clip_file import read_clip
-from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from puppetline.errors import OutputError, PuppetlineError
 from solver.motion.deformer import to_file_units
 

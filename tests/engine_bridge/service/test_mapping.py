@@ -9,8 +9,7 @@ from capture.events import TICK_SECONDS, Cue
 from engine_bridge.performance.performance import Performance
 from engine_bridge.puppet.puppet import RootTable, with_handle
 from engine_bridge.service.players.character_player import PlayerSettings
-from engine_bridge.service.protocol.frame import StreamedCharacter
-from engine_bridge.service.protocol.scene import Scene
+from engine_bridge.service.protocol.scene import Scene, StreamedCharacter
 from engine_bridge.service.stages.stage import PREPARATION_SECONDS
 
 from .stage_steps import largest_step, replay, ticks, with_beginnings

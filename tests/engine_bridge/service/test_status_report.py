@@ -12,7 +12,7 @@ from capture.source import Counts
 from engine_bridge.service import status_report
 from engine_bridge.service.monitoring.status import ClientsStatus, LatencyStatus, OutputStatus
 from engine_bridge.service.players.character_player import PlayerSettings
-from engine_bridge.service.status_report import WINDOW_FRAMES, WINDOW_SECONDS, Reporter, Statistics
+from engine_bridge.service.status_report import WINDOW_SECONDS, Reporter
 
 CLIENTS = ClientsStatus(connected=1, refused=0, limit=64)
 OUTPUTS = [OutputStatus("osc", "127.0.0.1:9000", sent=1, bytes=100, skipped=0, failed=0)]
@@ -97,81 +97,101 @@ def own_clock(monkeypatch):
     return clock
 
 
-def test_rates_counts_and_latencies_are_those_of_what_was_counted(own_clock):
-    collected = Statistics()
+def sent_by(name, received):
+    """A frame of a character, of which the reporter reads no more."""
+    return SimpleNamespace(character=SimpleNamespace(name=name), received=round(received))
+
+
+def figures(reporter, *runners):
+    """The status of the service, the first stage and its first character."""
+    status = reporter.status(runners, CLIENTS, OUTPUTS)
+    return status.service, status.stages[0], status.characters[0]
+
+
+def test_rates_counts_and_latencies_are_those_of_what_was_counted(own_clock, runner):
+    reporter = Reporter()
     latencies = np.random.default_rng(0).permutation(np.arange(1, 301)) / 10  # milliseconds
     for latency in latencies:
-        collected.taken("kinect")
-        collected.performed("kinect", "dog", own_clock.monotonic_ns() - round(latency * 1e6))
+        reporter.received("stage", 1)
+        reporter.sent("stage", sent_by("dog", own_clock.monotonic_ns() - latency * 1e6))
         own_clock.seconds += 1 / 30
-    service = collected.service()
+    service, stage, dog = figures(reporter, runner)
     assert (service.version, service.pid) == (version("puppetline"), os.getpid())
     assert service.uptime == pytest.approx(10)
     assert service.cpu == pytest.approx(0.25)
     assert 1e6 < service.memory < 1e11
-    frames, rate, latency = collected.stage("kinect")
+    latency = stage.latency_ms
     np.testing.assert_allclose(
         [latency.p50, latency.p95, latency.p99, latency.max], np.percentile(latencies, (50, 95, 99, 100)), rtol=1e-3
     )
-    assert (frames, rate) == (300, pytest.approx(30, rel=0.01))
-    assert collected.character("dog") == (300, pytest.approx(30, rel=0.01))
+    assert (stage.frames, stage.rate) == (300, pytest.approx(30, rel=0.01))
+    assert (dog.frames, dog.rate) == (300, pytest.approx(30, rel=0.01))
 
 
-def test_rates_and_latencies_are_of_the_last_seconds_and_counts_of_all_time(own_clock):
-    collected = Statistics()
+def test_rates_and_latencies_are_of_the_last_seconds_and_counts_of_all_time(own_clock, runner):
+    reporter = Reporter()
     for second in range(60):
         for _ in range(60 if second < 30 else 15):
             latency = 1e9 if second < 30 else 1e6
-            collected.performed("kinect", "dog", own_clock.monotonic_ns() - round(latency))
+            reporter.sent("stage", sent_by("dog", own_clock.monotonic_ns() - latency))
             own_clock.seconds += 1 / 60 if second < 30 else 1 / 15
-    assert collected.character("dog") == (30 * 60 + 30 * 15, pytest.approx(15, rel=0.01))
-    assert collected.stage("kinect")[2].max == pytest.approx(1)
+    _, stage, dog = figures(reporter, runner)
+    assert (dog.frames, dog.rate) == (30 * 60 + 30 * 15, pytest.approx(15, rel=0.01))
+    assert stage.latency_ms.max == pytest.approx(1)
     own_clock.seconds += 2 * WINDOW_SECONDS
-    assert collected.character("dog")[1] == 0
-    assert collected.stage("kinect")[2] == LatencyStatus(None, None, None, None)
+    _, stage, dog = figures(reporter, runner)
+    assert dog.rate == 0
+    assert stage.latency_ms == LatencyStatus(None, None, None, None)
 
 
-def test_a_service_that_has_just_started_has_the_rate_of_its_first_seconds(own_clock):
-    collected = Statistics()
+def test_a_service_that_has_just_started_has_the_rate_of_its_first_seconds(own_clock, runner):
+    reporter = Reporter()
     for _ in range(60):
-        collected.taken("kinect")
+        reporter.received("stage", 1)
         own_clock.seconds += 1 / 30
-    assert collected.stage("kinect")[1] == pytest.approx(30, rel=0.01)
+    assert figures(reporter, runner)[1].rate == pytest.approx(30, rel=0.01)
 
 
-def test_rates_hold_where_the_window_is_full(own_clock):
-    collected = Statistics()
-    for _ in range(3 * WINDOW_FRAMES):
-        collected.taken("kinect")
-        own_clock.seconds += 1 / 10_000
-    assert collected.stage("kinect")[:2] == (3 * WINDOW_FRAMES, pytest.approx(10_000, rel=0.01))
+@pytest.fixture
+def few(monkeypatch):
+    """A smaller number of frames in a window."""
+    monkeypatch.setattr(status_report, "WINDOW_FRAMES", 1000)
+    return 1000
 
 
-def test_statistics_of_names_that_are_not_kept_are_forgotten(own_clock):
-    collected = Statistics()
-    for name in ("dog", "cat"):
-        collected.taken(name)
-        collected.performed(name, name, 0)
-    collected.keep({"dog"}, {"dog"})
-    assert [collected.character(name)[0] for name in ("dog", "cat")] == [1, 0]
-    assert [collected.stage(name)[0] for name in ("dog", "cat")] == [1, 0]
-    assert collected.stage("cat")[2] == LatencyStatus()
+def test_rates_hold_where_the_window_is_full(own_clock, runner, few):
+    reporter = Reporter()
+    for _ in range(3 * few):
+        reporter.received("stage", 1)
+        own_clock.seconds += 1 / 500
+    stage = figures(reporter, runner)[1]
+    assert (stage.frames, stage.rate) == (3 * few, pytest.approx(500, rel=0.01))
 
 
-def test_memory_stays_flat_however_long_it_runs(own_clock):
-    collected = Statistics()
+def test_figures_of_a_stage_that_has_been_removed_are_forgotten(own_clock, runner):
+    reporter = Reporter()
+    reporter.received("stage", 1)
+    reporter.sent("stage", sent_by("dog", 0))
+    assert figures(reporter, runner)[1].frames == 1
+    assert reporter.status([], CLIENTS, OUTPUTS).stages == []
+    _, stage, _ = figures(reporter, runner)
+    assert (stage.frames, stage.latency_ms) == (0, LatencyStatus())
+
+
+def test_memory_stays_flat_however_long_it_runs(own_clock, few):
+    reporter = Reporter()
 
     def run(frames):
         for _ in range(frames):
-            collected.taken("kinect")
-            collected.performed("kinect", "dog", own_clock.monotonic_ns())
-            own_clock.seconds += 1 / 3000
+            reporter.received("stage", 1)
+            reporter.sent("stage", sent_by("dog", own_clock.monotonic_ns()))
+            own_clock.seconds += 1 / 300
 
-    run(2 * WINDOW_FRAMES)
+    run(2 * few)
     tracemalloc.start()
-    run(2 * WINDOW_FRAMES)
+    run(2 * few)
     grown, _ = tracemalloc.get_traced_memory()
-    run(2 * WINDOW_FRAMES)
+    run(2 * few)
     later, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert later <= grown + 20_000
@@ -180,8 +200,8 @@ def test_memory_stays_flat_however_long_it_runs(own_clock):
 def test_the_share_of_a_core_is_that_since_the_last_call(own_clock, monkeypatch):
     used = 5.0
     monkeypatch.setattr(own_clock, "process_time", lambda: used)
-    collected = Statistics()
+    reporter = Reporter()
     own_clock.seconds, used = own_clock.seconds + 0.2, used + 0.15
-    assert collected.service().cpu == pytest.approx(0.75)
+    assert reporter.status([], CLIENTS, OUTPUTS).service.cpu == pytest.approx(0.75)
     own_clock.seconds += 0.2
-    assert collected.service().cpu == 0.0
+    assert reporter.status([], CLIENTS, OUTPUTS).service.cpu == 0.0

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 import zmq
 
-from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.header import Header, Kind, join, topic_field, write_json
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from solver.motion.deformer import to_file_units
 
 from .resident import TIMEOUT_SECONDS, Godot, Resident

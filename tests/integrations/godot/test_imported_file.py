@@ -13,8 +13,7 @@ from engine_bridge.character.scene import world_transforms
 from engine_bridge.export.rig_file import RigSettings, write_rig
 from engine_bridge.export.shader_mesh import write_shader_mesh
 from engine_bridge.performance.rig import load_rig
-from engine_bridge.service.protocol.frame import StreamedCharacter
-from engine_bridge.service.protocol.scene import Scene
+from engine_bridge.service.protocol.scene import Scene, StreamedCharacter
 
 pytestmark = pytest.mark.slow
 

@@ -7,8 +7,8 @@ from PIL import Image
 from engine_bridge.character.examples import MOTIONS, prepare
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.rig import load_rig
-from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.quantisation import quantised
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from solver.motion.deformer import to_file_units
 from solver.motion.motion_blend import moved_by
 

@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 
 from engine_bridge.character.examples import MOTIONS, prepare
 from engine_bridge.performance.rig import load_rig
-from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.payloads import decode
+from engine_bridge.service.protocol.scene import StreamedCharacter
 
 from ...engine_bridge.export.conftest import Raw
 

@@ -7,7 +7,7 @@ import zmq
 
 from engine_bridge.service.loading.service_file import OutputTables, character_names, from_flags, load, stage_names
 from engine_bridge.service.outputs.output import Opening, Output
-from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.security.endpoints import endpoints_of
 from engine_bridge.service.security.guard import Guard
 from puppetline.errors import ServiceError

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from engine_bridge.service.loading.service_file import from_flags
-from engine_bridge.service.loading.stage_loader import CharacterLoader
+from engine_bridge.service.loading.stage_loader import load_players
 from puppetline.errors import PuppetlineError
 
 
@@ -19,7 +19,7 @@ def cast(blob_puppet, tmp_path, executor):
         (tmp_path / mesh.name).write_bytes(mesh.read_bytes() if mesh_bytes is None else mesh_bytes)
         (tmp_path / "dog.toml").write_text(text.replace(old, new) if old else text)
         settings = from_flags(("osc:0",), (Path("dog.toml"),), {"ease": 0.5}, {}, rest or {})
-        [[player]] = CharacterLoader(settings, tmp_path, executor).load(settings)
+        [[player]] = load_players(settings, tmp_path, executor, [table for _, table in settings.output_tables()])
         return player
 
     return load

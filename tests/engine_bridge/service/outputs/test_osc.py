@@ -12,7 +12,7 @@ from capture.skeleton import JOINTS
 from engine_bridge.export.live_basis import Projection
 from engine_bridge.service.monitoring.status import OutputStatus
 from engine_bridge.service.outputs.osc import CHUNK_VERTICES, EARLY_SHARE, KINDS, OscOutput, OscTable, part_names
-from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from puppetline.errors import ServiceError
 
 from .frames import OwnClock, frame_of

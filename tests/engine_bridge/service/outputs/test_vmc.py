@@ -17,7 +17,7 @@ from engine_bridge.performance.rig import load_rig
 from engine_bridge.puppet.puppet import MorphTable
 from engine_bridge.service.outputs.osc import OscOutput, OscTable
 from engine_bridge.service.outputs.vmc import DATAGRAM_BYTES, datagrams
-from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from solver.motion.limb_motion import LimbMotion
 
 from ....capture.conftest import Watched

@@ -16,9 +16,9 @@ from engine_bridge.service.control.requests import Nothing
 from engine_bridge.service.outputs import websocket_server
 from engine_bridge.service.outputs.output import Opening
 from engine_bridge.service.outputs.websocket import WebSocketTable
-from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.header import FRAME_KINDS, Kind
 from engine_bridge.service.protocol.payloads import decode, encode
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.security.endpoints import Endpoint
 from puppetline.errors import ServiceError
 

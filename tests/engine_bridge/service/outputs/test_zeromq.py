@@ -11,9 +11,9 @@ import zmq
 
 from engine_bridge.service.outputs.subscriptions import MAX_SUBSCRIPTIONS
 from engine_bridge.service.outputs.zeromq import REQUESTS_PER_TURN, ZeroMqOutput
-from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.header import FRAME_KINDS, Kind, subscription
 from engine_bridge.service.protocol.payloads import decode
+from engine_bridge.service.protocol.scene import StreamedCharacter
 
 from .frames import Open, OwnClock, frame_of
 

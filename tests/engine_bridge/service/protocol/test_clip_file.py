@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from engine_bridge.service.protocol.clip_file import ClipFacts, beginning, frame_message, read_clip
-from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.header import PAYLOAD_OFFSET, Header, Kind, WireError, join, split, topic
+from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.states import STATES
 from solver.motion.deformer import to_file_units
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from engine_bridge.export.live_basis import Projection
 from engine_bridge.service.protocol import payloads
-from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.protocol.header import (
     FRAME_KINDS,
     PAYLOAD_OFFSET,
@@ -22,7 +22,7 @@ from engine_bridge.service.protocol.header import (
 )
 from engine_bridge.service.protocol.payloads import decode, encode
 from engine_bridge.service.protocol.quantisation import BOX_STEPS
-from engine_bridge.service.protocol.scene import Scene
+from engine_bridge.service.protocol.scene import Scene, StreamedCharacter
 from solver.motion.deformer import Deformer
 
 from ....oracles import assert_is_clause

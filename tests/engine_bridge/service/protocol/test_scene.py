@@ -7,9 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from engine_bridge.character.character import load_character
-from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.header import WireError
-from engine_bridge.service.protocol.scene import Scene, describe, parts, uv
+from engine_bridge.service.protocol.scene import Scene, StreamedCharacter, describe, parts, uv
 
 
 @pytest.fixture(scope="module")

@@ -40,10 +40,9 @@ def visitors(make_theatre, record_events, kung_fu, tmp_path):
 
     table = KioskTable(count_in=1, minutes=1.0)
 
-    def document(player):
-        return SimpleNamespace(path=tmp_path / f"{player.character.name}.toml")
-
-    kiosk = Kiosk(table, tmp_path, theatre.count_in, document, stop, jobs)
+    for player in theatre.runner.stage.players:
+        player.document = SimpleNamespace(path=tmp_path / f"{player.character.name}.toml")
+    kiosk = Kiosk(table, tmp_path, theatre.count_in, stop, jobs)
     theatre.runner.watch = lambda frame: kiosk.see(theatre.runner, frame)
 
     def run(seconds):
@@ -88,7 +87,7 @@ def test_hands_up_begin_and_end_a_recording_and_the_clip_is_offered_and_deleted(
 def test_what_a_crash_left_is_deleted_at_the_next_start(tmp_path):
     (tmp_path / FOLDER).mkdir()
     (tmp_path / FOLDER / "ABCDE.mp4").touch()
-    Kiosk(KioskTable(), tmp_path, None, None, None, None)
+    Kiosk(KioskTable(), tmp_path, None, None, None)
     assert list((tmp_path / FOLDER).iterdir()) == []
 
 

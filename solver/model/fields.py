@@ -7,7 +7,6 @@ them: the integer part is the isoline below, the fraction blends towards the nex
 
 from typing import TYPE_CHECKING, Literal
 
-import igl
 import numpy as np
 import robust_laplacian
 import scipy
@@ -19,12 +18,6 @@ from solver.surface.mesh import SolverMesh
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
-
-MIN_HEIGHT_RATIO = 1e-3
-"""Smallest height of a triangle, divided by its longest edge, that is no sliver."""
-
-PLACE_DECIMALS = 12
-"""Number of decimals of positions, in diagonals, that decide which edges are Delaunay."""
 
 CONTACT_CONDUCTANCE = 100.0
 """Conductance of a contact between two parts that touch, so large that fields hardly jump; a cotangent is about 1."""
@@ -54,8 +47,7 @@ def laplacian(mesh: SolverMesh) -> "tuple[csr_matrix, NDArray[np.float64]]":
     """Build the Laplacian of a character, without contacts between its parts.
 
     It is the cotangent Laplacian of the tufted cover, for surfaces with slivers, borders and edges of many faces (N.
-    Sharp and K. Crane, *A Laplacian for Nonmanifold Triangle Meshes*, SGP 2020). On other surfaces this is that of the
-    intrinsic Delaunay triangulation, which libigl computes five times as fast.
+    Sharp and K. Crane, *A Laplacian for Nonmanifold Triangle Meshes*, SGP 2020).
 
     Returns
     -------
@@ -64,18 +56,9 @@ def laplacian(mesh: SolverMesh) -> "tuple[csr_matrix, NDArray[np.float64]]":
     mass : (n,) float64
         Area of each vertex, more than 0.
     """
-    squares = igl.squared_edge_lengths(mesh.vertices, mesh.faces).max(axis=1)
-    sliver = (igl.doublearea(mesh.vertices, mesh.faces) < MIN_HEIGHT_RATIO * squares).any()
-    if sliver or mesh.border_edges or mesh.nonmanifold_edges:
-        L, areas = robust_laplacian.mesh_laplacian(mesh.vertices, mesh.faces)
-        np.negative(L.data, out=L.data)  # a second matrix would need as much memory
-        mass = areas.diagonal()
-    else:
-        # without rounding, the place of a mesh would decide which diagonals of squares are flipped
-        places = np.round((mesh.vertices - mesh.vertices.min(axis=0)) / mesh.diagonal, PLACE_DECIMALS)
-        L, lengths, faces = igl.intrinsic_delaunay_cotmatrix(places, mesh.faces)
-        areas = igl.doublearea(mesh.diagonal * lengths, 0.0) / 6
-        mass = np.bincount(faces.ravel(), np.repeat(areas, 3), len(places))
+    L, areas = robust_laplacian.mesh_laplacian(mesh.vertices, mesh.faces)
+    np.negative(L.data, out=L.data)  # a second matrix would need as much memory
+    mass = areas.diagonal()
     return L.T, np.maximum(mass, 1e-12 * mass.max())  # symmetric; transposed, its columns are rows
 
 

@@ -41,7 +41,7 @@ def test_other_limbs_and_feet_that_do_not_stand_keep_their_shares():
 
 
 def test_a_leg_that_lies_on_the_floor_and_a_rigid_plate_keep_their_shares():
-    far_and_rigid = np.array([[0, 0, -0.3], [0, 0, -1.0], [0, 0.1, 0]])
+    far_and_rigid = np.array([[0, 0, -0.7], [0, 0, -1.2], [0, 0.1, 0]])
     shares = np.array([[0.0, 0.8, 0.2], [0.0, 0.8, 0.2], [0, 1, 0]])
     held = feet_held(shares, far_and_rigid, LEG, np.array([False, False, True]))
     assert 0.2 < held[0, 2] < 1  # between heel and leg

@@ -6,11 +6,11 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from benchmarks import character_cost
+from benchmarks.character_cost import in_process, number
 from benchmarks.processes import MODULE
-from engine_bridge.cli import benchmark
-from engine_bridge.cli.benchmark import in_process, number
 
-LONG, SHORT = benchmark.CONVERTED_FRAMES, 180
+LONG, SHORT = character_cost.CONVERTED_FRAMES, 180
 """Numbers of frames of two recordings whose conversion is compared."""
 
 
@@ -46,22 +46,22 @@ def table(folder: Path, character: dict[str, Any], points: list[dict[str, Any]])
     Parameters
     ----------
     folder : Path
-        Folder from `benchmark.prepare`.
+        Folder from `character_cost.prepare`.
     character : dict
-        Result of `benchmark.prepare`.
+        Result of `character_cost.prepare`.
     points : list
         Result of `scaling.measured`.
     """
-    report = benchmark.measure(folder, character, benchmark.TIMED_FRAMES, benchmark.PROCESSES)
+    report = character_cost.measure(folder, character, character_cost.TIMED_FRAMES, character_cost.PROCESSES)
     avx2 = in_process(folder, "yardstick", module=MODULE)
-    benchmark.write_log(folder, islice(benchmark.performance(), SHORT))
+    character_cost.write_log(folder, islice(character_cost.performance(), SHORT))
     short = in_process(folder, "convert")
-    benchmark.write_log(folder, islice(benchmark.performance(), LONG))
+    character_cost.write_log(folder, islice(character_cost.performance(), LONG))
 
-    text = benchmark.describe(report).splitlines()
+    text = character_cost.describe(report).splitlines()
     yield from (*text[:2], "", "| what | goal | measured | |", "| --- | --- | --- | --- |")
     yield from (goal.line() for goal in _goals(report, avx2, short["peak_mb"], points))
-    yield from ("", "These are all values of the run, as `puppetline bench` prints them:", "", "```text", *text[3:])
+    yield from ("", "These are all values of the run:", "", "```text", *text[3:])
     if "avx2_ms" in avx2:
         yield f"{'avx2_ms':20}{number(avx2['avx2_ms']):>8} ms   positions and normals of a frame by a loop in C"
     else:
@@ -70,7 +70,7 @@ def table(folder: Path, character: dict[str, Any], points: list[dict[str, Any]])
 
 
 def _goals(
-    report: benchmark.Report, avx2: dict[str, Any], short_mb: float | None, points: list[dict[str, Any]]
+    report: character_cost.Report, avx2: dict[str, Any], short_mb: float | None, points: list[dict[str, Any]]
 ) -> list[Goal]:
     figures, ratios = report.figures, report.ratios
     solve = [point["solve_ms"] for point in points]

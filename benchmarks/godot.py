@@ -22,10 +22,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import character_cost
+from benchmarks.character_cost import number
+from benchmarks.character_cost_process import CHARACTER, LOG
 from benchmarks.own_cache import own_cache
-from engine_bridge.cli import benchmark
-from engine_bridge.cli.benchmark import number
-from engine_bridge.cli.benchmark_process import CHARACTER, LOG
 from engine_bridge.performance.rig import load_rig
 
 ADDON = Path(__file__).parents[1] / "integrations" / "godot" / "addons" / "puppetline"
@@ -52,7 +52,7 @@ def main() -> None:
         parser.error("Godot was not found: put godot on PATH, or its path in GODOT")
     with tempfile.TemporaryDirectory() as place, own_cache(Path(place)):
         folder = Path(place)
-        character = benchmark.prepare(folder, mesh, 900)
+        character = character_cost.prepare(folder, mesh, 900)
         load_rig(folder / CHARACTER)  # so that all processes find it in the cache
         project = _make_project(godot, folder / "project")
         found = {count: _measure(godot, project, folder, count) for count in CHARACTER_COUNTS}

@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.character_cost_process import Work, interleaved
 from engine_bridge.character.character import load_character
-from engine_bridge.cli.benchmark_process import Work, arap_iteration, interleaved
+from engine_bridge.cli.benchmark import arap_iteration
 from engine_bridge.performance.clip import load_timeline, resting_pose
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import load_rig
@@ -49,7 +50,7 @@ def main() -> None:
         performance.deformer.solve(aim.targets, aim.motions, R)
 
     mesh = load_character(options.mesh).solver_mesh()
-    times = interleaved({"solve": Work(solve, 250), "arap": arap_iteration(mesh, ends, targets)}, ROUNDS)
+    times = interleaved({"solve": Work(solve, 250), "arap": Work(arap_iteration(mesh, ends, targets), 1)}, ROUNDS)
     start = time.perf_counter()
     build(mesh, rig.puppet.solver.parameters, rig.model.bones)
     seconds = time.perf_counter() - start

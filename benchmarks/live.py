@@ -18,11 +18,10 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from benchmarks import live_numbers, live_soak
+from benchmarks import character_cost, live_numbers, live_soak
+from benchmarks.character_cost_process import CHARACTER, WARM_UP
 from benchmarks.goals import Goal
 from benchmarks.own_cache import own_cache
-from engine_bridge.cli import benchmark
-from engine_bridge.cli.benchmark_process import CHARACTER, WARM_UP
 
 PARTS = ("latency", "people", "crowd", "recovery", "soak")
 
@@ -55,9 +54,9 @@ def measure(
     Parameters
     ----------
     folder : Path
-        Folder from `benchmark.prepare`.
+        Folder from `character_cost.prepare`.
     character : dict
-        Result of `benchmark.prepare`.
+        Result of `character_cost.prepare`.
     plan : Plan
     parts : tuple of str
         Some of `PARTS`.
@@ -78,7 +77,7 @@ def measure(
     found: dict[str, Any] = {"load": {}}
     if keep is not None and keep.exists():
         found = json.loads(keep.read_text(encoding="utf-8"))
-    found |= {"character": character, "machine": benchmark.machine()}
+    found |= {"character": character, "machine": character_cost.machine()}
     todo: dict[str, Callable[[], Any]] = {
         "latency": lambda: {
             f"{rate:g}": live_numbers.latency(scratch, puppet, rate, round(rate * plan.latency_seconds))
@@ -199,7 +198,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, own_cache(Path(folder)):
         subject = Path(folder) / "subject"
         subject.mkdir()
-        character = benchmark.prepare(subject, mesh, 60)
+        character = character_cost.prepare(subject, mesh, 60)
         found = measure(
             subject,
             character,

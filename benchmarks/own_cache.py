@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from engine_bridge.cli.benchmark import CACHE_VARIABLES
+from benchmarks.character_cost import CACHE_VARIABLES
 
 
 @contextmanager

@@ -15,11 +15,10 @@ from pathlib import Path
 
 from puppetline.examples.performances import PERFORMANCES
 
-from benchmarks import goals, live, plots, scaling, table1
+from benchmarks import character_cost, goals, live, plots, scaling, table1
 from benchmarks.documents import DOCUMENT, IMAGES, replaced
 from benchmarks.own_cache import own_cache
 from benchmarks.processes import MODULE
-from engine_bridge.cli import benchmark
 
 PARTS = ("goals", "table1", "convergence")
 LIVE = "live"
@@ -40,7 +39,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, own_cache(Path(folder)):
         scratch, subject = Path(folder), Path(folder) / "subject"
         subject.mkdir()
-        character = benchmark.prepare(subject, mesh, benchmark.CONVERTED_FRAMES)
+        character = character_cost.prepare(subject, mesh, character_cost.CONVERTED_FRAMES)
         tables = {}
         if "goals" in todo:
             say("Cost against vertices")
@@ -53,8 +52,10 @@ def main() -> None:
             tables["table1"] = list(table1.table(scratch))
         if "convergence" in todo:
             say("Convergence")
-            benchmark.write_log(subject, PERFORMANCES["kung_fu"]().frames())
-            plots.convergence(benchmark.in_process(subject, "convergence", module=MODULE), IMAGES / "convergence.svg")
+            character_cost.write_log(subject, PERFORMANCES["kung_fu"]().frames())
+            plots.convergence(
+                character_cost.in_process(subject, "convergence", module=MODULE), IMAGES / "convergence.svg"
+            )
         if LIVE in todo and options.live is None:
             say("The live service")
             tables[LIVE] = list(live.table(live.measure(subject, character, live.Plan(), live.PARTS, say)))

@@ -1,4 +1,4 @@
-"""The measurements of `benchmarks.performance`, each in a separate process as in `engine_bridge.cli.benchmark`."""
+"""The measurements of `benchmarks.performance`, each in a separate process as in `benchmarks.character_cost`."""
 
 import sys
 import time
@@ -10,10 +10,9 @@ import igl
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks import character_cost_process
 from benchmarks.avx2 import Avx2Blend, MissingError
-from engine_bridge.character.character import load_character
-from engine_bridge.cli import benchmark_process
-from engine_bridge.cli.benchmark_process import (
+from benchmarks.character_cost_process import (
     CHARACTER,
     LOG,
     Playing,
@@ -22,6 +21,7 @@ from engine_bridge.cli.benchmark_process import (
     handle_path,
     interleaved,
 )
+from engine_bridge.character.character import load_character
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.puppet import SolverTable
@@ -33,7 +33,7 @@ from solver.motion.limbs import bones_of
 from solver.surface.mesh import weld
 
 MODULE = "benchmarks.processes"
-"""Module that `engine_bridge.cli.benchmark.in_process` starts."""
+"""Module that `benchmarks.character_cost.in_process` starts."""
 
 MAX_ARAP_VERTICES = 260_000
 """Number of vertices of the largest mesh that is measured with full-resolution ARAP."""
@@ -87,12 +87,12 @@ def point(folder: Path) -> dict[str, float]:
 
 def cold(folder: Path, exact: int) -> dict[str, Any]:
     """Measure the preparation of a character from its file, without caches, with exact or with the usual fields."""
-    benchmark_process.warm_up(folder)
+    character_cost_process.warm_up(folder)
     puppet = puppet_file.load(folder / CHARACTER)
     bones = bones_of(puppet.limbs)
     # compiles what only large surfaces need
     reduced_model.MAX_EXACT_VERTICES = 0
-    small = load_rig(folder / benchmark_process.WARM_UP)
+    small = load_rig(folder / character_cost_process.WARM_UP)
     fine = weld(*igl.upsample(small.mesh.vertices, small.mesh.faces, 2))  # with vertices inside cells
     build(fine, small.puppet.solver.parameters)
     reduced_model.MAX_EXACT_VERTICES = sys.maxsize if exact else coarse_fields.MAX_EXACT_VERTICES
@@ -105,13 +105,13 @@ def cold(folder: Path, exact: int) -> dict[str, Any]:
         "vertices": len(mesh.vertices),
         "read_s": read,
         "cold_s": time.perf_counter() - start,
-        "cold_peak_mb": benchmark_process.peak_mb(),
+        "cold_peak_mb": character_cost_process.peak_mb(),
     }
 
 
 def table1_row(folder: Path) -> dict[str, Any]:
     """Measure a row of the paper's Table 1, with one iteration per frame."""
-    benchmark_process.warm_up(folder)
+    character_cost_process.warm_up(folder)
     rig = load_rig(folder / CHARACTER)
     handles = rig.puppet.handle_positions
     found: dict[str, Any] = {"vertices": len(rig.mesh.of_render), "handles": len(handles)}
@@ -193,7 +193,7 @@ def medians(times: dict[str, NDArray[np.float64]]) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    benchmark_process.main(
+    character_cost_process.main(
         {
             "yardstick": yardstick,
             "point": point,

@@ -19,14 +19,13 @@ import igl
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import plots
+from benchmarks import character_cost, plots
+from benchmarks.character_cost import in_process
+from benchmarks.character_cost_process import CHARACTER, LOG, WARM_UP
 from benchmarks.documents import DOCUMENT, IMAGES, replaced
 from benchmarks.own_cache import own_cache
 from benchmarks.processes import MODULE
 from engine_bridge.character.character import Character, load_character, make_character
-from engine_bridge.cli import benchmark
-from engine_bridge.cli.benchmark import in_process
-from engine_bridge.cli.benchmark_process import CHARACTER, LOG, WARM_UP
 from engine_bridge.puppet import puppet_file
 
 SIZES = (2_000, 4_000, 8_000, 16_000, 31_000, 62_500, 125_000, 250_000, 500_000, 1_000_000)
@@ -89,7 +88,7 @@ def table(points: list[dict[str, Any]]) -> Iterator[str]:
             exact[0],
             None if exact[1] is None else exact[1] / 1000,
         )
-        yield f"| {point['vertices']:,} | {' | '.join(map(benchmark.number, numbers))} |"
+        yield f"| {point['vertices']:,} | {' | '.join(map(character_cost.number, numbers))} |"
 
 
 def _folder_of(
@@ -148,7 +147,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, own_cache(Path(folder)):
         scratch, subject = Path(folder), Path(folder) / "subject"
         subject.mkdir()
-        benchmark.prepare(subject, mesh, SHORT_FRAMES)
+        character_cost.prepare(subject, mesh, SHORT_FRAMES)
         sizes = list(map(int, options.sizes.split(",")))
         points = prepared(
             scratch, subject, sizes, options.max_exact, lambda text: print(text, file=sys.stderr, flush=True)

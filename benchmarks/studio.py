@@ -23,11 +23,11 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import character_cost
 from benchmarks.datagrams import bodies
 from benchmarks.live_peers import free_tcp_ports, free_udp_port
 from benchmarks.own_cache import own_cache
 from benchmarks.studio_page import SIZE, chromium, command
-from engine_bridge.cli import benchmark
 from engine_bridge.studio.web.web_app import PAGE
 
 SKELETONS_PER_SECOND = 60
@@ -204,8 +204,8 @@ def main() -> None:
     mesh = min(options.data.rglob("armadillo.obj"), default=None) if options.data else None
     print(sizes())
     with tempfile.TemporaryDirectory() as folder, own_cache(Path(folder)):
-        character = benchmark.prepare(Path(folder), mesh, 10)
-        puppet = Path(folder) / benchmark.CHARACTER
+        character = character_cost.prepare(Path(folder), mesh, 10)
+        puppet = Path(folder) / character_cost.CHARACTER
         print(f"{character['name']}: {character['vertices']:,} vertices; load before: {os.getloadavg()[0]:.1f}")
         for count in (1, options.characters):
             puppets = [puppet.with_name(f"character{number}.toml") for number in range(count)]

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from puppetline.examples.characters import CHARACTERS
 
+from benchmarks import character_cost
+from benchmarks.character_cost import in_process, number
+from benchmarks.character_cost_process import CHARACTER
 from benchmarks.processes import MODULE
 from engine_bridge.character.character import make_character
-from engine_bridge.cli import benchmark
-from engine_bridge.cli.benchmark import in_process, number
-from engine_bridge.cli.benchmark_process import CHARACTER
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.puppet import HandleTable
 
@@ -74,7 +74,7 @@ def _prepare(folder: Path, name: str, handles: int) -> None:
     made = CHARACTERS[name]()
     folder.mkdir()
     make_character(name, made.vertices, made.faces).document.save(folder / f"{name}.glb")
-    benchmark.prepare(folder, folder / f"{name}.glb", FRAMES)
+    character_cost.prepare(folder, folder / f"{name}.glb", FRAMES)
     proposed = puppet_file.load(folder / CHARACTER)
     own = tuple(
         HandleTable(name=joint, position=tuple(made.vertices[vertex].tolist()), joint=joint)

@@ -1,7 +1,7 @@
 """Measurement of what a character costs on this machine, compared with libigl's full-resolution ARAP in the same run.
 
-Everything is measured on one thread, in separate processes (`engine_bridge.cli.benchmark_process`), and in rounds, so
-that other load on the machine affects all measurements.
+Everything is measured in one process with one thread, and iterations of ARAP between frames, so that other load on the
+machine affects both. `benchmarks.performance` measures more, in several processes.
 """
 
 import json
@@ -11,124 +11,83 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from itertools import cycle, islice
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 import igl
 import numpy as np
+import psutil
+from numpy.typing import NDArray
 
 from capture.recording import Recorder
 from capture.skeleton import SkeletonFrame
 from capture.sources.demo import performances
 from engine_bridge.character.character import load_character, make_character
 from engine_bridge.character.examples import example_character
-from engine_bridge.cli.benchmark_process import CHARACTER, LOG, WARM_UP
-from engine_bridge.cli.progress import Reporter
+from engine_bridge.character.materials import drawn_normals
+from engine_bridge.export.convert import convert
+from engine_bridge.performance.clip import load_timeline, reference_pose
+from engine_bridge.performance.performance import Performance
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from puppetline.errors import PuppetlineError
 from puppetline.interrupts import OWN_GROUP
+from solver.model.binding import ShadedBinding
+from solver.model.reduced_model import build
+from solver.motion.deformer import to_file_units
+from solver.surface.mesh import SolverMesh, snap
+
+CHARACTER, LOG = "character.toml", "performance.log"
+"""Names of the puppet file and the recording that are measured."""
 
 EXAMPLE_CHARACTER, EXAMPLE_VERTICES = "biped", 43_243
 """The character that is measured by default, and its number of vertices, which is that of the Armadillo mesh."""
 
-TIMED_FRAMES = 10_000
-"""Number of frames that are timed individually."""
+TIMED_FRAMES, CONVERTED_FRAMES, WARM_UP_FRAMES = 5000, 1800, 50
+"""Numbers of frames that are timed, that are converted, and that are played before."""
 
-CONVERTED_FRAMES = 1800
-"""Number of frames of the recording that is converted: one minute."""
+ARAP_FRAMES = 50
+"""Number of frames from one iteration of ARAP to the next."""
 
-PROCESSES = 3
-"""Number of processes per measurement; the result is their median."""
-
-ONE_THREAD = dict.fromkeys(
-    (
-        "OPENBLAS_NUM_THREADS",
-        "MKL_NUM_THREADS",
-        "OMP_NUM_THREADS",
-        "VECLIB_MAXIMUM_THREADS",
-        "NUMBA_NUM_THREADS",
-        "IGL_NUM_THREADS",
-    ),
-    "1",
+THREAD_VARIABLES = (
+    *("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"),
+    *("NUMBA_NUM_THREADS", "IGL_NUM_THREADS"),
 )
-"""Environment variables that limit each library to one thread."""
+"""Environment variables that limit each library to a number of threads."""
 
 CACHE_VARIABLES = "XDG_CACHE_HOME", "WIN_PD_OVERRIDE_LOCAL_APPDATA"
 """Environment variables of platformdirs, on Linux and on Windows, that determine the folder of the cache."""
 
-FIGURES: dict[str, tuple[str, str]] = {
+FIGURES = {
     "solve_ms": ("ms", "a frame, controls only: filter, retarget, 4 iterations"),
     "solve_p99_ms": ("ms", "… slowest of 100 such frames"),
     "vertices_ms": ("ms", "positions and normals of a frame"),
     "frame_ms": ("ms", "a frame, controls and vertices"),
     "p99_ms": ("ms", "… slowest of 100 such frames"),
     "precompute_s": ("s", "a character's first start: welding and the reduced model"),
-    "precompute_peak_mb": ("MB", "… peak memory of that process"),
-    "cached_load_ms": ("ms", "its second start, from the cache, after imports"),
-    "first_load_ms": ("ms", "… including the first load of compiled code"),
-    "character_mb": ("MB", "memory of a running character, without interpreter and libraries"),
+    "cached_load_ms": ("ms", "its second start, from the cache"),
     "convert_s": ("s", "conversion of a one-minute recording to a .glb"),
     "convert_fps": ("1/s", "… frames per second"),
-    "peak_mb": ("MB", "… peak memory of that process"),
-    "startup_ms": ("ms", "puppetline --help"),
+    "memory_mb": ("MB", "memory of the process after all this"),
     "arap_iteration_ms": ("ms", "for comparison: an iteration of libigl's full-resolution ARAP"),
-    "memcpy_ms": ("ms", "for comparison: a copy of all bytes that a frame uses"),
-    "constant_ms": ("ms", "for comparison: a constant loop in Python"),
-    "constant_p99_ms": ("ms", "… slowest of 100 such loops: noise of the machine"),
 }
-"""Units and meanings of the measured values by name. A value is None if it cannot be measured."""
+"""Units and meanings of the measured values by name; that of ARAP is None where libigl cannot factorise a surface."""
 
-RATIOS: dict[str, tuple[str, str, str]] = {
-    "arap_to_solve": ("arap_iteration_ms", "solve_ms", "ARAP iteration / controls"),
-    "arap_to_vertices": ("arap_iteration_ms", "vertices_ms", "ARAP iteration / vertices"),
-    "arap_to_frame": ("arap_iteration_ms", "frame_ms", "ARAP iteration / frame"),
-    "vertices_to_memcpy": ("vertices_ms", "memcpy_ms", "vertices / copy"),
-    "p99_to_solve": ("solve_p99_ms", "solve_ms", "99th percentile / median, controls"),
-    "p99_to_frame": ("p99_ms", "frame_ms", "99th percentile / median, frame"),
-    "p99_to_constant": ("constant_p99_ms", "constant_ms", "99th percentile / median, a constant loop"),
+RATIOS = {
+    "arap_to_solve": ("solve_ms", "ARAP iteration / controls"),
+    "arap_to_vertices": ("vertices_ms", "ARAP iteration / vertices"),
+    "arap_to_frame": ("frame_ms", "ARAP iteration / frame"),
 }
-"""Numerators, denominators and meanings of ratios of measured values by name."""
+"""Denominators and meanings of ratios of the time of an iteration of ARAP."""
 
 
-@dataclass(frozen=True)
-class Report:
-    """Result of all measurements.
-
-    Attributes
-    ----------
-    machine : dict
-        Processor, system and versions.
-    character : dict
-        Name and size of the character.
-    figures : dict of float or None
-        Medians, by the names of `FIGURES`.
-    ratios : dict of float or None
-        By the names of `RATIOS`.
-    """
-
-    machine: dict[str, Any]
-    character: dict[str, Any]
-    figures: dict[str, float | None]
-    ratios: dict[str, float | None]
-
-
-def ratios(figures: dict[str, float | None]) -> dict[str, float | None]:
-    """Return ratios by the names of `RATIOS`; None where a value is missing."""
-    return {name: _quotient(figures[a], figures[b]) for name, (a, b, _) in RATIOS.items()}
-
-
-def _quotient(a: float | None, b: float | None) -> float | None:
-    return None if a is None or b is None else a / b
-
-
-def bench(mesh: Path | None = None, *, progress: Reporter = lambda _stage, _share: None) -> Report:
-    """Measure all values for a character.
+def bench(mesh: Path | None = None, *, progress: Callable[[str, float], None] = lambda _step, _share: None) -> Any:
+    """Measure a character in a process of its own.
 
     Parameters
     ----------
@@ -136,23 +95,36 @@ def bench(mesh: Path | None = None, *, progress: Reporter = lambda _stage, _shar
         Any character file; by default an example with `EXAMPLE_VERTICES` vertices.
     progress : callable, optional
 
+    Returns
+    -------
+    dict
+        "machine", "character", "figures" by the names of `FIGURES`, and "ratios" by those of `RATIOS`.
+
     Raises
     ------
     PuppetlineError
         The mesh cannot be used.
     """
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = Path(scratch)
+    with tempfile.TemporaryDirectory() as folder:
         progress("Preparing", 0.0)
-        character = prepare(folder, mesh, CONVERTED_FRAMES)
-        return measure(folder, character, TIMED_FRAMES, PROCESSES, progress=progress)
+        character = prepare(Path(folder), mesh, CONVERTED_FRAMES)
+        progress("Measuring", 0.2)
+        own = dict.fromkeys(THREAD_VARIABLES, "1") | dict.fromkeys(CACHE_VARIABLES, folder)
+        command = [sys.executable, "-m", __name__, folder, str(TIMED_FRAMES)]
+        # Ctrl-C stops only this process, which then stops the other
+        done = subprocess.run(command, stdout=subprocess.PIPE, check=True, env=os.environ | own, **OWN_GROUP)  # noqa: S603
+        found = json.loads(done.stdout)
+    if "error" in found:
+        raise PuppetlineError(**found["error"])
+    iteration = found["arap_iteration_ms"]
+    ratios = {name: iteration and iteration / found[of] for name, (of, _) in RATIOS.items()}
+    return {"machine": machine(), "character": character, "figures": found, "ratios": ratios}
 
 
 def prepare(folder: Path, mesh: Path | None, frames: int) -> dict[str, Any]:
-    """Write the files that the measurements need to a folder, and return the character's name and size.
+    """Write a puppet file and a recording of `frames` frames to a folder; return the character's name and size.
 
-    The handles and the joints that move them are those that `puppetline new` proposes. The recording has the first
-    `frames` frames of `performance`.
+    The handles and the joints that move them are those that `puppetline new` proposes.
 
     Raises
     ------
@@ -165,23 +137,15 @@ def prepare(folder: Path, mesh: Path | None, frames: int) -> dict[str, Any]:
         v, f, *_ = igl.decimate(made.vertices, made.faces, 2 * EXAMPLE_VERTICES - 4)
         make_character(EXAMPLE_CHARACTER, v, f).document.save(mesh)
     character = load_character(mesh)
-    _propose(mesh.resolve(), folder / CHARACTER)
-    ball, faces = igl.upsample(*igl.icosahedron(), 3)
-    make_character("warm up", ball * [1.0, 2.0, 0.7], faces).document.save(folder / "warm_up.glb")
-    _propose((folder / "warm_up.glb").resolve(), folder / WARM_UP)
-    write_log(folder, islice(performance(), frames))
+    propose(mesh.resolve(), folder / CHARACTER)
+    with Recorder(folder / LOG) as recorder:
+        for frame in islice(performance(), frames):
+            recorder.write(frame)
     return {"name": mesh.name, "vertices": len(character.vertices), "triangles": len(character.triangles)}
 
 
-def write_log(folder: Path, frames: Iterable[SkeletonFrame]) -> None:
-    """Write the recording of a folder; an existing one is replaced."""
-    (folder / LOG).unlink(missing_ok=True)  # a recorder would append to it
-    with Recorder(folder / LOG) as recorder:
-        for frame in frames:
-            recorder.write(frame)
-
-
-def _propose(mesh: Path, output: Path) -> None:
+def propose(mesh: Path, output: Path) -> None:
+    """Write a puppet file with handles for a mesh."""
     proposed = new_puppet(mesh, mesh.with_suffix(output.suffix), limbs=False).puppet
     table = proposed.character.model_copy(update={"mesh": str(mesh)})
     puppet_file.dump(proposed.model_copy(update={"character": table}), output)
@@ -195,104 +159,113 @@ def performance() -> Iterator[SkeletonFrame]:
         yield SkeletonFrame(number / 30, 1, positions, confidence)
 
 
-def measure(
-    folder: Path,
-    character: dict[str, Any],
-    frames: int,
-    rounds: int,
-    *,
-    progress: Reporter = lambda _stage, _share: None,
-) -> Report:
-    """Measure all values for a folder from `prepare`, with `rounds` processes per measurement."""
-    figures = in_process(folder, "frames", frames)
-    results: list[dict[str, float | None]] = []
-    for number in range(rounds):
-        progress("Measuring", (1 + number) / (1 + rounds))
-        results += [in_process(folder, name) for name in ("precompute", "load", "convert")]
-        results += [{"startup_ms": startup_ms()} for _ in range(2)]
-    for name in {name for result in results for name in result}:
-        values = [result[name] for result in results if name in result]
-        known = [value for value in values if value is not None]
-        figures[name] = median(known) if known else None
-    figures["convert_fps"] = _quotient(figures["convert_frames"], figures["convert_s"])
-    character = {**character, "handles": figures["handles"], "frames": figures["frames"]}
-    figures = {name: figures.get(name) for name in FIGURES}
-    return Report(machine(), character, figures, ratios(figures))
+def arap_iteration(
+    mesh: SolverMesh, handles: NDArray[np.float64], targets: NDArray[np.float64]
+) -> Callable[[int], None]:
+    """Prepare one iteration of libigl's full-resolution ARAP, with handles at the nearest vertices.
 
+    Parameters
+    ----------
+    mesh : SolverMesh
+    handles : (h, 3) float64
+    targets : (T, h, 3) float64
+        Positions of the handles in T frames.
 
-def in_process(
-    folder: Path, measurement: str, *count: int, module: str = "engine_bridge.cli.benchmark_process"
-) -> dict[str, Any]:
-    """Run a measurement in a separate process with one thread and a cache in the folder, and return its result.
-
-    Raises
-    ------
-    PuppetlineError
-        The error of the other process.
+    Returns
+    -------
+    callable
+        Iterates once, towards the targets of the frame with the given number.
     """
-    command = [sys.executable, "-m", module, measurement, str(folder), *map(str, count)]
-    done = subprocess.run(  # noqa: S603
-        command,
-        stdout=subprocess.PIPE,
-        text=True,
-        check=True,
-        env=os.environ | ONE_THREAD | dict.fromkeys(CACHE_VARIABLES, str(folder.resolve() / "cache")),
-        **OWN_GROUP,  # Ctrl-C stops only this process, which then stops the other
+    corners, blend = snap(mesh, handles)
+    fixed, first = np.unique(corners[np.arange(len(corners)), blend.argmax(axis=1)], return_index=True)
+    data = igl.ARAPData()
+    data.max_iter = 1
+    igl.arap_precomputation(mesh.vertices, mesh.faces, 3, fixed.astype(np.int32), data)
+    state = [mesh.vertices]
+
+    def iterate(number: int) -> None:
+        state[0] = igl.arap_solve(targets[number % len(targets)][first], data, state[0])
+
+    return iterate
+
+
+def measure(folder: Path, frames: int) -> dict[str, float | None]:
+    """Return the values of `FIGURES` for the character in a folder from `prepare`."""
+    clock, found = time.perf_counter, dict[str, float | None]()
+    rig = load_rig(folder / CHARACTER)  # compiles and caches
+    start = clock()
+    load_rig(folder / CHARACTER)
+    loaded = clock()
+    build(rig.character.solver_mesh(), rig.puppet.solver.parameters)
+    found |= {"cached_load_ms": 1000 * (loaded - start), "precompute_s": clock() - loaded}
+
+    settings, character = Settings(), rig.character
+    timeline, _ = load_timeline(folder / LOG, settings)
+    playing = Performance(rig.puppet, rig.mesh, rig.model, reference_pose(rig.puppet, timeline, settings))
+    rows = rig.model.rows(rig.mesh, playing.deformer.handles)
+    targets = [rows @ playing.step(timeline.frame(number)).R for number in range(WARM_UP_FRAMES)]
+    try:
+        path = np.array(targets) * rig.model.diagonal + rig.model.center
+        iterate = arap_iteration(rig.mesh, playing.deformer.handles, path)
+    except RuntimeError:  # libigl cannot factorise every surface
+        iterate = None
+    binding = ShadedBinding(
+        rig.model, character.vertices, rig.mesh.of_render, drawn_normals(character), character.triangles
     )
-    result: dict[str, Any] = json.loads(done.stdout)
-    if "error" in result:
-        raise PuppetlineError(**result["error"])
-    return result
-
-
-def startup_ms() -> float:
-    """Return the time that `puppetline --help` takes."""
-    start = time.perf_counter()
-    subprocess.run([sys.executable, "-m", "puppetline", "--help"], stdout=subprocess.DEVNULL, check=True)
-    return 1000 * (time.perf_counter() - start)
+    times, arap = np.empty((frames, 3)), []
+    binding.vertices_and_normals(to_file_units(rig.model.rest_controls, rig.model))  # compiles
+    for number in range(frames):
+        at = number % len(timeline.positions)
+        time_of_frame = (WARM_UP_FRAMES + number) / timeline.fps
+        frame = SkeletonFrame(time_of_frame, 0, timeline.positions[at], timeline.confidence[at])
+        start = clock()
+        controls = to_file_units(playing.step(frame).R, rig.model)
+        solved = clock()
+        binding.vertices_and_normals(controls)
+        times[number] = start, solved, clock()
+        if iterate is not None and number % ARAP_FRAMES == 0:
+            start = clock()
+            iterate(number)
+            arap.append(clock() - start)
+    solve, vertices = 1000 * np.diff(times, axis=1).T
+    start = clock()
+    _, summary = convert(folder / LOG, folder / CHARACTER, folder / "converted.glb", settings)
+    seconds = clock() - start
+    found |= {"convert_s": seconds, "convert_fps": summary.frames / seconds}
+    found["memory_mb"] = psutil.Process().memory_info().rss / 1e6
+    found["arap_iteration_ms"] = 1000 * float(np.median(arap)) if arap else None
+    for name, values in {"solve": solve, "vertices": vertices, "frame": solve + vertices}.items():
+        found[f"{name}_ms"] = float(np.median(values))
+    found["solve_p99_ms"], found["p99_ms"] = (float(np.percentile(each, 99)) for each in (solve, solve + vertices))
+    return {name: found[name] for name in FIGURES}
 
 
 def machine() -> dict[str, Any]:
     """Describe this machine and the versions of the libraries that affect speed."""
-    blas = np.show_config(mode="dicts")["Build Dependencies"]["blas"]
     return {
-        "processor": _processor(),
+        "processor": platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
         "system": platform.platform(),
         "python": platform.python_version(),
         **{name: version(name) for name in ("puppetline", "numpy", "scipy", "numba", "libigl")},
-        "blas": f"{blas['name']} {blas['version']}",
         "threads": 1,
     }
 
 
-def _processor() -> str:
-    if sys.platform == "linux":
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-        if named:
-            return named[0]
-    if sys.platform == "darwin":
-        command = ["/usr/sbin/sysctl", "-n", "machdep.cpu.brand_string"]
-        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()  # noqa: S603
-    return platform.processor() or platform.machine()
-
-
-def describe(report: Report) -> str:
-    """Return a report as text: the character and the machine, then one value per line, then ratios."""
-    character, system = report.character, report.machine
-    figures = [(name, report.figures[name], *of) for name, of in FIGURES.items()]
-    ratios = [(name, report.ratios[name], "×", meaning) for name, (_, _, meaning) in RATIOS.items()]
+def describe(report: dict[str, Any]) -> str:
+    """Return a report as text: the character and the machine, then one value per line."""
+    character, system = report["character"], report["machine"]
     heading = [
-        f"{character['name']}: {character['vertices']:,} vertices, {character['triangles']:,} triangles, "
-        f"{character['handles']} handles; medians, {character['frames']:,} frames",
+        f"{character['name']}: {character['vertices']:,} vertices, {character['triangles']:,} triangles",
         f"{system['processor']}, {system['cores']} cores, of which one is used; {system['system']}; "
-        f"Python {system['python']}, NumPy {system['numpy']} ({system['blas']}), Numba {system['numba']}, "
-        f"libigl {system['libigl']}",
+        f"Python {system['python']}, NumPy {system['numpy']}, Numba {system['numba']}, libigl {system['libigl']}",
         "",
     ]
-    values = [f"{name:20}{number(value):>8} {unit:4} {meaning}" for name, value, unit, meaning in figures + ratios]
-    return "\n".join(heading + values)
+    values = [(name, report["figures"][name], *of) for name, of in FIGURES.items()]
+    values += [(name, report["ratios"][name], "×", meaning) for name, (_, meaning) in RATIOS.items()]
+    return "\n".join(
+        heading + [f"{name:20}{number(value):>8} {unit:4} {meaning}" for name, value, unit, meaning in values]
+    )
 
 
 def number(value: float | None) -> str:
@@ -300,3 +273,16 @@ def number(value: float | None) -> str:
     if value is None:
         return "–"
     return f"{value:,.0f}" if abs(value) >= 100 else f"{value:#.3g}".rstrip(".")
+
+
+def main() -> None:
+    """Print the values of a folder, or the error, as JSON."""
+    try:
+        found: dict[str, Any] = measure(Path(sys.argv[1]), int(sys.argv[2]))
+    except PuppetlineError as error:
+        found = {"error": error.parts}
+    sys.stdout.write(json.dumps(found) + "\n")
+
+
+if __name__ == "__main__":
+    main()

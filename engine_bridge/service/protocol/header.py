@@ -56,14 +56,8 @@ class Kind(IntEnum):
 
 
 FRAME_KINDS = (
-    Kind.CONTROLS,
-    Kind.MORPHS,
-    Kind.VERTICES,
-    Kind.VERTICES16,
-    Kind.JOINTS,
-    Kind.HANDLES,
-    Kind.BONES,
-    Kind.CHANNELS,
+    *(Kind.CONTROLS, Kind.MORPHS, Kind.VERTICES, Kind.VERTICES16),
+    *(Kind.JOINTS, Kind.HANDLES, Kind.BONES, Kind.CHANNELS),
 )
 """Kinds sent for every frame; the others are sent when they change or are requested."""
 

@@ -1,6 +1,6 @@
-"""The measurements of `engine_bridge.cli.benchmark`, each in a separate process that prints its result as JSON.
+"""The measurements of `benchmarks.character_cost`, each in a separate process that prints its result as JSON.
 
-``python -m engine_bridge.cli.benchmark_process MEASUREMENT FOLDER [COUNT]``
+``python -m benchmarks.character_cost_process MEASUREMENT FOLDER [COUNT]``
 """
 
 import gc
@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import igl
 import numpy as np
 import psutil
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 from capture.skeleton import SkeletonFrame
 from engine_bridge.character.character import load_character
 from engine_bridge.character.materials import drawn_normals
+from engine_bridge.cli.benchmark import arap_iteration
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.clip import load_timeline, reference_pose
 from engine_bridge.performance.performance import Performance
@@ -32,7 +32,6 @@ from puppetline.memory import trim_memory
 from solver.model.binding import ShadedBinding
 from solver.model.reduced_model import Controls, build
 from solver.motion.deformer import to_file_units
-from solver.surface.mesh import SolverMesh, snap
 
 CHARACTER, WARM_UP = "character.toml", "warm_up.toml"
 """Names of puppet files: the one to measure, and one of a tiny mesh, used first to load and compile everything."""
@@ -124,29 +123,6 @@ class Playing:
         return self.binding.vertices_and_normals(controls, *self._drawn)
 
 
-def arap_iteration(mesh: SolverMesh, handles: NDArray[np.float64], targets: NDArray[np.float64]) -> Work:
-    """Prepare one iteration of libigl's full-resolution ARAP, with handles at the nearest vertices.
-
-    Parameters
-    ----------
-    mesh : SolverMesh
-    handles : (h, 3) float64
-    targets : (T, h, 3) float64
-        Positions of the handles in T frames.
-    """
-    corners, blend = snap(mesh, handles)
-    fixed, first = np.unique(corners[np.arange(len(corners)), blend.argmax(axis=1)], return_index=True)
-    data = igl.ARAPData()
-    data.max_iter = 1
-    igl.arap_precomputation(mesh.vertices, mesh.faces, 3, fixed.astype(np.int32), data)
-    state = [mesh.vertices]
-
-    def iterate(number: int) -> None:
-        state[0] = igl.arap_solve(targets[number % len(targets)][first], data, state[0])
-
-    return Work(iterate, 1)
-
-
 def handle_path(playing: Playing, count: int) -> NDArray[np.float64]:
     """Return the positions of the handles (count, h, 3) in the next frames."""
     model, handles = playing.rig.model, playing.performance.deformer.handles
@@ -172,7 +148,7 @@ def works(folder: Path) -> tuple[Playing, dict[str, Work]]:
     }
     try:
         handles = played.performance.deformer.handles
-        made["arap_iteration"] = arap_iteration(rig.mesh, handles, handle_path(played, 60))
+        made["arap_iteration"] = Work(arap_iteration(rig.mesh, handles, handle_path(played, 60)), 1)
     except RuntimeError:  # libigl cannot factorise every surface
         pass
     return played, made

@@ -79,12 +79,7 @@ def _goals(
     memory, peak = largest["precompute_peak_mb"], figures["peak_mb"]
     return [
         Goal("a frame, controls only", figures["solve_ms"], 0.15, "ms"),
-        Goal(
-            "… the slowest of all sizes above the fastest",
-            100 * (max(solve) / min(solve) - 1),
-            15,
-            "%",
-        ),
+        Goal("… the slowest of all sizes above the fastest", 100 * (max(solve) / min(solve) - 1), 15, "%"),
         Goal("positions and normals / the same by AVX2 in C", _quotient(avx2, "vertices_ms", "avx2_ms"), 2, "×"),
         Goal("… the most expensive vertex at any size / the cheapest (linear)", max(each) / min(each), 2, "×"),
         Goal("ARAP iteration / controls", ratios["arap_to_solve"], 100, "×", least=True),

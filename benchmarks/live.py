@@ -153,10 +153,7 @@ def _facts(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
             (f"{each['frames']:,}; {100 * each['cpu']:.1f} %; {each['received_max_ms']:.1f} ms received → controls"),
         )
     if "people" in found:
-        yield (
-            f"{PERFORMERS} characters: frames streamed",
-            f"{100 * found['people']['performed']:.1f} % of those sent",
-        )
+        yield (f"{PERFORMERS} characters: frames streamed", f"{100 * found['people']['performed']:.1f} % of those sent")
     if "crowd" in found:
         crowd = found["crowd"]
         yield (
@@ -175,10 +172,7 @@ def _facts(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if "soak" in found:
         soak = found["soak"]
         yield "soak", f"{soak['seconds'] / 60:.0f} min, {soak['frames'] / soak['seconds']:.0f} frames per second"
-        yield (
-            "… faults",
-            ", ".join(f"{number} × {name.replace('_', ' ')}" for name, number in soak["done"].items()),
-        )
+        yield ("… faults", ", ".join(f"{number} × {name.replace('_', ' ')}" for name, number in soak["done"].items()))
         yield "… datagrams refused; clients refused", f"{sum(soak['refused'].values()):,}; {soak['clients_refused']:,}"
         yield "… memory, MB, by tenths", _series(soak["memory_mb"]["series"])
 

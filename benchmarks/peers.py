@@ -27,11 +27,7 @@ CHARACTERS = (
     "gltf/quaternius_Adventurer.glb",
     "gltf/quaternius_George.glb",
 )
-RECORDINGS = (
-    "utkinect/joints_s01_e01.txt",
-    "msrc12/P1_1_1_p19.csv",
-    "kinect_v2_laban_csv/Ges02_balancinghands.csv",
-)
+RECORDINGS = ("utkinect/joints_s01_e01.txt", "msrc12/P1_1_1_p19.csv", "kinect_v2_laban_csv/Ges02_balancinghands.csv")
 
 
 def main() -> None:

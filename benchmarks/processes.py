@@ -12,15 +12,7 @@ from numpy.typing import NDArray
 
 from benchmarks import character_cost_process
 from benchmarks.avx2 import Avx2Blend, MissingError
-from benchmarks.character_cost_process import (
-    CHARACTER,
-    LOG,
-    Playing,
-    Work,
-    arap_iteration,
-    handle_path,
-    interleaved,
-)
+from benchmarks.character_cost_process import CHARACTER, LOG, Playing, Work, arap_iteration, handle_path, interleaved
 from engine_bridge.character.character import load_character
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.puppet import puppet_file
@@ -74,10 +66,7 @@ def point(folder: Path) -> dict[str, float]:
     rig = load_rig(folder / CHARACTER)
     playing = Playing(rig, folder / LOG)
     controls = playing.controls().copy()
-    todo = {
-        "solve": Work(lambda _: playing.controls(), 250),
-        "vertices": Work(lambda _: playing.vertices(controls), 5),
-    }
+    todo = {"solve": Work(lambda _: playing.controls(), 250), "vertices": Work(lambda _: playing.vertices(controls), 5)}
     if len(rig.mesh.vertices) <= MAX_ARAP_VERTICES:
         todo["arap_iteration"] = arap_iteration(
             rig.mesh, playing.performance.deformer.handles, handle_path(playing, 60)
@@ -194,11 +183,5 @@ def medians(times: dict[str, NDArray[np.float64]]) -> dict[str, float]:
 
 if __name__ == "__main__":
     character_cost_process.main(
-        {
-            "yardstick": yardstick,
-            "point": point,
-            "cold": cold,
-            "table1_row": table1_row,
-            "convergence": convergence,
-        }
+        {"yardstick": yardstick, "point": point, "cold": cold, "table1_row": table1_row, "convergence": convergence}
     )

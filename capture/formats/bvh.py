@@ -103,10 +103,7 @@ def _bodies(
 
 
 def _body(
-    path: Path,
-    tree: list[tuple[str, int]],
-    positions: list[NDArray[np.float64]],
-    rotations: list[NDArray[np.float64]],
+    path: Path, tree: list[tuple[str, int]], positions: list[NDArray[np.float64]], rotations: list[NDArray[np.float64]]
 ) -> _Body:
     """Select the 20 joints of a skeleton, and note names that several joints have."""
     points, chosen, notes = kinect_positions(path, tree, positions)

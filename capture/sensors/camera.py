@@ -214,10 +214,7 @@ class Video:
             picture = self._decode()
         if picture is None:
             raise SourceError(
-                self._uri,
-                found="the end of the video",
-                expected="more images",
-                fix="Add ?loop to play it in a loop.",
+                self._uri, found="the end of the video", expected="more images", fix="Add ?loop to play it in a loop."
             )
         self._next = self._decode()
         return picture

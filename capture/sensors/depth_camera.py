@@ -264,10 +264,7 @@ class DepthCamera(ABC):
 
     def _ended(self) -> SourceError:
         return SourceError(
-            self._uri,
-            found="the end of the recording",
-            expected="more images",
-            fix="Add ?loop to play it in a loop.",
+            self._uri, found="the end of the recording", expected="more images", fix="Add ?loop to play it in a loop."
         )
 
     def _unplugged(self) -> SourceError:

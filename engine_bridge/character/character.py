@@ -122,10 +122,7 @@ def load_character(path: Path, cache: Path | None = None) -> Character:
 
 
 def make_character(
-    title: str,
-    vertices: NDArray[np.float64],
-    triangles: NDArray[np.int64],
-    colors: NDArray[np.floating] | None = None,
+    title: str, vertices: NDArray[np.float64], triangles: NDArray[np.int64], colors: NDArray[np.floating] | None = None
 ) -> Character:
     """Create a character of one surface.
 
@@ -224,12 +221,7 @@ def _parts(document: Document, node: int, world: NDArray[np.float64]) -> Iterato
             vertex = int(bad.argmax())
             raise damaged(place, f"a position of vertex {vertex} that is not finite or too large")
         yield Part(
-            node=node,
-            primitive=index,
-            to_world=to_world,
-            vertices=vertices,
-            triangles=triangles,
-            normals=normals,
+            node=node, primitive=index, to_world=to_world, vertices=vertices, triangles=triangles, normals=normals
         )
 
 

@@ -21,13 +21,7 @@ from engine_bridge.character.character import make_character
 from puppetline.errors import OutputError
 from puppetline.files import check_writable, written_whole
 
-MOTIONS: dict[str, str] = {
-    "dinosaur": "roar",
-    "pegasus": "rear",
-    "biped": "walk",
-    "dog": "bark",
-    "human": "kung_fu",
-}
+MOTIONS: dict[str, str] = {"dinosaur": "roar", "pegasus": "rear", "biped": "walk", "dog": "bark", "human": "kung_fu"}
 """Motion of each character."""
 
 Progress = Callable[[str, float], None]

@@ -110,10 +110,7 @@ def _walk(document: Document, roots: list[int]) -> Iterator[tuple[int, int | Non
 
 def _no_tree(document: Document, node: int, found: str) -> MeshError:
     return MeshError(
-        at(document.name, field=f"nodes[{node}]"),
-        found=found,
-        expected="a tree of nodes",
-        fix="Export the file again.",
+        at(document.name, field=f"nodes[{node}]"), found=found, expected="a tree of nodes", fix="Export the file again."
     )
 
 

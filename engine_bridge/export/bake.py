@@ -195,11 +195,7 @@ def _add_turned(rig: Rig, frames: FrameStore) -> None:
 
 
 def _play(
-    rig: Rig,
-    clips: Iterable[tuple[str, Timeline, tuple[str, ...]]],
-    count: int,
-    settings: Settings,
-    progress: Progress,
+    rig: Rig, clips: Iterable[tuple[str, Timeline, tuple[str, ...]]], count: int, settings: Settings, progress: Progress
 ) -> Motion:
     """Return the motion of `count` clips, each a name, a timeline and notes."""
     frames = FrameStore(rig.model.rest_controls.shape)

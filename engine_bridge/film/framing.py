@@ -31,11 +31,7 @@ class Shots:
     """
 
     def __init__(
-        self,
-        tables: Sequence[CameraTable],
-        boxes: dict[str, NDArray[np.float64]],
-        fps: float,
-        size: tuple[int, int],
+        self, tables: Sequence[CameraTable], boxes: dict[str, NDArray[np.float64]], fps: float, size: tuple[int, int]
     ) -> None:
         tables = tables or (CameraTable(),)
         self._begins = np.array([round(table.at * fps) for table in tables])
@@ -56,12 +52,7 @@ class _Shot:
     """One camera, in some frames."""
 
     def __init__(
-        self,
-        table: CameraTable,
-        boxes: dict[str, NDArray[np.float64]],
-        part: slice,
-        fps: float,
-        size: tuple[int, int],
+        self, table: CameraTable, boxes: dict[str, NDArray[np.float64]], part: slice, fps: float, size: tuple[int, int]
     ) -> None:
         shown = np.stack([each[part] for name, each in boxes.items() if not table.show or name in table.show])
         low, high = shown[:, :, 0].min(axis=0), shown[:, :, 1].max(axis=0)

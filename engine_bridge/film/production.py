@@ -10,15 +10,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.film.actor import Actor
 from engine_bridge.film.scene import Scene, SceneError, SoundTable, TakeTable
-from engine_bridge.film.takes import (
-    Footing,
-    PlayedTake,
-    SolvedTake,
-    played_take,
-    segments_of,
-    solve_take,
-    sound_table,
-)
+from engine_bridge.film.takes import Footing, PlayedTake, SolvedTake, played_take, segments_of, solve_take, sound_table
 from engine_bridge.performance.frame_store import evenly
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings

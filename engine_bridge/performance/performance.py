@@ -91,9 +91,5 @@ def mirrored(puppet: Puppet, on: bool | None) -> Puppet:
 def make_deformer(puppet: Puppet, mesh: SolverMesh, model: ReducedModel) -> Deformer:
     """Return a deformer for a character's model and a puppet's handles."""
     return Deformer(
-        model,
-        mesh,
-        puppet.handle_positions,
-        iterations=puppet.solver.iterations,
-        mode=puppet.solver.rotations,
+        model, mesh, puppet.handle_positions, iterations=puppet.solver.iterations, mode=puppet.solver.rotations
     )

@@ -11,13 +11,7 @@ from engine_bridge.puppet.puppet import BendTable, CharacterTable, LimbTable, Pu
 from solver.anatomy.limb_chain import LimbChain, Limbs
 
 ARM, LEG = ("shoulder", "elbow", "wrist", "hand"), ("hip", "knee", "ankle", "foot")
-LIMB_JOINTS: dict[str, tuple[str, ...]] = {
-    "arm": ARM,
-    "leg": LEG,
-    "front leg": ARM,
-    "hind leg": LEG,
-    "wing": ARM,
-}
+LIMB_JOINTS: dict[str, tuple[str, ...]] = {"arm": ARM, "leg": LEG, "front leg": ARM, "hind leg": LEG, "wing": ARM}
 """Joints that drive a limb of either side; arms drive front legs and wings."""
 
 MIDDLE_JOINTS: dict[str, tuple[str | tuple[str, ...], ...]] = {

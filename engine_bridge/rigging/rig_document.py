@@ -35,10 +35,7 @@ INFLUENCES_PER_SET = 4
 
 
 def rigged_document(
-    character: Character,
-    made: MadeRig,
-    follows: NDArray[np.int64],
-    placed: NDArray[np.float64] | None = None,
+    character: Character, made: MadeRig, follows: NDArray[np.int64], placed: NDArray[np.float64] | None = None
 ) -> tuple[Document, list[int], tuple[str, ...]]:
     """Bind the meshes of a copy of a character's document to new joints.
 

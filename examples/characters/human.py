@@ -241,10 +241,7 @@ def build() -> Character:
         replace(step, shape=stretch(step.shape, (SCALE,) * 3, (0, 0, 0))) if isinstance(step, Part) else step
         for step in steps
     ]
-    steps = [
-        *steps,
-        Part(half_space((0, 0, 0), (0, 1, 0)), BLACK, 0.002, "carve"),
-    ]
+    steps = [*steps, Part(half_space((0, 0, 0), (0, 1, 0)), BLACK, 0.002, "carve")]
     foci = [
         Focus((0, 1.555, 0.09), 0.13, 2.8),
         Focus((0.475, 0.77, 0.07), 0.08, 1.7),

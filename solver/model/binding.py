@@ -127,10 +127,7 @@ class ShadedBinding(Binding):
         return part
 
     def vertices_and_normals(
-        self,
-        controls: Controls,
-        out: NDArray[np.float32] | None = None,
-        normals: NDArray[np.float32] | None = None,
+        self, controls: Controls, out: NDArray[np.float32] | None = None, normals: NDArray[np.float32] | None = None
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the positions and the unit normals of the deformed surface.
 

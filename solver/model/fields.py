@@ -198,10 +198,7 @@ def _factored(matrix: "csr_matrix") -> "scipy.sparse.linalg.SuperLU":
     # with contacts everywhere the graph is not a surface, so that planes do not cut it at a line: COLAMD is better
     ordering: Literal["NATURAL", "COLAMD"] = "NATURAL" if matrix.nnz <= 8 * matrix.shape[0] else "COLAMD"
     return scipy.sparse.linalg.splu(
-        scipy.sparse.csc_matrix(matrix),
-        permc_spec=ordering,
-        panel_size=PANEL_COLUMNS,
-        options={"SymmetricMode": True},
+        scipy.sparse.csc_matrix(matrix), permc_spec=ordering, panel_size=PANEL_COLUMNS, options={"SymmetricMode": True}
     )
 
 

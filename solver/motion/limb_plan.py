@@ -139,11 +139,7 @@ def _joints(limbs: Sequence[Limb]) -> NDArray[np.int64]:
 
 
 def _aims(
-    places: Sequence[_Place],
-    bones: Bones,
-    performer: Performer,
-    rest: NDArray[np.float64],
-    basis: NDArray[np.float64],
+    places: Sequence[_Place], bones: Bones, performer: Performer, rest: NDArray[np.float64], basis: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the directions (b + 1, 3) that are turned to those of the performer's bones; NaN if unknown.
 

@@ -22,16 +22,7 @@ from solver.motion.gait import DUTY, RATE, RESTED, RESTED_SECONDS, STOPPED, WALK
 from solver.motion.leg_chain import stretch
 from solver.motion.lifted_legs import apply_gesture, watch_hands
 from solver.motion.resting_feet import TIME, is_seen, remaining, resting_feet
-from solver.motion.step_plan import (
-    FOLLOWS,
-    HEADING,
-    JUMP,
-    TURNING,
-    PerformersLegs,
-    StandingLeg,
-    plan_of,
-    state_of,
-)
+from solver.motion.step_plan import FOLLOWS, HEADING, JUMP, TURNING, PerformersLegs, StandingLeg, plan_of, state_of
 from solver.motion.two_bones import carry_along, moved, place
 
 VELOCITY_SECONDS = 0.15

@@ -12,15 +12,7 @@ from engine_bridge.export.live_basis import REACH, LiveBasis
 from engine_bridge.performance.rig import Rig
 from engine_bridge.puppet import puppet_file
 from engine_bridge.service.protocol.frame import Frame
-from engine_bridge.service.protocol.header import (
-    FRAME_KINDS,
-    Header,
-    Kind,
-    join,
-    topic,
-    topic_field,
-    write_json,
-)
+from engine_bridge.service.protocol.header import FRAME_KINDS, Header, Kind, join, topic, topic_field, write_json
 from engine_bridge.service.protocol.payloads import decode, encode
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.states import STATES

@@ -38,10 +38,7 @@ class Control:
     """
 
     def __init__(
-        self,
-        context: "zmq.Context[zmq.Socket[bytes]]",
-        endpoints: Sequence[Endpoint],
-        dispatcher: Dispatcher,
+        self, context: "zmq.Context[zmq.Socket[bytes]]", endpoints: Sequence[Endpoint], dispatcher: Dispatcher
     ) -> None:
         self._dispatcher = dispatcher
         self.sockets: list[zmq.Socket[bytes]] = []

@@ -26,10 +26,7 @@ FAILED = ServiceError(
     fix="Read the log of the service, and report the error.",
 )
 BUSY = ServiceError(
-    "the service",
-    found="too many pending requests",
-    expected="fewer requests at a time",
-    fix="Retry in a few seconds.",
+    "the service", found="too many pending requests", expected="fewer requests at a time", fix="Retry in a few seconds."
 )
 
 log = logging.getLogger(__name__)

@@ -72,9 +72,6 @@ def _quantise(positions, normals, box, places, folded):
         by = one / length if length > 0 else np.float32(0)
         x, y = x * by, y * by
         if z < 0:  # the lower half is folded outwards over the edges
-            x, y = (
-                (one - abs(y)) * (one if x >= 0 else -one),
-                (one - abs(x)) * (one if y >= 0 else -one),
-            )
+            x, y = ((one - abs(y)) * (one if x >= 0 else -one), (one - abs(x)) * (one if y >= 0 else -one))
         folded[v, 0] = np.int16(np.floor(x * np.float32(SQUARE_STEPS) + half))
         folded[v, 1] = np.int16(np.floor(y * np.float32(SQUARE_STEPS) + half))

@@ -195,10 +195,7 @@ def _check_mode(path: Path, mode: int, forbidden: int) -> None:
 
 def _unreadable(path: Path, what: str, error: OSError) -> PuppetlineError:
     return ServiceError(
-        path,
-        found=f"a path that cannot be read ({error.strerror})",
-        expected=what,
-        fix="Check the path and its owner.",
+        path, found=f"a path that cannot be read ({error.strerror})", expected=what, fix="Check the path and its owner."
     )
 
 

@@ -115,12 +115,7 @@ class Kiosk:
     """
 
     def __init__(
-        self,
-        table: KioskTable,
-        folder: Path,
-        count_in: CountIn,
-        stop: Callable[[StageRunner, Clip], None],
-        jobs: Jobs,
+        self, table: KioskTable, folder: Path, count_in: CountIn, stop: Callable[[StageRunner, Clip], None], jobs: Jobs
     ) -> None:
         self._table, self._folder, self._count_in = table, visitors_folder(folder), count_in
         self._stop, self._jobs = stop, jobs

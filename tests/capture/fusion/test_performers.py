@@ -91,11 +91,7 @@ def test_a_tenth_of_the_joints_grossly_wrong_does_little_harm(
 
 
 def test_the_first_sensor_determines_the_times_and_the_next_one_replaces_it(performers, body):
-    frames = together(
-        performers,
-        [body(k / 30) for k in range(30)],
-        [body(k / 30 + 0.01, user=7) for k in range(60)],
-    )
+    frames = together(performers, [body(k / 30) for k in range(30)], [body(k / 30 + 0.01, user=7) for k in range(60)])
     times = np.array([frame.time for frame in frames])
     assert times[:30].tolist() == [k / 30 for k in range(30)]
     assert LEADER_TIMEOUT_SECONDS < times[30] - times[29] < LEADER_TIMEOUT_SECONDS + 1.1 / 30

@@ -303,9 +303,7 @@ TYPED = {
 }
 FITTING = SHAPES.flatmap(lambda shape: st.tuples(*(TYPED[tag] for tag in shape)))
 MESSAGES = st.builds(
-    lambda address, arguments: encode(address, *arguments),
-    ADDRESSES,
-    st.one_of(FITTING, st.lists(VALUES, max_size=10)),
+    lambda address, arguments: encode(address, *arguments), ADDRESSES, st.one_of(FITTING, st.lists(VALUES, max_size=10))
 )
 
 

@@ -133,10 +133,7 @@ def test_depth_without_colour_of_the_same_time_is_skipped(read, write_dump):
 
 @pytest.mark.parametrize(
     ("fault", "said"),
-    [
-        ("still", "closed None None"),
-        ("unplugged", "found an unplugged Kinect (libfreenect: USB device disappeared"),
-    ],
+    [("still", "closed None None"), ("unplugged", "found an unplugged Kinect (libfreenect: USB device disappeared")],
 )
 def test_a_sensor_that_stops_delivers_its_images_and_none_or_an_error(read, write_dump, fault, said):
     process, seen = read(write_dump(SIX_IMAGES), 6, fault)

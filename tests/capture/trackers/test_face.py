@@ -4,15 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from capture.trackers.face import (
-    FACE_CHANNELS,
-    NEUTRAL_SECONDS,
-    FaceChannels,
-    FaceMesh,
-    HeadDirection,
-    axes,
-    measures,
-)
+from capture.trackers.face import FACE_CHANNELS, NEUTRAL_SECONDS, FaceChannels, FaceMesh, HeadDirection, axes, measures
 
 from .drawn_faces import draw, turn
 

@@ -384,9 +384,7 @@ def test_a_pipe_beside_the_file_is_not_waited_for(tmp_path):
     path = write_gltf(tmp_path, buffers=[{"uri": "pipe.bin", "byteLength": 1}])
     assert "which is not a readable file in its folder" in refused(path).found
     document = load_document(write_gltf(tmp_path, images=[{"uri": "pipe.bin"}]))
-    assert document.notes == [
-        "The image 'pipe.bin' is not a file in the folder of the glTF; it is shown in white.",
-    ]
+    assert document.notes == ["The image 'pipe.bin' is not a file in the folder of the glTF; it is shown in white."]
 
 
 @pytest.mark.parametrize("value", [b"1e999", b'"\\ud800"', b"-1e999"])

@@ -191,13 +191,7 @@ def test_a_file_is_known_by_its_content_whatever_its_ending(cube, written, encod
 @pytest.mark.parametrize("encoding", ENCODINGS)
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_a_position_that_is_not_finite_is_refused_with_its_place(cube, written, encoding, value):
-    places = {
-        "obj": ", line 6",
-        "off": ", line 8",
-        "ply": ", vertex 5",
-        "stl": ", facet 2",
-        "text stl": ", line 19",
-    }
+    places = {"obj": ", line 6", "off": ", line 8", "ply": ", vertex 5", "stl": ", facet 2", "text stl": ", line 19"}
     cube.vertices[5, 1] = value
     path = written("a.mesh", ENCODINGS[encoding](cube))
     with pytest.raises(MeshError) as error:

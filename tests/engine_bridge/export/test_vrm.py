@@ -133,13 +133,7 @@ def test_an_earlier_vrm_and_animations_are_replaced(made):
     older = {"VRM": {}, "VRMC_springBone": {}, "KHR_lights_punctual": {"lights": []}}
     node = {"extensions": {"VRMC_node_constraint": {}}}
     used = [*older, "VRMC_node_constraint", "VRMC_vrm"]
-    gltf = made(
-        extensions=older,
-        nodes=[node, {}],
-        extensionsUsed=used,
-        extensionsRequired=["VRM"],
-        animations=[{}],
-    )
+    gltf = made(extensions=older, nodes=[node, {}], extensionsUsed=used, extensionsRequired=["VRM"], animations=[{}])
     assert gltf["extensions"].keys() == {"KHR_lights_punctual", "VRMC_vrm"}
     assert gltf["extensionsUsed"] == ["KHR_lights_punctual", "VRMC_vrm"]
     assert (gltf["extensionsRequired"], gltf["animations"], gltf["nodes"][0]) == ([], [], {})

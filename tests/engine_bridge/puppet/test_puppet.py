@@ -88,10 +88,7 @@ MISTAKES = {
         PUPPET + 'joint = "hand_lft"\n',
         "[[handle]] 1 'tail', joint: found 'hand_lft'; expected the name of a Kinect joint. Did you mean 'hand_left'?",
     ),
-    "a joint like no other": (
-        PUPPET + '[root]\njoint = "tentacle"\n',
-        f"[root], joint: found 'tentacle'; {ANY_JOINT}",
-    ),
+    "a joint like no other": (PUPPET + '[root]\njoint = "tentacle"\n', f"[root], joint: found 'tentacle'; {ANY_JOINT}"),
     "joint and joints": (
         PUPPET + 'joint = "head"\njoints = ["head"]\n',
         "[[handle]] 1 'tail', joints: found both joint and joints; expected either joint or joints. Remove one of "

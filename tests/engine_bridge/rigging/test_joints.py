@@ -91,11 +91,7 @@ def test_a_handle_is_a_joint_on_the_nearest_joint():
 
 
 @pytest.mark.parametrize(
-    ("count", "expected"),
-    [
-        (1, [("a0", None, 0)]),
-        (2, [("root", None, -1), ("a0", "root", 0), ("a1", "root", 1)]),
-    ],
+    ("count", "expected"), [(1, [("a0", None, 0)]), (2, [("root", None, -1), ("a0", "root", 0), ("a1", "root", 1)])]
 )
 def test_handles_alone_hang_on_a_root_if_there_are_several(count, expected):
     assert described(joints_of([], [(f"a{k}", np.zeros(3)) for k in range(count)])) == expected

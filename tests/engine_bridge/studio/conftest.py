@@ -60,10 +60,7 @@ class RunningStudio:
     @contextlib.asynccontextmanager
     async def page(self, token=None):
         """Connect a page."""
-        async with (
-            aiohttp.ClientSession() as http,
-            http.ws_connect(f"{self.address}/api", max_msg_size=0) as socket,
-        ):
+        async with aiohttp.ClientSession() as http, http.ws_connect(f"{self.address}/api", max_msg_size=0) as socket:
             await socket.send_json({"token": token or self.token()})
             yield Page(socket, (await socket.receive_json())["hello"])
 
@@ -110,10 +107,7 @@ class RunningStudio:
         """Send a request without a session token; return status, headers and body."""
 
         async def send():
-            async with (
-                aiohttp.ClientSession() as http,
-                http.request(method, self.address + path, **more) as response,
-            ):
+            async with aiohttp.ClientSession() as http, http.request(method, self.address + path, **more) as response:
                 return response.status, response.headers, await response.read()
 
         return self.run(send())

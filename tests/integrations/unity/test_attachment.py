@@ -19,8 +19,7 @@ def world(said, theirs):
 
 
 @pytest.mark.parametrize(
-    ("mode", "scale"),
-    [*(("Controls", scale) for scale in SCALES), ("Vertices", "mirrored"), ("Vertices16", "scaled")],
+    ("mode", "scale"), [*(("Controls", scale) for scale in SCALES), ("Vertices", "mirrored"), ("Vertices16", "scaled")]
 )
 def test_an_object_lies_on_its_vertex_and_turns_with_the_surface(show, python, blob_rig, mode, scale):
     count = len(blob_rig.character.vertices)

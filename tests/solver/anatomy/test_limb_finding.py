@@ -281,11 +281,7 @@ def test_the_order_of_vertices_does_not_matter(person):
 
 @pytest.mark.parametrize(
     "basis",
-    [
-        [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
-        [[0, 0, 1], [1, 0, 0], [0, 1, 0]],
-        [[-1, 0, 0], [0, 1, 0], [0, 0, -1]],
-    ],
+    [[[1, 0, 0], [0, 0, 1], [0, -1, 0]], [[0, 0, 1], [1, 0, 0], [0, 1, 0]], [[-1, 0, 0], [0, 1, 0], [0, 0, -1]]],
 )
 def test_a_character_that_is_turned_has_its_joints_turned(person, basis):
     turn = np.array(basis, dtype=np.float64)

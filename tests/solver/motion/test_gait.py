@@ -2,16 +2,7 @@ import numpy as np
 import pytest
 
 from puppetline.compiled import compiled
-from solver.motion.gait import (
-    DUTY,
-    PHASE,
-    RATE,
-    WALKS,
-    new_gait,
-    phases,
-    share_of_stride,
-    update,
-)
+from solver.motion.gait import DUTY, PHASE, RATE, WALKS, new_gait, phases, share_of_stride, update
 
 TICK = 1 / 60
 LEG = 0.8

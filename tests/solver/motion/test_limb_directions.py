@@ -40,10 +40,7 @@ def plan():
 @pytest.fixture
 def state():
     return SimpleNamespace(
-        clock=np.array([-np.inf, -np.inf, 0.0, 0.0, 0.0]),
-        side=np.zeros(3),
-        known=np.ones(2),
-        roll_known=np.ones(2),
+        clock=np.array([-np.inf, -np.inf, 0.0, 0.0, 0.0]), side=np.zeros(3), known=np.ones(2), roll_known=np.ones(2)
     )
 
 

@@ -85,17 +85,7 @@ def test_a_foot_turns_no_farther_than_its_limit_and_follows_with_its_time_consta
 
 def rolled(module, plan, state, elapsed, across=(0.0, 0.0, 0.0), began=True, local=NO_TURN, directions=(X, X)):
     return module._rolled(
-        plan,
-        state,
-        0,
-        local,
-        NO_TURN,
-        np.array([X]),
-        np.array(directions),
-        np.array([across]),
-        0.0,
-        elapsed,
-        began,
+        plan, state, 0, local, NO_TURN, np.array([X]), np.array(directions), np.array([across]), 0.0, elapsed, began
     )
 
 

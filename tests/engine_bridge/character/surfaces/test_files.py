@@ -55,14 +55,7 @@ def test_a_path_of_another_computer_stands_for_the_file_of_that_name_here(folder
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        "../secret.png",
-        "../../etc/passwd",
-        "/etc/passwd",
-        "textures/../../secret.png",
-        "..\\secret.png",
-    ],
+    "name", ["../secret.png", "../../etc/passwd", "/etc/passwd", "textures/../../secret.png", "..\\secret.png"]
 )
 def test_a_path_that_leaves_the_folder_is_not_read(folder, here, name):
     assert folder.image(name, here, "a.mtl, line 3") is None

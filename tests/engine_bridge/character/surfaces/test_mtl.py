@@ -92,10 +92,7 @@ def test_the_picture_s_own_alpha_channel_cuts_out(read):
     assert read("map_Kd skin one.png")[0].alpha_mode == "OPAQUE"
     material, notes = read("map_Kd bumps.png\nmap_d skin one.png\nmap_Ks bumps.png")
     assert material.alpha_mode == "OPAQUE"
-    assert sorted(notes) == [
-        "Material 'wolf fur': map_d is ignored.",
-        "Material 'wolf fur': map_ks is ignored.",
-    ]
+    assert sorted(notes) == ["Material 'wolf fur': map_d is ignored.", "Material 'wolf fur': map_ks is ignored."]
 
 
 @pytest.mark.parametrize("kind", ["norm", "map_Bump", "bump", "map_bump -bm 1.0"])

@@ -48,7 +48,7 @@ class Office:
                 "fail": (Nothing, self._fail),
                 "refuse": (Nothing, self._refuse),
                 "strange": (Nothing, lambda _: {"value": float("nan")}),
-            },
+            }
         )
         self.control = Control(self.context, [self.endpoint], self.dispatcher)
         self.address = self.control.endpoints[0]

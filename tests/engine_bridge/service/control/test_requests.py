@@ -147,8 +147,7 @@ def test_arguments_are_taken(do, arguments):
 
 
 @pytest.mark.parametrize(
-    ("text", "names"),
-    [("head", ("head",)), ("  hand_left\thead ", ("hand_left", "head")), ("", ()), (None, ())],
+    ("text", "names"), [("head", ("head",)), ("  hand_left\thead ", ("hand_left", "head")), ("", ()), (None, ())]
 )
 def test_joints_are_a_text_of_names(text, names):
     arguments = {"character": "dog", "handle": "tail", "joints": text}

@@ -83,8 +83,7 @@ def test_the_watchdog_is_fed_by_frames_and_by_nothing_else(manager, notifier, mo
 
 
 @pytest.mark.parametrize(
-    ("usec", "pid", "told"),
-    [("", "", []), ("10000000", "1", []), ("x", "", []), ("10000000", "own", ["WATCHDOG=1"])],
+    ("usec", "pid", "told"), [("", "", []), ("10000000", "1", []), ("x", "", []), ("10000000", "own", ["WATCHDOG=1"])]
 )
 def test_only_a_watchdog_for_this_process_is_fed(manager, notifier, monkeypatch, usec, pid, told):
     for name, value in (("WATCHDOG_USEC", usec), ("WATCHDOG_PID", str(os.getpid()) if pid == "own" else pid)):

@@ -155,12 +155,7 @@ def test_a_frame_is_bundles_that_travel_in_one_piece_and_say_all_that_the_protoc
 
 @pytest.mark.parametrize(
     ("state", "expected"),
-    [
-        ("waiting", [1, 0, 0, 0]),
-        ("calibrating", [1, 2, 0, 0]),
-        ("performing", [1, 3, 0, 1]),
-        ("leaving", [1, 0, 0, 0]),
-    ],
+    [("waiting", [1, 0, 0, 0]), ("calibrating", [1, 2, 0, 0]), ("performing", [1, 3, 0, 1]), ("leaving", [1, 0, 0, 0])],
 )
 def test_the_state_is_the_protocols(figure, moved_by, state, expected):
     assert messages(datagrams(moved_by(still(figure), state=state), 0.0))[0] == ("/VMC/Ext/OK", expected)

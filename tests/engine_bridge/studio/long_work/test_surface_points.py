@@ -56,8 +56,7 @@ def test_a_limb_of_one_side_gets_its_counterpart_after_it(limbed_rig):
 
 
 @pytest.mark.parametrize(
-    ("name", "found"),
-    [("hump", "'hump', which names no side"), ("wing", "no limb or handle 'wing'")],
+    ("name", "found"), [("hump", "'hump', which names no side"), ("wing", "no limb or handle 'wing'")]
 )
 def test_a_limb_without_a_side_has_no_counterpart(limbed_rig, name, found):
     with pytest.raises(ServiceError) as error:

@@ -1,13 +1,6 @@
 import pytest
 
-from engine_bridge.studio.web.page_access import (
-    MAX_SESSIONS,
-    Addresses,
-    Tokens,
-    bearer,
-    check_exposure,
-    page_headers,
-)
+from engine_bridge.studio.web.page_access import MAX_SESSIONS, Addresses, Tokens, bearer, check_exposure, page_headers
 from puppetline.errors import ServiceError
 
 

@@ -13,7 +13,6 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.metadata import version
-from itertools import islice
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -21,18 +20,15 @@ from typing import Any
 import igl
 import numpy as np
 
-from benchmarks.character_cost_process import CHARACTER, LOG, WARM_UP
+from benchmarks.character_cost_process import LOG, WARM_UP
 from capture.recording import Recorder
 from capture.skeleton import SkeletonFrame
-from engine_bridge.character.character import load_character, make_character
-from engine_bridge.character.examples import example_character
-from engine_bridge.cli.benchmark import CACHE_VARIABLES, number, performance, propose
+from engine_bridge.character.character import make_character
+from engine_bridge.cli import benchmark
+from engine_bridge.cli.benchmark import CACHE_VARIABLES, THREAD_VARIABLES, number
 from engine_bridge.cli.progress import Reporter
 from puppetline.errors import PuppetlineError
 from puppetline.interrupts import OWN_GROUP
-
-EXAMPLE_CHARACTER, EXAMPLE_VERTICES = "biped", 43_243
-"""The character that is measured by default, and its number of vertices, which is that of the Armadillo mesh."""
 
 TIMED_FRAMES = 10_000
 """Number of frames that are timed individually."""
@@ -43,17 +39,7 @@ CONVERTED_FRAMES = 1800
 PROCESSES = 3
 """Number of processes per measurement; the result is their median."""
 
-ONE_THREAD = dict.fromkeys(
-    (
-        "OPENBLAS_NUM_THREADS",
-        "MKL_NUM_THREADS",
-        "OMP_NUM_THREADS",
-        "VECLIB_MAXIMUM_THREADS",
-        "NUMBA_NUM_THREADS",
-        "IGL_NUM_THREADS",
-    ),
-    "1",
-)
+ONE_THREAD = dict.fromkeys(THREAD_VARIABLES, "1")
 """Environment variables that limit each library to one thread."""
 
 FIGURES: dict[str, tuple[str, str]] = {
@@ -124,26 +110,18 @@ def _quotient(a: float | None, b: float | None) -> float | None:
 def prepare(folder: Path, mesh: Path | None, frames: int) -> dict[str, Any]:
     """Write the files that the measurements need to a folder, and return the character's name and size.
 
-    The handles and the joints that move them are those that `puppetline new` proposes. The recording has the first
-    `frames` frames of `performance`.
+    The puppet file and the recording are those of `puppetline bench`. A tiny character is there to compile everything.
 
     Raises
     ------
     PuppetlineError
         The mesh cannot be used.
     """
-    if mesh is None:
-        mesh = folder / f"{EXAMPLE_CHARACTER}.glb"
-        made = example_character(EXAMPLE_CHARACTER)
-        v, f, *_ = igl.decimate(made.vertices, made.faces, 2 * EXAMPLE_VERTICES - 4)
-        make_character(EXAMPLE_CHARACTER, v, f).document.save(mesh)
-    character = load_character(mesh)
-    propose(mesh.resolve(), folder / CHARACTER)
+    character = benchmark.prepare(folder, mesh, frames)
     ball, faces = igl.upsample(*igl.icosahedron(), 3)
     make_character("warm up", ball * [1.0, 2.0, 0.7], faces).document.save(folder / "warm_up.glb")
-    propose((folder / "warm_up.glb").resolve(), folder / WARM_UP)
-    write_log(folder, islice(performance(), frames))
-    return {"name": mesh.name, "vertices": len(character.vertices), "triangles": len(character.triangles)}
+    benchmark.propose((folder / "warm_up.glb").resolve(), folder / WARM_UP)
+    return character
 
 
 def write_log(folder: Path, frames: Iterable[SkeletonFrame]) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 from benchmarks import character_cost
 from benchmarks.character_cost import in_process, number
 from benchmarks.processes import MODULE
+from engine_bridge.cli import benchmark
 
 LONG, SHORT = character_cost.CONVERTED_FRAMES, 180
 """Numbers of frames of two recordings whose conversion is compared."""
@@ -54,9 +55,9 @@ def table(folder: Path, character: dict[str, Any], points: list[dict[str, Any]])
     """
     report = character_cost.measure(folder, character, character_cost.TIMED_FRAMES, character_cost.PROCESSES)
     avx2 = in_process(folder, "yardstick", module=MODULE)
-    character_cost.write_log(folder, islice(character_cost.performance(), SHORT))
+    character_cost.write_log(folder, islice(benchmark.performance(), SHORT))
     short = in_process(folder, "convert")
-    character_cost.write_log(folder, islice(character_cost.performance(), LONG))
+    character_cost.write_log(folder, islice(benchmark.performance(), LONG))
 
     text = character_cost.describe(report).splitlines()
     yield from (*text[:2], "", "| what | goal | measured | |", "| --- | --- | --- | --- |")

@@ -28,6 +28,7 @@ from benchmarks.datagrams import bodies
 from benchmarks.live_peers import free_tcp_ports, free_udp_port
 from benchmarks.own_cache import own_cache
 from benchmarks.studio_page import SIZE, chromium, command
+from engine_bridge.cli import benchmark
 from engine_bridge.studio.web.web_app import PAGE
 
 SKELETONS_PER_SECOND = 60
@@ -205,7 +206,7 @@ def main() -> None:
     print(sizes())
     with tempfile.TemporaryDirectory() as folder, own_cache(Path(folder)):
         character = character_cost.prepare(Path(folder), mesh, 10)
-        puppet = Path(folder) / character_cost.CHARACTER
+        puppet = Path(folder) / benchmark.CHARACTER
         print(f"{character['name']}: {character['vertices']:,} vertices; load before: {os.getloadavg()[0]:.1f}")
         for count in (1, options.characters):
             puppets = [puppet.with_name(f"character{number}.toml") for number in range(count)]

@@ -149,8 +149,6 @@ class Studio(Backend):
         await self._exporter.close()
         await self.service.close()
 
-    # ------------------------------------------------------------------------------------------------ requests
-
     async def _do_open_character(self, asked: characters.OpenCharacter) -> dict[str, Any]:
         upload = self.workspace.upload(asked.upload, "character")
         options = {key: getattr(asked, key) for key in ("up", "front", "scale", "limbs", "mirror")}
@@ -354,8 +352,6 @@ class Studio(Backend):
     async def _do_cancel(self, asked: takes.Cancel) -> dict[str, Any]:
         self._jobs.cancel(asked.job)
         return {}
-
-    # ------------------------------------------------------------------------------------------------ shared steps
 
     def _refuse_while_recording(self) -> None:
         """Refuse a change during a take, which has the same characters and source from beginning to end."""

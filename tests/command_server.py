@@ -47,7 +47,7 @@ MODULES = (
 
 def compiled_functions() -> list[Dispatcher]:
     """Return all functions that Numba compiles and stores for other processes."""
-    functions = (each for each in gc.get_objects() if isinstance(each, Dispatcher))
+    functions = (each for each in gc.get_objects() if issubclass(type(each), Dispatcher))
     return [function for function in functions if isinstance(function._cache, FunctionCache)]
 
 

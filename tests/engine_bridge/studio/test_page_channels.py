@@ -125,8 +125,8 @@ def test_meters_are_mapped_by_clicks_and_learn_how_far_the_performers_mouth_open
         channels["mouth_open"] = value
         wait_until(window, lambda share=share: filled(window, "mouth open") == pytest.approx(share, abs=0.01))
     character = window.state("character")
-    shown = f"studio.viewer.shown({json.dumps(character)})?.moment"
-    window.until(f"{shown} > {window.page.evaluate(shown) + 0.5}")  # what the meter shows is drawn too
+    frame = f"studio.viewer.moment({json.dumps(character)})?.earlier"
+    window.until(f"{frame} > {window.page.evaluate(frame) + 15}")  # what the meter shows is drawn too
     rest = np.reshape(window.page.evaluate("(name) => [...studio.viewer.positions(name)]", character), (-1, 3))
     channels["mouth_open"] = 0.625
 

@@ -31,7 +31,7 @@ from engine_bridge.character.materials import drawn_normals
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.clip import load_timeline, reference_pose
 from engine_bridge.performance.performance import Performance
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
@@ -86,7 +86,9 @@ RATIOS = {
 """Denominators and meanings of ratios of the time of an iteration of ARAP."""
 
 
-def bench(mesh: Path | None = None, *, progress: Callable[[str, float], None] = lambda _step, _share: None) -> Any:
+def bench(
+    mesh: Path | None = None, *, progress: Callable[[str, float], None] = lambda _step, _share: None
+) -> dict[str, Any]:
     """Measure a character in a process of its own.
 
     Parameters
@@ -199,8 +201,33 @@ def measure(folder: Path, frames: int) -> dict[str, float | None]:
     build(rig.character.solver_mesh(), rig.puppet.solver.parameters)
     found |= {"cached_load_ms": 1000 * (loaded - start), "precompute_s": clock() - loaded}
 
-    settings, character = Settings(), rig.character
-    timeline, _ = load_timeline(folder / LOG, settings)
+    solve, vertices, arap = time_frames(rig, folder / LOG, frames)
+    start = clock()
+    _, summary = convert(folder / LOG, folder / CHARACTER, folder / "converted.glb", Settings())
+    seconds = clock() - start
+    found |= {"convert_s": seconds, "convert_fps": summary.frames / seconds}
+    found["memory_mb"] = psutil.Process().memory_info().rss / 1e6
+    found["arap_iteration_ms"] = float(np.median(arap)) if len(arap) else None
+    for name, values in {"solve": solve, "vertices": vertices, "frame": solve + vertices}.items():
+        found[f"{name}_ms"] = float(np.median(values))
+    found["solve_p99_ms"], found["p99_ms"] = (float(np.percentile(each, 99)) for each in (solve, solve + vertices))
+    return {name: found[name] for name in FIGURES}
+
+
+def time_frames(
+    rig: Rig, log: Path, frames: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Play a recording in a loop, and iterate ARAP in between.
+
+    Returns
+    -------
+    solve, vertices : (frames,) float64
+        Milliseconds of each frame.
+    arap : (k,) float64
+        Milliseconds of each iteration; none where libigl cannot factorise the surface.
+    """
+    clock, settings, character = time.perf_counter, Settings(), rig.character
+    timeline, _ = load_timeline(log, settings)
     playing = Performance(rig.puppet, rig.mesh, rig.model, reference_pose(rig.puppet, timeline, settings))
     rows = rig.model.rows(rig.mesh, playing.deformer.handles)
     targets = [rows @ playing.step(timeline.frame(number)).R for number in range(WARM_UP_FRAMES)]
@@ -228,16 +255,7 @@ def measure(folder: Path, frames: int) -> dict[str, float | None]:
             iterate(number)
             arap.append(clock() - start)
     solve, vertices = 1000 * np.diff(times, axis=1).T
-    start = clock()
-    _, summary = convert(folder / LOG, folder / CHARACTER, folder / "converted.glb", settings)
-    seconds = clock() - start
-    found |= {"convert_s": seconds, "convert_fps": summary.frames / seconds}
-    found["memory_mb"] = psutil.Process().memory_info().rss / 1e6
-    found["arap_iteration_ms"] = 1000 * float(np.median(arap)) if arap else None
-    for name, values in {"solve": solve, "vertices": vertices, "frame": solve + vertices}.items():
-        found[f"{name}_ms"] = float(np.median(values))
-    found["solve_p99_ms"], found["p99_ms"] = (float(np.percentile(each, 99)) for each in (solve, solve + vertices))
-    return {name: found[name] for name in FIGURES}
+    return solve, vertices, 1000 * np.array(arap)
 
 
 def machine() -> dict[str, Any]:

@@ -250,6 +250,7 @@ def arms_of(puppet: Puppet, bones: Bones, rest: NDArray[np.float64]) -> Arms | N
 
 
 SIDES = "left", "right"
+"""The performer's sides."""
 
 
 def steps_of(puppet: Puppet, bones: Bones, rest: NDArray[np.float64]) -> Steps | None:

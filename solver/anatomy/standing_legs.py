@@ -148,9 +148,10 @@ def standing_legs(solid: Solid, legs: Sequence[LimbCurve], *, front: bool) -> li
     lines, usual = np.hstack([leg.line for leg in found]), (ANKLE_SHARE, ELBOW_SHARE if front else KNEE_SHARE)
     bones = np.hsplit(straight_bones(lines, _places(2), usual)[0], len(found))
     for hip, leg, joints in zip(hips, found, bones, strict=True):
-        high = leg.line[:, 1] >= joints[1, 1] + MIN_SHIN_SHARE * (hip[1] - joints[0, 1])
-        if joints[2, 1] < leg.line[np.argmax(high), 1] and high.any():
-            joints[2] = leg.line[np.argmax(high)]
+        least = joints[1, 1] + MIN_SHIN_SHARE * (hip[1] - joints[0, 1])
+        higher = leg.line[leg.line[:, 1] >= least]
+        if len(higher) and joints[2, 1] < higher[0, 1]:
+            joints[2] = higher[0]
     return [np.array([hip, *joints[2::-1]]) for hip, joints in zip(hips, bones, strict=True)]
 
 

@@ -211,6 +211,9 @@ def angles(
     result = {}
     for name, (limb, number) in SHOWN.items():
         chosen = [bone for bone in bones if bone[0].endswith(limb) and bone[1] == number]
+        if not chosen:  # a machine without arms
+            result[name] = np.zeros(0)
+            continue
         cosine = np.concatenate(
             [np.einsum("fx,fx->f", turn.apply(np.nan_to_num(aims[bone])), found[bone]) for bone in chosen]
         )
@@ -293,7 +296,7 @@ def hands_together(timeline: Timeline) -> str:
 
 
 def median_and_p95(values: NDArray[np.float64], digits: int = 1) -> str:
-    return f"{np.median(values):.{digits}f} / {np.percentile(values, 95):.{digits}f}"
+    return f"{np.median(values):.{digits}f} / {np.percentile(values, 95):.{digits}f}" if len(values) else "–"
 
 
 def main() -> None:
@@ -321,7 +324,7 @@ def main() -> None:
             character = load_character(source)
             truth = read_rig(character)
             bare = Path(folder) / f"{name}.glb"
-            make_character(name, character.vertices, character.triangles, character.colors).document.save(bare)
+            make_character(name, character.vertices, character.triangles).document.save(bare)
             for kind in options.limbs:
                 file = source if kind == "rig" else bare
                 puppet = Path(folder) / f"{name}_{kind}.toml"

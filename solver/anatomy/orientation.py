@@ -3,7 +3,7 @@
 The left and right of a character mirror each other. Its feet are spread and away from the middle, its toes point
 forwards, its head is at the front, and its face has more vertices per area than the rest. These signs determine a score
 for each of the 24 orientations along the axes. Their weights are rounded results of a conditional logistic regression
-over thirty characters (people, animals, dinosaurs, machines).
+over a hundred characters of several authors (people, animals, fish, dinosaurs, machines).
 """
 
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ from scipy.spatial import cKDTree
 
 from solver.surface.mesh import SolverMesh
 
-MIN_UP_PROBABILITY, MIN_FRONT_PROBABILITY = 0.8, 0.6
+MIN_UP_PROBABILITY, MIN_FRONT_PROBABILITY = 0.9, 0.55
 """Minimum probability at which the shape, and not the convention of the file format, determines the axis."""
 
-MIN_UP_RATIO, MIN_FRONT_RATIO = 0.3, 0.6
+MIN_UP_RATIO, MIN_FRONT_RATIO = 0.02, 0.5
 """Minimum probability of the conventional axis, as a share of the largest one, at which it is used if the shape is not
 clear. An insect might stand on its nose, but almost all files have y or z up."""
 
@@ -29,17 +29,21 @@ SAMPLE_COUNT = 6000
 """Number of surface points that are sampled."""
 
 WEIGHTS = {
-    "symmetry": 2.3,
-    "stance": 6.0,
-    "parting": -15.0,
-    "height": 1.0,
-    "ground": 3.0,
-    "toes": 28.0,
-    "head": 5.0,
-    "face": 27.0,
-    "spine": 23.0,
+    "symmetry": 4.1,
+    "stance": 8.0,
+    "parting": -16.7,
+    "height": 0.5,
+    "ground": 5.2,
+    "toes": 11.6,
+    "head": 4.1,
+    "face": 55.0,
+    "spine": 10.8,
 }
 """Weight of each sign of `_signs`, in logits per unit."""
+
+MIN_MISMATCH = 0.003
+"""Minimum distance of mirrored points from the surface, in diagonals: that of a symmetric character, because of sampling.
+A flat figure mirrors itself exactly in its own plane, which says nothing."""
 
 METRES_PER_UNIT = {"metres": 1.0, "centimetres": 0.01, "millimetres": 0.001}
 """Units of mesh files in metres, the most likely first."""
@@ -213,7 +217,7 @@ def _mirroring(points: NDArray[np.float64], axis: int, diagonal: float) -> tuple
         distance, _ = tree.query(mirrored, distance_upper_bound=0.03 * diagonal)
         found.append((float(np.minimum(np.asarray(distance) / diagonal, 0.03).mean()), float(middle)))
     mismatch, middle = min(found)
-    return middle, max(mismatch, 1e-4)
+    return middle, max(mismatch, MIN_MISMATCH)
 
 
 def _sample(mesh: SolverMesh) -> NDArray[np.float64]:

@@ -62,7 +62,7 @@ def test_a_character_that_is_turned_gets_the_same_answer_turned(example, charact
     assert_turns_with_the_mesh(mesh, "y", "z")
     confidence = orientation.propose(mesh).confidence
     turned = orientation.propose(changed(mesh, mesh.vertices @ TURNS[7]))
-    assert confidence > 0.7
+    assert confidence > orientation.MIN_FRONT_PROBABILITY
     assert turned.confidence == pytest.approx(confidence, abs=1e-9)
 
 

@@ -129,7 +129,7 @@ def read_rig(character: Character) -> Truth:
     }
     soles = {}
     for side in ("left", "right"):
-        foot = of_bone[f"{side} leg", 2]
+        foot = next(whole for bone in (2, 1) if len(whole := of_bone[f"{side} leg", bone]))  # a foot may be of the shin
         height = character.vertices[foot, 1]
         soles[side] = foot[height < height.min() + 0.2 * np.ptp(height)]
     return Truth(bones, which, share, owners, soles)

@@ -289,6 +289,8 @@ class _Skeleton:
             return {}
         root = self.place(heads[0])
         start = self.place(necks[0]) if necks else root if trunk is None else trunk[-1]
+        if necks and any(self.part(index) == "upper arm" for index in self.below(necks[0])):
+            start = root  # the neck carries the arms, as a trunk does
         tip = self.end(start, root, [index for index in self.below(heads[0]) if self.part(index) in HEAD_PARTS])
         if (
             trunk is None

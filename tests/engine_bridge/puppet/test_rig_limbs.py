@@ -1,4 +1,5 @@
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -93,6 +94,16 @@ def test_a_person_is_known_by_the_names_of_every_convention(names):
         np.testing.assert_array_equal(limbs.points[f"{side} leg"], leg)
     np.testing.assert_allclose(limbs.points["trunk"], [(0, 0.95, 0), PLACES["spine"], PLACES["neck"]])
     np.testing.assert_array_equal(limbs.points["head"], [PLACES["neck"], PLACES["crown"]])
+
+
+def test_the_head_begins_above_a_neck_that_carries_the_arms():
+    """As in skeletons of 3ds Max; else no joint would be the head's."""
+    joints = skeleton(CONVENTIONS["3ds Max"])
+    neck = next(number for number, joint in enumerate(joints) if joint.name == "Bip01 Neck")
+    joints = [replace(joint, parent=neck) if "Clavicle" in joint.name else joint for joint in joints]
+    limbs = limbs_of_joints(joints)
+    np.testing.assert_array_equal(limbs.points["head"], [PLACES["head"], PLACES["crown"]])
+    np.testing.assert_array_equal(limbs.points["trunk"][-1], PLACES["neck"])
 
 
 def on_head(limbs):

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from benchmarks.rig_weights import skinned
 from capture.skeleton import JOINT_INDEX
@@ -29,6 +30,7 @@ from engine_bridge.pictures import clip_sheet
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.rig_bones import skin_shares
 from puppetline.errors import PuppetlineError
+from solver.anatomy.limb_chain import evenly
 from solver.model.batch import BatchBinding
 from solver.model.stretch import EdgeStretch
 from solver.motion.limbs import bones_of, parents_first
@@ -140,14 +142,12 @@ def soles_of(rig: Rig) -> list[NDArray[np.int64]]:
     vertices = rig.mesh.vertices
     heights = vertices @ up
     size = float(np.ptp(heights))
-    tips = np.array(
-        [limb.points[-1] for limb in rig.puppet.limbs if limb.name.split()[-1] == "leg" or " leg " in limb.name]
-    )
-    if not len(tips):
+    feet = [limb.points[-2:] for limb in rig.puppet.limbs if limb.name.split()[-1] == "leg" or " leg " in limb.name]
+    if not feet:
         return []
-    away = np.linalg.norm(vertices[:, None] - tips, axis=2)
+    away = np.array([cKDTree(evenly(foot, 5)).query(vertices)[0] for foot in feet]).T
     soles = []
-    for leg in range(len(tips)):
+    for leg in range(len(feet)):
         near = np.flatnonzero((away.argmin(axis=1) == leg) & (away[:, leg] < 0.15 * size))
         if len(near):
             soles.append(near[heights[near] < heights[near].min() + SOLE * size])

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from solver.anatomy.curve_skeleton import CurveSkeleton
-from solver.anatomy.limb_curve import LimbCurve, three_bones
+from solver.anatomy.limb_curve import LimbCurve, below_axle, three_bones
 
 FOLDED_DEGREES = 60.0
 """Angle of the knee in degrees, 0 for a straight leg, from which a leg is folded."""
@@ -31,9 +31,6 @@ SECTION_COUNT = 41
 ROUND_COUNT = 3
 """Number of times that cells are assigned to cross-sections, each time along the curve through the last middles."""
 
-SIDEWAYS_DEGREES = 45.0
-"""Maximum angle in degrees to the left or right at which a curve leads from the trunk to the hip, as an axle does."""
-
 
 def folded_leg(skeleton: CurveSkeleton, leg: LimbCurve, top: float) -> NDArray[np.float64] | None:
     """Return the joints of a leg if it is folded at the knee.
@@ -50,7 +47,7 @@ def folded_leg(skeleton: CurveSkeleton, leg: LimbCurve, top: float) -> NDArray[n
     (4, 3) float64 or None
         Hip, knee, ankle and the end of the foot; None if the leg is not folded, or is not three straight bones.
     """
-    hip = _below_axle(leg, top)
+    hip = below_axle(leg, top)
     joints, misfit = three_bones(_middles(skeleton, leg, hip, with_heel=False))
     thigh, shin = joints[2] - joints[3], joints[1] - joints[2]
     cosine = thigh @ shin / max(float(np.linalg.norm(thigh) * np.linalg.norm(shin)), 1e-12)
@@ -71,14 +68,6 @@ def sprawling_leg(skeleton: CurveSkeleton, leg: LimbCurve) -> NDArray[np.float64
     thin = np.flatnonzero(leg.depth < MAX_HIP_RATIO * np.median(leg.depth[leg.along < 0.5 * leg.length]))
     joints, _ = three_bones(_middles(skeleton, leg, float(leg.along[thin[-1]]), with_heel=True), usual=SPRAWLING_JOINTS)
     return np.array([*joints[:0:-1], leg.at(0.0)])
-
-
-def _below_axle(leg: LimbCurve, top: float) -> float:
-    """Return the distance from the end of a leg at which its curve no longer leads sideways from the trunk."""
-    ways = np.linspace(top, top / 2, 31)
-    steps = np.diff([leg.at(way) for way in ways], axis=0)
-    sideways = np.abs(steps[:, 0]) > np.cos(np.radians(SIDEWAYS_DEGREES)) * np.linalg.norm(steps, axis=1)
-    return float(ways[np.argmin(np.append(sideways, False))])
 
 
 def _middles(skeleton: CurveSkeleton, leg: LimbCurve, hip: float, *, with_heel: bool) -> NDArray[np.float64]:

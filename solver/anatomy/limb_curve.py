@@ -39,6 +39,10 @@ MAX_LEG_MISFIT = 0.02
 """Maximum root mean square distance of a leg's cells from three straight bones, as a share of its length; the legs of
 many animals are beyond it."""
 
+MAX_FOOT_SHARE, MIN_SHIN_COSINE = 0.35, np.cos(np.radians(30))
+"""Height of a foot, as a share of the distance from its end to the hip, and cosine of its angle to up, above which it
+is a shin."""
+
 ANKLE_SHARES, KNEE_SHARES = (0.05, 0.6), (0.3, 0.7)
 """Range of the ankle, as shares of the distance from the end of the foot to the hip, and of the knee, as shares of the
 distance from ankle to hip."""
@@ -49,6 +53,9 @@ length times that of the deviation."""
 
 AXLE_DEGREES = 60.0
 """Angle in degrees by which a curve turns away from a thigh or upper arm where it leaves the limb for the body."""
+
+SIDEWAYS_DEGREES = 45.0
+"""Maximum angle in degrees to the left or right at which a curve leads from the trunk to the hip, as an axle does."""
 
 BEND_DEGREES = 20.0, 50.0
 """Angles in degrees of a bent limb from which the bend begins to determine the place of the joint, and from which it
@@ -181,22 +188,37 @@ def leg_joints(legs: Sequence[LimbCurve], size: float, *, upright: bool) -> tupl
     parted, clear = (
         float(inwards[np.argmax(apart >= min(share * HIP_RATIO, apart.max()))]) for share in (1, CLEAR_LEG_FACTOR)
     )
-    hips = [leg.length - parted for leg in legs]
+    hips = [below_axle(leg, leg.length - parted) if upright else leg.length - parted for leg in legs]
     ankles = [_ankle(leg, hip) if upright else _low_corner(leg, hip) for leg, hip in zip(legs, hips, strict=True)]
     lows = [leg.way_to(ankle) for leg, ankle in zip(legs, ankles, strict=True)]
     knees = _between(legs, lows, hips, THIGH_SHARE)
     points = [
-        np.array([_straight_on(leg, knee, leg.length - clear, hip), leg.at(knee), ankle, leg.at(0.0)])
+        np.array([_straight_on(leg, knee, min(leg.length - clear, hip), hip), leg.at(knee), ankle, leg.at(0.0)])
         for leg, hip, knee, ankle in zip(legs, hips, knees, ankles, strict=True)
     ]
     return points, parted
+
+
+def below_axle(leg: LimbCurve, top: float) -> float:
+    """Return the distance from the end of a leg at which its curve no longer leads sideways from the trunk.
+
+    Parameters
+    ----------
+    leg : LimbCurve
+    top : float
+        Distance at which the two legs part; the result if all of the upper half leads sideways.
+    """
+    ways = np.linspace(top, top / 2, 31)
+    steps = np.diff([leg.at(way) for way in ways], axis=0)
+    sideways = np.abs(steps[:, 0]) > np.cos(np.radians(SIDEWAYS_DEGREES)) * np.linalg.norm(steps, axis=1)
+    return top if sideways.all() else float(ways[np.argmin(sideways)])
 
 
 def _ankle(leg: LimbCurve, hip: float) -> NDArray[np.float64]:
     """Return the ankle (3,): the first corner of foot, shin and thigh, all straight, that fit the cells best.
 
     The smoothed curve would cut the corner. If three bones do not fit, as in the legs of many animals, the ankle is the
-    corner of the lower part.
+    corner of the lower part. A long foot that leads straight up is the shin of a leg without a foot, such as a robot's.
 
     Parameters
     ----------
@@ -206,6 +228,9 @@ def _ankle(leg: LimbCurve, hip: float) -> NDArray[np.float64]:
     """
     ways = np.linspace(0.0, hip, 61)
     joints, misfit = three_bones(np.column_stack([np.interp(ways, leg.along, column) for column in leg.centers.T]))
+    foot = joints[1] - joints[0]
+    if foot[1] > max(MAX_FOOT_SHARE * hip, MIN_SHIN_COSINE * float(np.linalg.norm(foot))):
+        return leg.at(ANKLE_SHARES[0] * hip)
     return _low_corner(leg, hip) if misfit > MAX_LEG_MISFIT * hip else joints[1]
 
 

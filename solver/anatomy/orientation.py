@@ -42,8 +42,8 @@ WEIGHTS = {
 """Weight of each sign of `_signs`, in logits per unit."""
 
 MIN_MISMATCH = 0.003
-"""Minimum distance of mirrored points from the surface, in diagonals: that of a symmetric character, because of sampling.
-A flat figure mirrors itself exactly in its own plane, which says nothing."""
+"""Minimum distance of mirrored points from the surface, in diagonals: that of a symmetric character, by its sampling. A
+flat figure mirrors itself exactly in its own plane, which says nothing."""
 
 METRES_PER_UNIT = {"metres": 1.0, "centimetres": 0.01, "millimetres": 0.001}
 """Units of mesh files in metres, the most likely first."""

@@ -100,8 +100,9 @@ FORWARD_SPEED = 1.0
 """Leg lengths per stride by which walking in place moves a character that goes forward."""
 
 
-FOOT_CLEARANCE = 0.8
-"""Share of the height of a swing by which the tip of a foot hangs down at most."""
+FOOT_CLEARANCE, MIN_FOOT_LENGTH = 0.4, 0.25
+"""Share of the height of a swing by which the tip of a foot hangs down at most, and length of a foot that counts, in
+leg lengths, if its bone is shorter: soles of hooves and stout legs reach farther than their bones."""
 
 
 class Steps:
@@ -454,7 +455,7 @@ def _put_leg(plan, state, leg, motions, root, changed):
     foot = plan.feet[leg]
     if foot >= 0:
         hanging = FOOT_PITCH * math.sin(math.pi * min(1.0, state.swing[leg] / 0.85))
-        size = length(minus(plan.tails[foot], plan.heads[foot]))
+        size = max(length(minus(plan.tails[foot], plan.heads[foot])), MIN_FOOT_LENGTH * plan.leg_length)
         rise = max(0.0, dot(minus(state.place[leg], plan.ankles[leg]), up))
         hanging = min(hanging, math.asin(min(1.0, FOOT_CLEARANCE * rise / size)))
         turn = quat.product(quat.about(up, state.yaw[leg, 0]), quat.about(row_of(plan.axes, 0), hanging))

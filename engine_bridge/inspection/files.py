@@ -9,6 +9,7 @@ from capture.formats import FORMATS, read_log, recognize
 from capture.skeleton import LOST, TRACKED
 from engine_bridge.character.character import CHARACTER_FILES, Character, load_character, rest_weights
 from engine_bridge.character.gltf_file import MAGIC
+from engine_bridge.character.surface_document import SURFACE_FILES
 from engine_bridge.puppet import puppet_file
 from engine_bridge.service.protocol.clip_file import read_clip
 from engine_bridge.service.protocol.header import WireError
@@ -113,7 +114,7 @@ def _character(path: Path) -> dict[str, Any]:
     character = load_character(path)
     gltf = character.document.gltf
     mesh = character.solver_mesh()
-    stands = orientation.propose(mesh)
+    stands = orientation.propose(mesh, specified=path.suffix.lower() not in SURFACE_FILES)
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     return {
         "kind": "character",

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character, load_character
 from engine_bridge.character.own_targets import names_of
+from engine_bridge.character.surface_document import SURFACE_FILES
 from engine_bridge.puppet.body_plans import BodyPlan, check_plan, plan_of
 from engine_bridge.puppet.handle_proposal import propose_handles
 from engine_bridge.puppet.limb_proposal import LIMB_JOINTS, limb_tables
@@ -118,7 +119,9 @@ def new_puppet(
     }
     if up is not None and front is not None:
         check(values | {"handle": PLACEHOLDER_HANDLES}, where)  # refuses parallel axes first
-    stands = orientation.propose(surface, *(skeleton if skeleton else (up, front)))
+    stands = orientation.propose(
+        surface, *(skeleton or (up, front)), specified=mesh.suffix.lower() not in SURFACE_FILES
+    )
     values["character"] = {"up": stands.up, "front": stands.front, "scale": stands.scale} | values["character"]
     standing = check(values | {"handle": PLACEHOLDER_HANDLES}, where).character
     notes: list[str] = []

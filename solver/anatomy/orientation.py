@@ -15,10 +15,11 @@ from scipy.spatial import cKDTree
 
 from solver.surface.mesh import SolverMesh
 
-MIN_UP_PROBABILITY, MIN_FRONT_PROBABILITY = 0.9, 0.55
-"""Minimum probability at which the shape, and not the convention of the file format, determines the axis."""
+MIN_PROBABILITIES, MIN_SPECIFIED_PROBABILITIES = (0.9, 0.55), (0.95, 0.7)
+"""Minimum probabilities of up and of the front at which the shape determines them, and not the convention of the file
+format: where the format only has a habit, and where it says what they are, as glTF does."""
 
-MIN_UP_RATIO, MIN_FRONT_RATIO = 0.02, 0.5
+MIN_RATIOS, MIN_SPECIFIED_RATIOS = (0.02, 0.5), (0.005, 0.15)
 """Minimum probability of the conventional axis, as a share of the largest one, at which it is used if the shape is not
 clear. An insect might stand on its nose, but almost all files have y or z up."""
 
@@ -75,7 +76,9 @@ class Orientation:
     reasons: tuple[str, ...]
 
 
-def propose(mesh: SolverMesh, up: str | None = None, front: str | None = None) -> Orientation:
+def propose(
+    mesh: SolverMesh, up: str | None = None, front: str | None = None, *, specified: bool = False
+) -> Orientation:
     """Propose a character's axes and unit.
 
     If the shape is clear, the result for a character turned by right angles about the origin turns with it.
@@ -85,7 +88,10 @@ def propose(mesh: SolverMesh, up: str | None = None, front: str | None = None) -
     mesh : SolverMesh
     up, front : str, optional
         Axes that are known; they are different.
+    specified : bool
+        The file's format says that y is up and z the front, as glTF does.
     """
+    sure, nearly = (MIN_SPECIFIED_PROBABILITIES, MIN_SPECIFIED_RATIOS) if specified else (MIN_PROBABILITIES, MIN_RATIOS)
     known = (up, front)
     chances = {
         axes: chance
@@ -95,11 +101,11 @@ def propose(mesh: SolverMesh, up: str | None = None, front: str | None = None) -
     ups = dict.fromkeys((axes[0] for axes in chances), 0.0)
     for (axis, _), chance in chances.items():
         ups[axis] += chance
-    up, up_is_clear = _choose(ups, MIN_UP_PROBABILITY, MIN_UP_RATIO, "y")
+    up, up_is_clear = _choose(ups, sure[0], nearly[0], "y")
     if not up_is_clear and up not in FILE_UPS and not ups.keys().isdisjoint(FILE_UPS):
         up = max(ups.keys() & FILE_UPS, key=lambda axis: ups[axis])
     fronts = {axis: chance for (above, axis), chance in chances.items() if above == up}
-    front, front_is_clear = _choose(fronts, MIN_FRONT_PROBABILITY, MIN_FRONT_RATIO, {"y": "z", "z": "-y"}.get(up))
+    front, front_is_clear = _choose(fronts, sure[1], nearly[1], {"y": "z", "z": "-y"}.get(up))
     scale, size = _unit(float(np.ptp(mesh.vertices[:, "xyz".index(up[-1])])))
     unclear = "not clear from the shape: taken as"
     reasons = (

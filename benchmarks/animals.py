@@ -51,8 +51,8 @@ SOLE = 0.03
 """Height of the vertices of a foot over the lowest of them, in body heights."""
 
 RAISED = 0.05
-"""Height over the lowest foot above which a foot is raised at rest, in body heights; the others stand on their own
-height."""
+"""Height over the lowest foot above which a foot is raised at rest, in body heights: it does not count. The others
+stand on their own height."""
 
 STANDS_SECONDS, STANDS_METRES = 1.0, 0.05
 """A performer's foot stands while it stays this close to one place for at least this time, in seconds and metres."""
@@ -170,7 +170,7 @@ def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[n
     used = np.concatenate(soles) if soles else np.zeros(0, dtype=np.int64)
     starts = np.cumsum([0, *map(len, soles)])
     floors = np.array([(rest[sole] @ basis[1]).min() for sole in soles])
-    floors[floors > floors.min(initial=np.inf) + RAISED * size] = floors.min(initial=np.inf)
+    floors[floors > floors.min(initial=np.inf) + RAISED * size] = np.nan
     trunk = _trunk(rig)
     for number in range(len(timeline.positions)):
         pose = performance.step(timeline.frame(number))
@@ -241,7 +241,7 @@ def _row(
     ratio = float(np.percentile(acceleration, 99) / max(np.percentile(own, 99), 1e-9))
     if not heights.shape[1]:
         return Row(np.nan, np.nan, 0, np.nan, np.nan, np.nan, ratio, 0, *edges)
-    lowest = heights.min(axis=1)
+    lowest = np.nanmin(heights, axis=1)
     touches = np.abs(heights) < ON_FLOOR
     both = touches[1:] & touches[:-1]
     speeds = np.linalg.norm(np.diff(places[..., [0, 2]], axis=0), axis=2)[both] * rate
@@ -249,8 +249,8 @@ def _row(
     began = (~swinging[:-1] & swinging[1:]) & stands[1:, None]
     return Row(
         above=float(np.percentile(np.maximum(lowest, 0), 95)),
-        below=float(np.percentile(np.maximum(-heights.min(axis=1), 0), 95)),
-        few=float((touches[~lifted].sum(axis=1) < heights.shape[1] // 2).mean()),
+        below=float(np.percentile(np.maximum(-lowest, 0), 95)),
+        few=float((touches[~lifted].sum(axis=1) < np.isfinite(heights[0]).sum() // 2).mean()),
         touching=float(touches[~lifted].any(axis=1).mean()),
         slide=float(np.median(speeds)) if len(speeds) else np.nan,
         slide95=float(np.percentile(speeds, 95)) if len(speeds) else np.nan,

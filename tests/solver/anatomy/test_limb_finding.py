@@ -95,6 +95,18 @@ def test_joints_of_legs_that_are_folded_like_a_birds_are_at_their_corners(solver
         assert away.max() < 0.05, (side, away)
 
 
+def test_straight_legs_on_axles_that_end_in_points_have_hips_below_the_axles_and_knees(solver_mesh):
+    """As those of robots of plates: their first bone is no axle, and the point is the end of a shin, not of a foot."""
+    hip, knee, end = (0.3, 0.85, 0.0), (0.3, 0.45, 0.05), (0.3, 0.02, -0.1)
+    axle = ((0.0, 0.9, 0.0), (0.3, 0.88, 0.0), 0.06)
+    body = [((0.0, 0.95, 0.0), (0.0, 1.35, 0.0), 0.18), *BODY[1:], SKULL, *both(*ARM)]
+    mesh = solver_mesh([*body, *both(axle, (hip, knee, 0.08), (knee, end, 0.04))])
+    limbs, height = found(mesh), np.ptp(mesh.vertices[:, 1])
+    for side, sign in (("left", np.ones(3)), ("right", IMAGE)):
+        away = np.linalg.norm(limbs[f"{side} leg"][[0, 1, 3]] - sign * [hip, knee, end], axis=1) / height
+        assert away.max() < 0.05, (side, away)
+
+
 def test_a_dog_has_front_and_hind_legs_a_neck_and_a_tail(solver_mesh):
     limbs = found(solver_mesh(DOG, 0.05))
     assert list(limbs) == ["trunk", "neck", "head", *FOUR_LEGGED, "tail"]

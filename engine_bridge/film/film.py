@@ -104,7 +104,6 @@ def make_video(
         samples = 1 if draft else SAMPLES
         size = _size(scene, draft, ending)
         renderer = opened.enter_context(GpuRenderer(size, samples))
-        Mixer(scene.sound, path, 1.0)  # a missing file is an error before the long work
         _check_titles(scene, path, size)
         behind = renderer.picture(overlays.background(scene.background, size, path))
         production = produce(path, scene, progress)
@@ -117,7 +116,7 @@ def make_video(
         )
         mixer.skip(round(part.first / production.fps * SAMPLE_RATE))
         _write(part, production.fps, view, mixer, writer, progress)
-    notes = production.notes
+    notes = (*production.notes, *mixer.notes)
     if mixer.peak > 1:
         notes += (f"The sound is {20 * np.log10(mixer.peak):.1f} dB too loud and was cut off; lower the gains.",)
     frames = len(range(part.first, part.end, part.step))

@@ -104,7 +104,8 @@ def make_video(
         samples = 1 if draft else SAMPLES
         size = _size(scene, draft, ending)
         renderer = opened.enter_context(GpuRenderer(size, samples))
-        _check_titles(scene, path, size)
+        for number, title in enumerate(scene.title, 1):
+            overlays.title(title, size, at(path, field=f"[[title]] {number}"), path.parent)
         behind = renderer.picture(overlays.background(scene.background, size, path))
         production = produce(path, scene, progress)
         part = _part(production, start, stop, draft, ending)
@@ -170,11 +171,6 @@ def _part(production: Production, start: float, stop: float | None, draft: bool,
     if ending == ".gif":
         step = max(step, int(np.ceil(fps / GIF_FPS)))
     return Part(first, end, step)
-
-
-def _check_titles(scene: Scene, path: Path, size: tuple[int, int]) -> None:
-    for number, table in enumerate(scene.title, 1):
-        overlays.title(table, size, at(path, field=f"[[title]] {number}"), path.parent)
 
 
 class _View:

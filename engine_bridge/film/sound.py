@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.film.av_library import require_av
-from engine_bridge.film.scene import SceneError, SoundTable
+from engine_bridge.film.scene import SceneError, SoundTable, check_exists
 from puppetline.errors import at
 
 SAMPLE_RATE = 48_000
@@ -140,13 +140,7 @@ def decoded(path: Path, where: str) -> tuple[Iterator[NDArray[np.float32]], floa
         The file is missing, or holds no sound; while blocks are read: it is damaged.
     """
     av = require_av()
-    if not path.is_file():
-        raise SceneError(
-            where,
-            found=f"the missing file {path}",
-            expected="a sound file, relative to the scene file",
-            fix="Correct the path, or copy the file there.",
-        )
+    check_exists(path, where, "a sound file")
     try:
         container = av.open(str(path))
     except (av.error.FFmpegError, OSError) as error:

@@ -104,8 +104,8 @@ def make_video(
         samples = 1 if draft else SAMPLES
         size = _size(scene, draft, ending)
         renderer = opened.enter_context(GpuRenderer(size, samples))
-        Mixer(scene.sound, path, 1.0)  # a missing file is an error before the long work
-        _check_titles(scene, path, size)
+        for number, title in enumerate(scene.title, 1):
+            overlays.title(title, size, at(path, field=f"[[title]] {number}"), path.parent)
         behind = renderer.picture(overlays.background(scene.background, size, path))
         production = produce(path, scene, progress)
         part = _part(production, start, stop, draft, ending)
@@ -117,7 +117,7 @@ def make_video(
         )
         mixer.skip(round(part.first / production.fps * SAMPLE_RATE))
         _write(part, production.fps, view, mixer, writer, progress)
-    notes = production.notes
+    notes = (*production.notes, *mixer.notes)
     if mixer.peak > 1:
         notes += (f"The sound is {20 * np.log10(mixer.peak):.1f} dB too loud and was cut off; lower the gains.",)
     frames = len(range(part.first, part.end, part.step))
@@ -171,11 +171,6 @@ def _part(production: Production, start: float, stop: float | None, draft: bool,
     if ending == ".gif":
         step = max(step, int(np.ceil(fps / GIF_FPS)))
     return Part(first, end, step)
-
-
-def _check_titles(scene: Scene, path: Path, size: tuple[int, int]) -> None:
-    for number, table in enumerate(scene.title, 1):
-        overlays.title(table, size, at(path, field=f"[[title]] {number}"), path.parent)
 
 
 class _View:

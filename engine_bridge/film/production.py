@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.film.actor import Actor
-from engine_bridge.film.scene import Scene, SceneError, SoundTable, TakeTable
+from engine_bridge.film.scene import Scene, SoundTable, check_exists
 from engine_bridge.film.takes import Footing, PlayedTake, SolvedTake, played_take, segments_of, solve_take, sound_table
 from engine_bridge.performance.frame_store import evenly
 from engine_bridge.performance.rig import Rig, load_rig
@@ -116,7 +116,8 @@ def produce(path: Path, scene: Scene, progress: Progress) -> Production:
             if take.character != table.name or take.mute:
                 continue
             try:
-                log = _existing(path, number, take)
+                log = path.parent / take.file
+                check_exists(log, at(path, field=f"[[take]] {number}, file"), "a recording")
                 key = (puppet, log, take.user)
                 if key not in solved:
                     settings = Settings(fps=scene.film.fps, user=take.user)
@@ -136,19 +137,6 @@ def produce(path: Path, scene: Scene, progress: Progress) -> Production:
     own = (sound_table(segment, scene.film.fps) for actor in actors for segment in actor.segments)
     sounds = (*scene.sound, *(table for table in own if table is not None))
     return Production(path, scene, actors, frames, sounds, tuple(notes))
-
-
-def _existing(path: Path, number: int, take: TakeTable) -> Path:
-    """Return the recording of a take."""
-    log = path.parent / take.file
-    if not log.is_file():
-        raise SceneError(
-            at(path, field=f"[[take]] {number}, file"),
-            found=f"the missing file {log}",
-            expected="a recording, relative to the scene file",
-            fix="Correct the path, copy the file there, or set mute = true.",
-        )
-    return log
 
 
 def _measured(rig: Rig) -> NDArray[np.int64]:

@@ -20,6 +20,22 @@ class SceneError(PuppetlineError):
     """A scene file is wrong."""
 
 
+def check_exists(path: Path, where: str, kind: str) -> None:
+    """Refuse a missing file, which a scene file names.
+
+    Raises
+    ------
+    SceneError
+    """
+    if not path.is_file():
+        raise SceneError(
+            where,
+            found=f"the missing file {path}",
+            expected=f"{kind}, relative to the scene file",
+            fix="Correct the path, copy the file there, or set mute = true.",
+        )
+
+
 def _color(text: object) -> object:
     try:
         ImageColor.getrgb(text if isinstance(text, str) else "")

@@ -1,6 +1,7 @@
 """Sound of films: tracks that are decoded, faded and mixed block by block, so that their length does not matter."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.film.av_library import require_av
-from engine_bridge.film.scene import SceneError, SoundTable
+from engine_bridge.film.scene import SceneError, SoundTable, check_exists
 from puppetline.errors import at
 
 SAMPLE_RATE = 48_000
@@ -16,7 +17,7 @@ SAMPLE_RATE = 48_000
 
 
 class Mixer:
-    """The sound of a film, read from its beginning to its end.
+    """The sound of a film, read from its beginning to its end; a file that cannot be played is left out, with a note.
 
     Parameters
     ----------
@@ -26,18 +27,21 @@ class Mixer:
     seconds : float
         Length of the film.
 
-    Raises
-    ------
-    SceneError
-        A file is missing, or holds no sound.
+    Attributes
+    ----------
+    peak : float
+        Maximum of the samples so far, before they were limited.
+    notes : list of str
+        Sentences for the user about files.
     """
 
     def __init__(self, tables: Sequence[SoundTable], scene: Path, seconds: float) -> None:
-        self._tracks = [
-            _Track(table, scene.parent / table.file, at(scene, field=f"[[sound]] {number}, file"), seconds)
-            for number, table in enumerate(tables, 1)
-            if not table.mute
-        ]
+        self.notes, self._tracks = list[str](), list[_Track]()
+        for number, table in enumerate(tables, 1):
+            if not table.mute:
+                with self._noted():
+                    where = at(scene, field=f"[[sound]] {number}, file")
+                    self._tracks.append(_Track(table, scene.parent / table.file, where, seconds))
         self._position = 0
         self.peak = 0.0
 
@@ -50,11 +54,20 @@ class Mixer:
         while count > 0:
             count -= len(self.read(min(count, SAMPLE_RATE)))
 
+    @contextmanager
+    def _noted(self) -> Iterator[None]:
+        """Note an error of a file."""
+        try:
+            yield
+        except SceneError as error:
+            self.notes.append(f"A sound is left out. {error}")
+
     def read(self, count: int) -> NDArray[np.float32]:
-        """Return the next samples (count, 2), within [-1, 1]; `peak` keeps the maximum before they were limited."""
+        """Return the next samples (count, 2), within [-1, 1]."""
         mixed = np.zeros((count, 2), np.float32)
         for track in self._tracks:
-            track.add_to(mixed, self._position)
+            with self._noted():
+                track.add_to(mixed, self._position)
         self._position += count
         self.peak = max(self.peak, float(np.abs(mixed).max(initial=0.0)))
         return np.clip(mixed, -1, 1, out=mixed)
@@ -127,13 +140,7 @@ def decoded(path: Path, where: str) -> tuple[Iterator[NDArray[np.float32]], floa
         The file is missing, or holds no sound; while blocks are read: it is damaged.
     """
     av = require_av()
-    if not path.is_file():
-        raise SceneError(
-            where,
-            found=f"the missing file {path}",
-            expected="a sound file, relative to the scene file",
-            fix="Correct the path, or copy the file there.",
-        )
+    check_exists(path, where, "a sound file")
     try:
         container = av.open(str(path))
     except (av.error.FFmpegError, OSError) as error:

@@ -6,6 +6,7 @@ The extra ``film`` installs ModernGL. Rows of images run from top to bottom, bec
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from engine_bridge.character.character import Part
 from engine_bridge.character.materials import Material
 from engine_bridge.pictures import gpu_shaders as shaders
-from engine_bridge.pictures.camera import Camera, Light, orthographic
+from engine_bridge.pictures.camera import Camera, orthographic
 from engine_bridge.pictures.lighting import KEY, SKY
 from engine_bridge.pictures.renderer import BOUNCE, CLAY
 from puppetline.errors import OutputError
@@ -25,8 +26,11 @@ if TYPE_CHECKING:
 SAMPLES = 4
 """Samples per pixel for edges."""
 
-SHADOW_SIZE, SKY_SIZE = 2048, 128
-"""Width and height of the depth maps of the key light and of the sky, in texels."""
+SHADOW_SIZES, SKY_SIZE = (512, 1024, 2048), 128
+"""Widths and heights of the depth maps of the key light, of which one is chosen, and of the sky, in texels."""
+
+PENUMBRA_TEXELS = 5
+"""Minimum radius in texels of the soft edge of the key light's shadow, if the largest map has it."""
 
 OUTER_SAMPLES, KEY_SAMPLES, SKY_SAMPLES = 5, 10, 8
 """Samples of the depth maps per pixel: around it, and inside where these differ."""
@@ -45,6 +49,9 @@ LIFT = 0.006
 
 FLOOR_REACH = 9.0
 """Radius of the visible floor, as a multiple of the radius of the stage."""
+
+CLIP_DISTANCE = 0x3000
+"""OpenGL's name of the plane at which surfaces are cut off, the floor."""
 
 NO_WINDOW: tuple[dict[str, Any], ...] = ({"backend": "egl"}, {}) if sys.platform == "linux" else ({},)
 """How a context without a window is made, in the order in which the ways are tried."""
@@ -99,13 +106,13 @@ class Drawn:
     normals: "moderngl.Buffer"
     shadow: "moderngl.VertexArray"
     parts: list[DrawnPart] = field(default_factory=list)
-    center: NDArray[np.float32] = field(default_factory=lambda: np.zeros(3, np.float32))
+    box: NDArray[np.float32] = field(default_factory=lambda: np.zeros((2, 3), np.float32))
 
     def move(self, positions: NDArray[np.float32], normals: NDArray[np.float32]) -> None:
         """Replace positions and unit normals (n, 3)."""
         self.positions.write(np.ascontiguousarray(positions, np.float32))
         self.normals.write(np.ascontiguousarray(normals, np.float32))
-        self.center = positions.mean(axis=0)
+        self.box = np.array([positions.min(axis=0), positions.max(axis=0)])
 
 
 class GpuRenderer:
@@ -128,22 +135,25 @@ class GpuRenderer:
         self.context = ctx = _context()
         self.size = size
         samples = min(samples, ctx.max_samples) if samples > 1 else 0
-        self._target = ctx.framebuffer(
-            [ctx.renderbuffer(size, 4, samples=samples)], ctx.depth_renderbuffer(size, samples=samples)
-        )
-        self._resolved = ctx.framebuffer([ctx.renderbuffer(size, 4)])
-        self._key_depths, self._key_map = self._depth_map(SHADOW_SIZE)
-        self._sky_depths, self._sky_map = self._depth_map(SKY_SIZE)
+        self._frame = ctx.framebuffer([ctx.renderbuffer(size, 4)])
+        # only surfaces have edges, so only where they are a pixel has several samples
+        self._samples = ctx.texture(size, 4, samples=samples)
+        self._target = ctx.framebuffer([self._samples], ctx.depth_renderbuffer(size, samples=samples))
+        self._key_maps = {each: self._depth_map(each) for each in SHADOW_SIZES}
+        self._sky_map = self._depth_map(SKY_SIZE)
         self._light = shaders.LIGHT
         for name in ("OUTER_SAMPLES", "KEY_SAMPLES", "SKY_SAMPLES"):
             self._light = self._light.replace(name, str(globals()[name]))
         self._shadow = ctx.program(shaders.SHADOW_VERTEX, shaders.SHADOW_FRAGMENT)
-        self._surfaces: dict[tuple[bool, bool], moderngl.Program] = {}
+        self._surfaces: dict[tuple[bool, ...], moderngl.Program] = {}
         self._floor = ctx.program(shaders.FLOOR_VERTEX, shaders.FLOOR_FRAGMENT.replace("LIGHT\n", self._light))
         self._picture = ctx.program(shaders.PICTURE_VERTEX, shaders.PICTURE_FRAGMENT)
+        resolving = shaders.RESOLVE_FRAGMENT.replace("SAMPLER", "sampler2DMS" if samples else "sampler2D")
+        self._resolve = ctx.program(shaders.PICTURE_VERTEX, resolving.replace("COUNT", str(max(samples, 1))))
         corners = ctx.buffer(np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32))
         self._floor_quad = ctx.vertex_array(self._floor, [(corners, "2f", "corner")])
         self._picture_quad = ctx.vertex_array(self._picture, [(corners, "2f", "corner")])
+        self._resolve_quad = ctx.vertex_array(self._resolve, [(corners, "2f", "corner")])
         self._textures: dict[int, moderngl.Texture] = {}
 
     def __enter__(self) -> Self:
@@ -190,26 +200,32 @@ class GpuRenderer:
         largest = float(np.ptp(np.concatenate([part.vertices for part in parts]), axis=0).max())
         for part, start, material in zip(parts, starts, materials, strict=True):
             fine = _triangle_size(part) <= FINE_SHARE * largest
-            program = self._surface(fine, material.opacity == "MASK")
+            program = self._surface(fine, material)
             array = self._array(program, (part.triangles + start).astype(np.uint32), buffers)
             drawn.parts.append(DrawnPart(material, program, array, self._texture(material.image)))
         return drawn
 
-    def _surface(self, by_vertex: bool, masked: bool) -> "moderngl.Program":
+    def _surface(self, fine: bool, material: Material) -> "moderngl.Program":
         """Return the program that draws a part.
 
-        A fragment that may be discarded is computed even if it is hidden, and light at vertices is computed once for
-        all the small triangles around them.
+        Light at vertices is computed once for all the small triangles around them. What is constant is not looked up,
+        because software runs both sides of a condition, and a fragment that may be discarded even if it is hidden.
         """
-        if (by_vertex, masked) not in self._surfaces:
-            vertex, fragment = (
-                text.replace("LIGHT\n", self._light)
-                .replace("BY_VERTEX", str(by_vertex).lower())
-                .replace("MASKED", str(masked).lower())
-                for text in (shaders.SURFACE_VERTEX, shaders.SURFACE_FRAGMENT)
-            )
-            self._surfaces[by_vertex, masked] = self.context.program(vertex, fragment)
-        return self._surfaces[by_vertex, masked]
+        constants = {
+            "BY_VERTEX": fine,
+            "MASKED": material.opacity == "MASK",
+            "BLENDED": material.opacity == "BLEND",
+            "TEXTURED": material.image is not None,
+            "TWO_SIDED": material.two_sided,
+            "UNLIT": material.unlit,
+        }
+        key = tuple(constants.values())
+        if key not in self._surfaces:
+            defined = "".join(f"#define {name} {str(value).lower()}\n" for name, value in constants.items())
+            texts = shaders.SURFACE_VERTEX, shaders.SURFACE_FRAGMENT
+            vertex, fragment = (each.replace("LIGHT\n", defined + self._light) for each in texts)
+            self._surfaces[key] = self.context.program(vertex, fragment)
+        return self._surfaces[key]
 
     def _array(self, program: "moderngl.Program", faces: NDArray[np.uint32], buffers: list[Any]) -> Any:
         # ModernGL refuses an empty buffer; a triangle without area shows nothing
@@ -264,54 +280,72 @@ class GpuRenderer:
 
         ctx = self.context
         ctx.front_face = "cw"  # the projection turns pictures over
+        boxes = np.array([each.box for each in surfaces]).reshape(-1, 2, 3)
         key = orthographic(KEY_DIRECTION, stage.center, stage.radius, stage.height)
         sky = orthographic(np.array([0.0, 1.0, 0.0]), stage.center, stage.radius, stage.height)
+        texels = PENUMBRA_TEXELS * 2 * float(key.half.max()) / (PENUMBRA * stage.size)
+        key_size = next((each for each in SHADOW_SIZES if each >= texels), SHADOW_SIZES[-1])
+        depths, _ = key_map = self._key_maps[key_size]
+        lights = ("key", key, PENUMBRA, key_map), ("sky", sky, SKY_PENUMBRA, self._sky_map)
+        # what is behind the floor is hidden
+        side = 0.0 if floor is None else float(np.sign(camera.eye[1]))
+        lift = LIFT * stage.size + 3 * float(key.half.max()) / depths.width
+        matrix = camera.matrix(self.size)
+        shared: dict[str, Any] = {"camera": matrix, "eye": camera.eye, "floor_side": side, "lift": lift}
+        shared |= {"key_direction": KEY_DIRECTION, "key_color": KEY, "sky_color": SKY, "ground_color": BOUNCE}
         ctx.enable_only(moderngl.DEPTH_TEST)
-        for target, light in ((self._key_map, key), (self._sky_map, sky)):
+        for number, (name, light, penumbra, (depths, target)) in enumerate(lights, 1):
             target.use()
             target.clear()
             _set(self._shadow, "light", light.matrix)
             for each in surfaces:
                 each.shadow.render()
-        self._target.use()
-        self._target.clear()
+            depths.use(number)
+            low, high = _extent(boxes, light.matrix) + np.array([[-1], [1]]) / depths.width
+            shared |= {f"{name}_light": light.matrix, f"{name}_depths": number}
+            shared[f"{name}_blur"] = penumbra * stage.size / (2 * light.half)
+            shared[f"{name}_casters"] = (*(low + high) / 2, *(high - low) / 2)
+        for program in (*self._surfaces.values(), self._floor):
+            for uniform, value in shared.items():
+                _set(program, uniform, value)
+        self._frame.use()
         ctx.enable_only(moderngl.BLEND)
         self._show(background, 1.0)
-        matrix = camera.matrix(self.size)
-        for program in (*self._surfaces.values(), self._floor):
-            _set(program, "camera", matrix)
-            _set(program, "eye", camera.eye)
-            self._set_lights(program, stage, key, sky)
-        self._key_depths.use(1)
-        self._sky_depths.use(2)
         if floor is not None:
-            ctx.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
             _set(self._floor, "middle", stage.center)
             _set(self._floor, "reach", FLOOR_REACH * stage.radius)
             _set(self._floor, "color", floor.color or (0.0, 0.0, 0.0))
             _set(self._floor, "shadows_only", floor.color is None)
             self._floor_quad.render(moderngl.TRIANGLE_STRIP)
-        for part in _in_order(surfaces, camera):
-            self._show_part(part)
-        ctx.enable_only(moderngl.BLEND)
+        if surfaces:
+            self._draw_surfaces(surfaces, camera, _extent(boxes, matrix))
         for texture, opacity in overlays:
             self._show(texture, opacity)
-        ctx.copy_framebuffer(self._resolved, self._target)
-        pixels = np.frombuffer(self._resolved.read(components=4), np.uint8)
+        pixels = np.frombuffer(self._frame.read(components=4), np.uint8)
         return pixels.reshape(self.size[1], self.size[0], 4)
 
-    def _set_lights(self, program: "moderngl.Program", stage: Stage, key: Light, sky: Light) -> None:
-        _set(program, "key_light", key.matrix)
-        _set(program, "sky_light", sky.matrix)
-        _set(program, "key_depths", 1)
-        _set(program, "sky_depths", 2)
-        _set(program, "key_direction", KEY_DIRECTION)
-        _set(program, "key_color", KEY)
-        _set(program, "sky_color", SKY)
-        _set(program, "ground_color", BOUNCE)
-        _set(program, "key_blur", PENUMBRA * stage.size / (2 * key.half))
-        _set(program, "sky_blur", SKY_PENUMBRA * stage.size / (2 * sky.half))
-        _set(program, "lift", LIFT * stage.size + 3 * float(key.half.max()) / SHADOW_SIZE)
+    def _draw_surfaces(self, surfaces: Sequence[Drawn], camera: Camera, extent: NDArray[np.float32]) -> None:
+        """Draw surfaces over the frame, between two corners (2, 2) in shares of it."""
+        import moderngl
+
+        ctx: Any = self.context
+        low, high = np.clip([np.floor(extent[0] * self.size), np.ceil(extent[1] * self.size)], 0, self.size).astype(int)
+        frames: tuple[Any, Any] = self._target, self._frame
+        for each in frames:
+            each.scissor = (*low.tolist(), *(high - low).tolist())
+        self._target.use()
+        self._target.clear()
+        ctx.enable_direct(CLIP_DISTANCE)
+        ctx.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA  # opacity is in the colours already
+        for part in _in_order(surfaces, camera):
+            self._show_part(part)
+        ctx.disable_direct(CLIP_DISTANCE)
+        self._frame.use()
+        ctx.enable_only(moderngl.BLEND)
+        self._samples.use(0)
+        self._resolve_quad.render(moderngl.TRIANGLE_STRIP)
+        ctx.blend_func = moderngl.DEFAULT_BLENDING
+        frames[1].scissor = None
 
     def _show_part(self, part: DrawnPart) -> None:
         import moderngl
@@ -320,11 +354,8 @@ class GpuRenderer:
         if part.texture is not None:
             part.texture.use(0)
         _set(part.program, "image", 0)
-        _set(part.program, "textured", part.texture is not None)
         _set(part.program, "color", (*CLAY, 1.0) if material.plain else material.color)
         _set(part.program, "cutoff", material.cutoff)
-        _set(part.program, "unlit", material.unlit)
-        _set(part.program, "two_sided", material.two_sided)
         self.context.enable_only(
             moderngl.DEPTH_TEST
             | (moderngl.BLEND if material.opacity == "BLEND" else 0)
@@ -367,9 +398,21 @@ def _set(program: "moderngl.Program", name: str, value: Any) -> None:
         uniform.value = value if np.ndim(value) == 0 else tuple(map(float, value))
 
 
+def _extent(boxes: NDArray[np.float32], matrix: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the corners (2, 2) of the rectangle that boxes (n, 2, 3) cover in a projection, in shares of its image."""
+    if not len(boxes):
+        return np.full((2, 2), -9, np.float32)
+    corners = np.concatenate([np.where(bits, boxes[:, 1], boxes[:, 0]) for bits in product((False, True), repeat=3)])
+    places = np.pad(corners, ((0, 0), (0, 1)), constant_values=1) @ matrix
+    if (places[:, 3] <= 0).any():  # beside or behind the camera
+        return np.array([[0, 0], [1, 1]], np.float32)
+    shares = 0.5 + 0.5 * places[:, :2] / places[:, 3:]
+    return np.array([shares.min(axis=0), shares.max(axis=0)])
+
+
 def _in_order(surfaces: Sequence[Drawn], camera: Camera) -> Iterator[DrawnPart]:
     """Yield what is opaque, the nearest surface first, and then what is transparent, the farthest first."""
-    near = sorted(surfaces, key=lambda each: float(np.linalg.norm(each.center - camera.eye)))
+    near = sorted(surfaces, key=lambda each: float(np.linalg.norm(each.box.mean(axis=0) - camera.eye)))
     yield from (part for each in near for part in each.parts if part.material.opacity != "BLEND")
     yield from (part for each in reversed(near) for part in each.parts if part.material.opacity == "BLEND")
 

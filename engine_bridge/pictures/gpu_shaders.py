@@ -17,29 +17,33 @@ SURFACE_VERTEX = """
 LIGHT
 uniform mat4 camera;
 uniform float lift;
-uniform bool two_sided;
+uniform float floor_side;
+uniform vec4 color;
 in vec3 position;
 in vec3 normal;
 in vec4 vertex_color;
 in vec2 uv;
 out vec3 place;
 out vec3 towards;
-out vec4 tint;
 out vec2 texel;
-out vec3 light_in_front;
-out vec3 light_behind;
+out vec4 in_front;
+out vec4 behind;
 void main() {
     place = position;
     towards = normal;
-    tint = vertex_color;
     texel = uv;
-    light_in_front = light_behind = vec3(0.0);
-    if (BY_VERTEX) {
+    in_front = behind = color * vertex_color;
+    if (BY_VERTEX && !UNLIT) {
         vec3 n = normalize(normal);
-        light_in_front = irradiance(position, n, lift);
-        if (two_sided) light_behind = irradiance(position, -n, lift);
+        in_front.rgb *= irradiance(position, n, lift);
+        if (TWO_SIDED) behind.rgb *= irradiance(position, -n, lift);
+    }
+    if (BY_VERTEX && !TEXTURED) {
+        in_front.rgb = encoded(in_front.rgb);
+        behind.rgb = encoded(behind.rgb);
     }
     gl_Position = camera * vec4(position, 1.0);
+    gl_ClipDistance[0] = floor_side * position.y;
 }
 """
 
@@ -54,13 +58,15 @@ uniform vec3 sky_color;
 uniform vec3 ground_color;
 uniform vec2 key_blur;   // radius of the penumbra, as a share of the map
 uniform vec2 sky_blur;
+uniform vec4 key_casters;   // middle and half extents of the part of the map where something casts a shadow
+uniform vec4 sky_casters;
 
 // The share of a light that reaches a point, from points on a disc that are evenly dense (Vogel 1979), so that the edge
 // of a shadow is soft without grain. The outermost ones come first: where they agree, no others are taken. That is
 // written as loops, because software renderers skip the rest of a loop, but run both sides of a condition.
-float lit(sampler2DShadow depths, vec3 at, vec2 blur, int count) {
+float lit(sampler2DShadow depths, vec3 at, vec4 casters, vec2 blur, int count) {
     const mat2 turn = mat2(-0.737369, 0.675490, -0.675490, -0.737369);
-    vec2 inside = 0.5 + blur - abs(at.xy - 0.5);
+    vec2 inside = casters.zw + blur - abs(at.xy - casters.xy);
     int first = min(inside.x, inside.y) < 0.0 ? 0 : OUTER_SAMPLES;
     vec2 way = vec2(1.0, 0.0);
     float sum = 0.0;
@@ -81,17 +87,19 @@ vec3 irradiance(vec3 place, vec3 n, float lift) {
     float key = 0.0;
     if (cosine > 0.0) {
         vec3 at = (key_light * vec4(place + lift * n, 1.0)).xyz * 0.5 + 0.5;
-        key = cosine * lit(key_depths, at, key_blur, KEY_SAMPLES);
+        key = cosine * lit(key_depths, at, key_casters, key_blur, KEY_SAMPLES);
     }
     vec3 above = (sky_light * vec4(place + 2.0 * lift * n, 1.0)).xyz * 0.5 + 0.5;
-    float open = mix(0.35, 1.0, lit(sky_depths, above, sky_blur, SKY_SAMPLES));
+    float open = mix(0.35, 1.0, lit(sky_depths, above, sky_casters, sky_blur, SKY_SAMPLES));
     float up = 0.5 + 0.5 * n.y;
     return key * key_color + up * open * sky_color + (1.0 - up) * ground_color;
 }
 
+// sRGB by roots (Taylor), which software computes faster than powers; at most 1 % off in the darkest colours
 vec3 encoded(vec3 c) {
     c = clamp(c, 0.0, 1.0);
-    return mix(12.92 * c, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c));
+    vec3 a = sqrt(c), b = sqrt(a), d = sqrt(b);
+    return 0.662002687 * a + 0.684122060 * b - 0.323583601 * d - 0.022541147 * c;
 }
 """
 
@@ -100,33 +108,27 @@ SURFACE_FRAGMENT = """
 LIGHT
 uniform vec3 eye;
 uniform float lift;
-uniform bool two_sided;
-uniform bool textured;
-uniform bool unlit;
-uniform vec4 color;
 uniform sampler2D image;
 uniform float cutoff;
 in vec3 place;
 in vec3 towards;
-in vec4 tint;
 in vec2 texel;
-in vec3 light_in_front;
-in vec3 light_behind;
+in vec4 in_front;
+in vec4 behind;
 out vec4 shown;
 void main() {
-    vec4 base = color * tint;
-    if (textured) base *= texture(image, texel);
-    if (MASKED && base.a < cutoff) discard;
     float side = 1.0;
-    if (two_sided) {
+    if (TWO_SIDED) {
         // Which side is seen, whatever the winding: many meshes are not consistent.
         vec3 flat_normal = cross(dFdx(place), dFdy(place));
         side = dot(flat_normal, eye - place) * dot(flat_normal, towards) < 0.0 ? -1.0 : 1.0;
     }
-    vec3 light = vec3(1.0);
-    if (!unlit && BY_VERTEX) light = side > 0.0 ? light_in_front : light_behind;
-    if (!unlit && !BY_VERTEX) light = irradiance(place, side * normalize(towards), lift);
-    shown = vec4(encoded(base.rgb * light), base.a);
+    vec4 shade = TWO_SIDED && side < 0.0 ? behind : in_front;
+    if (TEXTURED) shade *= texture(image, texel);
+    if (MASKED && shade.a < cutoff) discard;
+    if (!BY_VERTEX && !UNLIT) shade.rgb *= irradiance(place, side * normalize(towards), lift);
+    if (!BY_VERTEX || TEXTURED) shade.rgb = encoded(shade.rgb);
+    shown = vec4(shade.rgb, 1.0) * (BLENDED ? shade.a : 1.0);
 }
 """
 
@@ -159,8 +161,8 @@ void main() {
     float fade = 1.0 - smoothstep(0.25, 1.0, far);
     vec3 full = key_direction.y * key_color + sky_color;
     vec3 share = irradiance(place, vec3(0.0, 1.0, 0.0), lift) / full;
-    if (shadows_only) shown = vec4(0.0, 0.0, 0.0, fade * (1.0 - encoded(share).g));
-    else shown = vec4(encoded(color * share), fade);
+    vec3 shade = encoded(shadows_only ? share : color * share);
+    shown = shadows_only ? vec4(0.0, 0.0, 0.0, fade * (1.0 - shade.g)) : vec4(shade, fade);
 }
 """
 
@@ -181,4 +183,14 @@ uniform float opacity;
 in vec2 texel;
 out vec4 shown;
 void main() { shown = texture(image, texel) * vec4(1.0, 1.0, 1.0, opacity); }
+"""
+
+RESOLVE_FRAGMENT = """
+#version 330
+uniform SAMPLER samples;
+out vec4 shown;
+void main() {
+    shown = vec4(0.0);
+    for (int k = 0; k < COUNT; k++) shown += texelFetch(samples, ivec2(gl_FragCoord.xy), k) / float(COUNT);
+}
 """

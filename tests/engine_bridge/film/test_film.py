@@ -159,7 +159,6 @@ def test_an_interrupt_leaves_no_file(write_scene, tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('[[sound]]\nfile = "none.wav"', r"\[\[sound\]\] 1, file: found the missing file"),
         ('[background]\npicture = "none.png"', r"\[background\], picture: found .*none\.png, which cannot be opened"),
         (
             '[[title]]\ntext = "a"\nfont = "none.ttf"',

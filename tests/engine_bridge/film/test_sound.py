@@ -1,9 +1,11 @@
 """Sound tracks: parts, times, gains, fades and files that cannot be used."""
 
+import re
+
 import numpy as np
 import pytest
 
-from engine_bridge.film.scene import SceneError, SoundTable
+from engine_bridge.film.scene import SoundTable
 from engine_bridge.film.sound import SAMPLE_RATE, Mixer
 
 pytest.importorskip("av", reason="the extra film is not installed")
@@ -96,8 +98,11 @@ def test_other_formats_are_decoded_with_the_clap_where_it_was(mixed, write_wav, 
         (b"RIFF....nothing of the kind", ".* cannot be decoded"),
     ],
 )
-def test_a_file_that_is_no_sound_is_one_message(tmp_path, content, found):
+def test_the_rest_is_played_if_a_file_is_no_sound(mixed, write_wav, tmp_path, content, found):
+    write_wav(np.full(SAMPLE_RATE, 0.5), name="other.wav")
     if content is not None:
         (tmp_path / "sound.wav").write_bytes(content)
-    with pytest.raises(SceneError, match=rf"scene\.toml, \[\[sound\]\] 1, file: found {found}"):
-        Mixer([SoundTable(file="sound.wav")], tmp_path / "scene.toml", 1.0)
+    sound, mixer = mixed({"file": "sound.wav"}, {"file": "other.wav"}, seconds=1.0)
+    np.testing.assert_allclose(sound, 0.5, atol=STEP)
+    (note,) = mixer.notes
+    assert re.match(rf"A sound is left out\. .*scene\.toml, \[\[sound\]\] 1, file: found {found}", note)

@@ -189,8 +189,7 @@ class Video:
         self._uri, self._fov, self._loop = uri, options.fov, options.loop
         if not path.is_file():
             raise SourceError(uri, found=f"no file {path}", expected="a video", fix="Correct the path.")
-        cv2 = load_opencv()
-        self._cv2 = cv2
+        cv2 = self._cv2 = load_opencv()
         self._capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
         self._period = 1 / (self._capture.get(cv2.CAP_PROP_FPS) or _DEFAULT_FRAME_RATE)
         self._start = self._last = 0.0  # times of the beginning of this pass and of its last image, in seconds

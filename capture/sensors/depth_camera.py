@@ -168,7 +168,7 @@ class DepthCamera(ABC):
         self._lens = Lens(1, 1, 1.0)
         self._up: NDArray[np.float64] | None = None
         self._loop = selection.loop
-        self._waiting: dict[Kind, tuple[float, NDArray[Any]]] = {}  # newest time and pixels
+        self._waiting: dict[Kind, tuple[float, Any]] = {}  # newest time and pixels
         self._alone = 0  # frames since the last image
         self._last = -math.inf  # time of the last image
         self._passed = 0.0  # seconds of earlier passes of a loop
@@ -219,8 +219,8 @@ class DepthCamera(ABC):
         """Return whether the sensor, which delivers nothing, is plugged in."""
         return True
 
-    def _add(self, kind: Kind, moment: float, pixels: NDArray[Any]) -> None:
-        """Add depth in metres, or colours, at a time on the sensor's clock, in seconds."""
+    def _add(self, kind: Kind, moment: float, pixels: NDArray[Any] | Callable[[], NDArray[np.float32]]) -> None:
+        """Add depth in metres (`Picture.measured`), or colours, at a time on the sensor's clock, in seconds."""
         self._waiting[kind] = moment, pixels
         self._alone += 1
 

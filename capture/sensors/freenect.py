@@ -145,8 +145,7 @@ class FreenectDevice(DepthCamera):
         library.freenect_set_log_level(self._context, _ERRORS)
         library.freenect_set_log_callback(self._context, log_message)
         library.freenect_select_subdevices(self._context, _CAMERA)
-        count = library.freenect_num_devices(self._context)
-        if index >= count:
+        if index >= (count := library.freenect_num_devices(self._context)):
             raise _not_plugged_in(self._uri, index, count)
         if library.freenect_open_device(self._context, ctypes.byref(self._device), index) < 0:
             self._device = ctypes.c_void_p()

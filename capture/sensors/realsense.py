@@ -5,15 +5,18 @@ and laser stay as they are unless the URI sets them: ``realsense:?exposure=8000&
 """
 
 from contextlib import suppress
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from capture.libraries import load_module
 from capture.sensors.depth_camera import (
     DepthCamera,
     Kind,
+    Mode,
     Selection,
     best_mode,
     metres,
@@ -148,16 +151,10 @@ class RealSenseDevice(DepthCamera):
         rs = self._rs
         profiles = [profile for sensor in device.query_sensors() for profile in sensor.get_stream_profiles()]
         formats = {rs.stream.depth: rs.format.z16, rs.stream.color: rs.format.rgb8}
-        videos = [profile.as_video_stream_profile() for profile in profiles if profile.is_video_stream_profile()]
-        modes = {
-            stream: [
-                (video.width(), video.height(), video.fps())
-                for video in videos
-                if (video.stream_type(), video.format()) == (stream, kind)
-            ]
-            for stream, kind in formats.items()
-        }
-        modes = {stream: some for stream, some in modes.items() if some}
+        modes: dict[Any, list[Mode]] = {}
+        for video in (each.as_video_stream_profile() for each in profiles if each.is_video_stream_profile()):
+            if formats.get(video.stream_type()) == video.format():
+                modes.setdefault(video.stream_type(), []).append((video.width(), video.height(), video.fps()))
         best = best_mode(modes.values())
         if best is not None:
             for stream in modes:
@@ -218,13 +215,18 @@ class RealSenseDevice(DepthCamera):
             if frame.is_motion_frame():
                 force = frame.as_motion_frame().get_motion_data()
                 self._up = upward((force.x, force.y, force.z), self._to_image)
-        aligned = frames if self._align is None else self._align.process(frames)
-        depth, color = aligned.get_depth_frame(), aligned.get_color_frame()
+        depth, color = frames.get_depth_frame(), frames.get_color_frame()
         # a frame is repeated if none of its stream arrived with the other's, so its own time counts
         if depth:
-            self._add("depth", depth.timestamp / 1000, metres(np.asanyarray(depth.get_data()), depth.get_units()))
+            aligned = cache(partial(self._aligned, frames))  # which takes time, while a tracker looks at the colours
+            self._add("depth", depth.timestamp / 1000, aligned if self._align and color else aligned())
         if color:
             self._add("color", color.timestamp / 1000, np.array(color.get_data()))
+
+    def _aligned(self, frames: Any) -> NDArray[np.float32]:
+        """Return the depth of frames in metres."""
+        depth = (frames if self._align is None else self._align.process(frames)).get_depth_frame()
+        return metres(np.asanyarray(depth.get_data()), depth.get_units())
 
     def _at_end(self) -> bool:
         playback = self._profile.get_device().as_playback()

@@ -135,8 +135,8 @@ class HandChannels:
     """Turns a performer's hands into channels."""
 
     def __init__(self) -> None:
-        fingers = [[name for name in FINGER_CHANNELS if name.endswith(side)] for side in SIDES]
-        names = [[f"hand_open_{side}", f"point_{side}", *own] for side, own in zip(SIDES, fingers, strict=True)]
+        every = ("hand_open_left", "hand_open_right", "point_left", "point_right", *FINGER_CHANNELS)
+        names = [[name for name in every if name.endswith(side)] for side in SIDES]
         self._channels = [SmoothedChannels(each, SMOOTHING_SECONDS, LOST_SECONDS) for each in names]
         self._seen = [False, False]
 

@@ -20,6 +20,7 @@ and hands are those of the landmarks of the hands.
 
 import logging
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from types import ModuleType
 from typing import Any
 
@@ -31,7 +32,7 @@ from capture.libraries import UNLOADABLE, load_module
 from capture.orientations import unknown
 from capture.skeleton import JOINT_INDEX, JOINTS, TRACKED
 from capture.trackers.face import FaceChannels, FaceMesh, HeadDirection, axes, measures, part_around
-from capture.trackers.hands import SIDES, Hand, HandChannels, Hands
+from capture.trackers.hands import SIDES, Floats, Hand, HandChannels, Hands
 from capture.trackers.picture import Person, Picture
 from capture.trackers.placing import BodyPlacer, warm_up
 from puppetline.errors import SourceError
@@ -87,6 +88,7 @@ class MediaPipePose:
 
     def __init__(self, height: float = DEFAULT_HEIGHT_METRES, *, face: bool = False, hands: bool = False) -> None:
         self._pose: Any = load_mediapipe().Pose(model_complexity=1)  # the package includes the model of this complexity
+        self._depth = ThreadPoolExecutor(1)
         warm_up()
         self._mesh = FaceMesh() if face else None
         self._face, self._head = FaceChannels(), HeadDirection()
@@ -130,11 +132,13 @@ class MediaPipePose:
         if self._pose is not None:
             self._pose.close()
             self._pose = None
+            self._depth.shutdown()
             for model in (self._mesh, self._hands):
                 if model is not None:
                     model.close()
 
     def _find(self, picture: Picture, color: NDArray[np.uint8]) -> Person | None:
+        depth = self._depth.submit(lambda: picture.depth)  # a sensor may align it meanwhile
         result = self._pose.process(color)
         if result.pose_landmarks is None or result.pose_world_landmarks is None:
             return None
@@ -149,7 +153,7 @@ class MediaPipePose:
         confidence = (LANDMARK_WEIGHTS @ seen[:, 2]).astype(np.float32)
         hands = [] if self._hands is None else self._hands.find(color, body)
         _place_hands(hands, pixels, posture, confidence)
-        placed = self._placer.place(picture.time, picture.lens, pixels, posture, confidence, picture.depth)
+        placed = self._placer.place(picture.time, picture.lens, pixels, posture, confidence, depth.result())
         if placed is None:
             return None
         positions, confidence = placed
@@ -186,17 +190,12 @@ class MediaPipePose:
         self._absence = cause
 
 
-def _place_hands(
-    hands: Sequence[Hand | None],
-    pixels: NDArray[np.float64],
-    posture: NDArray[np.float64],
-    confidence: NDArray[np.float32],
-) -> None:
+def _place_hands(hands: Sequence[Hand | None], pixels: Floats, posture: Floats, sure: NDArray[np.float32]) -> None:
     """Put wrists and hands of a body's joints, (20, 2) pixels and (20, 3) metres, where the hands are."""
     for side, hand in zip(SIDES, hands, strict=False):
         if hand is not None:
             joints = [JOINT_INDEX[f"wrist_{side}"], JOINT_INDEX[f"hand_{side}"]]
-            pixels[joints], confidence[joints] = hand.pixels, TRACKED
+            pixels[joints], sure[joints] = hand.pixels, TRACKED
             posture[joints[1]] = posture[joints[0]] + hand.direction * _TO_SENSOR
 
 

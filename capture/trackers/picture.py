@@ -4,7 +4,7 @@ Positions are in sensor coordinates, as in `capture.skeleton`: y up, z away from
 which is left in the image, at +x.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -61,8 +61,8 @@ class Picture:
         The lens of the colour camera, to which depth is registered.
     color : (height, width, 3) uint8 array or None
         RGB.
-    depth : (height, width) float32 array or None
-        Metres along z; 0 for unknown.
+    measured : (height, width) float32 array, function that returns one, or None
+        `depth`. Its function may take its time, and is called only for images that are tracked or shown.
     up : (3,) float64 array or None
         Upward direction in sensor coordinates, by the device's accelerometer.
     """
@@ -70,8 +70,13 @@ class Picture:
     time: float
     lens: Lens
     color: NDArray[np.uint8] | None
-    depth: NDArray[np.float32] | None
+    measured: NDArray[np.float32] | Callable[[], NDArray[np.float32]] | None
     up: NDArray[np.float64] | None = None
+
+    @property
+    def depth(self) -> NDArray[np.float32] | None:
+        """Metres along z, (height, width); 0 for unknown."""
+        return self.measured() if callable(self.measured) else self.measured
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,12 +60,8 @@ def prepare(
         mesh = weld(positions, triangles, name)
         of_mesh = None if shares is None else _means(shares, mesh.of_render)
         model = build(mesh, parameters, bones, of_mesh)
-        welded = {
-            "mesh.vertices": mesh.vertices,
-            "mesh.faces": mesh.faces,
-            "mesh.of_render": mesh.of_render,
-            "mesh.repairs": np.array(astuple(mesh.repairs)),
-        }
+        welded = {f"mesh.{name}": getattr(mesh, name) for name in ("vertices", "faces", "of_render")}
+        welded["mesh.repairs"] = np.array(astuple(mesh.repairs))
         return welded | {name: attrgetter(name)(model) for name in MODEL_ARRAYS}
 
     arrays = load_or_compute(

@@ -144,9 +144,7 @@ def _shares(free: NDArray[np.bool_]) -> NDArray[np.float64]:
     for way, (handle, axis) in zip(alone, np.argwhere(free), strict=True):
         way[:, :, handle, axis] = np.array([[1.0], [-1.0]]) * there_and_back
     random, seconds = np.random.default_rng(SEED), np.arange(COMBINED_FRAMES) / 30
-    hertz, phase = (
-        random.uniform(0.2, 0.8, (WAVE_COUNT, *free.shape)),
-        random.uniform(0, 2 * np.pi, (WAVE_COUNT, *free.shape)),
-    )
+    hertz = random.uniform(0.2, 0.8, (WAVE_COUNT, *free.shape))
+    phase = random.uniform(0, 2 * np.pi, (WAVE_COUNT, *free.shape))
     waves = np.sin(2 * np.pi * hertz * seconds[:, None, None, None] + phase).sum(axis=1) / np.sqrt(WAVE_COUNT)
     return np.concatenate([alone.reshape(-1, *free.shape), waves * free])

@@ -45,17 +45,10 @@ def joint_weights(weights: Weights, joints: Sequence[Joint], vertices: NDArray[n
     for row, joint in enumerate(joints):
         of_bone.setdefault(joint.bone, []).append(row)
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    parts = [
-        _divided(
-            weights.weights[start : start + VERTICES_PER_CHUNK].astype(np.float64),
-            weights.bones[start : start + VERTICES_PER_CHUNK],
-            joints,
-            of_bone,
-            vertices[start : start + VERTICES_PER_CHUNK] / size,
-            size,
-        )
-        for start in range(0, len(vertices), VERTICES_PER_CHUNK)
-    ]
+    parts, shares = [], weights.weights.astype(np.float64)
+    for start in range(0, len(vertices), VERTICES_PER_CHUNK):
+        rows = slice(start, start + VERTICES_PER_CHUNK)
+        parts.append(_divided(shares[rows], weights.bones[rows], joints, of_bone, vertices[rows] / size, size))
     return packed(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 

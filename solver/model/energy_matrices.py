@@ -126,12 +126,8 @@ def _rows(rows, starts, neighbours, entries, mass, rest, below, upper, weights, 
     count = len(weights)
     first = np.cumsum(width) - width - lowest
     total = width.sum()
-    W, KW, W_delta, deltas = (
-        np.zeros((len(rows), 4 * total)),
-        np.zeros((len(rows), 4 * total)),
-        np.zeros((len(rows), 3 * total)),
-        np.zeros((len(rows), 3)),
-    )
+    W, KW = np.zeros((len(rows), 4 * total)), np.zeros((len(rows), 4 * total))
+    W_delta, deltas = np.zeros((len(rows), 3 * total)), np.zeros((len(rows), 3))
     h = np.ones(4)
     for r in range(len(rows)):
         v = rows[r]

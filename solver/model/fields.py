@@ -31,6 +31,9 @@ EIGENVALUE_SHIFT = -0.1
 COLUMNS_PER_SOLVE = 4
 """Number of right-hand sides that are solved at once, to save memory."""
 
+MAX_SAMPLES = 10_000
+"""Approximate largest number of vertices that represent a surface where a part of its vertices is enough."""
+
 PANEL_COLUMNS = 2
 """Number of columns in a panel of SuperLU. The columns of a surface's factor have little in common; larger panels take
 a third more time."""
@@ -109,13 +112,14 @@ class SurfaceOperator:
     Attributes
     ----------
     samples : slice
-        The vertices on which functions are computed: all of them.
-    areas : (n,) float64
+        Vertices that represent the surface: all of a small one.
+    areas : (c,) float64
         Area of each of them.
     """
 
     def __init__(self, L: "csr_matrix", mass: NDArray[np.float64], vertices: NDArray[np.float64]) -> None:
-        self.samples, self.areas = slice(None), mass
+        self.samples = slice(None, None, max(1, len(mass) // MAX_SAMPLES))
+        self.areas = mass[self.samples]
         self._order = nested_dissection(L.indptr, L.indices, vertices)
         self._L = scipy.sparse.csr_matrix(L[self._order][:, self._order])
         self._mass = mass[self._order]

@@ -101,15 +101,8 @@ def fit(
         W = model.position_matrix(mesh.vertices[rows], rows)
         products[rows] = np.einsum("nbi,ni->nb", (W @ mixed).reshape(-1, count, 4), points[rows])
     shares, bones = np.zeros((len(points), influences)), np.zeros((len(points), influences), dtype=np.int64)
-    _fit(
-        points,
-        np.ascontiguousarray(squares),
-        products,
-        float(len(controls)),
-        model.regions.whole_parts(mesh),
-        shares,
-        bones,
-    )
+    rigid = model.regions.whole_parts(mesh)
+    _fit(points, np.ascontiguousarray(squares), products, float(len(controls)), rigid, shares, bones)
     return packed(shares, bones)
 
 

@@ -1,7 +1,7 @@
 """The solver mesh: a welded, repaired and sufficiently fine copy of a render mesh."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import igl
 import numpy as np
@@ -148,8 +148,14 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
     MeshError
         Positions that are not finite, indices out of range, or a mesh without a surface.
     """
-    positions = np.asarray(positions, dtype=np.float64)
-    triangles = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
+    return _welded(np.asarray(positions, np.float64).tobytes(), np.asarray(triangles, np.int64).tobytes(), name)
+
+
+@lru_cache(maxsize=1)
+def _welded(position_bytes: bytes, triangle_bytes: bytes, name: str) -> SolverMesh:
+    """Return what `weld` returns; a character is welded for display, for its limbs and for its model."""
+    positions = np.frombuffer(position_bytes).reshape(-1, 3)
+    triangles = np.frombuffer(triangle_bytes, dtype=np.int64).reshape(-1, 3)
     used = _used(positions, triangles, name)
     number = np.full(len(positions), -1)
     number[used] = np.arange(len(used))

@@ -3,6 +3,8 @@
 import re
 from array import array
 from dataclasses import replace
+from itertools import groupby, repeat
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from engine_bridge.character.surfaces.files import Folder
 from engine_bridge.character.surfaces.polygons import distinct_corners, triangulate
 from engine_bridge.character.surfaces.surface import (
     DEFAULT_MATERIAL,
+    MAX_COORDINATE,
     Material,
     Piece,
     Surface,
@@ -22,7 +25,7 @@ from engine_bridge.character.surfaces.surface import (
     material_for,
     upper_left,
 )
-from engine_bridge.character.surfaces.text import decoded, filled_lines, position, unreadable
+from engine_bridge.character.surfaces.text import decoded, filled_lines, unreadable
 from puppetline.errors import at
 
 CONTINUED = re.compile(r"^(?:[^\n]*\\\n)+[^\n]*", re.MULTILINE)
@@ -33,6 +36,9 @@ IGNORED_STATEMENT = re.compile(
     "|trace_obj|trim|usemap|vp|#.*"
 )
 """Statements that do not concern polygons, and comments."""
+
+MAX_INDEX = 2**31
+"""Largest index in faces that are read quickly; others are read one by one."""
 
 LIBRARY_END = re.compile(r"(?<=\.mtl)(?=\s|\"|$)", re.IGNORECASE)
 """End of the name of a material file, which may contain spaces."""
@@ -68,18 +74,28 @@ def read(path: Path, content: bytes) -> Surface:
         The file has no surface or a line that cannot be read; the message has the line.
     """
     text = decoded(path, content).removesuffix("\\")
-    statements = _Statements(path)
-    for number, line in filled_lines(CONTINUED.sub(_joined, text) if "\\" in text else text):
+    lines = (CONTINUED.sub(_joined, text) if "\\" in text else text).split("\n")
+    statements, before = _Statements(path), 0
+    for beginning, similar in groupby(lines, itemgetter(slice(2))):
+        run = list(similar)
+        if not statements.read_run(before + 1, beginning.strip(), " ".join(run).split(), len(run)):
+            _read_lines(statements, before, "\n".join(run))
+        before += len(run)
+    return statements.surface()
+
+
+def _read_lines(statements: "_Statements", before: int, text: str) -> None:
+    """Read lines one by one that come after a number of others."""
+    for number, line in filled_lines(text):
         kind, value = [*line.split(None, 1), ""][:2]
         if kind not in EXPECTED:
-            statements.read_other(number, kind, value)
+            statements.read_other(before + number, kind, value)
             continue
         words = value.partition("#")[0].split()
         try:
-            statements.read_numbers(number, kind, words)
+            statements.read_numbers(before + number, kind, words)
         except (ValueError, OverflowError):
-            raise unreadable(path, number, " ".join(words), EXPECTED[kind]) from None
-    return statements.surface()
+            raise unreadable(statements.path, before + number, " ".join(words), EXPECTED[kind]) from None
 
 
 def _joined(lines: re.Match[str]) -> str:
@@ -107,6 +123,55 @@ class _Statements:
         self.lines_and_points = 0
         self.unknown: list[int] = []
 
+    def read_run(self, line: int, kind: str, words: list[str], count: int) -> bool:
+        """Read similar lines at once, in a tenth of the time: numbers, or faces of one size without negative indices.
+
+        Parameters
+        ----------
+        line : int
+            Number of the first line.
+        kind : str
+            Keyword with which the lines may begin.
+        words : list of str
+            All words of the lines.
+        count : int
+            Number of lines.
+
+        Returns
+        -------
+        bool
+            Whether they were read; nothing has changed otherwise.
+        """
+        size = len(words) // count
+        if kind not in EXPECTED or size < 2 or len(words) % count or words[::size] != [kind] * count:
+            return False
+        words = [word for word in words if word != kind]
+        if kind == "f":
+            return self._read_faces(line, words, count)
+        try:
+            self._add_numbers(kind, np.array([*map(float, words)]).reshape(count, size - 1))
+        except ValueError:
+            return False
+        return True
+
+    def _read_faces(self, line: int, words: list[str], count: int) -> bool:
+        """Read the corners of faces on successive lines, as `read_run`."""
+        slashes, *others = set(map(str.count, words, repeat("/")))
+        numbers = " ".join(words).replace("//", "/0/").replace("/", " ").split()
+        if others or slashes > 2 or len(numbers) != (slashes + 1) * len(words) or not "".join(numbers).isdecimal():
+            return False
+        indices = np.array([*map(float, numbers)]).reshape(len(words), -1)
+        if len(words) < 3 * count or indices[:, 0].min() < 1 or indices.max() > MAX_INDEX:
+            return False
+        corners = np.full((len(words), 3), -1)
+        corners[:, : slashes + 1] = indices - 1
+        self.corners.frombytes(corners.tobytes())
+        self.face_sizes += [len(words) // count] * count
+        self.face_lines += range(line, line + count)
+        self.group_of_face += [self.groups.setdefault((self.group, self.material), len(self.groups))] * count
+        self.smoothings.add(self.smoothing)
+        return True
+
     def read_numbers(self, line: int, kind: str, words: list[str]) -> None:
         """Read a vertex, texture coordinates, a normal or a face.
 
@@ -117,23 +182,24 @@ class _Statements:
         """
         if kind == "f":
             self._read_face(line, words)
-        elif kind == "v":
-            self.positions.extend(position(words))
-            if len(words) >= 6:
-                self.colors.extend(map(float, words[3:6]))
-        elif kind == "vt":
-            u, v = [*map(float, words[:2]), 0.0][:2]
-            self.coordinates.extend((u, v))
         else:
-            x, y, z = map(float, words[:3])
-            self.normals.extend((x, y, z))
+            words = [*words, "0"][:2] if kind == "vt" else words[: 6 if len(words) >= 6 else 3]
+            self._add_numbers(kind, np.array([[*map(float, words)]]))
+
+    def _add_numbers(self, kind: str, numbers: NDArray[np.float64]) -> None:
+        """Add vertices, texture coordinates or normals, one per row; raise a ValueError if some cannot be."""
+        width = 2 if kind == "vt" else 3
+        kept = numbers[:, :width]
+        if kept.shape[1] < width or (kind == "v" and not (np.abs(kept) <= MAX_COORDINATE).all()):
+            raise ValueError("numbers that are missing or out of range")
+        {"v": self.positions, "vt": self.coordinates, "vn": self.normals}[kind].frombytes(kept.tobytes())
+        if kind == "v" and numbers.shape[1] >= 6:
+            self.colors.frombytes(numbers[:, 3:6].tobytes())
 
     def _read_face(self, line: int, words: list[str]) -> None:
         so_far = len(self.positions) // 3, len(self.coordinates) // 2, len(self.normals) // 3
         first = len(self.corners)
-        if "".join(words).isdigit():  # the usual case, in a third of the time
-            self.corners.extend(number for word in words for number in (int(word) - 1, -1, -1))
-        for word in words if len(self.corners) == first else ():
+        for word in words:
             v, vt, vn = (*(int(part or 0) for part in word.split("/")), 0, 0, 0)[: max(3, 1 + word.count("/"))]
             self.corners.extend(map(_index, (v, vt, vn), so_far))
         if min(self.corners[first::3], default=0) < 0:

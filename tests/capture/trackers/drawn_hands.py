@@ -1,11 +1,13 @@
 """A drawn hand with its palm to the camera, whose fingers bend by a known angle at each joint."""
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 HEIGHT, PIXELS_PER_METRE, WRIST = 360, 900.0, np.array([180.0, 240.0])
 KNUCKLES = ((-0.032, 0.088), (-0.010, 0.094), (0.012, 0.090), (0.032, 0.080))
 BONES = ((0.042, 0.025, 0.020), (0.046, 0.029, 0.021), (0.043, 0.027, 0.020), (0.034, 0.020, 0.018))
 SPREAD_DEGREES = (-10, -2, 6, 16)
+SKIN, NAIL, FAR = (205, 150, 120), (235, 190, 175), 0.05
 THUMB = np.array([[-0.015, 0.01, 0], [-0.048, 0.045, -0.01], [-0.066, 0.068, -0.014], [-0.078, 0.088, -0.016]])
 
 
@@ -24,26 +26,29 @@ def landmarks(bend):
     return points
 
 
-def draw(bend, turned=0.0):
-    """Return an image (height, height, 3) uint8 of the hand, turned about the forearm by some degrees."""
+def draw(bend, turned=0.0, size=1.0):
+    """Return an image uint8 of the hand with nails, which is turned about the forearm by some degrees.
+
+    Without nails and shadows, MediaPipe takes fingers that are bent by 60 degrees for short, straight ones.
+    """
     points = landmarks(bend)
-    capsules = [(np.array([0, -0.2, 0]), np.array([0, -0.005, 0]), 0.030, 0.026)]
-    for u in np.linspace(0, 3, 13):  # the palm
+    parts = [(np.array([0, -0.2, 0]), np.array([0, -0.005, 0]), 0.030, 0.026, None)]
+    for u in np.linspace(0, 3, 25):  # the palm
         top = np.array([np.interp(u, range(4), points[5::4, axis]) for axis in range(3)])
-        capsules.append((np.array([0.6 * top[0], 0.007, 0]), top - np.array([0, 0.004, 0]), 0.015, 0.012))
+        parts.append((np.array([0.6 * top[0], 0.007, 0]), top - np.array([0, 0.004, 0]), 0.015, 0.012, None))
     for first in (1, 5, 9, 13, 17):
         radii = (0.020, 0.0115, 0.010) if first == 1 else (0.0105, 0.0092, 0.0082)
         ends = zip(points[first : first + 3], points[first + 1 : first + 4], radii, strict=True)
-        capsules += [(tail, head, radius, radius - 0.001) for tail, head, radius in ends]
+        parts += [(tail, head, radius, radius - 0.001, None) for tail, head, radius in ends]
+        if first > 1:
+            angle = np.radians(3 * bend)
+            parts[-1] = *parts[-1][:4], np.array([0, np.sin(angle), np.cos(angle)])
     sin, cos = np.sin(np.radians(turned)), np.cos(np.radians(turned))
     turn = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]])
     rows, columns = np.mgrid[:HEIGHT, :HEIGHT]
     place = np.stack([columns - WRIST[0], WRIST[1] - rows], axis=-1) / PIXELS_PER_METRE
-    image, nearest = (
-        np.linspace(150, 60, HEIGHT)[:, None, None] * np.ones((HEIGHT, HEIGHT, 3)),
-        np.full(rows.shape, 9.0),
-    )
-    for tail, head, first, last in capsules:
+    image, nearest = np.linspace(150, 60, HEIGHT)[:, None, None] * np.ones((HEIGHT, 3)), np.full(rows.shape, FAR)
+    for tail, head, first, last, back in parts:
         tail, along = turn @ tail, turn @ (head - tail)
         part = np.clip((place - tail[:2]) @ along[:2] / max(along[:2] @ along[:2], 1e-12), 0, 1)
         radius = first + (last - first) * part
@@ -52,14 +57,22 @@ def draw(bend, turned=0.0):
         depth = tail[2] + part * along[2] - high
         seen = (high > 0) & (depth < nearest)
         light = 0.35 + (0.55 * high + 0.2 * off[..., 1] - 0.25 * off[..., 0]) / radius
+        color = np.broadcast_to(SKIN, image.shape)
+        if back is not None:
+            normal = np.concatenate([off, -high[..., None]], axis=-1) / radius[..., None]
+            color = np.where(((normal @ turn @ back > 0.6) & (part > 0.35))[..., None], NAIL, color)
         nearest[seen] = depth[seen]
-        image[seen] = np.clip(light[seen], 0, 1.1)[:, None] * (205, 150, 120)
-    return np.clip(image, 0, 255).astype(np.uint8)
+        image[seen] = (np.clip(light, 0, 1.1)[..., None] * color)[seen]
+    hidden = np.clip((nearest - gaussian_filter(nearest, 5)) / 0.02, 0, 1)  # by what is in front of it
+    image = np.clip(image * np.where(nearest < FAR, 1 - 0.6 * hidden, 1)[..., None], 0, 255).astype(np.uint8)
+    import cv2  # only the environment of cameras has it
+
+    return cv2.resize(image, None, fx=size, fy=size, interpolation=cv2.INTER_AREA)
 
 
-def body():
+def body(size=1.0):
     """Return MediaPipe's landmarks (33, 2) of a body with this forearm as its left one, in pixels."""
     points = np.zeros((33, 2))
     for index, (x, y) in {13: (0, -0.25), 15: (0, 0), 17: KNUCKLES[3], 19: KNUCKLES[0]}.items():
         points[index] = WRIST + PIXELS_PER_METRE * np.array([x, -y])
-    return points
+    return size * points

@@ -82,7 +82,7 @@ def test_meters_are_mapped_by_clicks_and_learn_how_far_the_performers_mouth_open
 
     # a meter, then a morph target, and a target, then a meter
     meter(window, "mouth open").click()
-    window.page.get_by_text("Click the limb or morph target").wait_for()
+    window.page.get_by_text("Click the limb, handle or morph target").wait_for()
     window.page.locator(".panel button.line", has_text="jaw").click()
     window.idle()
     assert [(each["target"], each["channel"]) for each in window.puppet["morph"]] == [
@@ -109,6 +109,17 @@ def test_meters_are_mapped_by_clicks_and_learn_how_far_the_performers_mouth_open
     window.page.get_by_label("Bent by").select_option("")
     window.idle()
     assert window.limb("head")["bend"] is None
+    window.page.keyboard.press("Escape")
+
+    # a meter, then a handle
+    meter(window, "brow up").click()
+    window.page.locator(".panel button.line", has_text="hump").click()
+    window.idle()
+    window.page.get_by_label("Way, x").fill("0.05")
+    window.page.get_by_label("Way, x").press("Tab")
+    window.idle()
+    [hump] = window.puppet["handle"]
+    assert (hump["channel"], hump["moves"]) == ("brow_up", [0.05, 0.1, 0.0])
     window.page.keyboard.press("Escape")
 
     # the range: closed for a second, then open for a second

@@ -12,7 +12,7 @@ import type {
   Sources,
 } from "./messages";
 import { begin, commit, redo as later, undo as earlier } from "./model/history";
-import { type Sample, held, movedByChannel, withBend, withMorph, withRange } from "./model/channels";
+import { type Sample, held, movedByChannel, withChannel, withMorph, withRange } from "./model/channels";
 import { type Part, type Puppet, type Smoothing, follow, has, mirror, remove, symmetryPoint } from "./model/puppet";
 import type { Joint } from "./model/skeleton";
 import { smoothingOf } from "./model/smoothing";
@@ -263,8 +263,8 @@ export function select(selection: Part | null): void {
 export function pickPart(part: Part): void {
   const puppet = shownPuppet(current());
   const { joint, channel } = current();
-  if (channel !== null && puppet !== null && part.kind === "limb") {
-    edit(withBend(puppet, part.name, channel));
+  if (channel !== null && puppet !== null) {
+    edit(withChannel(puppet, part, channel));
     update({ channel: null });
   }
   if (joint !== null && puppet !== null) {
@@ -282,13 +282,13 @@ export function pickJoint(joint: Joint): void {
   else update({ joint: waiting === joint ? null : joint, channel: null, target: null });
 }
 
-/** Choose a channel: it moves the selected limb or the morph target that waits for it, or waits for one of these. */
+/** Choose a channel: it moves the selected part or the morph target that waits for it, or waits for one of these. */
 export function pickChannel(channel: string): void {
   const { selection, channel: waiting, target } = current();
   const puppet = shownPuppet(current());
   if (puppet === null) return;
   if (target !== null) edit(withMorph(puppet, target, channel));
-  else if (selection?.kind === "limb") edit(withBend(puppet, selection.name, channel));
+  else if (selection !== null) edit(withChannel(puppet, selection, channel));
   else {
     update({ channel: waiting === channel ? null : channel, joint: null, tab: "limbs", selection: null });
     return;

@@ -37,7 +37,7 @@ export interface State {
   readonly selection: Part | null;
   /** A joint that waits for the part that it will move. */
   readonly joint: Joint | null;
-  /** A channel that waits for the limb or morph target that it will move. */
+  /** A channel that waits for the limb, handle or morph target that it will move. */
   readonly channel: string | null;
   /** A morph target that waits for its channel. */
   readonly target: string | null;

@@ -171,14 +171,14 @@ export const strings = {
 
   channels: {
     title: "Face, hands and voice",
-    hint: "Click a meter, then the limb or morph target that it should move.",
+    hint: "Click a meter, then the limb, handle or morph target that it should move.",
     none: "Nothing is measured yet. A camera measures faces and hands with ?face&hands, a microphone the voice.",
     elsewhere: "This service was started elsewhere: its puppet file says what these move.",
     fingers: "Joints of fingers",
     name: (channel: string) => spoken(channel),
     meter: (channel: string, moves: readonly string[]) =>
       moves.length === 0 ? `${spoken(channel)}: moves nothing` : `${spoken(channel)}: moves ${moves.join(", ")}`,
-    mapHint: (channel: string) => `Click the limb or morph target that the performer's ${spoken(channel)} should move.`,
+    mapHint: (channel: string) => `Click the limb, handle or morph target that the performer's ${spoken(channel)} should move.`,
     targetHint: (target: string) => `Click the meter that should move ${target}.`,
     find: "Measure my range",
     findHint: "Hold your neutral face, then the full movement, each for a second. They become 0 and 1.",
@@ -216,6 +216,8 @@ export const strings = {
     bends: "Bent by",
     nothing: "Nothing",
     axis: "Bends about",
+    moves: "Moved by",
+    way: "Way",
   },
 
   sources: {

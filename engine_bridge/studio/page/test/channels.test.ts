@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { held, metersOf, movedByChannel, rangeOf, ranged, withBend, withMorph, withRange, withoutBend, withoutMorph } from "../src/model/channels";
-import { type Limb, type Puppet, limbNamed, mirror } from "../src/model/puppet";
+import { held, metersOf, movedByChannel, rangeOf, ranged, withBend, withMorph, withMove, withRange, withoutBend, withoutMorph, withoutMove } from "../src/model/channels";
+import { type Limb, type Puppet, handleNamed, limbNamed, mirror } from "../src/model/puppet";
 
 const EAR: Limb = { name: "left ear", points: [[1, 2, 0], [1, 3, 0]], joints: ["shoulder_center", "head"] };
 
@@ -24,6 +24,17 @@ test("a limb that is copied to the other side is bent by the channel of that sid
   const bent: Puppet = { ...PUPPET, limb: [{ ...EAR, bend: { channel: "blink_left", degrees: 30, axis: "-z" } }] };
   const copied = mirror(bent, { kind: "limb", name: "left ear" }, [0, 0, 0])?.puppet;
   assert.deepEqual(copied?.limb?.[1]?.bend, { channel: "blink_right", degrees: 30, axis: "z" });
+});
+
+test("a channel moves a handle upwards, one that is moved keeps its way, and a copy on the other side moves as its mirror image", () => {
+  const claw: Puppet = { character: { up: "z", front: "y", scale: 0.01 }, handle: [{ name: "left claw", position: [1, 0, 0] }] };
+  const moved = withMove(claw, "left claw", "blink_left");
+  assert.deepEqual(handleNamed(moved, "left claw"), { name: "left claw", position: [1, 0, 0], channel: "blink_left", moves: [0, 0, 10] });
+  const aside: Puppet = { ...claw, handle: [{ name: "left claw", position: [1, 0, 0], channel: "smile", moves: [2, 3, 0] }] };
+  assert.deepEqual(handleNamed(withMove(aside, "left claw", "blink_left"), "left claw")?.moves, [2, 3, 0]);
+  const copied = mirror(withMove(aside, "left claw", "blink_left"), { kind: "handle", name: "left claw" }, [0, 0, 0])?.puppet;
+  assert.deepEqual(copied?.handle?.[1], { name: "right claw", position: [-1, 0, 0], channel: "blink_right", moves: [-2, 3, 0] });
+  assert.deepEqual(handleNamed(withoutMove(aside, "left claw"), "left claw"), { name: "left claw", position: [1, 0, 0], channel: null, moves: [0, 0, 0] });
 });
 
 test("a morph target is moved by a channel once, with a gain, and by several channels", () => {

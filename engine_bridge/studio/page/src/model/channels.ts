@@ -1,6 +1,21 @@
 /** Channels of the performer, what they move in a puppet, and the values that count as 0 and 1. */
 
-import { BEND_DEGREES, type Limb, type Puppet, handlesOf, limbsOf, sidewaysAxis, withLimb } from "./puppet";
+import {
+  BEND_DEGREES,
+  type Handle,
+  type Limb,
+  type Part,
+  type Puppet,
+  axis,
+  handleNamed,
+  handlesOf,
+  limbNamed,
+  limbsOf,
+  sidewaysAxis,
+  withHandle,
+  withLimb,
+} from "./puppet";
+import { scale } from "./vector";
 
 /** Channels that always have a meter; those of the joints of fingers have one if they are measured or move something. */
 export const CHANNELS = [
@@ -60,6 +75,27 @@ export function withBend(puppet: Puppet, limb: string, channel: string): Puppet 
 export function withoutBend(puppet: Puppet, limb: string): Puppet {
   return withLimb(puppet, limb, (old): Limb => ({ ...old, bend: null }));
 }
+
+/** How far a channel moves a handle upwards, in metres, until it is changed. */
+const MOVE_METRES = 0.1;
+
+/** Let a channel move a handle; one that a channel moves already keeps its way. */
+export function withMove(puppet: Puppet, handle: string, channel: string): Puppet {
+  const up = scale(axis(puppet.character.up ?? "y"), MOVE_METRES / (puppet.character.scale ?? 1));
+  return withHandle(puppet, handle, (old) => ({ ...old, channel, moves: old.channel == null ? up : (old.moves ?? up) }));
+}
+
+export function withoutMove(puppet: Puppet, handle: string): Puppet {
+  return withHandle(puppet, handle, (old): Handle => ({ ...old, channel: null, moves: [0, 0, 0] }));
+}
+
+/** Let a channel bend a limb or move a handle. */
+export const withChannel = (puppet: Puppet, { kind, name }: Part, channel: string): Puppet =>
+  kind === "limb" ? withBend(puppet, name, channel) : withMove(puppet, name, channel);
+
+/** The channel that bends a limb or moves a handle. */
+export const channelOf = (puppet: Puppet, { kind, name }: Part): string | null | undefined =>
+  kind === "limb" ? limbNamed(puppet, name)?.bend?.channel : handleNamed(puppet, name)?.channel;
 
 /** Let a channel move a morph target, or change how far it does. */
 export function withMorph(puppet: Puppet, target: string, channel: string, gain?: number): Puppet {

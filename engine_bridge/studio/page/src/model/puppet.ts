@@ -29,6 +29,8 @@ export interface Handle {
   readonly axes?: string;
   readonly gain?: number;
   readonly channel?: string | null;
+  /** How far the channel moves it. */
+  readonly moves?: Vector;
 }
 
 export interface Root {
@@ -281,7 +283,10 @@ export function mirror(puppet: Puppet, part: Part, through: Vector): { puppet: P
     if (handle === undefined) return null;
     const joints = handleJoints(handle).map(swapped);
     const rest = without(without(handle, "joint"), "joints");
-    const added = { ...puppet, handle: put(handlesOf(puppet), { ...rest, name, position: across(handle.position) }) };
+    const channel = handle.channel == null ? handle.channel : (otherSide(handle.channel) ?? handle.channel);
+    const moves = reflect(handle.moves ?? [0, 0, 0], [0, 0, 0], leftOf(puppet));
+    const copy: Handle = { ...rest, name, position: across(handle.position), ...(channel == null ? {} : { channel, moves }) };
+    const added = { ...puppet, handle: put(handlesOf(puppet), copy) };
     return { puppet: withHandleJoints(added, name, joints), part: { kind: "handle", name } };
   }
   const limb = limbNamed(puppet, part.name);

@@ -2,7 +2,7 @@
 
 import { edit, mirrorSelected, pickPart, pickTarget, removeSelected, select as choose } from "../actions";
 import { type Child, type Node_, h } from "../dom";
-import { CHANNELS, morphsOf, withBend, withMorph, withoutBend, withoutMorph } from "../model/channels";
+import { CHANNELS, morphsOf, withBend, withMorph, withMove, withoutBend, withoutMorph, withoutMove } from "../model/channels";
 import {
   type Handle,
   type Limb,
@@ -156,14 +156,10 @@ function bend(puppet: Puppet, { name, bend: shown }: Limb): Child {
     edit(withLimb(puppet, name, (old) => ({ ...old, ...(old.bend == null ? {} : { bend: { ...old.bend, ...values } }) })));
   };
   const channel = shown?.channel ?? "";
-  const choices = [...new Set([...CHANNELS, ...(channel === "" ? [] : [channel])])];
   return [
-    field(
-      words.bends,
-      select([["", words.nothing], ...choices.map((each): [string, string] => [each, words.name(each)])], channel, (chosen) => {
-        edit(chosen === "" ? withoutBend(puppet, name) : withBend(puppet, name, chosen));
-      }),
-    ),
+    channelField(words.bends, channel, (chosen) => {
+      edit(chosen === "" ? withoutBend(puppet, name) : withBend(puppet, name, chosen));
+    }),
     shown != null && [
       field(labels.bend(channel), number(shown.degrees, (degrees) => {
         change({ degrees });
@@ -176,6 +172,26 @@ function bend(puppet: Puppet, { name, bend: shown }: Limb): Child {
       ),
     ],
   ];
+}
+
+/** The channel that moves a handle, and how far. */
+function moves(puppet: Puppet, { name, channel, moves: way }: Handle): Child {
+  const { channels: words } = strings;
+  return [
+    channelField(words.moves, channel ?? "", (chosen) => {
+      edit(chosen === "" ? withoutMove(puppet, name) : withMove(puppet, name, chosen));
+    }),
+    channel != null &&
+      coordinates(words.way, way ?? [0, 0, 0], (moved) => {
+        edit(withHandle(puppet, name, (old) => ({ ...old, moves: moved })));
+      }),
+  ];
+}
+
+function channelField(label: string, channel: string, change: (channel: string) => void): Node_ {
+  const { channels: words } = strings;
+  const choices = [...new Set([...CHANNELS, ...(channel === "" ? [] : [channel])])];
+  return field(label, select([["", words.nothing], ...choices.map((each): [string, string] => [each, words.name(each)])], channel, change));
 }
 
 function limb(puppet: Puppet, part: Part & { kind: "limb" }, bounds: Bounds): Child {
@@ -292,6 +308,7 @@ function handle(state: State, puppet: Puppet, name: string, bounds: Bounds): Chi
     gainField(shown.gain ?? 1, (gain) => {
       change((old) => ({ ...old, gain }));
     }),
+    moves(puppet, shown),
     h(
       "fieldset",
       {},
@@ -323,15 +340,20 @@ function gainField(gain: number, change: (gain: number) => void): Node_ {
 }
 
 function position(puppet: Puppet, part: Part, point: Vector): Node_ {
-  const { limbs: words } = strings;
+  return coordinates(strings.limbs.position, point, (moved) => {
+    edit(move(puppet, part, moved));
+  });
+}
+
+function coordinates(label: string, vector: Vector, change: (vector: Vector) => void): Node_ {
   return h(
     "div",
-    { class: "coordinates", role: "group", "aria-label": words.position },
+    { class: "coordinates", role: "group", "aria-label": label },
     (["x", "y", "z"] as const).map((axis, k) =>
-      number(point[k] ?? 0, (value) => {
-        const [x, y, z] = point.with(k, value);
-        edit(move(puppet, part, [x ?? 0, y ?? 0, z ?? 0]));
-      }, { label: words.coordinate(words.position, axis) }),
+      number(vector[k] ?? 0, (value) => {
+        const [x, y, z] = vector.with(k, value);
+        change([x ?? 0, y ?? 0, z ?? 0]);
+      }, { label: strings.limbs.coordinate(label, axis) }),
     ),
   );
 }

@@ -1,9 +1,8 @@
-/** Meters of the performer's channels, which are mapped by choosing a meter and then a limb or a morph target. */
+/** Meters of the performer's channels, which are mapped by choosing a meter and then a limb, a handle or a morph target. */
 
 import { edit, findRange, pickChannel } from "../actions";
 import { type Node_, h } from "../dom";
-import { CHANNELS, metersOf, movedByChannel, rangeOf, ranged, withRange } from "../model/channels";
-import { limbNamed } from "../model/puppet";
+import { CHANNELS, channelOf, metersOf, movedByChannel, rangeOf, ranged, withRange } from "../model/channels";
 import { sideOf } from "../model/skeleton";
 import { type State, isJoined, shownPuppet } from "../store";
 import { strings } from "../strings";
@@ -32,7 +31,7 @@ function meter(state: State, name: string, value: number | undefined): Node_ {
   const range = rangeOf(puppet, name);
   const shown = value === undefined ? 0 : ranged(range, value);
   const moves = puppet === null ? [] : movedByChannel(puppet, name);
-  const selected = state.selection?.kind === "limb" && puppet !== null ? limbNamed(puppet, state.selection.name)?.bend?.channel : undefined;
+  const selected = state.selection !== null && puppet !== null ? channelOf(puppet, state.selection) : undefined;
   const chosen = state.channel === name || selected === name;
   const fill = h("span", { class: `fill ${sideOf(name)}`, style: `width: ${(100 * shown).toFixed(1)}%` });
   return h(

@@ -14,19 +14,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from capture.network.dialect import (
-    JOINT_NAMES,
-    FrameEnd,
-    Ignored,
-    Pose,
-    Reading,
-    Units,
-    Values,
-    has_types,
-    joint_part,
-    kinect20,
-    to_metres,
-)
+from capture.network import dialect
 from capture.network.osc import Message
 from capture.skeleton import TRACKED
 
@@ -44,20 +32,20 @@ class NIMate:
     bundle_is_frame = False
     mirrors = False
 
-    def read(self, message: Message) -> Reading | None:
+    def read(self, message: Message) -> dialect.Reading | None:
         """Read a message."""
         match = _ADDRESS.fullmatch(message.address.lower())
         if not match:
             return None
         if match["name"] == "ni_mate_sync":
-            return FrameEnd()
-        if match["name"] not in JOINT_NAMES:
+            return dialect.FrameEnd()
+        if match["name"] not in dialect.JOINT_NAMES:
             return None
-        if has_types(message, *WITH_POSITION):
-            return joint_part(match["name"], int(match["before"] or match["after"] or 0), message.arguments[:3])
-        return Ignored() if has_types(message, *WITHOUT_POSITION) else "wrong arguments"
+        if dialect.has_types(message, *WITH_POSITION):
+            return dialect.joint_part(match["name"], int(match["before"] or match["after"] or 0), message.arguments[:3])
+        return dialect.Ignored() if dialect.has_types(message, *WITHOUT_POSITION) else "wrong arguments"
 
-    def pose(self, parts: Mapping[str, Values], units: Units | None) -> Pose:
+    def pose(self, parts: Mapping[str, dialect.Values], units: dialect.Units | None) -> dialect.Pose:
         """Convert joints to a pose; without `units`, the size of the numbers decides between metres and millimetres."""
         values = np.array(list(parts.values()))
-        return kinect20(parts, to_metres(values, units, "m")[0] * TO_SENSOR_COORDINATES, TRACKED)
+        return dialect.kinect20(parts, dialect.to_metres(values, units, "m")[0] * TO_SENSOR_COORDINATES, TRACKED)

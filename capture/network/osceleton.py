@@ -14,18 +14,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from capture.network.dialect import (
-    Ignored,
-    PerformerLost,
-    Pose,
-    Reading,
-    Units,
-    Values,
-    has_types,
-    joint_part,
-    kinect20,
-    to_metres,
-)
+from capture.network import dialect
 from capture.network.osc import Message
 from capture.skeleton import TRACKED
 
@@ -48,33 +37,41 @@ class OSCeleton:
     bundle_is_frame = True
     mirrors = True
 
-    def read(self, message: Message) -> Reading | None:
+    def read(self, message: Message) -> dialect.Reading | None:
         """Read a message."""
         address, _, arguments = message
-        if address == "/joint" and has_types(message, "sifff"):
-            return joint_part(arguments[0], arguments[1], arguments[2:])
-        if address == "/joint" and has_types(message, "sff"):
+        if address == "/joint" and dialect.has_types(message, "sifff"):
+            return dialect.joint_part(arguments[0], arguments[1], arguments[2:])
+        if address == "/joint" and dialect.has_types(message, "sff"):
             joined = _JOINED.fullmatch(str(arguments[0]))
-            return joint_part(joined["name"], int(joined["user"] or 0), arguments[1:]) if joined else "unknown joint"
-        if has_types(message, "fff", "ff") and (quartz := _QUARTZ.fullmatch(address)):
-            return joint_part(quartz["name"], int(quartz["user"]), arguments)
+            return (
+                dialect.joint_part(joined["name"], int(joined["user"] or 0), arguments[1:])
+                if joined
+                else "unknown joint"
+            )
+        if dialect.has_types(message, "fff", "ff") and (quartz := _QUARTZ.fullmatch(address)):
+            return dialect.joint_part(quartz["name"], int(quartz["user"]), arguments)
         if address == "/lost_user":
             return self._lost(message)
-        return Ignored() if _IGNORED.fullmatch(address) else None
+        return dialect.Ignored() if _IGNORED.fullmatch(address) else None
 
-    def _lost(self, message: Message) -> Reading:
+    def _lost(self, message: Message) -> dialect.Reading:
         if not message.arguments:  # with -n, the hand is user 0
-            return PerformerLost(0)
+            return dialect.PerformerLost(0)
         user = message.arguments[0]
-        return PerformerLost(user) if has_types(message, "i") and isinstance(user, int) else "wrong arguments"
+        return (
+            dialect.PerformerLost(user)
+            if dialect.has_types(message, "i") and isinstance(user, int)
+            else "wrong arguments"
+        )
 
-    def pose(self, parts: Mapping[str, Values], units: Units | None) -> Pose:
+    def pose(self, parts: Mapping[str, dialect.Values], units: dialect.Units | None) -> dialect.Pose:
         """Convert joints to a pose; `units` "screen" or "mm" replaces the detection by size."""
         values = np.array([(*value, np.nan)[:3] for value in parts.values()])
-        positions, found = to_metres(values, units, "screen")
+        positions, found = dialect.to_metres(values, units, "screen")
         if found == "screen":
             hand_alone = parts.keys() == {"hand_left"}
             origin, scale = (HAND_ORIGIN, HAND_SCALE) if hand_alone else (SCREEN_ORIGIN, SCREEN_SCALE)
             positions = origin + scale * values
         positions[np.isnan(positions[:, 2]), 2] = DEFAULT_DEPTH_METRES
-        return kinect20(parts, positions, TRACKED)
+        return dialect.kinect20(parts, positions, TRACKED)

@@ -14,19 +14,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from capture.network import dialect
 from capture.network.channels import BLEND_CHANNELS, channels_of_blends, plain_name
-from capture.network.dialect import (
-    ChannelValues,
-    Ignored,
-    Part,
-    PerformerLost,
-    Pose,
-    Reading,
-    Units,
-    Values,
-    has_types,
-    kinect20,
-)
 from capture.network.humanoid import (
     DRIVING_BONES,
     IDENTITY,
@@ -47,7 +36,7 @@ BAD_TRACKING_STATUS = 0
 
 _BONE_TAGS = "s" + "f" * 7  # a name, a position and a quaternion x, y, z, w
 _QUATERNION_LENGTHS = 0.5, 2.0  # accepted for a unit quaternion
-_ROOT: Values = (0.0, 0.0, 0.0, *IDENTITY)
+_ROOT: dialect.Values = (0.0, 0.0, 0.0, *IDENTITY)
 
 
 class Vmc:
@@ -57,12 +46,12 @@ class Vmc:
     mirrors = False
 
     def __init__(self) -> None:
-        self._bones: dict[str, Values] = {}
+        self._bones: dict[str, dialect.Values] = {}
         self._blends: dict[str, float] = {}
         self._loaded = True
         self._confidence = TRACKED
 
-    def read(self, message: Message) -> Reading | None:
+    def read(self, message: Message) -> dialect.Reading | None:
         """Read a message."""
         address = message.address
         if not address.startswith("/VMC/"):
@@ -72,45 +61,45 @@ class Vmc:
         if address.startswith("/VMC/Ext/Blend/"):
             return self._blend(message)
         if address not in ("/VMC/Ext/Bone/Pos", "/VMC/Ext/Root/Pos"):
-            return Ignored()
-        if not has_types(message, _BONE_TAGS, more=True):
+            return dialect.Ignored()
+        if not dialect.has_types(message, _BONE_TAGS, more=True):
             return "wrong arguments"
         bone, *values = message.arguments[:8]
         name = "Root" if address == "/VMC/Ext/Root/Pos" else str(bone)
         if not self._loaded or name not in ("Root", "Hips", *SKELETON):
-            return Ignored()
+            return dialect.Ignored()
         length = math.hypot(*values[3:])
         if not _QUATERNION_LENGTHS[0] < length < _QUATERNION_LENGTHS[1]:
             return "wrong arguments"
         self._bones[name] = (*values[:3], *(value / length for value in values[3:]))
-        return Part(USER, name, self._bones[name])
+        return dialect.Part(USER, name, self._bones[name])
 
-    def _blend(self, message: Message) -> Reading:
+    def _blend(self, message: Message) -> dialect.Reading:
         if message.address == "/VMC/Ext/Blend/Apply":
             channels = channels_of_blends(self._blends)
             self._blends.clear()
-            return ChannelValues(channels)
+            return dialect.ChannelValues(channels)
         if message.address != "/VMC/Ext/Blend/Val":
-            return Ignored()
-        if not has_types(message, "sf", more=True):
+            return dialect.Ignored()
+        if not dialect.has_types(message, "sf", more=True):
             return "wrong arguments"
         name = plain_name(message.arguments[0])
         if name in BLEND_CHANNELS:
             self._blends[name] = message.arguments[1]
-        return Ignored()
+        return dialect.Ignored()
 
-    def _status(self, message: Message) -> Reading:
-        if not has_types(message, "i", more=True):
+    def _status(self, message: Message) -> dialect.Reading:
+        if not dialect.has_types(message, "i", more=True):
             return "wrong arguments"
-        is_bad = has_types(message, "iiii", more=True) and message.arguments[3] == BAD_TRACKING_STATUS
+        is_bad = dialect.has_types(message, "iiii", more=True) and message.arguments[3] == BAD_TRACKING_STATUS
         self._confidence = INFERRED if is_bad else TRACKED
         self._loaded = message.arguments[0] != 0
         if self._loaded:
-            return Ignored()
+            return dialect.Ignored()
         self._bones.clear()
-        return PerformerLost(USER)
+        return dialect.PerformerLost(USER)
 
-    def pose(self, parts: Mapping[str, Values], units: Units | None) -> Pose:  # noqa: ARG002 - metres, by the protocol
+    def pose(self, parts: Mapping[str, dialect.Values], units: dialect.Units | None) -> dialect.Pose:  # noqa: ARG002 - metres, by the protocol
         """Pose the bones of this frame and those received before."""
         bones = {**self._bones, **parts}
         root_position, root_rotation = _split(bones.get("Root", _ROOT))
@@ -119,9 +108,9 @@ class Vmc:
         rotations = {name: _split(values)[1] for name, values in bones.items()}
         positions = np.array(joint_positions(hips, rotations)) * TO_SENSOR_COORDINATES
         confidence = [self._confidence if DRIVING_BONES[joint] in bones else LOST for joint in JOINTS]
-        return kinect20(JOINTS, positions, np.array(confidence, dtype=np.float32))
+        return dialect.kinect20(JOINTS, positions, np.array(confidence, dtype=np.float32))
 
 
-def _split(values: Values) -> tuple[tuple[float, float, float], Quaternion]:
+def _split(values: dialect.Values) -> tuple[tuple[float, float, float], Quaternion]:
     x, y, z, a, b, c, d = values
     return (x, y, z), (a, b, c, d)

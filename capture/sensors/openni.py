@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.sensors import openni_library
 from capture.sensors.depth_camera import (
     DepthCamera,
     Kind,
@@ -30,16 +31,6 @@ from capture.sensors.depth_camera import (
     unplayable,
 )
 from capture.sensors.oni_file import check_intact, check_plays
-from capture.sensors.openni_library import (
-    device_name,
-    error_reason,
-    exclusive,
-    load_openni2,
-    open_device,
-    sensor_uris,
-    serial_number,
-    unusable,
-)
 from capture.sensors.source import SensorSource
 from capture.trackers.mediapipe import MediaPipePose, load_mediapipe
 from capture.trackers.nite import REDIST_VARIABLE as NITE2_REDIST
@@ -67,7 +58,7 @@ def open_source(uri: str, rest: str, folder: Path) -> SensorSource:
         sensor.
     """
     selection = parse(uri, rest, ("serial", "uri"))
-    load_openni2(uri)
+    openni_library.load_openni2(uri)
     measures = selection.face or selection.hands  # which NiTE2 cannot
     if selection.recorded:
         check_plays(uri, folder / selection.value)
@@ -104,14 +95,14 @@ class OpenNIDevice(DepthCamera):
 
     def __init__(self, name: str, selection: Selection, folder: Path = Path()) -> None:
         super().__init__(name, selection)
-        self._oni = load_openni2(name)
+        self._oni = openni_library.load_openni2(name)
         self._streams: dict[Kind, Any] = {}
         self._left: dict[Kind, int] = {}  # number of frames left in each stream of a recording that ends
-        with exclusive(name), self._errors():
+        with openni_library.exclusive(name), self._errors():
             self._device = self._open(selection, folder)
             try:
                 info = self._device.device_info
-                self.name = device_name(info)
+                self.name = openni_library.device_name(info)
                 self._device_uri = info.uri.decode(errors="replace")
                 self._prepare()
             except BaseException:
@@ -120,7 +111,7 @@ class OpenNIDevice(DepthCamera):
 
     def nite(self) -> NiTE:
         """Return NiTE2 as a tracker, to be closed before the sensor; raise SourceError if it does not start."""
-        with exclusive(self._uri):
+        with openni_library.exclusive(self._uri):
             return NiTE(self._device._handle, self._mirrored.get("depth", False))
 
     def close(self) -> None:
@@ -132,19 +123,19 @@ class OpenNIDevice(DepthCamera):
     def _open(self, selection: Selection, folder: Path) -> Any:
         if selection.recorded:
             check_intact(self._uri, folder / selection.value)
-            return open_device(self._oni, os.fsencode(folder / selection.value))
-        plugged = sensor_uris(self._oni)
+            return openni_library.open_device(self._oni, os.fsencode(folder / selection.value))
+        plugged = openni_library.sensor_uris(self._oni)
         if selection.kind == "serial":
             for uri in plugged:
                 with suppress(self._oni.OpenNIError):
-                    device = open_device(self._oni, uri.encode())
-                    if serial_number(device) == selection.value:
+                    device = openni_library.open_device(self._oni, uri.encode())
+                    if openni_library.serial_number(device) == selection.value:
                         return device
                     device.close()
         elif plugged and selection.kind == "any":
-            return open_device(self._oni, plugged[0].encode())
+            return openni_library.open_device(self._oni, plugged[0].encode())
         elif selection.value in plugged:
-            return open_device(self._oni, selection.value.encode())
+            return openni_library.open_device(self._oni, selection.value.encode())
         raise not_plugged_in(self._uri, selection, plugged)
 
     def _prepare(self) -> None:
@@ -262,7 +253,7 @@ class OpenNIDevice(DepthCamera):
         return metres(pixels) if kind == "depth" else pixels.copy()
 
     def _is_plugged(self) -> bool:
-        return self._device_uri in sensor_uris(self._oni)
+        return self._device_uri in openni_library.sensor_uris(self._oni)
 
     @contextmanager
     def _errors(self) -> Iterator[None]:
@@ -273,10 +264,10 @@ class OpenNIDevice(DepthCamera):
             raise self._failure(error) from error
 
     def _failure(self, error: Exception) -> SourceError:
-        reason = error_reason(error)
+        reason = openni_library.error_reason(error)
         if self._recorded:
             return unplayable(self._uri, "OpenNI2", reason, ".oni")
-        return unusable(self._uri, sensor_uris(self._oni), reason)
+        return openni_library.unusable(self._uri, openni_library.sensor_uris(self._oni), reason)
 
 
 def _open_tracker(device: Device) -> Tracker:

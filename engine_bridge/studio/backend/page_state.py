@@ -4,29 +4,16 @@ import hashlib
 import json
 from typing import Any
 
-from engine_bridge.studio.messages.state import (
-    Banner,
-    CharacterState,
-    FileState,
-    JobState,
-    PerformerState,
-    ServiceState,
-    SourceState,
-    StageState,
-    State,
-    StatusState,
-    TakeState,
-    UploadState,
-)
+from engine_bridge.studio.messages import state
 from engine_bridge.studio.project.open_characters import OpenCharacter
 from engine_bridge.studio.project.workspace import Workspace
 from engine_bridge.studio.service.chosen_source import ChosenSource
 from engine_bridge.studio.service.service_link import ServiceLink
 
 
-def character_state(character: OpenCharacter, described: dict[str, Any]) -> CharacterState:
+def character_state(character: OpenCharacter, described: dict[str, Any]) -> state.CharacterState:
     """Return the state of a character; `described` is the service's entry of `describe`, empty if it has none."""
-    return CharacterState(
+    return state.CharacterState(
         name=character.name,
         title=character.title,
         stage=described.get("stage", ""),
@@ -51,21 +38,21 @@ def version_of(puppet: dict[str, Any]) -> str:
 
 
 def state_of(
-    characters: list[CharacterState],
+    characters: list[state.CharacterState],
     playing: ChosenSource,
     service: ServiceLink,
-    takes: list[TakeState],
+    takes: list[state.TakeState],
     workspace: Workspace,
-    jobs: list[JobState],
+    jobs: list[state.JobState],
     recording: str | None,
-) -> State:
+) -> state.State:
     """Return the whole state."""
     status = service.status
     stages = [_stage(each, playing) for each in status.get("stages", [])]
     rates = {each["name"]: each["rate"] for each in status.get("characters", [])}
     characters = [each.model_copy(update={"rate": rates.get(each.name, 0.0)}) for each in characters]
     performers = [_performer(user, stage["name"]) for stage in status.get("stages", []) for user in stage["users"]]
-    return State(
+    return state.State(
         characters=characters,
         source=playing.state,
         stages=stages,
@@ -75,11 +62,11 @@ def state_of(
         takes=takes,
         timeline=status.get("timeline"),
         uploads=[
-            UploadState(upload=each.id, name=each.name, kind=each.kind, bytes=each.bytes, facts=each.facts)
+            state.UploadState(upload=each.id, name=each.name, kind=each.kind, bytes=each.bytes, facts=each.facts)
             for each in workspace.uploads.values()
         ],
         files=[
-            FileState.model_validate({"file": each.id, "name": each.name, "bytes": each.bytes, "kind": each.kind})
+            state.FileState.model_validate({"file": each.id, "name": each.name, "bytes": each.bytes, "kind": each.kind})
             for each in workspace.downloads.values()
             if each.kind != "model"
         ],
@@ -89,24 +76,24 @@ def state_of(
     )
 
 
-def _stage(stage: dict[str, Any], playing: ChosenSource) -> StageState:
+def _stage(stage: dict[str, Any], playing: ChosenSource) -> state.StageState:
     known = {key: stage[key] for key in ("name", "rate", "refused", "recording")}
     source = playing.state.uri if stage["source"] == playing.uri else stage["source"]
-    return StageState(source=source, count_in=stage.get("count_in", 0), **known)
+    return state.StageState(source=source, count_in=stage.get("count_in", 0), **known)
 
 
-def _performer(user: dict[str, Any], stage: str) -> PerformerState:
-    known = {key: user[key] for key in PerformerState.model_fields if key != "stage"}
-    return PerformerState(stage=stage, **known)
+def _performer(user: dict[str, Any], stage: str) -> state.PerformerState:
+    known = {key: user[key] for key in state.PerformerState.model_fields if key != "stage"}
+    return state.PerformerState(stage=stage, **known)
 
 
-def _numbers(status: dict[str, Any]) -> StatusState:
+def _numbers(status: dict[str, Any]) -> state.StatusState:
     if not status:
-        return StatusState()
+        return state.StatusState()
     latencies = [each["latency_ms"]["p50"] for each in status["stages"]]
     known = [each for each in latencies if each is not None]
     outputs = status["outputs"]
-    return StatusState(
+    return state.StatusState(
         fps=sum(each["rate"] for each in status["stages"]),
         latency_ms=max(known, default=None),
         clients=status["clients"]["connected"] + sum(each.get("clients") or 0 for each in outputs),
@@ -115,41 +102,43 @@ def _numbers(status: dict[str, Any]) -> StatusState:
 
 
 def _banner(
-    characters: list[CharacterState],
-    source: SourceState,
-    service: ServiceState,
-    stages: list[StageState],
-    performers: list[PerformerState],
-) -> Banner:
+    characters: list[state.CharacterState],
+    source: state.SourceState,
+    service: state.ServiceState,
+    stages: list[state.StageState],
+    performers: list[state.PerformerState],
+) -> state.Banner:
     """Return the most important message: about the service first, then characters, the source, and performers."""
     if service.problem and not service.running and not service.restarts:  # the service was started elsewhere
-        return Banner(level="error", text=service.problem, fix="Start it, or check its address and token.")
+        return state.Banner(level="error", text=service.problem, fix="Start it, or check its address and token.")
     if not characters:
-        return Banner(level="info", text="No character is open.", fix="Drop a mesh here, or open an example.")
+        return state.Banner(level="info", text="No character is open.", fix="Drop a mesh here, or open an example.")
     if not service.running:
         if service.restarts:
-            return Banner(
+            return state.Banner(
                 level="error",
                 text=f"The service has ended and is started again. {service.problem}".strip(),
                 fix="Wait a few seconds. If this repeats, choose another source or close the last character.",
             )
         fix = "This takes a minute or two." if service.text else "Wait a few seconds."
-        return Banner(level="info", text=f"The service starts. {service.text}".strip(), fix=fix)
+        return state.Banner(level="info", text=f"The service starts. {service.text}".strip(), fix=fix)
     if source.kind == "none":
-        return Banner(level="info", text="No source is chosen.", fix="Choose an example, a recording or a sensor.")
+        return state.Banner(
+            level="info", text="No source is chosen.", fix="Choose an example, a recording or a sensor."
+        )
     refused = sorted({reason for stage in stages for reason in stage.refused})
     if source.kind == "live" and not performers and refused:
-        return Banner(
+        return state.Banner(
             level="warning",
             text=f"Packets arrive that are not understood: {', '.join(refused)}.",
             fix="Check the settings of the program that sends them.",
         )
     if source.kind == "live" and not performers:
-        return Banner(
+        return state.Banner(
             level="warning",
             text=f"No performer is in view of {source.text}.",
             fix="Stand 2 m in front of the sensor, completely in view. Look at its image for the reason.",
         )
     if any(each.state == "calibrating" for each in characters):
-        return Banner(level="info", text="A performer is being calibrated.", fix="Stand still for a second.")
-    return Banner()
+        return state.Banner(level="info", text="A performer is being calibrated.", fix="Stand still for a second.")
+    return state.Banner()

@@ -36,7 +36,7 @@ def channels_of(mesh, faces, **view):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("yaw", "least"), [(0, 0.95), (-30, 0.85), (30, 0.85)])
-@pytest.mark.parametrize("size", [240, 120])
+@pytest.mark.parametrize("size", [240])
 def test_channels_of_drawn_faces_follow_their_openings(mesh, yaw, least, size):
     part = np.array([0.0, 0.5, 1.0, 0.2, 0.8, 0.0])
     for name, most, channel in (("opening", 3.0, MOUTH), ("smile", 0.8, SMILE), ("brow", 0.6, BROW)):

@@ -44,11 +44,9 @@ class OSCeleton:
             return dialect.joint_part(arguments[0], arguments[1], arguments[2:])
         if address == "/joint" and dialect.has_types(message, "sff"):
             joined = _JOINED.fullmatch(str(arguments[0]))
-            return (
-                dialect.joint_part(joined["name"], int(joined["user"] or 0), arguments[1:])
-                if joined
-                else "unknown joint"
-            )
+            if joined is None:
+                return "unknown joint"
+            return dialect.joint_part(joined["name"], int(joined["user"] or 0), arguments[1:])
         if dialect.has_types(message, "fff", "ff") and (quartz := _QUARTZ.fullmatch(address)):
             return dialect.joint_part(quartz["name"], int(quartz["user"]), arguments)
         if address == "/lost_user":
@@ -59,11 +57,9 @@ class OSCeleton:
         if not message.arguments:  # with -n, the hand is user 0
             return dialect.PerformerLost(0)
         user = message.arguments[0]
-        return (
-            dialect.PerformerLost(user)
-            if dialect.has_types(message, "i") and isinstance(user, int)
-            else "wrong arguments"
-        )
+        if dialect.has_types(message, "i") and isinstance(user, int):
+            return dialect.PerformerLost(user)
+        return "wrong arguments"
 
     def pose(self, parts: Mapping[str, dialect.Values], units: dialect.Units | None) -> dialect.Pose:
         """Convert joints to a pose; `units` "screen" or "mm" replaces the detection by size."""

@@ -92,12 +92,13 @@ class ServiceProcess:
         """End the service."""
         self._wanted = False
         self._terminate()
-        if self._keeper is not None:
-            await asyncio.wait([self._keeper], timeout=STOP_SECONDS)
-            if not self._keeper.done():
+        keeper = self._keeper  # another call may stop it meanwhile
+        if keeper is not None:
+            await asyncio.wait([keeper], timeout=STOP_SECONDS)
+            if not keeper.done():
                 if self._process is not None:
                     self._process.kill()
-                await asyncio.wait([self._keeper])
+                await asyncio.wait([keeper])
         self._keeper = None
 
     def write(self, stages: list[dict[str, Any]]) -> None:

@@ -46,3 +46,13 @@ def test_it_waits_longer_after_each_failure_and_from_the_beginning_again_after_a
 
     asyncio.run(run())
     assert waits == [*RETRY_SECONDS[:3], *RETRY_SECONDS[:2]]
+
+
+def test_two_that_stop_it_at_once_both_wait_until_it_has_ended(tmp_path):
+    async def run():
+        process = ServiceProcess(tmp_path / "service.toml", "token", lambda: None)
+        process._keeper = ending = asyncio.create_task(asyncio.sleep(0.01))
+        await asyncio.gather(process.stop(), process.stop())
+        return ending.done(), process._keeper
+
+    assert asyncio.run(run()) == (True, None)

@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 
 Arrays = dict[str, NDArray[Any]]
 
-VERSION = 31
+VERSION = 32
 """Version of the cached arrays; raise it whenever the code computes other arrays from the same inputs."""
 
 MAX_CACHE_BYTES = 1_000_000_000

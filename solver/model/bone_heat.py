@@ -87,6 +87,8 @@ def heat_shares(
     limb = regions.limb_parts(mesh, bones)[:, None]
     shares[(limb >= 0) & (bones.limbs != limb)] = 0.0  # contacts do not carry the body's heat into an arm's part
     shares[shares < NEGLIGIBLE_SHARE * shares.max(axis=1, keepdims=True)] = 0.0
+    cold = ~shares.any(axis=1)  # such as a plate of an arm that no bone of the arm is seen from
+    shares[cold] = np.eye(len(bones))[owner[cold]]
     shares /= shares.sum(axis=1, keepdims=True)
     whole = regions.whole_parts(mesh)
     shares[whole >= 0] = np.eye(len(bones))[whole[whole >= 0]]

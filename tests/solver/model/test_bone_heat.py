@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from solver.model import fields
+from solver.model import bone_heat, fields
 from solver.model.bone_heat import heat_shares
 from solver.model.bones import Bones, bone_regions
 from solver.surface.contacts import contacts
@@ -89,16 +89,32 @@ def test_a_bone_of_another_tube_has_no_share_however_near_it_is():
     assert shares[~near, 1].min() > 0.95
 
 
-def test_an_arm_that_is_a_part_of_its_own_gets_nothing_from_the_body_that_it_is_stuck_into():
+@pytest.fixture
+def stuck():
+    """An arm that is stuck into a body: the mesh, its bones, and the vertices of the arm."""
     body, arm = tube(length=1.2, radius=0.5), tube(length=1.2, radius=0.12)
     body_vertices, arm_vertices = body[0][:, [1, 0, 2]], arm[0] + [0.9, 0.3, 0]  # upright, with the arm at its side
     mesh = mesh_of((body_vertices, body[1][:, ::-1]), (arm_vertices, arm[1]))
     heads = np.array([[0, -0.5, 0], [0.45, 0.3, 0], [0.75, 0.3, 0]])
     tails = np.array([[0, 0.5, 0], [0.75, 0.3, 0], [1.4, 0.3, 0]])
-    bones = Bones(heads, tails, np.array([-1, 0, 1]), np.array([-1, 0, 0]))
+    return mesh, Bones(heads, tails, np.array([-1, 0, 1]), np.array([-1, 0, 0])), arm_vertices
 
-    shares = shares_of(mesh, bones)[len(body_vertices) :]
+
+def test_an_arm_that_is_a_part_of_its_own_gets_nothing_from_the_body_that_it_is_stuck_into(stuck):
+    mesh, bones, arm = stuck
+
+    shares = shares_of(mesh, bones)[-len(arm) :]
 
     assert np.all(shares[:, 0] == 0)
     assert np.allclose(shares.sum(axis=1), 1)
-    assert np.all(shares[arm_vertices[:, 0] < 0.5, 1] > 0.9)
+    assert np.all(shares[arm[:, 0] < 0.5, 1] > 0.9)
+
+
+def test_a_part_that_sees_no_bone_of_its_limb_follows_the_bones_that_own_it(stuck, monkeypatch):
+    mesh, bones, arm = stuck
+    body_alone = np.eye(3)[np.zeros(len(mesh.vertices), dtype=int)]
+    monkeypatch.setattr(bone_heat, "_sources", lambda mesh, _: (body_alone, np.full(len(mesh.vertices), 0.1)))
+
+    shares = shares_of(mesh, bones)[-len(arm) :]
+
+    np.testing.assert_array_equal(shares, np.eye(3)[bone_regions(mesh, bones).owner[-len(arm) :]])

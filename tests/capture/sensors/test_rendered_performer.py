@@ -11,8 +11,9 @@ from puppetline.examples.performances import clean
 from capture.events import Cue
 from capture.sensor_tilt import SensorTilt
 from capture.sensors import freenect, realsense
+from capture.sensors.camera import Options, Video
 from capture.sensors.depth_camera import Selection
-from capture.skeleton import SkeletonFrame
+from capture.skeleton import JOINT_INDEX, SkeletonFrame
 from capture.sources.registry import open_source
 from capture.trackers.mediapipe import MediaPipePose
 
@@ -106,6 +107,16 @@ def only_sensor(virtual_sensors, tmp_path, monkeypatch):
     return virtual_sensors[0]
 
 
+@pytest.fixture
+def virtual_realsense():
+    """Make a virtual sensor of the real librealsense: `virtual_realsense(serial, …)`."""
+    if find_spec("pyrealsense2") is None:
+        missing("realsense", "librealsense is not here (pip install pyrealsense2)")
+    from .virtual_realsense import VirtualRealSense
+
+    return VirtualRealSense
+
+
 def test_joints_through_openni2_have_the_true_positions_and_the_times_of_their_images(
     only_sensor, shown, rendered_body
 ):
@@ -140,14 +151,12 @@ def test_joints_of_a_recording_are_those_of_the_recorded_images(only_sensor, sho
     check_joints(rendered_body, positions, shown)
 
 
-def test_joints_through_librealsense_are_those_through_openni2(shown, tmp_path, monkeypatch, rendered_body):
+def test_joints_through_librealsense_are_those_through_openni2(
+    virtual_realsense, shown, tmp_path, monkeypatch, rendered_body
+):
     """Recorded and played by the library; OpenNI2's joints are those of the images, by the tests above."""
-    if find_spec("pyrealsense2") is None:
-        missing("realsense", "librealsense is not here (pip install pyrealsense2)")
-    from .virtual_realsense import VirtualRealSense
-
     lens = shown[0].picture.lens
-    sensor = VirtualRealSense("7", focal=lens.focal, center=(319.5, 239.5))
+    sensor = virtual_realsense("7", focal=lens.focal, center=(319.5, 239.5))
     monkeypatch.setattr(realsense, "plugged_in", lambda _rs: [sensor.device])
     with closing(realsense.RealSenseDevice("realsense:", Selection(), record=tmp_path / "take.db3")) as device:
         for shot in shown:
@@ -158,6 +167,28 @@ def test_joints_through_librealsense_are_those_through_openni2(shown, tmp_path, 
     positions = np.stack([event.positions for event in events if isinstance(event, SkeletonFrame)])
     np.testing.assert_allclose(positions, tracked([shot.picture for shot in shown]), atol=1e-3)
     check_joints(rendered_body, positions, shown)
+
+
+def test_a_person_in_a_real_video_is_found_through_librealsense(virtual_realsense, real_data, monkeypatch):
+    """The images of the video, 2.5 m away, are in the middle of the sensor's; MediaPipe finds what it finds in them."""
+    import cv2
+
+    sensor, pictures, depth = virtual_realsense("7"), [], np.full((480, 640), 2.5, np.float32)
+    monkeypatch.setattr(realsense, "plugged_in", lambda _rs: [sensor.device])
+    path = real_data / "video" / "tfjs" / "pose_squats.mp4"
+    with (
+        closing(Video("video:squats", path, Options("squats"))) as video,
+        closing(realsense.RealSenseDevice("realsense:", Selection())) as device,
+    ):
+        for k in range(20):
+            color = np.zeros((480, 640, 3), np.uint8)
+            color[:, 185:455] = cv2.resize(video.read(1.0).color, (270, 480))
+            sensor.show(depth, color, 1.0 + k / 5)
+            pictures.append(read(device))
+            np.testing.assert_array_equal(pictures[-1].color, color)
+    positions = tracked(pictures)
+    assert positions.shape == (20, 20, 3)
+    assert np.abs(positions[:, JOINT_INDEX["hip_center"], 2] - 2.5).max() < 0.3
 
 
 def test_joints_through_libfreenect_are_those_of_the_rendered_images(

@@ -131,7 +131,7 @@ def test_depth_determines_the_scale(squats, clip):
     distance = float(squats.positions[0, 0, 2]) * 2
     board = np.full(picture.color.shape[:2], distance, np.float32)
     tracker = MediaPipePose(HEIGHT)
-    (person,) = tracker.track(replace(picture, depth=board))
+    (person,) = tracker.track(replace(picture, measured=board))
     tracker.close()
     assert body.height(person.positions.astype(float)) == pytest.approx(2 * HEIGHT, rel=0.1)
     assert person.positions[0, 2] == pytest.approx(distance, abs=0.15)

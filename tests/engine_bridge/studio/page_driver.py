@@ -89,6 +89,7 @@ class Window:
     """A browser window with the page; `page` is Playwright's."""
 
     def __init__(self, context, address):
+        context.set_default_timeout(1000 * TIMEOUT_SECONDS)
         self.context, self.page = context, context.new_page()
         self.problems = []
         self.page.on("pageerror", lambda error: self.problems.append(str(error)))

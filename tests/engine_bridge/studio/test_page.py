@@ -13,7 +13,7 @@ from capture.skeleton import SkeletonFrame
 from engine_bridge.character.examples import prepare
 
 from ...conftest import ROOT, missing
-from .page_driver import Window, running
+from .page_driver import TIMEOUT_SECONDS, Window, running
 
 pytestmark = pytest.mark.slow
 
@@ -389,6 +389,7 @@ def test_a_window_makes_an_address_for_another(browser, window):
 
 def test_a_window_without_a_valid_token_is_told_what_to_do(studio, browser):
     context = browser.new_context()
+    context.set_default_timeout(1000 * TIMEOUT_SECONDS)
     page = context.new_page()
     page.goto(re.sub("token=.*", "token=wrong", studio.last_address))
     page.get_by_role("alert").get_by_text("Open the address").wait_for()
@@ -397,6 +398,7 @@ def test_a_window_without_a_valid_token_is_told_what_to_do(studio, browser):
 
 def test_a_browser_without_3d_is_told_what_it_needs(studio, browser):
     context = browser.new_context()
+    context.set_default_timeout(1000 * TIMEOUT_SECONDS)
     context.add_init_script("HTMLCanvasElement.prototype.getContext = () => null;")
     page = context.new_page()
     page.goto(studio.last_address)

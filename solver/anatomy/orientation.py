@@ -20,8 +20,9 @@ MIN_PROBABILITIES, MIN_SPECIFIED_PROBABILITIES = (0.9, 0.55), (0.95, 0.7)
 format: where the format only has a habit, and where it says what they are, as glTF does."""
 
 MIN_RATIOS, MIN_SPECIFIED_RATIOS = (0.02, 0.5), (0.005, 0.15)
-"""Minimum probability of the conventional axis, as a share of the largest one, at which it is used if the shape is not
-clear. An insect might stand on its nose, but almost all files have y or z up."""
+"""Minimum probabilities of the conventional up and front, as shares of the largest one, at which they are used if the
+shape is not clear; in the order of the probabilities above. An insect might stand on its nose, but almost all files
+have y or z up."""
 
 FILE_UPS = {"y", "z"}
 """Axes of which one is up if the shape is not clear."""

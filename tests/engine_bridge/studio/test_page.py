@@ -2,6 +2,7 @@
 
 import gzip
 import re
+import time
 
 import numpy as np
 import psutil
@@ -76,10 +77,11 @@ def test_the_proposal_says_what_is_unclear(window):
 
 
 def test_record_export_and_download_what_convert_makes_of_the_take(studio, window, horse, commands, tmp_path, request):
+    before = time.monotonic()
     record(window, RECORDED_SECONDS)
     window.until("state.recording?.kind === 'take'")
     (take,) = window.until("state.server.takes.length === 1 && state.server.takes")
-    assert take["seconds"] == pytest.approx(RECORDED_SECONDS, abs=2)
+    assert RECORDED_SECONDS - 1 < take["seconds"] < time.monotonic() - before
 
     window.button("Export").click()
     window.until("state.exported")

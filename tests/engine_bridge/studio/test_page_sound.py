@@ -1,5 +1,7 @@
 """The page plays the sounds of takes in step with the images of their characters."""
 
+import time
+
 import numpy as np
 import pytest
 from puppetline.examples.performances import PERFORMANCES
@@ -9,7 +11,7 @@ from capture.recording import Recorder
 from capture.skeleton import JOINTS, SkeletonFrame
 from capture.sound import WavWriter
 
-from .page_driver import Window, running
+from .page_driver import TIMEOUT_SECONDS, Window, running
 
 pytestmark = pytest.mark.slow
 
@@ -54,10 +56,12 @@ window.measure = (name, vertex) => {
   const { context } = window.analyser;
   const { contextTime, performanceTime } = context.getOutputTimestamp();
   const later = context.currentTime - contextTime - (performance.now() - performanceTime) / 1000;
-  return [...figure.positions().slice(3 * vertex, 3 * vertex + 2), samples[255], later];
+  const isInTime = figure.buffer.later !== figure.buffer.earlier;
+  return [...figure.positions().slice(3 * vertex, 3 * vertex + 2), samples[255], later, isInTime];
 };
 """
-"""JavaScript: send a request; and return where a vertex is, the sample that is played, and when it will be heard."""
+"""JavaScript: send a request; and return where a vertex is, the sample that is played, when it will be heard, and
+whether the frames of this moment have arrived."""
 
 
 HINGE, CHIN = [0.0, 1.68, 0.12], [0.0, 1.66, 0.36]
@@ -134,8 +138,9 @@ def test_the_sound_of_a_take_is_in_step_with_its_image_after_a_jump_and_a_pause_
 
     second_of = np.poly1d(np.polyfit(angle(way), seconds, 1))
     assert second_of(angle(way)) == pytest.approx(seconds, abs=0.002)
-    off = []
-    for _ in range(6):  # a machine that is busy for some seconds draws late
+    end, off = time.monotonic() + TIMEOUT_SECONDS, np.inf
+    while off > MAX_OFFSET_SECONDS:  # a machine that is busy for some seconds draws late
+        assert time.monotonic() < end, off
         ask(window, "seek", seconds=0.5)
         ask(window, "pause", on=False)
         window.page.wait_for_timeout(1900)  # after the easing
@@ -144,13 +149,13 @@ def test_the_sound_of_a_take_is_in_step_with_its_image_after_a_jump_and_a_pause_
             found.append(window.page.evaluate("([name, vertex]) => measure(name, vertex)", [name, vertex]))
             window.page.wait_for_timeout(70)
         ask(window, "pause")
-        x, y, sample, later = np.transpose(found)
+        in_time = [each for *each, is_in_time in found if is_in_time]
+        if not in_time:
+            continue
+        x, y, sample, later = np.transpose(in_time)
         offsets = FULL_SECONDS * sample - later - EARLY_SECONDS - second_of(angle(np.c_[x, y]))
         # an image stays until the next frame, so many are late, none early
-        off.append(abs(np.quantile(offsets, 0.25)))
-        if off[-1] < MAX_OFFSET_SECONDS:
-            break
-    assert min(off) < MAX_OFFSET_SECONDS
+        off = abs(np.quantile(offsets, 0.25))
     window.until("!measure(state.character, 0)[2]")
 
 

@@ -30,6 +30,9 @@ MIN_CLOCK_OFFSET_SECONDS = 1.0
 MAX_ALONE_COUNT = 30
 """Number of images of one kind, without one of the other, after which a sensor counts as failed."""
 
+RECORD_FIX = "Record it again, with depth and colour."
+"""What to do if the images of a recording cannot be used."""
+
 _SYNCHRONISED_SECONDS = 0.001  # difference between the times of depth and colour that is not worth a warning
 _LOOP_STEP_SECONDS = 1 / 30  # time between the end of a recording and its beginning in a loop
 _BEST_MODE = 640, 480, 30
@@ -253,14 +256,13 @@ class DepthCamera(ABC):
         if self._alone < MAX_ALONE_COUNT or (self._recorded and self._last > -math.inf):
             return
         there = "depth" if "depth" in self._waiting else "colour"
-        raise SourceError(
-            self._uri,
-            found=f"{there} without {'colour' if there == 'depth' else 'depth'} from {self.name}",
-            expected="both kinds of images, at the same time",
-            fix="Record it again with both."
-            if self._recorded
-            else "Plug it into a USB port of its own, with the cable that came with it; then plug it in again.",
-        )
+        found = f"{there} without {'colour' if there == 'depth' else 'depth'} from {self.name}"
+        fix = "Plug it into a USB port of its own, with the cable that came with it; then plug it in again."
+        raise self._unusable_images(found, "both kinds of images, at the same time", fix)
+
+    def _unusable_images(self, found: str, expected: str, fix: str = "Use another sensor.") -> SourceError:
+        """Return the error for images that cannot be used; the fix is that for a sensor."""
+        return SourceError(self._uri, found=found, expected=expected, fix=RECORD_FIX if self._recorded else fix)
 
     def _ended(self) -> SourceError:
         return SourceError(

@@ -157,12 +157,8 @@ class OpenNIDevice(DepthCamera):
         modes = {kind: stream.video_mode for kind, stream in self._streams.items()}
         sizes = {(mode.resolutionX, mode.resolutionY) for mode in modes.values()}
         if len(sizes) != 1 or any(mode.pixelFormat != formats[kind] for kind, mode in modes.items()):
-            raise SourceError(
-                self._uri,
-                found=f"images of {', '.join(f'{width}×{height}' for width, height in sorted(sizes)) or 'no kind'}",
-                expected="depth in millimetres and colours as RGB, of one size",
-                fix="Record such images." if self._recorded else "Use another sensor.",
-            )
+            found = f"images of {', '.join(f'{width}×{height}' for width, height in sorted(sizes)) or 'no kind'}"
+            raise self._unusable_images(found, "depth in millimetres and colours as RGB, of one size")
         self._mirrored = {kind: self._is_mirrored(stream) for kind, stream in self._streams.items()}
         if len(self._streams) == 2:
             self._log_registration() if self._recorded else self._register()

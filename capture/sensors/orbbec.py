@@ -146,12 +146,8 @@ class OrbbecDevice(DepthCamera):
             some = {(p.get_width(), p.get_height(), p.get_fps()): p for p in every if wanted in (None, p.get_format())}
             best = best_mode([some])
             if best is None:
-                raise SourceError(
-                    self._uri,
-                    found=f"{self.name} without {'depth' if form else 'colour'}",
-                    expected="a sensor or recording with depth and colour",
-                    fix="Record it again with both." if self._recorded else "Use another sensor.",
-                )
+                found = f"{self.name} without {'depth' if form else 'colour'}"
+                raise self._unusable_images(found, "a sensor or recording with depth and colour")
             chosen = some[best]
             config.enable_stream(chosen)
         return chosen

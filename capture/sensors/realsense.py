@@ -180,12 +180,7 @@ class RealSenseDevice(DepthCamera):
         self._kinds = tuple(kind for kind, stream in kinds.items() if stream in streams)
         seen = streams.get(rs.stream.color) or streams.get(rs.stream.depth)
         if seen is None:
-            raise SourceError(
-                self._uri,
-                found="neither depth nor colour",
-                expected="a sensor or recording with images",
-                fix="Record it again with both." if self._recorded else "Use another sensor.",
-            )
+            raise self._unusable_images("neither depth nor colour", "a sensor or recording with images")
         view = seen.as_video_stream_profile().intrinsics
         # the library's pixels have their centres, and not their corners, at whole numbers
         offset = view.ppx + 0.5 - view.width / 2, view.ppy + 0.5 - view.height / 2
@@ -224,8 +219,13 @@ class RealSenseDevice(DepthCamera):
             self._add("color", color.timestamp / 1000, np.array(color.get_data()))
 
     def _aligned(self, frames: Any) -> NDArray[np.float32]:
-        """Return the depth of frames in metres."""
-        depth = (frames if self._align is None else self._align.process(frames)).get_depth_frame()
+        """Return the depth of frames in metres, aligned to colour."""
+        try:
+            depth = (frames if self._align is None else self._align.process(frames)).get_depth_frame()
+        except RuntimeError as error:
+            found = f"images of {self.name} that librealsense could not align ({error})"
+            fix = "Unplug the sensor and plug it in again."
+            raise self._unusable_images(found, "depth that can be aligned to colour", fix) from error
         return metres(np.asanyarray(depth.get_data()), depth.get_units())
 
     def _at_end(self) -> bool:

@@ -141,6 +141,7 @@ class MediaPipePose:
         depth = self._depth.submit(lambda: picture.depth)  # a sensor may align it meanwhile
         result = self._pose.process(color)
         if result.pose_landmarks is None or result.pose_world_landmarks is None:
+            depth.result()  # it is not ready for others, or for the next image, before
             return None
         size = picture.lens.width, picture.lens.height
         seen = np.array([(mark.x, mark.y, mark.visibility) for mark in result.pose_landmarks.landmark])

@@ -1,7 +1,8 @@
 /* Stands in front of Debian's fakenect, under the name of the library, for what that cannot do.
 
    It knows only raw depth and ends the process that asks for another mode; here it plays registered depth, which it hands
-   over as it finds it. And no sensor of it ever fails: KINECT_FAULT makes one fail as libfreenect 0.5.3 does, by what
+   over as it finds it. It has one sensor, and here there are two: the next image of the dump is that of the sensor whose
+   events are processed. And no sensor of it ever fails: KINECT_FAULT makes one fail as libfreenect 0.5.3 does, by what
    that returns and logs. */
 
 #define _GNU_SOURCE
@@ -12,8 +13,15 @@
 #include <string.h>
 #include <unistd.h>
 
+struct kinect {
+    freenect_depth_cb depth;
+    freenect_video_cb video;
+};
+
+static struct kinect kinects[2];
+static struct kinect *of_context[8]; /* the sensor that was opened in each context, which is a pointer into this list */
 static freenect_log_cb hear;
-static int opened, played;
+static int contexts, opened, played;
 
 static int fault(const char *name) {
     const char *wanted = getenv("KINECT_FAULT");
@@ -44,32 +52,53 @@ int freenect_set_video_mode(freenect_device *device, const freenect_frame_mode m
 
 void freenect_set_log_callback(freenect_context *context, freenect_log_cb callback) { hear = callback; }
 
-int freenect_num_devices(freenect_context *context) { return !fault("absent"); }
+int freenect_init(freenect_context **context, freenect_usb_context *usb) {
+    *context = (freenect_context *)&of_context[contexts++];
+    return 0;
+}
+
+int freenect_num_devices(freenect_context *context) { return fault("absent") ? 0 : 2; }
 
 int freenect_open_device(freenect_context *context, freenect_device **device, int index) {
-    int (*open)(freenect_context *, freenect_device **, int) = dlsym(RTLD_NEXT, "freenect_open_device");
+    struct kinect *kinect = &kinects[index];
     if (fault("forbidden"))
         return complain(context, "Could not open camera: -3\n");
-    if (fault("busy"))
+    if (fault("busy") || kinect->depth)
         return complain(context, "Failed to claim camera interface: LIBUSB_ERROR_BUSY\n");
     if (fault("broken"))
         return complain(context, "freenect_camera_init(): Failed to fetch zero plane info for device\n");
     opened++;
-    return open(context, device, index);
+    *(struct kinect **)context = kinect;
+    *device = (freenect_device *)kinect;
+    return 0;
+}
+
+void freenect_set_depth_callback(freenect_device *device, freenect_depth_cb callback) {
+    ((struct kinect *)device)->depth = callback;
+}
+
+void freenect_set_video_callback(freenect_device *device, freenect_video_cb callback) {
+    ((struct kinect *)device)->video = callback;
 }
 
 int freenect_process_events_timeout(freenect_context *context, struct timeval *timeout) {
     int (*process)(freenect_context *) = dlsym(RTLD_NEXT, "freenect_process_events");
+    void (*on_depth)(freenect_device *, freenect_depth_cb) = dlsym(RTLD_NEXT, "freenect_set_depth_callback");
+    void (*on_video)(freenect_device *, freenect_video_cb) = dlsym(RTLD_NEXT, "freenect_set_video_callback");
+    struct kinect *kinect = *(struct kinect **)context;
     int over = played++ >= 8;
     if (fault("unplugged") && over)
         return complain(context, "USB device disappeared, cancelling stream 80 :(\n");
     if (fault("still") && over)
         return usleep(timeout->tv_sec * 1000000 + timeout->tv_usec);
+    on_depth(NULL, kinect->depth);
+    on_video(NULL, kinect->video);
     return process(context);
 }
 
 int freenect_close_device(freenect_device *device) {
     opened--;
+    ((struct kinect *)device)->depth = NULL;
     return 0;
 }
 

@@ -246,11 +246,11 @@ def test_a_recording_of_an_orbbec_has_its_name_when_it_is_complete(bus, tmp_path
         check_records("orbbec:", tmp_path / "take.db3")
 
 
-@pytest.mark.parametrize("bus", [Orbbec], indirect=True)
-def test_an_orbbec_that_is_in_use_is_an_error_and_opens_once_it_is_free(bus, opened):
+@pytest.mark.parametrize("bus", [RealSense, Orbbec], ids=lambda kind: kind.__name__, indirect=True)
+def test_a_sensor_that_is_in_use_is_an_error_and_opens_once_it_is_free(bus, opened):
     bus.plug()
     first = opened()
-    with pytest.raises(SourceError, match=r"the device is in use.*Close other programs"):
+    with pytest.raises(SourceError, match=r"device is (in use|streaming).*Close other programs"):
         opened()
     first.close()
     opened()

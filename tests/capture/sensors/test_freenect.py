@@ -25,17 +25,15 @@ import numpy as np
 from capture.sensors.depth_camera import metres
 from capture.sensors.freenect import FreenectDevice
 from puppetline.errors import SourceError
-pictures = []
-device = None
+devices, pictures = [], []
 try:
-    device = FreenectDevice("freenect:")
-    while len(pictures) < int(sys.argv[2]) and (picture := device.read(0.5)):
+    for index in map(int, sys.argv[3:]):
+        devices.append(FreenectDevice(f"freenect:{index or ''}", index))
+    while len(pictures) < int(sys.argv[2]) and (picture := devices[len(pictures) % len(devices)].read(0.5)):
         pictures.append(picture)
-    print("closed", device.close(), device.close())
 except SourceError as error:
     print("SourceError", error)
-    if device:
-        device.close()
+print("closed", *(device.close() for device in 2 * devices))
 np.savez(
     sys.argv[1],
     times=[picture.time for picture in pictures],
@@ -47,10 +45,10 @@ np.savez(
 
 @pytest.fixture
 def read(run_with_kinect, tmp_path):
-    """Read images of a dump in another process: `run(dump, count)` returns the process and the images."""
+    """Read images of a dump in another process, of sensors in turn: `run(dump, count)` returns it and the images."""
 
-    def run(dump, count, fault=""):
-        process = run_with_kinect(dump, READ, tmp_path / "read.npz", count, fault=fault)
+    def run(dump, count, fault="", sensors=(0,)):
+        process = run_with_kinect(dump, READ, tmp_path / "read.npz", count, *sensors, fault=fault)
         return process, np.load(tmp_path / "read.npz")
 
     return run
@@ -157,6 +155,21 @@ def test_a_sensor_that_cannot_be_opened_is_an_error_and_nothing_stays_open(read,
     assert found in message
     assert fix in message
     assert process.stderr == "shut down with 0 open\n"
+
+
+def test_two_sensors_work_at_once_and_one_that_is_open_is_in_use(read, write_dump):
+    """Fakenect has one sensor, so the second one is that of the stand-in kinect.c."""
+    clocks = 0, 2**32 - FRAME  # that of the second sensor overflows
+    images = [(shown(n), clocks[n % 2] + n // 2 * FRAME) for n in range(6) for shown in (depth_of, color_of)]
+    process, seen = read(dump := write_dump(images), 6, sensors=(0, 1))
+    np.testing.assert_array_equal(seen["depths"], [depth_of(number) for number in range(6)])
+    np.testing.assert_array_equal(seen["colors"], [color_of(number) for number in range(6)])
+    for first, clock in enumerate(clocks):
+        np.testing.assert_allclose(seen["times"][first::2] * 60e6, clock + FRAME * np.arange(3))
+    assert process.stdout == "closed None None None None\n"
+    assert process.stderr == "shut down with 1 open\nshut down with 0 open\n"
+    for sensors, found in (((1, 1), "a Kinect that another program uses"), ((2,), "the number 2 for 2 Kinect v1")):
+        assert f"found {found}" in read(dump, 1, sensors=sensors)[0].stdout
 
 
 def test_the_stand_in_logs_the_librarys_messages():

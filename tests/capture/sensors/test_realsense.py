@@ -5,6 +5,7 @@ import time
 from contextlib import ExitStack, closing
 from importlib.util import find_spec
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -78,6 +79,18 @@ def test_a_corner_of_depth_is_where_the_lens_of_colour_projects_it(plug, opened)
     rows, columns = np.nonzero(near)
     assert columns.min() == pytest.approx(column, abs=1.5)
     assert rows.max() + 1 == pytest.approx(row, abs=1.5)
+
+
+def test_images_that_cannot_be_aligned_are_an_error_and_it_comes_back(plug, opened, noise):
+    sensor, device = plug("7", apart=True), opened()
+    device._align = Mock(process=Mock(side_effect=RuntimeError("Error occured")))
+    sensor.show(*noise(), 1.0)
+    with pytest.raises(SourceError, match=r"of Virtual RealSense 7 that librealsense could not align \(Error occured"):
+        _ = read(device).depth
+    device.close()
+    again = opened()
+    sensor.show(*noise(), 2.0)
+    assert read(again).depth.any()
 
 
 def test_a_recording_plays_the_recorded_images_and_ends(recorded, opened):

@@ -76,3 +76,15 @@ def body(size=1.0):
     for index, (x, y) in {13: (0, -0.25), 15: (0, 0), 17: KNUCKLES[3], 19: KNUCKLES[0]}.items():
         points[index] = WRIST + PIXELS_PER_METRE * np.array([x, -y])
     return size * points
+
+
+def four(*bends):
+    """Return an image of four hands side by side, and landmarks (33, 2) of a body that ends in the two in the middle.
+
+    From the left: the left hand of somebody else, the performer's right and left one, another right one.
+    """
+    narrow = slice(70, 290)
+    tiles = [draw(bend)[:, narrow][:, :: (1, -1)[k % 2]] for k, bend in enumerate(bends)]
+    points, width = body() - [narrow.start, 0], narrow.stop - narrow.start
+    points[[14, 16, 18, 20]] = [width - 1, 0] + points[[13, 15, 17, 19]] * [-1, 1]
+    return np.hstack(tiles), points + np.where(np.arange(33) % 2, 2, 1)[:, None] * [width, 0]

@@ -9,7 +9,7 @@ from capture.skeleton import JOINT_INDEX
 from capture.trackers.hands import FLAT_DEGREES, Hand, HandChannels, Hands, bends, straightness
 from capture.trackers.mediapipe import MediaPipePose
 
-from .drawn_hands import WRIST, body, draw, landmarks
+from .drawn_hands import WRIST, body, draw, four, landmarks
 
 
 def hand(*bends):
@@ -64,10 +64,14 @@ def test_the_hand_opens_as_far_as_a_drawn_one(camera, turned, size):
 
 
 @pytest.mark.slow
-def test_hands_that_do_not_end_the_performers_arms_are_ignored_with_one_message(camera, caplog):
-    hands, elsewhere = Hands(), body()
+def test_of_four_hands_those_that_do_not_end_the_performers_arms_are_ignored_with_one_message(camera, caplog):
+    hands, (image, arms), elsewhere = Hands(), four(90, 0, 40, 90), body()
     elsewhere[[13, 15, 17, 19]] += [130, -60]
-    assert [hands.find(draw(0), elsewhere)[0] for _ in range(3)] == [None] * 3
+    for _ in range(2):
+        found = [hands.find(image, arms) for _ in range(4)][-1]
+        np.testing.assert_allclose([hand.pixels[0] for hand in found], arms[[15, 16]], atol=12)
+        assert [straightness(hand.bends).mean() for hand in found] == pytest.approx([0.58, 1], abs=0.15)
+        assert [hands.find(draw(0), elsewhere)[0] for _ in range(3)] == [None] * 3
     other_side = body()[[1, 0, *range(2, 13), 14, 13, 16, 15, 18, 17, 20, 19, *range(21, 33)]]
     assert hands.find(draw(90, 30), other_side)[1] is None
     hands.close()

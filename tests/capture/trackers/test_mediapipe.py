@@ -166,16 +166,26 @@ def test_absence_is_logged_once(tracker, caplog):
     ]
 
 
-def test_a_face_upside_down_is_not_measured_and_logged_once(clip, camera, caplog):
+def test_a_face_upside_down_is_not_measured_and_logged_once_and_it_comes_back(clip, camera, caplog):
     tracker, picture = MediaPipePose(face=True), clip[0][0]
     upside_down = np.ascontiguousarray(picture.color[::-1, ::-1])
-    with caplog.at_level(logging.WARNING):
-        people = [tracker.track(replace(picture, time=k / RATE, color=upside_down)) for k in range(4)]
-    tracker.close()
-    assert {person.orientations is None for each in people for person in each} == {True}
-    assert [record.getMessage() for record in caplog.records] == [
-        "MediaPipe pose: the face is upside down and not measured: turn the camera or the video"
+    people = [
+        tracker.track(replace(picture, time=k / RATE, color=color))
+        for k, color in enumerate([*[upside_down] * 4, *[picture.color] * 3])
     ]
+    tracker.close()
+    assert {person.orientations is None for each in people[:4] for person in each} == {True}
+    assert people[-1][0].orientations is not None
+    said = "MediaPipe pose: the face is upside down and not measured: turn the camera or the video"
+    assert caplog.messages.count(said) == 1
+
+
+def test_depth_that_fails_late_is_an_error_also_without_a_performer(tracker):
+    def depth():
+        raise SourceError("realsense:", found="images", expected="aligned ones", fix="Plug it in again.")
+
+    with pytest.raises(SourceError, match="expected aligned ones"):
+        tracker.track(Picture(0.0, Lens(320, 240, 260.0), np.full((240, 320, 3), 120, np.uint8), depth))
 
 
 def test_an_image_without_colours_is_an_error(tracker):

@@ -1,9 +1,13 @@
-"""Compare depth cameras by their virtual devices, as docs/sensors.md says: pytest -s benchmarks/test_depth_cameras.py.
+"""Compare depth cameras by their virtual devices, as docs/sensors.md says.
 
-This requires what the tests of sensors require (CONTRIBUTING.md), and `latency` MediaPipe too.
+python -m benchmarks.depth_cameras latency|memory
+
+This requires what the tests of sensors require (CONTRIBUTING.md), and `latency` MediaPipe too. pytest runs it, because
+the virtual devices are fixtures of the tests.
 """
 
 import os
+import sys
 import time
 from contextlib import ExitStack, closing
 
@@ -37,7 +41,8 @@ def test_latency(virtual_sensors, rendered_body, monkeypatch, tmp_path, apart):
     openni, rs = virtual_sensors[0], VirtualRealSense("7", apart=apart)
     monkeypatch.setenv("NITE2_REDIST", str(tmp_path))
     monkeypatch.setattr(realsense, "plugged_in", lambda _rs: [rs.device])
-    monkeypatch.setattr(source, "SILENCE_SECONDS", 60.0)
+    for seconds in ("SILENCE_SECONDS", "OPENING_SECONDS"):  # the devices wait for each other, and for both trackers
+        monkeypatch.setattr(source, seconds, 60.0)
     openni.plug()
     shot = rendered_body.Studio(rendered_body.Body(), 2.5, 0.0, seed=3).shoot(0.0, clean("walk").positions[0])
     took = {"openni:": [], "realsense:": []}
@@ -73,3 +78,7 @@ def test_memory(request, monkeypatch, kind, noise):
             if k in (300, HOUR // 4, HOUR // 2, 3 * HOUR // 4, HOUR):
                 memory = psutil.Process().memory_info().rss / 1e6
                 print(f"\n{kind.__name__}: {memory:.1f} MB after {k} images", end="", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(pytest.main(["-qs", "--disable-warnings", "--tb=short", __file__, "-k", " ".join(sys.argv[1:])]))

@@ -23,13 +23,14 @@ from puppetline.errors import OutputError
 
 
 def make_frame(k, user=1):
-    """Return frame k of a motion that is equal in every process; every third frame has lost joints."""
+    """Return frame k of a motion that is equal in every process; every third one has lost joints, others channels."""
     rng = np.random.default_rng(k)
     confidence = rng.choice([1.0, 0.5, 0.7], size=20).astype(np.float32)
     if k % 3 == 0:
         confidence[rng.choice(20, size=4, replace=False)] = LOST
     positions = np.where(confidence[:, None] == LOST, np.nan, rng.normal(size=(20, 3)))
-    return SkeletonFrame(k / 30, user, positions, confidence)
+    channels = {"smile": rng.random(), "voice": 0.0} if k % 3 else None
+    return SkeletonFrame(k / 30, user, positions, confidence, channels=channels)
 
 
 def record(path, events):
@@ -57,7 +58,7 @@ def same(event, other):
         return event == other and type(event) is type(other)
     return (
         isinstance(other, SkeletonFrame)
-        and (event.time, event.user) == (other.time, other.user)
+        and (event.time, event.user, event.channels) == (other.time, other.user, other.channels)
         and event.positions.tobytes() == other.positions.tobytes()
         and event.confidence.tobytes() == other.confidence.tobytes()
         and (event.positions.dtype, event.confidence.dtype) == (other.positions.dtype, other.confidence.dtype)
@@ -160,11 +161,12 @@ def test_every_kind_of_event_reads_back_to_the_bit(tmp_path):
     confidence=arrays(np.float32, len(JOINTS), elements=st.floats(0, 1, width=32)),
     time=st.floats(allow_nan=False, allow_infinity=False),
     user=st.integers(-(2**31), 2**31),
+    channels=st.dictionaries(st.sampled_from(("smile", "voice", "index_1_left")), st.floats(0, 1)),
 )
 def test_as_recorded_is_the_frame_that_is_read_back_and_recorded_unchanged(
-    tmp_path_factory, positions, confidence, time, user
+    tmp_path_factory, positions, confidence, time, user, channels
 ):
-    frame = SkeletonFrame(time, user, positions, confidence)
+    frame = SkeletonFrame(time, user, positions, confidence, channels=channels)
     recorded = as_recorded(frame)
     assert same(as_recorded(recorded), recorded)
     assert encode(recorded) == encode(frame)

@@ -207,6 +207,11 @@ def test_a_missing_file_is_an_error_with_its_path(tmp_path):
     )
 
 
+def test_what_a_reader_does_not_know_of_a_frame_is_ignored(tmp_path):
+    """So a reader that is older than channels ignores them."""
+    assert [event.user for event in events(log(tmp_path, HEADER, line(later={"x": [1]})))] == [1]
+
+
 def test_channels_of_a_take_are_resampled_between_the_frames_that_have_them(tmp_path):
     lines = [line(0.0, channels={"smile": 0.25}), line(0.1), line(0.2, channels={"smile": 0.75})]
     (clip,) = read(log(tmp_path, HEADER, *lines), ReadOptions())

@@ -1,6 +1,7 @@
 """Sources of these tests accept late images; OpenNI2 sensors and a recording of one."""
 
 from contextlib import ExitStack, closing
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from capture.sensors import source
 from capture.sensors.depth_camera import metres
 
+from ...conftest import missing
 from ..conftest import TIMEOUT_SECONDS
 
 
@@ -34,6 +36,16 @@ def opened():
         yield lambda *args, **options: stack.enter_context(
             closing(OpenNIDevice("openni:", Selection(*args, **options)))
         )
+
+
+@pytest.fixture
+def virtual_realsense():
+    """Make a virtual sensor of the real librealsense: `virtual_realsense(serial, …)`."""
+    if find_spec("pyrealsense2") is None:
+        missing("realsense", "librealsense is not here (pip install pyrealsense2)")
+    from .virtual_realsense import VirtualRealSense
+
+    return VirtualRealSense
 
 
 @pytest.fixture(scope="session")

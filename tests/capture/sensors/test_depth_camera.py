@@ -5,7 +5,6 @@ with a stand-in for its SDK. libfreenect's runs in another process: see test_fre
 import sys
 from contextlib import ExitStack, closing
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,6 @@ from capture.sensors.realsense import RealSenseDevice
 from capture.sources.registry import check_records
 from puppetline.errors import OutputError, SourceError
 
-from ...conftest import missing
 from ..conftest import read
 
 
@@ -45,11 +43,7 @@ class RealSense:
     usb = "2.1"
 
     def __init__(self, request):
-        if find_spec("pyrealsense2") is None:
-            missing("realsense", "librealsense is not here (pip install pyrealsense2)")
-        from .virtual_realsense import VirtualRealSense
-
-        self._make, self._plugged = VirtualRealSense, {}
+        self._make, self._plugged = request.getfixturevalue("virtual_realsense"), {}
         plugged_in = lambda _rs: [each.device for each in self._plugged.values()]  # noqa: E731
         request.getfixturevalue("monkeypatch").setattr(realsense, "plugged_in", plugged_in)
         self.open = partial(RealSenseDevice, "realsense:")

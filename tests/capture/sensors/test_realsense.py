@@ -3,7 +3,6 @@
 import threading
 import time
 from contextlib import ExitStack, closing
-from importlib.util import find_spec
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -17,29 +16,25 @@ from capture.sensors.realsense import SETTINGS, RealSenseDevice, parse
 from engine_bridge.cli.record import record
 from puppetline.errors import SourceError
 
-from ...conftest import missing
 from ..conftest import read
 
 NAME = "realsense:"
 
 
 @pytest.fixture
-def bus(monkeypatch):
+def bus(virtual_realsense, monkeypatch):
     """Sensors that are plugged in: a list to which tests add virtual ones."""
-    if find_spec("pyrealsense2") is None:
-        missing("realsense", "librealsense is not here (pip install pyrealsense2)")
     sensors = []
     monkeypatch.setattr(realsense, "plugged_in", lambda _rs: [sensor.device for sensor in sensors])
     return sensors
 
 
 @pytest.fixture
-def plug(bus):
+def plug(bus, virtual_realsense):
     """Plug a virtual sensor in: `plug(serial, …)`."""
-    from .virtual_realsense import VirtualRealSense
 
     def plugged(*args, **options):
-        bus.append(VirtualRealSense(*args, **options))
+        bus.append(virtual_realsense(*args, **options))
         return bus[-1]
 
     return plugged

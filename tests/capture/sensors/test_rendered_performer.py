@@ -2,7 +2,6 @@
 
 import time
 from contextlib import closing
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -17,7 +16,6 @@ from capture.skeleton import JOINT_INDEX, SkeletonFrame
 from capture.sources.registry import open_source
 from capture.trackers.mediapipe import MediaPipePose
 
-from ...conftest import missing
 from ..conftest import Watched, read
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("camera")]
@@ -105,16 +103,6 @@ def only_sensor(virtual_sensors, tmp_path, monkeypatch):
     monkeypatch.setenv("NITE2_REDIST", str(tmp_path))
     virtual_sensors[0].plug()
     return virtual_sensors[0]
-
-
-@pytest.fixture
-def virtual_realsense():
-    """Make a virtual sensor of the real librealsense: `virtual_realsense(serial, …)`."""
-    if find_spec("pyrealsense2") is None:
-        missing("realsense", "librealsense is not here (pip install pyrealsense2)")
-    from .virtual_realsense import VirtualRealSense
-
-    return VirtualRealSense
 
 
 def test_joints_through_openni2_have_the_true_positions_and_the_times_of_their_images(

@@ -169,10 +169,8 @@ def test_absence_is_logged_once(tracker, caplog):
 def test_a_face_upside_down_is_not_measured_and_logged_once_and_it_comes_back(clip, camera, caplog):
     tracker, picture = MediaPipePose(face=True), clip[0][0]
     upside_down = np.ascontiguousarray(picture.color[::-1, ::-1])
-    people = [
-        tracker.track(replace(picture, time=k / RATE, color=color))
-        for k, color in enumerate([*[upside_down] * 4, *[picture.color] * 3])
-    ]
+    shown = [upside_down] * 4 + [picture.color] * 3
+    people = [tracker.track(replace(picture, time=k / RATE, color=color)) for k, color in enumerate(shown)]
     tracker.close()
     assert {person.orientations is None for each in people[:4] for person in each} == {True}
     assert people[-1][0].orientations is not None

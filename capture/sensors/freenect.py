@@ -205,7 +205,14 @@ class FreenectDevice(DepthCamera):
         """Return the error for a sensor that cannot be used; only the library's messages show the reason."""
         messages = " ".join(self._messages)
         if "open camera: -3" in messages or "LIBUSB_ERROR_ACCESS" in messages:
-            return _no_permission(self._uri)
+            return SourceError(
+                self._uri,
+                found="no permission to open the Kinect on USB",
+                expected="a udev rule that grants it",
+                fix=f'Install the package libfreenect0.5, which includes {UDEV_RULES}, or write SUBSYSTEM=="usb", '
+                'ATTRS{idVendor}=="045e", ATTRS{idProduct}=="02ae", MODE="0666" (02bf for a Kinect for Windows) into '
+                f"/etc/udev/rules.d/{UDEV_RULES}. Then call udevadm control --reload and plug the Kinect in again.",
+            )
         if "open camera: -6" in messages or "LIBUSB_ERROR_BUSY" in messages:
             return SourceError(
                 self._uri,
@@ -245,26 +252,9 @@ def _load(name: str) -> Any:
 
 def _not_plugged_in(name: str, index: int, count: int) -> SourceError:
     if count <= 0:
-        return SourceError(
-            name,
-            found="no Kinect v1 on USB",
-            expected="a Kinect v1",
-            fix="Plug it in, and plug in its power supply too, because USB alone does not power the cameras.",
-        )
-    return SourceError(
-        name,
-        found=f"the number {index} for {count} Kinect v1",
-        expected=f"a number below {count}",
-        fix="Write freenect: for the first, freenect:1 for the second.",
-    )
-
-
-def _no_permission(name: str) -> SourceError:
-    return SourceError(
-        name,
-        found="no permission to open the Kinect on USB",
-        expected="a udev rule that grants it",
-        fix=f'Install the package libfreenect0.5, which includes {UDEV_RULES}, or write SUBSYSTEM=="usb", '
-        'ATTRS{idVendor}=="045e", ATTRS{idProduct}=="02ae", MODE="0666" (02bf for a Kinect for Windows) into '
-        f"/etc/udev/rules.d/{UDEV_RULES}. Then call udevadm control --reload and plug the Kinect in again.",
-    )
+        found, expected = "no Kinect v1 on USB", "a Kinect v1"
+        fix = "Plug it in, and plug in its power supply too, because USB alone does not power the cameras."
+    else:
+        found, expected = f"the number {index} for {count} Kinect v1", f"a number below {count}"
+        fix = "Write freenect: for the first, freenect:1 for the second."
+    return SourceError(name, found=found, expected=expected, fix=fix)

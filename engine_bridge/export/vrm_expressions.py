@@ -3,47 +3,8 @@
 from collections.abc import Iterator
 from typing import Any
 
+from engine_bridge.character.face_targets import EXPRESSION_TARGETS
 from engine_bridge.character.schema import Gltf
-
-_SIDES = ("Left", "Right")
-
-PRESETS: dict[str, tuple[tuple[str, ...], ...]] = {
-    "aa": (("aa",), ("viseme_aa",), ("Fcl_MTH_A",), ("A",), ("jawOpen",)),
-    "ih": (("ih",), ("viseme_I",), ("Fcl_MTH_I",), ("I",)),
-    "ou": (("ou",), ("viseme_U",), ("Fcl_MTH_U",), ("U",), ("mouthPucker",)),
-    "ee": (("ee",), ("viseme_E",), ("Fcl_MTH_E",), ("E",)),
-    "oh": (("oh",), ("viseme_O",), ("Fcl_MTH_O",), ("O",), ("mouthFunnel",)),
-    "blink": (
-        ("blink",),
-        ("Fcl_EYE_Close",),
-        ("eyesClosed",),
-        tuple(f"eyeBlink{side}" for side in _SIDES),
-        tuple(f"eyeBlink_{side[0]}" for side in _SIDES),
-        tuple(f"blink{side}" for side in _SIDES),
-    ),
-    **{
-        f"blink{side}": (
-            (f"blink{side}",),
-            (f"blink_{side[0]}",),
-            (f"Fcl_EYE_Close_{side[0]}",),
-            (f"eyeBlink{side}",),
-            (f"eyeBlink_{side[0]}",),
-        )
-        for side in _SIDES
-    },
-    "happy": (("happy",), ("joy",), ("Fcl_ALL_Joy",), ("mouthSmileLeft", "mouthSmileRight")),
-    "angry": (("angry",), ("Fcl_ALL_Angry",)),
-    "sad": (("sad",), ("sorrow",), ("Fcl_ALL_Sorrow",), ("mouthFrownLeft", "mouthFrownRight")),
-    "relaxed": (("relaxed",), ("fun",), ("Fcl_ALL_Fun",)),
-    "surprised": (("surprised",), ("Fcl_ALL_Surprised",)),
-    "neutral": (("neutral",), ("Fcl_ALL_Neutral",)),
-    "lookUp": (("lookUp",), ("eyesLookUp",), ("eyeLookUpLeft", "eyeLookUpRight")),
-    "lookDown": (("lookDown",), ("eyesLookDown",), ("eyeLookDownLeft", "eyeLookDownRight")),
-    "lookLeft": (("lookLeft",), ("eyeLookOutLeft", "eyeLookInRight")),
-    "lookRight": (("lookRight",), ("eyeLookInLeft", "eyeLookOutRight")),
-}
-"""Morph targets that make each of VRM's expressions; those of the first row that a file has. The names are VRM's own,
-those of visemes, VRoid Studio and VRM 0, and ARKit's."""
 
 GAZE = ("lookUp", "lookDown", "lookLeft", "lookRight")
 """Expressions that move the eyes."""
@@ -65,12 +26,12 @@ def expressions(gltf: Gltf) -> dict[str, dict[str, Any]]:
         named.setdefault(name, []).append(bind)
         in_any_case.setdefault(name.lower(), []).append(bind)
     preset = {}
-    for expression, choices in PRESETS.items():
+    for expression, choices in EXPRESSION_TARGETS.items():
         rows = [[in_any_case.get(name.lower(), []) for name in names] for names in choices]
         chosen = next((row for row in rows if all(row)), None)
         if chosen is not None:
             preset[expression] = _expression([bind for binds in chosen for bind in binds])
-    reserved = {name.lower() for name in PRESETS}
+    reserved = {name.lower() for name in EXPRESSION_TARGETS}
     custom = {name: _expression(binds) for name, binds in named.items() if name.lower() not in reserved}
     return {kind: found for kind, found in (("preset", preset), ("custom", custom)) if found}
 

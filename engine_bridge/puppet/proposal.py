@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character, load_character
+from engine_bridge.character.face_targets import morph_tables
 from engine_bridge.character.own_targets import names_of
 from engine_bridge.character.surface_document import SURFACE_FILES
 from engine_bridge.puppet.body_plans import BodyPlan, check_plan, plan_of
@@ -30,9 +31,6 @@ ENDS = ("head", "tail", "jaw", *(f"{side} {limb}" for limb in (*LIMB_JOINTS, "ea
 """Limbs whose ends the user may give."""
 
 AXES = "up", "front"
-
-MOUTH_TARGETS = "aa", "viseme_aa", "Fcl_MTH_A", "A", "jawOpen", "mouthOpen"
-"""Morph targets that open a mouth, by usual names; the first that a mesh has follows the voice."""
 
 PLACEHOLDER_HANDLES = ({"name": "any", "position": (0.0, 0.0, 0.0)},)
 """Handles with which the rest of a puppet is checked before its own are known."""
@@ -138,9 +136,7 @@ def new_puppet(
         if not found and not handles:
             proposed = propose_handles(surface, standing)
             values["handle"] = [handle.model_dump(exclude_none=True) for handle in proposed]
-    mouth = next((name for name in MOUTH_TARGETS if name in names_of(character)), None)
-    if mouth is not None:
-        values["morph"] = [{"target": mouth, "channel": "voice"}]
+    values["morph"] = morph_tables(names_of(character))
     _map(values, maps, where)
     puppet = check(values, where)
     check_handles(puppet.handle, surface, where)

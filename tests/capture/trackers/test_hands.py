@@ -75,7 +75,7 @@ def test_of_four_hands_those_that_do_not_end_the_performers_arms_are_ignored_wit
     other_side = body()[[1, 0, *range(2, 13), 14, 13, 16, 15, 18, 17, 20, 19, *range(21, 33)]]
     assert hands.find(draw(90, 30), other_side)[1] is None
     hands.close()
-    assert [record.getMessage() for record in caplog.records] == [
+    assert caplog.messages == [
         "more hands than the performer's are in view; those that do not end its arms are ignored"
     ]
 

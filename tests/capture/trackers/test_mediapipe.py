@@ -150,9 +150,7 @@ def test_a_short_absence_loses_the_joints_and_a_longer_one_the_performer(clip, t
         assert shown(LOST_SECONDS + 0.01, black) == []
     assert (missed.user, missed.confidence.tolist()) == (first.user, [0.0] * len(JOINTS))
     np.testing.assert_array_equal(missed.positions, first.positions)
-    assert [record.getMessage() for record in caplog.records] == [
-        "MediaPipe pose: the image is black: uncover the lens, or switch on the light"
-    ]
+    assert caplog.messages == ["MediaPipe pose: the image is black: uncover the lens, or switch on the light"]
     (again,) = shown(2.0, picture.color)
     assert again.user == first.user + 1
 
@@ -161,9 +159,7 @@ def test_absence_is_logged_once(tracker, caplog):
     room = np.random.default_rng(1).integers(90, 160, (240, 320, 3), dtype=np.uint8)
     with caplog.at_level(logging.WARNING):
         assert [tracker.track(Picture(k / 30, Lens(320, 240, 260.0), room, None)) for k in range(3)] == [[]] * 3
-    assert [record.getMessage() for record in caplog.records] == [
-        "MediaPipe pose: no performer is in view, or too little of the body"
-    ]
+    assert caplog.messages == ["MediaPipe pose: no performer is in view, or too little of the body"]
 
 
 def test_a_face_upside_down_is_not_measured_and_logged_once_and_it_comes_back(clip, camera, caplog):

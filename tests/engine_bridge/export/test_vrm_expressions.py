@@ -1,6 +1,7 @@
 import pytest
 
-from engine_bridge.export.vrm_expressions import PRESETS, expressions
+from engine_bridge.character.face_targets import EXPRESSION_TARGETS
+from engine_bridge.export.vrm_expressions import expressions
 
 
 def faces(*meshes):
@@ -23,10 +24,10 @@ def binds(expression):
 def test_the_presets_are_all_that_vrm_has():
     emotions, mouth = {"happy", "angry", "sad", "relaxed", "surprised", "neutral"}, {"aa", "ih", "ou", "ee", "oh"}
     eyes = {"blink", "blinkLeft", "blinkRight", "lookUp", "lookDown", "lookLeft", "lookRight"}
-    assert PRESETS.keys() == emotions | mouth | eyes
+    assert EXPRESSION_TARGETS.keys() == emotions | mouth | eyes
 
 
-@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("preset", EXPRESSION_TARGETS)
 def test_targets_with_vrms_names_are_its_expressions(preset):
     found = faces([preset])
     assert binds(found["preset"][preset]) == [(1, 0, 1.0)]

@@ -96,15 +96,22 @@ def test_the_end_of_a_limb_far_from_the_mesh_is_refused(blob_file, tmp_path):
         new_puppet(blob_file, tmp_path / "a.toml", ends=ends)
 
 
-@pytest.mark.parametrize(("names", "expected"), [(["blink", "jawOpen"], ("jawOpen",)), (["blink", "smile"], ())])
-def test_a_mouth_that_the_mesh_has_follows_the_voice(glb, blob, tmp_path, names, expected):
-    target = {"POSITION": np.zeros_like(blob.vertices)}
-    made = glb.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=blob.normals, targets=[target, target])
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        ("jawOpen cheekPuff eyeBlinkLeft mouthSmileLeft", "voice jawOpen, mouth_open jawOpen, blink_left eyeBlinkLeft"),
+        ("A Blink browInnerUp", "voice A, mouth_open A, blink_left Blink, blink_right Blink, brow_up browInnerUp"),
+        ("mouthSmileLeft mouthSmileRight EE", "mouth_wide EE, smile mouthSmileLeft, smile mouthSmileRight"),
+    ],
+)
+def test_targets_that_the_mesh_has_follow_the_channels_of_their_usual_names(glb, blob, tmp_path, names, expected):
+    names, target = names.split(), {"POSITION": np.zeros_like(blob.vertices)}
+    targets = [target] * len(names)
+    made = glb.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=blob.normals, targets=targets)
     glb.node(glb.mesh(made, extras={"targetNames": names}))
     glb.save(tmp_path / "face.glb")
     puppet = new_puppet(tmp_path / "face.glb", tmp_path / "face.toml").puppet
-    assert puppet.targets == expected
-    assert [morph.channel for morph in puppet.morph] == ["voice"] * len(expected)
+    assert ", ".join(f"{morph.channel} {morph.target}" for morph in puppet.morph) == expected
 
 
 def test_the_user_says_where_limbs_end(blob_file, tmp_path):

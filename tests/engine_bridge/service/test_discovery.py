@@ -127,9 +127,7 @@ def test_without_a_network_there_is_one_warning_and_it_is_tried_again(caplog, mo
         announcement.close()
     assert not announcement._thread.is_alive()
     assert tried == [["192.0.2.77"]] * 3
-    assert [record.getMessage() for record in caplog.records] == [
-        "could not announce the service on the network: [Errno 19] No such device"
-    ]
+    assert caplog.messages == ["could not announce the service on the network: [Errno 19] No such device"]
 
 
 def test_a_network_that_comes_up_later_is_noticed(monkeypatch, port):

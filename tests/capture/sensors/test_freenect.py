@@ -72,18 +72,9 @@ SIX_IMAGES = [each for n in range(6) for each in ((depth_of(n), n * FRAME), (col
 
 
 def test_depth_and_colour_arrive_unchanged_on_a_clock_that_does_not_overflow(read, write_dump):
-    start = 2**32 - 2 * FRAME  # the sensor's clock overflows, and colour is half a frame later
-    dump = write_dump(
-        [
-            each
-            for number in range(5)
-            for each in (
-                (depth_of(number), start + number * FRAME),
-                (color_of(number), start + number * FRAME + FRAME // 2),
-            )
-        ]
-    )
-    process, seen = read(dump, 5)
+    start, shows = 2**32 - 2 * FRAME, ((depth_of, 0), (color_of, FRAME // 2))  # the sensor's clock overflows
+    images = [(show(n), start + n * FRAME + late) for n in range(5) for show, late in shows]
+    process, seen = read(write_dump(images), 5)
     np.testing.assert_array_equal(seen["depths"], [depth_of(number) for number in range(5)])
     np.testing.assert_array_equal(seen["colors"], [color_of(number) for number in range(5)])
     np.testing.assert_allclose(np.diff(seen["times"]), FRAME / 60e6, atol=1e-9)

@@ -10,7 +10,6 @@ from .drawn_faces import draw, turn
 
 MOUTH, SMILE, BLINK, BROW = (FACE_CHANNELS.index(name) for name in ("mouth_open", "smile", "blink_left", "brow_up"))
 NEUTRAL = np.array([0.0, 0.6, 0.0, 0.3, 0.3, 0.32])
-CLOSED = np.array([0.0, 0.6, 0.0, 0.1, 0.1, 0.32])
 RATE = 30
 
 
@@ -87,15 +86,19 @@ def test_a_face_upside_down_or_of_no_person_has_no_landmarks(mesh):
     assert mesh.find(np.ascontiguousarray(draw()[::-1])) is None
 
 
-def test_no_blink_of_fifty_is_missed_at_thirty_images_per_second():
-    channels, random = FaceChannels(), np.random.default_rng(0)
-    shown, times = [], np.arange(0, 60, 1 / RATE)
-    closed = (times > 2) & (times % 1.1 < 0.1)  # a tenth of a second
-    for time, shut in zip(times, closed, strict=True):
-        noise = random.normal(0, 0.005, NEUTRAL.shape)
-        shown.append(channels.step(time, (CLOSED if shut else NEUTRAL) + noise).get("blink_left", 0.0) > 0.5)
-    assert np.count_nonzero(np.diff(closed.astype(int)) == 1) >= 50
-    assert np.count_nonzero(np.diff(np.array(shown, int)) == 1) == np.count_nonzero(np.diff(closed.astype(int)) == 1)
+@pytest.mark.slow
+def test_no_blink_of_fifty_is_missed_at_thirty_images_per_second(mesh):
+    """A drawn face of 96 pixels, with noise, closes its eyes for a tenth of a second."""
+    channels, random, shown = FaceChannels(), np.random.default_rng(0), []
+    opened, shut = (draw(blink=(blink, blink), size=160) for blink in (0, 1))
+    times = np.arange(0, NEUTRAL_SECONDS + 50 * 0.4, 1 / RATE)
+    closed = (times > NEUTRAL_SECONDS + 0.1) & (times % 0.4 > 0.299)
+    for time, blinks in zip(times, closed, strict=True):
+        noisy = np.clip((shut if blinks else opened) + random.normal(0, 3, opened.shape), 0, 255).astype(np.uint8)
+        found = channels.step(time, measures(mesh.find(noisy)))
+        shown.append([found.get(f"blink_{side}", 0.0) > 0.5 for side in ("left", "right")])
+    begun = np.diff(np.column_stack([closed, shown]).astype(int), axis=0) == 1
+    assert begun.sum(axis=0).tolist() == [50, 50, 50]
 
 
 def test_channels_are_unknown_before_the_neutral_face_and_fall_to_zero_without_a_face():

@@ -6,6 +6,7 @@ finger is straighter than the other three.
 """
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -90,7 +91,7 @@ class Hands:
         self._models: list[Any] = [open_model("hands", "Hands", max_num_hands=1, model_complexity=1) for _ in SIDES]
         self._others = False
 
-    def find(self, color: NDArray[np.uint8], body: Floats) -> list[Hand | None]:
+    def find(self, color: NDArray[np.uint8], body: Floats, run: Callable[..., Any] = map) -> list[Hand | None]:
         """Return the left and the right hand; None for one that is not seen.
 
         Parameters
@@ -98,8 +99,10 @@ class Hands:
         color : (height, width, 3) uint8
         body : (33, 2) float64
             MediaPipe's landmarks of the body, in pixels.
+        run : callable
+            Calls a function for each side, as ``map`` does; it may do so in two threads.
         """
-        return [self._find(side, color, body) for side in range(len(SIDES))]
+        return list(run(lambda side: self._find(side, color, body), range(len(SIDES))))
 
     def close(self) -> None:
         """Release MediaPipe."""
@@ -121,9 +124,9 @@ class Hands:
         pixels = np.array([flat[_WRIST], flat[list(_KNUCKLES)].mean(axis=0)])[:, :2] * len(part) + corner
         hand = result.multi_handedness[0].classification[0]
         if np.linalg.norm(pixels[0] - wrist) > MAX_WRIST_SHARE * forearm:
-            if not self._others:
+            first, self._others = not self._others, True
+            if first:
                 log.warning("more hands than the performer's are in view; those that do not end its arms are ignored")
-            self._others = True
             return None
         if hand.label.lower() == SIDES[side] and hand.score > SURE_SCORE:  # MediaPipe names hands as in a mirror
             return None

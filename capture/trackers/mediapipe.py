@@ -88,7 +88,7 @@ class MediaPipePose:
 
     def __init__(self, height: float = DEFAULT_HEIGHT_METRES, *, face: bool = False, hands: bool = False) -> None:
         self._pose: Any = load_mediapipe().Pose(model_complexity=1)  # the package includes the model of this complexity
-        self._depth = ThreadPoolExecutor(1)
+        self._workers = ThreadPoolExecutor(4)  # for depth, face and both hands
         warm_up()
         self._mesh = FaceMesh() if face else None
         self._face, self._head = FaceChannels(), HeadDirection()
@@ -132,13 +132,13 @@ class MediaPipePose:
         if self._pose is not None:
             self._pose.close()
             self._pose = None
-            self._depth.shutdown()
+            self._workers.shutdown()
             for model in (self._mesh, self._hands):
                 if model is not None:
                     model.close()
 
     def _find(self, picture: Picture, color: NDArray[np.uint8]) -> Person | None:
-        depth = self._depth.submit(lambda: picture.depth)  # a sensor may align it meanwhile
+        depth = self._workers.submit(lambda: picture.depth)  # a sensor may align it meanwhile
         result = self._pose.process(color)
         if result.pose_landmarks is None or result.pose_world_landmarks is None:
             depth.result()  # it is not ready for others, or for the next image, before
@@ -152,7 +152,12 @@ class MediaPipePose:
         body = seen[:, :2] * size
         pixels, posture = LANDMARK_WEIGHTS @ body, LANDMARK_WEIGHTS @ world * _TO_SENSOR
         confidence = (LANDMARK_WEIGHTS @ seen[:, 2]).astype(np.float32)
-        hands = [] if self._hands is None else self._hands.find(color, body)
+        head, face = body[:_HEAD_LANDMARKS], None
+        if self._mesh is not None:
+            part, corner = part_around(color, head.mean(axis=0), HEAD_CROP * float(np.ptp(head, axis=0).max()))
+            face = None if self._is_upside_down(head) else self._workers.submit(self._mesh.find, part)
+        hands = [] if self._hands is None else self._hands.find(color, body, self._workers.map)
+        marks = None if face is None else face.result()
         _place_hands(hands, pixels, posture, confidence)
         placed = self._placer.place(picture.time, picture.lens, pixels, posture, confidence, depth.result())
         if placed is None:
@@ -161,13 +166,10 @@ class MediaPipePose:
         channels = self._gestures.step(picture.time, hands) if hands else {}
         orientations = None
         if self._mesh is not None:
-            head = body[:_HEAD_LANDMARKS]
-            part, corner = part_around(color, head.mean(axis=0), HEAD_CROP * float(np.ptp(head, axis=0).max()))
-            face = None if self._is_upside_down(head) else self._mesh.find(part)
-            channels |= self._face.step(picture.time, None if face is None else measures(face))
-            if face is not None:
+            channels |= self._face.step(picture.time, None if marks is None else measures(marks))
+            if marks is not None:
                 ray = picture.lens.unproject(corner + len(part) / 2, np.ones(()))
-                orientations = self._turn_head(positions, axes(face, ray))
+                orientations = self._turn_head(positions, axes(marks, ray))
         return Person(self._users, positions.astype(np.float32), confidence, channels or None, orientations)
 
     def _is_upside_down(self, head: NDArray[np.float64]) -> bool:

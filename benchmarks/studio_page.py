@@ -22,9 +22,11 @@ def chromium() -> Iterator[Any]:
     from playwright.sync_api import sync_playwright
 
     program = shutil.which("chromium") or shutil.which("google-chrome")
-    software = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+    angle = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=program, args=software)
+        browser = playwright.chromium.launch(
+            executable_path=program, args=[*angle, "--disable-gpu-compositing", "--no-sandbox"]
+        )
         yield browser
         browser.close()
 

@@ -226,7 +226,7 @@ class Task:
 
     def watch(self) -> None:
         """Watch the film."""
-        seconds = self._page.locator("video").evaluate("each => each.duration")
+        seconds = until(self._page, "document.querySelector('video').duration")
         self.person.take(seconds)
         until(self._page, "document.querySelector('video').ended")
 

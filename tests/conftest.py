@@ -363,7 +363,7 @@ def browser() -> Iterator[Any]:
 
     quiet = ("quic", "background-networking", "component-update", "sync")
     arguments = ["--no-sandbox", "--no-first-run", *(f"--disable-{name}" for name in quiet)]
-    software = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    software = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-gpu-compositing"]
     with sync_playwright() as playwright:
         running = playwright.chromium.launch(executable_path=program, args=[*arguments, *software])
         yield running

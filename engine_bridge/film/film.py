@@ -1,6 +1,7 @@
 """Films as videos: frames are drawn, mixed with sound and written one by one."""
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -136,15 +137,20 @@ def make_video(
 
 
 def _write(part: Part, fps: float, view: "_View", mixer: Mixer, writer: VideoWriter, progress: Progress) -> None:
-    """Draw, mix and write all frames."""
+    """Draw, mix and write all frames; each is packed while the next is drawn."""
     first_sample = round(part.first / fps * SAMPLE_RATE)
     written = 0
     numbers = range(part.first, part.end, part.step)
-    for count, frame in enumerate(numbers, 1):
-        samples = round(min(frame + part.step, part.end) / fps * SAMPLE_RATE) - first_sample
-        writer.add(view.draw(frame), mixer.read(samples - written) if mixer else None)
-        written = samples
-        progress("Filming", count / len(numbers))
+    with ThreadPoolExecutor(1) as packing:
+        packed = packing.submit(lambda: None)
+        for count, frame in enumerate(numbers, 1):
+            samples = round(min(frame + part.step, part.end) / fps * SAMPLE_RATE) - first_sample
+            pixels, sound = view.draw(frame), mixer.read(samples - written) if mixer else None
+            packed.result()
+            packed = packing.submit(writer.add, pixels, sound)
+            written = samples
+            progress("Filming", count / len(numbers))
+        packed.result()
 
 
 def _size(scene: Scene, draft: bool, ending: str) -> tuple[int, int]:

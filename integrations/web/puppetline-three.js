@@ -37,12 +37,10 @@ export class PuppetMesh extends Group {
   #bounds;
   #followRoot;
   #rest;
-  /** Transforms of two frames. @type {Float32Array[]} */
+  /** Transforms of the shown pose. @type {Float32Array} */
   #controls;
-  /** The same, on the graphics card. @type {DataTexture[]} */
-  #textures;
-  /** @type {(Message | null)[]} */
-  #frames = [null, null];
+  /** The same, on the graphics card. @type {DataTexture} */
+  #texture;
   #sphere = new Sphere();
 
   /**
@@ -60,18 +58,12 @@ export class PuppetMesh extends Group {
     this.#bounds = new IsolineBounds(scene);
     this.#rest = new RestPose(scene);
     const count = scene.fields * scene.isolines;
-    this.#controls = [0, 1].map(() => new Float32Array(TRANSFORM * count));
-    this.#textures = this.#controls.map((controls) => {
-      const texture = new DataTexture(controls, 3, count, RGBAFormat, FloatType);
-      texture.needsUpdate = true;
-      return texture;
-    });
+    this.#controls = new Float32Array(TRANSFORM * count);
+    this.#texture = new DataTexture(this.#controls, 3, count, RGBAFormat, FloatType);
     const weights = Array.from({ length: MAX_FIELDS }, (_, field) => scene.weights[field] ?? 0);
     /** Uniforms of its materials; see `deform`. @type {Uniforms} */
     this.uniforms = {
-      puppetFrame0: { value: this.#textures[0] },
-      puppetFrame1: { value: this.#textures[1] },
-      puppetShare: { value: 0 },
+      puppetControls: { value: this.#texture },
       puppetShift: { value: new Vector3() },
       puppetWeights: { value: weights },
       puppetFields: { value: scene.fields },
@@ -95,18 +87,16 @@ export class PuppetMesh extends Group {
    * @param {number} share 0 for the earlier frame, 1 for the later one
    */
   show(earlier, later, share) {
-    const first = this.#frames[1] === earlier || (this.#frames[0] === later && earlier !== later) ? 1 : 0;
-    const isNew = [this.#upload(first, earlier), this.#upload(1 - first, later)].some(Boolean);
-    this.uniforms.puppetShare.value = first === 0 ? share : 1 - share;
     this.#rest.move(between(earlier.targets, later.targets, share));
     const shift = this.uniforms.puppetShift.value;
     if (!this.#followRoot) {
       shift.fromArray(earlier.header.root).lerp(new Vector3(...later.header.root), share).negate();
     }
-    if (isNew) {
-      const [box, other] = this.#controls.map((controls) => this.#bounds.around(controls));
-      box.union(other).translate(shift).getBoundingSphere(this.#sphere);
+    if (earlier.kind === "controls" && later.kind === "controls" && earlier.body.length === this.#controls.length) {
+      this.#controls.set(between(earlier.body, later.body, share));
+      this.#texture.needsUpdate = true;
     }
+    this.#bounds.around(this.#controls).translate(shift).getBoundingSphere(this.#sphere);
     this.visible = true;
   }
 
@@ -115,13 +105,7 @@ export class PuppetMesh extends Group {
    * this object. It takes milliseconds and is meant for tools.
    */
   evaluate() {
-    const [first, second] = this.#controls;
-    const share = this.uniforms.puppetShare.value;
-    const evaluated = evaluate(
-      this.scene,
-      between(first, second, share),
-      this.#rest.positions,
-    );
+    const evaluated = evaluate(this.scene, this.#controls, this.#rest.positions);
     const shift = this.uniforms.puppetShift.value.toArray();
     for (let i = 0; i < evaluated.positions.length; i++) evaluated.positions[i] += shift[i % 3];
     return evaluated;
@@ -129,7 +113,7 @@ export class PuppetMesh extends Group {
 
   /** Free what the graphics card holds. */
   dispose() {
-    for (const texture of this.#textures) texture.dispose();
+    this.#texture.dispose();
     for (const mesh of this.meshes) {
       mesh.geometry.dispose();
       for (const material of [mesh.material, mesh.customDepthMaterial, mesh.customDistanceMaterial].flat()) {
@@ -146,21 +130,6 @@ export class PuppetMesh extends Group {
     mesh.customDistanceMaterial = deform(new MeshDistanceMaterial(), this.uniforms);
     mesh.geometry.boundingSphere = this.#sphere; // of the pose, not of the rest pose
     this.add(mesh);
-  }
-
-  /**
-   * Upload a frame; return false if it is already there.
-   *
-   * @param {number} i
-   * @param {Message} frame
-   */
-  #upload(i, frame) {
-    if (this.#frames[i] === frame || frame.kind !== "controls") return false;
-    if (frame.body.length !== this.#controls[i].length) return false;
-    this.#frames[i] = frame;
-    this.#controls[i].set(frame.body);
-    this.#textures[i].needsUpdate = true;
-    return true;
   }
 }
 

@@ -14,9 +14,7 @@ attribute vec4 puppetSlopes0;
 attribute vec4 puppetSlopes1;
 attribute vec4 puppetSlopes2;
 attribute vec4 puppetSlopes3;
-uniform highp sampler2D puppetFrame0;
-uniform highp sampler2D puppetFrame1;
-uniform float puppetShare;
+uniform highp sampler2D puppetControls;
 uniform vec3 puppetShift;
 uniform float puppetWeights[${MAX_FIELDS}];
 uniform int puppetFields;
@@ -31,10 +29,7 @@ vec3 puppetAlongB;
 
 mat4 puppetTransform(int number) {
   mat4 transform = mat4(0.0);
-  for (int row = 0; row < 3; row++) {
-    transform[row] = mix(
-      texelFetch(puppetFrame0, ivec2(row, number), 0), texelFetch(puppetFrame1, ivec2(row, number), 0), puppetShare);
-  }
+  for (int row = 0; row < 3; row++) transform[row] = texelFetch(puppetControls, ivec2(row, number), 0);
   return transform;
 }
 
@@ -62,19 +57,21 @@ void puppetMove() {
   vec2 slopes[8] = vec2[8](
     puppetSlopes0.xy, puppetSlopes0.zw, puppetSlopes1.xy, puppetSlopes1.zw,
     puppetSlopes2.xy, puppetSlopes2.zw, puppetSlopes3.xy, puppetSlopes3.zw);
-  puppetPosition = puppetShift;
   puppetAlongA = vec3(0.0);
   puppetAlongB = vec3(0.0);
+  mat4 mean = mat4(0.0);
   for (int field = 0; field < puppetFields; field++) {
     int isoline = clamp(int(coordinates[field]), 0, puppetIsolines - 2);
     mat4 lower = puppetTransform(field * puppetIsolines + isoline);
     mat4 rise = puppetTransform(field * puppetIsolines + isoline + 1) - lower;
-    mat4 blend = lower + rise * (coordinates[field] - float(isoline));
-    vec3 step = (x * rise).xyz;
-    puppetPosition += puppetWeights[field] * (x * blend).xyz;
-    puppetAlongA += puppetWeights[field] * ((vec4(puppetRestA, 0.0) * blend).xyz + slopes[field].x * step);
-    puppetAlongB += puppetWeights[field] * ((vec4(puppetRestB, 0.0) * blend).xyz + slopes[field].y * step);
+    mean += puppetWeights[field] * (lower + rise * (coordinates[field] - float(isoline)));
+    vec3 step = puppetWeights[field] * (x * rise).xyz;
+    puppetAlongA += slopes[field].x * step;
+    puppetAlongB += slopes[field].y * step;
   }
+  puppetPosition = puppetShift + (x * mean).xyz;
+  puppetAlongA += (vec4(puppetRestA, 0.0) * mean).xyz;
+  puppetAlongB += (vec4(puppetRestB, 0.0) * mean).xyz;
   puppetNormal = puppetNormalized(cross(puppetAlongA, puppetAlongB));
 }
 `;

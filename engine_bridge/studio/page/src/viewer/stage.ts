@@ -40,6 +40,9 @@ export class Stage {
   private ratio = Math.min(devicePixelRatio, 2);
   private images = 0;
   private measuredFrom = 0;
+  /** Time after each image in which the processor is left to others, and when it ends, in milliseconds. */
+  private rest = 0;
+  private restedAt = 0;
 
   constructor(
     private readonly parent: HTMLElement,
@@ -70,6 +73,7 @@ export class Stage {
 
   animate(frame: () => void): void {
     this.renderer.setAnimationLoop(() => {
+      if (performance.now() < this.restedAt) return;
       this.orbit?.update();
       frame();
     });
@@ -84,14 +88,16 @@ export class Stage {
     this.images = 0;
   }
 
-  /** Draw fewer pixels if images follow each other slowly, as without a graphics card. */
+  /** Draw fewer pixels, and then fewer images, if they follow each other slowly, as without a graphics card. */
   keepPace(): void {
     const now = performance.now();
+    this.restedAt = now + this.rest;
     if (this.images === 0) this.measuredFrom = now;
     if (this.images++ < MEASURED_IMAGES) return;
-    const slow = now - this.measuredFrom > SLOW_MS * MEASURED_IMAGES;
+    const interval = (now - this.measuredFrom) / MEASURED_IMAGES;
     this.images = 0;
-    if (!slow || this.ratio <= LEAST_RATIO) return;
+    if (interval <= SLOW_MS || this.rest > 0) return;
+    if (this.ratio <= LEAST_RATIO) this.rest = interval;
     this.ratio = Math.max(LEAST_RATIO, 0.8 * this.ratio);
     this.renderer.setPixelRatio(this.ratio);
     this.resize();

@@ -193,8 +193,8 @@ def test_a_lost_performer_is_reported_however_late(watch, scripted_device, scrip
     time.sleep(0.01)
     while halting.begun.acquire(blocking=False):
         pass
-    scripted_device.show(time.monotonic())
-    assert halting.begun.acquire(timeout=10)
+    while not halting.begun.acquire(timeout=2 * module.MAX_AGE_SECONDS):  # a busy machine may drop an image
+        scripted_device.show(time.monotonic())
     clock.advance(1.5 * module.MAX_AGE_SECONDS)
     halting.go_on.release()
     assert ("Lost", 1) in _told(watched.events(until=lambda found: ("Lost", 1) in _told(found)))

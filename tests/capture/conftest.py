@@ -346,7 +346,7 @@ def run_with_kinect(fakenect):
             env=os.environ | environment,
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=240,
             check=True,
         )
 

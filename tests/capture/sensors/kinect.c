@@ -53,7 +53,7 @@ int freenect_set_video_mode(freenect_device *device, const freenect_frame_mode m
 void freenect_set_log_callback(freenect_context *context, freenect_log_cb callback) { hear = callback; }
 
 int freenect_init(freenect_context **context, freenect_usb_context *usb) {
-    *context = (freenect_context *)&of_context[contexts++];
+    *context = (freenect_context *)&of_context[contexts++ % 8];
     return 0;
 }
 

@@ -47,7 +47,7 @@ CHANNEL_TARGETS: dict[str, tuple[tuple[str, ...], ...]] = {
     "mouth_wide": (*EXPRESSION_TARGETS["ee"], ("mouthStretchLeft", "mouthStretchRight")),
     "smile": (("mouthSmile",), ("smile",), *EXPRESSION_TARGETS["happy"]),
     **{f"blink_{side.lower()}": EXPRESSION_TARGETS[f"blink{side}"] + EXPRESSION_TARGETS["blink"] for side in _SIDES},
-    "brow_up": (("browInnerUp",), ("Fcl_BRW_Surprised",), ("surprised",)),
+    "brow_up": (("browInnerUp",), ("Fcl_BRW_Surprised",)),
 }
 """Morph targets that each channel moves; those of the first row that a mesh has."""
 

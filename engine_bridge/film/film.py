@@ -137,20 +137,20 @@ def make_video(
 
 
 def _write(part: Part, fps: float, view: "_View", mixer: Mixer, writer: VideoWriter, progress: Progress) -> None:
-    """Draw, mix and write all frames; each is packed while the next is drawn."""
+    """Draw, mix and write all frames; each is compressed while the next is drawn."""
     first_sample = round(part.first / fps * SAMPLE_RATE)
     written = 0
     numbers = range(part.first, part.end, part.step)
-    with ThreadPoolExecutor(1) as packing:
-        packed = packing.submit(lambda: None)
+    with ThreadPoolExecutor(1) as other:
+        added = other.submit(lambda: None)
         for count, frame in enumerate(numbers, 1):
             samples = round(min(frame + part.step, part.end) / fps * SAMPLE_RATE) - first_sample
             pixels, sound = view.draw(frame), mixer.read(samples - written) if mixer else None
-            packed.result()
-            packed = packing.submit(writer.add, pixels, sound)
+            added.result()
+            added = other.submit(writer.add, pixels, sound)
             written = samples
             progress("Filming", count / len(numbers))
-        packed.result()
+        added.result()
 
 
 def _size(scene: Scene, draft: bool, ending: str) -> tuple[int, int]:

@@ -40,9 +40,9 @@ export class Stage {
   private ratio = Math.min(devicePixelRatio, 2);
   private images = 0;
   private measuredFrom = 0;
-  /** Time after each image in which the processor is left to others, and when it ends, in milliseconds. */
-  private rest = 0;
-  private restedAt = 0;
+  /** Time after each image in which nothing is drawn, and when it ends, in milliseconds. */
+  private idle = 0;
+  private idleUntil = 0;
 
   constructor(
     private readonly parent: HTMLElement,
@@ -73,7 +73,7 @@ export class Stage {
 
   animate(frame: () => void): void {
     this.renderer.setAnimationLoop(() => {
-      if (performance.now() < this.restedAt) return;
+      if (performance.now() < this.idleUntil) return;
       this.orbit?.update();
       frame();
     });
@@ -91,13 +91,13 @@ export class Stage {
   /** Draw fewer pixels, and then fewer images, if they follow each other slowly, as without a graphics card. */
   keepPace(): void {
     const now = performance.now();
-    this.restedAt = now + this.rest;
+    this.idleUntil = now + this.idle;
     if (this.images === 0) this.measuredFrom = now;
     if (this.images++ < MEASURED_IMAGES) return;
     const interval = (now - this.measuredFrom) / MEASURED_IMAGES;
     this.images = 0;
-    if (interval <= SLOW_MS || this.rest > 0) return;
-    if (this.ratio <= LEAST_RATIO) this.rest = interval;
+    if (interval <= SLOW_MS || this.idle > 0) return;
+    if (this.ratio <= LEAST_RATIO) this.idle = interval;
     this.ratio = Math.max(LEAST_RATIO, 0.8 * this.ratio);
     this.renderer.setPixelRatio(this.ratio);
     this.resize();

@@ -16,8 +16,9 @@ TIMEOUT_SECONDS = 240.0
 CAMERA = {"PYTHONPATH": str(Path(__file__).parent / "virtual_camera")}
 """Environment of a process that has a virtual camera, camera:0."""
 
-STILL = """() => new Promise((resolve) => {
+STILL = """(seconds) => new Promise((resolve, reject) => {
   let [before, same] = ["", 0];
+  setTimeout(() => reject(`still moving after ${seconds} s: ${before}`), 1000 * seconds);
   const look = () => {
     const { limbs } = studio.viewer.places();
     const now = JSON.stringify(limbs);
@@ -137,7 +138,7 @@ class Window:
     def place(self, limb, point):
         """Return where a point of a limb is in the window at rest, in pixels; wait until the view stands still."""
         box = self.page.locator(".overlay").bounding_box()
-        limbs = self.page.evaluate(STILL)
+        limbs = self.page.evaluate(STILL, TIMEOUT_SECONDS)
         x, y, _ = next(each for each in limbs if each["name"] == limb)["points"][point]
         return box["x"] + x, box["y"] + y
 

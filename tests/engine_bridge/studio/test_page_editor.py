@@ -82,9 +82,12 @@ def _list(window):
 
 
 def undo_all(window):
-    while window.button("Undo").is_enabled():
+    for _ in range(100):
+        if not window.button("Undo").is_enabled():
+            return
         window.button("Undo").click()
         window.idle()
+    raise AssertionError("never: everything undone")
 
 
 def fill(window, label, text, **options):

@@ -115,11 +115,14 @@ def ask(window, do, **arguments):
 def places(window, name, second):
     """Return the places of all vertices when the take stands at a second."""
     ask(window, "seek", seconds=second)
-    before = now = None
-    while before is None or before != now:
+    before = None
+    for _ in range(100):
         window.page.wait_for_timeout(600)
-        before, now = now, window.page.evaluate("(name) => [...studio.viewer.positions(name)]", name)
-    return np.reshape(now, (-1, 3))
+        now = window.page.evaluate("(name) => [...studio.viewer.positions(name)]", name)
+        if now == before:
+            return np.reshape(now, (-1, 3))
+        before = now
+    raise AssertionError(f"never: {name} stands still")
 
 
 def test_the_sound_of_a_take_is_in_step_with_its_image_after_a_jump_and_a_pause_silences_it(window):

@@ -90,11 +90,11 @@ def test_the_graphics_card_gets_the_rest_pose_once_and_then_transforms(show, pyt
         by_slopes, by_cofactors, before = shader(array(said["rows"], columns=4), moving, constant)
         assert_shown(by_slopes, theirs, diagonal)
         assert np.abs(by_cofactors[:, :3] - by_slopes[:, :3]).max() <= 1e-6 * diagonal
-        earlier = python.frames.get(said["frame"] - 1)
-        if earlier is not None and said["framesBefore"] == said["frame"] - 1:
+        earlier = python.frames.get(said["framesBefore"])
+        if earlier is not None:
             assert np.abs(before * UNITY - earlier.body.positions).max() <= 1e-6 * diagonal
         assert_around(said, theirs, diagonal, 3)
-    assert any(said["framesBefore"] == said["frame"] - 1 for said, _ in both[1:])
+    assert any(said["framesBefore"] in python.frames for said, _ in both[1:])
     assert program.finish()[-1]["ended"]
 
 

@@ -27,6 +27,12 @@ const MEASURED_IMAGES = 12;
 /** Time between images above which fewer pixels are drawn, in milliseconds. */
 const SLOW_MS = 70;
 
+/** Greatest time after an image in which nothing is drawn, in milliseconds. */
+const GREATEST_IDLE_MS = 200;
+
+/** The same on a slow machine that works at something long, such as a film. */
+const WORKING_IDLE_MS = 1000;
+
 /** Least number of drawn pixels per pixel of the page, along each side. */
 const LEAST_RATIO = 0.6;
 
@@ -88,16 +94,19 @@ export class Stage {
     this.images = 0;
   }
 
-  /** Draw fewer pixels, and then fewer images, if they follow each other slowly, as without a graphics card. */
-  keepPace(): void {
+  /**
+   * Draw fewer pixels, and then fewer images, if they follow each other slowly, as without a graphics card, and fewest
+   * if the machine works at something else.
+   */
+  keepPace(working: boolean): void {
     const now = performance.now();
-    this.idleUntil = now + this.idle;
+    this.idleUntil = now + (working && this.idle > 0 ? WORKING_IDLE_MS : this.idle);
     if (this.images === 0) this.measuredFrom = now;
     if (this.images++ < MEASURED_IMAGES) return;
     const interval = (now - this.measuredFrom) / MEASURED_IMAGES;
     this.images = 0;
     if (interval <= SLOW_MS || this.idle > 0) return;
-    if (this.ratio <= LEAST_RATIO) this.idle = interval;
+    if (this.ratio <= LEAST_RATIO) this.idle = Math.min(interval, GREATEST_IDLE_MS);
     this.ratio = Math.max(LEAST_RATIO, 0.8 * this.ratio);
     this.renderer.setPixelRatio(this.ratio);
     this.resize();

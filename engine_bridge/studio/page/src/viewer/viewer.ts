@@ -214,7 +214,7 @@ export class Viewer {
   }
 
   private draw(): void {
-    const { atRest } = current();
+    const { atRest, server } = current();
     for (const figure of this.figures.values()) if (figure.pose(atRest)) this.dirty = true;
     if (!this.dirty || this.parent.offsetParent === null) {
       this.stage.pause();
@@ -224,7 +224,7 @@ export class Viewer {
     this.frames++;
     this.accompany();
     this.stage.render();
-    this.stage.keepPace();
+    this.stage.keepPace(server?.jobs.some(({ state }) => state === "running") ?? false);
     this.drawOverlay();
   }
 

@@ -58,7 +58,7 @@ if REQUIRED - OPTIONAL:
 
 
 COMPILING = {
-    "limbs": tuple(f"tests/solver/motion/test_{name}.py" for name in ("arms", "feet", "limb_motion")),
+    "limbs": tuple(f"tests/solver/motion/test_{name}.py" for name in ("arms", "feet", "limb_motion", "steps")),
     "surfaces": ("tests/solver",),
 }
 """Tests that use nearly all compiled loops, in two groups with different ones.

@@ -59,9 +59,17 @@ window.measure = (name, vertex) => {
   const isInTime = figure.buffer.later !== figure.buffer.earlier;
   return [...figure.positions().slice(3 * vertex, 3 * vertex + 2), samples[255], later, isInTime];
 };
+window.follow = async (name, vertex) => {
+  const found = [];
+  while (found.length < 12) {
+    await new Promise((resolve) => setTimeout(resolve, 70));
+    found.push(measure(name, vertex));
+  }
+  return found;
+};
 """
-"""JavaScript: send a request; and return where a vertex is, the sample that is played, when it will be heard, and
-whether the frames of this moment have arrived."""
+"""JavaScript: send a request; return where a vertex is, the sample that is played, when it will be heard, and whether the
+frames of this moment have arrived; and return the same of twelve moments."""
 
 
 HINGE, CHIN = [0.0, 1.68, 0.12], [0.0, 1.66, 0.36]
@@ -147,12 +155,9 @@ def test_the_sound_of_a_take_is_in_step_with_its_image_after_a_jump_and_a_pause_
         ask(window, "seek", seconds=0.5)
         ask(window, "pause", on=False)
         window.page.wait_for_timeout(1900)  # after the easing
-        found = []
-        for _ in range(12):
-            found.append(window.page.evaluate("([name, vertex]) => measure(name, vertex)", [name, vertex]))
-            window.page.wait_for_timeout(70)
+        found = window.page.evaluate("([name, vertex]) => follow(name, vertex)", [name, vertex])
         ask(window, "pause")
-        in_time = [each for *each, is_in_time in found if is_in_time]
+        in_time = [each for *each, is_in_time in found if is_in_time and each[2] > 0]  # before the sound's end
         if not in_time:
             continue
         x, y, sample, later = np.transpose(in_time)

@@ -228,11 +228,14 @@ def _service_file(config: Path | None, settings: dict[str, Any]) -> "tuple[Servi
     """Return the settings of a service file or of options, and the folder that their paths are relative to."""
     from engine_bridge.service.loading import service_file
 
-    loop = settings.pop("loop")
+    settings["loop"] = settings["loop"] or None  # a flag is given or not
     given = {name: value for name, value in settings.items() if value is not None and value != ()}
     if config is not None:
-        if given or loop:
-            raise click.UsageError("--config cannot be combined with options that the service file has keys for.")
+        options = [each.opts[0] for each in click.get_current_context().command.params if each.name in given]
+        if options:
+            raise click.UsageError(
+                f"--config cannot be combined with {', '.join(options)}: write this into the service file."
+            )
         return service_file.load(config), config.parent
     if "puppets" not in given:
         raise click.UsageError("Give --puppet or --config.")
@@ -252,7 +255,7 @@ def _service_file(config: Path | None, settings: dict[str, Any]) -> "tuple[Servi
         rest["websocket"] = {"port": given["websocket"], "origins": list(settings["origins"]), **chosen("host")}
     if "metrics" in given:
         rest["metrics"] = {"port": given["metrics"]}
-    sources = tuple(_looped(uri) if loop else uri for uri in given.get("sources", ("osc:7110",)))
+    sources = tuple(_looped(uri) if "loop" in given else uri for uri in given.get("sources", ("osc:7110",)))
     stage, character = chosen("people", "calibrate", "sound"), chosen("idle", "morphs")
     return service_file.from_flags(sources, given["puppets"], stage, character, rest), Path()
 

@@ -68,8 +68,8 @@ window.follow = async (name, vertex) => {
   return found;
 };
 """
-"""JavaScript: send a request; return where a vertex is, the sample that is played, when it will be heard, and whether the
-frames of this moment have arrived; and return the same of twelve moments."""
+"""JavaScript: send a request; return where a vertex is, the sample that is played, when it will be heard, and whether
+the frames of this moment have arrived; and return the same of twelve moments."""
 
 
 HINGE, CHIN = [0.0, 1.68, 0.12], [0.0, 1.66, 0.36]

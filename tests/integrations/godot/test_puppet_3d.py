@@ -347,7 +347,8 @@ def test_a_service_that_has_the_character_is_found_in_the_network(watch, serve, 
 
 def test_a_token_is_not_sent_to_whoever_announces_itself(watch, serve, announced, token_file):
     name, service = announced
-    serve("--config", service, "--token-file", token_file)
+    service.write_text(service.read_text().replace("[network]", f'[network]\ntoken_file = "{token_file}"'))
+    serve("--config", service)
     watched = watch({"host": "", "character": name, "token": token_file.read_text()})
     [warning] = watched.until(lambda _state: True)["warnings"]
     assert warning == "The token is not sent to services found on the network. Set host, or turn on trust_network."

@@ -231,7 +231,8 @@ def _service_file(config: Path | None, settings: dict[str, Any]) -> "tuple[Servi
     settings["loop"] = settings["loop"] or None  # a flag is given or not
     given = {name: value for name, value in settings.items() if value is not None and value != ()}
     if config is not None:
-        options = [each.opts[0] for each in click.get_current_context().command.params if each.name in given]
+        params = [each for each in click.get_current_context().command.params if each.name in given]
+        options = ["/".join((*each.opts, *each.secondary_opts)) for each in params]
         if options:
             raise click.UsageError(
                 f"--config cannot be combined with {', '.join(options)}: write this into the service file."

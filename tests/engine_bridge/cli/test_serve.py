@@ -22,6 +22,7 @@ pytestmark = pytest.mark.slow
         (["serve"], "Give --puppet or --config."),
         (["serve", "--config", "a.toml", "--puppet", "b.toml"], "--config cannot be combined with --puppet:"),
         (["serve", "--config", "a.toml", "--loop", "--port", "0"], "--config cannot be combined with --loop, --port:"),
+        (["serve", "--config", "a.toml", "--no-announce"], "combined with --announce/--no-announce:"),
         (["serve", "--puppet", "a.toml", "--osc", "nowhere"], "--osc requires HOST:PORT"),
         (["serve", "--puppet", "a.toml", "--port", "70000"], "70000"),
         (["serve", "--puppet", "a.toml", "--people", "all"], "'all'"),

@@ -68,8 +68,8 @@ window.follow = async (name, vertex) => {
   return found;
 };
 """
-"""JavaScript: send a request; return where a vertex is, the sample that is played, when it will be heard, and whether
-the frames of this moment have arrived; and return the same of twelve moments."""
+"""JavaScript: `ask` sends a request; `measure` returns where a vertex is, the sample that is played, when it will be
+heard, and whether the frames of this moment have arrived; `follow` returns the same of twelve moments."""
 
 
 HINGE, CHIN = [0.0, 1.68, 0.12], [0.0, 1.66, 0.36]
@@ -126,8 +126,8 @@ def play_and_pause(window):
         window.button("Play").click()
         window.until("state.server.timeline?.paused === false")
         ask(window, "pause")
-        stage = "state.server.timeline === null ? 'ended' : state.server.timeline.paused && 'paused'"
-        if window.until(stage) == "paused":
+        became = "state.server.timeline === null ? 'ended' : state.server.timeline.paused && 'paused'"
+        if window.until(became) == "paused":
             return
     raise AssertionError("never: paused before its end")
 

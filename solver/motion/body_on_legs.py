@@ -33,9 +33,6 @@ less if it returns slowly."""
 AHEAD_SECONDS = 0.08
 """Time by which the place of the body is predicted for this, in seconds: about what the spring is late."""
 
-MIN_WEIGHT = 1e-3
-"""Smallest weight of a leg in the air in this."""
-
 SLACK = 0.015
 """Largest way by which the spring may be behind, in leg lengths."""
 
@@ -196,7 +193,7 @@ def _drop(plan, state, motions, root, ahead):
         shortest = min(plan.chains.shortest[leg], rest)
         needed = max(needed, weight * (high - math.sqrt(max(0.0, longest * longest - flat))))
         folds = high - math.sqrt(max(0.0, shortest * shortest - flat))
-        room = min(room, folds * weight if folds < 0 else folds / max(weight, MIN_WEIGHT))
+        room = min(room, folds)  # of a leg in the air, too: its foot must not sink into the floor
     room = max(room, -MAX_RISE * plan.leg_length)
     return min(needed, room), room
 

@@ -23,14 +23,14 @@ def stand():
     return out + np.array([0, 0.1, 0])
 
 
-def animal(pairs, basis=None):
+def animal(pairs, basis=None, knee=0.33):
     """A body with a trunk of two bones and pairs of legs of two bones and a foot, and its legs."""
     heads, tails, parents, legs = [[0, HEIGHT, -0.5], [0, HEIGHT, 0]], [[0, HEIGHT, 0], [0, HEIGHT, 0.5]], [-1, 0], []
     for row, place in enumerate(np.linspace(-0.5, 0.5, pairs) if pairs > 1 else [0.0]):
         for side in range(2):
             x = 0.15 - 0.3 * side
-            knee = 0.08 if row == 0 else -0.08
-            points = np.array([[x, 0.6, place], [x, 0.33, place + knee], [x, 0.05, place], [x, 0.0, place + 0.1]])
+            ahead = 0.08 if row == 0 else -0.08
+            points = np.array([[x, 0.6, place], [x, knee, place + ahead], [x, 0.05, place], [x, 0.0, place + 0.1]])
             first = len(heads)
             heads += points[:-1].tolist()
             tails += points[1:].tolist()
@@ -46,8 +46,8 @@ def animal(pairs, basis=None):
 class Walk:
     """An animal that a performer drives: places of its feet (T, l, 3) and hips (T, 3), and which feet swing (T, l)."""
 
-    def __init__(self, poses, pairs=2, headings=None, basis=None, forward=False, follow=None):
-        bones, legs = animal(pairs, basis)
+    def __init__(self, poses, pairs=2, headings=None, basis=None, forward=False, follow=None, knee=0.33):
+        bones, legs = animal(pairs, basis, knee)
         axes = np.eye(3) if basis is None else basis
         self.bones, self.legs, self.axes = bones, legs, axes
         self.steps = Steps(bones, legs, (0, 1), PERFORMER, HEIGHT / LEG, axes, goes_forward=forward)
@@ -275,6 +275,17 @@ def test_a_crouching_performer_lets_four_legs_sit():
     assert HEIGHT - walk.hips[-1, 1] > 0.2 * HEIGHT
     assert HEIGHT - front[1] < 0.5 * (HEIGHT - walk.hips[-1, 1])
     assert np.abs(walk.feet[-1] - walk.feet[0]).max() < 1e-6
+
+
+def test_no_foot_sinks_into_the_floor_though_a_crouching_performer_leaps_ahead_and_legs_fold_little():
+    low, up = stand(), stand()
+    up[list(HANDS), 1] = up[SHOULDERS[0], 1] + 0.3
+    low[list(HIPS + SHOULDERS + HANDS), 1] -= 0.4
+    leap = [low + np.array([0, 0, share]) for share in np.linspace(0, 1, 15)]
+
+    walk = Walk([up] * 60 + leap + leap[-1:] * 60, knee=0.55)
+
+    assert walk.feet[..., 1].min() > 0.05 - 0.02 * HEIGHT
 
 
 def test_feet_go_on_standing_where_those_of_another_recording_stood():

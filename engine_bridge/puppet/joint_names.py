@@ -41,7 +41,8 @@ PARTS = {
 PATTERNS = {part: re.compile(f"(?:{names})") for part, names in PARTS.items()}
 
 QUARTERS = {"front": "front", "fore": "front", "back": "hind", "hind": "hind", "rear": "hind"}
-"""Prefix of a leg's joints, with its pair of legs."""
+QUARTERS |= {"midfront": "middle front", "midback": "middle hind", "middle": "middle", "top": "top", "bottom": "bottom"}
+"""Prefix of a leg's joints, with its pairs of legs."""
 
 LEG_PARTS = ("thigh", "leg", "shin", "foot", "toe")
 
@@ -55,7 +56,7 @@ class JointMeaning:
     side : str or None
         "left", "right" or None.
     quarter : str or None
-        "front" or "hind" for a joint of such a leg.
+        A value of `QUARTERS` for a joint of such a leg.
     part : str
         One of `PARTS`.
     """

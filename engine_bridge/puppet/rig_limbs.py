@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from engine_bridge.character.character import Character
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import influences, world_transforms
-from engine_bridge.puppet.joint_names import LEG_PARTS, parse_joint_name
+from engine_bridge.puppet.body_plans import is_leg
+from engine_bridge.puppet.joint_names import LEG_PARTS, QUARTERS, parse_joint_name
 from engine_bridge.puppet.puppet import Direction
+from solver.anatomy.limb_branches import leg_names
 from solver.anatomy.limb_chain import LimbChain, Limbs, evenly
 
 MIN_NECK_SHARE = 0.3
@@ -31,6 +33,9 @@ MIN_LEG_BONE_SHARE = 0.08
 
 HEAD_PARTS = (None, "head", "ear", "jaw")
 """Parts below the head that count for its size; None for eyes, hair and the like."""
+
+MANY_PAIRS = 3
+"""Number of pairs of legs from which they are rows."""
 
 UP = np.array([0.0, 1.0, 0.0])
 """Up direction in glTF."""
@@ -88,25 +93,26 @@ def limbs_of_joints(joints: Sequence[Joint]) -> Limbs:
     joints : sequence of Joint
     """
     skeleton = _Skeleton(joints)
-    found = skeleton.arms_and_legs()
-    four_legged = _is_four_legged(found)
-    if four_legged:
-        found = skeleton.arms_and_legs(every_bend=True)
-    names = {"arm": "front leg", "leg": "hind leg"} if four_legged else {"front leg": "arm", "hind leg": "leg"}
-    found = {_renamed(name, names): points for name, points in found.items()}
-    behind, before = ("hind leg", "front leg") if four_legged else ("leg", "arm")
-    paired = any({f"left {pair}", f"right {pair}"} <= found.keys() for pair in (behind, before))
-    trunk = skeleton.trunk(found, behind, before)
+    found = skeleton.rows_of_legs()
+    lies, pairs = bool(found), leg_names(len(found) // 2)
+    if not found:
+        found = skeleton.arms_and_legs()
+        lies = _is_four_legged(found)
+        if lies:
+            found = skeleton.arms_and_legs(every_bend=True)
+        pairs = leg_names(2) if lies else ("leg", "arm")
+    paired = any({f"left {pair}", f"right {pair}"} <= found.keys() for pair in pairs)
+    trunk = skeleton.trunk(found, pairs[0], pairs[-1])
     if not paired and (trunk is None or not skeleton.named(None, None, "tail")):
         some = ", ".join(dict.fromkeys(joint.name for joint in joints[:5]))
         note = f"The joint names in the skeleton are unknown ({some}, …); limbs are found from the shape."
         return Limbs((), (note,))
     limbs = {} if trunk is None else {"trunk": trunk}
-    limbs |= skeleton.head(trunk, four_legged or not paired)
-    limbs |= skeleton.ears_and_jaw()
-    for pair in (before, behind):
+    limbs |= skeleton.head(trunk, lies or not paired)
+    limbs |= skeleton.curved({"left ear": 2, "right ear": 2, "jaw": 1}, moving=True)
+    for pair in reversed(pairs):
         limbs |= {f"{side} {pair}": found[f"{side} {pair}"] for side in ("left", "right") if f"{side} {pair}" in found}
-    limbs |= skeleton.tail_and_wings()
+    limbs |= skeleton.curved({"tail": 3, "left wing": 3, "right wing": 3})
     return Limbs(tuple(LimbChain(name, points) for name, points in limbs.items()))
 
 
@@ -122,13 +128,13 @@ def axes_of(limbs: Limbs) -> tuple[Direction, Direction] | None:
     pairs = [
         (points[name], points[name.replace("left", "right")])
         for name in points
-        if name.startswith("left") and name.endswith("leg") and name.replace("left", "right") in points
+        if name.startswith("left") and is_leg(name) and name.replace("left", "right") in points
     ]
     if not pairs:
         return None
     left = np.sum([left[0] - right[0] for left, right in pairs], axis=0)
-    up = np.sum([leg[0] - leg[2] for pair in pairs for leg in pair], axis=0)
-    upwards = int(np.abs(up).argmax())
+    to_shins, up = (np.sum([leg[0] - leg[end] for pair in pairs for leg in pair], axis=0) for end in (2, -1))
+    upwards = int(np.abs(to_shins).argmax())  # feet may lie, as a frog's, and joints may be above the body
     forwards = np.cross(left, np.sign(up[upwards]) * np.eye(3)[upwards])
     frontwards = int(np.abs(forwards).argmax())
     return _direction(upwards, float(up[upwards])), _direction(frontwards, float(forwards[frontwards]))
@@ -172,18 +178,20 @@ class _Skeleton:
         return sorted(wanted, key=lambda index: (self.depth[index], index))
 
     def arms_and_legs(self, every_bend: bool = False) -> dict[str, NDArray[np.float64]]:
-        """Return arms and legs by their names in the skeleton.
+        """Return arms and legs by their names.
 
-        Legs of people have hip, knee, ankle and foot; with `every_bend` they have all the joints of the file.
+        Legs of people have hip, knee, ankle and foot; with `every_bend` they have all the joints of the file, and arms
+        are front legs.
         """
         found: dict[str, NDArray[np.float64]] = {}
+        before, behind = ("front leg", "hind leg") if every_bend else ("arm", "leg")
         for side in ("left", "right"):
             arm, leg = self.arm(side), self.leg(side, None, every_bend)
             front, hind = (self.leg(side, quarter, every_bend) for quarter in ("front", "hind"))
             if front is not None and hind is None:  # only the front legs are marked as such
                 leg, hind = None, leg
-            limbs = {"arm": arm, "leg": leg, "front leg": front, "hind leg": hind}
-            found |= {f"{side} {name}": points for name, points in limbs.items() if points is not None}
+            limbs = ((before, arm), (behind, leg), (before, front), (behind, hind))
+            found |= {f"{side} {name}": points for name, points in limbs if points is not None}
         return found
 
     def arm(self, side: str) -> NDArray[np.float64] | None:
@@ -192,8 +200,7 @@ class _Skeleton:
             upper = [index for index in self.named(side, None, "girdle") if set(self.below(index)) & set(lower)]
         if not upper or not lower:
             return None
-        hands = [index for index in self.below(lower[0]) if self.meanings[index] and index != lower[0]]
-        hands = [index for index in hands if self.meanings[index].part == "hand"]  # type: ignore[union-attr]
+        hands = [index for index in self.below(lower[0]) if self.part(index) == "hand" and index != lower[0]]
         wrist = min(hands or self.children[lower[0]], key=lambda index: (self.depth[index], index), default=None)
         chain = [self.place(upper[0]), self.place(lower[0])]
         if wrist is None:
@@ -203,24 +210,52 @@ class _Skeleton:
             chain += [self.place(wrist), self.end(chain[1], self.place(wrist), self.below(wrist))]
         return np.array(chain)
 
-    def leg(self, side: str, quarter: str | None, every_bend: bool) -> NDArray[np.float64] | None:
+    def rows_of_legs(self) -> dict[str, NDArray[np.float64]]:
+        """Return the legs of three pairs and more, by their names; none if there are fewer, or sides differ."""
+        rows = [list(self.legs(side)) for side in ("left", "right")]
+        several = len(self.named(None, None, "head")) >= max(MANY_PAIRS, len(rows[0]))  # bodies in one file
+        if len(rows[0]) != len(rows[1]) or len(rows[0]) < MANY_PAIRS or several:
+            return {}
+        hips, tips = (np.array([[leg[end] for leg in legs] for legs in rows]) for end in (0, -1))
+        front = np.cross((hips[0] - hips[1]).sum(axis=0), (hips - tips).sum(axis=(0, 1)))
+        return {
+            f"{side} {name}": legs[place]
+            for side, legs, order in zip(("left", "right"), rows, np.argsort(tips @ front, axis=1), strict=True)
+            for name, place in zip(leg_names(len(legs)), order, strict=True)
+        }
+
+    def legs(self, side: str) -> Iterator[NDArray[np.float64]]:
+        """Yield all legs of a side. The last bone is none that is a stub, as that of a foot whose joint is its tip."""
+        for quarter in (None, *dict.fromkeys(QUARTERS.values())):
+            number = 0
+            while (leg := self.leg(side, quarter, True, number)) is not None:
+                lengths = np.linalg.norm(np.diff(leg, axis=0), axis=1)
+                stub = len(leg) > 4 and lengths[-1] < MIN_LEG_BONE_SHARE * lengths.sum()
+                yield np.delete(leg, -2, axis=0) if stub else leg
+                number += 1
+
+    def leg(
+        self, side: str, quarter: str | None, every_bend: bool, number: int | None = None
+    ) -> NDArray[np.float64] | None:
+        """Return a leg; with a number, that one of several, which may begin across."""
         named = self.named(side, quarter, "girdle", *LEG_PARTS)
         tops = [index for index in named if not set(named) & set(self.ancestors(index))]
         legs = [top for top in tops if set(self.below(top)) & set(self.named(side, quarter, "thigh", "leg"))]
-        if not legs:
+        if not legs[number or 0 :]:
             return None
         top = max(legs, key=lambda index: (len(set(named) & set(self.below(index))), -index))
+        top = top if number is None else legs[number]
         chain = [top]
         for index in named:
             known = ("leg", "girdle", "foot") if every_bend else ("leg", "girdle")
             twice = self.part(index) not in known and self.part(index) in map(self.part, chain)
             if chain[-1] in self.ancestors(index) and not twice:
                 chain.append(index)
-        feet = [index for index in tops if index != top]
+        feet = [index for index in tops if index != top and (number is None or len(legs) == 1)]
         if feet and "foot" not in map(self.part, chain):  # a foot with inverse kinematics hangs on the root
             chain.append(feet[0])
         chain = [index for index in chain if self.part(index) != "toe"]
-        across = self.across(quarter)
+        across = self.across(quarter) if number is None else np.zeros(3)
         while len(chain) > 3 and abs(_unit(self.place(chain[1]) - self.place(chain[0])) @ across) > GIRDLE_COSINE:
             del chain[0]
         if len(chain) < 3 or self.part(chain[0]) == "girdle":
@@ -292,35 +327,22 @@ class _Skeleton:
         if necks and any(self.part(index) == "upper arm" for index in self.below(necks[0])):
             start = root  # the neck carries the arms, as a trunk does
         tip = self.end(start, root, [index for index in self.below(heads[0]) if self.part(index) in HEAD_PARTS])
-        if (
-            trunk is None
-            or not with_neck
-            or np.linalg.norm(root - start) < MIN_NECK_SHARE * np.linalg.norm(trunk[-1] - trunk[0])
-        ):
+        if trunk is not None and (root - start) @ (trunk[-1] - trunk[0]) < 0:
+            start = root  # it begins behind the front legs
+        least = np.inf if trunk is None else MIN_NECK_SHARE * np.linalg.norm(trunk[-1] - trunk[0])
+        if not with_neck or np.linalg.norm(root - start) < least:
             return {"head": np.array([start, tip])}
         way = np.array([start, *(self.place(index) for index in necks[1:]), root])
         return {"neck": evenly(way, 3), "head": np.array([root, tip])}
 
-    def ears_and_jaw(self) -> dict[str, NDArray[np.float64]]:
-        """Return ears and jaw, if vertices follow them."""
+    def curved(self, bones: dict[str, int], moving: bool = False) -> dict[str, NDArray[np.float64]]:
+        """Return limbs by their names, with as many bones; only those that vertices follow, if they must be moving."""
         found = {}
-        for name, side, part in (("left ear", "left", "ear"), ("right ear", "right", "ear"), ("jaw", None, "jaw")):
-            chain = self.named(side, None, part)
-            if any(len(self.joints[index].vertices) for index in chain):
-                way = self.chain_from(chain)
-                found[name] = evenly(way, 3 if part == "ear" else 2)
-        return found
-
-    def tail_and_wings(self) -> dict[str, NDArray[np.float64]]:
-        found = {}
-        for name, side, part in (
-            ("tail", None, "tail"),
-            ("left wing", "left", "wing"),
-            ("right wing", "right", "wing"),
-        ):
-            chain = self.named(side, None, part)
-            if chain:
-                found[name] = evenly(self.chain_from(chain), 4)
+        for name, count in bones.items():
+            side, _, part = name.rpartition(" ")
+            chain = self.named(side or None, None, part)
+            if any(len(self.joints[index].vertices) or not moving for index in chain):
+                found[name] = evenly(self.chain_from(chain), count + 1)
         return found
 
     def chain_from(self, joints: Sequence[int]) -> NDArray[np.float64]:
@@ -330,15 +352,9 @@ class _Skeleton:
         return np.array([*way, self.end(way[-2] if len(way) > 1 else way[-1], way[-1], self.below(chain[-1]))])
 
 
-def _renamed(name: str, names: dict[str, str]) -> str:
-    side, limb = name.split(" ", 1)
-    return f"{side} {names.get(limb, limb)}"
-
-
 def _is_four_legged(limbs: dict[str, NDArray[np.float64]]) -> bool:
     """Return whether the arms are legs: they reach the ground, and the spine is not upright."""
-    behind = [points for name, points in limbs.items() if name.endswith(("hind leg", "left leg", "right leg"))]
-    before = [points for name, points in limbs.items() if name.endswith(("front leg", "arm"))]
+    behind, before = ([points for name, points in limbs.items() if name.endswith(part)] for part in ("leg", "arm"))
     if not behind or not before:
         return False
     hips, shoulders = (np.mean([points[0] for points in limbs], axis=0) for limbs in (behind, before))

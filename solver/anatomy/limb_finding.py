@@ -196,15 +196,11 @@ class _Finder(LimbBranches):
         return np.asarray(neck + way * np.quantile((head - neck) @ way, 0.95))
 
     def _note_missing_limbs(self, found: dict[str, Points]) -> None:
-        if not self.feet:
+        no_arms = not self.four_legged and "left arm" not in found and "left wing" not in found
+        for limb in ["leg"] * (not self.feet) + ["arm"] * no_arms:
             self.notes.append(
-                "No legs were found. If there are any, give where they end: "
-                "--limb 'left leg=X,Y,Z' --limb 'right leg=X,Y,Z'"
-            )
-        if not self.four_legged and "left arm" not in found and "left wing" not in found:
-            self.notes.append(
-                "No arms were found. If there are any, give where they end: "
-                "--limb 'left arm=X,Y,Z' --limb 'right arm=X,Y,Z'"
+                f"No {limb}s were found. If there are any, give where they end: "
+                f"--limb 'left {limb}=X,Y,Z' --limb 'right {limb}=X,Y,Z'"
             )
 
     def _note_other_feet(self, found: dict[str, Points]) -> None:

@@ -136,6 +136,27 @@ def test_a_body_without_legs_is_known_by_its_head_and_tail():
     assert limbs_of_joints(parts).chains == ()
 
 
+@pytest.mark.parametrize("names", [("Back", "MidBack", "MidFront", "Front"), ("Hind", "Middle", "Fore"), ("", "", "")])
+def test_rows_of_legs_are_numbered_from_the_front(names):
+    """Feet that hang on the root, as those with inverse kinematics do, are the ends of their legs."""
+    joints, expected = [Joint("Root", -1, np.zeros(3), np.zeros((0, 3)))], {}
+    for row, name in enumerate(names):
+        for side, sign in (("L", 1), ("R", -1)):
+            places = np.array([[0.2, 1, 0], [1, 1.6, 0], [1.3, 0.5, 0], [1.5, 0, 0]]) * [sign, 1, 1] + [0, 0, 0.3 * row]
+            for number, place in enumerate(places[:-1]):
+                above = len(joints) - 1 if number else 0
+                held = places[-1:] if number == 2 and not name else np.zeros((0, 3))
+                joints.append(Joint(f"{name}Leg{number + 1}.{side}", above, place, held))
+            if name:
+                joints.append(Joint(f"{name}Foot.{side}", 0, places[-1], places[-1:]))
+            expected[f"{'left' if side == 'L' else 'right'} leg {len(names) - row}"] = places
+    joints.append(Joint("Head", 0, np.array([0, 1.1, -0.1]), np.array([[0, 1.1, 1.5]])))
+    limbs = limbs_of_joints(joints)
+    np.testing.assert_allclose([limbs.points[name] for name in expected], list(expected.values()), atol=1e-9)
+    np.testing.assert_allclose(limbs.points["head"], [[0, 1.1, -0.1], [0, 1.1, 1.5]])
+    assert axes_of(limbs) == ("y", "z")
+
+
 def test_left_is_what_the_names_say_and_the_front_follows():
     joints = skeleton(CONVENTIONS["Unreal"])
     assert axes_of(limbs_of_joints(joints)) == ("y", "z")

@@ -211,7 +211,7 @@ class _Skeleton:
         return np.array(chain)
 
     def rows_of_legs(self) -> dict[str, NDArray[np.float64]]:
-        """Return the legs of three pairs and more, by their names; none if there are fewer, or sides differ."""
+        """Return all legs by their names; none if there are fewer than three pairs, or if the sides differ."""
         rows = [list(self.legs(side)) for side in ("left", "right")]
         several = len(self.named(None, None, "head")) >= max(MANY_PAIRS, len(rows[0]))  # bodies in one file
         if len(rows[0]) != len(rows[1]) or len(rows[0]) < MANY_PAIRS or several:
@@ -225,7 +225,7 @@ class _Skeleton:
         }
 
     def legs(self, side: str) -> Iterator[NDArray[np.float64]]:
-        """Yield all legs of a side. The last bone is none that is a stub, as that of a foot whose joint is its tip."""
+        """Yield all legs of a side, without a last bone that is a stub: the joint of a foot may be at its tip."""
         for quarter in (None, *dict.fromkeys(QUARTERS.values())):
             number = 0
             while (leg := self.leg(side, quarter, True, number)) is not None:
@@ -237,7 +237,7 @@ class _Skeleton:
     def leg(
         self, side: str, quarter: str | None, every_bend: bool, number: int | None = None
     ) -> NDArray[np.float64] | None:
-        """Return a leg; with a number, that one of several, which may begin across."""
+        """Return a leg; with a number, that one of the legs of a quarter, whose first bone may lead sideways."""
         named = self.named(side, quarter, "girdle", *LEG_PARTS)
         tops = [index for index in named if not set(named) & set(self.ancestors(index))]
         legs = [top for top in tops if set(self.below(top)) & set(self.named(side, quarter, "thigh", "leg"))]

@@ -105,7 +105,7 @@ func encode() -> PackedByteArray:
 
 ## Return whether this message is a frame of the motion. Other messages are sent on changes or on request.
 func is_frame() -> bool:
-	return (kind >= Kind.CONTROLS and kind <= Kind.HANDLES) or kind >= Kind.BONES
+	return (kind >= Kind.CONTROLS and kind <= Kind.HANDLES) or kind == Kind.BONES or kind == Kind.CHANNELS
 
 
 ## Return the JSON value of the payload; null if it is damaged.

@@ -42,7 +42,7 @@ PATTERNS = {part: re.compile(f"(?:{names})") for part, names in PARTS.items()}
 
 QUARTERS = {"front": "front", "fore": "front", "back": "hind", "hind": "hind", "rear": "hind"}
 QUARTERS |= {"midfront": "middle front", "midback": "middle hind", "middle": "middle", "top": "top", "bottom": "bottom"}
-"""Prefix of a leg's joints, with its pairs of legs."""
+"""First or last word in the names of a leg's joints, with its pairs of legs."""
 
 LEG_PARTS = ("thigh", "leg", "shin", "foot", "toe")
 
@@ -78,7 +78,7 @@ def parse_joint_name(name: str, moves_vertices: bool) -> JointMeaning | None:
     own = "".join(word for word in words if word not in CONTROLS or word in ("twist", "roll"))
     part, quarter = _part(own), None
     for word, which in QUARTERS.items():
-        rest = own.removeprefix(word)
+        rest = own.removeprefix(word).removesuffix(word)
         if rest != own and sides and part is None and _part(rest) in (*LEG_PARTS, "girdle"):
             part, quarter = _part(rest), which
     return JointMeaning(sides[0] if sides else None, quarter, part) if part else None

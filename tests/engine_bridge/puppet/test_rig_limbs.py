@@ -136,7 +136,9 @@ def test_a_body_without_legs_is_known_by_its_head_and_tail():
     assert limbs_of_joints(parts).chains == ()
 
 
-@pytest.mark.parametrize("names", [("Back", "MidBack", "MidFront", "Front"), ("Hind", "Middle", "Fore"), ("", "", "")])
+@pytest.mark.parametrize(
+    "names", [("Back", "MidBack", "MidFront", "Front"), ("_hind", "_middle", "_fore"), ("", "", "")]
+)
 def test_rows_of_legs_are_numbered_from_the_front(names):
     """Feet that hang on the root, as those with inverse kinematics do, are the ends of their legs."""
     joints, expected = [Joint("Root", -1, np.zeros(3), np.zeros((0, 3)))], {}
@@ -146,9 +148,10 @@ def test_rows_of_legs_are_numbered_from_the_front(names):
             for number, place in enumerate(places[:-1]):
                 above = len(joints) - 1 if number else 0
                 held = places[-1:] if number == 2 and not name else np.zeros((0, 3))
-                joints.append(Joint(f"{name}Leg{number + 1}.{side}", above, place, held))
+                limb = f"leg{name}" if name[:1] == "_" else f"{name}Leg"
+                joints.append(Joint(f"{limb}{number + 1}.{side}", above, place, held))
             if name:
-                joints.append(Joint(f"{name}Foot.{side}", 0, places[-1], places[-1:]))
+                joints.append(Joint(f"{limb}.{side}".lower().replace("leg", "foot"), 0, places[-1], places[-1:]))
             expected[f"{'left' if side == 'L' else 'right'} leg {len(names) - row}"] = places
     joints.append(Joint("Head", 0, np.array([0, 1.1, -0.1]), np.array([[0, 1.1, 1.5]])))
     limbs = limbs_of_joints(joints)

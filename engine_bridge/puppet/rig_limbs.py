@@ -13,8 +13,7 @@ from engine_bridge.character.scene import influences, world_transforms
 from engine_bridge.puppet.body_plans import is_leg
 from engine_bridge.puppet.joint_names import LEG_PARTS, QUARTERS, parse_joint_name
 from engine_bridge.puppet.puppet import Direction
-from solver.anatomy.limb_branches import leg_names
-from solver.anatomy.limb_chain import LimbChain, Limbs, evenly
+from solver.anatomy.limb_chain import LimbChain, Limbs, evenly, leg_names
 
 MIN_NECK_SHARE = 0.3
 """Minimum length of a neck that is a separate limb, as a share of the trunk's length."""

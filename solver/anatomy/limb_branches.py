@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from solver.anatomy.folded_legs import folded_leg, sprawling_leg
-from solver.anatomy.limb_chain import evenly
+from solver.anatomy.limb_chain import evenly, leg_names
 from solver.anatomy.limb_curve import LimbCurve, curve_through, leg_joints, shoulder_ways
 from solver.anatomy.limb_ends import MAX_FOOT_HEIGHT, MAX_MIRROR_DISTANCE, MIRROR, Feet, LimbEnds, Points
 from solver.anatomy.standing_legs import standing_legs
@@ -321,12 +321,6 @@ class LimbBranches(LimbEnds):
     @cached_property
     def _tree(self) -> cKDTree:
         return cKDTree(self.cells)
-
-
-def leg_names(pairs: int) -> tuple[str, ...]:
-    """Return the names of pairs of legs, from hind to front; three pairs and more are counted from the front."""
-    few = {0: (), 1: ("leg",), 2: ("hind leg", "front leg")}
-    return few.get(pairs, tuple(f"leg {row}" for row in range(pairs, 0, -1)))
 
 
 def _straightness(points: Points) -> float:

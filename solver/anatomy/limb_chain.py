@@ -51,3 +51,9 @@ def evenly(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     wanted = np.linspace(0, along[-1], count)
     return np.column_stack([np.interp(wanted, along, column) for column in points.T])
+
+
+def leg_names(pairs: int) -> tuple[str, ...]:
+    """Return the names of pairs of legs, from hind to front; three pairs and more are counted from the front."""
+    few = {0: (), 1: ("leg",), 2: ("hind leg", "front leg")}
+    return few.get(pairs, tuple(f"leg {row}" for row in range(pairs, 0, -1)))

@@ -123,7 +123,7 @@ def documented(folder: Path, browser: Any, save: Save) -> None:
 
         def take(number: int) -> None:
             button("Record").click()
-            until(page, "state.server.recording && state.count === 0")
+            until(page, "state.server.recording && !state.count")
             page.wait_for_timeout(5000)
             button("Stop recording").click()
             until(page, f"state.server.takes.filter(({{ picture }}) => picture).length === {number}")

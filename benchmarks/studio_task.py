@@ -205,7 +205,7 @@ class Task:
 
     def _take(self, number: int) -> None:
         self.person.click(self._button("Record"))
-        until(self._page, "state.server.recording && state.count === 0")
+        until(self._page, "state.server.recording && !state.count")
         self.person.take(RECORDED_SECONDS)
         self.person.click(self._button("Stop recording"))
         until(self._page, f"state.film.present.length === {number} && state.busy.length === 0")

@@ -367,7 +367,7 @@ def record(window, seconds):
     """Record a take with the button, and return its name."""
     before = [each["name"] for each in window.state("server.takes")]
     window.button("Record").click()
-    window.until("state.server.recording && state.count === 0")
+    window.until("state.server.recording && !state.count")
     window.page.wait_for_timeout(1000 * seconds)
     window.button("Stop recording").click()
     takes = window.until(f"state.server.takes.length > {len(before)} && !state.server.recording && state.server.takes")

@@ -86,7 +86,7 @@ def test_a_handle_of_the_service_is_mapped_and_what_its_files_decide_is_locked(w
 
 def test_a_take_is_recorded_in_the_services_folder(window):
     window.button("Record").click()
-    take = window.until("state.count === 0 && state.server.recording")
+    take = window.until("!state.count && state.server.recording")
     window.button("Stop recording").click()
     window.until(f"state.server.takes.some(({{ name }}) => name === {take!r})")
     window.tab("Takes")

@@ -156,7 +156,7 @@ def take(window, seconds):
     performing(window)
     count = len(window.state("film.present"))
     window.button("Record").click()
-    window.until("state.server.recording && state.count === 0")
+    window.until("state.server.recording && !state.count")
     window.page.wait_for_timeout(1000 * seconds)
     window.button("Stop recording").click()
     window.until(f"state.film.present.length === {count + 1}")

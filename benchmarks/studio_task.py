@@ -271,12 +271,12 @@ STILL = """(name) => new Promise((resolve) => {
     if (now === before && limb !== undefined) resolve(limb.points);
     else {
       before = now;
-      setTimeout(look, 50);
+      setTimeout(look, 500);
     }
   };
   look();
 })"""
-"""JavaScript: the places of a limb's points, in pixels of the view, as soon as it stands still."""
+"""JavaScript: the places of a limb's points, in pixels of the view, as soon as it stands still for longer than an image."""
 
 
 def processor_seconds() -> float:

@@ -276,7 +276,7 @@ STILL = """(name) => new Promise((resolve) => {
   };
   look();
 })"""
-"""JavaScript: the places of a limb's points, in pixels of the view, as soon as it stands still for longer than an image."""
+"""JavaScript: the places of a limb's points, in pixels of the view, as soon as it stands still for half a second."""
 
 
 def processor_seconds() -> float:

@@ -56,7 +56,7 @@ class JointMeaning:
     side : str or None
         "left", "right" or None.
     quarter : str or None
-        A value of `QUARTERS` for a joint of such a leg.
+        A value of `QUARTERS`, for a leg whose name says its pair.
     part : str
         One of `PARTS`.
     """

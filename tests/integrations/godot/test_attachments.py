@@ -131,6 +131,7 @@ PICKED = """[gd_scene load_steps=3 format=3]
 [node name="Puppet" type="Node3D" parent="."]
 script = ExtResource("1")
 port = {port}
+follow_root = false
 [node name="Attachment" type="Node3D" parent="Puppet"]
 script = ExtResource("2")
 """

@@ -155,7 +155,7 @@ def filmed(frames, record, record_events, standing, dance, serve, two, project, 
     screen = ["xvfb-run", "-a", "-s", "-screen 0 640x480x24", godot, "--rendering-driver", "opengl3", "--path", project]
     part = [f"from={FIRST_SECONDS}", f"to={LAST_SECONDS}"]
     writer = ["--write-movie", movie, "--fixed-fps", 30, scene.relative_to(project)]
-    Godot(*screen, *writer, "--", "dog=clap", "cat=dance", *part).finish(120)
+    Godot(*screen, *writer, "--", "dog=clap", "cat=dance", *part).finish(300)
     with av.open(str(movie)) as file:
         images = np.array([each.to_ndarray(format="gray", width=160, height=90) for each in file.decode(video=0)])
         file.seek(0)

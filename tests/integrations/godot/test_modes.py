@@ -81,7 +81,7 @@ def show(start_godot, tmp_path):
         file = tmp_path / "shown.bin"
         asked = {"settings": {"port": port, **settings}, "samples": SAMPLES, "apart": APART}
         script = start_godot("show_puppet.gd", json.dumps(asked | {"file": str(file)}))
-        results = script.finish(120)
+        results = script.finish(300)
         rest, positions = np.split(np.fromfile(file, "<f4").reshape(-1, 3), [-SAMPLES * vertices])
         told = [each for each in results if "sequence" in each]
         frames = zip(told, np.split(positions, SAMPLES), strict=True)

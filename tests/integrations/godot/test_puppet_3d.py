@@ -310,7 +310,7 @@ def test_rendering_properties_are_passed_on_to_all_meshes(
 def test_a_mesh_of_another_puppet_and_one_for_vertices_are_not_used(
     watch, serve, add_glb, blob_file, blob_puppet, write_puppet, take, tmp_path
 ):
-    other = write_puppet(blob_file.with_name("other.toml"), blob_file.name, more="[solver]\nfields = 3\nisolines = 5")
+    other = write_puppet(blob_file.with_name("coarser.toml"), blob_file.name, more="[solver]\nfields = 3\nisolines = 5")
     write_shader_mesh(other, tmp_path / "other.glb")
     service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
     watched = watch({"port": service.port, "mesh_source": add_glb(tmp_path / "other.glb")})

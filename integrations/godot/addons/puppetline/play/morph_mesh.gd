@@ -1,9 +1,6 @@
 extends RefCounted
 ## A mesh in `mesh_source` that has the morph targets of the service.
 
-## Weight of a target while its extent is measured. It is large, so that the rest pose hardly affects the result.
-const _EXAGGERATION := 1024.0
-
 
 ## A vertex of the mesh.
 class Vertex:
@@ -25,6 +22,7 @@ var own_materials: Array[Material] = []
 
 var _shapes := PackedInt32Array()  # by target: the index of the blend shape in this mesh
 var _reaches: Array[AABB] = []  # by target: box of the displacements of its vertices
+var _displacements: Array[Array] = []  # by surface and target: a PackedVector3Array, by vertex
 var _rest := AABB()
 
 
@@ -38,12 +36,9 @@ func find(names: Array) -> bool:
 	for surface in instance.mesh.get_surface_count():
 		own_materials.append(instance.get_surface_override_material(surface))
 	_rest = instance.mesh.get_aabb()
-	for shape in _shapes:
-		instance.set_blend_shape_value(shape, _EXAGGERATION)
-		var box := instance.bake_mesh_from_current_blend_shape_mix().get_aabb()
-		instance.set_blend_shape_value(shape, 0.0)
-		var low := (box.position - _rest.end) / _EXAGGERATION
-		_reaches.append(AABB(low, (box.end - _rest.position) / _EXAGGERATION - low))
+	_displacements = _read_displacements()
+	for target in _shapes.size():
+		_reaches.append(_reach_of(target))
 	return true
 
 
@@ -80,14 +75,9 @@ func vertices_in(box: AABB, to_node: Transform3D) -> Array[Vertex]:
 
 ## Return the displacement of a vertex by each target.
 func displacements(surface: int, index: int) -> PackedVector3Array:
-	var mesh: ArrayMesh = instance.mesh
-	var shapes := mesh.surface_get_blend_shape_arrays(surface)
-	var rest := Vector3.ZERO
-	if mesh.blend_shape_mode == Mesh.BLEND_SHAPE_MODE_NORMALIZED:  # a shape has positions, not displacements
-		rest = mesh.surface_get_arrays(surface)[Mesh.ARRAY_VERTEX][index]
 	var found := PackedVector3Array()
-	for shape in _shapes:
-		found.append(shapes[shape][Mesh.ARRAY_VERTEX][index] - rest)
+	for of_target: PackedVector3Array in _displacements[surface]:
+		found.append(of_target[index])
 	return found
 
 
@@ -98,3 +88,31 @@ func positions() -> PackedVector3Array:
 	for surface in baked.get_surface_count():
 		found.append_array(baked.surface_get_arrays(surface)[Mesh.ARRAY_VERTEX])
 	return found
+
+
+## Read the displacements once: each time, the engine decodes all targets, which takes longer the more there are.
+func _read_displacements() -> Array[Array]:
+	var mesh: ArrayMesh = instance.mesh
+	var found: Array[Array] = []
+	for surface in mesh.get_surface_count():
+		var rest: PackedVector3Array = mesh.surface_get_arrays(surface)[Mesh.ARRAY_VERTEX]
+		var shapes := mesh.surface_get_blend_shape_arrays(surface)
+		var of_targets := []
+		for shape in _shapes:
+			var moved: PackedVector3Array = shapes[shape][Mesh.ARRAY_VERTEX]
+			if mesh.blend_shape_mode == Mesh.BLEND_SHAPE_MODE_NORMALIZED:  # a shape has positions, not displacements
+				for i in moved.size():
+					moved[i] -= rest[i]
+			of_targets.append(moved)
+		found.append(of_targets)
+	return found
+
+
+func _reach_of(target: int) -> AABB:
+	var low := Vector3.INF
+	var high := -Vector3.INF
+	for of_targets in _displacements:
+		for displacement: Vector3 in of_targets[target]:
+			low = low.min(displacement)
+			high = high.max(displacement)
+	return AABB(low, high - low)

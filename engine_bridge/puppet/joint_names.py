@@ -40,9 +40,12 @@ PARTS = {
 
 PATTERNS = {part: re.compile(f"(?:{names})") for part, names in PARTS.items()}
 
-QUARTERS = {"front": "front", "fore": "front", "back": "hind", "hind": "hind", "rear": "hind"}
+QUARTERS = {"f": "front", "front": "front", "fore": "front", "back": "hind", "hind": "hind", "rear": "hind"}
 QUARTERS |= {"midfront": "middle front", "midback": "middle hind", "middle": "middle", "top": "top", "bottom": "bottom"}
 """First or last word in the names of a leg's joints, with its pairs of legs."""
+
+CORNERS = {f"{pair[0]}{side}": (pair, side) for pair in ("front", "back", "hind", "rear") for side in "lr"}
+"""Words that say the pair and the side of a leg, such as `fl`."""
 
 LEG_PARTS = ("thigh", "leg", "shin", "foot", "toe")
 
@@ -69,6 +72,7 @@ class JointMeaning:
 def parse_joint_name(name: str, moves_vertices: bool) -> JointMeaning | None:
     """Return the meaning of a joint's name; None for an unknown name, or a control that moves no vertices."""
     words = [word.lower() for word in WORD.findall(name.rsplit(":", 1)[-1])]
+    words = [one for word in words for one in CORNERS.get(word, (word,))]
     sides = [SIDES[word] for word in words if word in SIDES]
     words = [word for word in words if word not in SIDES and word not in DECORATION]
     if not sides and words and words[0][0] in "lr" and _part("".join(words)) is None:  # DAZ: lShin

@@ -107,7 +107,8 @@ def align(first: SkeletonClip, other: SkeletonClip, where: str) -> Alignment:
             expected=f"at most {100 * MAX_RESIDUAL_METRES:.0f} cm",
             fix="Record one performer alone, with both sensors not mirrored and in metres.",
         )
-    opposite = [_residual(each) for each in fits if _differ_by_a_turn(each.pose, best.pose)]
+    # poses that differ by more than a quarter turn
+    opposite = [_residual(each) for each in fits if np.trace(each.pose.rotation.T @ best.pose.rotation) < 1.0]
     if opposite and min(opposite) < MIN_RESIDUAL_RATIO * nearest.residual:
         raise SkeletonLogError(
             where,
@@ -195,8 +196,3 @@ def _mean_distance(one: Array, other: Array) -> Array:
     """Return the mean distance of the joints in each frame (T,)."""
     apart = np.linalg.norm(one - other, axis=2)
     return np.nansum(apart, axis=1) / np.maximum(np.isfinite(apart).sum(axis=1), 1)
-
-
-def _differ_by_a_turn(one: Pose, other: Pose) -> bool:
-    """Return whether two poses differ by more than a quarter turn."""
-    return bool(np.trace(one.rotation.T @ other.rotation) < 1.0)

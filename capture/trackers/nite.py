@@ -138,8 +138,8 @@ class NiTE:
         self._states[user.id] = state
         if state != _CALIBRATED:
             return None
-        joints = [(*_xyz(joint.position), joint.positionConfidence) for joint in user.skeleton.joints]
-        numbers = np.array(joints)
+        joints = [(joint.position, joint.positionConfidence) for joint in user.skeleton.joints]
+        numbers = np.array([(place.x, place.y, place.z, known) for place, known in joints])
         known = np.isfinite(numbers).all(axis=1) & bool(user.state & _VISIBLE)
         confidence = np.where(known, numbers[:, 3].clip(0, 1), LOST).astype(np.float32)
         positions, confidence = synthesise_missing(*to_kinect20(NITE15, numbers[:, :3] / 1000, confidence))
@@ -200,7 +200,3 @@ def _call(nite: Any, name: str, *arguments: Any) -> None:
             expected="a tracker that works with this sensor",
             fix="Start Puppetline in a folder that contains NiTE2's data folder (NiTE2, with s.dat), or a link to it.",
         )
-
-
-def _xyz(point: Any) -> tuple[float, float, float]:
-    return point.x, point.y, point.z

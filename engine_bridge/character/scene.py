@@ -18,9 +18,7 @@ MAX_JOINT_SETS = 16
 
 def top_nodes(gltf: Gltf) -> list[int]:
     """Return the top nodes of the shown scene, or all nodes without a parent if a file has no scene."""
-    if gltf["scenes"]:
-        return list(gltf["scenes"][gltf.get("scene", 0)].get("nodes", []))
-    return _roots(gltf)
+    return list(gltf["scenes"][gltf.get("scene", 0)].get("nodes", [])) if gltf["scenes"] else _roots(gltf)
 
 
 def _roots(gltf: Gltf) -> list[int]:

@@ -102,6 +102,4 @@ def _font(table: TitleTable, height: int, where: str, folder: Path) -> ImageFont
 def opacity(table: TitleTable, time: float) -> float:
     """Return how visible a title is at a time of the film, from 0 to 1."""
     inside = min(time - table.at, table.at + table.seconds - time)
-    if inside < 0:
-        return 0.0
-    return min(inside / table.fade, 1.0) if table.fade else 1.0
+    return float(np.clip(inside / table.fade, 0.0, 1.0)) if table.fade else float(inside >= 0)

@@ -85,7 +85,7 @@ def examine() -> Iterator[Finding]:
         "openni:" in schemes and nite.library_path() is None
     )
     yield from _library("MediaPipe", _mediapipe, "camera:, video: and depth sensors", needed=tracks)
-    yield from _library("OpenCV", _opencv, "camera: and video:", needed=False)
+    yield from _library("OpenCV", lambda _: str(load_opencv().__version__), "camera: and video:", needed=False)
     yield _nite()
 
 
@@ -230,10 +230,6 @@ def _nite() -> Finding:
 def _mediapipe(_name: str) -> str:
     load_mediapipe()
     return version("mediapipe")
-
-
-def _opencv(_name: str) -> str:
-    return str(load_opencv().__version__)
 
 
 def _read(file: Path) -> str:

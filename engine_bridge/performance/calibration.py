@@ -216,8 +216,9 @@ def of_performer(
     notes = (*notes, f"The performer's calibration pose is the one in the take, which {when}.")
     found = [TakeCalibration(clip.times[0], _of(used), used.mirror)]
     for each in own[own.index(used) + 1 :]:
-        if not _same(found[-1], each):
-            found.append(TakeCalibration(each.time, _of(each), each.mirror))
+        last, again = found[-1], TakeCalibration(each.time, _of(each), each.mirror)
+        if (last.calibration.to_json(), last.mirror) != (again.calibration.to_json(), again.mirror):
+            found.append(again)  # not one that is repeated, as after a change of the mapping
     if len(found) > 1:
         times = ", ".join(f"{each.time - clip.times[0]:.2f}" for each in found[1:])
         notes = (*notes, f"It was calibrated or mirrored again at {times} s.")
@@ -227,11 +228,6 @@ def of_performer(
 def _of(made: _Made) -> Calibration:
     assert made.calibration is not None  # noqa: S101 - damaged ones have been sorted out
     return made.calibration
-
-
-def _same(before: TakeCalibration, made: _Made) -> bool:
-    """Tell whether a calibration repeats the one before, as after a change of the mapping."""
-    return (before.calibration.to_json(), before.mirror) == (_of(made).to_json(), made.mirror)
 
 
 def _made(cues: Sequence[Cue]) -> Iterator[_Made]:
@@ -294,9 +290,7 @@ def _owner(made: _Made, clips: Sequence[SkeletonClip]) -> int | None:
         apart = np.linalg.norm(clip.positions[recent] - made.calibration.rest, axis=-1)
         if np.isfinite(apart).any():
             distances[clip.user] = float(np.nanmedian(apart))
-    if made.user in distances:
-        return made.user
-    return min(distances, key=distances.__getitem__, default=None)
+    return made.user if made.user in distances else min(distances, key=distances.__getitem__, default=None)
 
 
 def _about_damaged(count: int) -> str:

@@ -277,17 +277,13 @@ def steps_of(puppet: Puppet, bones: Bones, rest: NDArray[np.float64]) -> Steps |
 def _legs_and_trunk(puppet: Puppet) -> tuple[list[StandingLeg], list[int]]:
     """Return the legs that stand, and the bones of the trunk."""
     legs, ranges = [], bone_ranges(puppet.limbs)
+    arms = {side: {JOINT_INDEX[joint] for joint in LIMBS[f"{side} arm"]} for side in SIDES}
     for limb in parents_first(puppet.limbs):
         if limb.stands and limb.name != TRUNK:
-            arm = next((side for side in SIDES if _is_of(limb.joints, f"{side} arm")), None)
+            arm = next((side for side, joints in arms.items() if limb.joints[-1][0] in joints), None)
             hand, shoulder = (-1, -1) if arm is None else (limb.joints[-1][0], JOINT_INDEX[f"shoulder_{arm}"])
             legs.append(StandingLeg(tuple(ranges[limb.name]), hand, shoulder))
     return legs, list(ranges.get(TRUNK, ()))
-
-
-def _is_of(joints: tuple[tuple[int, ...], ...], limb: str) -> bool:
-    """Return whether the last of a limb's joints belongs to a limb of the performer."""
-    return joints[-1][0] in {JOINT_INDEX[joint] for joint in LIMBS[limb]}
 
 
 def _performers_legs(rest: NDArray[np.float64]) -> PerformersLegs:

@@ -48,9 +48,7 @@ def draw(joints: NDArray[np.floating], view: View, size: tuple[int, int]) -> NDA
 
 
 def _color(joint: str) -> tuple[int, int, int]:
-    if joint.endswith("_left"):
-        return LEFT
-    return RIGHT if joint.endswith("_right") else MIDDLE
+    return {"left": LEFT, "right": RIGHT}.get(joint.rpartition("_")[2], MIDDLE)
 
 
 def _dot(pen: ImageDraw.ImageDraw, x: float, y: float, radius: float, color: tuple[int, int, int]) -> None:

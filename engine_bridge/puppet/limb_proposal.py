@@ -39,6 +39,9 @@ MAX_STUB_SHARE = 0.25
 """Maximum length of a stub of a leg, from hip to ankle, as a share of that from the hips to the crown. A stub that does
 not point down turns as the performer's leg does: pointing it down would twist the body around it."""
 
+MIN_BONE_SHARE = 1e-4
+"""Minimum length of a bone, as a share of the longest in its limb; joints of a skeleton may be at the same place."""
+
 
 def limb_tables(limbs: Limbs, character: CharacterTable, plan: BodyPlan | None = None) -> list[LimbTable]:
     """Choose the joints that drive each limb, and whether it follows their directions or their turns.
@@ -54,8 +57,9 @@ def limb_tables(limbs: Limbs, character: CharacterTable, plan: BodyPlan | None =
     Returns
     -------
     list of LimbTable
-        Empty for a character with a trunk and a head only.
+        Empty for a character with a trunk and a head only. Without limbs whose points are all at the same place.
     """
+    limbs = Limbs(tuple(chain for chain in map(_distinct, limbs.chains) if len(chain.points) > 1 + is_leg(chain.name)))
     points, up = limbs.points, character.basis[1]
     if not set(points) - {"trunk", "neck", "head"}:
         return []
@@ -63,6 +67,12 @@ def limb_tables(limbs: Limbs, character: CharacterTable, plan: BodyPlan | None =
     still = ON_HEAD if "head" not in points or _points(chosen, "head", points, up) else ()
     tables = [_limb(chain, chosen, points, up) for chain in limbs.chains if chain.name not in still]
     return [_opened(table, character) if table.name == "jaw" else table for table in tables]
+
+
+def _distinct(chain: LimbChain) -> LimbChain:
+    """Return a limb without points that repeat the one before."""
+    lengths = np.linalg.norm(np.diff(chain.points, axis=0), axis=1)
+    return LimbChain(chain.name, chain.points[np.append(True, lengths > MIN_BONE_SHARE * lengths.max())])
 
 
 def _opened(jaw: LimbTable, character: CharacterTable) -> LimbTable:
@@ -92,7 +102,9 @@ def _limb(
     side, _, limb = chain.name.partition(" ")
     joints = MIDDLE_JOINTS.get(chain.name) or _sided_joints(chain.name)
     joints += joints[-1:] * (len(chain.points) - len(joints))  # a leg with more bends than the performer's
-    joints = joints[: len(chain.points)]
+    # a trunk or a neck ends where the performer's does, with any number of bones
+    last = joints[-1:] if chain.name in ("trunk", "neck") else joints[len(chain.points) - 1 :][:1]
+    joints = joints[: len(chain.points) - 1] + last
     size = max(float(np.ptp(np.concatenate(list(points.values())), axis=0).max()), 1e-12)
     table = {
         "name": chain.name,

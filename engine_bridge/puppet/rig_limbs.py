@@ -36,8 +36,11 @@ HEAD_PARTS = (None, "head", "ear", "jaw")
 MANY_PAIRS = 3
 """Number of pairs of legs from which they are rows."""
 
-UP = np.array([0.0, 1.0, 0.0])
-"""Up direction in glTF."""
+MIN_SPINE_JOINTS = 4
+"""Minimum number of joints in a row without branches that is the spine of a body without legs, such as a fish."""
+
+UP, FRONT = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+"""Directions in glTF."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,11 +105,13 @@ def limbs_of_joints(joints: Sequence[Joint]) -> Limbs:
         pairs = leg_names(2) if lies else ("leg", "arm")
     paired = any({f"left {pair}", f"right {pair}"} <= found.keys() for pair in pairs)
     trunk = skeleton.trunk(found, pairs[0], pairs[-1])
-    if not paired and (trunk is None or not skeleton.named(None, None, "tail")):
-        some = ", ".join(dict.fromkeys(joint.name for joint in joints[:5]))
-        note = f"The joint names in the skeleton are unknown ({some}, …); limbs are found from the shape."
-        return Limbs((), (note,))
     limbs = {} if trunk is None else {"trunk": trunk}
+    if not paired and (trunk is None or not skeleton.named(None, None, "tail")):
+        limbs = skeleton.spine()
+        if not limbs:
+            some = ", ".join(dict.fromkeys(joint.name for joint in joints[:5]))
+            note = f"The joint names in the skeleton are unknown ({some}, …); limbs are found from the shape."
+            return Limbs((), (note,))
     limbs |= skeleton.head(trunk, lies or not paired)
     limbs |= skeleton.curved({"left ear": 2, "right ear": 2, "jaw": 1}, moving=True)
     for pair in reversed(pairs):
@@ -315,6 +320,17 @@ class _Skeleton:
         if np.linalg.norm(nearest - middle) > np.linalg.norm(high - low) / 4:
             nearest = middle
         return np.array([low, nearest, high])
+
+    def spine(self) -> dict[str, NDArray[np.float64]]:
+        """Return trunk and tail of a body whose only joints are a row from front to back; none for another body."""
+        row = sorted(range(len(self.joints)), key=lambda index: self.depth[index])
+        way = self.place(row[0]) - self.place(row[-1])
+        branches = len({joint.parent for joint in self.joints}) < len(row)
+        if branches or len(row) < MIN_SPINE_JOINTS or way @ FRONT <= LYING_COSINE * np.linalg.norm(way):
+            return {}
+        bends = [self.place(index) for index in row[1:]]
+        front, back = self.end(bends[1], bends[0], row[:1]), self.end(bends[-2], bends[-1], row[-1:])
+        return {"trunk": np.array([bends[0], front]), "tail": np.array([*bends, back])}
 
     def head(self, trunk: NDArray[np.float64] | None, with_neck: bool) -> dict[str, NDArray[np.float64]]:
         """Return the head from the trunk's end, after a neck if that is long."""

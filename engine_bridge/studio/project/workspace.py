@@ -208,11 +208,14 @@ class Workspace:
 
     def new_export(self, stem: str, suffix: str) -> Path:
         """Return the path of a new file in a new folder; the oldest exports beyond `MAX_EXPORTS` are deleted."""
-        exports = [each for each in self.downloads.values() if each.kind != "model" and self._is_export(each.path)]
+        folder = self.folder / "exports"
+        exports = [
+            each for each in self.downloads.values() if each.kind != "model" and each.path.parent.parent == folder
+        ]
         for old in exports[: max(0, len(exports) + 1 - MAX_EXPORTS)]:
             del self.downloads[old.id]
             self.discard(old.path)
-        path = self.folder / "exports" / new_id() / f"{_plain(stem)}{suffix}"
+        path = folder / new_id() / f"{_plain(stem)}{suffix}"
         path.parent.mkdir(mode=0o700)
         return path
 
@@ -260,9 +263,6 @@ class Workspace:
         except (OSError, ValueError):
             return {}
         return values if isinstance(values, dict) else {}
-
-    def _is_export(self, path: Path) -> bool:
-        return path.parent.parent == self.folder / "exports"
 
 
 class UploadError(PuppetlineError):

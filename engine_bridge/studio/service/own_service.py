@@ -22,7 +22,7 @@ class OwnService(ServiceLink):
 
     def __init__(self, folder: Path, token: str) -> None:
         super().__init__()
-        self._process = ServiceProcess(folder / "service.toml", token, self._process_changed)
+        self._process = ServiceProcess(folder / "service.toml", token, lambda: self._watcher())
         self._stages: list[dict[str, Any]] = []
 
     @property
@@ -73,6 +73,3 @@ class OwnService(ServiceLink):
         return ServiceError(
             "the service", found="no character", expected="an open character", fix="Open a character first."
         )
-
-    def _process_changed(self) -> None:
-        self._watcher()

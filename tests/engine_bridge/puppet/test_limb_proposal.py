@@ -37,6 +37,14 @@ def test_a_persons_limbs_point_where_the_performers_do():
     assert {limb.parent for limb in tables.values()} == {None}
 
 
+def test_joints_at_the_same_place_are_one_point_and_a_limb_at_one_place_is_none():
+    together = {"trunk": [(0, 1, 0), (0, 1.4, 0), (0, 1.4, 0)], "head": [(0, 1.4, 0), (0, 1.4, 0)]}
+    tables = {limb.name: limb for limb in limb_tables(chains(**UPRIGHT | together), CharacterTable(mesh="a"))}
+    assert tables.keys() == PERSON.keys() - {"head"}
+    assert tables["trunk"].points == ((0, 1, 0), (0, 1.4, 0))
+    assert tables["trunk"].driven_by == (("hip_center",), ("shoulder_center",))
+
+
 def test_the_voice_opens_a_jaw_downwards():
     """An animal that looks along -x has a jaw whose tip turns down, which is -z."""
     turned = {

@@ -120,7 +120,7 @@ class Deformer:
                 fix="Move the points of the limbs into the mesh.",
             )
         held = bone_terms(model, mesh, scale)
-        stiffness = HANDLE_STIFFNESS[self._mode] * scale / max(np.einsum("hj,hj->", rows, rows), 1e-300)
+        stiffness = HANDLE_STIFFNESS[self._mode] * scale / max(np.einsum("hj,hj->", rows, rows), 1e-12)
         pinned = scale / len(A) * model.null_space
         if len(self.bones):
             pinned[np.diag_indices_from(pinned)] += NEARBY_BONE_WEIGHT * scale / len(A)

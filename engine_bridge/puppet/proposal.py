@@ -17,7 +17,7 @@ from engine_bridge.character.surface_document import SURFACE_FILES
 from engine_bridge.puppet.body_plans import BodyPlan, check_plan, plan_of
 from engine_bridge.puppet.handle_proposal import propose_handles
 from engine_bridge.puppet.limb_proposal import LIMB_JOINTS, limb_tables
-from engine_bridge.puppet.placement import check_handles, check_on_surface
+from engine_bridge.puppet.placement import check_handles, check_limbs, check_on_surface
 from engine_bridge.puppet.puppet import CharacterTable, Direction, LimbTable, Puppet
 from engine_bridge.puppet.puppet_file import check
 from engine_bridge.puppet.rig_limbs import axes_of, rig_limbs
@@ -126,11 +126,11 @@ def new_puppet(
     if places or not handles:
         found = _limbs(rig, surface, standing, places, notes, plan) if limbs else []
         tables = [limb.model_dump(exclude_none=True) for limb in found]
-        if tables and not places and not _is_valid(values | {"handle": [], "limb": tables}):
+        if tables and not places and not _is_valid(values | {"handle": [], "limb": tables}, surface):
             found, tables = [], []
             notes.append(
-                "The limbs that were found overlap, so handles are proposed instead. If the character has limbs, give "
-                "their ends: --limb 'left leg=X,Y,Z' --limb 'right leg=X,Y,Z'"
+                "The limbs that were found overlap or leave the mesh, so handles are proposed instead. If the "
+                "character has limbs, give their ends: --limb 'left leg=X,Y,Z' --limb 'right leg=X,Y,Z'"
             )
         values["limb"] = tables
         if not found and not handles:
@@ -154,9 +154,9 @@ def _plan(puppet: Puppet, plan: BodyPlan | None) -> BodyPlan | None:
     return plan or plan_of({limb.name: np.array(limb.points) for limb in puppet.limb}, puppet.character.basis[1])
 
 
-def _is_valid(values: dict[str, Any]) -> bool:
+def _is_valid(values: dict[str, Any], surface: SolverMesh) -> bool:
     try:
-        check(values, "the proposal")
+        check_limbs(check(values, "the proposal").limb, surface, "the proposal")
     except PuppetError:
         return False
     return True

@@ -181,14 +181,13 @@ def test_settings_that_are_given_are_neither_assumed_nor_reported(blob_file, tmp
     assert new_puppet(blob_file, tmp_path / "a.toml", up="z", front="x", scale=2.0).assumed == ()
 
 
-def test_limbs_that_overlap_are_replaced_by_handles_with_a_note(blob_file, tmp_path, monkeypatch):
-    points = np.array([[0.0, 1.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]])
-    chains = (
-        LimbChain("trunk", np.array([[0.0, 1.0, 0.0], [0.0, 1.2, 0.0], [0.0, 1.4, 0.0]])),
-        LimbChain("left leg", points),
-        LimbChain("right leg", points),
-    )
-    monkeypatch.setattr(proposal, "find_limbs", lambda *_: Limbs(chains))
+@pytest.mark.parametrize("away", [0.0, 50.0])
+def test_limbs_that_overlap_or_leave_the_mesh_are_replaced_by_handles(blob_file, tmp_path, monkeypatch, away):
+    leg = np.array([[0.0, 1.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]])
+    trunk, other = leg[0] + np.outer([0, 0.2, 0.4], [0, 1, 0]), leg + np.array([away, 0, 0])
+    points = {"trunk": trunk, "left leg": leg, "right leg": other}
+    limbs = Limbs(tuple(LimbChain(name, each) for name, each in points.items()))
+    monkeypatch.setattr(proposal, "find_limbs", lambda *_: limbs)
     made = new_puppet(blob_file, tmp_path / "a.toml")
     assert made.puppet.limb == ()
     assert made.puppet.handle == new_puppet(blob_file, tmp_path / "a.toml", limbs=False).puppet.handle

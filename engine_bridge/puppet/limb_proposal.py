@@ -100,11 +100,10 @@ def _limb(
     chain: LimbChain, plan: Plan, points: Mapping[str, NDArray[np.float64]], up: NDArray[np.float64]
 ) -> LimbTable:
     side, _, limb = chain.name.partition(" ")
-    joints = MIDDLE_JOINTS.get(chain.name) or _sided_joints(chain.name)
-    joints += joints[-1:] * (len(chain.points) - len(joints))  # a leg with more bends than the performer's
+    joints, count = MIDDLE_JOINTS.get(chain.name) or _sided_joints(chain.name), len(chain.points)
+    joints += joints[-1:] * (count - len(joints))  # a leg with more bends than the performer's
     # a trunk or a neck ends where the performer's does, with any number of bones
-    last = joints[-1:] if chain.name in ("trunk", "neck") else joints[len(chain.points) - 1 :][:1]
-    joints = joints[: len(chain.points) - 1] + last
+    joints = joints[: count - 1] + joints[-1 if chain.name in ("trunk", "neck") else count - 1 :][:1]
     size = max(float(np.ptp(np.concatenate(list(points.values())), axis=0).max()), 1e-12)
     table = {
         "name": chain.name,

@@ -90,7 +90,7 @@ func positions() -> PackedVector3Array:
 	return found
 
 
-## Read the displacements once: each time, the engine decodes all targets, which takes longer the more there are.
+## Read the displacements by all targets, once: whenever one is asked for, the engine decodes all of them.
 func _read_displacements() -> Array[Array]:
 	var mesh: ArrayMesh = instance.mesh
 	var found: Array[Array] = []
@@ -108,6 +108,7 @@ func _read_displacements() -> Array[Array]:
 	return found
 
 
+## Return the box of the displacements by a target.
 func _reach_of(target: int) -> AABB:
 	var low := Vector3.INF
 	var high := -Vector3.INF

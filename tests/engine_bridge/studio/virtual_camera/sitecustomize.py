@@ -107,8 +107,9 @@ def _plug_in_microphone(sound):
             count = round(sound.BLOCK_SECONDS * self.rate)
             while self._next + sound.BLOCK_SECONDS <= time.monotonic():
                 times = self._next + np.arange(count) / self.rate
-                speaks = (30 * times) % self._cycle % 30 < 9
-                yield sound.Block(self._next, (0.4 * np.sin(5000 * times) * speaks).astype(np.float32))
+                word = (30 * times) % self._cycle % 30
+                tone = np.sin((150 + 20 * word) * word)  # rises: words of two takes cannot silence each other
+                yield sound.Block(self._next, (0.4 * tone * (word < 9)).astype(np.float32))
                 self._next += sound.BLOCK_SECONDS
 
         def close(self):

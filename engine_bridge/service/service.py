@@ -238,6 +238,7 @@ class Service:
 
         def played(track: TakeTrack) -> dict[str, Any]:
             added = self.playback.add(track, asked.at, asked.start, asked.stop, asked.beside)
+            self._refresh_takes()  # a reload may have replaced the character meanwhile
             return {**added, "note": track.note or None}
 
         load = partial(TakeTrack, player, path, asked.part)
@@ -417,6 +418,7 @@ class Service:
             if stage.runner in before:
                 stage.runner.stage.name = stage.name
                 stage.runner.replace_players(stage.players)
+        self.playback.reserve()
         self._refresh_takes()
 
     def _close_runners(self) -> None:

@@ -130,6 +130,11 @@ class TakePlayback:
             changed = [replace(part, track=track) if part.track.path == track.path else part for part in parts]
             self._put(track.character.name, changed)
 
+    def reserve(self) -> None:
+        """Keep the characters of the takes from performers, also on stages that a reload has opened anew."""
+        for name in self._playing:
+            self._reserve(name, True)
+
     def stale(self) -> list[tuple[CharacterPlayer, TakeTrack]]:
         """Return the takes whose motion was computed for another mapping or character than the present one."""
         found = (

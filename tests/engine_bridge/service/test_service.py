@@ -273,6 +273,11 @@ def test_a_reload_reads_the_stages_of_the_service_file_again(serve, blob_puppet,
     def stages(service):
         return {stage["name"]: stage["source"] for stage in service.ask("describe")["status"]["stages"]}
 
+    def one_pose():
+        client.pending()
+        time.sleep(0.5)
+        return len({each.body.tobytes() for each in client.pending() if each.topic == "two/controls"}) == 1
+
     write(("one", "demo:walk?loop"))
     service = serve("--config", file)
     client = service.client("one/controls", "two/controls", "one/scene")
@@ -288,6 +293,12 @@ def test_a_reload_reads_the_stages_of_the_service_file_again(serve, blob_puppet,
     assert "nothing" in error["found"]
     assert service.ask("list")["characters"] == ["one", "two"]
     write(("two", "demo:roar?loop"))
+    service.ask("record_start", stage="two", name="take")
+    time.sleep(1.0)
+    service.ask("record_stop", stage="two")
+    wait_until(lambda: service.ask("play_take", character="two", take="take") and service.ask("pause").get("paused"))
     assert service.ask("reload") == {"characters": ["two"]}
     wait_until(lambda: stages(service) == {"two": "demo:roar?loop"})
+    wait_until(one_pose)  # the take drives the character, nobody else
+    service.ask("stop")
     client.until(lambda message: performing(message) and message.topic == "two/controls", "controls")

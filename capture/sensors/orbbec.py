@@ -171,7 +171,8 @@ class OrbbecDevice(DepthCamera):
                 self._add_frames(frames)
         except (RuntimeError, self._ob.OBError) as error:
             raise self._failure(error) from error
-        if frames is None and self._recorded and self._at_end():
+        stopped = self._ob.OBPlaybackStatus.STOPPED
+        if frames is None and self._recorded and self._device.get_playback_status() == stopped:
             if not self._loop:
                 raise self._ended()
             self.close()
@@ -201,9 +202,6 @@ class OrbbecDevice(DepthCamera):
         convert = ob.FormatConvertFilter()
         convert.set_format_convert_format(kind)
         return convert.process(color).as_video_frame()
-
-    def _at_end(self) -> bool:
-        return bool(self._device.get_playback_status() == self._ob.OBPlaybackStatus.STOPPED)
 
     def _is_plugged(self) -> bool:
         serials = [device.get_device_info().get_serial_number() for device in plugged_in(self._ob)]

@@ -16,6 +16,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import replace
 from heapq import merge
 from itertools import chain, count
+from operator import attrgetter
 from pathlib import Path
 from typing import Self
 
@@ -109,7 +110,7 @@ class RecordingSource:
         SourceError
             The clips have no frame.
         """
-        return cls(name, lambda: merge(*(clip.frames() for clip in clips), key=_time), loop)
+        return cls(name, lambda: merge(*(clip.frames() for clip in clips), key=attrgetter("time")), loop)
 
     def fileno(self) -> None:
         """Return None, because a recording has no file descriptor to wait for."""
@@ -196,10 +197,6 @@ class RecordingSource:
             self.damaged = True
             self._end = SourceError(error.where, found=error.found, expected=error.expected, fix=error.fix)
             return None
-
-
-def _time(event: Event) -> float:
-    return event.time
 
 
 def _checked_events(path: Path) -> Iterator[Event]:

@@ -3,9 +3,11 @@
 import multiprocessing
 import os
 import signal
+import sys
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 
 from engine_bridge.batch.conversion import MAX_STARTS, BatchSettings, Outcome, convert_job
@@ -79,7 +81,12 @@ class _Worker:
     def __init__(self, batch: BatchSettings) -> None:
         self.connection, theirs = _CONTEXT.Pipe()
         self._process = _CONTEXT.Process(target=_work, args=(theirs, batch), daemon=True)
+        if sys.platform != "win32":  # a process inherits which signals are blocked: the command handles Ctrl-C
+            resource_tracker.ensure_running()  # its start would unblock the signal
+            before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         self._process.start()
+        if sys.platform != "win32":
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         theirs.close()
         self.job: Job | None = None
 
@@ -109,7 +116,7 @@ class _Worker:
 
 def _work(connection: Connection, batch: BatchSettings) -> None:
     """Convert jobs until the command ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the command handles Ctrl-C
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(EOFError, OSError):
         while True:
             job = connection.recv()

@@ -11,10 +11,6 @@ from engine_bridge.character.surfaces.surface import ImageFile, Material, Piece,
 MAX_UINT16_INDEX = 65534
 """Largest 16-bit index of a vertex, because 65535 restarts a strip."""
 
-MAX_ORIGIN_DISTANCE = 10.0
-"""Maximum distance of a surface from the origin, in diagonals, at which float32 positions are exact to 1e-6 of the
-diagonal."""
-
 
 def assemble(surface: Surface, title: str, name: str | None = None) -> Document:
     """Make a glTF document of a surface.
@@ -44,7 +40,7 @@ def assemble(surface: Surface, title: str, name: str | None = None) -> Document:
     materials: dict[Material, int] = {}
     textures: dict[ImageFile, int] = {}
     meshes: dict[str, list[Primitive]] = {}
-    origin = _origin(surface)
+    origin = surface.origin
     for piece in surface.pieces:
         if piece.material not in materials:
             materials[piece.material] = len(gltf["materials"])
@@ -59,16 +55,6 @@ def assemble(surface: Surface, title: str, name: str | None = None) -> Document:
             gltf["nodes"][index]["translation"] = origin.tolist()
     gltf["scenes"], gltf["scene"] = [{"nodes": list(range(len(meshes)))}], 0
     return document
-
-
-def _origin(surface: Surface) -> NDArray[np.float64]:
-    """Return the origin of stored positions: the world's, or the middle, rounded to float32, of a far surface."""
-    low = np.min([piece.positions.min(axis=0) for piece in surface.pieces], axis=0)
-    high = np.max([piece.positions.max(axis=0) for piece in surface.pieces], axis=0)
-    middle = (low + high) / 2
-    if np.linalg.norm(middle) > MAX_ORIGIN_DISTANCE * np.linalg.norm(high - low):
-        return middle.astype(np.float32).astype(np.float64)
-    return np.zeros(3)
 
 
 def _primitive(document: Document, piece: Piece, origin: NDArray[np.float64]) -> Primitive:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from engine_bridge.character.surfaces.surface import Piece, Surface, count
 from puppetline.errors import MeshError
-from solver.surface.mesh import weld
+from solver.surface.mesh import SolverMesh, weld
 from solver.surface.winding import distinct_rows, edges_of, wound_outwards
 
 MIN_SIZE = 1e-30
@@ -46,7 +46,9 @@ def shaded(surface: Surface, name: str) -> Surface:
     triangles = np.concatenate([piece.triangles + start for piece, start in zip(surface.pieces, starts, strict=False)])
     _check_size(positions, triangles, name)
     has_normals = any(piece.normals is not None for piece in surface.pieces)
-    turned, is_open, normals = _shading(positions, triangles, has_normals, surface.faceted, name)
+    stored = (positions - surface.origin).astype(np.float32) + surface.origin
+    mesh = weld(stored, triangles, name)  # as the character is welded, which therefore happens once
+    turned, is_open, normals = _shading(mesh, positions, triangles, has_normals, surface.faceted)
     notes = list(dict.fromkeys(surface.notes))
     if turned.any():
         triangles[turned] = triangles[turned, ::-1]
@@ -63,7 +65,7 @@ def shaded(surface: Surface, name: str) -> Surface:
             replace(
                 piece,
                 triangles=triangles[own] - starts[index],
-                normals=_completed(piece.normals, computed),
+                normals=computed if piece.normals is None or computed is None else unit(piece.normals, computed),
                 material=replace(piece.material, double_sided=sides),
             )
         )
@@ -71,21 +73,22 @@ def shaded(surface: Surface, name: str) -> Surface:
 
 
 def _shading(
-    positions: NDArray[np.float64], triangles: NDArray[np.int64], has_normals: bool, faceted: bool, name: str
+    mesh: SolverMesh, positions: NDArray[np.float64], triangles: NDArray[np.int64], has_normals: bool, faceted: bool
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float64] | None]:
     """Return which triangles to flip, which are in open parts, and normals unless the surface is angular."""
-    mesh = weld(positions, triangles, name)
-    welded = mesh.of_render[triangles]
-    turned = np.zeros(len(triangles), dtype=np.bool_) if has_normals else wrongly_wound(mesh.vertices, welded)
+    welded, vertices = mesh.of_render[triangles], mesh.vertices.copy()
+    vertices[welded] = positions[triangles]
+    is_wound = has_normals or not mesh.repairs.turned + mesh.repairs.doubled
+    turned = np.zeros(len(triangles), dtype=np.bool_) if is_wound else wrongly_wound(vertices, welded)
     triangles = np.where(turned[:, None], triangles[:, ::-1], triangles)
     welded = np.where(turned[:, None], welded[:, ::-1], welded)
-    is_open = in_open_part(welded, len(mesh.vertices))
+    is_open = in_open_part(welded, len(vertices))
     if faceted:
         return turned, is_open, _facet_normals(positions, triangles)
-    if not has_normals and is_angular(mesh.vertices, mesh.faces):
+    if not has_normals and is_angular(vertices, mesh.faces):
         return turned, is_open, None
     first, is_back = _sides(welded)
-    normals = unit(igl.per_vertex_normals(mesh.vertices, welded[first])[mesh.of_render], UP)
+    normals = unit(igl.per_vertex_normals(vertices, welded[first])[mesh.of_render], UP)
     if is_back.any():
         normals[np.setdiff1d(triangles[is_back], triangles[~is_back])] *= -1
     return turned, is_open, normals
@@ -175,10 +178,6 @@ def _facet_normals(positions: NDArray[np.float64], triangles: NDArray[np.int64])
     normals = np.zeros_like(positions)
     normals[triangles] = np.cross(b - a, c - a)[:, None]
     return unit(normals, UP)
-
-
-def _completed(own: NDArray[np.float64] | None, computed: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
-    return computed if own is None or computed is None else unit(own, computed)
 
 
 def unit(vectors: NDArray[np.float64], otherwise: ArrayLike) -> NDArray[np.float64]:

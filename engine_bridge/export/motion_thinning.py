@@ -51,8 +51,9 @@ def thin_motion(document: Document, tolerance: float) -> tuple[int, float]:
     }
     boxes = list(_boxes(document))
     exact = _moved(document, tracks, boxes, len(times))
-    weights = [values for (_, path), values in tracks.items() if path == "weights"]
-    watched = np.concatenate([exact, *(_as_points(each, tolerance) for each in weights)], axis=1)
+    apart = np.array([tolerance / WEIGHT_TOLERANCE, 0.0, 0.0])  # of weights that differ by a little, as points
+    weights = [values[:, :, None] * apart for (_, path), values in tracks.items() if path == "weights"]
+    watched = np.concatenate([exact, *weights], axis=1)
     for share in THINNING_SHARES:
         kept = thin(watched, share * tolerance) if share else np.arange(len(times))
         stored = {key: values[kept] for key, values in tracks.items()}
@@ -63,11 +64,6 @@ def thin_motion(document: Document, tolerance: float) -> tuple[int, float]:
             break
     _rewrite(document, animation, times[kept], stored)
     return len(kept), error
-
-
-def _as_points(weights: NDArray[np.float32], tolerance: float) -> NDArray[np.float64]:
-    """Return weights (F, K) as points (F, K, 3) that are as far apart as the tolerance if they differ by a little."""
-    return weights[:, :, None] * np.array([tolerance / WEIGHT_TOLERANCE, 0.0, 0.0])
 
 
 def _boxes(document: Document) -> Iterator[tuple[int, NDArray[np.float64]]]:

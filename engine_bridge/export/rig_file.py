@@ -82,7 +82,8 @@ def write_rig(
     rig, notes = load_rig_of(source, output)
     check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
     progress("Preparing the character", 1.0)
-    kept = settings.keep_skin and settings.pose == "rest" and _has_skin(rig)
+    own = rig.character.document.gltf["skins"] and own_bones(rig.character, rig.puppet.limbs)  # along the limbs
+    kept = settings.keep_skin and settings.pose == "rest" and bool(own)
     if kept:
         document = rig.character.document.copy()
         names = _rename_own(document, rig, settings.names)
@@ -138,11 +139,6 @@ def load_rig_of(source: Path, output: Path) -> tuple[Rig, tuple[str, ...]]:
         )
     rig = prepared(proposal.puppet, proposal.character)
     return rig, (*proposal.assumed, *proposal.notes)
-
-
-def _has_skin(rig: Rig) -> bool:
-    """Return whether a character's file has a skin, and a skeleton along the puppet's limbs."""
-    return bool(rig.character.document.gltf["skins"]) and own_bones(rig.character, rig.puppet.limbs) is not None
 
 
 def rename(document: Document, nodes: list[int], scheme: Scheme | None) -> tuple[str, ...]:

@@ -56,7 +56,7 @@ def examine(takes: Path | None = None, sources: Sequence[str] = ()) -> list[Find
         URIs of sources that must work, see `capture.sources.registry`.
     """
     return [
-        _python(),
+        Finding("Python", sys.version_info >= (3, 11), f"{platform.python_version()}, {platform.platform()}"),
         *_libraries(),
         _processor(),
         *_ports(),
@@ -85,10 +85,6 @@ def text(findings: Sequence[Finding]) -> str:
 def required() -> list[str]:
     """Return the distributions that Puppetline requires on every system."""
     return [re.split("[^a-z-]", each)[0] for each in requires("puppetline") or () if ";" not in each]
-
-
-def _python() -> Finding:
-    return Finding("Python", sys.version_info >= (3, 11), f"{platform.python_version()}, {platform.platform()}")
 
 
 def _libraries() -> Iterator[Finding]:

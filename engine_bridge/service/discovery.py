@@ -124,7 +124,8 @@ class Announcement:
 
         addresses = _own_addresses() if self._everywhere else [self._host]
         with closing(Zeroconf(InterfaceChoice.All if self._everywhere else addresses)) as zeroconf:
-            info = self._info(addresses, f"{_cut(self._name, _LABEL_LENGTH)}.{TYPE}")
+            label = self._name.encode()[:_LABEL_LENGTH].decode(errors="ignore")
+            info = self._info(addresses, f"{label}.{TYPE}")
             zeroconf.register_service(info, allow_name_change=True)
             while not self._closed:
                 renamed = self._changed.wait(RETRY_SECONDS)
@@ -215,10 +216,6 @@ def _as_many_as_fit(names: Sequence[str]) -> str:
             break
         joined = longer
     return joined
-
-
-def _cut(text: str, length: int) -> str:
-    return text.encode()[:length].decode(errors="ignore")
 
 
 def _own_addresses() -> list[str]:

@@ -12,6 +12,10 @@ from puppetline.errors import MeshError
 MAX_COORDINATE = 1e18
 """Maximum absolute coordinate of a mesh; its square fits into a float32."""
 
+MAX_ORIGIN_DISTANCE = 10.0
+"""Maximum distance of a surface from the origin, in diagonals, at which float32 positions are exact to 1e-6 of the
+diagonal."""
+
 
 @dataclass(frozen=True)
 class ImageFile:
@@ -113,6 +117,16 @@ class Surface:
     notes: list[str] = field(default_factory=list)
     faceted: bool = False
     files: dict[tuple[str, str], str] = field(default_factory=dict)
+
+    @property
+    def origin(self) -> NDArray[np.float64]:
+        """Origin (3,) of stored positions: the world's, or the middle, rounded to float32, of a far surface."""
+        low = np.min([piece.positions.min(axis=0) for piece in self.pieces], axis=0)
+        high = np.max([piece.positions.max(axis=0) for piece in self.pieces], axis=0)
+        middle = (low + high) / 2
+        if np.linalg.norm(middle) > MAX_ORIGIN_DISTANCE * np.linalg.norm(high - low):
+            return middle.astype(np.float32).astype(np.float64)
+        return np.zeros(3)
 
 
 def linear(srgb: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from engine_bridge.service.monitoring.status import StageStatus, Status
+from engine_bridge.service.monitoring.status import Status
 
 LINE_INTERVAL_SECONDS = 10.0
 """Time between two statuses as lines, where the output is no terminal, in seconds."""
@@ -103,7 +103,8 @@ def _service(status: Status) -> Text:
 def _stages(status: Status) -> Table:
     table = _table("source", "users", "frames/s", "p50 ms", "p95 ms", "p99 ms", "max ms", "dropped", "refused")
     for stage in status.stages:
-        label, latency = _label(stage), stage.latency_ms
+        label = stage.name if stage.name == stage.source else f"{stage.name}  {stage.source}"
+        latency = stage.latency_ms
         recording = f"  ● {stage.recording}" if stage.recording else f"  {stage.count_in}…" if stage.count_in else ""
         _add(
             table,
@@ -115,10 +116,6 @@ def _stages(status: Status) -> Table:
             ", ".join(f"{count} {reason}" for reason, count in stage.refused.items()) or 0,
         )
     return table
-
-
-def _label(stage: StageStatus) -> str:
-    return stage.name if stage.name == stage.source else f"{stage.name}  {stage.source}"
 
 
 def _users(status: Status) -> Table:

@@ -217,10 +217,6 @@ def part_names(names: Sequence[str]) -> list[str]:
     return fit
 
 
-def _controls(base: str, frame: Frame) -> Iterator[bytes]:
-    yield encode(f"{base}/controls", frame.controls)
-
-
 def _morphs(base: str, frame: Frame) -> Iterator[bytes]:
     if frame.morphs is not None:
         yield encode(f"{base}/morphs", frame.morphs.weights)
@@ -277,7 +273,7 @@ def _performer(base: str, frame: Frame) -> Iterator[bytes]:
 
 
 _DATAGRAMS: dict[str, Callable[[str, Frame], Iterator[bytes]]] = {
-    "controls": _controls,
+    "controls": lambda base, frame: iter([encode(f"{base}/controls", frame.controls)]),
     "morphs": _morphs,
     "joints": _joints,
     "handles": _handles,

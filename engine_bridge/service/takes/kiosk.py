@@ -186,7 +186,8 @@ class Kiosk:
 
     def _begin(self, runner: StageRunner) -> None:
         self._folder.mkdir(parents=True, exist_ok=True)
-        path = self._folder / f"{_code()}.log"
+        code = "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
+        path = self._folder / f"{code}.log"
         driven = [(each, each.user) for each in runner.stage.players if each.user is not None]
         characters = [(each.character.name, each.document.path, user) for each, user in driven]
         clip = Clip(path, characters, time.monotonic() + self._table.count_in)
@@ -224,10 +225,6 @@ class Kiosk:
 def visitors_folder(takes: Path) -> Path:
     """Return the folder of visitors' files in a folder of takes."""
     return takes / FOLDER
-
-
-def _code() -> str:
-    return "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
 
 
 def _scene(clip: Clip, size: tuple[int, int]) -> str:

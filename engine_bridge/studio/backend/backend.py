@@ -46,7 +46,7 @@ class Backend:
         self.version = 0
         self._invite = invite
         self._watchers: set[Callable[[JobState | None], None]] = set()
-        service.watch(self._service_changed)
+        service.watch(self.changed)
 
     @property
     def state(self) -> State:
@@ -83,9 +83,6 @@ class Backend:
         self.version += 1
         for watcher in list(self._watchers):
             watcher(None)
-
-    def _service_changed(self) -> None:
-        self.changed()
 
     def _advanced(self, job: JobState) -> None:
         for watcher in list(self._watchers):

@@ -228,6 +228,9 @@ def test_a_folder_without_rights_is_one_message_before_the_work(start, tmp_path)
 def test_ctrl_c_ends_the_batch_quietly_and_it_continues(start, finished, expected, tmp_path, workers):
     wanted, _ = expected
     with start(tmp_path, "--workers", workers, "--no-report") as process:
+        wait_until(lambda: len(worker_processes(process)) == workers, TIMEOUT_SECONDS)
+        for each in worker_processes(process):  # which have only begun to start
+            os.kill(each.pid, signal.SIGINT)
         wait_until(lambda: len(results(tmp_path)) >= 3, TIMEOUT_SECONDS)
         started = worker_processes(process)
         for each in [process, *started]:  # as a terminal does

@@ -37,10 +37,6 @@ HANDLES = [
 ]
 
 
-def hue(index, count):
-    return np.array(puppet_diagram._color(index, count))
-
-
 @pytest.mark.parametrize(("up", "front"), [("y", "z"), ("z", "-y")])
 def test_each_handle_is_a_disc_of_its_colour_at_its_position(blob, puppet, pictures, tmp_path, up, front):
     basis = CharacterTable(mesh="blob", up=up, front=front).basis
@@ -56,7 +52,7 @@ def test_each_handle_is_a_disc_of_its_colour_at_its_position(blob, puppet, pictu
     for picture, angles in zip(pictures, puppet_diagram.VIEWS.values(), strict=True):
         dots = project(np.array([place for _, place, _ in HANDLES]), View.around(np.float32(vertices), *angles), SIZE)
         for index, (x, y, _) in enumerate(dots):
-            assert np.abs(picture[round(y), round(x)] - hue(index, 3)).max() <= 3
+            assert np.abs(picture[round(y), round(x)] - puppet_diagram._color(index, 3)).max() <= 3
 
 
 def test_labels_do_not_overlap_and_are_inside():

@@ -61,10 +61,6 @@ EVERY_BONE = {"Hips", "Spine", "Chest", "Neck", "Head"} | {
 }
 
 
-def unit(vector):
-    return np.array(vector) / np.linalg.norm(vector)
-
-
 def body(arm=(1, 0, 0), forearm=None, thigh=(0, -1, 0), shin=(0, -1, 0), foot=(0, -0.5, 0.9), sizes=1.0):
     """A symmetric body (20, 3), character axes: directions of its left limbs."""
     places = {"hip_center": [0, 1, 0], "spine": [0, 1.2, 0], "shoulder_center": [0, 1.5, 0], "head": [0, 1.75, 0]}
@@ -74,7 +70,7 @@ def body(arm=(1, 0, 0), forearm=None, thigh=(0, -1, 0), shin=(0, -1, 0), foot=(0
         ("hip knee ankle foot", [0.1, 0.95, 0], (thigh, shin, foot), (0.45, 0.4 * sizes, 0.15)),
     )
     for joints, start, directions, lengths in limbs:
-        steps = [length * unit(direction) for direction, length in zip(directions, lengths, strict=True)]
+        steps = [np.array(way) * length / np.linalg.norm(way) for way, length in zip(directions, lengths, strict=True)]
         chain = np.cumsum([start, *steps], axis=0)
         for side, sign in (("left", 1), ("right", -1)):
             for joint, point in zip(joints.split(), chain, strict=True):

@@ -30,10 +30,6 @@ MIDDLE = [((0.0, 1.0, -0.9), (0.0, 0.07, -0.95), 0.11)]
 FEET = {"left": np.ones(3), "right": IMAGE}
 
 
-def of_right(limbs):
-    return both(*limbs)[len(limbs) :]
-
-
 def away(points, joints):
     return np.linalg.norm(np.asarray(points) - np.asarray(joints), axis=-1)
 
@@ -61,7 +57,7 @@ def test_a_rump_that_sticks_out_is_no_hock(solver_mesh):
     ("legs", "names"),
     [
         ([*MIDDLE, *both(*FRONT)], {"hind leg", "left front leg", "right front leg"}),
-        ([*both(*HIND), *of_right(FRONT)], {"left hind leg", "right hind leg", "right front leg"}),
+        ([*both(*HIND), *both(*FRONT)[len(FRONT) :]], {"left hind leg", "right hind leg", "right front leg"}),
     ],
     ids=["in the middle", "on one side"],
 )

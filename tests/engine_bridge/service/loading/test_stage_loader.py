@@ -6,6 +6,7 @@ import pytest
 
 from engine_bridge.service.loading.service_file import from_flags
 from engine_bridge.service.loading.stage_loader import load_players
+from engine_bridge.service.protocol.scene import Scene
 from puppetline.errors import PuppetlineError
 
 
@@ -32,11 +33,7 @@ def test_a_revision_is_of_what_clients_see(cast):
     assert cast("gain = 0.8", "gain = 0.7").character.revision == first.character.revision  # clients do not see gains
     renamed = cast('name = "head"', 'name = "nose"').character
     assert renamed.revision != first.character.revision
-    assert [handle["name"] for handle in json.loads(scene_text(renamed.scene))["handles"]].count("nose") == 1
-
-
-def scene_text(scene):
-    return scene[4 : 4 + int.from_bytes(scene[:4], "little")]
+    assert [handle["name"] for handle in Scene.decode(renamed.scene).facts["handles"]].count("nose") == 1
 
 
 def test_a_changed_look_has_a_new_revision(cast, blob_puppet):

@@ -17,10 +17,6 @@ UPGRADE = (
 )
 
 
-def text_frame(size):
-    return struct.pack(">BBQ", 0x81, 0xFF, size) + bytes(4) + b"x" * size
-
-
 async def served(handle):
     """Serve WebSockets with a handler of the request and the stream; return the server, its port and its end."""
 
@@ -53,7 +49,7 @@ async def flood(port, frames, path="/"):
         writer.write(UPGRADE.format(path=path, port=port).encode())
         await reader.readuntil(b"\r\n\r\n")
         for _ in range(frames):
-            writer.write(text_frame(20_000))
+            writer.write(struct.pack(">BBQ", 0x81, 0xFF, 20_000) + bytes(4) + b"x" * 20_000)
             await asyncio.wait_for(writer.drain(), 1)
     except (OSError, TimeoutError, asyncio.IncompleteReadError):
         pass

@@ -1,10 +1,11 @@
 """Mapping of the joints of a BVH skeleton to the 20 joints of `capture.skeleton`, by their names.
 
 Supported are the skeletons of CMU (with the names of BVH or of ASF files), Biovision, Mixamo, MotionBuilder, MakeHuman,
-3ds Max, Unreal and the Kinect SDK. A name is split into a side and a part, so ``LeftUpLeg``, ``mixamorig:LeftUpLeg``,
-``UpLeg_L`` and ``Bip01 L UpLeg`` are equal. One part means different joints in different skeletons: ``LeftShoulder`` is
-the collar bone if there is a ``LeftArm``, and ``LeftFoot`` is the ankle if there is no ``LeftAnkle``. The order in the
-tables decides.
+3ds Max, Unreal, Rigify, VRoid, Character Creator, Motive, Advanced Skeleton, MikuMikuDance, ARKit and the Kinect SDK. A
+name is split into a side and a part, so ``LeftUpLeg``, ``mixamorig:LeftUpLeg``, ``UpLeg_L`` and ``Bip01 L UpLeg`` are
+equal. One part means different joints in different skeletons: ``LeftShoulder`` is the collar bone if there is a
+``LeftArm``, ``LeftLeg`` is the thigh if there is a ``LeftKnee`` only, and ``LeftFoot`` is the ankle if there is no
+``LeftAnkle``. The order in the tables decides.
 """
 
 import re
@@ -19,33 +20,25 @@ from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
 from puppetline.errors import SkeletonLogError
 
 SIDE_PARTS = {
-    "shoulder": ("arm", "upperarm", "uparm", "shldr", "humerus", "shoulder"),
-    "elbow": ("forearm", "lowerarm", "loarm", "lowarm", "radius", "elbow"),
-    "wrist": ("wrist", "hand"),
+    "shoulder": ("arm", "upperarm", "uparm", "uarm", "shldr", "humerus", "shoulder", "腕"),
+    "elbow": ("forearm", "lowerarm", "loarm", "lowarm", "farm", "radius", "elbow", "ひじ"),
+    "wrist": ("wrist", "hand", "手首"),
     "hand": ("handend", "handmiddle1", "middle1", "fingers", "handindex1", "finger2", "hand"),
-    "hip": ("upleg", "upperleg", "thigh", "femur", "hip"),
-    "knee": ("leg", "loleg", "lowleg", "lowerleg", "shin", "calf", "tibia", "knee"),
-    "ankle": ("ankle", "foot"),
-    "foot": ("toebase", "toe", "toes", "toe0", "ball", "foot"),
+    "hip": ("upleg", "upperleg", "thigh", "femur", "hip", "leg", "足"),
+    "knee": ("leg", "loleg", "lowleg", "lowerleg", "shin", "calf", "tibia", "knee", "ひざ"),
+    "ankle": ("ankle", "foot", "足首"),
+    "foot": ("toebase", "toe", "toes", "toe0", "ball", "foot", "つま先"),
 }
 """Parts of each joint of a side, in order of priority. Each BVH joint is used once."""
 
 MIDDLE_PARTS = {
     "hip_center": ("spinebase", "hips", "pelvis", "hip", "root"),
     "spine": (
-        "spinemid",
-        "spine",
-        "spine1",
-        "spine01",
-        "spine2",
-        "abdomen",
-        "chest",
-        "torso",
-        "lowerback",
-        "upperback",
+        *("spinemid", "spine002", "spine", "spine1", "spine01", "spine2", "abdomen", "chest", "torso"),
+        *("lowerback", "upperback", "上半身"),
     ),
-    "shoulder_center": ("spineshoulder", "lowerneck", "neck", "neck1", "neck01"),
-    "head": ("head",),
+    "shoulder_center": ("spineshoulder", "lowerneck", "neck", "neck1", "neck01", "necktwist01", "spine004", "首"),
+    "head": ("head", "spine006", "頭"),
 }
 """Parts of each joint in the middle, in order of priority."""
 
@@ -59,9 +52,9 @@ MIDPOINTS = {
 ENDS = {"hand_left": "wrist_left", "hand_right": "wrist_right", "foot_left": "ankle_left", "foot_right": "ankle_right"}
 """Joints that the end of another joint's bone replaces if a skeleton lacks them."""
 
-PREFIX = re.compile(r"^(.*:|mixamorig\d*_?|bip\d+[ _]?)", re.IGNORECASE)
+AROUND = re.compile(r"^(.*:|mixamorig\d*_?|bip\d+[ _]?|cc_base_|j_bip_(c_)?|def-)|(_joint|_m)$", re.IGNORECASE)
 SIDES = (
-    re.compile(r"^(?P<side>left|right)(?P<part>.+)$"),
+    re.compile(r"^(?P<side>left|right|左|右)(?P<part>.+)$"),
     re.compile(r"^(?P<part>.+)(?P<side>left|right)$"),
     re.compile(r"^(?P<part>.+)(?P<side>[lr])$"),
     re.compile(r"^(?P<side>[lr])(?P<part>.+)$"),
@@ -79,11 +72,11 @@ def normalised_name(name: str) -> str:
     """
     if name.startswith("__"):  # a spacer of MakeHuman, which has the name of the joint that follows it
         return ""
-    plain = re.sub(r"[ _.\-]", "", PREFIX.sub("", name)).lower()
+    plain = re.sub(r"[ _.\-]", "", AROUND.sub("", name)).lower()
     for pattern in SIDES:
         match = pattern.match(plain)
         if match and match["part"] in PARTS:
-            return f"{match['part']}_{'left' if match['side'].startswith('l') else 'right'}"
+            return f"{match['part']}_{'left' if match['side'][0] in 'l左' else 'right'}"
     return plain
 
 
@@ -125,7 +118,7 @@ def kinect_positions(
             path,
             found=f"no joint for {', '.join(needed)} among {shorten(names, 200, placeholder=' …')}",
             expected="the names of a human skeleton, for example LeftArm or lForeArm",
-            fix="Use the joint names of CMU, Mixamo or Biovision, or retarget the motion to such a skeleton.",
+            fix="Use the joint names of CMU, Mixamo, Unreal or Rigify, or retarget the motion to such a skeleton.",
         )
     ends = _ends(tree)
     notes = []

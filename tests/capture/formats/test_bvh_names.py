@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from capture.formats.bvh_names import kinect_positions, normalised_name
+from capture.formats.bvh_names import MIDDLE_PARTS, kinect_positions, normalised_name
 from capture.skeleton import JOINTS
 from puppetline.errors import SkeletonLogError
 
@@ -94,6 +94,53 @@ Root, Spine1, Spine2, Neck, Head, Hips |
 __Clavicle_*, Clavicle_*, UpArm_*, LoArm_*, Hand_*, Middle1_*, __UpLeg_*, UpLeg_*, LoLeg_*, Foot_*, Toe_* |
 hip_center: Hips, spine: Spine1, shoulder_left: UpArm_l, hand_left: Middle1_l, hip_right: UpLeg_r, knee_right:
 LoLeg_r, ankle_left: Foot_l, foot_left: Toe_l
+
+VRoid | L R |
+J_Bip_C_Hips, J_Bip_C_Spine, J_Bip_C_Chest, J_Bip_C_Neck, J_Bip_C_Head |
+J_Bip_*_Shoulder, J_Bip_*_UpperArm, J_Bip_*_LowerArm, J_Bip_*_Hand, J_Bip_*_UpperLeg, J_Bip_*_LowerLeg, J_Bip_*_Foot,
+J_Bip_*_ToeBase |
+hip_center: J_Bip_C_Hips, shoulder_left: J_Bip_L_UpperArm, elbow_right: J_Bip_R_LowerArm, hip_left: J_Bip_L_UpperLeg,
+foot_right: J_Bip_R_ToeBase
+
+Character Creator | L R |
+CC_Base_Hip, CC_Base_Waist, CC_Base_Spine02, CC_Base_NeckTwist01, CC_Base_Head |
+CC_Base_*_Clavicle, CC_Base_*_Upperarm, CC_Base_*_Forearm, CC_Base_*_Hand, CC_Base_*_Thigh, CC_Base_*_Calf,
+CC_Base_*_Foot, CC_Base_*_ToeBase |
+hip_center: CC_Base_Hip, shoulder_center: CC_Base_NeckTwist01, wrist_left: CC_Base_L_Hand, knee_right: CC_Base_R_Calf
+
+Rigify | L R |
+DEF-spine, DEF-spine.001, DEF-spine.002, DEF-spine.003, DEF-spine.004, DEF-spine.005, DEF-spine.006 |
+DEF-shoulder.*, DEF-upper_arm.*, DEF-upper_arm.*.001, DEF-forearm.*, DEF-hand.*, DEF-thigh.*, DEF-shin.*, DEF-foot.*,
+DEF-toe.* |
+spine: DEF-spine.002, shoulder_center: DEF-spine.004, head: DEF-spine.006, shoulder_left: DEF-upper_arm.L, knee_right:
+DEF-shin.R
+
+Motive | L R |
+Hip, Ab, Chest, Neck, Head |
+*Shoulder, *UArm, *FArm, *Hand, *Thigh, *Shin, *Foot, *Toe |
+spine: Chest, shoulder_left: LUArm, elbow_right: RFArm, hip_left: LThigh, foot_right: RToe
+
+Advanced Skeleton | L R |
+Root_M, Spine1_M, Chest_M, Neck_M, Head_M |
+Scapula_*, Shoulder_*, Elbow_*, Wrist_*, Hip_*, Knee_*, Ankle_*, Toes_* |
+hip_center: Root_M, spine: Spine1_M, shoulder_left: Shoulder_L, ankle_right: Ankle_R, foot_left: Toes_L
+
+MikuMikuDance | 左 右 |
+センター, 上半身, 首, 頭 |
+*肩, *腕, *ひじ, *手首, *足, *ひざ, *足首, *つま先 |
+spine: 上半身, shoulder_center: 首, head: 頭, shoulder_left: 左腕, elbow_right: 右ひじ, wrist_left: 左手首,
+hip_left: 左足, knee_right: 右ひざ, ankle_left: 左足首, foot_right: 右つま先
+
+MikuMikuDance in English | L R |
+center, upper body, neck, head |
+shoulder_*, arm_*, elbow_*, wrist_*, leg_*, knee_*, ankle_*, toe_* |
+shoulder_left: arm_L, elbow_right: elbow_R, hip_left: leg_L, knee_right: knee_R, foot_left: toe_L
+
+ARKit | left right |
+hips_joint, spine_1_joint, spine_7_joint, neck_1_joint, head_joint |
+*_shoulder_1_joint, *_arm_joint, *_forearm_joint, *_hand_joint, *_upLeg_joint, *_leg_joint, *_foot_joint, *_toes_joint |
+hip_center: hips_joint, spine: spine_1_joint, shoulder_left: left_arm_joint, elbow_right: right_forearm_joint,
+hip_left: left_upLeg_joint, knee_right: right_leg_joint, foot_left: left_toes_joint
 """
 
 
@@ -120,7 +167,8 @@ def test_skeletons_of_known_programs_are_recognised(program: str) -> None:
     names, expected = SKELETONS[program]
     found, _ = points_of(names)
     assert {joint: names[int(found[joint])] for joint in expected} == expected
-    assert found["head"] == next(i for i, name in enumerate(names) if name.lower().endswith("head")) + 0.5
+    head = next(i for i, name in enumerate(names) if normalised_name(name) in MIDDLE_PARTS["head"])
+    assert found["head"] == head + 0.5
 
 
 def test_missing_middle_joints_are_midpoints_and_hands_are_ends() -> None:

@@ -8,9 +8,7 @@ SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 """Word in the name of a joint, such as `LeftForeArm`, `upper_arm.L` or `J_Bip_R_LowerLeg`."""
 
-DECORATION = frozenset(
-    ["mixamorig", "def", "b", "c", "j", "cc", "base", "bip", "valve", "biped", "bn", "jnt", "joint", "bone", "bend"]
-)
+DECORATION = {*"bcjm", "mixamorig", "def", "cc", "base", "bip", "valve", "biped", "bn", "jnt", "joint", "bone", "bend"}
 """Words that programs put before or after a joint's own name."""
 
 CONTROLS = frozenset(
@@ -21,13 +19,13 @@ CONTROLS = frozenset(
 PARTS = {
     "head": "head|skull",
     "neck": "neck",
-    "spine": "spine|torso|abdomen|chest|upperchest|waist|ribcage|back|hips?|pelvis|body|spinelower|spineupper",
-    "girdle": "clavicle|collar|collarbone|shoulder",
-    "upper arm": "upperarm|uparm|arm|shldr",
-    "lower arm": "lowerarm|lowarm|forearm|elbow",
+    "spine": "spine|torso|abdomen|ab|chest|upperchest|waist|ribcage|back|hips?|pelvis|body|spinelower|spineupper",
+    "girdle": "clavicle|collar|collarbone|shoulder|scapula",
+    "upper arm": "upperarm|uparm|uarm|arm|shldr|humerus",
+    "lower arm": "lowerarm|lowarm|farm|forearm|elbow|radius",
     "hand": "hand|wrist|palm[a-z]?",
     "thigh": "upperleg|upleg|thigh|femur",
-    "shin": "lowerleg|lowleg|calf|shin|knee",
+    "shin": "lowerleg|lowleg|calf|shin|knee|tibia",
     "leg": "leg|midleg",
     "foot": "foot|ankle|footback|paw|hoof",
     "toe": "toes?|toebase|ball",

@@ -1,7 +1,7 @@
 """Limbs of a character from the skeleton in its file: from the names of its joints and their hierarchy."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +11,7 @@ from engine_bridge.character.character import Character
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import influences, world_transforms
 from engine_bridge.puppet.body_plans import is_leg
-from engine_bridge.puppet.joint_names import LEG_PARTS, QUARTERS, parse_joint_name
+from engine_bridge.puppet.joint_names import LEG_PARTS, QUARTERS, SIDES, JointMeaning, parse_joint_name
 from engine_bridge.puppet.puppet import Direction
 from solver.anatomy.limb_chain import LimbChain, Limbs, evenly, leg_names
 
@@ -32,6 +32,9 @@ MIN_LEG_BONE_SHARE = 0.08
 
 HEAD_PARTS = (None, "head", "ear", "jaw")
 """Parts below the head that count for its size; None for eyes, hair and the like."""
+
+SHOULDER_PARTS = ("girdle", "upper arm")
+"""Parts by which an arm hangs on the spine."""
 
 MANY_PAIRS = 3
 """Number of pairs of legs from which they are rows."""
@@ -87,8 +90,9 @@ def rig_limbs(character: Character) -> Limbs | None:
 def limbs_of_joints(joints: Sequence[Joint]) -> Limbs:
     """Find the limbs of a skeleton.
 
-    Known names are those of VRM, Mixamo, Rigify, Unreal, Quaternius and KayKit, and plain English ones, with a side in
-    any spelling. Other joints within a limb (twists, controls) are skipped.
+    Known names are those of VRM, Mixamo, Rigify, Unreal, SMPL, ARKit, Motive, Character Creator, Advanced Skeleton,
+    Quaternius and KayKit, and plain English ones, with a side in any spelling. Other joints within a limb (twists,
+    controls) are skipped.
 
     Parameters
     ----------
@@ -160,6 +164,15 @@ class _Skeleton:
             if joint.parent >= 0:
                 self.children[joint.parent].append(index)
         self.depth = [len(list(self.ancestors(index))) for index in range(len(joints))]
+        for index, meaning in enumerate(self.meanings):
+            below = {self.part(other) for other in self.below(index)} & {"thigh", "leg", "shin"}
+            if meaning and meaning.side and meaning.part == "spine" and below == {"shin"}:
+                self.meanings[index] = replace(meaning, part="thigh")  # a hip, as in SMPL
+        shoulders = {self.joints[k].parent for side in SIDES.values() for k in self.named(side, None, *SHOULDER_PARTS)}
+        beyond = [index for index in self.named(None, None, "spine") if shoulders & set(self.ancestors(index))]
+        if beyond and not self.named(None, None, "head"):  # Rigify numbers the spine up to the head
+            for index in beyond:
+                self.meanings[index] = JointMeaning(None, None, "head" if index == beyond[-1] else "neck")
 
     def ancestors(self, index: int) -> Iterator[int]:
         while (index := self.joints[index].parent) >= 0:
@@ -200,8 +213,8 @@ class _Skeleton:
 
     def arm(self, side: str) -> NDArray[np.float64] | None:
         upper, lower = self.named(side, None, "upper arm"), self.named(side, None, "lower arm")
-        if not upper:  # the shoulder may be the upper arm's only joint
-            upper = [index for index in self.named(side, None, "girdle") if set(self.below(index)) & set(lower)]
+        if not upper:  # the shoulder, after the collar bone, may be the upper arm's only joint
+            upper = [index for index in self.named(side, None, "girdle") if set(self.below(index)) & set(lower)][-1:]
         if not upper or not lower:
             return None
         hands = [index for index in self.below(lower[0]) if self.part(index) == "hand" and index != lower[0]]

@@ -57,6 +57,18 @@ KayKit: hips, spine, chest, neck, head, top, shoulder.{s}, upperarm.{s}, extra.{
 VRoid: J_Bip_C_Hips, J_Bip_C_Spine, J_Bip_C_Chest, J_Bip_C_Neck, J_Bip_C_Head, HairJoint,
   J_Bip_{S}_Shoulder, J_Bip_{S}_UpperArm, J_Sec_{S}_Sleeve, J_Bip_{S}_LowerArm, J_Bip_{S}_Hand,
   J_Bip_{S}_Middle1, J_Bip_{S}_UpperLeg, J_Bip_{S}_LowerLeg, J_Bip_{S}_Foot, J_Bip_{S}_ToeBase
+Rigify with its numbers: DEF-spine, DEF-spine.001, DEF-spine.003, DEF-spine.004, DEF-spine.006, crown, DEF-shoulder.{S},
+  DEF-upper_arm.{S}, DEF-upper_arm.{S}.001, DEF-forearm.{S}, DEF-hand.{S}, DEF-f_middle.01.{S},
+  DEF-thigh.{S}, DEF-shin.{S}, DEF-foot.{S}, DEF-toe.{S}
+SMPL: Pelvis, Spine1, Spine3, Neck, Head, top, {S}_Collar, {S}_Shoulder, extra_{S}, {S}_Elbow, {S}_Wrist, {S}_Hand,
+  {S}_Hip, {S}_Knee, {S}_Ankle, {S}_Foot
+Motive: Hip, Ab, Chest, Neck, Head, Top, {S}Shoulder, {S}UArm, {S}Extra, {S}FArm, {S}Hand, {S}Middle1, {S}Thigh,
+  {S}Shin, {S}Foot, {S}Toe
+Advanced Skeleton: Root_M, Spine1_M, Chest_M, Neck_M, Head_M, HeadEnd_M, Scapula_{S}, Shoulder_{S}, ShoulderPart1_{S},
+  Elbow_{S}, Wrist_{S}, MiddleFinger1_{S}, Hip_{S}, Knee_{S}, Ankle_{S}, Toes_{S}
+ARKit: hips_joint, spine_1_joint, spine_7_joint, neck_1_joint, head_joint, top, {side}_shoulder_1_joint,
+  {side}_arm_joint, {side}_extra_joint, {side}_forearm_joint, {side}_hand_joint, {side}_handMid_1_joint,
+  {side}_upLeg_joint, {side}_leg_joint, {side}_foot_joint, {side}_toes_joint
 """
 CONVENTIONS = {
     name: " ".join(names.split()).split(", ")

@@ -1,30 +1,30 @@
-// Recognises the bones of a humanoid by their names in other programs: VRM, Mixamo, Unreal, Rigify, Godot, and common
-// English names, with a side in any spelling.
+// Recognises the bones of a humanoid by their names in other programs: VRM, VRoid, Mixamo, Unreal, Rigify, Godot, Character
+// Creator, SMPL and others, and common English names, with a side in any spelling.
 
 /** Names of VRM's bones in the middle of the body, as words without spaces. @type {Record<string, string[]>} */
 const MIDDLE = {
   hips: ["hips", "pelvis", "hip"],
-  spine: ["spine", "spine01", "abdomen"],
+  spine: ["spine", "spine01", "abdomen", "ab", "waist"],
   chest: ["chest", "spine1", "spine02", "torso", "spine001"],
   upperChest: ["upperchest", "spine2", "spine03", "spine002"],
-  neck: ["neck", "neck01", "spine004"],
+  neck: ["neck", "neck01", "neck1", "necktwist01", "spine004"],
   head: ["head", "spine006"],
 };
 
 /** Those of a side. @type {Record<string, string[]>} */
 const SIDED = {
-  Shoulder: ["shoulder", "clavicle", "collar"],
-  UpperArm: ["upperarm", "arm"],
-  LowerArm: ["lowerarm", "forearm"],
+  Shoulder: ["shoulder", "clavicle", "collar", "scapula", "shoulder1"],
+  UpperArm: ["upperarm", "arm", "armupper", "uparm", "shldr"],
+  LowerArm: ["lowerarm", "forearm", "armlower", "lowarm", "elbow"],
   Hand: ["hand", "wrist"],
-  UpperLeg: ["upperleg", "upleg", "thigh"],
-  LowerLeg: ["lowerleg", "leg", "shin", "calf"],
+  UpperLeg: ["upperleg", "upleg", "thigh", "legupper", "hip"],
+  LowerLeg: ["lowerleg", "leg", "shin", "calf", "leglower", "lowleg", "knee"],
   Foot: ["foot", "ankle"],
-  Toes: ["toes", "toebase", "toe", "ball"],
+  Toes: ["toes", "toebase", "toe", "toe0", "ball"],
 };
 
 /** A finger's joint, by its part or by its number from the palm. */
-const FINGER = /^(?:jbip)?(?:hand|f)?(thumb|index|middle|ring|little|pink[a-z]+)(?:finger)?(?:0*([123])|(metacarpal|proximal|intermediate|distal))$/;
+const FINGER = /^(?:hand|f)?(thumb|index|middle|ring|little|pink[a-z]+)(?:finger)?(?:0*([123])|(metacarpal|proximal|intermediate|distal))$/;
 
 const SIDES = new Map([
   ["left", "left"],
@@ -33,7 +33,10 @@ const SIDES = new Map([
   ["r", "right"],
 ]);
 
-const PREFIXES = new Set(["def", "org", "mixamorig", "bip01", "bip001"]);
+/** Words that programs put before or after a bone's own name. */
+const DECORATION = new Set(
+  ["def", "org", "mixamorig", "bip01", "bip001", "j", "bip", "c", "m", "cc", "base", "joint", "valvebiped"],
+);
 
 /**
  * Return VRM's name for the name of a bone; null if it is unknown.
@@ -43,7 +46,7 @@ const PREFIXES = new Set(["def", "org", "mixamorig", "bip01", "bip001"]);
 export function meaningOf(bone) {
   const own = bone.split(/[:|]/).at(-1) ?? "";
   const words = own.match(/[A-Z]?[a-z0-9]+|[A-Z0-9]+/g) ?? [];
-  const known = words.map((word) => word.toLowerCase()).filter((word) => !PREFIXES.has(word));
+  const known = words.map((word) => word.toLowerCase()).filter((word) => !DECORATION.has(word));
   const side = known.map((word) => SIDES.get(word)).find((found) => found !== undefined);
   const rest = known.filter((word) => !SIDES.has(word)).join("");
   const table = Object.entries(side === undefined ? MIDDLE : SIDED);
@@ -65,7 +68,8 @@ function fingerOf(side, text) {
 }
 
 /**
- * Return the number of the bone for each joint that is recognised: one of the same name, or of the same meaning.
+ * Return the number of the bone for each joint that is recognised: one of the same name, or of the same meaning. Where
+ * programs call an upper arm "shoulder", a collar bone is before it.
  *
  * @param {string[]} joints
  * @param {string[]} bones
@@ -76,7 +80,9 @@ export function recognised(joints, bones) {
   for (const joint of joints) {
     const same = bones.indexOf(joint);
     const alike = bones.findIndex((bone) => meaningOf(bone) === joint);
-    const chosen = same >= 0 ? same : alike;
+    const shoulder = joint.replace("UpperArm", "Shoulder");
+    const last = bones.findLastIndex((bone) => meaningOf(bone) === shoulder);
+    const chosen = same >= 0 ? same : alike >= 0 ? alike : last;
     if (chosen >= 0 && ![...found.values()].includes(chosen)) found.set(joint, chosen);
   }
   return found;

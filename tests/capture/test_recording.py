@@ -184,11 +184,6 @@ def test_values_that_json_lacks_are_refused_before_writing(tmp_path, wrong):
     assert (tmp_path / "take").read_bytes() == HEADER + encode(Tick(1.0))
 
 
-def cuts(whole):
-    """Return sizes: after each brace and line feed, by which readers know the end of a line, and every fifth byte."""
-    return [size for size in range(len(whole)) if size % 5 == 0 or whole[size - 1 : size] in (b"}", b"\n")]
-
-
 def test_cut_off_at_any_byte_a_take_keeps_its_complete_lines_and_can_be_continued(tmp_path, monkeypatch):
     """The lines contain nested objects, so many cut-off lines end in a brace."""
     monkeypatch.setattr(capture.recording.os, "fsync", lambda _: None)  # thousands of calls take long
@@ -197,7 +192,9 @@ def test_cut_off_at_any_byte_a_take_keeps_its_complete_lines_and_can_be_continue
     whole = (tmp_path / "whole").read_bytes()
     ends = [place + 1 for place, byte in enumerate(whole) if byte == ord("\n")]
     cut = tmp_path / "cut"
-    for size in cuts(whole):
+    # after each brace and line feed, by which readers know the end of a line, and every fifth byte
+    sizes = [size for size in range(len(whole)) if size % 5 == 0 or whole[size - 1 : size] in (b"}", b"\n")]
+    for size in sizes:
         cut.write_bytes(whole[:size])
         complete = sum(size >= end for end in ends[1:])
         assert_reads_back(cut, written[:complete])

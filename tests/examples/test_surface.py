@@ -9,10 +9,6 @@ def volume(vertices, faces):
     return np.einsum("ij,ij->", a, np.cross(b, c)) / 6
 
 
-def edge_lengths(vertices, faces):
-    return np.linalg.norm(vertices[faces] - vertices[np.roll(faces, -1, axis=1)], axis=2)
-
-
 def test_a_ball_gets_its_vertices_its_radius_and_its_volume():
     ball = sdf.sphere((0.1, 0.2, 0.3), 0.5)
     vertices, faces = mesh(ball.distance, ball.low, ball.high, 2000)
@@ -38,7 +34,8 @@ def test_pockets_closed_inside_the_solid_are_dropped():
 def test_a_focus_makes_triangles_smaller_around_its_centre_only():
     bar = sdf.round_cone((-2, 0, 0), (2, 0, 0), 0.4, 0.4)
     vertices, faces = mesh(bar.distance, bar.low, bar.high, 4000, [Focus((2.4, 0, 0), 0.5, 2.0)])
-    x, lengths = vertices[faces].mean(axis=1)[:, 0], edge_lengths(vertices, faces).mean(axis=1)
+    edges = vertices[faces] - vertices[np.roll(faces, -1, axis=1)]
+    x, lengths = vertices[faces].mean(axis=1)[:, 0], np.linalg.norm(edges, axis=2).mean(axis=1)
     assert lengths[x < 1].mean() > 1.7 * lengths[x > 2.37].mean()
     assert len(vertices) == 4000
     assert np.abs(bar.distance(vertices)).max() < 1e-3

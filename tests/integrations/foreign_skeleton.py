@@ -34,17 +34,32 @@ FOREIGN = {
 }
 """Parent and place of each bone of a skeleton in an A-pose, with Mixamo's names; its left is at +x, and it faces +z."""
 
+PROGRAMS = """mixamorig:Hips mixamorig:Spine mixamorig:Head
+mixamorig:LeftArm mixamorig:LeftForeArm mixamorig:LeftHand mixamorig:LeftUpLeg mixamorig:LeftLeg mixamorig:LeftFoot
+mixamorig:RightArm mixamorig:RightForeArm mixamorig:RightHand mixamorig:RightUpLeg
+mixamorig:RightLeg mixamorig:RightFoot
 
-def foreign(prefix="mixamorig_"):
+J_Bip_C_Hips J_Bip_C_Spine J_Bip_C_Head
+J_Bip_L_UpperArm J_Bip_L_LowerArm J_Bip_L_Hand J_Bip_L_UpperLeg J_Bip_L_LowerLeg J_Bip_L_Foot
+J_Bip_R_UpperArm J_Bip_R_LowerArm J_Bip_R_Hand J_Bip_R_UpperLeg J_Bip_R_LowerLeg J_Bip_R_Foot
+
+CC_Base_Hip CC_Base_Waist CC_Base_Head
+CC_Base_L_Upperarm CC_Base_L_Forearm CC_Base_L_Hand CC_Base_L_Thigh CC_Base_L_Calf CC_Base_L_Foot
+CC_Base_R_Upperarm CC_Base_R_Forearm CC_Base_R_Hand CC_Base_R_Thigh CC_Base_R_Calf CC_Base_R_Foot"""
+MIXAMO, VROID, CHARACTER_CREATOR = map(str.split, PROGRAMS.split("\n\n"))
+"""Names of these bones in three programs."""
+
+
+def foreign(names=MIXAMO):
     """The bones with random axes: parents first, rotations and places relative to the parent."""
     rng, world, bones = np.random.default_rng(5), {}, []
-    for name, (parent, place) in FOREIGN.items():
+    for own, (name, (parent, place)) in zip(names, FOREIGN.items(), strict=True):
         turn = Rotation.random(rng=rng)
         above, start = world[parent] if parent else (Rotation.identity(), np.zeros(3))
         local = above.inv() * turn
         bones.append(
             {
-                "name": f"{prefix}{name}",
+                "name": own,
                 "parent": list(FOREIGN).index(parent) if parent else -1,
                 "rotation": local.as_quat().tolist(),
                 "position": above.inv().apply(np.array(place) - start).tolist(),

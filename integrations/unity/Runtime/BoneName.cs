@@ -17,38 +17,40 @@ namespace Puppetline
     }
 
     /// <summary>
-    /// Recognises the bones of a humanoid by their names in other programs: VRM, Mixamo, Unreal, Rigify, Godot, and common
-    /// English names, with a side in any spelling.
+    /// Recognises the bones of a humanoid by their names in other programs: VRM, VRoid, Mixamo, Unreal, Rigify, Godot,
+    /// Character Creator, SMPL and others, and common English names, with a side in any spelling.
     /// </summary>
     static class BoneNames
     {
         /// <summary>Names of VRM's bones in the middle of the body, as words without spaces.</summary>
         static readonly Dictionary<string, string> Middle = Meanings(
             "hips: hips pelvis hip",
-            "spine: spine spine01 abdomen",
+            "spine: spine spine01 abdomen ab waist",
             "chest: chest spine1 spine02 torso spine001",
             "upperChest: upperchest spine2 spine03 spine002",
-            "neck: neck neck01 spine004",
+            "neck: neck neck01 neck1 necktwist01 spine004",
             "head: head spine006");
 
         /// <summary>Those of a side.</summary>
         static readonly Dictionary<string, string> Sided = Meanings(
-            "Shoulder: shoulder clavicle collar",
-            "UpperArm: upperarm arm",
-            "LowerArm: lowerarm forearm",
+            "Shoulder: shoulder clavicle collar scapula shoulder1",
+            "UpperArm: upperarm arm armupper uparm shldr",
+            "LowerArm: lowerarm forearm armlower lowarm elbow",
             "Hand: hand wrist",
-            "UpperLeg: upperleg upleg thigh",
-            "LowerLeg: lowerleg leg shin calf",
+            "UpperLeg: upperleg upleg thigh legupper hip",
+            "LowerLeg: lowerleg leg shin calf leglower lowleg knee",
             "Foot: foot ankle",
-            "Toes: toes toebase toe ball");
+            "Toes: toes toebase toe toe0 ball");
 
         /// <summary>A finger's joint, by its part or by its number from the palm.</summary>
         static readonly Regex Finger = new Regex(
-            "^(?:jbip)?(?:hand|f)?(thumb|index|middle|ring|little|pink[a-z]+)(?:finger)?(?:0*([123])|(metacarpal|proximal|intermediate|distal))$");
+            "^(?:hand|f)?(thumb|index|middle|ring|little|pink[a-z]+)(?:finger)?(?:0*([123])|(metacarpal|proximal|intermediate|distal))$");
 
         static readonly Dictionary<string, string> Sides = Meanings("left: left l", "right: right r");
 
-        static readonly HashSet<string> Prefixes = new HashSet<string> { "def", "org", "mixamorig", "bip01", "bip001" };
+        /// <summary>Words that programs put before or after a bone's own name.</summary>
+        static readonly HashSet<string> Decoration = new HashSet<string>(
+            "def org mixamorig bip01 bip001 j bip c m cc base joint valvebiped".Split(' '));
 
         static readonly Regex Word = new Regex("[A-Z]?[a-z0-9]+|[A-Z0-9]+");
 
@@ -63,7 +65,7 @@ namespace Puppetline
                 {
                     side = side ?? found;
                 }
-                else if (!Prefixes.Contains(word))
+                else if (!Decoration.Contains(word))
                 {
                     rest += word;
                 }
@@ -85,7 +87,10 @@ namespace Puppetline
             return char.ToUpperInvariant(finger[0]) + finger.Substring(1) + char.ToUpperInvariant(part[0]) + part.Substring(1);
         }
 
-        /// <summary>Return the number of the bone for each joint: one of the same name, or of the same meaning.</summary>
+        /// <summary>
+        /// Return the number of the bone for each joint: one of the same name, or of the same meaning. Where programs call an
+        /// upper arm "shoulder", a collar bone is before it.
+        /// </summary>
         /// <param name="joints">Names of the joints.</param>
         /// <param name="bones">Names of the bones.</param>
         /// <param name="map">Names that replace those that are recognised.</param>
@@ -95,6 +100,7 @@ namespace Puppetline
             foreach (string joint in joints)
             {
                 int same = bones.IndexOf(joint), bone = same >= 0 ? same : bones.FindIndex(each => MeaningOf(each) == joint);
+                bone = bone >= 0 ? bone : bones.FindLastIndex(each => MeaningOf(each) == joint.Replace("UpperArm", "Shoulder"));
                 if (bone >= 0 && !found.ContainsValue(bone))
                 {
                     found[joint] = bone;

@@ -5,10 +5,6 @@ from capture.clip import SkeletonClip
 from capture.fusion.clocks import MAX_GAP_SECONDS, clock_offsets, sampled
 
 
-def still(clip):
-    return SkeletonClip("", 1, clip.times, np.repeat(clip.positions[:1], len(clip.times), axis=0), clip.confidence)
-
-
 @pytest.mark.parametrize("clock", [0.0, 0.1234, -3.7, 1e6])
 def test_a_clock_that_is_ahead_is_found_to_a_millisecond_whatever_the_pose(walk, virtual_sensor, here, behind, clock):
     first, other = virtual_sensor(here).record(walk), virtual_sensor(behind, clock).record(walk)
@@ -29,7 +25,8 @@ def test_a_part_of_a_motion_is_found_in_the_complete_motion(walk, virtual_sensor
 
 
 def test_without_motion_there_is_no_clock_offset(walk):
-    assert clock_offsets(walk, still(walk), 3) == []
+    positions = np.repeat(walk.positions[:1], len(walk.times), axis=0)
+    assert clock_offsets(walk, SkeletonClip("", 1, walk.times, positions, walk.confidence), 3) == []
 
 
 def test_samples_are_interpolated_between_frames_but_not_across_gaps(walk):

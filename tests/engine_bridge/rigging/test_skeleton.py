@@ -33,13 +33,10 @@ def in_world(skeleton, positions, rotations):
     return found
 
 
-def still(skeleton):
-    return np.tile(np.eye(4, 3), (skeleton.bones.max() + 1, 1, 1))
-
-
 def test_at_rest_joints_are_at_their_heads_and_point_to_their_tails():
     skeleton = Skeleton.along_bones(A_POSED)
-    posed = in_world(skeleton, *skeleton.pose(still(skeleton), np.zeros(3)))
+    still = np.tile(np.eye(4, 3), (skeleton.bones.max() + 1, 1, 1))
+    posed = in_world(skeleton, *skeleton.pose(still, np.zeros(3)))
     for joint, (place, turn) in zip(skeleton.joints, posed, strict=True):
         np.testing.assert_allclose(place, joint.head, atol=1e-12)
         along = joint.tail - joint.head

@@ -9,7 +9,7 @@ func start() -> void:
 	var told: Dictionary = JSON.parse_string(FileAccess.get_file_as_string(arguments()[0]))
 	var skeleton := Skeleton3D.new()
 	for bone: Dictionary in told["bones"]:
-		skeleton.add_bone(bone["name"])
+		skeleton.add_bone(bone["name"].replace(":", "_"))
 		var index := skeleton.get_bone_count() - 1
 		skeleton.set_bone_parent(index, int(bone["parent"]))
 		var turn: Array = bone["rotation"]

@@ -32,10 +32,11 @@ def told(message):
         return {"damaged": True}
     if not np.isfinite([header.time, *header.root]).all():
         return {"damaged": True}
+    moments = ("sequence", "received", "published")  # GDScript has no unsigned integers
     return {
         "topic": topic,
         **{name: getattr(header, name) for name in ("major", "minor", "kind", "state", "user", "revision", "time")},
-        **{name: str(signed(getattr(header, name))) for name in ("sequence", "received", "published")},
+        **{name: str(np.uint64(getattr(header, name)).astype(np.int64)) for name in moments},
         "root": list(header.root),
         "length": header.length,
         "is_frame": header.kind in FRAME_KINDS,
@@ -47,10 +48,6 @@ def told(message):
 def rounded(text):
     """Read JSON without the last digits of its numbers, in which readers differ."""
     return json.loads(text, parse_float=lambda number: round(float(number), 9))
-
-
-def signed(number):
-    return number - (number >> 63 << 64)
 
 
 def test_recorded_messages_are_what_they_are_for_python(decoded):

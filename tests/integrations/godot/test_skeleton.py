@@ -10,7 +10,7 @@ import pytest
 from engine_bridge.service.protocol.header import Header, Kind, join, topic
 from engine_bridge.service.protocol.payloads import encode
 
-from ..foreign_skeleton import FOREIGN, foreign, hips_place, worst_angle
+from ..foreign_skeleton import CHARACTER_CREATOR, FOREIGN, MIXAMO, VROID, foreign, hips_place, worst_angle
 
 
 @pytest.fixture
@@ -31,9 +31,10 @@ def drive(run_godot, human, tmp_path):
     return driven
 
 
-def test_limbs_of_an_a_posed_skeleton_with_other_axes_point_as_those_of_the_service(drive, posed_human):
-    result = drive([encode(Kind.BONES, posed_human, 0)])
-    assert result.driven["leftUpperArm"] == "mixamorig_LeftArm"
+@pytest.mark.parametrize("names", [MIXAMO, VROID, CHARACTER_CREATOR])
+def test_limbs_of_an_a_posed_skeleton_with_other_axes_point_as_those_of_the_service(drive, posed_human, names):
+    result = drive([encode(Kind.BONES, posed_human, 0)], foreign(names))
+    assert result.driven["leftUpperArm"] == names[3].replace(":", "_")
     places = dict(zip(FOREIGN, np.array(result.poses)[:, :3], strict=True))
     assert worst_angle(places, posed_human) < 0.1
     np.testing.assert_allclose(places["Hips"], hips_place(posed_human), atol=1e-4)

@@ -13,7 +13,7 @@ from engine_bridge.service.protocol.payloads import encode
 from engine_bridge.service.protocol.scene import encode_scene
 
 from ...engine_bridge.service.conftest import services
-from ..foreign_skeleton import FOREIGN, foreign, hips_place, worst_angle
+from ..foreign_skeleton import CHARACTER_CREATOR, FOREIGN, MIXAMO, VROID, foreign, hips_place, worst_angle
 from .conftest import shown
 
 UNKNOWN = {"neck", "head", "leftHand", "rightHand", "leftFoot", "rightFoot"}
@@ -39,10 +39,11 @@ def places(poses):
     return dict(zip(FOREIGN, np.array(poses)[:, 4:], strict=True))
 
 
-def test_limbs_of_an_a_posed_skeleton_with_other_axes_point_as_those_of_the_service(pose, posed_human):
-    result = pose(posed_human, foreign("mixamorig:"))
+@pytest.mark.parametrize("names", [MIXAMO, VROID, CHARACTER_CREATOR])
+def test_limbs_of_an_a_posed_skeleton_with_other_axes_point_as_those_of_the_service(pose, posed_human, names):
+    result = pose(posed_human, foreign(names))
     found = places(result["posed"])
-    assert ["leftUpperArm", "mixamorig:LeftArm"] in result["names"]
+    assert ["leftUpperArm", names[3]] in result["names"]
     assert worst_angle(found, posed_human) < 0.1
     np.testing.assert_allclose(found["Hips"], hips_place(posed_human), atol=1e-4)
 

@@ -7,7 +7,7 @@ from engine_bridge.service.protocol.header import Kind
 from engine_bridge.service.protocol.payloads import encode
 from engine_bridge.service.protocol.scene import describe
 
-from ..foreign_skeleton import FOREIGN, foreign, hips_place, worst_angle
+from ..foreign_skeleton import CHARACTER_CREATOR, FOREIGN, MIXAMO, VROID, foreign, hips_place, worst_angle
 
 pytestmark = pytest.mark.slow
 
@@ -35,7 +35,7 @@ def drive(open_page, human):
     """Drive a skeleton by payloads of frames."""
 
     def driven(payloads, bones=None, **names):
-        told = {"bones": bones or foreign("mixamorig:"), "description": describe(human), "map": names}
+        told = {"bones": bones or foreign(), "description": describe(human), "map": names}
         result = open_page().run(DRIVE, told | {"frames": [list(map(float, payload)) for payload in payloads]})
         return dict(zip(FOREIGN, np.array(result["places"]), strict=True)), dict(result["driven"])
 
@@ -46,9 +46,10 @@ def payload(frame):
     return np.frombuffer(encode(Kind.BONES, frame, 0)[128:], dtype="<f4")
 
 
-def test_limbs_of_an_a_posed_skeleton_with_other_axes_point_as_those_of_the_service(drive, posed_human):
-    places, driven = drive([payload(posed_human)])
-    assert driven["leftUpperArm"] == "mixamorig:LeftArm"
+@pytest.mark.parametrize("names", [MIXAMO, VROID, CHARACTER_CREATOR])
+def test_limbs_of_an_a_posed_skeleton_with_other_axes_point_as_those_of_the_service(drive, posed_human, names):
+    places, driven = drive([payload(posed_human)], foreign(names))
+    assert driven["leftUpperArm"] == names[3]
     assert worst_angle(places, posed_human) < 0.1
     np.testing.assert_allclose(places["Hips"], hips_place(posed_human), atol=1e-4)
 

@@ -22,14 +22,10 @@ def scene():
     return rest, tangents, slopes, isoline_coordinates, weights, controls
 
 
-def hats(isoline_coordinates):
-    """(n, n_e, n_iso): max(0, 1 − |t_i − k|)."""
-    return np.maximum(0, 1 - np.abs(isoline_coordinates[:, :, None].astype(np.float64) - np.arange(ISOLINES)))
-
-
 def blended(isoline_coordinates, weights, controls):
     """(n, 3, 4) float64: Σ_i w_i Σ_k max(0, 1 − |t_i − k|) T_ik."""
-    shares = (hats(isoline_coordinates) * weights[:, None]).reshape(len(isoline_coordinates), -1)
+    hats = np.maximum(0, 1 - np.abs(isoline_coordinates[:, :, None].astype(np.float64) - np.arange(ISOLINES)))
+    shares = (hats * weights[:, None]).reshape(len(isoline_coordinates), -1)
     return np.einsum("nm,mrc->nrc", shares, controls.astype(np.float64))
 
 

@@ -10,10 +10,6 @@ COORDINATES = st.floats(-1e6, 1e6, width=32)
 FLOAT = np.finfo(np.float32)
 
 
-def unit(vectors):
-    return (vectors / np.linalg.norm(vectors, axis=1, keepdims=True)).astype(np.float32)
-
-
 @given(arrays(np.float32, st.tuples(st.integers(1, 30), st.just(3)), elements=COORDINATES))
 def test_no_coordinate_is_off_by_more_than_half_a_step_and_rounding(positions):
     box, places, _ = quantised(positions, np.zeros_like(positions))
@@ -32,7 +28,8 @@ def test_the_corners_of_the_box_are_met():
 
 
 def test_normals_are_off_by_no_more_than_some_thousandths_of_a_degree():
-    normals = unit(np.random.default_rng(1).normal(size=(100_000, 3)))
+    ways = np.random.default_rng(1).normal(size=(100_000, 3))
+    normals = (ways / np.linalg.norm(ways, axis=1, keepdims=True)).astype(np.float32)
     _, _, folded = quantised(normals, normals)
     back = normals_of(folded)
     np.testing.assert_allclose(np.linalg.norm(back, axis=1), 1, atol=1e-6)

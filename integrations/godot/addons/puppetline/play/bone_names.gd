@@ -1,37 +1,43 @@
 extends RefCounted
-## Recognises the bones of a humanoid by their names in other programs: Godot's SkeletonProfileHumanoid, VRM, Mixamo,
-## Unreal, Rigify and common English names, with a side in any spelling.
+## Recognises the bones of a humanoid by their names in other programs: Godot's SkeletonProfileHumanoid, VRM, VRoid,
+## Mixamo, Unreal, Rigify, Character Creator, SMPL and others, and common English names, with a side in any spelling.
 
 const _MIDDLE: Dictionary = {
 	"hips": ["hips", "pelvis", "hip"],
-	"spine": ["spine", "spine1st", "spine01", "abdomen"],
+	"spine": ["spine", "spine1st", "spine01", "abdomen", "ab", "waist"],
 	"chest": ["chest", "spine1", "spine02", "torso", "spine001"],
 	"upperChest": ["upperchest", "spine2", "spine03", "spine002"],
-	"neck": ["neck", "neck01", "spine004"],
+	"neck": ["neck", "neck01", "neck1", "necktwist01", "spine004"],
 	"head": ["head", "spine006"],
 }
 const _SIDED: Dictionary = {
-	"Shoulder": ["shoulder", "clavicle", "collar"],
-	"UpperArm": ["upperarm", "arm", "armupper"],
-	"LowerArm": ["lowerarm", "forearm", "elbow", "armlower"],
+	"Shoulder": ["shoulder", "clavicle", "collar", "scapula", "shoulder1"],
+	"UpperArm": ["upperarm", "arm", "armupper", "uparm", "shldr"],
+	"LowerArm": ["lowerarm", "forearm", "elbow", "armlower", "lowarm"],
 	"Hand": ["hand", "wrist"],
-	"UpperLeg": ["upperleg", "upleg", "thigh", "legupper"],
-	"LowerLeg": ["lowerleg", "leg", "shin", "calf", "knee", "leglower"],
+	"UpperLeg": ["upperleg", "upleg", "thigh", "legupper", "hip"],
+	"LowerLeg": ["lowerleg", "leg", "shin", "calf", "knee", "leglower", "lowleg"],
 	"Foot": ["foot", "ankle"],
-	"Toes": ["toes", "toebase", "toe", "ball"],
+	"Toes": ["toes", "toebase", "toe", "toe0", "ball"],
 }
 ## A finger's joint, by its part or by its number from the palm.
 const _FINGER := (
 	"^(?:hand|f)?(thumb|index|middle|ring|little|pink[a-z]+)(?:finger)?"
 	+ "(?:0*([123])|(metacarpal|proximal|intermediate|distal))$"
 )
-const _PREFIXES: Array[String] = ["def", "org", "mixamorig", "bip01", "bip001", "jbip", "valvebiped"]
+## Words that programs put before or after a bone's own name.
+const _DECORATION: Array[String] = [
+	"def", "org", "mixamorig", "bip01", "bip001", "j", "bip", "c", "m", "cc", "base", "joint", "valvebiped"
+]
 
 
 ## Return the bone of a skeleton for each joint of a service that is recognised, by the joint's name.
+##
+## Where programs call an upper arm "shoulder", a collar bone is before it.
 static func recognised(skeleton: Skeleton3D, joints: PackedStringArray) -> Dictionary:
 	var found: Dictionary = {}
 	var by_meaning: Dictionary = {}
+	var last: Dictionary = {}
 	for bone in skeleton.get_bone_count():
 		var own := skeleton.get_bone_name(bone)
 		if own in joints:
@@ -39,6 +45,9 @@ static func recognised(skeleton: Skeleton3D, joints: PackedStringArray) -> Dicti
 		var meaning := meaning_of(own)
 		if meaning and not meaning in by_meaning:
 			by_meaning[meaning] = own
+		elif meaning.ends_with("Shoulder"):
+			last[meaning.replace("Shoulder", "UpperArm")] = own
+	by_meaning.merge(last)
 	for joint in joints:
 		if joint not in found and joint in by_meaning and not by_meaning[joint] in found.values():
 			found[joint] = by_meaning[joint]
@@ -49,7 +58,7 @@ static func recognised(skeleton: Skeleton3D, joints: PackedStringArray) -> Dicti
 static func meaning_of(bone: String) -> String:
 	var words := PackedStringArray()
 	for word in _words(bone):
-		if word not in _PREFIXES:
+		if word not in _DECORATION:
 			words.append(word)
 	var side := ""
 	var left := PackedStringArray()

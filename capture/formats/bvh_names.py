@@ -4,8 +4,8 @@ Supported are the skeletons of CMU (with the names of BVH or of ASF files), Biov
 3ds Max, Unreal, Rigify, VRoid, Character Creator, Motive, Advanced Skeleton, MikuMikuDance, ARKit and the Kinect SDK. A
 name is split into a side and a part, so ``LeftUpLeg``, ``mixamorig:LeftUpLeg``, ``UpLeg_L`` and ``Bip01 L UpLeg`` are
 equal. One part means different joints in different skeletons: ``LeftShoulder`` is the collar bone if there is a
-``LeftArm``, ``LeftLeg`` is the thigh if there is a ``LeftKnee`` only, and ``LeftFoot`` is the ankle if there is no
-``LeftAnkle``. The order in the tables decides.
+``LeftArm``, ``LeftLeg`` is the thigh if no other joint is, and ``LeftFoot`` is the ankle if there is no ``LeftAnkle``.
+The order in the tables decides.
 """
 
 import re

@@ -80,8 +80,7 @@ export function recognised(joints, bones) {
   for (const joint of joints) {
     const same = bones.indexOf(joint);
     const alike = bones.findIndex((bone) => meaningOf(bone) === joint);
-    const shoulder = joint.replace("UpperArm", "Shoulder");
-    const last = bones.findLastIndex((bone) => meaningOf(bone) === shoulder);
+    const last = bones.map(meaningOf).lastIndexOf(joint.replace("UpperArm", "Shoulder"));
     const chosen = same >= 0 ? same : alike >= 0 ? alike : last;
     if (chosen >= 0 && ![...found.values()].includes(chosen)) found.set(joint, chosen);
   }

@@ -81,8 +81,9 @@ class _Worker:
     def __init__(self, batch: BatchSettings) -> None:
         self.connection, theirs = _CONTEXT.Pipe()
         self._process = _CONTEXT.Process(target=_work, args=(theirs, batch), daemon=True)
-        if sys.platform != "win32":  # a process inherits which signals are blocked: the command handles Ctrl-C
-            resource_tracker.ensure_running()  # its start would unblock the signal
+        # the command handles Ctrl-C: a process inherits which signals are blocked, so none interrupts its start
+        if sys.platform != "win32":
+            resource_tracker.ensure_running()  # its own start unblocks the signal
             before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         self._process.start()
         if sys.platform != "win32":
@@ -116,7 +117,7 @@ class _Worker:
 
 def _work(connection: Connection, batch: BatchSettings) -> None:
     """Convert jobs until the command ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # on Windows it is not blocked
     with suppress(EOFError, OSError):
         while True:
             job = connection.recv()

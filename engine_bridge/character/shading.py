@@ -46,8 +46,9 @@ def shaded(surface: Surface, name: str) -> Surface:
     triangles = np.concatenate([piece.triangles + start for piece, start in zip(surface.pieces, starts, strict=False)])
     _check_size(positions, triangles, name)
     has_normals = any(piece.normals is not None for piece in surface.pieces)
-    stored = (positions - surface.origin).astype(np.float32) + surface.origin
-    mesh = weld(stored, triangles, name)  # as the character is welded, which therefore happens once
+    origin = surface.origin
+    # with the positions that the character will have, so that it is not welded again
+    mesh = weld((positions - origin).astype(np.float32) + origin, triangles, name)
     turned, is_open, normals = _shading(mesh, positions, triangles, has_normals, surface.faceted)
     notes = list(dict.fromkeys(surface.notes))
     if turned.any():
@@ -78,8 +79,8 @@ def _shading(
     """Return which triangles to flip, which are in open parts, and normals unless the surface is angular."""
     welded, vertices = mesh.of_render[triangles], mesh.vertices.copy()
     vertices[welded] = positions[triangles]
-    is_wound = has_normals or not mesh.repairs.turned + mesh.repairs.doubled
-    turned = np.zeros(len(triangles), dtype=np.bool_) if is_wound else wrongly_wound(vertices, welded)
+    is_right = has_normals or not mesh.repairs.turned + mesh.repairs.doubled  # the file's winding
+    turned = np.zeros(len(triangles), dtype=np.bool_) if is_right else wrongly_wound(vertices, welded)
     triangles = np.where(turned[:, None], triangles[:, ::-1], triangles)
     welded = np.where(turned[:, None], welded[:, ::-1], welded)
     is_open = in_open_part(welded, len(vertices))

@@ -51,7 +51,8 @@ def thin_motion(document: Document, tolerance: float) -> tuple[int, float]:
     }
     boxes = list(_boxes(document))
     exact = _moved(document, tracks, boxes, len(times))
-    apart = np.array([tolerance / WEIGHT_TOLERANCE, 0.0, 0.0])  # of weights that differ by a little, as points
+    # weights are watched as points that move by the tolerance where a weight changes by its own
+    apart = np.array([tolerance / WEIGHT_TOLERANCE, 0.0, 0.0])
     weights = [values[:, :, None] * apart for (_, path), values in tracks.items() if path == "weights"]
     watched = np.concatenate([exact, *weights], axis=1)
     for share in THINNING_SHARES:

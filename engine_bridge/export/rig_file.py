@@ -82,8 +82,8 @@ def write_rig(
     rig, notes = load_rig_of(source, output)
     check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
     progress("Preparing the character", 1.0)
-    own = rig.character.document.gltf["skins"] and own_bones(rig.character, rig.puppet.limbs)  # along the limbs
-    kept = settings.keep_skin and settings.pose == "rest" and bool(own)
+    has_skin = rig.character.document.gltf["skins"] and own_bones(rig.character, rig.puppet.limbs) is not None
+    kept = settings.keep_skin and settings.pose == "rest" and bool(has_skin)
     if kept:
         document = rig.character.document.copy()
         names = _rename_own(document, rig, settings.names)

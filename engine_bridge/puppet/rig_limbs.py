@@ -164,6 +164,10 @@ class _Skeleton:
             if joint.parent >= 0:
                 self.children[joint.parent].append(index)
         self.depth = [len(list(self.ancestors(index))) for index in range(len(joints))]
+        self._rename_hips_and_heads()
+
+    def _rename_hips_and_heads(self) -> None:
+        """Correct meanings that depend on other joints: of hips without thighs, and a spine up to the head."""
         for index, meaning in enumerate(self.meanings):
             below = {self.part(other) for other in self.below(index)} & {"thigh", "leg", "shin"}
             if meaning and meaning.side and meaning.part == "spine" and below == {"shin"}:

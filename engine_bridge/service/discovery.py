@@ -124,8 +124,7 @@ class Announcement:
 
         addresses = _own_addresses() if self._everywhere else [self._host]
         with closing(Zeroconf(InterfaceChoice.All if self._everywhere else addresses)) as zeroconf:
-            label = self._name.encode()[:_LABEL_LENGTH].decode(errors="ignore")
-            info = self._info(addresses, f"{label}.{TYPE}")
+            info = self._info(addresses, f"{self._name.encode()[:_LABEL_LENGTH].decode(errors='ignore')}.{TYPE}")
             zeroconf.register_service(info, allow_name_change=True)
             while not self._closed:
                 renamed = self._changed.wait(RETRY_SECONDS)

@@ -77,11 +77,10 @@ function fingerOf(side, text) {
  */
 export function recognised(joints, bones) {
   const found = new Map();
+  const meanings = bones.map(meaningOf);
   for (const joint of joints) {
-    const same = bones.indexOf(joint);
-    const alike = bones.findIndex((bone) => meaningOf(bone) === joint);
-    const last = bones.map(meaningOf).lastIndexOf(joint.replace("UpperArm", "Shoulder"));
-    const chosen = same >= 0 ? same : alike >= 0 ? alike : last;
+    const shoulder = meanings.lastIndexOf(joint.replace("UpperArm", "Shoulder"));
+    const chosen = [bones.indexOf(joint), meanings.indexOf(joint), shoulder].find((bone) => bone >= 0) ?? -1;
     if (chosen >= 0 && ![...found.values()].includes(chosen)) found.set(joint, chosen);
   }
   return found;

@@ -186,8 +186,7 @@ class Kiosk:
 
     def _begin(self, runner: StageRunner) -> None:
         self._folder.mkdir(parents=True, exist_ok=True)
-        code = "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
-        path = self._folder / f"{code}.log"
+        path = self._folder / ("".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH)) + ".log")
         driven = [(each, each.user) for each in runner.stage.players if each.user is not None]
         characters = [(each.character.name, each.document.path, user) for each, user in driven]
         clip = Clip(path, characters, time.monotonic() + self._table.count_in)

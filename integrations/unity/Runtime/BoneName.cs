@@ -97,10 +97,11 @@ namespace Puppetline
         public static Dictionary<string, int> Recognise(IReadOnlyList<string> joints, List<string> bones, IEnumerable<BoneName> map)
         {
             var found = new Dictionary<string, int>();
+            List<string> meanings = bones.ConvertAll(MeaningOf);
             foreach (string joint in joints)
             {
-                int same = bones.IndexOf(joint), bone = same >= 0 ? same : bones.FindIndex(each => MeaningOf(each) == joint);
-                bone = bone >= 0 ? bone : bones.FindLastIndex(each => MeaningOf(each) == joint.Replace("UpperArm", "Shoulder"));
+                int same = bones.IndexOf(joint), bone = same >= 0 ? same : meanings.IndexOf(joint);
+                bone = bone >= 0 ? bone : meanings.LastIndexOf(joint.Replace("UpperArm", "Shoulder"));
                 if (bone >= 0 && !found.ContainsValue(bone))
                 {
                     found[joint] = bone;

@@ -6,8 +6,8 @@ from typing import Any
 
 from PIL import Image
 
-from engine_bridge.character import meshopt
-from engine_bridge.character.document import MESHOPT, Document
+from engine_bridge.character import draco, meshopt
+from engine_bridge.character.document import ARRAY_BUFFER, COMPONENTS, ELEMENT_ARRAY_BUFFER, MESHOPT, Document
 from engine_bridge.character.gltf_file import MAGIC, buffer_bytes, damaged, file_beside, parse_description, split_glb
 from engine_bridge.character.schema import Buffer, BufferView
 from puppetline.errors import MeshError
@@ -21,7 +21,9 @@ IMAGE_SIGNATURES = {
 }
 """First bytes of images, with their media types."""
 
-COMPRESSIONS = ("KHR_draco_mesh_compression", MESHOPT, "KHR_meshopt_compression")
+DRACO = "KHR_draco_mesh_compression"
+
+COMPRESSIONS = (DRACO, MESHOPT, "KHR_meshopt_compression")
 """Extensions that compress arrays."""
 
 UNPACK_COMMAND = "npx @gltf-transform/cli copy IN.glb OUT.glb"
@@ -51,6 +53,8 @@ def load_document(path: Path, content: bytes | None = None) -> Document:
         document.notes.append(f"Properties that are null are read as absent: {', '.join(nulls)}.")
     _drop_compressed(document)
     _join_buffers(document, path, binary)
+    _decompress_primitives(document)
+    _drop_decompressed(document)
     _embed_images(document, path)
     return document
 
@@ -61,9 +65,10 @@ def _drop_compressed(document: Document) -> None:
     A viewer that supports the extension would show the compressed copy, whose vertices have another order.
     """
     for extension in COMPRESSIONS:
-        if extension == MESHOPT and extension in document.gltf["extensionsRequired"] and meshopt.is_installed():
+        required = extension in document.gltf["extensionsRequired"]
+        if required and (extension == DRACO or (extension == MESHOPT and meshopt.is_installed())):
             continue
-        if extension in document.gltf["extensionsRequired"] or _only_compressed(document, extension):
+        if required or _only_compressed(document, extension):
             install = (
                 ", or install the package that reads it: pip install 'puppetline[meshopt]'"
                 if extension == MESHOPT
@@ -117,10 +122,6 @@ def _join_buffers(document: Document, path: Path, binary: bytes) -> None:
         else:
             view["byteOffset"] = _decompress(document, view, about, starts)
         view["buffer"] = 0
-    if MESHOPT in document.gltf["extensionsRequired"]:
-        document.gltf["extensionsRequired"].remove(MESHOPT)
-        document.gltf["extensionsUsed"] = [name for name in document.gltf["extensionsUsed"] if name != MESHOPT]
-        document.repack()
 
 
 def _decompress(document: Document, view: BufferView, about: Any, starts: list[int]) -> int:
@@ -135,6 +136,39 @@ def _decompress(document: Document, view: BufferView, about: Any, starts: list[i
             document.name, f"a buffer view compressed with {MESHOPT} that cannot be read ({error})"
         ) from error
     return document.append(content)
+
+
+def _decompress_primitives(document: Document) -> None:
+    """Append the arrays of primitives that are compressed by `DRACO`; some may share their compressed bytes."""
+    accessors, views = document.gltf["accessors"], document.gltf["bufferViews"]
+    compressed = set[int]()
+    for primitive in [each for mesh in document.gltf["meshes"] for each in mesh["primitives"]]:
+        about = primitive.get("extensions", {}).pop(DRACO, None)
+        if about is None:
+            continue
+        try:
+            corners, values = draco.decode(document.view(about["bufferView"]), about["attributes"])
+            arrays = [(primitive["indices"], corners, ELEMENT_ARRAY_BUFFER)]
+            arrays += [(primitive["attributes"][name], each, ARRAY_BUFFER) for name, each in values.items()]
+            for index, array, target in arrays:
+                accessor = accessors[index]
+                if len(array) != accessor["count"]:
+                    raise ValueError(f"{len(array):,} values for {accessor['count']:,}")
+                document.add(array.astype(COMPONENTS[accessor["componentType"]]), target, bounds="min" in accessor)
+                accessor.update({"byteOffset": 0, **accessors.pop()})
+        except (AttributeError, KeyError, IndexError, TypeError, ValueError) as error:
+            raise damaged(document.name, f"triangles compressed with {DRACO} that cannot be read ({error})") from error
+        compressed.add(about["bufferView"])
+    for index in compressed:
+        views[index] = {**views[-1]}
+
+
+def _drop_decompressed(document: Document) -> None:
+    """Drop the bytes and names of compressions that were decompressed, which are those that are required."""
+    if {*COMPRESSIONS} & {*document.gltf["extensionsRequired"]}:
+        for names in (document.gltf["extensionsRequired"], document.gltf["extensionsUsed"]):
+            names[:] = [name for name in names if name not in COMPRESSIONS]
+        document.repack()
 
 
 def _embed_images(document: Document, path: Path) -> None:

@@ -20,7 +20,8 @@ from engine_bridge.puppet.limb_proposal import LIMB_JOINTS, limb_tables
 from engine_bridge.puppet.placement import check_handles, check_limbs, check_on_surface
 from engine_bridge.puppet.puppet import CharacterTable, Direction, LimbTable, Puppet
 from engine_bridge.puppet.puppet_file import check
-from engine_bridge.puppet.rig_limbs import axes_of, rig_limbs
+from engine_bridge.puppet.rig_axes import axes_of
+from engine_bridge.puppet.rig_limbs import rig_limbs
 from puppetline.errors import PuppetError, at
 from solver.anatomy import orientation
 from solver.anatomy.limb_chain import Limbs

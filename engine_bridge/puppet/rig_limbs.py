@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from engine_bridge.character.character import Character
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import influences, world_transforms
-from engine_bridge.puppet.body_plans import is_leg
 from engine_bridge.puppet.joint_names import LEG_PARTS, QUARTERS, SIDES, JointMeaning, parse_joint_name
-from engine_bridge.puppet.puppet import Direction
+from engine_bridge.puppet.rig_axes import upward
 from solver.anatomy.limb_chain import LimbChain, Limbs, evenly, leg_names
 
 MIN_NECK_SHARE = 0.3
@@ -124,35 +123,6 @@ def limbs_of_joints(joints: Sequence[Joint]) -> Limbs:
     return Limbs(tuple(LimbChain(name, points) for name, points in limbs.items()))
 
 
-def axes_of(limbs: Limbs) -> tuple[Direction, Direction] | None:
-    """Return up and front of a skeleton with named limbs: legs point down, and left limbs are on the left.
-
-    Parameters
-    ----------
-    limbs : Limbs
-        From a skeleton with named sides.
-    """
-    points = limbs.points
-    pairs = [
-        (points[name], points[name.replace("left", "right")])
-        for name in points
-        if name.startswith("left") and is_leg(name) and name.replace("left", "right") in points
-    ]
-    if not pairs:
-        return None
-    left = np.sum([left[0] - right[0] for left, right in pairs], axis=0)
-    to_shins, up = (np.sum([leg[0] - leg[end] for pair in pairs for leg in pair], axis=0) for end in (2, -1))
-    upwards = int(np.abs(to_shins).argmax())  # feet may lie, as a frog's, and joints may be above the body
-    forwards = np.cross(left, np.sign(up[upwards]) * np.eye(3)[upwards])
-    frontwards = int(np.abs(forwards).argmax())
-    return _direction(upwards, float(up[upwards])), _direction(frontwards, float(forwards[frontwards]))
-
-
-def _direction(axis: int, sign: float) -> Direction:
-    names: tuple[tuple[Direction, Direction], ...] = (("x", "-x"), ("y", "-y"), ("z", "-z"))
-    return names[axis][sign < 0]
-
-
 class _Skeleton:
     """Joints with the meanings of their names."""
 
@@ -223,13 +193,16 @@ class _Skeleton:
             return None
         hands = [index for index in self.below(lower[0]) if self.part(index) == "hand" and index != lower[0]]
         wrist = min(hands or self.children[lower[0]], key=lambda index: (self.depth[index], index), default=None)
-        chain = [self.place(upper[0]), self.place(lower[0])]
         if wrist is None:
-            held = self.end(chain[0], chain[1], [lower[0]])
-            chain += [chain[1] + 0.8 * (held - chain[1]), held]
-        else:
-            chain += [self.place(wrist), self.end(chain[1], self.place(wrist), self.below(wrist))]
-        return np.array(chain)
+            return self.without_end(upper[0], lower[0])
+        chain = [self.place(upper[0]), self.place(lower[0]), self.place(wrist)]
+        return np.array([*chain, self.end(chain[1], chain[2], self.below(wrist))])
+
+    def without_end(self, upper: int, lower: int) -> NDArray[np.float64]:
+        """Return an arm without a joint for the hand, or a leg without one for the foot: its last fifth is taken."""
+        first, second = self.place(upper), self.place(lower)
+        tip = self.end(first, second, self.below(lower))
+        return np.array([first, second, second + 0.8 * (tip - second), tip])
 
     def rows_of_legs(self) -> dict[str, NDArray[np.float64]]:
         """Return all legs by their names; none if there are fewer than three pairs, or if the sides differ."""
@@ -238,7 +211,7 @@ class _Skeleton:
         if len(rows[0]) != len(rows[1]) or len(rows[0]) < MANY_PAIRS or several:
             return {}
         hips, tips = (np.array([[leg[end] for leg in legs] for legs in rows]) for end in (0, -1))
-        front = np.cross((hips[0] - hips[1]).sum(axis=0), (hips - tips).sum(axis=(0, 1)))
+        front = np.cross((hips[0] - hips[1]).sum(axis=0), upward((hips - tips).sum(axis=(0, 1))))
         return {
             f"{side} {name}": legs[place]
             for side, legs, order in zip(("left", "right"), rows, np.argsort(tips @ front, axis=1), strict=True)
@@ -273,14 +246,17 @@ class _Skeleton:
             if chain[-1] in self.ancestors(index) and not twice:
                 chain.append(index)
         feet = [index for index in tops if index != top and (number is None or len(legs) == 1)]
+        feet = [index for index in feet if any(len(self.joints[k].vertices) for k in self.below(index))]  # no poles
         if feet and "foot" not in map(self.part, chain):  # a foot with inverse kinematics hangs on the root
             chain.append(feet[0])
         chain = [index for index in chain if self.part(index) != "toe"]
         across = self.across(quarter) if number is None else np.zeros(3)
         while len(chain) > 3 and abs(_unit(self.place(chain[1]) - self.place(chain[0])) @ across) > GIRDLE_COSINE:
             del chain[0]
-        if len(chain) < 3 or self.part(chain[0]) == "girdle":
+        if len(chain) < 2 or self.part(chain[0]) == "girdle":
             return None
+        if len(chain) == 2:
+            return self.without_end(*chain)
         last = 3 if every_bend and len(chain) > 3 else 2
         held = [below for index in chain[last:] for below in self.below(index)]
         points = self.bends([self.place(index) for index in (chain if every_bend else chain[:3])])

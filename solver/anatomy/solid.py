@@ -18,6 +18,15 @@ thick."""
 MAX_CELLS_PER_AXIS = 400
 """Maximum number of cells along an axis."""
 
+FLAT_RATIO = 0.1
+"""Ratio of thickness to length below which a character is flat, such as one that is cut out of paper."""
+
+FLAT_CELL_COUNT = 6_000
+"""Approximate number of cells that the outline of a flat character covers."""
+
+FLAT_CELLS_PER_AXIS = 100
+"""Number of cells along the longest axis with which the outline is measured first."""
+
 TIE_DISTANCE_RATIO = 2.0
 """Maximum distance of parts that are tied to the rest in one step, as a multiple of the distance of the nearest
 part."""
@@ -63,26 +72,70 @@ def fill(vertices: NDArray[np.float64], faces: NDArray[np.int64], components: ND
     components : (n,) int32
         Part of each vertex; a part that is inside out is turned.
     """
+    extent = np.ptp(vertices, axis=0)
+    if extent.min() < FLAT_RATIO * extent.max():
+        size, inside = _inflated(vertices, faces)
+    else:
+        size, inside = _enclosed(vertices, faces, components)
+    depth = ndimage.distance_transform_edt(inside) - 0.5
+    number = np.full(inside.shape, -1)
+    number[inside] = np.arange(np.count_nonzero(inside))
+    cells = np.argwhere(inside)
+    centers = _origin(vertices, size, np.array(inside.shape)) + size * cells
+    return Solid(size, centers, size * depth[inside], _joined(_graph(number, size), centers))
+
+
+def _enclosed(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], components: NDArray[np.int32]
+) -> tuple[float, NDArray[np.bool_]]:
+    """Return the size of the cells, and which of them the surface encloses."""
     faces, volume = _outside_out(vertices, faces, components)
-    low, extent = vertices.min(axis=0), np.ptp(vertices, axis=0)
-    longest = float(extent.max())
+    longest = float(np.ptp(vertices, axis=0).max())
     # an integer number of cells, so that rounding errors of the volume do not move them
     size = longest / min(round(longest / (volume / CELL_COUNT) ** (1 / 3)), MAX_CELLS_PER_AXIS)
-    # even, and around the middle, so that a symmetric body has symmetric cells
-    counts = 2 * np.ceil(extent / (2 * size)).astype(int) + 2
-    origin = low + extent / 2 - size * (counts - 1) / 2
+    counts = _counts(vertices, size)
     winding = np.zeros(counts)
     for axis in range(3):
         others = [(axis + 1) % 3, (axis + 2) % 3, axis]
-        scaled = (vertices[:, others] - origin[others]) / size
+        scaled = ((vertices - _origin(vertices, size, counts)) / size)[:, others]
         winding += np.moveaxis(_crossings(scaled, faces, counts[others]), [0, 1, 2], others)
-    inside = winding >= 1.5
-    depth = ndimage.distance_transform_edt(inside) - 0.5
-    number = np.full(counts, -1)
-    number[inside] = np.arange(np.count_nonzero(inside))
-    cells = np.argwhere(inside)
-    centers = origin + size * cells
-    return Solid(size, centers, size * depth[inside], _joined(_graph(number, size), centers))
+    return size, winding >= 1.5
+
+
+def _inflated(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> tuple[float, NDArray[np.bool_]]:
+    """Return the same for a flat character, which is made as thick everywhere as it is wide (Igarashi et al. 1999)."""
+    extent = np.ptp(vertices, axis=0)
+    flat = int(extent.argmin())
+    axes = [(flat + 1) % 3, (flat + 2) % 3, flat]
+    size = float(extent.max()) / FLAT_CELLS_PER_AXIS
+    covered = _outline(vertices[:, axes], faces, size)
+    finer = round(FLAT_CELLS_PER_AXIS * (FLAT_CELL_COUNT / np.count_nonzero(covered)) ** 0.5)
+    size = float(extent.max()) / min(finer, MAX_CELLS_PER_AXIS)
+    depth = ndimage.distance_transform_edt(_outline(vertices[:, axes], faces, size))
+    layers = 2 * int(depth.max()) + 2
+    inside = np.abs(np.arange(layers) - (layers - 1) / 2) < depth[:, :, None]
+    return size, np.moveaxis(inside, [0, 1, 2], axes)
+
+
+def _outline(vertices: NDArray[np.float64], faces: NDArray[np.int64], size: float) -> NDArray[np.bool_]:
+    """Return which cells of a plane the surface covers, seen along the last axis."""
+    counts = _counts(vertices, size)
+    counts[2] = 1
+    scaled = (vertices - _origin(vertices, size, counts)) / size
+    scaled[:, 2] = 0.5
+    edges = scaled[faces[:, 1:], :2] - scaled[faces[:, :1], :2]
+    turned = np.where((np.linalg.det(edges) < 0)[:, None], faces[:, ::-1], faces)
+    return _crossings(scaled, turned, counts)[:, :, 0] > 0
+
+
+def _counts(vertices: NDArray[np.float64], size: float) -> NDArray[np.int64]:
+    """Return the number of cells along each axis: even, so that a symmetric body has symmetric cells."""
+    return 2 * np.ceil(np.ptp(vertices, axis=0) / (2 * size)).astype(np.int64) + 2
+
+
+def _origin(vertices: NDArray[np.float64], size: float, counts: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the centre of the first cell; the cells lie around the middle."""
+    return vertices.min(axis=0) + np.ptp(vertices, axis=0) / 2 - size * (counts - 1) / 2
 
 
 def _outside_out(

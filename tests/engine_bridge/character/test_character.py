@@ -125,7 +125,7 @@ def test_a_skin_that_lacks_what_it_needs_is_refused(glb, tmp_path):
     assert (error.where, error.found) == (f"{path}, skins[0]", "a primitive without joints and weights")
 
 
-@pytest.mark.parametrize("extension", COMPRESSIONS)
+@pytest.mark.parametrize("extension", COMPRESSIONS[1:])
 def test_packed_data_is_refused_with_the_command_that_unpacks_it(glb, tmp_path, extension, monkeypatch):
     monkeypatch.setattr(meshopt, "is_installed", lambda: False)
     glb.node(glb.mesh(glb.primitive(CORNERS, SIDES)))

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from engine_bridge.character.character import from_document, load_character, make_character
-from engine_bridge.puppet.rig_limbs import FRONT, Joint, axes_of, limbs_of_joints, rig_limbs
+from engine_bridge.puppet.rig_axes import axes_of
+from engine_bridge.puppet.rig_limbs import FRONT, Joint, limbs_of_joints, rig_limbs
 
 PERSON = ["trunk", "head", "left arm", "right arm", "left leg", "right leg"]
 FOUR_LEGGED = ["left front leg", "right front leg", "left hind leg", "right hind leg"]
@@ -169,6 +170,22 @@ def test_rows_of_legs_are_numbered_from_the_front(names):
     limbs = limbs_of_joints(joints)
     np.testing.assert_allclose([limbs.points[name] for name in expected], list(expected.values()), atol=1e-9)
     np.testing.assert_allclose(limbs.points["head"], [[0, 1.1, -0.1], [0, 1.1, 1.5]])
+    assert axes_of(limbs) == ("y", "z")
+
+
+def test_legs_of_two_joints_may_reach_up_and_a_pole_is_no_foot():
+    """As those of an insect that flies: up is y, and the last fifth of a leg is its foot."""
+    held, joints, expected = np.zeros((0, 3)), [Joint("Root", -1, np.zeros(3), np.zeros((0, 3)))], {}
+    for side, sign in (("L", 1), ("R", -1)):
+        for row, name in enumerate(("front", "middle", "rear")):
+            hip, knee, tip = np.array([[0.2, 1, 0], [0.6, 1.1, 0], [1.1, 1.3, 0]]) * [sign, 1, 1] - [0, 0, row]
+            joints.append(Joint(f"{name}_upper_leg.{side}", 0, hip, held))
+            joints.append(Joint(f"{name}_lower_leg.{side}", len(joints) - 1, knee, tip[None]))
+            joints.append(Joint(f"{name}_knee.{side}", 0, tip + 1, held))
+            expected[f"{'left' if side == 'L' else 'right'} leg {row + 1}"] = [hip, knee, 0.2 * knee + 0.8 * tip, tip]
+    joints.append(Joint("Head", 0, np.array([0, 1.1, 0.5]), np.array([[0, 1.1, 1.5]])))
+    limbs = limbs_of_joints(joints)
+    np.testing.assert_allclose([limbs.points[name] for name in expected], list(expected.values()), atol=1e-9)
     assert axes_of(limbs) == ("y", "z")
 
 

@@ -321,6 +321,14 @@ def test_in_the_mirror_image_left_and_right_are_swapped(person):
         np.testing.assert_allclose(mirrored[name], points, atol=0.02, err_msg=name)
 
 
+@pytest.mark.parametrize("thickness", [0.0, 0.001, 0.1])
+def test_a_person_cut_out_of_paper_has_the_same_limbs(person, thickness):
+    limbs, expected = found(weld(person.vertices * [1, 1, thickness], person.faces)), found(person)
+    assert list(limbs) == PERSON
+    for name in PERSON:
+        np.testing.assert_allclose(limbs[name][:, :2], expected[name][:, :2], atol=0.12, err_msg=name)
+
+
 def test_parts_that_overlap_are_one_body(solver_mesh, person):
     pieces = [solver_mesh([limb], 0.03) for limb in FIGURE]
     starts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])

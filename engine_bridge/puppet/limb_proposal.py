@@ -39,6 +39,10 @@ MAX_STUB_SHARE = 0.25
 """Maximum length of a stub of a leg, from hip to ankle, as a share of that from the hips to the crown. A stub that does
 not point down turns as the performer's leg does: pointing it down would twist the body around it."""
 
+STRAIGHT_HEAD_COSINE = math.cos(math.radians(12))
+"""Cosine of the largest angle between up and a head that points as the performer's does. Hair and hats move the end of
+other heads: pointing them up would make the character look at the floor."""
+
 MIN_BONE_SHARE = 1e-4
 """Minimum length of a bone, as a share of the longest in its limb; joints of a skeleton may be at the same place."""
 
@@ -93,7 +97,8 @@ def _points(plan: Plan, name: str, points: Mapping[str, NDArray[np.float64]], up
         legs = np.mean([points[f"{side} leg"][0] - points[f"{side} leg"][2] for side in ("left", "right")], axis=0)
         size = np.linalg.norm(points["head"][-1] - points["trunk"][0])
         return bool(np.linalg.norm(legs) >= MAX_STUB_SHARE * size or is_upright(legs, up))
-    return name != "head" or is_upright(points["head"][-1] - points["head"][0], up)
+    head = points["head"][-1] - points["head"][0]
+    return name != "head" or bool(head @ up > STRAIGHT_HEAD_COSINE * np.linalg.norm(head))
 
 
 def _limb(

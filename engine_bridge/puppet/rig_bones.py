@@ -1,6 +1,6 @@
 """Bones of a puppet that the joints of a file's skeleton follow, and their shares in the motion of vertices."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -91,7 +91,8 @@ def rig_bones(character: Character, limbs: Sequence[Limb]) -> RigBones:
     RigBones
         Without joints if the file has no skeleton.
     """
-    return _BoneAssignment(FileSkeleton.of(character), limbs).result()
+    which, share = vertex_influences(character)
+    return _BoneAssignment(FileSkeleton.of(character), limbs, {*which[share > 0].tolist()}).result()
 
 
 def own_bones(character: Character, limbs: Sequence[Limb]) -> RigBones | None:
@@ -178,8 +179,9 @@ class _Polyline:
 class _BoneAssignment:
     """Assigns bones to the joints of a skeleton."""
 
-    def __init__(self, skeleton: FileSkeleton, limbs: Sequence[Limb]) -> None:
+    def __init__(self, skeleton: FileSkeleton, limbs: Sequence[Limb], holding: Collection[int]) -> None:
         self.skeleton = skeleton
+        self.holding = {row for row, node in enumerate(skeleton.nodes) if node in holding}  # which move vertices
         self.bones = bones_of(limbs)
         ranges, near = bone_ranges(limbs), HEAD_TOLERANCE * skeleton.diagonal
         self.polylines = {limb.name: _Polyline(limb, ranges[limb.name], near) for limb in parents_first(limbs)}
@@ -263,13 +265,13 @@ class _BoneAssignment:
                 if at_first if strict else away <= allowed and 0 < along < polyline.heads[1]:
                     yield row
 
-    def _misfit(self, row: int, polyline: _Polyline) -> tuple[float, int]:
-        """Return a sort key for first joints of a limb: the misfit, then the deeper of two joints at one position."""
+    def _misfit(self, row: int, polyline: _Polyline) -> tuple[float, bool, int]:
+        """Return a sort key for first joints of a limb: the misfit, then what moves vertices, then the deeper joint."""
         below = [other for other, path in enumerate(self.skeleton.paths_to_top) if row in path]
         start, following = polyline.limb.points[:2]
         away = float(np.linalg.norm(self.skeleton.positions[row] - start))
         away += float(np.linalg.norm(self.skeleton.positions[below] - following, axis=1).min())
-        return round(away / polyline.near), -len(self.skeleton.paths_to_top[row])
+        return round(away / polyline.near), self.holding.isdisjoint(below), -len(self.skeleton.paths_to_top[row])
 
     def _fits(self, row: int, polyline: _Polyline, found: dict[int, str]) -> bool:
         """Return whether all limbs with a first joint below this joint are children of this limb."""

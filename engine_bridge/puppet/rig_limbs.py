@@ -134,7 +134,17 @@ class _Skeleton:
             if joint.parent >= 0:
                 self.children[joint.parent].append(index)
         self.depth = [len(list(self.ancestors(index))) for index in range(len(joints))]
+        self._forget_poles()
         self._rename_hips_and_heads()
+
+    def _forget_poles(self) -> None:
+        """Drop the meanings of joints that move nothing beside one that does: an elbow may be a pole of the arm."""
+        holding = [index for index, joint in enumerate(self.joints) if len(joint.vertices)]
+        moving = {*holding, *(other for index in holding for other in self.ancestors(index))}
+        known = {self.meanings[index] for index in moving}
+        for index, meaning in enumerate(self.meanings):
+            if index not in moving and meaning in known:
+                self.meanings[index] = None
 
     def _rename_hips_and_heads(self) -> None:
         """Correct meanings that depend on other joints: of hips without thighs, and a spine up to the head."""
@@ -246,7 +256,6 @@ class _Skeleton:
             if chain[-1] in self.ancestors(index) and not twice:
                 chain.append(index)
         feet = [index for index in tops if index != top and (number is None or len(legs) == 1)]
-        feet = [index for index in feet if any(len(self.joints[k].vertices) for k in self.below(index))]  # no poles
         if feet and "foot" not in map(self.part, chain):  # a foot with inverse kinematics hangs on the root
             chain.append(feet[0])
         chain = [index for index in chain if self.part(index) != "toe"]

@@ -14,18 +14,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from capture.network import dialect
+from capture.network import dialect, humanoid
 from capture.network.channels import BLEND_CHANNELS, channels_of_blends, plain_name
-from capture.network.humanoid import (
-    DRIVING_BONES,
-    IDENTITY,
-    JOINTS,
-    SKELETON,
-    Quaternion,
-    joint_positions,
-    quaternion_product,
-    transformed,
-)
 from capture.network.osc import Message
 from capture.skeleton import INFERRED, LOST, TRACKED
 
@@ -36,7 +26,7 @@ BAD_TRACKING_STATUS = 0
 
 _BONE_TAGS = "s" + "f" * 7  # a name, a position and a quaternion x, y, z, w
 _QUATERNION_LENGTHS = 0.5, 2.0  # accepted for a unit quaternion
-_ROOT: dialect.Values = (0.0, 0.0, 0.0, *IDENTITY)
+_ROOT: dialect.Values = (0.0, 0.0, 0.0, *humanoid.IDENTITY)
 
 
 class Vmc:
@@ -66,7 +56,7 @@ class Vmc:
             return "wrong arguments"
         bone, *values = message.arguments[:8]
         name = "Root" if address == "/VMC/Ext/Root/Pos" else str(bone)
-        if not self._loaded or name not in ("Root", "Hips", *SKELETON):
+        if not self._loaded or name not in ("Root", "Hips", *humanoid.SKELETON):
             return dialect.Ignored()
         length = math.hypot(*values[3:])
         if not _QUATERNION_LENGTHS[0] < length < _QUATERNION_LENGTHS[1]:
@@ -104,13 +94,14 @@ class Vmc:
         bones = {**self._bones, **parts}
         root_position, root_rotation = _split(bones.get("Root", _ROOT))
         position, rotation = _split(bones.get("Hips", _ROOT))
-        hips = transformed(root_position, root_rotation, position), quaternion_product(root_rotation, rotation)
+        place = humanoid.transformed(root_position, root_rotation, position)
+        hips = place, humanoid.quaternion_product(root_rotation, rotation)
         rotations = {name: _split(values)[1] for name, values in bones.items()}
-        positions = np.array(joint_positions(hips, rotations)) * TO_SENSOR_COORDINATES
-        confidence = [self._confidence if DRIVING_BONES[joint] in bones else LOST for joint in JOINTS]
-        return dialect.kinect20(JOINTS, positions, np.array(confidence, dtype=np.float32))
+        positions = np.array(humanoid.joint_positions(hips, rotations)) * TO_SENSOR_COORDINATES
+        confidence = [self._confidence if humanoid.DRIVING_BONES[joint] in bones else LOST for joint in humanoid.JOINTS]
+        return dialect.kinect20(humanoid.JOINTS, positions, np.array(confidence, dtype=np.float32))
 
 
-def _split(values: dialect.Values) -> tuple[tuple[float, float, float], Quaternion]:
+def _split(values: dialect.Values) -> tuple[tuple[float, float, float], humanoid.Quaternion]:
     x, y, z, a, b, c, d = values
     return (x, y, z), (a, b, c, d)

@@ -18,18 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.sensors import openni_library
-from capture.sensors.depth_camera import (
-    DepthCamera,
-    Kind,
-    Selection,
-    best_mode,
-    metres,
-    not_plugged_in,
-    open_depth_camera,
-    parse,
-    unplayable,
-)
+from capture.sensors import depth_camera, openni_library
+from capture.sensors.depth_camera import DepthCamera, Kind, Selection
 from capture.sensors.oni_file import check_intact, check_plays
 from capture.sensors.source import SensorSource
 from capture.trackers.mediapipe import MediaPipePose, load_mediapipe
@@ -57,7 +47,7 @@ def open_source(uri: str, rest: str, folder: Path) -> SensorSource:
         The URI is wrong, a library is missing, or the recording does not play. The source itself raises the errors of a
         sensor.
     """
-    selection = parse(uri, rest, ("serial", "uri"))
+    selection = depth_camera.parse(uri, rest, ("serial", "uri"))
     openni_library.load_openni2(uri)
     measures = selection.face or selection.hands  # which NiTE2 cannot
     if selection.recorded:
@@ -65,7 +55,7 @@ def open_source(uri: str, rest: str, folder: Path) -> SensorSource:
     elif library_path() is None:
         load_mediapipe()
     open_tracker = None if selection.recorded or measures else _open_tracker
-    return open_depth_camera(uri, selection, lambda: OpenNIDevice(uri, selection, folder), open_tracker)
+    return depth_camera.open_depth_camera(uri, selection, lambda: OpenNIDevice(uri, selection, folder), open_tracker)
 
 
 class OpenNIDevice(DepthCamera):
@@ -136,7 +126,7 @@ class OpenNIDevice(DepthCamera):
             return openni_library.open_device(self._oni, plugged[0].encode())
         elif selection.value in plugged:
             return openni_library.open_device(self._oni, selection.value.encode())
-        raise not_plugged_in(self._uri, selection, plugged)
+        raise depth_camera.not_plugged_in(self._uri, selection, plugged)
 
     def _prepare(self) -> None:
         """Create the streams of the device, configure and start them."""
@@ -168,7 +158,7 @@ class OpenNIDevice(DepthCamera):
 
     def _choose_mode(self, formats: dict[Kind, Any]) -> None:
         """Set all streams to one mode."""
-        best = best_mode(
+        best = depth_camera.best_mode(
             {
                 (mode.resolutionX, mode.resolutionY, mode.fps)
                 for mode in stream.get_sensor_info().videoModes
@@ -246,7 +236,7 @@ class OpenNIDevice(DepthCamera):
         rows = np.ctypeslib.as_array((ctypes.c_uint8 * frame.dataSize).from_address(frame.data))
         pixels: NDArray[Any] = np.ndarray(size, dtype, rows, strides=(frame.stride, dtype.itemsize))
         pixels = pixels[:, ::-1] if self._mirrored[kind] else pixels
-        return metres(pixels) if kind == "depth" else pixels.copy()
+        return depth_camera.metres(pixels) if kind == "depth" else pixels.copy()
 
     def _is_plugged(self) -> bool:
         return self._device_uri in openni_library.sensor_uris(self._oni)
@@ -262,7 +252,7 @@ class OpenNIDevice(DepthCamera):
     def _failure(self, error: Exception) -> SourceError:
         reason = openni_library.error_reason(error)
         if self._recorded:
-            return unplayable(self._uri, "OpenNI2", reason, ".oni")
+            return depth_camera.unplayable(self._uri, "OpenNI2", reason, ".oni")
         return openni_library.unusable(self._uri, openni_library.sensor_uris(self._oni), reason)
 
 

@@ -10,16 +10,8 @@ from typing import Any
 import numpy as np
 
 from capture.libraries import load_module
-from capture.sensors.depth_camera import (
-    DepthCamera,
-    Selection,
-    best_mode,
-    metres,
-    open_depth_camera,
-    parse,
-    unplayable,
-    upward,
-)
+from capture.sensors import depth_camera
+from capture.sensors.depth_camera import DepthCamera, Selection
 from capture.sensors.source import SensorSource
 from capture.trackers.picture import Lens
 from puppetline.errors import SourceError
@@ -46,9 +38,9 @@ def open_source(uri: str, rest: str, folder: Path, record: Path | None = None) -
         The URI is wrong, a library is missing, or the recording does not play. The source itself raises the errors of a
         sensor.
     """
-    selection = parse(uri, rest)
+    selection = depth_camera.parse(uri, rest)
     load_orbbec(uri)
-    return open_depth_camera(uri, selection, lambda: OrbbecDevice(uri, selection, folder, record))
+    return depth_camera.open_depth_camera(uri, selection, lambda: OrbbecDevice(uri, selection, folder, record))
 
 
 def load_orbbec(where: str) -> Any:
@@ -144,7 +136,7 @@ class OrbbecDevice(DepthCamera):
             every = [found.get_stream_profile_by_index(k).as_video_stream_profile() for k in range(found.get_count())]
             wanted = form if self._recorded or form else ob.OBFormat.RGB
             some = {(p.get_width(), p.get_height(), p.get_fps()): p for p in every if wanted in (None, p.get_format())}
-            best = best_mode([some])
+            best = depth_camera.best_mode([some])
             if best is None:
                 found = f"{self.name} without {'depth' if form else 'colour'}"
                 raise self._unusable_images(found, "a sensor or recording with depth and colour")
@@ -159,7 +151,7 @@ class OrbbecDevice(DepthCamera):
 
         def measured(frame: Any) -> None:
             force = frame.as_accel_frame()
-            self._up = upward((force.get_x(), force.get_y(), force.get_z()), to_image)
+            self._up = depth_camera.upward((force.get_x(), force.get_y(), force.get_z()), to_image)
 
         sensor.start(profile, measured)
         self._accelerometer = sensor
@@ -185,7 +177,8 @@ class OrbbecDevice(DepthCamera):
         depth, color = frames.get_depth_frame(), frames.get_color_frame()
         if depth is not None:
             raw = np.frombuffer(depth.get_data(), np.uint16).reshape(depth.get_height(), depth.get_width())
-            self._add("depth", depth.get_timestamp_us() * 1e-6, metres(raw, depth.get_depth_scale() / 1000))
+            measured = depth_camera.metres(raw, depth.get_depth_scale() / 1000)
+            self._add("depth", depth.get_timestamp_us() * 1e-6, measured)
         if color is not None:
             color = self._rgb(color)
             pixels = np.frombuffer(color.get_data(), np.uint8).reshape(color.get_height(), color.get_width(), 3)
@@ -198,7 +191,7 @@ class OrbbecDevice(DepthCamera):
             return color
         kind = getattr(ob.OBConvertFormat, f"{form.name}_TO_RGB888", None)
         if kind is None:
-            raise unplayable(self._uri, "Orbbec's SDK", f"colours as {form.name}", ".bag")
+            raise depth_camera.unplayable(self._uri, "Orbbec's SDK", f"colours as {form.name}", ".bag")
         convert = ob.FormatConvertFilter()
         convert.set_format_convert_format(kind)
         return convert.process(color).as_video_frame()
@@ -209,7 +202,7 @@ class OrbbecDevice(DepthCamera):
 
     def _failure(self, error: Exception) -> SourceError:
         if self._recorded:
-            return unplayable(self._uri, "Orbbec's SDK", str(error), ".bag")
+            return depth_camera.unplayable(self._uri, "Orbbec's SDK", str(error), ".bag")
         return SourceError(
             self._uri,
             found=f"an Orbbec sensor that cannot be used ({error})",

@@ -13,18 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.libraries import load_module
-from capture.sensors.depth_camera import (
-    DepthCamera,
-    Kind,
-    Mode,
-    Selection,
-    best_mode,
-    metres,
-    open_depth_camera,
-    parse,
-    unplayable,
-    upward,
-)
+from capture.sensors import depth_camera
+from capture.sensors.depth_camera import DepthCamera, Kind, Mode, Selection, parse
 from capture.sensors.source import SensorSource
 from capture.trackers.picture import Lens
 from puppetline.errors import SourceError
@@ -53,7 +43,7 @@ def open_source(uri: str, rest: str, folder: Path, record: Path | None = None) -
     """
     selection = parse(uri, rest, settings=SETTINGS)
     load_realsense(uri)
-    return open_depth_camera(uri, selection, lambda: RealSenseDevice(uri, selection, folder, record))
+    return depth_camera.open_depth_camera(uri, selection, lambda: RealSenseDevice(uri, selection, folder, record))
 
 
 def load_realsense(where: str) -> Any:
@@ -155,7 +145,7 @@ class RealSenseDevice(DepthCamera):
         for video in (each.as_video_stream_profile() for each in profiles if each.is_video_stream_profile()):
             if formats.get(video.stream_type()) == video.format():
                 modes.setdefault(video.stream_type(), []).append((video.width(), video.height(), video.fps()))
-        best = best_mode(modes.values())
+        best = depth_camera.best_mode(modes.values())
         if best is not None:
             for stream in modes:
                 self._config.enable_stream(stream, *best[:2], formats[stream], best[2])
@@ -209,7 +199,7 @@ class RealSenseDevice(DepthCamera):
         for frame in frames:
             if frame.is_motion_frame():
                 force = frame.as_motion_frame().get_motion_data()
-                self._up = upward((force.x, force.y, force.z), self._to_image)
+                self._up = depth_camera.upward((force.x, force.y, force.z), self._to_image)
         depth, color = frames.get_depth_frame(), frames.get_color_frame()
         # a frame is repeated if none of its stream arrived with the other's, so its own time counts
         if depth:
@@ -226,7 +216,7 @@ class RealSenseDevice(DepthCamera):
             found = f"images of {self.name} that librealsense could not align ({error})"
             fix = "Unplug the sensor and plug it in again."
             raise self._unusable_images(found, "depth that can be aligned to colour", fix) from error
-        return metres(np.asanyarray(depth.get_data()), depth.get_units())
+        return depth_camera.metres(np.asanyarray(depth.get_data()), depth.get_units())
 
     def _at_end(self) -> bool:
         playback = self._profile.get_device().as_playback()
@@ -238,7 +228,7 @@ class RealSenseDevice(DepthCamera):
     def _failure(self, error: Exception) -> SourceError:
         reason = str(error).rpartition("Reason: ")[2].strip()
         if self._recorded:
-            return unplayable(self._uri, "librealsense", reason, ".db3 or .bag")
+            return depth_camera.unplayable(self._uri, "librealsense", reason, ".db3 or .bag")
         if any(sign in reason for sign in ("ermission", "ACCES")):  # RS2_USB_STATUS_ACCESS too
             return SourceError(
                 self._uri,

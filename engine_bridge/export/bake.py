@@ -27,7 +27,6 @@ from engine_bridge.performance.settings import Settings
 from puppetline.errors import PuppetError
 from puppetline.files import check_writable
 from solver.model.batch import MAX_BATCH_FRAMES as CHUNK
-from solver.model.batch import BatchBinding
 from solver.motion.limbs import TRUNK
 
 DEFAULT_TOLERANCE = 0.002
@@ -217,15 +216,7 @@ def _play(
 
 def fit(rig: Rig, motion: Motion, settings: Settings, progress: Progress) -> MorphBasis:
     """Fit a basis to motion, with weights that leave room for larger motion."""
-    return morph_basis.fit(
-        rig.model,
-        BatchBinding.of_solver_mesh(rig.model, rig.mesh),
-        motion.frames,
-        tolerance=settings.max_error,
-        max_targets=settings.targets,
-        reach=REACH,
-        progress=lambda share: progress("Fitting morph targets", share),
-    )
+    return morph_basis.fit_rig(rig, motion.frames, settings, progress, REACH)
 
 
 def write(rig: Rig, motion: Motion, basis: MorphBasis, output: Path) -> None:

@@ -10,7 +10,6 @@ from engine_bridge.export.rig_export import export_rig
 from engine_bridge.performance.channels import morph_weights
 from engine_bridge.performance.clip import Clip, Progress
 from engine_bridge.performance.settings import Settings
-from solver.model.batch import BatchBinding
 
 
 def export_clip(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
@@ -45,14 +44,7 @@ def _keyframes(clip: Clip, name: str, weights: NDArray[np.float32]) -> Keyframes
 
 def _as_morph(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
     rig = clip.rig
-    basis = morph_basis.fit(
-        rig.model,
-        BatchBinding.of_solver_mesh(rig.model, rig.mesh),
-        clip.frames,
-        tolerance=settings.max_error,
-        max_targets=settings.targets,
-        progress=lambda share: progress("Fitting morph targets", share),
-    )
+    basis = morph_basis.fit_rig(rig, clip.frames, settings, progress)
     displacements = morph_basis.displacements(rig.character, rig.mesh, rig.model, clip.frames, basis)
     keyframes = _keyframes(clip, name, basis.weights)
     document = animate(rig.character, keyframes, displacements)

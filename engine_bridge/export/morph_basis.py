@@ -11,6 +11,7 @@ not that of the float32 targets, which is about 1e-7 of the diagonal.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy
@@ -21,6 +22,8 @@ from engine_bridge.export.animation import Displacements
 from engine_bridge.export.normals import FRAMES_PER_CHUNK, TurningNormals
 from engine_bridge.export.unit_weights import UnitWeights
 from engine_bridge.performance.frame_store import Frames, evenly
+from engine_bridge.performance.rig import Rig
+from engine_bridge.performance.settings import Settings
 from solver.model.batch import MAX_BATCH_FRAMES as CHUNK
 from solver.model.batch import BatchBinding
 from solver.model.reduced_model import MAX_NULL_EIGENVALUE_RATIO, ReducedModel
@@ -113,6 +116,17 @@ def fit(
             return basis
         sample.include(*worst)
         count = max(count + 1, sample.count_for(allowed, limit))
+
+
+def fit_rig(
+    rig: Rig, frames: Frames, settings: Settings, progress: Callable[[str, float], None], reach: float | None = None
+) -> MorphBasis:
+    """Fit a basis to frames of a character as `fit` does, with the settings' tolerance and number of targets."""
+    binding, limit = BatchBinding.of_solver_mesh(rig.model, rig.mesh), settings.targets
+    fitting = partial(progress, "Fitting morph targets")
+    return fit(
+        rig.model, binding, frames, tolerance=settings.max_error, max_targets=limit, reach=reach, progress=fitting
+    )
 
 
 def surface_coordinates(model: ReducedModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

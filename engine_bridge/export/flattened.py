@@ -53,7 +53,7 @@ def flatten(character: Character, normals: NDArray[np.floating], sets: Sequence[
     for part, place in zip(character.parts, character.vertex_slices, strict=True):
         if part.node not in meshes:
             meshes[part.node] = _new_mesh(document, character, part)
-        own = _primitive_of(character, part)
+        own = character.primitive(part)
         primitive = _primitive(document, character, part, normals[place], [values[place] for values in sets])
         if "material" in own:
             primitive["material"] = own["material"]
@@ -113,11 +113,6 @@ def _new_mesh(document: Document, character: Character, part: Part) -> Mesh:
     return mesh
 
 
-def _primitive_of(character: Character, part: Part) -> Primitive:
-    gltf = character.document.gltf
-    return gltf["meshes"][gltf["nodes"][part.node]["mesh"]]["primitives"][part.primitive]
-
-
 def _primitive(
     document: Document,
     character: Character,
@@ -125,7 +120,7 @@ def _primitive(
     normals: NDArray[np.floating],
     sets: Sequence[NDArray[np.float32]],
 ) -> Primitive:
-    source, own, count = character.document, _primitive_of(character, part), len(part.vertices)
+    source, own, count = character.document, character.primitive(part), len(part.vertices)
     # glTF requires unit normals
     directed = np.where(normals.any(axis=1, keepdims=True), normals, [0.0, 1.0, 0.0])
     none = np.zeros((count, 2), np.float32)

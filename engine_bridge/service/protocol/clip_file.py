@@ -10,16 +10,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.service.protocol.header import (
-    PAYLOAD_OFFSET,
-    Header,
-    Kind,
-    WireError,
-    join,
-    split,
-    topic,
-    write_json,
-)
+from engine_bridge.service.protocol.header import Header, Kind, WireError, join, split, topic, write_json
 from engine_bridge.service.protocol.payloads import Received, decode
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.states import STATES
@@ -108,8 +99,7 @@ def read_clip(content: bytes | memoryview) -> Iterator[Received]:
     """
     view, number, frames, revision = memoryview(content), 0, -1, 0
     while len(view):
-        header = split(view).header
-        end = PAYLOAD_OFFSET + header.length + 4 * header.targets
+        end = split(view).header.message_length
         message = decode(view[:end])
         expected = (Kind.CLIP, Kind.SCENE)[number] if number < 2 else Kind.CONTROLS
         if message.header.kind != expected:

@@ -112,6 +112,11 @@ class Header(NamedTuple):
         *before, root, targets = self
         return _LAYOUT.pack(*before, *root, targets)
 
+    @property
+    def message_length(self) -> int:
+        """Length of the whole message in bytes."""
+        return PAYLOAD_OFFSET + self.length + 4 * self.targets
+
     @classmethod
     def unpack(cls, content: bytes | memoryview) -> Self:
         """Read 64 bytes."""
@@ -186,9 +191,9 @@ def split(message: bytes | memoryview) -> Message:
     if PAYLOAD_OFFSET + header.length > len(view):
         raise WireError(f"{len(view) - PAYLOAD_OFFSET} bytes of payload of {header.length} announced")
     end = PAYLOAD_OFFSET + header.length
-    if end + 4 * header.targets > len(view):
+    if header.message_length > len(view):
         raise WireError(f"{len(view) - end} bytes for {header.targets} weights of morph targets")
-    weights = view[end : end + 4 * header.targets]
+    weights = view[end : header.message_length]
     return Message(text.decode("ascii"), header, view[PAYLOAD_OFFSET:end], weights)
 
 

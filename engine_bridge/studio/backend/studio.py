@@ -196,12 +196,7 @@ class Studio(Backend):
         return _puppet_reply(self.characters[asked.character])
 
     async def _do_edit(self, asked: characters.Edit) -> dict[str, Any]:
-        self._refuse_while_recording()
-        self.characters[asked.character]
-        async with self._changing:
-            character = await self.characters.edit(asked.character, asked.puppet)
-            await self._apply()
-        return _puppet_reply(character)
+        return await self._change(asked.character, partial(self.characters.edit, puppet=asked.puppet))
 
     async def _do_snap(self, asked: characters.Snap) -> dict[str, Any]:
         folder = self.characters[asked.character].folder
@@ -229,12 +224,7 @@ class Studio(Backend):
         return {"character": character.name, "name": file.name, "file": file.id}
 
     async def _do_revert_puppet(self, asked: characters.RevertPuppet) -> dict[str, Any]:
-        self._refuse_while_recording()
-        self.characters[asked.character]
-        async with self._changing:
-            character = await self.characters.revert(asked.character)
-            await self._apply()
-        return _puppet_reply(character)
+        return await self._change(asked.character, self.characters.revert)
 
     async def _do_record_start(self, asked: takes.RecordStart) -> dict[str, Any]:
         self._refuse_while_recording()
@@ -352,6 +342,15 @@ class Studio(Backend):
     async def _do_cancel(self, asked: takes.Cancel) -> dict[str, Any]:
         self._jobs.cancel(asked.job)
         return {}
+
+    async def _change(self, name: str, change: Callable[[str], Awaitable[OpenCharacter]]) -> dict[str, Any]:
+        """Change the puppet of an open character and show the change; return the puppet."""
+        self._refuse_while_recording()
+        self.characters[name]  # refuses an unknown one
+        async with self._changing:
+            character = await change(name)
+            await self._apply()
+        return _puppet_reply(character)
 
     def _refuse_while_recording(self) -> None:
         """Refuse a change during a take, which has the same characters and source from beginning to end."""

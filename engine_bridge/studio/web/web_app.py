@@ -108,10 +108,7 @@ class _Server:
 
     async def asset(self, request: web.Request) -> web.StreamResponse:
         """Send a file of the page that existed when the server started."""
-        path = self._assets.get(request.match_info["path"])
-        if path is None:
-            raise web.HTTPNotFound
-        return web.FileResponse(path)
+        return _file(self._assets.get(request.match_info["path"]))
 
     async def api(self, request: web.Request) -> web.StreamResponse:
         """Serve the protocol of `engine_bridge.studio.messages`."""
@@ -144,10 +141,7 @@ class _Server:
 
     async def clip(self, request: web.Request) -> web.StreamResponse:
         """Send the video of a kiosk's visitor, without a session: the code is the key."""
-        path = self._video(request.match_info["code"])
-        if path is None:
-            raise web.HTTPNotFound
-        return web.FileResponse(path)
+        return _file(self._video(request.match_info["code"]))
 
     async def clips(self, request: web.Request) -> web.StreamResponse:
         """Send the page on which a visitor types a code, without a session."""
@@ -197,13 +191,15 @@ def _assets(page: Path) -> dict[str, Path]:
     return {path.relative_to(page).as_posix(): path for path in page.rglob("*") if path.is_file()}
 
 
+def _file(path: Path | None) -> web.FileResponse:
+    if path is None:
+        raise web.HTTPNotFound
+    return web.FileResponse(path)
+
+
 def _status(error: PuppetlineError) -> int:
-    kinds: tuple[tuple[type[PuppetlineError], int], ...] = (
-        (UnauthorizedError, 401),
-        (UploadError, 413),
-        (OutputError, 507),
-    )
-    return next((status for kind, status in kinds if isinstance(error, kind)), 400)
+    kinds: dict[type[PuppetlineError], int] = {UnauthorizedError: 401, UploadError: 413, OutputError: 507}
+    return next((status for kind, status in kinds.items() if isinstance(error, kind)), 400)
 
 
 def _error(status: int, error: PuppetlineError) -> web.Response:

@@ -44,10 +44,10 @@ class OpenCharacter:
     puppet: dict[str, Any]
     saved: dict[str, Any]
     targets: list[str]
-    vertices: int
-    triangles: int
-    digest: str
-    model: Download | None
+    vertices: int = 0
+    triangles: int = 0
+    digest: str = ""
+    model: Download | None = None
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -161,19 +161,8 @@ class Characters:
         self, folder: Path, title: str, saved_file: Path, progress: Progress, task: str, *arguments: Any
     ) -> OpenCharacter:
         facts = await self._worker.run(task, *arguments, progress=progress)
-        character = OpenCharacter(
-            folder.name,
-            shown(title),
-            folder,
-            saved_file,
-            facts["puppet"],
-            facts["puppet"],
-            facts["targets"],
-            0,
-            0,
-            "",
-            None,
-        )
+        puppet = facts["puppet"]
+        character = OpenCharacter(folder.name, shown(title), folder, saved_file, puppet, puppet, facts["targets"])
         self._take(character, facts)
         character.notes = facts["notes"]
         self._open[character.name] = character

@@ -104,12 +104,8 @@ def _pyzmq(installed: str) -> Finding:
 
     curve = zmq.has("curve")
     security = "with CURVE" if curve else "without CURVE: tokens work, keys do not"
-    return Finding(
-        "pyzmq",
-        True,
-        f"{installed}, libzmq {zmq.zmq_version()}, {security}",
-        "" if curve else "Install pyzmq from its wheel, which contains CURVE.",
-    )
+    fix = "" if curve else "Install pyzmq from its wheel, which contains CURVE."
+    return Finding("pyzmq", True, f"{installed}, libzmq {zmq.zmq_version()}, {security}", fix)
 
 
 def _processor() -> Finding:
@@ -135,12 +131,9 @@ def _ports() -> Iterator[Finding]:
                 listener.bind(("127.0.0.1", port))
             yield Finding(name, True, f"free ({use})")
         except OSError as error:
-            yield Finding(
-                name,
-                None if error.errno == errno.EADDRINUSE else False,
-                f"{error.strerror or error}{_owner(kind, port)} ({use})",
-                "If that is not Puppetline itself, close it or choose another port.",
-            )
+            ok = None if error.errno == errno.EADDRINUSE else False
+            fix = "If that is not Puppetline itself, close it or choose another port."
+            yield Finding(name, ok, f"{error.strerror or error}{_owner(kind, port)} ({use})", fix)
 
 
 def _owner(kind: str, port: int) -> str:
@@ -178,19 +171,11 @@ def _folder(name: str, folder: Path, contents: str = "", *, asked: bool = False)
         with tempfile.TemporaryFile(dir=place):
             room = shutil.disk_usage(place).free
     except OSError as error:
-        return Finding(
-            name,
-            False if asked else None,
-            f"{folder}: cannot be written to ({error.strerror})",
-            f"Give this user permission to write to {place}, or choose another folder.",
-        )
+        fix = f"Give this user permission to write to {place}, or choose another folder."
+        return Finding(name, False if asked else None, f"{folder}: cannot be written to ({error.strerror})", fix)
     made = "" if folder.is_dir() else "will be created, "
-    return Finding(
-        name,
-        True,
-        f"{folder}: {made}{contents}{room / 1e9:.1f} GB free",
-        "Free space on that disk." if room < LOW_DISK_BYTES else "",
-    )
+    fix = "Free space on that disk." if room < LOW_DISK_BYTES else ""
+    return Finding(name, True, f"{folder}: {made}{contents}{room / 1e9:.1f} GB free", fix)
 
 
 def _clock() -> Finding:

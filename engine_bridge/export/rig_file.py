@@ -1,6 +1,7 @@
 """Files of rigged characters: a skeleton and skin weights, without an animation."""
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -90,12 +91,8 @@ def write_rig(
         notes += ("The file keeps its own skeleton and weights. For new ones, use --new-skin.",)
         rms = error = None
     else:
-        made = make_rig(
-            rig,
-            in_t_pose=settings.pose == "t",
-            influences=settings.influences,
-            progress=lambda share: progress("Fitting skin weights", share),
-        )
+        fitting = partial(progress, "Fitting skin weights")
+        made = make_rig(rig, in_t_pose=settings.pose == "t", influences=settings.influences, progress=fitting)
         document, nodes, more = rigged_document(rig.character, made, rig.mesh.of_render)
         names, rms, error = rename(document, nodes, settings.names), made.rms, made.error
         notes += more

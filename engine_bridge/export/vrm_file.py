@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -55,12 +56,8 @@ def write_vrm(
     rows = humanoid_rows(Skeleton.along_bones(rig.puppet).joints, source)
     stated = statement(rig.puppet.vrm, given, source)
     progress("Preparing the character", 1.0)
-    made = make_rig(
-        rig,
-        in_t_pose=True,
-        influences=settings.influences,
-        progress=lambda share: progress("Fitting skin weights", share),
-    )
+    fitting = partial(progress, "Fitting skin weights")
+    made = make_rig(rig, in_t_pose=True, influences=settings.influences, progress=fitting)
     table, joints = rig.puppet.character, made.skeleton.joints
     surface = rig.mesh.vertices if made.bind is None else made.bind.vertices(rig.mesh.vertices)
     floor = float((surface @ table.basis[1]).min())

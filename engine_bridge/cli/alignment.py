@@ -92,18 +92,12 @@ def align(logs: Sequence[Path], sources: Sequence[str], output: Path) -> list[Se
         notes: tuple[str, ...] = ()
         if abs(clock) > fused_file.MAX_CLOCK_DIFFERENCE_SECONDS and not is_recorded(uri):
             clock, notes = 0.0, ("The clocks of the recordings differ; the live sensors are treated as equally late.",)
-        members.append(Member(uri, found.pose, clock))
+        pose, residual = found.pose, 100 * found.residual
+        members.append(Member(uri, pose, clock))
+        place = tuple(pose.position.tolist())
         summaries.append(
             SensorSummary(
-                str(log),
-                uri,
-                tuple(found.pose.position.tolist()),
-                found.pose.degrees,
-                found.clock,
-                100 * found.residual,
-                found.seconds,
-                found.swapped,
-                notes,
+                str(log), uri, place, pose.degrees, found.clock, residual, found.seconds, found.swapped, notes
             )
         )
     fused_file.write(output, members)

@@ -115,15 +115,9 @@ def batch(
             options.show({"waiting": names}, as_json, *names)
         return
     part = "" if shard is None else f".{shard.index}-of-{shard.count}"
-    result = batch_run.run(
-        plan,
-        others,
-        given,
-        shard,
-        workers,
-        manifest or output / f"manifest{part}.parquet",
-        output / "report.html" if report and shard is None else None,
-    )
+    table = manifest or output / f"manifest{part}.parquet"
+    page = output / "report.html" if report and shard is None else None
+    result = batch_run.run(plan, others, given, shard, workers, table, page)
     options.show(result.as_dict(), as_json, batch_run.describe(result))
     if result.failures:
         raise click.exceptions.Exit(1)

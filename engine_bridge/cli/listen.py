@@ -38,13 +38,9 @@ def listen(
     from engine_bridge.client import listening
     from engine_bridge.service.security.credentials import read_token
 
+    def notice(text: str) -> None:
+        click.echo(f"puppetline: {text}", err=True)
+
     token = read_token(token_file)
-    report = listening.listen(
-        address,
-        seconds=seconds,
-        token=token,
-        characters=characters,
-        kinds=kinds,
-        notice=lambda text: click.echo(f"puppetline: {text}", err=True),
-    )
+    report = listening.listen(address, seconds=seconds, token=token, characters=characters, kinds=kinds, notice=notice)
     options.show(report, as_json, listening.describe(report))

@@ -66,11 +66,8 @@ def record(
     if as_json or output.exists():
         users = ", ".join(map(str, summary.users)) or "none"
         lost = f", {summary.sound_overflows} overflows" if summary.sound_overflows else ""
-        options.show(
-            summary,
-            as_json,
-            f"{summary.take}: {summary.frames:,} frames, {summary.seconds:.1f} s, performers: {users}",
-            *([f"  sound          {summary.sound}{lost}"] if summary.sound else []),
-        )
+        lines = [f"{summary.take}: {summary.frames:,} frames, {summary.seconds:.1f} s, performers: {users}"]
+        lines += [f"  sound          {summary.sound}{lost}"] if summary.sound else []
+        options.show(summary, as_json, *lines)
     if summary.why:
         raise click.exceptions.Exit(1)

@@ -150,11 +150,10 @@ class _Conversion:
             state = FileState.of(self._job.log)
             self._row = replace(self._row, key=result_key(self._job.identity, state, self._job.name))
             record = replace(record, log=state)
-            record = (
-                replace(record, rows=(_failed(self._row, self._killed()),))
-                if starts >= MAX_STARTS
-                else (self._of_performers(record))
-            )
+            if starts >= MAX_STARTS:
+                record = replace(record, rows=(_failed(self._row, self._killed()),))
+            else:
+                record = self._of_performers(record)
         except OSError as error:
             record = replace(record, rows=(_failed(self._row, self._unreadable(error)),))
         self._store.save(self._job, record)
@@ -192,14 +191,8 @@ class _Conversion:
                     raise
                 where = self._store.folder / output
                 raise OutputError(where, found=error.found, expected=error.expected, fix=error.fix) from error.__cause__
-        return replace(
-            row,
-            state="done",
-            output=output,
-            user=choose(clips, row.user)[0].user,
-            conversion_seconds=time.perf_counter() - start,
-            **values,
-        )
+        user, seconds = choose(clips, row.user)[0].user, time.perf_counter() - start
+        return replace(row, state="done", output=output, user=user, conversion_seconds=seconds, **values)
 
     def _write(self, clips: list[SkeletonClip], row: Row, output: Path) -> dict[str, Any]:
         """Write a file, and return values of its row."""

@@ -72,11 +72,8 @@ class Document:
             The accessor is empty, or refers to bytes outside the buffer.
         """
         accessor, where = self.gltf["accessors"][index], at(self.name, field=f"accessors[{index}]")
-        dtype, width, count = (
-            _component(accessor["componentType"], where),
-            TYPE_WIDTHS[accessor["type"]],
-            accessor["count"],
-        )
+        dtype = _component(accessor["componentType"], where)
+        width, count = TYPE_WIDTHS[accessor["type"]], accessor["count"]
         if not count:
             raise damaged(where, "no values")
         if "bufferView" in accessor:

@@ -37,10 +37,8 @@ def check_size(output: Path, character: Character, frames: int, fps: float) -> N
     arrays = sum(1 if part.normals is None else 2 for part in character.parts)
     values = sum(len(part.vertices) * (1 if part.normals is None else 2) for part in character.parts)
     nodes = len({part.node for part in character.parts})
-    linear, square = (
-        12 * values + JSON_BYTES_PER_ARRAY * arrays,
-        4 * nodes,
-    )  # the table of weights grows with the square
+    linear = 12 * values + JSON_BYTES_PER_ARRAY * arrays
+    square = 4 * nodes  # the table of weights grows with the square
     size = linear * frames + square * frames**2
     if size <= MAX_CACHE_BYTES:
         return

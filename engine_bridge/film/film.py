@@ -202,14 +202,9 @@ class _View:
         """Return the pixels (h, w, 4) of a frame."""
         for each in self._puppets:
             each.move(frame)
-        return self._renderer.draw(
-            self._shots.camera(frame),
-            self._stage,
-            [each.drawn for each in self._puppets],
-            self._behind,
-            self._floor,
-            list(self._shown_titles(frame)),
-        )
+        camera, titles = self._shots.camera(frame), list(self._shown_titles(frame))
+        drawn = [each.drawn for each in self._puppets]
+        return self._renderer.draw(camera, self._stage, drawn, self._behind, self._floor, titles)
 
     def samples(self, part: Part, ending: str) -> list[NDArray[np.uint8]]:
         """Return frames from all over a part, from which the colours of a .gif are chosen."""

@@ -185,12 +185,9 @@ def resting_pose(timeline: Timeline, settings: Settings) -> NDArray[np.float64]:
     """Return the performer's calibration pose (20, 3), which corresponds to the character's rest pose."""
     if settings.rest_at is None and timeline.rest is not None:
         return timeline.rest
-    return body.resting_pose(
-        timeline.positions,
-        timeline.confidence,
-        first=int((settings.rest_at or 0.0) * timeline.fps),
-        count=max(1, round(REST_SECONDS * timeline.fps)),
-    )
+    first = int((settings.rest_at or 0.0) * timeline.fps)
+    count = max(1, round(REST_SECONDS * timeline.fps))
+    return body.resting_pose(timeline.positions, timeline.confidence, first=first, count=count)
 
 
 def reference_pose(puppet: Puppet, timeline: Timeline, settings: Settings) -> NDArray[np.float64]:

@@ -74,12 +74,8 @@ def dome_lights(mesh: NDArray[np.float64], triangles: NDArray[np.int64], azimuth
     radius = 1.02 * float(np.linalg.norm(mesh - center, axis=1).max())
     axes = [camera_axes(azimuth + beside, elevation) for beside, elevation in angles]
     matrices = [pixel_matrix(a, center, radius, MAP_SIZE, MAP_SIZE) for a in axes]
-    return Lights(
-        np.array([a[2] for a in axes], np.float32),
-        irradiances,
-        np.array(matrices, np.float32),
-        np.array([rasterise(transform(matrix, mesh), triangles, MAP_SIZE, MAP_SIZE)[1] for matrix in matrices]),
-    )
+    depths = np.array([rasterise(transform(each, mesh), triangles, MAP_SIZE, MAP_SIZE)[1] for each in matrices])
+    return Lights(np.array([a[2] for a in axes], np.float32), irradiances, np.array(matrices, np.float32), depths)
 
 
 @compiled

@@ -42,13 +42,9 @@ def humanoid_of(puppet: Puppet, rest: NDArray[np.float64]) -> Skeleton:
     names = [every[row].name for row in kept]
     axes = puppet.character.basis.T @ from_t_pose(puppet, every)[kept] @ MIRROR
     hips, up = every[kept[0]].head, puppet.character.basis[1]
-    return Skeleton(
-        tuple(_of_humanoid(every[row], names) for row in kept),
-        axes,
-        world=puppet.character.basis.T @ MIRROR,
-        origin=hips + ((rest @ up).min() - hips @ up) * up,
-        scale=puppet.character.scale,
-    )
+    joints = tuple(_of_humanoid(every[row], names) for row in kept)
+    origin = hips + ((rest @ up).min() - hips @ up) * up
+    return Skeleton(joints, axes, world=puppet.character.basis.T @ MIRROR, origin=origin, scale=puppet.character.scale)
 
 
 def _of_humanoid(joint: Joint, names: Sequence[str]) -> Joint:

@@ -119,13 +119,8 @@ class Reporter:
         """Return the state of the process; the share of the processor is measured since the previous call."""
         now, used = time.monotonic(), time.process_time()
         (then, used_then), self._cpu = self._cpu, (now, used)
-        return ServiceStatus(
-            version=self._version,
-            uptime=now - self._started,
-            pid=os.getpid(),
-            memory=self._process.memory_info().rss,
-            cpu=(used - used_then) / max(now - then, 1e-3),
-        )
+        memory, cpu = self._process.memory_info().rss, (used - used_then) / max(now - then, 1e-3)
+        return ServiceStatus(version=self._version, uptime=now - self._started, pid=os.getpid(), memory=memory, cpu=cpu)
 
     def _stage(self, runner: StageRunner, count_in: int) -> StageStatus:
         stage, source = runner.stage, runner.source

@@ -102,11 +102,8 @@ def wound_against(
     patch = connected_components(t, one, other)
     if not crossed.any():
         return np.zeros(t, dtype=np.bool_), patch
-    sheets = connected_components(
-        2 * t,
-        np.concatenate([one, one + t]),
-        np.concatenate([np.where(crossed, other + t, other), np.where(crossed, other, other + t)]),
-    )
+    continued = np.concatenate([np.where(crossed, other + t, other), np.where(crossed, other, other + t)])
+    sheets = connected_components(2 * t, np.concatenate([one, one + t]), continued)
     front, back = sheets[:t], sheets[t:]
     first = np.unique(patch, return_index=True)[1]
     return (front != front[first[patch]]) & (front != back), patch

@@ -78,13 +78,10 @@ class ZeroMqOutput(StreamOutput[zmq.Socket[bytes]]):
 
     def _open(self, socket: zmq.Socket[bytes], endpoint: Endpoint, waiting: int) -> None:
         self._streams[socket] = Stream()
-        for option, value in (
-            (zmq.XPUB_VERBOSER, 1),
-            (zmq.SNDHWM, waiting),
-            (zmq.SNDBUF, SEND_BUFFER_BYTES),
-            (zmq.LINGER, 0),
-        ):
-            socket.setsockopt(option, value)
+        socket.setsockopt(zmq.XPUB_VERBOSER, 1)
+        socket.setsockopt(zmq.SNDHWM, waiting)
+        socket.setsockopt(zmq.SNDBUF, SEND_BUFFER_BYTES)
+        socket.setsockopt(zmq.LINGER, 0)
         endpoint.prepare(socket)
         socket.bind(endpoint.stream)
 

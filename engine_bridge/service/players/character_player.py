@@ -350,17 +350,12 @@ class CharacterPlayer:
 
     def _preparing(self, calibration: Calibration, mirror: bool, asked: float) -> PreparedCalibration:
         puppet = self.character.rig.puppet
-        return PreparedCalibration(
-            calibration, mirror, asked, puppet, self._executor.submit(self._retarget, puppet, calibration, mirror)
-        )
+        working = self._executor.submit(self._retarget, puppet, calibration, mirror)
+        return PreparedCalibration(calibration, mirror, asked, puppet, working)
 
     def _retarget(self, puppet: Puppet, calibration: Calibration, mirror: bool) -> Retargeting:
-        return Retargeting(
-            mirrored(puppet, mirror),
-            self.character.rig.mesh,
-            self.display.deformer,
-            calibration.sensor.upright(calibration.rest),
-        )
+        rest = calibration.sensor.upright(calibration.rest)
+        return Retargeting(mirrored(puppet, mirror), self.character.rig.mesh, self.display.deformer, rest)
 
     def _idle_places(self, time: float) -> TargetPose:
         """Return the target pose without a performer's motion."""

@@ -54,10 +54,5 @@ def _port(uri: str, used: str) -> Port:
     except PuppetlineError as error:
         return Port(uri=uri, text=PORTS[uri], problem=f"{error.found[:1].upper()}{error.found[1:]}. {error.fix}")
     rates = [each.rate for each in report.performers.values() if each.rate is not None]
-    return Port(
-        uri=uri,
-        text=PORTS[uri],
-        arriving=len(report.performers),
-        rate=max(rates, default=0.0),
-        refused=dict(report.refused),
-    )
+    arriving, rate = len(report.performers), max(rates, default=0.0)
+    return Port(uri=uri, text=PORTS[uri], arriving=arriving, rate=rate, refused=dict(report.refused))

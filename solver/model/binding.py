@@ -152,6 +152,15 @@ class ShadedBinding(Binding):
         self._check(controls, out)
         self._check(controls, normals)
         table = _tables.of(len(controls))
-        at_rest = self.rest, self._tangents, self._slopes, self._isoline_coordinates
-        kernels.blend_normals(*at_rest, controls, self._weights, table, out, normals)
+        kernels.blend_normals(
+            self.rest,
+            self._tangents,
+            self._slopes,
+            self._isoline_coordinates,
+            controls,
+            self._weights,
+            table,
+            out,
+            normals,
+        )
         return out, normals

@@ -106,9 +106,17 @@ class WebSocketOutput(StreamOutput["Client"]):
     @property
     def statistics(self) -> OutputStatus:
         """Messages sent to all clients, messages replaced or dropped, connected clients and refused connections."""
-        address, counts = self._server.address, self._server.counts
-        sent = counts.sent, counts.bytes, counts.skipped
-        return OutputStatus("websocket", address, *sent, 0, counts.clients, counts.refused)
+        counts = self._server.counts
+        return OutputStatus(
+            "websocket",
+            self._server.address,
+            counts.sent,
+            counts.bytes,
+            counts.skipped,
+            0,
+            counts.clients,
+            counts.refused,
+        )
 
     def close(self) -> None:
         """Disconnect all clients; closing again does nothing."""

@@ -254,8 +254,14 @@ def scene_arrays(character: StreamedCharacter) -> dict[str, Array]:
     """Return a character's arrays by name, C-contiguous."""
     rig, normals = character.rig, character.normals
     isoline_coordinates = rig.model.isoline_coordinates[rig.mesh.of_render]
-    surface = character.rest, character.triangles
-    slopes = tangents.slopes(*surface, isoline_coordinates, rig.mesh.of_render, normals, tangents.tangents(normals))
+    slopes = tangents.slopes(
+        character.rest,
+        character.triangles,
+        isoline_coordinates,
+        rig.mesh.of_render,
+        normals,
+        tangents.tangents(normals),
+    )
     floats = {
         "positions": character.rest,
         "normals": normals,

@@ -75,12 +75,23 @@ def stubs(shin):
     [
         ({"trunk": [(0, 1, -1), (0, 1.1, -0.5), (0, 1.2, 0)]}, set(PERSON)),
         ({"head": [(0, 1.4, 0), (0, 1.5, 0.3)]}, {"head"}),
+        ({"head": [(0, 1.4, 0), (0, 1.7, -0.08)]}, {"head"}),
+        ({"head": [(0, 1.4, 0), (0, 1.7, 0.05)]}, set()),
         ({"left_leg": [(0.1, 1, 0), (0.1, 0.6, 0.5), (0.1, 0.1, 0), (0.1, 0, 0.2)]}, set()),
         (stubs((0.1, -0.05, 0.1)), {"left leg", "right leg"}),
         (stubs((0.0, -0.15, 0.0)), set()),
         (stubs((0.1, -0.4, 0.5)), set()),
     ],
-    ids=["lying", "looking forward", "crouching", "stubs to the front", "stubs that point down", "sitting"],
+    ids=[
+        "lying",
+        "looking forward",
+        "a ponytail",
+        "a chin",
+        "crouching",
+        "stubs to the front",
+        "stubs that point down",
+        "sitting",
+    ],
 )
 def test_limbs_that_point_unlike_the_performers_follow_by_turn(changed, turning):
     tables = limb_tables(chains(**{**UPRIGHT, **changed}), CharacterTable(mesh="a"))

@@ -1,6 +1,7 @@
 """Bones that the joints of real and synthetic skeletons follow."""
 
 import numpy as np
+import pygltflib as gltf
 import pytest
 
 from engine_bridge.character.character import load_character
@@ -34,15 +35,17 @@ def sorted_by_name(character, limbs):
 
 @pytest.fixture
 def build(glb, tmp_path):
-    """A character of nodes (name: world place, parent), each of which shows a small tetrahedron."""
+    """A character of nodes (name: world place, parent): each shows a small tetrahedron, but a control does not."""
 
     def make(joints):
         nodes = {}
         for name, (place, parent) in joints.items():
             above = np.zeros(3) if parent is None else np.array(joints[parent][0])
-            mesh = glb.mesh(glb.primitive(CORNERS, FACES))
+            mesh = None if "control" in name else glb.mesh(glb.primitive(CORNERS, FACES))
             where = (np.array(place) - above).tolist()
             nodes[name] = glb.node(mesh, parent=None if parent is None else nodes[parent], name=name, translation=where)
+        if any("control" in name for name in joints):
+            glb.file.skins = [gltf.Skin(joints=[*nodes.values()])]
         return load_character(glb.save(tmp_path / "nodes.glb"))
 
     return make
@@ -115,6 +118,12 @@ def test_of_two_joints_at_one_place_the_lower_begins_the_arm(build):
     joints = SPINE | {"collar": ((0.3, 1.9, 0), "chest")}
     _, found = sorted_by_name(build(joints), [BODY, ARM, HEAD])
     assert (found["collar"], found["upper"]) == ({"trunk 1": 1}, {"left arm 0": 1})
+
+
+def test_of_two_arms_at_one_place_the_one_that_moves_vertices_is_taken(build):
+    first = {"upper control": (SPINE["upper"][0], "collar"), "lower control": (SPINE["lower"][0], "upper control")}
+    _, found = sorted_by_name(build({name: SPINE[name] for name in list(SPINE)[:5]} | first | SPINE), [BODY, ARM, HEAD])
+    assert (found["upper"], found["lower"]) == ({"left arm 0": 1}, {"left arm 1": 1})
 
 
 def test_a_target_of_inverse_kinematics_goes_with_its_hand_and_a_pole_with_the_root(build):

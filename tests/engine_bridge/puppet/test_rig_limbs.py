@@ -189,6 +189,14 @@ def test_legs_of_two_joints_may_reach_up_and_a_pole_is_no_foot():
     assert axes_of(limbs) == ("y", "z")
 
 
+def test_an_elbow_that_moves_nothing_is_no_lower_arm_beside_one_that_does():
+    joints = [Joint(j.name, j.parent, j.place, j.place[None]) for j in skeleton(CONVENTIONS["Unreal"])]
+    poles = [Joint(f"elbow.{side}", 0, np.array([0, 1.2, -1.0]), np.zeros((0, 3))) for side in "lr"]
+    expected, limbs = limbs_of_joints(joints).points, limbs_of_joints([*joints, *poles]).points
+    for name, points in expected.items():
+        np.testing.assert_array_equal(limbs[name], points)
+
+
 def test_left_is_what_the_names_say_and_the_front_follows():
     joints = skeleton(CONVENTIONS["Unreal"])
     assert axes_of(limbs_of_joints(joints)) == ("y", "z")

@@ -5,24 +5,8 @@ from scipy.spatial.transform import Rotation
 from engine_bridge.character.surfaces.polygons import distinct_corners, triangulate
 
 ARROW = [(0, 0), (2, 2), (0, 1), (-2, 2)]
-COMB = [
-    (0, 0),
-    (7, 0),
-    (7, 3),
-    (6, 3),
-    (6, 1),
-    (5, 1),
-    (5, 3),
-    (4, 3),
-    (4, 1),
-    (3, 1),
-    (3, 3),
-    (2, 3),
-    (2, 1),
-    (1, 1),
-    (1, 3),
-    (0, 3),
-]
+HEIGHTS = [0, 0, 3, 3, 1, 1, 3, 3, 1, 1, 3, 3, 1, 1, 3, 3]
+COMB = list(zip([0, 7, 7, 6, 6, 5, 5, 4, 4, 3, 3, 2, 2, 1, 1, 0], HEIGHTS, strict=True))
 
 ANGLES = np.linspace(0, 8 * np.pi, 60)
 SPIRAL = [(r * np.cos(a), r * np.sin(a)) for a, r in zip(ANGLES, 2 + ANGLES / np.pi, strict=True)]

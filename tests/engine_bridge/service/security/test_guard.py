@@ -381,33 +381,27 @@ def asker():
 
 
 GOOD = (b"1.0", b"7", b"stream", b"127.0.0.1", b"", b"PLAIN", b"somebody", TOKEN.encode())
+WRONG = {
+    2: (b"", b"global"),
+    5: (b"NULL", b"CURVE", b"plain", b""),
+    7: (b"", TOKEN.encode() + b"\0", "ünïcode".encode()),
+}
 
 
 def answer(status, request_id=b"7"):
     return [b"", b"1.0", request_id, status, b"", b"", b""]
 
 
+CHANGES = {
+    b"200": [{}, {2: b"control"}, {4: b"\xff" * 255}, {3: b"\xff\x00"}],
+    b"500": [{0: b"2.0"}, {0: b""}],
+    b"400": [{place: value} for place in (2, 5, 7) for value in WRONG[place]] + [{3: b"\xff\x00", 7: b""}],
+}
+"""What is changed in a good question, by the status of the answer."""
+
+
 @pytest.mark.parametrize(
-    ("change", "status"),
-    [
-        ({}, b"200"),
-        ({2: b"control"}, b"200"),
-        ({4: b"\xff" * 255}, b"200"),
-        ({3: b"\xff\x00"}, b"200"),
-        ({0: b"2.0"}, b"500"),
-        ({0: b""}, b"500"),
-        ({2: b""}, b"400"),
-        ({2: b"global"}, b"400"),
-        ({5: b"NULL"}, b"400"),
-        ({5: b"CURVE"}, b"400"),
-        ({5: b"plain"}, b"400"),
-        ({5: b""}, b"400"),
-        ({7: b""}, b"400"),
-        ({7: TOKEN.encode() + b"\0"}, b"400"),
-        ({7: "ünïcode".encode()}, b"400"),
-        ({3: b"\xff\x00", 7: b""}, b"400"),
-    ],
-    ids=str,
+    ("change", "status"), [(change, status) for status, changes in CHANGES.items() for change in changes], ids=str
 )
 def test_questions_of_libzmq_are_answered(asker, change, status):
     assert asker(*(change.get(place, frame) for place, frame in enumerate(GOOD))) == answer(status)

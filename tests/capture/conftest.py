@@ -263,6 +263,13 @@ def virtual_sensors(_virtual_sensors):
         sensor.unplug()
 
 
+@pytest.fixture
+def sensor(virtual_sensors):
+    """A virtual sensor that is plugged in."""
+    virtual_sensors[0].plug()
+    return virtual_sensors[0]
+
+
 @pytest.fixture(scope="session")
 def record(_virtual_sensors):
     """Record depth and colour of a sensor that is plugged in, at even steps, with OpenNI2's recorder.

@@ -7,9 +7,10 @@ import numpy as np
 import pygltflib as gltf
 import pytest
 
-from capture.recording import Recorder
 from capture.skeleton import JOINT_INDEX, JOINTS, LOST, SkeletonFrame
 from engine_bridge.performance.rig import load_rig
+
+from .. import recordings
 
 LIMBS = [
     ((0.0, 0.0, 0.0), (0.0, 1.2, 0.0), 0.30),
@@ -289,14 +290,7 @@ def frames():
 @pytest.fixture(scope="session")
 def record_events():
     """Write events as a recording of the project's own format; return its path."""
-
-    def write(path, events):
-        with Recorder(path) as recorder:
-            for event in events:
-                recorder.write(event)
-        return path
-
-    return write
+    return recordings.record
 
 
 @pytest.fixture(scope="session")

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from capture.formats import FORMATS, HEAD_BYTES, read_log
-from capture.recording import Recorder
 from capture.skeleton import MAX_DISTANCE_METRES, SkeletonFrame
 from puppetline.errors import SkeletonLogError
+
+from ...recordings import record
 
 FORMAT_OF_FOLDER = {
     "bvh": "bvh",
@@ -23,16 +24,14 @@ FORMAT_OF_FOLDER = {
 }
 
 
-def record(path, positions):
-    with Recorder(path) as recorder:
-        for index, pose in enumerate(positions):
-            recorder.write(SkeletonFrame(index / 30, 1, pose, np.ones(20, np.float32)))
-    return path
+def recorded(path, positions):
+    ones = np.ones(20, np.float32)
+    return record(path, [SkeletonFrame(index / 30, 1, pose, ones) for index, pose in enumerate(positions)])
 
 
 def test_a_log_is_found_by_content_and_not_by_its_name(tmp_path):
     poses = np.random.default_rng(0).normal(size=(3, 20, 3)).round(5)
-    (clip,) = read_log(record(tmp_path / "take.bvh", poses))
+    (clip,) = read_log(recorded(tmp_path / "take.bvh", poses))
     np.testing.assert_array_equal(clip.positions, poses)
 
 
@@ -40,7 +39,7 @@ def test_a_position_out_of_range_is_refused_with_its_place(tmp_path):
     poses = np.zeros((3, 20, 3))
     poses[2, 3, 1] = 10 * MAX_DISTANCE_METRES
     with pytest.raises(SkeletonLogError) as error:
-        read_log(record(tmp_path / "take.log", poses))
+        read_log(recorded(tmp_path / "take.log", poses))
     assert error.value.where.endswith("frame 2 (second 0.0666667), head")
     assert error.value.found == "1e+04 m"
 

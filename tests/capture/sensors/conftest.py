@@ -20,13 +20,6 @@ def unhurried(monkeypatch):
 
 
 @pytest.fixture
-def sensor(virtual_sensors):
-    """A virtual sensor that is plugged in."""
-    virtual_sensors[0].plug()
-    return virtual_sensors[0]
-
-
-@pytest.fixture
 def opened():
     """Open a device that is closed after the test: `opened(*selection, **options)`."""
     from capture.sensors.depth_camera import Selection

@@ -9,10 +9,12 @@ import capture.sources.replay
 from capture.clip import SkeletonClip
 from capture.events import TICK_SECONDS, Cue, Lost, Tick
 from capture.formats import read_log
-from capture.recording import HEADER, Recorder, as_recorded, encode
+from capture.recording import HEADER, as_recorded, encode
 from capture.skeleton import LOST, MAX_DISTANCE_METRES, SkeletonFrame
 from capture.sources.replay import MAX_EVENTS, MAX_LATENESS_SECONDS, MAX_SILENCE_SECONDS, RecordingSource
 from puppetline.errors import SkeletonLogError, SourceError
+
+from ...recordings import key, record
 
 
 class Clock:
@@ -45,13 +47,6 @@ def make_clip(times, user=1):
     return SkeletonClip("made", user, *arrays)
 
 
-def take(path, events):
-    with Recorder(path) as recorder:
-        for event in events:
-            recorder.write(event)
-    return path
-
-
 def play(source, own_clock, step=1 / 120, most=10_000):
     """Call the source like the service until it ends; return the events, each with the clock's time."""
     came = []
@@ -62,13 +57,6 @@ def play(source, own_clock, step=1 / 120, most=10_000):
             return came
         own_clock.now = max(own_clock.now + step, min(source.due(), own_clock.now + 10 * step))
     raise AssertionError("no end")
-
-
-def key(event):
-    """Return a value that is equal for events that are equal bit for bit."""
-    if isinstance(event, SkeletonFrame):
-        return (event.time, event.user, event.positions.tobytes(), event.confidence.tobytes())
-    return event
 
 
 def performance():
@@ -85,7 +73,7 @@ def performance():
 
 def test_a_stages_take_yields_exactly_the_recorded_events(tmp_path, own_clock):
     written = list(performance())
-    source = RecordingSource.of_file("replay:take", take(tmp_path / "take", written))
+    source = RecordingSource.of_file("replay:take", record(tmp_path / "take", written))
     assert (source.name, source.fileno()) == ("replay:take", None)
     expected = [key(as_recorded(e) if isinstance(e, SkeletonFrame) else e) for e in written]
     assert [key(event) for _, event in play(source, own_clock)] == expected
@@ -94,7 +82,7 @@ def test_a_stages_take_yields_exactly_the_recorded_events(tmp_path, own_clock):
 
 def test_each_event_is_returned_at_its_time(tmp_path, own_clock):
     start = own_clock.now
-    came = play(RecordingSource.of_file("r", take(tmp_path / "take", performance())), own_clock, step=0.001)
+    came = play(RecordingSource.of_file("r", record(tmp_path / "take", performance())), own_clock, step=0.001)
     late = [moment - start - (event.time - 100) for moment, event in came]
     assert min(late) >= -1e-9
     assert max(late) <= 0.001 + 1e-9
@@ -142,7 +130,7 @@ def test_in_a_loop_the_first_pass_is_exact_and_times_increase(tmp_path, own_cloc
     written = list(performance())
     users = sorted({event.user for event in written if isinstance(event, SkeletonFrame)})
     whole = len(written) + len(users)
-    source = RecordingSource.of_file("r", take(tmp_path / "take", written), loop=True)
+    source = RecordingSource.of_file("r", record(tmp_path / "take", written), loop=True)
     came = []
     while len(came) < 3 * whole:
         came += source.receive()
@@ -174,7 +162,7 @@ def test_ticks_fill_the_gaps_of_a_recording(tmp_path, own_clock):
     expected = [1.0, 1.05, *ticks, 2.0, 2.09]
     for source in (
         RecordingSource.of_clips("demo:x", [clip]),
-        RecordingSource.of_file("r", take(tmp_path / "take", map(as_recorded, clip.frames()))),
+        RecordingSource.of_file("r", record(tmp_path / "take", map(as_recorded, clip.frames()))),
     ):
         came = [event for _, event in play(source, own_clock)]
         assert [event.time for event in came] == expected
@@ -215,7 +203,7 @@ def test_events_that_go_back_in_time_are_skipped(tmp_path, own_clock):
         Tick(0.6),
         make_frame(50.05, user=2),
     ]
-    path = take(tmp_path / "take", [*events, make_frame(50.1)])
+    path = record(tmp_path / "take", [*events, make_frame(50.1)])
     source = RecordingSource.of_file("r", path)
     came = [(event.time, event.user) for _, event in play(source, own_clock)]
     assert came == [(50.0, 1), (50.05, 1), (50.05, 2), (50.1, 1)]
@@ -225,7 +213,7 @@ def test_events_that_go_back_in_time_are_skipped(tmp_path, own_clock):
 
 def test_a_loop_over_decreasing_times_continues(tmp_path, own_clock):
     source = RecordingSource.of_file(
-        "r", take(tmp_path / "t", [make_frame(50.0), make_frame(50.01), Tick(0.5)]), loop=True
+        "r", record(tmp_path / "t", [make_frame(50.0), make_frame(50.01), Tick(0.5)]), loop=True
     )
     times = []
     while len(times) < 6:
@@ -255,7 +243,7 @@ def test_an_invalid_line_ends_the_recording_there(tmp_path, own_clock, line, err
 
 def test_a_position_out_of_range_ends_the_recording(tmp_path, own_clock):
     far = SkeletonFrame(0.01, 1, np.full((20, 3), 2 * MAX_DISTANCE_METRES), np.ones(20, np.float32))
-    source = RecordingSource.of_file("r", take(tmp_path / "take", [make_frame(0.0), far]))
+    source = RecordingSource.of_file("r", record(tmp_path / "take", [make_frame(0.0), far]))
     assert len(source.receive()) == 1
     with pytest.raises(SourceError, match=r"2000 m away at second 0\.01"):
         source.receive()
@@ -275,7 +263,7 @@ def test_a_file_that_cannot_be_opened_is_refused_immediately(tmp_path):
 
 
 def test_many_events_at_one_time_are_returned_in_portions(tmp_path, own_clock):
-    source = RecordingSource.of_file("r", take(tmp_path / "take", [Tick(1.0)] * (2 * MAX_EVENTS + 5)))
+    source = RecordingSource.of_file("r", record(tmp_path / "take", [Tick(1.0)] * (2 * MAX_EVENTS + 5)))
     assert [len(source.receive()) for _ in range(3)] == [MAX_EVENTS, MAX_EVENTS, 5]
 
 
@@ -304,7 +292,7 @@ def test_the_time_is_between_the_last_event_and_the_next(start, gaps, steps):
 
 
 def test_closing_closes_the_file_and_ends_the_recording(tmp_path, own_clock):
-    source = RecordingSource.of_file("r", take(tmp_path / "take", performance()))
+    source = RecordingSource.of_file("r", record(tmp_path / "take", performance()))
     source.receive()
     source.close()
     source.close()

@@ -87,12 +87,6 @@ def stand_in(virtual_sensors, _stand_in, monkeypatch):  # in this order; otherwi
 
 
 @pytest.fixture
-def sensor(virtual_sensors):
-    virtual_sensors[0].plug()
-    return virtual_sensors[0]
-
-
-@pytest.fixture
 def show(sensor):
     """Let the sensor show a black image: `show(time)`."""
 

@@ -23,16 +23,12 @@ from capture.sources.replay import RecordingSource
 from engine_bridge.cli.recording import RecordSummary, record
 from puppetline.errors import OutputError, SourceError
 
+from ...recordings import key
+
 
 def make_clip(times, user=1):
     positions = np.random.default_rng(user).normal(size=(len(times), 20, 3))
     return SkeletonClip("made", user, np.array(times), positions, np.ones((len(times), 20), np.float32))
-
-
-def key(event):
-    if isinstance(event, SkeletonFrame):
-        return (event.time, event.user, event.positions.tobytes(), event.confidence.tobytes())
-    return event
 
 
 END = SourceError("openni:", found="an unplugged sensor", expected="a sensor", fix="Plug it in.")

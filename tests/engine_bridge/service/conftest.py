@@ -53,6 +53,12 @@ def executor():
         yield pool
 
 
+@pytest.fixture(scope="module")
+def dog(blob_rig):
+    """Return the small figure as a character of a service."""
+    return StreamedCharacter("dog", blob_rig, 1)
+
+
 @pytest.fixture
 def make_player(blob_rig, executor):
     """Make players of the small figure."""

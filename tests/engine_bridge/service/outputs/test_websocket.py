@@ -18,7 +18,6 @@ from engine_bridge.service.outputs.output import Opening
 from engine_bridge.service.outputs.websocket import WebSocketTable
 from engine_bridge.service.protocol.header import FRAME_KINDS, Kind
 from engine_bridge.service.protocol.payloads import decode, encode
-from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.security.endpoints import Endpoint
 from puppetline.errors import ServiceError
 
@@ -34,11 +33,6 @@ NOTHING = object()
 TOKEN = "a-token-of-24-characters"
 
 LIVE = [kind for kind in FRAME_KINDS if kind not in (Kind.MORPHS, Kind.BONES, Kind.CHANNELS)]
-
-
-@pytest.fixture(scope="module")
-def dog(blob_rig):
-    return StreamedCharacter("dog", blob_rig, 1)
 
 
 def tracked(character, sequence=0, **more):

@@ -24,11 +24,6 @@ COMPUTED = {"controls", "vertices_and_normals", "morphs"}
 
 
 @pytest.fixture(scope="module")
-def dog(blob_rig):
-    return StreamedCharacter("dog", blob_rig, 1)
-
-
-@pytest.fixture(scope="module")
 def cat(blob_rig):
     return StreamedCharacter("cat", blob_rig, 1)
 

@@ -10,7 +10,6 @@ import pytest
 from capture.body import upright
 from capture.events import Tick
 from capture.formats import read_log
-from capture.recording import Recorder
 from capture.skeleton import SkeletonFrame
 from capture.source import SilentSource
 from engine_bridge.service.players.character_player import PlayerSettings
@@ -118,11 +117,9 @@ def test_events_of_a_take_are_in_order_even_if_the_sources_are_not(
 
 
 @pytest.fixture
-def calibration(run, open_stage, tmp_path, kung_fu):
+def calibration(run, open_stage, record_events, tmp_path, kung_fu):
     """Record a take that begins before the performer is calibrated, and return the calibration."""
-    with Recorder(tmp_path / "log") as recorder:
-        for frame in kung_fu[:90]:
-            recorder.write(frame)
+    record_events(tmp_path / "log", kung_fu[:90])
     runner = open_stage("replay:log")
     run(runner, until=lambda: runner.skeletons >= 20)
     runner.start_recording(tmp_path / "take.log")

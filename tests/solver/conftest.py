@@ -55,6 +55,12 @@ def figure():
 
 
 @pytest.fixture(scope="session")
+def fine(figure):
+    """The figure with 12,226 vertices."""
+    return weld(*igl.upsample(figure.vertices, figure.faces, 2))
+
+
+@pytest.fixture(scope="session")
 def figure_model(figure):
     return reduced_model.build(figure)
 

@@ -62,11 +62,16 @@ def opened():
 
 
 @pytest.fixture
-def source(opened, here, beside, until_end):
-    def opener(uri):
+def opener(opened):
+    def open_one(uri):
         opened[uri].append(Scripted(uri))
         return opened[uri][-1]
 
+    return open_one
+
+
+@pytest.fixture
+def source(opener, here, beside, until_end):
     return until_end(FusedSource("fused:two.toml", [Member("a", here), Member("b", beside, 0.04)], opener))
 
 
@@ -138,17 +143,16 @@ def test_a_member_that_fails_is_opened_again_while_the_other_continues(source, o
     assert source.counts.received == 2  # counts continue after a failure
 
 
-def test_a_member_that_cannot_be_opened_again_is_tried_until_it_can(opened, here, beside, caplog):
+def test_a_member_that_cannot_be_opened_again_is_tried_until_it_can(opened, opener, here, beside, caplog):
     tries = []
 
-    def opener(uri):
+    def open_later(uri):
         tries.append(uri)
         if tries.count("a") in (2, 3):
             raise SourceError(uri, found="nothing there", expected="a device", fix="Plug it in.")
-        opened[uri].append(Scripted(uri))
-        return opened[uri][-1]
+        return opener(uri)
 
-    source = FusedSource("fused:", [Member("a", here), Member("b", beside)], opener)
+    source = FusedSource("fused:", [Member("a", here), Member("b", beside)], open_later)
     opened["a"][0].show(SourceError("a", found="x", expected="y", fix="z"))
     give_up = time.monotonic() + TIMEOUT_SECONDS
     while len(opened["a"]) == 1:
@@ -161,15 +165,14 @@ def test_a_member_that_cannot_be_opened_again_is_tried_until_it_can(opened, here
     assert all(each.closed for each in (opened["a"][1], opened["b"][0]))
 
 
-def test_a_member_that_cannot_be_opened_at_first_is_an_error_and_closes_the_others(opened, here, beside):
-    def opener(uri):
+def test_a_member_that_cannot_be_opened_at_first_is_an_error_and_closes_the_others(opened, opener, here, beside):
+    def open_a_only(uri):
         if uri == "b":
             raise SourceError("b", found="nothing there", expected="a device", fix="Plug it in.")
-        opened[uri].append(Scripted(uri))
-        return opened[uri][-1]
+        return opener(uri)
 
     with pytest.raises(SourceError, match="nothing there"):
-        FusedSource("fused:", [Member("a", here), Member("b", beside)], opener)
+        FusedSource("fused:", [Member("a", here), Member("b", beside)], open_a_only)
     assert opened["a"][0].closed
 
 
@@ -195,11 +198,7 @@ def test_the_tilt_of_the_first_sensor_is_reported_in_order_and_no_other(source, 
     assert events[1] == level
 
 
-def test_the_tilt_in_other_coordinates_is_not_reported(opened, frame, beside):
-    def opener(uri):
-        opened[uri].append(Scripted(uri))
-        return opened[uri][-1]
-
+def test_the_tilt_in_other_coordinates_is_not_reported(opened, opener, frame, beside):
     source = FusedSource("fused:", [Member("a", beside), Member("b", beside)], opener)
     start = time.monotonic()
     opened["a"][0].show(Cue(start, "level", {"tilt": 4.0, "height": 1.2}), frame(beside, start + 0.01))

@@ -128,10 +128,10 @@ def twenty():
 
 
 @pytest.fixture
-def of_fifteen():
-    """Function that completes a pose of which only NiTE's 15 joints were sent, by interpolation between neighbours."""
+def assert_of_fifteen():
+    """Check a frame of a pose of which only NiTE's 15 joints were sent: the others lie between their neighbours."""
 
-    def completed(pose):
+    def check(frame, user, pose):
         ours = {name: pose[index] for name, index in JOINT_INDEX.items()}
         ours["hip_center"] = (ours["hip_left"] + ours["hip_right"]) / 2
         for side in ("left", "right"):
@@ -140,6 +140,8 @@ def of_fifteen():
         confidence = [
             0.5 if name == "hip_center" or name.startswith(("wrist", "ankle")) else 1.0 for name in JOINT_INDEX
         ]
-        return np.array(list(ours.values())), confidence
+        assert frame.user == user
+        np.testing.assert_allclose(frame.positions, list(ours.values()), atol=1e-6)
+        assert frame.confidence.tolist() == confidence
 
-    return completed
+    return check

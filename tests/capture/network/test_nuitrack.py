@@ -14,18 +14,14 @@ def _projected(place):
     return 0.5 + x / (z * WIDTH), 0.5 - y / (z * HEIGHT), 1000 * z
 
 
-def test_a_walk_is_received(listen, walk, fifteen, of_fifteen, osc_message, osc_bundle):
+def test_a_walk_is_received(listen, walk, fifteen, assert_of_fifteen, osc_message, osc_bundle):
     wire = listen()
     for pose in walk:
         joints = [
             osc_message("/joint", "isfff", 4, name, *_projected(pose[JOINT_INDEX[ours]]))
             for name, ours in fifteen.items()
         ]
-        frame = wire.frame(osc_bundle(*joints))
-        positions, confidence = of_fifteen(pose)
-        assert frame.user == 4
-        np.testing.assert_allclose(frame.positions, positions, atol=1e-6)
-        assert frame.confidence.tolist() == confidence
+        assert_of_fifteen(wire.frame(osc_bundle(*joints)), 4, pose)
 
 
 def test_one_joint_equals_values_by_hand(listen, osc_message, osc_bundle):

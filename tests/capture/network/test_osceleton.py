@@ -36,24 +36,20 @@ LAYOUTS = {
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("scale", [_on_screen, _raw])
 @pytest.mark.parametrize("mirror", [True, False])
-def test_a_walk_is_received(listen, walk, fifteen, of_fifteen, osc_message, osc_bundle, layout, scale, mirror):
+def test_a_walk_is_received(listen, walk, fifteen, assert_of_fifteen, osc_message, osc_bundle, layout, scale, mirror):
     wire = listen("" if mirror else "?mirrored=0")
     for pose in walk:
         joints = [
             osc_message(*LAYOUTS[layout](name, 7, scale(_nite(pose, ours, mirror=mirror))))
             for name, ours in fifteen.items()
         ]
-        frame = wire.frame(osc_bundle(*joints))
-        positions, confidence = of_fifteen(pose)
-        assert frame.user == 7
-        np.testing.assert_allclose(frame.positions, positions, atol=1e-6)
-        assert frame.confidence.tolist() == confidence
+        assert_of_fifteen(wire.frame(osc_bundle(*joints)), 7, pose)
     assert not wire.source.counts.refused
 
 
 @pytest.mark.parametrize("scale", [_on_screen, _raw])
 @pytest.mark.parametrize("layout", ["animata", "flat quartz"])
-def test_a_walk_without_depth_is_flat(listen, walk, fifteen, of_fifteen, osc_message, osc_bundle, scale, layout):
+def test_a_walk_without_depth_is_flat(listen, walk, fifteen, assert_of_fifteen, osc_message, osc_bundle, scale, layout):
     wire = listen()
     for pose in walk:
         joints = []
@@ -61,11 +57,7 @@ def test_a_walk_without_depth_is_flat(listen, walk, fifteen, of_fifteen, osc_mes
             x, y, _ = scale(_nite(pose, ours, mirror=True))
             kitchen = ("/joint", "sff", f"{name}2", x, y)
             joints.append(osc_message(*kitchen if layout == "animata" else (f"/joint/{name}/2", "ff", x, y)))
-        frame = wire.frame(osc_bundle(*joints))
-        positions, confidence = of_fifteen(pose * [1, 1, 0] + [0, 0, 2.5])
-        assert frame.user == 2
-        np.testing.assert_allclose(frame.positions, positions, atol=1e-6)
-        assert frame.confidence.tolist() == confidence
+        assert_of_fifteen(wire.frame(osc_bundle(*joints)), 2, pose * [1, 1, 0] + [0, 0, 2.5])
 
 
 def test_one_joint_equals_values_by_hand(listen, osc_message, osc_bundle):

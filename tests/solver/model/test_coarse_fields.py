@@ -20,12 +20,6 @@ def small_sample():
         yield
 
 
-@pytest.fixture(scope="module")
-def fine(figure):
-    """The figure with 12,226 vertices."""
-    return weld(*igl.upsample(figure.vertices, figure.faces, 2))
-
-
 def both_operators(mesh):
     """Exact fields and sampled ones of a mesh in model units."""
     unit = SolverMesh(mesh.vertices / mesh.diagonal, mesh.faces, mesh.of_render)

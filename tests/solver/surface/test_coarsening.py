@@ -2,12 +2,11 @@
 
 import igl
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
 from solver.model import fields
 from solver.surface.coarsening import SAMPLES_PER_SQUARE_RADIUS, coarse_surface
-from solver.surface.mesh import SolverMesh, weld
+from solver.surface.mesh import SolverMesh
 
 
 def sheet(side, height=0.0):
@@ -20,12 +19,6 @@ def coarse(vertices, faces, count):
     L, mass = fields.laplacian(SolverMesh(vertices, faces, np.arange(len(vertices))))
     radius = np.sqrt(SAMPLES_PER_SQUARE_RADIUS * mass.sum() / count)
     return coarse_surface(vertices, faces, L, mass.sum(), count), radius
-
-
-@pytest.fixture(scope="module")
-def fine(figure):
-    """The figure with 12,226 vertices."""
-    return weld(*igl.upsample(figure.vertices, figure.faces, 2))
 
 
 def test_values_are_means_of_up_to_three_samples_which_keep_theirs(fine):

@@ -72,8 +72,7 @@ def test_bent_seated_or_incomplete_performers_determine_nothing(upright):
     cut = upright.copy()
     cut[JOINT_INDEX["ankle_left"]] = np.nan
     assert estimate_tilt(cut) is None
-    lying = turned(upright, 80.0, 0.0)
-    assert estimate_tilt(lying) is None
+    assert estimate_tilt(turned(upright, 80.0, 0.0)) is None
 
 
 def test_json_values_are_converted():

@@ -107,8 +107,7 @@ def test_untracked_frames_at_both_ends_are_cut_off():
     confidence = np.ones((8, 20), dtype=np.float32)
     confidence[[0, 1, 7]] = 0
     whole = clip(3.0 + np.arange(8) / 30, np.arange(8.0), confidence)
-    timeline = resample(whole)
-    np.testing.assert_array_equal(timeline.positions, whole.positions[2:7])
+    np.testing.assert_array_equal(resample(whole).positions, whole.positions[2:7])
 
 
 def test_one_tracked_frame_makes_one_frame():

@@ -46,8 +46,7 @@ def test_a_different_seed_gives_different_noise():
 
 
 def test_the_clock_runs_at_30_hertz_with_jitter_and_loses_a_frame_in_a_hundred():
-    clip = standing(3000)
-    times = with_kinect_noise(clip, 1).times
+    times = with_kinect_noise(standing(3000), 1).times
     assert 0.005 < 1 - len(times) / 3000 < 0.02
     ticks = np.round(times * FRAMES_PER_SECOND)
     assert np.std(times - ticks / FRAMES_PER_SECOND) == pytest.approx(TICK_JITTER_SECONDS, rel=0.05)
@@ -57,8 +56,7 @@ def test_the_clock_runs_at_30_hertz_with_jitter_and_loses_a_frame_in_a_hundred()
 
 def test_errors_of_a_standing_performer_have_the_documented_size():
     clip = standing(6000)
-    noisy = with_kinect_noise(clip, 1)
-    error = 1000 * errors(noisy, clip)
+    error = 1000 * errors(with_kinect_noise(clip, 1), clip)
     error[np.abs(error).max(axis=2) > 60] = np.nan  # strays
     spread = np.sqrt(np.nanmean(error**2, axis=0)) / [1.0, 1.0, DEPTH_FACTOR]
     expected = {
@@ -89,8 +87,7 @@ def test_errors_grow_with_the_square_of_the_distance():
 
 
 def test_only_joints_of_the_limbs_are_lost_alone_and_for_3_to_15_frames():
-    noisy = with_kinect_noise(standing(6000), 1)
-    lost = noisy.confidence == LOST
+    lost = with_kinect_noise(standing(6000), 1).confidence == LOST
     assert not lost[:, TRUNK].any()
     lengths = [length for joint in LIMBS for length in runs(lost[:, joint])]
     assert min(lengths) == 3
@@ -115,8 +112,7 @@ def test_no_joint_is_inferred_while_none_is_fast_or_hidden():
 def test_hands_before_the_torso_and_fast_joints_are_guessed_with_larger_errors():
     clip = standing(6000)
     clip.positions[:, JOINT_INDEX["hand_left"]] = [0.0, 0.3, 2.2]
-    seconds = clip.times
-    clip.positions[:, JOINT_INDEX["foot_right"], 0] += 0.2 * np.sin(10.0 * seconds)
+    clip.positions[:, JOINT_INDEX["foot_right"], 0] += 0.2 * np.sin(10.0 * clip.times)
     noisy = with_kinect_noise(clip, 1)
     guessed = noisy.confidence == INFERRED
     assert set(np.flatnonzero(guessed.any(axis=0))) == {JOINT_INDEX["hand_left"], JOINT_INDEX["foot_right"]}

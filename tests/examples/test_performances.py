@@ -58,8 +58,7 @@ def test_begins_and_ends_in_the_neutral_pose(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_standing_feet_do_not_move_and_one_always_stands(name):
-    clip = clean(name)
-    joint = paths(clip)
+    joint = paths(clean(name))
     stands = []
     for side in ("left", "right"):
         ankle, foot = joint[f"ankle_{side}"], joint[f"foot_{side}"]
@@ -204,8 +203,7 @@ def test_the_calibration_pose_is_seen_whole(name):
 
 def test_the_sensor_loses_the_whole_body_once_in_the_walk():
     clip = PERFORMANCES["walk"]()
-    seen = clip.times[(clip.confidence > LOST).any(axis=1)]
-    gaps = np.diff(seen)
+    gaps = np.diff(clip.times[(clip.confidence > LOST).any(axis=1)])
     assert gaps.max() == pytest.approx(ABSENCE_SECONDS, abs=0.08)
     assert np.count_nonzero(gaps > 0.25) == 1
 

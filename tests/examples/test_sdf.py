@@ -31,8 +31,7 @@ def gradient(shape, points, width=1e-6):
 
 @pytest.mark.parametrize("shape", EXACT.values(), ids=EXACT.keys())
 def test_an_exact_distance_leads_to_the_surface_in_one_step(shape):
-    distance = shape.distance(POINTS)
-    outside = POINTS[distance > 0.01]
+    outside = POINTS[shape.distance(POINTS) > 0.01]
     landed = outside - shape.distance(outside)[:, None] * gradient(shape, outside)
     # The gradient jumps where two places of the surface are equally near: a few points lie there.
     assert np.quantile(np.abs(shape.distance(landed)), 0.995) < 1e-6

@@ -57,8 +57,7 @@ def test_help_is_there_before_anything_heavy_is_imported(command):
         "except SystemExit: pass\n"
         f"print('imported:', *sorted({HEAVY} & set(sys.modules)))\n"
     )
-    done = run([*SCRIPT, script], check=True)
-    assert done.stdout.splitlines()[-1] == "imported:"
+    assert run([*SCRIPT, script], check=True).stdout.splitlines()[-1] == "imported:"
 
 
 def test_the_version_is_that_of_the_installed_package_and_a_checkout_adds_its_commit():
@@ -86,5 +85,4 @@ def test_matrix_products_take_one_thread_unless_the_user_sets_another_number(mon
         "try: run()\n"
         "except SystemExit: print(os.environ['OPENBLAS_NUM_THREADS'])\n"
     )
-    done = run([*SCRIPT, script], check=True)
-    assert done.stdout.split()[-1] == threads
+    assert run([*SCRIPT, script], check=True).stdout.split()[-1] == threads

@@ -282,8 +282,7 @@ def test_roots_that_only_together_are_a_body_are_one_performer(
     tmp_path: Path, assert_same_frames: Callable[..., None]
 ) -> None:
     name, offset, (spine, left, right) = BODY
-    rows = np.zeros((2, 3 + 3 * JOINT_COUNT))
-    (whole,) = clips_of(body_file(tmp_path, rows))
+    (whole,) = clips_of(body_file(tmp_path, np.zeros((2, 3 + 3 * JOINT_COUNT))))
     legs = hierarchy((name, offset, [left, right]))
     apart = hierarchy(("Spine", (0, 10, 0), spine[2]))
     (clip,) = clips_of(two_roots(tmp_path, legs, apart, np.zeros((2, 6 + 3 * JOINT_COUNT))))
@@ -297,8 +296,7 @@ def test_if_no_root_is_a_body_the_error_names_the_missing_joints(tmp_path: Path)
 
 
 def test_of_joints_of_one_name_the_first_is_used(tmp_path: Path) -> None:
-    rows = random_rows()
-    lines = ["HIERARCHY", *hierarchy(BODY), *motion(rows)]
+    lines = ["HIERARCHY", *hierarchy(BODY), *motion(random_rows())]
     (whole,) = clips_of(write(tmp_path, lines))
     fingers = ["JOINT LeftHand", "{", "OFFSET 0 -1 0", "CHANNELS 0", "}"]
     place = lines.index("End Site", lines.index("JOINT LeftHand"))
@@ -332,8 +330,7 @@ def test_recognises_its_keyword_and_nothing_else() -> None:
 
 
 def test_the_orientation_of_a_bone_is_how_it_turns_from_the_pose_of_its_offsets(tmp_path: Path) -> None:
-    rows = random_rows()
-    (clip,) = bvh.read(body_file(tmp_path, rows), ReadOptions(unit=0.01))
+    (clip,) = bvh.read(body_file(tmp_path, random_rows()), ReadOptions(unit=0.01))
     assert clip.orientations is not None
     for joint, end in (("elbow_left", "wrist_left"), ("hip_right", "knee_right"), ("wrist_left", "hand_left")):
         turns = Rotation.from_quat(clip.orientations[:, JOINT_INDEX[joint]][:, [1, 2, 3, 0]])

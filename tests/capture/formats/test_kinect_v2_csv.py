@@ -29,8 +29,7 @@ def test_ticks_positions_and_states_are_read(tmp_path, comma):
     [clip] = kinect_v2_csv.read(log, ReadOptions())
     assert (clip.format, clip.user, clip.notes) == ("kinect_v2_csv", 0, ())
     assert clip.times.tolist() == [1.0, 1.5]
-    sources = [0, 1, 20, *range(3, 20)]
-    assert np.array_equal(clip.positions[0], POSE[sources])
+    assert np.array_equal(clip.positions[0], POSE[[0, 1, 20, *range(3, 20)]])
     assert clip.confidence[0].tolist() == [1.0] * 20
     assert clip.confidence[1].tolist() == [1.0, 1.0, 0.5, 0.0] + [1.0] * 16
     assert np.isnan(clip.positions[1, 3]).all()

@@ -71,8 +71,7 @@ def test_an_incomplete_last_frame_seems_cut_off(tmp_path):
 
 def test_a_recording_cut_off_within_a_line_is_read_up_to_the_last_complete_frame(tmp_path, assert_same_frames):
     [expected] = msr_action3d.read(_write(tmp_path, WORLD, WORLD), ReadOptions())
-    whole = _write(tmp_path, WORLD, WORLD, 2 * WORLD).read_text()
-    lines = whole.splitlines(keepends=True)
+    lines = _write(tmp_path, WORLD, WORLD, 2 * WORLD).read_text().splitlines(keepends=True)
     log = tmp_path / "cut.txt"
     for line in range(40, 60):
         log.write_text("".join(lines[:line]) + lines[line][:20])

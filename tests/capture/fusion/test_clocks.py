@@ -30,8 +30,7 @@ def test_without_motion_there_is_no_clock_offset(walk):
 
 
 def test_samples_are_interpolated_between_frames_but_not_across_gaps(walk):
-    times = (walk.times[3:9] + walk.times[4:10]) / 2
-    positions, confidence = sampled(walk, times)
+    positions, confidence = sampled(walk, (walk.times[3:9] + walk.times[4:10]) / 2)
     np.testing.assert_allclose(positions, (walk.positions[3:9] + walk.positions[4:10]) / 2, atol=1e-12)
     assert (confidence == 1).all()
     exact, _ = sampled(walk, walk.times)

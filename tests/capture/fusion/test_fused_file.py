@@ -56,7 +56,6 @@ def test_errors_in_the_file_are_reported_with_their_place(tmp_path, text, place,
 def test_a_missing_file_or_recording_is_reported(tmp_path):
     with pytest.raises(SourceError, match=r"none.toml: .*puppetline align"):
         open_source("fused:none.toml", tmp_path)
-    both = (FIRST + SECOND).replace("osc:0", "replay:none.log")
-    (tmp_path / "two.toml").write_text(both)
+    (tmp_path / "two.toml").write_text((FIRST + SECOND).replace("osc:0", "replay:none.log"))
     with pytest.raises(SkeletonLogError, match=r"none\.log"):
         open_source("fused:two.toml", tmp_path)

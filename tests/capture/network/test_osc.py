@@ -197,8 +197,7 @@ def _check(datagram):
 @pytest.mark.parametrize("datagram", CORPUS)
 def test_the_corpus_is_well_formed_and_every_part_of_it_is_refused(datagram):
     assert decode(datagram)
-    whole = len(datagram)
-    for length in range(whole):
+    for length in range(len(datagram)):
         cut = datagram[:length]
         if datagram.startswith(b"#bundle") and length in _ends_of_elements(datagram):
             _check(cut)

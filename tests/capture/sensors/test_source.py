@@ -123,8 +123,7 @@ def test_every_tracked_frame_is_received_however_late(watch, scripted_device, sc
     for k in range(3):
         scripted_device.show(0.001 * k)
         wait_until(lambda k=k: len(scripted_tracker.seen) == k + 1)
-    frames = watched.events(3)
-    assert all(one.time < other.time for one, other in pairwise(frames))
+    assert all(one.time < other.time for one, other in pairwise(watched.events(3)))
     assert watched.source.counts.dropped == 0
 
 
@@ -267,8 +266,7 @@ def test_ticks_fill_silence_and_no_event_is_before_another(watch, scripted_devic
     times = [event.time for event in events]
     assert times == sorted(times)
     assert {type(event) for event in events} == {SkeletonFrame, Tick}
-    gaps = np.diff([start - module.MAX_AGE_SECONDS, *times])
-    assert gaps.max() < 0.15
+    assert np.diff([start - module.MAX_AGE_SECONDS, *times]).max() < 0.15
     ticks = [
         later - earlier
         for (earlier, later), event in zip(pairwise(times), events[1:], strict=True)

@@ -277,8 +277,7 @@ def test_the_time_is_between_the_last_event_and_the_next(start, gaps, steps):
     clock = Clock()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(capture.sources.replay, "time", clock)
-        times = np.unique(start + np.cumsum([0.0, *gaps]))
-        source = RecordingSource.of_clips("r", [make_clip(times)])
+        source = RecordingSource.of_clips("r", [make_clip(np.unique(start + np.cumsum([0.0, *gaps])))])
         stamps = [source.now()]
         for step in steps:
             clock.now += step

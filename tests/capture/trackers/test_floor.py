@@ -38,8 +38,7 @@ def test_walls_ceiling_and_performer_are_not_the_floor(tilt):
 
 
 def test_a_table_alone_is_not_the_floor():
-    depth = room(10, 0, 1.4, table=True, floor=False)
-    assert find_floor(depth, LENS) is None
+    assert find_floor(room(10, 0, 1.4, table=True, floor=False), LENS) is None
 
 
 @pytest.mark.parametrize("tilt", [-3, 0, 3, 6])

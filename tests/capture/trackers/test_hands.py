@@ -36,8 +36,7 @@ def test_a_flat_hand_is_open_a_fist_is_not_and_a_finger_points():
 def test_each_joint_of_a_finger_has_a_channel_that_falls_to_zero_without_the_hand():
     channels, bent = HandChannels(), FLAT_DEGREES.copy()
     bent[1, 0] += 60
-    hand = Hand(np.zeros((2, 2)), np.zeros(3), bent)
-    found = channels.step(10.0, [hand, None])
+    found = channels.step(10.0, [Hand(np.zeros((2, 2)), np.zeros(3), bent), None])
     assert {name for name, value in found.items() if value > 0.01} == {"hand_open_left", "index_1_left"}
     assert found["index_1_left"] == pytest.approx(0.5)
     assert not any(name.endswith("right") for name in found)

@@ -77,8 +77,7 @@ def _replace(path, old, new):
 @pytest.mark.parametrize(("change", "made"), CHANGES.values(), ids=CHANGES)
 def test_a_result_is_made_again_if_what_it_depends_on_has_changed(mine, here, change, made):
     here("*.log", puppets=["mine.toml"])
-    arguments = change(mine)
-    assert here("*.log", *arguments, puppets=["mine.toml"])["made"] == made
+    assert here("*.log", *change(mine), puppets=["mine.toml"])["made"] == made
 
 
 def test_a_bad_recording_does_not_stop_the_others_and_is_not_tried_again(mine, here, rows):

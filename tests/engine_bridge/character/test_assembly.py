@@ -116,8 +116,7 @@ def test_a_surface_far_from_the_origin_keeps_its_shape_and_its_place(saved, tmp_
     ball = trimesh.creation.icosphere(subdivisions=3)
     vertices = ball.vertices + np.array([5e5, 4.6e6, 120])
     pieces = [Piece(name, vertices, half) for name, half in zip("ab", np.split(ball.faces, 2), strict=True)]
-    document = saved(Surface(pieces))
-    left, right = (node["translation"] for node in document.gltf["nodes"])
+    left, right = (node["translation"] for node in saved(Surface(pieces)).gltf["nodes"])
     assert left == right == np.float32(left).tolist()
     for character in (from_document(assemble(Surface(pieces), "ball")), load_character(tmp_path / "figure.glb")):
         np.testing.assert_allclose(character.vertices, np.tile(vertices, (2, 1)), rtol=0, atol=1e-6 * np.sqrt(12))

@@ -374,8 +374,7 @@ def test_a_file_that_many_buffers_and_pictures_name_is_taken_in_once(tmp_path):
 def test_each_buffer_of_a_shared_file_has_to_have_its_bytes(tmp_path):
     (tmp_path / "a.bin").write_bytes(b"12345678")
     buffers = [{"byteLength": size, "uri": "a.bin"} for size in (8, 9)]
-    error = refused(write_gltf(tmp_path, buffers=buffers))
-    assert error.found == "8 bytes of data of 9 announced"
+    assert refused(write_gltf(tmp_path, buffers=buffers)).found == "8 bytes of data of 9 announced"
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with names are Unix's")

@@ -12,8 +12,7 @@ SIDES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], np.uint16)
 
 
 def transform(**node):
-    document = Document({"nodes": [node]})
-    return world_transforms(document)[0]
+    return world_transforms(Document({"nodes": [node]}))[0]
 
 
 @pytest.mark.parametrize("size", [1e-320, 1e-200, 1, 10**30, 1e300])
@@ -81,8 +80,7 @@ def test_joints_without_end_are_refused(glb, tmp_path):
 
 
 def test_a_scene_of_more_parts_than_any_character_is_refused(glb, tmp_path):
-    part = glb.primitive(CORNERS, SIDES)
-    mesh = glb.mesh(*[part] * 101)
+    mesh = glb.mesh(*[glb.primitive(CORNERS, SIDES)] * 101)
     for _ in range(MAX_PARTS // 101 + 1):
         glb.node(mesh)
     error = refused(glb, tmp_path / "a.glb")

@@ -61,8 +61,7 @@ def playing(blob_rig, until_end):
 
 
 def test_a_report_says_what_came(playing, blob_rig):
-    service = playing("dog", "cat")
-    report = listen(service.address, seconds=1.5, kinds=("controls", "vertices"))
+    report = listen(playing("dog", "cat").address, seconds=1.5, kinds=("controls", "vertices"))
     assert [heard.topic for heard in report.heard] == ["cat/controls", "cat/vertices", "dog/controls", "dog/vertices"]
     n = len(blob_rig.character.vertices)
     for heard in report.heard:
@@ -101,8 +100,7 @@ def test_after_a_reload_the_scene_is_requested_again(playing):
 
 
 def test_latency_is_unknown_for_a_service_with_another_clock(playing):
-    service = playing("dog")
-    report = listen(service.address.replace("127.0.0.1", "0.0.0.0"), seconds=0.5)
+    report = listen(playing("dog").address.replace("127.0.0.1", "0.0.0.0"), seconds=0.5)
     assert report.heard[0].latency_ms is None
     assert "latency" not in describe(report)
 

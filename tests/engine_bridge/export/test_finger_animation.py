@@ -85,8 +85,7 @@ def test_a_hand_points_while_the_bent_fingers_follow_the_palm_and_rests_at_zero(
     del bent["index_1_left"], bent["thumb_1_left"]
     assert bend_fingers(hands, bent | {"smile": np.ones(3, np.float32)}) == 3
     for frame in (1, 2):
-        places = shown(hands, frame)
-        for joint, place in places.items():
+        for joint, place in shown(hands, frame).items():
             side, finger, k = joint
             wanted = rest[joint]
             if frame == 1 and side == "left" and finger in ("middle", "ring", "little"):

@@ -22,8 +22,7 @@ def test_no_keyframe_is_omitted_without_a_tolerance():
 
 @pytest.mark.parametrize("tolerance", [0.02, 0.05, 0.1])
 def test_every_point_stays_within_the_tolerance(tolerance):
-    steps = np.random.default_rng(3).normal(size=(200, 5, 3)) * 0.01
-    points = np.cumsum(steps, axis=0)
+    points = np.cumsum(np.random.default_rng(3).normal(size=(200, 5, 3)) * 0.01, axis=0)
     kept = thin(points, tolerance)
     shown = interpolated(points.reshape(200, -1)[kept], kept).reshape(points.shape)
     assert np.linalg.norm(shown - points, axis=2).max() <= tolerance * (1 + 1e-5)

@@ -59,8 +59,7 @@ def test_no_basis_of_that_size_is_closer_in_the_least_squares_sense(with_targets
     least = np.sqrt((np.linalg.svd(displacements, compute_uv=False)[count - 1 :] ** 2).sum())
     _, positions = with_targets(count)
     order = np.unique(clip.rig.mesh.of_render, return_index=True)[1]
-    left = np.linalg.norm(positions[:, order] - moved)
-    assert 0.99 * least <= left <= 1.01 * least
+    assert 0.99 * least <= np.linalg.norm(positions[:, order] - moved) <= 1.01 * least
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4, 1e-5])

@@ -74,8 +74,7 @@ def test_every_point_is_within_the_error_and_the_error_within_the_tolerance(arm,
 
 
 def test_a_still_animation_keeps_its_ends(arm):
-    document = animated(arm, np.zeros(FRAMES), np.zeros((FRAMES, 3)))
-    assert thin_motion(document, 0.001) == (2, 0.0)
+    assert thin_motion(animated(arm, np.zeros(FRAMES), np.zeros((FRAMES, 3))), 0.001) == (2, 0.0)
 
 
 def test_without_tolerance_all_keyframes_stay(arm):

@@ -203,8 +203,7 @@ def assert_goes_with(character, document, bones, motions, root=None, within=2e-6
     expected = blended(character, bones, motions, root)
     size = np.linalg.norm(np.ptp(character.vertices, axis=0))
     for frame, places in enumerate(expected):
-        shown = from_document(posed(document, frame)).vertices
-        assert np.abs(shown - places).max() < within * size
+        assert np.abs(from_document(posed(document, frame)).vertices - places).max() < within * size
 
 
 def test_an_arm_that_is_raised_and_bent_has_the_keys_worked_out_by_hand(build):

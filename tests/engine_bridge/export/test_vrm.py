@@ -55,8 +55,7 @@ def test_a_neck_beside_the_head_is_omitted():
 
 
 def test_an_upper_chest_below_which_an_arm_is_not_is_omitted():
-    arm = limb("left arm", (0.2, 1.25, 0), (0.5, 1.5, 0), (0.8, 1.5, 0))
-    found = bones(body(left_arm=arm))
+    found = bones(body(left_arm=limb("left arm", (0.2, 1.25, 0), (0.5, 1.5, 0), (0.8, 1.5, 0))))
     assert "upperChest" not in found
     assert "chest" in found
 

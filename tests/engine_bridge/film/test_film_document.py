@@ -71,8 +71,7 @@ def test_characters_are_where_their_takes_put_them(write_scene, play, assert_val
 
 
 def test_rigged_characters_share_one_animation_and_keep_their_skins(write_scene, tmp_path):
-    path = write_scene(SCENE.replace("HANDLES", "LIMBED"))
-    make_document(path, tmp_path / "film.glb", quiet)
+    make_document(write_scene(SCENE.replace("HANDLES", "LIMBED")), tmp_path / "film.glb", quiet)
     made = load_document(tmp_path / "film.glb", (tmp_path / "film.glb").read_bytes()).gltf
     (animation,) = made["animations"]
     assert len(made["skins"]) == 2

@@ -33,8 +33,7 @@ def test_each_handle_goes_nearly_to_the_end_of_its_reach_and_never_beyond(free_r
     fit = fit_sizes(
         free_rig.puppet, make_deformer(free_rig.puppet, free_rig.mesh, free_rig.model), free_rig.mesh, standing
     )
-    gain = free_rig.puppet.mapping.gain[:, None]
-    moved = handles_of(free_rig, standing) / gain
+    moved = handles_of(free_rig, standing) / free_rig.puppet.mapping.gain[:, None]
     share = moved / np.where(moved < 0, fit.reach[..., 0], fit.reach[..., 1])
     left, right, head, *feet = range(5)
     pulled = 0.02  # handles are pulled, not nailed

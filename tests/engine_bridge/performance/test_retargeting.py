@@ -203,8 +203,7 @@ def twisted(tmp_path_factory):
     """The left forearm turns by 150° about its axis within a second, and then stays for another second."""
     rows = np.zeros((61, 3 + 3 * JOINT_COUNT))
     rows[:, FOREARM] = np.minimum(np.arange(61) * 5, 150)
-    log = body_file(tmp_path_factory.mktemp("log"), rows)
-    (clip,) = read_log(log)
+    (clip,) = read_log(body_file(tmp_path_factory.mktemp("log"), rows))
     return clip
 
 

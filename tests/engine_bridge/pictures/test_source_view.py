@@ -54,8 +54,7 @@ def test_joints_are_drawn_where_the_lens_projects_them_on_colour_and_depth(pictu
         for name, index in JOINT_INDEX.items():
             place = corner + 2 * LENS.project(POSE[index])
             assert near(image, place, INFERRED_COLOR if name == "knee_left" else BLUE), name
-    background = [(90, 40, 140), shaded(picture.depth)[0, 0]]
-    for panel, color in enumerate(background):
+    for panel, color in enumerate([(90, 40, 140), shaded(picture.depth)[0, 0]]):
         left = GAP + panel * (640 + GAP)
         np.testing.assert_array_equal(
             image[GAP + 100 : GAP + PANEL_HEIGHT, left : left + 150], np.broadcast_to(color, (380, 150, 3))
@@ -84,8 +83,7 @@ def test_a_joint_behind_the_sensor_is_not_drawn(picture):
 def test_without_an_image_performers_are_drawn_from_the_front_with_the_right_hand_on_the_left():
     confidence = np.ones(20)
     confidence[JOINT_INDEX["hand_right"]] = 0.5
-    image = drawn(report_of(confidence))
-    front = image[GAP : GAP + PANEL_HEIGHT, GAP : GAP + PANEL_HEIGHT]
+    front = drawn(report_of(confidence))[GAP : GAP + PANEL_HEIGHT, GAP : GAP + PANEL_HEIGHT]
     body = places_of(front, BLUE)
     hand = places_of(front, INFERRED_COLOR)
     assert hand[:, 0].mean() < body[:, 0].mean()
@@ -101,8 +99,7 @@ def test_from_above_the_distances_to_the_sensor_are_true():
     across = PANEL_HEIGHT / 2 + (POSE[:, 0].max() + POSE[:, 0].min()) / 2 * pixels
     sensor = np.array([across, PANEL_HEIGHT / 2 + size / 2 * pixels])
     for index in (JOINT_INDEX["foot_left"], JOINT_INDEX["foot_right"], JOINT_INDEX["head"]):
-        place = sensor - POSE[index, [0, 2]] * pixels
-        assert near(above, place, BLUE)
+        assert near(above, sensor - POSE[index, [0, 2]] * pixels, BLUE)
 
 
 def test_a_report_without_performers_is_drawn_too():

@@ -47,8 +47,7 @@ def test_a_lost_joint_removes_its_bones_only(joints):
     whole = stick_figure.draw(joints, VIEW, SIZE)
     lost = joints.copy()
     lost[JOINT_INDEX["hand_left"]] = np.nan
-    changed = (stick_figure.draw(lost, VIEW, SIZE) != whole).any(axis=-1)
-    row, column = np.nonzero(changed)
+    row, column = np.nonzero((stick_figure.draw(lost, VIEW, SIZE) != whole).any(axis=-1))
     ends = project(joints[[JOINT_INDEX["wrist_left"], JOINT_INDEX["hand_left"]]], VIEW, SIZE)[:, :2]
     low, high = ends.min(axis=0) - 4, ends.max(axis=0) + 4
     assert len(row)

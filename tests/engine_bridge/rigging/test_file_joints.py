@@ -38,7 +38,6 @@ def test_a_file_without_a_skeleton_has_none(limbed_rig):
 def test_hips_are_where_the_legs_hang_and_the_trunk_leads_to_the_arms(name, expected, real_data):
     """The legs of the witch hang on a joint above the hips that moves no vertex."""
     path = real_data / "mesh" / "gltf" / f"{name}.glb"
-    character = load_character(path)
-    found = names(make_rig(new_puppet(path, path).puppet, character))
+    found = names(make_rig(new_puppet(path, path).puppet, load_character(path)))
     assert found | expected == found
     assert len(set(found.values())) == len(found)

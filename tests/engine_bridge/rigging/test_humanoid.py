@@ -153,8 +153,7 @@ def test_a_performer_in_a_t_pose_turns_no_bone_whatever_the_rest_pose_of_the_cha
 )
 def test_arms_held_forwards_and_a_seat_are_known_quaternions(rest, left, right):
     """Hanging arms rotate about z and then about x, as the character's arms do, so that the thumbs point up."""
-    performer = body(arm=(0, 0, 1), thigh=(0, 0, 1))
-    humanoid, _, rotations, _ = posed(puppet(rest), performer)
+    humanoid, _, rotations, _ = posed(puppet(rest), body(arm=(0, 0, 1), thigh=(0, 0, 1)))
     expected = dict.fromkeys(humanoid.names, (0, 0, 0, 1)) | {
         "LeftUpperArm": left,
         "RightUpperArm": right,

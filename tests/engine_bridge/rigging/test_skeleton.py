@@ -58,8 +58,7 @@ def test_the_first_z_axis_of_a_limb_is_near_the_front_or_for_bones_that_point_th
 
 def test_joints_of_a_limb_bend_about_the_same_axis_even_if_one_bone_points_to_the_front():
     bent = limb("left arm", (1, 0, 0), (2, 0, 0), (2, 0, 1), (1, 0, 1))
-    puppet = Puppet(character=CharacterTable(mesh="a.glb"), limb=(bent,))
-    skeleton = Skeleton.along_bones(puppet)
+    skeleton = Skeleton.along_bones(Puppet(character=CharacterTable(mesh="a.glb"), limb=(bent,)))
     bending = skeleton.axes[[skeleton.names.index(name) for name in ("leftUpperArm", "leftLowerArm", "leftHand")], :, 0]
     np.testing.assert_allclose(np.abs(bending), [[0, 1, 0]] * 3, atol=1e-12)
     np.testing.assert_allclose(bending, bending[[0, 0, 0]], atol=1e-12)

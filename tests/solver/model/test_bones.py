@@ -174,8 +174,7 @@ def test_scale_and_place_do_not_matter(figure, skeleton, regions):
     bones = Bones(
         4 * skeleton.heads + [8.0, -16.0, 2.0], 4 * skeleton.tails + [8.0, -16.0, 2.0], skeleton.parents, skeleton.limbs
     )
-    found = bone_regions(moved, bones)
-    assert np.mean(found.owner == regions.owner) > 0.995  # but for ties
+    assert np.mean(bone_regions(moved, bones).owner == regions.owner) > 0.995  # but for ties
 
 
 # --- several parts, and few vertices
@@ -195,8 +194,7 @@ def ball_and_arm():
     """A ball, and a separate arm from x = 3 inside it to x = 21; the mesh and which vertices are of the arm."""
     ball, triangles = igl.upsample(*igl.icosahedron(), 2)
     ring = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1.0]])
-    places = np.arange(3.0, 22.0, 2.0)
-    arm = np.concatenate([ring + np.array([x, 0, 0]) for x in places])
+    arm = np.concatenate([ring + np.array([x, 0, 0]) for x in np.arange(3.0, 22.0, 2.0)])
     last = len(arm) - 4
     quads = [[k + a, k + (a + 1) % 4, k + (a + 1) % 4 + 4, k + a + 4] for k in range(0, last, 4) for a in range(4)]
     quads += [[3, 2, 1, 0], [last, last + 1, last + 2, last + 3]]
@@ -208,8 +206,7 @@ def ball_and_arm():
 def test_a_part_that_is_a_limb_for_the_most_part_is_so_behind_its_root_as_well(ball_and_arm):
     mesh, of_arm = ball_and_arm
     bones = chains((-1, [[0, -5, 0], [0, 5, 0]]), (0, [[6, 0, 0], [13, 0, 0], [21, 0, 0]]))
-    regions = bone_regions(mesh, bones)
-    owner = regions.owner
+    owner = bone_regions(mesh, bones).owner
     x = mesh.vertices[of_arm, 0]
     np.testing.assert_array_equal(owner[of_arm], np.where(x <= 13, 1, 2))
     assert np.all(owner[~of_arm] != 2)

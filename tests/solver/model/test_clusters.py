@@ -58,8 +58,7 @@ def test_there_are_as_many_as_wanted_each_with_a_vertex(creature_model):
 
 
 def test_a_small_mesh_has_fewer_and_equal_vertices_share_one():
-    isoline_coordinates = np.tile(np.eye(3), (100, 1))
-    found = rotation_clusters(isoline_coordinates, np.ones(3), np.ones(300))
+    found = rotation_clusters(np.tile(np.eye(3), (100, 1)), np.ones(3), np.ones(300))
     assert same_groups(found, np.tile([0, 1, 2], 100))
     assert len(np.unique(rotation_clusters(np.arange(41.0)[:, None], np.ones(1), np.ones(41)))) == 10
 

@@ -109,8 +109,7 @@ def test_contacts_hold_within_a_bone_and_by_a_skin_only_there(two_parts):
     bones = bones_of(chain([0, 0, 0], [0, 1.2, 0], limb=-1), arm)
     cube = np.arange(len(two_parts.vertices)) >= len(two_parts.vertices) - 8
     for owner, neighbours, skinned in ((3, True, True), (2, True, False), (1, False, False), (-1, True, True)):
-        of_cube = np.where(cube, owner, 3)
-        regions = BoneRegions(of_cube, np.ones(len(cube), dtype=bool))
+        regions = BoneRegions(np.where(cube, owner, 3), np.ones(len(cube), dtype=bool))
         for by_a_skin, expected in ((False, neighbours), (True, skinned)):
             assert np.all(contacts_that_hold(ties, two_parts.vertices, regions, bones, skinned=by_a_skin) == expected)
 

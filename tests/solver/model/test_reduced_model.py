@@ -50,8 +50,7 @@ def test_identity_transforms_give_the_rest_positions(creature, creature_model, d
 
 def test_any_affine_map_on_all_isolines_is_that_map(creature, creature_model, dense):
     affine = np.random.default_rng(0).normal(size=(4, 3))
-    rest = creature_model.to_model(creature.vertices)
-    expected = rest @ affine[:3] + affine[3]
+    expected = creature_model.to_model(creature.vertices) @ affine[:3] + affine[3]
     np.testing.assert_allclose(dense @ np.tile(affine, (80, 1)), expected, atol=1e-12)
 
 

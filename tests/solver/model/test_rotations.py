@@ -55,8 +55,7 @@ def test_an_isoline_in_the_gap_between_two_parts_gets_the_nearest_triangles():
     strips = rotations.crossed_triangles(isoline_coordinates, faces, 4)
     # Middles at 0.1, 0.2, 2.8, 2.9: every triangle is among the ten nearest of so few.
     assert [strip.tolist() for strip in strips] == [[0], [0, 1, 2, 3], [0, 1, 2, 3], [3]]
-    many = np.repeat(faces, 8, axis=0)
-    strips = rotations.crossed_triangles(isoline_coordinates, many, 4)
+    strips = rotations.crossed_triangles(isoline_coordinates, np.repeat(faces, 8, axis=0), 4)
     assert set(range(8, 16)) < set(strips[1].tolist()) < set(range(16))
     assert set(range(16, 24)) < set(strips[2].tolist()) < set(range(16, 32))
     assert [len(strip) for strip in strips[1:3]] == [rotations.NEAREST_TRIANGLES] * 2

@@ -45,8 +45,7 @@ def test_a_polygon_with_fewer_than_three_corners_gives_no_triangle():
 @pytest.mark.parametrize("shape", [ARROW, COMB, COMB[::-1], SPIRAL], ids=["arrow", "comb", "clockwise comb", "spiral"])
 def test_concave_polygons_are_covered_once_and_nothing_else_is(shape, turn, shift):
     polygon = np.roll(shape, shift, axis=0)
-    points = lifted(polygon, turn)
-    triangles, _ = triangulate(points, np.array([len(polygon)]))
+    triangles, _ = triangulate(lifted(polygon, turn), np.array([len(polygon)]))
     assert len(triangles) == len(polygon) - 2
     found = areas(lifted(polygon), triangles)[:, 2]
     assert found.sum() == pytest.approx(shoelace(polygon))
@@ -63,8 +62,7 @@ def test_concave_and_convex_polygons_of_one_mesh_do_not_disturb_each_other():
 
 @pytest.mark.parametrize("size", [5, 50, 2000])
 def test_a_polygon_that_crosses_itself_still_becomes_its_number_of_triangles(size):
-    points = np.random.default_rng(size).normal(size=(size, 3))
-    triangles, _ = triangulate(points, np.array([size]))
+    triangles, _ = triangulate(np.random.default_rng(size).normal(size=(size, 3)), np.array([size]))
     assert triangles.shape == (size - 2, 3)
     assert set(triangles.ravel()) == set(range(size))
 

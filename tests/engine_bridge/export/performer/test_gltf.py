@@ -76,8 +76,7 @@ def test_both_documents_are_valid(second, assert_valid_gltf, tmp_path):
 @pytest.mark.parametrize("program", ["Blender", "three.js", "Babylon.js", "Godot"])
 @pytest.mark.slow
 def test_programs_show_the_bones_where_the_joints_are(second, player, tmp_path, program):
-    document = skeleton_animation(second, "test")
-    document.save(tmp_path / "skeleton.glb")
+    skeleton_animation(second, "test").save(tmp_path / "skeleton.glb")
     shown = player(program)(tmp_path / "skeleton.glb", TIMES)
     (positions,) = shown.meshes.values()
     places = joints_of(at_times(second, np.clip(shown.times, 0, 1)))

@@ -29,8 +29,7 @@ def length(pose, joint):
 def test_a_performer_in_a_t_pose_is_the_skeleton_at_rest(motion, timeline_of):
     pose = motion.body.pose
     turned = pose[:, [2, 1, 0]] * [-1, 1, 1] + [0.4, 0.1, 2.0]  # facing −x
-    found = skeleton_of(timeline_of(np.tile(turned, (30, 1, 1)))).pose
-    np.testing.assert_allclose(found, pose, atol=1e-9)
+    np.testing.assert_allclose(skeleton_of(timeline_of(np.tile(turned, (30, 1, 1)))).pose, pose, atol=1e-9)
 
 
 def test_lengths_are_the_medians_of_both_sides(motion, timeline_of):

@@ -49,8 +49,7 @@ def test_a_changed_look_has_a_new_revision(cast, blob_puppet):
 
 
 def test_everything_is_there_before_anybody_asks(cast):
-    character = cast().character
-    assert {"scene", "binding"} <= vars(character).keys()
+    assert {"scene", "binding"} <= vars(cast().character).keys()
 
 
 def test_a_puppet_with_a_mistake_is_told(cast):

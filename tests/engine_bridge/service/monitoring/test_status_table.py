@@ -95,8 +95,7 @@ def test_a_terminal_that_is_halted_halts_neither_updates_nor_the_end(status):
             self.released.wait()
             return super().write(text)
 
-    console = Console(file=Halted(), force_terminal=True)
-    display = StatusDisplay(console)
+    display = StatusDisplay(Console(file=Halted(), force_terminal=True))
     for _ in range(100):
         display.update(status)
     display.close()

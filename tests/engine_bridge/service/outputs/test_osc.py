@@ -143,8 +143,7 @@ def test_vertices_come_in_numbered_chunks_that_fit_a_datagram(output, receiver, 
     out.send_due()
     datagrams = received(receiver)
     assert max(map(len, datagrams)) <= 9000
-    n = len(dog.rest)
-    vertices = np.zeros((n, 6), dtype=np.float32)
+    vertices = np.zeros((len(dog.rest), 6), dtype=np.float32)
     for number, datagram in enumerate(datagrams):
         message = OscMessage(datagram)
         sequence, chunk, chunks, first, *floats = message.params

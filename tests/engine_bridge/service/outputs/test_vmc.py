@@ -147,8 +147,7 @@ def test_a_frame_is_bundles_that_travel_in_one_piece_and_say_all_that_the_protoc
     assert [values[0] for _, values in read[3:]] == list(figure.humanoid.names)
     assert len(read) == 3 + 21
     place, turn = bones(sent)["Hips"]
-    floor = figure.rest[:, 1].min()
-    np.testing.assert_allclose(place, [-1.0, -0.5 * floor, -0.5], rtol=1e-6)
+    np.testing.assert_allclose(place, [-1.0, -0.5 * figure.rest[:, 1].min(), -0.5], rtol=1e-6)
     assert turn.magnitude() == 0
     np.testing.assert_allclose(bones(sent)["LeftUpperLeg"][0], [-0.05, -0.075, 0], atol=1e-7)
 

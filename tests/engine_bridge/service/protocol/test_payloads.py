@@ -99,8 +99,7 @@ def test_the_header_says_which_frame_it_is(frame):
 
 
 def test_a_frame_without_a_user_has_user_minus_one(frame):
-    nobody = replace(frame, user=None, state="waiting")
-    header = decode(encode(Kind.HANDLES, nobody, 0)).header
+    header = decode(encode(Kind.HANDLES, replace(frame, user=None, state="waiting"), 0)).header
     assert (header.user, header.state) == (-1, 0)
 
 
@@ -113,8 +112,7 @@ def test_vertices_are_the_bindings(frame):
 def test_quantised_vertices_are_off_by_half_a_step(frame):
     expected, expected_normals = frame.vertices_and_normals
     positions, normals = decode(message(frame, Kind.VERTICES16)).body
-    side = np.ptp(expected, axis=0)
-    assert (np.abs(positions - expected) <= 0.5 * side / BOX_STEPS + 1e-6).all()
+    assert (np.abs(positions - expected) <= 0.5 * np.ptp(expected, axis=0) / BOX_STEPS + 1e-6).all()
     assert np.abs(normals - expected_normals).max() < 1e-4
 
 

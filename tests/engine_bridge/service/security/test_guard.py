@@ -93,8 +93,7 @@ class House:
 @pytest.fixture
 def keys(tmp_path):
     """The keys of the service, of a client that it knows, and of a stranger, by name: public and secret."""
-    clients = tmp_path / "clients"
-    clients.mkdir(mode=0o700)
+    (tmp_path / "clients").mkdir(mode=0o700)
     for name in ("service", "stranger", "clients/laptop"):
         make_curve_keys(tmp_path / f"{name}.key_secret")
     return {

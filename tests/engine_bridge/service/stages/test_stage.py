@@ -131,8 +131,7 @@ def test_a_loop_keeps_its_performer_and_calibration_and_each_pass_is_the_same(ma
 def test_two_people_get_a_character_each_in_the_order_in_which_they_came(make_stage, kung_fu, moved):
     second = [moved(frame, time=frame.time + 0.5, user=9) for frame in kung_fu]
     events = sorted([*kung_fu, *second], key=lambda event: event.time)
-    stage = make_stage(("dog", "cat"))
-    shown = play(stage, events)
+    shown = play(make_stage(("dog", "cat")), events)
     assert {frame.user for frame in shown["dog"]} == {kung_fu[0].user}
     assert {frame.user for frame in shown["cat"]} == {None, 9}
     # and each is what it would be alone: nobody disturbs anybody
@@ -195,8 +194,7 @@ def test_a_stall_of_the_service_costs_nobody_their_character(make_stage, kung_fu
     stage = make_stage(("dog", "cat"))
     both = [event for f in kung_fu for event in (f, moved(f, time=f.time + 0.01, user=9))]
     play(stage, both[:300])
-    woken = [moved(event, time=event.time + 2.0) for event in both[300:]]
-    shown = play(stage, woken)
+    shown = play(stage, [moved(event, time=event.time + 2.0) for event in both[300:]])
     assert {frame.state for frame in [*shown["dog"], *shown["cat"]]} == {"performing"}
 
 

@@ -132,8 +132,7 @@ def calibration(run, open_stage, record_events, tmp_path, kung_fu):
 def test_a_take_uses_its_calibration_although_the_second_without_motion_began_before_it(run, open_stage, calibration):
     runner = open_stage("replay:take.log")
     [player] = runner.stage.players
-    frames = run(runner, until=lambda: runner.skeletons >= 60)
-    assert frames[-1].state == "performing"
+    assert run(runner, until=lambda: runner.skeletons >= 60)[-1].state == "performing"
     np.testing.assert_array_equal(player.calibration.rest, calibration.rest)
 
 

@@ -92,8 +92,7 @@ def test_what_a_crash_left_is_deleted_at_the_next_start(tmp_path):
 
 
 def test_who_steps_back_ends_the_turn_and_comes_nearer_to_begin_another(make_stage, kung_fu, moved):
-    near = float(kung_fu[0].positions[0, 2])
-    stage = make_stage(settings=StageSettings(beyond=near + 1.0))
+    stage = make_stage(settings=StageSettings(beyond=float(kung_fu[0].positions[0, 2]) + 1.0))
     driving = []
     for k, back in enumerate([0.0] * 20 + [1.1] * 30 + [0.8] * 20 + [0.6] * 20):
         stage.step(moved(kung_fu[0], time=k / 30, by=(0.0, 0.0, back)), time.monotonic_ns())

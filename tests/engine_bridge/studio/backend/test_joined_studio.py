@@ -94,8 +94,7 @@ def test_a_text_that_is_no_subscription_is_answered_and_the_stream_goes_on(joine
             await socket.send_json({"do": "reload"})
             refusal = await socket.receive_json()
             await socket.send_json({"subscribe": "blob/controls"})
-            frame = await socket.receive()
-            return refusal, decode(frame.data).topic
+            return refusal, decode((await socket.receive()).data).topic
 
     assert joined.session
     refusal, topic = joined.run(ask())

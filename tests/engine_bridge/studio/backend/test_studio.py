@@ -27,8 +27,7 @@ def stage(studio, blob_file, limbed_puppet):
     text = COMMENT + limbed_puppet.read_text()
     status, reply = studio.upload("../figure one.toml", text.encode())
     assert (status, reply["kind"], reply["facts"]["character"]) == (200, "puppet", "blob.glb")
-    opened = studio.result("open_puppet", upload=reply["upload"])
-    assert opened["character"] == "figure_one"
+    assert studio.result("open_puppet", upload=reply["upload"])["character"] == "figure_one"
     return studio
 
 
@@ -204,8 +203,7 @@ def test_a_take_that_plays_is_paused_and_moved_and_a_count_in_can_be_ended(stage
 def test_the_film_plays_its_takes_cut_as_they_are_and_nothing_else(stage):
     (take,) = stage.state["film"]["takes"]
     cut = [{**take, "start": 0.5, "stop": 1.0}, {**take, "at": 2.0}, {**take, "at": 1.0, "mute": True}]
-    edited = stage.result("edit_film", takes=cut)["takes"]
-    assert [each["at"] for each in edited] == [0.0, 1.0, 2.0]
+    assert [each["at"] for each in stage.result("edit_film", takes=cut)["takes"]] == [0.0, 1.0, 2.0]
     assert stage.error("edit_film", takes=[{**take, "file": "../walk.log"}])["found"] == "the file '../walk.log'"
     stage.result("play_film", at=0.25)
     timeline = stage.until(lambda state: state["timeline"] and len(state["timeline"]["takes"]) == 2)["timeline"]
@@ -237,8 +235,7 @@ def test_a_take_plays_from_one_second_to_another(stage):
 
 def test_a_source_that_cannot_be_opened_leaves_the_one_before(stage):
     before = stage.until(performing)["source"]
-    error = stage.error("source", uri="osc:99999")
-    assert error["fix"]
+    assert stage.error("source", uri="osc:99999")["fix"]
     assert stage.state["source"] == before
     stage.until(performing)
 
@@ -261,8 +258,7 @@ def test_a_killed_service_starts_again_and_the_state_says_so(stage):
 
 def test_two_characters_have_the_same_performer_if_a_recording_plays(stage, blob_file):
     upload = stage.upload("blob two.glb", blob_file.read_bytes())[1]["upload"]
-    opened = stage.result("open_character", upload=upload)
-    assert NAME.fullmatch(opened["character"])
+    assert NAME.fullmatch(stage.result("open_character", upload=upload)["character"])
     state = stage.until(lambda state: len(state["characters"]) == 2 and performing(state))
     assert [each["stage"] for each in state["characters"]] == ["figure_one", "blob_two"]
     stage.result("source", uri="osc:0")

@@ -49,8 +49,7 @@ def test_mirroring_twice_returns_the_points(limbed_rig):
 def test_a_limb_of_one_side_gets_its_counterpart_after_it(limbed_rig):
     limbs = [limb for limb in limbed_rig.puppet.limb if limb.name != "right arm"]
     puppet = Puppet.model_validate(limbed_rig.puppet.model_dump() | {"limb": [limb.model_dump() for limb in limbs]})
-    made = mirrored(puppet, limbed_rig.mesh, "left arm")
-    names = [limb["name"] for limb in made["limb"]]
+    names = [limb["name"] for limb in mirrored(puppet, limbed_rig.mesh, "left arm")["limb"]]
     assert names[names.index("left arm") + 1] == "right arm"
     assert len(names) == len(limbs) + 1
 

@@ -14,10 +14,10 @@ def access(address="127.0.0.1", host=None, origins=STAGE):
 @pytest.mark.parametrize(
     ("address", "accepted", "refused"),
     [
-        # a port may be forwarded, and a proxy passes the name of its origin on
+        # a port may be forwarded, a proxy passes stage.example on, and localhost is the host of an origin
         ("127.0.0.1", ["127.0.0.1:7402", "127.0.0.1", "LocalHost:9000", "[::1]:7402", "stage.example"], ["10.0.0.7"]),
         ("127.0.0.1", [], ["rebound.example:7402", "127.0.0.1.rebound.example", "user@rebound.example", "[", "", None]),
-        ("10.0.0.7", ["10.0.0.7:7402", "localhost"], ["10.0.0.8:7402", "127.0.0.1:7402"]),  # localhost is an origin's
+        ("10.0.0.7", ["10.0.0.7:7402", "localhost"], ["10.0.0.8:7402", "127.0.0.1:7402"]),
         ("0.0.0.0", ["10.0.0.8:7402", "localhost:7402"], ["rebound.example"]),
         ("::1", ["[::1]:7402"], []),
         ("::", ["[fe80::1]:7402"], []),
@@ -34,7 +34,7 @@ def test_the_name_by_which_the_address_was_given_is_a_host():
 
 
 def test_origins_are_those_of_the_host_and_those_given():
-    accepted = [None, "http://127.0.0.1:7402", "https://127.0.0.1:7402"]  # a request that no browser sends has none
+    accepted = [None, "http://127.0.0.1:7402", "https://127.0.0.1:7402"]  # without a browser there is none
     accepted += ["https://stage.example", "HTTPS://STAGE.EXAMPLE", "http://localhost:8000"]
     refused = ["http://stage.example", "https://stage.example:444", "https://stage.example.rebound.example", "null", ""]
     refused += ["http://localhost:7402", "http://127.0.0.1"]  # other origins than that of the host

@@ -24,7 +24,7 @@ from engine_bridge.inspection import sensors
 from engine_bridge.inspection.finding import Finding
 from puppetline.errors import PuppetlineError
 
-MODULES = {"libigl": "igl", "pillow": "PIL", "python-osc": "pythonosc", "pyzmq": "zmq"}
+MODULES = {"dracopy": "DracoPy", "libigl": "igl", "pillow": "PIL", "python-osc": "pythonosc", "pyzmq": "zmq"}
 """Modules of the required distributions whose modules have other names."""
 
 PORTS: tuple[tuple[str, int, str], ...] = (

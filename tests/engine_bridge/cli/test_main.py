@@ -252,7 +252,7 @@ def test_new_makes_a_puppet_that_converts_right_away_and_is_not_overwritten(invo
         "  Body plan 'upright'. Two legs and an upright body: limbs point as the performer's do.\n"
         "  assumed: y looks like up: it stands\n"
     )
-    assert "  head             (direction)  ←  hand_left, hand_right\n" in made.stdout
+    assert "  head             (turn)  ←  hand_left, hand_right\n" in made.stdout
     assert names(tmp_path) >= {"made.toml", "made.handles.png"}
     assert invoke("convert", "take.log", "--puppet", "made.toml", "-o", "out.glb").returncode == 0
     assert (tmp_path / "out.glb").stat().st_size > 10_000

@@ -193,7 +193,8 @@ def mounted(folder, options):
     try:
         yield
     finally:
-        subprocess.run(["umount", folder], check=True)
+        # not at once: the kernel may still be closing the files of processes that were killed
+        subprocess.run(["umount", "--lazy", folder], check=True)
 
 
 @pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])

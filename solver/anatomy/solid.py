@@ -77,11 +77,13 @@ def fill(vertices: NDArray[np.float64], faces: NDArray[np.int64], components: ND
         size, inside = _inflated(vertices, faces)
     else:
         size, inside = _enclosed(vertices, faces, components)
+    origin = _origin(vertices, size, np.array(inside.shape))
+    if not inside.any():  # as in sheets that cross each other
+        inside[tuple(np.rint((vertices - origin) / size).astype(int).T)] = True
     depth = ndimage.distance_transform_edt(inside) - 0.5
     number = np.full(inside.shape, -1)
     number[inside] = np.arange(np.count_nonzero(inside))
-    cells = np.argwhere(inside)
-    centers = _origin(vertices, size, np.array(inside.shape)) + size * cells
+    centers = origin + size * np.argwhere(inside)
     return Solid(size, centers, size * depth[inside], _joined(_graph(number, size), centers))
 
 
@@ -92,7 +94,8 @@ def _enclosed(
     faces, volume = _outside_out(vertices, faces, components)
     longest = float(np.ptp(vertices, axis=0).max())
     # an integer number of cells, so that rounding errors of the volume do not move them
-    size = longest / min(round(longest / (volume / CELL_COUNT) ** (1 / 3)), MAX_CELLS_PER_AXIS)
+    count = round(longest / (volume / CELL_COUNT) ** (1 / 3)) if volume > 0 else FLAT_CELLS_PER_AXIS
+    size = longest / min(count, MAX_CELLS_PER_AXIS)
     counts = _counts(vertices, size)
     winding = np.zeros(counts)
     for axis in range(3):
@@ -109,7 +112,7 @@ def _inflated(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> tuple[
     axes = [(flat + 1) % 3, (flat + 2) % 3, flat]
     size = float(extent.max()) / FLAT_CELLS_PER_AXIS
     covered = _outline(vertices[:, axes], faces, size)
-    finer = round(FLAT_CELLS_PER_AXIS * (FLAT_CELL_COUNT / np.count_nonzero(covered)) ** 0.5)
+    finer = round(FLAT_CELLS_PER_AXIS * (FLAT_CELL_COUNT / max(np.count_nonzero(covered), 1)) ** 0.5)
     size = float(extent.max()) / min(finer, MAX_CELLS_PER_AXIS)
     depth = ndimage.distance_transform_edt(_outline(vertices[:, axes], faces, size))
     layers = 2 * int(depth.max()) + 2

@@ -6,6 +6,7 @@ from puppetline.examples.characters import biped
 
 from solver.anatomy.limb_chain import evenly
 from solver.anatomy.limb_finding import _Finder, find_limbs
+from solver.anatomy.solid import fill
 from solver.surface.mesh import SolverMesh, weld
 
 IMAGE = np.array([-1.0, 1.0, 1.0])
@@ -327,6 +328,18 @@ def test_a_person_cut_out_of_paper_has_the_same_limbs(person, thickness):
     assert list(limbs) == PERSON
     for name in PERSON:
         np.testing.assert_allclose(limbs[name][:, :2], expected[name][:, :2], atol=0.12, err_msg=name)
+
+
+CARD = np.array([(-1, 0, 0), (1, 0, 0), (1, 2, 0), (-1, 2, 0)], dtype=float)
+NEEDLE = np.array([(0, 0, 0), (1, 0.3, 0.5), (1, 0.301, 0.5), (1, 0.3, 0.501)])
+
+
+@pytest.mark.parametrize("vertices", [np.concatenate([CARD, CARD[:, ::-1]]), np.tile(NEEDLE, (2, 1))])
+def test_cards_that_cross_and_needles_are_filled_where_their_vertices_are(vertices):
+    faces = np.array([(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)])
+    solid = fill(vertices, faces, np.zeros(len(vertices), np.int32))
+    away = np.abs(vertices[:, None] - solid.centers).max(axis=2).min(axis=1)
+    assert away.max() < 0.501 * solid.size
 
 
 def test_parts_that_overlap_are_one_body(solver_mesh, person):

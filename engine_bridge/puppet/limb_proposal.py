@@ -39,7 +39,7 @@ MAX_STUB_SHARE = 0.25
 """Maximum length of a stub of a leg, from hip to ankle, as a share of that from the hips to the crown. A stub that does
 not point down turns as the performer's leg does: pointing it down would twist the body around it."""
 
-STRAIGHT_HEAD_COSINE = math.cos(math.radians(12))
+STRAIGHT_HEAD_COSINE = math.cos(math.radians(13))
 """Cosine of the largest angle between up and a head that points as the performer's does. Hair and hats move the end of
 other heads: pointing them up would make the character look at the floor."""
 

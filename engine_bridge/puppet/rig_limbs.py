@@ -262,7 +262,7 @@ class _Skeleton:
         across = self.across(quarter) if number is None else np.zeros(3)
         while len(chain) > 3 and abs(_unit(self.place(chain[1]) - self.place(chain[0])) @ across) > GIRDLE_COSINE:
             del chain[0]
-        if len(chain) < 2 or self.part(chain[0]) == "girdle":
+        if len(chain) < (3 if number is None else 2) or self.part(chain[0]) == "girdle":
             return None
         if len(chain) == 2:
             return self.without_end(*chain)

@@ -106,9 +106,9 @@ class Window:
         """Return the page's state, or a part of it such as ``server.source.name``."""
         return json.loads(self.page.evaluate(f"JSON.stringify(studio.state(){path and '.' + path} ?? null)"))
 
-    def until(self, expression):
+    def until(self, expression, seconds=TIMEOUT_SECONDS):
         """Wait until a JavaScript expression is true, with `state` for the page's state; return its value."""
-        end = time.monotonic() + TIMEOUT_SECONDS
+        end = time.monotonic() + seconds
         while time.monotonic() < end:
             value = self.page.evaluate(f"(() => {{ const state = studio.state(); return {expression}; }})()")
             if value:

@@ -112,7 +112,7 @@ def _inflated(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> tuple[
     axes = [(flat + 1) % 3, (flat + 2) % 3, flat]
     size = float(extent.max()) / FLAT_CELLS_PER_AXIS
     covered = _outline(vertices[:, axes], faces, size)
-    finer = round(FLAT_CELLS_PER_AXIS * (FLAT_CELL_COUNT / max(np.count_nonzero(covered), 1)) ** 0.5)
+    finer = round(FLAT_CELLS_PER_AXIS * (FLAT_CELL_COUNT / max(int(covered.sum()), 1)) ** 0.5)
     size = float(extent.max()) / min(finer, MAX_CELLS_PER_AXIS)
     depth = ndimage.distance_transform_edt(_outline(vertices[:, axes], faces, size))
     layers = 2 * int(depth.max()) + 2

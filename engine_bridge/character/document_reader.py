@@ -159,7 +159,7 @@ def _decompress_primitives(document: Document) -> None:
         except (AttributeError, KeyError, IndexError, TypeError, ValueError) as error:
             raise damaged(document.name, f"triangles compressed with {DRACO} that cannot be read ({error})") from error
         compressed.add(about["bufferView"])
-    for index in compressed:
+    for index in compressed:  # so that other views keep their numbers, while `repack` drops the compressed bytes
         views[index] = {**views[-1]}
 
 

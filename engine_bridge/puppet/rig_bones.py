@@ -71,7 +71,8 @@ class RigBones:
 def rig_bones(character: Character, limbs: Sequence[Limb]) -> RigBones:
     """Return the bones that the joints of a file's skeleton follow.
 
-    1. The first joint of a limb is at its first point, or is the first joint on its first bone.
+    1. The first joint of a limb is at its first point, or is the first joint on its first bone. Of joints at one place,
+       it is one that moves vertices, then the deepest.
     2. A chain of joints leads from the first joint to the limb's end. Each of them follows the bones between it and the
        next joint, in proportion to their lengths. The trunk's chain leads from the top of the skeleton to the parent of
        head, neck or arms. A joint below which limbs hang on an earlier bone follows that bone.

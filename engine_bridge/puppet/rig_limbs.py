@@ -138,7 +138,7 @@ class _Skeleton:
         self._rename_hips_and_heads()
 
     def _forget_poles(self) -> None:
-        """Drop the meanings of joints that move nothing beside one that does: an elbow may be a pole of the arm."""
+        """Drop the meaning of a joint that moves nothing if another of this meaning does: an elbow may be a pole."""
         holding = [index for index, joint in enumerate(self.joints) if len(joint.vertices)]
         moving = {*holding, *(other for index in holding for other in self.ancestors(index))}
         known = {self.meanings[index] for index in moving}

@@ -25,7 +25,8 @@ FLAT_CELL_COUNT = 6_000
 """Approximate number of cells that the outline of a flat character covers."""
 
 FLAT_CELLS_PER_AXIS = 100
-"""Number of cells along the longest axis with which the outline is measured first."""
+"""Number of cells along the longest axis with which an outline is measured first, and of a surface that encloses
+nothing."""
 
 TIE_DISTANCE_RATIO = 2.0
 """Maximum distance of parts that are tied to the rest in one step, as a multiple of the distance of the nearest
@@ -63,7 +64,9 @@ def fill(vertices: NDArray[np.float64], faces: NDArray[np.int64], components: ND
 
     A cell is inside if the generalised winding number (Jacobson et al. 2013), averaged over the six directions of the
     axes, is at least a half: the surface may have holes, and its parts may overlap. Each direction contributes 0 to 1,
-    so that one ray through holes of several parts does not outvote the others.
+    so that one ray through holes of several parts does not outvote the others. A flat character (see `FLAT_RATIO`) is
+    made as thick everywhere as its outline is wide. A surface that encloses nothing has the cells that hold its
+    vertices.
 
     Parameters
     ----------
@@ -106,7 +109,10 @@ def _enclosed(
 
 
 def _inflated(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> tuple[float, NDArray[np.bool_]]:
-    """Return the same for a flat character, which is made as thick everywhere as it is wide (Igarashi et al. 1999)."""
+    """Return the same for a flat character: a cell is inside if it is nearer to the plane than to the outline.
+
+    This is a simple form of the inflation in Igarashi et al. 1999, "Teddy".
+    """
     extent = np.ptp(vertices, axis=0)
     flat = int(extent.argmin())
     axes = [(flat + 1) % 3, (flat + 2) % 3, flat]

@@ -1,6 +1,6 @@
 """Events of a source: frames, and the events between them.
 
-All times are seconds on the clock of the source and never decrease. The clock of a live source is `time.monotonic`. A
+All times are seconds on the clock of the source and never decrease. The clock of a live source is `puppetline.clock`. A
 take has its own clock, so a replay yields exactly the recorded events.
 """
 

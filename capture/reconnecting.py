@@ -2,11 +2,11 @@
 
 import logging
 import math
-import time
 from collections.abc import Callable
 
 from capture.events import Event, Tick
 from capture.source import SilentSource, SkeletonSource
+from puppetline import clock
 
 RETRY_SECONDS = 0.5
 """Interval between attempts to open a source that has failed."""
@@ -65,7 +65,7 @@ class ReopeningSource:
 
     def receive(self) -> list[Event]:
         """Return the source's events, or ticks after a failure."""
-        if time.monotonic() >= self._reopen_at:
+        if clock.now() >= self._reopen_at:
             self._reopen()
         try:
             events = self.inner.receive()
@@ -88,14 +88,14 @@ class ReopeningSource:
         self.inner.close()
         self.inner, self._counted = silence, self.counts.received
         if not self.recorded:
-            self._reopen_at = time.monotonic() + RETRY_SECONDS
+            self._reopen_at = clock.now() + RETRY_SECONDS
 
     def _reopen(self) -> None:
         try:
             source = self._opener()
         except Exception as error:
             self._log_failure("the source cannot be opened", error)
-            self._reopen_at = time.monotonic() + RETRY_SECONDS
+            self._reopen_at = clock.now() + RETRY_SECONDS
             return
         source.counts.add(self.counts)
         self.inner, self.counts, self._reopen_at = source, source.counts, math.inf

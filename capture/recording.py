@@ -23,7 +23,6 @@ because of a crash; a program that continues such a file ends the line with `INC
 import json
 import math
 import os
-import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Self
@@ -32,6 +31,7 @@ import numpy as np
 
 from capture.events import Cue, Event, Lost, Tick
 from capture.skeleton import JOINTS, LOST, SkeletonFrame
+from puppetline import clock
 from puppetline.errors import OutputError
 from puppetline.files import append_error
 
@@ -70,7 +70,7 @@ class Recorder:
         # Synchronising with the disk may take 0.1 s, so another thread does it.
         self._syncer = ThreadPoolExecutor(1, "sync")
         self._syncing: Future[None] | None = None
-        self._synced = time.monotonic()
+        self._synced = clock.now()
         try:
             self._append(self._missing_start())
         except BaseException:
@@ -92,7 +92,7 @@ class Recorder:
             The event cannot be written, for example because the disk is full. The take is then closed.
         """
         self._append(encode(event))
-        now = time.monotonic()
+        now = clock.now()
         if now - self._synced >= SYNC_INTERVAL_SECONDS and (self._syncing is None or self._syncing.done()):
             self._check_sync()
             self._syncing = self._syncer.submit(os.fsync, self._file.fileno())

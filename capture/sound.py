@@ -6,7 +6,6 @@ them to follow that clock.
 """
 
 import queue
-import time
 import wave
 from collections.abc import Iterator
 from contextlib import suppress
@@ -16,6 +15,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline import clock
 from puppetline.errors import SourceError
 from puppetline.files import append_error
 
@@ -247,4 +247,4 @@ class Microphone:
     def _arrived(self, samples: NDArray[np.float32], _count: int, times: Any, status: Any) -> None:
         self.overflows += bool(status.input_overflow)
         ago = max(times.currentTime - times.inputBufferAdcTime, 0.0)
-        self._blocks.put(Block(time.monotonic() - ago, samples[:, 0].copy()))
+        self._blocks.put(Block(clock.now() - ago, samples[:, 0].copy()))

@@ -3,7 +3,6 @@
 import logging
 import queue
 import threading
-import time
 import wave
 from bisect import bisect_right
 from collections import deque
@@ -15,6 +14,7 @@ import numpy as np
 
 from capture.sound import BLOCK_SECONDS, Block, ClockedSound, Microphone, WavWriter, read_wav
 from capture.voice import STEP_SECONDS, Voice
+from puppetline import clock
 from puppetline.errors import SourceError
 
 MISSING_SECONDS = 0.5
@@ -74,12 +74,12 @@ class SoundFile:
                 expected="a .wav of 16 bits and one channel",
                 fix="Check the path, or convert the file: ffmpeg -i FILE -ac 1 -c:a pcm_s16le OUT.wav",
             ) from error
-        self._began, self._next = time.monotonic(), 0
+        self._began, self._next = clock.now(), 0
         self._size = round(BLOCK_SECONDS * self.rate)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the blocks that are over by now."""
-        now = time.monotonic()
+        now = clock.now()
         while (end := self._next + self._size) <= (now - self._began) * self.rate:
             heard = np.zeros(self._size, np.float32)
             samples = self._samples[self._next : end]
@@ -117,7 +117,7 @@ class SoundInput:
         self._source: SoundSource | None = opener()  # None while it is opened again
         self.rate = self._source.rate
         self._opener = opener
-        self._heard, self._lost = time.monotonic(), False
+        self._heard, self._lost = clock.now(), False
         self._closed, self._handing_over = threading.Event(), threading.Lock()
         self._reopened: queue.SimpleQueue[SoundSource] = queue.SimpleQueue()
         self._voice = Voice(self.rate)
@@ -126,7 +126,7 @@ class SoundInput:
         self._writer: WavWriter | None = None
 
     def voice_at(self, moment: float) -> float:
-        """Return the channel at a moment of `time.monotonic`; 0 if no sound has arrived shortly before it."""
+        """Return the channel at a moment of `puppetline.clock`; 0 if no sound has arrived shortly before it."""
         number = bisect_right(self._values, (moment, 1.0)) - 1
         if number < 0:
             return 0.0
@@ -135,7 +135,7 @@ class SoundInput:
 
     @property
     def start(self) -> float | None:
-        """Time of the first sample beside the take, in seconds of `time.monotonic`; None before it."""
+        """Time of the first sample beside the take, in seconds of `puppetline.clock`; None before it."""
         return None if self._writer is None else self._clocked.start
 
     @property
@@ -152,11 +152,11 @@ class SoundInput:
             It cannot be written; it is heard nevertheless, and not written any more.
         """
         if not self._reopened.empty():
-            self._source, self._heard = self._reopened.get(), time.monotonic()
+            self._source, self._heard = self._reopened.get(), clock.now()
         if self._source is None:
             return
         for given in self._source.blocks():
-            self._heard = time.monotonic()
+            self._heard = clock.now()
             if self._lost:
                 self._lost = False
                 log.info("the microphone is back")
@@ -166,7 +166,7 @@ class SoundInput:
             self._values.extend((end - STEP_SECONDS * (len(values) - 1 - k), float(v)) for k, v in enumerate(values))
             if self._writer is not None:
                 self._write(block)
-        if time.monotonic() - self._heard > LOST_SECONDS:
+        if clock.now() - self._heard > LOST_SECONDS:
             if not self._lost:
                 self._lost = True
                 log.warning("the microphone is silent; plug it in again, it is then used at once")

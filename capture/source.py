@@ -4,12 +4,11 @@ A source never blocks and requires no thread of its caller. The caller waits unt
 readable or its time is due, and then receives the events::
 
     while True:
-        ready = select([source.fileno()], timeout=source.due() - time.monotonic())
+        ready = select([source.fileno()], timeout=source.due() - clock.now())
         for event in source.receive(): …
 """
 
 import select
-import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -17,6 +16,7 @@ from typing import Protocol
 
 from capture.events import TICK_SECONDS, Event, Tick
 from capture.skeleton import SkeletonFrame
+from puppetline import clock
 
 SENSOR_RECORDINGS = ".oni", ".db3", ".bag"
 """Endings of the names of sensors' own recordings."""
@@ -70,7 +70,7 @@ class SkeletonSource(Protocol):
         """Return a file descriptor that becomes readable when an event arrives, or None if only `due` matters."""
 
     def due(self) -> float:
-        """Return the time, of `time.monotonic`, at which to call `receive` without an arrival; infinity for never."""
+        """Return the time, of `puppetline.clock`, at which to call `receive` without an arrival; infinity for never."""
 
     def now(self) -> float:
         """Return the time in seconds on the clock of this source's events."""
@@ -104,14 +104,13 @@ def newest(events: Sequence[Event]) -> list[Event]:
 
 
 def wait(source: SkeletonSource, deadline: float) -> None:
-    """Wait for an event, until the source or the deadline (of `time.monotonic`) is due, at most `MAX_WAIT_SECONDS`."""
-    seconds = min(source.due(), deadline) - time.monotonic()
+    """Wait for an event, until the source or the deadline is due, at most `MAX_WAIT_SECONDS`."""
     descriptor = source.fileno()
-    seconds = min(max(seconds, 0.0), MAX_WAIT_SECONDS)
+    until = min(source.due(), deadline, clock.now() + MAX_WAIT_SECONDS)
     if descriptor is None:
-        time.sleep(seconds)  # Windows refuses to select from nothing
+        clock.sleep_until(until)  # Windows refuses to select from nothing
     else:
-        select.select([descriptor], [], [], seconds)
+        clock.block(until, lambda seconds: select.select([descriptor], [], [], seconds)[0])
 
 
 class SilentSource:
@@ -131,7 +130,7 @@ class SilentSource:
 
     def __init__(self, name: str, counts: Counts, start: float) -> None:
         self.name, self.counts = name, counts
-        self._offset = start - time.monotonic()
+        self._offset = start - clock.now()
         self._last = start
 
     def fileno(self) -> int | None:
@@ -144,11 +143,11 @@ class SilentSource:
 
     def now(self) -> float:
         """Return the time on the source's clock."""
-        return time.monotonic() + self._offset
+        return clock.now() + self._offset
 
     def receive(self) -> list[Event]:
         """Return a tick if one is due."""
-        if time.monotonic() < self.due():
+        if clock.now() < self.due():
             return []
         self._last = self.now()
         return [Tick(self._last)]

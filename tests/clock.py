@@ -1,10 +1,14 @@
-"""A clock that tests turn instead of waiting."""
+"""Clocks that tests turn instead of waiting."""
 
+import heapq
+import itertools
+import math
+import threading
 import time
 
 
 class Clock:
-    """The monotonic clock of this process: all threads see it advance."""
+    """The machine's clock, which a test can advance further: all threads see it advance."""
 
     def __init__(self, patch):
         self._skipped = 0.0
@@ -19,3 +23,48 @@ class Clock:
     def advance_to(self, time_):
         """Advance the clock to a time, unless that has passed."""
         self.advance(max(0.0, time_ - time.monotonic()))
+
+
+class GivenClock:
+    """A clock that stands until something waits or the test advances it; implements `puppetline.clock.Clock`.
+
+    A wait in the thread that made the clock ends at once if what it waits for has happened, and otherwise moves the
+    clock to its own end: only what `call_at` does on the way can still happen. Other threads wait until it has happened
+    or somebody has moved the clock.
+    """
+
+    def __init__(self, start=1000.0):
+        self._now, self._date = start, 1.7e9 - start
+        self._calls, self._numbers = [], itertools.count()
+        self._thread = threading.get_ident()
+
+    def now(self):
+        return self._now
+
+    def wall(self):
+        return self._date + self._now
+
+    def block(self, until, wait):
+        if threading.get_ident() != self._thread or until == math.inf:
+            while not (found := wait(0.001)) and self._now < until:
+                pass
+            return found
+        while not (found := wait(0)) and self._now < until:
+            self.advance_to(min(until, self._calls[0][0] if self._calls else math.inf))
+        return found
+
+    def call_at(self, moment, do):
+        """Have a function called when the clock comes to a time."""
+        heapq.heappush(self._calls, (moment, next(self._numbers), do))
+
+    def advance(self, seconds):
+        """Advance the clock by a number of seconds."""
+        self.advance_to(self._now + seconds)
+
+    def advance_to(self, moment):
+        """Advance the clock to a time, unless that has passed; do on the way what is to be done until then."""
+        while self._calls and self._calls[0][0] <= moment:
+            due, _, do = heapq.heappop(self._calls)
+            self._now = max(self._now, due)
+            do()
+        self._now = max(self._now, moment)

@@ -22,7 +22,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from .clock import Clock
+from puppetline.clock import use
+
+from .clock import Clock, GivenClock
 from .commands import Commands
 
 ROOT = Path(__file__).parent.parent
@@ -204,6 +206,14 @@ def until_end() -> Iterator[Callable[[Any], Any]]:
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     """Return the monotonic clock of this process, which the test can turn."""
     return Clock(monkeypatch)
+
+
+@pytest.fixture
+def given_clock() -> Iterator[GivenClock]:
+    """Give this process a clock that stands until something waits or the test advances it."""
+    given = GivenClock()
+    with use(given):
+        yield given
 
 
 @pytest.fixture(scope="session")

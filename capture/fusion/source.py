@@ -7,7 +7,6 @@ same motion. Recordings are played together, synchronised by their clocks.
 import heapq
 import math
 import selectors
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
@@ -19,6 +18,7 @@ from capture.pose import Pose
 from capture.reconnecting import ReopeningSource
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts, SkeletonSource
+from puppetline import clock
 from puppetline.errors import SourceError
 
 MAX_DELAY_SECONDS = 0.1
@@ -91,7 +91,7 @@ class FusedSource:
             self.close()
             raise
         self._delay = MAX_DELAY_SECONDS + max(member.delay for member in self._members) * (not recorded)
-        self._last_time = time.monotonic() - self._delay
+        self._last_time = clock.now() - self._delay
 
     def fileno(self) -> int | None:
         """Return a file descriptor that becomes readable when any member does."""
@@ -99,14 +99,14 @@ class FusedSource:
         return None if descriptor is None else descriptor()
 
     def due(self) -> float:
-        """Return when to call `receive` even if nothing has arrived, in seconds of `time.monotonic`."""
+        """Return when to call `receive` even if nothing has arrived, in seconds of `puppetline.clock`."""
         dues = [member.source.due() for member in self._members if not member.ended]
         if self._waiting:
-            dues.append(time.monotonic() + self._waiting[0][0] - self._now())
+            dues.append(clock.now() + self._waiting[0][0] - self._now())
         if not self.recorded:
             dues.append(self._last_time + TICK_SECONDS + self._delay)
-        polled = math.inf if hasattr(self._selector, "fileno") else time.monotonic() + POLL_SECONDS
-        return min(*dues, polled) if dues else time.monotonic()
+        polled = math.inf if hasattr(self._selector, "fileno") else clock.now() + POLL_SECONDS
+        return min(*dues, polled) if dues else clock.now()
 
     def now(self) -> float:
         """Return the time on the clock of the events: the monotonic clock, or a clock that follows the recordings."""
@@ -135,7 +135,7 @@ class FusedSource:
             )
         now = self._now()
         if self._offset is None:
-            self._offset = time.monotonic() - now
+            self._offset = clock.now() - now
         fused: list[_MemberEvent] = []
         while self._waiting and (self._waiting[0][0] <= now or not self.recorded):
             _, _, place, event = heapq.heappop(self._waiting)
@@ -167,7 +167,7 @@ class FusedSource:
     def _now(self) -> float:
         """Return the time on the members' common clock: for recordings, the earliest of their times."""
         if not self.recorded:
-            return time.monotonic()
+            return clock.now()
         return min((member.now() for member in self._members if not member.ended), default=math.inf)
 
     def _fused(self, place: int, event: _MemberEvent) -> list[_MemberEvent]:

@@ -40,6 +40,7 @@ from capture.network.refusals import Refusals
 from capture.network.vmc import Vmc
 from capture.skeleton import LOST, MAX_DISTANCE_METRES, OPPOSITE, SkeletonFrame, mirrored, swap_sides
 from capture.source import Counts
+from puppetline import clock
 from puppetline.errors import SourceError
 
 OSC_PORT, VMC_PORT = 7110, 39539
@@ -125,7 +126,7 @@ class OscSource:
         self._assemblies: dict[tuple[Dialect, int], FrameAssembly] = {}  # in the order of the last packets
         self._pending: dict[tuple[type[_Pending], int], deque[_Pending]] = {}  # not returned yet
         self._present: set[int] = set()  # performers of whom frames were returned
-        self._last_time = self._last_return = time.monotonic()  # of the last pending event, and of the last return
+        self._last_time = self._last_return = clock.now()  # of the last pending event, and of the last return
         self._socket = _listen(name, address)
         self.port: int = self._socket.getsockname()[1]
 
@@ -140,7 +141,7 @@ class OscSource:
 
     def now(self) -> float:
         """Return the time on the clock of the events."""
-        return time.monotonic()
+        return clock.now()
 
     def receive(self) -> list[Event]:
         """Return the frames that have arrived, the performers who have left, or a tick if nothing happens.
@@ -295,11 +296,11 @@ class OscSource:
 
 
 def _received(listener: socket.socket) -> tuple[bytes, Any, float]:
-    """Return a datagram, its sender, and when it arrived at this machine, in seconds of `time.monotonic`."""
+    """Return a datagram, its sender, and when it arrived at this machine, in seconds of `puppetline.clock`."""
     if sys.platform != "linux":
-        return *listener.recvfrom(MAX_DATAGRAM_BYTES), time.monotonic()
+        return *listener.recvfrom(MAX_DATAGRAM_BYTES), clock.now()
     datagram, ancillary, _, sender = listener.recvmsg(MAX_DATAGRAM_BYTES, socket.CMSG_SPACE(TIMESPEC.size))
-    real, now = time.time_ns(), time.monotonic()
+    real, now = time.time_ns(), clock.now()
     age = 0
     for _, kind, data in ancillary:
         if kind == TIMESTAMP_NS:

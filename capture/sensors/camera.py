@@ -8,7 +8,6 @@ without a value ``face`` and ``hands``, which measure their channels, and for vi
 import math
 import os
 import sys
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from capture.libraries import UNLOADABLE, load_module
 from capture.sensors.source import SensorSource
 from capture.trackers.mediapipe import DEFAULT_HEIGHT_METRES, INSTALL_FIX, MediaPipePose, load_mediapipe
 from capture.trackers.picture import Lens, Picture
+from puppetline import clock
 from puppetline.errors import SourceError, at
 
 DEFAULT_FOV_DEGREES = 70.0
@@ -162,7 +162,7 @@ class Camera:
                 expected="a camera that is plugged in and that no other program uses",
                 fix="Close the other program, or plug the camera in again; the source then resumes automatically.",
             )
-        return _picture(time.monotonic(), frame, self._fov)
+        return _picture(clock.now(), frame, self._fov)
 
     def close(self) -> None:
         """Release the camera."""

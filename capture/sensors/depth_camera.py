@@ -7,7 +7,6 @@ A kind of depth camera is a module with a subclass of `DepthCamera` and a functi
 import logging
 import math
 import re
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,6 +20,7 @@ from capture.sensors.source import SensorSource
 from capture.source import SENSOR_RECORDINGS
 from capture.trackers.mediapipe import MediaPipePose, load_mediapipe
 from capture.trackers.picture import Device, Lens, Picture, Tracker
+from puppetline import clock
 from puppetline.errors import SourceError, at, heading
 
 MAX_SKEW_SECONDS = 0.02
@@ -178,9 +178,9 @@ class DepthCamera(ABC):
 
     def read(self, timeout: float) -> Picture | None:
         """Return the next image; raise SourceError if the sensor was unplugged or the recording has ended."""
-        until = time.monotonic() + timeout
+        until = clock.now() + timeout
         while (picture := self._pair()) is None:
-            if not self._receive(max(0.0, until - time.monotonic())):
+            if not self._receive(max(0.0, until - clock.now())):
                 if not self._recorded and not self._is_plugged():
                     raise self._unplugged()
                 return None

@@ -6,7 +6,6 @@ ctypes calls the installed library, so nothing has to be compiled.
 import ctypes
 import logging
 import re
-import time
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from capture.libraries import NotInstalledError, load_error
 from capture.sensors.depth_camera import DepthCamera, Kind, Selection, metres, open_depth_camera
 from capture.sensors.source import SensorSource
 from capture.trackers.picture import Lens
+from puppetline import clock
 from puppetline.errors import SourceError, heading
 
 LENS = Lens(640, 480, 525.0)
@@ -164,8 +164,8 @@ class FreenectDevice(DepthCamera):
 
     def _receive(self, timeout: float) -> bool:
         """Process events; the library receives USB packets only then, and loses them between calls too far apart."""
-        end, self._received = time.monotonic() + timeout, False
-        while not self._received and (left := end - time.monotonic()) > 0:
+        end, self._received = clock.now() + timeout, False
+        while not self._received and (left := end - clock.now()) > 0:
             wait = _Interval(int(left), int(left % 1 * 1e6))
             if self._library.freenect_process_events_timeout(self._context, ctypes.byref(wait)) < 0:
                 raise self._unplugged()

@@ -16,7 +16,6 @@ import logging
 import math
 import socket
 import threading
-import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, replace
@@ -30,6 +29,7 @@ from capture.skeleton import SkeletonFrame
 from capture.source import Counts, newest
 from capture.trackers.floor import FloorTracker
 from capture.trackers.picture import Device, Picture, Tracker
+from puppetline import clock
 from puppetline.errors import SourceError, heading
 
 OPENING_SECONDS = 10.0
@@ -89,7 +89,7 @@ class SensorSource:
         self.tracked_picture: Picture | None = None
         self._open_device, self._open_tracker = open_device, open_tracker
         self.recorded, self._fast = recorded, fast
-        self._last_time = 0.0 if recorded else time.monotonic() - MAX_AGE_SECONDS  # time of the last event
+        self._last_time = 0.0 if recorded else clock.now() - MAX_AGE_SECONDS  # time of the last event
         self._tick_delay = MAX_AGE_SECONDS  # delay of ticks, in seconds
         self._late = 0  # number of late results minus those in time, 0 to MAX_LATE_COUNT
         self._slow = self._slow_logged = False  # whether ticks wait for late results, and whether that was logged
@@ -101,7 +101,7 @@ class SensorSource:
         self._changed = threading.Condition()
         self._picture: tuple[float, Picture] | None = None  # the next image to be tracked, and its time
         self._results: list[Event] = []
-        self._deadline = time.monotonic() + OPENING_SECONDS  # for the next image
+        self._deadline = clock.now() + OPENING_SECONDS  # for the next image
         self._failure: SourceError | None = None
         self._stopping = False  # no more images are read
         self._read_all = False  # no more images follow the current one
@@ -116,13 +116,13 @@ class SensorSource:
     def due(self) -> float:
         """Return when a tick is due, or when a silent device counts as failed."""
         if self._closed:
-            return time.monotonic()
+            return clock.now()
         tick = math.inf if self.recorded else self._last_time + TICK_SECONDS + self._tick_delay
         return min(self._deadline, tick)
 
     def now(self) -> float:
         """Return the time on the clock of the events, in seconds."""
-        return self._last_time if self.recorded else time.monotonic()
+        return self._last_time if self.recorded else clock.now()
 
     def receive(self) -> list[Event]:
         """Return the results since the last call, or a tick if one is due, without waiting.
@@ -137,17 +137,17 @@ class SensorSource:
         with self._changed:
             results, self._results = self._results, []
             failure = self._failure if self._closed else None
-            silent = time.monotonic() >= self._deadline
+            silent = clock.now() >= self._deadline
             self._changed.notify_all()
         if not results and failure is not None:
             raise failure
         if not results and silent:
             raise self._silence_error()
         if results and not self.recorded:
-            self._delay_ticks(time.monotonic() - max(event.time for event in results))
+            self._delay_ticks(clock.now() - max(event.time for event in results))
             late = [event for event in results if event.time < self._last_time]  # a tick was ahead of them
             results[: len(late)] = newest(late)
-        tick = time.monotonic() - self._tick_delay
+        tick = clock.now() - self._tick_delay
         if not (results or self.recorded) and tick - self._last_time >= TICK_SECONDS:
             results.append(Tick(tick))
         return [self._in_order(event) for event in results]
@@ -209,7 +209,7 @@ class SensorSource:
             picture = device.read(_READ_SECONDS)
             if picture is None:
                 continue
-            now = time.monotonic()
+            now = clock.now()
             if self.recorded:
                 taken = picture.time
                 if start_time is None or now - start_time - taken > MAX_LAG_SECONDS:
@@ -228,7 +228,7 @@ class SensorSource:
             self.counts.received += 1
             if self.recorded:
                 self._deadline = math.inf  # the tracker may take any time
-                self._changed.wait_for(lambda: self._stopping, max(0.0, due - time.monotonic()))
+                self._changed.wait_for(lambda: self._stopping, max(0.0, due - clock.now()))
                 self._changed.wait_for(lambda: self._stopping or self._picture is None)
             elif due - taken > MAX_AGE_SECONDS:
                 self.counts.dropped += 1
@@ -236,7 +236,7 @@ class SensorSource:
             elif self._picture is not None:
                 self.counts.dropped += 1
             self._picture = taken, picture
-            self._deadline = time.monotonic() + SILENCE_SECONDS
+            self._deadline = clock.now() + SILENCE_SECONDS
             self._changed.notify_all()
 
     def _track(self, tracker: Tracker) -> None:
@@ -279,7 +279,7 @@ class SensorSource:
                 self._changed.notify_all()
                 if self._stopping or found is None:
                     return None
-                if self.recorded or time.monotonic() - found[0] <= MAX_AGE_SECONDS:
+                if self.recorded or clock.now() - found[0] <= MAX_AGE_SECONDS:
                     return found
                 self.counts.dropped += 1
 

@@ -1,7 +1,6 @@
 """What arrived from a source in the last seconds: its performers, its newest image, and its errors."""
 
 import math
-import time
 from collections import Counter, deque
 from collections.abc import Sequence
 from contextlib import suppress
@@ -17,6 +16,7 @@ from capture.sensors.source import SensorSource
 from capture.skeleton import INFERRED, JOINT_INDEX, LOST, SkeletonFrame
 from capture.source import Counts, SilentSource, SkeletonSource, wait
 from capture.trackers.picture import Picture
+from puppetline import clock
 from puppetline.errors import SourceError
 
 START_SECONDS = 10.0
@@ -160,7 +160,7 @@ class SourceMonitor:
         self._listens = not isinstance(self._inner, SensorSource) and source.fileno() is not None
         self._arrivals: deque[_Arrivals] = deque()
         self._counted = _copy(source.counts)
-        self._start = self._last_arrival = time.monotonic()
+        self._start = self._last_arrival = clock.now()
         self._failure = ""
         self._sensor_tilt: SensorTilt | None = None
 
@@ -181,7 +181,7 @@ class SourceMonitor:
         return ""
 
     def receive(self, deadline: float) -> None:
-        """Wait for data until a deadline, in seconds of `time.monotonic`, and remember it."""
+        """Wait for data until a deadline, in seconds of `puppetline.clock`, and remember it."""
         wait(self._source, deadline)
         try:
             events = self._source.receive()
@@ -197,7 +197,7 @@ class SourceMonitor:
         received, refused = counts.received - self._counted.received, counts.refused - self._counted.refused
         self._counted = _copy(counts)
         if received:
-            self._last_arrival, self.started = time.monotonic(), True
+            self._last_arrival, self.started = clock.now(), True
         for event in events:
             if isinstance(event, Cue) and event.do == "level":  # a sensor sends it once, so it outlasts the period
                 with suppress(ValueError):  # the cue of a take may hold anything
@@ -222,7 +222,7 @@ class SourceMonitor:
 
     def report(self) -> SourceReport:
         """Return what arrived in the period."""
-        moment, now, retried_error = time.monotonic(), self._source.now(), self._retried_error
+        moment, now, retried_error = clock.now(), self._source.now(), self._retried_error
         report = SourceReport(
             self._source.name,
             self._listens,
@@ -259,11 +259,11 @@ def observe(source: SkeletonSource, seconds: float, start_seconds: float = START
         Maximum time until the first data arrives, in seconds.
     """
     monitor = SourceMonitor(source)
-    deadline, waiting = time.monotonic() + start_seconds, True
-    while not monitor.ended and time.monotonic() < deadline:
+    deadline, waiting = clock.now() + start_seconds, True
+    while not monitor.ended and clock.now() < deadline:
         monitor.receive(deadline)
         if waiting and monitor.started:
-            deadline, waiting = time.monotonic() + seconds, False
+            deadline, waiting = clock.now() + seconds, False
     return monitor.report()
 
 

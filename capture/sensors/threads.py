@@ -8,9 +8,10 @@ At the end of the program, work is asked to stop first, because a program that e
 
 import atexit
 import threading
-import time
 from collections.abc import Callable
 from queue import SimpleQueue
+
+from puppetline import clock
 
 EXIT_SECONDS = 5.0
 """Maximum time that the end of the program waits for work, in seconds."""
@@ -48,12 +49,12 @@ def start(work: Callable[[], None], name: str, stop: _Stop) -> threading.Event:
 
 
 def _finish() -> None:
-    until = time.monotonic() + EXIT_SECONDS
+    until = clock.now() + EXIT_SECONDS
     running = dict(_running)
     for stop in running.values():
         stop()
     for done in running:
-        done.wait(max(0.0, until - time.monotonic()))
+        done.wait(max(0.0, until - clock.now()))
 
 
 def _run(tasks: SimpleQueue[_Work]) -> None:

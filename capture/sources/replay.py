@@ -10,7 +10,6 @@ ahead.
 
 import logging
 import math
-import time
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -27,6 +26,7 @@ from capture.events import TICK_SECONDS, Cue, Event, Lost, Tick
 from capture.formats import puppetline_log, read_log, recognize
 from capture.skeleton import MAX_DISTANCE_METRES, SkeletonFrame
 from capture.source import Counts
+from puppetline import clock
 from puppetline.errors import PuppetlineError, SkeletonLogError, SourceError
 
 log = logging.getLogger(__name__)
@@ -119,14 +119,14 @@ class RecordingSource:
     def due(self) -> float:
         """Return the time of the next event on the monotonic clock."""
         if self._next is None or self._started_at is None:
-            return time.monotonic()
+            return clock.now()
         return self._started_at + (self._next.time - self._start)
 
     def now(self) -> float:
         """Return the time on the recording's clock, between the last event and the next one."""
         if self._started_at is None:
             return self._start
-        now = max(self._last_time, self._start + (time.monotonic() - self._started_at))
+        now = max(self._last_time, self._start + (clock.now() - self._started_at))
         return now if self._next is None else min(now, self._next.time)
 
     def receive(self) -> list[Event]:
@@ -137,7 +137,7 @@ class RecordingSource:
         SourceError
             The recording has ended, or its next event cannot be read.
         """
-        now = time.monotonic()
+        now = clock.now()
         if self._next is None:
             raise self._end
         if self._started_at is None or now - self.due() > MAX_LATENESS_SECONDS:

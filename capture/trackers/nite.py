@@ -16,7 +16,6 @@ import ctypes.util
 import logging
 import os
 import threading
-import time
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ import numpy as np
 from capture.formats.layouts import NITE15, synthesise_missing, to_kinect20
 from capture.skeleton import LOST, OPPOSITE, mirrored
 from capture.trackers.picture import Person, Picture
+from puppetline import clock
 from puppetline.errors import SourceError
 
 REDIST_VARIABLE = "NITE2_REDIST"
@@ -94,9 +94,9 @@ class NiTE:
         A performer who is out of view, but whom NiTE2 still follows, has every joint lost. It is a SourceError if NiTE2
         fails, or does not process the image in time.
         """
-        until = time.monotonic() + TIMEOUT_SECONDS
+        until = clock.now() + TIMEOUT_SECONDS
         while self._time < picture.time:
-            if not self._ready.wait(until - time.monotonic()):
+            if not self._ready.wait(until - clock.now()):
                 raise SourceError(
                     self.name,
                     found=f"no result from NiTE2 for {TIMEOUT_SECONDS:g} s",

@@ -10,6 +10,7 @@ import click
 
 from engine_bridge.cli import options
 from engine_bridge.cli.options import FILE, Finite
+from puppetline import clock
 
 if TYPE_CHECKING:
     from capture.sensors.source_report import SourceReport
@@ -81,7 +82,6 @@ def _watch(source: str, seconds: float | None) -> "SourceReport":
 def _watch_live(source: str, seconds: float | None) -> "tuple[SourceReport, bool]":
     """Show a status line; return what the source saw last, and whether the terminal is still connected."""
     import math
-    import time
     from dataclasses import replace
 
     from rich.live import Live
@@ -101,12 +101,12 @@ def _watch_live(source: str, seconds: float | None) -> "tuple[SourceReport, bool
         stack.callback(opened.close)
         signals.waiting = True
         monitor = SourceMonitor(opened, STATUS_SECONDS)
-        end = time.monotonic() + (math.inf if seconds is None else seconds)
+        end = clock.now() + (math.inf if seconds is None else seconds)
         try:
             with Live(auto_refresh=False, transient=True) as line:
-                while not (signals.stop or signals.take_reload() or monitor.ended or time.monotonic() >= end):
-                    due = min(time.monotonic() + STATUS_PERIOD_SECONDS, end)
-                    while not (signals.stop or monitor.ended) and time.monotonic() < due:
+                while not (signals.stop or signals.take_reload() or monitor.ended or clock.now() >= end):
+                    due = min(clock.now() + STATUS_PERIOD_SECONDS, end)
+                    while not (signals.stop or monitor.ended) and clock.now() < due:
                         monitor.receive(due)
                     line.update(Text(status_line(monitor.report())), refresh=True)
             connected = sys.stdout.isatty()  # false after SIGHUP from a terminal that was closed

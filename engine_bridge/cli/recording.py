@@ -1,7 +1,6 @@
 """Recording of a source to a take."""
 
 import math
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from capture.sound_input import SoundInput
 from capture.source import SkeletonSource, wait
 from capture.sources.replay import RecordingSource
 from engine_bridge.cli.options import REPLACING
+from puppetline import clock
 from puppetline.errors import SourceError
 from puppetline.files import check_new, check_writable, output_errors
 
@@ -91,7 +91,7 @@ def record(
         The take cannot be written, or exists already.
     """
     remove_existing(path, force)
-    started = time.monotonic()
+    started = clock.now()
     deadline = math.inf if seconds is None else started + seconds
     frames = 0
     empty = True
@@ -101,7 +101,7 @@ def record(
     sound_path = path.with_suffix(".wav")
     with _written_beside(sound, sound_path, force) as follow_sound, Recorder(path) as recorder:
         try:
-            while time.monotonic() < deadline:
+            while clock.now() < deadline:
                 wait(source, deadline)
                 for event in source.receive():
                     recorder.write(event)
@@ -111,7 +111,7 @@ def record(
                         frames += 1
                         users.add(event.user)
                 follow_sound(recorder, source, last)
-                report(frames, time.monotonic() - started)
+                report(frames, clock.now() - started)
         except SourceError as error:
             if isinstance(source, RecordingSource) and source.damaged:
                 raise
@@ -155,7 +155,7 @@ def _written_beside(
         sound.take_in()
         if not stated and last is not None and sound.start is not None:
             stated = True
-            begin = sound.start + source.now() - time.monotonic()
+            begin = sound.start + source.now() - clock.now()
             recorder.write(Cue(last, "sound", {"file": path.name, "at": begin}))
 
     try:

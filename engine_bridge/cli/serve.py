@@ -6,7 +6,6 @@ import math
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from engine_bridge.cli.options import FILE, Finite
+from puppetline import clock
 from puppetline.errors import ServiceError
 
 if TYPE_CHECKING:
@@ -177,7 +177,7 @@ class _CompilingLog:
     def __call__(self, count: int) -> None:
         from engine_bridge.service.monitoring.logs import REPEAT_SECONDS, fields
 
-        now = time.monotonic()
+        now = clock.now()
         if now - self._logged_at >= REPEAT_SECONDS:
             self._logged_at = now
             logging.getLogger(__name__).info(COMPILING, extra=fields(functions=count))

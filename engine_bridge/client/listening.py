@@ -5,7 +5,6 @@ The client uses nothing but the protocol of docs/protocol.md.
 
 import math
 import secrets
-import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -20,6 +19,7 @@ from engine_bridge.service.protocol.header import FRAME_KINDS, NAME, Kind, WireE
 from engine_bridge.service.protocol.payloads import Morphs, Received, decode
 from engine_bridge.service.security.endpoints import keep_alive
 from engine_bridge.service.states import STATES
+from puppetline import clock
 from puppetline.errors import ServiceError
 
 ADDRESS = "tcp://127.0.0.1:7400"
@@ -155,11 +155,11 @@ def listen(
         socket = _connected(context, address, token)
         silence = _Silence(address, socket, notice)
         listener.follow(socket, characters)
-        end = time.monotonic() + (math.inf if seconds is None else seconds)
+        end = clock.now() + (math.inf if seconds is None else seconds)
         with suppress(KeyboardInterrupt):
-            while (now := time.monotonic()) < end:
+            while (now := clock.now()) < end:
                 if socket.poll(max(0, round(1000 * min(end - now, POLL_SECONDS)))):
-                    listener.take(socket, socket.recv(), time.monotonic_ns())
+                    listener.take(socket, socket.recv(), clock.now_ns())
                 silence.look(listener)
     finally:
         context.destroy(linger=0)
@@ -174,7 +174,7 @@ class _Silence:
 
     def __init__(self, address: str, socket: "zmq.Socket[bytes]", notice: Callable[[str], None]) -> None:
         self._address, self._refusals, self._notice = address, socket.get_monitor_socket(REFUSALS), notice
-        self._begun = time.monotonic()
+        self._begun = clock.now()
         self._is_told = self._is_refused = False
 
     def look(self, listener: "_Listener") -> None:
@@ -182,7 +182,7 @@ class _Silence:
         while self._refusals.poll(0):
             recv_monitor_message(self._refusals)
             self._is_refused = True
-        if not self._is_told and (self._is_refused or time.monotonic() > self._begun + NOTICE_SECONDS):
+        if not self._is_told and (self._is_refused or clock.now() > self._begun + NOTICE_SECONDS):
             self._is_told = True
             if not listener.has_heard:
                 self._notice(str(self.error()))
@@ -198,7 +198,7 @@ class _Silence:
             )
         return ServiceError(
             self._address,
-            found=f"no message within {time.monotonic() - self._begun:.0f} s",
+            found=f"no message within {clock.now() - self._begun:.0f} s",
             expected="a running service",
             fix="Start one with puppetline serve, or check the address.",
         )
@@ -261,7 +261,7 @@ class _Listener:
     def __init__(self, address: str, kinds: tuple[str, ...]) -> None:
         self._address, self._kinds = address, kinds
         self._own = secrets.token_hex(8)
-        self._begun = time.monotonic()
+        self._begun = clock.now()
         self._bytes = self._refused = 0
         self._followed: set[str] = set()
         self._all = False
@@ -326,7 +326,7 @@ class _Listener:
         """Return what has been received so far."""
         return ListenReport(
             address=self._address,
-            seconds=time.monotonic() - self._begun,
+            seconds=clock.now() - self._begun,
             bytes=self._bytes,
             refused=self._refused,
             scenes=dict(self._scenes),

@@ -22,6 +22,7 @@ from pathlib import Path
 
 from engine_bridge.inspection import sensors
 from engine_bridge.inspection.finding import Finding
+from puppetline import clock
 from puppetline.errors import PuppetlineError
 
 MODULES = {"dracopy": "DracoPy", "libigl": "igl", "pillow": "PIL", "python-osc": "pythonosc", "pyzmq": "zmq"}
@@ -191,8 +192,8 @@ def _source(uri: str) -> Finding:
 
     try:
         with closing(open_source(uri)) as source:
-            give_up = time.monotonic() + FIRST_DATA_SECONDS
-            while not source.counts.received and time.monotonic() < give_up:
+            give_up = clock.now() + FIRST_DATA_SECONDS
+            while not source.counts.received and clock.now() < give_up:
                 source.receive()
                 time.sleep(0.01)
             works = bool(source.counts.received)

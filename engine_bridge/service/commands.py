@@ -1,6 +1,5 @@
 """The commands of the control socket (docs/control.md)."""
 
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from math import isfinite
@@ -14,6 +13,7 @@ from engine_bridge.service.players.character_player import CharacterPlayer
 from engine_bridge.service.service import Service
 from engine_bridge.service.stages.stage_runner import StageRunner
 from engine_bridge.service.takes.timeline import Timeline
+from puppetline import clock
 from puppetline.errors import ServiceError, unknown_name
 from puppetline.toml_schema import Table
 
@@ -221,7 +221,7 @@ class _Commands:
                 fix='Play one first: {"do": "play_take", "character": "…", "take": "…"}',
             )
         self._refuse_while_recording(*self._service.runners)
-        move(playback.timeline, time.monotonic())
+        move(playback.timeline, clock.now())
         playback.changes += 1
         status = playback.status()
         return {} if status is None else asdict(status)

@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING
 
 import psutil
 
+from puppetline import clock
+
 if TYPE_CHECKING:
     from zeroconf import ServiceInfo, ServiceStateChange, Zeroconf
 
@@ -182,10 +184,10 @@ def find(seconds: float, addresses: Sequence[str] | None = None) -> list[Found]:
         time.sleep(seconds)
         browser.cancel()
         infos = [ServiceInfo(TYPE, name) for name in sorted(names)]
-        until = time.monotonic() + RESOLVE_SECONDS
+        until = clock.now() + RESOLVE_SECONDS
         for info in infos:
             if not info.load_from_cache(zeroconf):
-                info.request(zeroconf, 1000 * max(until - time.monotonic(), 0.0))
+                info.request(zeroconf, 1000 * max(until - clock.now(), 0.0))
     return [_found(info) for info in infos if info.port]
 
 

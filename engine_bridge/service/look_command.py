@@ -5,7 +5,6 @@ A stage remembers what arrives only while clients ask. Images are drawn in a thr
 
 import base64
 import math
-import time
 from collections.abc import Callable, Collection
 from concurrent.futures import Future
 from functools import partial
@@ -19,6 +18,7 @@ from capture.trackers.picture import Lens
 from engine_bridge.service.background_jobs import Jobs
 from engine_bridge.service.control.dispatcher import Deferred
 from engine_bridge.service.stages.stage_runner import StageRunner
+from puppetline import clock
 from puppetline.errors import ServiceError
 
 FIRST_SECONDS = 1.0
@@ -63,7 +63,7 @@ class Looking:
                 gone: Future[Any] = Future()
                 gone.set_exception(NO_STAGE)
                 self._finish(self._waiting.pop(runner), gone)
-            elif time.monotonic() >= self._due.get(runner, -math.inf):
+            elif clock.now() >= self._due.get(runner, -math.inf):
                 report = runner.report()
                 if report.seconds >= FIRST_SECONDS:
                     self._due[runner] = math.inf
@@ -71,8 +71,8 @@ class Looking:
                     self._jobs.start(self._jobs.looking, work, partial(self._made, runner, self._waiting.pop(runner)))
 
     def _made(self, runner: StageRunner, waiting: list[Deferred], made: Future[Any]) -> None:
-        self._due[runner] = time.monotonic() + PERIOD_SECONDS
-        self._due = {each: due for each, due in self._due.items() if due > time.monotonic()}
+        self._due[runner] = clock.now() + PERIOD_SECONDS
+        self._due = {each: due for each, due in self._due.items() if due > clock.now()}
         self._finish(waiting, made)
 
     def _finish(self, waiting: list[Deferred], made: Future[Any]) -> None:

@@ -10,7 +10,6 @@ import ipaddress
 import logging
 import math
 import sys
-import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, Future
 from functools import partial
@@ -47,6 +46,7 @@ from engine_bridge.service.takes.kiosk import Clip, Kiosk
 from engine_bridge.service.takes.take_folder import Takes
 from engine_bridge.service.takes.take_playback import TakePlayback
 from engine_bridge.service.takes.take_track import TakeTrack
+from puppetline import clock
 from puppetline.errors import ServiceError
 from puppetline.memory import trim_memory
 
@@ -147,7 +147,7 @@ class Service:
         keep.callback(self._notifier.close)
         self._reloading = self._reload_again = False
         self._waiting: list[Deferred] = []
-        self._status_at = self._store_at = time.monotonic()
+        self._status_at = self._store_at = clock.now()
 
     def _bind(self, endpoints: list[Endpoint]) -> None:
         settings, keep = self._settings, self._resources
@@ -326,10 +326,10 @@ class Service:
         self._watch_sockets()
         due = [runner.due() for runner in self.runners] + [output.due() for output in self._outputs]
         due += [self.playback.due(), self.count_in.due(), math.inf if self.kiosk is None else self.kiosk.due()]
-        timeout = max(0.0, min(*due, self._status_at) - time.monotonic())
+        timeout = max(0.0, min(*due, self._status_at) - clock.now())
         ready = dict(self._poller.poll(math.ceil(1000 * timeout)))
         for runner in self.runners:
-            if runner.source.fileno() in ready or runner.due() <= time.monotonic():
+            if runner.source.fileno() in ready or runner.due() <= clock.now():
                 self._guarded(self._take_in, runner)
         self._guarded(self.playback.advance)
         self._guarded(self.count_in.advance)
@@ -363,7 +363,7 @@ class Service:
         for future, finish in self._jobs.take_finished():
             self._guarded(finish, future)
         self._guarded(self._looking.advance, self.runners)
-        now = time.monotonic()
+        now = clock.now()
         counts = self.playback.changes, *map(self.count_in.left, self.runners)
         if now >= self._status_at or counts != self._reported:
             self._reported = counts
@@ -471,7 +471,7 @@ class Service:
         if self._show is not None:
             self._show(status)
         self._notifier.status(f"{status.performing} of {len(status.characters)} characters performing")
-        if status.performing and time.monotonic() >= self._store_at:
-            self._store_at = time.monotonic() + STORE_SECONDS
+        if status.performing and clock.now() >= self._store_at:
+            self._store_at = clock.now() + STORE_SECONDS
             known = calibration_store.known_performers(self._live_stages())
             self._jobs.writing.submit(calibration_store.write, known, calibration_store.state_file())

@@ -26,6 +26,7 @@ from engine_bridge.service.monitoring.status import (
 from engine_bridge.service.players.character_player import CharacterPlayer
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.stages.stage_runner import StageRunner
+from puppetline import clock
 
 WINDOW_SECONDS = 10.0
 """Length of the time that rates and latencies cover, in seconds."""
@@ -38,7 +39,7 @@ class _Window:
     """Times of events in the last `WINDOW_SECONDS`, each with a value, and the number of all events so far."""
 
     def __init__(self) -> None:
-        self._since = time.monotonic()
+        self._since = clock.now()
         self._count = 0
         self._moments: deque[tuple[float, float]] = deque(maxlen=WINDOW_FRAMES)
 
@@ -72,7 +73,7 @@ class Reporter:
     def __init__(self) -> None:
         self._process = psutil.Process()
         self._version = version("puppetline")
-        self._started = time.monotonic()
+        self._started = clock.now()
         self._cpu = (self._started, time.process_time())
         self._received, self._latencies, self._sent = (defaultdict[str, _Window](_Window) for _ in range(3))
         self._residuals: dict[str, float] = {}
@@ -81,11 +82,11 @@ class Reporter:
     def received(self, stage: str, skeletons: int) -> None:
         """Count skeletons that a stage has received."""
         for _ in range(skeletons):
-            self._received[stage].add(time.monotonic())
+            self._received[stage].add(clock.now())
 
     def sent(self, stage: str, frame: Frame) -> None:
         """Count a frame that has just been offered to all outputs."""
-        name, now = frame.character.name, time.monotonic_ns()
+        name, now = frame.character.name, clock.now_ns()
         self._latencies[stage].add(now * 1e-9, (now - frame.received) * 1e-6)
         self._sent[name].add(now * 1e-9)
         if "morphs" in frame.__dict__ and frame.morphs is not None:  # computed for an output
@@ -117,14 +118,14 @@ class Reporter:
 
     def _service(self) -> ServiceStatus:
         """Return the state of the process; the share of the processor is measured since the previous call."""
-        now, used = time.monotonic(), time.process_time()
+        now, used = clock.now(), time.process_time()
         (then, used_then), self._cpu = self._cpu, (now, used)
         memory, cpu = self._process.memory_info().rss, (used - used_then) / max(now - then, 1e-3)
         return ServiceStatus(version=self._version, uptime=now - self._started, pid=os.getpid(), memory=memory, cpu=cpu)
 
     def _stage(self, runner: StageRunner, count_in: int) -> StageStatus:
         stage, source = runner.stage, runner.source
-        now = time.monotonic()
+        now = clock.now()
         frames, rate = self._received[stage.name].count_and_rate(now)
         sensor = next((player.sensor for player in stage.players if player.sensor != SensorTilt()), SensorTilt())
         return StageStatus(
@@ -144,7 +145,7 @@ class Reporter:
 
     def _character(self, player: CharacterPlayer, runner: StageRunner) -> CharacterStatus:
         name = player.character.name
-        frames, rate = self._sent[name].count_and_rate(time.monotonic())
+        frames, rate = self._sent[name].count_and_rate(clock.now())
         return CharacterStatus(
             name=name,
             stage=runner.stage.name,

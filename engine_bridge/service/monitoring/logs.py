@@ -11,13 +11,14 @@ import json
 import logging
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from logging.handlers import QueueHandler
 from queue import Full, Queue
 from typing import Any, Literal, TextIO
+
+from puppetline import clock
 
 REPEAT_SECONDS = 1.0
 """Minimum time between two records of the same event from a `OnceASecond`, in seconds."""
@@ -131,7 +132,7 @@ class OnceASecond:
 
     def warning(self, event: str, **values: Any) -> None:
         """Log an event, one of a closed set; the field ``more`` of the next record counts those that were skipped."""
-        now = time.monotonic()
+        now = clock.now()
         if now - self._logged.get(event, -REPEAT_SECONDS) < REPEAT_SECONDS:
             self._skipped[event] = self._skipped.get(event, 0) + 1
             return

@@ -1,7 +1,6 @@
 """The status as text: a live table in a terminal, a few lines every 10 seconds elsewhere."""
 
 import threading
-import time
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -9,6 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from engine_bridge.service.monitoring.status import Status
+from puppetline import clock
 
 LINE_INTERVAL_SECONDS = 10.0
 """Time between two statuses as lines, where the output is no terminal, in seconds."""
@@ -62,8 +62,8 @@ class StatusDisplay:
     def _write(self) -> None:
         written = -LINE_INTERVAL_SECONDS
         while (status := self._next()) is not None:
-            if time.monotonic() - written >= LINE_INTERVAL_SECONDS:
-                written = time.monotonic()
+            if clock.now() - written >= LINE_INTERVAL_SECONDS:
+                written = clock.now()
                 for text in lines(status):
                     self._console.print(text, markup=False, highlight=False, soft_wrap=True)
 

@@ -7,8 +7,9 @@ import math
 import os
 import socket
 import sys
-import time
 from contextlib import suppress
+
+from puppetline import clock
 
 _MICROSECOND = 1e-6
 
@@ -43,7 +44,7 @@ class Notifier:
 
     def reloading(self) -> None:
         """Report that puppet files are being read again; `ready` reports the end."""
-        self._send(f"RELOADING=1\nMONOTONIC_USEC={time.monotonic_ns() // 1000}")
+        self._send(f"RELOADING=1\nMONOTONIC_USEC={clock.now_ns() // 1000}")
 
     def stopping(self) -> None:
         """Report that the service is stopping."""
@@ -58,7 +59,7 @@ class Notifier:
             Number of events processed since the start. A source without performers emits ticks, so that the number
             rises unless the service hangs.
         """
-        now = time.monotonic()
+        now = clock.now()
         if self._interval is not None and frames > self._fed_frames and now - self._fed_at >= self._interval:
             self._send("WATCHDOG=1")
             self._fed_at, self._fed_frames = now, frames

@@ -6,7 +6,6 @@ A target receives the newest frame when its time has come, and never more frames
 import math
 import re
 import socket
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +25,7 @@ from engine_bridge.service.outputs.output import Opening, Output, OutputTable
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.protocol.header import NO_USER
 from engine_bridge.service.security.endpoints import Text
+from puppetline import clock
 from puppetline.errors import PuppetError, ServiceError, at
 from puppetline.toml_schema import mistake
 from solver.motion.limbs import TRUNK
@@ -151,7 +151,7 @@ class OscOutput(Output):
         The host is unknown.
     """
 
-    def __init__(self, target: OscTable, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, target: OscTable, clock: Callable[[], float] = clock.now) -> None:
         self._target = target
         self._clock, self._began = clock, clock()
         self._turns: dict[str, _Turn] = {}

@@ -51,7 +51,7 @@ class Output(ABC):
         """Send a frame, now or when its time has come; the wire may replace it with a newer one until then."""
 
     def due(self) -> float:
-        """Return when to call `send_due`, in seconds of `time.monotonic`; infinity for never."""
+        """Return when to call `send_due`, in seconds of `puppetline.clock`; infinity for never."""
         return math.inf
 
     def send_due(self) -> None:  # noqa: B027

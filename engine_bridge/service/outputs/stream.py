@@ -3,7 +3,6 @@
 Only messages with a subscriber are computed, and once for all wires.
 """
 
-import time
 from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -26,6 +25,7 @@ from engine_bridge.service.protocol.header import (
 )
 from engine_bridge.service.protocol.payloads import header, message
 from engine_bridge.service.protocol.scene import StreamedCharacter
+from puppetline import clock
 
 Peer = TypeVar("Peer", bound=Hashable)
 """What messages are sent to: a ZeroMQ socket with all its clients, or one client."""
@@ -58,7 +58,7 @@ class StreamOutput(Output, Generic[Peer]):
         Seconds that never decrease.
     """
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, clock: Callable[[], float] = clock.now) -> None:
         self._clock = clock
         self._characters: dict[str, StreamedCharacter] = {}
         self._kept: dict[bytes, bytes] = {}
@@ -96,7 +96,7 @@ class StreamOutput(Output, Generic[Peer]):
             self._performers[name] = performer
             value = {"character": name, "state": frame.state, "user": frame.user, "time": frame.time}
             payload, place = write_json(value), topic(name, Kind.PERFORMER)
-            self._keep(place, join(place, header(Kind.PERFORMER, len(payload), frame, time.monotonic_ns()), payload))
+            self._keep(place, join(place, header(Kind.PERFORMER, len(payload), frame, clock.now_ns()), payload))
         for peer, stream in self._streams.items():
             for kind in stream.kinds_of(name):
                 whole = message(kind, frame)
@@ -137,7 +137,7 @@ class StreamOutput(Output, Generic[Peer]):
     def _publish_json(self, name: str, value: Any) -> None:
         """Send a value about the whole service, and keep it for clients that subscribe later."""
         place, payload, kind = topic_field(name), write_json(value), WORDS[name.removeprefix("service/")]
-        self._keep(place, join(place, Header(kind=kind, length=len(payload), published=time.monotonic_ns()), payload))
+        self._keep(place, join(place, Header(kind=kind, length=len(payload), published=clock.now_ns()), payload))
 
     def _keep(self, place: bytes, message: bytes) -> None:
         self._kept[place] = message
@@ -170,7 +170,7 @@ class StreamOutput(Output, Generic[Peer]):
         if character is None:
             return ()
         scene = Header(
-            kind=Kind.SCENE, length=len(character.scene), revision=character.revision, published=time.monotonic_ns()
+            kind=Kind.SCENE, length=len(character.scene), revision=character.revision, published=clock.now_ns()
         )
         return join(place, scene), character.scene
 

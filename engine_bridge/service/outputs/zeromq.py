@@ -3,7 +3,6 @@
 Nothing here waits: a client that does not read loses messages, and does not slow down the others (docs/protocol.md).
 """
 
-import time
 from collections.abc import Callable, Sequence
 
 import zmq
@@ -14,6 +13,7 @@ from engine_bridge.service.outputs.stream import Stream, StreamOutput
 from engine_bridge.service.protocol.header import FRAME_KINDS
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.security.endpoints import Endpoint, NetworkSettings
+from puppetline import clock
 
 QUEUED_FRAMES = 2
 """Number of frames per character and kind that are queued for a slow client; later ones are dropped for it."""
@@ -63,7 +63,7 @@ class ZeroMqOutput(StreamOutput[zmq.Socket[bytes]]):
         context: zmq.Context[zmq.Socket[bytes]],
         endpoints: Sequence[Endpoint],
         characters: Sequence[StreamedCharacter],
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = clock.now,
     ) -> None:
         super().__init__(clock)
         self._messages = self._bytes = 0

@@ -269,7 +269,7 @@ class CharacterPlayer:
         frame : SkeletonFrame
             Later than the one before; sensor coordinates.
         received : int
-            `time.monotonic_ns` at which it arrived.
+            `puppetline.clock.now_ns` at which it arrived.
         """
         self._automatic.add(frame)
         if self.next_calibration is None:

@@ -126,7 +126,7 @@ class PoseDisplay:
         time : float
             The stage's clock.
         received : int
-            `time.monotonic_ns` at which the data arrived.
+            `puppetline.clock.now_ns` at which the data arrived.
         wanted : Appearance
         solved : (Deformer, (4m, 3) float64), optional
             Another deformer of this character, and what it has computed for the pose; it is shown when the easing is

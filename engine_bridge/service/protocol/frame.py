@@ -49,7 +49,7 @@ class Frame:
     time : float
         Seconds, the source's clock.
     received : int
-        `time.monotonic_ns` at which the skeleton that moved it arrived.
+        `puppetline.clock.now_ns` at which the skeleton that moved it arrived.
     state : str
         One of `engine_bridge.service.states.STATES`.
     user : int or None

@@ -1,6 +1,5 @@
 """The payload of each kind of message: encoded from a frame, and decoded by clients."""
 
-import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,6 +20,7 @@ from engine_bridge.service.protocol.header import (
 )
 from engine_bridge.service.protocol.scene import Scene
 from engine_bridge.service.states import STATES
+from puppetline import clock
 
 if TYPE_CHECKING:
     from engine_bridge.service.protocol.frame import Frame
@@ -71,7 +71,7 @@ def encode(kind: Kind, frame: "Frame", published: int) -> bytes | None:
         One of `header.FRAME_KINDS`.
     frame : Frame
     published : int
-        `time.monotonic_ns`.
+        `puppetline.clock.now_ns`.
 
     Returns
     -------
@@ -90,7 +90,7 @@ def encode(kind: Kind, frame: "Frame", published: int) -> bytes | None:
 def message(kind: Kind, frame: "Frame") -> bytes | None:
     """Return a frame as a message that is encoded once, however many wires send it; see `encode`."""
     if kind not in frame.messages:
-        frame.messages[kind] = encode(kind, frame, time.monotonic_ns())
+        frame.messages[kind] = encode(kind, frame, clock.now_ns())
     return frame.messages[kind]
 
 

@@ -4,7 +4,6 @@ The guard runs in the service's loop and never waits. While `Guard.handle` is no
 """
 
 import logging
-import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -16,6 +15,7 @@ from zmq.utils.monitor import parse_monitor_message
 from engine_bridge.service.monitoring.logs import OnceASecond
 from engine_bridge.service.monitoring.status import ClientsStatus
 from engine_bridge.service.security.endpoints import HANDSHAKE_SECONDS, Endpoint
+from puppetline import clock
 
 ZAP_ADDRESS = "inproc://zeromq.zap.01"
 
@@ -112,7 +112,7 @@ class Guard:
     @property
     def clients(self) -> ClientsStatus:
         """The clients of the stream, for the status."""
-        return ClientsStatus(self._connections[b"stream"].count(time.monotonic()), self.refused, self._limit)
+        return ClientsStatus(self._connections[b"stream"].count(clock.now()), self.refused, self._limit)
 
     def watch(
         self, socket: "zmq.Socket[bytes]", closed: "Callable[[zmq.Socket[bytes], int], None] | None" = None
@@ -164,7 +164,7 @@ class Guard:
         connections, endpoint = self._connections.get(domain), self._endpoints.get(mechanism)
         if connections is None or endpoint is None or not endpoint.admits(credentials):
             return self._refuse(REFUSE, "wrong credentials", address)
-        now = time.monotonic()
+        now = clock.now()
         if connections.count(now, undecided=1) >= self._limit:
             return self._refuse(LATER, "too many clients", address)
         connections.admitted.append(now)
@@ -184,7 +184,7 @@ class Guard:
                     break
                 connection = monitor, event["value"]
                 if event["event"] == zmq.EVENT_ACCEPTED:
-                    watched.connections.opened[connection] = time.monotonic()
+                    watched.connections.opened[connection] = clock.now()
                 elif event["event"] == zmq.EVENT_DISCONNECTED:
                     watched.connections.opened.pop(connection, None)
                     if watched.closed is not None:

@@ -89,7 +89,7 @@ class Stage:
         event : Event
             No earlier than the one before.
         received : int
-            `time.monotonic_ns` at which it arrived.
+            `puppetline.clock.now_ns` at which it arrived.
 
         Raises
         ------

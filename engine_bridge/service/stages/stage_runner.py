@@ -6,7 +6,6 @@ is processed, it is logged, and that event is lost.
 
 import logging
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -27,6 +26,7 @@ from engine_bridge.service.monitoring.logs import OnceASecond, fields
 from engine_bridge.service.players.character_player import CharacterPlayer
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.stages.stage import Stage
+from puppetline import clock
 from puppetline.errors import OutputError, PuppetlineError, ServiceError
 
 WATCHED_SECONDS = 3.0
@@ -95,7 +95,7 @@ class StageRunner:
         return None if self._recorder is None else self._recorder.path.stem
 
     def due(self) -> float:
-        """Return when to call `take_in` even if nothing has arrived, in seconds of `time.monotonic`."""
+        """Return when to call `take_in` even if nothing has arrived, in seconds of `puppetline.clock`."""
         return self.source.due()
 
     def take_in(self) -> list[Frame]:
@@ -109,7 +109,7 @@ class StageRunner:
         if not self.recorded and self._recorder is None:
             count, events = len(events), newest(events)
             self.source.counts.dropped += count - len(events)
-        now, now_ns = self.source.now(), time.monotonic_ns()
+        now, now_ns = self.source.now(), clock.now_ns()
         frames: list[Frame] = []
         for event in events:
             if isinstance(event, Cue) and self._skips(event):
@@ -140,7 +140,7 @@ class StageRunner:
         self._overrule()
         cue = self._in_order(Cue(self.source.now(), do, arguments))
         try:
-            frames = self.stage.step(cue, time.monotonic_ns())
+            frames = self.stage.step(cue, clock.now_ns())
         except ServiceError:
             raise
         except Exception:
@@ -212,7 +212,7 @@ class StageRunner:
 
     def _watched(self) -> SourceMonitor:
         """Return the monitor of the source, which is dropped after `WATCHED_SECONDS` without a request."""
-        self._reported_at = time.monotonic()
+        self._reported_at = clock.now()
         if self._monitor is None:
             self._monitor = SourceMonitor(self.source, WATCHED_SECONDS)
         return self._monitor
@@ -221,7 +221,7 @@ class StageRunner:
         """Remember events while reports are requested."""
         if self._monitor is None:
             return
-        if time.monotonic() - self._reported_at > WATCHED_SECONDS:
+        if clock.now() - self._reported_at > WATCHED_SECONDS:
             self._monitor = None
         else:
             self._monitor.remember(events)
@@ -240,7 +240,7 @@ class StageRunner:
             log.error("the sound has ended: %s", error, extra=fields(stage=self.stage.name))
         begin = self._sound.start
         if self._sound_cue is not None and begin is not None:
-            begin += self.source.now() - time.monotonic()
+            begin += self.source.now() - clock.now()
             self._record(Cue(self._time, "sound", {"file": self._sound_cue, "at": begin}))
             self._sound_cue = None
 

@@ -2,7 +2,6 @@
 
 import logging
 import math
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from engine_bridge.service.monitoring.logs import fields
 from engine_bridge.service.stages.stage_runner import StageRunner
 from engine_bridge.service.takes.take_playback import TakePlayback
+from puppetline import clock
 from puppetline.errors import OutputError, ServiceError
 from puppetline.files import append_error
 
@@ -18,7 +18,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class _Counted:
-    """A take that begins at a moment of `time.monotonic`."""
+    """A take that begins at a moment of `puppetline.clock`."""
 
     path: Path
     zero: float
@@ -47,7 +47,7 @@ class CountIn:
         ServiceError
             Takes play at another speed.
         """
-        timeline, now = self._playback.timeline, time.monotonic()
+        timeline, now = self._playback.timeline, clock.now()
         if self._playback.takes and timeline.speed != 1.0:
             raise ServiceError(
                 "the takes that play",
@@ -67,7 +67,7 @@ class CountIn:
     def left(self, runner: StageRunner) -> int:
         """Return the seconds until a stage's take begins, rounded up; 0 if there is no count-in."""
         counted = self._counted.get(runner)
-        return 0 if counted is None else max(1, math.ceil(counted.zero - time.monotonic()))
+        return 0 if counted is None else max(1, math.ceil(counted.zero - clock.now()))
 
     def take(self, runner: StageRunner) -> str | None:
         """Return the name of the take that begins after the count-in."""
@@ -84,13 +84,13 @@ class CountIn:
 
     def due(self) -> float:
         """Return the moment at which to call `advance`: that of the next count."""
-        now = time.monotonic()
+        now = clock.now()
         return min((each.zero - math.ceil(each.zero - now) + 1 for each in self._counted.values()), default=math.inf)
 
     def advance(self) -> None:
         """Begin the takes that are due."""
         for runner, counted in [*self._counted.items()]:
-            if time.monotonic() < counted.zero:
+            if clock.now() < counted.zero:
                 continue
             del self._counted[runner]
             try:
@@ -106,7 +106,7 @@ class CountIn:
         if not self._playback.takes:
             return None
         ago = runner.source.now() - moment
-        return {"at": self._playback.timeline.position(time.monotonic()) - ago, "takes": self._playback.takes}
+        return {"at": self._playback.timeline.position(clock.now()) - ago, "takes": self._playback.takes}
 
 
 def _keep(path: Path) -> None:

@@ -6,7 +6,6 @@ import os
 import secrets
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from engine_bridge.service.background_jobs import Jobs
 from engine_bridge.service.monitoring.logs import fields
 from engine_bridge.service.stages.stage_runner import StageRunner
 from engine_bridge.service.takes.count_in import CountIn
+from puppetline import clock
 from puppetline.errors import PuppetlineError
 from puppetline.toml_schema import Table
 
@@ -78,7 +78,7 @@ class Clip:
     characters : list of (str, Path, int)
         Name, puppet file and performer of each character.
     began : float
-        Time at which the recording began, of `time.monotonic`.
+        Time at which the recording began, of `puppetline.clock`.
     offered : float or None
         Time from which on the video is offered; None while it is made.
     """
@@ -130,7 +130,7 @@ class Kiosk:
     @property
     def clips(self) -> list[dict[str, Any]]:
         """Each clip: its code, and the seconds until it is deleted, or None while its video is made."""
-        now = time.monotonic()
+        now = clock.now()
         return [
             {"code": each.path.stem, "seconds_left": None if each.offered is None else round(self._end(each) - now)}
             for each in self._clips
@@ -143,7 +143,7 @@ class Kiosk:
             self._asked.add(runner)
 
     def due(self) -> float:
-        """Return the moment at which to call `advance`, of `time.monotonic`."""
+        """Return the moment at which to call `advance`, of `puppetline.clock`."""
         if self._asked:
             return 0.0
         ends = [each.began + self._table.longest for each in self._recorded.values()]
@@ -151,7 +151,7 @@ class Kiosk:
 
     def advance(self, runners: list[StageRunner]) -> None:
         """Begin and end recordings, and delete what is over."""
-        now = time.monotonic()
+        now = clock.now()
         for runner in runners:
             clip = self._recorded.get(runner)
             asked = runner in self._asked
@@ -189,7 +189,7 @@ class Kiosk:
         path = self._folder / ("".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH)) + ".log")
         driven = [(each, each.user) for each in runner.stage.players if each.user is not None]
         characters = [(each.character.name, each.document.path, user) for each, user in driven]
-        clip = Clip(path, characters, time.monotonic() + self._table.count_in)
+        clip = Clip(path, characters, clock.now() + self._table.count_in)
         try:
             self._count_in.start(runner, path, self._table.count_in)
         except PuppetlineError as error:
@@ -217,7 +217,7 @@ class Kiosk:
             clip.delete()
             self._clips.remove(clip)
             return
-        clip.offered = time.monotonic()
+        clip.offered = clock.now()
         log.info("a visitor's video", extra=fields(code=clip.path.stem))
 
 

@@ -2,7 +2,6 @@
 
 import logging
 import math
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,6 +15,7 @@ from engine_bridge.service.stages.stage_runner import StageRunner
 from engine_bridge.service.takes.take_parts import SAME_SECONDS, TakePart, TakeParts
 from engine_bridge.service.takes.take_track import TakeTrack
 from engine_bridge.service.takes.timeline import Timeline
+from puppetline import clock
 from puppetline.errors import ServiceError
 
 log = logging.getLogger(__name__)
@@ -104,7 +104,7 @@ class TakePlayback:
         ServiceError
             The part has no frame.
         """
-        name, now = track.character.name, time.monotonic()
+        name, now = track.character.name, clock.now()
         part = TakePart(track, track.offset if at is None else at, start, math.inf if stop is None else stop)
         if not TakeParts([part]).times:
             raise ServiceError(
@@ -159,7 +159,7 @@ class TakePlayback:
     def seek(self, position: float, moment: float | None = None) -> None:
         """Jump to a second of the timeline, and wait there until a moment if it is given."""
         timeline = self.timeline
-        timeline.move(min(max(position, timeline.start), timeline.end), moment or time.monotonic())
+        timeline.move(min(max(position, timeline.start), timeline.end), moment or clock.now())
         self.changes += 1
         for name in self._playing:
             self._ease(name)
@@ -168,7 +168,7 @@ class TakePlayback:
         """Return the moment at which to call `advance`."""
         if not self._playing:
             return math.inf
-        timeline, now = self.timeline, time.monotonic()
+        timeline, now = self.timeline, clock.now()
         if timeline.stands(now):
             again = min(each.shown_at for each in self._playing.values()) + TICK_SECONDS
             return min(again, math.inf if timeline.paused else timeline.moment(timeline.position(now)))
@@ -179,7 +179,7 @@ class TakePlayback:
         """Show the frames that are due, and begin again or stop at the end."""
         if not self._playing:
             return
-        timeline, now = self.timeline, time.monotonic()
+        timeline, now = self.timeline, clock.now()
         end = timeline.moment(timeline.end)
         position = timeline.end if now >= end else timeline.position(now)
         for name in [*self._playing]:
@@ -195,7 +195,7 @@ class TakePlayback:
 
     def status(self) -> TimelineStatus | None:
         """Return the state of the timeline; None if no take plays."""
-        timeline, now = self.timeline, time.monotonic()
+        timeline, now = self.timeline, clock.now()
         if not self._playing:
             return None
         return TimelineStatus(

@@ -6,7 +6,7 @@ import math
 class Timeline:
     """A position in seconds that runs, waits or jumps.
 
-    All moments are those of `time.monotonic`.
+    All moments are those of `puppetline.clock`.
 
     Attributes
     ----------

@@ -8,6 +8,9 @@ from puppetline.errors import SourceError
 
 UNLOADABLE = "a library that cannot be loaded"
 
+DEBIAN_PACKAGES = {"libusb-1.0.so.0": "libusb-1.0-0"}
+"""Debian's packages of shared libraries that a Python package requires and does not bring."""
+
 
 class NotInstalledError(SourceError):
     """A library that a source requires is not installed. A library that cannot be loaded is a plain SourceError."""
@@ -20,7 +23,8 @@ def load_module(module: str, where: str, *, found: str, expected: str, fix: str)
     ----------
     module, where : str
     found, expected, fix : str
-        Parts of the error's message; the reason is added to the first.
+        Parts of the error's message; the reason is added to the first. If the reason is a shared library of
+        `DEBIAN_PACKAGES`, the other two name it and its package.
 
     Raises
     ------
@@ -33,6 +37,10 @@ def load_module(module: str, where: str, *, found: str, expected: str, fix: str)
     except (ImportError, OSError) as error:  # OSError: a shared library is missing
         missing = isinstance(error, ModuleNotFoundError) and error.name == module.partition(".")[0]
         kind = NotInstalledError if missing else SourceError
+        library = str(error).partition(":")[0]
+        if library in DEBIAN_PACKAGES:
+            expected = f"{library}, which {module} requires"
+            fix = f"Install it: apt install {DEBIAN_PACKAGES[library]} on Debian and Ubuntu."
         raise kind(where, found=f"{found} ({error})", expected=expected, fix=fix) from error
 
 

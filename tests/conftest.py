@@ -10,6 +10,7 @@ import os
 import pickle
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
@@ -180,6 +181,12 @@ def missing(what: str, reason: str) -> None:
     if what in REQUIRED:
         pytest.fail(f"{reason}, but PUPPETLINE_TEST_REQUIRE requires {what}", pytrace=False)
     pytest.skip(reason)
+
+
+def loads(library: Path) -> bool:
+    """Return whether a shared library loads, in another process, because this one would keep it."""
+    command = [sys.executable, "-S", "-c", "import ctypes, sys; ctypes.CDLL(sys.argv[1])", library]
+    return subprocess.run(command, stderr=subprocess.DEVNULL, check=False).returncode == 0
 
 
 @pytest.fixture(scope="session")

@@ -22,7 +22,7 @@ from capture.sensors.source import SensorSource
 from capture.skeleton import JOINT_INDEX, PARENTS, SkeletonFrame
 from capture.trackers.picture import Lens, Person, Picture
 
-from ..conftest import missing
+from ..conftest import loads, missing
 from ..waiting import wait_until
 
 TIMEOUT_SECONDS = 10.0
@@ -231,9 +231,9 @@ def openni_folder(tmp_path_factory):
     if find_spec("openni") is None:
         missing("openni", "the OpenNI2 bindings are not here (pip install openni)")
     library = ctypes.util.find_library("OpenNI2")
-    files = [] if library is None else list(Path("/usr/lib").glob(f"*/{library}"))
+    files = [path for path in Path("/usr/lib").glob(f"*/{library}") if loads(path)]
     if not files or not HEADERS.is_dir() or shutil.which("g++") is None:
-        missing("openni", "g++ or OpenNI2 is not here (Debian: g++, libopenni2-0 and libopenni2-dev)")
+        missing("openni", "g++ or OpenNI2 is not here, or does not load (Debian: g++, libopenni2-0 and libopenni2-dev)")
     folder = tmp_path_factory.mktemp("openni")
     drivers = folder / "OpenNI2" / "Drivers"
     drivers.mkdir(parents=True)
@@ -327,8 +327,8 @@ def data_of(content):
 def fakenect(tmp_path_factory):
     """A folder with fakenect, behind a library of the tests that has libfreenect's name."""
     compiler = shutil.which("gcc")
-    if not FAKENECT or not compiler or not Path("/usr/include/libfreenect.h").exists():
-        missing("freenect", "libfreenect is not here (Debian: libfreenect-dev and gcc)")
+    if not FAKENECT or not loads(FAKENECT[0]) or not compiler or not Path("/usr/include/libfreenect.h").exists():
+        missing("freenect", "gcc or libfreenect is not here, or does not load (Debian: gcc and libfreenect-dev)")
     folder = tmp_path_factory.mktemp("fakenect")
     behind = FAKENECT[0].read_bytes().replace(b"libfreenect.so.0.5\0", b"libfakenect.so.0.5\0")
     (folder / "libfakenect.so.0.5").write_bytes(behind)

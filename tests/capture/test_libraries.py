@@ -22,6 +22,20 @@ def test_a_module_is_not_installed_only_if_it_is_the_missing_one(tmp_path, monke
     assert type(caught.value) is kind
 
 
+def test_a_shared_library_that_a_module_misses_is_named_with_its_package(tmp_path, monkeypatch):
+    reason = "libusb-1.0.so.0: cannot open shared object file: No such file or directory"
+    (tmp_path / "a_sensor_module.py").write_text(f"raise ImportError({reason!r})")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(SourceError) as caught:
+        load_module("a_sensor_module", "here", found="none", expected="one", fix="Install it.")
+    assert type(caught.value) is SourceError  # the module itself is installed
+    assert (caught.value.found, caught.value.expected, caught.value.fix) == (
+        f"none ({reason})",
+        "libusb-1.0.so.0, which a_sensor_module requires",
+        "Install it: apt install libusb-1.0-0 on Debian and Ubuntu.",
+    )
+
+
 @pytest.mark.parametrize(("library", "kind"), [("c", SourceError), ("nosuchthing", NotInstalledError)])
 def test_a_library_is_installed_if_the_system_finds_it(library, kind):
     assert load_error(library) is kind

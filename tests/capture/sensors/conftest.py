@@ -1,13 +1,14 @@
 """Sources of these tests accept late images; OpenNI2 sensors and a recording of one."""
 
 from contextlib import ExitStack, closing
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
 
 from capture.sensors import source
 from capture.sensors.depth_camera import metres
+from capture.sensors.realsense import load_realsense
+from puppetline.errors import SourceError
 
 from ...conftest import missing
 from ..conftest import TIMEOUT_SECONDS
@@ -34,8 +35,10 @@ def opened():
 @pytest.fixture
 def virtual_realsense():
     """Make a virtual sensor of the real librealsense: `virtual_realsense(serial, …)`."""
-    if find_spec("pyrealsense2") is None:
-        missing("realsense", "librealsense is not here (pip install pyrealsense2)")
+    try:
+        load_realsense("librealsense")
+    except SourceError as error:
+        missing("realsense", str(error))
     from .virtual_realsense import VirtualRealSense
 
     return VirtualRealSense

@@ -11,7 +11,7 @@ import numpy as np
 import psutil
 import pytest
 
-from capture.sensors import depth_camera, freenect, openni, orbbec, realsense
+from capture.sensors import depth_camera, freenect, openni, openni_library, orbbec, realsense
 from capture.sensors.depth_camera import MAX_ALONE_COUNT, Selection, metres, upward
 from capture.sensors.openni import OpenNIDevice
 from capture.sensors.orbbec import OrbbecDevice
@@ -271,7 +271,8 @@ def test_every_one_measures_faces_and_hands_if_asked(monkeypatch, module, number
         module.open_source(f"{module.__name__}:{rest}", rest, Path())
         return made
 
-    for name in ("load_openni2", "load_realsense", "load_orbbec", "load_mediapipe", "_load"):
+    monkeypatch.setattr(openni_library, "load_openni2", lambda _: None)
+    for name in ("load_realsense", "load_orbbec", "load_mediapipe", "_load"):
         monkeypatch.setattr(module, name, lambda *_: None, raising=False)
     monkeypatch.setattr(depth_camera, "load_mediapipe", lambda: None)
     monkeypatch.setattr(depth_camera, "SensorSource", lambda _uri, _device, open_tracker: open_tracker(None))

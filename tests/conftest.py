@@ -1,16 +1,14 @@
-"""Data and programs that are not part of the project, and the order in which tests run."""
+"""The order in which tests run, and what they share."""
 
 import fcntl
 import gc
 import hashlib
 import importlib
-import importlib.util
 import json
 import os
 import pickle
 import shutil
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
@@ -27,9 +25,9 @@ from puppetline.clock import use
 
 from .clock import Clock, GivenClock
 from .commands import Commands
-
-ROOT = Path(__file__).parent.parent
-PEERS = ROOT / "tests" / "peers"
+from .durations import Durations
+from .outside import PEERS, PLAYERS, ROOT, LeftOut, found, load_players
+from .outside import missing as missing
 
 
 def _separate_compiled_code() -> None:
@@ -48,17 +46,6 @@ _separate_compiled_code()
 
 hypothesis.settings.register_profile("without a deadline", deadline=None)  # its 200 ms pass on a busy machine
 hypothesis.settings.load_profile("without a deadline")
-
-OPTIONAL = {"assimp", "blender", "browser", "camera", "data", "freenect", "godot", "mono", "node"}
-OPTIONAL |= {"opengl", "openni", "realsense", "vulkan"}
-REQUIRED = set(filter(None, os.environ.get("PUPPETLINE_TEST_REQUIRE", "").split(",")))
-"""Parts of `OPTIONAL` that must be present, such as ``data,node``: tests fail without them instead of being skipped."""
-
-if REQUIRED - OPTIONAL:
-    raise pytest.UsageError(
-        f"PUPPETLINE_TEST_REQUIRE={','.join(sorted(REQUIRED))}: expected a comma-separated part of {sorted(OPTIONAL)}"
-    )
-
 
 COMPILING = {
     "limbs": tuple(f"tests/solver/motion/test_{name}.py" for name in ("arms", "feet", "limb_motion", "steps")),
@@ -95,12 +82,11 @@ LONGEST = tuple(
 )
 """Files that take longest, in this order; a worker that began one of them last would end long after the others."""
 
-SKIPPED = "puppetline/skipped"
-"""Key in pytest's cache of the ids of the tests that the last run has skipped."""
-
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--skipped", action="store_true", help="run only the tests that the last run skipped")
+    parser.addoption("--skipped", action="store_true", help="run only the tests that the last run skipped or left out")
+    parser.addoption("--exhaustive", action="store_true", help="run also the tests that need hours or luck")
+    parser.addoption("--durations-json", metavar="FILE", help="write the seconds of each test; list the slowest files")
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
@@ -111,37 +97,16 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    is_worker = hasattr(config, "workerinput")  # these report to the process that started them
-    if not is_worker and hasattr(config, "cache"):
-        config.pluginmanager.register(Skipped(config))
+    config.pluginmanager.register(LeftOut(config))
+    if not hasattr(config, "workerinput"):  # those report to the process that started them
+        config.pluginmanager.register(Durations(config))
 
 
-class Skipped:
-    """Stores which tests and files are skipped."""
-
-    def __init__(self, config: pytest.Config) -> None:
-        self._config = config
-        self._ids: set[str] = set()
-
-    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        if report.skipped:
-            self._ids.add(report.nodeid)
-
-    pytest_collectreport = pytest_runtest_logreport
-
-    def pytest_sessionfinish(self, session: pytest.Session, exitstatus: int) -> None:
-        self._config.cache.set(SKIPPED, sorted(self._ids))
-        if self._config.option.skipped and exitstatus == pytest.ExitCode.NO_TESTS_COLLECTED:
-            session.exitstatus = pytest.ExitCode.OK
-
-
-@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Start with the tests that compile; long files precede short ones, so that all workers end together."""
-    if config.option.skipped:
-        ids = set(config.cache.get(SKIPPED, []))
-        items[:] = [item for item in items if not ids.isdisjoint((item.nodeid, item.nodeid.partition("::")[0]))]
-
+    if not config.option.exhaustive:
+        config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("exhaustive")])
+        items[:] = [item for item in items if not item.get_closest_marker("exhaustive")]
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     compiles = any(_compiling(item.nodeid) for item in items)
 
@@ -176,30 +141,10 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return Scheduling(config, log)
 
 
-def missing(what: str, reason: str) -> None:
-    """Skip the test; fail it if `what`, one of `OPTIONAL`, is in `REQUIRED`."""
-    if what in REQUIRED:
-        pytest.fail(f"{reason}, but PUPPETLINE_TEST_REQUIRE requires {what}", pytrace=False)
-    pytest.skip(reason)
-
-
-def loads(library: Path) -> bool:
-    """Return whether a shared library loads, in another process, because this one would keep it."""
-    command = [sys.executable, "-S", "-c", "import ctypes, sys; ctypes.CDLL(sys.argv[1])", library]
-    return subprocess.run(command, stderr=subprocess.DEVNULL, check=False).returncode == 0
-
-
 @pytest.fixture(scope="session")
 def opengl() -> None:
-    """Skip tests that draw with OpenGL where there is none."""
-    from engine_bridge.pictures.gpu_renderer import GpuRenderer
-    from puppetline.errors import OutputError
-
-    try:
-        with GpuRenderer((16, 16)):
-            pass
-    except OutputError as error:
-        missing("opengl", str(error))
+    """Leave out tests that draw with OpenGL where there is none."""
+    found("opengl")
 
 
 @pytest.fixture
@@ -234,10 +179,7 @@ def commands() -> Iterator[Commands]:
 @pytest.fixture(scope="session")
 def real_data() -> Path:
     """Return the folder of real logs and meshes, which are not part of the project."""
-    folder = os.environ.get("PUPPETLINE_TEST_DATA")
-    if not folder or not Path(folder).is_dir():
-        missing("data", "no real recordings and meshes (set PUPPETLINE_TEST_DATA to their folder)")
-    return Path(str(folder))
+    return found("data")
 
 
 @pytest.fixture(scope="session")
@@ -247,9 +189,8 @@ def real_logs(real_data: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def camera() -> None:
-    """Skip the test if OpenCV and MediaPipe are not installed."""
-    if not importlib.util.find_spec("mediapipe"):
-        missing("camera", "OpenCV and MediaPipe are not installed (make test-camera)")
+    """Leave out tests of OpenCV and MediaPipe where they are not installed."""
+    found("camera")
 
 
 @pytest.fixture(scope="session")
@@ -263,19 +204,7 @@ def rendered_body() -> ModuleType:
 @pytest.fixture(scope="session")
 def players() -> ModuleType:
     """Return the module benchmarks/players.py, which plays a .glb in other programs."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(ROOT)
-        return importlib.import_module("benchmarks.players")
-
-
-PLAYER_REQUIREMENTS = {
-    "Blender": ("blender", "bpy is not installed (make peers)"),
-    "three.js": ("node", "node or tests/peers/node_modules is not installed (make peers)"),
-    "Babylon.js": ("node", "node or tests/peers/node_modules is not installed (make peers)"),
-    "Godot": ("godot", "Godot 4.3 or newer is not installed (put `godot` on PATH, or set GODOT to its path)"),
-    "assimp": ("assimp", "assimp 5.1 or 5.2 is not installed (Debian 12: libassimp5)"),
-}
-"""The part of `OPTIONAL` that each program's tests require, and why they are skipped without it."""
+    return load_players()
 
 
 @pytest.fixture(scope="session")
@@ -284,10 +213,8 @@ def player(players: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Cal
     commands, folder = players.commands(), tmp_path_factory.mktemp("shown")
 
     def of(program: str) -> Callable[..., Any]:
-        command = commands[program]
-        if command is None:
-            missing(*PLAYER_REQUIREMENTS[program])
-        return lambda path, n, *more: players.play(command, path, n, folder / "shown", *more)
+        found(PLAYERS[program])
+        return lambda path, n, *more: players.play(commands[program], path, n, folder / "shown", *more)
 
     return of
 
@@ -295,10 +222,7 @@ def player(players: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Cal
 @pytest.fixture(scope="session")
 def mono() -> tuple[str, str]:
     """Return the paths of Mono's compiler and of Mono."""
-    compiler, program = shutil.which("mcs"), shutil.which("mono")
-    if compiler is None or program is None:
-        missing("mono", "mcs and mono are not installed (Debian: mono-mcs and mono-runtime)")
-    return str(compiler), str(program)
+    return found("mono")
 
 
 class Node:
@@ -336,10 +260,7 @@ class Node:
 @pytest.fixture(scope="session")
 def node() -> Iterator[Callable[..., str]]:
     """Run a script of tests/peers with arguments and return what it prints."""
-    program = shutil.which("node")
-    if program is None or not (PEERS / "node_modules").is_dir():
-        missing("node", "node or tests/peers/node_modules is not installed (make peers)")
-    running = Node(str(program))
+    running = Node(found("node"))
     yield running.run
     running.close()
 
@@ -347,23 +268,14 @@ def node() -> Iterator[Callable[..., str]]:
 @pytest.fixture(scope="session")
 def godot() -> str:
     """Return the path of Godot 4: the environment variable GODOT, or the one on PATH."""
-    program = shutil.which(os.environ.get("GODOT", "godot"))
-    if program is None:
-        missing("godot", "Godot 4.3 or newer is not installed (put `godot` on PATH, or set GODOT to its path)")
-    return str(program)
+    return found("godot")
 
 
 @pytest.fixture(scope="session")
-def vulkan(godot: str) -> Iterator[None]:
+def vulkan() -> Iterator[None]:
     """Let Godot draw with Vulkan on the processor."""
-    driver = min(Path("/usr/share/vulkan/icd.d").glob("lvp_icd.*.json"), default=None)
-    if driver is None:
-        missing("vulkan", "Mesa's Vulkan driver for the processor is not installed (Debian: mesa-vulkan-drivers)")
-    command = [godot, "--headless", "--rendering-driver", "unknown"]  # it prints the drivers that it has
-    if "'vulkan'" not in subprocess.run(command, capture_output=True, text=True, check=False).stdout:
-        missing("vulkan", f"{godot} was built without Vulkan")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("VK_ICD_FILENAMES", str(driver))
+        patch.setenv("VK_ICD_FILENAMES", str(found("vulkan")))
         yield
 
 
@@ -373,9 +285,7 @@ def browser() -> Iterator[Any]:
 
     Playwright's event loop runs until it is closed, and other tests cannot run theirs meanwhile.
     """
-    program = shutil.which("chromium") or shutil.which("google-chrome")
-    if program is None or not importlib.util.find_spec("playwright"):
-        missing("browser", "Chromium or Playwright is not installed (Debian: chromium; make peers)")
+    program = found("browser")
     from playwright.sync_api import sync_playwright
 
     quiet = ("quic", "background-networking", "component-update", "sync")

@@ -1,6 +1,5 @@
 """Scripted devices and trackers, virtual sensors, a rendered body, and a source received from like in the service."""
 
-import ctypes.util
 import mmap
 import os
 import queue
@@ -9,7 +8,6 @@ import subprocess
 import sys
 import time
 from contextlib import ExitStack, closing
-from importlib.util import find_spec
 from pathlib import Path
 from select import select
 
@@ -22,7 +20,7 @@ from capture.sensors.source import SensorSource
 from capture.skeleton import JOINT_INDEX, PARENTS, SkeletonFrame
 from capture.trackers.picture import Lens, Person, Picture
 
-from ..conftest import loads, missing
+from ..outside import OPENNI_HEADERS, found
 from ..waiting import wait_until
 
 TIMEOUT_SECONDS = 10.0
@@ -54,9 +52,6 @@ foot_right      0.14 -0.95 -0.08
 """
 STANDING = {name: tuple(map(float, place)) for name, *place in map(str.split, STANDING_TABLE.strip().splitlines())}
 """A performer who faces the sensor, with the right arm up; no joint is another's mirror image."""
-
-HEADERS = Path("/usr/include/openni2")
-FAKENECT = sorted(Path("/usr/lib").glob("*/fakenect/libfreenect.so.0.5"))
 
 
 class ScriptedDevice:
@@ -228,18 +223,13 @@ class VirtualSensor:
 @pytest.fixture(scope="session")
 def openni_folder(tmp_path_factory):
     """Folder of the real OpenNI2 library with its driver of files and that of virtual sensors, for this process."""
-    if find_spec("openni") is None:
-        missing("openni", "the OpenNI2 bindings are not here (pip install openni)")
-    library = ctypes.util.find_library("OpenNI2")
-    files = [path for path in Path("/usr/lib").glob(f"*/{library}") if loads(path)]
-    if not files or not HEADERS.is_dir() or shutil.which("g++") is None:
-        missing("openni", "g++ or OpenNI2 is not here, or does not load (Debian: g++, libopenni2-0 and libopenni2-dev)")
+    library = found("openni")
     folder = tmp_path_factory.mktemp("openni")
     drivers = folder / "OpenNI2" / "Drivers"
     drivers.mkdir(parents=True)
-    shutil.copy(files[0], folder)
-    shutil.copy(files[0].parent / "OpenNI2" / "Drivers" / "libOniFile.so.0", drivers)
-    command = ["g++", "-std=c++17", "-O2", "-fPIC", "-shared", f"-I{HEADERS}"]
+    shutil.copy(library, folder)
+    shutil.copy(library.parent / "OpenNI2" / "Drivers" / "libOniFile.so.0", drivers)
+    command = ["g++", "-std=c++17", "-O2", "-fPIC", "-shared", f"-I{OPENNI_HEADERS}"]
     source = Path(__file__).parent / "sensors" / "virtual_sensor.cpp"
     subprocess.run([*command, "-o", drivers / "libVirtualSensor.so.0", source], check=True, capture_output=True)
     os.environ["OPENNI2_REDIST"] = str(folder)
@@ -324,19 +314,26 @@ def data_of(content):
 
 
 @pytest.fixture(scope="session")
-def fakenect(tmp_path_factory):
+def freenect():
+    """The path of Debian's libfreenect."""
+    return found("freenect")
+
+
+@pytest.fixture(scope="session")
+def fakenect(freenect, tmp_path_factory):
     """A folder with fakenect, behind a library of the tests that has libfreenect's name."""
-    compiler = shutil.which("gcc")
-    if not FAKENECT or not loads(FAKENECT[0]) or not compiler or not Path("/usr/include/libfreenect.h").exists():
-        missing("freenect", "gcc or libfreenect is not here, or does not load (Debian: gcc and libfreenect-dev)")
     folder = tmp_path_factory.mktemp("fakenect")
-    behind = FAKENECT[0].read_bytes().replace(b"libfreenect.so.0.5\0", b"libfakenect.so.0.5\0")
+    behind = (
+        (freenect.parent / "fakenect" / freenect.name)
+        .read_bytes()
+        .replace(b"libfreenect.so.0.5\0", b"libfakenect.so.0.5\0")
+    )
     (folder / "libfakenect.so.0.5").write_bytes(behind)
     source = Path(__file__).parent / "sensors" / "kinect.c"
     name = "libfreenect.so.0.5"
     link = f"-Wl,-soname,{name},--no-as-needed,-rpath,$ORIGIN"
     subprocess.run(
-        [compiler, "-shared", "-fPIC", source, "-o", folder / name, link, "-L", folder, "-l:libfakenect.so.0.5"],
+        ["gcc", "-shared", "-fPIC", source, "-o", folder / name, link, "-L", folder, "-l:libfakenect.so.0.5"],
         check=True,
     )
     return folder

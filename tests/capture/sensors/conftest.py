@@ -7,10 +7,8 @@ import pytest
 
 from capture.sensors import source
 from capture.sensors.depth_camera import metres
-from capture.sensors.realsense import load_realsense
-from puppetline.errors import SourceError
 
-from ...conftest import missing
+from ...outside import found
 from ..conftest import TIMEOUT_SECONDS
 
 
@@ -35,10 +33,7 @@ def opened():
 @pytest.fixture
 def virtual_realsense():
     """Make a virtual sensor of the real librealsense: `virtual_realsense(serial, …)`."""
-    try:
-        load_realsense("librealsense")
-    except SourceError as error:
-        missing("realsense", str(error))
+    found("realsense")
     from .virtual_realsense import VirtualRealSense
 
     return VirtualRealSense

@@ -13,8 +13,6 @@ from capture.sensors.freenect import LENS, FreenectDevice, open_source
 from capture.skeleton import JOINT_INDEX, PARENTS
 from puppetline.errors import SourceError
 
-from ...conftest import loads, missing
-
 FRAME = 2_002_000
 """Ticks from one image to the next."""
 
@@ -162,17 +160,8 @@ def test_two_sensors_work_at_once_and_one_that_is_open_is_in_use(read, write_dum
         assert f"found {found}" in read(dump, 1, sensors=sensors)[0].stdout
 
 
-@pytest.fixture(scope="module")
-def installed():
-    """Return the path of Debian's library."""
-    for library in Path("/usr/lib").glob("*/libfreenect.so.0.5"):
-        if loads(library):
-            return library
-    return missing("freenect", "libfreenect is not here, or does not load (Debian: libfreenect0.5)")
-
-
-def test_the_stand_in_logs_the_librarys_messages(installed):
-    library = installed.read_bytes()
+def test_the_stand_in_logs_the_librarys_messages(freenect):
+    library = freenect.read_bytes()
     for text in (
         b"Could not open camera: %d\n",
         b"Failed to claim camera interface: %s\n",
@@ -181,14 +170,14 @@ def test_the_stand_in_logs_the_librarys_messages(installed):
         assert text in library
 
 
-@pytest.mark.usefixtures("installed")
+@pytest.mark.usefixtures("freenect")
 def test_the_real_library_counts_sensors():
     with pytest.raises(SourceError) as refused:
         FreenectDevice("freenect:99", 99)
     assert "the number 99" in refused.value.found or refused.value.found == "no Kinect v1 on USB"
 
 
-@pytest.mark.usefixtures("installed")
+@pytest.mark.usefixtures("freenect")
 def test_the_udev_rule_in_the_error_is_that_of_the_package():
     rules = Path("/lib/udev/rules.d", freenect.UDEV_RULES)
     line = 'SUBSYSTEM=="usb", ATTRS{idVendor}=="045e", ATTRS{idProduct}=="02ae", GROUP="plugdev", MODE="0666"'

@@ -81,8 +81,7 @@ function cancel(change: Partial<State>): Node_ {
   return button(strings.viewer.cancel, () => {
     update(change);
   }, { quiet: true });
-
-  }
+}
 
 /** Add the limb whose points have been clicked. */
 export function finishLimb(): void {

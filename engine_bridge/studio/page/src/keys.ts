@@ -1,0 +1,31 @@
+/** The keys of the whole page. */
+
+import { record, redo, removeSelected, save, undo } from "./actions";
+import { play } from "./film";
+import { finishLimb } from "./panels/toolbar";
+import { current, update } from "./store";
+
+async function toggleRecording(): Promise<void> {
+  const { server, character, count } = current();
+  if (server !== null && character !== null && server.source.kind !== "none") await record(server.recording === null && count === null);
+}
+
+/** Do what a key stands for, unless it is typed into a field. */
+export function keys(event: KeyboardEvent): void {
+  const typing = event.target instanceof HTMLInputElement && event.target.type !== "checkbox" && event.target.type !== "range";
+  const command = event.ctrlKey || event.metaKey;
+  const key = event.key.toLowerCase();
+  if (command && key === "s") {
+    const { character } = current();
+    if (character !== null) void save(character);
+  } else if (typing) return;
+  else if (command && key === "z") (event.shiftKey ? redo : undo)();
+  else if (command && key === "y") redo();
+  else if (key === "r" && !command && !(event.target instanceof HTMLSelectElement)) void toggleRecording();
+  else if (key === " " && !(event.target instanceof HTMLElement && event.target.matches("button, input, select, summary, video"))) void play();
+  else if (key === "escape") update({ selection: null, joint: null, channel: null, target: null, finding: null, tool: "select", drawn: [], clip: null, drawer: null, asking: null });
+  else if (key === "enter" && current().drawn.length >= 2 && event.target === document.activeElement) finishLimb();
+  else if (key === "delete" || key === "backspace") removeSelected();
+  else return;
+  event.preventDefault();
+}

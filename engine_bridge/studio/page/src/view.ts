@@ -1,0 +1,55 @@
+/** The whole page as a function of the state. */
+
+import { type Child, h } from "./dom";
+import type { Vector } from "./model/vector";
+import { banner } from "./panels/banner";
+import { empty } from "./panels/empty";
+import { covers } from "./panels/film";
+import { header } from "./panels/header";
+import { performer } from "./panels/performer";
+import { status } from "./panels/status";
+import { strip } from "./panels/strip";
+import { tabs } from "./panels/tabs";
+import { toolHint, toolbar } from "./panels/toolbar";
+import type { State } from "./store";
+import { strings } from "./strings";
+
+/** What the page says of the 3D view. */
+export interface Shown {
+  readonly drawnPerSecond: number;
+  has: (character: string) => boolean;
+  bounds: (character: string) => readonly [Vector, Vector] | null;
+  fit: () => void;
+}
+
+export function page(state: State, viewer: Shown): readonly Child[] {
+  const { character, server } = state;
+  const started = server !== null && server.characters.length > 0 && character !== null && !state.adding;
+  return [
+    header(state),
+    banner(state),
+    started
+      ? h(
+          "main",
+          { class: `studio ${state.drawer === null ? "" : `with-${state.drawer}`}`, key: "studio" },
+          performer(state),
+          h(
+            "div",
+            { class: "middle" },
+            h("h1", { class: "hidden" }, `${strings.title}: ${character}`),
+            h("div", { class: "place", key: "place", raw: true }),
+            toolbar(state, () => {
+              viewer.fit();
+            }),
+            toolHint(state),
+            !viewer.has(character) && h("p", { class: "preparing", key: "preparing" }, strings.viewer.preparing(character)),
+          ),
+          tabs(state, viewer.bounds(character)),
+          strip(state),
+        )
+      : empty(state),
+    status(state, viewer.drawnPerSecond),
+    covers(state),
+    state.dropping && h("div", { class: "dropping", key: "dropping" }, h("p", {}, strings.empty.drop), h("p", { class: "small" }, strings.empty.dropHint)),
+  ];
+}

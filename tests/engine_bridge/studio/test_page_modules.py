@@ -1,18 +1,77 @@
-"""The modules of the studio's page that need no document: edits of puppets, undo, picking, plots (page/test/*.ts)."""
+"""The studio's page without a browser: its own tests (page/test/*.ts), and whether their server is like the real one."""
 
+import gzip
+import json
+import os
 import shutil
 import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pydantic import TypeAdapter
+
+from engine_bridge.studio.long_work.puppet_values import puppet_of
+from engine_bridge.studio.messages import characters, connection, film, performers
+from engine_bridge.studio.messages.requests import REQUESTS
+from engine_bridge.studio.messages.state import ProgressEvent, SourceState, State
 
 from ...conftest import ROOT, missing
 
 PAGE = ROOT / "engine_bridge" / "studio" / "page"
 
+MAX_PAGE_BYTES = 400_000
+"""Maximum size of the page as gzip sends it."""
 
-def test_the_modules_do_what_their_own_tests_say():
-    program = shutil.which("node")
+REPLIES = {
+    "puppet": characters.PuppetReply,
+    "edit": characters.PuppetReply,
+    "change_plan": characters.PuppetReply,
+    "edit_film": film.FilmState,
+    "sources": performers.Sources,
+    "look": performers.LookReply,
+    "smoothing_preview": performers.SmoothingReply,
+    "source": SourceState | dict,
+}
+"""Classes of results by requests."""
+
+
+@pytest.fixture(scope="module")
+def frames(tmp_path_factory):
+    """Run the page's tests; return the frames that the page and the server of these tests have sent to each other."""
+    beside = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    program = shutil.which("node", path=beside)
     if program is None or not (PAGE / "node_modules" / "esbuild").is_dir():
         missing("node", "node or the packages of the page are not installed (make studio)")
-    result = subprocess.run([str(program), PAGE / "test.mjs"], capture_output=True, text=True)
+    path = tmp_path_factory.mktemp("frames") / "frames.jsonl"
+    result = subprocess.run(
+        [program, PAGE / "test.mjs"], capture_output=True, text=True, env=os.environ | {"STUDIO_FRAMES": str(path)}
+    )
     assert result.returncode == 0, result.stdout
-    passed = next(line for line in result.stdout.splitlines() if line.startswith(("# pass ", "ℹ pass ")))
-    assert int(passed.split()[-1]) >= 33
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def test_the_page_does_what_its_own_tests_say_with_requests_that_the_server_accepts(frames):
+    requests = [frame["request"] for frame in frames if "request" in frame]
+    for request in requests:
+        REQUESTS[request["do"]].model_validate(request)
+        if request["do"] == "edit":
+            puppet_of(request["puppet"], "figure.glb")
+    programs = {"ping", "state", "snap", "mirror", "mirror_limb", "revert_puppet"}  # of programs other than the page
+    assert {request["do"] for request in requests} | programs == {*REQUESTS}
+
+
+def test_the_server_of_the_pages_tests_sends_what_the_real_one_does(frames):
+    kinds = {"hello": connection.Greeting, "state": State}
+    for frame in frames:
+        for key in kinds.keys() & frame:
+            kinds[key].model_validate(frame[key])
+        if frame.get("event") == "progress":
+            ProgressEvent.model_validate(frame)
+        if {"request", "result"} <= frame.keys():
+            TypeAdapter(REPLIES.get(frame["request"]["do"], dict)).validate_python(frame["result"])
+
+
+def test_the_page_is_small():
+    files = [path for path in (PAGE / "dist").rglob("*") if path.is_file()]
+    assert 0 < sum(len(gzip.compress(path.read_bytes())) for path in files) <= MAX_PAGE_BYTES

@@ -127,7 +127,7 @@ test("a limb is deleted, also by a key, and comes back as a copy of the other si
   assert.deepEqual(page.limb("right arm"), { name: "right arm", points: [[-1, 1, 0], [-2, 1, 0], [-3, 1, 0], [-4, 1, 0]], joints: ["shoulder_right", "elbow_right", "wrist_right", "hand_right"] });
   assert.deepEqual(page.state.selection, { kind: "limb", name: "right arm" });
   await page.press("Backspace");
-  assert.equal(page.puppet.limb?.length, 3);
+  assert.equal(page.puppet.limb.length, 3);
   await page.line("head").click();
   assert.ok(page.button("Copy to other side").disabled);
 });

@@ -210,8 +210,8 @@ export class Server {
   }
 
   async received(text: string): Promise<void> {
-    const request = JSON.parse(text) as Request | { token: string };
-    if ("token" in request) {
+    const request = JSON.parse(text) as Request & { readonly token?: string };
+    if (request.token !== undefined) {
       this.tokens.push(request.token);
       const reason = this.refused.get(request.token);
       if (reason !== undefined) {
@@ -222,13 +222,14 @@ export class Server {
       this.send({ event: "state", state: this.state });
       return;
     }
-    this.requests.push(request as Request);
+    this.requests.push(request);
     try {
-      const result = await (this.answers.get(request.do as string) ?? (() => ({})))(request as Request);
+      const result = await (this.answers.get(request.do) ?? (() => ({})))(request);
       keep({ request, result });
       this.send({ id: request.id, ok: true, result });
     } catch (error) {
       if (!(error instanceof Refused)) throw error;
+      keep({ request });
       this.send({ id: request.id, ok: false, error: error.reason });
     }
   }
@@ -269,8 +270,18 @@ class Field {
   type = "text";
 }
 
+class Select {
+  type = "select-one";
+}
+
+class Sound {
+  readonly gain = { setTargetAtTime: (): void => undefined };
+  readonly connect = (): void => undefined;
+  readonly start = (): void => undefined;
+  readonly getChannelData = (): Float32Array => new Float32Array();
+}
+
 const storage = new Map<string, string>();
-const silent = { connect: (): void => undefined, start: (): void => undefined, gain: { setTargetAtTime: (): void => undefined }, getChannelData: () => new Float32Array() };
 const address = { hash: "#token=once", pathname: "/", protocol: "http:", host: "127.0.0.1:7480" };
 
 Object.assign(globalThis, {
@@ -312,17 +323,15 @@ Object.assign(globalThis, {
   },
   HTMLElement: Field,
   HTMLInputElement: Field,
-  HTMLSelectElement: class {},
+  HTMLSelectElement: Select,
   AudioContext: class {
     readonly sampleRate = 4;
     readonly currentTime = 0;
     readonly destination = {};
   },
-  ...Object.fromEntries(["GainNode", "AudioBuffer", "AudioBufferSourceNode"].map((name) => [name, class {
-    constructor() {
-      Object.assign(this, silent);
-    }
-  }])),
+  GainNode: Sound,
+  AudioBuffer: Sound,
+  AudioBufferSourceNode: Sound,
 });
 performance.now = () => now;
 
@@ -472,6 +481,11 @@ export class Page {
     return this.nodes().map(textOf).join("\n");
   }
 
+  /** All elements inside of another. */
+  within({ node, disabled }: Found): Found[] {
+    return [...this.all(node.children, disabled)];
+  }
+
   /** All elements of a tag that have a class, if one is given. */
   every(tag: string, name = ""): Found[] {
     return [...this.all()].filter(({ node }) => node.tag === tag && (name === "" || String(node.attributes.class ?? "").split(" ").includes(name)));
@@ -493,7 +507,7 @@ export class Page {
 
   /** A field by its label. */
   field(label: string): Found {
-    const inputs = (found: Found): Found[] => [...this.all(found.node.children, found.disabled)].filter(({ node }) => ["input", "select"].includes(node.tag));
+    const inputs = (found: Found): Found[] => this.within(found).filter(({ node }) => ["input", "select"].includes(node.tag));
     const labelled = [...this.all()].filter(({ node }) => node.tag === "label" && node.children.some((each) => typeof each !== "string" && each.tag === "span" && textOf(each) === label));
     const own = [...this.all()].filter((each) => ["input", "select"].includes(each.node.tag) && each.is("aria-label") === label);
     return one(label, [...labelled.flatMap(inputs), ...own]);

@@ -10,6 +10,8 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
+
 TIMEOUT_SECONDS = 240.0
 """Time after which a test fails, in seconds; the first start of a service compiles."""
 
@@ -143,19 +145,33 @@ class Window:
         return box["x"] + x, box["y"] + y
 
     def drag(self, start, end):
-        """Drag the pointer, again if a busy page has missed it, and wait until what was dragged is applied."""
-        before = self.puppet
-        for _ in range(5):
-            self.page.mouse.move(*start)
-            self.page.mouse.down()
-            self.page.mouse.move(*end, steps=4)
-            self.page.mouse.up()
-            self.page.wait_for_timeout(1000)
-            if self.puppet != before or self.state("busy"):
-                break
-        before = json.dumps(before)
-        self.until(f"JSON.stringify(state.puppets[state.character].present) !== JSON.stringify({before})")
+        """Drag the pointer."""
+        self.page.mouse.move(*start)
+        self.page.mouse.down()
+        self.page.mouse.move(*end, steps=4)
+        self.page.mouse.up()
+
+    def edited(self, before):
+        """Wait until the puppet differs from another one, and what was edited is applied."""
+        shown = "JSON.stringify(state.puppets[state.character].present)"
+        self.until(f"{shown} !== JSON.stringify({json.dumps(before)})")
         self.idle()
+
+    def frames(self, count):
+        """Wait until so many further frames of the shown character have been streamed and drawn."""
+        number = "studio.viewer.moment(state.character)?.later"
+        self.until(f"{number} >= {self.until(number) + count}")
+
+    def positions(self):
+        """Return the positions (n, 3) of the shown character's vertices as they are drawn."""
+        return np.reshape(self.page.evaluate("[...studio.viewer.positions(studio.state().character)]"), (-1, 3))
+
+    def save(self, act, path):
+        """Do something that saves a file on this computer; return where it is saved."""
+        with self.page.expect_download() as download:
+            act()
+        download.value.save_as(path)
+        return path
 
     def button(self, name):
         """A button, by its whole name."""

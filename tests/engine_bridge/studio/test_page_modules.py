@@ -1,4 +1,4 @@
-"""The studio's page without a browser: its own tests (page/test/*.ts), and whether their server is like the real one."""
+"""The studio's page without a browser: its own tests (page/test/*.ts), whose server must be like the real one."""
 
 import gzip
 import json

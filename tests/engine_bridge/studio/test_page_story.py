@@ -101,13 +101,13 @@ def film(studio, window, tmp_path_factory):
     window.until("state.server.microphone")
     window.idle()
     window.page.get_by_label("Character", exact=True).select_option("first")
-    take(window, 3.0)
+    take(window)
     window.button("second").click()
     window.page.locator(".overlay").focus()
     window.page.keyboard.press("r")
     playing = window.until("state.server.recording && !state.count && state.server.timeline?.takes")
     assert [each["character"] for each in playing] == ["first"]
-    window.page.wait_for_timeout(2500)
+    window.frames(75)
     window.page.keyboard.press("r")
     window.until("state.film.present.length === 2 && state.server.takes.every(({ wave }) => wave !== '')")
     window.idle()
@@ -115,10 +115,7 @@ def film(studio, window, tmp_path_factory):
     edge = window.page.locator(".clip").nth(1).locator(".edge.end").bounding_box()
     start = edge["x"] + edge["width"] / 2, edge["y"] + edge["height"] / 2
     stop = window.state("film.present")[1]["stop"]
-    window.page.mouse.move(*start)
-    window.page.mouse.down()
-    window.page.mouse.move(start[0] - 40, start[1], steps=4)
-    window.page.mouse.up()
+    window.drag(start, (start[0] - 40, start[1]))
     window.until(f"state.film.present[1].stop < {stop} - 0.2")
     window.idle()
     trimmed = window.state("film.present")
@@ -139,10 +136,7 @@ def film(studio, window, tmp_path_factory):
     video.wait_for(timeout=1000 * TIMEOUT_SECONDS)
     window.until("document.querySelector('video').currentTime > 0.3")
     assert video.evaluate("each => [each.videoWidth, each.videoHeight]") == list(SIZE)
-    saved = tmp_path_factory.mktemp("saved") / "film.mp4"
-    with window.page.expect_download() as download:
-        window.button("Save the film").click()
-    shutil.copy(download.value.path(), saved)
+    saved = window.save(window.button("Save the film").click, tmp_path_factory.mktemp("saved") / "film.mp4")
     assert "# small" in (studio.folder / "film.toml").read_text()
     return saved
 
@@ -151,13 +145,13 @@ def performing(window):
     window.until("state.server.characters.find(({ name }) => name === state.character).state === 'performing'")
 
 
-def take(window, seconds):
+def take(window):
     """Record a take of the character that is shown."""
     performing(window)
     count = len(window.state("film.present"))
     window.button("Record").click()
     window.until("state.server.recording && !state.count")
-    window.page.wait_for_timeout(1000 * seconds)
+    window.frames(90)
     window.button("Stop recording").click()
     window.until(f"state.film.present.length === {count + 1}")
     window.idle()

@@ -59,21 +59,21 @@ def test_arrays_that_no_longer_hold_are_made_again_without_a_warning(kept, caplo
         asked.append(same(arrays))
         return len(asked) > 1
 
-    with pytest.raises(AssertionError, match="made although"):
+    with pytest.raises(AssertionError):
         load_or_compute(kept.parent, KEY, impossible, is_current)
     assert same(load_or_compute(kept.parent, KEY, impossible, is_current))
     assert (asked, caplog.records) == ([True, True], [])
 
 
 def test_an_error_in_the_making_is_passed_on_and_nothing_is_kept(tmp_path):
-    with pytest.raises(AssertionError, match="made although"):
+    with pytest.raises(AssertionError):
         load_or_compute(tmp_path, KEY, impossible)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_truncated_file_is_made_anew(kept, caplog):
     whole = kept.read_bytes()
-    for length in np.linspace(0, len(whole) - 1, 50).astype(int):
+    for length in np.linspace(0, len(whole) - 1, 20).astype(int):
         kept.write_bytes(whole[:length])
         assert made_anew(kept, caplog)
 
@@ -90,39 +90,34 @@ def test_no_flipped_byte_of_a_file_gives_other_arrays(kept, caplog):
     assert warnings > len(whole) / 9 / 2  # the others hit what a zip archive does not need, such as dates
 
 
+class Trap:
+    """An object that runs code when it is unpickled."""
+
+    def __reduce__(self):
+        return (pytest.fail, ("the cache ran code",))
+
+
+CONTENT = np.array([KEY, *some_arrays()])
+
+
 @pytest.mark.parametrize(
-    "content", [b"", b"not an archive", b"PK\x03\x04" + bytes(100), b"\x93NUMPY\x01\x00" + bytes(80)]
+    "damage",
+    [
+        *(b"", b"not an archive", b"PK\x03\x04" + bytes(100), b"\x93NUMPY\x01\x00" + bytes(80), np.arange(5)),
+        *({}, {"content": CONTENT}, {"content": CONTENT, "table": np.eye(3)}, some_arrays()),
+        {"content": np.array([KEY, "table"]), "table": np.array([Trap()], dtype=object)},
+        {"content": np.array([cache_key("other arrays"), *some_arrays()]), **some_arrays()},
+    ],
+    ids=lambda damage: str(damage)[:40],
 )
-def test_a_file_that_is_no_archive_is_made_anew(kept, caplog, content):
-    kept.write_bytes(content)
-    assert made_anew(kept, caplog)
-
-
-def test_a_single_array_and_an_archive_that_lacks_arrays_are_made_anew(kept, caplog):
-    content = np.array([KEY, *some_arrays()])
+def test_a_file_that_is_no_archive_or_lacks_arrays_or_has_objects_or_another_key_is_made_anew(kept, caplog, damage):
     with kept.open("wb") as file:
-        np.save(file, np.arange(5))
-    assert made_anew(kept, caplog)
-    for arrays in ({}, {"content": content}, {"content": content, "table": np.eye(3)}, some_arrays()):
-        with kept.open("wb") as file:
-            np.savez(file, **arrays)
-        assert made_anew(kept, caplog)
-
-
-def test_pickled_objects_are_not_loaded(kept, caplog):
-    class Trap:
-        def __reduce__(self):
-            return (pytest.fail, ("the cache ran code",))
-
-    with kept.open("wb") as file:
-        np.savez(file, content=np.array([KEY, "table"]), table=np.array([Trap()], dtype=object))
-    assert made_anew(kept, caplog)
-
-
-def test_an_entry_of_another_key_is_computed_again(kept, caplog):
-    other = cache_key("other arrays")
-    load_or_compute(kept.parent, other, lambda: {"table": np.eye(3)})
-    (kept.parent / f"{other}.npz").replace(kept)
+        if isinstance(damage, bytes):
+            file.write(damage)
+        elif isinstance(damage, dict):
+            np.savez(file, **damage)
+        else:
+            np.save(file, damage)
     assert made_anew(kept, caplog)
 
 

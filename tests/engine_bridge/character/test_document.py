@@ -6,6 +6,8 @@ from engine_bridge.character.document import Document
 from engine_bridge.character.document_reader import load_document
 from puppetline.errors import MeshError, OutputError
 
+from ..refusals import refused
+
 
 @pytest.mark.parametrize(
     ("code", "kind", "stored", "meant"),
@@ -17,10 +19,12 @@ from puppetline.errors import MeshError, OutputError
     ],
 )
 def test_normalised_integers_become_the_floats_that_the_specification_says(code, kind, stored, meant):
-    raw = np.array(stored, kind).tobytes()
-    views = [{"buffer": 0, "byteLength": len(raw)}]
-    accessors = [{"bufferView": 0, "componentType": code, "count": 4, "type": "SCALAR", "normalized": True}]
-    values = Document(schema.empty() | {"bufferViews": views, "accessors": accessors}, raw).array(0)
+    document = Document(schema.empty())
+    view = document.add_view(np.array(stored, kind).tobytes())
+    document.gltf["accessors"] = [
+        {"bufferView": view, "componentType": code, "count": 4, "type": "SCALAR", "normalized": True}
+    ]
+    values = document.array(0)
     assert values.dtype == np.float32
     np.testing.assert_allclose(values, meant, rtol=1e-7)
 
@@ -43,8 +47,7 @@ def test_an_array_that_is_added_comes_out_again_also_from_the_saved_file(tmp_pat
 
 
 def test_saving_to_a_folder_that_is_not_there_is_an_output_error(tmp_path):
-    with pytest.raises(OutputError):
-        Document(schema.empty()).save(tmp_path / "no" / "made.glb")
+    refused(OutputError, Document(schema.empty()).save, tmp_path / "no" / "made.glb")
 
 
 def sparse(base, rows, values, count=5):
@@ -75,13 +78,7 @@ def test_sparse_values_stand_in_for_some_of_the_rest(kind, based):
     np.testing.assert_array_equal(document.array(0), expected)
 
 
-def test_sparse_values_outside_the_array_are_refused():
-    document = sparse(np.zeros((0, 3), "f4"), np.array([5], "u4"), np.ones((1, 3), "f4"))
-    with pytest.raises(MeshError, match="a sparse value for number 5 of 5"):
-        document.array(0)
-
-
-def test_zeros_without_end_are_refused_before_memory_is_asked_for():
-    document = sparse(np.zeros((0, 3), "f4"), np.array([5], "u4"), np.ones((1, 3), "f4"), count=10**12)
-    with pytest.raises(MeshError, match="1,000,000,000,000 values in a file of 16 bytes"):
-        document.array(0)
+@pytest.mark.parametrize("count", [5, 10**12])  # the second would take all memory
+def test_sparse_values_outside_the_array_and_zeros_without_end_are_refused(count):
+    document = sparse(np.zeros((0, 3), "f4"), np.array([5], "u4"), np.ones((1, 3), "f4"), count)
+    refused(MeshError, document.array, 0)

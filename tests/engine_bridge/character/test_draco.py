@@ -8,6 +8,8 @@ from engine_bridge.character.schema import empty
 from puppetline.errors import MeshError
 from tests.fuzz.corpus import pack
 
+from ..refusals import refused
+
 RANDOM = np.random.default_rng(6)
 CORNERS = RANDOM.permuted(np.tile(np.arange(90), (120, 1)), axis=1)[:, :3]
 VALUES = {
@@ -65,10 +67,6 @@ def test_triangles_are_those_that_were_compressed(packed):
     assert not document.gltf["extensionsUsed"]
 
 
-@pytest.mark.parametrize(
-    ("change", "found"),
-    [({"cut": 40}, "not draco encoded"), ({"count": 91}, "90 values for 91"), ({"JOINTS_0": 9}, "no JOINTS_0")],
-)
-def test_damage_is_refused(packed, change, found):
-    with pytest.raises(MeshError, match=f"compressed with {DRACO} that cannot be read .*{found}"):
-        load_document(packed(**change))
+@pytest.mark.parametrize("change", [{"cut": 40}, {"count": 91}, {"JOINTS_0": 9}])
+def test_damage_is_refused(packed, change):
+    refused(MeshError, load_document, packed(**change))

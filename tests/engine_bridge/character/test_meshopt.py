@@ -1,5 +1,3 @@
-import sys
-
 import numpy as np
 import pytest
 
@@ -9,6 +7,8 @@ from engine_bridge.character.document_reader import load_document
 from engine_bridge.character.schema import empty
 from puppetline.errors import MeshError
 from tests.fuzz.corpus import pack
+
+from ..refusals import refused
 
 encoder = pytest.importorskip("meshoptimizer")
 
@@ -71,33 +71,22 @@ def test_filters_are_those_of_the_extension(name, stored, expected):
     assert meshopt.decode(encoded_rows(stored), about) == expected.tobytes()
 
 
-def test_is_installed_asks_for_the_package(monkeypatch):
-    assert meshopt.is_installed()
-    monkeypatch.setattr(sys, "path", [])
-    monkeypatch.setattr(sys, "meta_path", [])
-    monkeypatch.delitem(sys.modules, "meshoptimizer", raising=False)
-    assert not meshopt.is_installed()
-
-
 @pytest.mark.parametrize(
     "change",
     [
-        {"count": 10**12},
-        {"count": -1},
-        {"count": "many"},
-        {"byteStride": 7},
-        {"byteStride": 0},
-        {"mode": "OTHER"},
-        {"filter": "OTHER"},
+        *({"count": count} for count in (10**12, -1, "many")),
+        *(
+            {"byteStride": 7},
+            {"byteStride": 0},
+            {"mode": "OTHER"},
+            {"filter": "OTHER"},
+            {"buffer": 9},
+            {"buffer": None},
+        ),
+        *({"byteLength": 3}, {"byteOffset": 10**9}, {"byteOffset": -8}),
         {"filter": "QUATERNION", "byteStride": 4, "count": 600},
         {"filter": "OCTAHEDRAL", "byteStride": 16, "count": 150},
-        {"buffer": 9},
-        {"buffer": None},
-        {"byteLength": 3},
-        {"byteOffset": 10**9},
-        {"byteOffset": -8},
     ],
 )
 def test_damaged_compression_is_refused(packed, change):
-    with pytest.raises(MeshError, match=r"complete glTF 2\.0 file"):
-        load_document(packed(**change))
+    refused(MeshError, load_document, packed(**change))

@@ -7,9 +7,11 @@ import pytest
 from engine_bridge.character import preparation
 from engine_bridge.character.preparation import prepare
 from puppetline.errors import MeshError
-from solver.model.bones import NO_BONES, Bones
+from solver.model.bones import Bones
 from solver.model.reduced_model import ModelParameters, ReducedModel, build
 from solver.surface.mesh import SolverMesh, weld
+
+from ..refusals import refused_place
 
 PARAMETERS = ModelParameters(fields=2, isolines=3)
 
@@ -66,39 +68,24 @@ def test_with_bones_and_a_skin_it_is_what_building_with_them_gives(render_mesh, 
         assert len(list(kept.iterdir())) == 1
 
 
-def test_other_bones_or_another_skin_are_prepared_anew(render_mesh, tmp_path):
-    shares = np.tile([0.5, 0.5], (len(render_mesh[0]), 1))
-    longer = dataclasses.replace(BONES, tails=1.01 * BONES.tails)
-    for bones, given in (
-        (NO_BONES, None),
-        (BONES, None),
-        (longer, None),
-        (BONES, shares),
-        (BONES, shares[:, ::-1] ** 2),
-    ):
-        prepare(*render_mesh, PARAMETERS, tmp_path, bones=bones, shares=given)
-    assert len(list(tmp_path.iterdir())) == 5
-
-
-def test_a_changed_mesh_or_parameter_is_prepared_again(render_mesh, tmp_path):
+def test_a_changed_mesh_parameter_bone_or_skin_is_prepared_again_and_another_name_is_not(render_mesh, tmp_path):
     positions, triangles = render_mesh
     turned = triangles.copy()
     turned[3] = turned[3][[1, 2, 0]]
     for arrays in ((positions, triangles), (positions + 1e-9, triangles), (positions, turned)):
         for parameters in (PARAMETERS, ModelParameters(fields=3, isolines=3), ModelParameters(fields=2, isolines=4)):
             prepare(*arrays, parameters, tmp_path)
-    assert len(list(tmp_path.iterdir())) == 9
-
-
-def test_the_name_is_the_one_given_and_not_the_one_of_the_first_time(render_mesh, tmp_path):
+    shares = np.tile([0.5, 0.5], (len(positions), 1))
+    longer = dataclasses.replace(BONES, tails=1.01 * BONES.tails)
+    for bones, given in ((BONES, None), (longer, None), (BONES, shares), (BONES, shares[:, ::-1] ** 2)):
+        prepare(*render_mesh, PARAMETERS, tmp_path, bones=bones, shares=given)
+    assert len(list(tmp_path.iterdir())) == 9 + 4
     assert [prepare(*render_mesh, PARAMETERS, tmp_path, name)[0].name for name in ("one", "other")] == ["one", "other"]
-    assert len(list(tmp_path.iterdir())) == 1
+    assert len(list(tmp_path.iterdir())) == 9 + 4
 
 
 def test_a_mesh_that_cannot_be_prepared_is_refused_each_time(tmp_path):
-    positions, triangles = np.zeros((3, 3)), np.array([[0, 1, 2]])
+    point = np.zeros((3, 3)), np.array([[0, 1, 2]]), PARAMETERS, tmp_path, "point.obj"
     for _ in range(2):
-        with pytest.raises(MeshError) as caught:
-            prepare(positions, triangles, PARAMETERS, tmp_path, "point.obj")
-        assert (caught.value.where, caught.value.found) == ("point.obj", "all vertices at one point")
+        assert refused_place(MeshError, "point.obj", prepare, *point) == ""
     assert list(tmp_path.iterdir()) == []

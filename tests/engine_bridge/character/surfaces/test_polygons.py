@@ -30,7 +30,9 @@ def shoelace(polygon):
 
 def test_convex_polygons_become_fans_around_their_first_corner_and_fewer_than_three_corners_nothing():
     shapes = [[(0, 0), (1, 0), (1, 1), (0, 1)], [(5, 5)], [], ARROW[:3], [(2, 0), (3, 0), (4, 1), (3, 2), (2, 1)]]
-    triangles, polygon = triangulate(lifted(sum(shapes, [])), np.array(list(map(len, shapes))))
+    triangles, polygon = triangulate(
+        lifted([corner for shape in shapes for corner in shape]), np.array(list(map(len, shapes)))
+    )
     assert triangles.tolist() == [[0, 1, 2], [0, 2, 3], [5, 6, 7], [8, 9, 10], [8, 10, 11], [8, 11, 12]]
     assert polygon.tolist() == [0, 0, 3, 4, 4, 4]
 

@@ -1,24 +1,41 @@
 """What must hold for whatever was read from a damaged file, and for every error that says why it was not."""
 
+import re
+
 import numpy as np
 
 from capture.skeleton import JOINTS
 from engine_bridge.character.materials import preview_colors
 from puppetline.errors import heading
 
+TO_COPY = re.compile(r"(: (apt|ffmpeg|ip|mkdir|pip|puppetline|\{) ?.*|https://\S+)$")
+"""The end of what to do if it is something to copy, after which a full stop would be in the way."""
+
+
+def assert_is_part(part, text, source):
+    """A part of an error reads as the template of all messages needs it: two noun phrases, then what to do."""
+    assert text.strip() == text != "", source
+    assert text.isprintable(), source
+    if part == "fix":
+        assert not text[0].islower(), source
+        assert text.endswith((".", "…")) or TO_COPY.search(text) or re.fullmatch(r"Did you mean .*\?", text), source
+    else:
+        assert not text.endswith("."), source
+
+
+def assert_is_complete(error):
+    """An error is one readable line that says where, what was found, what was expected and what to do."""
+    for part, text in error.parts.items():
+        assert_is_part(part, text, str(error))
+    assert str(error) == f"{heading(error.where)} found {error.found}; expected {error.expected}. {error.fix}"
+    assert len(str(error)) < 2000, error
+
 
 def assert_is_error_of(error, family, path):
-    """An error is of its family, names the file, and is one readable line after the template of all messages."""
+    """An error is of its family, names the file, and is complete."""
     assert type(error) is family, error
     assert str(path) in error.where, error
-    assert str(error) == f"{heading(error.where)} found {error.found}; expected {error.expected}. {error.fix}"
-    assert str(error).isprintable(), error
-    assert len(str(error)) < 2000, error
-    for phrase in (error.found, error.expected):
-        assert phrase.strip() == phrase != "", error
-        assert not phrase.endswith("."), error
-    assert error.fix[0].isupper(), error
-    assert error.fix.endswith("."), error
+    assert_is_complete(error)
 
 
 def assert_is_clause(error):

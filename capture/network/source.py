@@ -153,12 +153,12 @@ class OscSource:
         self._drain()
         now = self.now()
         for key, assembly in self._assemblies.items():
-            if assembly.parts and now - assembly.time >= PART_TIMEOUT_SECONDS:
+            if assembly.parts and now >= assembly.time + PART_TIMEOUT_SECONDS:  # as `due` says, or nothing would happen then
                 self._queue_frames(*key, assembly.end())
         pending = sorted((each for queue in self._pending.values() for each in queue), key=lambda each: each.time)
         events = [event for each in pending if (event := self._event(each))]
         self._pending.clear()
-        if not events and now - self._last_return >= TICK_SECONDS:
+        if not events and now >= self._last_return + TICK_SECONDS:
             events.append(Tick(self._next_time(now)))
         if events:
             self._last_return = events[-1].time

@@ -1,6 +1,5 @@
 import json
 
-import igl
 import numpy as np
 import pygltflib as gltf
 import pytest
@@ -10,21 +9,7 @@ from engine_bridge.export.animation import Keyframes, animate
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings
 
-from .conftest import REAL
-
-KEYS = slice(None, None, 2)
-"""Indices of keyframes among 39 times over 58 frames; the other times are halfway between two keyframes."""
-PER_STEP = 3
-
-
-def expected_meshes(export, solved):
-    """(39, n, 3) positions for each primitive with triangles."""
-    moved = solved(export.clip)
-    halfway = (moved[1::PER_STEP] + moved[2::PER_STEP]) / 2
-    times = np.empty((39, *moved.shape[1:]))
-    times[KEYS], times[1::2] = moved[::PER_STEP], halfway
-    follows = np.split(export.clip.rig.mesh.of_render, np.cumsum([len(part) for part in export.variant.shown])[:-1])
-    return [times[:, of] + own for of, own in zip(follows, export.variant.offset, strict=True)]
+from .conftest import REAL, assert_same_array, assert_same_primitive, between_keys, by_part, normal_angles
 
 
 def test_the_khronos_validator_has_nothing_against_it_that_it_did_not_have_before(export, validate):
@@ -36,16 +21,12 @@ def test_the_khronos_validator_has_nothing_against_it_that_it_did_not_have_befor
 
 
 def test_three_plays_what_was_solved_at_the_keys_and_straight_lines_between(export, play, solved):
+    expected = by_part(export.clip, between_keys(solved(export.clip)))
     played = play(export.path, 39)
-    diagonal = export.clip.rig.mesh.diagonal
     # what the exporter says it may be off by, and what float32 adds
-    allowed = export.summary.error * diagonal + 2e-6 * diagonal
-    expected = expected_meshes(export, solved)
-    assert len(played.meshes) == len(expected)
+    allowed = (export.summary.error + 2e-6) * export.clip.rig.mesh.diagonal
     for mesh, positions in zip(played.meshes, expected, strict=True):
-        off = np.linalg.norm(mesh.positions - positions, axis=-1)
-        assert off[KEYS].max() <= allowed
-        assert off[1::2].max() <= allowed
+        assert np.linalg.norm(mesh.positions - positions, axis=-1).max() <= allowed
 
 
 @pytest.mark.parametrize("name", ["textured", "node_transforms"])
@@ -53,30 +34,24 @@ def test_normals_are_within_a_few_degrees_of_the_moved_surface(exports, play, so
     export = exports[name, True]
     mesh = export.clip.rig.mesh
     seen = np.concatenate([part.normals for part in play(export.path, 20).meshes], axis=1)
-    frames = solved(export.clip)[::PER_STEP]
-    true = np.array([igl.per_vertex_normals(frame, mesh.faces)[mesh.of_render] for frame in frames])
-    angles = np.degrees(np.arccos(np.clip(np.einsum("fvc,fvc->fv", seen, true), -1, 1)))
-    assert np.percentile(angles, 99) < 3
+    assert np.percentile(normal_angles(seen, solved(export.clip)[::3], mesh), 99) < 3
 
 
 def test_the_largest_error_is_the_one_that_is_printed(export, raw, solved):
-    made, mesh = raw(export.path), export.clip.rig.mesh
-    parts = export.clip.rig.character.parts
-    follows = np.split(mesh.of_render, np.cumsum([len(part.vertices) for part in parts])[:-1])
+    made, diagonal = raw(export.path), export.clip.rig.mesh.diagonal
     moved = solved(export.clip) - (0 if export.clip.rig.puppet.root is None else export.clip.root[:, None])
     worst = 0.0
-    for part, of, own in zip(parts, follows, export.variant.offset, strict=True):
+    for part, expected in zip(export.clip.rig.character.parts, by_part(export.clip, moved), strict=True):
         primitive = made.file.meshes[made.file.nodes[part.node].mesh].primitives[part.primitive]
         rest = made.array(primitive.attributes.POSITION).astype(np.float64)
         targets = np.array([made.array(target["POSITION"]) for target in primitive.targets], dtype=np.float64)
         local = rest + np.tensordot(made.weights(part.node), targets, axes=1)
         linear, offset = part.to_world[:, :3, :3], part.to_world[:, :3, 3]
         world = np.einsum("nij,fnj->fni", np.broadcast_to(linear, (len(rest), 3, 3)), local) + offset
-        worst = max(worst, np.linalg.norm(world - moved[:, of] - own, axis=-1).max())
+        worst = max(worst, np.linalg.norm(world - expected, axis=-1).max())
     if export.variant.name not in REAL:
-        assert worst / mesh.diagonal == pytest.approx(export.summary.error, abs=1e-6)
-    assert worst / mesh.diagonal <= export.summary.error + 1e-6
-    assert worst / mesh.diagonal <= export.summary.tolerance + 1e-6
+        assert worst / diagonal == pytest.approx(export.summary.error, abs=1e-6)
+    assert worst / diagonal <= export.summary.error + 1e-6 <= export.summary.tolerance + 1e-6
 
 
 def test_content_of_the_original_file_is_kept_to_the_bit(export, raw):
@@ -109,25 +84,6 @@ def picture(made, image, path):
     return made.view(image.bufferView) if image.uri is None else (path.parent / image.uri).read_bytes()
 
 
-def assert_same_primitive(before, old, after, new):
-    assert (old.mode, old.material) == (new.mode, new.material)
-    assert_same_array(before, old.indices, after, new.indices)
-    for name, accessor in vars(old.attributes).items():
-        assert_same_array(before, accessor, after, getattr(new.attributes, name))
-    for was, now in zip(old.targets, new.targets, strict=False):
-        for name in ("POSITION", "NORMAL"):
-            assert_same_array(before, was[name], after, now[name])
-
-
-def assert_same_array(before, old, after, new):
-    if old is None:
-        assert new is None
-        return
-    a, b = before.file.accessors[old], after.file.accessors[new]
-    assert (a.componentType, a.type, a.count, a.normalized) == (b.componentType, b.type, b.count, b.normalized)
-    assert before.array(old).tobytes() == after.array(new).tobytes()
-
-
 def test_targets_have_names_and_those_that_were_there_keep_theirs_and_their_weights(exports, raw):
     export = exports["own_targets", True]
     made = raw(export.path)
@@ -135,6 +91,11 @@ def test_targets_have_names_and_those_that_were_there_keep_theirs_and_their_weig
     assert mesh.extras == {"author": "test", "targetNames": ["smile", "frown", *(f"motion_{i}" for i in range(count))]}
     assert mesh.weights == [0.25, 0, *[0] * count]
     np.testing.assert_array_equal(made.weights(0)[:, :2], np.tile([0.25, 0], (58, 1)))
+    (animation,) = made.file.animations
+    assert animation.name == "dance"
+    assert {sampler.interpolation for sampler in animation.samplers} == {"LINEAR"}
+    (clock,) = {sampler.input for sampler in animation.samplers}
+    np.testing.assert_allclose(made.array(clock)[:, 0], np.arange(58) / 30, rtol=1e-7)
 
 
 def test_a_mesh_that_two_nodes_show_is_moved_by_each_in_its_own_way(exports, raw):
@@ -164,15 +125,6 @@ def test_the_root_is_one_node_above_all_others(exports, raw):
         np.testing.assert_array_equal(made.array(output), export.clip.root)
 
 
-def test_the_animation_has_the_logs_name_and_an_even_clock_from_zero(exports, raw):
-    made = raw(exports["textured", True].path)
-    (animation,) = made.file.animations
-    assert animation.name == "dance"
-    assert {sampler.interpolation for sampler in animation.samplers} == {"LINEAR"}
-    (clock,) = {sampler.input for sampler in animation.samplers}
-    np.testing.assert_allclose(made.array(clock)[:, 0], np.arange(58) / 30, rtol=1e-7)
-
-
 def test_a_performer_who_stands_still_gives_a_valid_file_without_targets(
     record, standing, variants, write_puppet, tmp_path, raw, assert_valid_gltf
 ):
@@ -189,6 +141,8 @@ def test_a_performer_who_stands_still_gives_a_valid_file_without_targets(
         assert json.loads(json.dumps(file.meshes[0].extras))["targetNames"] == ["smile", "frown"]
 
 
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
+SIDES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], np.uint16)
 STILL = Keyframes("still", np.float32([0, 1]), np.zeros((2, 1), np.float32), np.zeros((2, 3), np.float32))
 
 
@@ -201,20 +155,16 @@ def animated_without_motion(path):
 
 
 def test_a_primitive_without_positions_gets_no_targets(glb, tmp_path):
-    primitive = glb.primitive(np.eye(4, 3), np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], np.uint16))
-    glb.node(glb.mesh(primitive, gltf.Primitive(attributes=gltf.Attributes())))
+    glb.node(glb.mesh(glb.primitive(CORNERS, SIDES), gltf.Primitive(attributes=gltf.Attributes())))
     _, again = animated_without_motion(glb.save(tmp_path / "a.glb"))
     assert [len(each.get("targets", [])) for each in again.document.gltf["meshes"][0]["primitives"]] == [1, 0]
 
 
 def test_a_mesh_scaled_to_zero_by_its_node_is_not_animated(glb, tmp_path):
-    sides = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], np.uint16)
-    mesh = glb.mesh(glb.primitive(np.eye(4, 3), sides))
+    mesh = glb.mesh(glb.primitive(CORNERS, SIDES))
     glb.node(mesh)
     glb.node(mesh, scale=[1e-40] * 3)
     before, after = animated_without_motion(glb.save(tmp_path / "a.glb"))
     np.testing.assert_array_equal(after.vertices, before.vertices)
-    targets = [
-        after.document.array(each["primitives"][0]["targets"][0]["POSITION"]) for each in after.document.gltf["meshes"]
-    ]
-    assert sorted(target.max() for target in targets) == [0, 1]
+    targets = [each["primitives"][0]["targets"][0]["POSITION"] for each in after.document.gltf["meshes"]]
+    assert sorted(after.document.array(target).max() for target in targets) == [0, 1]

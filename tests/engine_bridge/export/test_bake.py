@@ -18,6 +18,9 @@ from engine_bridge.performance.settings import Settings
 from puppetline.errors import OutputError, PuppetError, SkeletonLogError
 from solver.model.reduced_model import position_matrix
 
+from ..refusals import refused
+from .conftest import assert_same_primitive, local, part_of
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
@@ -30,17 +33,6 @@ def of_take(take, blob_puppet, folder):
     stages = []
     summary = bake(blob_puppet, folder / "take.glb", (take,), progress=lambda *stage: stages.append(stage))
     return summary, folder / "take.glb", stages
-
-
-@pytest.fixture(scope="module")
-def of_nothing(blob_puppet, folder):
-    """A file baked from synthetic motion, with its summary."""
-    return bake(blob_puppet, folder / "nothing.glb"), folder / "nothing.glb"
-
-
-def names_in(path):
-    """The target names of each mesh of a file."""
-    return [mesh["extras"]["targetNames"] for mesh in load_document(path).gltf["meshes"]]
 
 
 def performed(rig, timeline):
@@ -77,38 +69,34 @@ def farthest(a, b, rig):
     return np.linalg.norm(a - b, axis=-1).max() / rig.mesh.diagonal
 
 
-def frames_of(rig, log):
-    """The solver's frames (F, 4m, 3) float32 of a recording."""
-    return performed(rig, load_timeline(log, Settings())[0])[0]
-
-
-def live_error(path, rig, frames):
+def live_error(path, rig, log):
     """The largest distance of vertices by live weights of a baked file from the solver's, over the diagonal."""
-    basis = LiveBasis.load(path, rig)
+    basis, (frames, _) = LiveBasis.load(path, rig), performed(rig, load_timeline(log, Settings())[0])
+    return error_of(basis, path, rig, frames)
+
+
+def error_of(basis, path, rig, frames):
     there = places_from_weights(path, rig, np.array([basis.project(R).weights for R in frames]))
     return farthest(there, shown_places(rig, frames), rig)
 
 
-def test_the_summary_says_what_the_file_and_the_motion_are(of_take):
-    summary, path, _ = of_take
-    assert (summary.output, summary.bytes) == (str(path), path.stat().st_size)
-    assert (summary.frames, summary.tolerance, summary.notes) == (58, DEFAULT_TOLERANCE, ())
-    assert 0 < summary.rms < summary.error <= DEFAULT_TOLERANCE
-    assert names_in(path) == [[f"motion_{index}" for index in range(summary.targets)]]
-
-
-def test_live_weights_put_vertices_where_the_solver_does_within_the_error_that_was_said(of_take, take, blob_rig):
+def test_live_weights_put_vertices_where_the_solver_does_within_the_error_that_was_said(
+    of_take, take, blob_rig, assert_valid_gltf
+):
     """Frames are projected one by one, and evaluated with the rest positions and targets in the file."""
-    summary, path, _ = of_take
-    basis = LiveBasis.load(path, blob_rig)
-    frames = frames_of(blob_rig, take)
-    assert live_error(path, blob_rig, frames) == pytest.approx(summary.error, abs=1e-6)
+    summary, path, stages = of_take
+    assert_valid_gltf(path)
+    basis, (frames, _) = LiveBasis.load(path, blob_rig), performed(blob_rig, load_timeline(take, Settings())[0])
+    assert error_of(basis, path, blob_rig, frames) == pytest.approx(summary.error, abs=1e-6)
     shown = [basis.project(R) for R in frames]
     weights = np.array([each.weights for each in shown])
     assert np.sqrt(np.mean([each.residual**2 for each in shown])) == pytest.approx(summary.rms, rel=1e-3)
     assert not any(each.limited for each in shown)
-    assert weights.min() == 0
-    assert weights.max() <= 1
+    assert 0 == weights.min() < weights.max() <= 1
+    assert 0 < summary.rms < summary.error <= summary.tolerance == DEFAULT_TOLERANCE
+    assert (summary.output, summary.bytes, summary.frames, summary.notes) == (str(path), path.stat().st_size, 58, ())
+    assert list(basis.names) == [f"motion_{index}" for index in range(summary.targets)]
+    assert dict(stages) == dict.fromkeys(["Preparing the character", "Performing", "Fitting morph targets"], 1)
 
 
 def test_three_plays_the_animation_as_the_solver_has_it_with_the_root_on_a_node(of_take, take, blob_rig, play):
@@ -125,19 +113,22 @@ def test_the_roots_motion_is_in_no_target(record, standing, write_puppet, blob_f
     there = 0.8 * np.sin(np.arange(60) / 15)[:, None, None] * np.array([1.0, 0.0, 0.5])
     log = record(tmp_path / "walk.log", standing + there)
     puppet = write_puppet(blob_file.with_name("walks.toml"), blob_file.name, root=True)
-    with pytest.raises(PuppetError, match="motion within the tolerance only"):
-        bake(puppet, tmp_path / "a.glb", (log,))
+    refused(PuppetError, bake, puppet, tmp_path / "a.glb", (log,))
     assert not (tmp_path / "a.glb").exists()
     still = write_puppet(blob_file.with_name("stays.toml"), blob_file.name, root=False)
     assert bake(still, tmp_path / "a.glb", (log,)).targets > 0
 
 
-def test_two_logs_are_both_in_it(take, record, dance, blob_puppet, blob_rig, tmp_path):
-    backwards = record(tmp_path / "backwards.log", dance()[::-1] * [1, 1, 1.02])
-    summary = bake(blob_puppet, tmp_path / "a.glb", (take, backwards), tolerance=5e-4)
+def test_two_logs_are_both_in_it_and_the_same_input_gives_the_same_bytes(
+    take, record, dance, blob_puppet, blob_rig, tmp_path
+):
+    logs = take, record(tmp_path / "backwards.log", dance()[::-1] * [1, 1, 1.02])
+    for name in ("a.glb", "b.glb"):
+        summary = bake(blob_puppet, tmp_path / name, logs, tolerance=5e-4)
     assert summary.frames == 2 * 58
-    for log in (take, backwards):
-        assert live_error(tmp_path / "a.glb", blob_rig, frames_of(blob_rig, log)) <= summary.error + 1e-6 <= 5e-4 + 1e-6
+    for log in logs:
+        assert live_error(tmp_path / "a.glb", blob_rig, log) <= summary.error + 1e-6 <= 5e-4 + 1e-6
+    assert (tmp_path / "a.glb").read_bytes() == (tmp_path / "b.glb").read_bytes()
 
 
 def test_it_covers_a_performer_who_turns_round_though_none_of_the_recordings_does(
@@ -149,17 +140,20 @@ def test_it_covers_a_performer_who_turns_round_though_none_of_the_recordings_doe
     hips = positions[:, :1]
     turning = record(tmp_path / "turning.log", (positions - hips) @ turns.transpose(0, 2, 1) + hips)
     bake(limbed_puppet, tmp_path / "a.glb", (take,))
-    assert live_error(tmp_path / "a.glb", limbed_rig, frames_of(limbed_rig, turning)) < 0.01
+    assert live_error(tmp_path / "a.glb", limbed_rig, turning) < 0.01
 
 
-def test_without_logs_it_covers_performances_and_handles(of_nothing, blob_rig, standing):
-    summary, path = of_nothing
+def test_without_logs_it_covers_performances_and_handles(blob_puppet, blob_rig, folder, assert_valid_gltf):
+    path = folder / "nothing.glb"
+    summary = bake(blob_puppet, path)
+    assert_valid_gltf(path)
     timelines = [resample(make(), 30.0, 0.4) for make in PERFORMANCES.values()]
     motions = [performed(blob_rig, timeline)[0] for timeline in timelines]
     motions.append(np.concatenate(list(exercise(blob_rig, timelines[0].positions[0], 64))))
     assert summary.frames == sum(map(len, motions))
+    basis = LiveBasis.load(path, blob_rig)
     for frames in motions[:-1]:
-        assert live_error(path, blob_rig, frames[::5]) <= summary.error + 1e-6
+        assert error_of(basis, path, blob_rig, frames[::5]) <= summary.error + 1e-6
 
 
 def test_made_up_motion_covers_a_performance_that_it_was_not_made_of(blob_rig):
@@ -177,26 +171,6 @@ def test_made_up_motion_covers_a_performance_that_it_was_not_made_of(blob_rig):
     assert left < 0.05 * moved
 
 
-def test_the_validator_has_nothing_against_it(of_take, of_nothing, assert_valid_gltf):
-    assert_valid_gltf(of_take[1])
-    assert_valid_gltf(of_nothing[1])
-
-
-def test_a_limit_to_the_targets_is_kept_and_the_error_said_is_the_one_that_follows(
-    take, blob_puppet, blob_rig, tmp_path
-):
-    summary = bake(blob_puppet, tmp_path / "a.glb", (take,), targets=3)
-    assert summary.targets == len(LiveBasis.load(tmp_path / "a.glb", blob_rig).names) == 3
-    error = live_error(tmp_path / "a.glb", blob_rig, frames_of(blob_rig, take))
-    assert error == pytest.approx(summary.error, abs=1e-6)
-    assert summary.error > DEFAULT_TOLERANCE
-
-
-def test_the_same_input_gives_the_same_bytes(take, blob_puppet, of_take, tmp_path):
-    bake(blob_puppet, tmp_path / "again.glb", (take,))
-    assert (tmp_path / "again.glb").read_bytes() == of_take[1].read_bytes()
-
-
 def test_only_the_beginning_of_a_long_motion_is_an_animation(record, dance, blob_puppet, tmp_path, monkeypatch):
     monkeypatch.setattr(module, "SHOWN_SECONDS", 1.0)
     log = record(tmp_path / "long.log", dance(100))
@@ -208,96 +182,70 @@ def test_only_the_beginning_of_a_long_motion_is_an_animation(record, dance, blob
         np.testing.assert_allclose(made.array(sampler["input"]), np.arange(31) / 30, rtol=1e-6)
 
 
-def test_each_stage_tells_of_its_progress_up_to_the_end(of_take):
-    stages = of_take[2]
-    names = list(dict.fromkeys(name for name, _ in stages))
-    assert names == ["Preparing the character", "Performing", "Fitting morph targets"]
-    for name in names:
-        assert [share for other, share in stages if other == name][-1] == 1
-
-
 def pieces(glb, shape):
     """The left half in a stretched and mirrored node, and the right half in two primitives with a target."""
     middle = shape.vertices[shape.faces].mean(axis=1)
-    corners = {}
-    for name, chosen in (
-        ("left", middle[:, 0] > 0),
-        ("high", (middle[:, 0] <= 0) & (middle[:, 1] > 0.3)),
-        ("low", (middle[:, 0] <= 0) & (middle[:, 1] <= 0.3)),
-    ):
-        used, faces = np.unique(shape.faces[chosen], return_inverse=True)
-        corners[name] = used, faces.reshape(-1, 3).astype(np.uint32)
-    used, faces = corners["left"]
-    stored = (shape.vertices[used] - np.float32([0.5, 0, 0])) / np.float32([-2, 0.5, 1])
-    normals = shape.normals[used] * np.float32([-2, 0.5, 1])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    left, high = middle[:, 0] > 0, middle[:, 1] > 0.3
+    used, faces = part_of(shape, left)
+    to_world = np.diag([-2.0, 0.5, 1.0, 1.0])
+    to_world[0, 3] = 0.5
+    stored, normals = local(shape.vertices[used], shape.normals[used], to_world)
     mesh = glb.mesh(glb.primitive(stored, faces[:, ::-1], NORMAL=normals), name="left")
-    glb.node(mesh, translation=[0.5, 0.0, 0.0], scale=[-2.0, 0.5, 1.0])
+    glb.node(mesh, translation=[0.5, 0.0, 0.0], scale=[-2.0, 0.5, 1.0], extras={"kept": [1, 2]})
     halves = []
-    for name in ("high", "low"):
-        used, faces = corners[name]
+    for chosen in (~left & high, ~left & ~high):
+        used, faces = part_of(shape, chosen)
         smile = {"POSITION": np.full((len(used), 3), 0.1, np.float32)}
         halves.append(glb.primitive(shape.vertices[used], faces, targets=[smile], NORMAL=shape.normals[used]))
     glb.node(glb.mesh(*halves, name="right", weights=[0.0], extras={"targetNames": ["smile"]}))
+    glb.file.asset.extras = {"author": "test"}
 
 
-def test_all_parts_take_the_same_weights_after_the_targets_that_they_have(
-    glb, blob, take, write_puppet, assert_valid_gltf, tmp_path
+def test_all_parts_take_the_same_weights_after_the_targets_that_they_have_and_all_else_stays(
+    glb, blob, take, write_puppet, assert_valid_gltf, raw, tmp_path
 ):
     pieces(glb, blob)
-    glb.save(tmp_path / "pieces.glb")
+    mesh = glb.save(tmp_path / "pieces.glb")
     puppet = write_puppet(tmp_path / "pieces.toml", "pieces.glb")
     output = tmp_path / "pieces.morphs.glb"
     summary = bake(puppet, output, (take,))
     assert_valid_gltf(output)
     rig = load_rig(puppet)
-    basis = LiveBasis.load(output, rig)
-    assert names_in(output) == [list(basis.names), ["smile", *basis.names]]
-    assert live_error(output, rig, frames_of(rig, take)) == pytest.approx(summary.error, abs=2e-6)
+    assert live_error(output, rig, take) == pytest.approx(summary.error, abs=2e-6)
+    before, after = raw(mesh), raw(output)
+    names = list(LiveBasis.load(output, rig).names)
+    assert [each.extras["targetNames"] for each in after.file.meshes] == [names, ["smile", *names]]
+    assert after.file.asset.extras["author"] == "test"
+    for node, same in zip(before.file.nodes, after.file.nodes, strict=False):
+        assert (node.name, node.scale, node.translation, node.extras) == (
+            same.name,
+            same.scale,
+            same.translation,
+            same.extras,
+        )
+    for was, now in zip(before.file.meshes, after.file.meshes, strict=True):
+        assert was.name == now.name
+        for old, new in zip(was.primitives, now.primitives, strict=True):
+            assert_same_primitive(before, old, after, new)
 
 
-def test_a_file_that_was_baked_is_a_character_that_can_be_baked_again(of_take, take, write_puppet, tmp_path):
+def test_a_file_that_was_baked_can_be_baked_again_with_a_limit_to_its_targets(of_take, take, write_puppet, tmp_path):
     """Its extras then describe the new targets, which are the last ones."""
     shutil.copy(of_take[1], tmp_path / "again.glb")
     puppet = write_puppet(tmp_path / "again.toml", "again.glb")
     summary = bake(puppet, tmp_path / "twice.glb", (take,), targets=4)
     rig = load_rig(puppet)
-    error = live_error(tmp_path / "twice.glb", rig, frames_of(rig, take))
-    assert error == pytest.approx(summary.error, abs=2e-6)
+    assert summary.targets == len(LiveBasis.load(tmp_path / "twice.glb", rig).names) == 4
+    assert live_error(tmp_path / "twice.glb", rig, take) == pytest.approx(summary.error, abs=2e-6)
+    assert summary.error > DEFAULT_TOLERANCE
 
 
-def test_all_that_the_character_came_with_is_there_as_it_was(blob, glb, take, write_puppet, tmp_path):
-    primitive = glb.primitive(
-        blob.vertices,
-        blob.faces.astype(np.uint32),
-        NORMAL=blob.normals,
-        TEXCOORD_0=blob.uv,
-        COLOR_0=np.ones((len(blob.vertices), 4), np.float32),
-    )
-    glb.node(glb.mesh(primitive, name="figure"), name="stands", extras={"kept": [1, 2]})
-    glb.file.asset.extras = {"author": "test"}
-    glb.save(tmp_path / "a.glb")
-    bake(write_puppet(tmp_path / "a.toml", "a.glb"), tmp_path / "b.glb", (take,), targets=2)
-    before, after = load_document(tmp_path / "a.glb"), load_document(tmp_path / "b.glb")
-    assert after.gltf["asset"]["extras"]["author"] == "test"
-    assert after.gltf["nodes"][0] == before.gltf["nodes"][0]
-    shown, made = before.gltf["meshes"][0], after.gltf["meshes"][0]
-    assert (made["name"], made["primitives"][0]["attributes"]) == (shown["name"], shown["primitives"][0]["attributes"])
-    for index in range(len(before.gltf["accessors"])):
-        np.testing.assert_array_equal(after.array(index), before.array(index))
-
-
-def test_an_input_file_is_not_overwritten(blob_puppet, blob_file, take, tmp_path):
+def test_an_input_file_is_not_overwritten_and_a_log_that_is_none_is_named(blob_puppet, blob_file, take, tmp_path):
     content = blob_file.read_bytes()
-    with pytest.raises(OutputError, match="an input file"):
-        bake(blob_puppet, blob_file, (take,))
+    refused(OutputError, bake, blob_puppet, blob_file, (take,))
     assert blob_file.read_bytes() == content
-
-
-def test_a_log_that_is_none_is_named(blob_puppet, tmp_path):
     (tmp_path / "a.log").write_text("nothing of the kind\n")
-    with pytest.raises(SkeletonLogError, match=r"a\.log"):
-        bake(blob_puppet, tmp_path / "a.glb", (tmp_path / "a.log",))
+    assert "a.log" in refused(SkeletonLogError, bake, blob_puppet, tmp_path / "a.glb", (tmp_path / "a.log",)).where
     assert list(tmp_path.glob("*.glb")) == []
 
 

@@ -4,20 +4,14 @@ import pytest
 from engine_bridge.export.key_thinning import interpolated, thin
 
 
-def still_and_straight():
-    """One point that stands for 10 frames, moves straight for 10, turns, and moves on for 10."""
+def test_only_the_ends_of_straight_motion_are_kept():
+    """One point stands for 10 frames, moves straight for 10, turns, and moves on for 10."""
     x = np.concatenate([np.zeros(10), np.arange(11), np.full(10, 10)])
     z = np.concatenate([np.zeros(20), np.arange(11)])
-    return np.stack([x, np.zeros(31), z], axis=1)[:, None]
-
-
-def test_only_the_ends_of_straight_motion_are_kept():
-    np.testing.assert_array_equal(thin(still_and_straight(), 1e-6), [0, 10, 20, 30])
-
-
-def test_no_keyframe_is_omitted_without_a_tolerance():
-    circle = np.stack([np.cos(np.arange(20)), np.sin(np.arange(20)), np.zeros(20)], axis=1)[:, None]
-    np.testing.assert_array_equal(thin(circle, 0), np.arange(20))
+    points = np.stack([x, np.zeros(31), z], axis=1)[:, None]
+    np.testing.assert_array_equal(thin(points, 1e-6), [0, 10, 20, 30])
+    np.testing.assert_array_equal(thin(points, 0), np.arange(31))
+    np.testing.assert_array_equal(thin(points[:2], 1.0), [0, 1])
 
 
 @pytest.mark.parametrize("tolerance", [0.02, 0.05, 0.1])
@@ -29,10 +23,6 @@ def test_every_point_stays_within_the_tolerance(tolerance):
     assert (kept[0], kept[-1]) == (0, 199)
     assert (np.diff(kept) > 0).all()
     assert len(kept) < 200
-
-
-def test_two_frames_are_both_kept():
-    np.testing.assert_array_equal(thin(np.zeros((2, 1, 3)), 1.0), [0, 1])
 
 
 def test_values_between_kept_frames_are_on_straight_lines():

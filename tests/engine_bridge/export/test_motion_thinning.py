@@ -5,9 +5,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from engine_bridge.character.document import ARRAY_BUFFER, Document
+from engine_bridge.character.scene import world_transforms
 from engine_bridge.character.schema import empty
 from engine_bridge.export.animation import add_channel
 from engine_bridge.export.motion_thinning import thin_motion
+
+from .conftest import posed
 
 FRAMES = 60
 POINTS = np.array([[1, 0, 0], [2, 0.5, 0], [1.5, 0, 0.25]], np.float32)
@@ -40,22 +43,9 @@ def animated(arm, angles, places):
 
 
 def shown(document, times):
-    """Positions (F, 3, 3) of the points, by the specification."""
-    animation = document.gltf["animations"][0]
-    values = {}
-    for channel in animation["channels"]:
-        sampler = animation["samplers"][channel["sampler"]]
-        keys, table = document.array(sampler["input"]), document.array(sampler["output"]).astype(np.float64)
-        after = np.clip(np.searchsorted(keys, times), 1, len(keys) - 1)
-        share = (times - keys[after - 1]) / (keys[after] - keys[after - 1])
-        if channel["target"]["path"] == "rotation":
-            a, b = Rotation.from_quat(table[after - 1]), Rotation.from_quat(table[after])
-            turn = (b * a.inv()).as_rotvec() * share[:, None]
-            values[channel["target"]["node"]] = (Rotation.from_rotvec(turn) * a).as_matrix()
-        else:
-            places = (1 - share[:, None]) * table[after - 1] + share[:, None] * table[after]
-    above = POINTS @ values[1].swapaxes(1, 2) + [0, 1, 0]
-    return above @ values[0].swapaxes(1, 2) + places[:, None]
+    """Positions (F, 3, 3) of the points."""
+    worlds = (world_transforms(posed(document, time))[1] for time in times)
+    return np.array([POINTS @ world[:3, :3].T + world[:3, 3] for world in worlds])
 
 
 @pytest.mark.parametrize("tolerance", [0.1, 0.01, 0.001, 0.0002])
@@ -73,10 +63,7 @@ def test_every_point_is_within_the_error_and_the_error_within_the_tolerance(arm,
     assert keyframes < FRAMES or tolerance < 0.1  # points on arcs are compared with straight lines
 
 
-def test_a_still_animation_keeps_its_ends(arm):
-    assert thin_motion(animated(arm, np.zeros(FRAMES), np.zeros((FRAMES, 3))), 0.001) == (2, 0.0)
-
-
-def test_without_tolerance_all_keyframes_stay(arm):
-    document = animated(arm, np.linspace(0, 1, FRAMES), np.zeros((FRAMES, 3)))
-    assert thin_motion(document, 0.0) == (FRAMES, 0.0)
+def test_a_still_animation_keeps_its_ends_and_one_without_tolerance_all(arm):
+    still, turning = np.zeros(FRAMES), np.linspace(0, 1, FRAMES)
+    assert thin_motion(animated(arm.copy(), still, np.zeros((FRAMES, 3))), 0.001) == (2, 0.0)
+    assert thin_motion(animated(arm, turning, np.zeros((FRAMES, 3))), 0.0) == (FRAMES, 0.0)

@@ -6,7 +6,6 @@ from scipy.spatial.transform import Rotation
 from engine_bridge.character.character import load_character
 from engine_bridge.export.normals import TurningNormals, smooth_normals
 from solver.model.reduced_model import build
-from solver.surface.mesh import SolverMesh
 
 
 @pytest.fixture(scope="module")
@@ -29,36 +28,21 @@ def turning(character, mesh, model):
     return TurningNormals(character, mesh, model)
 
 
-def of(mesh, *poses, per_unit=1.0):
-    positions = np.stack(poses, axis=2).astype(np.float32)
-    return smooth_normals(positions, mesh.faces.astype(np.int32), np.float32(per_unit))
-
-
-def test_smooth_normals_are_libigls(mesh):
+@pytest.mark.parametrize("size", [1, 1e-15, 1e15])
+def test_smooth_normals_are_libigls_whatever_the_size(mesh, size):
     rng = np.random.default_rng(0)
     poses = [mesh.vertices + 0.02 * mesh.diagonal * rng.normal(size=mesh.vertices.shape) for _ in range(5)]
-    found = of(mesh, *poses, per_unit=1 / mesh.diagonal)
+    positions = (size * np.stack(poses, axis=2)).astype(np.float32)
+    found = smooth_normals(positions, mesh.faces.astype(np.int32), np.float32(1 / mesh.diagonal / size))
     for number, pose in enumerate(poses):
         true = igl.per_vertex_normals(pose.astype(np.float32).astype(np.float64), mesh.faces)
         np.testing.assert_allclose(found[:, :, number], true, atol=2e-5)
-
-
-def test_a_surface_of_any_size_has_normals(mesh):
-    true = of(mesh, mesh.vertices)
-    for size in (1e-15, 1e15):
-        np.testing.assert_allclose(of(mesh, size * mesh.vertices, per_unit=1 / size), true, atol=1e-5)
-
-
-def test_a_face_without_area_has_no_normal():
-    needle = SolverMesh(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), np.array([[0, 1, 2]]), np.arange(3))
-    np.testing.assert_array_equal(of(needle, needle.vertices), 0)
-
-
-def test_at_rest_nothing_is_added(turning, model):
-    np.testing.assert_allclose(turning.displacements(model.rest_controls[None]), 0, atol=2e-6)
+    needle = np.float32([[0, 0, 0], [1, 0, 0], [2, 0, 0]])[:, :, None]
+    np.testing.assert_array_equal(smooth_normals(needle, np.int32([[0, 1, 2]]), np.float32(1)), 0)
 
 
 def test_normals_turn_with_a_character_that_turns_as_a_whole(turning, character, mesh, model):
+    np.testing.assert_allclose(turning.displacements(model.rest_controls[None]), 0, atol=2e-6)
     turns = [Rotation.from_rotvec(axis).as_matrix() for axis in ([0.3, -0.9, 0.4], [0, 2.5, 0])]
     frames = np.array([np.tile(np.vstack([turn.T, np.zeros(3)]), (len(model.A) // 4, 1)) for turn in turns])
     moved = turning.displacements(frames)

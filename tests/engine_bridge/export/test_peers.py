@@ -13,7 +13,7 @@ import pygltflib as gltf
 import pytest
 from PIL import Image
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from engine_bridge.character.character import from_document, load_character
 from engine_bridge.character.document_reader import load_document
@@ -22,19 +22,33 @@ from engine_bridge.performance.clip import Clip
 from engine_bridge.performance.frame_store import FrameStore
 from engine_bridge.performance.settings import Settings
 
-from .conftest import add_texture, outermost_handles
+from .conftest import add_animation, add_texture, outermost_handles, posed
 
 pytestmark = pytest.mark.slow
 
 PROGRAMS = ["Blender", "three.js", "Babylon.js", "Godot", "assimp"]
-FORMS = ["morph", "frames", "rig"]
-MADE = ["textured", "several_primitives", "node_transforms", "shared_mesh", "own_targets", "skinned", "animated"]
-REAL = ["kaykit_Knight", "quaternius_Adventurer", "khronos_Fox"]
-NAMED = [
-    *(("morph", name) for name in ("animated", "several_primitives", *REAL)),
-    *(("rig", name) for name in ("animated", "several_primitives")),
+CHARACTERS = {
+    "textured": "rig",
+    "several_primitives": "rig",
+    "node_transforms": "frames",
+    "shared_mesh": "morph",
+    "own_targets": "morph",
+    "skinned": "frames",
+    "animated": "morph",
+    "kaykit_Knight": "morph",
+    "quaternius_Adventurer": "frames",
+    "khronos_Fox": "morph",
+}
+"""Characters, and the form in which every program sees them; the last ones are of others, and have no made rigs."""
+
+REAL = list(CHARACTERS)[-3:]
+CASES = [
+    pytest.param(program, form, name, marks=[] if CHARACTERS[name] == form else pytest.mark.exhaustive)
+    for program in PROGRAMS
+    for form in ("morph", "frames", "rig")
+    for name in CHARACTERS
+    if form != "rig" or name not in REAL
 ]
-"""Forms and characters whose names and materials are compared."""
 
 FPS = 30
 FRAMES = 31
@@ -43,13 +57,6 @@ TIMES = 13
 """Number of times, two and a half frames apart: alternately at a keyframe and in the middle between two."""
 ROUNDING = 2e-6
 """Maximum error of the programs, which use float32, as a fraction of the diagonal."""
-
-
-@pytest.fixture(params=PROGRAMS)
-def program(request, player):
-    """Each installed program in turn."""
-    player(request.param)
-    return request.param
 
 
 @dataclass(frozen=True)
@@ -100,7 +107,9 @@ def character(variants, blob, new_glb, request, tmp_path_factory):
             return request.getfixturevalue("real_data") / "mesh" / "gltf" / f"{name}.glb"
         made = opened(variants["skinned" if name == "animated" else name].path)
         if name == "animated":
-            add_animations(made)
+            for called, bone, angle in (("nod", 1, 40), ("sway", 0, -25)):
+                turns = Rotation.from_euler("y", [[0], [angle], [0]], degrees=True).as_quat()
+                add_animation(made, called, made.file.skins[0].joints[bone], "rotation", [0, 0.5, 1], turns)
             add_texture(made)
             primitive = made.file.meshes[0].primitives[0]
             primitive.material, primitive.attributes.TEXCOORD_0 = 0, made.add(blob.uv)
@@ -113,17 +122,6 @@ def character(variants, blob, new_glb, request, tmp_path_factory):
         return made.save(folder / f"{name}.glb")
 
     return of
-
-
-def add_animations(glb):
-    """Two animations that turn the upper of the two bones."""
-    hip, chest = glb.file.skins[0].joints
-    clock = glb.add(np.float32([0, 0.5, 1]), None)
-    for name, bone, angle in (("nod", chest, 40), ("sway", hip, -25)):
-        turns = Rotation.from_euler("y", [[0], [angle], [0]], degrees=True).as_quat().astype(np.float32)
-        sampler = gltf.AnimationSampler(input=clock, output=glb.add(turns, None), interpolation="LINEAR")
-        channel = gltf.AnimationChannel(sampler=0, target=gltf.AnimationChannelTarget(node=bone, path="rotation"))
-        glb.file.animations.append(gltf.Animation(name=name, channels=[channel], samplers=[sampler]))
 
 
 @pytest.fixture(scope="module")
@@ -153,39 +151,6 @@ def file(character, second, write_puppet, limb_tables, raw, tmp_path_factory):
     return once
 
 
-@pytest.fixture(scope="module")
-def played_in(file, player):
-    """Export a character and play it in a program, once for all tests; return the file and the result."""
-    played = {}
-
-    def once(program, name, form):
-        run = player(program)
-        if (program, name, form) not in played:
-            made = file(name, form)
-            played[program, name, form] = made, run(made.path, TIMES)
-        return played[program, name, form]
-
-    return once
-
-
-def turned(document, times):
-    """Return the vertices of each part of a document at times of its animation; bones turn by the shortest arc."""
-    animation, shown = document.gltf["animations"][0], []
-    for time in times:
-        posed = document.copy()
-        for channel in animation["channels"]:
-            sampler, path = animation["samplers"][channel["sampler"]], channel["target"]["path"]
-            keyed, values = (document.array(sampler[name]).astype(np.float64) for name in ("input", "output"))
-            time = np.clip(time, keyed[0], keyed[-1])
-            if path == "rotation":
-                value = Slerp(keyed, Rotation.from_quat(values))(time).as_quat()
-            else:
-                value = np.array([np.interp(time, keyed, column) for column in values.reshape(len(keyed), -1).T])
-            posed.gltf["nodes"][channel["target"]["node"]][path] = value.tolist()
-        shown.append({(part.node, part.primitive): part.vertices for part in from_document(posed).parts})
-    return {key: np.array([positions[key] for positions in shown]) for key in shown[0]}
-
-
 def allowed(program, made, expected):
     """Maximum distance of a vertex from its position in the file, in the character's units."""
     rounding = ROUNDING * made.diagonal
@@ -194,57 +159,13 @@ def allowed(program, made, expected):
     return rounding
 
 
-@pytest.mark.parametrize(
-    ("form", "name"), [(form, name) for form in FORMS for name in (*MADE, *([] if form == "rig" else REAL))]
-)
-def test_every_vertex_is_where_it_was_solved_to_be(program, form, name, played_in, players):
-    made, shown = played_in(program, name, form)
-    np.testing.assert_allclose(shown.times, np.arange(TIMES) * 2.5 / FPS, atol=1e-6)
-    between = np.arange(TIMES) % 2 == 1
-    expected = players.solved(made.clip)(shown.times)
-    rounding = allowed(program, made, expected)
-    if form == "rig":  # between two keyframes bones turn, and do not go in straight lines
-        exact = turned(load_document(made.path), shown.times)
-        assert players.farthest(shown.meshes, exact) <= rounding
-        expected = {key: np.where(between[:, None, None], exact[key], expected[key]) for key in expected}
-    assert players.farthest(shown.meshes, expected) <= made.summary.error * made.diagonal + rounding
-    everything = np.concatenate(list(shown.meshes.values()), axis=1)
-    moved = np.nanmax(np.linalg.norm(everything - everything[0], axis=2), axis=1)
-    assert moved[1:].min() > 0.005 * made.diagonal
-
-
 PLAIN = str.maketrans(dict.fromkeys('.:@/"%', "_"))
 """Godot's replacements of characters that are not allowed in names of nodes."""
 
 
-def names(things):
-    return [thing.name for thing in things]
-
-
 def targets(made, node):
     """The names of the morph targets of a node's mesh."""
-    return ((made.meshes[made.nodes[node].mesh].extras or {}).get("targetNames")) or []
-
-
-@pytest.mark.parametrize(("form", "name"), NAMED)
-def test_animations_nodes_and_targets_have_the_names_that_the_file_gives_them(program, form, name, played_in):
-    made, shown = played_in(program, name, form)
-    own, report = made.gltf, shown.report
-    assert own.animations[0].name == "one_second"
-    animations, nodes = names(own.animations), set(names(own.nodes))
-    if program in ("three.js", "Babylon.js", "assimp"):
-        assert report["animations"] == animations
-        assert nodes <= set(report["objects"])
-    elif program == "Godot":
-        assert sorted(report["animations"]) == sorted(animations)
-        assert {node.translate(PLAIN) for node in nodes} <= {node.translate(PLAIN) for node in report["objects"]}
-    else:
-        assert sorted(report["actions"]) == sorted(animations)
-        bones = {bone for armature in report["bones"].values() for bone in armature}
-        assert nodes <= set(report["objects"]) | bones
-    for mesh in report["meshes"]:
-        shown = [key["name"] for key in mesh["shape_keys"]] if program == "Blender" else mesh["targets"]
-        assert shown == targets(own, mesh["node"])
+    return (made.gltf.meshes[made.gltf.nodes[node].mesh].extras or {}).get("targetNames") or []
 
 
 def looks(made, node, primitive):
@@ -262,18 +183,32 @@ def looks(made, node, primitive):
         return material.name, surface.baseColorFactor, (image.name, picture.size)
 
 
-@pytest.mark.parametrize(("form", "name"), NAMED)
-def test_every_part_has_its_material(program, form, name, played_in):
-    made, shown = played_in(program, name, form)
+def assert_has_the_names_of_the_file(program, made, report):
+    """Assert that animations, nodes and targets have the names that the file gives them."""
     own = made.gltf
-    for mesh in shown.report["meshes"]:
+    animations, nodes = [each.name for each in own.animations], {node.name for node in own.nodes}
+    assert animations[0] == "one_second"
+    seen = report["actions" if program == "Blender" else "animations"]
+    assert sorted(seen) == sorted(animations)
+    objects = {*report["objects"], *(bone for bones in report.get("bones", {}).values() for bone in bones)}
+    if program == "Godot":
+        nodes, objects = ({name.translate(PLAIN) for name in names} for names in (nodes, objects))
+    assert nodes <= objects
+    for mesh in report["meshes"]:
+        shown = [key["name"] for key in mesh["shape_keys"]] if program == "Blender" else mesh["targets"]
+        assert shown == targets(made, mesh["node"])
+
+
+def assert_has_the_materials_of_the_file(program, made, report):
+    """Assert that every part has its material."""
+    own = made.gltf
+    for mesh in report["meshes"]:
         if program == "Blender":  # one mesh for all primitives of a node, with the materials that they have
             count = len(own.meshes[own.nodes[mesh["node"]].mesh].primitives)
             expected = list({str(look): look for look in (looks(made, mesh["node"], i) for i in range(count))}.values())
         else:
             expected = [looks(made, mesh["node"], mesh["primitive"])]
-        for look, seen in zip(filter(None, expected), mesh["materials"], strict=True):
-            material, color, texture = look
+        for (material, color, texture), seen in zip(filter(None, expected), mesh["materials"], strict=True):
             assert seen["name"] == material
             if texture is None:
                 np.testing.assert_allclose(seen["base_color"][:3], color[:3], atol=1e-6)
@@ -285,21 +220,10 @@ def test_every_part_has_its_material(program, form, name, played_in):
                     assert image["name"] == texture[0]
 
 
-@pytest.mark.parametrize(
-    ("form", "name"),
-    [
-        (form, name)
-        for form in FORMS
-        for name in ("own_targets", "animated", "node_transforms", *([] if form == "rig" else REAL))
-    ],
-)
-def test_blender_plays_the_recording_at_once_with_a_keyframe_a_frame(form, name, played_in):
-    made, shown = played_in("Blender", name, form)
-    report = shown.report
+def assert_plays_at_once(made, report, form):
+    """Assert that Blender plays the recording without further ado, with one keyframe per frame."""
     assert report["fps"] == FPS
     assert report["actions"]["one_second"]["frames"] == [0, FRAMES - 1]
-    moved = {channel.target.node for channel in made.gltf.animations[0].channels}
-    assert moved
     active = [owner for owner in report["animated"] if owner["action"] is not None]
     assert {owner["action"] for owner in active} == {"one_second"}
     for owner in active:
@@ -307,13 +231,41 @@ def test_blender_plays_the_recording_at_once_with_a_keyframe_a_frame(form, name,
         assert "one_second" in {track["name"] for track in owner["tracks"]}
     keyed = {owner["object"] for owner in active if owner["kind"] == "KEY"}
     for mesh in report["meshes"]:
-        assert (mesh["name"] in keyed) == bool(form != "rig" or targets(made.gltf, mesh["node"]))
+        assert (mesh["name"] in keyed) == bool(form != "rig" or targets(made, mesh["node"]))
         for key in mesh["shape_keys"]:
             low, high = key["slider"]
             assert low <= key["asked"][0] <= key["asked"][1] <= high
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(("program", "form", "name"), CASES)
+def test_every_vertex_is_where_it_was_solved_to_be_with_its_names_and_materials(
+    program, form, name, file, player, players
+):
+    run, made = player(program), file(name, form)
+    shown = run(made.path, TIMES)
+    np.testing.assert_allclose(shown.times, np.arange(TIMES) * 2.5 / FPS, atol=1e-6)
+    expected = players.solved(made.clip)(shown.times)
+    rounding = allowed(program, made, expected)
+    if form == "rig":  # between two keyframes bones turn, and do not go in straight lines
+        document, between = load_document(made.path), np.arange(TIMES) % 2 == 1
+        poses = [from_document(posed(document, time)).parts for time in shown.times]
+        exact = {(p.node, p.primitive): np.array([each[k].vertices for each in poses]) for k, p in enumerate(poses[0])}
+        assert players.farthest(shown.meshes, exact) <= rounding
+        expected = {key: np.where(between[:, None, None], exact[key], expected[key]) for key in expected}
+    assert players.farthest(shown.meshes, expected) <= made.summary.error * made.diagonal + rounding
+    everything = np.concatenate(list(shown.meshes.values()), axis=1)
+    moved = np.nanmax(np.linalg.norm(everything - everything[0], axis=2), axis=1)
+    assert moved[1:].min() > 0.005 * made.diagonal
+    if name in ("animated", "several_primitives", *REAL):
+        assert_has_the_names_of_the_file(program, made, shown.report)
+        assert_has_the_materials_of_the_file(program, made, shown.report)
+    if program == "Blender":
+        assert_plays_at_once(made, shown.report, form)
+
+
+@pytest.mark.parametrize(
+    "form", ["rig", *(pytest.param(form, marks=pytest.mark.exhaustive) for form in ("morph", "frames"))]
+)
 def test_blender_plays_in_seconds_whatever_the_frame_rate_of_the_scene(form, player, file, players):
     blender = player("Blender")
     made = file("textured", form)
@@ -367,9 +319,10 @@ MERGED = 1e-5
 """Relative difference of times below which Godot merges keyframes."""
 
 
+@pytest.mark.parametrize("program", PROGRAMS)
 def test_an_hour_plays_to_its_end(program, player, request, players):
-    hour = request.getfixturevalue("hour")
-    shown = player(program)(hour.path, 65)  # keyframes, and the middles between two, by turns
+    run, hour = player(program), request.getfixturevalue("hour")
+    shown = run(hour.path, 65)  # keyframes, and the middles between two, by turns
     assert shown.times[-1] == pytest.approx(3600, abs=1e-3)
     assert hour.summary.frames == 3600 * FPS + 1
     expected = players.solved(hour.clip)(shown.times)

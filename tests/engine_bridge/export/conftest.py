@@ -366,6 +366,12 @@ def by_part(clip, moved):
     return [moved[:, clip.rig.mesh.of_render[place]] for place in clip.rig.character.vertex_slices]
 
 
+def primitives(made):
+    """Return the primitives of all nodes of the scene, in order."""
+    nodes, meshes = made.file.nodes, made.file.meshes
+    return [each for node in made.file.scenes[0].nodes for each in meshes[nodes[node].mesh].primitives]
+
+
 def posed(document, time):
     """Return a document whose nodes are posed as at a time of its first animation; bones turn by the shortest arc."""
     shown, animation = document.copy(), document.gltf["animations"][0]

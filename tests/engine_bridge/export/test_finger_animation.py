@@ -12,6 +12,8 @@ from engine_bridge.puppet.humanoid_bones import FINGER_BONES
 from engine_bridge.rigging.joints import Joint
 from engine_bridge.rigging.skeleton import Skeleton
 
+from .conftest import posed
+
 QUARTER = 90 / FULL_BEND_DEGREES
 VRM_1 = {
     (finger, k): f"{{side}}{finger.title()}{part}"
@@ -41,19 +43,16 @@ def place_of(side, finger, k):
 def hands(request, glb, tmp_path):
     """A document of two hands whose joints have axes of their own, with an animation of three keyframes."""
     random = np.random.default_rng(5)
-    for side in ("left", "right"):
-        above = glb.node(name=f"{side} hand", translation=[0.7 if side == "left" else -0.7, 0.0, 0.0])
+    for side, out in (("left", 0.7), ("right", -0.7)):
+        above = glb.node(name=f"{side} hand", translation=[out, 0.0, 0.0])
         for finger in FINGERS:
-            parent, world = above, np.eye(4)
-            world[0, 3] = 0.7 if side == "left" else -0.7
+            parent, turn, start = above, Rotation.identity(), [out, 0, 0]
             for k in [k for name, k in request.param if name == finger]:
-                place = np.eye(4)
-                place[:3, :3] = Rotation.random(random_state=random).as_matrix()
-                place[:3, 3] = place_of(side, finger, k)
-                local, world = np.linalg.inv(world) @ place, place
+                own, place = Rotation.random(random_state=random), place_of(side, finger, k)
                 name = request.param[finger, k].format(side=side, Side=side.title(), S=side[0].upper())
-                turn = Rotation.from_matrix(local[:3, :3]).as_quat().tolist()
-                parent = glb.node(parent=parent, name=name, translation=local[:3, 3].tolist(), rotation=turn)
+                step, local = turn.inv().apply(place - start).tolist(), (turn.inv() * own).as_quat().tolist()
+                parent = glb.node(parent=parent, name=name, translation=step, rotation=local)
+                turn, start = own, place
     document = load_document(glb.save(tmp_path / "hands.glb"))
     clock = document.add(np.arange(3, dtype=np.float32), bounds=True)
     document.gltf["animations"] = [{"channels": [], "samplers": [{"input": clock, "output": clock}]}]
@@ -62,11 +61,7 @@ def hands(request, glb, tmp_path):
 
 def shown(document, frame):
     """Return the places of the joints of fingers in a keyframe."""
-    animation = document.gltf["animations"][0]
-    for channel in animation["channels"]:
-        keys = document.array(animation["samplers"][channel["sampler"]]["output"]).reshape(3, 4)
-        document.gltf["nodes"][channel["target"]["node"]]["rotation"] = keys[frame].tolist()
-    world = world_transforms(document)
+    world = world_transforms(posed(document, frame))
     return {joint: world[node][:3, 3] for joint, node in finger_joints(document).items()}
 
 
@@ -74,9 +69,8 @@ def test_every_joint_of_a_finger_is_known_by_its_name(hands):
     wanted = {(side, finger, k) for side in ("left", "right") for finger in FINGERS for k in (1, 2, 3)}
     joints = finger_joints(hands)
     assert joints.keys() == wanted
-    world = world_transforms(hands)
-    for joint, node in joints.items():
-        np.testing.assert_allclose(world[node][:3, 3], place_of(*joint), atol=1e-6)
+    for joint, place in shown(hands, 0).items():
+        np.testing.assert_allclose(place, place_of(*joint), atol=1e-6)
 
 
 def test_a_hand_points_while_the_bent_fingers_follow_the_palm_and_rests_at_zero(hands):

@@ -8,6 +8,7 @@ from engine_bridge.export.flattened import flatten
 from puppetline.errors import MeshError
 
 from ..refusals import refused
+from .conftest import primitives
 
 
 def numbers(character):
@@ -27,12 +28,6 @@ def flat(raw, tmp_path):
         return character, output, raw(output)
 
     return make
-
-
-def primitives(file):
-    """The primitives of all nodes of the scene, in order."""
-    file = file.file
-    return [each for node in file.scenes[0].nodes for each in file.meshes[file.nodes[node].mesh].primitives]
 
 
 def test_every_variant_lies_flat_with_the_vertices_in_the_order_of_its_parts(variant, flat, raw, assert_valid_gltf):

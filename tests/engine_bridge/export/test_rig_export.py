@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings
 
-from .conftest import add_animation, assert_same_primitive
+from .conftest import Raw, add_animation, assert_same_primitive
 
 FRAMES = 20
 MIRRORED = {"node_transforms": 0, "shared_mesh": 1}
@@ -137,7 +137,7 @@ def test_lines_stand_on_the_skeleton_itself_where_their_node_is(
     np.testing.assert_array_equal(made.array(lines.attributes.JOINTS_0), np.zeros((10, 4)))
     np.testing.assert_array_equal(made.array(lines.attributes.WEIGHTS_0), np.tile([1, 0, 0, 0], (10, 1)))
 
-    before = raw(variants["skinned"].path)
+    before = Raw(variants["skinned"].path)
     (mesh,) = before.file.meshes
     bound = mesh.primitives[0].attributes.POSITION
     mesh.primitives.append(gltf.Primitive(attributes=gltf.Attributes(POSITION=bound), mode=gltf.LINE_STRIP))

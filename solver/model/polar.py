@@ -21,7 +21,7 @@ TINY = 1e-300
 """Smallest denominator, so that quotients of zeros are finite."""
 
 
-@compiled(inner=True, inline="always", error_model="numpy")
+@compiled(inner=True, forceinline=True, error_model="numpy")
 def _turn(app, aqq, apq, arp, arq, v0p, v0q, v1p, v1q, v2p, v2q):
     """Make a symmetric matrix's entry pq zero by a rotation of axes p and q, and turn the columns p and q of V."""
     difference = aqq - app
@@ -37,7 +37,7 @@ def _turn(app, aqq, apq, arp, arq, v0p, v0q, v1p, v1q, v2p, v2q):
     )
 
 
-@compiled(inner=True, inline="always", error_model="numpy")
+@compiled(inner=True, forceinline=True, error_model="numpy")
 def _sweep(a, v):
     """Rotate each pair of axes once; a is the upper triangle (00, 11, 22, 01, 02, 12), v is V by rows."""
     a00, a11, a22, a01, a02, a12 = a
@@ -48,7 +48,7 @@ def _sweep(a, v):
     return (a00, a11, a22, a01, a02, 0.0), (v00, v01, v02, v10, v11, v12, v20, v21, v22)
 
 
-@compiled(inner=True, inline="always")
+@compiled(inner=True, forceinline=True)
 def _larger_first(x, y, a, b):
     """Exchange two eigenvalues and their vectors where the second is larger."""
     later = x < y
@@ -57,7 +57,7 @@ def _larger_first(x, y, a, b):
     return max(x, y), min(x, y), first, second
 
 
-@compiled(inner=True, inline="always", error_model="numpy")
+@compiled(inner=True, forceinline=True, error_model="numpy")
 def _across(wanted, other):
     """Return the direction and the length of the part of a vector at a right angle to a unit vector."""
     along = wanted[0] * other[0] + wanted[1] * other[1] + wanted[2] * other[2]
@@ -67,12 +67,12 @@ def _across(wanted, other):
     return (x * scale, y * scale, z * scale), length
 
 
-@compiled(inner=True, inline="always")
+@compiled(inner=True, forceinline=True)
 def _either(condition, a, b):
     return (a[0] if condition else b[0], a[1] if condition else b[1], a[2] if condition else b[2])
 
 
-@compiled(inner=True, inline="always")
+@compiled(inner=True, forceinline=True)
 def _image(s, v):
     return (
         s[0] * v[0] + s[1] * v[1] + s[2] * v[2],

@@ -8,19 +8,19 @@ MIN_LENGTH = 1e-12
 """Smallest length of a vector that has a direction, in the unit of the vector."""
 
 
-@compiled(inner=True, inline="always")
+@compiled(inner=True)
 def dot(a, b):
     """Return the scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@compiled(inner=True, inline="always")
+@compiled(inner=True)
 def cross(a, b):
     """Return the cross product of two vectors."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@compiled(inner=True, inline="always")
+@compiled(inner=True)
 def scaled(v, factor):
     """Return a vector times a number."""
     return (factor * v[0], factor * v[1], factor * v[2])
@@ -63,10 +63,16 @@ def perpendicular(v):
     return unit((v[1], -v[0], 0.0))
 
 
-@compiled(inner=True, inline="always")
+@compiled(inner=True)
 def row_of(vectors, row):
     """Return a row of an array of vectors as a tuple."""
     return (vectors[row, 0], vectors[row, 1], vectors[row, 2])
+
+
+@compiled(inner=True)
+def write_row(vectors, row, v):
+    """Write a vector to a row of an array. An assignment to the whole row would compile more slowly."""
+    vectors[row, 0], vectors[row, 1], vectors[row, 2] = v[0], v[1], v[2]
 
 
 @compiled(inner=True)

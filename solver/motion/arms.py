@@ -168,7 +168,7 @@ def _hold_away(plan, arm, motions):
 @compiled(inner=True)
 def _gap(plan, positions, confidence, heading):
     """Return the vector from the performer's right to the left hand in metres, mesh file's axes; NaN if unknown."""
-    left, right = plan.joints
+    left, right = plan.joints[0], plan.joints[1]
     gap = minus(positions[left], positions[right])
     if not (confidence[left] > 0 and confidence[right] > 0 and is_position(gap)):
         return (np.nan, np.nan, np.nan)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
 from solver.model.bones import Bones
-from solver.model.vectors import cross, dot, length, minus, plus, row_of, scaled, unit
+from solver.model.vectors import cross, dot, length, minus, plus, row_of, scaled, unit, write_row
 from solver.motion import quaternions as quat
 from solver.motion.resting_feet import HEIGHT, LIFT, TILT, TIME, VOTE_FRAMES, remaining, resting_feet
 from solver.motion.retarget import RETURN_SECONDS
@@ -209,7 +209,9 @@ def _step(plan, state, time, positions, confidence, motions, root):
     clock[TIME] = time
     rests, low = resting_feet(plan, state, positions, confidence, elapsed, began)
     _ease(state.stands, rests, elapsed)
-    _ease(state.flat, rests | low, elapsed)  # the measured pitch of a low foot is mostly noise
+    for leg in range(len(low)):
+        low[leg] = low[leg] or rests[leg]
+    _ease(state.flat, low, elapsed)  # the measured pitch of a low foot is mostly noise
     heights = _heights(plan, state, motions)
     if plan.pelvis >= 0:
         _tilt_pelvis(plan, state, motions, heights, elapsed)
@@ -276,8 +278,11 @@ def _set_height(plan, state, heights, root, elapsed):
 
     If both feet rest, both are on the floor within `SLACK_METRES`.
     """
-    lowest = heights.min()
-    apart = (state.stands * (heights - lowest)).max()
+    lowest, apart = math.inf, -math.inf
+    for leg in range(len(heights)):
+        lowest = min(lowest, heights[leg])
+    for leg in range(len(heights)):
+        apart = max(apart, state.stands[leg] * (heights[leg] - lowest))
     wanted = state.clock[LIFT] - lowest - max(0.0, apart - plan.metre * SLACK_METRES)
     largest = plan.metre * MAX_VERTICAL_SPEED * elapsed
     last = state.clock[HEIGHT]
@@ -328,7 +333,7 @@ def _hold(plan, state, leg, rests, motions, root, elapsed, began):
         offset = scaled(offset, fading)
         if rests and length(offset) < HOLD_AGAIN_METRES * plan.metre:
             state.held[leg] = 1.0
-            state.place[leg] = plus(points, offset, 1.0)
+            write_row(state.place, leg, plus(points, offset, 1.0))
     if state.held[leg] > 0:
         offset = _way(plan, state, leg, motions, root)
         level = plus(offset, up, -dot(offset, up))
@@ -344,16 +349,16 @@ def _hold(plan, state, leg, rests, motions, root, elapsed, began):
         last = dot(state.place[leg], up)
         high = wanted + remaining(SETTLE_SECONDS, elapsed) * (last - wanted)
         there = plus(there, up, high - dot(there, up))
-        state.place[leg] = there
+        write_row(state.place, leg, there)
         offset = minus(there, points)
     sunk = floor - dot(plus(points, offset, 1.0), up)
-    state.offset[leg] = plus(offset, up, max(0.0, sunk))
+    write_row(state.offset, leg, plus(offset, up, max(0.0, sunk)))
 
 
 @compiled(inner=True)
 def _bend(plan, state, leg, motions, changed, elapsed):
     """Bend a leg by its foot's offset, and turn its foot flat by its weight."""
-    thigh, shin, foot = plan.legs[leg]
+    thigh, shin, foot = plan.legs[leg, 0], plan.legs[leg, 1], plan.legs[leg, 2]
     ankle = moved(motions[shin], plan.tails[shin])
     if length(state.offset[leg]) > 1e-9 * plan.metre:
         ankle = bend(motions, plan.heads, plan.tails, thigh, shin, plan.poles[leg], state.offset[leg])

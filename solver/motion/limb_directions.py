@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from puppetline.compiled import compiled
-from solver.model.vectors import MIN_LENGTH, between, blend, dot, length, row_of, unit
+from solver.model.vectors import MIN_LENGTH, between, blend, dot, length, minus, plus, row_of, unit, write_row
 from solver.motion import quaternions as quat
 from solver.motion.limb_plan import SIDES
 from solver.motion.retarget import is_position
@@ -68,11 +68,10 @@ def smooth_step(value, limits):
 @compiled(inner=True)
 def _torso(pairs, seen):
     """Return the vector from the middle of the hips to the middle of the shoulders."""
-    up = np.empty(3)
-    for axis in range(3):
-        hips = seen[pairs[0, 0], axis] + seen[pairs[0, 1], axis]
-        up[axis] = (seen[pairs[1, 0], axis] + seen[pairs[1, 1], axis] - hips) / 2
-    return (up[0], up[1], up[2])
+    hips = plus(row_of(seen, pairs[0, 0]), row_of(seen, pairs[0, 1]), 1.0)
+    shoulders = plus(row_of(seen, pairs[1, 0]), row_of(seen, pairs[1, 1]), 1.0)
+    up = minus(shoulders, hips)
+    return (up[0] / 2, up[1] / 2, up[2] / 2)
 
 
 @compiled(inner=True)
@@ -92,17 +91,18 @@ def _hips_and_shoulders(pairs, seen):
 @compiled(inner=True)
 def _tracked_joints(plan, state, time, positions, confidence):
     """Return the joints, NaN if lost, with exchanged left and right undone."""
-    seen = np.full(positions.shape, np.nan)
+    seen = np.empty((len(positions), 3))
     for j in range(len(positions)):
-        if confidence[j] > 0 and is_position(positions[j]):
-            seen[j] = positions[j]
+        position = row_of(positions, j)
+        known = confidence[j] > 0 and is_position(position)
+        write_row(seen, j, position if known else (np.nan, np.nan, np.nan))
     clock = state.clock
     hips, shoulders = _hips_and_shoulders(plan.pairs, seen)
     if clock[EXCHANGED] > 0 and time - clock[SINCE] > EXCHANGED_SECONDS:
         clock[EXCHANGED] = 0.0
         clock[SIDE_TIME] = -np.inf
-        state.known[:] = 0.0  # so that all bones ease to the sensor's pose
-        state.roll_known[:] = 0.0
+        for row in range(len(state.known)):  # so that all bones ease to the sensor's pose
+            state.known[row] = state.roll_known[row] = 0.0
     sign = -1.0 if clock[EXCHANGED] > 0 else 1.0
     side = unit((hips[0] + shoulders[0], hips[1] + shoulders[1], hips[2] + shoulders[2]))
     if dot(side, side) > 0:
@@ -120,7 +120,12 @@ def _tracked_joints(plan, state, time, positions, confidence):
         if side[0] ** 2 + side[2] ** 2 > 0.1:  # a body that lies on its side keeps its last heading
             clock[HEADING] = math.atan2(-sign * side[2], sign * side[0])
         clock[SIDE_TIME] = time
-    return seen[plan.opposite] if clock[EXCHANGED] > 0 else seen
+    if clock[EXCHANGED] == 0:
+        return seen
+    exchanged = np.empty((len(seen), 3))
+    for j in range(len(seen)):
+        write_row(exchanged, j, row_of(seen, plan.opposite[j]))
+    return exchanged
 
 
 @compiled(inner=True)
@@ -136,19 +141,21 @@ def _remove_heading(plan, state, seen):
 @compiled(inner=True)
 def _directions(plan, seen, rows):
     """Return the directions of the bones (rows, 3), zero if unknown, and the weight of the trunk's inner joints."""
-    points = np.zeros((len(plan.joints), 3))
+    points = np.empty((len(plan.joints), 3))
     for p in range(len(plan.joints)):
-        count = 0
-        for j in plan.joints[p]:
+        point, count = (0.0, 0.0, 0.0), 0
+        for k in range(plan.joints.shape[1]):
+            j = plan.joints[p, k]
             if j >= 0:
-                points[p] += seen[j]
+                point = plus(point, row_of(seen, j), 1.0)
                 count += 1
-        points[p] /= count
-    directions = np.zeros((rows, 3))
-    directions[0] = _known_unit(_torso(plan.pairs, seen))
+        for axis in range(3):
+            points[p, axis] = point[axis] / count if count else np.nan
+    directions = np.empty((rows, 3))
+    write_row(directions, 0, _known_unit(_torso(plan.pairs, seen)))
     for row in range(1, rows):
         direction = _known_unit(between(points, plan.ends[row, 0], plan.ends[row, 1]))
-        directions[row] = _raised(direction, plan.pitch[row]) if plan.pitch[row] != 0 else direction
+        write_row(directions, row, _raised(direction, plan.pitch[row]) if plan.pitch[row] != 0 else direction)
     counts = 1.0
     if len(plan.trunk) > 2:
         first, last = plan.trunk[0], plan.trunk[-1]
@@ -159,11 +166,12 @@ def _directions(plan, seen, rows):
             share = smooth_step(near / max(length(chord), MIN_LENGTH), INNER_JOINT_SHARES)
             counts = min(counts, share) if share == share else 0.0
         chord = _known_unit(chord)
-        if counts < 1 and dot(chord, chord) > 0:
+        if counts < 1:
             for row in plan.trunk_rows:
-                directions[row] = unit(blend(chord, row_of(directions, row), counts))
-        elif counts < 1:
-            directions[plan.trunk_rows] = 0.0
+                direction = (0.0, 0.0, 0.0)
+                if dot(chord, chord) > 0:
+                    direction = unit(blend(chord, row_of(directions, row), counts))
+                write_row(directions, row, direction)
     return directions, counts
 
 
@@ -187,31 +195,33 @@ def _known_unit(v):
 @compiled(inner=True)
 def _sides(plan, seen, rows):
     """Return the direction from right to left (rows, 3) that each bone's roll follows; zero if none."""
-    across = np.zeros((rows, 3))
+    across = np.empty((rows, 3))
     hips, shoulders = _hips_and_shoulders(plan.pairs, seen)
     if dot(hips, shoulders) < 0:  # a body is not twisted that far; the hips are narrower, so less certain
         hips = (0.0, 0.0, 0.0)
     for row in range(rows):
+        side = (0.0, 0.0, 0.0)
         if plan.roll[row] == SIDES:
             share = plan.hips[row]
             if dot(hips, hips) == 0:
                 share = 0.0
             elif dot(shoulders, shoulders) == 0:
                 share = 1.0
-            across[row] = unit(blend(shoulders, hips, share))
+            side = unit(blend(shoulders, hips, share))
+        write_row(across, row, side)
     return across
 
 
 @compiled(inner=True)
 def _orientations(plan, state, orientations, rows):
     """Return the orientation of the performer's bone that each roll follows (rows, 4); NaN if none."""
-    turned = np.full((rows, 4), np.nan)
-    if state.clock[EXCHANGED] > 0:
-        return turned
+    turned = np.empty((rows, 4))
     heading = (1.0, 0.0, 0.0, 0.0)
     if not plan.turns:
         heading = quat.about((0.0, 1.0, 0.0), -state.clock[HEADING])
     for row in range(rows):
-        if plan.oriented[row] >= 0:
-            turned[row] = quat.normalised(quat.product(heading, quat.row_of(orientations, plan.oriented[row])))
+        turn = (np.nan, np.nan, np.nan, np.nan)
+        if plan.oriented[row] >= 0 and state.clock[EXCHANGED] == 0:
+            turn = quat.normalised(quat.product(heading, quat.row_of(orientations, plan.oriented[row])))
+        quat.write_row(turned, row, turn)
     return turned

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
-from solver.model.vectors import blend, in_axes, row_of, scaled, unit
+from solver.model.vectors import blend, in_axes, row_of, scaled, unit, write_row
 from solver.motion import quaternions as quat
 from solver.motion.limb_directions import HEADING, TIME, observed
 from solver.motion.limb_plan import plan_of
@@ -142,13 +142,13 @@ def _step(plan, state, time, positions, confidence, orientations, out):
     directions, weight, across, turned = observed(plan, state, time, positions, confidence, orientations)
     aims, world = plan.aims.copy(), np.empty((len(plan.roll), 4))
     for row in plan.trunk_rows:
-        aims[row] = unit(blend(plan.chords[row], plan.aims[row], weight))
+        write_row(aims, row, unit(blend(row_of(plan.chords, row), row_of(plan.aims, row), weight)))
     for row in range(len(world)):
         base = (1.0, 0.0, 0.0, 0.0)
         if plan.base[row] >= 0:
             base = quat.row_of(world, plan.base[row])
         local = turn_bone(plan, state, row, quat.inverse(base), aims, directions, across, turned, elapsed, began)
-        world[row] = quat.product(base, local)
+        quat.write_row(world, row, quat.product(base, local))
     _mount(state, turned, world)
     _write_motions(plan, state, out)
 
@@ -158,7 +158,8 @@ def _mount(state, turned, world):
     """Store the bones' rotations in the axes of the performer's bones when these are first known."""
     for row in range(len(world)):
         if math.isfinite(turned[row, 0]) and state.known[row] > 0 and not math.isfinite(state.mount[row, 0]):
-            state.mount[row] = quat.product(quat.inverse(quat.row_of(turned, row)), quat.row_of(world, row))
+            mount = quat.product(quat.inverse(quat.row_of(turned, row)), quat.row_of(world, row))
+            quat.write_row(state.mount, row, mount)
 
 
 @compiled(inner=True)
@@ -166,24 +167,26 @@ def _write_motions(plan, state, out):
     """Write the motions of the bones, from the root to the tips."""
     rows = len(plan.roll)
     shown = np.empty((rows, 4))
-    shown[0] = 1.0, 0.0, 0.0, 0.0
+    quat.write_row(shown, 0, (1.0, 0.0, 0.0, 0.0))
     for row in range(1, rows):
         local = quat.row_of(state.local, row)
         if plan.gain[row] != 1:
             vector = quat.near_vector(local, row_of(state.vector, row))
-            state.vector[row] = vector
+            write_row(state.vector, row, vector)
             local = quat.from_vector(scaled(vector, plan.gain[row]))
         base = plan.shown_base[row]
-        shown[row] = quat.product(quat.row_of(shown, base), local) if base >= 0 else local
+        turn = quat.product(quat.row_of(shown, base), local) if base >= 0 else local
+        quat.write_row(shown, row, turn)
         bone = row - 1
-        turn = _in_file_axes(quat.row_of(shown, row), plan.basis)
+        turn = _in_file_axes(turn, plan.basis)
         _write_motion(turn, plan.heads, plan.parents[bone], bone, out)
 
 
 @compiled(inner=True)
 def _in_file_axes(q, basis):
     """Convert a rotation from character axes to those of the mesh file."""
-    return (q[0], *in_axes((q[1], q[2], q[3]), basis))
+    x, y, z = in_axes((q[1], q[2], q[3]), basis)
+    return (q[0], x, y, z)
 
 
 @compiled(inner=True)

@@ -3,7 +3,7 @@
 import math
 
 from puppetline.compiled import compiled
-from solver.model.vectors import MIN_LENGTH, cross, dot, length, row_of, scaled, unit
+from solver.model.vectors import MIN_LENGTH, cross, dot, length, row_of, scaled, unit, write_row
 from solver.motion import quaternions as quat
 from solver.motion.limb_directions import smooth_step
 from solver.motion.limb_plan import BENT_SINES, HINGE, SIDES
@@ -52,7 +52,7 @@ def turn_bone(plan, state, row, from_base, aims, directions, across, turned, ela
         else:
             local = _rolled(plan, state, row, local, from_base, aims, directions, across, fading, elapsed, began)
         local = quat.normalised(local)
-        state.local[row] = local
+        quat.write_row(state.local, row, local)
     state.known[row] = 1.0 if known else 0.0
     return local
 
@@ -78,11 +78,11 @@ def _swing(state, row, local, aim, wanted, fading, elapsed, began):
     now = quat.rotated(local, aim)
     gap = (0.0, 0.0, 0.0)
     if began:
-        gap = scaled(state.gap[row], fading)
+        gap = scaled(row_of(state.gap, row), fading)
         if state.known[row] == 0:
             gap = quat.to_vector(quat.least(wanted, now))
         wanted = quat.rotated(quat.from_vector(gap), wanted)
-    state.gap[row] = gap
+    write_row(state.gap, row, gap)
     turn = quat.to_vector(quat.least(now, wanted))
     angle = length(turn)
     if angle > MAX_TURN_RATE * elapsed:

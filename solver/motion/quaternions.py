@@ -9,9 +9,10 @@ import numpy as np
 
 from puppetline.compiled import compiled
 from solver.model.vectors import cross, dot, length, perpendicular, plus, scaled, unit
+from solver.model.vectors import write_row as _write_row
 
 
-@compiled(inner=True, inline="always")
+@compiled(inner=True)
 def product(a, b):
     """Return the rotation that turns by b and then by a."""
     return (
@@ -22,13 +23,13 @@ def product(a, b):
     )
 
 
-@compiled(inner=True, inline="always")
+@compiled(inner=True)
 def inverse(q):
     """Return the inverse rotation."""
     return (q[0], -q[1], -q[2], -q[3])
 
 
-@compiled(inner=True, inline="always")
+@compiled(inner=True)
 def rotated(q, v):
     """Return a vector rotated by a quaternion."""
     u = (q[1], q[2], q[3])
@@ -38,10 +39,16 @@ def rotated(q, v):
     return (v[0] + q[0] * t[0] + s[0], v[1] + q[0] * t[1] + s[1], v[2] + q[0] * t[2] + s[2])
 
 
-@compiled(inner=True, inline="always")
+@compiled(inner=True)
 def row_of(quaternions, row):
     """Return a row of an array of quaternions as a tuple."""
     return (quaternions[row, 0], quaternions[row, 1], quaternions[row, 2], quaternions[row, 3])
+
+
+@compiled(inner=True)
+def write_row(quaternions, row, q):
+    """Write a quaternion to a row of an array."""
+    quaternions[row, 0], quaternions[row, 1], quaternions[row, 2], quaternions[row, 3] = q[0], q[1], q[2], q[3]
 
 
 @compiled(inner=True)
@@ -133,5 +140,6 @@ def of_matrices(turns):
 @compiled(inner=True)
 def write_rows(q, A):
     """Write a rotation as a (3, 3) matrix for row vectors: row i is the rotated axis i."""
-    for i, axis in enumerate(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))):
-        A[i, 0], A[i, 1], A[i, 2] = rotated(q, axis)
+    _write_row(A, 0, rotated(q, (1.0, 0.0, 0.0)))
+    _write_row(A, 1, rotated(q, (0.0, 1.0, 0.0)))
+    _write_row(A, 2, rotated(q, (0.0, 0.0, 1.0)))

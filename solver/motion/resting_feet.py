@@ -75,7 +75,7 @@ def resting_feet(plan, state, positions, confidence, elapsed, began):
         state.still[leg] = 0.0 if quick or not began else state.still[leg] + elapsed
         if state.last[leg, 1] < lowest:  # False for NaN
             lowest, still = state.last[leg, 1], state.still[leg]
-    rests, low = np.zeros((2, len(plan.joints)), dtype=np.bool_)
+    rests, low = np.zeros(len(plan.joints), dtype=np.bool_), np.zeros(len(plan.joints), dtype=np.bool_)
     if not math.isfinite(lowest):
         return rests, low
     _find_floor(plan, state.clock, lowest, still, elapsed)
@@ -86,11 +86,12 @@ def resting_feet(plan, state, positions, confidence, elapsed, began):
             height = min(height, state.last[leg, 1] - lowest)
         slow = _speed(state, leg) < (RELEASE_SPEED if held else REST_SPEED) + NOISE_SHARE * state.noise[leg]
         vote = 1.0 if slow and height < (RELEASE_HEIGHT_METRES if held else REST_HEIGHT_METRES) else 0.0
-        if not began:
-            state.votes[leg] = vote
-        state.votes[leg, :-1] = state.votes[leg, 1:]
-        state.votes[leg, -1] = vote
-        rests[leg] = 2 * state.votes[leg].sum() > VOTE_FRAMES
+        votes = vote
+        for frame in range(VOTE_FRAMES - 1):
+            state.votes[leg, frame] = state.votes[leg, frame + 1] if began else vote
+            votes += state.votes[leg, frame]
+        state.votes[leg, VOTE_FRAMES - 1] = vote
+        rests[leg] = 2 * votes > VOTE_FRAMES
         low[leg] = height < REST_HEIGHT_METRES
     return rests, low
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
 from solver.model.bones import Bones
-from solver.model.vectors import dot, in_axes, length, minus, plus, unit
+from solver.model.vectors import dot, in_axes, length, minus, plus, row_of, unit
 from solver.motion import quaternions as quat
 
 MAX_REACH_SHARE = 0.9995
@@ -151,7 +151,7 @@ def _carry(before, after, T):
     for i in range(4):
         v = (T[i, 0], T[i, 1], T[i, 2])
         if i == 3:
-            v = minus(v, before[3])
+            v = minus(v, row_of(before, 3))
         for axis in range(3):
             turned = 0.0
             for k in range(3):

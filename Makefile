@@ -7,7 +7,7 @@ GDSCRIPT := integrations/godot tests/integrations/godot tests/peers/godot benchm
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup studio demo docs gallery test test-camera lint format bench lock platforms peers archives dist dist-check clean
+.PHONY: help setup studio demo docs gallery test test-all test-camera lint format bench lock platforms peers archives dist dist-check clean
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -88,15 +88,19 @@ gallery: setup ## Make looping videos, .glb files and viewer pages of the exampl
 
 # matrices here are small: threads that wait for each other only cost time; tests wait for programs and for real time
 # about a third of the time, so that three at a time keep two cores busy; a worker that crashed would run its test again
-test: export OPENBLAS_NUM_THREADS = 1
-test: setup .venv/.compiled ## Run every test, three at a time (PYTEST="-m 'not slow'" for a quick round)
+test test-all: export OPENBLAS_NUM_THREADS = 1
+test: setup .venv/.compiled ## Run the tests that must pass at every change, three at a time (PYTEST="-m 'not slow'" for a quick round)
 	$(BIN)/pytest -n 3 --max-worker-restart 0 $(PYTEST)
 
-# MediaPipe wants an older NumPy than everything else: cameras are tested beside it, and so is what all else rests on
+test-all: export PUPPETLINE_FUZZ ?= 1
+test-all: override PYTEST += --exhaustive
+test-all: test ## Run every test, also those that need hours or luck (before a release)
+
+# MediaPipe wants an older NumPy than everything else: cameras are tested beside it, and that the solver works with it
 test-camera: export OPENBLAS_NUM_THREADS = 1
-test-camera: .venv-camera/.installed ## Run the tests of cameras, and a quick round of others, on their older NumPy
-	.venv-camera/bin/pytest -n 2 tests/capture/sensors tests/capture/trackers tests/engine_bridge/service/test_video.py tests/test_licences.py
-	.venv-camera/bin/pytest -n 2 -m "not slow" tests/solver tests/capture --ignore tests/capture/sensors --ignore tests/capture/trackers
+test-camera: .venv-camera/.installed ## Run the tests of cameras, and a few of the solver, on their older NumPy
+	.venv-camera/bin/pytest -n 2 tests/capture/sensors tests/capture/trackers tests/engine_bridge/service/test_video.py \
+		tests/test_licences.py tests/solver/model/test_reduced_model.py tests/solver/motion/test_deformer.py $(PYTEST)
 
 lint: setup $(PAGE)/node_modules/.to-check ## Check style, types and imports between packages
 	$(BIN)/ruff check .

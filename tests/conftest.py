@@ -31,7 +31,7 @@ from .outside import missing as missing
 
 
 def _separate_compiled_code() -> None:
-    """Keep compiled code in a folder named by all its sources: Numba checks only the file of a function itself."""
+    """Keep compiled code in a folder named by all its sources and by NumPy: Numba checks the file of a function only."""
     rooms = ("puppetline", "capture", "solver", "engine_bridge")
     sources = sorted(path for room in rooms for path in (ROOT / room).rglob("*.py"))
     compiled = [text for path in sources if b"compiled" in (text := path.read_bytes())]
@@ -39,7 +39,7 @@ def _separate_compiled_code() -> None:
     for other in own.parent.glob("*"):
         if other != own:
             shutil.rmtree(other, ignore_errors=True)
-    os.environ.setdefault("NUMBA_CACHE_DIR", str(own))
+    os.environ.setdefault("NUMBA_CACHE_DIR", str(own / f"numpy-{np.__version__}"))
 
 
 _separate_compiled_code()

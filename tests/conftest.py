@@ -31,7 +31,7 @@ from .outside import missing as missing
 
 
 def _separate_compiled_code() -> None:
-    """Keep compiled code in a folder named by all its sources and by NumPy: Numba checks the file of a function only."""
+    """Keep compiled code in a folder named by its sources and by NumPy: Numba checks only the file of a function."""
     rooms = ("puppetline", "capture", "solver", "engine_bridge")
     sources = sorted(path for room in rooms for path in (ROOT / room).rglob("*.py"))
     compiled = [text for path in sources if b"compiled" in (text := path.read_bytes())]

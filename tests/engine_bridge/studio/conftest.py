@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import json
 import threading
 from concurrent.futures import Future
 
@@ -26,7 +27,9 @@ class RunningStudio:
         self._thread.start()
         self.served = self._started.result(TIMEOUT_SECONDS)
         self.address = f"http://127.0.0.1:{self.served.port}"
-        self._session = None
+        self.greeting = self.run(self.enter(self.token()))
+        self.session = self.greeting["session"]
+        self.bearer = {"Authorization": f"Bearer {self.session}"}
 
     async def _serve(self):
         try:
@@ -46,43 +49,40 @@ class RunningStudio:
         """Return a new one-time token."""
         return self.served.link().partition("#token=")[2]
 
-    @property
-    def session(self):
-        """A session token."""
-        if self._session is None:
-            self._session = self.run(self._enter())
-        return self._session
-
-    async def _enter(self):
-        async with self.page() as page:
-            return page.hello["session"]
+    async def enter(self, token):
+        """Connect a page, and return its greeting."""
+        async with self.page(token) as page:
+            return page.hello
 
     @contextlib.asynccontextmanager
     async def page(self, token=None):
         """Connect a page."""
         async with aiohttp.ClientSession() as http, http.ws_connect(f"{self.address}/api", max_msg_size=0) as socket:
-            await socket.send_json({"token": token or self.token()})
+            await socket.send_json({"token": token or self.session})
             yield Page(socket, (await socket.receive_json())["hello"])
 
-    def ask(self, do, **arguments):
-        """Send one request over a connection of its own, and return the whole reply."""
+    def ask(self, *requests):
+        """Send requests over a connection of their own, one after another; return the whole replies."""
 
-        async def once():
-            async with self.page(self._session) as page:
-                self._session = page.hello["session"]
-                return await page.ask(do, **arguments)
+        async def all_of_them():
+            async with self.page() as page:
+                return [await page.ask(do, **arguments) for do, arguments in requests]
 
-        return self.run(once())
+        return self.run(all_of_them())
+
+    def results(self, *requests):
+        """Return the results of requests that must succeed."""
+        replies = self.ask(*requests)
+        assert all(reply["ok"] for reply in replies), replies
+        return [reply["result"] for reply in replies]
 
     def result(self, do, **arguments):
         """Return the result of a request that must succeed."""
-        reply = self.ask(do, **arguments)
-        assert reply["ok"], reply
-        return reply["result"]
+        return self.results((do, arguments))[0]
 
     def error(self, do, **arguments):
         """Return the error of a request that must fail."""
-        reply = self.ask(do, **arguments)
+        (reply,) = self.ask((do, arguments))
         assert not reply["ok"], reply
         return reply["error"]
 
@@ -95,7 +95,7 @@ class RunningStudio:
         """Return the first state for which a function is true."""
 
         async def wait():
-            async with asyncio.timeout(TIMEOUT_SECONDS), self.page(self._session) as page:
+            async with asyncio.timeout(TIMEOUT_SECONDS), self.page() as page:
                 while True:
                     state = await page.state()
                     if is_true(state):
@@ -112,23 +112,10 @@ class RunningStudio:
 
         return self.run(send())
 
-    @property
-    def bearer(self):
-        """The header with the session token."""
-        return {"Authorization": f"Bearer {self.session}"}
-
     def upload(self, name, data):
         """Upload a file; return the status and the reply."""
-
-        async def send():
-            async with (
-                aiohttp.ClientSession() as http,
-                http.post(f"{self.address}/uploads", params={"name": name}, data=data, headers=headers) as response,
-            ):
-                return response.status, await response.json()
-
-        headers = self.bearer
-        return self.run(send())
+        status, _, body = self.http("POST", "/uploads", params={"name": name}, data=data, headers=self.bearer)
+        return status, json.loads(body)
 
     def download(self, file):
         """Return the content of a file of the studio."""

@@ -13,11 +13,8 @@ from puppetline.examples.performances import PERFORMANCES
 from capture.formats import puppetline_log
 from capture.skeleton import SkeletonFrame
 from engine_bridge.film import scene as scenes
-from engine_bridge.film.film_document import make_document
 from engine_bridge.film.framing import Shots
 from engine_bridge.film.production import produce
-from engine_bridge.performance.clip import load_timeline, solve
-from engine_bridge.performance.settings import Settings
 from solver.model.binding import Binding
 from solver.motion.deformer import to_file_units
 
@@ -55,9 +52,6 @@ SPOKEN_FRAMES, SPOKEN_SECONDS = 30, 0.3
 
 MIN_AGREEMENT = 0.9
 """Least share of the pixels of a small figure that are drawn where its take says; edges are about a pixel wide."""
-
-MAX_SKIN_ERROR = 0.015
-"""Largest distance of a vertex of the .glb, whose joints have fitted weights, as a share of the diagonal."""
 
 LEAST_GREY, LEAST_SOUND = 40, 0.1
 """Values above which a pixel is of a character, and the sound of the performer."""
@@ -157,37 +151,17 @@ def take(window):
     window.idle()
 
 
-@pytest.fixture(scope="module")
-def told(studio, film):
-    """What the takes say of each frame of the film: triangles, and vertices (F, n, 3) in metres, of each character."""
+def test_every_frame_shows_the_poses_of_both_takes(studio, film):
     path = studio.folder / "film.toml"
     production = produce(path, scenes.load(path), lambda *_: None)
-    tables = {each["character"]: each for each in takes_of(studio)}
-    found = []
-    for actor in production.actors:
-        table, rig = tables[actor.name], actor.rig
-        timeline, _ = load_timeline(path.parent / table["file"], Settings())
-        (solved,) = solve(rig, timeline, Settings(), len(timeline.positions))
-        binding = Binding(rig.model, rig.character.vertices, rig.mesh.of_render)
-        first, last = round(FPS * table.get("start", 0.0)), round(FPS * table.get("stop", 1000.0))
-        places = []
-        for frame in range(production.frames):
-            row = min(max(frame - round(FPS * table.get("at", 0.0)), 0) + first, last, len(solved.R) - 1)
-            to_stage = actor.to_stage(frame)
-            places.append(binding.vertices(to_file_units(solved.R[row], rig.model)) @ to_stage[:3] + to_stage[3])
-        found.append((rig.character.triangles, np.array(places)))
-    return production, found
-
-
-def test_every_frame_shows_the_poses_of_both_takes(film, told):
-    production, found = told
     with av.open(str(film)) as file:
         frames = [(each.time, each.to_ndarray(format="gray")) for each in file.decode(video=0)]
     assert len(frames) == production.frames
     np.testing.assert_allclose([time for time, _ in frames], np.arange(len(frames)) / FPS, atol=1e-3)
     shots = Shots(production.scene.camera, production.boxes(lambda *_: None), FPS, SIZE)
     half = SIZE[0] // 2
-    for side, (triangles, places) in zip((slice(0, half), slice(half, None)), found, strict=True):
+    for side, actor in zip((slice(0, half), slice(half, None)), production.actors, strict=True):
+        triangles, places = actor.rig.character.triangles, places_of(actor, production.frames)
         moving = np.linalg.norm(np.diff(places, axis=0), axis=2).max(axis=1)
         fastest = int(moving[10:-10].argmax()) + 10  # between this frame and the next one
         for frame in (10, fastest, len(frames) - 10):
@@ -197,6 +171,14 @@ def test_every_frame_shows_the_poses_of_both_takes(film, told):
             agreement = [(shown & each).sum() / (shown | each).sum() for each in drawn]
             assert agreement[0] > MIN_AGREEMENT
             assert frame != fastest or agreement[0] > agreement[1]
+
+
+def places_of(actor, frames):
+    """Return where the vertices of a character are in each frame of the film, (F, n, 3), in metres."""
+    binding = Binding(actor.rig.model, actor.rig.character.vertices, actor.rig.mesh.of_render)
+    to_stage = [actor.to_stage(frame) for frame in range(frames)]
+    shown = [binding.vertices(to_file_units(actor.controls(frame), actor.rig.model)) for frame in range(frames)]
+    return np.array([each @ to[:3] + to[3] for each, to in zip(shown, to_stage, strict=True)])
 
 
 def silhouette(places, triangles, camera):
@@ -239,14 +221,3 @@ def spoken(folder, table):
     first, last = round(FPS * table.get("start", 0.0)) / FPS, min(table.get("stop", 1000.0), times[-1])
     begins = np.array([k for k in range(numbers[0], numbers[-1]) if k % len(clip) % SPOKEN_FRAMES == 0]) / FPS + late
     return begins[(begins > first) & (begins < last)] - first + round(FPS * table.get("at", 0.0)) / FPS
-
-
-def test_the_glb_has_both_takes(studio, told, assert_valid_gltf, play, tmp_path):
-    production, found = told
-    make_document(studio.folder / "film.toml", tmp_path / "film.glb", lambda *_: None)
-    assert_valid_gltf(tmp_path / "film.glb")
-    played = play(tmp_path / "film.glb", production.frames)
-    np.testing.assert_allclose(played.times, np.arange(production.frames) / FPS, atol=1e-5)
-    for mesh, (_, places) in zip(played.meshes, found, strict=True):
-        diagonal = np.linalg.norm(np.ptp(places[0], axis=0))
-        assert np.abs(mesh.positions - places).max() < MAX_SKIN_ERROR * diagonal

@@ -9,7 +9,7 @@ SEEN = {
 }
 
 
-def test_the_reply_has_the_picture_the_joints_and_the_reasons():
+def test_the_reply_has_the_joints_the_reasons_and_the_picture_if_there_is_one():
     reply = look_reply(SEEN, lambda text: text.replace("/home/a/studio/takes/", ""))
     assert reply.model_dump(mode="json") == {
         "picture": "/9j/",
@@ -18,8 +18,5 @@ def test_the_reply_has_the_picture_the_joints_and_the_reasons():
         "problems": [{"level": "warning", "text": "The file x.log has ended.", "fix": "Choose another."}],
         "performers": [{"user": 3, "text": "user 3: well", "joints": [[0.25, 0.5], None]}],
     }
-
-
-def test_a_source_without_pictures_has_none():
-    reply = look_reply(SEEN | {"picture": None}, str)
-    assert (reply.picture, reply.width, reply.height) == ("", 0, 0)
+    without = look_reply(SEEN | {"picture": None}, str)
+    assert (without.picture, without.width, without.height) == ("", 0, 0)

@@ -4,6 +4,8 @@ import pytest
 from capture.smoothing import FRAMES_PER_SECOND, Smoothing
 from engine_bridge.studio.backend.smoothing_preview import preview, preview_of
 
+UNSMOOTHED = Smoothing(alpha=1.0, gamma=0.0, jitter_radius=0.0, max_deviation=np.inf)
+
 
 @pytest.mark.parametrize(
     ("smoothing", "rise", "overshoot", "lag", "noise"),
@@ -25,41 +27,33 @@ def test_the_numbers_are_those_of_the_documentation(smoothing, rise, overshoot, 
 
 
 def test_without_smoothing_the_curve_is_what_was_measured():
-    found = preview(Smoothing(alpha=1.0, gamma=0.0, jitter_radius=0.0, max_deviation=np.inf))
+    found = preview(UNSMOOTHED)
     assert np.allclose(found.smoothed, found.measured, atol=1e-12)
     assert len(found.times) == len(found.measured) == 75
     assert found.jitter_mm == pytest.approx(5.0, rel=0.02)
     assert found.lag_ms == pytest.approx(0.0, abs=1e-9)
 
 
-def swinging(noise=0.0):
+def swinging(noise):
     """Return times and positions of a joint that swings along y for three seconds."""
     times = np.arange(90) / FRAMES_PER_SECOND
     positions = np.zeros((90, 3))
     positions[:, 1] = 0.3 * np.sin(2 * np.pi * 0.8 * times)
-    return times, positions + np.random.default_rng(1).normal(scale=noise or 1e-12, size=(90, 3))
+    return times, positions + np.random.default_rng(1).normal(scale=noise, size=(90, 3))
 
 
-def test_a_live_joint_without_smoothing_is_as_it_was_measured():
-    found = preview_of(Smoothing(alpha=1.0, gamma=0.0, jitter_radius=0.0, max_deviation=np.inf), *swinging(0.005))
+def test_a_live_joint_without_smoothing_is_as_it_was_measured_with_the_noise_that_was_added():
+    found = preview_of(UNSMOOTHED, *swinging(0.01))
     assert np.allclose(found.smoothed, found.measured, atol=1e-12)
     assert np.ptp(found.measured) > 0.5
-    assert found.jitter_mm == found.measured_mm
+    assert found.jitter_mm == found.measured_mm == pytest.approx(10.0, rel=0.15)
     assert found.lag_ms == pytest.approx(0.0, abs=1e-6)
     assert (found.rise_ms, found.overshoot_mm) == (None, None)
 
 
-def test_the_noise_of_a_live_joint_is_that_which_was_added():
-    found = preview_of(Smoothing(alpha=1.0, gamma=0.0, jitter_radius=0.0, max_deviation=np.inf), *swinging(0.01))
-    assert found.measured_mm == pytest.approx(10.0, rel=0.15)
-
-
-def test_a_strong_smoothing_lags_behind_a_live_joint_and_calms_it():
+def test_a_strong_smoothing_lags_behind_a_live_joint_and_calms_it_and_one_at_rest_has_no_lag():
     strong = Smoothing(alpha=0.3, gamma=0.3, jitter_radius=1.0, max_deviation=1.0, prediction=0.0)
     found = preview_of(strong, *swinging(0.005))
     assert found.jitter_mm < 0.5 * found.measured_mm
     assert found.lag_ms > 30
-
-
-def test_a_joint_at_rest_has_no_lag():
-    assert preview_of(Smoothing(), np.arange(30) / 30, np.zeros((30, 3))).lag_ms is None
+    assert preview_of(strong, np.arange(30) / 30, np.zeros((30, 3))).lag_ms is None

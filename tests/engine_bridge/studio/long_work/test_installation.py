@@ -38,8 +38,9 @@ def test_the_packages_of_an_extra_are_installed_with_progress(pip, monkeypatch):
 
 def test_an_error_of_pip_is_told(pip):
     pip(1)
-    with pytest.raises(ServiceError, match=r"ERROR: no network.*pip install 'puppetline\[camera\]'"):
+    with pytest.raises(ServiceError) as caught:
         installation.install_extra("camera", lambda *_: None)
+    assert caught.value.found.endswith("ERROR: no network")
 
 
 def test_an_extra_is_installed_if_its_modules_are_found(monkeypatch):

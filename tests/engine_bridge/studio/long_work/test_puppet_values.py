@@ -19,8 +19,8 @@ def test_values_are_json_and_return_the_same_puppet(limbed_puppet):
 def test_the_page_does_not_choose_the_mesh(limbed_puppet):
     puppet = puppet_file.load(limbed_puppet)
     values = values_of(puppet) | {"character": {"mesh": "/etc/passwd", "up": "z", "front": "x"}}
-    assert puppet_of(values, "blob.glb").character.mesh == "blob.glb"
-    assert puppet_of(values, "blob.glb").character.up == "z"
+    made = puppet_of(values, "blob.glb").character
+    assert (made.mesh, made.up) == ("blob.glb", "z")
     assert puppet_of({key: value for key, value in values.items() if key != "character"}, "b").character.mesh == "b"
     moved = puppet.character.model_copy(update={"mesh": "/home/somebody/blob.glb"})
     assert values_of(puppet.model_copy(update={"character": moved}))["character"]["mesh"] == "blob.glb"
@@ -29,5 +29,6 @@ def test_the_page_does_not_choose_the_mesh(limbed_puppet):
 def test_a_mistake_is_named(limbed_puppet):
     values = values_of(puppet_file.load(limbed_puppet))
     values["limb"][1]["joints"][0] = "shoulder_centre"
-    with pytest.raises(PuppetError, match=r"the puppet, \[\[limb\]\] 2 'head', joints, 1.* Did you mean"):
+    with pytest.raises(PuppetError) as caught:
         puppet_of(values, "blob.glb")
+    assert caught.value.where == "the puppet, [[limb]] 2 'head', joints, 1"

@@ -1,8 +1,6 @@
 import numpy as np
 import pytest
 
-from capture.skeleton import JOINTS
-from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.studio.long_work.puppet_values import puppet_of
 from engine_bridge.studio.long_work.surface_points import mirrored, snapped
 from puppetline.errors import ServiceError
@@ -14,10 +12,12 @@ def test_the_middle_is_half_way_to_the_opposite_surface(limbed_rig):
     for share in (0.4, 0.6, 0.8):
         on_axis = start + share * (end - start)
         found = snapped(limbed_rig.mesh, tuple(on_axis + np.array([0.0, 0.3, 0.0])))
-        away = np.linalg.norm(np.cross(np.array(found["surface"]) - start, end - start)) / np.linalg.norm(end - start)
-        assert away == pytest.approx(0.17, abs=0.02)
-        aside = np.linalg.norm(np.cross(np.array(found["centre"]) - start, end - start)) / np.linalg.norm(end - start)
-        assert aside < 0.06
+        surface, centre = (
+            np.linalg.norm(np.cross(np.array(found[key]) - start, end - start)) / np.linalg.norm(end - start)
+            for key in ("surface", "centre")
+        )
+        assert surface == pytest.approx(0.17, abs=0.02)
+        assert centre < 0.06
         assert found["radius"] == pytest.approx(0.17, abs=0.03)
 
 
@@ -26,29 +26,26 @@ def test_a_point_of_the_surface_stays(limbed_rig):
         assert np.allclose(snapped(limbed_rig.mesh, tuple(vertex))["surface"], vertex, atol=1e-9)
 
 
-def test_the_other_side_replaces_the_limb_that_is_there(limbed_rig):
+def limb(puppet, name):
+    return next(limb for limb in puppet.limb if limb.name == name)
+
+
+def test_the_other_side_replaces_the_limb_that_is_there_and_mirroring_twice_returns_the_points(limbed_rig):
     puppet, mesh = limbed_rig.puppet, limbed_rig.mesh
     made = puppet_of(mirrored(puppet, mesh, "left arm"), "blob.glb")
     assert [limb.name for limb in made.limb] == [limb.name for limb in puppet.limb]
-    left, right = (next(limb for limb in made.limb if limb.name == f"{side} arm") for side in ("left", "right"))
+    left, right = (limb(made, f"{side} arm") for side in ("left", "right"))
     middle = np.median(mesh.vertices[:, 0])
     assert np.allclose(np.array(right.points), np.array(left.points) * [-1, 1, 1] + [2 * middle, 0, 0], atol=1e-5)
     assert right.joints == ("shoulder_right", "elbow_right", "wrist_right")
-    assert set(JOINTS) >= {*right.joints}
     assert made.limb[0] == puppet.limb[0]
-
-
-def test_mirroring_twice_returns_the_points(limbed_rig):
-    puppet, mesh = limbed_rig.puppet, limbed_rig.mesh
-    once = puppet_of(mirrored(puppet, mesh, "left leg"), "blob.glb")
-    twice = puppet_of(mirrored(once, mesh, "right leg"), "blob.glb")
-    left = [next(limb for limb in each.limb if limb.name == "left leg") for each in (puppet, twice)]
-    assert np.allclose(left[0].points, left[1].points, atol=1e-5)
+    twice = puppet_of(mirrored(made, mesh, "right arm"), "blob.glb")
+    assert np.allclose(limb(twice, "left arm").points, left.points, atol=1e-5)
 
 
 def test_a_limb_of_one_side_gets_its_counterpart_after_it(limbed_rig):
     limbs = [limb for limb in limbed_rig.puppet.limb if limb.name != "right arm"]
-    puppet = Puppet.model_validate(limbed_rig.puppet.model_dump() | {"limb": [limb.model_dump() for limb in limbs]})
+    puppet = limbed_rig.puppet.model_copy(update={"limb": limbs})
     names = [limb["name"] for limb in mirrored(puppet, limbed_rig.mesh, "left arm")["limb"]]
     assert names[names.index("left arm") + 1] == "right arm"
     assert len(names) == len(limbs) + 1

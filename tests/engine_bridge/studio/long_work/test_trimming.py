@@ -27,20 +27,16 @@ def walk_take(tmp_path):
     return path
 
 
-def test_a_part_has_the_frames_between_two_seconds(walk_take, tmp_path):
+def test_a_part_has_the_frames_between_two_seconds_its_beginning_and_no_other_command(walk_take, tmp_path):
     trimmed(walk_take, tmp_path / "part.log", 0.5, 1.5)
     [whole], [part] = read_log(walk_take), read_log(tmp_path / "part.log")
     inside = (whole.times >= 100.5) & (whole.times <= 101.5)
     assert inside.sum() == 31
     assert np.array_equal(part.times, whole.times[inside])
     assert np.array_equal(part.positions, whole.positions[inside], equal_nan=True)
-
-
-def test_a_take_keeps_its_beginning_and_no_other_command(walk_take, tmp_path):
-    trimmed(walk_take, tmp_path / "part.log", 0.5, 1.5)
-    events = list(puppetline_log.events(tmp_path / "part.log"))
-    assert events[0] == Cue(events[1].time, "stage", {"time": 100.0, "characters": {}})
-    assert all(isinstance(event, SkeletonFrame) for event in events[1:])
+    begin, *others = puppetline_log.events(tmp_path / "part.log")
+    assert begin == Cue(others[0].time, "stage", {"time": 100.0, "characters": {}})
+    assert all(isinstance(event, SkeletonFrame) for event in others)
 
 
 def test_a_part_keeps_its_part_of_the_sound(walk_take, tmp_path):
@@ -59,7 +55,7 @@ def test_a_part_keeps_its_part_of_the_sound(walk_take, tmp_path):
 
 
 def test_a_part_without_a_skeleton_is_refused(walk_take, tmp_path):
-    with pytest.raises(SkeletonLogError, match="found no skeleton from second 500 to second 501"):
+    with pytest.raises(SkeletonLogError):
         trimmed(walk_take, tmp_path / "part.log", 500.0, 501.0)
     assert not (tmp_path / "part.log").exists()
 

@@ -18,6 +18,11 @@ def receive(workspace, name, *chunks, size=None):
     return asyncio.run(workspace.receive(name, size, parts(*chunks)))
 
 
+@pytest.fixture
+def workspace(tmp_path):
+    return Workspace(tmp_path)
+
+
 def files(workspace):
     return list((workspace.folder / "uploads").rglob("*"))
 
@@ -50,60 +55,51 @@ def test_a_safe_name_resembles_that_of_the_page(name, made):
     assert file_name(name) == made
 
 
-def test_an_upload_is_written_and_kept(tmp_path):
-    workspace = Workspace(tmp_path)
+def found_by(error, act, *arguments, **more):
+    with pytest.raises(error) as caught:
+        act(*arguments, **more)
+    return caught.value.found
+
+
+def test_an_upload_is_written_and_kept(workspace):
     path = receive(workspace, "../my dog.obj", b"v 0 0 0\n", b"v 1 0 0\n")
     assert path.read_bytes() == b"v 0 0 0\nv 1 0 0\n"
     assert path.name == "my_dog.obj"
-    assert path.parent.parent == tmp_path / "uploads"
+    assert path.parent.parent == workspace.folder / "uploads"
     upload = workspace.keep("../my dog.obj", path, "character", {})
     assert (upload.name, upload.bytes) == ("my dog.obj", 16)
     assert workspace.upload(upload.id, "character") is upload
-    with pytest.raises(ServiceError, match="found a mesh; expected a recording"):
-        workspace.upload(upload.id, "log")
+    assert found_by(ServiceError, workspace.upload, upload.id, "log") == "a mesh"
     workspace.delete_upload(upload.id)
     assert files(workspace) == []
-    with pytest.raises(ServiceError, match="found no upload"):
-        workspace.upload(upload.id)
+    assert found_by(ServiceError, workspace.upload, upload.id).startswith("no upload")
 
 
-def test_an_upload_that_is_too_large_leaves_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "MAX_UPLOAD_BYTES", 10)
-    workspace = Workspace(tmp_path)
-    with pytest.raises(UploadError, match="found a larger file"):
-        receive(workspace, "a.obj", b"12345678", b"12345678")
-    with pytest.raises(UploadError, match="found a larger file"):
-        receive(workspace, "a.obj", b"", size=11)
-    assert files(workspace) == []
-    assert receive(workspace, "a.obj", b"1234567890").read_bytes() == b"1234567890"
-
-
-def test_all_uploads_together_are_bounded(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "MAX_TOTAL_BYTES", 10)
-    monkeypatch.setattr(module, "MAX_UPLOADS", 2)
-    workspace = Workspace(tmp_path)
-    workspace.keep("a", receive(workspace, "a", b"12345678"), "log", {})
-    with pytest.raises(UploadError, match="found a larger file"):
-        receive(workspace, "b", b"123")
-    workspace.keep("b", receive(workspace, "b", b"12"), "log", {})
-    with pytest.raises(UploadError, match="found 2 uploads"):
-        receive(workspace, "c", b"")
-
-
-def test_an_upload_that_breaks_off_leaves_nothing(tmp_path):
+def test_an_upload_that_is_too_large_or_breaks_off_leaves_nothing(workspace, monkeypatch):
     async def broken():
         yield b"1234"
         raise ConnectionResetError
 
-    workspace = Workspace(tmp_path)
+    monkeypatch.setattr(module, "MAX_UPLOAD_BYTES", 10)
+    for chunks, size in (((b"12345678", b"12345678"), None), ((b"",), 11)):
+        assert found_by(UploadError, receive, workspace, "a.obj", *chunks, size=size) == "a larger file"
     with pytest.raises(OutputError):
         asyncio.run(workspace.receive("a", None, broken()))
     assert files(workspace) == []
+    assert receive(workspace, "a.obj", b"1234567890").read_bytes() == b"1234567890"
 
 
-def test_old_exports_are_deleted(tmp_path, monkeypatch):
+def test_all_uploads_together_are_bounded(workspace, monkeypatch):
+    monkeypatch.setattr(module, "MAX_TOTAL_BYTES", 10)
+    monkeypatch.setattr(module, "MAX_UPLOADS", 2)
+    workspace.keep("a", receive(workspace, "a", b"12345678"), "log", {})
+    assert found_by(UploadError, receive, workspace, "b", b"123") == "a larger file"
+    workspace.keep("b", receive(workspace, "b", b"12"), "log", {})
+    assert found_by(UploadError, receive, workspace, "c", b"") == "2 uploads"
+
+
+def test_old_exports_are_deleted(workspace, monkeypatch):
     monkeypatch.setattr(module, "MAX_EXPORTS", 2)
-    workspace = Workspace(tmp_path)
     made = []
     for k in range(3):
         path = workspace.new_export(f"dog {k}", ".glb")
@@ -114,8 +110,7 @@ def test_old_exports_are_deleted(tmp_path, monkeypatch):
     assert list(workspace.downloads) == [each.id for each in made[1:]]
 
 
-def test_characters_of_the_same_name_get_folders_of_their_own(tmp_path):
-    workspace = Workspace(tmp_path)
+def test_characters_of_the_same_name_get_folders_of_their_own(workspace):
     names = [workspace.character_folder("a very long name of a character").name for _ in range(3)]
     assert names == [
         "a_very_long_name_of_a_character",
@@ -125,8 +120,7 @@ def test_characters_of_the_same_name_get_folders_of_their_own(tmp_path):
     assert max(map(len, names)) == 32
 
 
-def test_an_error_for_the_page_names_no_folder_of_the_machine(tmp_path):
-    workspace = Workspace(tmp_path)
+def test_an_error_for_the_page_names_no_folder_of_the_machine(workspace, tmp_path):
     path = receive(workspace, "cow.obj", b"")
     error = ServiceError(
         f"{path}, line 3", found=f"{path}", expected=f"{tmp_path}/takes/a.log", fix=f"{tmp_path}/characters/cow/cow.obj"
@@ -139,8 +133,7 @@ def test_an_error_for_the_page_names_no_folder_of_the_machine(tmp_path):
     }
 
 
-def test_a_damaged_session_counts_as_none(tmp_path):
-    workspace = Workspace(tmp_path)
+def test_a_damaged_session_counts_as_none(workspace, tmp_path):
     assert workspace.read_session() == {}
     workspace.write_session({"characters": []})
     assert Workspace(tmp_path).read_session() == {"characters": []}
@@ -151,5 +144,5 @@ def test_a_damaged_session_counts_as_none(tmp_path):
 
 def test_a_folder_that_cannot_be_created_is_reported(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="Choose another folder"):
+    with pytest.raises(OutputError):
         Workspace(tmp_path / "file" / "studio")

@@ -5,7 +5,7 @@ import random
 import aiohttp
 import pytest
 
-from engine_bridge.studio.messages.connection import CloseCode
+from engine_bridge.studio.messages.connection import CloseCode, Greeting
 from engine_bridge.studio.messages.requests import REQUESTS
 from engine_bridge.studio.messages.state import State
 from engine_bridge.studio.web import api_connection
@@ -38,22 +38,14 @@ def test_a_client_without_a_token_is_disconnected(studio, frame):
 
 def test_a_wrong_token_and_a_replayed_one_are_refused(studio, caplog):
     token = studio.token()
-
-    async def enter():
-        async with studio.page(token) as page:
-            return page.hello["session"]
-
-    session = studio.run(enter())
-    assert closed_with(studio, "/api", json.dumps({"token": token})) == CloseCode.REFUSED
-    assert closed_with(studio, "/api", json.dumps({"token": "wrong"})) == CloseCode.REFUSED
+    session = studio.run(studio.enter(token))["session"]
+    for refused in (token, "wrong"):
+        assert closed_with(studio, "/api", json.dumps({"token": refused})) == CloseCode.REFUSED
     assert token not in caplog.text
     assert session not in caplog.text
-
-    async def again():
-        async with studio.page(session) as page:
-            return page.hello["session"]
-
-    assert studio.run(again()) == session
+    assert studio.run(studio.enter(session))["session"] == session
+    address = studio.result("invite")["address"]
+    assert studio.run(studio.enter(address.partition("#token=")[2]))["session"] not in (session, studio.session)
 
 
 @pytest.mark.slow
@@ -75,9 +67,7 @@ def test_the_greeting_is_followed_by_the_whole_state(studio):
             return page.hello, await page.state()
 
     hello, state = studio.run(first())
-    assert hello["parents"]["head"] == "shoulder_center"
-    assert len(hello["joints"]) == 20
-    assert hello["forms"] == ["morph", "frames", "rig", "bvh", "vrma", "glb"]
+    assert Greeting.model_validate(hello).parents["head"] == "shoulder_center"
     assert ".glb" in hello["suffixes"]["character"]
     assert State.model_validate(state).characters == []
     assert state["banner"]["text"] == "No character is open."
@@ -108,10 +98,9 @@ def test_the_greeting_is_followed_by_the_whole_state(studio):
 )
 def test_a_request_that_cannot_be_carried_out_is_explained(studio, request_, where, found):
     async def ask():
-        async with studio.page(studio._session) as page:
+        async with studio.page() as page:
             return await page.send({"id": 7, **request_})
 
-    assert studio.session
     reply = studio.run(ask())
     assert reply["ok"] is False
     assert (reply["error"]["where"], reply["error"]["found"]) == (where, found)
@@ -126,27 +115,19 @@ def test_every_request_is_carried_out_by_something(studio):
 
 def random_frame():
     """Return bytes, text, or a request that may be understood."""
-    kind = random.randrange(5)
-    if kind == 0:
-        return random.randbytes(random.randrange(200))
-    if kind == 1:
-        return "".join(map(chr, random.choices(range(32, 1000), k=random.randrange(200))))
-    if kind == 2:
-        do = random.choice([*{*REQUESTS} - {"sources"}, 3])
-        return json.dumps({"id": random.choice([1, -1, 2**70, "x", None]), "do": do})
-    if kind == 3:
-        return json.dumps({"id": 1, "do": "edit", "character": "x", "puppet": {"a": [[]] * 50}})
-    return json.dumps([random.random()] * 20)
+    asked = {"id": random.choice([1, -1, 2**70, "x", None]), "do": random.choice([*{*REQUESTS} - {"sources"}, 3])}
+    edit = {"id": 1, "do": "edit", "character": "x", "puppet": {"a": [[]] * 50}}
+    text = "".join(map(chr, random.choices(range(32, 1000), k=random.randrange(200))))
+    return random.choice([random.randbytes(random.randrange(200)), text, *map(json.dumps, (asked, edit, [0.5] * 20))])
 
 
 def test_random_frames_leave_the_studio_as_it_was(studio):
     random.seed(11)
-    session = studio.session
 
     async def send(greeting):
         async with aiohttp.ClientSession() as http, http.ws_connect(f"{studio.address}/api") as socket:
             if greeting:
-                await socket.send_json({"token": session})
+                await socket.send_json({"token": studio.session})
             with contextlib.suppress(ConnectionError):
                 for each in (random_frame() for _ in range(MAX_MISTAKES)):
                     await (socket.send_bytes if isinstance(each, bytes) else socket.send_str)(each)
@@ -157,39 +138,19 @@ def test_random_frames_leave_the_studio_as_it_was(studio):
     assert studio.state["characters"] == []
 
 
-def test_frame_after_frame_that_is_no_request_ends_the_connection(studio):
-    frames = [json.dumps({"token": studio.session})] + ["?"] * MAX_MISTAKES
-    assert closed_with(studio, "/api", *frames) == CloseCode.NOT_UNDERSTOOD
-
-
-def test_a_request_that_is_too_large_ends_the_connection(studio):
-    frames = [json.dumps({"token": studio.session}), "x" * 2_000_000]
-    assert closed_with(studio, "/api", *frames) == 1009
+def test_many_frames_that_are_no_requests_and_one_that_is_too_large_end_the_connection(studio):
+    hello = json.dumps({"token": studio.session})
+    assert closed_with(studio, "/api", hello, *["?"] * MAX_MISTAKES) == CloseCode.NOT_UNDERSTOOD
+    assert closed_with(studio, "/api", hello, "x" * 2_000_000) == aiohttp.WSCloseCode.MESSAGE_TOO_BIG
 
 
 def test_two_pages_see_the_same_state(studio, blob_file):
     async def both():
         async with studio.page() as one, studio.page() as other:
-            await one.state()
-            await other.state()
-            async with aiohttp.ClientSession() as http:
-                headers = {"Authorization": f"Bearer {one.hello['session']}"}
-                data = blob_file.read_bytes()
-                async with http.post(f"{studio.address}/uploads?name=blob.glb", data=data, headers=headers) as response:
-                    upload = (await response.json())["upload"]
-            states = [await each.state() for each in (one, other)]
-            assert [[each["upload"] for each in state["uploads"]] for state in states] == [[upload], [upload]]
-            assert (await other.ask("delete_upload", upload=upload))["ok"]
-            assert (await one.state())["uploads"] == []
+            (shown,) = (await one.state())["uploads"]
+            assert (await other.state())["uploads"] == [shown]
+            assert (await other.ask("delete_upload", upload=shown["upload"]))["ok"]
+            assert (await one.state())["uploads"] == (await other.state())["uploads"] == []
 
+    assert studio.upload("blob.glb", blob_file.read_bytes())[0] == 200
     studio.run(both())
-
-
-def test_another_window_gets_a_token_of_its_own(studio):
-    address = studio.result("invite")["address"]
-
-    async def enter():
-        async with studio.page(address.partition("#token=")[2]) as page:
-            return (await page.ask("ping"))["result"]
-
-    assert studio.run(enter()) == "pong"

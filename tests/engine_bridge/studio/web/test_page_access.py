@@ -3,28 +3,30 @@ import pytest
 from engine_bridge.studio.web.page_access import MAX_SESSIONS, Addresses, Tokens, bearer, check_exposure, page_headers
 from puppetline.errors import ServiceError
 
+OWNERS = "of-a-file-of-the-owner"
 
-def test_a_one_time_token_is_exchanged_once():
-    tokens = Tokens()
+
+def refused(tokens, token):
+    with pytest.raises(ServiceError) as caught:
+        tokens.enter(token)
+    return caught.value.found
+
+
+def test_a_one_time_token_is_exchanged_once_and_a_session_and_an_owners_token_are_accepted_again():
+    tokens = Tokens(OWNERS)
     token = tokens.invite()
     session = tokens.enter(token)
     assert session != token
     assert tokens.is_session(session)
     assert not tokens.is_session(token)
-    with pytest.raises(ServiceError, match="a one-time token that was used before"):
-        tokens.enter(token)
+    assert refused(tokens, token) == "a one-time token that was used before"
     assert tokens.enter(session) == session
-
-
-def test_other_tokens_are_refused():
-    tokens = Tokens("of-a-file-of-the-owner")
-    tokens.invite()
     for wrong in ("", "x", "of-a-file-of-the-owneR", "\ud800", "a" * 100_000):
-        with pytest.raises(ServiceError, match="a wrong token"):
-            tokens.enter(wrong)
+        assert refused(tokens, wrong) == "a wrong token"
         assert not tokens.is_session(wrong)
-    assert tokens.is_session(tokens.enter("of-a-file-of-the-owner"))
-    assert tokens.is_session(tokens.enter("of-a-file-of-the-owner"))
+    for _ in range(2):
+        assert tokens.is_session(tokens.enter(OWNERS))
+    assert not any(secret in repr(vars(tokens)) for secret in (token, session, OWNERS))
 
 
 def test_the_session_that_was_used_least_recently_ends_first():
@@ -35,27 +37,17 @@ def test_the_session_that_was_used_least_recently_ends_first():
     assert [tokens.is_session(each) for each in sessions[:3]] == [True, False, True]
 
 
-def test_tokens_are_not_kept_in_memory():
-    tokens = Tokens("of-a-file-of-the-owner")
-    token = tokens.invite()
-    session = tokens.enter(token)
-    assert not {token, session, "of-a-file-of-the-owner"} & {str(value) for value in vars(tokens).values()}
-    assert all(
-        secret.encode() not in key
-        for known in vars(tokens).values()
-        if isinstance(known, dict)
-        for key in known
-        for secret in (token, session)
-    )
-
-
 def test_other_machines_need_a_token():
+    for host, credentials in (
+        ("0.0.0.0", "0123456789abcdef"),
+        ("*", "x" * 16),
+        ("127.0.0.1", None),
+        ("localhost", None),
+    ):
+        check_exposure(Addresses(host, 7480), credentials)
     for host in ("0.0.0.0", "*"):
-        with pytest.raises(ServiceError, match="which other machines can reach, and no credentials"):
+        with pytest.raises(ServiceError):
             check_exposure(Addresses(host, 7480), None)
-        check_exposure(Addresses(host, 7480), "0123456789abcdef")
-    for host in ("127.0.0.1", "localhost"):
-        check_exposure(Addresses(host, 7480), None)
 
 
 def test_the_link_has_the_token_in_its_fragment():
@@ -66,7 +58,7 @@ def test_the_link_has_the_token_in_its_fragment():
 
 def test_an_origin_is_the_beginning_of_an_address():
     for wrong in ("studio.example", "ftp://studio.example", "https://studio.example/page", "https://"):
-        with pytest.raises(ServiceError, match="expected the beginning of an address"):
+        with pytest.raises(ServiceError):
             Addresses("127.0.0.1", 7480, [wrong])
 
 

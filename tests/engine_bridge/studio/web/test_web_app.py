@@ -1,6 +1,6 @@
+import json
 import socket
 
-import aiohttp
 import pytest
 
 
@@ -16,23 +16,16 @@ def test_the_page_and_its_files_are_sent_with_their_headers(studio):
         assert "Access-Control-Allow-Origin" not in headers
 
 
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:7480", "127.0.0.1.evil.example", "", "192.168.1.5"])
-@pytest.mark.parametrize("path", ["/", "/api", "/stream", "/files/x", "/nowhere"])
-def test_a_name_that_leads_here_but_is_not_ours_is_refused(studio, host, path):
-    status, _, body = studio.http("GET", path, headers={"Host": host})
-    assert status == 403 if host else status in (400, 403)
-    if host:
-        assert b"a wrong host" in body
-
-
-@pytest.mark.parametrize("origin", ["http://evil.example", "null", "https://127.0.0.1.evil.example", "file://"])
-@pytest.mark.parametrize("path", ["/api", "/stream", "/uploads?name=a", "/files/x"])
-def test_a_page_of_another_site_is_refused(studio, origin, path):
+@pytest.mark.parametrize("path", ["/", "/api", "/stream", "/uploads?name=a", "/files/x", "/nowhere"])
+def test_a_name_that_is_not_ours_and_a_page_of_another_site_are_refused(studio, path):
     method = "POST" if "uploads" in path else "GET"
-    headers = {"Origin": origin, **studio.bearer}
-    status, _, body = studio.http(method, path, headers=headers)
-    assert status == 403
-    assert b"a wrong origin" in body
+    for host in ("evil.example", "evil.example:7480", "127.0.0.1.evil.example", "192.168.1.5"):
+        status, _, body = studio.http(method, path, headers={"Host": host})
+        assert (status, b"a wrong host" in body) == (403, True), host
+    assert studio.http(method, path, headers={"Host": ""})[0] in (400, 403)
+    for origin in ("http://evil.example", "null", "https://127.0.0.1.evil.example", "file://"):
+        status, _, body = studio.http(method, path, headers={"Origin": origin, **studio.bearer})
+        assert (status, b"a wrong origin" in body) == (403, True), origin
 
 
 def test_the_studios_own_page_is_accepted(studio):
@@ -118,27 +111,12 @@ def test_a_broken_upload_is_refused_and_deleted(studio, name, data, found):
 
 
 def test_an_upload_that_is_too_large_is_refused_before_it_is_sent(studio):
-    async def send():
-        async with (
-            aiohttp.ClientSession() as http,
-            http.post(
-                f"{studio.address}/uploads?name=large.obj",
-                data=b"",
-                headers={**headers, "Content-Length": "10000000000"},
-                skip_auto_headers=["Content-Length"],
-            ) as response,
-        ):
-            return response.status, await response.json()
-
-    headers = studio.bearer
-    status, reply = studio.run(send())
-    assert status == 413
-    assert reply["error"]["found"] == "a larger file"
+    large = {**studio.bearer, "Content-Length": "10000000000"}
+    path = "/uploads?name=large.obj"
+    status, _, body = studio.http("POST", path, data=b"", headers=large, skip_auto_headers=["Content-Length"])
+    assert (status, json.loads(body)["error"]["found"]) == (413, "a larger file")
 
 
 def test_a_page_that_was_not_built_says_so(start_studio, tmp_path):
-    studio = start_studio(tmp_path / "studio", page=tmp_path / "nothing")
-    status, _, body = studio.http("GET", "/")
-    assert status == 503
-    assert b"make studio" in body
-    studio.close()
+    status, _, body = start_studio(tmp_path / "studio", page=tmp_path / "nothing").http("GET", "/")
+    assert (status, b"make studio" in body) == (503, True)

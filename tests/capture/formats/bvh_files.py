@@ -1,11 +1,7 @@
 """BVH files of a body, for the tests."""
 
-from collections.abc import Sequence
-from pathlib import Path
-
 import numpy as np
 
-from capture.clip import SkeletonClip
 from capture.formats import bvh
 from capture.formats.options import ReadOptions
 
@@ -29,9 +25,7 @@ BODY = ("Hips", (0, 0, 0), [
 JOINT_COUNT = 20
 
 
-def hierarchy(
-    tree: tuple, z_up: bool = False, scale: float = 1, channels: Sequence[str] = ROTATIONS, depth: int = 0
-) -> list[str]:
+def hierarchy(tree, z_up=False, scale=1, channels=ROTATIONS, depth=0):
     name, offset, children = tree
     x, y, z = np.multiply(offset, scale).tolist()
     lines = [
@@ -47,27 +41,27 @@ def hierarchy(
     return [*lines, "}"]
 
 
-def motion(rows: np.ndarray) -> list[str]:
+def motion(rows):
     return ["MOTION", f"Frames: {len(rows)}", "Frame Time: 0.04", *(" ".join(map(repr, row)) for row in rows.tolist())]
 
 
-def write(folder: Path, lines: Sequence[str], name: str = "take.bvh") -> Path:
+def write(folder, lines, name="take.bvh"):
     path = folder / name
     path.write_text("\n".join(lines) + "\n")
     return path
 
 
-def body_file(folder: Path, rows: np.ndarray | None = None, name: str = "take.bvh", **changes: object) -> Path:
+def body_file(folder, rows=None, name="take.bvh", **changes):
     rows = np.zeros((2, 3 + 3 * JOINT_COUNT)) if rows is None else rows
-    return write(folder, ["HIERARCHY", *hierarchy(BODY, **changes), *motion(rows)], name)  # type: ignore[arg-type]
+    return write(folder, ["HIERARCHY", *hierarchy(BODY, **changes), *motion(rows)], name)
 
 
-def random_rows(frames: int = 6, seed: int = 3) -> np.ndarray:
+def random_rows(frames=6, seed=3):
     """Return a recording of small bends; the columns are root x y z, then z y x degrees of each joint."""
     rows = np.random.default_rng(seed).uniform(-35, 35, (frames, 3 + 3 * JOINT_COUNT))
     rows[:, 3:6] /= 10
     return rows
 
 
-def clips_of(path: Path, **options: object) -> tuple[SkeletonClip, ...]:
-    return tuple(bvh.read(path, ReadOptions(**options)))  # type: ignore[arg-type]
+def clips_of(path, **options):
+    return tuple(bvh.read(path, ReadOptions(**options)))

@@ -1,4 +1,4 @@
-"""Helpers that the tests of several readers share."""
+"""Recordings that a test writes and reads."""
 
 from copy import deepcopy
 
@@ -9,25 +9,53 @@ from capture.formats.options import ReadOptions
 from puppetline.errors import SkeletonLogError
 
 
-def changed(document, *path, value):
+def changed(document, path, value):
     """Return a JSON document with another value at a path, or without the value if it is None."""
     document = deepcopy(document)
+    *steps, last = path
     inner = document
-    for step in path[:-1]:
+    for step in steps:
         inner = inner[step]
     if value is None:
-        del inner[path[-1]]
+        del inner[last]
     else:
-        inner[path[-1]] = value
+        inner[last] = value
     return document
 
 
-def assert_refused(reader, path, place, message):
-    """Check that a reader refuses a file with an error at a place."""
-    with pytest.raises(SkeletonLogError) as caught:
-        reader.read(path, ReadOptions())
-    assert caught.value.where.endswith(place)
-    assert message in str(caught.value)
+def place_of(path, value):
+    """Return where the error for such a change is: at the value, or at what lacks it."""
+    steps = path[:-1] if value is None else path
+    return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps).lstrip(".") or TOP_LEVEL
+
+
+TOP_LEVEL = "the document's top level"
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Write a recording (bytes, text, or lines) and read it: `read(module, content, **options)`."""
+
+    def written(reader, content, **options):
+        if isinstance(content, list):
+            content = "".join(f"{line}\n" for line in content)
+        path = tmp_path / "take"
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+        return reader.read(path, ReadOptions(**options))
+
+    return written
+
+
+@pytest.fixture
+def refused_at(read, tmp_path):
+    """Return the place, within the file, that a reader's error names: `refused_at(module, content, **options)`."""
+
+    def where(reader, content, **options):
+        with pytest.raises(SkeletonLogError) as caught:
+            read(reader, content, **options)
+        return caught.value.where.removeprefix(str(tmp_path / "take")).removeprefix(", ")
+
+    return where
 
 
 @pytest.fixture

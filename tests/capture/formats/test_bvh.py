@@ -1,7 +1,5 @@
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import permutations
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -45,7 +43,7 @@ foot_left       -0.09 -0.93 2.36
 REST = {name: tuple(map(float, place)) for name, *place in map(str.split, REST_TABLE.strip().splitlines())}
 
 
-def chain_file(folder: Path, channels: str, row: Sequence[float], count: int = 6) -> Path:
+def chain_file(folder, channels, row, count=6):
     """Write a chain: the root at (1, 2, 3), a joint 1 further along x, an end 2 further along y and 3 along z."""
     lines = ["HIERARCHY", "ROOT a", "{", "OFFSET 1 2 3", "CHANNELS 0", "JOINT b", "{", "OFFSET 1 0 0"]
     lines += [f"CHANNELS {count} {channels}", "End Site", "{", "OFFSET 0 2 3", "}", "}", "}"]
@@ -53,37 +51,26 @@ def chain_file(folder: Path, channels: str, row: Sequence[float], count: int = 6
     return write(folder, lines)
 
 
-def ends(path: Path) -> np.ndarray:
+def ends(path):
     nodes, rows, *_ = bvh_parser.parse(path)
     return np.stack(bvh.forward_kinematics(nodes, rows)[0])[:, 0]
 
 
-def test_positions_equal_forward_kinematics_by_hand(tmp_path: Path) -> None:
+def test_positions_equal_forward_kinematics_by_hand(tmp_path):
     # X then Z, 90° each: the end (0, 2, 3) is first turned about z to (−2, 0, 3) and then about x to (−2, −3, 0).
     path = chain_file(tmp_path, "Xrotation Zrotation", (90, 90), 2)
     np.testing.assert_allclose(ends(path), [[1, 2, 3], [2, 2, 3], [0, -1, 3]], atol=1e-12)
-    path = chain_file(tmp_path, "Zrotation Xrotation", (90, 90), 2)
-    np.testing.assert_allclose(ends(path), [[1, 2, 3], [2, 2, 3], [5, 2, 5]], atol=1e-12)
 
 
-@pytest.mark.parametrize("order", list(map("".join, permutations("XYZ"))))
-def test_every_rotation_order_as_scipy_has_it(tmp_path: Path, order: str) -> None:
-    angles = (31.0, -72.0, 118.0)
-    path = chain_file(tmp_path, " ".join(f"{axis}rotation" for axis in order), angles, 3)
-    expected = np.array([2, 2, 3]) + Rotation.from_euler(order, angles, degrees=True).apply([0, 2, 3])
-    np.testing.assert_allclose(ends(path)[2], expected, atol=1e-12)
-
-
-def test_channels_may_come_in_any_order(tmp_path: Path) -> None:
-    values = dict(zip((*POSITIONS, *ROTATIONS), (1.1, 0.2, 0.3, 31, -72, 118), strict=True))
-    expected = ends(chain_file(tmp_path, " ".join(values), list(values.values())))
-    tried = 0
-    for order in permutations(values):
-        if [name for name in order if name in ROTATIONS] == list(ROTATIONS):  # the order of rotations matters
-            path = chain_file(tmp_path, " ".join(order), [values[name] for name in order])
-            np.testing.assert_array_equal(ends(path), expected)
-            tried += 1
-    assert tried == 120
+def test_channels_may_come_in_any_order_and_rotations_are_those_of_scipy(tmp_path):
+    values = dict(zip((*POSITIONS, *ROTATIONS), (1.1, 0.2, 0.3, 31.0, -72.0, 118.0), strict=True))
+    for order in list(permutations(values))[::7]:
+        axes = [name for name in order if name in ROTATIONS]
+        turn = Rotation.from_euler("".join(name[0] for name in axes), [values[name] for name in axes], degrees=True)
+        found = ends(chain_file(tmp_path, " ".join(order), [values[name] for name in order]))
+        np.testing.assert_allclose(
+            found[1:], [[2.1, 2.2, 3.3], np.add(turn.apply([0, 2, 3]), [2.1, 2.2, 3.3])], atol=1e-12
+        )
 
 
 @pytest.mark.parametrize(
@@ -95,27 +82,22 @@ def test_channels_may_come_in_any_order(tmp_path: Path) -> None:
         ("Xposition", (1.25,), (2.25, 2, 3)),
     ],
 )
-def test_inner_joints_are_where_their_channels_put_them(
-    tmp_path: Path, channels: str, row: Sequence[float], joint: Sequence[float]
-) -> None:
+def test_inner_joints_are_where_their_channels_put_them(tmp_path, channels, row, joint):
     np.testing.assert_allclose(ends(chain_file(tmp_path, channels, row, len(row)))[1], joint, atol=1e-12)
 
 
-def test_rest_pose_faces_the_sensor(tmp_path: Path) -> None:
+def test_rest_pose_faces_the_sensor(tmp_path):
     (clip,) = bvh.read(body_file(tmp_path), ReadOptions())
     assert clip.times.tolist() == [0, 0.04]
     assert (clip.confidence == 1).all()
     for name, place in REST.items():
         np.testing.assert_allclose(clip.positions[:, JOINT_INDEX[name]], [place, place], atol=1e-12)
-    notes = " ".join(clip.notes)
-    assert "centimetres; the body is then 1.75 m tall" in notes
-    assert "Up is assumed to be y" in notes
-    assert "2.5 m in front of it" in notes
-    assert "All frames are equal" in notes
+    assert len(clip.notes) == 4  # with one on a pose without motion
+    assert "centimetres; the body is then 1.75 m tall" in clip.notes[0]
 
 
-@pytest.mark.parametrize("angle", [0, 40, 123, 180, -90])
-def test_position_and_facing_in_the_first_frame_do_not_matter(tmp_path: Path, angle: float) -> None:
+@pytest.mark.parametrize("angle", [0, 123, 180, -90])
+def test_position_and_facing_in_the_first_frame_do_not_matter(tmp_path, angle):
     rows = np.zeros((2, 3 + 3 * JOINT_COUNT))
     rows[:, :3] = (210, 95, -340)
     rows[:, 4] = angle
@@ -125,14 +107,14 @@ def test_position_and_facing_in_the_first_frame_do_not_matter(tmp_path: Path, an
         np.testing.assert_allclose(clip.positions[:, JOINT_INDEX[name]], [(x, y, z), (x, y + 0.12, z)], atol=1e-12)
 
 
-def test_a_turn_after_the_first_frame_is_kept(tmp_path: Path) -> None:
+def test_a_turn_after_the_first_frame_is_kept(tmp_path):
     rows = np.zeros((2, 3 + 3 * JOINT_COUNT))
     rows[1, 4] = 90  # turns to its left, which is the sensor's right
     (clip,) = bvh.read(body_file(tmp_path, rows), ReadOptions())
     np.testing.assert_allclose(clip.positions[1, JOINT_INDEX["foot_left"]], (-0.14, -0.93, 2.59), atol=1e-12)
 
 
-def test_z_up_equals_y_up(tmp_path: Path) -> None:
+def test_z_up_equals_y_up(tmp_path):
     rows = random_rows()
     (upright,) = bvh.read(body_file(tmp_path, rows), ReadOptions())
     # (x, y, z) becomes (x, −z, y): positions are swapped, and the rotations about z y x are rotations about −y z x.
@@ -143,10 +125,8 @@ def test_z_up_equals_y_up(tmp_path: Path) -> None:
     path = body_file(tmp_path, turned, "z_up.bvh", z_up=True, channels=channels)
     (converted,) = bvh.read(path, ReadOptions())
     np.testing.assert_allclose(converted.positions, upright.positions, atol=1e-12)
-    assert any("Up is assumed to be z" in note for note in converted.notes)
     (given,) = bvh.read(path, ReadOptions(up="z"))
     np.testing.assert_array_equal(given.positions, converted.positions)
-    assert "Up is z, as given." in given.notes
 
 
 @pytest.mark.parametrize(
@@ -160,31 +140,25 @@ def test_z_up_equals_y_up(tmp_path: Path) -> None:
         (0.45 / 2.54, "CMU units"),
     ],
 )
-def test_usual_units_are_found(tmp_path: Path, scale: float, name: str) -> None:
+def test_usual_units_are_found(tmp_path, scale, name):
     (clip,) = bvh.read(body_file(tmp_path, scale=scale), ReadOptions())
     assert any(f"Lengths are assumed to be {name}" in note for note in clip.notes)
     np.testing.assert_allclose(clip.positions[0, JOINT_INDEX["foot_left"]], REST["foot_left"], atol=1e-9)
 
 
-def test_other_units_are_scaled_to_a_usual_height(tmp_path: Path) -> None:
-    (clip,) = bvh.read(body_file(tmp_path, scale=0.237), ReadOptions())
-    height = 1.15 * (0.70 + 0.82)
-    assert any("scaled to 1.7 m" in note for note in clip.notes)
-    np.testing.assert_allclose(clip.positions[0, JOINT_INDEX["head"], 1], 0.70 * 1.7 / height, atol=1e-9)
+def test_other_units_are_scaled_to_a_usual_height_or_given(tmp_path):
+    path, head = body_file(tmp_path, scale=0.237), JOINT_INDEX["head"]
+    (scaled,), (given,) = (bvh.read(path, ReadOptions(unit=unit)) for unit in (None, 0.02))
+    np.testing.assert_allclose(scaled.positions[0, head, 1], 0.70 * 1.7 / (1.15 * (0.70 + 0.82)), atol=1e-9)
+    np.testing.assert_allclose(given.positions[0, head], (0, 70 * 0.237 * 0.02, 2.5), atol=1e-12)
 
 
-def test_unit_can_be_given(tmp_path: Path) -> None:
-    (clip,) = bvh.read(body_file(tmp_path, scale=0.237), ReadOptions(unit=0.02))
-    np.testing.assert_allclose(clip.positions[0, JOINT_INDEX["head"]], (0, 70 * 0.237 * 0.02, 2.5), atol=1e-12)
-    assert "One unit is 0.02 m, as given." in clip.notes
-
-
-def test_limbs_are_rigid_and_the_first_frame_faces_the_sensor(tmp_path: Path) -> None:
+def test_limbs_are_rigid_and_the_first_frame_faces_the_sensor(tmp_path):
     (clip,) = bvh.read(body_file(tmp_path, random_rows(40)), ReadOptions())
     check_body(clip.positions)
 
 
-def check_body(positions: np.ndarray) -> None:
+def check_body(positions):
     at = {name: positions[:, index] for name, index in JOINT_INDEX.items()}
     for name in RIGID:
         length = np.linalg.norm(at[name] - at[PARENTS[name]], axis=1)
@@ -208,15 +182,14 @@ REAL = {
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_real_files_are_human(real_data: Path, name: str) -> None:
+def test_real_files_are_human(real_data, name):
     frames, step, unit, up = REAL[name]
     (clip,) = bvh.read(real_data / "bvh" / f"{name}.bvh", ReadOptions())
     assert len(clip.times) == frames
     assert clip.times[1] == step
-    notes = " ".join(clip.notes)
-    assert unit in notes
-    assert f"Up is assumed to be {up}" in notes
-    assert ("All frames are equal" in notes) == (name == "kinect2_static")
+    assert unit in clip.notes[0]
+    assert f"Up is assumed to be {up}" in clip.notes[1]
+    assert any("All frames are equal" in note for note in clip.notes) == (name == "kinect2_static")
     assert (clip.confidence == 1).all()
     check_body(clip.positions)
     # Toes point in the direction that the body faces, independently of names: towards the sensor.
@@ -225,7 +198,7 @@ def test_real_files_are_human(real_data: Path, name: str) -> None:
     assert np.mean(toes, axis=0)[2] < np.mean(ankles, axis=0)[2] - 0.05
 
 
-def test_bones_of_a_real_file_equal_values_by_hand(real_data: Path) -> None:
+def test_bones_of_a_real_file_equal_values_by_hand(real_data):
     (clip,) = bvh.read(real_data / "bvh" / "cmu_01_01_hops.bvh", ReadOptions())
     unit = 0.0254 / 0.45
     forearm = clip.positions[:, JOINT_INDEX["wrist_right"]] - clip.positions[:, JOINT_INDEX["elbow_right"]]
@@ -238,7 +211,7 @@ def test_bones_of_a_real_file_equal_values_by_hand(real_data: Path) -> None:
     np.testing.assert_allclose(clip.positions[:, 0, 1], (heights - 17.8693) * unit, atol=1e-12)
 
 
-def test_joints_with_real_kinect_names_are_at_the_ends_of_their_bones(real_data: Path) -> None:
+def test_joints_with_real_kinect_names_are_at_the_ends_of_their_bones(real_data):
     (clip,) = bvh.read(real_data / "bvh" / "kinect2_static.bvh", ReadOptions())
     # In this file HipLeft and SpineMid are both at the spine's base, and the hip is where HipLeft's bone ends.
     expected = {"hip_left": (59.881489, 0.746525, 12.966921), "spine": (0, -59.991196, 191.345337)}
@@ -246,30 +219,29 @@ def test_joints_with_real_kinect_names_are_at_the_ends_of_their_bones(real_data:
         np.testing.assert_allclose(
             clip.positions[0, JOINT_INDEX[name]], (-x / 1000, z / 1000, 2.5 + y / 1000), atol=2e-4
         )
-    assert any("at the end of the bone with its name" in note for note in clip.notes)
 
 
 PROP = ["ROOT Sword", "{", "OFFSET 5 0 0", "CHANNELS 3 Xposition Yposition Zposition", "}"]
 
 
-def two_roots(folder: Path, first: list[str], second: list[str], rows: np.ndarray, name: str = "two.bvh") -> Path:
+def two_roots(folder, first, second, rows, name="two.bvh"):
     return write(folder, ["HIERARCHY", *first, *second, *motion(rows)], name)
 
 
-def test_a_root_without_a_body_is_skipped_with_a_note(tmp_path: Path, assert_same_frames: Callable[..., None]) -> None:
+def test_a_root_without_a_body_is_skipped_with_a_note(tmp_path, assert_same_frames):
     rows, sword = random_rows(), np.full((6, 3), 9.0)
     (whole,) = clips_of(body_file(tmp_path, rows))
-    note = "The skeleton of ROOT Sword has no human joint names. It is omitted."
     for path in (
         two_roots(tmp_path, hierarchy(BODY), PROP, np.hstack([rows, sword]), "after.bvh"),
         two_roots(tmp_path, PROP, hierarchy(BODY), np.hstack([sword, rows]), "before.bvh"),
     ):
         (clip,) = clips_of(path)
         assert_same_frames(clip, whole)
-        assert clip.notes == (*whole.notes, note)
+        (note,) = set(clip.notes) - set(whole.notes)
+        assert "Sword" in note
 
 
-def test_each_root_that_is_a_body_is_a_performer(tmp_path: Path, assert_same_frames: Callable[..., None]) -> None:
+def test_each_root_that_is_a_body_is_a_performer(tmp_path, assert_same_frames):
     rows = random_rows(6, 3), random_rows(6, 4)
     clips = clips_of(two_roots(tmp_path, hierarchy(BODY), hierarchy(BODY), np.hstack(rows)))
     for user, (clip, own) in enumerate(zip(clips, rows, strict=True)):
@@ -278,9 +250,7 @@ def test_each_root_that_is_a_body_is_a_performer(tmp_path: Path, assert_same_fra
         assert clip.notes == alone.notes
 
 
-def test_roots_that_only_together_are_a_body_are_one_performer(
-    tmp_path: Path, assert_same_frames: Callable[..., None]
-) -> None:
+def test_roots_that_only_together_are_a_body_are_one_performer(tmp_path, assert_same_frames):
     name, offset, (spine, left, right) = BODY
     (whole,) = clips_of(body_file(tmp_path, np.zeros((2, 3 + 3 * JOINT_COUNT))))
     legs = hierarchy((name, offset, [left, right]))
@@ -290,48 +260,43 @@ def test_roots_that_only_together_are_a_body_are_one_performer(
     assert clip.notes == whole.notes
 
 
-def test_if_no_root_is_a_body_the_error_names_the_missing_joints(tmp_path: Path) -> None:
-    with pytest.raises(SkeletonLogError, match=r"no joint for .* among Sword, Sword; expected"):
-        clips_of(two_roots(tmp_path, PROP, PROP, np.zeros((2, 6))))
-
-
-def test_of_joints_of_one_name_the_first_is_used(tmp_path: Path) -> None:
+def test_of_joints_of_one_name_the_first_is_used_and_a_limb_without_end_site_as_long_as_its_joints(tmp_path):
     lines = ["HIERARCHY", *hierarchy(BODY), *motion(random_rows())]
     (whole,) = clips_of(write(tmp_path, lines))
     fingers = ["JOINT LeftHand", "{", "OFFSET 0 -1 0", "CHANNELS 0", "}"]
     place = lines.index("End Site", lines.index("JOINT LeftHand"))
     (clip,) = clips_of(write(tmp_path, [*lines[:place], *lines[place : place + 4], *fingers, *lines[place + 4 :]]))
     np.testing.assert_array_equal(clip.positions, whole.positions)
-    assert clip.notes == (*whole.notes, "Several joints are named LeftHand. The first of each name is used.")
-
-
-def test_a_limb_without_end_site_is_read_as_long_as_its_joints(tmp_path: Path) -> None:
-    lines = ["HIERARCHY", *hierarchy(BODY), *motion(random_rows())]
-    (whole,) = clips_of(write(tmp_path, lines))
-    place = lines.index("End Site", lines.index("JOINT LeftHand"))
+    (note,) = set(clip.notes) - set(whole.notes)
+    assert "LeftHand" in note
     (clip,) = clips_of(write(tmp_path, [*lines[:place], *lines[place + 4 :]]))
     others = [index for name, index in JOINT_INDEX.items() if name != "hand_left"]
     np.testing.assert_array_equal(clip.positions[:, others], whole.positions[:, others])
     assert (clip.confidence[:, JOINT_INDEX["hand_left"]] == 0).all()
-    assert clip.notes == (*whole.notes, "No joint for hand_left. It is lost.")
+    (note,) = set(clip.notes) - set(whole.notes)
+    assert "hand_left" in note
 
 
-def test_a_performer_whose_facing_is_unknown_is_refused(tmp_path: Path) -> None:
-    rows = np.zeros((2, 3 + 3 * JOINT_COUNT))
-    rows[:, 3] = 90  # lies on its side
-    with pytest.raises(SkeletonLogError, match="left-to-right line of hips and shoulders points up"):
-        bvh.read(body_file(tmp_path, rows), ReadOptions(up="y"))
+def test_bodies_that_cannot_be_placed_are_refused(tmp_path):
+    lying = np.zeros((2, 3 + 3 * JOINT_COUNT))
+    lying[:, 3] = 90  # on its side
+    for path, options in (
+        (body_file(tmp_path, lying, "lying.bvh"), {"up": "y"}),
+        (two_roots(tmp_path, PROP, PROP, np.zeros((2, 6))), {}),
+    ):
+        with pytest.raises(SkeletonLogError) as caught:
+            clips_of(path, **options)
+        assert caught.value.where == str(path)
 
 
-def test_recognises_its_keyword_and_nothing_else() -> None:
+def test_recognises_its_keyword_and_nothing_else():
     assert bvh.matches(b"\xef\xbb\xbfHierarchy\nROOT a\n")
     assert not bvh.matches(b"")
     assert not bvh.matches(b"HIERARCHYX\n")
 
 
-def test_the_orientation_of_a_bone_is_how_it_turns_from_the_pose_of_its_offsets(tmp_path: Path) -> None:
+def test_the_orientation_of_a_bone_is_how_it_turns_from_the_pose_of_its_offsets(tmp_path):
     (clip,) = bvh.read(body_file(tmp_path, random_rows()), ReadOptions(unit=0.01))
-    assert clip.orientations is not None
     for joint, end in (("elbow_left", "wrist_left"), ("hip_right", "knee_right"), ("wrist_left", "hand_left")):
         turns = Rotation.from_quat(clip.orientations[:, JOINT_INDEX[joint]][:, [1, 2, 3, 0]])
         along = clip.positions[:, JOINT_INDEX[end]] - clip.positions[:, JOINT_INDEX[joint]]
@@ -340,11 +305,10 @@ def test_the_orientation_of_a_bone_is_how_it_turns_from_the_pose_of_its_offsets(
     assert np.isnan(clip.orientations[:, JOINT_INDEX["hand_left"]]).all()
 
 
-def test_a_forearm_that_turns_about_itself_moves_no_joint_but_its_orientation(tmp_path: Path) -> None:
+def test_a_forearm_that_turns_about_itself_moves_no_joint_but_its_orientation(tmp_path):
     rows = np.zeros((3, 3 + 3 * JOINT_COUNT))
     rows[:, 3 + 3 * 6 + 1] = [0, 40, 80]  # LeftForeArm is the seventh joint, y the second channel
     (clip,) = bvh.read(body_file(tmp_path, rows), ReadOptions())
-    assert clip.orientations is not None
     np.testing.assert_allclose(clip.positions, np.broadcast_to(clip.positions[0], clip.positions.shape), atol=1e-12)
     turns = Rotation.from_quat(clip.orientations[:, JOINT_INDEX["elbow_left"]][:, [1, 2, 3, 0]])
     angles = np.degrees((turns * turns[0].inv()).as_rotvec())

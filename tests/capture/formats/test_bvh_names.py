@@ -1,5 +1,4 @@
 import re
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -31,11 +30,11 @@ from puppetline.errors import SkeletonLogError
         ("__UpLeg_L", ""),
     ],
 )
-def test_names_are_normalised(name: str, key: str) -> None:
+def test_names_are_normalised(name, key):
     assert normalised_name(name) == key
 
 
-def sides(*names: str, of: Sequence[str] = ("Left", "Right")) -> list[str]:
+def sides(*names, of=("Left", "Right")):
     return [name.replace("*", side) for side in of for name in names]
 
 
@@ -144,7 +143,7 @@ hip_left: left_upLeg_joint, knee_right: right_leg_joint, foot_left: left_toes_jo
 """
 
 
-def skeleton(text: str) -> tuple[str, list[str], dict[str, str]]:
+def skeleton(text):
     """Return the program, the names of its joints, and the name that is expected for some of ours."""
     program, of, middle, sided, expected = (" ".join(part.split()) for part in text.split("|"))
     names = [*middle.split(", "), *sides(*sided.split(", "), of=of.split())]
@@ -154,7 +153,7 @@ def skeleton(text: str) -> tuple[str, list[str], dict[str, str]]:
 SKELETONS = {program: rest for program, *rest in map(skeleton, SKELETONS_TEXT.strip().split("\n\n"))}
 
 
-def points_of(names: list[str], places: dict[int, float] | None = None) -> tuple[dict[str, float], list[str]]:
+def points_of(names, places=None):
     """Return x of the 20 joints of a chain of nodes in which node i is at x = i, or at the x of `places`."""
     x = [(places or {}).get(index, float(index)) for index in range(len(names))]
     tree = [(name, index - 1) for index, name in enumerate(names)]
@@ -163,7 +162,7 @@ def points_of(names: list[str], places: dict[int, float] | None = None) -> tuple
 
 
 @pytest.mark.parametrize("program", SKELETONS)
-def test_skeletons_of_known_programs_are_recognised(program: str) -> None:
+def test_skeletons_of_known_programs_are_recognised(program):
     names, expected = SKELETONS[program]
     found, _ = points_of(names)
     assert {joint: names[int(found[joint])] for joint in expected} == expected
@@ -171,26 +170,24 @@ def test_skeletons_of_known_programs_are_recognised(program: str) -> None:
     assert found["head"] == head + 0.5
 
 
-def test_missing_middle_joints_are_midpoints_and_hands_are_ends() -> None:
+def test_missing_middle_joints_are_midpoints_and_hands_are_ends():
     names = [*sides("*Arm", "*ForeArm", "*Hand", "", "*UpLeg", "*Leg", "*Foot", ""), "Head", ""]
     found, notes = points_of(names)
     assert found["hip_center"] == (found["hip_left"] + found["hip_right"]) / 2 == (4 + 12) / 2
     assert found["shoulder_center"] == (0 + 8) / 2
     assert found["spine"] == (8 + 4) / 2
     assert (found["hand_left"], found["foot_left"]) == (3, 7)
-    assert [note for note in notes if "spine" in note] == [
-        "No joint for spine. It is placed half way between hip_center and shoulder_center."
-    ]
+    assert sum("joint for spine." in note for note in notes) == 1
 
 
-def test_hands_without_an_end_are_lost() -> None:
+def test_hands_without_an_end_are_lost():
     names = ["Hips", "Spine", "Neck", "Head", *sides("*UpLeg", "*Leg", "*Foot", "*Toe", "*Arm", "*ForeArm", "*Hand")]
     found, notes = points_of(names)
     assert np.isnan(found["hand_right"])
-    assert "No joint for hand_right. It is lost." in notes
+    assert sum("hand_right" in note for note in notes) == 1
 
 
-def test_a_finger_joint_at_the_wrist_is_passed_over() -> None:
+def test_a_finger_joint_at_the_wrist_is_passed_over():
     names, _ = SKELETONS["Biovision"]
     names = [*names, "lhand", "LFingers", "rhand", "RFingers"]
     wrist = names.index("LeftWrist")
@@ -201,15 +198,8 @@ def test_a_finger_joint_at_the_wrist_is_passed_over() -> None:
     assert found["hand_left"] == wrist + 1  # where the wrist's bone ends
 
 
-def test_names_of_no_human_are_refused() -> None:
-    with pytest.raises(SkeletonLogError) as caught:
-        points_of(["Root", "Trunk", "Tail"])
-    assert "no joint for head, shoulder_left" in str(caught.value)
-    assert "Root, Trunk, Tail" in str(caught.value)
-    assert "Use the joint names" in str(caught.value)
-
-
-def test_the_error_quotes_many_names_up_to_a_whole_one() -> None:
+def test_names_of_no_human_are_quoted_up_to_a_whole_one():
     with pytest.raises(SkeletonLogError) as caught:
         points_of([f"Tail{number}" for number in range(100)])
-    assert re.search(r"Tail0, .*Tail\d\d, …; expected", str(caught.value))
+    assert caught.value.where == "take.bvh"
+    assert re.search(r"head, shoulder_left.*Tail0, .*Tail\d\d, …$", caught.value.found)

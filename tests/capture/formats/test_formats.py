@@ -29,37 +29,35 @@ def recorded(path, positions):
     return record(path, [SkeletonFrame(index / 30, 1, pose, ones) for index, pose in enumerate(positions)])
 
 
-def test_a_log_is_found_by_content_and_not_by_its_name(tmp_path):
+def test_a_log_is_found_by_content_and_a_position_out_of_range_refused_with_its_place(tmp_path):
     poses = np.random.default_rng(0).normal(size=(3, 20, 3)).round(5)
     (clip,) = read_log(recorded(tmp_path / "take.bvh", poses))
     np.testing.assert_array_equal(clip.positions, poses)
-
-
-def test_a_position_out_of_range_is_refused_with_its_place(tmp_path):
-    poses = np.zeros((3, 20, 3))
-    poses[2, 3, 1] = 10 * MAX_DISTANCE_METRES
+    poses[2, 3, 1] = MAX_DISTANCE_METRES
+    read_log(recorded(tmp_path / "far", poses))
+    poses[2, 3, 1] *= -10
     with pytest.raises(SkeletonLogError) as error:
         read_log(recorded(tmp_path / "take.log", poses))
     assert error.value.where.endswith("frame 2 (second 0.0666667), head")
-    assert error.value.found == "1e+04 m"
+    assert error.value.found == "-1e+04 m"
 
 
-@pytest.mark.parametrize(
-    ("content", "found"), [(b"", "an empty file"), (bytes(range(256)) * 9, "an unknown file format")]
-)
-def test_an_unknown_format_is_refused_with_the_list_of_formats(tmp_path, content, found):
+@pytest.mark.parametrize("content", [b"", bytes(range(256)) * 9])
+def test_an_unknown_format_is_refused_with_the_list_of_formats(tmp_path, content):
     (tmp_path / "take.log").write_bytes(content)
     with pytest.raises(SkeletonLogError) as error:
         read_log(tmp_path / "take.log")
-    assert error.value.found.startswith(found)
+    assert ("empty" in error.value.found) == (content == b"")
     assert all(name in error.value.expected for name in FORMATS.values())
 
 
-@pytest.mark.parametrize("name", FORMATS)
-def test_a_format_matches_its_own_real_files_and_no_other_file(real_data, name):
+def test_each_real_file_matches_its_format_and_no_other(real_data):
     files = {path for folder in ("logs", "bvh", "video") for path in (real_data / folder).rglob("*") if path.is_file()}
     files.discard(real_data / "logs" / "utkinect" / "actionLabel.txt")
-    own = {path for path in files if FORMAT_OF_FOLDER.get(path.relative_to(real_data).parts[-2]) == name}
-    matches = import_module(f"capture.formats.{name}").matches
+    modules = {name: import_module(f"capture.formats.{name}") for name in FORMATS}
     assert len(files) > 150
-    assert {path for path in files if matches(path.open("rb").read(HEAD_BYTES))} == own
+    for path in files:
+        with path.open("rb") as file:
+            head = file.read(HEAD_BYTES)
+        own = FORMAT_OF_FOLDER.get(path.parent.name)
+        assert [name for name, module in modules.items() if module.matches(head)] == [own] * (own is not None), path

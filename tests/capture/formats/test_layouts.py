@@ -4,7 +4,7 @@ import pytest
 from capture.formats.layouts import CAD60, K25, K32, MSR_ACTION3D, NITE15, UTD_MHAD, synthesise_missing, to_kinect20
 from capture.formats.options import ReadOptions
 from capture.formats.utkinect import read
-from capture.skeleton import JOINT_INDEX, JOINTS
+from capture.skeleton import JOINT_INDEX
 
 SYNTHESISED = ["hip_center", "wrist_left", "wrist_right", "ankle_left", "ankle_right"]
 
@@ -31,24 +31,18 @@ def test_every_joint_is_read_from_its_documented_place(name):
     assert confidence.dtype == np.float32
 
 
-@pytest.mark.parametrize(
-    ("order", "count"), [(K25, 25), (K32, 32), (NITE15, 15), (CAD60, 15), (MSR_ACTION3D, 20), (UTD_MHAD, 20)]
-)
-def test_an_order_names_no_joint_twice(order, count):
-    named = [name for name in order if name is not None]
-    assert len(order) == count
-    assert len(set(named)) == len(named)
-    assert set(named) <= set(JOINTS)
-
-
-def test_a_joint_without_confidence_is_nan():
-    confidence = np.ones(25, dtype=np.float32)
-    confidence[3] = 0.0
-    ours, sure = to_kinect20(K25, np.ones((25, 3)), confidence)
-    head = JOINT_INDEX["head"]
-    assert np.isnan(ours[head]).all()
-    assert sure[head] == 0.0
-    assert np.array_equal(np.delete(ours, head, axis=0), np.ones((19, 3)))
+@pytest.mark.parametrize("name", FOREIGN)
+def test_an_order_names_no_joint_twice_and_a_joint_without_confidence_is_nan(name):
+    order, _ = FOREIGN[name]
+    head = order.index("head")
+    confidence = np.ones(len(order), dtype=np.float32)
+    confidence[head] = 0.0
+    ours, sure = to_kinect20(order, np.ones((len(order), 3)), confidence)
+    named = {JOINT_INDEX[joint] for joint in order if joint not in (None, "head")}
+    assert len(named) == len(order) - order.count(None) - 1
+    known = [j in named for j in range(20)]
+    np.testing.assert_array_equal(sure, known)
+    np.testing.assert_array_equal(ours, np.where(np.array(known)[:, None], [1.0] * 3, np.nan))
 
 
 def _fifteen():
@@ -95,13 +89,6 @@ def test_a_missing_joint_is_lost_with_a_neighbour_and_has_the_lowest_confidence(
     assert sure[:, left].tolist() == [0.5, 0.0]
     assert np.isnan(filled[:, left]).all(axis=1).tolist() == [False, True]
     assert sure[:, right].tolist() == [0.5, 0.25]
-
-
-def test_a_complete_skeleton_is_unchanged():
-    positions = np.random.default_rng(1).normal(size=(4, 20, 3))
-    filled, sure = synthesise_missing(positions, np.ones((4, 20), dtype=np.float32))
-    assert np.array_equal(filled, positions)
-    assert np.array_equal(sure, np.ones((4, 20)))
 
 
 def test_synthesised_joints_are_near_the_measured_ones(real_logs):

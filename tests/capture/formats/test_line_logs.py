@@ -1,13 +1,13 @@
-"""Common properties of the readers of text recordings: incomplete files, invalid lines, and all real recordings."""
+"""Readers of text recordings with one frame per line: what each reads, damaged files, and real recordings."""
 
 import importlib
 
 import numpy as np
 import pytest
 
+from capture.formats.layouts import CAD60
 from capture.formats.options import ReadOptions
-from capture.skeleton import JOINT_INDEX
-from puppetline.errors import SkeletonLogError
+from capture.skeleton import JOINT_INDEX, JOINTS
 
 FOLDERS = {
     "utkinect": ["utkinect", "kinect_own_recording"],
@@ -28,90 +28,133 @@ METRES = {
     ("knee_right", "ankle_right"): (0.25, 0.5),
 }
 
-FRAMES = {
-    "cad60": (",", (["0.5"] * 10 + ["250", "500", "2000", "1"]) * 11 + ["250", "500", "2000", "1"] * 4, "frame number"),
-    "kinect_v2_csv": (",", ["0.25", "0.5", "2", "2"] * 25, "100 ns ticks"),
-    "msrc12": (" ", ["0.25", "0.5", "2", "1"] * 20, "microseconds"),
-    "utkinect": (" ", ["0.25", "0.5", "2"] * 20, "frame number"),
-}
-"""For each format with one frame per line: the separator, the columns after the time, and the meaning of the time."""
+COUNTS = {"cad60": 15, "kinect_v2_csv": 25, "msrc12": 20, "utkinect": 20}
+TICKS_PER_SECOND = {"cad60": 30, "kinect_v2_csv": 1e7, "msrc12": 1e6, "utkinect": 30}
+PLACES = np.arange(1, 76).reshape(25, 3) / 16
 
 
-def _module(name):
+def module(name):
     return importlib.import_module(f"capture.formats.{name}")
 
 
-@pytest.fixture(params=FRAMES)
-def line_log(request, tmp_path):
-    """Functions that return a line of a format with one frame per line, and that write lines to a file and read it."""
-    separator, columns, _ = FRAMES[request.param]
+def line(name, time, places=PLACES, states=2, separator=None):
+    """Return a line of a format; states are 0 lost, 1 inferred and 2 tracked, as far as the format has them."""
+    count = COUNTS[name]
+    places = 1000 * places[:count] if name == "cad60" else places[:count]
+    states = np.broadcast_to(states, 25)[:count] - (name in ("cad60", "msrc12"))
+    columns = [f"{time}"]
+    for joint in range(count):
+        if name == "cad60" and joint < 11:
+            columns += ["nan", *["0.5"] * 8, "1"]  # an orientation, which is not used
+        columns += [f"{value:.6f}" for value in places[joint]]
+        if name != "utkinect":
+            columns.append(f"{states[joint]}")
+    return (separator or ("," if name in ("cad60", "kinect_v2_csv") else " ")).join(columns)
 
-    def line(time, columns=columns):
-        return separator.join([str(time), *columns])
 
-    def read_lines(*lines, end="\n"):
-        log = tmp_path / "log"
-        log.write_text("\n".join(lines) + end)
-        return _module(request.param).read(log, ReadOptions())
+@pytest.fixture(params=COUNTS)
+def name(request):
+    return request.param
 
-    return line, read_lines
+
+ORDER = {
+    "cad60": [CAD60.index(joint) if joint in CAD60 else -1 for joint in JOINTS],
+    "kinect_v2_csv": [0, 1, 20, *range(3, 20)],
+    "msrc12": list(range(20)),
+    "utkinect": list(range(20)),
+}
+"""The place in a line of each of the 20 joints; −1 for a joint that is placed between its neighbours."""
+
+
+def test_times_positions_and_states_are_read(read, name):
+    tick = round(TICKS_PER_SECOND[name])
+    states, places = np.full(25, 2), PLACES.copy()
+    states[4], places[7] = 1, 0.0
+    lines = [line(name, tick), line(name, 2 * tick + tick // 2, places, states), "END"]
+    assert module(name).matches(lines[0].encode())
+    [clip] = read(module(name), lines if name == "cad60" else lines[:2])
+    assert (clip.format, clip.user, clip.times.tolist()) == (name, 0, [1.0, 2.5])
+    order = np.array(ORDER[name])
+    known = order >= 0
+    np.testing.assert_allclose(clip.positions[0, known], PLACES[order[known]], atol=1e-12)
+    confidence = np.where(order == 7, 0, np.where((order == 4) & (name != "utkinect"), 0.5, 1))
+    np.testing.assert_array_equal(clip.confidence[0, known], 1)
+    np.testing.assert_array_equal(clip.confidence[1, known], confidence[known])
+    np.testing.assert_array_equal(np.isnan(clip.positions).all(axis=2), clip.confidence == 0)
+
+
+def test_joints_that_cad_60_lacks_are_placed_and_lost_with_their_neighbours(read):
+    places = PLACES.copy()
+    places[CAD60.index("hand_left")] = 0.0
+    [clip] = read(module("cad60"), [line("cad60", 1), line("cad60", 2, places), "END"])
+    elbow, hand, wrist = (JOINT_INDEX[f"{part}_left"] for part in ("elbow", "hand", "wrist"))
+    assert clip.positions[0, wrist] == pytest.approx(clip.positions[0, elbow] / 4 + 3 * clip.positions[0, hand] / 4)
+    assert clip.confidence[:, wrist].tolist() == [0.5, 0.0]
+    assert len(clip.notes) == 3
+    [endless] = read(module("cad60"), [line("cad60", 1)])
+    assert len(set(endless.notes) - set(clip.notes)) == 1
+
+
+@pytest.mark.parametrize("name", ["cad60", "utkinect"])
+def test_the_rate_can_be_given(read, name):
+    lines = [line(name, 10), line(name, 15), *["END"] * (name == "cad60")]
+    [assumed], [clip] = read(module(name), lines), read(module(name), lines, fps=5.0)
+    assert clip.times.tolist() == [2.0, 3.0]
+    assert len(assumed.notes) == len(clip.notes) + 1
 
 
 @pytest.mark.parametrize("torn", [slice(70), slice(0)])
-def test_a_recording_cut_off_within_a_line_is_read_up_to_the_last_complete_line(line_log, assert_same_frames, torn):
-    line, read = line_log
-    [whole] = read(line(1), line(4))
-    [clip] = read(line(1), line(4), line(2)[torn] or "-", end="")
-    note = "The file ends in the middle of line 3. This frame is omitted."
-    assert [text for text in clip.notes if text not in whole.notes] == [note]
-    assert_same_frames(clip, whole)
+def test_a_recording_cut_off_within_a_line_is_read_up_to_the_last_complete_line(read, name, assert_same_frames, torn):
+    whole = f"{line(name, 1)}\n{line(name, 4)}\n"
+    [expected] = read(module(name), whole)
+    [clip] = read(module(name), whole + (line(name, 2)[torn] or "-"))
+    [note] = set(clip.notes) - set(expected.notes)
+    assert "line 3" in note
+    assert_same_frames(clip, expected)
 
 
-def test_a_short_line_before_the_end_is_refused(line_log):
-    line, read = line_log
-    for lines, end in (([line(2)[:70]], "\n"), ([line(2)[:70], line(3)], "")):
-        with pytest.raises(SkeletonLogError, match=r"line 2: found \d+ columns"):
-            read(line(1), *lines, end=end)
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("{good}\n{short}\n", "line 2"),
+        ("{good}\n{short}\n{good}", "line 2"),
+        ("{short}", "line 1"),
+        ("{good}{separator}1\n", "line 1"),
+        ("{good}\nnan{later}\n", "line 2"),
+        ("{good}\ninf{later}\n", "line 2"),
+        ("{good}\n{empty}\n", "line 2"),
+        ("{good}\nEND\nEND\n", "line 2"),
+        ("{lost}\n{lost}\n", ""),
+        ("", ""),
+    ],
+)
+def test_a_damaged_recording_is_refused_with_its_line(refused_at, name, text, place):
+    good, separator = line(name, 1), "," if name in ("cad60", "kinect_v2_csv") else " "
+    parts = {"good": good, "separator": separator, "short": good[:70], "later": good[1:]}
+    parts |= {"empty": good[:-1] + "x", "lost": line(name, 1, 0 * PLACES)}
+    assert refused_at(module(name), text.format(**parts)) == place
 
 
-def test_a_recording_cut_off_within_its_only_line_is_refused(line_log):
-    line, read = line_log
-    with pytest.raises(SkeletonLogError, match=r"line 1: found the end of the file after \d+ columns"):
-        read(line(1)[:70], end="")
+@pytest.mark.parametrize("name", ["kinect_v2_csv", "msrc12"])
+def test_an_unknown_state_is_refused_with_its_line(refused_at, name):
+    assert refused_at(module(name), [line(name, 1), line(name, 2, states=3)]) == "line 2"
 
 
-@pytest.mark.parametrize("name", FRAMES)
 def test_a_file_matches_by_the_separator_and_number_of_columns(name):
-    separator, columns, _ = FRAMES[name]
-    matches, other = _module(name).matches, " " if separator == "," else ","
-    assert matches(separator.join(["1", *columns]).encode())
-    for texts in ([], ["1", *columns[1:]], ["1", "1", *columns], ["x", *columns]):
-        assert not matches(separator.join(texts).encode())
-    assert not matches(other.join(["1", *columns]).encode())
+    matches, good = module(name).matches, line(name, 1)
+    separator = "," if "," in good else " "
+    assert matches(good.encode())
+    assert matches((good + separator).encode())
+    for text in ("", good[2:], f"1{separator}{good}", f"x{good}", line(name, 1, separator=";")):
+        assert not matches(text.encode())
+    assert not matches(good.translate(str.maketrans(", ", " ,")).encode())
 
 
-@pytest.mark.parametrize("time", ["nan", "inf"])
-def test_a_time_that_is_not_finite_is_refused(line_log, time):
-    line, read = line_log
-    with pytest.raises(SkeletonLogError, match=f"line 2: found '{time}' in column 1; expected a finite number"):
-        read(line(1), line(time))
-
-
-@pytest.mark.parametrize("name", FRAMES)
-def test_a_line_with_another_number_of_columns_is_refused_with_their_meaning(name, tmp_path):
-    separator, columns, meaning = FRAMES[name]
-    count = len(columns) + 1
-    (tmp_path / "log").write_text(separator.join(["1", *columns, "1"]) + "\n")
-    message = rf"line 1: found {count + 1} columns; expected {count} columns \({meaning}"
-    with pytest.raises(SkeletonLogError, match=message):
-        _module(name).read(tmp_path / "log", ReadOptions())
-
-
-def test_a_recording_without_a_tracked_frame_is_refused(line_log):
-    line, read = line_log
-    columns = ["0"] * (len(line(1).replace(",", " ").split()) - 1)
-    with pytest.raises(SkeletonLogError, match="no tracked performer in any of 2 frames"):
-        read(line(1, columns), line(2, columns))
+def test_repeated_frames_are_skipped(read):
+    [clip] = read(module("utkinect"), [line("utkinect", 1), line("utkinect", 1, 2 * PLACES), line("utkinect", 2)])
+    assert (clip.positions == PLACES[:20]).all()
+    assert len(clip.times) == 2
+    assert "1 of 3 frames" in clip.notes[-1]
 
 
 @pytest.mark.parametrize(
@@ -119,7 +162,7 @@ def test_a_recording_without_a_tracked_frame_is_refused(line_log):
 )
 def test_real_performers_have_human_bones_and_their_right_side_at_positive_x(real_logs, name, folder):
     for log in set((real_logs / folder).iterdir()) - {real_logs / "utkinect" / "actionLabel.txt"}:
-        [clip] = _module(name).read(log, ReadOptions())
+        [clip] = module(name).read(log, ReadOptions())
         for (start, end), (shortest, longest) in METRES.items():
             bone = clip.positions[:, JOINT_INDEX[end]] - clip.positions[:, JOINT_INDEX[start]]
             assert shortest < np.nanmedian(np.linalg.norm(bone, axis=1)) < longest, (log.name, start, end)
@@ -128,3 +171,52 @@ def test_real_performers_have_human_bones_and_their_right_side_at_positive_x(rea
             assert np.nanmedian(clip.positions[:, right, 0] - clip.positions[:, left, 0]) > 0, (log.name, part)
         height = clip.positions[:, JOINT_INDEX["head"], 1] - clip.positions[:, JOINT_INDEX["hip_center"], 1]
         assert 0.3 < np.nanmedian(height) < 1.0, log.name
+
+
+@pytest.mark.parametrize(
+    ("name", "log", "frames", "empty", "gap"),
+    [
+        ("kinect_v2_csv", "kinect_v2_laban_csv/Ges01_wavehand.csv", 154, 0, 0.067),
+        ("kinect_v2_csv", "kinect_v2_laban_csv/KinectReader_joints.csv", 371, 0, 0.066),
+        ("msrc12", "msrc12/P1_1_1_p06.csv", 1027, 20, 2.033563),
+        ("utkinect", "utkinect/joints_s01_e01.txt", 545, 0, None),
+        ("utkinect", "utkinect/joints_s09_e01.txt", 1244, 0, 298 / 30),
+        ("utkinect", "kinect_own_recording/joints_s01_e01.txt", 3000, 0, 59 / 30),
+    ],
+)
+def test_real_logs_have_their_frames_and_gaps(real_logs, name, log, frames, empty, gap):
+    [clip] = module(name).read(real_logs / log, ReadOptions())
+    assert (len(clip.times), clip.tracked_frames) == (frames, frames - empty)
+    if gap:
+        assert np.diff(clip.times).max() == pytest.approx(gap, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "log", "frame", "time", "places"),
+    [
+        (
+            "kinect_v2_csv",
+            "kinect_v2_laban_csv/KinectReader_joints.csv",
+            6,
+            3186.9373727,
+            {
+                "head": [0.00709107, 0.182194, 0.987473],
+                "hand_right": [0.268829, -0.549694, 1.01212],
+                "shoulder_center": [0.0100643, -0.0418049, 1.03005],
+            },
+        ),
+        (
+            "msrc12",
+            "msrc12/P1_1_1_p06.csv",
+            26,
+            643.809794,
+            {"head": [0.06953, 0.725342, 2.678191], "hand_right": [0.254431, -0.085197, 2.680496]},
+        ),
+        ("utkinect", "utkinect/joints_s09_e01.txt", 5, 44 / 30, {"head": [0.338894, 0.781109, 2.680387]}),
+    ],
+)
+def test_a_real_recording_has_the_numbers_of_its_file(real_logs, name, log, frame, time, places):
+    [clip] = module(name).read(real_logs / log, ReadOptions())
+    assert clip.times[frame] == time
+    for joint, place in places.items():
+        assert clip.positions[frame, JOINT_INDEX[joint]].tolist() == place

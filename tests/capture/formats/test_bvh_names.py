@@ -9,31 +9,6 @@ from capture.skeleton import JOINTS
 from puppetline.errors import SkeletonLogError
 
 
-@pytest.mark.parametrize(
-    ("name", "key"),
-    [
-        ("LeftUpLeg", "upleg_left"),
-        ("mixamorig:LeftUpLeg", "upleg_left"),
-        ("mixamorig1:RightHand", "hand_right"),
-        ("UpLeg_L", "upleg_left"),
-        ("thigh.R", "thigh_right"),
-        ("lThigh", "thigh_left"),
-        ("rShldr", "shldr_right"),
-        ("Bip01 L Thigh", "thigh_left"),
-        ("KneeRight", "knee_right"),
-        ("LFingers", "fingers_left"),
-        ("rhand", "hand_right"),
-        ("lowerarm_l", "lowerarm_left"),
-        ("LowerBack", "lowerback"),
-        ("Spine1", "spine1"),
-        ("Root", "root"),
-        ("__UpLeg_L", ""),
-    ],
-)
-def test_names_are_normalised(name, key):
-    assert normalised_name(name) == key
-
-
 def sides(*names, of=("Left", "Right")):
     return [name.replace("*", side) for side in of for name in names]
 

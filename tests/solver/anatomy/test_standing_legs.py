@@ -101,10 +101,6 @@ def test_legs_of_a_centipede_that_stand_close_together_are_not_one(solver_mesh):
         assert away(limbs[f"left leg {row}"][-1], (0.5, 0.06, z)) < 0.15
 
 
-def test_nothing_is_unclear_about_a_third_leg_of_a_body_that_lies(solver_mesh):
-    assert find_limbs(solver_mesh([*TRUNK, *MIDDLE, *both(*FRONT)]), np.eye(3)).notes == ()
-
-
 FROG_HIND = [(0.3, 0.5, -1.0), (0.95, 0.42, -0.2), (0.9, 0.12, -1.3), (1.25, 0.08, -0.2)]
 FROG_FRONT = [(0.45, 0.7, 0.5), (0.95, 0.4, 0.1), (1.0, 0.1, 0.7), (1.0, 0.08, 1.1)]
 FROG_TOES = [((1.0, 0.1, 0.7), (0.75, 0.08, 1.0), 0.06), ((1.0, 0.1, 0.7), (1.3, 0.08, 0.95), 0.06)]

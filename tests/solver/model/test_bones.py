@@ -6,7 +6,6 @@ import igl
 import numpy as np
 import pytest
 
-from solver.model import bones as module
 from solver.model.bones import NO_BONES, Bones, bone_regions
 from solver.surface.mesh import SolverMesh, weld
 
@@ -125,38 +124,7 @@ def test_a_hem_beside_a_hand_is_not_the_hands(skirted):
     assert np.all(regions.owner[(v[:, 0] > 0.7) & (v[:, 1] < 1.8)] > 0)
 
 
-def test_a_ray_that_leaves_by_a_hole_takes_nothing_of_what_it_meets(skirted):
-    """The trunk is open towards the arm, so rays of the trunk's bone meet the arm."""
-    centre = skirted.vertices[skirted.faces].mean(axis=1)
-    hole = (np.abs(centre[:, 2]) < 0.1) & (centre[:, 0] > 0) & (centre[:, 0] < 0.3) & (np.abs(centre[:, 1] - 1.2) < 0.2)
-    faces = skirted.faces[~hole]
-    assert hole.sum() > 10
-    mesh = SolverMesh(skirted.vertices, faces, skirted.of_render)
-    trunk = chains((-1, [[0, 0, 0], [0, 2, 0]]))
-    start = module._cast_rays(mesh, trunk, np.array([[0.0, 1.0, 0.0]]), mesh.vertices[:, 1:2] / 2)
-    opposite = (mesh.vertices[:, 0] > 0.6) & (np.abs(mesh.vertices[:, 1] - 1.2) < 0.4)
-    assert np.all(np.isinf(start[opposite]))
-
-
 # --- rays
-
-
-def test_rays_meet_what_is_nearest_round_the_bone():
-    """A square tube inside another one: half-widths 1 and 2, rays from the middle."""
-    tubes = []
-    for size in (1.0, 2.0):
-        ring = size * np.array([[1, 0, 1], [1, 0, -1], [-1, 0, -1], [-1, 0, 1.0]])
-        tubes.append(np.concatenate([ring, ring + np.array([0, 4, 0])]))
-    quads = [[a, (a + 1) % 4, (a + 1) % 4 + 4, a + 4] for a in range(4)]
-    faces = np.array([[q[0], q[1], q[2]] for q in quads] + [[q[0], q[2], q[3]] for q in quads])
-    v, f = np.concatenate(tubes), np.concatenate([faces, faces + 8])
-    length, face, point = module._cast(f, v[:, 1] / 4, np.ascontiguousarray(v[:, [0, 2]]), np.array([0.5]))
-    angle = 2 * np.pi * np.arange(module.RAYS_PER_RING) / module.RAYS_PER_RING
-    expected = 1 / np.maximum(np.abs(np.cos(angle)), np.abs(np.sin(angle)))
-    np.testing.assert_allclose(length, expected, rtol=1e-12)
-    assert np.all(face < 8)
-    np.testing.assert_allclose(point[:, 0], 0.5)
-    np.testing.assert_allclose(np.abs(point[:, 1:]).max(axis=1), 1.0, rtol=1e-12)
 
 
 def test_a_bone_beside_the_mesh_takes_the_nearest_vertex(figure):
@@ -167,14 +135,6 @@ def test_a_bone_beside_the_mesh_takes_the_nearest_vertex(figure):
 
 
 # --- invariance
-
-
-def test_scale_and_place_do_not_matter(figure, skeleton, regions):
-    moved = SolverMesh(4 * figure.vertices + [8.0, -16.0, 2.0], figure.faces, figure.of_render)
-    bones = Bones(
-        4 * skeleton.heads + [8.0, -16.0, 2.0], 4 * skeleton.tails + [8.0, -16.0, 2.0], skeleton.parents, skeleton.limbs
-    )
-    assert np.mean(bone_regions(moved, bones).owner == regions.owner) > 0.995  # but for ties
 
 
 # --- several parts, and few vertices

@@ -28,44 +28,44 @@ def both_operators(mesh):
     return fields.SurfaceOperator(tied, mass, unit.vertices), CoarseFields(tied, tied, mass, unit), tied, mass
 
 
-def isolines_apart(mesh, count=6):
+@pytest.fixture(scope="module")
+def operators(fine):
+    return both_operators(fine)
+
+
+def isolines_apart(exact, sampled, mass, count=6):
     """Largest difference of isoline coordinates, each field with the sign of the exact one.
 
     The 7th and 8th eigenvalue of the figure are nearly equal, so that these fields mix."""
-    exact, sampled, _, mass = both_operators(mesh)
     one, other = exact.propagation_fields(count), sampled.propagation_fields(count)
     other *= np.sign(np.einsum("nk,nk,n->k", one, other, mass))
     return np.abs(fields.compute_isoline_coordinates(one, 10) - fields.compute_isoline_coordinates(other, 10)).max()
 
 
-def test_isoline_coordinates_are_those_of_exact_fields(fine):
-    assert isolines_apart(fine) < 0.1
+def test_isoline_coordinates_are_those_of_exact_fields(operators):
+    exact, sampled, _, mass = operators
+    assert isolines_apart(exact, sampled, mass) < 0.1
 
 
-def test_more_samples_are_more_exact(fine, monkeypatch):
-    monkeypatch.setattr(coarse_fields, "MIN_SAMPLES", 2 * SAMPLES)
-    assert isolines_apart(fine) < 0.05
-
-
-def test_fields_are_orthonormal_in_the_mass_inner_product_and_to_the_constant(fine):
-    _, sampled, tied, mass = both_operators(fine)
+def test_fields_are_orthonormal_in_the_mass_inner_product_and_to_the_constant(operators):
+    _, sampled, tied, mass = operators
     found = np.column_stack([np.full(len(mass), mass.sum() ** -0.5), sampled.propagation_fields(8)])
     np.testing.assert_allclose(found.T @ (mass[:, None] * found), np.eye(9), rtol=0, atol=1e-9)
     energy = -found.T @ (tied @ found)
     np.testing.assert_allclose(energy, np.diag(np.diag(energy)), rtol=0, atol=1e-7 * energy.max())
 
 
-def test_fields_satisfy_the_equation_at_the_vertices(fine):
+def test_fields_satisfy_the_equation_at_the_vertices(operators):
     """The energy of the model depends on the second derivatives of fields, in which a rough error would show."""
-    _, sampled, tied, mass = both_operators(fine)
+    _, sampled, tied, mass = operators
     found = sampled.propagation_fields(8)
     values = -np.einsum("nk,nk->k", found, tied @ found)
     residual = tied @ found + mass[:, None] * found * values
     assert (np.einsum("nk,n->k", residual**2, 1 / mass) < 2 * values**2).all()
 
 
-def test_smoothing_is_that_of_all_vertices(fine):
-    exact, sampled, _, _ = both_operators(fine)
+def test_smoothing_is_that_of_all_vertices(fine, operators):
+    exact, sampled, _, _ = operators
     values = np.column_stack([fine.vertices[:, 0] > 0.5, np.maximum(fine.vertices[:, 1], 0)]).astype(float)
     for length in (0.006, 0.024, 0.096):
         expected = exact.smoothed(values, length)
@@ -75,7 +75,8 @@ def test_smoothing_is_that_of_all_vertices(fine):
 def test_parts_that_touch_are_between_the_same_isolines(two_parts):
     whole = weld(*igl.upsample(two_parts.vertices, two_parts.faces, 2))
     assert whole.parts == 2
-    assert isolines_apart(whole) < 0.25
+    exact, sampled, _, mass = both_operators(whole)
+    assert isolines_apart(exact, sampled, mass) < 0.25
 
 
 def needles(vertices, faces, some):
@@ -85,20 +86,10 @@ def needles(vertices, faces, some):
     return np.concatenate([vertices, middle + 1e-6 * (vertices[c] - middle)]), np.concatenate([faces[~some], *split])
 
 
-def holes(vertices, faces, some):
-    return vertices, faces[~some]
-
-
-def noise(vertices, faces, some):
-    edge = np.linalg.norm(vertices[faces[:, 0]] - vertices[faces[:, 1]], axis=1).mean()
-    return vertices + 0.2 * edge * np.random.default_rng(5).normal(size=vertices.shape), faces
-
-
-@pytest.mark.parametrize(("broken", "bound"), [(needles, 0.1), (holes, 0.6), (noise, 0.6)])
-def test_a_broken_scan_has_nearly_its_exact_fields(fine, broken, bound):
-    """A hole at the end of a limb is smaller than a cell; it moves the end of a field by a part of an isoline."""
+def test_a_scan_with_needles_has_nearly_its_exact_fields(fine):
     some = np.random.default_rng(0).random(len(fine.faces)) < 0.03
-    assert isolines_apart(weld(*broken(fine.vertices, fine.faces, some)), 5) < bound
+    exact, sampled, _, mass = both_operators(weld(*needles(fine.vertices, fine.faces, some)))
+    assert isolines_apart(exact, sampled, mass, 5) < 0.1
 
 
 def test_a_scan_of_loose_pieces_has_exact_fields(fine):
@@ -124,18 +115,3 @@ def test_a_model_reproduces_the_rest_pose_and_rigid_motion(fine, monkeypatch):
     for A, B in ((model.A, model.B), (model.A_clusters, model.B_clusters)):
         force = A @ R - B @ np.tile(turn, (B.shape[1] // 3, 1))
         assert np.abs(force).max() < 1e-9 * np.abs(A).max()
-
-
-def test_a_small_mesh_has_exact_fields(fine):
-    model = reduced_model.build(fine)
-    exact = both_operators(weld((fine.vertices - model.center), fine.faces))[0].propagation_fields(8)
-    np.testing.assert_allclose(
-        np.minimum(
-            *(
-                np.abs(model.isoline_coordinates - fields.compute_isoline_coordinates(s * exact, 10)).max(axis=0)
-                for s in (1, -1)
-            )
-        ),
-        0,
-        atol=1e-4,
-    )

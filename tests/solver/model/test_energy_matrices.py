@@ -44,14 +44,3 @@ def test_products_are_those_of_the_sparse_matrices(operator, monkeypatch, chunk,
     expected = ((KW.T @ KW).toarray(), KW.T @ W_delta, (W.T @ W).toarray(), -(W.T @ L @ W).toarray(), KW.T @ each)
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-11 * np.abs(other).max())  # L cancels
-
-
-def test_rows_that_lie_between_far_isolines_go_into_one_chunk(operator):
-    """Neighbours that are at both ends of the isoline_coordinates leave nothing out in between."""
-    L, mass, rest = operator
-    isoline_coordinates = np.random.default_rng(0).uniform(0, 9, (len(rest), 2))
-    cluster = np.zeros(len(rest), dtype=np.int32)
-    A = energy_matrices.products(L, L, mass, rest, isoline_coordinates, np.ones(2), 10, cluster).A
-    _, W = tall(rest, isoline_coordinates, np.ones(2), 10)
-    KW = diags(mass**-0.5) @ L @ W
-    np.testing.assert_allclose(A, (KW.T @ KW).toarray(), rtol=0, atol=1e-11 * np.abs(A).max())

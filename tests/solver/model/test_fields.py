@@ -41,13 +41,6 @@ def test_operator_of_a_good_mesh_is_the_intrinsic_delaunay_one_of_libigl(creatur
     assert mass.sum() == pytest.approx(igl.doublearea(creature.vertices, creature.faces).sum() / 2)
 
 
-def test_no_weight_between_two_vertices_is_negative(creature):
-    stretched = SolverMesh(creature.vertices * [5.0, 1.0, 0.2], creature.faces, creature.of_render)
-    assert igl.cotmatrix(stretched.vertices, stretched.faces).tocoo().data.min() < -1
-    L = fields.laplacian(stretched)[0].tocoo()
-    assert L.data[L.row != L.col].min() > -1e-9 * np.abs(L.data).max()
-
-
 def test_a_fin_with_a_needle_at_its_root_leaves_the_operator_bounded(figure):
     """Three faces meet at an edge that cannot be flipped; one of them is degenerate."""
     a, b = figure.edges[100]
@@ -75,20 +68,14 @@ def tied(two_parts):
     )
 
 
-def test_operators_are_negative_semidefinite_and_their_rows_sum_to_zero(two_parts, tied):
+def test_operators_are_negative_semidefinite_and_ties_leave_one_constant_in_the_kernel(two_parts, tied):
     assert fields.laplacian(two_parts)[1].min() > 0
-    for L in tied:
+    for L, parts in zip(tied, (2, 1, 1), strict=True):
         spectrum = eigh(-L.toarray(), eigvals_only=True)
         assert np.abs(L.sum(axis=1)).max() < 1e-10 * np.abs(L.diagonal()).max()
         np.testing.assert_allclose(L.toarray(), L.toarray().T, atol=1e-9)
         assert spectrum[0] > -1e-10 * spectrum[-1]
-
-
-def test_ties_make_one_part_of_several_and_leave_one_constant_in_the_kernel(two_parts, tied):
-    assert two_parts.parts == 2
-    kernels = [np.count_nonzero(eigh(-L.toarray(), eigvals_only=True) < 1e-10) for L in tied]
-    assert kernels == [2, 1, 1]
-    assert [connected_components(L, directed=False)[0] for L in tied] == [2, 1, 1]
+        assert np.count_nonzero(spectrum < 1e-10) == connected_components(L, directed=False)[0] == parts
 
 
 def test_ties_add_the_weighted_squares_of_the_jumps(two_parts, tied):
@@ -110,24 +97,6 @@ def test_a_character_of_one_part_has_the_surface_operator_itself(creature):
     ties = contacts(creature)
     assert fields.field_operator(L, ties, creature.diagonal) is L
     assert fields.energy_operator(L, ties, mass, creature.diagonal) is L
-
-
-def test_fields_of_a_character_that_is_cut_in_two_are_nearly_those_of_the_whole(creature, monkeypatch):
-    """Without ties one of them would be constant on each half, and the others would see one half only."""
-    middle = creature.vertices[creature.faces].mean(axis=1)[:, 0]
-    faces = creature.faces[np.abs(middle + 0.4) > 0.12]
-    used, compact = np.unique(faces, return_inverse=True)
-    halves = SolverMesh(creature.vertices[used], compact.reshape(-1, 3), np.arange(len(used)))
-    assert halves.components.max() == 1
-    whole = np.linalg.qr(modes_of(creature, 4)[used])[0]
-
-    def likeness():
-        """Cosine of the largest angle between the two spaces that four fields span."""
-        return np.linalg.svd(np.linalg.qr(modes_of(halves, 4))[0].T @ whole)[1].min()
-
-    assert likeness() > 0.98
-    monkeypatch.setattr(fields, "CONTACT_CONDUCTANCE", 0.0)
-    assert likeness() < 0.9  # how far below depends on which mixture of the two constants is left out
 
 
 # --- fields
@@ -158,38 +127,6 @@ def test_fields_are_reproducible_and_positive_where_they_are_largest():
     assert np.all(modes.max(axis=0) >= -modes.min(axis=0))
 
 
-def test_fields_hardly_change_when_every_triangle_is_split_in_four(creature):
-    v, f = igl.upsample(creature.vertices, creature.faces)
-    fine, coarse = modes_of(SolverMesh(v, f, np.arange(len(v)))), modes_of(creature)
-    fine = aligned(fine[: len(coarse)], coarse)
-    assert np.abs(fine - coarse).max() < 0.05 * np.abs(coarse).max()
-
-
-def test_fields_do_not_follow_the_density_of_triangles(creature):
-    """One half is split five times as fine. The mass matrix is what keeps the fields in place."""
-    vertices, faces = creature.vertices, creature.faces
-    for _ in range(2):
-        dense = vertices[faces].mean(axis=1)[:, 0] > 0.2
-        centers = vertices[faces[dense]].mean(axis=1)
-        new = len(vertices) + np.arange(len(centers))
-        a, b, c = faces[dense].T
-        split = np.concatenate([np.column_stack(t) for t in ((a, b, new), (b, c, new), (c, a, new))])
-        vertices, faces = np.concatenate([vertices, centers]), np.concatenate([faces[~dense], split])
-    uneven = SolverMesh(vertices, faces, np.arange(len(vertices)))
-    reference = modes_of(creature)
-    n = len(reference)
-
-    def change(mass):
-        modes = fields.SurfaceOperator(fields.laplacian(uneven)[0], mass, uneven.vertices).propagation_fields(8)[:n]
-        modes = aligned(modes, reference)
-        modes = modes / np.linalg.norm(modes, axis=0) * np.linalg.norm(reference, axis=0)
-        return np.abs(modes - reference).max() / np.abs(reference).max()
-
-    weighted, unweighted = change(fields.laplacian(uneven)[1]), change(np.ones(len(vertices)))
-    assert weighted < 0.1
-    assert unweighted > 5 * weighted
-
-
 # --- isoline coordinates
 
 
@@ -215,50 +152,24 @@ def test_interpolation_is_the_hat_function_of_the_two_isolines_around(creature):
 def test_weights_are_those_of_equations_2_and_3(creature):
     _, mass = fields.laplacian(creature)
     modes = modes_of(creature)
-    w = np.zeros(8)
-    for i in range(8):
-        xi = np.zeros(3)
-        for v in range(len(mass)):
-            xi += creature.vertices[v] * mass[v] * modes[v, i]
-        w[i] = np.sqrt(xi[0] ** 2 + xi[1] ** 2 + xi[2] ** 2)
-    found = fields.field_weights(creature.vertices, mass, modes)
-    np.testing.assert_allclose(found, w / w.sum(), rtol=1e-9)
-    assert found.sum() == pytest.approx(1.0)
+    w = [np.linalg.norm(sum(creature.vertices[v] * mass[v] * mode[v] for v in range(len(mass)))) for mode in modes.T]
+    np.testing.assert_allclose(fields.field_weights(creature.vertices, mass, modes), w / np.sum(w), rtol=1e-9)
 
 
 # --- invariance of the deformation
 
 
-@pytest.fixture(scope="module")
-def expected(creature, creature_handles):
-    return deformed(creature, creature_handles, motion(creature_handles))
-
-
-def test_the_sign_of_fields_does_not_show_in_the_deformation(creature, creature_handles, expected, monkeypatch):
-    solve = fields.SurfaceOperator.propagation_fields
-    for signs in ([-1] * 8, [-1, 1, 1, 1, -1, -1, 1, -1]):
-        monkeypatch.setattr(
-            fields.SurfaceOperator, "propagation_fields", lambda *given, signs=signs: solve(*given) * np.array(signs)
-        )
-        found = deformed(creature, creature_handles, motion(creature_handles))
-        # Isoline coordinates are kept in float32, which rounds t and 9 − t differently.
-        np.testing.assert_allclose(found, expected, rtol=0, atol=5e-6 * creature.diagonal)
-
-
-@pytest.mark.parametrize(("scale", "offset"), [(1000.0, 0.0), (0.01, -3.0)])
-def test_scale_and_place_of_the_mesh_do_not_show_in_the_deformation(
-    creature, creature_handles, expected, scale, offset
-):
+def test_scale_and_place_of_the_mesh_do_not_show_in_the_deformation(creature, creature_handles):
     def moved(points):
-        return scale * points + offset * np.array([1.0, -2.0, 0.5])
+        return 0.01 * points + np.array([-3.0, 6.0, -1.5])
 
+    expected = deformed(creature, creature_handles, motion(creature_handles))
     there = SolverMesh(moved(creature.vertices), creature.faces, creature.of_render)
     found = deformed(there, moved(creature_handles), moved(motion(creature_handles)))
     np.testing.assert_allclose(found, moved(expected), rtol=0, atol=1e-5 * there.diagonal)
 
 
-@pytest.mark.parametrize("height", [1e-3, 1e-5, 1e-7])
-def test_needles_hardly_change_what_the_mesh_does(figure, height):
+def test_needles_hardly_change_what_the_mesh_does(figure):
     """Split triangles at a point just off the middle of an edge: three for one, of which one is a needle."""
     vertices, faces = list(figure.vertices), []
     for number, (a, b, c) in enumerate(figure.faces):
@@ -266,7 +177,7 @@ def test_needles_hardly_change_what_the_mesh_does(figure, height):
             faces.append((a, b, c))
             continue
         middle = (figure.vertices[a] + figure.vertices[b]) / 2
-        vertices.append(middle + height * (figure.vertices[c] - middle))
+        vertices.append(middle + 1e-5 * (figure.vertices[c] - middle))
         tip = len(vertices) - 1
         faces += [(a, b, tip), (b, c, tip), (c, a, tip)]
     needles = SolverMesh(np.array(vertices), np.array(faces), np.arange(len(vertices)))

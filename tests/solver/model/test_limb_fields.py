@@ -62,17 +62,6 @@ def test_a_field_is_0_off_its_limb_and_rises_along_it(figure, both_arms):
         np.testing.assert_allclose(field[arm], (1 + 3 * np.clip(along, 0, 1)) / 4, rtol=0, atol=0.08)
 
 
-def test_a_vertex_on_a_limb_has_the_value_of_its_place(figure):
-    """A hand with a limb of its own: to the arm it is the arm's end."""
-    bones = bones_of(
-        chain([0, 0, 0], [0, 1.2, 0], limb=-1),
-        chain(*ARM[:3], parent=0, first=1),
-        chain(*ARM[2:], parent=2, first=3, limb=1),
-    )
-    arm, _ = made(figure, bones, 2).T
-    assert np.abs(arm[figure.vertices[:, 0] > 1.15] - 1).max() < 0.02
-
-
 def test_more_limbs_than_fields_share_one_with_the_sign_turned_round(figure, both_arms):
     left, right = made(figure, both_arms, 2).T
     np.testing.assert_allclose(made(figure, both_arms, 1), (left - right)[:, None], rtol=0, atol=1e-12)

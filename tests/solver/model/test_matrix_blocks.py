@@ -19,12 +19,6 @@ def test_the_entry_of_a_matrix_is_where_the_layout_says(rng):
     assert np.count_nonzero(packed) == S.size
 
 
-def test_the_row_of_a_plain_stack_is_where_the_layout_says(rng):
-    rows = rng.normal(size=(50, 3))
-    packed = matrix_blocks.pack_rows(rows, matrix_blocks.row_places(50))
-    assert [packed[144 * (row // 48) + 48 * 2 + row % 48] for row in (0, 47, 48, 49)] == [*rows[[0, 47, 48, 49], 2]]
-
-
 @pytest.mark.parametrize("count", [1, 16, 17, 80, 100])
 def test_packed_blocks_are_unpacked_unchanged(rng, count):
     for place in (matrix_blocks.matrix_row_places(count), matrix_blocks.row_places(count)):

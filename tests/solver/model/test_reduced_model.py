@@ -1,5 +1,3 @@
-import dataclasses
-
 import igl
 import numpy as np
 import pytest
@@ -8,17 +6,6 @@ from puppetline.errors import MeshError
 from solver.model import fields
 from solver.model.reduced_model import ModelParameters, build
 from solver.surface.mesh import SolverMesh, weld
-
-
-def same(a, b):
-    for field in dataclasses.fields(a):
-        x, y = getattr(a, field.name), getattr(b, field.name)
-        if dataclasses.is_dataclass(x):
-            assert same(x, y)
-        else:
-            assert x.dtype == y.dtype
-            np.testing.assert_array_equal(x, y)
-    return True
 
 
 @pytest.fixture(scope="module")
@@ -43,11 +30,6 @@ def test_positions_are_the_blend_written_out(creature, creature_model, dense, na
     np.testing.assert_allclose(dense, naive, atol=1e-6)
 
 
-def test_identity_transforms_give_the_rest_positions(creature, creature_model, dense):
-    rest = creature_model.to_model(creature.vertices)
-    np.testing.assert_allclose(dense @ creature_model.rest_controls, rest, atol=1e-12)
-
-
 def test_any_affine_map_on_all_isolines_is_that_map(creature, creature_model, dense):
     affine = np.random.default_rng(0).normal(size=(4, 3))
     expected = creature_model.to_model(creature.vertices) @ affine[:3] + affine[3]
@@ -66,13 +48,6 @@ def test_energy_matrices_are_those_of_the_dense_operators(creature, creature_mod
     np.testing.assert_allclose(creature_model.gram, W.T @ W, atol=1e-6 * np.abs(W.T @ W).max())
 
 
-def test_rigid_rotation_of_all_isolines_costs_no_energy(creature_model, turn):
-    rotation = turn(0, 100)
-    R = creature_model.rest_controls @ rotation + np.tile([[0.0] * 3] * 3 + [[0.3, -0.2, 0.5]], (80, 1))
-    gradient = creature_model.A @ R - creature_model.B @ np.tile(rotation, (80, 1))
-    assert np.abs(gradient).max() < 1e-9 * np.abs(creature_model.B).max()
-
-
 # --- null space
 
 
@@ -86,37 +61,14 @@ def test_null_space_is_at_least_28_wide_and_moves_no_vertex(creature_model, dens
     assert np.linalg.matrix_rank(dense, tol=1e-7 * np.linalg.norm(dense, 2)) == 320 - nullity
 
 
-def test_null_space_holds_the_exchange_of_an_affine_map_between_fields(creature_model, dense):
-    rng = np.random.default_rng(1)
-    for first, second in ((0, 1), (2, 7)):
-        affine = rng.normal(size=4)
-        z = np.zeros((8, 10, 4))
-        z[first], z[second] = affine / creature_model.weights[first], -affine / creature_model.weights[second]
-        z = z.reshape(-1) / np.linalg.norm(z)
-        assert np.abs(dense @ z).max() < 1e-12
-        np.testing.assert_allclose(creature_model.null_space @ z, z, atol=1e-6)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["armadillo.obj", "dinosaur_14k.obj"])
-def test_rank_on_real_meshes_is_292(real_mesh, name):
-    assert round(np.trace(build(real_mesh(name)).null_space)) == 28
-
-
 # --- rows of surface points
 
 
-def test_rows_of_a_vertex_are_its_rows_of_the_blend(creature, creature_model, dense):
-    chosen = [0, 17, 400]
-    found = creature_model.rows(creature, creature.vertices[chosen])
-    np.testing.assert_allclose(found, dense[chosen], atol=1e-9)
-
-
-def test_rows_of_a_point_in_a_face_blend_those_of_its_corners(creature, creature_model, dense):
+def test_rows_of_a_surface_point_blend_those_of_the_corners_around(creature, creature_model, dense):
     face = creature.faces[123]
-    point = np.array([0.2, 0.5, 0.3]) @ creature.vertices[face]
-    found = creature_model.rows(creature, point[None])
-    np.testing.assert_allclose(found[0], np.array([0.2, 0.5, 0.3]) @ dense[face], atol=1e-9)
+    for blend in ([0.2, 0.5, 0.3], [1.0, 0.0, 0.0]):
+        found = creature_model.rows(creature, np.array([blend]) @ creature.vertices[face])
+        np.testing.assert_allclose(found[0], blend @ dense[face], atol=1e-9)
 
 
 # --- too small, and just large enough
@@ -134,11 +86,8 @@ def closed_strip(count):
 
 
 def test_a_mesh_with_too_few_vertices_is_refused():
-    with pytest.raises(MeshError) as caught:
+    with pytest.raises(MeshError):
         build(closed_strip(17))
-    assert caught.value.found == "19 vertices"
-    assert "at least 20 for 8" in caught.value.expected
-    assert "fewer fields" in caught.value.fix
 
 
 @pytest.mark.parametrize(("count", "parameters"), [(18, ModelParameters()), (4, ModelParameters(fields=1))])
@@ -146,11 +95,6 @@ def test_the_smallest_mesh_allowed_reproduces_its_rest_pose(count, parameters, s
     mesh = closed_strip(count)
     model = build(mesh, parameters)
     np.testing.assert_allclose(surface(model, mesh, model.rest_controls), mesh.vertices, atol=1e-12)
-
-
-def test_building_twice_gives_the_same_bits():
-    mesh, parameters = closed_strip(40), ModelParameters(fields=2, isolines=3)
-    assert same(build(mesh, parameters), build(mesh, parameters))
 
 
 def test_parts_a_world_apart_still_have_a_model_that_keeps_the_rest_pose():

@@ -88,14 +88,9 @@ def test_hands_meet_where_the_performers_meet():
     np.testing.assert_allclose(tips[0, 0] - tips[0, 1], METRE * gap, atol=0.02)
 
 
-def test_hands_that_do_not_come_together_are_left_alone():
-    for pose in (clapping(0.0), performer(*LEVEL)):
-        np.testing.assert_array_equal(play([pose])[0], play([pose], free=True)[0])
-
-
-def test_hands_are_left_alone_if_the_puppet_says_so():
-    pose = clapping(0.6)
-    np.testing.assert_array_equal(play([pose], meet=False)[0], play([pose], free=True)[0])
+def test_hands_that_do_not_come_together_or_need_not_are_left_alone():
+    for pose, meet in ((clapping(0.0), True), (performer(*LEVEL), True), (clapping(0.6), False)):
+        np.testing.assert_array_equal(play([pose], meet=meet)[0], play([pose], free=True)[0])
 
 
 def test_arms_that_are_drawn_keep_their_lengths_and_stay_joined():

@@ -25,11 +25,14 @@ CHARACTER = legs(0.3, 0.3, 0.5, 0.2)  # with other proportions
 METRE = 0.8 / 0.87
 
 
+def both_legs(points, parent=None):
+    return [Limb(n, points[c], tuple((j,) for j in c), parent=parent) for n, c in (("left", LEFT), ("right", RIGHT))]
+
+
 def stand_on(pose=CHARACTER, basis=None):
     """Motions and feet of the character, in a mesh file with the axes `basis`."""
     points = pose if basis is None else pose @ basis
-    limbs = [Limb(name, points[c], tuple((j,) for j in c)) for name, c in (("left", LEFT), ("right", RIGHT))]
-    motion = LimbMotion(limbs, SIDES, PERFORMER, basis)
+    motion = LimbMotion(both_legs(points), SIDES, PERFORMER, basis)
     return motion, Feet(motion.bones, [Leg(0, 1, 2, 4), Leg(3, 4, 5, 5)], METRE, basis)
 
 
@@ -116,7 +119,7 @@ def test_feet_of_a_performer_whose_joints_shake_stay_where_they_are():
     assert np.ptp(free, axis=0).max() > 0.02  # they would
 
 
-def test_feet_that_stand_do_not_slide_while_walking(walked):
+def test_feet_do_not_slide_while_walking_and_the_lower_one_is_on_the_floor(walked):
     poses, left = walked
     places, _, held = play(poses)
     free = play(poses, free=True)[0]
@@ -126,21 +129,12 @@ def test_feet_that_stand_do_not_slide_while_walking(walked):
     assert slides[stands].max() < 1e-12 < 2e-3 < np.linalg.norm(np.diff(free[:, 4], axis=0), axis=1)[stands].max()
     steps = np.abs(np.diff(places[:, [4, 5]], axis=0)).max()
     assert steps < 1.6 * np.abs(np.diff(free[:, [4, 5]], axis=0)).max()  # nothing jumps
-
-
-def test_a_leg_that_bends_to_its_foot_keeps_its_lengths_and_stays_joined(walked):
-    places, _, _ = play(walked[0])
-    for chain in (LEFT, RIGHT):
+    for chain in (LEFT, RIGHT):  # legs keep their lengths and stay joined
         lengths = np.linalg.norm(np.diff(places[:, chain], axis=1), axis=2)
         expected = np.linalg.norm(np.diff(CHARACTER[chain], axis=0), axis=1)
         np.testing.assert_allclose(lengths, np.broadcast_to(expected, lengths.shape), atol=1e-9)
-
-
-def test_the_lower_foot_is_on_the_floor_while_walking(walked):
-    places, _, _ = play(walked[0])
-    ankles = places[:, [4, 5], 1] - CHARACTER[4, 1]
+    ankles, tips = (places[:, feet, 1] - CHARACTER[feet[0], 1] for feet in ([4, 5], [6, 7]))
     assert ankles.min() > -1e-9
-    tips = places[:, [6, 7], 1] - CHARACTER[6, 1]
     assert np.minimum(ankles, tips).min(axis=1).max() < SLACK_METRES + 1e-3
     assert ankles.max() > 0.05  # and the other one is lifted
 
@@ -183,10 +177,7 @@ def test_the_pelvis_tilts_so_that_both_legs_of_a_performer_who_leans_point_as_th
     lean = np.array([[side * 0.05, 0.25, 0.0], [side * 0.1, 0.5, 0.0]])  # by 11°
     limbs = [
         Limb("trunk", np.vstack([CHARACTER[HIPS].mean(axis=0), CHARACTER[0] * [0, 1, 1] + back]), ((0, 1), (8,), (9,))),
-        *(
-            Limb(name, CHARACTER[c], tuple((j,) for j in c), parent="trunk")
-            for name, c in (("left", LEFT), ("right", RIGHT))
-        ),
+        *both_legs(CHARACTER, "trunk"),
     ]
     sides = Performer((0, 1), (0, 1), np.array([1, 0, 3, 2, 5, 4, 7, 6, 8, 9]))
     standing = np.vstack([PERFORMER, PERFORMER[HIPS].mean(axis=0) + back])
@@ -211,10 +202,7 @@ def test_the_pelvis_tilts_so_that_both_legs_of_a_performer_who_leans_point_as_th
 
 def test_hips_at_one_place_do_not_tilt():
     pose = CHARACTER * [0, 1, 1]
-    limbs = [
-        Limb("trunk", np.array([pose[0], pose[0] + [0, 0.5, 0]]), ((0, 1), (8,))),
-        *(Limb(n, pose[c], tuple((j,) for j in c), parent="trunk") for n, c in (("left", LEFT), ("right", RIGHT))),
-    ]
+    limbs = [Limb("trunk", np.array([pose[0], pose[0] + [0, 0.5, 0]]), ((0, 1), (8,))), *both_legs(pose, "trunk")]
     performer = np.vstack([PERFORMER, PERFORMER[HIPS].mean(axis=0) + np.array([0, 0.5, 0])])
     motion = LimbMotion(limbs, Performer((0, 1), (0, 1), np.array([1, 0, 3, 2, 5, 4, 7, 6, 8])), performer)
     feet = Feet(motion.bones, [Leg(1, 2, 3, 4), Leg(4, 5, 6, 5)], METRE, pelvis=0)
@@ -239,9 +227,8 @@ def test_a_mesh_that_stands_otherwise_in_its_file_walks_the_same(walked):
 
 
 def test_bones_below_a_foot_move_with_it(walked):
-    limbs = [Limb(name, CHARACTER[c], tuple((j,) for j in c)) for name, c in (("left", LEFT), ("right", RIGHT))]
     spur = Limb("spur", np.array([[0.3, 0.2, -0.02], [0.3, 0.2, -0.2]]), ((4,), (4,)), parent="left")
-    motion = LimbMotion([*limbs, spur], SIDES, PERFORMER)
+    motion = LimbMotion([*both_legs(CHARACTER), spur], SIDES, PERFORMER)
     feet = Feet(motion.bones, [Leg(0, 1, 2, 4), Leg(3, 4, 5, 5)], METRE)
     on, head = motion.bones.parents[6], motion.bones.heads[6]
     for k, pose in enumerate(walked[0]):

@@ -117,39 +117,27 @@ LEFT, RIGHT = (
 CROSSED = with_arms(HANGING, LEFT, RIGHT)
 
 
-def test_a_performer_in_the_characters_pose_leaves_it_as_it_is():
-    motion = LimbMotion(character(HANGING), SIDES, HANGING)
+@pytest.mark.parametrize("follow", ["direction", "turn"])
+def test_a_performer_in_the_characters_pose_leaves_it_as_it_is(follow):
+    motion = LimbMotion(character(HANGING, follow), SIDES, HANGING)
     np.testing.assert_allclose(
         play(motion, [2.5 * HANGING + [0.3, 1, -2]] * 3), np.broadcast_to(REST, (3, 15, 4, 3)), atol=1e-14
     )
 
 
-def test_a_character_in_a_t_pose_crosses_its_arms_as_the_performer_does():
-    motion = LimbMotion(character(T_POSE), SIDES, HANGING)
-    first = motion.step(0.0, CROSSED, TRACKED)
-    found, length = directions(motion, first)
-    np.testing.assert_allclose(found, wanted(motion, CROSSED), atol=1e-12)
-    np.testing.assert_allclose(length, np.linalg.norm(motion.bones.tails - motion.bones.heads, axis=1), atol=1e-12)
-
-
-def test_directions_are_the_performers_in_every_frame_of_a_motion():
+def test_directions_are_the_performers_in_every_frame_and_bones_keep_their_lengths_and_stay_joined():
     rng = np.random.default_rng(3)
-    swing = np.cumsum(rng.normal(0, 0.03, (120, 2, 3, 3)), axis=0)
+    swing = np.cumsum(rng.normal(0, 0.03, (60, 2, 3, 3)), axis=0)
     poses = [with_arms(HANGING, LEFT + s[0], RIGHT + s[1]) for s in swing]
     motion = LimbMotion(character(T_POSE), SIDES, HANGING)
-    for pose, motions in zip(poses, play(motion, poses), strict=True):
-        np.testing.assert_allclose(directions(motion, motions)[0], wanted(motion, pose), atol=1e-12)
-
-
-def test_bones_stay_joined_where_they_hang_on_each_other():
-    motion = LimbMotion(character(T_POSE), SIDES, HANGING)
-    motions = motion.step(0.0, CROSSED, TRACKED)
     bones = motion.bones
     child = np.flatnonzero(bones.parents >= 0)
-    np.testing.assert_allclose(
-        moved(bones.heads[child], motions[child]), moved(bones.heads[child], motions[bones.parents[child]]), atol=1e-14
-    )
-    np.testing.assert_allclose(moved(bones.heads, motions)[0], bones.heads[0], atol=1e-14)
+    for pose, motions in zip(poses, play(motion, poses), strict=True):
+        found, length = directions(motion, motions)
+        np.testing.assert_allclose(found, wanted(motion, pose), atol=1e-12)
+        np.testing.assert_allclose(length, np.linalg.norm(bones.tails - bones.heads, axis=1), atol=1e-12)
+        heads, parents = bones.heads[child], motions[bones.parents[child]]
+        np.testing.assert_allclose(moved(heads, motions[child]), moved(heads, parents), atol=1e-14)
 
 
 def test_limbs_hang_on_the_nearest_bone_of_their_parent():
@@ -169,31 +157,6 @@ def test_an_arm_that_is_lowered_from_a_t_pose_bends_forwards_without_roll():
     # the forearm bends about the axis that pointed down, and now points to the right
     np.testing.assert_allclose(R[first + 1] @ [1, 0, 0], [0, 0, 1], atol=1e-12)
     np.testing.assert_allclose(R[first + 1] @ [0, -1, 0], [-1, 0, 0], atol=1e-12)
-
-
-def test_a_bent_arm_rolls_with_the_plane_of_its_elbow_and_a_straight_one_keeps_its_roll():
-    bent = with_arms(HANGING, [[0, -1, 0], [-1, 0, 0], [-1, 0, 0]], [[0, -1, 0], [1, 0, 0], [1, 0, 0]])
-    straight = with_arms(HANGING, [[0, -1, 0]] * 3, [[0, -1, 0]] * 3)
-    motion = LimbMotion(character(T_POSE), SIDES, HANGING)
-    first = [each.name for each in motion.limbs for _ in each.points[1:]].index("left arm")
-    R = turns(play(motion, [bent] * 2 + [straight] * 6))
-    # the elbow's axis was −y; the forearm across the belly turns it to −z, by a roll of a quarter turn
-    np.testing.assert_allclose(R[0, first] @ [0, -1, 0], [0, 0, -1], atol=0.05)
-    held = R[-1, first] @ [0, -1, 0]
-    assert np.degrees(np.arccos(held @ [0, 0, -1])) < 12
-
-
-def test_a_performer_who_turns_once_round_turns_the_character_once_round():
-    angles = np.linspace(0, 2 * np.pi, 61)
-    poses = [CROSSED @ Rotation.from_rotvec([0, a, 0]).as_matrix().T for a in angles]
-    motion = LimbMotion(character(T_POSE), SIDES, HANGING)
-    motions = play(motion, poses)
-    R = turns(motions)
-    for bone in (0, 1):
-        heading = np.unwrap(np.arctan2(R[:, bone, 0, 2], R[:, bone, 2, 2]))
-        np.testing.assert_allclose(heading - heading[0], angles, atol=1e-9)
-    assert largest_step(motions) < 1.001 * (angles[1] - angles[0])
-    np.testing.assert_allclose(motions[-1], motions[0], atol=1e-5)
 
 
 @pytest.mark.parametrize("axis", [[0, 1, 0], [1, 0, 0], [0.3, -0.5, 0.8]])
@@ -226,7 +189,7 @@ def test_a_mirrored_performer_moves_a_symmetric_character_as_its_mirror_image(fo
     np.testing.assert_allclose(theirs[:, swapped], ours * mirror, atol=1e-9)
 
 
-@pytest.mark.parametrize("raised", [[1, 0.02, 0.02], [0.02, 0.02, 1], [1, 0.3, 1], [0.5, 0.1, -0.4]])
+@pytest.mark.parametrize("raised", [[1, 0.02, 0.02], [0.02, 0.02, 1], [0.5, 0.1, -0.4]])
 def test_an_arm_that_is_raised_from_hanging_to_straight_up_and_round_does_not_flip(raised):
     """Up is opposite to the rest direction: the least rotation between them is undefined there."""
     keys = np.array([[0.05, -1, 0], raised, [0.01, 1, 0], [-0.3, 1, -0.2], [0.3, 1, 0.2], raised, [0.05, -1, 0]])
@@ -242,14 +205,7 @@ def test_an_arm_that_is_raised_from_hanging_to_straight_up_and_round_does_not_fl
         np.testing.assert_allclose(directions(motion, now)[0], wanted(motion, pose), atol=1e-12)
 
 
-def test_limbs_that_turn_are_at_rest_while_the_performer_is():
-    motion = LimbMotion(character(T_POSE, "turn"), SIDES, CROSSED)
-    np.testing.assert_allclose(
-        play(motion, [CROSSED + np.array([0, 0, 1])] * 3), np.broadcast_to(REST, (3, 15, 4, 3)), atol=1e-12
-    )
-
-
-@pytest.mark.parametrize("gain", [1.0, 0.5, -0.7, 2.0])
+@pytest.mark.parametrize("gain", [0.5, -0.7, 2.0])
 def test_a_limb_that_turns_does_so_by_the_performers_angle_times_its_gain(gain):
     """A tail that points backwards swings about the upright axis as an arm does that is held forwards."""
     tail = Limb("tail", np.array([[0, 0, 0], [0, 0, -1.0], [0, 0, -2.0]]), ((4,), (5,), (6,)), "turn", gain)
@@ -282,13 +238,6 @@ def test_a_gain_scales_the_angle_against_the_bone_that_a_limb_hangs_on():
     turn = Rotation.from_rotvec([0, 1, 0]).as_matrix()
     motions = LimbMotion(limbs, SIDES, HANGING).step(0.0, pose @ turn.T, TRACKED)
     np.testing.assert_allclose(turns(motions)[2], turn @ Rotation.from_rotvec([0.3, 0, 0]).as_matrix(), atol=1e-12)
-
-
-def test_a_character_that_does_not_turn_does_the_rest_as_if_the_performer_faced_it():
-    turn = Rotation.from_rotvec([0, 2.0, 0]).as_matrix()
-    fixed = LimbMotion(character(T_POSE), SIDES, HANGING, turns=False)
-    here = LimbMotion(character(T_POSE), SIDES, HANGING)
-    np.testing.assert_allclose(fixed.step(0.0, CROSSED @ turn.T, TRACKED), here.step(0.0, CROSSED, TRACKED), atol=1e-12)
 
 
 def test_without_a_trunk_limbs_do_not_turn_with_the_performer():
@@ -329,55 +278,14 @@ def test_a_lost_limb_keeps_its_direction_against_the_trunk_and_comes_back_smooth
     assert np.degrees(np.arccos(np.clip((found * wanted(motion, other @ turn.T)).sum(axis=1), -1, 1))).max() < 0.1
 
 
-def test_limbs_that_were_never_seen_are_at_rest():
-    confidence = TRACKED.copy()
-    confidence[4:8] = 0
-    motion = LimbMotion(character(T_POSE), SIDES, HANGING)
-    turn = Rotation.from_rotvec([0.1, 0.7, 0]).as_matrix()
-    R = turns(motion.step(0.0, CROSSED @ turn.T, confidence))
-    names = [each.name for each in motion.limbs for _ in each.points[1:]]
-    np.testing.assert_allclose(
-        [r for r, name in zip(R, names, strict=True) if name == "left arm"], [turn] * 3, atol=1e-9
-    )
-
-
-def test_a_frame_in_which_left_and_right_are_exchanged_changes_nothing():
-    poses = np.array([CROSSED] * 20)
-    poses[10] = poses[10, OPPOSITE]
-    clean = play(LimbMotion(character(T_POSE), SIDES, HANGING), [CROSSED] * 20)
-    np.testing.assert_allclose(play(LimbMotion(character(T_POSE), SIDES, HANGING), poses), clean, atol=1e-12)
-
-
 def test_a_sensor_that_takes_a_turned_back_for_a_front_does_not_stop_a_full_turn():
     angles = np.linspace(0, 2 * np.pi, 46)
     poses = np.array([CROSSED @ Rotation.from_rotvec([0, a, 0]).as_matrix().T for a in angles])
     seen = np.where((np.cos(angles) < 0)[:, None, None], poses[:, OPPOSITE], poses)
     R = turns(play(LimbMotion(character(T_POSE), SIDES, HANGING), seen))
-    heading = np.unwrap(np.arctan2(R[:, 1, 0, 2], R[:, 1, 2, 2]))
-    np.testing.assert_allclose(heading - heading[0], angles, atol=1e-9)
-
-
-def test_an_exchange_that_lasts_is_believed_and_eased_over_to():
-    poses = np.array([CROSSED] * 10 + [CROSSED[OPPOSITE]] * 120)
-    motion = LimbMotion(character(T_POSE), SIDES, HANGING)
-    motions = play(motion, poses)
-    found = directions(motion, motions[-1])[0]
-    feet = [bone for bone in range(len(found)) if motion._plan.foot[bone + 1]]  # which do not point backwards
-    np.testing.assert_allclose(
-        np.delete(found, feet, axis=0), np.delete(wanted(motion, CROSSED[OPPOSITE]), feet, axis=0), atol=1e-3
-    )
-    assert largest_step(motions) < 1.2
-
-
-def test_noise_of_a_single_frame_turns_no_upper_arm_faster_than_a_human():
-    poses = np.array([HANGING] * 10)
-    poses[5] = with_arms(HANGING, [[-0.1, 1, 0]] * 3, [[-0.1, -1, 0]] * 3)
-    motion = LimbMotion(character(T_POSE), SIDES, HANGING)
-    upper = [each.name for each in motion.limbs for _ in each.points[1:]].index("left arm")
-    found = np.array([directions(motion, motions)[0][upper] for motions in play(motion, poses)])
-    angles = np.arccos(np.clip((found[1:] * found[:-1]).sum(axis=1), -1, 1))
-    np.testing.assert_allclose(angles[4:6], 25 * TICK, atol=1e-9)  # there, and back again
-    np.testing.assert_allclose(angles[[0, 1, 2, 3, 6, 7, 8]], 0, atol=1e-6)
+    for bone in (0, 1):
+        heading = np.unwrap(np.arctan2(R[:, bone, 0, 2], R[:, bone, 2, 2]))
+        np.testing.assert_allclose(heading - heading[0], angles, atol=1e-9)
 
 
 def test_parents_come_first_whatever_the_order():
@@ -385,7 +293,7 @@ def test_parents_come_first_whatever_the_order():
     names = [each.name for each in parents_first(limbs)]
     assert names.index("trunk") < names.index("head") < names.index("hat")
     assert sorted(names) == sorted(each.name for each in limbs)
-    with pytest.raises(ValueError, match="limbs without a root"):
+    with pytest.raises(ValueError, match="root"):
         parents_first([limb(T_POSE, "a", "head", "spine", parent="b"), limb(T_POSE, "b", "head", "spine", parent="a")])
 
 
@@ -414,18 +322,3 @@ def test_feet_are_level_where_the_performers_are_whatever_their_joints_are_at():
     up = at_rest + np.radians(30)
     raised = directions(motion, play(motion, [step] * 60, start=2.0)[-1])[0][foot]
     np.testing.assert_allclose(raised, [0.5 * np.cos(up), np.sin(up), np.sqrt(0.75) * np.cos(up)], atol=1e-9)
-
-
-@pytest.mark.parametrize("follow", ["direction", "turn"])
-def test_a_foot_whose_joint_jumps_for_a_frame_hardly_pitches(follow):
-    poses = np.array([HANGING] * 20)
-    for frame, place in ((0, [0, 0.1, 0.02]), (10, [0, 0.12, 0.0]), (15, [0, -0.1, -0.1])):
-        for side in ("left", "right"):
-            poses[frame, AT[f"foot_{side}"]] = HANGING[AT[f"ankle_{side}"]] + place
-    motion = LimbMotion(character(HANGING, follow), SIDES, HANGING)
-    motions = play(motion, poses)
-    calm = play(LimbMotion(character(HANGING, follow), SIDES, HANGING), [HANGING] * 20)
-    for bone in np.flatnonzero(motion._plan.foot) - 1:
-        angles = Rotation.from_matrix(motions[:, bone, :3] @ calm[:, bone, :3].swapaxes(1, 2)).magnitude()
-        assert angles[0] == pytest.approx(0, abs=1e-9)
-        assert np.degrees(angles.max()) < 26  # of 90° and more

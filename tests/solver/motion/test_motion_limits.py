@@ -4,14 +4,7 @@ import pytest
 from solver.model.reduced_model import build
 from solver.motion import motion_limits as reach_module
 from solver.motion.deformer import Deformer
-from solver.motion.motion_limits import (
-    MAX_STRAIN,
-    PROBE_DIAGONALS,
-    UPDATES_PER_PROBE,
-    WORST_EDGE_SHARE,
-    _EdgeStrain,
-    limb_reach,
-)
+from solver.motion.motion_limits import MAX_STRAIN, PROBE_DIAGONALS, WORST_EDGE_SHARE, _EdgeStrain, limb_reach
 from solver.surface.mesh import SolverMesh
 
 
@@ -44,10 +37,6 @@ def test_strain_is_that_of_the_deformed_vertices(figure, figure_model, handles, 
     assert found == pytest.approx(worst_strain(figure, surface(figure_model, figure, R)), rel=1e-5)
 
 
-def test_strain_at_rest_is_one(figure, figure_model):
-    assert _EdgeStrain(figure_model, figure).worst(figure_model.rest_controls) == pytest.approx(1.0, abs=1e-4)
-
-
 def test_squeezing_counts_as_stretching(figure, figure_model):
     strain = _EdgeStrain(figure_model, figure)
     for scale in (0.5, 2.0):
@@ -72,27 +61,6 @@ def test_a_handle_at_its_reach_strains_the_character_to_the_limit(figure, figure
                 assert strains[0] < 0.95 * MAX_STRAIN
 
 
-def test_reach_stays_between_the_smallest_and_the_largest_probe(figure, reach):
-    assert reach.shape == (5, 3, 2)
-    assert reach.min() >= PROBE_DIAGONALS[0] * figure.diagonal
-    assert reach.max() <= PROBE_DIAGONALS[-1] * figure.diagonal
-    assert np.ptp(reach) > 0
-
-
-def test_an_arm_reaches_farther_sideways_than_along_itself(reach):
-    outwards, inwards = reach[0, 0, 1], reach[0, 0, 0]
-    for sideways in (reach[0, 1], reach[0, 2]):
-        assert sideways.min() > outwards
-    assert inwards > 0
-
-
-def test_a_symmetric_figure_has_symmetric_reach(figure, reach):
-    for left, right in ((0, 1), (2, 3), (4, 4)):
-        image = reach[right].copy()
-        image[0] = image[0, ::-1]
-        np.testing.assert_allclose(reach[left], image, rtol=5e-3)  # float32 coordinates, and very short edges
-
-
 def test_a_limb_is_drawn_away_by_all_its_handles_and_only_by_them(figure, figure_model, handles, monkeypatch):
     tried = []
     monkeypatch.setattr(reach_module, "_probe", lambda *given: tried.append(given[2]) or 0.05)
@@ -115,31 +83,8 @@ def test_a_limb_whose_handles_go_less_far_may_go_farther(figure, figure_model, h
     np.testing.assert_allclose(found[inside], reach[:1][inside] / 0.8, rtol=0.05)
 
 
-def test_the_reach_of_a_limb_does_not_depend_on_other_limbs(figure, figure_model, handles, reach):
-    np.testing.assert_allclose(
-        limb_reach(Deformer(figure_model, figure, handles), figure, np.eye(5)[[3]])[0], reach[3], rtol=1e-12
-    )
-
-
-@pytest.mark.parametrize(("scale", "offset"), [(100.0, 7.0), (1.0, 10_000.0)])
+@pytest.mark.parametrize(("scale", "offset"), [(100.0, 10_000.0)])
 def test_reach_grows_with_the_mesh(figure, handles, reach, scale, offset):
     larger = SolverMesh(scale * figure.vertices + offset, figure.faces, figure.of_render)
     found = limb_reach(Deformer(build(larger), larger, scale * handles + offset), larger, np.eye(5)[[0, 4]])
     np.testing.assert_allclose(found, scale * reach[[0, 4]], rtol=5e-3)
-
-
-def test_the_distance_at_the_limit_is_interpolated_between_probes(figure, figure_model, handles, monkeypatch):
-    """Strain that grows by 2 for each unit of distance meets the limit between the probes 0.12 and 0.17."""
-    deformer = Deformer(figure_model, figure, handles, iterations=UPDATES_PER_PROBE)
-
-    class Linear:
-        def __init__(self, slope):
-            self.slope, self.probes = slope, iter(PROBE_DIAGONALS)
-
-        def worst(self, R):
-            return 1 + self.slope * next(self.probes)
-
-    outwards = np.outer(np.eye(5)[0], [1.0, 0, 0])
-    assert reach_module._probe(deformer, Linear(2.0), outwards) == pytest.approx((MAX_STRAIN - 1) / 2)
-    assert reach_module._probe(deformer, Linear(100.0), outwards) == PROBE_DIAGONALS[0]
-    assert reach_module._probe(deformer, Linear(0.1), outwards) == PROBE_DIAGONALS[-1]

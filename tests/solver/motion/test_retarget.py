@@ -64,48 +64,7 @@ def test_the_sum_of_motions_is_the_displacement_while_every_joint_is_tracked(usu
     np.testing.assert_allclose(summed[0], 0.0)
 
 
-def test_after_a_drop_out_the_sum_drifts_and_the_displacement_does_not(usual, fit, walk):
-    """While joint 3 is lost, the sum of motions does not change, and the missed motion is never added."""
-    frames, lost = walk.copy(), slice(50, 90)
-    stepwise = retargeter(usual, fit, calibration=walk[0])
-    targets = []
-    for t, frame in enumerate(frames):
-        confidence = ALL.copy()
-        if lost.start <= t < lost.stop:
-            frame[3], confidence[3] = np.nan, 0.0
-        targets.append(stepwise.step(0.033 * t, frame, confidence))
-    truth = HANDLES[0] + fit.scale[0] * (walk[-1, 3] - walk[0, 3])
-    np.testing.assert_allclose(targets[-1][0], truth, atol=1e-6)
-
-    motion = np.diff(frames, axis=0, prepend=frames[:1])
-    seen = np.cumsum(np.nan_to_num(motion), axis=0) + walk[0]
-    drift = accumulated(seen, usual, fit.scale)[-1, 0] - (truth - HANDLES[0])
-    missed = fit.scale[0] * (walk[lost.stop, 3] - walk[lost.start - 1, 3])
-    np.testing.assert_allclose(drift, -missed, atol=1e-9)
-    assert np.linalg.norm(drift) > 0.1
-
-
 # --- which joints, which axes, how far
-
-
-def test_several_joints_are_averaged(usual, fit):
-    positions = moved(7, [1.0, 5.0, 2.0]) + moved(11, [3.0, -9.0, -4.0])
-    found = retargeter(usual, fit).step(0.0, positions, ALL)
-    np.testing.assert_allclose(found[1] - HANDLES[1], 1.5 * 0.5 * np.array([2.0, 0.0, -1.0]))
-
-
-def test_one_joint_moves_several_handles_each_in_its_way(usual, fit):
-    found = retargeter(usual, fit).step(0.0, moved(3, [0.1, 0.2, 0.3]), ALL)
-    np.testing.assert_allclose(found[0] - HANDLES[0], 2.0 * np.array([0.1, 0.2, 0.3]))
-    np.testing.assert_allclose(found[2] - HANDLES[2], [0.0, -0.5 * 3.0 * 0.2, 0.0])
-    np.testing.assert_array_equal(found[1], HANDLES[1])
-
-
-@pytest.mark.parametrize("axes", [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-def test_axes_are_masked_one_by_one(fit, axes):
-    which = mapping([{3: 1.0}, {}, {}], axes=[axes, (1, 1, 1), (1, 1, 1)])
-    found = retargeter(which, fit).step(0.0, moved(3, [0.1, 0.2, 0.3]), ALL)
-    np.testing.assert_allclose(found[0] - HANDLES[0], 2.0 * np.array([0.1, 0.2, 0.3]) * axes)
 
 
 def test_a_handle_without_a_joint_stays(fit, walk):
@@ -189,25 +148,6 @@ def test_a_joint_that_comes_back_closes_the_distance_smoothly(usual, fit, rate):
     assert course[0] == pytest.approx(0.1)
 
 
-def test_targets_never_jump_however_often_joints_are_lost(usual, fit):
-    """A smooth wave, lost at random: no step is larger than the wave's plus that of the easing."""
-    rng = np.random.default_rng(1)
-    times = np.arange(600) / 30
-    wave = 0.3 * np.sin(2 * np.pi * times)
-    own_step = np.abs(np.diff(wave)).max()
-    stepwise = retargeter(usual, fit)
-    known, course = True, []
-    for time, value in zip(times, wave, strict=True):
-        known = known if rng.random() > 0.1 else not known
-        confidence = ALL.copy()
-        confidence[3] = float(known)
-        course.append(stepwise.step(time, moved(3, [value if known else np.nan, 0, 0]), confidence)[0, 0])
-    steps = np.abs(np.diff(course)) / fit.scale[0]
-    closing = 0.6 * (1 - np.exp(-1 / 30 / RETURN_SECONDS))
-    assert steps.max() <= own_step + closing
-    assert steps.max() > own_step  # it did come back from somewhere
-
-
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e7, 1e160, 1e300])
 @pytest.mark.parametrize("axis", range(3))
 def test_a_position_that_is_not_valid_counts_as_lost_whatever_its_confidence(usual, fit, value, axis):
@@ -279,33 +219,6 @@ def test_the_limit_is_never_exceeded_and_the_direction_is_kept(reach):
         assert in_reach(found, reach).max() <= 1 + 1e-12
         unit = found / np.linalg.norm(found, axis=-1, keepdims=True)
         np.testing.assert_allclose(unit, directions / np.linalg.norm(directions, axis=-1, keepdims=True), atol=1e-12)
-
-
-def test_the_limit_is_monotone_and_smooth_in_value_and_slope(reach):
-    lengths = np.linspace(0, 3, 30001)
-    step = lengths[1]
-    for direction in random_directions(reach, 5):
-        course = in_reach(soft_limit(lengths[:, None, None] * direction, reach), reach)[:, 0]
-        slope = np.diff(course) / step
-        assert slope.min() > 0
-        assert slope.max() <= 1 + 1e-9
-        # The slope's own slope is at most 0.77 / (1 − knee); a kink would be a jump of the slope itself.
-        assert np.abs(np.diff(slope)).max() < 1.1 * 0.77 / (1 - LIMIT_KNEE_SHARE) * step
-        assert course[lengths > 2.5].min() > 0.999
-
-
-def test_the_limit_has_no_jump_between_octants(reach):
-    rng = np.random.default_rng(5)
-    for axis in range(3):
-        point = rng.normal(size=(200, 3, 3))
-        point[..., axis] = 1e-9
-        mirrored = point * np.where(np.arange(3) == axis, -1, 1)
-        np.testing.assert_allclose(soft_limit(point, reach), soft_limit(mirrored, reach), atol=1e-7)
-
-
-def test_without_a_limit_motion_is_unchanged():
-    far = np.array([[1e6, -2.0, 3.0]] * 3)
-    np.testing.assert_array_equal(soft_limit(far, UNLIMITED), far)
 
 
 def test_one_limited_axis_does_not_hold_the_others():

@@ -112,44 +112,24 @@ def test_a_body_that_stands_as_at_rest_does_not_move():
 
 
 @pytest.mark.parametrize("pairs", [1, 2, 3, 4])
-@pytest.mark.parametrize("speed", [0.5, 1.0])
-def test_feet_that_stand_stay_where_they_are_and_half_of_them_always_stand(pairs, speed):
-    walk = Walk(walking(speed), pairs)
+def test_feet_that_stand_stay_on_the_floor_and_others_swing_over_it_and_land_flat(pairs):
+    walk = Walk(walking(1.0), pairs)
 
     assert walk.slides.max() < 1e-6
-    assert walk.swinging.sum(axis=1).max() == pairs
+    assert walk.swinging.sum(axis=1).max() == pairs  # half of them always stand
     assert np.all(walk.swinging.any(axis=0))
-    assert walk.feet[:, :, 1].min() > 0.05 - 1e-6  # the ankles' height at rest
+    heights = walk.feet[:, :, 1] - 0.05  # over the ankles' height at rest
+    assert heights.min() > -1e-6
+    assert np.abs(heights[~walk.swinging]).max() < 1e-6
+    assert walk.hips[:, 1].max() < HEIGHT + 1e-6  # the body sinks, so that legs reach their feet
     assert np.abs(walk.feet[-1, :, 2].mean() - walk.hips[-1, 2] - 0.5) < 0.3 * HEIGHT
-
-
-def test_feet_are_lifted_and_put_down_flat_without_a_jump():
-    walk = Walk(walking(1.0))
-
-    speeds = np.linalg.norm(np.diff(walk.feet, axis=0), axis=2) / TICK
-    assert 0.05 < (walk.feet[:, :, 1] - 0.05).max() / HEIGHT < 0.25
+    assert 0.05 < heights.max() / HEIGHT < 0.25
+    moves = np.diff(walk.feet, axis=0)
+    begins, speeds = ~walk.swinging[:-1] & walk.swinging[1:], np.linalg.norm(moves, axis=2)
     landed = walk.swinging[:-2] & ~walk.swinging[1:-1]
+    assert moves[begins][:, 1].min() > 0  # they only rise before they move ahead
+    assert np.abs(moves[begins][:, [0, 2]]).max() < 1e-9
     assert speeds[1:][landed].max() < 0.05 * speeds.max()
-
-
-def test_a_walk_has_the_cadence_of_animals_of_its_size():
-    walk = Walk(walking(0.8, seconds=8.0))
-
-    speed, natural = 0.8 * HEIGHT / LEG, np.sqrt(9.81 * HEIGHT / LEG * HEIGHT)
-    stride = 2.3 * HEIGHT * (speed / natural) ** 0.6
-    lifts = np.flatnonzero(~walk.swinging[:-1, 0] & walk.swinging[1:, 0])[2:] * TICK
-    assert np.diff(lifts).mean() == pytest.approx(stride / speed, rel=0.05)
-
-
-def test_a_performer_who_sways_takes_no_step():
-    rng = np.random.default_rng(1)
-    poses = [stand() + rng.normal(0, 0.004, (8, 3)) for _ in range(600)]
-    for number, pose in enumerate(poses):
-        pose[list(HIPS + SHOULDERS + HANDS), 0] += 0.08 * np.sin(2 * number * TICK)
-
-    walk = Walk(poses)
-
-    assert not walk.swinging.any()
 
 
 def test_a_performer_who_bends_shifts_the_body_and_not_the_feet():
@@ -164,14 +144,6 @@ def test_a_performer_who_bends_shifts_the_body_and_not_the_feet():
     assert not walk.swinging.any()
     assert np.ptp(walk.feet, axis=0).max() < 1e-6
     assert 0.05 < walk.hips[0, 2] - walk.hips[-1, 2] <= 0.2 * HEIGHT
-
-
-def test_a_body_steps_as_a_performer_walks_in_place():
-    walk = Walk(on_the_spot())
-
-    lifts = np.flatnonzero(~walk.swinging[:-1, 0] & walk.swinging[1:, 0]) * TICK
-    assert np.allclose(np.diff(lifts[1:]), 1.0, atol=0.08)
-    assert np.linalg.norm(walk.hips[-1, [0, 2]] - walk.hips[0, [0, 2]]) < 1e-6
 
 
 def test_walking_in_place_moves_a_body_that_goes_forward_along_its_heading():
@@ -192,14 +164,6 @@ def test_a_body_turns_on_the_spot_by_stepping():
     turn = Rotation.from_rotvec([0, np.pi / 2, 0])
     assert np.percentile(walk.slides, 95) < 1e-6  # a quick turn drags a foot
     assert np.abs(walk.feet[-1] - walk.hips[-1] - turn.apply(home)).max() < 0.4 * HEIGHT
-
-
-def test_legs_reach_their_feet_because_the_body_sinks():
-    walk = Walk(walking(1.0))
-
-    ankles = walk.feet[~walk.swinging]
-    assert np.abs(ankles[:, 1] - 0.05).max() < 1e-6
-    assert walk.hips[:, 1].max() < HEIGHT + 1e-6
 
 
 def test_a_jump_lifts_the_whole_body():
@@ -307,35 +271,6 @@ def test_feet_go_on_standing_where_those_of_another_recording_stood():
     assert np.isfinite(walk.feet).all()
 
 
-def test_nothing_steps_while_both_feet_rest_though_hips_turn_and_shift():
-    poses, headings = [], []
-    for number in range(420):
-        pose, swing = stand(), max(0, number - 60)
-        pose[list(HIPS)] += 0.25 * np.sin(swing / 20) * np.array([1.0, 0.0, 0.5])
-        pose[list(ANKLES), 1] += [0.0, 0.08]  # on a tilted sensor, one foot seems to be higher
-        poses.append(pose)
-        headings.append(np.sin(swing / 30))
-
-    walk = Walk(poses, headings=headings)
-
-    assert not walk.swinging.any()
-    assert np.ptp(walk.feet, axis=0).max() < 1e-6
-
-
-@pytest.mark.parametrize(("way", "steps"), [(0.1, False), (0.3, True)])
-def test_a_shaking_foot_is_no_step_and_a_foot_that_is_put_elsewhere_is_one(way, steps):
-    poses, headings = [], []
-    for number in range(300):
-        pose, share = stand(), min(max(number - 120, 0) / 6, 1.0)
-        pose[ANKLES[0], 2] += way * share  # faster than a foot that rests
-        poses.append(pose)
-        headings.append(share)
-
-    walk = Walk(poses, headings=headings)
-
-    assert walk.swinging.any() == steps
-
-
 def test_a_body_turns_no_faster_than_its_legs_can_follow_and_not_too_far():
     turning, headings = stand(), []
     turning[list(ANKLES)] = np.nan
@@ -351,16 +286,6 @@ def test_a_body_turns_no_faster_than_its_legs_can_follow_and_not_too_far():
     assert 0.9 * fastest < speeds.max() <= fastest
     assert speeds.min() >= 0
     assert headings[-1] == pytest.approx(np.pi / 2, abs=0.01)
-
-
-def test_feet_only_rise_before_they_move_ahead_and_only_sink_before_they_land():
-    walk = Walk(walking(0.8))
-
-    way = np.linalg.norm(np.diff(walk.feet[:, :, [0, 2]], axis=0), axis=2)
-    rise = np.diff(walk.feet[:, :, 1], axis=0)
-    begins = ~walk.swinging[:-1] & walk.swinging[1:]
-    assert rise[begins].min() > 0
-    assert way[begins].max() < 1e-9
 
 
 def test_a_performer_who_shuffles_away_slowly_takes_the_body_along():

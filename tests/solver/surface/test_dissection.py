@@ -45,17 +45,6 @@ def test_every_vertex_stands_there_once_wherever_it_is(places):
     np.testing.assert_array_equal(np.sort(order), np.arange(900))
 
 
-def test_the_halves_of_a_grid_do_not_touch_before_the_last_row():
-    """The first separator is one row or diagonal of 40 × 40 vertices; the vertices before it are in two halves."""
-    A, places = shuffle(*grid(40))
-    order = dissection(A, places)
-    middle = places[order[-40:]]
-    assert min(np.ptp(middle[:, 0]), np.ptp(middle[:, 1])) == 0
-    rest = order[:-40]
-    first = rest[:760] if A[rest[:760]][:, rest[760:]].nnz == 0 else rest[:800]
-    assert A[first][:, np.setdiff1d(rest, first)].nnz == 0
-
-
 def test_a_grid_fills_in_little_more_than_by_minimum_degree_and_much_less_than_row_by_row():
     A, places = shuffle(*grid(120))
     best = splu(csc_matrix(A), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).nnz

@@ -26,7 +26,7 @@ def reference(triangles, of_triangle, points, of_point):
     return distance
 
 
-@pytest.mark.parametrize("count", [10, 255, 256, 257, 3000])
+@pytest.mark.parametrize("count", [1, 256, 257, 3000])
 def test_distances_to_other_labels_are_those_of_libigl(count):
     triangles, of_triangle, points, of_point = scattered(count, count)
     found, blend, distance = SurfaceTree(triangles).nearest(points, of_point, of_triangle, FAR)
@@ -57,23 +57,12 @@ def test_where_all_surface_has_the_label_of_the_point_there_is_none():
     np.testing.assert_array_equal(distance, np.inf)
 
 
-def test_distances_to_a_single_triangle_equal_values_by_hand():
-    triangle = np.array([[[0.0, 0, 0], [2, 0, 0], [0, 2, 0]]])
-    points = np.array([[0.5, 0.5, 3.0], [1.0, -4.0, 0.0], [2.0, 2.0, 1.0], [-3.0, -4.0, 0.0]])
-    found, blend, distance = SurfaceTree(triangle).nearest(
-        points, np.zeros(4, dtype=int), np.ones(1, dtype=int), FAR[:4]
-    )
-    np.testing.assert_array_equal(found, 0)
-    np.testing.assert_allclose(distance, [3, 4, np.sqrt(3), 5])
-    np.testing.assert_allclose(blend, [[0.5, 0.25, 0.25], [0.5, 0.5, 0], [0, 0.5, 0.5], [1, 0, 0]], atol=1e-12)
-
-
 def volume(a, b, c, d):
     """Signed volumes of tetrahedra, times 6."""
     return np.einsum("...x,...x->...", np.cross(b - a, c - a), d - a)
 
 
-@pytest.mark.parametrize("count", [1, 10, 256, 257, 1000])
+@pytest.mark.parametrize("count", [1, 256, 257])
 @pytest.mark.parametrize("away", [0.0, 0.3])
 def test_segments_cross_the_triangles_whose_plane_and_edges_they_pass(count, away):
     rng = np.random.default_rng(count)
@@ -89,12 +78,3 @@ def test_segments_cross_the_triangles_whose_plane_and_edges_they_pass(count, awa
     through = np.sign([volume(first, last, *edge) for edge in ((a, b), (b, c), (c, a))])
     crossed = beside & (np.abs(through.sum(axis=0)) == 3)
     np.testing.assert_array_equal(found, crossed.any(axis=1))
-
-
-def test_a_segment_along_an_axis_crosses_the_triangle_in_its_way_by_hand():
-    tree = SurfaceTree(np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]]], dtype=float))
-    starts = np.array([[0.2, 0.2, 1.0], [0.2, 0.2, 1.0], [0.8, 0.8, 1.0]])
-    ends = np.array([[0.2, 0.2, -1.0], [0.2, 0.2, 0.1], [0.8, 0.8, -1.0]])
-
-    assert tree.crossed(starts, ends, np.zeros(3)).tolist() == [True, False, False]
-    assert not tree.crossed(starts, ends, np.full(3, 1.5)).any()

@@ -40,10 +40,3 @@ def test_the_sum_of_the_joints_of_a_bone_is_its_weight_however_few_are_kept():
     assert found.weights.shape == (200, 4)
     of_bones = as_matrix(found, 12).toarray().reshape(200, 4, 3).sum(axis=2)
     np.testing.assert_allclose(of_bones, as_matrix(weights(shares, bones), 4).toarray(), atol=1e-6)
-
-
-def test_bones_with_one_joint_keep_their_weights():
-    shares = weights([[0.75, 0.25, 0, 0]] * 2, [[1, 0, 0, 0]] * 2)
-    found = joint_weights(shares, CHAIN[:2], np.eye(2, 3))
-    np.testing.assert_array_equal(found.weights, shares.weights[:, :4])
-    np.testing.assert_array_equal(found.bones, shares.bones)

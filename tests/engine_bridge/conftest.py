@@ -207,11 +207,15 @@ class Glb:
             attributes=gltf.Attributes(
                 **{key: self.add(array, normalized=array.dtype.kind == "u") for key, array in arrays.items()}
             ),
-            indices=None if indices is None else self.add(indices.ravel(), gltf.ELEMENT_ARRAY_BUFFER),
+            indices=None if indices is None else self.add(self._indices(indices), gltf.ELEMENT_ARRAY_BUFFER),
             mode=mode,
             material=material,
             targets=[gltf.Attributes(**{key: self.add(array) for key, array in each.items()}) for each in targets],
         )
+
+    @staticmethod
+    def _indices(corners):
+        return corners.ravel().astype(np.uint32 if corners.dtype.kind == "i" else corners.dtype)
 
     def mesh(self, *primitives, **more):
         self.file.meshes.append(gltf.Mesh(primitives=list(primitives), **more))
@@ -222,6 +226,10 @@ class Glb:
         index = len(self.file.nodes) - 1
         (self.file.scenes[0].nodes if parent is None else self.file.nodes[parent].children).append(index)
         return index
+
+    def show(self, *arrays, **attributes):
+        """Add a node that shows a primitive, and return its number."""
+        return self.show(*arrays, **attributes)
 
     def save(self, path):
         self.file.buffers = [gltf.Buffer(byteLength=len(self.blob))]
@@ -246,7 +254,7 @@ def new_glb():
 def blob_file(blob, tmp_path_factory):
     """The figure as a plain .glb."""
     made = Glb()
-    made.node(made.mesh(made.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=blob.normals), name="blob"))
+    made.node(made.mesh(made.primitive(blob.vertices, blob.faces, NORMAL=blob.normals), name="blob"))
     return made.save(tmp_path_factory.mktemp("blob") / "blob.glb")
 
 
@@ -354,7 +362,7 @@ def talking(glb, blob, write_puppet, limb_tables, tmp_path):
     """Return the puppet file of a figure with a target "jaw", with limbs or handles."""
     down = np.zeros_like(blob.vertices)
     down[blob.vertices[:, 1] > 1.6] = [0, -0.2, 0.1]
-    made = glb.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=blob.normals, targets=[{"POSITION": down}])
+    made = glb.primitive(blob.vertices, blob.faces, NORMAL=blob.normals, targets=[{"POSITION": down}])
     glb.node(glb.mesh(made, extras={"targetNames": ["jaw"]}))
     glb.save(tmp_path / "talking.glb")
 

@@ -31,15 +31,6 @@ def test_every_variant_gives_the_same_world_positions_normals_and_welded_surface
     assert (normals * outward).sum(axis=1)[away_from_the_seam].min() > 0.9
 
 
-def test_strips_and_fans_turn_the_way_their_triangles_do(glb, tmp_path):
-    square = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 2, 0], [1, 2, 0]])
-    around = square[[0, 1, 3, 5, 4]]
-    glb.node(glb.mesh(glb.primitive(square, mode=gltf.TRIANGLE_STRIP), glb.primitive(around, mode=gltf.TRIANGLE_FAN)))
-    strip, fan = load_character(glb.save(tmp_path / "a.glb")).parts
-    assert strip.triangles.tolist() == [[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5]]
-    assert fan.triangles.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
-
-
 def test_a_picture_shows_vertex_colours_times_the_materials_colour(glb, tmp_path):
     glb.file.materials = [gltf.Material(pbrMetallicRoughness=gltf.PbrMetallicRoughness(baseColorFactor=[0.5, 1, 0, 1]))]
     rgba = np.uint8([[255, 51, 9, 255]] * 4)
@@ -48,25 +39,6 @@ def test_a_picture_shows_vertex_colours_times_the_materials_colour(glb, tmp_path
     glb.node(glb.mesh(plain, painted))
     character = load_character(glb.save(tmp_path / "a.glb"))
     np.testing.assert_allclose(preview_colors(character), [[0.6] * 3] * 4 + [[0.5, 0.2, 0]] * 4, atol=1e-7)
-
-
-@pytest.mark.parametrize("ending", ["obj", "off", "ply", "stl"])
-def test_a_surface_file_becomes_a_document_with_the_same_surface(blob, tmp_path, ending, assert_valid_gltf):
-    path = tmp_path / f"figure.{ending}"
-    igl.writeOBJ(str(path), blob.vertices, blob.faces) if ending == "obj" else igl.write_triangle_mesh(
-        str(path), blob.vertices.astype(np.float64), blob.faces
-    )
-    character = load_character(path)
-    mesh = character.solver_mesh()
-    assert (len(mesh.vertices), len(mesh.faces)) == (len(blob.vertices), len(blob.faces))
-    if ending != "stl":  # its vertices are its triangles' own
-        np.testing.assert_allclose(character.vertices, blob.vertices, atol=1e-5)
-        np.testing.assert_array_equal(character.triangles, blob.faces)
-    character.document.save(tmp_path / "figure.glb")
-    assert_valid_gltf(tmp_path / "figure.glb")
-    again = load_character(tmp_path / "figure.glb")
-    np.testing.assert_array_equal(again.triangles, character.triangles)
-    np.testing.assert_allclose(again.vertices, character.vertices, atol=1e-6)
 
 
 def test_a_character_of_arrays_keeps_its_colours_to_a_byte(blob, tmp_path, assert_valid_gltf):
@@ -87,7 +59,7 @@ def without_weights(glb):
 
 
 def points(glb):
-    glb.node(glb.mesh(glb.primitive(CORNERS, mode=gltf.POINTS)))
+    glb.show(CORNERS, mode=gltf.POINTS)
 
 
 def foreign_index(glb):
@@ -123,7 +95,7 @@ def test_primitives_that_do_not_fit_are_refused_with_their_place(glb, tmp_path, 
 @pytest.mark.parametrize("extension", COMPRESSIONS[1:])
 def test_packed_data_is_refused_with_the_command_that_unpacks_it(glb, tmp_path, extension, monkeypatch):
     monkeypatch.setattr(meshopt, "is_installed", lambda: False)
-    glb.node(glb.mesh(glb.primitive(CORNERS, SIDES)))
+    glb.show(CORNERS, SIDES)
     glb.file.extensionsRequired = glb.file.extensionsUsed = [extension]
     fix = refused(MeshError, load_character, glb.save(tmp_path / "a.glb")).fix
     assert UNPACK_COMMAND in fix

@@ -137,7 +137,7 @@ def test_any_value_in_any_place_of_the_description_is_read_or_refused(tetrahedro
 @pytest.mark.parametrize("count", [10**6, 10**12, 2**63])
 @pytest.mark.parametrize("indexed", [True, False])
 def test_an_array_larger_than_the_file_is_refused_before_memory_is_asked_for(tmp_path, glb, count, indexed):
-    glb.node(glb.mesh(glb.primitive(CORNERS, SIDES if indexed else None)))
+    glb.show(CORNERS, SIDES if indexed else None)
     for accessor in glb.file.accessors:
         accessor.count = count
     path = glb.save(tmp_path / "large.glb")

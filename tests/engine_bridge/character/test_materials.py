@@ -26,7 +26,7 @@ def material(glb, tmp_path):
         if image is not None:
             glb.file.images = [gltf.Image(bufferView=glb.view(encoded(Image.fromarray(image))), mimeType="image/png")]
             glb.file.textures = [gltf.Texture(source=0)]
-        glb.node(glb.mesh(glb.primitive(CORNERS[:3], material=None if made is None else 0, **attributes)))
+        glb.show(CORNERS[:3], material=None if made is None else 0, **attributes)
         (found,) = materials_of(load_character(glb.save(tmp_path / "a.glb")))
         return found
 
@@ -123,14 +123,14 @@ def test_pictures_are_shown_as_long_as_there_is_room(painted):
 
 def test_normals_have_no_numbers_that_a_graphics_card_takes_for_zero(glb, tmp_path, blob):
     normals = np.tile(np.float32([-3.5e-39, -1.0, 2e-38]), (len(blob.vertices), 1))
-    glb.node(glb.mesh(glb.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=normals)))
+    glb.show(blob.vertices, blob.faces, NORMAL=normals)
     drawn = drawn_normals(load_character(glb.save(tmp_path / "upside_down.glb")))
     np.testing.assert_array_equal(drawn, np.tile([0.0, -1.0, np.float32(2e-38)], (len(normals), 1)))
 
 
 def test_a_file_without_normals_gets_smooth_ones(glb, tmp_path, blob):
-    with_normals = glb.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=blob.normals)
-    without = glb.primitive(blob.vertices, blob.faces.astype(np.uint32))
+    with_normals = glb.primitive(blob.vertices, blob.faces, NORMAL=blob.normals)
+    without = glb.primitive(blob.vertices, blob.faces)
     glb.node(glb.mesh(with_normals, without))
     normals = drawn_normals(load_character(glb.save(tmp_path / "two.glb")))
     smooth = igl.per_vertex_normals(blob.vertices.astype(float), blob.faces)

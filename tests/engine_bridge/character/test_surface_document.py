@@ -1,5 +1,4 @@
 import shutil
-import struct
 from contextlib import suppress
 
 import numpy as np
@@ -11,6 +10,7 @@ from engine_bridge.character.surface_document import SURFACE_FILES, read_documen
 from puppetline.errors import MeshError
 
 from ..refusals import refused_place
+from .surfaces import test_off, test_ply, test_stl
 
 OBJ = """mtllib a.mtl
 v 0 0 0
@@ -124,37 +124,16 @@ def test_the_same_mesh_elsewhere_is_another_since_its_notes_say_where(read, mesh
 
 def as_obj(cube):
     vertices = "".join(f"v {x:g} {y:g} {z:g}\n" for x, y, z in cube.vertices)
-    return (vertices + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in cube.triangles)).encode()
+    return vertices + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in cube.triangles)
 
 
-def as_off(cube):
-    vertices = "".join(f"{x:g} {y:g} {z:g}\n" for x, y, z in cube.vertices)
-    return ("OFF\n8 12 0\n" + vertices + "".join(f"3 {a} {b} {c}\n" for a, b, c in cube.triangles)).encode()
-
-
-def as_ply(cube):
-    head = (
-        "ply\nformat binary_little_endian 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n"
-    )
-    head += "element face 12\nproperty list uchar uint vertex_index\nend_header\n"
-    faces = b"".join(struct.pack("<B3I", 3, *face) for face in cube.triangles)
-    return head.encode() + cube.vertices.astype("<f4").tobytes() + faces
-
-
-def as_stl(cube):
-    facets = b"".join(struct.pack("<12fH", 0, 0, 0, *cube.vertices[face].ravel(), 0) for face in cube.triangles)
-    return b"solid".ljust(80) + struct.pack("<I", 12) + facets
-
-
-def as_text_stl(cube):
-    def facet(face):
-        corners = "".join("vertex {:g} {:g} {:g}\n".format(*cube.vertices[vertex]) for vertex in face)
-        return f"facet normal 0 0 0\nouter loop\n{corners}endloop\nendfacet\n"
-
-    return f"solid\n{''.join(map(facet, cube.triangles))}endsolid\n".encode()
-
-
-ENCODINGS = {"obj": as_obj, "off": as_off, "ply": as_ply, "stl": as_stl, "text stl": as_text_stl}
+ENCODINGS = {
+    "obj": as_obj,
+    "off": test_off.text,
+    "ply": test_ply.cube_text,
+    "stl": test_stl.binary,
+    "text stl": test_stl.text,
+}
 
 
 NOISE = np.random.default_rng(3).integers(0, 256, 5000, dtype=np.uint8).tobytes()
@@ -184,8 +163,8 @@ def test_a_position_that_is_not_finite_is_refused_with_its_place(cube, written, 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_a_truncated_file_is_refused_or_a_surface_with_fewer_triangles(cube, written, encoding):
-    whole = ENCODINGS[encoding](cube)
-    loaded = {}
+    whole, loaded = ENCODINGS[encoding](cube), {}
+    whole = whole if isinstance(whole, bytes) else whole.encode()
     for size in range(0, len(whole) - 1, 7):
         with suppress(MeshError):
             surface = read_surface(written(f"a.{encoding[-3:]}", whole[:size]))

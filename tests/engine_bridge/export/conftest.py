@@ -60,7 +60,7 @@ def add_animation(glb, name, node, path, times, values, pointer=None):
 def textured(glb, shape):
     add_texture(glb)
     more = {"NORMAL": shape.normals, "TEXCOORD_0": shape.uv}
-    glb.node(glb.mesh(glb.primitive(shape.vertices, shape.faces.astype(np.uint32), material=0, **more)))
+    glb.show(shape.vertices, shape.faces, material=0, **more)
     return [shape.vertices]
 
 
@@ -73,18 +73,18 @@ def colored(glb, shape):
 
 def float_colors(glb, shape):
     more = {"NORMAL": shape.normals, "COLOR_0": shape.colors}
-    glb.node(glb.mesh(glb.primitive(shape.vertices, shape.faces.astype(np.uint32), **more)))
+    glb.show(shape.vertices, shape.faces, **more)
     return [shape.vertices]
 
 
 def without_normals(glb, shape):
-    glb.node(glb.mesh(glb.primitive(shape.vertices, shape.faces.astype(np.uint16))))
+    glb.show(shape.vertices, shape.faces.astype(np.uint16))
     return [shape.vertices]
 
 
 def without_indices(glb, shape):
     corners = shape.faces.ravel()
-    glb.node(glb.mesh(glb.primitive(shape.vertices[corners], NORMAL=shape.normals[corners])))
+    glb.show(shape.vertices[corners], NORMAL=shape.normals[corners])
     return [shape.vertices[corners]]
 
 
@@ -102,7 +102,7 @@ def several_primitives(glb, shape):
 
 
 def with_lines(glb, shape):
-    surface = glb.primitive(shape.vertices, shape.faces.astype(np.uint32), NORMAL=shape.normals)
+    surface = glb.primitive(shape.vertices, shape.faces, NORMAL=shape.normals)
     outline = glb.primitive(shape.vertices[:10], mode=gltf.LINE_STRIP)
     glb.node(glb.mesh(outline, surface))
     return [shape.vertices]
@@ -164,7 +164,7 @@ def own_targets(glb, shape):
     mesh = glb.mesh(
         glb.primitive(
             before,
-            shape.faces.astype(np.uint32),
+            shape.faces,
             NORMAL=shape.normals,
             targets=[{"POSITION": smile, "NORMAL": still}, {"POSITION": frown, "NORMAL": still}],
         ),
@@ -195,7 +195,7 @@ def skinned(glb, shape):
     identity = np.tile(np.eye(4, dtype=np.float32), (2, 1, 1)).reshape(2, 16)
     glb.file.skins = [gltf.Skin(joints=[hip, chest], inverseBindMatrices=glb.add(identity, None), name="bones")]
     joints = (np.array([0, 1, 0, 0]) * (share > 0)).astype(np.uint8)
-    primitive = glb.primitive(bound, shape.faces.astype(np.uint32), NORMAL=normals)
+    primitive = glb.primitive(bound, shape.faces, NORMAL=normals)
     primitive.attributes.JOINTS_0, primitive.attributes.WEIGHTS_0 = glb.add(joints), glb.add(share)
     glb.node(glb.mesh(primitive), skin=0, name="elsewhere")
     return [np.einsum("nab,nb->na", blend[:, :3, :3], bound) + blend[:, :3, 3]]
@@ -206,7 +206,7 @@ def quantized(glb, shape):
     low, size = shape.vertices.min(axis=0), float(np.ptp(shape.vertices, axis=0).max())
     stored = np.round((shape.vertices - low) / size * 65535).astype(np.uint16)
     normals = np.round(shape.normals * 127).astype(np.int8)
-    primitive = glb.primitive(np.zeros((3, 3)), shape.faces.astype(np.uint32))
+    primitive = glb.primitive(np.zeros((3, 3)), shape.faces)
     padded = np.zeros((len(stored), 4), np.uint16)
     padded[:, :3] = stored
     primitive.attributes.POSITION = glb.add(padded, normalized=True)
@@ -249,7 +249,7 @@ def strips_and_fans(glb, shape):
 
 def bare_scene(glb, shape):
     """No scene, so that all nodes without a parent are shown."""
-    mesh = glb.mesh(glb.primitive(shape.vertices, shape.faces.astype(np.uint32), NORMAL=shape.normals))
+    mesh = glb.mesh(glb.primitive(shape.vertices, shape.faces, NORMAL=shape.normals))
     glb.node(mesh, parent=glb.node(translation=[0, 0.5, 0]))
     glb.file.scene, glb.file.scenes = None, []
     return [shape.vertices + np.float32([0, 0.5, 0])]

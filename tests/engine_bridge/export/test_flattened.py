@@ -65,7 +65,7 @@ def test_tangents_turn_with_their_node_and_change_sides_in_a_mirror(glb, blob, f
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     side = np.where(np.arange(len(across)) % 3, 1.0, -1.0)
     stored = np.column_stack([across, side]).astype(np.float32)
-    faces = blob.faces.astype(np.uint32)
+    faces = blob.faces
     glb.node(
         glb.mesh(glb.primitive(blob.vertices, faces, NORMAL=blob.normals, TEXCOORD_0=blob.uv, TANGENT=stored)),
         scale=[-2.0, 1.0, 0.5],
@@ -84,9 +84,9 @@ def test_tangents_turn_with_their_node_and_change_sides_in_a_mirror(glb, blob, f
 
 
 def test_sets_of_the_file_beyond_the_second_make_room_and_a_picture_on_one_is_refused(glb, blob, flat, tmp_path):
-    faces = blob.faces.astype(np.uint32)
+    faces = blob.faces
     more = {f"TEXCOORD_{number}": blob.uv + np.float32(number) for number in range(4)}
-    glb.node(glb.mesh(glb.primitive(blob.vertices, faces, NORMAL=blob.normals, material=0, **more)))
+    glb.show(blob.vertices, faces, NORMAL=blob.normals, material=0, **more)
     glb.file.images = [gltf.Image(uri="data:image/png;base64,iVBORw0KGgo=", mimeType="image/png")]
     glb.file.textures = [gltf.Texture(source=0)]
     glb.file.materials = [gltf.Material(emissiveTexture=gltf.TextureInfo(index=0, texCoord=1))]
@@ -99,7 +99,7 @@ def test_sets_of_the_file_beyond_the_second_make_room_and_a_picture_on_one_is_re
 
 
 def test_extensions_of_what_is_shown_stay_and_those_of_what_is_gone_go(glb, blob, flat, tmp_path):
-    primitive = glb.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=blob.normals, material=0)
+    primitive = glb.primitive(blob.vertices, blob.faces, NORMAL=blob.normals, material=0)
     glb.file.materials = [gltf.Material(extensions={"KHR_materials_ior": {"ior": 1.3}})]
     glb.file.extensions = {"KHR_lights_punctual": {"lights": [{"type": "point"}]}}
     glb.node(glb.mesh(primitive), extensions={"KHR_lights_punctual": {"light": 0}})

@@ -69,20 +69,6 @@ def test_the_fewest_targets_within_the_tolerance_are_taken(with_targets, toleran
     assert with_targets(summary.targets - 1)[0].error > tolerance
 
 
-def test_a_reach_leaves_room_for_motion_that_goes_as_far_in_every_direction(clip, binding):
-    """The clip's own coordinates are at most 1, so with a reach of 2 its weights are from 0 to 3/4."""
-    tight = morph_basis.fit(clip.rig.model, binding, clip.frames, tolerance=1e-4)
-    roomy = morph_basis.fit(clip.rig.model, binding, clip.frames, tolerance=1e-4, reach=2.0)
-    np.testing.assert_array_equal(roomy.directions, tight.directions)
-    assert roomy.weights.min() == tight.weights.min() == 0
-    np.testing.assert_array_equal(tight.weights.max(axis=0), 1)
-    assert roomy.weights.max() <= 0.75 + 1e-6
-    for basis in (tight, roomy):
-        moved = np.tensordot(basis.weights.astype(np.float64), basis.unit_weights.targets(basis.directions), axes=1)
-        left = clip.frames[:] - clip.rig.model.rest_controls - moved
-        assert binding.largest_displacements(left)[0].max() == pytest.approx(basis.error, rel=1e-6)
-
-
 def test_the_spike_of_a_single_frame_and_vertex_is_not_missed(clip, binding, monkeypatch):
     """The error is measured for all frames and vertices, not only for those of the estimate."""
     monkeypatch.setattr(morph_basis, "SAMPLE_SIZE", 3)
@@ -96,11 +82,3 @@ def test_the_spike_of_a_single_frame_and_vertex_is_not_missed(clip, binding, mon
     largest = np.linalg.norm(played - there, axis=-1).max()
     assert largest <= 2e-4 * clip.rig.mesh.diagonal
     assert basis.error == pytest.approx(largest, rel=1e-2)
-
-
-def test_frames_beyond_the_number_of_unknowns_give_the_same_basis(clip, binding):
-    """More frames than unknowns use the other Gram matrix; a repeated clip has the same basis."""
-    short = morph_basis.fit(clip.rig.model, binding, clip.frames, tolerance=1e-4)
-    long = morph_basis.fit(clip.rig.model, binding, np.tile(clip.frames[:], (8, 1, 1)), tolerance=1e-4)
-    assert long.weights.shape == (8 * 58, short.weights.shape[1])
-    assert long.error == pytest.approx(short.error, rel=1e-3)

@@ -54,11 +54,3 @@ def test_normals_turn_with_a_character_that_turns_as_a_whole(turning, character,
         assert same.mean() > 0.3
         np.testing.assert_allclose((normals + moved[:, :, number])[same], (normals @ turn.T)[same], atol=1e-4)
         np.testing.assert_allclose(np.linalg.norm(normals + moved[:, :, number], axis=1), 1, atol=1e-5)
-
-
-def test_a_part_without_normals_gets_none(variants):
-    character = load_character(variants["without_normals"].path)
-    mesh = character.solver_mesh()
-    model = build(mesh)
-    frames = model.rest_controls + np.random.default_rng(3).normal(scale=0.1, size=(2, *model.rest_controls.shape))
-    np.testing.assert_array_equal(TurningNormals(character, mesh, model).displacements(frames), 0)

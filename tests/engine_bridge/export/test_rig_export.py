@@ -162,7 +162,7 @@ def furnished(glb, blob, tmp_path):
     above = glb.node(name="above", translation=[0, 0, 1])
     tangents = np.column_stack([np.roll(blob.normals, 1, axis=1), np.ones(len(smile), np.float32)])
     more = {"NORMAL": blob.normals, "TANGENT": tangents}
-    surface = glb.primitive(blob.vertices, blob.faces.astype(np.uint32), targets=[{"POSITION": smile}], **more)
+    surface = glb.primitive(blob.vertices, blob.faces, targets=[{"POSITION": smile}], **more)
     turn = Rotation.from_euler("y", 90, degrees=True).as_quat().tolist()
     body = glb.node(glb.mesh(surface, weights=[0.5]), above, name="body", rotation=turn, scale=[-2.0, 2.0, 2.0])
     hat = glb.node(parent=body, name="hat", translation=[0, 2, 0])
@@ -204,12 +204,12 @@ def test_a_node_comes_to_the_top_and_what_hangs_on_it_stays(
 def test_directions_that_are_scaled_to_nothing_point_up(
     scale, glb, blob, short_take, write_puppet, tmp_path, raw, assert_valid_gltf
 ):
-    count, faces = len(blob.vertices), blob.faces.astype(np.uint32)
+    count, faces = len(blob.vertices), blob.faces
     towards_z = {
         name: np.tile(np.float32(value), (count, 1))
         for name, value in (("NORMAL", [0, 0, 1]), ("TANGENT", [0, 0, 1, -1]))
     }
-    glb.node(glb.mesh(glb.primitive(blob.vertices, faces, NORMAL=blob.normals)))
+    glb.show(blob.vertices, faces, NORMAL=blob.normals)
     glb.node(glb.mesh(glb.primitive(blob.vertices, faces, **towards_z)), scale=scale, name="hidden")
     glb.save(tmp_path / "hidden.glb")
     puppet = write_puppet(tmp_path / "hidden.toml", "hidden.glb")

@@ -43,7 +43,7 @@ def test_a_mesh_gets_proposed_limbs_and_the_assumptions_are_said(blob_file, tmp_
 
 def test_a_mesh_without_limbs_is_refused_with_what_to_do(new_glb, make_shape, tmp_path):
     ball, shape = new_glb(), make_shape([((0.0, 0.0, 0.0), (0.0, 0.01, 0.0), 0.5)])
-    ball.node(mesh=ball.mesh(ball.primitive(shape.vertices, shape.faces.astype(np.uint32))))
+    ball.node(mesh=ball.mesh(ball.primitive(shape.vertices, shape.faces)))
     mesh = ball.save(tmp_path / "ball.glb")
     assert "--limb" in refused(PuppetError, write_rig, mesh, tmp_path / "out.glb", RigSettings()).fix
     assert not (tmp_path / "out.glb").exists()
@@ -94,7 +94,7 @@ def doubled(shape):
 @pytest.mark.parametrize("damaged", [degenerate, single_triangles, doubled])
 def test_every_vertex_of_a_damaged_mesh_has_weights(damaged, blob, glb, limb_tables, write_puppet, tmp_path):
     vertices, faces = damaged(blob)
-    glb.node(glb.mesh(glb.primitive(vertices, faces.astype(np.uint32))))
+    glb.show(vertices, faces)
     glb.save(tmp_path / "damaged.glb")
     puppet = write_puppet(tmp_path / "damaged.toml", "damaged.glb", handles=limb_tables)
     write_rig(puppet, tmp_path / "out.glb", RigSettings())
@@ -112,7 +112,7 @@ def test_a_new_skin_replaces_the_files_own_and_keeps_its_morph_targets(blob, glb
     turned_back = blob.vertices @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
     more = {"JOINTS_0": np.zeros(bound.shape, dtype=np.uint8), "WEIGHTS_0": bound, "targets": [{"POSITION": smile}]}
     joint = glb.node(name="joint", rotation=[0.0, 0.0, -np.sqrt(0.5), np.sqrt(0.5)])
-    glb.node(glb.mesh(glb.primitive(turned_back, blob.faces.astype(np.uint32), **more), weights=[0.0]), skin=0)
+    glb.node(glb.mesh(glb.primitive(turned_back, blob.faces, **more), weights=[0.0]), skin=0)
     glb.file.skins.append({"joints": [joint]})
     path = glb.save(tmp_path / "own.glb")
     puppet = write_puppet(tmp_path / "own.toml", path.name, handles=limb_tables)

@@ -33,13 +33,3 @@ def test_targets_times_weights_up_to_one_are_directions_times_coordinates(coordi
         np.testing.assert_array_equal(weights.max(axis=0), (weights > 0).any(axis=0))
     assert unit.count == coordinates.shape[1] + bool((coordinates < 0).any())
     np.testing.assert_array_equal(unit.weights(np.zeros((1, coordinates.shape[1]))), np.zeros((1, unit.count)))
-
-
-@given(coordinates=arrays(np.float64, (5, 3), elements=st.floats(-1, 1)), size=st.floats(0.1, 10))
-def test_within_a_reach_any_coordinates_have_weights_in_range_that_show_them(coordinates, size):
-    reach = np.array([1.0, 2.0, 0.5]) * size
-    unit = UnitWeights.within(reach)
-    weights = unit.weights(coordinates * reach)
-    assert ((weights >= 0) & (weights <= 1)).all()
-    shown = weights.astype(np.float64) @ unit.targets(np.eye(3))
-    np.testing.assert_allclose(shown, coordinates * reach, atol=1e-6 * size)

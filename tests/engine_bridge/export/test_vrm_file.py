@@ -66,7 +66,7 @@ def test_axes_and_units_of_the_file_and_names_of_joints_do_not_matter(
     """The figure in centimetres, with z up and x in front, and Mixamo's names."""
     turn = 100 * np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])  # rows: left, up, front
     glb = new_glb()
-    glb.node(glb.mesh(glb.primitive((blob.vertices @ turn).astype(np.float32), blob.faces.astype(np.uint32))))
+    glb.show((blob.vertices @ turn).astype(np.float32), blob.faces)
     glb.save(tmp_path / "turned.glb")
     before = puppet_file.load(limbed_puppet)
     limbs = tuple(

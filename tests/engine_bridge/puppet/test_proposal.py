@@ -97,7 +97,7 @@ def test_a_mesh_without_limbs_gets_handles(make_shape, tmp_path):
 def test_targets_that_the_mesh_has_follow_the_channels_of_their_usual_names(glb, blob, tmp_path, names, expected):
     names, target = names.split(), {"POSITION": np.zeros_like(blob.vertices)}
     targets = [target] * len(names)
-    made = glb.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=blob.normals, targets=targets)
+    made = glb.primitive(blob.vertices, blob.faces, NORMAL=blob.normals, targets=targets)
     glb.node(glb.mesh(made, extras={"targetNames": names}))
     glb.save(tmp_path / "face.glb")
     puppet = new_puppet(tmp_path / "face.glb", tmp_path / "face.toml").puppet

@@ -51,7 +51,7 @@ def test_a_humanoid_has_the_joints_and_the_hierarchy_of_vrm():
     [
         ([limb("trunk", *[(0, 1 + 0.1 * step, 0) for step in range(6)])], "",
          "hips - 0, spine hips 1, chest spine 2, upperChest chest 3, upperChest_2 upperChest 4"),
-        ([TRUNK, limb("tail", (0, 1, 0), (0, 1, -0.5), (0, 1, -0.9)), limb("left wing", (0.1, 1.4, 0), (1, 1.6, 0))], "",
+        ([TRUNK, limb("tail", (0, 1, 0), (0, 1, -0.5), (0, 1, -0.9)), limb("left wing", (0, 1.4, 0), (1, 1.6, 0))], "",
          "hips - 0, spine hips 1, chest spine 1, tail_1 hips 2, tail_2 tail_1 3, wing_left_1 chest 4"),
         ([limb("left horn", (0, 0, 0), (1, 0, 0), parent=None), limb("body", (0, 0, 0), (0, 1, 0), parent=None)], "",
          "root - -1, horn_left_1 root 0, body_1 root 1"),

@@ -1,5 +1,3 @@
-import struct
-
 import numpy as np
 import pytest
 import trimesh
@@ -138,18 +136,6 @@ def test_a_property_that_is_not_converted_is_noted(cube, read):
 )
 def test_a_file_without_a_surface_is_refused(cube, read, tmp_path, old, new, place):
     assert refused_place(MeshError, tmp_path / "a.ply", read, cube_text(cube).replace(old, new)) == place
-
-
-@pytest.mark.parametrize("order", ["<", ">"])
-def test_mixed_polygons_in_a_binary_file_are_read(cube, read, order):
-    kind = {"<": "binary_little_endian", ">": "binary_big_endian"}[order]
-    content = header(XYZ.format(n=8) + "property uchar red\n" + FACES.format(n=7), kind).encode()
-    content += b"".join(struct.pack(order + "3fB", *vertex, 7) for vertex in cube.vertices)
-    faces = [*cube.quads[:5], [1, 3, 7], [1, 7, 5]]
-    content += b"".join(struct.pack(f"{order}B{len(face)}i", len(face), *face) for face in faces)
-    piece = only(read(content))
-    np.testing.assert_array_equal(piece.positions, cube.vertices)
-    np.testing.assert_array_equal(piece.triangles, cube.triangles)
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary"])

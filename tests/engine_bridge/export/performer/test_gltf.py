@@ -8,8 +8,6 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from engine_bridge.export.performer.gltf import skeleton_animation, vrm_animation
 from engine_bridge.export.performer.motion import PerformerMotion
-from engine_bridge.export.rig_file import RigSettings
-from engine_bridge.export.vrm_file import write_vrm
 
 from .conftest import joints_of
 
@@ -104,18 +102,3 @@ def test_an_avatar_with_other_proportions_has_the_performers_directions(second, 
     hips = np.array(played["bones"]["hips"])
     scale = (0.6 * rest["hips"][1] + 0.02) / rest["hips"][1]
     np.testing.assert_allclose(hips - hips[0], scale * (places["hips"] - places["hips"][0]), atol=1e-6)
-
-
-def test_a_character_that_becomes_an_avatar_has_the_performers_directions(second, limbed_puppet, node, tmp_path):
-    vrm_animation(second, "test").save(tmp_path / "second.vrma")
-    stated = {"name": "Figure", "authors": ["Ada"], "licence": "https://vrm.dev/licenses/1.0/"}
-    write_vrm(limbed_puppet, tmp_path / "figure.vrm", RigSettings(), stated)
-    played = json.loads(node("play_vrma.mjs", tmp_path / "figure.vrm", tmp_path / "second.vrma", str(TIMES)))
-    assert played["warnings"] == []
-    assert_same_directions(played, joints_of(at_times(second, np.clip(played["times"], 0, 1))))
-
-
-def test_ten_seconds_are_tens_of_kilobytes(motion, tmp_path):
-    assert len(motion.hips) > 300
-    vrm_animation(motion, "test").save(tmp_path / "kung_fu.vrma")
-    assert (tmp_path / "kung_fu.vrma").stat().st_size < 105_000

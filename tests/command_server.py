@@ -111,6 +111,7 @@ def _become(request: dict, descriptors: list[int]) -> None:
     sys.stdout = sys.__stdout__ = os.fdopen(1, "w", buffering=1 if os.isatty(1) else -1, closefd=False)
     sys.stderr = sys.__stderr__ = os.fdopen(2, "w", buffering=1, errors="backslashreplace", closefd=False)
     sys.argv = ["puppetline", *request["arguments"]]
+    exec(request["prelude"], {})
 
 
 def _end(code: int) -> None:

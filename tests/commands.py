@@ -75,7 +75,18 @@ class Commands:
                 env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},  # a process with threads cannot be forked
             )
 
-    def start(self, *arguments, stdin=None, stdout=None, stderr=None, text=True, cwd=None, env=None, terminal=False):
+    def start(
+        self,
+        *arguments,
+        stdin=None,
+        stdout=None,
+        stderr=None,
+        text=True,
+        cwd=None,
+        env=None,
+        terminal=False,
+        prelude="",
+    ):
         """Start a command.
 
         Parameters
@@ -89,6 +100,8 @@ class Commands:
             As for `subprocess.Popen`.
         terminal : bool
             Whether the standard input becomes the controlling terminal.
+        prelude : str
+            Python code that the process executes first.
         """
         with Path(os.devnull).open("r+b") as nothing:
             ours, theirs = [], []
@@ -102,6 +115,7 @@ class Commands:
                 "cwd": str(cwd or Path.cwd()),
                 "env": dict(os.environ if env is None else env),
                 "terminal": terminal,
+                "prelude": prelude,
             }
             streams = [nothing.fileno() if stdin is None else stdin, *theirs]
             socket.send_fds(self._requests, [json.dumps(request).encode()], [*streams, tell])

@@ -188,14 +188,15 @@ def _clock() -> Finding:
 
 def _source(uri: str) -> Finding:
     """Open a source and wait for its first data."""
+    from capture.source import wait
     from capture.sources.registry import open_source
 
     try:
         with closing(open_source(uri)) as source:
             give_up = clock.now() + FIRST_DATA_SECONDS
             while not source.counts.received and clock.now() < give_up:
+                wait(source, give_up)
                 source.receive()
-                time.sleep(0.01)
             works = bool(source.counts.received)
     except PuppetlineError as error:
         culprit = "" if uri in error.where else f"{error.where}: "  # a library or a file

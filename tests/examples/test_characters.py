@@ -9,13 +9,23 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 VERTICES = {"dinosaur": 14_000, "biped": 60_000, "pegasus": 32_046, "dog": 18_114, "human": 15_154}
+"""As many as in the paper."""
 EXTENT = {"dinosaur": (2, 4.1), "biped": (1, 2.15), "pegasus": (2, 3.65), "dog": (2, 1.16), "human": (1, 1.75)}
 """Axis, and metres along it."""
 GENUS = {"dinosaur": 0, "biped": 0, "pegasus": 2, "dog": 0, "human": 0}
+EYES = {
+    "pegasus": (2.6, 2.85),
+    "dinosaur": (2.45, np.inf),
+    "dog": (0.79, np.inf),
+    "human": (1.5, np.inf),
+    "biped": (1.8, 1.85),
+}
+"""Heights between which the darkest spots are the eyes, or the slits of a visor."""
 
 
-def half_edges(faces):
-    return faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+def components(count, links):
+    graph = sparse.coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(count, count))
+    return connected_components(graph, directed=False)[0]
 
 
 @pytest.fixture(scope="session", params=list(VERTICES))
@@ -23,53 +33,37 @@ def character(request, example_character):
     return example_character(request.param)
 
 
-def test_all_five_are_listed():
+def test_the_arrays_have_one_row_per_vertex_and_every_vertex_is_used(character):
     assert set(CHARACTERS) == set(VERTICES)
-
-
-def test_name_shapes_and_dtypes(character):
     assert CHARACTERS[character.name].__module__.endswith(character.name)
-    assert character.vertices.shape[1:] == character.faces.shape[1:] == character.colors.shape[1:] == (3,)
-    assert (character.vertices.dtype, character.faces.dtype) == (np.float64, np.int64)
-    assert character.colors.dtype == np.float32
-    assert len(character.colors) == len(character.vertices)
+    count = VERTICES[character.name]
+    assert (character.vertices.shape, character.vertices.dtype) == ((count, 3), np.float64)
+    assert (character.colors.shape, character.colors.dtype) == ((count, 3), np.float32)
+    assert (character.faces.shape[1:], character.faces.dtype) == ((3,), np.int64)
+    assert np.array_equal(np.unique(character.faces), np.arange(count))
+    assert 0 <= character.colors.min() <= character.colors.max() <= 1
+    light = character.colors.mean(axis=1)
+    assert light.min() < 0.03
+    assert light.max() > 0.5
 
 
-def test_has_exactly_as_many_vertices_as_in_the_paper_and_uses_them_all(character):
-    assert len(character.vertices) == VERTICES[character.name]
-    assert np.array_equal(np.unique(character.faces), np.arange(len(character.vertices)))
-
-
-def test_every_edge_is_shared_by_two_oppositely_oriented_faces(character):
-    ends = half_edges(character.faces)
-    forth = ends[:, 0] * len(character.vertices) + ends[:, 1]
-    back = ends[:, 1] * len(character.vertices) + ends[:, 0]
-    assert len(np.unique(forth)) == len(forth)
-    assert np.array_equal(np.sort(forth), np.sort(back))
-
-
-def test_the_faces_around_each_vertex_form_one_fan(character):
-    # Corner nodes of the same vertex are linked across each edge at it: one component a vertex, none pinched.
+def test_it_is_one_closed_surface_of_the_stated_genus_that_faces_outwards(character):
     faces, count = character.faces, len(character.vertices)
+    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    forth, back = ends[:, 0] * count + ends[:, 1], ends[:, 1] * count + ends[:, 0]
+    assert len(np.unique(forth)) == len(forth)
+    assert np.array_equal(np.sort(forth), np.sort(back))  # each edge has two faces, which agree
+    # corners of the same vertex are linked across each edge at it: one component per vertex, none pinched
     corner = np.arange(faces.size).reshape(-1, 3)
-    ends = half_edges(faces)
-    at = np.stack([corner[:, [0, 1, 2]].ravel(), corner[:, [1, 2, 0]].ravel()], axis=1)
-    forth, back = np.argsort(ends[:, 0] * count + ends[:, 1]), np.argsort(ends[:, 1] * count + ends[:, 0])
-    links = np.concatenate([np.stack([at[forth, k], at[back, 1 - k]], axis=1) for k in (0, 1)])
-    graph = sparse.coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(faces.size, faces.size))
-    assert connected_components(graph, directed=False)[0] == count
-
-
-def test_is_one_component_of_the_stated_genus(character):
-    ends, count = half_edges(character.faces), len(character.vertices)
-    graph = sparse.coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(count, count))
-    assert connected_components(graph, directed=False)[0] == 1
-    euler = count - len(ends) // 2 + len(character.faces)
-    assert (2 - euler) / 2 == GENUS[character.name]
-
-
-def test_is_oriented_outwards(character):
-    a, b, c = (character.vertices[character.faces[:, k]] for k in range(3))
+    at = np.stack([corner.ravel(), corner[:, [1, 2, 0]].ravel()], axis=1)
+    one, other = np.argsort(forth), np.argsort(back)
+    assert (
+        components(faces.size, np.concatenate([np.stack([at[one, k], at[other, 1 - k]], axis=1) for k in (0, 1)]))
+        == count
+    )
+    assert components(count, ends) == 1
+    assert (2 - (count - len(ends) // 2 + len(faces))) / 2 == GENUS[character.name]
+    a, b, c = (character.vertices[faces[:, k]] for k in range(3))
     assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0
 
 
@@ -86,41 +80,20 @@ def test_triangles_are_well_shaped(character):
     assert areas.min() > 1e-4 * areas.mean()
 
 
-def test_stands_on_the_ground_on_legs_that_do_not_touch(character):
-    low, high = character.vertices.min(axis=0), character.vertices.max(axis=0)
-    assert low[1] == pytest.approx(0.0, abs=1e-3 * high[1])
-    feet = character.vertices[character.vertices[:, 1] < 0.02 * high[1]]
-    assert np.any(feet[:, 0] > 0.02 * high[1])
-    assert np.any(feet[:, 0] < -0.02 * high[1])
-    # Legs stand apart: nothing crosses the middle at shin height.
-    shins = character.vertices[
-        (character.vertices[:, 1] > 0.05 * high[1]) & (character.vertices[:, 1] < 0.15 * high[1])
-    ]
-    assert np.abs(shins[:, 0]).min() > 0.01 * high[1]
-
-
-def test_has_its_natural_size(character):
+def test_it_stands_on_the_ground_in_its_natural_size_on_legs_apart_and_faces_positive_z(character):
     axis, metres = EXTENT[character.name]
+    x, y, z = character.vertices.T
     assert np.ptp(character.vertices[:, axis]) == pytest.approx(metres, rel=0.02)
-
-
-def test_faces_positive_z(character):
-    # Its eyes, or the slits of its visor: the darkest spots of the head are in front, on either side.
-    height = character.vertices[:, 1]
-    floor = {"pegasus": 2.6, "dinosaur": 2.45, "dog": 0.79, "human": 1.5, "biped": 1.8}[character.name]
-    ceiling = {"pegasus": 2.85, "biped": 1.85}.get(character.name, np.inf)
-    eyes = character.vertices[(height > floor) & (height < ceiling) & (character.colors.max(axis=1) < 0.05)]
-    assert len(eyes)
-    assert eyes[:, 2].min() > character.vertices[:, 2].mean() + 0.02 * np.ptp(character.vertices[:, 2])
+    tall = y.max()
+    assert y.min() == pytest.approx(0.0, abs=1e-3 * tall)
+    feet, shins = x[y < 0.02 * tall], x[(y > 0.05 * tall) & (y < 0.15 * tall)]
+    assert feet.min() < -0.02 * tall
+    assert feet.max() > 0.02 * tall
+    assert np.abs(shins).min() > 0.01 * tall  # nothing crosses the middle
+    low, high = EYES[character.name]
+    eyes = character.vertices[(y > low) & (y < high) & (character.colors.max(axis=1) < 0.05)]
+    assert eyes[:, 2].min() > z.mean() + 0.02 * np.ptp(z)
     assert eyes[:, 0].min() < 0 < eyes[:, 0].max()
-
-
-def test_colors_are_linear_rgb_with_dark_and_light_parts(character):
-    assert character.colors.min() >= 0
-    assert character.colors.max() <= 1
-    light = character.colors.mean(axis=1)
-    assert light.min() < 0.03
-    assert light.max() > 0.5
 
 
 @pytest.mark.slow

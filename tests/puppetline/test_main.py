@@ -16,10 +16,6 @@ run = partial(subprocess.run, capture_output=True, text=True)
 MODULE, SCRIPT = [sys.executable, "-m", "puppetline"], [sys.executable, "-c"]
 
 
-def test_the_module_is_the_command():
-    assert "convert" in run([*MODULE, "--help"], check=True).stdout
-
-
 @pytest.mark.slow
 def test_an_interrupt_while_it_is_being_loaded_ends_in_one_line():
     script = (
@@ -42,22 +38,26 @@ def test_an_interrupt_in_what_a_module_executes_ends_in_the_same_way(tmp_path):
     assert (done.returncode, done.stderr) == (1, "puppetline: stopped\n")
 
 
+OTHERS = {f"engine_bridge.cli.{name.replace('-', '_')}" for name in COMMANDS}
 HEAVY = {"numpy", "scipy", "igl", "numba", "pydantic", "PIL", "rich", "importlib.metadata"}
 
 
 @pytest.mark.parametrize(
     "command", [[], *([name] for name in COMMANDS)], ids=lambda command: " ".join(command) or "all"
 )
-def test_help_is_there_before_anything_heavy_is_imported(command):
+def test_help_is_there_before_anything_heavy_or_another_command_is_imported(command):
+    others = OTHERS - {f"engine_bridge.cli.{name.replace('-', '_')}" for name in command}
     script = (
         "import sys\n"
         "from puppetline.__main__ import run\n"
         f"sys.argv = {['puppetline', *command, '--help']}\n"
         "try: run()\n"
         "except SystemExit: pass\n"
-        f"print('imported:', *sorted({HEAVY} & set(sys.modules)))\n"
+        f"print('imported:', *sorted({HEAVY | others} & set(sys.modules)))\n"
     )
-    assert run([*SCRIPT, script], check=True).stdout.splitlines()[-1] == "imported:"
+    shown = run([*SCRIPT, script], check=True).stdout
+    assert shown.startswith(f"Usage: {' '.join(['puppetline', *command])} ")
+    assert shown.splitlines()[-1] == "imported:"
 
 
 def test_the_version_is_that_of_the_installed_package_and_a_checkout_adds_its_commit():
@@ -69,7 +69,7 @@ def test_the_version_is_that_of_the_installed_package_and_a_checkout_adds_its_co
         assert head.startswith(commit.rstrip(")").removesuffix(", changed"))
         assert len(commit) >= 7
     assert puppetline.__version__ == version("puppetline")
-    with pytest.raises(AttributeError, match="__versoin__"):
+    with pytest.raises(AttributeError):
         _ = puppetline.__versoin__
 
 

@@ -4,8 +4,11 @@ import json
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from engine_bridge.batch import conversion
 from engine_bridge.batch.store import OWN_FOLDER
+from engine_bridge.cli.main import main
 
 pytest.importorskip("pyarrow")
 
@@ -37,13 +40,26 @@ def puppets(blob_file, write_puppet, tmp_path_factory):
 
 
 @pytest.fixture
-def batch(commands, tmp_path):
-    """Run `puppetline batch … --json` into a folder; return its result, or the error that it printed."""
+def print_batch(tmp_path, monkeypatch):
+    """Run `puppetline batch` into the folder "out"; return what it prints."""
+    monkeypatch.chdir(tmp_path)
 
-    def start(*arguments, puppets, code=0, output="out"):
+    def start(*arguments, puppets=("mine.toml",), code=0):
+        conversion._loaded.cache_clear()  # a new process would have none of these
         chosen = [each for puppet in puppets for each in ("--puppet", puppet)]
-        done = commands.run("batch", *arguments, *chosen, "-o", output, "--json", cwd=tmp_path)
-        assert done.returncode == code, done.stderr
+        done = CliRunner().invoke(main, ["batch", *map(str, [*arguments, *chosen, "-o", "out"])])
+        assert done.exit_code == code, done.output
+        return done
+
+    return start
+
+
+@pytest.fixture
+def batch(print_batch):
+    """The same, with results as values; an error is text."""
+
+    def start(*arguments, **more):
+        done = print_batch(*arguments, "--json", **more)
         return json.loads(done.stdout) if done.stdout else done.stderr
 
     return start

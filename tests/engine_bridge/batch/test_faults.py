@@ -1,4 +1,7 @@
-"""Batches whose processes are killed, or that cannot write; every result under its name is complete afterwards."""
+"""Batches whose processes are stopped or that cannot write; every result under its name is complete afterwards.
+
+`test_store` kills a process at each step of writing, and `test_workers` has workers killed.
+"""
 
 import contextlib
 import json
@@ -6,9 +9,7 @@ import os
 import shutil
 import signal
 import subprocess
-import time
 
-import numpy as np
 import psutil
 import pyarrow.parquet as pq
 import pytest
@@ -16,40 +17,39 @@ import pytest
 from engine_bridge.batch.identity import FileState
 from engine_bridge.batch.store import OWN_FOLDER, PARTIAL_FOLDER, Store
 
-from ...effort import EFFORT
 from ...waiting import wait_until
-from .conftest import results
+from .conftest import NAMES, results
 
-KILLS = 10 if EFFORT >= 1 else 1
-"""Number of times that a process is killed; each time costs a whole batch."""
+TIMEOUT_SECONDS = 600.0
+"""Time after which a test fails, in seconds: workers load Python anew."""
 
-LOGS = 12
+COUNT = 2 * len(NAMES)
+"""Number of results: of each recording with both puppets."""
 
-REMOVED = 6
-"""Number of results that are removed before each batch, so that there is work."""
+HELD = """
+import sys, threading
+from pathlib import Path
+from engine_bridge.batch import conversion
 
-TIMEOUT_SECONDS = 300.0
-"""Time after which a test fails, in seconds."""
+def read_or_hold(path, options, read=conversion.read_log):
+    if path.stem == "c":
+        Path(HELD).touch()
+        threading.Event().wait()
+    return read(path, options)
+
+conversion.read_log = read_or_hold
+"""
+"""Lets the conversion of a recording wait for ever, and says by a file that it does."""
 
 
 @pytest.fixture(scope="module")
-def many(record, dance, tmp_path_factory):
-    """A folder of 12 recordings of half a second to two seconds."""
-    folder = tmp_path_factory.mktemp("many")
-    for index in range(LOGS):
-        record(folder / f"{index:02}.log", dance(15 + 4 * index))
-    return folder
+def start(commands, logs, puppets):
+    """Start `puppetline batch` for these recordings and both puppets."""
 
-
-@pytest.fixture(scope="module")
-def start(commands, many, puppets):
-    """Start `puppetline batch` for these recordings and both puppets, or those of some names."""
-
-    def begin(folder, *arguments, names=("walks", "stands")):
-        chosen = [each for puppet in puppets if puppet.stem in names for each in ("--puppet", puppet)]
-        return commands.start(
-            "batch", many, *chosen, "-o", folder, "--json", *arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-        )
+    def begin(folder, *arguments, **more):
+        chosen = [each for puppet in puppets for each in ("--puppet", puppet)]
+        command = ("batch", logs, *chosen, "-o", folder, "--json", "--no-report", *arguments)
+        return commands.start(*command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **more)
 
     return begin
 
@@ -58,11 +58,10 @@ def start(commands, many, puppets):
 def finished(start):
     """Run a batch to its end and return its result."""
 
-    def run(folder, *arguments, code=0, **more):
-        with start(folder, *arguments, **more) as process:
+    def run(folder, *arguments):
+        with start(folder, "--workers", 0, *arguments) as process:
             output, errors = process.stdout.read(), process.stderr.read()
-            assert process.wait(TIMEOUT_SECONDS) == code, errors
-        assert errors == ""
+            assert (process.wait(), errors) == (0, "")
         return json.loads(output)
 
     return run
@@ -70,19 +69,10 @@ def finished(start):
 
 @pytest.fixture(scope="module")
 def expected(finished, tmp_path_factory):
-    """All results of a batch that nothing has disturbed, by name, and the seconds that it took."""
+    """All results of a batch that nothing has disturbed, by name."""
     folder = tmp_path_factory.mktemp("expected")
-    finished(
-        tmp_path_factory.mktemp("compiled"), "--workers", 0, "--no-report", "--shard", "1/10"
-    )  # not in the seconds
-    begin = time.monotonic()
-    assert finished(folder, "--workers", 0, "--no-report")["made"] == 2 * LOGS
-    return results(folder), time.monotonic() - begin
-
-
-@pytest.fixture
-def random():
-    return np.random.default_rng(5)
+    assert finished(folder)["made"] == COUNT
+    return results(folder)
 
 
 def assert_whole(folder, expected):
@@ -93,93 +83,65 @@ def assert_whole(folder, expected):
     return len(found)
 
 
-def recorded(folder):
-    """Names of the results that are there with a record."""
-    store = Store(folder, "")
-    return {name for _, record in store.records() if store.is_whole(record) for name in record.files}
-
-
 def assert_finished(folder, expected, finished):
     """Assert that another batch makes only what is missing, and that the manifest agrees with the folder."""
     assert_whole(folder, expected)
-    there = recorded(folder)
+    store = Store(folder, "")
+    there = {name for _, record in store.records() if store.is_whole(record) for name in record.files}
     states = {name: FileState.of(folder / name) for name in there}
-    result = finished(folder, "--workers", 0, "--no-report", "--retry-failed")
-    assert result["failures"] == []
-    assert (result["made"], result["unchanged"]) == (2 * LOGS - len(there), len(there))
+    result = finished(folder, "--retry-failed")
+    assert (result["made"], result["unchanged"], result["failures"]) == (COUNT - len(there), len(there), [])
     assert results(folder) == expected
     assert {name: FileState.of(folder / name) for name in there} == states
     rows = pq.read_table(folder / "manifest.parquet").to_pylist()
     assert {row["output"]: row["bytes"] for row in rows} == {name: len(content) for name, content in expected.items()}
 
 
-def remove_some(folder, random):
-    """Remove results, of which some records are left without a result."""
-    for name in random.permutation(sorted(results(folder)))[:REMOVED]:
-        (folder / name).unlink()
+def partial(folder):
+    return list((folder / OWN_FOLDER / PARTIAL_FOLDER).iterdir())
 
 
-def worker_processes(process):
-    """Worker processes of a batch."""
-    with contextlib.suppress(psutil.NoSuchProcess):
-        return [
-            child
-            for child in psutil.Process(process.pid).children(recursive=True)
-            if any("spawn_main" in part for part in child.cmdline())
-        ]
-    return []
+STOPS = {
+    signal.SIGINT: (1, "puppetline: stopped\n"),
+    signal.SIGTERM: (-signal.SIGTERM, ""),
+    signal.SIGKILL: (-signal.SIGKILL, ""),
+}
+"""Exit code and output after each signal, at the end of all processes that could write to it."""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("workers", "starting"), [(0, 0), (2, 5)])
-def test_a_client_that_is_killed_leaves_whole_results_and_no_process(
-    start, finished, expected, random, tmp_path, workers, starting
+@pytest.mark.parametrize(
+    ("number", "workers"), [(signal.SIGINT, 0), (signal.SIGINT, 2), (signal.SIGTERM, 2), (signal.SIGKILL, 2)]
+)
+def test_stopped_in_the_middle_it_leaves_whole_results_and_no_process_and_continues(
+    start, finished, expected, tmp_path, number, workers
 ):
-    wanted, seconds = expected
-    for _ in range(KILLS):
-        remove_some(tmp_path, random)
-        with start(tmp_path, "--workers", workers, "--no-report") as process:
-            time.sleep(random.uniform(0, seconds + starting))
-            left = worker_processes(process)
-            process.kill()
-            process.wait()
-        psutil.wait_procs(left, timeout=TIMEOUT_SECONDS)
-        assert [worker for worker in left if worker.is_running()] == []
-        assert_whole(tmp_path, wanted)
-    assert_finished(tmp_path, wanted, finished)
-
-
-@pytest.mark.slow
-def test_workers_that_are_killed_do_not_end_the_batch(start, finished, expected, random, tmp_path):
-    wanted, _ = expected
-    kills = 0
-    while kills < KILLS:
-        remove_some(tmp_path, random)
-        with start(tmp_path, "--workers", 2, "--no-report") as process:
-            while process.poll() is None:
-                time.sleep(random.uniform(0, 4))
-                workers = worker_processes(process)
-                if workers and kills < KILLS:
-                    with contextlib.suppress(psutil.NoSuchProcess):
-                        random.choice(workers).kill()
-                        kills += 1
-            assert process.returncode == 0, process.stderr.read()
-            assert json.loads(process.stdout.read())["failures"] == []
-        assert_whole(tmp_path, wanted)
-        assert list((tmp_path / OWN_FOLDER / PARTIAL_FOLDER).iterdir()) == []
-    assert_finished(tmp_path, wanted, finished)
+    folder, held = tmp_path / "out", tmp_path / "held"
+    code = HELD.replace("HELD", repr(str(held)))
+    (tmp_path / "sitecustomize.py").write_text(f"import sys\nif '--multiprocessing-fork' in sys.argv: exec({code!r})")
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    with start(folder, "--workers", workers, prelude="" if workers else code, env=environment) as process:
+        wait_until(lambda: held.exists() or process.poll() is not None, TIMEOUT_SECONDS)
+        children = psutil.Process(process.pid).children(recursive=True)
+        for each in [process, *children] if number == signal.SIGINT else [process]:  # Ctrl-C reaches all of them
+            os.kill(each.pid, number)
+        assert (process.wait(), process.stderr.read()) == STOPS[number]
+    psutil.wait_procs(children)
+    assert [child for child in children if child.is_running()] == []
+    assert assert_whole(folder, expected) < COUNT
+    assert number != signal.SIGINT or partial(folder) == []
+    assert_finished(folder, expected, finished)
 
 
 @pytest.mark.slow
 def test_two_batches_into_one_folder_at_once(start, finished, expected, tmp_path):
-    wanted, _ = expected
-    with start(tmp_path, "--workers", 0, "--no-report") as one, start(tmp_path, "--workers", 1, "--no-report") as two:
-        assert [one.wait(TIMEOUT_SECONDS), two.wait(TIMEOUT_SECONDS)] == [0, 0]
+    with start(tmp_path, "--workers", 0) as one, start(tmp_path, "--workers", 1) as two:
         assert [json.loads(each.stdout.read())["failures"] for each in (one, two)] == [[], []]
-    assert results(tmp_path) == wanted
+        assert [one.wait(), two.wait()] == [0, 0]
+    assert results(tmp_path) == expected
     rows = pq.read_table(tmp_path / "manifest.parquet").to_pylist()
-    assert {row["output"] for row in rows} == wanted.keys()
-    assert_finished(tmp_path, wanted, finished)
+    assert {row["output"] for row in rows} == expected.keys()
+    assert_finished(tmp_path, expected, finished)
 
 
 @contextlib.contextmanager
@@ -199,55 +161,22 @@ def mounted(folder, options):
 
 @pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_full_disk_ends_the_batch_with_one_message_and_whole_results(start, finished, expected, tmp_path, workers):
-    wanted, _ = expected
-    size = sum(map(len, wanted.values()))
+    size = sum(map(len, expected.values()))
     with mounted(tmp_path, f"size={size // 3}"):
-        with start(tmp_path, "--workers", workers, "--no-report") as process:
-            assert process.wait(TIMEOUT_SECONDS) == 1
-            assert process.stdout.read() == ""
-            errors = process.stderr.read()
+        with start(tmp_path, "--workers", workers) as process:
+            output, errors = process.stdout.read(), process.stderr.read()
+            assert (process.wait(), output, errors.count("\n")) == (1, "", 1)
         assert errors.startswith(f"puppetline: {tmp_path}")
-        assert "found a file that cannot be written (No space left on device)" in errors
-        assert errors.count("\n") == 1
-        assert 0 < assert_whole(tmp_path, wanted) < 2 * LOGS
-        assert list((tmp_path / OWN_FOLDER / PARTIAL_FOLDER).iterdir()) == []
+        assert "(No space left on device)" in errors
+        assert 0 < assert_whole(tmp_path, expected) < COUNT
+        assert partial(tmp_path) == []
         subprocess.run(["mount", "-o", f"remount,size={2 * size}", tmp_path], check=True)
-        assert_finished(tmp_path, wanted, finished)
+        assert_finished(tmp_path, expected, finished)
 
 
 def test_a_folder_without_rights_is_one_message_before_the_work(start, tmp_path):
     with mounted(tmp_path, "ro"), start(tmp_path) as process:
-        assert process.wait(TIMEOUT_SECONDS) == 1
-        assert process.stderr.read() == (
-            f"puppetline: {tmp_path}: found a file that cannot be written (Read-only file system); expected a folder "
-            "with write permission and free space. Choose another folder, free disk space, or change the folder's "
-            "permissions.\n"
-        )
-
-
-@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
-def test_ctrl_c_ends_the_batch_quietly_and_it_continues(start, finished, expected, tmp_path, workers):
-    wanted, _ = expected
-    with start(tmp_path, "--workers", workers, "--no-report") as process:
-        wait_until(lambda: len(worker_processes(process)) == workers, TIMEOUT_SECONDS)
-        for each in worker_processes(process):  # which have only begun to start
-            os.kill(each.pid, signal.SIGINT)
-        wait_until(lambda: len(results(tmp_path)) >= 3, TIMEOUT_SECONDS)
-        started = worker_processes(process)
-        for each in [process, *started]:  # as a terminal does
-            os.kill(each.pid, signal.SIGINT)
-        assert process.wait(TIMEOUT_SECONDS) == 1
-        assert (process.stdout.read(), process.stderr.read()) == ("", "puppetline: stopped\n")
-        assert [worker for worker in started if worker.is_running()] == []
-    assert 3 <= assert_whole(tmp_path, wanted) < 2 * LOGS
-    assert list((tmp_path / OWN_FOLDER / PARTIAL_FOLDER).iterdir()) == []
-    assert_finished(tmp_path, wanted, finished)
-
-
-@pytest.mark.slow
-def test_sigterm_ends_the_batch_and_its_workers_without_a_word(start, tmp_path):
-    with start(tmp_path, "--workers", 2, "--no-report") as process:
-        wait_until(lambda: results(tmp_path), TIMEOUT_SECONDS)
-        process.terminate()
-        assert process.wait(TIMEOUT_SECONDS) == -signal.SIGTERM
-        assert process.stderr.read() == ""  # at the end of all processes that could write to it
+        errors = process.stderr.read()
+        assert (process.wait(), errors.count("\n")) == (1, 1)
+        assert errors.startswith(f"puppetline: {tmp_path}: ")
+        assert "(Read-only file system)" in errors

@@ -1,4 +1,7 @@
+import itertools
 import os
+import signal
+import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -28,7 +31,7 @@ def job(tmp_path):
 def write(store, job):
     """Write results with their record, as a conversion does."""
 
-    def make(**results):
+    def make(job=job, **results):
         for name, content in results.items():
             with store.written(f"p/x/{name}.glb") as path:
                 path.write_bytes(content)
@@ -126,3 +129,41 @@ def test_a_folder_that_cannot_be_created_is_an_error(tmp_path):
         str(tmp_path / "out"),
         "a file that cannot be written (Not a directory)",
     )
+
+
+def killed_at(step, work):
+    """Do some work in a process that is killed when it opens, renames or deletes a file for the nth time.
+
+    Returns
+    -------
+    bool
+        Whether the work was done before.
+    """
+    child = os.fork()
+    if child == 0:
+        steps = itertools.count()
+
+        def count(event, _arguments):
+            if event in ("open", "os.rename", "os.remove") and next(steps) == step:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+        sys.addaudithook(count)
+        work()
+        os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are killed as on POSIX")
+def test_killed_at_any_step_a_conversion_leaves_whole_results_and_a_record_of_none_that_is_not(store, job, write):
+    former, steps = write(a=b"former"), 0
+    new = replace(job, identity="new")
+    while not killed_at(steps, lambda: write(new, a=b"result", b=b"other")):
+        steps += 1
+        found = {path.name: path.read_bytes() for path in store.folder.glob("p/x/*.glb")}
+        assert found.keys() <= {"a.glb", "b.glb"}
+        assert found["a.glb"] in (b"former", b"result")
+        assert found.get("b.glb") in (None, b"other")
+        record = store.load(job.name)
+        assert record == former or (record.identity == "new" and store.is_whole(record))
+    assert steps > 8
+    assert store.is_current(store.load(job.name), new)

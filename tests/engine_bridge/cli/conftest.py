@@ -1,8 +1,12 @@
 """Fixtures of the tests of commands, partly those of the service's tests."""
 
 import os
+import shutil
 
 import pytest
+from click.testing import CliRunner
+
+from engine_bridge.cli.main import main
 
 from ..service.conftest import free_port, kung_fu, listen, sender, serve, serve_module
 
@@ -11,7 +15,7 @@ __all__ = ["free_port", "kung_fu", "listen", "sender", "serve", "serve_module"]
 
 @pytest.fixture
 def run(tmp_path, commands):
-    """Return a function that runs a command in an empty folder and checks its exit code."""
+    """Return a function that runs a command as a process in an empty folder and checks its exit code."""
 
     def start(*arguments, code=0):
         result = commands.run(*arguments, cwd=tmp_path, env=os.environ | {"XDG_STATE_HOME": str(tmp_path / "state")})
@@ -19,3 +23,46 @@ def run(tmp_path, commands):
         return result
 
     return start
+
+
+@pytest.fixture
+def invoke(tmp_path, monkeypatch):
+    """Return a function that runs a command in an empty folder, in this process, and checks its exit code."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+    def start(*arguments, code=0):
+        result = CliRunner().invoke(main, [*map(str, arguments)], prog_name="puppetline")
+        assert isinstance(result.exception, SystemExit | None)
+        assert result.exit_code == code, result.output
+        return result
+
+    return start
+
+
+@pytest.fixture
+def stage(tmp_path, take, blob_file, write_puppet):
+    """Put a log, a mesh and a puppet file into the folder."""
+    shutil.copy(take, tmp_path / "take.log")
+    shutil.copy(blob_file, tmp_path / "blob.glb")
+    return write_puppet(tmp_path / "blob.toml", "blob.glb")
+
+
+@pytest.fixture
+def assert_refused(invoke, tmp_path):
+    """Assert that a command prints one line with some parts, fails, and changes no file in the folder."""
+
+    def contents():
+        return {path.name: path.read_bytes() if path.is_file() else None for path in tmp_path.iterdir()}
+
+    def check(*arguments, parts):
+        before = contents()
+        result = invoke(*arguments, code=1)
+        assert result.stdout == ""
+        assert result.stderr.startswith("puppetline: ")
+        assert (result.stderr.count("\n"), result.stderr[-1]) == (1, "\n")
+        assert "internal error" not in result.stderr
+        assert [part for part in parts if part not in result.stderr] == []
+        assert contents() == before
+
+    return check

@@ -1,16 +1,14 @@
-import os
-import signal
-import subprocess
-import sys
-import time
+import json
 import wave
-from pathlib import Path
+from itertools import islice
 
 import numpy as np
 import pytest
+from puppetline.examples.performances import clean
 
 from capture.clip import SkeletonClip
 from capture.events import Cue, Lost, Tick
+from capture.formats import read_log
 from capture.formats.puppetline_log import events
 from capture.fusion.source import FusedSource, Member
 from capture.pose import Pose
@@ -21,9 +19,12 @@ from capture.sound_input import SoundInput
 from capture.source import Counts
 from capture.sources.replay import RecordingSource
 from engine_bridge.cli.recording import RecordSummary, record
+from puppetline import clock
 from puppetline.errors import OutputError, SourceError
 
 from ...recordings import key
+
+pytestmark = pytest.mark.usefixtures("given_clock")
 
 
 def make_clip(times, user=1):
@@ -47,7 +48,7 @@ class Scripted:
         return None
 
     def now(self):
-        return time.monotonic()
+        return clock.now()
 
     def due(self):
         return self.now() if self.script else float("inf")
@@ -105,8 +106,7 @@ def test_all_events_of_a_live_source_are_recorded_as_they_arrive(tmp_path):
 def test_the_error_of_a_live_source_is_reported_and_earlier_events_are_kept(tmp_path, came):
     path = tmp_path / "take"
     summary = record(Scripted(*came, END), path)
-    assert summary.ended == "source"
-    assert summary.why == "openni: found an unplugged sensor; expected a sensor. Plug it in."
+    assert (summary.ended, summary.why) == ("source", str(END))
     assert path.exists() == (Lost(1.0, 1) in came)
     assert not path.exists() or list(events(path)) == came
 
@@ -132,7 +132,7 @@ def test_a_take_that_is_there_is_replaced_only_by_force(tmp_path):
     source = Scripted(frame(0.0, 5))
     path = tmp_path / "take.log"
     path.write_text("dear to me")
-    with pytest.raises(OutputError, match="--force"):
+    with pytest.raises(OutputError):
         record(source, path, seconds=0)
     assert path.read_text() == "dear to me"
     assert record(source, path, seconds=0.1, force=True).users == (5,)
@@ -148,37 +148,27 @@ def test_an_unwritable_path_is_refused_before_any_event_is_received(tmp_path):
     assert len(source.script) == 1
 
 
-CHILD = """
-import signal
-import sys
-from pathlib import Path
-from puppetline.examples.performances import PERFORMANCES
-from capture.sources.replay import RecordingSource
-from engine_bridge.cli.recording import record
-signal.signal(signal.SIGINT, signal.default_int_handler)  # which shells take from what runs in the background
-source = RecordingSource.of_clips("demo:walk", [PERFORMANCES["walk"]()], loop=True)
-print(record(source, Path(sys.argv[1]), report=lambda frames, _: print(frames, flush=True)).ended, flush=True)
-"""
-
-
-@pytest.mark.skipif(os.name != "posix", reason="signals as on POSIX")
 def test_stopped_it_leaves_a_take_that_can_be_read(tmp_path):
-    path = tmp_path / "take"
-    arguments = [sys.executable, "-c", CHILD, str(path)]
-    with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[3]) as child:
-        while int(child.stdout.readline()) < 5:
-            pass
-        child.send_signal(signal.SIGINT)
-        said = child.stdout.read().split()
-    assert child.returncode == 0
-    frames = [event for event in events(path) if isinstance(event, SkeletonFrame)]
-    from puppetline.examples.performances import PERFORMANCES
+    path, walk = tmp_path / "take", clean("walk")
 
-    assert len(frames) >= 5
-    for frame, played in zip(frames, PERFORMANCES["walk"]().frames(), strict=False):
-        assert key(frame) == key(as_recorded(played))
-    assert said[-1] == "stopped"
+    def stop(frames, _seconds):
+        if frames >= 5:
+            raise KeyboardInterrupt
+
+    summary = record(RecordingSource.of_clips("demo:walk", [walk], loop=True), path, report=stop)
+    assert (summary.frames, summary.ended) == (5, "stopped")
+    frames = [event for event in events(path) if isinstance(event, SkeletonFrame)]
+    assert list(map(key, frames)) == [key(as_recorded(each)) for each in islice(walk.frames(), 5)]
     assert path.read_bytes().endswith(b"}\n")
+
+
+def test_the_command_records_what_a_source_plays_and_prints_it(invoke, assert_refused, tmp_path):
+    made = invoke("record", "--source", "demo:walk", "-o", "take.log", "--seconds", 1, "--json")
+    summary = json.loads(made.stdout)
+    [clip] = read_log(tmp_path / "take.log")
+    assert len(clip.times) == summary["frames"] == 30
+    assert (summary["users"], summary["ended"]) == ([1], "time")
+    assert_refused("record", "--source", "demo:walk", "-o", "take.log", parts=["take.log", "--force"])
 
 
 class Singer:
@@ -200,7 +190,7 @@ class Singer:
 
 
 def test_the_sound_beside_a_take_is_on_its_clock(tmp_path):
-    now = time.monotonic()
+    now = clock.now()
     source = Scripted(frame(now), frame(now + 0.01), frame(now + 0.02, 2))
     summary = record(source, tmp_path / "a.log", 0.3, sound=SoundInput(lambda: Singer(41.5)))
     cues = [event for event in events(tmp_path / "a.log") if isinstance(event, Cue)]
@@ -217,7 +207,7 @@ def test_the_sound_beside_a_take_is_on_its_clock(tmp_path):
 
 def test_an_existing_sound_is_not_replaced(tmp_path):
     (tmp_path / "a.wav").write_bytes(b"music")
-    with pytest.raises(OutputError, match="an existing file"):
+    with pytest.raises(OutputError):
         record(Scripted(), tmp_path / "a.log", 0.1, sound=SoundInput(lambda: Singer(0.0)))
     assert (tmp_path / "a.wav").read_bytes() == b"music"
     assert not (tmp_path / "a.log").exists()

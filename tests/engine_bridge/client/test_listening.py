@@ -1,5 +1,3 @@
-import threading
-import time
 from dataclasses import asdict, replace
 
 import pytest
@@ -10,58 +8,75 @@ from engine_bridge.client import listening
 from engine_bridge.client.listening import describe, listen
 from engine_bridge.service.outputs.zeromq import ZeroMqOutput
 from engine_bridge.service.protocol.scene import StreamedCharacter
+from puppetline import clock
 from puppetline.errors import ServiceError
 
 from ..service.outputs.frames import Open, frame_of
 
-
-class Playing(threading.Thread):
-    """A service that plays 100 frames a second and leaves out every tenth."""
-
-    def __init__(self, characters):
-        super().__init__()
-        self.context = zmq.Context()
-        self.publisher = ZeroMqOutput(self.context, [Open()], characters)
-        self.address = self.publisher.endpoints[0]
-        self.characters = characters
-        self.over = threading.Event()
-        self.reload = threading.Event()
-
-    def run(self):
-        sequence = 0
-        while not self.over.is_set():
-            if self.reload.is_set():
-                self.reload.clear()
-                self.characters = [replace(each, revision=each.revision + 1) for each in self.characters]
-                self.publisher.announce(self.characters)
-            (socket,) = self.publisher.sockets
-            if socket.poll(10):
-                self.publisher.handle(socket)
-            self.publisher.send_due()
-            sequence += 2 if sequence % 10 == 8 else 1
-            for character in self.characters:
-                came = {"time": sequence / 100, "received": time.monotonic_ns() - 5_000_000}
-                self.publisher.offer(frame_of(character, sequence, state="performing", user=7, **came))
-        self.publisher.close()
-        self.context.term()
-
-    def close(self):
-        self.over.set()
-        self.join()
+STEP_SECONDS = 0.01
 
 
 @pytest.fixture
-def playing(blob_rig, until_end):
+def at_each_poll(given_clock, monkeypatch):
+    """Do something whenever the client looks for a message, which takes 10 ms of the given clock."""
+
+    def do(step):
+        class Socket(zmq.Socket):
+            def poll(self, timeout=None, flags=zmq.POLLIN):
+                if self.type != zmq.SUB:  # that is how it learns of refusals
+                    return super().poll(timeout, flags)
+                step()
+                given_clock.advance(STEP_SECONDS)
+                return super().poll(1, flags)
+
+        class Context(zmq.Context):
+            _socket_class = Socket
+
+        monkeypatch.setattr(listening.zmq, "Context", Context)
+
+    return do
+
+
+class Service:
+    """A service that plays a frame at each step and leaves out every tenth."""
+
+    def __init__(self, characters):
+        self.context = zmq.Context()
+        self.publisher = ZeroMqOutput(self.context, [Open()], characters)
+        self.address = self.publisher.endpoints[0]
+        self.characters, self.sequence = characters, 0
+
+    def step(self):
+        (socket,) = self.publisher.sockets
+        while socket.poll(0):
+            self.publisher.handle(socket)
+        self.publisher.send_due()
+        self.sequence += 2 if self.sequence % 10 == 8 else 1
+        if self.sequence == 50:
+            self.characters = [replace(each, revision=2) for each in self.characters]
+            self.publisher.announce(self.characters)
+        for character in self.characters:
+            came = {"time": self.sequence / 100, "received": clock.now_ns() - 5_000_000}
+            self.publisher.offer(frame_of(character, self.sequence, state="performing", user=7, **came))
+
+    def close(self):
+        self.publisher.close()
+        self.context.term()
+
+
+@pytest.fixture
+def playing(blob_rig, until_end, at_each_poll):
     def play(*names):
-        service = until_end(Playing([StreamedCharacter(name, blob_rig, 1) for name in names]))
-        service.start()
+        service = until_end(Service([StreamedCharacter(name, blob_rig, 1) for name in names]))
+        at_each_poll(service.step)
         return service
 
     return play
 
 
 def test_a_report_says_what_came(playing, blob_rig):
-    report = listen(playing("dog", "cat").address, seconds=1.5, kinds=("controls", "vertices"))
+    service = playing("dog", "cat")
+    report = listen(service.address, seconds=1.5, kinds=("controls", "vertices"))
     assert [heard.topic for heard in report.heard] == ["cat/controls", "cat/vertices", "dog/controls", "dog/vertices"]
     n = len(blob_rig.character.vertices)
     for heard in report.heard:
@@ -74,45 +89,33 @@ def test_a_report_says_what_came(playing, blob_rig):
         assert heard.latency_ms["p99"] <= heard.latency_ms["max"]
         assert (heard.state, heard.user) == ("performing", 7)
     assert set(report.scenes) == {"dog", "cat"}
-    assert report.scenes["dog"]["vertices"] == n
-    assert report.scenes["dog"]["triangles"] == len(blob_rig.character.triangles)
+    assert (report.scenes["dog"]["vertices"], report.scenes["dog"]["triangles"]) == (n, len(blob_rig.character.triangles))
+    assert report.scenes["dog"]["revision"] == 2  # it was requested again after the change
     assert report.refused == 0
     assert asdict(report)["heard"][0]["topic"] == "cat/controls"
     text = describe(report)
-    assert f"dog: revision 1, {n:,} vertices" in text
+    assert f"dog: revision 2, {n:,} vertices" in text
     assert "dog/controls: performing" in text
 
 
-def test_only_what_was_named_is_followed(playing):
-    service = playing("dog", "cat")
-    report = listen(service.address.removeprefix("tcp://"), seconds=0.5, characters=["cat"], kinds=("handles",))
-    assert [heard.topic for heard in report.heard] == ["cat/handles"]
+def test_only_what_was_named_is_followed_and_latency_is_unknown_for_a_service_with_another_clock(playing):
+    address = playing("dog", "cat").address.removeprefix("tcp://").replace("127.0.0.1", "0.0.0.0")
+    report = listen(address, seconds=1, characters=["cat"], kinds=("handles",))
+    (heard,) = report.heard
+    assert (heard.topic, heard.latency_ms) == ("cat/handles", None)
     assert set(report.scenes) == {"cat"}
-
-
-def test_after_a_reload_the_scene_is_requested_again(playing):
-    service = playing("dog")
-    timer = threading.Timer(0.5, service.reload.set)
-    timer.start()
-    report = listen(service.address, seconds=1.5)
-    timer.join()
-    assert report.scenes["dog"]["revision"] == 2
-
-
-def test_latency_is_unknown_for_a_service_with_another_clock(playing):
-    report = listen(playing("dog").address.replace("127.0.0.1", "0.0.0.0"), seconds=0.5)
-    assert report.heard[0].latency_ms is None
     assert "latency" not in describe(report)
 
 
-def test_a_silence_is_told_once_while_the_client_goes_on(monkeypatch):
-    monkeypatch.setattr(listening, "NOTICE_SECONDS", 0.2)
+def test_a_silence_is_told_once_while_the_client_goes_on(at_each_poll):
     told = []
+    at_each_poll(lambda: None)
     with zmq.Context() as context, context.socket(zmq.XPUB) as silent:
-        port = silent.bind_to_random_port("tcp://127.0.0.1")
-        with pytest.raises(ServiceError, match="found no message within 1 s; expected a running service"):
-            listen(f"127.0.0.1:{port}", seconds=1, notice=told.append)
-    assert [text.partition("; ")[0] for text in told] == [f"tcp://127.0.0.1:{port}: found no message within 0 s"]
+        address = f"tcp://127.0.0.1:{silent.bind_to_random_port('tcp://127.0.0.1')}"
+        with pytest.raises(ServiceError) as error:
+            listen(address, seconds=5, notice=told.append)
+    assert (error.value.where, error.value.found) == (address, "no message within 5 s")
+    assert [text.partition("; ")[0] for text in told] == [f"{address}: found no message within 3 s"]
 
 
 def interrupt(_text):
@@ -128,8 +131,9 @@ def test_a_service_that_refuses_the_token_is_told_from_none(token):
     with context.socket(zmq.XPUB) as locked:
         locked.plain_server = True
         port = locked.bind_to_random_port("tcp://127.0.0.1")
-        with pytest.raises(ServiceError, match=r"found a service that refuses this client; .*--token-file"):
-            listen(f"127.0.0.1:{port}", seconds=60, token=token, notice=interrupt)
+        with pytest.raises(ServiceError) as error:
+            listen(f"127.0.0.1:{port}", token=token, notice=interrupt)
+        assert "--token-file" in error.value.fix
     guard.stop()
     context.destroy(linger=0)
 
@@ -140,20 +144,17 @@ def test_an_address_that_cannot_be_listened_to_is_refused(wrong):
         listen(**{"address": "127.0.0.1:1", "seconds": 0.1, **wrong})
 
 
-def test_messages_that_are_none_are_counted():
+def test_messages_that_are_none_are_counted(at_each_poll):
     with zmq.Context() as context, context.socket(zmq.XPUB) as odd:
         odd.linger = 0
-        port = odd.bind_to_random_port("tcp://127.0.0.1")
 
         def talk():
-            for _ in range(2):
-                odd.poll(5000)
-                odd.recv()
-            odd.send(b"service/characters\0nonsense")
+            while odd.poll(0):
+                if odd.recv() == b"\1service/characters\0":
+                    odd.send(b"service/characters\0nonsense")
 
-        thread = threading.Thread(target=talk)
-        thread.start()
-        report = listen(f"127.0.0.1:{port}", seconds=0.5, characters=["dog"])
-        thread.join()
+        at_each_poll(talk)
+        address = f"127.0.0.1:{odd.bind_to_random_port('tcp://127.0.0.1')}"
+        report = listen(address, seconds=5, characters=["dog"])
     assert (report.refused, report.heard) == (1, [])
     assert "1 not understood" in describe(report)

@@ -69,13 +69,6 @@ def test_ellipsoid_is_zero_on_its_surface_and_has_unit_slope_there():
     assert np.allclose(np.linalg.norm(gradient(shape, surface), axis=1), 1, atol=1e-5)
 
 
-def test_turn_rotates_about_x_then_y_then_z_anticlockwise():
-    assert np.allclose(sdf.turn(x=90) @ [0, 1, 0], [0, 0, 1])
-    assert np.allclose(sdf.turn(y=90) @ [0, 0, 1], [1, 0, 0])
-    assert np.allclose(sdf.turn(z=90) @ [1, 0, 0], [0, 1, 0])
-    assert np.allclose(sdf.turn(x=10, y=20, z=30), sdf.turn(z=30) @ sdf.turn(y=20) @ sdf.turn(x=10))
-
-
 def test_a_smooth_union_differs_from_the_sharp_one_only_where_both_are_near():
     one, two, blend = sdf.sphere((0, 0, 0), 0.7), sdf.sphere((0.9, 0, 0), 0.5), 0.3
     a, b = one.distance(POINTS), two.distance(POINTS)
@@ -83,8 +76,3 @@ def test_a_smooth_union_differs_from_the_sharp_one_only_where_both_are_near():
     far = np.abs(a - b) >= blend
     assert np.array_equal(smooth[far], sharp[far])
     assert np.all((smooth[~far] < sharp[~far]) & (smooth[~far] >= sharp[~far] - blend / 4))
-
-
-def test_curve_passes_through_its_points():
-    points = np.array([[0, 0, 0, 1], [1, 2, 0, 2], [3, 1, 1, 1]], float)
-    assert np.allclose(sdf.curve(points, 5)[::5], points)

@@ -25,12 +25,6 @@ def test_a_ring_keeps_its_hole():
     assert volume(vertices, faces) == pytest.approx(2 * np.pi**2 * 0.2**2, rel=2e-2)
 
 
-def test_pockets_closed_inside_the_solid_are_dropped():
-    shell = sdf.subtract(sdf.sphere((0, 0, 0), 1.0), sdf.sphere((0, 0, 0), 0.4))
-    vertices, _ = mesh(shell.distance, shell.low, shell.high, 1500)
-    assert np.allclose(np.linalg.norm(vertices, axis=1), 1.0, atol=1e-5)
-
-
 def test_a_focus_makes_triangles_smaller_around_its_centre_only():
     bar = sdf.round_cone((-2, 0, 0), (2, 0, 0), 0.4, 0.4)
     vertices, faces = mesh(bar.distance, bar.low, bar.high, 4000, [Focus((2.4, 0, 0), 0.5, 2.0)])

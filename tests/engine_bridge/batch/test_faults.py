@@ -27,19 +27,20 @@ COUNT = 2 * len(NAMES)
 """Number of results: of each recording with both puppets."""
 
 HELD = """
-import sys, threading
+import time
 from pathlib import Path
 from engine_bridge.batch import conversion
 
 def read_or_hold(path, options, read=conversion.read_log):
     if path.stem == "c":
-        Path(HELD).touch()
-        threading.Event().wait()
+        Path("FOLDER/held").touch()
+        while not Path("FOLDER/released").exists():
+            time.sleep(0.01)
     return read(path, options)
 
 conversion.read_log = read_or_hold
 """
-"""Lets the conversion of a recording wait for ever, and says by a file that it does."""
+"""Holds the conversion of a recording, says so by a file, and goes on when there is another file."""
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +107,7 @@ STOPS = {
     signal.SIGTERM: (-signal.SIGTERM, ""),
     signal.SIGKILL: (-signal.SIGKILL, ""),
 }
-"""Exit code and output after each signal, at the end of all processes that could write to it."""
+"""Exit code and output after each signal."""
 
 
 @pytest.mark.slow
@@ -117,7 +118,7 @@ def test_stopped_in_the_middle_it_leaves_whole_results_and_no_process_and_contin
     start, finished, expected, tmp_path, number, workers
 ):
     folder, held = tmp_path / "out", tmp_path / "held"
-    code = HELD.replace("HELD", repr(str(held)))
+    code = HELD.replace("FOLDER", str(tmp_path))
     (tmp_path / "sitecustomize.py").write_text(f"import sys\nif '--multiprocessing-fork' in sys.argv: exec({code!r})")
     environment = os.environ | {"PYTHONPATH": str(tmp_path)}
     with start(folder, "--workers", workers, prelude="" if workers else code, env=environment) as process:
@@ -125,9 +126,11 @@ def test_stopped_in_the_middle_it_leaves_whole_results_and_no_process_and_contin
         children = psutil.Process(process.pid).children(recursive=True)
         for each in [process, *children] if number == signal.SIGINT else [process]:  # Ctrl-C reaches all of them
             os.kill(each.pid, number)
-        assert (process.wait(), process.stderr.read()) == STOPS[number]
-    psutil.wait_procs(children)
-    assert [child for child in children if child.is_running()] == []
+        code, said = STOPS[number]
+        assert process.wait() == code
+        (tmp_path / "released").touch()
+        assert process.stderr.read() == said  # at the end of all processes that could write to it
+    assert psutil.wait_procs(children, TIMEOUT_SECONDS)[1] == []
     assert assert_whole(folder, expected) < COUNT
     assert number != signal.SIGINT or partial(folder) == []
     assert_finished(folder, expected, finished)

@@ -39,15 +39,6 @@ def test_a_file_has_its_own_name_and_is_used_whatever_it_contains(find, logs):
     )
 
 
-@pytest.mark.parametrize(("files", "found"), [((), "no file"), (("a.txt", "b.txt"), "2 files, none of which is a")])
-def test_a_folder_without_a_recording_is_an_error(find, tmp_path, files, found):
-    (tmp_path / "logs").mkdir()
-    for name in files:
-        (tmp_path / "logs" / name).write_text("Dear diary\n")
-    with pytest.raises(SkeletonLogError, match=f"logs: found {found}"):
-        find("logs")
-
-
 def test_a_list_has_an_argument_per_line_and_comments(find, logs, tmp_path):
     (tmp_path / "list.txt").write_text(f"# mine\n\n{logs}/b.log\n{logs}/day 1\ngone.log\n")
     found, _ = find("@list.txt")
@@ -82,16 +73,17 @@ def test_files_that_differ_in_their_ending_are_named_with_it(find, logs, tmp_pat
         (["gone"], "no such file or folder"),
         (["*.log"], "no matching file"),
         (["@gone"], "a file that cannot be read (No such file or directory)"),
+        (["empty"], "no file"),
+        (["texts"], "2 files, none of which is a recording"),
+        (["LOGS/a.log", "LOGS/day 1/a.log"], "the same name as LOGS/a.log"),
     ],
     ids=str,
 )
-def test_an_argument_without_a_file_is_an_error(find, arguments, found):
+def test_arguments_without_a_recording_or_with_two_of_one_name_are_errors(find, logs, tmp_path, arguments, found):
+    for folder in ("empty", "texts"):
+        (tmp_path / folder).mkdir()
+    for name in ("a", "b"):
+        (tmp_path / "texts" / f"{name}.txt").write_text("Dear diary\n")
     with pytest.raises(SkeletonLogError) as error:
-        find(*arguments)
-    assert error.value.found == found
-
-
-def test_two_files_of_the_same_name_from_different_folders_are_an_error(find, logs):
-    with pytest.raises(SkeletonLogError) as error:
-        find(logs / "a.log", logs / "day 1/a.log")
-    assert error.value.found == f"the same name as {logs / 'a.log'}"
+        find(*(each.replace("LOGS", str(logs)) for each in arguments))
+    assert error.value.found == found.replace("LOGS", str(logs))

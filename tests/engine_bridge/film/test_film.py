@@ -65,10 +65,9 @@ def read_video(path):
     return np.array([frame for _, frame in frames]), np.array([time for time, _ in frames]), sound
 
 
-@pytest.mark.parametrize("ending", ["mp4", "webm"])
-def test_every_frame_of_the_longest_take_is_in_the_video(write_scene, tmp_path, ending):
-    summary = make_video(write_scene(SCENE), tmp_path / f"film.{ending}", 0, None, False, quiet)
-    frames, times, sound = read_video(tmp_path / f"film.{ending}")
+def test_every_frame_of_the_longest_take_is_in_the_video(write_scene, tmp_path):
+    summary = make_video(write_scene(SCENE), tmp_path / "film.mp4", 0, None, False, quiet)
+    frames, times, sound = read_video(tmp_path / "film.mp4")
     assert summary.frames == len(frames) == FRAMES
     assert frames.shape[1:] == (48, 64, 3)
     np.testing.assert_allclose(times, np.arange(FRAMES) / 20, atol=1e-3)
@@ -103,14 +102,7 @@ def test_a_part_shows_the_same_frames_as_the_whole_film(write_scene, tmp_path, m
         np.testing.assert_array_equal(pixels[..., :3], whole[frame][..., :3])
 
 
-def test_a_draft_has_half_the_size_and_half_the_frames(write_scene, tmp_path):
-    summary = make_video(write_scene(SCENE), tmp_path / "film.mp4", 0, None, True, quiet)
-    assert (summary.width, summary.height, summary.frames, summary.fps) == (32, 24, FRAMES // 2 + 1, 10)
-    assert summary.seconds == pytest.approx((FRAMES + 1) / 20)
-
-
-@pytest.mark.parametrize("ending", ["mp4", "webm"])
-@pytest.mark.parametrize("start", [0.0, 0.5])
+@pytest.mark.parametrize(("ending", "start"), [("mp4", 0.5), ("webm", 0.0)])
 def test_a_clap_is_heard_when_it_is_seen(write_scene, write_wav, tmp_path, ending, start):
     """A white title of one frame is the clap in the picture."""
     clap = np.zeros(3 * SAMPLE_RATE)
@@ -122,6 +114,7 @@ def test_a_clap_is_heard_when_it_is_seen(write_scene, write_wav, tmp_path, endin
     path = write_scene(text + title + '[[sound]]\nfile = "sound.wav"\n')
     make_video(path, tmp_path / f"film.{ending}", start, None, False, quiet)
     frames, times, sound = read_video(tmp_path / f"film.{ending}")
+    np.testing.assert_allclose(times, np.arange(len(times)) / 20, atol=1e-3)
     seen = times[frames.mean(axis=(1, 2, 3)).argmax()]
     heard = np.flatnonzero(np.abs(sound[:, 0]) > 0.3)[0] / SAMPLE_RATE
     assert seen == pytest.approx(1.25 - start, abs=1e-3)
@@ -156,33 +149,6 @@ def test_an_interrupt_leaves_no_file(write_scene, tmp_path):
     assert {each.name for each in tmp_path.iterdir()} == {"scene.toml"}
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ('[background]\npicture = "none.png"', r"\[background\], picture: found .*none\.png, which cannot be opened"),
-        (
-            '[[title]]\ntext = "a"\nfont = "none.ttf"',
-            r"\[\[title\]\] 1, font: found .*none\.ttf, which cannot be opened",
-        ),
-    ],
-)
-def test_a_missing_file_is_one_message_before_the_work(write_scene, tmp_path, text, message):
-    steps = []
-    with pytest.raises(SceneError, match=message):
-        make_video(write_scene(SCENE + text), tmp_path / "film.mp4", 0, None, False, lambda *step: steps.append(step))
-    assert not steps
-
-
-def test_a_part_after_the_end_is_refused(write_scene, tmp_path):
-    with pytest.raises(SceneError, match=r"a film of 2\.45 s; expected a film that has frames from second 3 on"):
-        make_video(write_scene(SCENE), tmp_path / "film.mp4", 3, None, False, quiet)
-
-
-def test_another_ending_is_refused(write_scene, tmp_path):
-    with pytest.raises(OutputError, match=r"'\.avi'; expected one of \.mp4, \.webm, \.gif, \.glb"):
-        make_video(write_scene(SCENE), tmp_path / "film.avi", 0, None, False, quiet)
-
-
 def test_without_a_graphics_library_the_message_says_what_to_install(write_scene, tmp_path, monkeypatch):
     import moderngl
 
@@ -190,5 +156,26 @@ def test_without_a_graphics_library_the_message_says_what_to_install(write_scene
         raise RuntimeError("libEGL.so not loaded")
 
     monkeypatch.setattr(moderngl, "create_context", none)
-    with pytest.raises(OutputError, match=r"libEGL\.so not loaded.*apt install libegl1"):
+    with pytest.raises(OutputError) as error:
         GpuRenderer((16, 16))
+    assert "libEGL.so not loaded" in error.value.found
+    assert "apt install libegl1" in error.value.fix
+
+
+@pytest.mark.parametrize(
+    ("text", "output", "start", "where", "kind"),
+    [
+        ('[background]\npicture = "none.png"', "film.mp4", 0, "scene.toml, [background], picture", SceneError),
+        ('[[title]]\ntext = "a"\nfont = "none.ttf"', "film.mp4", 0, "scene.toml, [[title]] 1, font", SceneError),
+        ("", "film.mp4", 3, "scene.toml", SceneError),
+        ("", "film.avi", 0, "film.avi", OutputError),
+    ],
+)
+def test_what_cannot_be_filmed_is_refused_before_the_work(write_scene, tmp_path, text, output, start, where, kind):
+    steps = []
+    with pytest.raises(kind) as error:
+        make_video(
+            write_scene(SCENE + text), tmp_path / output, start, None, False, lambda *step: steps.append(step[0])
+        )
+    assert error.value.where.endswith(where)
+    assert "Filming" not in steps

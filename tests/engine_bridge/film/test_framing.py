@@ -30,9 +30,8 @@ def test_the_nearest_camera_shows_all_points_with_room_around_them(seed, azimuth
     room = np.array([SIDE_ROOM, HEAD_ROOM])
     assert (low >= room - 1e-4).all()
     assert (high <= 1 - room + 1e-4).all()
-    if (
-        np.linalg.norm(eye - target) > (points - target).dot(towards).max() + 0.01
-    ):  # else the eye only has to be outside
+    is_outside = np.linalg.norm(eye - target) > (points - target).dot(towards).max() + 0.01
+    if is_outside:  # else that is all that the eye has to be
         assert (np.abs(np.concatenate([low - room, 1 - room - high])) < 1e-3).sum() >= 2  # no camera is nearer
 
 

@@ -1,7 +1,5 @@
 """Takes on the film's clock: what a character does at each frame, and where it stands."""
 
-import re
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from engine_bridge.film.scene import SceneError
 from engine_bridge.performance.calibration import Calibration
 from engine_bridge.performance.clip import load_timeline, solve
 from engine_bridge.performance.settings import Settings
-from puppetline.errors import SkeletonLogError
+from puppetline.errors import PuppetError, SkeletonLogError
 
 from .conftest import quiet
 
@@ -70,19 +68,15 @@ def test_a_part_of_a_take_begins_at_its_time_and_holds_its_ends(produced, solved
         np.testing.assert_array_equal(actor.controls(frame), expected[row])
 
 
-def test_a_character_without_a_take_stays_at_rest(produced):
-    actor = produced(CHARACTER + "[film]\nseconds = 1").actors[0]
-    np.testing.assert_allclose(actor.controls(7), actor.rig.model.rest_controls, atol=1e-7)
-    assert (actor.root(7) == 0).all()
-
-
 def test_a_muted_take_is_not_played(produced):
     actor = produced(CHARACTER + TAKE + 'mute = true\n[[take]]\ncharacter = "a"\nfile = "TAKE"\nstart = 1').actors[0]
     assert actor.end == 28
 
 
-def test_the_lowest_vertex_stands_on_the_floor_where_the_scene_says(produced):
+def test_without_a_take_a_character_stays_at_rest_and_stands_on_the_floor_where_the_scene_says(produced):
     actor = produced(CHARACTER + "[film]\nseconds = 1").actors[0]
+    np.testing.assert_allclose(actor.controls(7), actor.rig.model.rest_controls, atol=1e-7)
+    assert (actor.root(7) == 0).all()
     vertices = actor.rig.character.vertices
     linear = actor.to_stage(0)
     placed = vertices @ linear[:3] + linear[3]
@@ -164,34 +158,36 @@ def test_the_rest_is_played_if_the_sound_of_a_take_is_missing(produced, tmp_path
         production = produced(CHARACTER + TAKE.replace("TAKE", "loud.log"))
         assert production.sounds == ()
         (note,) = [each for each in production.notes if "sound" in each]
-        assert re.fullmatch(
-            r"a, loud: The sound of the take, .*/sound\.wav, cannot be read .*; mouths stay closed\.", note
-        )
+        assert note.startswith("a, loud: ")
+        assert str(tmp_path / "sound.wav") in note
 
 
 UNPLAYABLE = [
-    (TAKE.replace("TAKE", "none.log"), SceneError, r"\[\[take\]\] 1, file: found the missing file .*none\.log"),
-    (TAKE.replace("TAKE", "LIMBED"), SkeletonLogError, "expected"),
-    (TAKE + "user = 7", SkeletonLogError, "no user 7"),
-    (TAKE + "start = 9", SceneError, r"\[\[take\]\] 1, start: found 9 s in a recording of 1\.90 s"),
+    (TAKE.replace("TAKE", "none.log"), SceneError, "[[take]] 1, file"),
+    (TAKE.replace("TAKE", "LIMBED"), SkeletonLogError, "limbed.toml"),
+    (TAKE + "user = 7", SkeletonLogError, "user"),
+    (TAKE + "start = 9", SceneError, "[[take]] 1, start"),
 ]
 
 
-@pytest.mark.parametrize(("text", "error", "message"), UNPLAYABLE)
-def test_a_take_that_cannot_be_played_is_one_message_and_the_rest_plays(produced, text, error, message):
-    with pytest.raises(error, match=message):
+@pytest.mark.parametrize(("text", "error", "where"), UNPLAYABLE)
+def test_a_take_that_cannot_be_played_is_one_message_and_the_rest_plays(produced, text, error, where):
+    with pytest.raises(error) as refused:
         produced(CHARACTER + text)
+    assert where in refused.value.where
     production = produced(CHARACTER + text + "\n" + TAKE.replace('"TAKE"', '"TAKE"\nstart = 1'))
     (note,) = [each for each in production.notes if each.startswith("A take is left out. ")]
-    assert re.search(message, note)
+    assert where in note
     assert production.frames == 28
 
 
 def test_takes_in_another_order_than_their_times_are_refused(produced):
-    with pytest.raises(SceneError, match=r"\[\[take\]\] 2, at: found 0\.5 s, which is not after"):
+    with pytest.raises(SceneError) as refused:
         produced(CHARACTER + TAKE + "at = 1\n" + TAKE + "at = 0.5")
+    assert refused.value.where.endswith("[[take]] 2, at")
 
 
 def test_a_missing_puppet_is_one_message(produced):
-    with pytest.raises(Exception, match=r"none\.toml: found a file that cannot be read"):
+    with pytest.raises(PuppetError) as refused:
         produced('[[character]]\nname = "a"\npuppet = "none.toml"\n[film]\nseconds = 1')
+    assert refused.value.where.endswith("none.toml")

@@ -15,7 +15,8 @@ CAMERAS = "[[camera]]\nat = 2\n[[camera]]\nat = 1"
 @pytest.fixture
 def load(tmp_path):
     def read(text):
-        (tmp_path / "scene.toml").write_text(text)
+        if text is not None:
+            (tmp_path / "scene.toml").write_text(text)
         return scenes.load(tmp_path / "scene.toml")
 
     return read
@@ -30,30 +31,25 @@ def test_a_character_and_a_take_are_enough(load):
 
 
 @pytest.mark.parametrize(
-    ("text", "where", "found", "fix"),
+    ("text", "where", "found"),
     [
-        (TAKE, "character", "nothing", "Add a table [[character]] there."),
-        (CHARACTER, "the whole file", "no take", "Add a table [[take]], or the key seconds in [film]."),
-        (CHARACTER + BOTH, "[[character]] 2 'a', name", "a second character named 'a'", "Rename one of the two"),
-        (BOTH.replace('character = "a"', 'character = "b"'), "[[take]] 1, character", "'b', which is not", "Correct"),
-        (BOTH + "stop = 1\nstart = 2", "[[take]] 1, stop", "1 s", "Raise stop, or remove it."),
-        (BOTH + "lop = 2", "[[take]] 1, lop", "the unknown key 'lop'", "Did you mean 'loop'?"),
-        (BOTH + "[film]\nsize = [1281, 720]", "[film], size", "1281 × 720 pixels", "Write it like [1280"),
-        (BOTH + '[floor]\ncolor = "gren"', "[floor], color", "'gren'", "Write it like"),
-        (BOTH + BACKGROUND, "[background], picture", "color and picture", "Remove the others."),
-        (BOTH + CAMERAS, "[[camera]] 2, at", "1 s after a camera at 2 s", "Give each camera a later time"),
-        (BOTH + '[[camera]]\nshow = ["c"]', "[[camera]] 1, show, 1", "'c', which is not", "Correct the name"),
-        (BOTH + "[film]\nfps = 0", "[film], fps", "0", "Change the value of that key."),
+        (TAKE, "character", "nothing"),
+        (CHARACTER, "the whole file", "no take"),
+        (CHARACTER + BOTH, "[[character]] 2 'a', name", "a second character named 'a'"),
+        (BOTH.replace('character = "a"', 'character = "b"'), "[[take]] 1, character", "'b'"),
+        (BOTH + "stop = 1\nstart = 2", "[[take]] 1, stop", "1 s"),
+        (BOTH + "lop = 2", "[[take]] 1, lop", "the unknown key 'lop'"),
+        (BOTH + "[film]\nsize = [1281, 720]", "[film], size", "1281 × 720 pixels"),
+        (BOTH + '[floor]\ncolor = "gren"', "[floor], color", "'gren'"),
+        (BOTH + BACKGROUND, "[background], picture", "color and picture"),
+        (BOTH + CAMERAS, "[[camera]] 2, at", "1 s after a camera at 2 s"),
+        (BOTH + '[[camera]]\nshow = ["c"]', "[[camera]] 1, show, 1", "'c'"),
+        (BOTH + "[film]\nfps = 0", "[film], fps", "0"),
+        (None, None, "a file that cannot be read"),
     ],
 )
-def test_a_mistake_is_explained_in_terms_of_the_file(load, text, where, found, fix):
+def test_a_mistake_is_explained_in_terms_of_the_file(load, text, where, found):
     with pytest.raises(SceneError) as error:
         load(text)
-    assert error.value.where.endswith(f"scene.toml, {where}")
+    assert error.value.where.endswith("scene.toml" if where is None else f"scene.toml, {where}")
     assert error.value.found.startswith(found)
-    assert error.value.fix.startswith(fix)
-
-
-def test_a_missing_scene_file_is_one_message(tmp_path):
-    with pytest.raises(SceneError, match=r"none\.toml: found a file that cannot be read .* expected a scene file"):
-        scenes.load(tmp_path / "none.toml")

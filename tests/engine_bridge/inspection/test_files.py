@@ -26,14 +26,12 @@ def test_a_puppet_is_described_with_all_values_including_defaults(blob_puppet):
     assert json.loads(json.dumps(facts)) == facts
 
 
-def test_a_missing_mesh_of_a_puppet_is_said(blob_puppet, tmp_path):
+def test_a_puppet_is_described_with_its_limbs_and_without_the_mesh_that_it_misses(limbed_puppet, tmp_path):
     alone = tmp_path / "alone.toml"
-    alone.write_bytes(blob_puppet.read_bytes())
-    assert not inspect(alone)["mesh_found"]
-
-
-def test_a_puppet_is_described_with_its_limbs(limbed_puppet):
-    limbs = inspect(limbed_puppet)["limbs"]
+    alone.write_bytes(limbed_puppet.read_bytes())
+    facts = inspect(alone)
+    assert not facts["mesh_found"]
+    limbs = facts["limbs"]
     assert list(limbs) == ["trunk", "head", "left arm", "right arm", "left leg", "right leg"]
     assert limbs["trunk"]["parent"] is None
     assert limbs["head"] == {
@@ -104,15 +102,10 @@ def test_an_exported_file_is_described_with_its_animation(take, blob_puppet, tmp
 
 def test_folders_and_unknown_kinds_of_files_are_refused(tmp_path):
     (tmp_path / "notes.txt").write_text("hello")
-    with pytest.raises(PuppetlineError) as error:
-        inspect(tmp_path / "none")
-    assert error.value.found == "no such file"
-    with pytest.raises(PuppetlineError) as error:
-        inspect(tmp_path)
-    assert error.value.found == "a folder"
-    with pytest.raises(PuppetlineError) as error:
-        inspect(tmp_path / "notes.txt")
-    assert error.value.found == "an unknown kind of file"
+    for name, found in (("none", "no such file"), ("", "a folder"), ("notes.txt", "an unknown kind of file")):
+        with pytest.raises(PuppetlineError) as error:
+            inspect(tmp_path / name)
+        assert error.value.found == found
     assert all(kind in error.value.expected for kind in ("puppet", "recording", ".glb", ".obj"))
 
 

@@ -41,19 +41,6 @@ def test_a_library_that_is_missing_is_named_and_the_rest_is_still_looked_at(monk
     assert (bad.detail, bad.fix[:7]) == ("No module named 'no_such_thing'", "Install")
 
 
-@pytest.mark.parametrize(
-    ("has", "detail", "fix"),
-    [
-        (True, "with CURVE", ""),
-        (False, "without CURVE: tokens work, keys do not", "Install pyzmq from its wheel, which contains CURVE."),
-    ],
-)
-def test_curve_is_optional(monkeypatch, has, detail, fix):
-    monkeypatch.setattr("zmq.has", {"curve": has}.get)
-    finding = machine._pyzmq("27.0.0")
-    assert (finding.ok, finding.detail.split(", ", 2)[2], finding.fix) == (True, detail, fix)
-
-
 @pytest.mark.parametrize("kind", ["tcp", "udp"])
 def test_a_port_in_use_is_no_failure_and_its_owner_is_named(monkeypatch, kind):
     with socket.socket(type=socket.SOCK_STREAM if kind == "tcp" else socket.SOCK_DGRAM) as other:
@@ -84,54 +71,39 @@ def test_a_folder_that_is_not_there_yet_is_judged_by_the_one_it_would_be_made_in
     assert "will be created" in finding.detail
 
 
-@pytest.mark.parametrize(("asked", "ok"), [(False, None), (True, False)])
-def test_an_unwritable_folder_is_a_failure_if_the_user_asked_for_it(tmp_path, monkeypatch, asked, ok):
-    def refuse(dir):  # noqa: A002 - tempfile's own name
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(machine.tempfile, "TemporaryFile", refuse)
-    finding = machine._folder("takes", tmp_path, asked=asked)
-    assert (finding.ok, finding.detail) == (ok, f"{tmp_path}: cannot be written to (Permission denied)")
-
-
-def test_the_folder_of_takes_is_asked_for_by_its_name(tmp_path, monkeypatch):
+def test_an_unwritable_folder_is_a_failure_if_the_user_asked_for_it(tmp_path, monkeypatch):
     def refuse(dir):  # noqa: A002 - tempfile's own name
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(machine.tempfile, "TemporaryFile", refuse)
     findings = examine()
     assert [named(findings, name).ok for name in ("cache", "state", "takes")] == [None] * 3
-    assert named(examine(tmp_path), "takes").ok is False
+    takes = named(examine(tmp_path), "takes")
+    assert (takes.ok, takes.detail) == (False, f"{tmp_path}: cannot be written to (Permission denied)")
 
 
-def test_low_disk_space_is_reported_and_no_failure(tmp_path, monkeypatch):
-    monkeypatch.setattr(machine, "LOW_DISK_BYTES", 1e18)
-    finding = machine._folder("takes", tmp_path)
-    assert (finding.ok, finding.fix) == (True, "Free space on that disk.")
-
-
-def test_a_coarse_clock_is_reported_and_no_failure(monkeypatch):
-    monkeypatch.setattr(machine.time, "get_clock_info", lambda _name: SimpleNamespace(resolution=0.015625))
-    finding = machine._clock()
-    assert finding.ok is True
-    assert finding.detail.startswith("monotonic to 15625000 ns, too coarse to measure latencies, ")
-
-
-def test_a_machine_without_a_network_is_no_failure(monkeypatch):
+def test_low_disk_space_a_coarse_clock_no_curve_and_no_network_are_reported_and_no_failure(tmp_path, monkeypatch):
     def no_network(_seconds):
         raise OSError("Network is unreachable")
 
+    assert machine._pyzmq("27.0.0").fix == ""
+    monkeypatch.setattr(machine, "LOW_DISK_BYTES", 1e18)
+    monkeypatch.setattr(machine.time, "get_clock_info", lambda _name: SimpleNamespace(resolution=0.015625))
+    monkeypatch.setattr("zmq.has", {"curve": False}.get)
     monkeypatch.setattr("engine_bridge.service.discovery.find", no_network)
-    assert machine._network() == Finding(
-        "multicast DNS",
-        None,
-        "not available: Network is unreachable",
-        "Give clients the address of the service; they cannot discover it here.",
+    disk, time, zeromq, network = (
+        machine._folder("takes", tmp_path),
+        machine._clock(),
+        machine._pyzmq("27.0.0"),
+        machine._network(),
     )
+    assert [each.ok for each in (disk, time, zeromq, network)] == [True, True, True, None]
+    assert "15625000 ns, too coarse" in time.detail
+    assert "Network is unreachable" in network.detail
+    assert all(each.fix for each in (disk, zeromq, network))
 
 
-def test_given_sources_are_opened_once_and_fail_if_they_cannot_be_opened(monkeypatch):
-    monkeypatch.setattr(machine, "FIRST_DATA_SECONDS", 1.0)
+def test_given_sources_are_opened_once_and_fail_if_they_cannot_be_opened(given_clock):
     with socket.socket(type=socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         silent = f"osc:{probe.getsockname()[1]}"
@@ -139,7 +111,7 @@ def test_given_sources_are_opened_once_and_fail_if_they_cannot_be_opened(monkeyp
     findings = [each for each in examine(sources=asked) if each.name in asked]
     assert findings[:2] == [
         Finding("demo:walk", True, "works"),
-        Finding(silent, True, "can be opened; no data within 1 s"),
+        Finding(silent, True, f"can be opened; no data within {machine.FIRST_DATA_SECONDS:g} s"),
     ]
     assert [(each.name, each.ok, each.detail) for each in findings[2:]] == [
         ("demo:nobody", False, "no example motion 'nobody'"),

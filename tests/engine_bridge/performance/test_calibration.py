@@ -118,22 +118,21 @@ def same(found, made):
     return found == {name: made[name] for name in ("rest", "sensor")}
 
 
-def test_the_calibration_at_the_beginning_comes_before_later_ones(write_take, calibration):
-    start, later = calibration(0.1), calibration(0.2)
-    used, notes = found(write_take(opening(dog={"user": 1, "calibration": start}), begin(1.0, later)))
-    assert same(used, start)
-    assert notes == (
-        "The performer's calibration pose is the one in the take, which was in use when the take began.",
-        "It was calibrated or mirrored again at 1.00 s.",
-    )
-
-
-def test_without_one_at_the_beginning_the_first_later_one_is_used(write_take, calibration):
+def test_the_calibration_in_use_at_the_beginning_is_used_or_else_the_first_later_one(write_take, calibration):
     first, second = calibration(0.1), calibration(0.2)
-    waiting = opening(dog={"user": 1, "calibration": None})
-    used, notes = found(write_take(waiting, begin(0.5, first), begin(1.0, second)))
-    assert same(used, first)
-    assert notes[0] == "The performer's calibration pose is the one in the take, which was made at 0.50 s."
+    started, waiting = ({"user": 1, "calibration": pose} for pose in (first, None))
+    for cues, expected, words in (
+        ([opening(dog=started), begin(1.0, second)], first, ["when the take began", "again at 1.00 s"]),
+        ([opening(dog=waiting), begin(0.5, first), begin(1.0, second)], first, ["at 0.50 s", "again at 1.00 s"]),
+        (
+            [opening(dog=started), begin(0.0, second)],
+            second,
+            ["when the take began"],
+        ),  # a part, as the studio writes it
+    ):
+        used, notes = found(write_take(*cues))
+        assert same(used, expected)
+        assert [word in note for word, note in zip(words, notes, strict=True)] == [True] * len(words)
 
 
 def test_later_calibrations_and_mirroring_follow_in_their_order_and_repetitions_do_not(write_take, calibration):
@@ -143,13 +142,6 @@ def test_later_calibrations_and_mirroring_follow_in_their_order_and_repetitions_
     calibrations, _ = of_performer([clip], clip)
     assert [(each.time, each.mirror) for each in calibrations] == [(0.0, False), (0.8, True), (1.2, True)]
     assert [same(each.calibration.to_json(), start) for each in calibrations] == [True, True, False]
-
-
-def test_a_part_of_a_take_has_the_calibration_that_was_made_before_it(write_take, calibration):
-    """The studio writes such a part: the opening, and later calibrations at its first skeleton."""
-    earlier, later = calibration(0.1), calibration(0.2)
-    used, _ = found(write_take(opening(dog={"user": 1, "calibration": earlier}), begin(0.0, later)))
-    assert same(used, later)
 
 
 def test_each_performer_has_a_calibration_of_their_own(write_take, calibration):

@@ -66,13 +66,6 @@ def test_a_take_has_the_voice_of_the_sound_beside_it(loud_take):
     assert timeline.part(20, 40).channels["voice"].tolist() == voice[20:40].tolist()
 
 
-def test_a_take_whose_sound_is_damaged_is_played_without_it(loud_take):
-    loud_take.with_suffix(".wav").write_bytes(b"RIFF")
-    timeline, notes = load_timeline(loud_take, Settings())
-    assert timeline.channels is None
-    assert any("cannot be read" in note and "mouths stay closed" in note for note in notes)
-
-
 def test_without_its_sound_a_take_has_the_channels_that_were_recorded(tmp_path, record_events, frames, dance):
     first, *others = (
         replace(frame, channels={} if number == 5 else {"voice": number / 100, "smile": 0.5})
@@ -165,19 +158,20 @@ def test_edited_channels_are_written_into_the_file(bent_puppet):
 
 
 @pytest.mark.parametrize(
-    ("more", "message"),
+    ("more", "where"),
     [
-        ('[[morph]]\ntarget = "jawOpen"\nchannel = "voice"\n', r"1, target: found 'jawOpen', which is not"),
-        ('[[morph]]\ntarget = "jawOpen"\nchannel = "loudness"\n', r"\[\[morph\]\] 1, channel: found 'loudness'"),
-        ('[[channel]]\nname = "smile"\nfull = 0.0\n', r"'smile', full: found full 0 with neutral 0"),
-        ('[[handle]]\nname = "jaw"\nposition = [0, 1, 0]\nchannel = "voice"\n', "channel without moves"),
+        ('[[morph]]\ntarget = "jawOpen"\nchannel = "voice"\n', "[[morph]] 1, target"),
+        ('[[morph]]\ntarget = "jawOpen"\nchannel = "loudness"\n', "[[morph]] 1, channel"),
+        ('[[channel]]\nname = "smile"\nfull = 0.0\n', "'smile', full"),
+        ('[[handle]]\nname = "jaw"\nposition = [0, 1, 0]\nchannel = "voice"\n', "'jaw', channel"),
     ],
 )
-def test_a_wrong_target_or_channel_is_one_message(blob_puppet, tmp_path, more, message):
+def test_a_wrong_target_or_channel_is_one_message(blob_puppet, tmp_path, more, where):
     path = tmp_path / "a.toml"
     path.write_text(blob_puppet.read_text().replace("blob.glb", str(blob_puppet.with_name("blob.glb"))) + more)
-    with pytest.raises(PuppetError, match=message):
+    with pytest.raises(PuppetError) as error:
         load_rig(path)
+    assert where in error.value.where
 
 
 def test_weights_of_targets_follow_their_channels_within_0_and_1(blob_puppet):

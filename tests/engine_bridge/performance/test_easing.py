@@ -20,6 +20,9 @@ def test_without_an_easing_places_are_shown_as_they_are(easing):
     assert easing.shown is THERE
     assert easing.shown_at == 5.0
     assert easing.finished(5.0)
+    easing.seconds = 0.0
+    easing.begin(6.0)
+    assert easing.show(6.0, REST) is REST
 
 
 def test_places_are_shown_a_smooth_share_of_the_way_and_all_of_it_in_the_end(easing):
@@ -50,9 +53,3 @@ def test_a_pause_of_the_source_is_no_part_of_the_way(easing):
     later = easing.show(60.0, THERE).targets[0, 0]
     t = TICK_SECONDS + MAX_STEP_SECONDS
     assert later == pytest.approx(t * t * (3 - 2 * t))
-
-
-def test_an_easing_of_no_time_is_none(easing):
-    easing.seconds = 0.0
-    easing.begin(0.0)
-    assert easing.show(0.0, THERE) is THERE

@@ -1,5 +1,4 @@
 import dataclasses
-import logging
 
 import numpy as np
 import pytest
@@ -58,22 +57,6 @@ def test_the_second_start_gives_the_same_and_computes_nothing(puppet, tmp_path, 
     monkeypatch.setattr(preparation, "build", None)
     assert same(load_rig(puppet), first)
     assert kept() == files
-
-
-def test_damaged_files_of_the_cache_are_made_anew_with_a_warning(puppet, caplog):
-    first = load_rig(puppet)
-    for path in cache_folder().iterdir():
-        content = bytearray(path.read_bytes())
-        content[len(content) // 2] ^= 1
-        path.write_bytes(content)
-    names = kept()
-    with caplog.at_level(logging.WARNING):
-        assert same(load_rig(puppet), first)
-    assert len(caplog.records) == len(names)
-    assert all(name in caplog.text for name in names)
-    caplog.clear()
-    assert same(load_rig(puppet), first)
-    assert not caplog.records
 
 
 def test_a_mesh_file_that_changes_is_prepared_anew(puppet):

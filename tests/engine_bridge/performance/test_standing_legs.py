@@ -49,25 +49,15 @@ def steps(made, rest):
     return steps_of(made, bones_of(made.limbs), rest)
 
 
-def test_an_animal_travels_in_proportion_to_the_height_of_its_hips(rest):
-    leg_length = body.TYPICAL_BONE_METRES["knee"] + body.TYPICAL_BONE_METRES["ankle"]
-
-    assert steps(puppet(), rest).metre == pytest.approx(HIP_HEIGHT / leg_length)
-    assert steps(puppet(retarget={"scale": 2.0}), rest).metre == 2.0
-
-
-def test_all_legs_that_stand_step(rest):
-    assert steps(puppet(), rest).places.shape == (4, 3)
-    assert steps(puppet(LEGS[:2]), rest).places.shape == (2, 3)
-
-
-@pytest.mark.parametrize("made", [puppet(root=None), puppet(root={"feet": "free"})])
-def test_a_character_without_a_root_or_with_free_feet_does_not_step(made, rest):
-    assert steps(made, rest) is None
-
-
-def test_legs_that_do_not_stand_do_not_step(rest):
-    assert steps(puppet([each | {"stands": False} for each in LEGS]), rest) is None
+def test_all_legs_that_stand_step_and_the_animal_travels_in_proportion_to_the_height_of_its_hips(rest):
+    metre = HIP_HEIGHT / (body.TYPICAL_BONE_METRES["knee"] + body.TYPICAL_BONE_METRES["ankle"])
+    for legs, scale, expected in ((LEGS, "auto", metre), (LEGS[:2], 2.0, 2.0)):
+        made = steps(puppet(legs, retarget={"scale": scale}), rest)
+        assert made.metre == pytest.approx(expected)
+        assert made.places.shape == (len(legs), 3)
+    lying = [each | {"stands": False} for each in LEGS]
+    for made in (puppet(lying), puppet(root=None), puppet(root={"feet": "free"})):
+        assert steps(made, rest) is None
 
 
 def test_a_raised_hand_lifts_the_front_leg_of_its_side(rest):

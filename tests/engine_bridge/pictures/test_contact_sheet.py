@@ -3,7 +3,6 @@ import pytest
 from PIL import Image
 
 from engine_bridge.pictures.contact_sheet import PAPER, write_contact_sheet
-from puppetline.errors import OutputError
 
 
 @pytest.mark.parametrize(("title", "height"), [("A take", 52 + 3 * (20 + 30) + 10), ("", 10 + 3 * (20 + 30) + 10)])
@@ -18,18 +17,3 @@ def test_a_sheet_has_room_for_all_tiles_labels_and_the_title(tmp_path, title, he
         np.testing.assert_array_equal(sheet[y : y + 20, x : x + 40], tile)
         assert (sheet[y + 20 : y + 50, x : x + 40] < 128).any()  # the label's ink
     assert (sheet[top + 100 :, 60:] == PAPER).all()  # no sixth tile
-
-
-def test_a_sheet_replaces_the_old_one_and_leaves_nothing_else(tmp_path):
-    path = tmp_path / "sheet.png"
-    path.write_text("old")
-    write_contact_sheet([np.zeros((8, 8, 3), np.uint8)], ["0 s"], 1, path)
-    assert Image.open(path).format == "PNG"
-    assert [p.name for p in tmp_path.iterdir()] == ["sheet.png"]
-
-
-def test_a_sheet_that_cannot_be_written_says_where(tmp_path):
-    for path in (tmp_path / "nowhere" / "sheet.png", tmp_path):
-        with pytest.raises(OutputError, match="cannot be written") as error:
-            write_contact_sheet([np.zeros((8, 8, 3), np.uint8)], ["0 s"], 1, path)
-        assert error.value.where == str(path)

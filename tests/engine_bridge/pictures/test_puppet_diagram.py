@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from PIL import Image
 
 from engine_bridge.character.character import make_character
 from engine_bridge.pictures import puppet_diagram
@@ -62,10 +61,3 @@ def test_labels_do_not_overlap_and_are_inside():
     assert placed.min() >= puppet_diagram.LABEL_HEIGHT / 2
     assert placed.max() <= puppet_diagram.SIZE[1] - puppet_diagram.LABEL_HEIGHT / 2
     np.testing.assert_array_equal(puppet_diagram._apart(np.array([100.0, 300.0])), [100, 300])
-
-
-def test_the_image_has_both_views(blob, puppet, tmp_path):
-    character = make_character("blob", blob.vertices.astype(float), blob.faces)
-    puppet_diagram.draw(puppet(HANDLES), character, tmp_path / "a.png", "blob")
-    with Image.open(tmp_path / "a.png") as image:
-        assert image.size[0] >= 2 * puppet_diagram.SIZE[0]

@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from PIL import ImageFont
 from puppetline.examples.performances import PERFORMANCES
 
 from capture.sensors.diagnosis import Problem, diagnose
@@ -61,23 +60,17 @@ def test_joints_are_drawn_where_the_lens_projects_them_on_colour_and_depth(pictu
         )
 
 
-def test_lost_joints_are_not_drawn(picture):
+def test_lost_joints_and_those_behind_the_sensor_are_not_drawn(picture):
     confidence = np.ones(20)
     confidence[[JOINT_INDEX[name] for name in ("wrist_left", "hand_left")]] = 0
-    image = drawn(report_of(confidence, picture))
-    shown = drawn(report_of(1, picture))
-    hand = [GAP, GAP] + 2 * LENS.project(POSE[JOINT_INDEX["hand_left"]])
-    assert near(shown, hand, BLUE)
-    assert near(image, hand, (90, 40, 140))
-
-
-def test_a_joint_behind_the_sensor_is_not_drawn(picture):
     behind = POSE.copy()
     behind[JOINT_INDEX["head"], 2] = -1
-    image = drawn(report_of(1, picture, behind))
-    neck = [GAP, GAP] + 2 * LENS.project(POSE[JOINT_INDEX["shoulder_center"]])
+    image, shown = drawn(report_of(confidence, picture, behind)), drawn(report_of(1, picture))
+    hand, neck = ([GAP, GAP] + 2 * LENS.project(POSE[JOINT_INDEX[name]]) for name in ("hand_left", "shoulder_center"))
+    for place in (hand, neck - [0, 15]):
+        assert near(shown, place, BLUE)
+        assert not near(image, place, BLUE)
     assert near(image, neck, BLUE)
-    assert not near(image, neck - [0, 15], BLUE)
 
 
 def test_without_an_image_performers_are_drawn_from_the_front_with_the_right_hand_on_the_left():
@@ -116,12 +109,3 @@ def test_problems_are_written_below_in_their_own_colour(picture):
     words = drawn(good, diagnose(good))[PANEL_HEIGHT + GAP :]
     assert len(places_of(words, source_view.PROBLEM_COLOR)) == 0
     assert len(places_of(words, source_view.OK_COLOR)) > 0
-
-
-def test_long_texts_are_broken_between_words():
-    text = " ".join(f"{'wide' * (n % 4 + 1)}{n}" for n in range(60))
-    lines = source_view._wrap(text, 15, 300)
-    assert " ".join(lines) == text
-    assert all(ImageFont.load_default(15).getlength(line) <= 300 for line in lines)
-    assert source_view._wrap("unbreakable" * 20, 15, 50) == ["unbreakable" * 20]
-    assert source_view._wrap("", 15, 50) == []

@@ -3,7 +3,7 @@ import pytest
 
 from capture.skeleton import JOINT_INDEX, PARENTS
 from engine_bridge.pictures import stick_figure
-from engine_bridge.pictures.renderer import View, backdrop, project
+from engine_bridge.pictures.renderer import View, project
 
 SIZE = (180, 320)
 VIEW = View(0.0, 0.0, (0.0, 0.0, 0.0), 1.0)
@@ -52,8 +52,3 @@ def test_a_lost_joint_removes_its_bones_only(joints):
     low, high = ends.min(axis=0) - 4, ends.max(axis=0) + 4
     assert len(row)
     assert ((np.column_stack([column, row]) >= low) & (np.column_stack([column, row]) <= high)).all()
-
-
-def test_without_joints_the_image_is_the_background():
-    picture = stick_figure.draw(np.full((20, 3), np.nan), VIEW, SIZE)
-    np.testing.assert_allclose(picture.astype(int), backdrop(SIZE), atol=1)

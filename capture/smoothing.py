@@ -138,7 +138,8 @@ def _filter(positions, confidence, frames, decay, settings, state):
     jitter_radius, max_deviation, prediction = settings
     measured, smoothed, trend, output = state
     for j in range(len(positions)):
-        known = confidence[j] > LOST and np.isfinite(positions[j]).all()
+        x, y, z = positions[j, 0], positions[j, 1], positions[j, 2]
+        known = confidence[j] > LOST and np.isfinite(x) and np.isfinite(y) and np.isfinite(z)
         widen = 1.0 if confidence[j] > INFERRED else 2.0
         # a measurement near the last smoothed position is moved towards it, the more the nearer it is
         distance = _distance(positions[j], smoothed[j])
@@ -166,13 +167,12 @@ def _filter(positions, confidence, frames, decay, settings, state):
                     output[j, axis] = positions[j, axis] + widen * max_deviation / away * offset
 
 
-@compiled
+@compiled(inner=True)
 def _distance(a, b):
     return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
-@compiled
-def _decay(alpha, gamma, frames):
+def _decay(alpha: float, gamma: float, frames: float) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the rows of Aⁿ for n = frames, which maps the errors (e, u) to those after that many frames.
 
     Cayley-Hamilton with the eigenvalues λ and μ of A: Aⁿ = μⁿ I + (λⁿ − μⁿ)/(λ − μ) (A − μ I). A has determinant
@@ -195,8 +195,7 @@ def _decay(alpha, gamma, frames):
     )
 
 
-@compiled
-def _expm1(z):
+def _expm1(z: complex) -> complex:
     """Return exp(z) − 1 of a complex number, without cancellation near 0."""
     x, y = z.real, z.imag
     return complex(math.expm1(x) * math.cos(y) - 2.0 * math.sin(y / 2.0) ** 2, math.exp(x) * math.sin(y))

@@ -35,23 +35,11 @@ class Shape:
 
     def within(self, points: Array, reach: Array) -> NDArray[np.intp]:
         """Return the indices of points in the box or less than `reach` (n,) away; all others are farther away."""
-        return np.flatnonzero(_nearer(points, self.low, self.high, reach))
+        beyond = np.maximum(np.maximum(self.low - points, points - self.high), 0.0)
+        square = np.einsum("ik,ik->i", beyond, beyond)
+        return np.flatnonzero((square == 0.0) | ((reach > 0.0) & (square < reach * reach)))
 
 
-@compiled
-def _nearer(points: Array, low: Array, high: Array, reach: Array) -> NDArray[np.bool_]:
-    """Return which points are in a box or less than `reach` away from it."""
-    result = np.empty(len(points), np.bool_)
-    for i in range(len(points)):
-        square = 0.0
-        for k in range(3):
-            beyond = max(low[k] - points[i, k], points[i, k] - high[k], 0.0)
-            square += beyond * beyond
-        result[i] = square == 0.0 or (reach[i] > 0.0 and square < reach[i] * reach[i])
-    return result
-
-
-@compiled
 def _round_cones(points: Array, a: Array, b: Array, radius_a: Array, radius_b: Array) -> Array:
     """Distance to the nearest of several round cones (see `round_cone`)."""
     axis = b - a
@@ -61,6 +49,15 @@ def _round_cones(points: Array, a: Array, b: Array, radius_a: Array, radius_b: A
     shift = steepness / np.sqrt(1.0 - steepness * steepness)
     axis /= length.reshape(-1, 1)
     result = np.full(len(points), np.inf)
+    _nearest_cone(points, a, axis, length, shift, slope, radius_a, result)
+    return result
+
+
+@compiled
+def _nearest_cone(
+    points: Array, a: Array, axis: Array, length: Array, shift: Array, slope: Array, radius_a: Array, result: Array
+) -> None:
+    """Lower each distance to that of the nearest cone."""
     for i in range(len(points)):
         for j in range(len(a)):
             x, y, z = points[i, 0] - a[j, 0], points[i, 1] - a[j, 1], points[i, 2] - a[j, 2]
@@ -69,7 +66,6 @@ def _round_cones(points: Array, a: Array, b: Array, radius_a: Array, radius_b: A
             nearest = min(max(height - shift[j] * off, 0.0), length[j])
             distance = np.hypot(off, height - nearest) - radius_a[j] + slope[j] * nearest
             result[i] = min(result[i], distance)
-    return result
 
 
 def turn(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Array:

@@ -91,7 +91,7 @@ def measure_depths(
     return None if np.isnan(scale) else (depths, known, scale)
 
 
-@compiled
+@compiled(inner=True)
 def _window(depth, pixel, radius):
     """Return the known depths around a pixel, in metres, sorted."""
     height, width = depth.shape
@@ -107,12 +107,12 @@ def _window(depth, pixel, radius):
     return np.sort(values[:count])
 
 
-@compiled
+@compiled(inner=True)
 def _median(ordered):
     return (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]) / 2
 
 
-@compiled
+@compiled(inner=True)
 def _is_plausible(ray, z, estimate, bone, parent_ray, parent_z):
     """Return whether a joint can be at depth z; `parent_z` is NaN if unknown."""
     square = 0.0
@@ -124,7 +124,7 @@ def _is_plausible(ray, z, estimate, bone, parent_ray, parent_z):
     return abs(z - estimate) < _MAX_ESTIMATE_ERROR or abs(length - bone) < _MAX_BONE_ERROR * bone
 
 
-@compiled
+@compiled(inner=True)
 def _surface_depth(window, skin, ray, estimate, bone, parent_ray, parent_z):
     """Return the depth of a joint behind the nearest plausible surface; NaN if there is none."""
     enough = _MIN_SURFACE_SHARE * len(window)

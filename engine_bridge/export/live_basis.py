@@ -234,7 +234,7 @@ def _project(duals, at_rest, R, reach, weights):
     return limited
 
 
-@compiled(fastmath=True)
+@compiled(inner=True, fastmath=True)
 def _product(a, b):
     """Return the scalar product of two vectors; the compiler may reorder additions here, but not in the caller."""
     total = 0.0

@@ -83,8 +83,8 @@ def _irradiance(points, normals, directions, irradiances, matrices, depths):
     out = np.zeros((len(points), 3), np.float32)
     size = depths.shape[1]
     for k in range(len(directions)):
-        dx, dy, dz = directions[k]
-        red, green, blue = irradiances[k]
+        dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
+        red, green, blue = irradiances[k, 0], irradiances[k, 1], irradiances[k, 2]
         matrix, depth = matrices[k], depths[k]
         # Points are lifted off the surface by 1.5 texels; otherwise the surface would shade itself between texels.
         lift = np.float32(1.5) / np.sqrt(matrix[0, 0] ** 2 + matrix[0, 1] ** 2 + matrix[0, 2] ** 2)

@@ -187,25 +187,26 @@ def _facing_normals(
     a, b, c = np.moveaxis(mesh[triangles], 1, 0)
     flat = np.cross(b - a, c - a)
     smooth = np.empty((len(triangles), 3, 3))
-    _corner_normals(flat, places, starts, around, smooth)
+    _corner_normals(flat, np.sqrt((flat * flat).sum(axis=1)), places, starts, around, smooth)
     smooth = np.einsum("pk,pkx->px", share, smooth[shown])
     side = np.where(flat[shown] @ towards < 0, -1.0, 1.0)
     return (smooth * (side / np.maximum(np.linalg.norm(smooth, axis=1), 1e-300))[:, None]).astype(np.float32)
 
 
 @compiled
-def _corner_normals(flat, places, starts, around, out):
+def _corner_normals(flat, length, places, starts, around, out):
     """Sum, for each corner of each triangle, the normals of the triangles around it across soft edges, on its side."""
-    length = np.sqrt((flat * flat).sum(axis=1))
     for t in range(len(flat)):
         for k in range(3):
             place = places[t, k]
-            out[t, k] = flat[t]
+            x, y, z = flat[t, 0], flat[t, 1], flat[t, 2]
             for j in range(starts[place], starts[place + 1]):
                 other = around[j]
                 cosine = flat[t, 0] * flat[other, 0] + flat[t, 1] * flat[other, 1] + flat[t, 2] * flat[other, 2]
                 if other != t and abs(cosine) > SOFT_EDGE_COSINE * length[t] * length[other]:
-                    out[t, k] += flat[other] if cosine > 0 else -flat[other]
+                    sign = 1.0 if cosine > 0 else -1.0
+                    x, y, z = x + sign * flat[other, 0], y + sign * flat[other, 1], z + sign * flat[other, 2]
+            out[t, k, 0], out[t, k, 1], out[t, k, 2] = x, y, z
 
 
 def _to_srgb(linear: NDArray[np.float32]) -> NDArray[np.uint8]:

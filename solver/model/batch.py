@@ -125,17 +125,17 @@ class BatchBinding:
         return lines.astype(np.float32), slopes.astype(np.float32)
 
 
-@compiled
+@compiled(inner=True)
 def _gather(below, lines, slopes, cell):
     """Collect what a cell blends, T and then each D_i, into cell (4 + 4 n_e, columns)."""
-    cell[:4] = 0
     for i in range(len(below)):
         for c in range(4):
-            cell[4 * (i + 1) + c] = slopes[below[i], c]
-            cell[c] += lines[below[i], c]
+            for s in range(cell.shape[1]):
+                cell[4 * (i + 1) + c, s] = slopes[below[i], c, s]
+                cell[c, s] = lines[below[i], c, s] if i == 0 else cell[c, s] + lines[below[i], c, s]
 
 
-@compiled(fastmath=True)
+@compiled(inner=True, fastmath=True)
 def _place(rest, between, cell, out):
     """Blend one vertex into out (columns,)."""
     x, y, z, one = rest[0], rest[1], rest[2], rest[3]

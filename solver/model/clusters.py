@@ -153,9 +153,9 @@ def _add_covariances(order, starts, first, neighbours, cot, rest, below, upper, 
         for v in members:
             for entry in range(first[v], first[v + 1]):
                 u = neighbours[entry]
-                if share[u].any():
+                if share[u, 0] != 0 or share[u, 1] != 0 or share[u, 2] != 0:
                     _add_products(share[u], rest[u], below[u], upper[u], weights, isolines, C[3 * c : 3 * c + 3])
-                    share[u] = 0  # already counted if it occurs again
+                    share[u, 0] = share[u, 1] = share[u, 2] = 0.0  # already counted if it occurs again
 
 
 @compiled(inner=True)

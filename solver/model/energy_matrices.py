@@ -82,9 +82,9 @@ def products(
     order = np.lexsort((*below.T[::-1], cluster))
     for rows in _chunks(order, cluster):
         lowest, highest = _span(rows, L.indptr, L.indices, below)
-        others = (rest, below, upper, weights, lowest, highest - lowest + 1)
-        W, KW, W_delta, delta = _rows(rows, L.indptr, L.indices, L.data, mass, *others)
-        untied = KW if surface is L else _rows(rows, surface.indptr, surface.indices, surface.data, mass, *others)[1]
+        others = (mass, rest, below, upper, weights, lowest, highest)
+        W, KW, W_delta, delta = _rows(rows, L, *others)
+        untied = KW if surface is L else _rows(rows, surface, *others)[1]
         there = np.flatnonzero((lowest[:, None] <= levels) & (levels <= highest[:, None]))
         four, three = _columns(there, 4), _columns(there, 3)
         sums.gram[np.ix_(four, four)] += W.T @ W
@@ -110,24 +110,41 @@ def _columns(isolines: NDArray[np.integer], each: int) -> NDArray[np.int64]:
 def _span(rows, starts, neighbours, below):
     """Return the lowest and highest isoline of each field next to a vertex of some rows of L."""
     count = below.shape[1]
-    lowest, highest = below[rows[0]].copy(), below[rows[0]] + 1
+    lowest, highest = below[rows[0]].copy(), below[rows[0]].copy()
     for v in rows:
         for entry in range(starts[v], starts[v + 1]):
             for i in range(count):
                 level = below[neighbours[entry], i]
                 lowest[i] = min(lowest[i], level)
-                highest[i] = max(highest[i], level + 1)
+                highest[i] = max(highest[i], level)
+    for i in range(count):
+        highest[i] += 1
     return lowest, highest
 
 
-@compiled
-def _rows(rows, starts, neighbours, entries, mass, rest, below, upper, weights, lowest, width):
+def _rows(
+    rows: NDArray[np.int64],
+    L: "csr_matrix",
+    mass: NDArray[np.float64],
+    rest: NDArray[np.float64],
+    below: NDArray[np.int64],
+    upper: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    lowest: NDArray[np.int64],
+    highest: NDArray[np.int64],
+) -> tuple[NDArray[np.float64], ...]:
     """Return some rows of W, K W, M^(−1/2) W_δ and M^(−1/2) δ, with the columns of isolines in each field's span."""
-    count = len(weights)
+    width = highest - lowest + 1
+    out = tuple(np.zeros((len(rows), columns)) for columns in np.array([4, 4, 3, 0]) * width.sum() + [0, 0, 0, 3])
     first = np.cumsum(width) - width - lowest
-    total = width.sum()
-    W, KW = np.zeros((len(rows), 4 * total)), np.zeros((len(rows), 4 * total))
-    W_delta, deltas = np.zeros((len(rows), 3 * total)), np.zeros((len(rows), 3))
+    _fill_rows(rows, L.indptr, L.indices, L.data, mass, rest, below, upper, weights, first, *out)
+    return out
+
+
+@compiled
+def _fill_rows(rows, starts, neighbours, entries, mass, rest, below, upper, weights, first, W, KW, W_delta, deltas):
+    """Add to the rows of W, K W, M^(−1/2) W_δ and M^(−1/2) δ."""
+    count = len(weights)
     h = np.ones(4)
     for r in range(len(rows)):
         v = rows[r]
@@ -145,7 +162,7 @@ def _rows(rows, starts, neighbours, entries, mass, rest, below, upper, weights, 
                 for c in range(4):
                     KW[r, here + c] += a * h[c]
                     KW[r, here + 4 + c] += b * h[c]
-        h[:3], h[3] = rest[v], 1
+        h[0], h[1], h[2], h[3] = rest[v, 0], rest[v, 1], rest[v, 2], 1.0
         for i in range(count):
             here = first[i] + below[v, i]
             b = weights[i] * upper[v, i]
@@ -156,4 +173,3 @@ def _rows(rows, starts, neighbours, entries, mass, rest, below, upper, weights, 
             for c in range(3):
                 W_delta[r, 3 * here + c] = a * delta[c]
                 W_delta[r, 3 * here + 3 + c] = b * delta[c]
-    return W, KW, W_delta, deltas

@@ -12,7 +12,7 @@ from solver.model.simd_vector import add_scaled, item, load, zeros
 ZERO, ONE = np.float32(0), np.float32(1)
 
 
-@compiled
+@compiled(inner=True)
 def _fill(rows, controls, weights):
     """Write each transform, times its field's weight, as a row."""
     isolines = len(controls) // len(weights)
@@ -95,7 +95,7 @@ def blend_normals(rest, tangents, slopes, isoline_coordinates, controls, weights
         normals[v, 0], normals[v, 1], normals[v, 2] = nx * scale, ny * scale, nz * scale
 
 
-@compiled(inner=True, inline="always")
+@compiled(inner=True, forceinline=True, fastmath=True)
 def _moved(transform, x, y, z, w):
     """Apply a vector's 3 × 4 transform to (x, y, z, w)."""
     return (

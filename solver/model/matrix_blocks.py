@@ -67,13 +67,13 @@ def pack_matrix(M: NDArray[np.float64], row: NDArray[np.int64], column: NDArray[
     return np.ascontiguousarray(padded.reshape(-1, ROWS, padded.shape[1]).swapaxes(1, 2)).ravel()
 
 
-@compiled(inner=True, inline="always")
+@compiled(inner=True, forceinline=True)
 def place_of_matrix(k):
     """Return the index of the first entry of matrix k."""
     return k // MATRICES * NUMBERS + k % MATRICES
 
 
-@compiled(inner=True, inline="always")
+@compiled(inner=True, forceinline=True)
 def place_of_row(row):
     """Return the index of the first entry of a plain row; the next two follow at intervals of `ROWS`."""
     return row // ROWS * NUMBERS + row % ROWS
@@ -129,7 +129,7 @@ def apply_change(turns, before, now):
                 )
 
 
-@compiled(inner=True, inline="always")
+@compiled(inner=True, forceinline=True)
 def _dot(t, matrices, place):
     """Return the product of a row with the row of a matrix that begins at a place."""
     return t[0] * matrices[place] + t[1] * matrices[place + ROWS] + t[2] * matrices[place + 2 * ROWS]

@@ -107,7 +107,7 @@ def _add_held(rest, below, upper, weights, isolines, mass, starts, bones, shares
             column[2 * i] = 4 * (i * isolines + below[v, i])
             column[2 * i + 1] = column[2 * i] + 4
             blend[2 * i], blend[2 * i + 1] = weights[i] * (1 - upper[v, i]), weights[i] * upper[v, i]
-        h[:3] = rest[v]
+        h[0], h[1], h[2] = rest[v, 0], rest[v, 1], rest[v, 2]
         for r in range(4):
             for c in range(4):
                 outer[r, c] = mass[v] * h[r] * h[c]
@@ -118,7 +118,7 @@ def _add_held(rest, below, upper, weights, isolines, mass, starts, bones, shares
                 _add_block(pull, column[j], 4 * bones[entry], blend[j] * shares[entry], outer)
 
 
-@compiled(inner=True, inline="always")
+@compiled(inner=True, forceinline=True)
 def _add_block(matrix, row, column, factor, block):
     for r in range(4):
         for c in range(4):

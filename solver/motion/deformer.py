@@ -297,21 +297,29 @@ def _pack_inputs(targets, motions, center, diagonal, packed):
     return finite
 
 
-@compiled
+@compiled(inner=True)
+def _copy(source, target):
+    """Copy an array. An assignment to all of it would compile more slowly."""
+    for k in range(len(target)):
+        target[k] = source[k]
+
+
+@compiled(inner=True)
 def _fix(of_inputs, constant, inputs, out):
     """Write the part that does not depend on the rotations."""
-    out[:] = constant
+    _copy(constant, out)
     add_product(of_inputs, inputs, out)
 
 
 @compiled
 def _carry(near_bones, inputs, near, carried, now, turns):
     """Multiply all rotations by the change of nearby bones since the last frame."""
-    near[:] = 0
+    for k in range(len(near)):
+        near[k] = 0.0
     add_product(near_bones, inputs, near)
     nearest_rotations(near, now)  # not in place, so that the compiler can vectorise
     apply_change(turns, carried, now)
-    carried[:] = now
+    _copy(now, carried)
 
 
 @compiled
@@ -319,7 +327,7 @@ def _turn(of_turns, of_inputs, constant, inputs, iterations, turns, fixed, now):
     """Update the rotations from the surface, several times."""
     _fix(of_inputs, constant, inputs, fixed)
     for _ in range(iterations):
-        now[:] = fixed
+        _copy(fixed, now)
         add_product(of_turns, turns, now)
         nearest_rotations(now, turns)
 

@@ -91,11 +91,7 @@ def _hips_and_shoulders(pairs, seen):
 @compiled(inner=True)
 def _tracked_joints(plan, state, time, positions, confidence):
     """Return the joints, NaN if lost, with exchanged left and right undone."""
-    seen = np.empty((len(positions), 3))
-    for j in range(len(positions)):
-        position = row_of(positions, j)
-        known = confidence[j] > 0 and is_position(position)
-        write_row(seen, j, position if known else (np.nan, np.nan, np.nan))
+    seen = _known_joints(positions, confidence)
     clock = state.clock
     hips, shoulders = _hips_and_shoulders(plan.pairs, seen)
     if clock[EXCHANGED] > 0 and time - clock[SINCE] > EXCHANGED_SECONDS:
@@ -120,8 +116,22 @@ def _tracked_joints(plan, state, time, positions, confidence):
         if side[0] ** 2 + side[2] ** 2 > 0.1:  # a body that lies on its side keeps its last heading
             clock[HEADING] = math.atan2(-sign * side[2], sign * side[0])
         clock[SIDE_TIME] = time
-    if clock[EXCHANGED] == 0:
-        return seen
+    return _exchanged(plan, seen) if clock[EXCHANGED] > 0 else seen
+
+
+@compiled(inner=True)
+def _known_joints(positions, confidence):
+    seen = np.empty((len(positions), 3))
+    for j in range(len(positions)):
+        position = row_of(positions, j)
+        known = confidence[j] > 0 and is_position(position)
+        write_row(seen, j, position if known else (np.nan, np.nan, np.nan))
+    return seen
+
+
+@compiled(inner=True)
+def _exchanged(plan, seen):
+    """Return the joints with left and right exchanged."""
     exchanged = np.empty((len(seen), 3))
     for j in range(len(seen)):
         write_row(exchanged, j, row_of(seen, plan.opposite[j]))
@@ -139,10 +149,10 @@ def _remove_heading(plan, state, seen):
 
 
 @compiled(inner=True)
-def _directions(plan, seen, rows):
-    """Return the directions of the bones (rows, 3), zero if unknown, and the weight of the trunk's inner joints."""
+def _points(plan, seen):
+    """Return the means of the joints that each point of the performer is between."""
     points = np.empty((len(plan.joints), 3))
-    for p in range(len(plan.joints)):
+    for p in range(len(points)):
         point, count = (0.0, 0.0, 0.0), 0
         for k in range(plan.joints.shape[1]):
             j = plan.joints[p, k]
@@ -150,7 +160,14 @@ def _directions(plan, seen, rows):
                 point = plus(point, row_of(seen, j), 1.0)
                 count += 1
         for axis in range(3):
-            points[p, axis] = point[axis] / count if count else np.nan
+            points[p, axis] = point[axis] / count
+    return points
+
+
+@compiled(inner=True)
+def _directions(plan, seen, rows):
+    """Return the directions of the bones (rows, 3), zero if unknown, and the weight of the trunk's inner joints."""
+    points = _points(plan, seen)
     directions = np.empty((rows, 3))
     write_row(directions, 0, _known_unit(_torso(plan.pairs, seen)))
     for row in range(1, rows):

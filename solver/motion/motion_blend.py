@@ -88,8 +88,8 @@ def _move(parents, heads, motions, apart, share, out):
         turn = quat.from_vector(scaled(apart[bone], share))
         turn = quat.product(turn, _against_parent(motions, parents, bone))
         if parent >= 0:
-            turn = quat.product((turns[parent, 0], turns[parent, 1], turns[parent, 2], turns[parent, 3]), turn)
-        turns[bone] = turn
+            turn = quat.product(quat.row_of(turns, parent), turn)
+        quat.write_row(turns, bone, turn)
         quat.write_rows(turn, out[bone])
         carried, place = _place(motions, parent, heads[bone]), _place(motions, bone, heads[bone])
         now = _place(out, parent, heads[bone])

@@ -68,7 +68,7 @@ def remove_roll(turns, count, start, line):
                 turns[place + j * ROWS + i * MATRICES] = row[0] * roll[0, j] + row[1] * roll[1, j] + row[2] * roll[2, j]
 
 
-@compiled
+@compiled(inner=True)
 def _nearest(S):
     packed, R = np.zeros(NUMBERS), np.empty((3, 3))
     for i in range(3):
@@ -81,7 +81,7 @@ def _nearest(S):
     return R
 
 
-@compiled
+@compiled(inner=True)
 def _product(A, B):
     C = np.zeros((3, 3))
     for i in range(3):
@@ -91,7 +91,7 @@ def _product(A, B):
     return C
 
 
-@compiled
+@compiled(inner=True)
 def _about(line, R):
     """Return the twist of a rotation about a line, from the swing-twist decomposition of its quaternion."""
     # four times the products of the components; the row of the largest square is the quaternion, up to scale

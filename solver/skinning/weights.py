@@ -167,26 +167,40 @@ def _fit(rest, squares, products, frames, rigid, shares, bones):
     size = min(count, CANDIDATE_BONES)
     error, Q, L = np.empty(count), np.empty((size, size)), np.empty((size, size))
     active, w, rows = np.empty(size, dtype=np.bool_), np.empty(size), np.empty(size, dtype=np.int64)
+    chosen = np.empty(size, dtype=np.int64)
     for v in range(len(rest)):
         if rigid[v] >= 0:
             shares[v, 0], bones[v, 0] = 1.0, rigid[v]
             continue
         for b in range(count):
             error[b] = _square(rest[v], squares[b, b]) - 2 * products[v, b]
-        chosen = np.argsort(error)[:size]
+        _smallest(error, chosen)
         for i in range(size):
             for j in range(i + 1):
                 b, c = chosen[i], chosen[j]
                 Q[i, j] = _square(rest[v], squares[b, c]) - products[v, b] - products[v, c] + SQUARE_BOUND * frames
                 Q[j, i] = Q[i, j]
             Q[i, i] += REGULARISATION_WEIGHT * frames
-        active[:] = True
+        for i in range(size):
+            active[i] = True
         _few(Q, shares.shape[1], active, w, L, rows)
         place = 0
         for i in range(size):
             if active[i]:
                 shares[v, place], bones[v, place] = w[i], chosen[i]
                 place += 1
+
+
+@compiled(inner=True)
+def _smallest(values, chosen):
+    """Write the indices of the smallest values, in ascending order; the values are overwritten."""
+    for k in range(len(chosen)):
+        least = 0
+        for i in range(1, len(values)):
+            if values[i] < values[least]:
+                least = i
+        chosen[k] = least
+        values[least] = np.inf
 
 
 @compiled(inner=True)

@@ -18,6 +18,9 @@ GOOD_SEPARATOR_RATIO = 2.0
 MIN_SIDE_SHARE = 0.2
 """Smallest share of a region's vertices on either side of a cut."""
 
+MAX_WAITING = 256
+"""Number of regions for which there is room while they wait to be cut; the regions of a billion vertices need 100."""
+
 LOW, HIGH, SEPARATOR = 0, 1, 2
 """Sides of a cut: below it, above it, and along it."""
 
@@ -42,9 +45,11 @@ def nested_dissection(starts, neighbours, places):
     n = len(starts) - 1
     order, region = np.arange(n), np.zeros(n, dtype=np.int64)
     side, best = np.empty(n, dtype=np.int8), np.empty(n, dtype=np.int8)
-    waiting, regions = [(0, 0, n)], 1
-    while waiting:
-        name, first, last = waiting.pop()
+    waiting, count, regions = np.empty((MAX_WAITING, 3), dtype=np.int64), 1, 1
+    waiting[0, 0], waiting[0, 1], waiting[0, 2] = 0, 0, n
+    while count:
+        count -= 1
+        name, first, last = waiting[count, 0], waiting[count, 1], waiting[count, 2]
         members = order[first:last].copy()
         if len(members) <= MAX_LEAF_VERTICES:
             continue
@@ -58,62 +63,78 @@ def nested_dissection(starts, neighbours, places):
                     region[v] = regions
                     end += 1
             if part != SEPARATOR:
-                waiting.append((regions, begin, end))
+                waiting[count, 0], waiting[count, 1], waiting[count, 2] = regions, begin, end
+                count += 1
             regions += 1
             begin = end
     return order
 
 
-@compiled
+@compiled(inner=True)
 def _cut(starts, neighbours, places, members, region, name, side, best):
     """Cut a region across the axis with the smallest separator, or by index if no axis separates it."""
     fewest = len(members)
     for axis in _longest_first(places, members):
-        middle = places[members, axis].mean()
+        middle = 0.0
+        for v in members:
+            middle += places[v, axis]
+        middle /= len(members)
         for v in members:
             side[v] = HIGH if places[v, axis] > middle else LOW
         between, smaller = _separate(starts, neighbours, members, region, name, side)
         if between < fewest and smaller >= MIN_SIDE_SHARE * (len(members) - between):
             fewest = between
-            best[members] = side[members]
+            for v in members:
+                best[v] = side[v]
         if fewest <= GOOD_SEPARATOR_RATIO * np.sqrt(len(members)):
             return
     if fewest == len(members):
-        best[members] = LOW
-        best[members[len(members) // 2 :]] = HIGH
+        for k in range(len(members)):
+            best[members[k]] = HIGH if k >= len(members) // 2 else LOW
         _separate(starts, neighbours, members, region, name, best)
 
 
-@compiled
+@compiled(inner=True)
 def _longest_first(places, members):
     """Return the three axes, that of a region's largest extent first."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    x, y, z = _extent(places, members, 0), _extent(places, members, 1), _extent(places, members, 2)
+    if x >= y and x >= z:
+        return (0, 1, 2) if y >= z else (0, 2, 1)
+    if y >= z:
+        return (1, 0, 2) if x >= z else (1, 2, 0)
+    return (2, 0, 1) if x >= y else (2, 1, 0)
+
+
+@compiled(inner=True)
+def _extent(places, members, axis):
+    low, high = np.inf, -np.inf
     for v in members:
-        for axis in range(3):
-            low[axis] = min(low[axis], places[v, axis])
-            high[axis] = max(high[axis], places[v, axis])
-    return np.argsort(low - high)
+        low, high = min(low, places[v, axis]), max(high, places[v, axis])
+    return high - low
 
 
-@compiled
+@compiled(inner=True)
 def _separate(starts, neighbours, members, region, name, side):
     """Move the vertices of one side that touch the other side to the separator, from the side with fewer of them.
 
     Returns the sizes of the separator and of the smaller side that is left.
     """
-    counts, touching = np.zeros(2, dtype=np.int64), np.zeros(2, dtype=np.int64)
+    high = touching_low = touching_high = 0
     for v in members:
-        counts[side[v]] += 1
-        touching[side[v]] += _touches(starts, neighbours, v, region, name, side, 1 - side[v])
-    fewer = LOW if touching[LOW] <= touching[HIGH] else HIGH
+        if side[v] == HIGH:
+            high += 1
+            touching_high += _touches(starts, neighbours, v, region, name, side, LOW)
+        else:
+            touching_low += _touches(starts, neighbours, v, region, name, side, HIGH)
+    fewer, touching = (LOW, touching_low) if touching_low <= touching_high else (HIGH, touching_high)
     for v in members:
         if side[v] == fewer and _touches(starts, neighbours, v, region, name, side, 1 - fewer):
             side[v] = SEPARATOR
-    counts[fewer] -= touching[fewer]
-    return touching[fewer], counts.min()
+    low = len(members) - high
+    return touching, min(low - touching, high) if fewer == LOW else min(low, high - touching)
 
 
-@compiled
+@compiled(inner=True)
 def _touches(starts, neighbours, v, region, name, side, other):
     for entry in range(starts[v], starts[v + 1]):
         u = neighbours[entry]

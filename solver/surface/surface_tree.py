@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
+from solver.model.vectors import cross, dot, minus, row_of, write_row
 
 MIXED_LABELS = -1
 """Label of a branch whose triangles have several labels."""
@@ -128,7 +129,7 @@ def _search(points, of_point, triangles, low, high, label, within):
                 square = closest(p, t[0], t[1], t[2], blend)
                 if square < best:
                     best, found[i], squares[i] = square, node - leaves, square
-                    blends[i] = blend
+                    write_row(blends, i, blend)
                 continue
             left = _box_distance(p, low[2 * node], high[2 * node])
             right = _box_distance(p, low[2 * node + 1], high[2 * node + 1])
@@ -139,7 +140,7 @@ def _search(points, of_point, triangles, low, high, label, within):
     return found, blends, squares
 
 
-@compiled
+@compiled(inner=True)
 def _box_distance(p, low, high):
     """Return the squared distance of a point to a box."""
     square = 0.0
@@ -188,13 +189,14 @@ def _passes(start, way, first, low, high):
 @compiled(inner=True)
 def _meets(start, way, first, triangle):
     """Return whether a segment meets a triangle between a share of its length and its end (Möller, Trumbore 1997)."""
-    one, other, offset = triangle[1] - triangle[0], triangle[2] - triangle[0], start - triangle[0]
-    across = np.cross(way, other)
-    size = np.dot(one, across)
+    corner, way = row_of(triangle, 0), (way[0], way[1], way[2])
+    one, other = minus(row_of(triangle, 1), corner), minus(row_of(triangle, 2), corner)
+    offset, across = minus((start[0], start[1], start[2]), corner), cross(way, other)
+    size = dot(one, across)
     if size == 0:
         return False
-    beside = np.cross(offset, one)
-    u, v, place = np.dot(offset, across) / size, np.dot(way, beside) / size, np.dot(other, beside) / size
+    beside = cross(offset, one)
+    u, v, place = dot(offset, across) / size, dot(way, beside) / size, dot(other, beside) / size
     return u >= 0 and v >= 0 and u + v <= 1 and first < place < 1
 
 

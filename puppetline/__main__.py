@@ -13,9 +13,11 @@ def run() -> None:
         if isinstance(stream, io.TextIOWrapper):  # a pipe on Windows has no character for − or α
             stream.reconfigure(errors="replace")
     try:
+        from engine_bridge.cli.compile_ahead import second_process
         from engine_bridge.cli.main import main
 
-        main()
+        with second_process():
+            main()
     except KeyboardInterrupt:
         sys.exit("puppetline: stopped")
     finally:

@@ -1,8 +1,11 @@
-"""Reports what Numba compiles, which takes a minute the first time on a machine."""
+"""What happens while Numba compiles, which takes half a minute the first time on a machine."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
+
+when_begun: list[Callable[[], None]] = []
+"""Functions that are called when this process compiles its first function, in the thread that compiles."""
 
 
 @contextmanager

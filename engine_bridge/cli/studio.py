@@ -58,6 +58,7 @@ def studio(
     import platformdirs
 
     from capture.sound_input import is_sound_file, open_sound
+    from engine_bridge.cli.compile_ahead import second_process
     from engine_bridge.inspection.files import inspect
     from engine_bridge.service.monitoring import logs
     from engine_bridge.service.security.credentials import read_token
@@ -104,7 +105,8 @@ def studio(
     def entered() -> None:
         click.echo(f"For another browser: {running[0].link()}")
 
-    asyncio.run(run(settings, started, entered))
+    with second_process(at_once=service is None):  # while the page loads and somebody looks at it
+        asyncio.run(run(settings, started, entered))
 
 
 def _has_desktop() -> bool:

@@ -1,12 +1,14 @@
 import ast
+import gc
 import os
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import Mock, call
 
 import pytest
 
-from puppetline.compiled import compiled
+from puppetline.compiled import GARBAGE_THRESHOLD, compiled, is_compiled
 
 ROOT = Path(__file__).parents[2]
 
@@ -31,6 +33,44 @@ def test_a_second_process_loads_what_the_first_has_compiled(tmp_path):
     command = [sys.executable, tmp_path / "module.py"]
     outputs = [subprocess.run(command, env=environment, capture_output=True, text=True, check=True) for _ in range(2)]
     assert [output.stdout for output in outputs] == ["25.0 0 1\n", "25.0 1 0\n"]
+
+
+def test_of_processes_that_begin_together_one_compiles_and_the_others_wait(tmp_path):
+    (tmp_path / "module.py").write_text(MODULE)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    command = [sys.executable, tmp_path / "module.py"]
+    processes = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    outputs = sorted(process.communicate()[0] for process in processes)
+    assert outputs == ["25.0 0 1\n", "25.0 1 0\n", "25.0 1 0\n"]
+    assert not list(tmp_path.glob("cache/**/*.lock"))
+
+
+def test_a_lock_that_cannot_be_taken_does_not_prevent_compiling(tmp_path, monkeypatch):
+    monkeypatch.setattr(Path, "open", Mock(side_effect=PermissionError))
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
+
+    @compiled
+    def double(x):
+        return 2 * x
+
+    assert double(3.0) == 6.0
+    assert is_compiled(double)
+
+
+def test_garbage_is_searched_for_rarely_only_while_functions_are_compiled(tmp_path, monkeypatch):
+    before, begun = gc.get_threshold(), Mock()
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr("puppetline.compiled.when_begun", [begun])
+    monkeypatch.setattr(gc, "set_threshold", Mock(wraps=gc.set_threshold))
+
+    @compiled
+    def double(x):
+        return 2 * x
+
+    for number in (3.0, 4.0):
+        assert double(number) == 2 * number
+    assert gc.set_threshold.call_args_list == [call(GARBAGE_THRESHOLD, *before[1:]), call(*before)]
+    begun.assert_called_once_with()
 
 
 def test_options_of_numba_are_passed_on():

@@ -1,0 +1,86 @@
+"""A second process that compiles, while a command that found nothing compiled is still reading and preparing.
+
+Numba compiles one function at a time in a process, and a command finds out one after the other which ones it needs.
+Those of a performer's motion come late, do not need a character, and take about half of the time. Both processes keep
+what they have compiled on disk, and neither compiles what the other one is compiling (`puppetline.compiled`).
+"""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from puppetline.compiling import when_begun
+from puppetline.interrupts import OWN_GROUP
+
+
+@contextmanager
+def second_process(at_once: bool = False) -> Iterator[None]:
+    """Start the second process when a function must be compiled, unless it has done its work before; end it at last.
+
+    Parameters
+    ----------
+    at_once : bool
+        Start it now, because other processes will need what it compiles; it finds out itself whether anything is left.
+    """
+    started: list[subprocess.Popen[bytes]] = []
+
+    def start() -> None:
+        if (os.cpu_count() or 1) > 1:
+            command = [sys.executable, "-m", __name__]
+            none = subprocess.DEVNULL
+            started.append(subprocess.Popen(command, stdin=none, stdout=none, stderr=none, **OWN_GROUP))  # noqa: S603
+
+    def start_if_needed() -> None:
+        from puppetline.compiled import is_compiled
+        from solver.model.polar import nearest_rotations  # the last one that it compiles
+
+        if not is_compiled(nearest_rotations):
+            start()
+
+    if at_once:
+        start()
+    else:
+        when_begun.append(start_if_needed)
+    try:
+        yield
+    finally:
+        if start_if_needed in when_begun:
+            when_begun.remove(start_if_needed)
+        for process in started:
+            process.kill()
+            process.wait()
+
+
+def compile_motion() -> None:
+    """Compile what makes a frame of a performer's motion, in the order in which `convert` needs it.
+
+    Only the types of the arguments matter, so any figure will do.
+    """
+    import numpy as np
+
+    from capture.smoothing import JointFilter, Smoothing
+    from engine_bridge.performance.retargeting import PERFORMER
+    from solver.model.polar import of_matrices
+    from solver.motion.arms import Arm, Arms
+    from solver.motion.feet import Feet, Leg
+    from solver.motion.limb_motion import LimbMotion
+    from solver.motion.limbs import Limb
+    from solver.motion.retarget import SmoothReturn, soft_limit
+
+    count = len(PERFORMER.opposite)
+    joints, seen = np.random.default_rng(0).normal(size=(count, 3)), np.ones(count, dtype=np.float32)
+    limbs = [Limb(str(k), joints[k : k + 4], tuple((j,) for j in range(k, k + 4))) for k in (0, 4)]
+    motion = LimbMotion(limbs, PERFORMER, joints)
+    motions, root = motion.step(0.0, joints, seen), np.zeros(3)
+    JointFilter(Smoothing()).step(0.0, joints, seen)
+    SmoothReturn(count).step(0.0, joints, seen > 0)
+    Feet(motion.bones, [Leg(0, 1, 2, 3), Leg(3, 4, 5, 7)], 1.0).step(0.0, joints, seen, motions, root)
+    Arms(motion.bones, Arm(0, 1, 2, 3), Arm(3, 4, 5, 7), 1.0).step(0.0, joints, seen, motions)
+    soft_limit(joints, np.ones((count, 3, 2)))
+    of_matrices(np.eye(3)[None])
+
+
+if __name__ == "__main__":
+    compile_motion()

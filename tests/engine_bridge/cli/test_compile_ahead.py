@@ -1,0 +1,47 @@
+import subprocess
+import sys
+from unittest.mock import Mock
+
+import pytest
+
+from engine_bridge.cli import compile_ahead
+from puppetline.compiling import when_begun
+from solver.motion import arms, feet, limb_motion
+
+
+@pytest.fixture
+def processes(monkeypatch):
+    """What starts processes; none is started."""
+    monkeypatch.setattr(subprocess, "Popen", Mock())
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    return subprocess.Popen
+
+
+@pytest.mark.parametrize("already", [False, True], ids=["nothing compiled", "all compiled"])
+def test_a_second_process_starts_with_the_first_function_that_must_be_compiled(processes, monkeypatch, already):
+    monkeypatch.setattr("puppetline.compiled.is_compiled", lambda _: already)
+    with compile_ahead.second_process():
+        processes.assert_not_called()
+        when_begun.pop()()
+        assert processes.call_count == (0 if already else 1)
+
+
+def test_a_second_process_ends_with_the_command(processes):
+    with compile_ahead.second_process(at_once=True):
+        assert processes.call_args.args[0] == [sys.executable, "-m", "engine_bridge.cli.compile_ahead"]
+        processes.return_value.kill.assert_not_called()
+    processes.return_value.kill.assert_called_once_with()
+    processes.return_value.wait.assert_called_once_with()
+
+
+def test_a_command_that_compiles_nothing_leaves_nothing_behind():
+    before = list(when_begun)
+    with compile_ahead.second_process():
+        assert len(when_begun) == len(before) + 1
+    assert when_begun == before
+
+
+def test_what_is_compiled_ahead_is_what_a_performance_needs(monkeypatch):
+    compile_ahead.compile_motion()
+    functions = limb_motion._step, feet._step, arms._step
+    assert [len(function.signatures) for function in functions] == [1, 1, 1]

@@ -5,9 +5,7 @@
 
 import json
 import math
-import signal
 import zlib
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -20,7 +18,7 @@ from puppetline.errors import MeshError, PuppetlineError
 from ..effort import EFFORT
 from ..oracles import assert_is_error_of, assert_is_sound_character
 from .corpus import CORPUS, SIDE_FILES
-from .damage import DAMAGE, damage_of
+from .damage import DAMAGE
 
 REST_TAKE = Keyframes("still", np.float32([0, 1]), np.zeros((2, 1), np.float32), np.zeros((2, 3), np.float32))
 
@@ -47,54 +45,27 @@ def read_and_write(path):
     return character
 
 
-@contextmanager
-def time_limit(seconds=120):
-    """Fail if the block takes too long."""
-
-    def stop(number, frame):
-        raise TimeoutError(f"still running after {seconds} s")
-
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(seconds)
-    try:
-        yield
-    finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
-
-
-@pytest.fixture(scope="session")
-def read_again():
-    return read_and_write
-
-
-@pytest.fixture(scope="session")
-def try_damaged():
+def try_damaged(path, kind, count, enough, process=read_and_write):
     """Apply one kind of damage to a file and process the result; return the number of each outcome.
 
     Repeat it `count` times or, with less effort, until each outcome has occurred `enough` times.
     """
-
-    def run(path, kind, count, enough, process=read_and_write):
-        name, content, others = path.name, path.read_bytes(), list(CORPUS.values())
-        outcomes = {"read": 0, "refused": 0}
-        for number in range(math.ceil(count * max(1, EFFORT))):
-            if number >= count * EFFORT and min(outcomes.values()) >= enough:
-                break
-            rng = np.random.default_rng([zlib.crc32(f"{name} {kind}".encode()), number])
-            path.write_bytes(DAMAGE[kind](rng, content, others))
-            try:
-                with time_limit():
-                    process(path)
-                outcomes["read"] += 1
-            except PuppetlineError as error:
-                assert_is_error_of(error, MeshError, path)
-                outcomes["refused"] += 1
-            except Exception as error:
-                pytest.fail(f"{path} ({kind}, number {number}): {type(error).__name__}: {error}")
-        return outcomes
-
-    return run
+    name, content, others = path.name, path.read_bytes(), list(CORPUS.values())
+    outcomes = {"read": 0, "refused": 0}
+    for number in range(math.ceil(count * max(1, EFFORT))):
+        if number >= count * EFFORT and min(outcomes.values()) >= enough:
+            break
+        rng = np.random.default_rng([zlib.crc32(f"{name} {kind}".encode()), number])
+        path.write_bytes(DAMAGE[kind](rng, content, others))
+        try:
+            process(path)
+            outcomes["read"] += 1
+        except PuppetlineError as error:
+            assert_is_error_of(error, MeshError, path)
+            outcomes["refused"] += 1
+        except Exception as error:
+            pytest.fail(f"{path} ({kind}, number {number}): {type(error).__name__}: {error}")
+    return outcomes
 
 
 @pytest.fixture
@@ -103,18 +74,3 @@ def folder(tmp_path):
     for name, content in SIDE_FILES.items():
         (tmp_path / name).write_bytes(content)
     return tmp_path
-
-
-@pytest.fixture(params=CORPUS)
-def whole(request, folder):
-    """Return each file of the corpus, undamaged."""
-    (folder / request.param).write_bytes(CORPUS[request.param])
-    return folder / request.param
-
-
-@pytest.fixture(params=[(name, kind) for name in CORPUS for kind in damage_of(name)], ids="-".join)
-def file_and_damage(request, folder):
-    """Return each file of the corpus with each kind of damage that applies to it."""
-    name, kind = request.param
-    (folder / name).write_bytes(CORPUS[name])
-    return folder / name, kind

@@ -8,6 +8,7 @@ import pytest
 from engine_bridge.character.character import load_character
 from solver.model.reduced_model import ModelParameters, build
 
+from .conftest import read_and_write, try_damaged
 from .corpus import CORPUS
 from .damage import damage_of
 
@@ -27,18 +28,18 @@ REAL_FILES = {
 """Small files from elsewhere, and the number of attempts per kind of damage."""
 
 
-def test_undamaged_files_are_read_and_written(whole, read_again):
-    assert len(read_again(whole).triangles) >= 48
-
-
-def test_damaged_files_are_read_or_refused(file_and_damage, try_damaged):
-    path, kind = file_and_damage
+@pytest.mark.parametrize(("name", "kind"), [(name, kind) for name in CORPUS for kind in damage_of(name)])
+def test_files_are_read_and_written_and_damaged_ones_are_read_or_refused(folder, name, kind):
+    path = folder / name
+    path.write_bytes(CORPUS[name])
+    assert len(read_and_write(path).triangles) >= 48
     outcomes = try_damaged(path, kind, 100, enough=3)
     assert min(outcomes.values()) >= 3  # otherwise there is too little damage or too much
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", REAL_FILES)
-def test_damaged_real_files_are_read_or_refused(real_data, tmp_path, try_damaged, name):
+def test_damaged_real_files_are_read_or_refused(real_data, tmp_path, name):
     original = real_data / "mesh" / name
     path = tmp_path / "own" / original.name
     if "/" in name:  # with its pictures
@@ -53,7 +54,7 @@ def test_damaged_real_files_are_read_or_refused(real_data, tmp_path, try_damaged
 
 
 @pytest.mark.parametrize("name", ["textured.glb", "skinned.glb", "packed.glb", "binary.stl"])
-def test_damaged_characters_have_a_finite_model_or_are_refused(folder, try_damaged, name):
+def test_damaged_characters_have_a_finite_model_or_are_refused(folder, name):
     def build_model(path):
         mesh = load_character(path).solver_mesh()
         model = build(mesh, ModelParameters(fields=4, isolines=5))

@@ -54,12 +54,9 @@ class RunningStudio:
         async with self.page(token) as page:
             return page.hello
 
-    @contextlib.asynccontextmanager
-    async def page(self, token=None):
+    def page(self, token=None):
         """Connect a page."""
-        async with aiohttp.ClientSession() as http, http.ws_connect(f"{self.address}/api", max_msg_size=0) as socket:
-            await socket.send_json({"token": token or self.session})
-            yield Page(socket, (await socket.receive_json())["hello"])
+        return connected(self.address, token or self.session)
 
     def ask(self, *requests):
         """Send requests over a connection of their own, one after another; return the whole replies."""
@@ -128,6 +125,14 @@ class RunningStudio:
         self._loop.call_soon_threadsafe(self._stop.set)
         self._thread.join(TIMEOUT_SECONDS)
         assert not self._thread.is_alive()
+
+
+@contextlib.asynccontextmanager
+async def connected(address, token):
+    """Connect a page to a studio at an address."""
+    async with aiohttp.ClientSession() as http, http.ws_connect(f"{address}/api", max_msg_size=0) as socket:
+        await socket.send_json({"token": token})
+        yield Page(socket, (await socket.receive_json())["hello"])
 
 
 class Page:

@@ -226,6 +226,7 @@ def test_a_meter_moves_is_mapped_by_clicks_and_learns_how_far_the_performers_mou
     window.page.get_by_text("Open your mouth wide, and hold it for a second.").wait_for()
     channels["mouth_open"] = 0.625
     window.page.get_by_text("Your range of mouth open is measured").wait_for()
+    window.button("Dismiss").click()
     window.idle()
     (found,) = window.puppet["channel"]
     assert found == {"name": "mouth_open", "neutral": pytest.approx(0.125), "full": pytest.approx(0.625)}

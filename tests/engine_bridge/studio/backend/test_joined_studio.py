@@ -10,6 +10,7 @@ import pytest
 from engine_bridge.service.protocol.payloads import decode
 
 from ...service.conftest import free_port, serve, serve_module
+from ..conftest import connected
 
 __all__ = ["free_port", "serve", "serve_module"]
 
@@ -136,24 +137,17 @@ def test_the_page_continues_after_the_service_has_started_again(serve, start_stu
     studio.close()
 
 
-def test_serve_prints_the_address_of_the_page_and_ends_it(commands, blob_puppet, tmp_path, own_cache, free_port):
-    given = ("--puppet", blob_puppet, "--source", "demo:walk?loop", "--port", free_port())
-    arguments = (*given, "--no-announce", "--studio", 0)
-    process = commands.start("serve", *arguments, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+def test_serve_prints_the_address_of_the_page_and_ends_it(commands, blob_puppet, tmp_path, free_port):
+    given = ("--puppet", blob_puppet, "--source", "demo:walk?loop", "--port", free_port(), "--no-announce")
+    process = commands.start("serve", *given, "--studio", 0, cwd=tmp_path, stdout=subprocess.PIPE)
     line = process.stdout.readline()
     address, token = re.fullmatch(r"The studio is at (http://\S+)/#token=(\S+)\n", line).groups()
 
     async def enter():
-        async with (
-            aiohttp.ClientSession() as http,
-            http.ws_connect(f"{address}/api", max_msg_size=0) as socket,
-            asyncio.timeout(60),
-        ):
-            await socket.send_json({"token": token})
-            greeting = (await socket.receive_json())["hello"]
-            while not (state := (await socket.receive_json())["state"])["characters"]:
+        async with connected(address, token) as page:
+            while not (state := await page.state())["characters"]:
                 pass
-            return greeting["joined"], state["characters"][0]["name"]
+            return page.hello["joined"], state["characters"][0]["name"]
 
     assert asyncio.run(enter()) == (True, "blob")
     process.terminate()

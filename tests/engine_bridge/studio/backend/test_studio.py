@@ -239,6 +239,8 @@ def test_two_characters_have_the_same_performer_if_a_recording_plays(stage, blob
     assert [each["stage"] for each in state["characters"]] == ["stage", "stage"]
     stage.result("source", example="walk")
     stage.result("close_character", character="blob_two")
+    stage.result("delete_upload", upload=upload)
+    assert upload not in [each["upload"] for each in stage.state["uploads"]]
     assert not (stage.settings.folder / "characters" / "blob_two").exists()
     assert [each["name"] for each in stage.until(performing)["characters"]] == ["figure_one"]
 

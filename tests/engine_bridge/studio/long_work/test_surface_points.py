@@ -44,7 +44,7 @@ def test_the_other_side_replaces_the_limb_that_is_there_and_mirroring_twice_retu
 
 
 def test_a_limb_of_one_side_gets_its_counterpart_after_it(limbed_rig):
-    limbs = [limb for limb in limbed_rig.puppet.limb if limb.name != "right arm"]
+    limbs = tuple(limb for limb in limbed_rig.puppet.limb if limb.name != "right arm")
     puppet = limbed_rig.puppet.model_copy(update={"limb": limbs})
     names = [limb["name"] for limb in mirrored(puppet, limbed_rig.mesh, "left arm")["limb"]]
     assert names[names.index("left arm") + 1] == "right arm"

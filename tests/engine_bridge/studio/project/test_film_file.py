@@ -81,4 +81,4 @@ def test_a_mistake_of_a_person_is_told_with_its_line(film):
     film.path.write_text("[film\n")
     with pytest.raises(SceneError) as caught:
         film.takes  # noqa: B018
-    assert "line 1" in caught.value.where
+    assert "line 1" in caught.value.found

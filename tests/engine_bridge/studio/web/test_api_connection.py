@@ -77,7 +77,6 @@ def test_the_greeting_is_followed_by_the_whole_state(studio):
     ("request_", "where", "found"),
     [
         ({}, "the request, do", "nothing"),
-        ({"do": "format_disk"}, "the request, do", "the unknown request 'format_disk'"),
         ({"do": ["ping"]}, "the request, do", "the unknown request ['ping']"),
         ({"do": "__class__"}, "the request, do", "the unknown request '__class__'"),
         ({"do": "ping", "path": "/etc"}, "the request, path", "the unknown key 'path'"),
@@ -93,7 +92,6 @@ def test_the_greeting_is_followed_by_the_whole_state(studio):
         ({"do": "source", "take": "nothing"}, "the request, take", "no take 'nothing'"),
         ({"do": "cancel", "job": "x"}, "the request, job", "no running job 'x'"),
         ({"do": "record_stop"}, "the service", "no character"),
-        ({"do": "delete_take", "take": "nothing"}, "the request, take", "no take 'nothing'"),
     ],
 )
 def test_a_request_that_cannot_be_carried_out_is_explained(studio, request_, where, found):
@@ -142,15 +140,3 @@ def test_many_frames_that_are_no_requests_and_one_that_is_too_large_end_the_conn
     hello = json.dumps({"token": studio.session})
     assert closed_with(studio, "/api", hello, *["?"] * MAX_MISTAKES) == CloseCode.NOT_UNDERSTOOD
     assert closed_with(studio, "/api", hello, "x" * 2_000_000) == aiohttp.WSCloseCode.MESSAGE_TOO_BIG
-
-
-def test_two_pages_see_the_same_state(studio, blob_file):
-    async def both():
-        async with studio.page() as one, studio.page() as other:
-            (shown,) = (await one.state())["uploads"]
-            assert (await other.state())["uploads"] == [shown]
-            assert (await other.ask("delete_upload", upload=shown["upload"]))["ok"]
-            assert (await one.state())["uploads"] == (await other.state())["uploads"] == []
-
-    assert studio.upload("blob.glb", blob_file.read_bytes())[0] == 200
-    studio.run(both())

@@ -1,6 +1,6 @@
 import pytest
 
-from engine_bridge.studio.web.page_access import MAX_SESSIONS, Addresses, Tokens, bearer, check_exposure, page_headers
+from engine_bridge.studio.web.page_access import MAX_SESSIONS, Addresses, Tokens, check_exposure, page_headers
 from puppetline.errors import ServiceError
 
 OWNERS = "of-a-file-of-the-owner"
@@ -68,10 +68,3 @@ def test_the_page_may_load_only_what_the_studio_sends():
     assert policy["connect-src"] == "'self' blob: ws://127.0.0.1:7480 wss://127.0.0.1:7480"
     assert policy["frame-ancestors"] == policy["object-src"] == policy["base-uri"] == "'none'"
     assert "unsafe" not in str(policy)
-
-
-@pytest.mark.parametrize(
-    ("header", "token"), [("Bearer abc", "abc"), ("bearer  abc ", "abc"), ("Basic abc", ""), ("", ""), ("Bearer", "")]
-)
-def test_the_session_token_is_a_bearer_token(header, token):
-    assert bearer({"Authorization": header}) == token

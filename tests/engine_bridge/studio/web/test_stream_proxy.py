@@ -23,14 +23,3 @@ def test_the_newest_message_of_each_topic_waits_for_a_slow_page():
     taken = asyncio.run(run())
     assert taken[:256] == [f"reply {k}" for k in range(744, 1000)]
     assert taken[256:] == [message("dog/controls", b"999"), message("cat/controls", b"999")]
-
-
-def test_a_message_wakes_the_page_that_waits():
-    async def run():
-        newest = _Newest()
-        taking = asyncio.create_task(newest.take())
-        await asyncio.sleep(0)
-        newest.put(b"x" * 200)
-        return await taking
-
-    assert asyncio.run(run()) == b"x" * 200

@@ -56,8 +56,8 @@ def test_the_video_of_a_visitor_is_sent_to_whoever_knows_its_code(studio):
 
 def test_uploads_and_downloads_require_a_session_token(studio):
     one_time = studio.token()
-    for token in ("", "wrong", one_time):
-        headers = {"Authorization": f"Bearer {token}"}
+    for value in ("", "Bearer", "Bearer wrong", f"Bearer {one_time}", f"Basic {studio.session}"):
+        headers = {"Authorization": value}
         assert studio.http("POST", "/uploads?name=a.obj", data=b"v 0 0 0\n", headers=headers)[0] == 401
         assert studio.http("GET", "/files/x", headers=headers)[0] == 401
     assert studio.http("GET", "/files/x", headers=studio.bearer)[0] == 404

@@ -43,11 +43,9 @@ def test_a_name_of_the_page_is_never_a_path(name):
     ("name", "made"),
     [
         ("my dragon.GLB", "my_dragon.glb"),
-        ("../../etc/passwd", "passwd"),
         ("C:\\Users\\x\\take 1.log", "take_1.log"),
         ("Pferd (geflügelt).obj", "Pferd_gefl_gelt.obj"),
         ("archive.tar.gz", "archive_tar.gz"),
-        ("", "file"),
         (".glb", "file.glb"),
     ],
 )

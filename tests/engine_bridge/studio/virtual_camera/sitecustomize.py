@@ -33,16 +33,6 @@ def _open_camera(registry):
     registry.open_source = lambda uri, *rest: _camera(uri) if uri == "camera:0" else others(uri, *rest)
 
 
-def _list_camera(sensors):
-    others = sensors.examine
-
-    def examine():
-        yield sensors.Finding("/dev/video0", True, "a virtual camera, can be opened")
-        yield from (each for each in others() if each.name not in ("/dev/video0", "cameras"))
-
-    sensors.examine = examine
-
-
 def _install_camera(installation):
     others = installation.is_installed
     installation.is_installed = lambda extra: extra in ("camera", "sound") or others(extra)
@@ -120,5 +110,4 @@ def _plug_in_microphone(sound):
 
 sys.meta_path.insert(0, _Patch("capture.sound", _plug_in_microphone))
 sys.meta_path.insert(0, _Patch("capture.sources.registry", _open_camera))
-sys.meta_path.insert(0, _Patch("engine_bridge.inspection.sensors", _list_camera))
 sys.meta_path.insert(0, _Patch("engine_bridge.studio.long_work.installation", _install_camera))

@@ -170,7 +170,7 @@ test("a limb is added by clicking its points, and finished by a button or a key"
     assert.deepEqual(page.limb("limb"), { name: "limb", points: [[0, 2, 0], [0, 3, 0]], joints: ["shoulder_left", "hand_left"], follow: "turn" });
     assert.deepEqual([page.state.tool, page.state.selection], ["select", { kind: "limb", name: "limb" }]);
     await page.button("Undo").click();
-    assert.deepEqual(page.puppet, PUPPET);
+    assert.deepEqual([page.puppet, page.state.selection], [PUPPET, null]);
   }
 });
 

@@ -22,6 +22,11 @@ test("a recording plays from one second to another, in a loop or once, and is ex
   await page.field("Loop").check(false);
   await page.button("Use as the performer").click();
   assert.deepEqual(page.server.asked("source"), [true, false].map((loop) => ({ take: "take-1", loop, start: 0.5, stop: 1.5 })));
+  await page.button("Limbs").click();
+  await page.button("Change…").click();
+  await page.button("Walk").click(); // all of it, in a loop
+  assert.deepEqual(page.server.asked("source").at(-1), { example: "walk", loop: true, start: null, stop: null });
+  await page.button("Takes").click();
   await page.button("Export").click();
   assert.ok(page.text.includes("120 frames of a new skeleton"));
   await page.button("Download figure.glb").click();

@@ -1,6 +1,7 @@
 """The service that engines talk to, as its own tests start it: the real process, on free ports, with a small figure."""
 
 import socket
+import struct
 import threading
 import time
 from contextlib import suppress
@@ -19,8 +20,11 @@ from engine_bridge.service.protocol.header import Header, Kind, join, topic
 from engine_bridge.service.protocol.payloads import encode
 from engine_bridge.service.protocol.scene import StreamedCharacter
 
-from ..engine_bridge import conftest as figures
-from ..engine_bridge.service import conftest as services
+for shared in ("limbs", "messages", "playback"):
+    pytest.register_assert_rewrite(f"{__package__}.{shared}")
+
+from ..engine_bridge import conftest as figures  # noqa: E402
+from ..engine_bridge.service import conftest as services  # noqa: E402
 
 own_cache, glb, new_glb = figures.own_cache, figures.glb, figures.new_glb
 talking, limb_tables = figures.talking, figures.limb_tables
@@ -102,6 +106,18 @@ def spoken_files(spoken, tmp_path):
         for file, content in zip(files, messages, strict=True):
             file.write_bytes(content)
         return files
+
+    return write
+
+
+@pytest.fixture
+def packed(tmp_path):
+    """Write messages to a file, each after its length in 4 bytes, as the clients' programs read them."""
+
+    def write(messages):
+        path = tmp_path / "messages"
+        path.write_bytes(b"".join(struct.pack("<I", len(message)) + message for message in messages))
+        return path
 
     return write
 

@@ -1,9 +1,8 @@
-// decode.mjs FOLDER: decode each message FOLDER/*.bin with the JavaScript client. OUT of each: the message, with arrays as
-// {type, base64}, or {refused: why}; printed as one JSON object by file name. Frames of controls are also evaluated, if the
-// folder has a scene.bin.
+// decode.mjs FILE: decode messages with the JavaScript client; in FILE, each has its length (4 bytes) before it. OUT of each:
+// the message, with arrays as {type, base64}, or {refused: why}; printed as one JSON list. Frames of controls that follow a
+// scene are also evaluated.
 
-import { readFile, readdir } from "node:fs/promises";
-import { join } from "node:path";
+import { readFile } from "node:fs/promises";
 import { Scene, WireError, decode, evaluate } from "../../integrations/web/puppetline.js";
 
 function plain(_key, value) {
@@ -15,19 +14,18 @@ function plain(_key, value) {
   return value;
 }
 
-const folder = process.argv[2];
-const files = (await readdir(folder)).filter((name) => name.endsWith(".bin"));
-const decoded = {};
-for (const name of files) {
+const file = await readFile(process.argv[2]);
+const decoded = [];
+let scene = null;
+for (let at = 0; at < file.length; at += 4 + file.readUInt32LE(at)) {
   try {
-    decoded[name] = decode(await readFile(join(folder, name)));
+    const message = decode(file.subarray(at + 4, at + 4 + file.readUInt32LE(at)));
+    if (message.body instanceof Scene) scene = message.body;
+    if (message.kind === "controls" && scene) message.evaluated = evaluate(scene, message.body);
+    decoded.push(message);
   } catch (error) {
     if (!(error instanceof WireError)) throw error;
-    decoded[name] = { refused: error.message };
+    decoded.push({ refused: error.message });
   }
-}
-const scene = decoded["scene.bin"]?.body;
-for (const message of Object.values(decoded)) {
-  if (message.kind === "controls" && scene instanceof Scene) message.evaluated = evaluate(scene, message.body);
 }
 console.log(JSON.stringify(decoded, plain));

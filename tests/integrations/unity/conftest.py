@@ -177,6 +177,14 @@ def array(text, kind=np.float32, columns=None):
     return values if columns is None else values.reshape(-1, columns)
 
 
+def assert_equal(vertices, theirs, diagonal, most=1e-6, normals_most=1e-5):
+    """Positions agree; so do normals, but for the few vertices where f32 says no more (docs/protocol.md)."""
+    assert np.abs(vertices[:, :3] - theirs.positions).max() <= most * diagonal
+    off = np.abs(vertices[:, 3:] - theirs.normals).max(axis=1)
+    assert off.max() <= 10 * normals_most
+    assert np.mean(off > normals_most) <= 1e-3
+
+
 class Reference:
     """Somebody else who follows the service: the newest frames as Python reads them, by sequence number."""
 
@@ -247,6 +255,17 @@ def serve_figure(serve, played, free_port):
     def start(*arguments, port=None):
         port = port or free_port()
         return serve(*played, "--port", port, *arguments)
+
+    return start
+
+
+@pytest.fixture
+def serve_puppet(serve, free_port):
+    """Serve a puppet that a take moves again and again."""
+
+    def start(puppet, take, *arguments):
+        played = ("--puppet", puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
+        return serve(*played, "--port", free_port(), *arguments)
 
     return start
 

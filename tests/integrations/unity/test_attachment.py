@@ -9,7 +9,6 @@ from ..surface import affine, outward
 from .conftest import shown
 
 UNITY = np.float32([-1, 1, 1])
-SCALES = {"plain": None, "scaled": "2,2,1", "mirrored": "-1.5,0.5,3"}
 
 
 def world(said, theirs):
@@ -18,15 +17,13 @@ def world(said, theirs):
     return space, (theirs.positions * UNITY) @ space[:3] + space[3]
 
 
-@pytest.mark.parametrize(
-    ("mode", "scale"), [*(("Controls", scale) for scale in SCALES), ("Vertices", "mirrored"), ("Vertices16", "scaled")]
-)
+@pytest.mark.parametrize(("mode", "scale"), [("Controls", None), ("Vertices", "-1.5,0.5,3"), ("Vertices16", "2,2,1")])
 def test_an_object_lies_on_its_vertex_and_turns_with_the_surface(show, python, blob_rig, mode, scale):
     count = len(blob_rig.character.vertices)
     chosen = [0, count // 3, count // 2, count - 1]
     fields = {"materials": "Any/Shader", "mode": mode, "attach": ",".join(f"vertex:{each}" for each in chosen)}
-    program = show(**fields, **({} if SCALES[scale] is None else {"scale": SCALES[scale]}))
-    side = 1 if scale == "mirrored" else -1  # in Unity, triangles turn over
+    program = show(**fields, **({} if scale is None else {"scale": scale}))
+    side = 1 if scale == "-1.5,0.5,3" else -1  # in Unity, triangles turn over; this space is mirrored
     poses = []
     for said, theirs in shown(program, python, 60):  # of 58 in the take, in some of which little moves
         space, vertices = world(said, theirs)
@@ -60,13 +57,11 @@ def test_a_point_that_is_not_there_is_warned_of_once(show, figure):
 
 
 def test_a_limb_carries_the_affine_mean_of_the_vertices_around_its_point(
-    show, serve, reference, free_port, limbed_puppet, take
+    show, serve_puppet, reference, limbed_puppet, take
 ):
-    limbed_rig, port = load_rig(limbed_puppet), free_port()
+    limbed_rig = load_rig(limbed_puppet)
     rest = limbed_rig.character.vertices
-    service = serve(
-        "--puppet", limbed_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once", "--port", port
-    )
+    service = serve_puppet(limbed_puppet, take)
     python = reference(service.stream, f"{limbed_puppet.stem}/vertices", f"{limbed_puppet.stem}/scene/python")
     limb = next(each for each in limbed_rig.puppet.limb if each.name == "left arm")
     start, end = np.array(limb.points[0]), np.array(limb.points[-1])

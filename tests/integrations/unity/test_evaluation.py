@@ -47,25 +47,22 @@ def cofactor_normals(scene, controls):
     return turned / np.linalg.norm(turned, axis=1, keepdims=True)
 
 
-def test_positions_and_the_surfaces_own_normals_are_those_of_the_service(evaluated, scene):
+def test_positions_and_both_kinds_of_normals_are_those_of_the_service(evaluated, scene):
+    """In Unity's axes, x is negated. Boxes are around all vertices, and the cheap one is not much larger."""
     number, made = evaluated
-    positions, normals, *_ = made["Slopes", "File"]
-    expected = decoded(f"{number}.vertices")
-    assert np.abs(positions - expected.positions).max() <= 1e-6 * scene.facts["diagonal"]
-    assert np.abs(normals - expected.normals).max() <= 1e-5
-
-
-def test_quick_normals_are_those_of_the_cofactor_matrix(evaluated, scene):
-    number, made = evaluated
-    positions, normals, *_ = made["Cofactors", "File"]
-    np.testing.assert_allclose(positions, made["Slopes", "File"][0], rtol=0, atol=1e-6 * scene.facts["diagonal"])
-    np.testing.assert_allclose(normals, cofactor_normals(scene, decoded(f"{number}.controls")), rtol=0, atol=1e-5)
-
-
-@pytest.mark.parametrize("normals", ["Slopes", "Cofactors"])
-def test_in_unitys_axes_x_is_negated_and_nothing_else(evaluated, normals):
-    for ours, unitys in zip(evaluated[1][normals, "File"][:2], evaluated[1][normals, "Unity"][:2], strict=True):
-        np.testing.assert_array_equal(unitys, ours * UNITY)
+    expected, diagonal = decoded(f"{number}.vertices"), scene.facts["diagonal"]
+    quick = cofactor_normals(scene, decoded(f"{number}.controls"))
+    for by, normals in (("Slopes", expected.normals), ("Cofactors", quick)):
+        assert np.abs(made[by, "File"][0] - expected.positions).max() <= 1e-6 * diagonal
+        np.testing.assert_allclose(made[by, "File"][1], normals, rtol=0, atol=1e-5)
+        for ours, unitys in zip(made[by, "File"][:2], made[by, "Unity"][:2], strict=True):
+            np.testing.assert_array_equal(unitys, ours * UNITY)
+    for positions, _, box, around in (made["Slopes", "File"], made["Slopes", "Unity"]):
+        low, high = positions.min(axis=0), positions.max(axis=0)
+        np.testing.assert_array_equal(np.float32(box), np.concatenate([low, high]))
+        assert (np.float32(around[:3]) <= low + 1e-6 * diagonal).all()
+        assert (np.float32(around[3:]) >= high - 1e-6 * diagonal).all()
+        assert np.linalg.norm(np.subtract(around[3:], around[:3])) <= 1.5 * np.linalg.norm(high - low)
 
 
 def test_triangles_turned_over_face_outwards_in_unitys_axes(run_core, scene):
@@ -77,17 +74,6 @@ def test_triangles_turned_over_face_outwards_in_unitys_axes(run_core, scene):
     outwards = (scene.arrays["normals"] * UNITY)[turned].sum(axis=1)
     assert (np.sum(-inwards * -outwards, axis=1) > 0).all()
     assert sorted(map(tuple, np.sort(turned))) == sorted(map(tuple, np.sort(scene.arrays["triangles"])))
-
-
-@pytest.mark.parametrize("axes", ["File", "Unity"])
-def test_boxes_are_around_all_vertices_and_the_cheap_one_is_not_much_larger(evaluated, scene, axes):
-    positions, _, box, around = evaluated[1]["Slopes", axes]
-    low, high = positions.min(axis=0), positions.max(axis=0)
-    np.testing.assert_array_equal(np.float32(box), np.concatenate([low, high]))
-    slack = 1e-6 * scene.facts["diagonal"]
-    assert (np.float32(around[:3]) <= low + slack).all()
-    assert (np.float32(around[3:]) >= high - slack).all()
-    assert np.linalg.norm(np.subtract(around[3:], around[:3])) <= 1.5 * np.linalg.norm(high - low)
 
 
 def test_a_voice_moves_the_rest_pose_of_the_mouth(run_core, spoken, spoken_files):
@@ -118,36 +104,38 @@ def streams(scene):
     return moving, constant
 
 
-def rows_of(facts, controls):
-    """Return the transforms as rows, multiplied by the weights of their fields."""
-    weighted = np.float32(facts["weights"])[:, None, None] * controls.reshape(facts["fields"], -1, 4)
-    return weighted.reshape(-1, 4)
-
-
 def blocks_with(facts, shown, before):
     """Return the shader's rows: blocks of noise, and the character's with two poses."""
     rows = np.random.default_rng(0).normal(size=(5 * 512, 4)).astype(np.float32)
     start = BLOCK * 512
     rows[start] = facts["fields"], facts["isolines"], 241, 1
     for place, controls in ((241, shown), (1, before)):
-        values = rows_of(facts, controls)
-        rows[start + place : start + place + len(values)] = values
+        weighted = np.float32(facts["weights"])[:, None, None] * controls.reshape(facts["fields"], -1, 4)
+        rows[start + place :][: weighted.size // 4] = weighted.reshape(-1, 4)
     return rows
 
 
-@pytest.mark.parametrize("number", range(3))
-def test_the_shaders_arithmetic_is_the_services(shader, scene, number):
-    facts = scene.facts
-    controls, controls_before = decoded(f"{number}.controls"), decoded(f"{(number + 1) % 3}.controls")
-    by_slopes, by_cofactors, before = shader(blocks_with(facts, controls, controls_before), *streams(scene))
-    expected = decoded(f"{number}.vertices")
-    for points in (by_slopes, by_cofactors):
-        assert np.abs(points[:, :3] * UNITY - expected.positions).max() <= 1e-6 * facts["diagonal"]
-    assert np.abs(by_slopes[:, 3:] * UNITY - expected.normals).max() <= 1e-5
-    normals = cofactor_normals(scene, controls.reshape(facts["fields"], facts["isolines"], 3, 4))
-    np.testing.assert_allclose(by_cofactors[:, 3:] * UNITY, normals, rtol=0, atol=1e-5)
-    moved_from = decoded(f"{(number + 1) % 3}.vertices").positions
-    assert np.abs(before * UNITY - moved_from).max() <= 1e-6 * facts["diagonal"]
+@pytest.fixture(params=range(3))
+def posed(request, scene):
+    """The shader's rows for a frame, with another one before it, and a comparison of what it makes of them."""
+    number, other, facts = request.param, (request.param + 1) % 3, scene.facts
+    expected, earlier = decoded(f"{number}.vertices"), decoded(f"{other}.vertices").positions
+
+    def check(positions, normals, before):
+        assert np.abs(positions * UNITY - expected.positions).max() <= 1e-6 * facts["diagonal"]
+        assert np.abs(normals * UNITY - expected.normals).max() <= 1e-5
+        assert np.abs(before * UNITY - earlier).max() <= 1e-6 * facts["diagonal"]
+
+    controls = decoded(f"{number}.controls")
+    return blocks_with(facts, controls, decoded(f"{other}.controls")), check, cofactor_normals(scene, controls)
+
+
+def test_the_shaders_arithmetic_is_the_services(shader, scene, posed):
+    rows, check, quick = posed
+    by_slopes, by_cofactors, before = shader(rows, *streams(scene))
+    check(by_slopes[:, :3], by_slopes[:, 3:], before)
+    np.testing.assert_allclose(by_cofactors[:, :3], by_slopes[:, :3], rtol=0, atol=1e-6 * scene.facts["diagonal"])
+    np.testing.assert_allclose(by_cofactors[:, 3:] * UNITY, quick, rtol=0, atol=1e-5)
 
 
 def test_without_transforms_the_shader_leaves_vertices_as_they_are(shader, scene):
@@ -179,27 +167,18 @@ def webgl_shader(tmp_path_factory):
     return subprocess.run(translate, capture_output=True, text=True, check=True).stdout
 
 
-@pytest.mark.parametrize("number", range(3))
-def test_a_browser_computes_the_services_vertices_with_the_shader(browser, webgl_shader, scene, number):
+def test_a_browser_computes_the_services_vertices_with_the_shader(browser, webgl_shader, scene, posed):
     """WebGL 2, which has the transforms in a texture; positions, normals and positions before come back."""
-    facts, other = scene.facts, (number + 1) % 3
-    rows = blocks_with(facts, decoded(f"{number}.controls"), decoded(f"{other}.controls"))
-    moving, constant = streams(scene)
+    rows, check, _ = posed
     place = {"positionOS": 0, "normalOS": 3, "block": 6, "isolines0": 8, "isolines1": 12}
     place |= {f"slopes{k}": 16 + 4 * k for k in range(4)}
-    given = {
-        "shader": webgl_shader,
-        "rows": base64.b64encode(rows.tobytes()).decode(),
-        "vertices": base64.b64encode(np.hstack([moving, constant]).astype(np.float32).tobytes()).decode(),
-        "place": place,
-        "stride": 32,
+    vertices = np.hstack(streams(scene)).astype(np.float32)
+    given = {"shader": webgl_shader, "place": place, "stride": 32}
+    given |= {
+        name: base64.b64encode(each.tobytes()).decode() for name, each in (("rows", rows), ("vertices", vertices))
     }
     page = browser.new_page()
     told = page.evaluate((HERE / "programs" / "feedback.js").read_text(), given)
     page.close()
     assert told["error"] == ""
-    position, normal, before = np.split(array(told["values"], columns=9), 3, axis=1)
-    expected = decoded(f"{number}.vertices")
-    assert np.abs(position * UNITY - expected.positions).max() <= 1e-6 * facts["diagonal"]
-    assert np.abs(normal * UNITY - expected.normals).max() <= 1e-5
-    assert np.abs(before * UNITY - decoded(f"{other}.vertices").positions).max() <= 1e-6 * facts["diagonal"]
+    check(*np.split(array(told["values"], columns=9), 3, axis=1))

@@ -1,6 +1,7 @@
 """Requests of the plain C# core over the real control socket."""
 
 import json
+import signal
 
 import pytest
 
@@ -18,51 +19,32 @@ def ask(start):
     return run
 
 
-def test_a_request_is_answered_as_python_is(figure, ask):
-    (ping,) = ask(figure.control_port, {"do": "ping"})
-    assert ping == {"id": 1, "ok": True, "result": "pong"}
-    (listed,) = ask(figure.control_port, {"do": "list"})
-    assert listed["result"] == figure.ask("list")
-
-
-def test_arguments_of_every_type_arrive(figure, ask):
-    mirrored, chosen, wrong = ask(
+def test_requests_are_answered_in_order_as_python_is_though_more_than_may_wait(figure, ask):
+    """Arguments of every type arrive."""
+    first, listed, mirrored, chosen, wrong, *others = ask(
         figure.control_port,
+        {"do": "ping"},
+        {"do": "list"},
         {"do": "mirror", "character": "blob", "on": False},
         {"do": "choose_user", "character": "blob", "user": None},
         {"do": "choose_user", "character": 'no "such\\ \n ünicörn', "user": 7},
+        *[{"do": "ping"}] * 100,
     )
+    assert first == {"id": 1, "ok": True, "result": "pong"}
+    assert listed["result"] == figure.ask("list")
     assert (mirrored["ok"], mirrored["result"]["mirror"]) == (True, False)
     assert chosen["result"]["name"] == "blob"
     assert wrong["error"] == figure.ask("choose_user", character='no "such\\ \n ünicörn', user=7)
+    assert others == [{"id": number, "ok": True, "result": "pong"} for number in range(6, 106)]
 
 
-def test_more_requests_than_may_wait_are_all_answered_in_order(figure, ask):
-    replies = ask(figure.control_port, *({"do": "ping"} for _ in range(100)))
-    assert [reply["id"] for reply in replies] == list(range(1, 101))
-    assert {reply.get("result") for reply in replies} == {"pong"}
-
-
-def test_a_take_is_recorded(figure, ask):
-    (begun,) = ask(figure.control_port, {"do": "record_start", "name": "evening"})
-    assert begun["result"]["take"] == "evening"
-    (ended,) = ask(figure.control_port, {"do": "record_stop"})
-    assert ended["result"]["bytes"] > 0
-
-
-def test_without_a_service_there_is_an_error_that_says_so(ask, free_port):
-    port = free_port()
-    (reply,) = ask(port, {"do": "ping"})
-    assert (reply["ok"], f"127.0.0.1:{port}" in reply["error"]["where"]) == (False, True)
-    assert "Check that puppetline serve is running there" in reply["error"]["found"]
-    assert {"where", "found", "expected", "fix"} == reply["error"].keys()
-
-
-@pytest.mark.parametrize(("given", "found"), [("wrong", "does not accept the token"), ("", "token")])
-def test_a_wrong_token_is_an_error_that_says_so(locked_figure, ask, token_file, given, found):
-    (reply,) = ask(locked_figure.control_port, {"do": "ping"}, token=given)
-    assert (reply["ok"], found in reply["error"]["found"]) == (False, True), reply
-    (reply,) = ask(locked_figure.control_port, {"do": "ping"}, token=token_file.read_text())
+def test_without_a_service_or_with_a_wrong_token_there_is_an_error(ask, free_port, locked_figure, token_file):
+    ports = free_port(), locked_figure.control_port
+    for port, token in ((ports[0], ""), (ports[1], "wrong"), (ports[1], "")):
+        (reply,) = ask(port, {"do": "ping"}, token=token)
+        assert (reply["ok"], f"127.0.0.1:{port}" in reply["error"]["where"]) == (False, True), reply
+        assert {"where", "found", "expected", "fix"} == reply["error"].keys()
+    (reply,) = ask(ports[1], {"do": "ping"}, token=token_file.read_text())
     assert reply["result"] == "pong"
 
 
@@ -72,8 +54,7 @@ def test_requests_of_a_service_that_is_gone_fail_and_later_ones_succeed(serve_fi
     program = start("Core", "request", "127.0.0.1", service.port + 1, "")
     program.tell('{"do": "ping"}')
     assert program.until(lambda said: True)["reply"]["result"] == "pong"
-    service.process.kill()
-    service.ended()
+    service.stop(signal.SIGKILL)
     program.tell('{"do": "ping"}')
     assert not program.until(lambda said: True, since=1)["reply"]["ok"]
     serve_figure(port=service.port)

@@ -46,29 +46,20 @@ def test_three_followers_take_one_connection_and_one_scene(follow, figure, conne
     assert not any(frames_of("one")(said) for said in ended[closed:])
 
 
-def test_each_follower_gets_the_values_that_were_sent(follow, figure, python):
-    for name, kind in (("one", "vertices"), ("two", "vertices"), ("three", "vertices16")):
-        follow.tell(f"open {name} {figure.port} - blob {kind}")
-    follow.until(lambda said: frames_of("three")(said) and said["frame"] in python.frames)
-    follow.until(lambda said: frames_of("two")(said) and said["frame"] in python.frames)
-    follow.until(lambda said: frames_of("one")(said) and said["frame"] in python.frames)
-    compared = set()
-    for said in follow.finish():
-        if "frame" in said and said["frame"] in python.frames:
-            sent = python.frames[said["frame"]].body
-            positions = array(said["values"], columns=3)[: len(sent.positions)]
-            tolerance = 1e-4 * python.scene.facts["diagonal"] if said["name"] == "three" else 0
-            np.testing.assert_allclose(positions, sent.positions, rtol=0, atol=tolerance)
-            compared.add(said["name"])
-    assert compared == {"one", "two", "three"}
-
-
-def test_a_follower_that_comes_later_gets_the_scene_that_is_here(follow, figure):
-    follow.tell(f"open one {figure.port} - blob controls")
-    first = follow.until(frames_of("one"))
-    follow.tell(f"open two {figure.port} - - controls")
-    later = follow.until(frames_of("two"))
-    assert (later["scene"], later["character"]) == (first["scene"], "blob")
+def test_each_follower_gets_the_values_that_were_sent_and_a_later_one_the_scene_that_is_here(follow, figure, python):
+    first = None
+    for name, character, kind in (
+        ("one", "blob", "vertices"),
+        ("two", "-", "vertices"),
+        ("three", "blob", "vertices16"),
+    ):
+        follow.tell(f"open {name} {figure.port} - {character} {kind}")
+        said = follow.until(lambda said, name=name: frames_of(name)(said) and said["frame"] in python.frames)
+        first = first or said["scene"]
+        assert (said["scene"], said["character"]) == (first, "blob")
+        sent = python.frames[said["frame"]].body.positions
+        tolerance = 1e-4 * python.scene.facts["diagonal"] if name == "three" else 0
+        np.testing.assert_allclose(array(said["values"], columns=3)[: len(sent)], sent, rtol=0, atol=tolerance)
     follow.finish()
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from engine_bridge.service.protocol.header import Kind
-from engine_bridge.service.protocol.payloads import encode
 from engine_bridge.service.protocol.scene import describe
 
-from ..foreign_skeleton import CHARACTER_CREATOR, FOREIGN, MIXAMO, VROID, foreign, hips_place, worst_angle
+from ..foreign_skeleton import FOREIGN, foreign
+from ..limbs import Limbs, values_of
 
 pytestmark = pytest.mark.slow
 
@@ -32,36 +32,24 @@ DRIVE = """({ bones, description, frames, map }) => {
 
 @pytest.fixture
 def drive(open_page, human):
-    """Drive a skeleton by payloads of frames."""
+    """Drive a skeleton by the numbers of a frame."""
 
-    def driven(payloads, bones=None, **names):
-        told = {"bones": bones or foreign(), "description": describe(human), "map": names}
-        result = open_page().run(DRIVE, told | {"frames": [list(map(float, payload)) for payload in payloads]})
-        return dict(zip(FOREIGN, np.array(result["places"]), strict=True)), dict(result["driven"])
+    def driven(values, bones, **names):
+        told = {"bones": bones, "description": describe(human), "map": names, "frames": [list(map(float, values))]}
+        result = open_page().run(DRIVE, told)
+        return np.array(result["places"]), dict(result["driven"])
 
     return driven
 
 
-def payload(frame):
-    return np.frombuffer(encode(Kind.BONES, frame, 0)[128:], dtype="<f4")
+class TestLimbs(Limbs):
+    pass
 
 
-@pytest.mark.parametrize("names", [MIXAMO, VROID, CHARACTER_CREATOR])
-def test_limbs_of_an_a_posed_skeleton_with_other_axes_point_as_those_of_the_service(drive, posed_human, names):
-    places, driven = drive([payload(posed_human)], foreign(names))
-    assert driven["leftUpperArm"] == names[3]
-    assert worst_angle(places, posed_human) < 0.1
-    np.testing.assert_allclose(places["Hips"], hips_place(posed_human), atol=1e-4)
-
-
-def test_a_map_names_bones_and_frames_of_the_wrong_size_or_without_numbers_are_ignored(drive, posed_human):
-    bones = [bone | {"name": f"b{number}"} for number, bone in enumerate(foreign())]
-    frame = payload(posed_human)
-    hostile = [frame[:-1], np.where(np.arange(len(frame)) == 3, np.inf, frame)]
-    places, driven = drive(hostile[:1], bones, leftUpperArm="b3", nose="b1")
-    assert driven == {"leftUpperArm": "b3"}
-    for name, (_, place) in FOREIGN.items():
-        np.testing.assert_allclose(places[name], place, atol=1e-6)
+def test_frames_of_the_wrong_size_or_without_numbers_are_ignored(drive, posed_human):
+    frame = values_of(posed_human)
+    for hostile in (frame[:-1], np.where(np.arange(len(frame)) == 3, np.inf, frame)):
+        np.testing.assert_allclose(drive(hostile, foreign())[0], [place for _, place in FOREIGN.values()], atol=1e-6)
 
 
 SPEAK = """async (addresses) => {

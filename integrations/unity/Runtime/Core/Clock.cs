@@ -1,3 +1,4 @@
+using System;
 using System.Diagnostics;
 
 namespace Puppetline.Protocol
@@ -6,6 +7,9 @@ namespace Puppetline.Protocol
     public static class Clock
     {
         /// <summary>Seconds since an arbitrary point in time.</summary>
-        public static double Now => Stopwatch.GetTimestamp() / (double)Stopwatch.Frequency;
+        public static double Now => Source();
+
+        /// <summary>What tells the time. Tests give another one.</summary>
+        internal static Func<double> Source { get; set; } = () => Stopwatch.GetTimestamp() / (double)Stopwatch.Frequency;
     }
 }

@@ -10,13 +10,13 @@ namespace Puppetline.Protocol
     /// </summary>
     sealed class SharedConnection
     {
-        /// <summary>Time between two attempts to connect, in milliseconds.</summary>
-        const int RetryMilliseconds = 1000;
+        /// <summary>Time between two attempts to connect, in seconds.</summary>
+        const double RetrySeconds = 1;
 
         /// <summary>Time without a message after which the connection counts as lost, in seconds. The status is sent every second.</summary>
         const double SilenceTimeoutSeconds = 6;
 
-        /// <summary>Maximum time for which the thread waits before it checks for changes of its followers, in milliseconds.</summary>
+        /// <summary>Maximum time for which the thread waits before it checks the clock and changes of its followers, in milliseconds.</summary>
         const int PollMilliseconds = 100;
 
         const string StatusTopic = "service/status", CharactersTopic = "service/characters";
@@ -132,7 +132,10 @@ namespace Puppetline.Protocol
                 {
                     connection?.Dispose();
                 }
-                ended.WaitOne(RetryMilliseconds);
+                double next = Clock.Now + RetrySeconds;
+                while (Clock.Now < next && !ended.WaitOne(PollMilliseconds))
+                {
+                }
             }
         }
 

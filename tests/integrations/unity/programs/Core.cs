@@ -1,7 +1,9 @@
 using System;
 using System.Collections.Generic;
 using System.Diagnostics;
+using System.Globalization;
 using System.IO;
+using System.Reflection;
 using System.Threading;
 using Puppetline.Protocol;
 
@@ -20,7 +22,7 @@ static class Core
         switch (arguments[0])
         {
             case "decode":
-                Array.ForEach(File.ReadAllLines(arguments[1]), Decode);
+                DecodeAll(File.ReadAllBytes(arguments[1]));
                 return 0;
             case "evaluate":
                 Evaluate(arguments[1], arguments[2]);
@@ -52,15 +54,26 @@ static class Core
             : throw new FormatException("no message");
     }
 
-    static void Decode(string path)
+    /// <summary>Decode messages, each after its length in 4 bytes.</summary>
+    static void DecodeAll(byte[] bytes)
     {
-        if (!Message.TryParse(new ArraySegment<byte>(File.ReadAllBytes(path)), out Message message))
+        for (int at = 0; at < bytes.Length; at += 4 + BitConverter.ToInt32(bytes, at))
         {
-            Said.Line("refused", "message", "major", Message.MajorOf(new ArraySegment<byte>(File.ReadAllBytes(path))));
+            var content = new byte[BitConverter.ToInt32(bytes, at)];
+            Buffer.BlockCopy(bytes, at + 4, content, 0, content.Length);
+            Decode(new ArraySegment<byte>(content));
+        }
+    }
+
+    static void Decode(ArraySegment<byte> content)
+    {
+        if (!Message.TryParse(content, out Message message))
+        {
+            Said.Line("refused", "message");
             return;
         }
         Header h = message.Header;
-        var header = new object[] { h.Kind, h.State, h.User, h.Revision, h.Sequence, h.Time, h.Received, h.Published, h.RootX, h.RootY, h.RootZ };
+        var header = new object[] { (int)h.Kind, (int)h.State, h.User, h.Revision, h.Sequence, h.Time, h.Received, h.Published, h.RootX, h.RootY, h.RootZ };
         try
         {
             Say(message, header);
@@ -82,6 +95,10 @@ static class Core
                 "diagonal", s.Diagonal, "weights", Said.Bytes(s.Weights), "triangles", Said.Bytes(s.Triangles),
                 "positions", Said.Bytes(s.Positions), "normals", Said.Bytes(s.Normals), "ladder", Said.Bytes(s.IsolineCoordinates),
                 "slopes", Said.Bytes(s.Slopes), "uv", Said.Bytes(s.Uv), "colors", Said.Bytes(s.Colors));
+        }
+        else if (!Enum.IsDefined(typeof(Kind), message.Header.Kind))
+        {
+            Said.Line("topic", message.Topic, "header", header, "values", "");
         }
         else if (message.Header.Kind >= Kind.Performer && message.Header.Kind != Kind.Bones)
         {
@@ -153,7 +170,10 @@ static class Core
         }
     }
 
-    /// <summary>Follow until standard input ends, and print received data; of frames, only those whose number is divisible by an argument.</summary>
+    /// <summary>
+    /// Follow until standard input ends, and print received data; of frames, only those whose number is divisible by an
+    /// argument. A line of input stops the clock, and advances it by so many seconds.
+    /// </summary>
     static void Follow(string[] arguments)
     {
         ulong every = ulong.Parse(arguments[6]);
@@ -164,7 +184,8 @@ static class Core
             Scene scene = null;
             Deformation deformation = null;
             SurfaceVertex[] vertices = null;
-            Thread reading = UntilInputEnds();
+            var reading = new Thread(() => TurnClock(follower));
+            reading.Start();
             while (reading.IsAlive)
             {
                 string state = follower.State + " " + follower.Reason;
@@ -216,16 +237,47 @@ static class Core
         Said.Line("frame", frame.Header.Sequence, "time", frame.Header.Time, "user", frame.Header.User, "values", values);
     }
 
-    static Thread UntilInputEnds()
+    static void TurnClock(Follower follower)
     {
-        var reading = new Thread(() => Console.In.ReadToEnd());
-        reading.Start();
-        return reading;
+        double given = 0;
+        int looks = 0;
+        Func<double> source = () =>
+        {
+            Interlocked.Increment(ref looks);
+            return Volatile.Read(ref given);
+        };
+        Func<int, Func<bool>, int> waitForLooks = (count, goesOn) =>
+        {
+            for (int wanted = looks + count; looks < wanted && goesOn();)
+            {
+                Thread.Sleep(1);
+            }
+            return looks;
+        };
+        for (string line = Console.In.ReadLine(); line != null; line = Console.In.ReadLine())
+        {
+            given = looks == 0 ? Clock.Now : given;
+            SetClock(source);
+            // The thread of the connection looks twice as soon as it waits for a time, and once more at most before it acts.
+            waitForLooks(2, () => follower.State != FollowState.Connecting);
+            Volatile.Write(ref given, given + double.Parse(line, CultureInfo.InvariantCulture));
+            waitForLooks(3, () => follower.State == FollowState.Connected);
+            Said.Line("turned", line);
+        }
     }
 
-    /// <summary>Send the requests from standard input together, one JSON object per line, and print the replies.</summary>
+    static void SetClock(Func<double> source)
+    {
+        typeof(Clock).GetProperty("Source", BindingFlags.Static | BindingFlags.NonPublic).SetValue(null, source);
+    }
+
+    /// <summary>
+    /// Send the requests from standard input together, one JSON object per line, and print the replies. The clock stands
+    /// still, so that no reply comes too late.
+    /// </summary>
     static void Request(string[] arguments)
     {
+        SetClock(() => 0);
         using (var client = new ControlClient(arguments[1], int.Parse(arguments[2]), arguments[3]))
         {
             int open = 0;

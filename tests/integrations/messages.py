@@ -1,0 +1,244 @@
+"""What every client makes of the recorded messages and of damaged ones, compared with Python's decoder.
+
+The tests of a client derive a class from `Messages`, and give it the fixture `read`.
+"""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+
+from engine_bridge.service.protocol.header import PAYLOAD_OFFSET, WireError, split
+from engine_bridge.service.protocol.payloads import Vertices, decode
+from engine_bridge.service.protocol.scene import Scene
+
+from ..recorded import NAMES, recorded
+
+SCENE = recorded("scene")
+NUMBERS = ("vertices", "triangles", "fields", "isolines")
+
+
+def scene_message(facts, arrays):
+    """Return the recorded scene's message with another description and other arrays."""
+    text = json.dumps(facts).encode()
+    text += b" " * (-len(text) % 8)
+    payload = struct.pack("<I", len(text)) + text + arrays
+    return SCENE[:76] + struct.pack("<I", len(payload)) + SCENE[80:PAYLOAD_OFFSET] + payload
+
+
+def taken_apart():
+    """Return the description of the recorded scene, and its arrays as bytes."""
+    payload = bytes(split(SCENE).payload)
+    start = 4 + int.from_bytes(payload[:4], "little")
+    return json.loads(payload[4:start]), payload[start:]
+
+
+def unusual():
+    """Return messages that no service of today sends, and that are valid."""
+    facts, arrays = taken_apart()
+    extra = b"????" * 3
+    moved = {name: {**entry, "offset": entry["offset"] + len(extra)} for name, entry in facts["arrays"].items()}
+    moved["what"] = {"type": "f32", "shape": [3], "offset": 0}
+    moved["uv"] = {"type": "f32", "shape": [facts["vertices"], 2], "offset": len(extra + arrays)}
+    uv = np.arange(2 * facts["vertices"], dtype="<f4").tobytes()
+    controls = recorded("1.controls")
+    return {
+        "arrays in another order and one more": scene_message(
+            {**facts, "arrays": dict(reversed(moved.items())), "news": [1]}, extra + arrays + uv
+        ),
+        "a later minor version": controls[:65] + b"\7" + controls[66:] + b"more",
+    }
+
+
+def damaged():
+    """Return recorded messages that are cut off or altered at random."""
+    random, made = np.random.default_rng(3), {}
+    for name in NAMES:
+        whole = recorded(name)
+        for number in range(40):
+            made[f"{name}, cut {number}"] = whole[: random.integers(0, len(whole))]
+            altered = bytearray(whole)
+            region = PAYLOAD_OFFSET + 8 if number % 2 else len(whole)
+            for place in random.integers(0, min(region, len(whole)), random.integers(1, 4)):
+                altered[place] = random.choice([0, 1, 2, 4, 127, 128, 255])
+            made[f"{name}, altered {number}"] = bytes(altered)
+    controls = recorded("1.controls")
+    made["weights that are cut off"] = controls[:124] + b"\2\0\0\0" + controls[128:] + b"\0" * 7
+    return made
+
+
+def wrong_scenes():
+    """Yield what is wrong with a scene, and its message."""
+    yield from wrong_descriptions()
+    yield from wrong_arrays()
+    for what, payload in {
+        "deep": b"\xa0\x86\x01\0" + b"[" * 100_000,
+        "no JSON": struct.pack("<I", 4) + b"{{}}",
+        "no object": struct.pack("<I", 4) + b"[1] ",
+        "a description beyond the end": struct.pack("<I", 2**31) + b"{}",
+        "nothing": b"",
+        "three bytes": b"\0\0\0",
+        "cut off": SCENE[PAYLOAD_OFFSET:-4],
+    }.items():
+        yield what, SCENE[:76] + struct.pack("<I", len(payload)) + SCENE[80:PAYLOAD_OFFSET] + payload
+
+
+def wrong_arrays():
+    facts, arrays = taken_apart()
+    directory = facts["arrays"]
+
+    def with_array(name, **changed):
+        return scene_message({**facts, "arrays": {**directory, name: {**directory[name], **changed}}}, arrays)
+
+    def with_bytes(name, at, value):
+        place = directory[name]["offset"] + at
+        return scene_message(facts, arrays[:place] + value + arrays[place + len(value) :])
+
+    for name in ("triangles", "positions", "normals", "ladder", "slopes", "colors"):
+        rest = {key: each for key, each in directory.items() if key != name}
+        yield f"without {name}", scene_message({**facts, "arrays": rest}, arrays)
+        yield f"{name} of another type", with_array(name, type="f64")
+        for shape in ([facts["vertices"]], [2**31, 2**31]):
+            yield f"{name} of shape {shape}", with_array(name, shape=shape)
+        for offset in (-4, 2, len(arrays), 2**40, 2**63, 1.5, None, "0"):
+            yield f"{name} at {offset}", with_array(name, offset=offset)
+    for vertex in (facts["vertices"], 2**31, 2**32 - 1):
+        yield f"vertex {vertex}", with_bytes("triangles", 40, struct.pack("<I", vertex))
+    for name, value in (
+        ("ladder", np.nan),
+        ("ladder", np.inf),
+        ("ladder", 4.5),
+        ("ladder", -0.5),
+        ("positions", np.nan),
+    ):
+        yield f"{name} {value}", with_bytes(name, 0, struct.pack("<f", value))
+
+
+def wrong_descriptions():
+    facts, arrays = taken_apart()
+    part = facts["parts"][0]
+    for what in (*NUMBERS, "weights", "bounds", "arrays", "handles", "parts"):
+        yield f"{what} missing", scene_message({key: each for key, each in facts.items() if key != what}, arrays)
+        for value in (None, -1, 0, 1.5, 2**62, 1e300, "many", [], {}, [[]], True):
+            yield f"{what}: {value}", scene_message({**facts, what: value}, arrays)
+    for weights in ([0.5, 0.5, 0.5, 1e300], [1.5, 0.0, -0.5, 0.0], [2.0, 0.0, 0.0, 0.0]):
+        yield f"weights {weights}", scene_message({**facts, "weights": weights}, arrays)
+    yield "diagonal", scene_message({**facts, "diagonal": 1e300}, arrays)
+    yield "bounds beyond f32", scene_message({**facts, "bounds": [[0, 0, 0], [1, 1e39, 1]]}, arrays)
+    handle = {**facts["handles"][0], "position": [0, -1e39, 0]}
+    yield "handles beyond f32", scene_message({**facts, "handles": [handle]}, arrays)
+    for what, values in (("vertices", [0, 163]), ("triangles", [1, 320]), ("triangles", [-1, 2]), ("vertices", [0])):
+        yield f"parts with {what} {values}", scene_message({**facts, "parts": [{**part, what: values}]}, arrays)
+    for what, values in (("vertices", [[0, 162], [161, 1]]), ("triangles", [[0, 320], [0, 320]])):
+        parts = [{**part, "vertices": [0, 0], "triangles": [0, 0], what: each} for each in values]
+        yield f"parts whose {what} overlap", scene_message({**facts, "parts": parts}, arrays)
+
+
+def strange_scenes():
+    """Yield scenes in each of which one thing of the description is strange."""
+    facts, arrays = taken_apart()
+    facts |= {"joints": ["a"], "morphs": ["b"]}
+
+    def altered(value):
+        yield from (None, True, -1, 1.5, 1e300, "x", [], [1, 2], [[1], {}], {}, {"x": [0]})
+        if isinstance(value, dict):
+            for key, each in value.items():
+                yield from ({**value, key: other} for other in altered(each))
+        elif isinstance(value, list) and value:
+            yield from ([other, *value[1:]] for other in altered(value[0]))
+
+    for each in altered(facts):
+        if isinstance(each, dict):
+            yield scene_message(each, arrays)
+
+
+def header_of(message):
+    """Return topic and header in the form that `read` has; JavaScript has integers of 53 bits."""
+    topic, header, *_ = split(message)
+    numbers = [*(getattr(header, name) for name in HEADER), *header.root]
+    return topic, pytest.approx(numbers, rel=1e-15, abs=0, nan_ok=True)
+
+
+HEADER = ("kind", "state", "user", "revision", "sequence", "time", "received", "published")
+ARRAYS = ("triangles", "positions", "normals", "ladder", "slopes", "uv", "colors")
+
+
+class Messages:
+    """Tests of a client's decoder.
+
+    The fixture `read` takes messages, and returns for each None if the client refuses it, or: `topic`; `header`, the
+    numbers of `HEADER` and the root; and of its body `json`, `payload` (bytes) or `values` (flat f32), or of a scene
+    `facts` and `arrays`.
+    """
+
+    accepts = ()
+    """What is wrong with scenes that the client takes nevertheless: beginnings of names of `wrong_scenes`."""
+
+    @staticmethod
+    def refuses(message):
+        """Tell whether Python refuses a message, and therefore the client."""
+        try:
+            decode(message)
+        except WireError:
+            return True
+        return False
+
+    @staticmethod
+    def same(one, other):
+        """Tell whether two values of JSON are the same for the client."""
+        return one == other
+
+    def assert_same(self, told, message):
+        """Compare what a client has told of a message with what Python makes of it."""
+        assert (told["topic"], told["header"]) == header_of(message)
+        body = decode(message).body
+        if isinstance(body, Scene):
+            assert self.same(told["facts"], body.facts)
+            for name in ARRAYS:
+                expected = body.arrays.get(name, np.zeros(0)).ravel()
+                np.testing.assert_array_equal(told["arrays"][name], expected, err_msg=name)
+            weights = told["arrays"].get("weights", body.facts["weights"])
+            np.testing.assert_array_equal(np.float32(weights), np.float32(body.facts["weights"]))
+        elif "payload" in told:
+            assert told["payload"] == split(message).payload
+        elif isinstance(body, dict | list):
+            assert self.same(told["json"], body)
+        else:
+            expected = (
+                np.concatenate([body.positions.ravel(), body.normals.ravel()])
+                if isinstance(body, Vertices)
+                else np.float32([body.residual, *body.weights])
+                if hasattr(body, "residual")
+                else body.ravel()
+            )
+            rounding = 1e-6 if "vertices16" in told["topic"] else 0  # single precision there, double precision here
+            np.testing.assert_allclose(told["values"], expected, rtol=0, atol=rounding)
+
+    def test_recorded_and_unusual_messages_are_what_they_are_for_python(self, read):
+        messages = [*map(recorded, NAMES), *unusual().values()]
+        for told, message in zip(read(messages), messages, strict=True):
+            self.assert_same(told, message)
+
+    def test_damaged_messages_are_refused_exactly_where_python_refuses_them(self, read):
+        made = damaged()
+        refused = [*map(self.refuses, made.values())]
+        assert 0.5 < np.mean(refused) < 1
+        results = read([*made.values()])
+        assert [name for name, told, no in zip(made, results, refused, strict=True) if (told is None) != no] == []
+        for message, told in zip(made.values(), results, strict=True):
+            assert told is None or (told["topic"], told["header"]) == header_of(message)
+
+    def test_a_scene_that_is_not_what_it_says_is_refused(self, read):
+        names, messages = zip(*wrong_scenes(), strict=True)
+        taken = [name for name, told in zip(names, read(messages), strict=True) if told is not None]
+        assert [name for name in taken if not name.startswith(self.accepts)] == []
+
+    def test_a_scene_with_any_strange_description_is_complete_or_refused(self, read):
+        whole, *results = read([SCENE, *strange_scenes()])
+        taken = [told["arrays"] for told in results if told is not None]
+        assert 0 < len(taken) < len(results)
+        for arrays in taken:
+            for name in ARRAYS:
+                found = arrays[name]
+                assert np.array_equal(found, whole["arrays"][name]) or (name == "colors" and not len(found)), name

@@ -2,8 +2,8 @@
 
 from copy import deepcopy
 
-import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from capture.formats.options import ReadOptions
 from puppetline.errors import SkeletonLogError
@@ -64,8 +64,8 @@ def assert_same_frames():
 
     def compare(clip, expected):
         assert (clip.format, clip.user) == (expected.format, expected.user)
-        np.testing.assert_array_equal(clip.times, expected.times)
-        np.testing.assert_array_equal(clip.positions, expected.positions)
-        np.testing.assert_array_equal(clip.confidence, expected.confidence)
+        assert_array_equal(clip.times, expected.times)
+        assert_array_equal(clip.positions, expected.positions)
+        assert_array_equal(clip.confidence, expected.confidence)
 
     return compare

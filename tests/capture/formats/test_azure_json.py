@@ -2,6 +2,7 @@ import json
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from capture.formats import azure_json
 from capture.skeleton import JOINT_INDEX
@@ -47,7 +48,7 @@ def test_the_right_side_of_someone_facing_the_camera_is_at_positive_x(read):
     (clip,) = read(azure_json, json.dumps(document([performer])))
     expected = {OURS[name]: np.array(millimetres(name)) * [-1e-3, -1e-3, 1e-3] for name in NAMES}
     for name, index in JOINT_INDEX.items():
-        np.testing.assert_allclose(clip.positions[0, index], expected[name])
+        assert_allclose(clip.positions[0, index], expected[name])
     assert clip.positions[0, JOINT_INDEX["hand_right"], 0] == 0.25
     assert (clip.confidence == 1).all()
 
@@ -55,9 +56,9 @@ def test_the_right_side_of_someone_facing_the_camera_is_at_positive_x(read):
 def test_each_body_id_is_a_clip_on_the_recordings_clock(read):
     one, two = read(azure_json, json.dumps(document([body(1, 0)], [], [body(2, 2), body(1, 2)])), fps=5)
     assert (one.user, two.user) == (1, 2)
-    np.testing.assert_allclose(one.times, [0.2, 0.266666])
-    np.testing.assert_allclose(two.times, [0.266666])
-    np.testing.assert_allclose(one.positions[:, 0, 2], [2.0, 2.002])
+    assert_allclose(one.times, [0.2, 0.266666])
+    assert_allclose(two.times, [0.266666])
+    assert_allclose(one.positions[:, 0, 2], [2.0, 2.002])
 
 
 @pytest.mark.parametrize("wrapped", [False, True])

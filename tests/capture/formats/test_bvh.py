@@ -3,6 +3,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from capture.formats import bvh, bvh_parser
@@ -59,7 +60,7 @@ def ends(path):
 def test_positions_equal_forward_kinematics_by_hand(tmp_path):
     # X then Z, 90° each: the end (0, 2, 3) is first turned about z to (−2, 0, 3) and then about x to (−2, −3, 0).
     path = chain_file(tmp_path, "Xrotation Zrotation", (90, 90), 2)
-    np.testing.assert_allclose(ends(path), [[1, 2, 3], [2, 2, 3], [0, -1, 3]], atol=1e-12)
+    assert_allclose(ends(path), [[1, 2, 3], [2, 2, 3], [0, -1, 3]], atol=1e-12)
 
 
 def test_channels_may_come_in_any_order_and_rotations_are_those_of_scipy(tmp_path):
@@ -68,9 +69,7 @@ def test_channels_may_come_in_any_order_and_rotations_are_those_of_scipy(tmp_pat
         axes = [name for name in order if name in ROTATIONS]
         turn = Rotation.from_euler("".join(name[0] for name in axes), [values[name] for name in axes], degrees=True)
         found = ends(chain_file(tmp_path, " ".join(order), [values[name] for name in order]))
-        np.testing.assert_allclose(
-            found[1:], [[2.1, 2.2, 3.3], np.add(turn.apply([0, 2, 3]), [2.1, 2.2, 3.3])], atol=1e-12
-        )
+        assert_allclose(found[1:], [[2.1, 2.2, 3.3], np.add(turn.apply([0, 2, 3]), [2.1, 2.2, 3.3])], atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -83,7 +82,7 @@ def test_channels_may_come_in_any_order_and_rotations_are_those_of_scipy(tmp_pat
     ],
 )
 def test_inner_joints_are_where_their_channels_put_them(tmp_path, channels, row, joint):
-    np.testing.assert_allclose(ends(chain_file(tmp_path, channels, row, len(row)))[1], joint, atol=1e-12)
+    assert_allclose(ends(chain_file(tmp_path, channels, row, len(row)))[1], joint, atol=1e-12)
 
 
 def test_rest_pose_faces_the_sensor(tmp_path):
@@ -91,7 +90,7 @@ def test_rest_pose_faces_the_sensor(tmp_path):
     assert clip.times.tolist() == [0, 0.04]
     assert (clip.confidence == 1).all()
     for name, place in REST.items():
-        np.testing.assert_allclose(clip.positions[:, JOINT_INDEX[name]], [place, place], atol=1e-12)
+        assert_allclose(clip.positions[:, JOINT_INDEX[name]], [place, place], atol=1e-12)
     assert len(clip.notes) == 4  # with one on a pose without motion
     assert "centimetres; the body is then 1.75 m tall" in clip.notes[0]
 
@@ -104,14 +103,14 @@ def test_position_and_facing_in_the_first_frame_do_not_matter(tmp_path, angle):
     rows[1, 1] += 12
     (clip,) = bvh.read(body_file(tmp_path, rows), ReadOptions())
     for name, (x, y, z) in REST.items():
-        np.testing.assert_allclose(clip.positions[:, JOINT_INDEX[name]], [(x, y, z), (x, y + 0.12, z)], atol=1e-12)
+        assert_allclose(clip.positions[:, JOINT_INDEX[name]], [(x, y, z), (x, y + 0.12, z)], atol=1e-12)
 
 
 def test_a_turn_after_the_first_frame_is_kept(tmp_path):
     rows = np.zeros((2, 3 + 3 * JOINT_COUNT))
     rows[1, 4] = 90  # turns to its left, which is the sensor's right
     (clip,) = bvh.read(body_file(tmp_path, rows), ReadOptions())
-    np.testing.assert_allclose(clip.positions[1, JOINT_INDEX["foot_left"]], (-0.14, -0.93, 2.59), atol=1e-12)
+    assert_allclose(clip.positions[1, JOINT_INDEX["foot_left"]], (-0.14, -0.93, 2.59), atol=1e-12)
 
 
 def test_z_up_equals_y_up(tmp_path):
@@ -124,9 +123,9 @@ def test_z_up_equals_y_up(tmp_path):
     channels = ("Yrotation", "Zrotation", "Xrotation")
     path = body_file(tmp_path, turned, "z_up.bvh", z_up=True, channels=channels)
     (converted,) = bvh.read(path, ReadOptions())
-    np.testing.assert_allclose(converted.positions, upright.positions, atol=1e-12)
+    assert_allclose(converted.positions, upright.positions, atol=1e-12)
     (given,) = bvh.read(path, ReadOptions(up="z"))
-    np.testing.assert_array_equal(given.positions, converted.positions)
+    assert_array_equal(given.positions, converted.positions)
 
 
 @pytest.mark.parametrize(
@@ -143,14 +142,14 @@ def test_z_up_equals_y_up(tmp_path):
 def test_usual_units_are_found(tmp_path, scale, name):
     (clip,) = bvh.read(body_file(tmp_path, scale=scale), ReadOptions())
     assert any(f"Lengths are assumed to be {name}" in note for note in clip.notes)
-    np.testing.assert_allclose(clip.positions[0, JOINT_INDEX["foot_left"]], REST["foot_left"], atol=1e-9)
+    assert_allclose(clip.positions[0, JOINT_INDEX["foot_left"]], REST["foot_left"], atol=1e-9)
 
 
 def test_other_units_are_scaled_to_a_usual_height_or_given(tmp_path):
     path, head = body_file(tmp_path, scale=0.237), JOINT_INDEX["head"]
     (scaled,), (given,) = (bvh.read(path, ReadOptions(unit=unit)) for unit in (None, 0.02))
-    np.testing.assert_allclose(scaled.positions[0, head, 1], 0.70 * 1.7 / (1.15 * (0.70 + 0.82)), atol=1e-9)
-    np.testing.assert_allclose(given.positions[0, head], (0, 70 * 0.237 * 0.02, 2.5), atol=1e-12)
+    assert_allclose(scaled.positions[0, head, 1], 0.70 * 1.7 / (1.15 * (0.70 + 0.82)), atol=1e-9)
+    assert_allclose(given.positions[0, head], (0, 70 * 0.237 * 0.02, 2.5), atol=1e-12)
 
 
 def test_limbs_are_rigid_and_the_first_frame_faces_the_sensor(tmp_path):
@@ -162,14 +161,14 @@ def check_body(positions):
     at = {name: positions[:, index] for name, index in JOINT_INDEX.items()}
     for name in RIGID:
         length = np.linalg.norm(at[name] - at[PARENTS[name]], axis=1)
-        np.testing.assert_allclose(length, length[0], rtol=1e-9)
+        assert_allclose(length, length[0], rtol=1e-9)
         assert 0.15 < length[0] < 0.55
     ankles = (at["ankle_left"] + at["ankle_right"]) / 2
     assert ((at["head"] - ankles)[:, 1] > 0.9).all()
     across = (at["hip_right"] - at["hip_left"] + at["shoulder_right"] - at["shoulder_left"])[0]
-    np.testing.assert_allclose(across[2], 0, atol=1e-12)
+    assert_allclose(across[2], 0, atol=1e-12)
     assert across[0] > 0.2
-    np.testing.assert_allclose(at["hip_center"][0], (0, 0, 2.5), atol=1e-12)
+    assert_allclose(at["hip_center"][0], (0, 0, 2.5), atol=1e-12)
 
 
 REAL = {
@@ -202,13 +201,13 @@ def test_bones_of_a_real_file_equal_values_by_hand(real_data):
     (clip,) = bvh.read(real_data / "bvh" / "cmu_01_01_hops.bvh", ReadOptions())
     unit = 0.0254 / 0.45
     forearm = clip.positions[:, JOINT_INDEX["wrist_right"]] - clip.positions[:, JOINT_INDEX["elbow_right"]]
-    np.testing.assert_allclose(np.linalg.norm(forearm, axis=1), 3.44417 * unit)  # OFFSET of RightHand
+    assert_allclose(np.linalg.norm(forearm, axis=1), 3.44417 * unit)  # OFFSET of RightHand
     thigh = clip.positions[:, JOINT_INDEX["knee_left"]] - clip.positions[:, JOINT_INDEX["hip_left"]]
-    np.testing.assert_allclose(np.linalg.norm(thigh, axis=1), np.hypot(2.44811, 6.72613) * unit)
+    assert_allclose(np.linalg.norm(thigh, axis=1), np.hypot(2.44811, 6.72613) * unit)
     # The root's height is its Yposition; it is 17.8693 in the first line of motion.
     lines = (real_data / "bvh" / "cmu_01_01_hops.bvh").read_text().splitlines()[187:]
     heights = np.array([float(line.split()[1]) for line in lines])
-    np.testing.assert_allclose(clip.positions[:, 0, 1], (heights - 17.8693) * unit, atol=1e-12)
+    assert_allclose(clip.positions[:, 0, 1], (heights - 17.8693) * unit, atol=1e-12)
 
 
 PROP = ["ROOT Sword", "{", "OFFSET 5 0 0", "CHANNELS 3 Xposition Yposition Zposition", "}"]
@@ -246,7 +245,7 @@ def test_roots_that_only_together_are_a_body_are_one_performer(tmp_path, assert_
     legs = hierarchy((name, offset, [left, right]))
     apart = hierarchy(("Spine", (0, 10, 0), spine[2]))
     (clip,) = clips_of(two_roots(tmp_path, legs, apart, np.zeros((2, 6 + 3 * JOINT_COUNT))))
-    np.testing.assert_array_equal(clip.positions, whole.positions)
+    assert_array_equal(clip.positions, whole.positions)
     assert clip.notes == whole.notes
 
 
@@ -256,12 +255,12 @@ def test_of_joints_of_one_name_the_first_is_used_and_a_limb_without_end_site_as_
     fingers = ["JOINT LeftHand", "{", "OFFSET 0 -1 0", "CHANNELS 0", "}"]
     place = lines.index("End Site", lines.index("JOINT LeftHand"))
     (clip,) = clips_of(write(tmp_path, [*lines[:place], *lines[place : place + 4], *fingers, *lines[place + 4 :]]))
-    np.testing.assert_array_equal(clip.positions, whole.positions)
+    assert_array_equal(clip.positions, whole.positions)
     (note,) = set(clip.notes) - set(whole.notes)
     assert "LeftHand" in note
     (clip,) = clips_of(write(tmp_path, [*lines[:place], *lines[place + 4 :]]))
     others = [index for name, index in JOINT_INDEX.items() if name != "hand_left"]
-    np.testing.assert_array_equal(clip.positions[:, others], whole.positions[:, others])
+    assert_array_equal(clip.positions[:, others], whole.positions[:, others])
     assert (clip.confidence[:, JOINT_INDEX["hand_left"]] == 0).all()
     (note,) = set(clip.notes) - set(whole.notes)
     assert "hand_left" in note
@@ -291,7 +290,7 @@ def test_the_orientation_of_a_bone_is_how_it_turns_from_the_pose_of_its_offsets(
         turns = Rotation.from_quat(clip.orientations[:, JOINT_INDEX[joint]][:, [1, 2, 3, 0]])
         along = clip.positions[:, JOINT_INDEX[end]] - clip.positions[:, JOINT_INDEX[joint]]
         # the offsets of these bones point down in the file's axes, whatever the sensor's are
-        np.testing.assert_allclose(turns.apply([0, -1, 0]), along / np.linalg.norm(along, axis=1)[:, None], atol=1e-6)
+        assert_allclose(turns.apply([0, -1, 0]), along / np.linalg.norm(along, axis=1)[:, None], atol=1e-6)
     assert np.isnan(clip.orientations[:, JOINT_INDEX["hand_left"]]).all()
 
 
@@ -299,7 +298,7 @@ def test_a_forearm_that_turns_about_itself_moves_no_joint_but_its_orientation(tm
     rows = np.zeros((3, 3 + 3 * JOINT_COUNT))
     rows[:, 3 + 3 * 6 + 1] = [0, 40, 80]  # LeftForeArm is the seventh joint, y the second channel
     (clip,) = bvh.read(body_file(tmp_path, rows), ReadOptions())
-    np.testing.assert_allclose(clip.positions, np.broadcast_to(clip.positions[0], clip.positions.shape), atol=1e-12)
+    assert_allclose(clip.positions, np.broadcast_to(clip.positions[0], clip.positions.shape), atol=1e-12)
     turns = Rotation.from_quat(clip.orientations[:, JOINT_INDEX["elbow_left"]][:, [1, 2, 3, 0]])
     angles = np.degrees((turns * turns[0].inv()).as_rotvec())
-    np.testing.assert_allclose(angles, [[0, 0, 0], [0, 40, 0], [0, 80, 0]], atol=1e-9)
+    assert_allclose(angles, [[0, 0, 0], [0, 40, 0], [0, 80, 0]], atol=1e-9)

@@ -2,6 +2,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from capture.formats._clips import build_clip, clips_by_performer, frame_rate
 from capture.formats.options import ReadOptions
@@ -20,11 +21,11 @@ def build(times, positions=None, confidence=None):
 def test_repeated_and_decreasing_times_are_skipped_with_a_note():
     positions, clip = build([5.0, 5.5, 9.0])
     assert (clip.format, clip.user, clip.notes) == ("test", 0, ("A note.",))
-    np.testing.assert_array_equal(clip.positions, positions)
-    np.testing.assert_array_equal(clip.confidence, np.ones((3, 20)))
+    assert_array_equal(clip.positions, positions)
+    assert_array_equal(clip.confidence, np.ones((3, 20)))
     positions, clip = build([1.0, 1.0, 2.0, 1.5, 2.0, 3.0])
     assert clip.times.tolist() == [1.0, 2.0, 3.0]
-    np.testing.assert_array_equal(clip.positions, positions[[0, 2, 5]])
+    assert_array_equal(clip.positions, positions[[0, 2, 5]])
     assert "3 of 6 frames" in clip.notes[1]
 
 

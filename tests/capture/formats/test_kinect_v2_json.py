@@ -2,6 +2,7 @@ import json
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.formats import kinect_v2_json
 from capture.formats.options import ReadOptions
@@ -39,7 +40,7 @@ def test_pixels_become_metres_before_the_sensor(clips):
         "hand_right": [1.35, -1.35, 2.7],
         "shoulder_center": [0, 0, 1.8],
     }.items():
-        np.testing.assert_allclose(clip.positions[0, JOINT_INDEX[name]], place, atol=1e-12)
+        assert_allclose(clip.positions[0, JOINT_INDEX[name]], place, atol=1e-12)
 
 
 def test_joints_without_depth_or_on_the_wall_behind_are_lost(clips):
@@ -52,7 +53,7 @@ def test_states_of_hands_become_channels_and_unknown_ones_are_nan(clips):
     (clip,) = clips([[body(hands=hands)] for hands in ((2, 3), (4, 0), (1, 2))])
     found = [clip.channels[f"{name}_{side}"] for side in ("left", "right") for name in ("hand_open", "point")]
     nan = np.nan
-    np.testing.assert_array_equal(found, [[1, 0.25, nan], [0, 1, nan], [0, nan, 1], [0, nan, 0]])
+    assert_array_equal(found, [[1, 0.25, nan], [0, 1, nan], [0, nan, 1], [0, nan, 0]])
     handless = body()
     del handless["leftHandState"], handless["rightHandState"]
     again = [body(), body(hands=(2, 0))]  # the same performer again is skipped
@@ -62,8 +63,8 @@ def test_states_of_hands_become_channels_and_unknown_ones_are_nan(clips):
 def test_each_tracking_id_is_a_clip(clips):
     one, two = clips([[body(5)], [], [body(5), body(9)], [body(9)]], fps=10)
     assert (one.user, two.user) == (5, 9)
-    np.testing.assert_allclose(one.times, [0, 0.2])
-    np.testing.assert_allclose(two.times, [0.2, 0.3])
+    assert_allclose(one.times, [0, 0.2])
+    assert_allclose(two.times, [0.2, 0.3])
 
 
 @pytest.mark.parametrize(
@@ -109,8 +110,8 @@ def test_texts_that_are_no_such_document_are_refused(refused_at, text, place):
 def test_the_first_frame_of_a_real_file_equals_values_by_hand(real_logs):
     (clip,) = kinect_v2_json.read(real_logs / "kinect_v2_json" / "1-person_raise-right-arm.json", ReadOptions())
     # joint 0 is x 255, y 215, z −23; joint 11 is x 278, y 40, z −21
-    np.testing.assert_allclose(clip.positions[0, 0], [-1 * 2.1465 / 366, -3 * 2.1465 / 366, 2.1465])
-    np.testing.assert_allclose(clip.positions[0, 11], [22 * 2.1555 / 366, 172 * 2.1555 / 366, 2.1555])
+    assert_allclose(clip.positions[0, 0], [-1 * 2.1465 / 366, -3 * 2.1465 / 366, 2.1465])
+    assert_allclose(clip.positions[0, 11], [22 * 2.1555 / 366, 172 * 2.1555 / 366, 2.1555])
     assert (clip.user, len(clip.times)) == (72057594037930007, 96)
     # the file has 58 states "open" and 8 "lasso" of the right hand, none of the left
     assert {name: np.nansum(each) for name, each in clip.channels.items()} == {"hand_open_right": 60, "point_right": 8}

@@ -4,6 +4,7 @@ import importlib
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.formats.layouts import CAD60
 from capture.formats.options import ReadOptions
@@ -76,11 +77,11 @@ def test_times_positions_and_states_are_read(read, name):
     assert (clip.format, clip.user, clip.times.tolist()) == (name, 0, [1.0, 2.5])
     order = np.array(ORDER[name])
     known = order >= 0
-    np.testing.assert_allclose(clip.positions[0, known], PLACES[order[known]], atol=1e-12)
+    assert_allclose(clip.positions[0, known], PLACES[order[known]], atol=1e-12)
     confidence = np.where(order == 7, 0, np.where((order == 4) & (name != "utkinect"), 0.5, 1))
-    np.testing.assert_array_equal(clip.confidence[0, known], 1)
-    np.testing.assert_array_equal(clip.confidence[1, known], confidence[known])
-    np.testing.assert_array_equal(np.isnan(clip.positions).all(axis=2), clip.confidence == 0)
+    assert_array_equal(clip.confidence[0, known], 1)
+    assert_array_equal(clip.confidence[1, known], confidence[known])
+    assert_array_equal(np.isnan(clip.positions).all(axis=2), clip.confidence == 0)
 
 
 def test_joints_that_cad_60_lacks_are_placed_and_lost_with_their_neighbours(read):

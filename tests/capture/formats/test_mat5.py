@@ -3,6 +3,7 @@ import zlib
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 from scipy.io import loadmat, savemat
 
 from capture.formats import _mat5
@@ -41,14 +42,14 @@ def test_reads_what_scipy_writes(tmp_path, compressed, dtype):
     found = variables(path.read_bytes())
     assert list(found) == list(arrays)
     for name, array in arrays.items():
-        np.testing.assert_array_equal(found[name].numbers(), array)
+        assert_array_equal(found[name].numbers(), array)
 
 
 def test_reads_big_endian_files():
     data = (
         HEADER[:124] + struct.pack(">H", 0x100) + b"MI" + matrix(b"a", (1, 2), struct.pack(">2d", 1.5, -2), order=">")
     )
-    np.testing.assert_array_equal(variables(data)["a"].numbers(), [[1.5, -2]])
+    assert_array_equal(variables(data)["a"].numbers(), [[1.5, -2]])
 
 
 def test_arrays_without_real_numbers_are_distinguished(tmp_path):
@@ -66,7 +67,7 @@ def test_arrays_without_real_numbers_are_distinguished(tmp_path):
 def test_reads_real_files_as_scipy_does(real_logs):
     for path in sorted((real_logs / "utd_mhad_mat").rglob("*.mat"))[::6]:
         (name,) = found = variables(path.read_bytes())
-        np.testing.assert_array_equal(found[name].numbers(), loadmat(path)[name])
+        assert_array_equal(found[name].numbers(), loadmat(path)[name])
 
 
 @pytest.mark.parametrize(

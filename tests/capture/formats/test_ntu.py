@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from capture.formats import ntu
 from capture.formats.layouts import K25
@@ -31,7 +32,7 @@ def test_joints_are_matched_by_name_and_states_become_confidence(read):
             confidence = {7: 0, 11: 0.5}.get(joint, 1)
             assert clip.confidence[0, JOINT_INDEX[name]] == confidence
             place = [joint / 100, 0.1, 1.0] if confidence else [np.nan] * 3
-            np.testing.assert_array_equal(clip.positions[0, JOINT_INDEX[name]], place)
+            assert_array_equal(clip.positions[0, JOINT_INDEX[name]], place)
 
 
 def test_each_body_id_is_a_clip_with_the_times_at_which_it_is_seen(read):
@@ -41,18 +42,18 @@ def test_each_body_id_is_a_clip_with_the_times_at_which_it_is_seen(read):
     for rate, options in ((30, {}), (10, {"fps": 10})):
         one, two = read(ntu, lines, **options)
         assert (one.user, two.user, len(one.notes)) == (first, second, rate == 30)
-        np.testing.assert_array_equal(one.times, np.array([1, 2]) / rate)
-        np.testing.assert_array_equal(two.times, np.array([2, 4]) / rate)
+        assert_array_equal(one.times, np.array([1, 2]) / rate)
+        assert_array_equal(two.times, np.array([2, 4]) / rate)
     assert (one.positions[..., 1] == 0.1).all()
     assert (two.positions[..., 1] == 0.2).all()
-    np.testing.assert_array_equal(two.positions[:, 0, 2], [3, 5])
+    assert_array_equal(two.positions[:, 0, 2], [3, 5])
 
 
 def test_states_of_hands_become_channels_where_the_sensor_is_sure(read):
     [clip] = read(ntu, take(*([body(7, 0, hands=hands)] for hands in ("1 2 0 3", "1 3 1 4", "1 0 1 1"))))
     found = [clip.channels[f"{name}_{side}"] for side in ("left", "right") for name in ("hand_open", "point")]
     nan = np.nan
-    np.testing.assert_array_equal(found, [[1, 0, nan], [0, 0, nan], [nan, 0.25, nan], [nan, 1, nan]])
+    assert_array_equal(found, [[1, 0, nan], [0, 0, nan], [nan, 0.25, nan], [nan, 1, nan]])
 
 
 GOOD = take([], [body(7, 1)])

@@ -1,7 +1,9 @@
 import re
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from puppetline.examples.characters import biped
 
 from solver.anatomy.limb_finding import _Finder, find_limbs
@@ -46,90 +48,159 @@ def found(mesh, basis=None, ends=None):
 def assert_same(one, other, tolerance):
     assert list(one) == list(other)
     for name, points in one.items():
-        np.testing.assert_allclose(points, other[name], atol=tolerance, err_msg=name)
+        assert_allclose(points, other[name], atol=tolerance, err_msg=name)
+
+
+def assert_joints(limbs, height, wanted, within):
+    """Check the joints of limbs, by numbers, and those of the right sides, which are mirror images."""
+    for limb, joints in wanted.items():
+        for side, sign in (("left", np.ones(3)), ("right", IMAGE)):
+            for number, joint in joints.items():
+                away = np.linalg.norm(limbs[f"{side} {limb}"][number] - sign * joint)
+                assert away < within * height, (side, limb, number, away)
+
+
+def numbered(*joints):
+    return dict(enumerate(joints))
+
+
+STOUT = [((0.0, 0.95, 0.0), (0.0, 1.35, 0.0), 0.18), *BODY[1:], SKULL]
+"""A body whose hips are axles."""
+FOLDED = [(0.25, 0.85, 0.0), (0.25, 0.6, 0.35), (0.25, 0.35, -0.2), (0.25, 0.05, 0.2)]
+HIP_BELOW_AXLE, KNEE_BELOW_AXLE, POINT = (0.3, 0.85, 0.0), (0.3, 0.45, 0.05), (0.3, 0.02, -0.1)
+THIN_ELBOW, WRIST, FINGERS = (0.7, 1.43, 0.0), (1.19, 1.43, 0.0), (1.3, 1.43, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("limbs", "wanted", "within"),
+    [
+        (
+            [
+                *STOUT,
+                *both(*ARM, ((0.0, 0.88, 0.0), (0.25, 0.88, 0.0), 0.06)),
+                *both(*((*bone, radius) for bone, radius in zip(pairwise(FOLDED), (0.1, 0.06, 0.05), strict=True))),
+            ],
+            {"leg": numbered(*FOLDED)},
+            0.05,
+        ),
+        (  # as of robots of plates: their first bone is no axle, and the point is the end of a shin, not of a foot
+            [
+                *STOUT,
+                *both(*ARM, ((0.0, 0.9, 0.0), (0.3, 0.88, 0.0), 0.06)),
+                *both((HIP_BELOW_AXLE, KNEE_BELOW_AXLE, 0.08), (KNEE_BELOW_AXLE, POINT, 0.04)),
+            ],
+            {"leg": {0: HIP_BELOW_AXLE, 1: KNEE_BELOW_AXLE, 3: POINT}},
+            0.05,
+        ),
+        (
+            [
+                *BODY,
+                SKULL,
+                *both(((0.1, 1.42, 0.0), (0.6, 1.43, 0.0), 0.08), ((0.6, 1.43, 0.0), THIN_ELBOW, 0.035)),
+                *both((THIN_ELBOW, WRIST, 0.035), ((0.85, 1.43, 0.0), FINGERS, 0.11), *LEG),
+            ],
+            {"arm": {1: THIN_ELBOW, 2: WRIST}},
+            0.032,
+        ),
+    ],
+    ids=["legs folded like a bird's", "straight legs on axles that end in points", "arms thinnest at the elbow"],
+)
+def test_joints_are_at_corners_and_at_wrists_beyond_thin_elbows(solver_mesh, limbs, wanted, within):
+    mesh = solver_mesh(limbs)
+    assert_joints(found(mesh), np.ptp(mesh.vertices[:, 1]), wanted, within)
+
+
+def test_joints_of_an_example_are_where_its_code_puts_them():
+    made = biped.build()
+    mesh = weld(np.asarray(made.vertices, float), np.asarray(made.faces))
+    wanted = {
+        "arm": numbered(biped.SHOULDER, biped.ELBOW, biped.WRIST),
+        "leg": numbered(biped.HIP, biped.KNEE, biped.ANKLE),
+    }
+    assert_joints(found(mesh), np.ptp(mesh.vertices[:, 1]), wanted, 0.05)
 
 
 def test_joints_of_a_figure_are_where_it_was_made(person):
     limbs = found(person)
     assert list(limbs) == PERSON
     height = np.ptp(person.vertices[:, 1])
-    wanted = {"arm": [SHOULDER, ELBOW], "leg": [HIP, KNEE, ANKLE, TOES]}
-    for limb, joints in wanted.items():
-        for side, sign in (("left", np.ones(3)), ("right", IMAGE)):
-            away = np.linalg.norm(limbs[f"{side} {limb}"][: len(joints)] - sign * joints, axis=1) / height
-            assert away.max() < 0.06, (side, limb, away)
-    np.testing.assert_allclose(limbs["left arm"][-1], HAND, atol=0.06 * height)
-    np.testing.assert_allclose(limbs["trunk"][0], (limbs["left leg"][0] + limbs["right leg"][0]) / 2)
-    np.testing.assert_allclose(limbs["trunk"][-1], limbs["head"][0])
-    np.testing.assert_allclose(limbs["head"][-1], (0, 1.88, 0.02), atol=0.03 * height)
+    wanted = {"arm": numbered(SHOULDER, ELBOW), "leg": numbered(HIP, KNEE, ANKLE, TOES)}
+    assert_joints(limbs, height, wanted, 0.06)
+    assert_allclose(limbs["left arm"][-1], HAND, atol=0.06 * height)
+    assert_allclose(limbs["trunk"][0], (limbs["left leg"][0] + limbs["right leg"][0]) / 2)
+    assert_allclose(limbs["trunk"][-1], limbs["head"][0])
+    assert_allclose(limbs["head"][-1], (0, 1.88, 0.02), atol=0.03 * height)
 
 
-def test_joints_of_an_example_are_where_its_code_puts_them():
-    made = biped.build()
-    mesh = weld(np.asarray(made.vertices, float), np.asarray(made.faces))
-    limbs, height = found(mesh), np.ptp(mesh.vertices[:, 1])
-    for limb, joints in (
-        ("arm", [biped.SHOULDER, biped.ELBOW, biped.WRIST]),
-        ("leg", [biped.HIP, biped.KNEE, biped.ANKLE]),
-    ):
-        for side, sign in (("left", np.ones(3)), ("right", IMAGE)):
-            away = np.linalg.norm(limbs[f"{side} {limb}"][:3] - sign * joints, axis=1) / height
-            assert away.max() < 0.05
+DOGS = ["trunk", "neck", "head", *FOUR_LEGGED, "tail"]
+WINGS = both(((0.1, 1.2, 0.2), (1.5, 2.4, -0.1), 0.1))
+RIDERS_LEGS = both(((0.15, 1.5, 0.0), (0.45, 1.2, 0.3), 0.1), ((0.45, 1.2, 0.3), (0.45, 0.7, 0.2), 0.08))
+RIDER = [((0.0, 1.5, -0.1), (0.0, 2.1, -0.1), 0.2), ((0.0, 2.1, -0.1), (0.0, 2.55, -0.1), 0.16), *RIDERS_LEGS]
+RAISED = [
+    *(both(ARM[0])),
+    *ARM[1:],
+    (tuple(IMAGE * SHOULDER), (-0.3, 1.85, 0.0), 0.055),
+    ((-0.3, 1.85, 0.0), (-0.12, 2.2, 0.05), 0.05),
+]
+STRIDE = [((0.15, 0.85, 0.0), (0.17, 0.1, 0.45), 0.07), ((-0.15, 0.85, 0.0), (-0.17, 0.1, -0.45), 0.07)]
+TAIL = [((0.0, 0.9, -0.1), (0.0, 0.35, -0.7), 0.09), ((0.0, 0.35, -0.7), (0.0, 0.12, -1.5), 0.06)]
+DOG_ENDS = {
+    "left hind leg": (0.25, -0.2, -0.9),
+    "right hind leg": (-0.25, -0.2, -0.9),
+    "left front leg": (0.25, -0.2, 0.9),
+    "right front leg": (-0.25, -0.2, 0.9),
+}
 
 
-FOLDED = [(0.25, 0.85, 0.0), (0.25, 0.6, 0.35), (0.25, 0.35, -0.2), (0.25, 0.05, 0.2)]
+@pytest.mark.parametrize(
+    ("limbs", "names", "ends", "within"),
+    [
+        (DOG, DOGS, DOG_ENDS, 0.15),
+        (DOG, DOGS, {"tail": (0, 1.5, -1.9)}, 0.12),
+        ([*DOG, *WINGS], None, {"left wing": (1.5, 2.4, -0.1), "right wing": (-1.5, 2.4, -0.1)} | DOG_ENDS, 0.15),
+        ([*DOG, *RIDER], DOGS, {}, 0),
+        ([*BODY, SKULL, *RAISED, *both(*LEG)], PERSON, {"head": (0, 1.88, 0.02), "right arm": (-0.12, 2.2, 0.05)}, 0.1),
+        (
+            [*BODY, SKULL, *both(*ARM), *STRIDE],
+            PERSON,
+            {"left leg": (0.17, 0.08, 0.47), "right leg": (-0.17, 0.08, -0.47)},
+            0.1,
+        ),
+        ([*FIGURE, *TAIL], [*PERSON, "tail"], {"tail": (0, 0.12, -1.5), "left leg": TOES}, 0.1),
+    ],
+    ids=["dog", "tail of a dog", "wings", "rider", "raised hand", "long stride", "tail on the ground"],
+)
+def test_limbs_of_a_shape_end_where_they_were_made(solver_mesh, limbs, names, ends, within):
+    result = found(solver_mesh(limbs, 0.05 if DOG[0] in limbs else 0.035))
+    assert names in (None, list(result))
+    for name, end in ends.items():
+        assert_allclose(result[name][-1], end, atol=within, err_msg=name)
 
 
-def folded_legs(joints):
-    axle = ((0.0, 0.88, 0.0), (0.25, 0.88, 0.0), 0.06)
-    bones = [(start, end, radius) for start, end, radius in zip(joints, joints[1:], (0.1, 0.06, 0.05), strict=False)]
-    return both(axle, *bones)
+EARS = {"left ear": (0.5, 2.3, 1.7), "right ear": (-0.5, 2.3, 1.7), "jaw": (0.0, 1.5, 2.0)}
 
 
-def test_joints_of_legs_that_are_folded_like_a_birds_are_at_their_corners(solver_mesh):
-    body = [((0.0, 0.95, 0.0), (0.0, 1.35, 0.0), 0.18), *BODY[1:], SKULL, *both(*ARM)]
-    mesh = solver_mesh([*body, *folded_legs(FOLDED)])
-    limbs, height = found(mesh), np.ptp(mesh.vertices[:, 1])
-    for side, sign in (("left", np.ones(3)), ("right", IMAGE)):
-        away = np.linalg.norm(limbs[f"{side} leg"] - sign * FOLDED, axis=1) / height
-        assert away.max() < 0.05, (side, away)
-
-
-def test_straight_legs_on_axles_that_end_in_points_have_hips_below_the_axles_and_knees(solver_mesh):
-    """As those of robots of plates: their first bone is no axle, and the point is the end of a shin, not of a foot."""
-    hip, knee, end = (0.3, 0.85, 0.0), (0.3, 0.45, 0.05), (0.3, 0.02, -0.1)
-    axle = ((0.0, 0.9, 0.0), (0.3, 0.88, 0.0), 0.06)
-    body = [((0.0, 0.95, 0.0), (0.0, 1.35, 0.0), 0.18), *BODY[1:], SKULL, *both(*ARM)]
-    mesh = solver_mesh([*body, *both(axle, (hip, knee, 0.08), (knee, end, 0.04))])
-    limbs, height = found(mesh), np.ptp(mesh.vertices[:, 1])
-    for side, sign in (("left", np.ones(3)), ("right", IMAGE)):
-        away = np.linalg.norm(limbs[f"{side} leg"][[0, 1, 3]] - sign * [hip, knee, end], axis=1) / height
-        assert away.max() < 0.05, (side, away)
-
-
-def test_a_dog_has_front_and_hind_legs_a_neck_and_a_tail(solver_mesh):
-    limbs = found(solver_mesh(DOG, 0.05))
-    assert list(limbs) == ["trunk", "neck", "head", *FOUR_LEGGED, "tail"]
-    for name, foot in (("hind", (0.25, -0.2, -0.9)), ("front", (0.25, -0.2, 0.9))):
-        np.testing.assert_allclose(limbs[f"left {name} leg"][-1], foot, atol=0.15)
-        np.testing.assert_allclose(limbs[f"right {name} leg"][-1], IMAGE * foot, atol=0.15)
-    np.testing.assert_allclose(limbs["tail"][-1], (0, 1.5, -1.9), atol=0.12)
-    np.testing.assert_allclose(limbs["neck"][-1], limbs["head"][0])
-    assert limbs["head"][-1][2] > 1.9
-
-
-def test_wings_are_beside_four_legs(solver_mesh):
-    wings = both(((0.1, 1.2, 0.2), (1.5, 2.4, -0.1), 0.1))
-    limbs = found(solver_mesh([*DOG, *wings], 0.05))
-    np.testing.assert_allclose(limbs["left wing"][-1], (1.5, 2.4, -0.1), atol=0.15)
-    np.testing.assert_allclose(limbs["right wing"][-1], (-1.5, 2.4, -0.1), atol=0.15)
-    assert {*FOUR_LEGGED, "tail"} < limbs.keys()
-
-
-def test_the_legs_of_a_rider_are_no_wings(solver_mesh):
-    legs = both(((0.15, 1.5, 0.0), (0.45, 1.2, 0.3), 0.1), ((0.45, 1.2, 0.3), (0.45, 0.7, 0.2), 0.08))
-    rider = [((0.0, 1.5, -0.1), (0.0, 2.1, -0.1), 0.2), ((0.0, 2.1, -0.1), (0.0, 2.55, -0.1), 0.16), *legs]
-    assert list(found(solver_mesh([*DOG, *rider], 0.05))) == ["trunk", "neck", "head", *FOUR_LEGGED, "tail"]
+@pytest.mark.parametrize(
+    ("limbs", "ends", "within"),
+    [
+        ([*DOG, *both(((0.1, 1.75, 1.6), (0.5, 2.3, 1.7), 0.06))], EARS, 0.1),
+        (
+            [*FIGURE, *both(((0.1, 1.2, -0.05), (1.0, 1.9, -0.5), 0.05))],
+            {"left arm": (1.0, 1.9, -0.5), "right arm": (-1.0, 1.9, -0.5)},
+            0.1,
+        ),
+        ([*DOG, *WINGS], {"head": (0.0, 1.7, 1.9)}, 0.2),
+    ],
+    ids=["ears and a jaw", "a second pair of arms", "the head of a bird"],
+)
+def test_limbs_that_the_user_gives_take_precedence(solver_mesh, limbs, ends, within):
+    mesh = solver_mesh(limbs, 0.05 if DOG[0] in limbs else 0.035)
+    result = found(mesh, ends={name: np.array(end) for name, end in ends.items()})
+    for name, end in ends.items():
+        assert_allclose(result[name][-1], end, atol=within)
+    if ends is EARS:
+        assert list(result)[-3:] == list(ends)
+        assert [len(result[name]) for name in ends] == [3, 3, 2]
 
 
 def test_ears_and_horns_are_neither_arms_nor_wings(solver_mesh, person):
@@ -143,42 +214,12 @@ def test_ears_and_horns_are_neither_arms_nor_wings(solver_mesh, person):
     assert not {"left wing", "left arm"} & found(solver_mesh([*DOG, *horns], 0.05)).keys()
 
 
-def test_a_raised_hand_is_no_head(solver_mesh):
-    raised = [(tuple(IMAGE * SHOULDER), (-0.3, 1.85, 0.0), 0.055), ((-0.3, 1.85, 0.0), (-0.12, 2.2, 0.05), 0.05)]
-    right_arm = [limb for limb in both(*ARM)[3:] if limb[0][0] >= 0 or limb[0] != tuple(IMAGE * SHOULDER)]
-    others = [*BODY, SKULL, *both(*LEG), *ARM, right_arm[0], *raised]
-    limbs = found(solver_mesh(others))
-    assert list(limbs) == PERSON
-    np.testing.assert_allclose(limbs["head"][-1], (0, 1.88, 0.02), atol=0.1)
-    np.testing.assert_allclose(limbs["right arm"][-1], (-0.12, 2.2, 0.05), atol=0.1)
-    np.testing.assert_allclose(limbs["left arm"][-1], HAND, atol=0.12)
-
-
-def test_a_long_stride_has_two_legs(solver_mesh):
-    stride = [((0.15, 0.85, 0.0), (0.17, 0.1, 0.45), 0.07), ((-0.15, 0.85, 0.0), (-0.17, 0.1, -0.45), 0.07)]
-    limbs = found(solver_mesh([*BODY, SKULL, *both(*ARM), *stride]))
-    assert list(limbs) == PERSON
-    np.testing.assert_allclose(limbs["left leg"][-1], (0.17, 0.08, 0.47), atol=0.1)
-    np.testing.assert_allclose(limbs["right leg"][-1], (-0.17, 0.08, -0.47), atol=0.1)
-
-
-def test_ears_and_a_jaw_are_limbs_of_the_head_where_the_user_says(solver_mesh):
-    ears = both(((0.1, 1.75, 1.6), (0.5, 2.3, 1.7), 0.06))
-    ends = {"left ear": (0.5, 2.3, 1.7), "right ear": (-0.5, 2.3, 1.7), "jaw": (0.0, 1.5, 2.0)}
-    limbs = found(solver_mesh([*DOG, *ears], 0.05), ends=ends)
-    assert list(limbs)[-3:] == ["left ear", "right ear", "jaw"]
-    for name, end in ends.items():
-        np.testing.assert_allclose(limbs[name][-1], end, atol=0.1)
-        assert np.linalg.norm(limbs[name][0] - limbs["head"][0]) < np.linalg.norm(end - limbs["head"][0])
-    assert [len(limbs[name]) for name in ends] == [3, 3, 2]
-
-
 def test_ears_above_all_are_no_head(solver_mesh):
     body = [((0.0, 0.4, -0.3), (0.0, 0.5, 0.0), 0.45), ((0.0, 1.1, 0.4), (0.0, 1.15, 0.4), 0.35)]
     ears = both(((0.1, 1.4, 0.4), (0.35, 2.5, 0.4), 0.08))
     limbs = find_limbs(solver_mesh([*body, *ears], 0.05), np.eye(3))
     assert list(limbs.points) == ["trunk", "head"]
-    np.testing.assert_allclose(limbs.points["head"][-1], (0, 1.3, 0.4), atol=0.3)
+    assert_allclose(limbs.points["head"][-1], (0, 1.3, 0.4), atol=0.3)
 
 
 def test_a_doubtful_head_is_said(solver_mesh):
@@ -193,20 +234,11 @@ def test_a_doubtful_head_is_said(solver_mesh):
         next(note for note in limbs.notes if note.startswith("The head")),
     )
     first, second, given = (np.array(place.split(","), float) for place in said.groups())
-    np.testing.assert_allclose(second, given)
-    np.testing.assert_allclose([first[0], second[0]], [0.25, -0.25], atol=0.15)
+    assert_allclose(second, given)
+    assert_allclose([first[0], second[0]], [0.25, -0.25], atol=0.15)
     other = find_limbs(solver_mesh([BODY[0], *two_heads, *both(*ARM, *LEG)]), np.eye(3), {"head": given})
     assert other.points["head"][-1][0] < -0.2
     assert not [note for note in other.notes if note.startswith("The head")]
-
-
-def test_where_an_arm_is_thinnest_at_the_elbow_the_wrist_is_beyond_it(solver_mesh):
-    elbow, wrist, fingers = (0.7, 1.43, 0.0), (1.19, 1.43, 0.0), (1.3, 1.43, 0.0)
-    arm = [((0.1, 1.42, 0.0), (0.6, 1.43, 0.0), 0.08), ((0.6, 1.43, 0.0), elbow, 0.035), (elbow, wrist, 0.035)]
-    thick = ((0.85, 1.43, 0.0), fingers, 0.11)
-    limbs = found(solver_mesh([*BODY, SKULL, *both(*arm, thick, *LEG)]))
-    np.testing.assert_allclose(limbs["left arm"][1], elbow, atol=0.06)
-    np.testing.assert_allclose(limbs["left arm"][2], wrist, atol=0.06)
 
 
 def test_arms_in_the_body_go_straight_to_where_the_user_says(solver_mesh):
@@ -215,19 +247,11 @@ def test_arms_in_the_body_go_straight_to_where_the_user_says(solver_mesh):
     ends = {"left arm": hand, "right arm": hand * IMAGE}
     limbs = find_limbs(solver_mesh(body), np.eye(3), ends).points
     arm = limbs["left arm"]
-    np.testing.assert_allclose(arm[-1], hand, atol=0.04)
-    np.testing.assert_allclose(np.linalg.norm(np.cross(arm - arm[0], arm[-1] - arm[0]), axis=1), 0, atol=1e-9)
+    assert_allclose(arm[-1], hand, atol=0.04)
+    assert_allclose(np.linalg.norm(np.cross(arm - arm[0], arm[-1] - arm[0]), axis=1), 0, atol=1e-9)
     assert 0.1 < arm[0][0] < 0.28
     assert 1.15 < arm[0][1] < 1.5
-    np.testing.assert_allclose(limbs["right arm"], arm * IMAGE, atol=0.05)
-
-
-def test_a_tail_on_the_ground_is_no_foot_and_no_head(solver_mesh):
-    tail = [((0.0, 0.9, -0.1), (0.0, 0.35, -0.7), 0.09), ((0.0, 0.35, -0.7), (0.0, 0.12, -1.5), 0.06)]
-    limbs = found(solver_mesh([*FIGURE, *tail]))
-    assert list(limbs) == [*PERSON, "tail"]
-    np.testing.assert_allclose(limbs["tail"][-1], (0, 0.12, -1.5), atol=0.1)
-    np.testing.assert_allclose(limbs["left leg"][-1], TOES, atol=0.1)
+    assert_allclose(limbs["right arm"], arm * IMAGE, atol=0.05)
 
 
 def test_a_sword_is_left_out_of_the_arm_and_said(solver_mesh, person):
@@ -236,18 +260,8 @@ def test_a_sword_is_left_out_of_the_arm_and_said(solver_mesh, person):
     assert len(armed.notes) == 1
     assert armed.notes[0].startswith("Something long and thin at the end of the left arm is not part of it.")
     assert "--limb 'left arm=" in armed.notes[0]
-    np.testing.assert_allclose(armed.points["left arm"][-1], found(person)["left arm"][-1], atol=0.12)
+    assert_allclose(armed.points["left arm"][-1], found(person)["left arm"][-1], atol=0.12)
     assert find_limbs(person, np.eye(3)).notes == ()
-
-
-def test_joints_given_by_the_user_take_precedence(solver_mesh):
-    wings = both(((0.1, 1.2, 0.2), (1.5, 2.4, -0.1), 0.1))
-    mesh = solver_mesh([*FIGURE, *both(((0.1, 1.2, -0.05), (1.0, 1.9, -0.5), 0.05))])
-    tips = {"left arm": np.array([1.0, 1.9, -0.5]), "right arm": np.array([-1.0, 1.9, -0.5])}
-    np.testing.assert_allclose(found(mesh, ends=tips)["left arm"][-1], tips["left arm"], atol=0.1)
-    nose = np.array([0.0, 1.7, 1.9])
-    limbs = found(solver_mesh([*DOG, *wings], 0.05), ends={"head": nose})
-    np.testing.assert_allclose(limbs["head"][-1], nose, atol=0.2)
 
 
 def test_a_limb_that_is_not_found_is_reported(solver_mesh):
@@ -261,7 +275,7 @@ def test_a_third_leg_is_reported(solver_mesh):
     assert {"left leg", "right leg"} <= limbs.points.keys()
     (note,) = (note for note in limbs.notes if note.startswith("Something else reaches the floor at"))
     place = np.array(note.split(" at ")[1].split(". ")[0].split(","), dtype=float)
-    np.testing.assert_allclose(place, [0.0, 0.08, 1.0], atol=0.15)
+    assert_allclose(place, [0.0, 0.08, 1.0], atol=0.15)
 
 
 def test_the_order_of_vertices_does_not_matter(person):
@@ -294,7 +308,7 @@ def test_in_the_mirror_image_left_and_right_are_swapped(person):
     expected = found(person)
     assert mirrored.keys() == expected.keys()
     for name, points in expected.items():
-        np.testing.assert_allclose(mirrored[name], points, atol=0.02, err_msg=name)
+        assert_allclose(mirrored[name], points, atol=0.02, err_msg=name)
 
 
 @pytest.mark.parametrize("thickness", [0.0, 0.1])
@@ -302,7 +316,7 @@ def test_a_person_cut_out_of_paper_has_the_same_limbs(person, thickness):
     limbs, expected = found(weld(person.vertices * [1, 1, thickness], person.faces)), found(person)
     assert list(limbs) == PERSON
     for name in PERSON:
-        np.testing.assert_allclose(limbs[name][:, :2], expected[name][:, :2], atol=0.12, err_msg=name)
+        assert_allclose(limbs[name][:, :2], expected[name][:, :2], atol=0.12, err_msg=name)
 
 
 CARD = np.array([(-1, 0, 0), (1, 0, 0), (1, 2, 0), (-1, 2, 0)], dtype=float)
@@ -327,7 +341,7 @@ def test_parts_that_overlap_are_one_body(solver_mesh, person):
     limbs, expected = found(mesh), found(person)
     assert list(limbs) == PERSON
     for name in ("left leg", "right leg", "left arm", "right arm"):
-        np.testing.assert_allclose(limbs[name], expected[name], atol=0.12, err_msg=name)
+        assert_allclose(limbs[name], expected[name], atol=0.12, err_msg=name)
 
 
 @pytest.mark.parametrize("pairs", [3, 6])

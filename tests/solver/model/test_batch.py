@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from solver.model import batch
 from solver.model.batch import BatchBinding
@@ -28,35 +29,35 @@ def test_vertices_are_the_blend(binding, creature, creature_model, frames, surfa
     found = binding.vertices(frames)
     assert (found.shape, found.dtype) == ((len(creature.vertices), 3, 7), np.float32)
     true = expected(surface, creature_model, creature, frames)
-    np.testing.assert_allclose(found, true, rtol=0, atol=1e-6 * creature.diagonal)
+    assert_allclose(found, true, rtol=0, atol=1e-6 * creature.diagonal)
 
 
 def test_displacements_are_how_far_vertices_go(binding, creature, creature_model, frames, surface):
     differences = frames - creature_model.rest_controls
     true = expected(surface, creature_model, creature, frames) - creature.vertices[:, :, None]
-    np.testing.assert_allclose(binding.displacements(differences), true, rtol=0, atol=1e-6 * creature.diagonal)
+    assert_allclose(binding.displacements(differences), true, rtol=0, atol=1e-6 * creature.diagonal)
 
 
 def test_the_farthest_vertex_of_each_frame_is_found(binding, creature_model, frames):
     differences = frames - creature_model.rest_controls
     lengths = np.linalg.norm(binding.displacements(differences), axis=1)
     distance, vertex = binding.largest_displacements(differences)
-    np.testing.assert_array_equal(vertex, lengths.argmax(axis=0))
-    np.testing.assert_allclose(distance, lengths.max(axis=0), rtol=1e-6)
+    assert_array_equal(vertex, lengths.argmax(axis=0))
+    assert_allclose(distance, lengths.max(axis=0), rtol=1e-6)
 
 
 def test_vertices_of_another_mesh_follow_those_that_they_are_told_to(creature, creature_model, frames, surface):
     follows = np.random.default_rng(1).integers(0, len(creature.vertices), 400)
     found = BatchBinding(creature_model, creature.vertices[follows], follows).vertices(frames)
     true = expected(surface, creature_model, creature, frames)[follows]
-    np.testing.assert_allclose(found, true, rtol=0, atol=1e-6 * creature.diagonal)
+    assert_allclose(found, true, rtol=0, atol=1e-6 * creature.diagonal)
 
 
 def test_some_of_the_vertices_move_as_all_do(binding, frames):
     chosen = np.array([7, 3, 200, 3])
     assert len(binding.only(chosen)) == 4
     assert binding.only(chosen[:0]).vertices(frames).shape == (0, 3, 7)
-    np.testing.assert_allclose(binding.only(chosen).vertices(frames), binding.vertices(frames)[chosen], atol=1e-6)
+    assert_allclose(binding.only(chosen).vertices(frames), binding.vertices(frames)[chosen], atol=1e-6)
 
 
 def test_fewer_frames_at_a_time_where_there_are_many_vertices(binding, monkeypatch):
@@ -72,4 +73,4 @@ def test_places_from_the_middle_are_precise_far_from_the_origin(creature, creatu
     far = replace(creature_model, center=creature_model.center + 3000 * creature.diagonal)
     moved = BatchBinding(far, creature.vertices + 3000 * creature.diagonal, np.arange(len(creature.vertices)))
     here = BatchBinding.of_solver_mesh(creature_model, creature)
-    np.testing.assert_allclose(moved.displacements(frames), here.displacements(frames), atol=1e-6 * creature.diagonal)
+    assert_allclose(moved.displacements(frames), here.displacements(frames), atol=1e-6 * creature.diagonal)

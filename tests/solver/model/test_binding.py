@@ -2,6 +2,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from solver.model.binding import Binding, ShadedBinding
 from solver.model.reduced_model import build
@@ -25,7 +26,7 @@ def test_solver_vertices_are_the_blend(creature, creature_model, pose, surface):
     found = binding.vertices(to_file_units(pose, creature_model))
     assert found.dtype == np.float32
     expected = surface(creature_model, creature, pose)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * creature.diagonal)
+    assert_allclose(found, expected, rtol=0, atol=1e-5 * creature.diagonal)
 
 
 def test_rest_controls_leave_vertices_and_normals_and_are_written_where_they_are_wanted(creature, creature_model):
@@ -35,9 +36,9 @@ def test_rest_controls_leave_vertices_and_normals_and_are_written_where_they_are
     own = np.zeros((n, 3), dtype=np.float32), np.zeros((n, 3), dtype=np.float32)
     for wanted in ((), own):
         positions, normals = binding.vertices_and_normals(controls, *wanted)
-        np.testing.assert_allclose(positions, creature.vertices, rtol=0, atol=1e-6 * creature.diagonal)
-        np.testing.assert_allclose(binding.vertices(controls), creature.vertices, rtol=0, atol=1e-6 * creature.diagonal)
-        np.testing.assert_allclose(normals, any_normals(n), atol=1e-5)
+        assert_allclose(positions, creature.vertices, rtol=0, atol=1e-6 * creature.diagonal)
+        assert_allclose(binding.vertices(controls), creature.vertices, rtol=0, atol=1e-6 * creature.diagonal)
+        assert_allclose(normals, any_normals(n), atol=1e-5)
     assert (positions is own[0], normals is own[1]) == (True, True)
     assert binding.vertices(controls, own[0]) is own[0]
 
@@ -51,7 +52,7 @@ def test_split_render_vertices_stay_together(creature, surface):
     R = deformer.solve(deformer.handles + np.array([[0.4, 0, 0], [0, 0.3, 0], [0, 0, -0.2]]))
     found = Binding(model, positions, mesh.of_render).vertices(to_file_units(R, model))
     expected = surface(model, mesh, R)[mesh.of_render]
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * mesh.diagonal)
+    assert_allclose(found, expected, rtol=0, atol=1e-5 * mesh.diagonal)
     for vertex in (0, 100, 300):
         assert len(np.unique(found[mesh.of_render == vertex], axis=0)) == 1
 
@@ -73,7 +74,7 @@ def test_normals_are_those_of_the_deformed_surface(figure, figure_model):
     rest = figure.vertices
     binding = ShadedBinding(figure_model, rest, np.arange(count), of_triangles(rest), figure.faces)
     positions, found = binding.vertices_and_normals(controls)
-    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, atol=1e-5)
+    assert_allclose(np.linalg.norm(found, axis=1), 1.0, atol=1e-5)
     expected = of_triangles(positions.astype(np.float64))
     angles = np.degrees(np.arccos(np.clip(np.einsum("ij,ij->i", found, expected), -1, 1)))
     assert np.median(angles) < 0.1
@@ -86,9 +87,9 @@ def test_a_part_moves_as_it_does_in_the_whole(creature, creature_model, pose):
     chosen = np.array([5, 3, 300, 41])
     binding = ShadedBinding(creature_model, creature.vertices, np.arange(n), any_normals(n), creature.faces)
     part = binding.only(chosen)
-    np.testing.assert_array_equal(part.vertices(controls), binding.vertices(controls)[chosen])
+    assert_array_equal(part.vertices(controls), binding.vertices(controls)[chosen])
     for found, whole in zip(part.vertices_and_normals(controls), binding.vertices_and_normals(controls), strict=True):
-        np.testing.assert_array_equal(found, whole[chosen])
+        assert_array_equal(found, whole[chosen])
     assert len(binding.rest) == n
 
 

@@ -5,6 +5,7 @@ from itertools import pairwise
 import igl
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from solver.model.bones import NO_BONES, Bones, bone_regions
 from solver.surface.mesh import SolverMesh, weld
@@ -57,7 +58,7 @@ def regions(figure, skeleton):
 def test_ends_and_roots_of_limbs(skeleton):
     assert np.flatnonzero(skeleton.terminal).tolist() == [2, 5, 8, 10, 12]
     assert np.flatnonzero(skeleton.roots).tolist() == [0, 1, 2, 3, 6, 9, 11]
-    np.testing.assert_allclose(skeleton.lengths[:3], [0.6, 0.6, np.hypot(0.7, 0.2)])
+    assert_allclose(skeleton.lengths[:3], [0.6, 0.6, np.hypot(0.7, 0.2)])
     assert len(skeleton) == 13
 
 
@@ -79,9 +80,9 @@ def test_the_two_sides_are_each_others_mirror_image(figure, regions):
     image = np.array([np.argmin(np.linalg.norm(figure.vertices - v, axis=1)) for v in figure.vertices * [-1, 1, 1]])
     other = np.array([0, 1, 2, 6, 7, 8, 3, 4, 5, 11, 12, 9, 10, -1])
     off_the_middle = np.abs(figure.vertices[:, 0]) > 0.35
-    np.testing.assert_array_equal(regions.owner[image][off_the_middle], other[regions.owner][off_the_middle])
+    assert_array_equal(regions.owner[image][off_the_middle], other[regions.owner][off_the_middle])
     held = np.bincount(regions.owner[regions.held], minlength=13)
-    np.testing.assert_array_equal(held, held[other[:-1]])
+    assert_array_equal(held, held[other[:-1]])
 
 
 def test_no_vertex_behind_the_root_of_a_limb_belongs_to_it(figure, skeleton, regions):
@@ -168,7 +169,7 @@ def test_a_part_that_is_a_limb_for_the_most_part_is_so_behind_its_root_as_well(b
     bones = chains((-1, [[0, -5, 0], [0, 5, 0]]), (0, [[6, 0, 0], [13, 0, 0], [21, 0, 0]]))
     owner = bone_regions(mesh, bones).owner
     x = mesh.vertices[of_arm, 0]
-    np.testing.assert_array_equal(owner[of_arm], np.where(x <= 13, 1, 2))
+    assert_array_equal(owner[of_arm], np.where(x <= 13, 1, 2))
     assert np.all(owner[~of_arm] != 2)
     assert (x < 6).any()
 
@@ -189,7 +190,7 @@ def test_a_bone_around_whose_middle_there_is_no_vertex_owns_what_it_has():
     faces = np.array([[q[0], q[1], q[2]] for q in quads] + [[q[0], q[2], q[3]] for q in quads])
     box = SolverMesh(v, faces, np.arange(12))
     regions = bone_regions(box, chains((-1, [[0, 0, 0], [10, 0, 0], [20, 0, 0]])))
-    np.testing.assert_array_equal(regions.owner[[0, 1, 2, 3, 8, 9, 10, 11]], [0] * 4 + [1] * 4)
+    assert_array_equal(regions.owner[[0, 1, 2, 3, 8, 9, 10, 11]], [0] * 4 + [1] * 4)
 
 
 def test_no_bones_own_nothing(figure):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from solver.model import clusters, fields
@@ -41,7 +42,7 @@ def test_vertices_count_by_their_area(two):
     found = rotation_clusters(isoline_coordinates, np.ones(1), area)
     dense = np.concatenate([isoline_coordinates, isoline_coordinates[20:], isoline_coordinates[20:]])
     weighed = rotation_clusters(dense, np.ones(1), np.concatenate([np.ones(20), np.full(60, 1 / 3)]))
-    np.testing.assert_array_equal(weighed[:40], found)
+    assert_array_equal(weighed[:40], found)
 
 
 def test_the_order_of_vertices_does_not_matter(creature_model):
@@ -84,7 +85,7 @@ def test_covariance_is_the_plain_sum_over_edges(creature_model, operator, surfac
     C = clusters.covariance_map(
         sparse, rest, model.isoline_coordinates.astype(np.float64), model.weights, 10, model.cluster
     )
-    np.testing.assert_allclose((C @ R).reshape(-1, 3, 3), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    assert_allclose((C @ R).reshape(-1, 3, 3), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
 def test_energy_is_the_bending_of_the_surface_and_the_stretch_of_its_edges(creature_model, operator, surface, creature):
@@ -101,7 +102,7 @@ def test_energy_is_the_bending_of_the_surface_and_the_stretch_of_its_edges(creat
         plain = bending + gamma * np.sum(L[i, j][:, None] * edges**2)
         reduced = np.sum(R * (model.A_clusters @ R)) - 2 * np.sum(R * (model.B_clusters @ turns.reshape(-1, 3)))
         constant.append(plain - reduced)
-    np.testing.assert_allclose(constant, constant[0], rtol=1e-9)
+    assert_allclose(constant, constant[0], rtol=1e-9)
 
 
 def _dirichlet(model, L, rest):

@@ -3,6 +3,7 @@
 import igl
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from solver.model import coarse_fields, fields, reduced_model
@@ -50,9 +51,9 @@ def test_isoline_coordinates_are_those_of_exact_fields(operators):
 def test_fields_are_orthonormal_in_the_mass_inner_product_and_to_the_constant(operators):
     _, sampled, tied, mass = operators
     found = np.column_stack([np.full(len(mass), mass.sum() ** -0.5), sampled.propagation_fields(8)])
-    np.testing.assert_allclose(found.T @ (mass[:, None] * found), np.eye(9), rtol=0, atol=1e-9)
+    assert_allclose(found.T @ (mass[:, None] * found), np.eye(9), rtol=0, atol=1e-9)
     energy = -found.T @ (tied @ found)
-    np.testing.assert_allclose(energy, np.diag(np.diag(energy)), rtol=0, atol=1e-7 * energy.max())
+    assert_allclose(energy, np.diag(np.diag(energy)), rtol=0, atol=1e-7 * energy.max())
 
 
 def test_fields_satisfy_the_equation_at_the_vertices(operators):
@@ -99,9 +100,9 @@ def test_a_scan_of_loose_pieces_has_exact_fields(fine):
     vertices = np.concatenate([fine.vertices, 1.001 * fine.vertices[loose.ravel()]])
     faces = np.concatenate([fine.faces[~some], len(fine.vertices) + np.arange(loose.size).reshape(-1, 3)])
     exact, sampled, _, _ = both_operators(weld(vertices, faces))
-    np.testing.assert_array_equal(sampled.propagation_fields(8), exact.propagation_fields(8))
+    assert_array_equal(sampled.propagation_fields(8), exact.propagation_fields(8))
     step = (vertices[:1, :1] > 0) * np.ones((len(exact.areas), 1))
-    np.testing.assert_array_equal(sampled.smoothed(step, 0.01), exact.smoothed(step, 0.01))
+    assert_array_equal(sampled.smoothed(step, 0.01), exact.smoothed(step, 0.01))
 
 
 def test_a_model_reproduces_the_rest_pose_and_rigid_motion(fine, monkeypatch):
@@ -111,7 +112,7 @@ def test_a_model_reproduces_the_rest_pose_and_rigid_motion(fine, monkeypatch):
     turn = Rotation.from_rotvec([0.4, 1.2, -0.7]).as_matrix()
     R = model.rest_controls @ turn + np.tile([[0.0] * 3] * 3 + [[0.1, -0.2, 0.3]], (len(model.rest_controls) // 4, 1))
     W = model.position_matrix(fine.vertices)
-    np.testing.assert_allclose(W @ R, rest @ turn + [0.1, -0.2, 0.3], rtol=0, atol=1e-12)
+    assert_allclose(W @ R, rest @ turn + [0.1, -0.2, 0.3], rtol=0, atol=1e-12)
     for A, B in ((model.A, model.B), (model.A_clusters, model.B_clusters)):
         force = A @ R - B @ np.tile(turn, (B.shape[1] // 3, 1))
         assert np.abs(force).max() < 1e-9 * np.abs(A).max()

@@ -1,6 +1,7 @@
 """Which bones move the surface of a foot that stands."""
 
 import numpy as np
+from numpy.testing import assert_allclose, assert_array_equal
 
 from solver.model.bones import Bones
 from solver.model.feet import feet_held
@@ -20,8 +21,8 @@ SHIN = [[0, 0.5, 0], [0, 1.0, 0], [0, 1.5, 0]]
 def test_soles_follow_their_foot_alone():
     shares = np.array([[0.1, 0.3, 0.6], [0.1, 0.8, 0.1], [0.2, 0.5, 0.3]] + 3 * [[0.1, 0.9, 0.0]])
     held = feet_held(shares, np.array(FLOOR + SHIN), LEG, NO_PLATES[:6])
-    np.testing.assert_array_equal(held[:3], [[0, 0, 1]] * 3)
-    np.testing.assert_array_equal(held[3:], shares[3:])
+    assert_array_equal(held[:3], [[0, 0, 1]] * 3)
+    assert_array_equal(held[3:], shares[3:])
 
 
 def test_shares_keep_their_sum_between_sole_and_shin():
@@ -29,15 +30,15 @@ def test_shares_keep_their_sum_between_sole_and_shin():
     held = feet_held(
         np.array([[0.2, 0.8, 0], [0, 0.8, 0.2], [0, 0, 1]]), np.vstack([between, [[0, 0, 0.4]]]), LEG, NO_PLATES[:3]
     )
-    np.testing.assert_allclose(held[:2], [[0.1, 0.4, 0.5], [0, 0.4, 0.6]])
+    assert_allclose(held[:2], [[0.1, 0.4, 0.5], [0, 0.4, 0.6]])
 
 
 def test_other_limbs_and_feet_that_do_not_stand_keep_their_shares():
     shares = np.array([[0.1, 0.3, 0.6], [0.5, 0.4, 0.1], [0.0, 0.0, 0.0]])
     hanging = Bones(LEG.heads, LEG.tails, LEG.parents, LEG.limbs)
-    np.testing.assert_array_equal(feet_held(shares, np.array(FLOOR), hanging, NO_PLATES[:3]), shares)
+    assert_array_equal(feet_held(shares, np.array(FLOOR), hanging, NO_PLATES[:3]), shares)
     apart = Bones(LEG.heads, LEG.tails, LEG.parents, np.array([-1, 0, 0]), LEG.feet)
-    np.testing.assert_array_equal(feet_held(shares, np.array(FLOOR), apart, NO_PLATES[:3])[1:], shares[1:])
+    assert_array_equal(feet_held(shares, np.array(FLOOR), apart, NO_PLATES[:3])[1:], shares[1:])
 
 
 def test_a_leg_that_lies_on_the_floor_and_a_rigid_plate_keep_their_shares():
@@ -45,10 +46,10 @@ def test_a_leg_that_lies_on_the_floor_and_a_rigid_plate_keep_their_shares():
     shares = np.array([[0.0, 0.8, 0.2], [0.0, 0.8, 0.2], [0, 1, 0]])
     held = feet_held(shares, far_and_rigid, LEG, np.array([False, False, True]))
     assert 0.2 < held[0, 2] < 1  # between heel and leg
-    np.testing.assert_array_equal(held[1:], shares[1:])
+    assert_array_equal(held[1:], shares[1:])
 
 
 def test_the_sole_of_a_stout_leg_is_wider_than_its_foot_is_long():
     stout = Bones(LEG.heads, np.array([*LEG.tails[:2], [0, 0.1, 0.05]]), LEG.parents, LEG.limbs, LEG.feet)
     held = feet_held(np.array([[0.2, 0.7, 0.1]]), np.array([[0, 0, -0.2]]), stout, NO_PLATES[:1])
-    np.testing.assert_array_equal(held, [[0, 0, 1]])
+    assert_array_equal(held, [[0, 0, 1]])

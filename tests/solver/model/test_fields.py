@@ -1,6 +1,7 @@
 import igl
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import eigh
 from scipy.sparse.csgraph import connected_components
 
@@ -73,7 +74,7 @@ def test_operators_are_negative_semidefinite_and_ties_leave_one_constant_in_the_
     for L, parts in zip(tied, (2, 1, 1), strict=True):
         spectrum = eigh(-L.toarray(), eigvals_only=True)
         assert np.abs(L.sum(axis=1)).max() < 1e-10 * np.abs(L.diagonal()).max()
-        np.testing.assert_allclose(L.toarray(), L.toarray().T, atol=1e-9)
+        assert_allclose(L.toarray(), L.toarray().T, atol=1e-9)
         assert spectrum[0] > -1e-10 * spectrum[-1]
         assert np.count_nonzero(spectrum < 1e-10) == connected_components(L, directed=False)[0] == parts
 
@@ -106,14 +107,14 @@ def test_fields_are_the_lowest_eigenvectors_of_a_dense_solver(creature):
     L, mass = fields.laplacian(creature)
     _, vectors = eigh(-L.toarray(), np.diag(mass), subset_by_index=(0, 8))
     modes = modes_of(creature)
-    np.testing.assert_allclose(modes, aligned(vectors[:, 1:], modes), atol=1e-7 * np.abs(modes).max())
+    assert_allclose(modes, aligned(vectors[:, 1:], modes), atol=1e-7 * np.abs(modes).max())
 
 
 def test_fields_are_orthonormal_in_the_mass_inner_product_and_to_the_constant(two_parts):
     _, mass = fields.laplacian(two_parts)
     modes = modes_of(two_parts)
-    np.testing.assert_allclose(modes.T @ (mass[:, None] * modes), np.eye(8), atol=1e-9)
-    np.testing.assert_allclose(mass @ modes, 0.0, atol=1e-9)
+    assert_allclose(modes.T @ (mass[:, None] * modes), np.eye(8), atol=1e-9)
+    assert_allclose(mass @ modes, 0.0, atol=1e-9)
 
 
 def test_fields_are_reproducible_and_positive_where_they_are_largest():
@@ -123,7 +124,7 @@ def test_fields_are_reproducible_and_positive_where_they_are_largest():
     v /= np.linalg.norm(v, axis=1, keepdims=True)
     sphere = SolverMesh(v, f, np.arange(len(v)))
     modes = modes_of(sphere)
-    np.testing.assert_array_equal(modes, modes_of(sphere))
+    assert_array_equal(modes, modes_of(sphere))
     assert np.all(modes.max(axis=0) >= -modes.min(axis=0))
 
 
@@ -133,8 +134,8 @@ def test_fields_are_reproducible_and_positive_where_they_are_largest():
 def test_isoline_coordinates_of_a_linear_field_equal_values_by_hand():
     field = np.array([[0.0], [0.04], [0.05], [0.5], [0.72], [0.95], [1.0]])
     expected = [[0.0], [0.0], [0.0], [4.5], [6.7], [9.0], [9.0]]
-    np.testing.assert_allclose(fields.compute_isoline_coordinates(field, 10), expected, atol=1e-12)
-    np.testing.assert_allclose(fields.compute_isoline_coordinates(3 * field - 7, 10), expected, atol=1e-12)
+    assert_allclose(fields.compute_isoline_coordinates(field, 10), expected, atol=1e-12)
+    assert_allclose(fields.compute_isoline_coordinates(3 * field - 7, 10), expected, atol=1e-12)
 
 
 def test_interpolation_is_the_hat_function_of_the_two_isolines_around(creature):
@@ -143,7 +144,7 @@ def test_interpolation_is_the_hat_function_of_the_two_isolines_around(creature):
     hats = np.maximum(0, 1 - np.abs(isoline_coordinates[:, :, None] - np.arange(10))).reshape(
         len(isoline_coordinates), -1
     )
-    np.testing.assert_allclose(phi, hats, atol=1e-12)
+    assert_allclose(phi, hats, atol=1e-12)
 
 
 # --- weights
@@ -153,7 +154,7 @@ def test_weights_are_those_of_equations_2_and_3(creature):
     _, mass = fields.laplacian(creature)
     modes = modes_of(creature)
     w = [np.linalg.norm(sum(creature.vertices[v] * mass[v] * mode[v] for v in range(len(mass)))) for mode in modes.T]
-    np.testing.assert_allclose(fields.field_weights(creature.vertices, mass, modes), w / np.sum(w), rtol=1e-9)
+    assert_allclose(fields.field_weights(creature.vertices, mass, modes), w / np.sum(w), rtol=1e-9)
 
 
 # --- invariance of the deformation
@@ -166,7 +167,7 @@ def test_scale_and_place_of_the_mesh_do_not_show_in_the_deformation(creature, cr
     expected = deformed(creature, creature_handles, motion(creature_handles))
     there = SolverMesh(moved(creature.vertices), creature.faces, creature.of_render)
     found = deformed(there, moved(creature_handles), moved(motion(creature_handles)))
-    np.testing.assert_allclose(found, moved(expected), rtol=0, atol=1e-5 * there.diagonal)
+    assert_allclose(found, moved(expected), rtol=0, atol=1e-5 * there.diagonal)
 
 
 def test_needles_hardly_change_what_the_mesh_does(figure):

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from solver.model import fields
 from solver.model.bones import BoneRegions, Bones, bone_regions, regions_of_shares
@@ -59,12 +60,12 @@ def test_a_field_is_0_off_its_limb_and_rises_along_it(figure, both_arms):
         along = (
             (np.abs(figure.vertices[arm] * [1, 0, 0]) + figure.vertices[arm] * [0, 1, 1] - ARM[0]) @ way / (way @ way)
         )
-        np.testing.assert_allclose(field[arm], (1 + 3 * np.clip(along, 0, 1)) / 4, rtol=0, atol=0.08)
+        assert_allclose(field[arm], (1 + 3 * np.clip(along, 0, 1)) / 4, rtol=0, atol=0.08)
 
 
 def test_more_limbs_than_fields_share_one_with_the_sign_turned_round(figure, both_arms):
     left, right = made(figure, both_arms, 2).T
-    np.testing.assert_allclose(made(figure, both_arms, 1), (left - right)[:, None], rtol=0, atol=1e-12)
+    assert_allclose(made(figure, both_arms, 1), (left - right)[:, None], rtol=0, atol=1e-12)
 
 
 def test_limbs_without_surface_get_no_field_and_three_fields_are_the_surfaces_own(figure, both_arms):
@@ -88,7 +89,7 @@ def test_by_a_skin_a_field_is_the_mean_over_the_bones_of_each_vertex(figure, bot
         expected = np.linalg.solve(
             np.diag(mass) - BLUR_DIAGONALS**2 * L.toarray(), mass * np.einsum("nb,nb->n", shares, value)
         )
-        np.testing.assert_allclose(found[:, column], expected, rtol=0, atol=1e-9)
+        assert_allclose(found[:, column], expected, rtol=0, atol=1e-9)
 
 
 def test_contacts_hold_within_a_bone_and_by_a_skin_only_there(two_parts):
@@ -117,19 +118,17 @@ def test_an_arm_that_is_sewn_to_the_trunk_stays_there_and_one_that_is_stuck_into
         (trunk, forearm, [False, False]),
     ):
         regions = BoneRegions(np.array([there] * 3 + [here] * 2), np.ones(5, dtype=bool))
-        np.testing.assert_array_equal(contacts_that_hold(ties, rest, regions, bones, skinned=False), expected)
+        assert_array_equal(contacts_that_hold(ties, rest, regions, bones, skinned=False), expected)
 
 
 def test_a_model_with_bones_has_the_surfaces_smoothest_fields_and_those_of_the_limbs(figure, figure_model, both_arms):
     model = build(figure, bones=both_arms)
-    np.testing.assert_array_equal(
-        model.isoline_coordinates[:, :6], build(figure, ModelParameters(fields=6)).isoline_coordinates
-    )
-    np.testing.assert_allclose(model.weights[6:], 1 / 8)
+    assert_array_equal(model.isoline_coordinates[:, :6], build(figure, ModelParameters(fields=6)).isoline_coordinates)
+    assert_allclose(model.weights[6:], 1 / 8)
     assert model.weights.sum() == pytest.approx(1)
     limbs = fields.compute_isoline_coordinates(made_in_model_units(figure, both_arms, model), 10)
-    np.testing.assert_allclose(model.isoline_coordinates[:, 6:], limbs, rtol=0, atol=1e-5)
-    np.testing.assert_array_equal(build(figure).isoline_coordinates, figure_model.isoline_coordinates)
+    assert_allclose(model.isoline_coordinates[:, 6:], limbs, rtol=0, atol=1e-5)
+    assert_array_equal(build(figure).isoline_coordinates, figure_model.isoline_coordinates)
 
 
 def made_in_model_units(mesh, bones, model):

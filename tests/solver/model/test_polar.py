@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from solver.model.polar import of_matrices as nearest
 
@@ -17,8 +18,8 @@ def matrices():
 
 
 def assert_rotations(R):
-    np.testing.assert_allclose(R @ R.transpose(0, 2, 1), np.tile(np.eye(3), (len(R), 1, 1)), atol=1e-13)
-    np.testing.assert_allclose(np.linalg.det(R), 1, atol=1e-13)
+    assert_allclose(R @ R.transpose(0, 2, 1), np.tile(np.eye(3), (len(R), 1, 1)), atol=1e-13)
+    assert_allclose(np.linalg.det(R), 1, atol=1e-13)
 
 
 @pytest.mark.parametrize("stretch", [(1, 1, 1), (1, 1e-2, 1e-3), (1e3, 1, 1), (1e-9, 1e-9, 1e-9), (1e9, 1e9, 1e8)])
@@ -26,7 +27,7 @@ def test_the_nearest_rotation_is_the_polar_factor_of_the_singular_value_decompos
     S = matrices * np.array(stretch)
     R = nearest(S)
     assert_rotations(R)
-    np.testing.assert_allclose(R, by_svd(S), atol=1e-10)
+    assert_allclose(R, by_svd(S), atol=1e-10)
 
 
 @pytest.mark.parametrize("rank", [0, 1, 2])
@@ -37,9 +38,9 @@ def test_a_singular_matrix_gives_a_rotation_that_fits_what_it_determines(matrice
     R = nearest(flat)
     assert_rotations(R)
     # tr(Rᵀ S) is at its maximum, the sum of the singular values
-    np.testing.assert_allclose(np.einsum("kij,kij->k", R, flat), sigma.sum(axis=1), atol=1e-7)
+    assert_allclose(np.einsum("kij,kij->k", R, flat), sigma.sum(axis=1), atol=1e-7)
 
 
 @pytest.mark.parametrize("count", [1, 15, 16, 17, 80])
 def test_a_matrix_gives_the_same_rotation_whatever_lies_beside_it(matrices, count):
-    np.testing.assert_array_equal(nearest(matrices[:count]), nearest(matrices)[:count])
+    assert_array_equal(nearest(matrices[:count]), nearest(matrices)[:count])

@@ -1,6 +1,7 @@
 import igl
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from puppetline.errors import MeshError
 from solver.model import fields
@@ -18,7 +19,7 @@ def dense(creature, creature_model):
 
 def test_model_units_are_those_of_the_bounding_box(creature, creature_model):
     points = creature_model.to_model(creature.vertices)
-    np.testing.assert_allclose(points.min(axis=0), -points.max(axis=0), atol=1e-12)
+    assert_allclose(points.min(axis=0), -points.max(axis=0), atol=1e-12)
     assert np.linalg.norm(np.ptp(points, axis=0)) == pytest.approx(1.0)
 
 
@@ -27,13 +28,13 @@ def test_positions_are_the_blend_written_out(creature, creature_model, dense, na
     naive, _ = naive_interpolation(
         rest, creature_model.isoline_coordinates, creature_model.weights, 10, np.zeros_like(rest)
     )
-    np.testing.assert_allclose(dense, naive, atol=1e-6)
+    assert_allclose(dense, naive, atol=1e-6)
 
 
 def test_any_affine_map_on_all_isolines_is_that_map(creature, creature_model, dense):
     affine = np.random.default_rng(0).normal(size=(4, 3))
     expected = creature_model.to_model(creature.vertices) @ affine[:3] + affine[3]
-    np.testing.assert_allclose(dense @ np.tile(affine, (80, 1)), expected, atol=1e-12)
+    assert_allclose(dense @ np.tile(affine, (80, 1)), expected, atol=1e-12)
 
 
 def test_energy_matrices_are_those_of_the_dense_operators(creature, creature_model, naive_interpolation):
@@ -43,9 +44,9 @@ def test_energy_matrices_are_those_of_the_dense_operators(creature, creature_mod
     W, W_delta = naive_interpolation(rest, creature_model.isoline_coordinates, creature_model.weights, 10, L @ rest)
     KW = np.diag(mass**-0.5) @ L @ W
     A, B = KW.T @ KW, KW.T @ np.diag(mass**-0.5) @ W_delta
-    np.testing.assert_allclose(creature_model.A, A, atol=1e-6 * np.abs(A).max())
-    np.testing.assert_allclose(creature_model.B, B, atol=1e-6 * np.abs(B).max())
-    np.testing.assert_allclose(creature_model.gram, W.T @ W, atol=1e-6 * np.abs(W.T @ W).max())
+    assert_allclose(creature_model.A, A, atol=1e-6 * np.abs(A).max())
+    assert_allclose(creature_model.B, B, atol=1e-6 * np.abs(B).max())
+    assert_allclose(creature_model.gram, W.T @ W, atol=1e-6 * np.abs(W.T @ W).max())
 
 
 # --- null space
@@ -53,8 +54,8 @@ def test_energy_matrices_are_those_of_the_dense_operators(creature, creature_mod
 
 def test_null_space_is_at_least_28_wide_and_moves_no_vertex(creature_model, dense):
     projector = creature_model.null_space
-    np.testing.assert_allclose(projector, projector.T, atol=1e-12)
-    np.testing.assert_allclose(projector @ projector, projector, atol=1e-9)
+    assert_allclose(projector, projector.T, atol=1e-12)
+    assert_allclose(projector @ projector, projector, atol=1e-9)
     nullity = round(np.trace(projector))
     assert nullity >= 4 * (8 - 1)
     assert np.abs(dense @ projector).max() < 1e-6
@@ -68,7 +69,7 @@ def test_rows_of_a_surface_point_blend_those_of_the_corners_around(creature, cre
     face = creature.faces[123]
     for blend in ([0.2, 0.5, 0.3], [1.0, 0.0, 0.0]):
         found = creature_model.rows(creature, np.array([blend]) @ creature.vertices[face])
-        np.testing.assert_allclose(found[0], blend @ dense[face], atol=1e-9)
+        assert_allclose(found[0], blend @ dense[face], atol=1e-9)
 
 
 # --- too small, and just large enough
@@ -94,7 +95,7 @@ def test_a_mesh_with_too_few_vertices_is_refused():
 def test_the_smallest_mesh_allowed_reproduces_its_rest_pose(count, parameters, surface):
     mesh = closed_strip(count)
     model = build(mesh, parameters)
-    np.testing.assert_allclose(surface(model, mesh, model.rest_controls), mesh.vertices, atol=1e-12)
+    assert_allclose(surface(model, mesh, model.rest_controls), mesh.vertices, atol=1e-12)
 
 
 def test_parts_a_world_apart_still_have_a_model_that_keeps_the_rest_pose():
@@ -105,4 +106,4 @@ def test_parts_a_world_apart_still_have_a_model_that_keeps_the_rest_pose():
     mesh = weld(apart, np.concatenate([faces + number * len(ball) for number in range(5)]))
     model = build(mesh)
     rest = model.position_matrix(mesh.vertices) @ model.rest_controls
-    np.testing.assert_allclose(rest, model.to_model(mesh.vertices), atol=1e-12)
+    assert_allclose(rest, model.to_model(mesh.vertices), atol=1e-12)

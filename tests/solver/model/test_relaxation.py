@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy
+from numpy.testing import assert_allclose
 
 from solver.model import fields
 from solver.model.relaxation import ROUGH_EIGENVALUE_RATIO, STEPS, relaxed
@@ -18,7 +19,7 @@ def test_eigenvectors_stay_as_they_are(operator):
     values, vectors = scipy.linalg.eigh(-L.toarray(), np.diag(mass))
     chosen = slice(1, 9)
     found = relaxed(L, mass, values[chosen], vectors[:, chosen].copy())
-    np.testing.assert_allclose(found, vectors[:, chosen], rtol=0, atol=1e-9)
+    assert_allclose(found, vectors[:, chosen], rtol=0, atol=1e-9)
 
 
 def test_solutions_stay_as_they_are(operator):
@@ -27,7 +28,7 @@ def test_solutions_stay_as_they_are(operator):
     exact = np.column_stack(
         [np.linalg.solve(-L.toarray() - s * np.diag(mass), b) for s, b in zip(shifts, load.T, strict=True)]
     )
-    np.testing.assert_allclose(relaxed(L, mass, shifts, exact.copy(), load), exact, rtol=0, atol=1e-9)
+    assert_allclose(relaxed(L, mass, shifts, exact.copy(), load), exact, rtol=0, atol=1e-9)
 
 
 def test_single_precision_gives_the_same_to_its_rounding(operator):
@@ -36,7 +37,7 @@ def test_single_precision_gives_the_same_to_its_rounding(operator):
     load = mass[:, None] * start[::-1]
     found = relaxed(L, mass, shifts, start.astype(np.float32), load)
     assert found.dtype == np.float32
-    np.testing.assert_allclose(found, relaxed(L, mass, shifts, start, load), rtol=0, atol=2e-6 * np.abs(start).max())
+    assert_allclose(found, relaxed(L, mass, shifts, start, load), rtol=0, atol=2e-6 * np.abs(start).max())
 
 
 def test_each_part_of_an_error_is_reduced_by_the_chebyshev_polynomial(operator):
@@ -50,5 +51,5 @@ def test_each_part_of_an_error_is_reduced_by_the_chebyshev_polynomial(operator):
     T = np.polynomial.chebyshev.Chebyshev.basis(STEPS)
     expected = T(place) / T((top + low) / (top - low))
     found = relaxed(L, mass, np.zeros(len(values)), vectors.copy())
-    np.testing.assert_allclose(found, vectors * expected, rtol=0, atol=1e-10 * np.abs(vectors).max())
+    assert_allclose(found, vectors * expected, rtol=0, atol=1e-10 * np.abs(vectors).max())
     assert np.abs(expected[values > low]).max() < 1 / 20

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from solver.motion.arms import Arm, Arms
@@ -85,23 +86,23 @@ def test_hands_meet_where_the_performers_meet():
     _, apart = play([together], free=True)
     _, tips = play([together])
     assert np.linalg.norm(apart[0, 0] - apart[0, 1]) > 0.15
-    np.testing.assert_allclose(tips[0, 0] - tips[0, 1], METRE * gap, atol=0.02)
+    assert_allclose(tips[0, 0] - tips[0, 1], METRE * gap, atol=0.02)
 
 
 def test_hands_that_do_not_come_together_or_need_not_are_left_alone():
     for pose, meet in ((clapping(0.0), True), (performer(*LEVEL), True), (clapping(0.6), False)):
-        np.testing.assert_array_equal(play([pose], meet=meet)[0], play([pose], free=True)[0])
+        assert_array_equal(play([pose], meet=meet)[0], play([pose], free=True)[0])
 
 
 def test_arms_that_are_drawn_keep_their_lengths_and_stay_joined():
     motions, _ = play([clapping(0.6)])
     motion, _ = character()
     expected = np.linalg.norm(motion.bones.tails - motion.bones.heads, axis=1)
-    np.testing.assert_allclose(lengths(motion, motions[0]), expected, atol=1e-12)
+    assert_allclose(lengths(motion, motions[0]), expected, atol=1e-12)
     for bone, parent in enumerate(motion.bones.parents):
         if parent >= 0:
             head = motion.bones.heads[bone]
-            np.testing.assert_allclose(apply(motions[0, bone], head), apply(motions[0, parent], head), atol=1e-12)
+            assert_allclose(apply(motions[0, bone], head), apply(motions[0, parent], head), atol=1e-12)
 
 
 def test_arms_never_jump_while_hands_meet_and_are_lost():
@@ -120,9 +121,9 @@ def test_arms_that_hang_are_held_away_from_the_body_and_level_ones_are_not(angle
     for first, sign in ((1, 1), (4, -1)):
         along = [motions[b, :3].T @ (motion.bones.tails[b] - motion.bones.heads[b]) for b in range(first, first + 3)]
         expected = [sign * np.sin(angle), -np.cos(angle), 0]
-        np.testing.assert_allclose([d / np.linalg.norm(d) for d in along], [expected] * 3, atol=1e-9)
+        assert_allclose([d / np.linalg.norm(d) for d in along], [expected] * 3, atol=1e-9)
     level = performer(*LEVEL)
-    np.testing.assert_allclose(play([level], space=angle, meet=False)[0], play([level], free=True)[0], atol=1e-12)
+    assert_allclose(play([level], space=angle, meet=False)[0], play([level], free=True)[0], atol=1e-12)
 
 
 def test_the_space_of_the_arms_turns_with_the_body():
@@ -130,4 +131,4 @@ def test_the_space_of_the_arms_turns_with_the_body():
     turn = Rotation.from_rotvec([0.2, 1.1, 0]).as_matrix()
     here = play([hanging], space=0.4, meet=False)[0][0]
     there = play([hanging @ turn.T], space=0.4, meet=False)[0][0]
-    np.testing.assert_allclose(there[:, :3], here[:, :3] @ turn.T, atol=1e-9)
+    assert_allclose(there[:, :3], here[:, :3] @ turn.T, atol=1e-9)

@@ -1,6 +1,7 @@
 import igl
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import solve as solve_dense
 from scipy.spatial.transform import Rotation
 
@@ -84,7 +85,7 @@ def test_rigid_motion_of_all_handles_is_rigid_motion_of_all_vertices(
     deformer = bound(mode=mode, iterations=20)
     rotation, offset = turn(seed, degrees), np.random.default_rng(seed).normal(size=3)
     found = surface(creature_model, creature, deformer.solve(deformer.handles @ rotation + offset))
-    np.testing.assert_allclose(found, creature.vertices @ rotation + offset, rtol=0, atol=1e-3 * creature.diagonal)
+    assert_allclose(found, creature.vertices @ rotation + offset, rtol=0, atol=1e-3 * creature.diagonal)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -96,7 +97,7 @@ def test_a_deformation_turns_with_its_targets(bound, creature, creature_model, s
         deformer.reset()
         there = surface(creature_model, creature, deformer.solve(targets @ turn(seed, degrees) + offset))
         expected = here @ turn(seed, degrees) + offset
-        np.testing.assert_allclose(there, expected, rtol=0, atol=1e-5 * creature.diagonal)
+        assert_allclose(there, expected, rtol=0, atol=1e-5 * creature.diagonal)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -111,7 +112,7 @@ def test_handles_stand_on_the_surface(bound, creature, creature_handles):
     deformer = bound()
     gaps, _, nearest = igl.point_mesh_squared_distance(creature_handles, creature.vertices, creature.faces)
     assert gaps.max() > 0
-    np.testing.assert_allclose(deformer.handles, nearest, atol=1e-9)
+    assert_allclose(deformer.handles, nearest, atol=1e-9)
 
 
 def test_without_handles_and_bones_there_is_nothing_to_bind(creature, creature_model):
@@ -135,8 +136,8 @@ def test_the_folded_iteration_is_the_plain_one(creature, creature_model, creatur
         for _ in range(3):
             turns = plain.turns(plain.controls(turns, targets))
         found, expected = deformer.solve(targets), plain.controls(turns, targets)
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
-        np.testing.assert_allclose(deformer.turns, turns, rtol=0, atol=1e-6)
+        assert_allclose(found, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+        assert_allclose(deformer.turns, turns, rtol=0, atol=1e-6)
         difference = found - expected
         assert abs(np.sum(difference * (model.gram @ difference))) / len(creature.vertices) < 1e-18
 
@@ -152,7 +153,7 @@ def test_step_gives_the_transforms_of_the_solution(bound, creature, creature_mod
     deformer.reset()
     expected = surface(creature_model, creature, deformer.solve(targets))
     found = apply(controls, creature_model, creature.vertices)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * creature.diagonal)
+    assert_allclose(found, expected, rtol=0, atol=1e-5 * creature.diagonal)
 
 
 # --- handles that do not determine the pose
@@ -165,7 +166,7 @@ def test_handles_on_one_point_or_one_line_leave_a_finite_sensible_start(creature
         deformer = Deformer(creature_model, creature, handles, iterations=20, mode=mode)
         found = surface(creature_model, creature, deformer.solve(deformer.handles + np.array([0.5, 0.0, 0.0])))
         expected = creature.vertices + np.array([0.5, 0.0, 0.0])
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * creature.diagonal)
+        assert_allclose(found, expected, rtol=0, atol=1e-6 * creature.diagonal)
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -220,14 +221,14 @@ def test_a_target_that_is_no_number_is_refused_and_the_next_frame_is_as_if_it_ha
     with pytest.raises(ValueError, match="finite"):
         deformer.solve(bad)
     undisturbed.solve(first)
-    np.testing.assert_array_equal(deformer.solve(second), undisturbed.solve(second))
+    assert_array_equal(deformer.solve(second), undisturbed.solve(second))
 
 
 def test_targets_of_any_layout_give_the_same_frame(bound):
     targets = pulled(bound()).astype(np.float32)
     expected = bound().solve(targets.astype(np.float64))
     for given in (targets, np.asfortranarray(targets), np.repeat(targets, 2, axis=0)[::2], targets.tolist()):
-        np.testing.assert_array_equal(bound().solve(np.asarray(given)), expected)
+        assert_array_equal(bound().solve(np.asarray(given)), expected)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -238,7 +239,7 @@ def test_a_deformer_resumes_a_state_and_a_copy_of_it_starts_at_rest(bound, mode)
     following = [deformer.solve(pulled(deformer, seed)) for seed in (2, 3)]
     other.solve(pulled(deformer, 4))
     other.resume(state)
-    np.testing.assert_array_equal([other.solve(pulled(deformer, seed)) for seed in (2, 3)], following)
+    assert_array_equal([other.solve(pulled(deformer, seed)) for seed in (2, 3)], following)
     other.resume(bound(mode=mode).state)
     for at_rest in (other, copied):
-        np.testing.assert_array_equal(at_rest.solve(pulled(deformer, 1)), first)
+        assert_array_equal(at_rest.solve(pulled(deformer, 1)), first)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from puppetline.errors import MeshError
@@ -84,10 +85,10 @@ def test_rigid_motion_of_all_bones_is_rigid_motion_of_the_character_at_once(
     for handles in (NO_HANDLES, creature_handles):
         deformer = bound(handles, mode=mode)
         at_rest = surface(model, creature, deformer.solve(deformer.handles, None))
-        np.testing.assert_allclose(at_rest, creature.vertices, rtol=0, atol=1e-9 * creature.diagonal)
+        assert_allclose(at_rest, creature.vertices, rtol=0, atol=1e-9 * creature.diagonal)
         deformer.reset()
         found = surface(model, creature, deformer.solve(deformer.handles @ rotation + offset, motions))
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * creature.diagonal)
+        assert_allclose(found, expected, rtol=0, atol=1e-9 * creature.diagonal)
 
 
 def test_the_solution_with_bones_is_that_of_the_dense_least_squares_problem(
@@ -133,7 +134,7 @@ def test_the_solution_with_bones_is_that_of_the_dense_least_squares_problem(
         [bent, stretched, handles * model.to_model(targets), bones * model.to_model(at), anchor * mean]
     )
     expected = W @ np.linalg.lstsq(left, right, rcond=1e-12)[0] * model.diagonal + model.center
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * creature.diagonal)
+    assert_allclose(found, expected, rtol=0, atol=1e-6 * creature.diagonal)
 
 
 @pytest.mark.parametrize("mode", ["clusters", "covariance"])
@@ -158,7 +159,7 @@ def test_rotations_are_drawn_to_the_bones_that_hold_them(bound, creature, model,
     for b in range(6):
         share = together[regions.of(b)].T @ area[regions.of(b)] / np.maximum(together.T @ area, 1e-300)
         S = S + PRIOR_WEIGHT * (share * size / 3)[:, None, None] * motions[b, :3]
-    np.testing.assert_allclose(deformer.turns.reshape(80, 3, 3), polar.of_matrices(S), rtol=0, atol=1e-6)
+    assert_allclose(deformer.turns.reshape(80, 3, 3), polar.of_matrices(S), rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize("degrees", [30, 90])
@@ -195,7 +196,7 @@ def test_a_part_that_hangs_on_an_arm_goes_with_it(two_parts, surface):
     found = surface(model, two_parts, Deformer(model, two_parts, NO_HANDLES).solve(NO_HANDLES, motions))
     expected = about(up, shoulder)
     cube = two_parts.vertices[-8:] @ expected[:3] + expected[3]
-    np.testing.assert_allclose(found[-8:], cube, rtol=0, atol=0.02 * two_parts.diagonal)
+    assert_allclose(found[-8:], cube, rtol=0, atol=0.02 * two_parts.diagonal)
 
 
 def test_a_copied_or_reset_deformer_starts_at_rest(bound, creature_handles, creature_bones, turn):
@@ -203,9 +204,9 @@ def test_a_copied_or_reset_deformer_starts_at_rest(bound, creature_handles, crea
     poses = [posed(creature_bones, turn, degrees) for degrees in (10, 40)]
     first = deformer.solve(deformer.handles, poses[0])
     deformer.solve(deformer.handles, poses[1])
-    np.testing.assert_array_equal(deformer.another(4).solve(deformer.handles, poses[0]), first)
+    assert_array_equal(deformer.another(4).solve(deformer.handles, poses[0]), first)
     deformer.reset()
-    np.testing.assert_array_equal(deformer.solve(deformer.handles, poses[0]), first)
+    assert_array_equal(deformer.solve(deformer.handles, poses[0]), first)
 
 
 def test_motions_of_other_shapes_or_without_numbers_are_refused(bound, creature_bones):
@@ -228,7 +229,7 @@ def test_where_there_are_bones_rotations_are_those_of_clusters(
     with_bones, without = bound(), Deformer(creature_model, creature, creature_handles)
     for deformer, given, mode in ((with_bones, motions, "clusters"), (without, None, "covariance")):
         other = Deformer(deformer.model, creature, creature_handles, mode=mode)
-        np.testing.assert_array_equal(deformer.solve(deformer.handles, given), other.solve(deformer.handles, given))
+        assert_array_equal(deformer.solve(deformer.handles, given), other.solve(deformer.handles, given))
 
 
 def test_bones_that_hold_nothing_are_refused_where_there_is_no_handle(creature, creature_handles):
@@ -237,4 +238,4 @@ def test_bones_that_hold_nothing_are_refused_where_there_is_no_handle(creature, 
     with pytest.raises(MeshError):
         Deformer(model, creature, NO_HANDLES)
     deformer = Deformer(model, creature, creature_handles)
-    np.testing.assert_allclose(deformer.solve(deformer.handles), model.rest_controls, rtol=0, atol=1e-6)
+    assert_allclose(deformer.solve(deformer.handles), model.rest_controls, rtol=0, atol=1e-6)

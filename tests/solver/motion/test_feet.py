@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from solver.motion.feet import MAX_HOLD_METRES, SLACK_METRES, Feet, Leg
@@ -101,10 +102,10 @@ def test_a_performer_who_stands_leaves_the_legs_as_they_point_and_lays_the_feet_
     places, root, held = play([PERFORMER] * 60)
     points, _, _ = play([PERFORMER] * 60, free=True)
     assert held[5:].all()
-    np.testing.assert_allclose(places[:, :6], points[:, :6] + root[:, None], atol=1e-9)
-    np.testing.assert_allclose(places[:, [4, 5], 1], CHARACTER[4, 1], atol=1e-9)
+    assert_allclose(places[:, :6], points[:, :6] + root[:, None], atol=1e-9)
+    assert_allclose(places[:, [4, 5], 1], CHARACTER[4, 1], atol=1e-9)
     flat = places[-1, [6, 7]] - places[-1, [4, 5]]
-    np.testing.assert_allclose(flat, CHARACTER[[6, 7]] - CHARACTER[[4, 5]], atol=1e-6)
+    assert_allclose(flat, CHARACTER[[6, 7]] - CHARACTER[[4, 5]], atol=1e-6)
 
 
 def test_feet_of_a_performer_whose_joints_shake_stay_where_they_are():
@@ -132,7 +133,7 @@ def test_feet_do_not_slide_while_walking_and_the_lower_one_is_on_the_floor(walke
     for chain in (LEFT, RIGHT):  # legs keep their lengths and stay joined
         lengths = np.linalg.norm(np.diff(places[:, chain], axis=1), axis=2)
         expected = np.linalg.norm(np.diff(CHARACTER[chain], axis=0), axis=1)
-        np.testing.assert_allclose(lengths, np.broadcast_to(expected, lengths.shape), atol=1e-9)
+        assert_allclose(lengths, np.broadcast_to(expected, lengths.shape), atol=1e-9)
     ankles, tips = (places[:, feet, 1] - CHARACTER[feet[0], 1] for feet in ([4, 5], [6, 7]))
     assert ankles.min() > -1e-9
     assert np.minimum(ankles, tips).min(axis=1).max() < SLACK_METRES + 1e-3
@@ -143,10 +144,10 @@ def test_a_squat_bends_the_knees_and_lowers_the_hips():
     downs = np.concatenate([np.zeros(10), 0.25 * (1 - np.cos(np.linspace(0, np.pi, 30))) / 2, np.full(20, 0.25)])
     poses = [bent([0, 1.24 - down, 0], [0.1, 0.39, 0], [-0.1, 0.39, 0]) for down in downs]
     places, root, held = play(poses)
-    np.testing.assert_allclose(places[-1, [4, 5], 1], CHARACTER[4, 1], atol=1e-3)
+    assert_allclose(places[-1, [4, 5], 1], CHARACTER[4, 1], atol=1e-3)
     assert held[10:].all()
     assert root[-1, 1] < -0.15
-    np.testing.assert_allclose(places[-1, [2, 3], 2], places[-1, 2, 2])
+    assert_allclose(places[-1, [2, 3], 2], places[-1, 2, 2])
     assert places[-1, 2, 2] > CHARACTER[2, 2] + 0.15
 
 
@@ -156,7 +157,7 @@ def test_a_jump_leaves_the_floor_and_comes_back_to_it():
     places, root, held = play(PERFORMER + heights[:, None, None] * [0, 1, 0])
     assert root[:, 1].max() == pytest.approx(METRE * (0.35 - 0.05), abs=0.05)
     assert not held[26:32].any()
-    np.testing.assert_allclose(places[-1], places[19], atol=2e-3)
+    assert_allclose(places[-1], places[19], atol=2e-3)
     assert (places[:, [4, 5], 1] - CHARACTER[4, 1]).min() > -1e-9
 
 
@@ -189,15 +190,15 @@ def test_the_pelvis_tilts_so_that_both_legs_of_a_performer_who_leans_point_as_th
         as_performed = motions.copy()
         feet.step(k * TICK, leaning, np.ones(10, dtype=np.float32), motions, root)
     ankles = np.array([apply(motions[shin], motion.bones.tails[shin]) for shin in (3, 6)]) + root
-    np.testing.assert_allclose(ankles[:, 1], CHARACTER[4, 1], atol=1e-6)
-    np.testing.assert_allclose(motions[[1, 2, 3, 5, 6], :3], as_performed[[1, 2, 3, 5, 6], :3], atol=1e-6)
+    assert_allclose(ankles[:, 1], CHARACTER[4, 1], atol=1e-6)
+    assert_allclose(motions[[1, 2, 3, 5, 6], :3], as_performed[[1, 2, 3, 5, 6], :3], atol=1e-6)
     hips = as_performed[0, 0, :3]
     assert np.degrees(np.arcsin(abs(hips[1]))) > 10
-    np.testing.assert_allclose(motions[0, 0, 1], 0, atol=1e-6)
+    assert_allclose(motions[0, 0, 1], 0, atol=1e-6)
     for bone, parent in enumerate(motion.bones.parents):
         if parent >= 0:
             head = motion.bones.heads[bone]
-            np.testing.assert_allclose(apply(motions[bone], head), apply(motions[parent], head), atol=1e-12)
+            assert_allclose(apply(motions[bone], head), apply(motions[parent], head), atol=1e-12)
 
 
 def test_hips_at_one_place_do_not_tilt():
@@ -209,7 +210,7 @@ def test_hips_at_one_place_do_not_tilt():
     motions = motion.step(0.0, performer, np.ones(9, dtype=np.float32))
     before = motions[0].copy()
     feet.step(0.0, performer, np.ones(9, dtype=np.float32), motions, np.zeros(3))
-    np.testing.assert_array_equal(motions[0], before)
+    assert_array_equal(motions[0], before)
 
 
 def test_feet_out_of_sight_are_left_alone():
@@ -218,12 +219,12 @@ def test_feet_out_of_sight_are_left_alone():
     places, _, held = play(walk()[0], confidence=confidence)
     assert not held.any()
     lowest = places[:, [4, 5, 6, 7], 1] - CHARACTER[[4, 5, 6, 7], 1]
-    np.testing.assert_allclose(lowest.min(axis=1), 0, atol=1e-9)
+    assert_allclose(lowest.min(axis=1), 0, atol=1e-9)
 
 
 def test_a_mesh_that_stands_otherwise_in_its_file_walks_the_same(walked):
     basis = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
-    np.testing.assert_allclose(play(walked[0], basis)[0], play(walked[0])[0], atol=1e-9)
+    assert_allclose(play(walked[0], basis)[0], play(walked[0])[0], atol=1e-9)
 
 
 def test_bones_below_a_foot_move_with_it(walked):
@@ -235,8 +236,8 @@ def test_bones_below_a_foot_move_with_it(walked):
         motions, root = motion.step(k * TICK, pose, SEEN), np.zeros(3)
         against = Rotation.from_matrix(motions[on, :3].T @ motions[6, :3])
         feet.step(k * TICK, pose, SEEN, motions, root)
-        np.testing.assert_allclose(apply(motions[6], head), apply(motions[on], head), atol=1e-12)
-        np.testing.assert_allclose(motions[on, :3].T @ motions[6, :3], against.as_matrix(), atol=1e-12)
+        assert_allclose(apply(motions[6], head), apply(motions[on], head), atol=1e-12)
+        assert_allclose(motions[on, :3].T @ motions[6, :3], against.as_matrix(), atol=1e-12)
 
 
 def test_feet_are_held_from_the_first_frame_on_where_those_of_another_were(walked):
@@ -249,4 +250,4 @@ def test_feet_are_held_from_the_first_frame_on_where_those_of_another_were(walke
     (ours, _, ours_held), (theirs, _, theirs_held) = (play(rest, both=each, start=25) for each in (one, other))
     both = (ours_held & theirs_held)[:, 0]
     assert both[:5].all()
-    np.testing.assert_allclose(theirs[:5, 4, [0, 2]], ours[:5, 4, [0, 2]], atol=1e-6)
+    assert_allclose(theirs[:5, 4, [0, 2]], ours[:5, 4, [0, 2]], atol=1e-6)

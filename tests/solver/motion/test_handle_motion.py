@@ -1,4 +1,5 @@
 import numpy as np
+from numpy.testing import assert_allclose
 
 from solver.motion.deformer import Deformer
 from solver.motion.handle_motion import HandleMotions
@@ -14,14 +15,14 @@ def carried(model, motion):
 def test_a_rigid_motion_of_the_surface_is_that_of_its_handles(creature, creature_model, creature_handles, turn):
     motion = np.vstack([turn(3, 130), [0.5, -1.0, 2.0]])
     found = HandleMotions(creature_model, creature, creature_handles).of(carried(creature_model, motion))
-    np.testing.assert_allclose(found, np.tile(motion, (1, len(creature_handles), 1, 1)), atol=1e-9)
+    assert_allclose(found, np.tile(motion, (1, len(creature_handles), 1, 1)), atol=1e-9)
 
 
 def test_a_stretched_surface_gives_the_rotation_without_the_stretch(creature, creature_model, creature_handles, turn):
     rotation = turn(4, 70)
     motion = np.vstack([np.diag([1.0, 1.5, 0.7]) @ rotation, np.zeros(3)])
     found = HandleMotions(creature_model, creature, creature_handles).of(carried(creature_model, motion))
-    np.testing.assert_allclose(found[0, :, :3], np.tile(rotation, (len(creature_handles), 1, 1)), atol=1e-9)
+    assert_allclose(found[0, :, :3], np.tile(rotation, (len(creature_handles), 1, 1)), atol=1e-9)
 
 
 def test_a_handle_is_moved_to_where_the_surface_is(creature, creature_model, creature_handles):
@@ -31,4 +32,4 @@ def test_a_handle_is_moved_to_where_the_surface_is(creature, creature_model, cre
     motions = HandleMotions(creature_model, creature, creature_handles).of(R[None])[0]
     moved = np.einsum("hi,hij->hj", deformer.handles, motions[:, :3]) + motions[:, 3]
     surface = (creature_model.rows(creature, creature_handles) @ R) * creature_model.diagonal + creature_model.center
-    np.testing.assert_allclose(moved, surface, atol=1e-12)
+    assert_allclose(moved, surface, atol=1e-12)

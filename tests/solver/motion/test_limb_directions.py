@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 LEFT_HIP, RIGHT_HIP, LEFT_SHOULDER, RIGHT_SHOULDER, HAND = range(5)
 STANDING = np.array([[0.1, 1.0, 0.0], [-0.1, 1.0, 0.0], [0.2, 1.5, 0.0], [-0.2, 1.5, 0.0], [0.7, 1.5, 0.0]])
@@ -74,14 +75,14 @@ def test_hips_and_shoulders_point_from_right_to_left_unless_they_are_too_narrow_
 def test_directions_are_those_of_the_joints_and_zero_where_a_joint_is_lost(module, plan, state):
     orientations = np.full((5, 4), np.nan)
     directions, weight, sides, turns = module.observed(plan, state, 0.0, STANDING, TRACKED, orientations)
-    np.testing.assert_allclose(directions, [[0, 1, 0], [1, 0, 0]])
+    assert_allclose(directions, [[0, 1, 0], [1, 0, 0]])
     assert weight == 1.0
-    np.testing.assert_allclose(sides, [[1, 0, 0], [0, 0, 0]])  # the arm's roll follows no sides
+    assert_allclose(sides, [[1, 0, 0], [0, 0, 0]])  # the arm's roll follows no sides
     assert np.isnan(turns).all()
     confidence = TRACKED.copy()
     confidence[HAND] = 0.0
     directions = module.observed(plan, state, 0.1, STANDING, confidence, orientations)[0]
-    np.testing.assert_allclose(directions, [[0, 1, 0], [0, 0, 0]])
+    assert_allclose(directions, [[0, 1, 0], [0, 0, 0]])
 
 
 @pytest.mark.parametrize("degrees", [0.0, 40.0, 90.0, 180.0, -120.0])
@@ -89,8 +90,8 @@ def test_a_character_that_does_not_turn_sees_the_body_face_forwards(module, plan
     plan.turns = False
     body = turned(STANDING, degrees)
     directions, _, sides, _ = module.observed(plan, state, 0.0, body, TRACKED, np.full((5, 4), np.nan))
-    np.testing.assert_allclose(directions, [[0, 1, 0], [1, 0, 0]], atol=1e-12)
-    np.testing.assert_allclose(sides[0], [1, 0, 0], atol=1e-12)
+    assert_allclose(directions, [[0, 1, 0], [1, 0, 0]], atol=1e-12)
+    assert_allclose(sides[0], [1, 0, 0], atol=1e-12)
 
 
 def test_left_and_right_that_a_sensor_exchanges_in_an_instant_are_exchanged_back_for_a_while(module, plan, state):
@@ -98,13 +99,13 @@ def test_left_and_right_that_a_sensor_exchanges_in_an_instant_are_exchanged_back
         module._tracked_joints(plan, state, frame / 30, STANDING, TRACKED)
     exchanged = STANDING[plan.opposite]
     seen = module._tracked_joints(plan, state, 1.0, exchanged, TRACKED)
-    np.testing.assert_array_equal(seen, STANDING)
+    assert_array_equal(seen, STANDING)
     assert state.clock[module.EXCHANGED] == 1
     for frame in range(1, 46):  # up to `EXCHANGED_SECONDS`
         seen = module._tracked_joints(plan, state, 1.0 + frame / 30, exchanged, TRACKED)
-        np.testing.assert_array_equal(seen, STANDING)
+        assert_array_equal(seen, STANDING)
     seen = module._tracked_joints(plan, state, 1.0 + module.EXCHANGED_SECONDS + 0.1, exchanged, TRACKED)
-    np.testing.assert_array_equal(seen, exchanged)
+    assert_array_equal(seen, exchanged)
     assert not state.known.any()  # all bones ease to it
 
 
@@ -112,7 +113,7 @@ def test_a_body_that_turns_round_in_steps_keeps_its_left_and_right(module, plan,
     for frame in range(61):  # half a turn in a second
         body = turned(STANDING, 3.0 * frame)
         seen = module._tracked_joints(plan, state, frame / 60, body, TRACKED)
-        np.testing.assert_array_equal(seen, body)
+        assert_array_equal(seen, body)
     assert state.clock[module.EXCHANGED] == 0
 
 
@@ -133,7 +134,7 @@ def test_a_direction_is_raised_within_its_own_heading(module, direction, degrees
 def test_hips_opposite_to_the_shoulders_do_not_count(module, plan):
     body = STANDING.copy()
     body[[LEFT_HIP, RIGHT_HIP]] = body[[RIGHT_HIP, LEFT_HIP]]
-    np.testing.assert_allclose(module._sides(plan, body, 2)[0], [1, 0, 0])
+    assert_allclose(module._sides(plan, body, 2)[0], [1, 0, 0])
 
 
 def test_an_orientation_is_used_as_it_is_or_without_the_heading_and_not_while_sides_are_exchanged(module, plan, state):
@@ -142,8 +143,8 @@ def test_an_orientation_is_used_as_it_is_or_without_the_heading_and_not_while_si
     orientations[HAND] = 2 * quarter
     result = module._orientations(plan, state, orientations, 2)
     assert np.isnan(result[0]).all()
-    np.testing.assert_allclose(result[1], quarter)
+    assert_allclose(result[1], quarter)
     plan.turns, state.clock[module.HEADING] = False, math.pi / 2
-    np.testing.assert_allclose(module._orientations(plan, state, orientations, 2)[1], [1, 0, 0, 0], atol=1e-12)
+    assert_allclose(module._orientations(plan, state, orientations, 2)[1], [1, 0, 0, 0], atol=1e-12)
     state.clock[module.EXCHANGED] = 1
     assert np.isnan(module._orientations(plan, state, orientations, 2)).all()

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from solver.model.reduced_model import build
-from solver.motion import motion_limits as reach_module
 from solver.motion.deformer import Deformer
-from solver.motion.motion_limits import MAX_STRAIN, PROBE_DIAGONALS, WORST_EDGE_SHARE, _EdgeStrain, limb_reach
+from solver.motion.motion_limits import MAX_STRAIN, PROBE_DIAGONALS, WORST_EDGE_SHARE, limb_reach
 from solver.surface.mesh import SolverMesh
 
 
@@ -30,19 +30,6 @@ def worst_strain(mesh, positions):
     return np.mean(sorted(strains)[-max(1, int(WORST_EDGE_SHARE * len(strains))) :])
 
 
-def test_strain_is_that_of_the_deformed_vertices(figure, figure_model, handles, surface):
-    deformer = Deformer(figure_model, figure, handles, iterations=10)
-    R = deformer.solve(deformer.handles + np.array([[0.3, 0.4, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0.5], [0, 0, 0]]))
-    found = _EdgeStrain(figure_model, figure).worst(R)
-    assert found == pytest.approx(worst_strain(figure, surface(figure_model, figure, R)), rel=1e-5)
-
-
-def test_squeezing_counts_as_stretching(figure, figure_model):
-    strain = _EdgeStrain(figure_model, figure)
-    for scale in (0.5, 2.0):
-        assert strain.worst(figure_model.rest_controls * scale) == pytest.approx(2.0, rel=1e-5)
-
-
 def test_a_handle_at_its_reach_strains_the_character_to_the_limit(figure, figure_model, handles, surface, reach):
     deformer = Deformer(figure_model, figure, handles, iterations=30)
     for handle in (0, 2, 4):
@@ -61,30 +48,20 @@ def test_a_handle_at_its_reach_strains_the_character_to_the_limit(figure, figure
                 assert strains[0] < 0.95 * MAX_STRAIN
 
 
-def test_a_limb_is_drawn_away_by_all_its_handles_and_only_by_them(figure, figure_model, handles, monkeypatch):
-    tried = []
-    monkeypatch.setattr(reach_module, "_probe", lambda *given: tried.append(given[2]) or 0.05)
-    limbs = np.array([[1.0, 0, 0, 0, 0], [0, 0, 1.0, 0.5, 0]])
-    found = limb_reach(Deformer(figure_model, figure, handles), figure, limbs)
-    np.testing.assert_allclose(found, np.full((2, 3, 2), 0.05 * figure.diagonal))
-    expected = [np.outer(along, sign * np.eye(3)[axis]) for along in limbs for axis in range(3) for sign in (-1, 1)]
-    np.testing.assert_array_equal(tried, expected)
-
-
 def test_a_character_that_is_moved_as_a_whole_reaches_as_far_as_is_tried(figure, figure_model, handles):
     found = limb_reach(Deformer(figure_model, figure, handles), figure, np.ones((1, 5)))
-    np.testing.assert_allclose(found, PROBE_DIAGONALS[-1] * figure.diagonal)
+    assert_allclose(found, PROBE_DIAGONALS[-1] * figure.diagonal)
 
 
 def test_a_limb_whose_handles_go_less_far_may_go_farther(figure, figure_model, handles, reach):
     found = limb_reach(Deformer(figure_model, figure, handles), figure, 0.8 * np.eye(5)[:1])
     inside = (found > PROBE_DIAGONALS[0] * figure.diagonal) & (found < PROBE_DIAGONALS[-1] * figure.diagonal)
     assert inside.any()
-    np.testing.assert_allclose(found[inside], reach[:1][inside] / 0.8, rtol=0.05)
+    assert_allclose(found[inside], reach[:1][inside] / 0.8, rtol=0.05)
 
 
 @pytest.mark.parametrize(("scale", "offset"), [(100.0, 10_000.0)])
 def test_reach_grows_with_the_mesh(figure, handles, reach, scale, offset):
     larger = SolverMesh(scale * figure.vertices + offset, figure.faces, figure.of_render)
     found = limb_reach(Deformer(build(larger), larger, scale * handles + offset), larger, np.eye(5)[[0, 4]])
-    np.testing.assert_allclose(found, scale * reach[[0, 4]], rtol=5e-3)
+    assert_allclose(found, scale * reach[[0, 4]], rtol=5e-3)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 ROTATIONS = Rotation.random(20, random_state=3)
@@ -43,12 +44,12 @@ def test_a_quarter_turn_is_the_one_computed_by_hand(quat):
 def test_products_and_vectors_are_those_of_scipy(quat, k):
     one, other = ROTATIONS[k], ROTATIONS[k + 1]
     a, b, v = ours(one), ours(other), (0.3, -1.0, 2.0)
-    np.testing.assert_allclose(quat.rotated(a, v), one.apply(v))
+    assert_allclose(quat.rotated(a, v), one.apply(v))
     assert_same_rotation(quat.product(a, b), one * other)
     assert quat.rotated(quat.product(a, b), v) == pytest.approx(quat.rotated(a, quat.rotated(b, v)))
     assert quat.product(a, quat.inverse(a)) == pytest.approx(IDENTITY)
-    np.testing.assert_allclose(quat.to_vector(a), one.as_rotvec(), atol=1e-12)
-    np.testing.assert_allclose(quat.to_vector(tuple(-each for each in a)), one.as_rotvec(), atol=1e-12)
+    assert_allclose(quat.to_vector(a), one.as_rotvec(), atol=1e-12)
+    assert_allclose(quat.to_vector(tuple(-each for each in a)), one.as_rotvec(), atol=1e-12)
     assert_same_rotation(quat.from_vector(one.as_rotvec()), one)
 
 
@@ -56,7 +57,7 @@ def test_products_and_vectors_are_those_of_scipy(quat, k):
 def test_rows_of_a_matrix_are_the_turned_axes_and_give_the_rotation_back(quat, rotation):
     rows = np.empty((3, 3))
     quat.write_rows(ours(rotation), rows)
-    np.testing.assert_allclose(rows, rotation.as_matrix().T, atol=1e-12)
+    assert_allclose(rows, rotation.as_matrix().T, atol=1e-12)
     assert_same_rotation(quat.of_rows(rows), rotation)
 
 
@@ -64,7 +65,7 @@ def test_rows_of_a_matrix_are_the_turned_axes_and_give_the_rotation_back(quat, r
 def test_the_least_rotation_goes_from_one_direction_to_the_other_by_the_angle_between(quat, k):
     a, b = (rotation.apply([1.0, 0.0, 0.0]) for rotation in (ROTATIONS[k], ROTATIONS[k + 10]))
     q = quat.least(tuple(a), tuple(b))
-    np.testing.assert_allclose(quat.rotated(q, a), b, atol=1e-12)
+    assert_allclose(quat.rotated(q, a), b, atol=1e-12)
     assert np.linalg.norm(quat.to_vector(q)) == pytest.approx(math.acos(a @ b))
 
 
@@ -100,4 +101,4 @@ def test_the_twist_is_the_angle_about_the_axis_alone(quat, degrees):
 
 def test_quaternions_of_matrices_are_those_of_scipy(quat):
     found = quat.of_matrices(ROTATIONS.as_matrix())
-    np.testing.assert_allclose(found, ROTATIONS.as_quat(canonical=True), atol=1e-12)
+    assert_allclose(found, ROTATIONS.as_quat(canonical=True), atol=1e-12)

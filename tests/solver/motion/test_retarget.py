@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from solver.motion.retarget import LIMIT_KNEE_SHARE, RETURN_SECONDS, Fit, Mapping, Retargeter, soft_limit
 
@@ -60,8 +61,8 @@ def test_the_sum_of_motions_is_the_displacement_while_every_joint_is_tracked(usu
     summed = accumulated(walk, usual, fit.scale)
     stepwise = retargeter(usual, fit, calibration=walk[0])
     found = np.array([stepwise.step(0.033 * t, frame, ALL) for t, frame in enumerate(walk)])
-    np.testing.assert_allclose(found - HANDLES, summed, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(summed[0], 0.0)
+    assert_allclose(found - HANDLES, summed, rtol=0, atol=1e-9)
+    assert_allclose(summed[0], 0.0)
 
 
 # --- which joints, which axes, how far
@@ -71,17 +72,17 @@ def test_a_handle_without_a_joint_stays(fit, walk):
     idle = mapping([{3: 1.0}, {}, {}])
     for t, frame in enumerate(walk):
         found = retargeter(idle, fit, calibration=walk[0]).step(float(t), frame, ALL)
-        np.testing.assert_array_equal(found[1:], HANDLES[1:])
+        assert_array_equal(found[1:], HANDLES[1:])
 
 
 def test_the_calibration_pose_is_the_rest_pose(usual, fit, walk):
-    np.testing.assert_array_equal(retargeter(usual, fit, walk[7]).step(0.0, walk[7], ALL), HANDLES)
+    assert_array_equal(retargeter(usual, fit, walk[7]).step(0.0, walk[7], ALL), HANDLES)
 
 
 def test_a_stack_of_displacements_gives_the_targets_of_each(usual, walk):
     limited = Fit(np.array([2.0, 0.5, 3.0]), np.full((3, 3, 2), 0.4))
     arms = retargeter(usual, limited)
-    np.testing.assert_allclose(arms.targets(walk), [arms.targets(frame) for frame in walk], rtol=0, atol=1e-15)
+    assert_allclose(arms.targets(walk), [arms.targets(frame) for frame in walk], rtol=0, atol=1e-15)
 
 
 def test_the_basis_takes_the_performers_axes_to_those_of_the_mesh():
@@ -90,7 +91,7 @@ def test_the_basis_takes_the_performers_axes_to_those_of_the_mesh():
     plain = Fit(np.ones(3), UNLIMITED)
     which = mapping([{3: 1.0}, {3: 1.0}, {3: 1.0}], axes=[[1, 1, 1], [0, 1, 0], [0, 0, 1]])
     found = retargeter(which, plain, basis=basis).step(0.0, moved(3, [0.1, 0.2, 0.3]), ALL) - HANDLES
-    np.testing.assert_allclose(found, [[0.1, -0.3, 0.2], [0, 0, 0.2], [0, -0.3, 0]], atol=1e-12)
+    assert_allclose(found, [[0.1, -0.3, 0.2], [0, 0, 0.2], [0, -0.3, 0]], atol=1e-12)
 
 
 def test_reach_is_along_the_axes_of_the_mesh():
@@ -99,15 +100,15 @@ def test_reach_is_along_the_axes_of_the_mesh():
     reach[:, 2, 1] = 0.05  # little room upwards, that is along +z
     found = retargeter(mapping([{3: 1.0}] * 3), Fit(np.ones(3), reach), basis=basis)
     up = found.targets(moved(3, [0.0, 10.0, 0.0])) - HANDLES
-    np.testing.assert_allclose(up, [[0, 0, 0.05]] * 3, atol=1e-9)
+    assert_allclose(up, [[0, 0, 0.05]] * 3, atol=1e-9)
     down = found.targets(moved(3, [0.0, -10.0, 0.0])) - HANDLES
-    np.testing.assert_allclose(down, [[0, 0, -10.0]] * 3)
+    assert_allclose(down, [[0, 0, -10.0]] * 3)
 
 
 def test_gain_widens_the_reach_as_well():
     reach = np.full((3, 3, 2), 0.2)
     far = retargeter(mapping([{3: 1.0}] * 3, gain=[1, 2, 0]), Fit(np.ones(3), reach)).targets(moved(3, [9.0, 0, 0]))
-    np.testing.assert_allclose(far - HANDLES, [[0.2, 0, 0], [0.4, 0, 0], [0, 0, 0]], atol=1e-9)
+    assert_allclose(far - HANDLES, [[0.2, 0, 0], [0.4, 0, 0], [0, 0, 0]], atol=1e-9)
 
 
 # --- lost joints
@@ -119,7 +120,7 @@ def test_joints_that_were_never_known_move_nothing(usual, fit, walk):
     stepwise = retargeter(usual, fit, calibration)
     for t, frame in enumerate(walk[:20]):
         found = stepwise.step(0.033 * t, frame, ALL)
-        np.testing.assert_array_equal(found[[0, 2]], HANDLES[[0, 2]])
+        assert_array_equal(found[[0, 2]], HANDLES[[0, 2]])
         assert np.isfinite(found).all()
 
 
@@ -130,7 +131,7 @@ def test_a_lost_joint_is_held_where_it_was(usual, fit):
     lost[3] = 0
     for t in range(1, 50):
         garbage = moved(3, [float(t), np.nan, -7.0] if t % 2 else [np.nan] * 3)
-        np.testing.assert_allclose(stepwise.step(0.033 * t, garbage, lost), before, rtol=0, atol=1e-12)
+        assert_allclose(stepwise.step(0.033 * t, garbage, lost), before, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("rate", [15.0, 30.0, 60.0])
@@ -144,7 +145,7 @@ def test_a_joint_that_comes_back_closes_the_distance_smoothly(usual, fit, rate):
     times = 1.0 + np.arange(1, 200) / rate
     course = np.array([stepwise.step(t, moved(3, [0.9, 0, 0]), ALL)[0, 0] for t in times]) / fit.scale[0]
     expected = 0.9 - 0.8 * np.exp(-(times - times[0]) / RETURN_SECONDS)
-    np.testing.assert_allclose(course, expected, atol=1e-9)
+    assert_allclose(course, expected, atol=1e-9)
     assert course[0] == pytest.approx(0.1)
 
 
@@ -154,29 +155,29 @@ def test_a_position_that_is_not_valid_counts_as_lost_whatever_its_confidence(usu
     stepwise, position = retargeter(usual, fit), [0.1, 0.2, 0.3]
     before = stepwise.step(0.0, moved(3, position), ALL)
     position[axis] = value
-    np.testing.assert_array_equal(stepwise.step(0.1, moved(3, position), ALL), before)
+    assert_array_equal(stepwise.step(0.1, moved(3, position), ALL), before)
 
 
 def test_a_clock_that_is_set_back_does_not_make_a_jump(usual, fit):
     stepwise = retargeter(usual, fit)
     still = [stepwise.step(time, moved(3, [0.1, 0.2, 0.3]), ALL) for time in (1000.0, 1000.03, 3.0, 3.03)]
-    np.testing.assert_array_equal(still, [still[0]] * 4)
+    assert_array_equal(still, [still[0]] * 4)
 
 
 def test_the_first_frame_is_taken_as_it_is(usual, fit):
     found = retargeter(usual, fit).step(123.0, moved(3, [0.1, 0.2, 0.3]), ALL)
-    np.testing.assert_allclose(found[0], HANDLES[0] + 2.0 * np.array([0.1, 0.2, 0.3]))
+    assert_allclose(found[0], HANDLES[0] + 2.0 * np.array([0.1, 0.2, 0.3]))
 
 
 def test_a_joint_first_seen_late_comes_in_smoothly(usual, fit):
     stepwise = retargeter(usual, fit)
     lost = ALL.copy()
     lost[3] = 0
-    np.testing.assert_array_equal(stepwise.step(0.0, moved(3, [np.nan] * 3), lost), HANDLES)
+    assert_array_equal(stepwise.step(0.0, moved(3, [np.nan] * 3), lost), HANDLES)
     entering = stepwise.step(0.033, moved(3, [0.5, 0, 0]), ALL)
-    np.testing.assert_allclose(entering, HANDLES, atol=1e-12)
+    assert_allclose(entering, HANDLES, atol=1e-12)
     settled = stepwise.step(5.0, moved(3, [0.5, 0, 0]), ALL)
-    np.testing.assert_allclose(settled[0] - HANDLES[0], [1.0, 0, 0], atol=1e-9)
+    assert_allclose(settled[0] - HANDLES[0], [1.0, 0, 0], atol=1e-9)
 
 
 # --- the soft limit
@@ -200,16 +201,16 @@ def random_directions(reach, count=500):
 
 def test_motion_below_the_knee_is_unchanged(reach):
     inside = random_directions(reach) * np.random.default_rng(4).uniform(0, LIMIT_KNEE_SHARE, (500, 3, 1))
-    np.testing.assert_array_equal(soft_limit(inside, reach), inside)
-    np.testing.assert_array_equal(soft_limit(np.zeros((3, 3)), reach), 0.0)
+    assert_array_equal(soft_limit(inside, reach), inside)
+    assert_array_equal(soft_limit(np.zeros((3, 3)), reach), 0.0)
 
 
 def test_motion_beyond_the_knee_equals_values_by_hand():
     reach = np.array([[[1.0, 2.0], [1.0, 1.0], [1.0, 1.0]]])
     limited = 0.7 + 0.3 * np.tanh(1.0)
-    np.testing.assert_allclose(soft_limit(np.array([[2.0, 0.0, 0.0]]), reach), [[2 * limited, 0, 0]])
-    np.testing.assert_allclose(soft_limit(np.array([[-1.0, 0.0, 0.0]]), reach), [[-limited, 0, 0]])
-    np.testing.assert_allclose(soft_limit(np.array([[1.2, 0.8, 0.0]]), reach), [[1.2 * limited, 0.8 * limited, 0]])
+    assert_allclose(soft_limit(np.array([[2.0, 0.0, 0.0]]), reach), [[2 * limited, 0, 0]])
+    assert_allclose(soft_limit(np.array([[-1.0, 0.0, 0.0]]), reach), [[-limited, 0, 0]])
+    assert_allclose(soft_limit(np.array([[1.2, 0.8, 0.0]]), reach), [[1.2 * limited, 0.8 * limited, 0]])
 
 
 def test_the_limit_is_never_exceeded_and_the_direction_is_kept(reach):
@@ -218,11 +219,11 @@ def test_the_limit_is_never_exceeded_and_the_direction_is_kept(reach):
         found = soft_limit(length * directions, reach)
         assert in_reach(found, reach).max() <= 1 + 1e-12
         unit = found / np.linalg.norm(found, axis=-1, keepdims=True)
-        np.testing.assert_allclose(unit, directions / np.linalg.norm(directions, axis=-1, keepdims=True), atol=1e-12)
+        assert_allclose(unit, directions / np.linalg.norm(directions, axis=-1, keepdims=True), atol=1e-12)
 
 
 def test_one_limited_axis_does_not_hold_the_others():
     reach = UNLIMITED.copy()
     reach[:, 1] = 0.5
     found = soft_limit(np.array([[1e3, 0.1, -1e3]] * 3), reach)
-    np.testing.assert_array_equal(found, [[1e3, 0.1, -1e3]] * 3)
+    assert_array_equal(found, [[1e3, 0.1, -1e3]] * 3)

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from solver.model import matrix_blocks
@@ -23,17 +24,17 @@ def taken_back(turns, start, line):
 def test_a_rigid_motion_is_found(rng, angle):
     points = rng.normal(size=(6, 3))
     turn = Rotation.from_rotvec(angle * np.array([2, -1, 2]) / 3).as_matrix().T
-    np.testing.assert_allclose(twist.rigid_fit(points, points @ turn + [1, 2, 3]), turn, atol=1e-7)
+    assert_allclose(twist.rigid_fit(points, points @ turn + [1, 2, 3]), turn, atol=1e-7)
 
 
 def test_points_on_a_line_turn_as_little_as_they_can():
     points = np.outer(np.linspace(-1, 1, 4), [1.0, 0, 0])
     found = twist.rigid_fit(points, np.outer(np.linspace(-1, 1, 4), [0.0, 1, 0]))
-    np.testing.assert_allclose(found, [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], atol=1e-6)
+    assert_allclose(found, [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], atol=1e-6)
 
 
 def test_one_point_does_not_turn(rng):
-    np.testing.assert_allclose(twist.rigid_fit(rng.normal(size=(1, 3)), rng.normal(size=(1, 3))), np.eye(3), atol=1e-12)
+    assert_allclose(twist.rigid_fit(rng.normal(size=(1, 3)), rng.normal(size=(1, 3))), np.eye(3), atol=1e-12)
 
 
 @pytest.mark.parametrize("angle", [0.4, -1.0, 2.9, np.pi])
@@ -42,13 +43,13 @@ def test_a_roll_about_the_line_is_taken_back(rng, angle):
     line /= np.linalg.norm(line)
     start = Rotation.random(random_state=1).as_matrix()
     rolled = start @ Rotation.from_rotvec(angle * line).as_matrix().T
-    np.testing.assert_allclose(taken_back(np.tile(rolled, (COUNT, 1, 1)), start, line)[3], start, atol=1e-12)
+    assert_allclose(taken_back(np.tile(rolled, (COUNT, 1, 1)), start, line)[3], start, atol=1e-12)
 
 
 def test_a_turn_across_the_line_stays():
     turned = Rotation.from_rotvec([0, 0.7, 0]).as_matrix()
     found = taken_back(np.tile(turned, (COUNT, 1, 1)), np.eye(3), np.array([1.0, 0, 0]))
-    np.testing.assert_allclose(found, np.tile(turned, (COUNT, 1, 1)), atol=1e-12)
+    assert_allclose(found, np.tile(turned, (COUNT, 1, 1)), atol=1e-12)
 
 
 def test_with_one_handle_the_whole_mean_turn_is_taken_back_and_what_isolines_differ_by_stays(rng):
@@ -56,9 +57,9 @@ def test_with_one_handle_the_whole_mean_turn_is_taken_back_and_what_isolines_dif
     turns = small @ Rotation.from_rotvec([0.5, 1.0, -0.3]).as_matrix()
     found = taken_back(turns, np.eye(3), np.zeros(3))
     U, _, Vt = np.linalg.svd(found.sum(axis=0))
-    np.testing.assert_allclose(U @ Vt, np.eye(3), atol=1e-12)
+    assert_allclose(U @ Vt, np.eye(3), atol=1e-12)
     apart = found[:, None] @ found.transpose(0, 2, 1)[None]
-    np.testing.assert_allclose(apart, turns[:, None] @ turns.transpose(0, 2, 1)[None], atol=1e-12)
+    assert_allclose(apart, turns[:, None] @ turns.transpose(0, 2, 1)[None], atol=1e-12)
 
 
 @pytest.mark.parametrize("count", [2, 3, 6, 7])
@@ -67,4 +68,4 @@ def test_points_at_one_place_do_not_turn(rng, count):
     for _ in range(200):
         rest, now = rng.normal(size=3), rng.normal(size=3)
         found = twist.rigid_fit(np.tile(rest, (count, 1)), np.tile(now, (count, 1)))
-        np.testing.assert_allclose(found, np.eye(3), atol=1e-6)
+        assert_allclose(found, np.eye(3), atol=1e-6)

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from solver.model.bones import Bones
@@ -77,7 +78,7 @@ def test_a_surface_that_is_a_blend_of_bones_has_the_weights_of_the_blend(bar, bl
     (mesh, model), (_, means, _, found) = bar, blended
     expected = model.position_matrix(mesh.vertices)[:, 3::4] @ means
     away = np.linalg.norm(mesh.vertices - model.bones.heads[1], axis=1) > 0.5  # at the joint both motions are equal
-    np.testing.assert_allclose(found[away], expected[away], atol=1e-3)
+    assert_allclose(found[away], expected[away], atol=1e-3)
 
 
 def test_at_most_the_allowed_number_of_bones_moves_a_vertex(bar):
@@ -93,7 +94,7 @@ def test_at_most_the_allowed_number_of_bones_moves_a_vertex(bar):
         assert found.weights.shape[1] == allowed
         assert ((found.weights > 0).sum(axis=1) == allowed).all()
         assert (np.diff(found.weights, axis=1) <= 0).all()
-        np.testing.assert_allclose(found.weights.astype(np.float64).sum(axis=1), 1, atol=1e-6)
+        assert_allclose(found.weights.astype(np.float64).sum(axis=1), 1, atol=1e-6)
 
 
 def test_a_rigid_motion_of_all_poses_and_a_permutation_of_bones_change_no_weight(bar, blended):
@@ -102,9 +103,9 @@ def test_a_rigid_motion_of_all_poses_and_a_permutation_of_bones_change_no_weight
     carried = motions @ turn
     carried[:, :, 3] += shift
     also = moved(model, carried, means)
-    np.testing.assert_allclose(as_matrix(fit(model, mesh, also, carried), 2).toarray(), first, atol=1e-5)
+    assert_allclose(as_matrix(fit(model, mesh, also, carried), 2).toarray(), first, atol=1e-5)
     swapped = as_matrix(fit(model, mesh, controls, motions[:, ::-1]), 2).toarray()
-    np.testing.assert_allclose(swapped[:, ::-1], first, atol=1e-6)
+    assert_allclose(swapped[:, ::-1], first, atol=1e-6)
 
 
 def test_weights_of_other_rest_positions_move_these(bar, blended):
@@ -114,7 +115,7 @@ def test_weights_of_other_rest_positions_move_these(bar, blended):
     after = motions.copy()
     after[:, :, :3] = turn @ motions[:, :, :3]
     again = as_matrix(fit(model, mesh, controls, after, rest=mesh.vertices @ turn.T), 2).toarray()
-    np.testing.assert_allclose(again, first, atol=1e-5)
+    assert_allclose(again, first, atol=1e-5)
 
 
 def test_a_part_that_one_bone_holds_moves_with_it_alone():
@@ -130,19 +131,19 @@ def test_a_part_that_one_bone_holds_moves_with_it_alone():
     motions = bent(model.bones)
     controls = moved(model, motions, np.tile([0.5, 0.5], (len(model.rest_controls) // 4, 1)))
     found = fit(model, mesh, controls, motions)
-    np.testing.assert_array_equal(found.weights, np.tile([1, 0, 0, 0], (len(mesh.vertices), 1)))
-    np.testing.assert_array_equal(found.bones[:, 0], model.regions.owner)
+    assert_array_equal(found.weights, np.tile([1, 0, 0, 0], (len(mesh.vertices), 1)))
+    assert_array_equal(found.bones[:, 0], model.regions.owner)
 
 
 def test_packed_weights_are_sorted_and_bones_without_weight_are_zero():
     found = packed(np.array([[0.25, 0.0, 0.75]]), np.array([[7, 5, 3]]))
-    np.testing.assert_array_equal(found.weights, np.array([[0.75, 0.25, 0]], dtype=np.float32))
-    np.testing.assert_array_equal(found.bones, [[3, 7, 0]])
+    assert_array_equal(found.weights, np.array([[0.75, 0.25, 0]], dtype=np.float32))
+    assert_array_equal(found.bones, [[3, 7, 0]])
 
 
 def test_the_matrix_adds_up_repeated_bones():
     made = Weights(np.array([[0.5, 0.5]], dtype=np.float32), np.array([[1, 1]], dtype=np.uint16))
-    np.testing.assert_array_equal(as_matrix(made, 3).toarray(), [[0, 1, 0]])
+    assert_array_equal(as_matrix(made, 3).toarray(), [[0, 1, 0]])
 
 
 def test_a_bone_without_motion_can_hold_vertices(bar):

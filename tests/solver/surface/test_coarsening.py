@@ -2,6 +2,7 @@
 
 import igl
 import numpy as np
+from numpy.testing import assert_allclose, assert_array_equal
 
 from solver.model import fields
 from solver.surface.coarsening import SAMPLES_PER_SQUARE_RADIUS, coarse_surface
@@ -25,8 +26,8 @@ def test_values_are_means_of_up_to_three_samples_which_keep_theirs(fine):
     P = found.interpolation
     assert np.diff(P.indptr).max() == 3
     assert P.data.min() > 0
-    np.testing.assert_allclose(P.sum(axis=1), 1.0, rtol=0, atol=1e-14)
-    np.testing.assert_allclose(P[found.samples].toarray(), np.eye(len(found.samples)), rtol=0, atol=1e-12)
+    assert_allclose(P.sum(axis=1), 1.0, rtol=0, atol=1e-14)
+    assert_allclose(P[found.samples].toarray(), np.eye(len(found.samples)), rtol=0, atol=1e-12)
 
 
 def test_linear_functions_on_a_plane_are_exact_inside():
@@ -35,7 +36,7 @@ def test_linear_functions_on_a_plane_are_exact_inside():
     inside = (np.abs(vertices[:, :2] - 29.5) < 29.5 - 2 * radius).all(axis=1)
     assert inside.sum() > 500
     again = found.interpolation @ vertices[found.samples]
-    np.testing.assert_allclose(again[inside], vertices[inside], rtol=0, atol=1e-9)
+    assert_allclose(again[inside], vertices[inside], rtol=0, atol=1e-9)
 
 
 def test_samples_are_a_radius_apart_and_vertices_near_them():
@@ -51,13 +52,13 @@ def test_sheets_that_touch_in_space_only_do_not_mix():
     vertices = np.concatenate([one, one + np.array([0, 0, 0.01])])
     found, _ = coarse(vertices, np.concatenate([faces, faces + len(one)]), 60)
     upper = (found.samples >= len(one)).astype(float)
-    np.testing.assert_allclose(found.interpolation @ upper, np.arange(len(vertices)) >= len(one), rtol=0, atol=1e-15)
+    assert_allclose(found.interpolation @ upper, np.arange(len(vertices)) >= len(one), rtol=0, atol=1e-15)
 
 
 def test_a_mesh_coarser_than_the_sample_is_its_own_sample(figure):
     found, _ = coarse(figure.vertices, figure.faces, 10**6 * len(figure.vertices))
-    np.testing.assert_array_equal(found.samples, np.arange(len(figure.vertices)))
-    np.testing.assert_allclose(found.interpolation.toarray(), np.eye(len(figure.vertices)), rtol=0, atol=1e-12)
+    assert_array_equal(found.samples, np.arange(len(figure.vertices)))
+    assert_allclose(found.interpolation.toarray(), np.eye(len(figure.vertices)), rtol=0, atol=1e-12)
 
 
 def test_a_thin_tube_is_a_chain_of_samples():

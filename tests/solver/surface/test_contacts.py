@@ -1,6 +1,7 @@
 import igl
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -77,7 +78,7 @@ def test_every_vertex_that_touches_another_part_is_tied_to_the_nearest_point_of_
     assert len(expected) >= 20
     found = dict(zip(ties.vertices, np.einsum("kc,kcx->kx", ties.blend, mesh.vertices[ties.corners]), strict=True))
     assert expected.keys() == set(ties.vertices[ties.gap == 0])
-    np.testing.assert_allclose([found[v] for v in expected], list(expected.values()), atol=1e-12)
+    assert_allclose([found[v] for v in expected], list(expected.values()), atol=1e-12)
     assert np.all(mesh.components[ties.vertices, None] != mesh.components[ties.corners])
 
 
@@ -87,8 +88,8 @@ def test_an_edge_that_goes_through_another_part_ties_its_nearer_end():
     ties = contacts(mesh)
     of_post = mesh.components[ties.vertices] == 1
     low = (mesh.components == 1) & (mesh.vertices[:, 1] < 1)
-    np.testing.assert_array_equal(np.sort(ties.vertices[of_post]), np.flatnonzero(low))
-    np.testing.assert_allclose(ties.gap[of_post], 0.15)
+    assert_array_equal(np.sort(ties.vertices[of_post]), np.flatnonzero(low))
+    assert_allclose(ties.gap[of_post], 0.15)
 
 
 @pytest.mark.parametrize(("scale", "offset"), [(0.001, 5.0)])
@@ -96,9 +97,9 @@ def test_contacts_do_not_depend_on_scale_or_place(scale, offset):
     mesh = together(box([0, 0, 0], [1, 1, 1], 0.2), sphere([0.5, 0.6, 1.1], 0.2), sphere([0.5, 1.5, 0.5], 0.2))
     there = SolverMesh(scale * mesh.vertices + offset, mesh.faces, mesh.of_render)
     here, found = contacts(mesh), contacts(there)
-    np.testing.assert_array_equal(found.vertices, here.vertices)
-    np.testing.assert_allclose(apart(there, found), scale * apart(mesh, here), rtol=0, atol=1e-9 * there.diagonal)
-    np.testing.assert_allclose(found.gap, scale * here.gap, atol=1e-9 * there.diagonal)
+    assert_array_equal(found.vertices, here.vertices)
+    assert_allclose(apart(there, found), scale * apart(mesh, here), rtol=0, atol=1e-9 * there.diagonal)
+    assert_allclose(found.gap, scale * here.gap, atol=1e-9 * there.diagonal)
 
 
 def test_a_part_that_floats_is_tied_to_the_nearest_one_wherever_it_is_near_to_it():
@@ -108,8 +109,8 @@ def test_a_part_that_floats_is_tied_to_the_nearest_one_wherever_it_is_near_to_it
     to_box = (mesh.components[ties.vertices] == 1) & (mesh.components[ties.corners[:, 0]] == 0)
     height = ball[0][:, 2] - 1
     reach = MAX_JOIN_DISTANCE_RATIO * height.min() + TOUCH_DIAGONALS * mesh.diagonal
-    np.testing.assert_array_equal(np.sort(ties.vertices[to_box]), np.flatnonzero(mesh.components == 1)[height <= reach])
-    np.testing.assert_allclose(ties.gap[to_box], mesh.vertices[ties.vertices[to_box], 2] - 1)
+    assert_array_equal(np.sort(ties.vertices[to_box]), np.flatnonzero(mesh.components == 1)[height <= reach])
+    assert_allclose(ties.gap[to_box], mesh.vertices[ties.vertices[to_box], 2] - 1)
     assert groups(mesh, ties) == 1
 
 
@@ -121,9 +122,9 @@ def test_parts_that_meet_at_a_point_are_tied_there(seed):
     mesh = weld(np.concatenate([lower, upper]), both)
     ties = contacts(mesh)
     assert mesh.parts == 2
-    np.testing.assert_array_equal(np.sort(ties.vertices), np.flatnonzero((mesh.vertices == 1).all(axis=1)))
-    np.testing.assert_allclose(apart(mesh, ties), 0, atol=1e-12)
-    np.testing.assert_array_equal(ties.gap, 0)
+    assert_array_equal(np.sort(ties.vertices), np.flatnonzero((mesh.vertices == 1).all(axis=1)))
+    assert_allclose(apart(mesh, ties), 0, atol=1e-12)
+    assert_array_equal(ties.gap, 0)
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -1,6 +1,7 @@
 import igl
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from puppetline.errors import MeshError
 from solver.model import reduced_model
@@ -36,8 +37,8 @@ def test_split_vertices_are_welded_and_every_render_vertex_keeps_its_place():
     mesh = weld(positions, triangles)
     assert mesh.vertices.shape == (8, 3)
     assert mesh.edges.shape == (18, 2)
-    np.testing.assert_array_equal(mesh.vertices[mesh.of_render], positions)
-    np.testing.assert_array_equal(mesh.vertices[mesh.faces], positions[triangles])
+    assert_array_equal(mesh.vertices[mesh.of_render], positions)
+    assert_array_equal(mesh.vertices[mesh.faces], positions[triangles])
     assert mesh.components.max() == 0
 
 
@@ -49,7 +50,7 @@ def test_seams_with_the_rounding_of_float32_are_welded(seed):
     noisy = positions + rng.uniform(-1e-7, 1e-7, positions.shape)
     mesh = weld(noisy, triangles)
     assert len(mesh.vertices) == 8
-    np.testing.assert_allclose(mesh.vertices[mesh.of_render], positions, rtol=0, atol=1e-6)
+    assert_allclose(mesh.vertices[mesh.of_render], positions, rtol=0, atol=1e-6)
 
 
 def test_vertices_ten_tolerances_apart_stay_apart():
@@ -61,14 +62,14 @@ def test_vertices_ten_tolerances_apart_stay_apart():
 def test_isolated_vertices_follow_the_nearest_of_the_surface():
     loose = np.array([[1.2, 1.1, 1.0], [-0.4, 0.1, 0.9], [0.9, -3.0, 0.2]])
     mesh = weld(np.concatenate([loose, CORNERS]), CUBE + 3)
-    np.testing.assert_array_equal(mesh.vertices, CORNERS)
-    np.testing.assert_array_equal(mesh.vertices[mesh.of_render[:3]], [[1, 1, 1], [0, 0, 1], [1, 0, 0]])
+    assert_array_equal(mesh.vertices, CORNERS)
+    assert_array_equal(mesh.vertices[mesh.of_render[:3]], [[1, 1, 1], [0, 0, 1], [1, 0, 0]])
 
 
 def test_an_isolated_vertex_far_away_does_not_coarsen_the_welding():
     mesh = weld(np.concatenate([CORNERS, [[1e9, 0.0, 0.0]]]), CUBE)
-    np.testing.assert_array_equal(mesh.vertices, CORNERS)
-    np.testing.assert_array_equal(mesh.faces, CUBE)
+    assert_array_equal(mesh.vertices, CORNERS)
+    assert_array_equal(mesh.faces, CUBE)
     assert mesh.diagonal == pytest.approx(np.sqrt(3))
 
 
@@ -76,8 +77,8 @@ def test_degenerate_and_double_faces_are_dropped():
     middle = np.array([[0.5, 0.0, 0.0]])  # on the edge from corner 0 to corner 4
     extra = [[0, 0, 5], [0, 8, 4], CUBE[3], CUBE[3][[1, 2, 0]], CUBE[3][::-1]]
     mesh = weld(np.concatenate([CORNERS, middle]), np.concatenate([[extra[0]], CUBE, extra[1:]]))
-    np.testing.assert_array_equal(mesh.faces, CUBE)
-    np.testing.assert_array_equal(mesh.vertices, CORNERS)
+    assert_array_equal(mesh.faces, CUBE)
+    assert_array_equal(mesh.vertices, CORNERS)
 
 
 def test_repairs_are_counted_and_reported():
@@ -102,9 +103,9 @@ def test_parts_that_meet_at_a_point_each_have_a_vertex_there(seed):
     faces = np.random.default_rng(seed).permutation(np.concatenate([CUBE, CUBE + 8]))
     mesh = weld(TWO_CUBES, faces)
     assert (mesh.parts, len(mesh.vertices)) == (2, 16)
-    np.testing.assert_array_equal(mesh.vertices[mesh.faces], TWO_CUBES[faces])
-    np.testing.assert_array_equal(mesh.vertices[mesh.of_render], TWO_CUBES)
-    np.testing.assert_array_equal(mesh.of_render[faces], mesh.faces)
+    assert_array_equal(mesh.vertices[mesh.faces], TWO_CUBES[faces])
+    assert_array_equal(mesh.vertices[mesh.of_render], TWO_CUBES)
+    assert_array_equal(mesh.of_render[faces], mesh.faces)
     assert mesh.repairs == Repairs()
 
 
@@ -112,7 +113,7 @@ def test_the_other_side_of_a_two_sided_part_follows_the_same_part():
     faces = np.concatenate([CUBE, CUBE + 8, CUBE[:, ::-1] + 16, CUBE[:, ::-1] + 24])
     mesh = weld(np.concatenate([TWO_CUBES, TWO_CUBES]), faces)
     assert (mesh.parts, len(mesh.vertices)) == (2, 16)
-    np.testing.assert_array_equal(mesh.of_render[16:], mesh.of_render[:16])
+    assert_array_equal(mesh.of_render[16:], mesh.of_render[:16])
     assert mesh.repairs == Repairs(welded=16, doubled=24)
 
 
@@ -145,7 +146,7 @@ def dome(figure):
 def test_a_closed_surface_faces_outwards_whatever_the_file_says(figure, share):
     chosen = np.random.default_rng(0).random(len(figure.faces)) < share
     mesh = weld(figure.vertices, flipped(figure.faces, chosen))
-    np.testing.assert_array_equal(sides(mesh), sides(figure))
+    assert_array_equal(sides(mesh), sides(figure))
     assert mesh.repairs == Repairs(turned=int(chosen.sum()))
 
 
@@ -154,7 +155,7 @@ def test_an_open_surface_keeps_the_side_that_most_of_it_has_in_the_file(figure, 
     faces = dome(figure)[:, ::-1] if inwards else dome(figure)
     chosen = np.random.default_rng(1).random(len(faces)) < 0.15
     mesh, whole = weld(figure.vertices, flipped(faces, chosen)), weld(figure.vertices, faces)
-    np.testing.assert_array_equal(sides(mesh), sides(whole))
+    assert_array_equal(sides(mesh), sides(whole))
     assert mesh.repairs.turned == chosen.sum()
     assert whole.repairs.turned == 0
 
@@ -163,7 +164,7 @@ def test_an_open_surface_keeps_the_side_that_most_of_it_has_in_the_file(figure, 
 def test_an_open_surface_of_two_minds_bulges_outwards(figure, seed):
     chosen = np.random.default_rng(seed).random(len(dome(figure))) < 0.5
     mesh = weld(figure.vertices, flipped(dome(figure), chosen))
-    np.testing.assert_array_equal(sides(mesh), sides(weld(figure.vertices, dome(figure))))
+    assert_array_equal(sides(mesh), sides(weld(figure.vertices, dome(figure))))
 
 
 def test_each_part_is_turned_by_itself(figure):
@@ -172,7 +173,7 @@ def test_each_part_is_turned_by_itself(figure):
     mesh = weld(np.concatenate([figure.vertices, beside]), faces)
     assert mesh.parts == 2
     assert mesh.repairs.turned == len(figure.faces)
-    np.testing.assert_array_equal(sides(mesh)[: len(figure.faces)], sides(figure))
+    assert_array_equal(sides(mesh)[: len(figure.faces)], sides(figure))
 
 
 def test_neighbours_agree_around_an_edge_of_three_faces(figure):
@@ -184,7 +185,7 @@ def test_neighbours_agree_around_an_edge_of_three_faces(figure):
     mesh = weld(np.concatenate([figure.vertices, [tip]]), flipped(faces, chosen))
     assert mesh.nonmanifold_edges == 1
     assert mesh.border_edges == 2
-    np.testing.assert_array_equal(sides(mesh)[:-1], sides(figure))
+    assert_array_equal(sides(mesh)[:-1], sides(figure))
 
 
 def test_a_surface_with_one_side_only_is_no_obstacle():
@@ -200,7 +201,7 @@ def test_a_surface_with_one_side_only_is_no_obstacle():
     there[-1], far[-1] = 30, 0
     faces = np.concatenate([np.column_stack([here, across, there]), np.column_stack([across, far, there])])
     mesh = weld(np.concatenate(rims), faces)
-    np.testing.assert_array_equal(np.sort(mesh.faces, axis=1), np.sort(faces, axis=1))
+    assert_array_equal(np.sort(mesh.faces, axis=1), np.sort(faces, axis=1))
     assert mesh.border_edges == 60
     assert mesh.parts == 1
 
@@ -213,12 +214,12 @@ def test_a_coarse_surface_is_split_and_render_vertices_stay_at_their_places(monk
     positions, triangles = split_cube()
     mesh = weld(positions, triangles)
     assert len(mesh.vertices) == 386
-    np.testing.assert_array_equal(mesh.vertices[mesh.of_render], positions)
+    assert_array_equal(mesh.vertices[mesh.of_render], positions)
     assert (mesh.parts, mesh.border_edges, mesh.nonmanifold_edges) == (1, 0, 0)
     assert mesh.repairs == Repairs(welded=16, split=12 * 64 - 12)
     corners = mesh.vertices[mesh.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1 / 64)
+    assert_allclose(np.linalg.norm(normals, axis=1), 1 / 64)
     assert np.all(np.einsum("tx,tx->t", normals, corners.mean(axis=1) - 0.5) > 0)
 
 
@@ -227,7 +228,7 @@ def test_the_smallest_real_meshes_have_a_reduced_model(real_mesh, monkeypatch, s
     monkeypatch.setattr(solver_mesh, "MIN_VERTICES", COARSE)
     mesh = real_mesh(f"nasty/{name}.obj")
     model = reduced_model.build(mesh)
-    np.testing.assert_allclose(surface(model, mesh, model.rest_controls), mesh.vertices, atol=1e-9 * mesh.diagonal)
+    assert_allclose(surface(model, mesh, model.rest_controls), mesh.vertices, atol=1e-9 * mesh.diagonal)
     assert len(mesh.vertices) >= COARSE
 
 
@@ -238,7 +239,7 @@ def test_components_are_those_of_the_graph_of_edges():
     all_faces = np.argsort(order)[np.concatenate([faces + len(vertices) * number for number in range(40)])]
     mesh = weld(many[order], all_faces)
     expected = connected_components(len(mesh.vertices), *mesh.edges.T)
-    np.testing.assert_array_equal(mesh.components, expected)
+    assert_array_equal(mesh.components, expected)
     assert (mesh.components.dtype, mesh.parts) == (expected.dtype, 40)
 
 
@@ -247,7 +248,7 @@ def test_diagonal_edges_and_components_of_two_cubes_equal_values_by_hand():
     assert mesh.diagonal == pytest.approx(np.sqrt(16 + 1 + 1))
     assert len(mesh.edges) == 36
     assert np.all(mesh.edges[:, 0] < mesh.edges[:, 1])
-    np.testing.assert_array_equal(mesh.components, np.repeat([0, 1], 8))
+    assert_array_equal(mesh.components, np.repeat([0, 1], 8))
 
 
 def positions_with(value):
@@ -289,8 +290,8 @@ def test_an_invalid_surface_is_refused(positions, triangles, found):
 )
 def test_snap_gives_barycentric_coordinates_of_the_nearest_surface_point(point, blend):
     corners, found = snap(TRIANGLE, np.array([point]))
-    np.testing.assert_array_equal(corners, [[0, 1, 2]])
-    np.testing.assert_allclose(found, [blend], atol=1e-12)
+    assert_array_equal(corners, [[0, 1, 2]])
+    assert_allclose(found, [blend], atol=1e-12)
 
 
 def test_snap_finds_what_a_search_of_the_whole_surface_finds(figure):
@@ -300,4 +301,4 @@ def test_snap_finds_what_a_search_of_the_whole_surface_finds(figure):
         expected = igl.point_mesh_squared_distance(points, figure.vertices, figure.faces)[2]
         corners, blend = snap(figure, points)
         found = np.einsum("hc,hcx->hx", blend, figure.vertices[corners])
-        np.testing.assert_allclose(found, expected.reshape(-1, 3), rtol=0, atol=1e-12)
+        assert_allclose(found, expected.reshape(-1, 3), rtol=0, atol=1e-12)

@@ -1,6 +1,7 @@
 import igl
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from solver.surface.tangents import slopes, tangents
 
@@ -25,12 +26,12 @@ def test_tangents_and_normal_are_a_right_handed_frame():
     normals[:3] = np.eye(3)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     frames = np.concatenate([tangents(normals), normals[:, None].astype(np.float32)], axis=1)
-    np.testing.assert_allclose(frames @ frames.transpose(0, 2, 1), np.tile(np.eye(3), (1000, 1, 1)), atol=1e-6)
-    np.testing.assert_allclose(np.linalg.det(frames), 1, atol=1e-6)
+    assert_allclose(frames @ frames.transpose(0, 2, 1), np.tile(np.eye(3), (1000, 1, 1)), atol=1e-6)
+    assert_allclose(np.linalg.det(frames), 1, atol=1e-6)
 
 
 def test_a_normal_that_is_zero_has_no_tangents():
-    np.testing.assert_array_equal(tangents(np.zeros((2, 3))), 0)
+    assert_array_equal(tangents(np.zeros((2, 3))), 0)
 
 
 def test_on_a_plane_a_linear_function_has_its_own_gradient():
@@ -41,7 +42,7 @@ def test_on_a_plane_a_linear_function_has_its_own_gradient():
     triangles = np.concatenate([square + 6 * row + column for row in range(4) for column in range(5)])
     gradient = rng.normal(size=(3, 8)) * [[1], [1], [0]]
     found, along = measured(rest, triangles, rest @ gradient, np.tile([0.0, 0.0, 1.0], (30, 1)))
-    np.testing.assert_allclose(found, np.einsum("nkx,xi->nik", along, gradient), atol=1e-5)
+    assert_allclose(found, np.einsum("nkx,xi->nik", along, gradient), atol=1e-5)
 
 
 def test_vertices_split_for_a_texture_have_one_slope_and_those_at_a_hard_edge_their_own(sphere):
@@ -50,7 +51,7 @@ def test_vertices_split_for_a_texture_have_one_slope_and_those_at_a_hard_edge_th
     isoline_coordinates = np.sin(3 * rest)
     whole, _ = measured(vertices, faces, np.sin(3 * vertices), vertices)
     smooth, _ = measured(rest, split, isoline_coordinates, rest, faces.ravel())
-    np.testing.assert_allclose(smooth, whole[faces.ravel()], atol=1e-5)
+    assert_allclose(smooth, whole[faces.ravel()], atol=1e-5)
 
     flat = np.cross(rest[1::3] - rest[::3], rest[2::3] - rest[::3])
     flat = np.repeat(flat / np.linalg.norm(flat, axis=1, keepdims=True), 3, axis=0)
@@ -61,17 +62,17 @@ def test_vertices_split_for_a_texture_have_one_slope_and_those_at_a_hard_edge_th
             step = corners[:, edge] - corners[:, 0]
             components = np.einsum("nkx,nx->nk", along[corner::3].astype(np.float64), step)
             rise = np.einsum("nik,nk->ni", hard[corner::3], components)
-            np.testing.assert_allclose(rise, t[:, edge] - t[:, 0], atol=1e-5)
+            assert_allclose(rise, t[:, edge] - t[:, 0], atol=1e-5)
 
 
 def test_a_vertex_without_an_area_around_it_has_no_slope():
     rest = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [5, 5, 5]])
     found, _ = measured(rest, np.array([[0, 1, 2]]), rest[:, :2], np.tile([0.0, 0.0, 1.0], (4, 1)))
-    np.testing.assert_array_equal(found, 0)
+    assert_array_equal(found, 0)
 
 
 def test_thousands_of_vertices_at_one_place_without_a_normal_are_done_at_once():
     count = 200_000  # each compared with each would take minutes
     rest = np.zeros((count, 3))
     found, _ = measured(rest, np.zeros((0, 3), dtype=np.int64), rest[:, :1], rest, np.zeros(count, dtype=np.int64))
-    np.testing.assert_array_equal(found, 0)
+    assert_array_equal(found, 0)

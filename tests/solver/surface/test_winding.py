@@ -1,6 +1,7 @@
 import igl
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from solver.surface.winding import distinct_rows, edges_of, flipped_faces, pieces, wound_against
 
@@ -36,7 +37,7 @@ def test_winding_is_the_same_as_libigls(make):
     faces = make()
     wound, patch = wound_consistently(faces)
     theirs, their_patch = igl.bfs_orient(faces)
-    np.testing.assert_array_equal(patch, their_patch)
+    assert_array_equal(patch, their_patch)
     agree = [
         np.array_equal(np.roll(a, -int(a.argmin())), np.roll(b, -int(b.argmin())))
         for a, b in zip(wound, theirs, strict=True)
@@ -46,14 +47,14 @@ def test_winding_is_the_same_as_libigls(make):
 
 def test_three_triangles_at_an_edge_are_three_patches():
     wound, patch = wound_consistently(np.array([[0, 1, 2], [0, 1, 3], [1, 0, 4]]))
-    np.testing.assert_array_equal(patch, [0, 1, 2])
-    np.testing.assert_array_equal(wound, [[0, 1, 2], [0, 1, 3], [1, 0, 4]])
+    assert_array_equal(patch, [0, 1, 2])
+    assert_array_equal(wound, [[0, 1, 2], [0, 1, 3], [1, 0, 4]])
 
 
 def test_a_book_of_many_leaves_takes_no_more_than_its_leaves():
     leaves = 200_000  # in pairs they would be 320 GB
     faces = np.column_stack([np.zeros(leaves, np.int64), np.ones(leaves, np.int64), np.arange(leaves) + 2])
-    np.testing.assert_array_equal(wound_consistently(faces)[1], np.arange(leaves))
+    assert_array_equal(wound_consistently(faces)[1], np.arange(leaves))
 
 
 # --- edges
@@ -72,7 +73,7 @@ def test_edges_are_those_that_sorting_finds(count):
     sides = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     expected = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
     for found, numpys in zip(edges_of(faces), expected, strict=True):
-        np.testing.assert_array_equal(found, numpys.reshape(found.shape))
+        assert_array_equal(found, numpys.reshape(found.shape))
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(500, 3), (500, 1), (1, 2), (0, 3)])
@@ -80,7 +81,7 @@ def test_distinct_rows_are_those_that_numpy_finds(rows, columns):
     table = np.random.default_rng(0).integers(-1, 6, (rows, columns))
     _, first, kind = np.unique(table, axis=0, return_index=True, return_inverse=True)
     for found, numpys in zip(distinct_rows(table), (first, kind), strict=True):
-        np.testing.assert_array_equal(found, numpys.reshape(-1))
+        assert_array_equal(found, numpys.reshape(-1))
 
 
 def test_pieces_hang_together_at_edges_and_not_at_points():

@@ -29,7 +29,12 @@ def millimetres(name, frame=0):
 
 def body(user=1, frame=0, levels=(2,) * 32):
     positions = [millimetres(name, frame) for name in NAMES]
-    return {"body_id": user, "joint_positions": positions, "joint_confidence": list(levels)}
+    return {
+        "body_id": user,
+        "joint_positions": positions,
+        "joint_confidence": list(levels),
+        "joint_orientations": [[1, 0, 0, 0]] * 32,
+    }
 
 
 def document(*frames):

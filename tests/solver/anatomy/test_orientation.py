@@ -80,23 +80,6 @@ def test_the_mirror_image_stands_as_the_original_does(example):
     assert image.confidence == pytest.approx(original.confidence, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("up", "front", "posture"),
-    [
-        ("y", "z", "it stands"),
-        ("-y", "z", "it is upside down"),
-        ("z", "y", "it lies on its back"),
-        ("z", "-y", "it lies on its face"),
-        ("x", "z", "it lies on its side"),
-    ],
-)
-def test_a_note_says_how_a_character_lies(example, up, front, posture):
-    mesh = example("dog")
-    basis = np.array([np.cross(vector(up), vector(front)), vector(up), vector(front)])
-    found = orientation.propose(changed(mesh, mesh.vertices @ basis))
-    assert found.reasons[:2] == (f"{up} looks like up: {posture}", f"{front} looks like the front")
-
-
 def test_a_shape_that_says_nothing_keeps_the_convention_of_gltf():
     angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     ring = np.column_stack([np.cos(angles), np.sin(angles)])

@@ -10,16 +10,6 @@ def rng():
     return np.random.default_rng(0)
 
 
-def test_the_entry_of_a_matrix_is_where_the_layout_says(rng):
-    S = rng.normal(size=(37, 3, 3))
-    packed = matrix_blocks.pack_rows(S.reshape(-1, 3), matrix_blocks.matrix_row_places(37))
-    assert len(packed) == 3 * matrix_blocks.NUMBERS
-    for isoline, row, column in [(0, 0, 0), (1, 0, 0), (15, 2, 1), (16, 1, 2), (36, 2, 2)]:
-        place = 144 * (isoline // 16) + 48 * column + 16 * row + isoline % 16
-        assert packed[place] == S[isoline, row, column]
-    assert np.count_nonzero(packed) == S.size
-
-
 @pytest.mark.parametrize("count", [1, 16, 17, 80, 100])
 def test_packed_blocks_are_unpacked_unchanged(rng, count):
     for place in (matrix_blocks.matrix_row_places(count), matrix_blocks.row_places(count)):

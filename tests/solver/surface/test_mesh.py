@@ -243,14 +243,6 @@ def test_components_are_those_of_the_graph_of_edges():
     assert (mesh.components.dtype, mesh.parts) == (expected.dtype, 40)
 
 
-def test_diagonal_edges_and_components_of_two_cubes_equal_values_by_hand():
-    mesh = weld(np.concatenate([CORNERS, CORNERS + np.array([3, 0, 0])]), np.concatenate([CUBE, CUBE + 8]))
-    assert mesh.diagonal == pytest.approx(np.sqrt(16 + 1 + 1))
-    assert len(mesh.edges) == 36
-    assert np.all(mesh.edges[:, 0] < mesh.edges[:, 1])
-    assert_array_equal(mesh.components, np.repeat([0, 1], 8))
-
-
 def positions_with(value):
     positions = CORNERS.copy()
     positions[5, 1] = value

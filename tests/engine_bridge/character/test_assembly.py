@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
 from engine_bridge.character.assembly import assemble
@@ -42,9 +43,9 @@ def test_a_piece_becomes_a_primitive_with_all_that_it_has(saved, skin):
     gltf = document.gltf
     ((primitive,),) = (mesh["primitives"] for mesh in gltf["meshes"])
     for name, values in (("POSITION", CORNERS * 0.1), ("NORMAL", normals), ("TEXCOORD_0", uvs)):
-        np.testing.assert_array_equal(document.array(primitive["attributes"][name]), values.astype(np.float32))
-    np.testing.assert_allclose(document.array(primitive["attributes"]["COLOR_0"]), colors, atol=0.5 / 65535 + 1e-7)
-    np.testing.assert_array_equal(document.array(primitive["indices"]), SIDES.ravel())
+        assert_array_equal(document.array(primitive["attributes"][name]), values.astype(np.float32))
+    assert_allclose(document.array(primitive["attributes"]["COLOR_0"]), colors, atol=0.5 / 65535 + 1e-7)
+    assert_array_equal(document.array(primitive["indices"]), SIDES.ravel())
     assert gltf["materials"] == [
         {
             "name": "glass",
@@ -85,7 +86,7 @@ def test_indices_are_as_small_as_they_may_be(saved, vertices, kind):
     document = saved(Surface([Piece("", positions, triangles)]))
     indices = document.gltf["meshes"][0]["primitives"][0]["indices"]
     assert document.gltf["accessors"][indices]["componentType"] == kind
-    np.testing.assert_array_equal(document.array(indices), triangles.ravel())
+    assert_array_equal(document.array(indices), triangles.ravel())
 
 
 def test_a_surface_far_from_the_origin_keeps_its_shape_and_its_place(saved, tmp_path):
@@ -95,7 +96,7 @@ def test_a_surface_far_from_the_origin_keeps_its_shape_and_its_place(saved, tmp_
     left, right = (node["translation"] for node in saved(Surface(pieces)).gltf["nodes"])
     assert left == right == np.float32(left).tolist()
     for character in (from_document(assemble(Surface(pieces), "ball")), load_character(tmp_path / "figure.glb")):
-        np.testing.assert_allclose(character.vertices, np.tile(vertices, (2, 1)), rtol=0, atol=1e-6 * np.sqrt(12))
+        assert_allclose(character.vertices, np.tile(vertices, (2, 1)), rtol=0, atol=1e-6 * np.sqrt(12))
 
 
 def test_the_document_says_what_the_surface_says_and_is_called_what_it_is_called():
@@ -114,8 +115,8 @@ def test_real_surfaces_are_found_whole_by_trimesh(real_data, tmp_path, assert_va
     soup = np.concatenate([piece.positions[piece.triangles] for piece in surface.pieces])
     found = np.concatenate([mesh.triangles for mesh in meshes])
     in_order = [t.astype(np.float32)[np.lexsort(t.astype(np.float32).reshape(-1, 9).T)] for t in (soup, found)]
-    np.testing.assert_array_equal(*in_order)
+    assert_array_equal(*in_order)
     if "fuze" in name:
-        np.testing.assert_allclose(meshes[0].visual.uv * [1, -1] + [0, 1], surface.pieces[0].uvs, atol=1e-6)
+        assert_allclose(meshes[0].visual.uv * [1, -1] + [0, 1], surface.pieces[0].uvs, atol=1e-6)
         stated = Image.open(real_data / "mesh/fuze/fuze uv.jpg")
-        np.testing.assert_array_equal(meshes[0].visual.material.baseColorTexture, stated)
+        assert_array_equal(meshes[0].visual.material.baseColorTexture, stated)

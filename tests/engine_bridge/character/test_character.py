@@ -2,6 +2,7 @@ import igl
 import numpy as np
 import pygltflib as gltf
 import pytest
+from numpy.testing import assert_allclose
 
 from engine_bridge.character import meshopt
 from engine_bridge.character.character import load_character, make_character
@@ -16,7 +17,7 @@ from .conftest import CORNERS, SIDES
 def test_every_variant_gives_the_same_world_positions_normals_and_welded_surface(variant, blob):
     character = load_character(variant.path)
     for part, shown in zip(character.parts, variant.shown, strict=True):
-        np.testing.assert_allclose(part.vertices, shown, atol=2e-6)
+        assert_allclose(part.vertices, shown, atol=2e-6)
     assert len(character.document.notes) == (variant.name == "with_lines")  # they are not moved
     mesh = character.solver_mesh()
     halves = variant.name == "shared_mesh"  # of a figure that is not symmetric
@@ -25,7 +26,7 @@ def test_every_variant_gives_the_same_world_positions_normals_and_welded_surface
     if variant.name == "without_normals":
         return
     normals = np.concatenate([part.normals for part in character.parts])
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-6)
+    assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-6)
     outward = igl.per_vertex_normals(mesh.vertices, mesh.faces)[mesh.of_render]
     away_from_the_seam = np.abs(character.vertices[:, 0]) > (0.3 if halves else -1)
     assert (normals * outward).sum(axis=1)[away_from_the_seam].min() > 0.9
@@ -38,7 +39,7 @@ def test_a_picture_shows_vertex_colours_times_the_materials_colour(glb, tmp_path
     painted = glb.primitive(CORNERS, SIDES, COLOR_0=rgba, material=0)
     glb.node(glb.mesh(plain, painted))
     character = load_character(glb.save(tmp_path / "a.glb"))
-    np.testing.assert_allclose(preview_colors(character), [[0.6] * 3] * 4 + [[0.5, 0.2, 0]] * 4, atol=1e-7)
+    assert_allclose(preview_colors(character), [[0.6] * 3] * 4 + [[0.5, 0.2, 0]] * 4, atol=1e-7)
 
 
 def test_a_character_of_arrays_keeps_its_colours_to_a_byte(blob, tmp_path, assert_valid_gltf):
@@ -46,8 +47,8 @@ def test_a_character_of_arrays_keeps_its_colours_to_a_byte(blob, tmp_path, asser
     made.document.save(tmp_path / "figure.glb")
     assert_valid_gltf(tmp_path / "figure.glb")
     again = load_character(tmp_path / "figure.glb")
-    np.testing.assert_allclose(preview_colors(again), blob.colors, atol=0.5 / 255 + 1e-6)
-    np.testing.assert_allclose(
+    assert_allclose(preview_colors(again), blob.colors, atol=0.5 / 255 + 1e-6)
+    assert_allclose(
         again.parts[0].normals, igl.per_vertex_normals(blob.vertices.astype(np.float64), blob.faces), atol=1e-5
     )
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.character import schema
 from engine_bridge.character.document import Document
@@ -26,7 +27,7 @@ def test_normalised_integers_become_the_floats_that_the_specification_says(code,
     ]
     values = document.array(0)
     assert values.dtype == np.float32
-    np.testing.assert_allclose(values, meant, rtol=1e-7)
+    assert_allclose(values, meant, rtol=1e-7)
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.uint8, np.uint16, np.uint32])
@@ -36,13 +37,13 @@ def test_an_array_that_is_added_comes_out_again_also_from_the_saved_file(tmp_pat
     document = Document(schema.empty())
     document.add(np.zeros(3, np.uint8))  # what follows must not start at an odd place
     index = document.add(values, bounds=True)
-    np.testing.assert_array_equal(document.array(index), values)
+    assert_array_equal(document.array(index), values)
     document.save(tmp_path / "made.glb")
     again = load_document(tmp_path / "made.glb")
-    np.testing.assert_array_equal(again.array(index), values)
+    assert_array_equal(again.array(index), values)
     accessor = again.gltf["accessors"][index]
-    np.testing.assert_array_equal(accessor["max"], values.reshape(5, -1).max(axis=0))
-    np.testing.assert_array_equal(accessor["min"], values.reshape(5, -1).min(axis=0))
+    assert_array_equal(accessor["max"], values.reshape(5, -1).max(axis=0))
+    assert_array_equal(accessor["min"], values.reshape(5, -1).min(axis=0))
     assert again.gltf["bufferViews"][accessor["bufferView"]]["byteOffset"] % 4 == 0
 
 
@@ -75,7 +76,7 @@ def test_sparse_values_stand_in_for_some_of_the_rest(kind, based):
     document = sparse(base if based else base[:0], np.array([1, 4], kind), changed)
     expected = base * based
     expected[[1, 4]] = changed
-    np.testing.assert_array_equal(document.array(0), expected)
+    assert_array_equal(document.array(0), expected)
 
 
 @pytest.mark.parametrize("count", [5, 10**12])  # the second would take all memory

@@ -6,6 +6,7 @@ import igl
 import numpy as np
 import pygltflib as gltf
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
 from engine_bridge.character import schema
@@ -44,8 +45,8 @@ def test_colours_and_opacity_are_those_of_the_file(material):
     found = material(
         gltf.Material(pbrMetallicRoughness=surface, alphaMode="MASK", alphaCutoff=0.3, doubleSided=True), COLOR_0=colors
     )
-    np.testing.assert_allclose(found.color, [0.1, 0.2, 0.3, 0.4], atol=1e-7)
-    np.testing.assert_array_equal(found.vertex_colors, np.column_stack([colors, np.ones(3)]))
+    assert_allclose(found.color, [0.1, 0.2, 0.3, 0.4], atol=1e-7)
+    assert_array_equal(found.vertex_colors, np.column_stack([colors, np.ones(3)]))
     assert (found.opacity, found.cutoff, found.two_sided, found.unlit) == ("MASK", 0.3, True, False)
 
 
@@ -58,9 +59,9 @@ def test_a_texture_keeps_its_opacity_and_its_transform(material):
     found = material(
         gltf.Material(pbrMetallicRoughness=surface), image, TEXCOORD_0=np.float32([[0, 0], [1, 0], [0, 1]])
     )
-    np.testing.assert_array_equal(found.image, image)
+    assert_array_equal(found.image, image)
     # the extension's matrix: translation · rotation · scale, and a positive angle is counter-clockwise in an image
-    np.testing.assert_allclose(found.uv, [[0.5, 0.25], [0.5, 0.25 - 2], [0.5 + 3, 0.25]], atol=1e-6)
+    assert_allclose(found.uv, [[0.5, 0.25], [0.5, 0.25 - 2], [0.5 + 3, 0.25]], atol=1e-6)
 
 
 def test_an_image_without_texture_coordinates_leaves_the_colour(material):
@@ -106,13 +107,13 @@ def test_a_vertex_has_the_linear_colour_of_its_pixel(painted):
     pixels = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [188, 188, 188]]], np.uint8)
     (colors,) = painted(encoded(Image.fromarray(pixels)))
     grey = ((188 / 255 + 0.055) / 1.055) ** 2.4
-    np.testing.assert_allclose(colors, [[1, 0, 0], [0, 1, 0], [0, 0, 1], [grey] * 3], atol=1e-6)
+    assert_allclose(colors, [[1, 0, 0], [0, 1, 0], [0, 0, 1], [grey] * 3], atol=1e-6)
 
 
 def test_an_unreadable_picture_or_one_that_gltf_lacks_is_left_out(painted):
     postscript = encoded(Image.new("RGB", (2, 2)), "EPS")
     for colors in painted(b"", b"\x89PNG", postscript, b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n"):
-        np.testing.assert_array_equal(colors, np.ones((4, 3)))
+        assert_array_equal(colors, np.ones((4, 3)))
 
 
 def test_pictures_are_shown_as_long_as_there_is_room(painted):
@@ -125,7 +126,7 @@ def test_normals_have_no_numbers_that_a_graphics_card_takes_for_zero(glb, tmp_pa
     normals = np.tile(np.float32([-3.5e-39, -1.0, 2e-38]), (len(blob.vertices), 1))
     glb.show(blob.vertices, blob.faces, NORMAL=normals)
     drawn = drawn_normals(load_character(glb.save(tmp_path / "upside_down.glb")))
-    np.testing.assert_array_equal(drawn, np.tile([0.0, -1.0, np.float32(2e-38)], (len(normals), 1)))
+    assert_array_equal(drawn, np.tile([0.0, -1.0, np.float32(2e-38)], (len(normals), 1)))
 
 
 def test_a_file_without_normals_gets_smooth_ones(glb, tmp_path, blob):
@@ -134,4 +135,4 @@ def test_a_file_without_normals_gets_smooth_ones(glb, tmp_path, blob):
     glb.node(glb.mesh(with_normals, without))
     normals = drawn_normals(load_character(glb.save(tmp_path / "two.glb")))
     smooth = igl.per_vertex_normals(blob.vertices.astype(float), blob.faces)
-    np.testing.assert_allclose(normals, np.concatenate([blob.normals, smooth]), atol=1e-6)
+    assert_allclose(normals, np.concatenate([blob.normals, smooth]), atol=1e-6)

@@ -3,6 +3,7 @@ from functools import partial
 import numpy as np
 import pygltflib as gltf
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.character.character import MAX_PARTS, load_character
 from engine_bridge.character.document import Document
@@ -20,13 +21,13 @@ def transform(**node):
 @pytest.mark.parametrize("size", [1e-320, 1e-200, 1, 10**30, 1e300])
 def test_a_rotation_of_any_length_is_a_rotation_and_one_of_none_is_none(size):
     quarter = np.array([[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-    np.testing.assert_allclose(transform(rotation=[0, 0, size, size]), quarter, atol=1e-15)
-    np.testing.assert_array_equal(transform(rotation=[0, 0, 0, 0]), np.eye(4))
+    assert_allclose(transform(rotation=[0, 0, size, size]), quarter, atol=1e-15)
+    assert_array_equal(transform(rotation=[0, 0, 0, 0]), np.eye(4))
 
 
 def test_whole_numbers_of_more_than_64_bits_are_numbers():
     large = transform(scale=[10**30, 1, 1], translation=[0, 10**30, 0])
-    np.testing.assert_array_equal(large, [[1e30, 0, 0, 0], [0, 1, 0, 1e30], [0, 0, 1, 0], [0, 0, 0, 1]])
+    assert_array_equal(large, [[1e30, 0, 0, 0], [0, 1, 0, 1e30], [0, 0, 1, 0], [0, 0, 0, 1]])
 
 
 def hang_on(glb, inverse, sets=1):

@@ -1,6 +1,7 @@
 import igl
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.character.shading import in_open_part, is_angular, shaded, unit, wrongly_wound
 from engine_bridge.character.surfaces.surface import Material, Piece, Surface
@@ -64,25 +65,25 @@ def test_normals_are_smooth_across_vertices_at_one_place(ball):
     isolated = np.concatenate([positions, [[0, 0, 9]]])
     (piece,) = shaded(Surface([Piece("", isolated, triangles)]), "ball").pieces
     expected = igl.per_vertex_normals(ball.vertices, ball.triangles)[ball.triangles].reshape(-1, 3)
-    np.testing.assert_allclose(piece.normals[:-1], expected, atol=1e-12)
-    np.testing.assert_allclose(np.linalg.norm(piece.normals, axis=1), 1)
-    np.testing.assert_array_equal(piece.positions, isolated)
+    assert_allclose(piece.normals[:-1], expected, atol=1e-12)
+    assert_allclose(np.linalg.norm(piece.normals, axis=1), 1)
+    assert_array_equal(piece.positions, isolated)
     assert (piece.material.double_sided, piece.uvs) == (False, None)
 
 
 def test_degenerate_and_doubled_faces_do_not_bend_normals(ball):
     more = np.concatenate([ball.triangles, [[0, 0, 1], [3, 3, 3]], ball.triangles[[4, 7]]])
     (piece,) = shaded(Surface([Piece("", ball.vertices, more)]), "ball").pieces
-    np.testing.assert_allclose(piece.normals, igl.per_vertex_normals(ball.vertices, ball.triangles), atol=1e-12)
+    assert_allclose(piece.normals, igl.per_vertex_normals(ball.vertices, ball.triangles), atol=1e-12)
 
 
 def test_backs_that_have_their_own_vertices_look_the_other_way(ball):
     lid_off = ball.triangles[:-2]
     both = Surface([Piece("front", ball.vertices, lid_off), Piece("back", ball.vertices, lid_off[:, [1, 0, 2]])])
     front, back = shaded(both, "box").pieces
-    np.testing.assert_allclose(front.normals, igl.per_vertex_normals(ball.vertices, lid_off), atol=1e-12)
-    np.testing.assert_array_equal(back.normals, -front.normals)
-    np.testing.assert_array_equal(back.triangles, lid_off[:, [1, 0, 2]])
+    assert_allclose(front.normals, igl.per_vertex_normals(ball.vertices, lid_off), atol=1e-12)
+    assert_array_equal(back.normals, -front.normals)
+    assert_array_equal(back.triangles, lid_off[:, [1, 0, 2]])
     assert not front.material.double_sided
 
 
@@ -92,7 +93,7 @@ def test_faceted_surfaces_have_the_normals_of_their_facets(cube):
     (piece,) = surface.pieces
     centre = positions.reshape(-1, 3, 3).mean(axis=1)
     outward = np.where(np.abs(centre - 0.5) > 0.49, np.sign(centre - 0.5), 0)
-    np.testing.assert_allclose(piece.normals, np.repeat(outward, 3, axis=0), atol=1e-12)
+    assert_allclose(piece.normals, np.repeat(outward, 3, axis=0), atol=1e-12)
     assert len(surface.notes) == 1
 
 
@@ -100,7 +101,7 @@ def test_turned_triangles_stay_in_their_places_across_pieces(cube):
     triangles = turned(cube.triangles, 1, 8)
     half = [Piece(name, cube.vertices, part) for name, part in (("a", triangles[:6]), ("b", triangles[6:]))]
     surface = shaded(Surface(half, ["said before", "said before"]), "cube")
-    np.testing.assert_array_equal(np.concatenate([piece.triangles for piece in surface.pieces]), cube.triangles)
+    assert_array_equal(np.concatenate([piece.triangles for piece in surface.pieces]), cube.triangles)
     assert [piece.name for piece in surface.pieces] == ["a", "b"]
     assert (surface.notes[0], len(surface.notes)) == ("said before", 2)
 
@@ -109,8 +110,8 @@ def test_where_the_file_has_normals_its_winding_stays(cube):
     triangles = turned(cube.triangles, 1, 8)
     normals = np.tile([0.0, 0.0, 3.0], (8, 1))
     (piece,) = shaded(Surface([Piece("", cube.vertices, triangles, normals=normals)]), "cube").pieces
-    np.testing.assert_array_equal(piece.triangles, triangles)
-    np.testing.assert_array_equal(piece.normals, normals / 3)
+    assert_array_equal(piece.triangles, triangles)
+    assert_array_equal(piece.normals, normals / 3)
 
 
 def test_normals_without_direction_are_computed(cube):
@@ -119,7 +120,7 @@ def test_normals_without_direction_are_computed(cube):
     surface = shaded(Surface([Piece("", cube.vertices, cube.triangles, normals=normals)]), "cube")
     smooth = igl.per_vertex_normals(cube.vertices, cube.triangles)
     expected = np.where(np.isin(np.arange(8), [2, 5, 6])[:, None], smooth, (cube.vertices - 0.5) / np.sqrt(0.75))
-    np.testing.assert_allclose(surface.pieces[0].normals, expected, atol=1e-12)
+    assert_allclose(surface.pieces[0].normals, expected, atol=1e-12)
     assert len(surface.notes) == 1
 
 
@@ -141,13 +142,13 @@ def test_a_file_without_a_surface_or_a_size_to_speak_of_is_refused(cube):
 @pytest.mark.parametrize("size", [1e-29, 1e-9, 1e9, 9e17])
 def test_normals_do_not_depend_on_the_size(ball, size):
     (piece,) = shaded(Surface([Piece("", ball.vertices * size, ball.triangles)]), "ball").pieces
-    np.testing.assert_allclose(piece.normals, igl.per_vertex_normals(ball.vertices, ball.triangles), atol=1e-9)
+    assert_allclose(piece.normals, igl.per_vertex_normals(ball.vertices, ball.triangles), atol=1e-9)
 
 
 def test_a_box_of_hard_edges_gets_no_normals_and_a_ball_does(cube, ball):
     assert shaded(Surface([Piece("", cube.vertices, cube.triangles)]), "cube").pieces[0].normals is None
     (piece,) = shaded(Surface([Piece("", ball.vertices, ball.triangles)]), "ball").pieces
-    np.testing.assert_allclose(piece.normals, ball.vertices, atol=0.02)
+    assert_allclose(piece.normals, ball.vertices, atol=0.02)
 
 
 @pytest.mark.parametrize(("angle", "hard"), [(39, False), (41, True)])
@@ -160,5 +161,5 @@ def test_an_edge_is_hard_from_40_degrees_on(angle, hard):
 def test_a_zero_normal_is_replaced_or_stays_zero():
     vectors = np.array([[0, 3e-200, 4e-200], [0, 0, 0], [np.nan, 1, 1], [np.inf, 0, 0], [3e200, 0, 4e200]])
     kept = [[0, 0.6, 0.8], *[[0, 1, 0]] * 3, [0.6, 0, 0.8]]
-    np.testing.assert_allclose(unit(vectors, (0.0, 2.0, 0.0)), kept, rtol=1e-15)
-    np.testing.assert_allclose(unit(vectors, 0.0), [kept[0], *[[0, 0, 0]] * 3, kept[4]], rtol=1e-15)
+    assert_allclose(unit(vectors, (0.0, 2.0, 0.0)), kept, rtol=1e-15)
+    assert_allclose(unit(vectors, 0.0), [kept[0], *[[0, 0, 0]] * 3, kept[4]], rtol=1e-15)

@@ -3,6 +3,7 @@ import json
 import numpy as np
 import pygltflib as gltf
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.character.character import load_character
 from engine_bridge.export.animation import Keyframes, animate
@@ -90,12 +91,12 @@ def test_targets_have_names_and_those_that_were_there_keep_theirs_and_their_weig
     mesh, count = made.file.meshes[0], export.summary.targets
     assert mesh.extras == {"author": "test", "targetNames": ["smile", "frown", *(f"motion_{i}" for i in range(count))]}
     assert mesh.weights == [0.25, 0, *[0] * count]
-    np.testing.assert_array_equal(made.weights(0)[:, :2], np.tile([0.25, 0], (58, 1)))
+    assert_array_equal(made.weights(0)[:, :2], np.tile([0.25, 0], (58, 1)))
     (animation,) = made.file.animations
     assert animation.name == "dance"
     assert {sampler.interpolation for sampler in animation.samplers} == {"LINEAR"}
     (clock,) = {sampler.input for sampler in animation.samplers}
-    np.testing.assert_allclose(made.array(clock)[:, 0], np.arange(58) / 30, rtol=1e-7)
+    assert_allclose(made.array(clock)[:, 0], np.arange(58) / 30, rtol=1e-7)
 
 
 def test_a_mesh_that_two_nodes_show_is_moved_by_each_in_its_own_way(exports, raw):
@@ -122,7 +123,7 @@ def test_the_root_is_one_node_above_all_others(exports, raw):
         channel = next(c for c in made.file.animations[0].channels if c.target.path == "translation")
         assert channel.target.node == top
         output = made.file.animations[0].samplers[channel.sampler].output
-        np.testing.assert_array_equal(made.array(output), export.clip.root)
+        assert_array_equal(made.array(output), export.clip.root)
 
 
 def test_a_performer_who_stands_still_gives_a_valid_file_without_targets(
@@ -165,6 +166,6 @@ def test_a_mesh_scaled_to_zero_by_its_node_is_not_animated(glb, tmp_path):
     glb.node(mesh)
     glb.node(mesh, scale=[1e-40] * 3)
     before, after = animated_without_motion(glb.save(tmp_path / "a.glb"))
-    np.testing.assert_array_equal(after.vertices, before.vertices)
+    assert_array_equal(after.vertices, before.vertices)
     targets = [each["primitives"][0]["targets"][0]["POSITION"] for each in after.document.gltf["meshes"]]
     assert sorted(after.document.array(target).max() for target in targets) == [0, 1]

@@ -5,6 +5,7 @@ from dataclasses import asdict, replace
 import igl
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.recording import Recorder
 from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
@@ -54,7 +55,7 @@ def test_the_stretch_is_that_of_all_edges_in_all_frames(converted):
     lengths = np.linalg.norm(moved[:, mesh.edges[:, 0]] - moved[:, mesh.edges[:, 1]], axis=-1)
     rest = np.linalg.norm(mesh.vertices[mesh.edges[:, 0]] - mesh.vertices[mesh.edges[:, 1]], axis=-1)
     expected = np.percentile(lengths / rest, [1, 50, 99])
-    np.testing.assert_allclose([summary.stretch_p1, summary.stretch_p50, summary.stretch_p99], expected, atol=0.001)
+    assert_allclose([summary.stretch_p1, summary.stretch_p50, summary.stretch_p99], expected, atol=0.001)
 
 
 def test_frames_in_a_temporary_file_and_a_rest_pose_at_the_start_give_the_same_bytes(
@@ -102,9 +103,9 @@ def test_a_part_moves_as_it_does_in_the_whole(take, blob_puppet, converted, tmp_
     whole = converted[0]
     part, summary = convert(take, blob_puppet, tmp_path / "part.glb", Settings(start=0.5, stop=1.0))
     assert (summary.frames, summary.seconds) == (16, 0.5)
-    np.testing.assert_array_equal(part.frames[:], whole.frames[15:31])
-    np.testing.assert_array_equal(part.root, whole.root[15:31])
-    np.testing.assert_array_equal(part.timeline.positions, whole.timeline.positions[15:31])
+    assert_array_equal(part.frames[:], whole.frames[15:31])
+    assert_array_equal(part.root, whole.root[15:31])
+    assert_array_equal(part.timeline.positions, whole.timeline.positions[15:31])
     refused(SkeletonLogError, convert, take, blob_puppet, tmp_path / "none.glb", Settings(start=1000.0))
     assert not (tmp_path / "none.glb").exists()
 
@@ -119,7 +120,7 @@ def test_the_performer_who_was_tracked_longest_is_taken_or_the_one_asked_for(dan
     longest, notes = load_timeline(path, Settings())
     assert (len(longest.positions), len(notes)) == (20, 1)
     other, _ = load_timeline(path, Settings(user=7))
-    np.testing.assert_allclose(other.positions, positions[:10] + 1, atol=1e-5)
+    assert_allclose(other.positions, positions[:10] + 1, atol=1e-5)
     one = record(tmp_path / "one.log", standing[None])
     lost = record(tmp_path / "lost.log", np.full((9, 20, 3), np.nan))
     for log, settings in ((path, Settings(user=5)), (one, Settings()), (lost, Settings())):
@@ -135,7 +136,7 @@ def test_an_assumption_is_noted(record, dance, blob_puppet, tmp_path):
     clip, summary = convert(log, blob_puppet, tmp_path / "a.glb", Settings(fps=12))
     for part, note in zip(("Line 42", "2.5 %", "head"), summary.notes, strict=True):
         assert part in note
-    np.testing.assert_allclose(np.diff(clip.timeline.times), 1 / 12)
+    assert_allclose(np.diff(clip.timeline.times), 1 / 12)
 
 
 @pytest.mark.parametrize(

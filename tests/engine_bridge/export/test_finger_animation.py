@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from capture.channels import FINGER_CHANNELS, FINGERS, FULL_BEND_DEGREES
@@ -70,7 +71,7 @@ def test_every_joint_of_a_finger_is_known_by_its_name(hands):
     joints = finger_joints(hands)
     assert joints.keys() == wanted
     for joint, place in shown(hands, 0).items():
-        np.testing.assert_allclose(place, place_of(*joint), atol=1e-6)
+        assert_allclose(place, place_of(*joint), atol=1e-6)
 
 
 def test_a_hand_points_while_the_bent_fingers_follow_the_palm_and_rests_at_zero(hands):
@@ -84,16 +85,14 @@ def test_a_hand_points_while_the_bent_fingers_follow_the_palm_and_rests_at_zero(
             wanted = rest[joint]
             if frame == 1 and side == "left" and finger in ("middle", "ring", "little"):
                 wanted = rest[side, finger, 1] - [0, 0.03 * (k - 1), 0]  # straight down
-            np.testing.assert_allclose(place, wanted, atol=1e-5, err_msg=str(joint))
+            assert_allclose(place, wanted, atol=1e-5, err_msg=str(joint))
 
 
 def test_fists_are_mirror_images_and_fingertips_return_to_the_palm(hands):
     bend_fingers(hands, {name: np.full(3, QUARTER, np.float32) for name in FINGER_CHANNELS})
     places = shown(hands, 0)
     for (side, finger, k), place in places.items():
-        np.testing.assert_allclose(
-            place * [-1, 1, 1], places[{"left": "right"}.get(side, "left"), finger, k], atol=1e-5
-        )
+        assert_allclose(place * [-1, 1, 1], places[{"left": "right"}.get(side, "left"), finger, k], atol=1e-5)
         if finger != "thumb" and k == 3:
             assert abs(place[0]) < abs(places[side, finger, 1][0])
             assert place[1] < -0.02
@@ -126,4 +125,4 @@ def test_live_bones_have_the_fingers_of_the_file_which_channels_bend_as_in_an_an
         turned[row] = turn if above < 0 else turned[above] * turn
         places[row] = positions[row] if above < 0 else places[above] + turned[above].apply(positions[row])
     for joint, place in shown(hands, 1).items():
-        np.testing.assert_allclose(places[skeleton.names.index(FINGER_BONES[joint])], place, atol=1e-6)
+        assert_allclose(places[skeleton.names.index(FINGER_BONES[joint])], place, atol=1e-6)

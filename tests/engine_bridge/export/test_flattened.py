@@ -1,6 +1,7 @@
 import numpy as np
 import pygltflib as gltf
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal, assert_equal
 
 from engine_bridge.character.character import load_character
 from engine_bridge.character.materials import drawn_normals, preview_colors
@@ -46,13 +47,13 @@ def test_every_variant_lies_flat_with_the_vertices_in_the_order_of_its_parts(var
             ("TEXCOORD_2", first[place]),
             ("TEXCOORD_3", second[place]),
         ):
-            np.testing.assert_array_equal(made.array(getattr(named, name)), expected)
-        np.testing.assert_array_equal(made.array(primitive.indices).reshape(-1, 3), part.triangles)
+            assert_array_equal(made.array(getattr(named, name)), expected)
+        assert_array_equal(made.array(primitive.indices).reshape(-1, 3), part.triangles)
         assert primitive.targets in (None, [])
         if variant.name != "textured":
             assert not np.any([made.array(named.TEXCOORD_0), made.array(named.TEXCOORD_1)]) or "several" in variant.name
     before, shown = raw(variant.path), preview_colors(load_character(path))
-    np.testing.assert_equal(shown, preview_colors(character))
+    assert_equal(shown, preview_colors(character))
     for name in ("materials", "textures", "samplers"):
         assert getattr(made.file, name) == getattr(before.file, name)
     for own, image in zip(made.file.images, before.file.images, strict=True):
@@ -75,7 +76,7 @@ def test_tangents_turn_with_their_node_and_change_sides_in_a_mirror(glb, blob, f
     written = made.array(primitive.attributes.TANGENT)
     expected = across * [-2.0, 1.0, 0.5]
     expected /= np.linalg.norm(expected, axis=1, keepdims=True)
-    np.testing.assert_allclose(written[:, :3], expected, atol=1e-6)
+    assert_allclose(written[:, :3], expected, atol=1e-6)
     # the third direction, normal × tangent · side, is carried along as any other
     before = np.cross(blob.normals, across) * side[:, None] * [-2.0, 1.0, 0.5]
     after = np.cross(made.array(primitive.attributes.NORMAL), written[:, :3]) * written[:, 3:]
@@ -92,8 +93,8 @@ def test_sets_of_the_file_beyond_the_second_make_room_and_a_picture_on_one_is_re
     glb.file.materials = [gltf.Material(emissiveTexture=gltf.TextureInfo(index=0, texCoord=1))]
     character, _, made = flat(glb.save(tmp_path / "a.glb"))
     (primitive,) = primitives(made)
-    np.testing.assert_array_equal(made.array(primitive.attributes.TEXCOORD_1), more["TEXCOORD_1"])
-    np.testing.assert_array_equal(made.array(primitive.attributes.TEXCOORD_2), numbers(character)[0])
+    assert_array_equal(made.array(primitive.attributes.TEXCOORD_1), more["TEXCOORD_1"])
+    assert_array_equal(made.array(primitive.attributes.TEXCOORD_2), numbers(character)[0])
     glb.file.materials[0].emissiveTexture.extensions = {"KHR_texture_transform": {"texCoord": 2}}
     refused(MeshError, flat, glb.save(tmp_path / "b.glb"))
 

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.character.document_reader import load_document
 from engine_bridge.export.bake import bake
@@ -85,7 +86,7 @@ def test_a_pose_that_the_directions_span_comes_back_up_to_where_the_limit_begins
     weights, residual, limited = basis.project(R)
     assert weights.dtype == np.float32
     expected = UnitWeights.within(np.full(len(directions), REACH)).weights(mixed[None])[0]
-    np.testing.assert_allclose(weights, expected, rtol=1e-6, atol=1e-6)
+    assert_allclose(weights, expected, rtol=1e-6, atol=1e-6)
     assert residual < 1e-6
     assert not limited
 
@@ -102,7 +103,7 @@ def test_no_pose_takes_a_weight_out_of_its_range(data, baked, basis, directions)
     size, room = np.abs(mixed), REACH - UNLIMITED_REACH
     held = UNLIMITED_REACH + room * np.tanh((size - UNLIMITED_REACH) / room)
     expected = np.sign(mixed) * np.where(size <= UNLIMITED_REACH, size, held)
-    np.testing.assert_allclose(coordinates, expected, atol=1e-5 + 1e-6 * size.max())
+    assert_allclose(coordinates, expected, atol=1e-5 + 1e-6 * size.max())
     assert limited == (size.max() > REACH) or size.max() == pytest.approx(REACH, rel=1e-5)
 
 
@@ -123,15 +124,15 @@ def test_the_residual_is_the_root_mean_square_over_all_vertices(baked, basis, no
     before = R.copy()
     projection = basis.project(R)
     assert projection.residual == pytest.approx(baked.left(R, projection.weights), rel=1e-4, abs=1e-12)
-    np.testing.assert_array_equal(R, before)
+    assert_array_equal(R, before)
     if size == 0:
-        np.testing.assert_allclose(projection.weights, 0, atol=1e-12)
+        assert_allclose(projection.weights, 0, atol=1e-12)
 
 
 def test_float32_poses_and_those_that_do_not_lie_in_one_piece_are_the_same(basis, noise):
     R = noise(1.0)
     for same, other in ((R, np.asfortranarray(R)), (R.astype(np.float32), R.astype(np.float32).astype(np.float64))):
-        np.testing.assert_array_equal(basis.project(same).weights, basis.project(other).weights)
+        assert_array_equal(basis.project(same).weights, basis.project(other).weights)
         assert basis.project(same).residual == basis.project(other).residual
     for wrong in (R[:-4], R[:, :2], R.ravel()):
         with pytest.raises(ValueError, match="control variables"):
@@ -157,7 +158,7 @@ def test_the_same_surface_with_its_vertices_in_another_order_gets_the_same_weigh
         scale=0.02, size=baked.rig.model.rest_controls.shape
     )
     other = LiveBasis.load(baked.path, rig).project(R)
-    np.testing.assert_allclose(other.weights, basis.project(R).weights, rtol=1e-3, atol=1e-4)
+    assert_allclose(other.weights, basis.project(R).weights, rtol=1e-3, atol=1e-4)
 
 
 @pytest.mark.parametrize("change", [[1.0, 1.02, 1.0], [1.01, 1.01, 1.01], [-1.0, 1.0, 1.0]])

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pygltflib as gltf
 import pytest
+from numpy.testing import assert_allclose
 from PIL import Image
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
@@ -211,7 +212,7 @@ def assert_has_the_materials_of_the_file(program, made, report):
         for (material, color, texture), seen in zip(filter(None, expected), mesh["materials"], strict=True):
             assert seen["name"] == material
             if texture is None:
-                np.testing.assert_allclose(seen["base_color"][:3], color[:3], atol=1e-6)
+                assert_allclose(seen["base_color"][:3], color[:3], atol=1e-6)
                 assert seen["images"] == []
             else:
                 (image,) = seen["images"]
@@ -243,7 +244,7 @@ def test_every_vertex_is_where_it_was_solved_to_be_with_its_names_and_materials(
 ):
     run, made = player(program), file(name, form)
     shown = run(made.path, TIMES)
-    np.testing.assert_allclose(shown.times, np.arange(TIMES) * 2.5 / FPS, atol=1e-6)
+    assert_allclose(shown.times, np.arange(TIMES) * 2.5 / FPS, atol=1e-6)
     expected = players.solved(made.clip)(shown.times)
     rounding = allowed(program, made, expected)
     if form == "rig":  # between two keyframes bones turn, and do not go in straight lines
@@ -271,7 +272,7 @@ def test_blender_plays_in_seconds_whatever_the_frame_rate_of_the_scene(form, pla
     made = file("textured", form)
     shown = blender(made.path, FRAMES, "24")
     assert shown.report["fps"] == 24
-    np.testing.assert_allclose(shown.times, np.arange(FRAMES) / FPS, atol=1e-6)
+    assert_allclose(shown.times, np.arange(FRAMES) / FPS, atol=1e-6)
     off = players.farthest(shown.meshes, players.solved(made.clip)(shown.times))
     assert off <= (made.summary.error + ROUNDING) * made.diagonal
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pygltflib as gltf
 import pytest
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from engine_bridge.character.character import from_document, load_character
@@ -206,11 +207,11 @@ def test_an_arm_that_is_raised_and_bent_has_the_keys_worked_out_by_hand(build):
     document, made, bones = animated(character, [ARM], motions, [[0, 0, 0], [5, 0, 0]])
     keys = keys_of(document)
     assert keys.keys() == {("upper", "rotation"), ("upper", "translation"), ("lower", "rotation")}
-    np.testing.assert_allclose(keys["upper", "rotation"], [[0, 0, 0, 1], [0, 0, HALF, HALF]], atol=1e-7)
-    np.testing.assert_allclose(keys["lower", "rotation"], [[0, 0, 0, 1], [0, 0, HALF, HALF]], atol=1e-7)
-    np.testing.assert_allclose(keys["upper", "translation"], [[0, 0, 0], [5, 0, 0]], atol=1e-7)
+    assert_allclose(keys["upper", "rotation"], [[0, 0, 0, 1], [0, 0, HALF, HALF]], atol=1e-7)
+    assert_allclose(keys["lower", "rotation"], [[0, 0, 0, 1], [0, 0, HALF, HALF]], atol=1e-7)
+    assert_allclose(keys["upper", "translation"], [[0, 0, 0], [5, 0, 0]], atol=1e-7)
     world = world_transforms(posed(document, 1))[bones.nodes, :3, 3]
-    np.testing.assert_allclose(world, [[5, 0, 0], [5, 1, 0], [4.1, 1, 0]], atol=1e-6)
+    assert_allclose(world, [[5, 0, 0], [5, 1, 0], [4.1, 1, 0]], atol=1e-6)
     assert (made.animated, made.following, made.uneven) == (2, 1, ())
     assert made.error < 1e-6
 
@@ -305,14 +306,14 @@ def test_a_joint_between_bends_takes_of_each_bone_what_it_covers(build):
     document, made, bones = animated(character, limbs, motions_of(limbs, [[Rotation.identity(), bend, bend, bend]]))
     assert bones.shares[1].tolist() == [0.5, 0.5, 0, 0]
     turned = Rotation.from_matrix(world_transforms(posed(document, 0))[bones.nodes[1:3], :3, :3])
-    np.testing.assert_allclose(turned.as_rotvec(degrees=True), [[20, 0, 0], [40, 0, 0]], atol=1e-4)
+    assert_allclose(turned.as_rotvec(degrees=True), [[20, 0, 0], [40, 0, 0]], atol=1e-4)
     # the arm's root by hand: 0.5 up, then 1 at 20°, then 0.5 at 40°; the bones have 1 up, then 1 at 40°
     slight, whole = (np.array([np.cos(angle), np.sin(angle)]) for angle in np.radians([20, 40]))
     here = np.array([0.5, 0]) + slight + 0.5 * whole
     there = np.array([1, 0]) + whole
     arm = world_transforms(posed(document, 0))[bones.nodes[3], 1:3, 3]
-    np.testing.assert_allclose(arm, here, atol=1e-6)
-    np.testing.assert_allclose(made.error, np.linalg.norm(here - there), atol=1e-6)
+    assert_allclose(arm, here, atol=1e-6)
+    assert_allclose(made.error, np.linalg.norm(here - there), atol=1e-6)
 
 
 def test_quaternions_do_not_jump_over_two_turns_and_over_chunks(build, monkeypatch):
@@ -363,7 +364,7 @@ def test_a_scale_that_differs_by_axis_is_said_and_the_places_below_are_measured(
     hands = [world_transforms(posed(document, frame))[bones.nodes[2], :3, 3] for frame in range(12)]
     away = np.linalg.norm(hands - aims, axis=1)
     assert away.max() > 0.01
-    np.testing.assert_allclose(made.error, away.max(), atol=1e-6)
+    assert_allclose(made.error, away.max(), atol=1e-6)
 
 
 def test_a_node_below_a_scale_of_zero_has_no_keys(build, glb, tmp_path):

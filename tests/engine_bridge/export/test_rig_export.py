@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pygltflib as gltf
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from engine_bridge.export.convert import convert
@@ -68,7 +69,7 @@ def test_the_rest_pose_is_the_surface_with_its_normals_and_its_winding(rig, raw)
     inverse = made.array(table.inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1).astype(np.float64)
     places = np.array([made.file.nodes[joint].translation or [0, 0, 0] for joint in table.joints], dtype=np.float64)
     inverse[:, :3, 3] += np.float32(places)
-    np.testing.assert_array_equal(inverse, np.tile(np.eye(4), (len(inverse), 1, 1)))
+    assert_array_equal(inverse, np.tile(np.eye(4), (len(inverse), 1, 1)))
     weights_of = {}
     for part, place in zip(clip.rig.character.parts, clip.rig.character.vertex_slices, strict=True):
         mesh = made.file.meshes[made.file.nodes[part.node].mesh]
@@ -80,10 +81,10 @@ def test_the_rest_pose_is_the_surface_with_its_normals_and_its_winding(rig, raw)
         assert np.abs(positions - part.vertices).max() < 1e-6 * clip.rig.mesh.diagonal
         if part.normals is not None:
             within = 0.02 if variant.name == "own_targets" else 1e-4
-            np.testing.assert_allclose(made.array(named.NORMAL)[:, :3], part.normals, atol=within)
+            assert_allclose(made.array(named.NORMAL)[:, :3], part.normals, atol=within)
         if primitive.mode in (None, gltf.TRIANGLES) and primitive.indices is not None:
             corners = made.array(primitive.indices).reshape(-1, 3).astype(np.int64)
-            np.testing.assert_array_equal(corners, part.triangles)
+            assert_array_equal(corners, part.triangles)
         shares = np.hstack([made.array(named.JOINTS_0), made.array(named.WEIGHTS_0)]).tolist()
         for vertex, own in zip(clip.rig.mesh.of_render[place].tolist(), shares, strict=True):
             assert weights_of.setdefault(vertex, own) == own  # vertices at one place move together
@@ -134,8 +135,8 @@ def test_lines_stand_on_the_skeleton_itself_where_their_node_is(
     made = raw(rigs["with_lines"][2].output)
     lines, _ = made.file.meshes[0].primitives
     assert lines.mode == gltf.LINE_STRIP
-    np.testing.assert_array_equal(made.array(lines.attributes.JOINTS_0), np.zeros((10, 4)))
-    np.testing.assert_array_equal(made.array(lines.attributes.WEIGHTS_0), np.tile([1, 0, 0, 0], (10, 1)))
+    assert_array_equal(made.array(lines.attributes.JOINTS_0), np.zeros((10, 4)))
+    assert_array_equal(made.array(lines.attributes.WEIGHTS_0), np.tile([1, 0, 0, 0], (10, 1)))
 
     before = Raw(variants["skinned"].path)
     (mesh,) = before.file.meshes
@@ -148,8 +149,8 @@ def test_lines_stand_on_the_skeleton_itself_where_their_node_is(
     assert_valid_gltf(tmp_path / "out.glb")
     made = raw(tmp_path / "out.glb")
     surface, lines = (primitive.attributes for primitive in made.file.meshes[0].primitives)
-    np.testing.assert_allclose(made.array(lines.POSITION), before.array(bound) + np.float32([1, 2, 3]), atol=1e-6)
-    np.testing.assert_allclose(made.array(surface.POSITION), variants["skinned"].shown[0], atol=1e-5)
+    assert_allclose(made.array(lines.POSITION), before.array(bound) + np.float32([1, 2, 3]), atol=1e-6)
+    assert_allclose(made.array(surface.POSITION), variants["skinned"].shown[0], atol=1e-5)
 
 
 @pytest.fixture
@@ -196,8 +197,8 @@ def test_a_node_comes_to_the_top_and_what_hangs_on_it_stays(
     before, made = raw(furnished), raw(tmp_path / "out.glb")
     old, new = (f.file.meshes[0].primitives[0].attributes.TANGENT for f in (before, made))
     turned = before.array(old)[:, :3] @ (Rotation.from_euler("y", 90, degrees=True).as_matrix() @ np.diag([-1, 1, 1])).T
-    np.testing.assert_allclose(made.array(new)[:, :3], turned, atol=1e-6)
-    np.testing.assert_array_equal(made.array(new)[:, 3], -1)
+    assert_allclose(made.array(new)[:, :3], turned, atol=1e-6)
+    assert_array_equal(made.array(new)[:, 3], -1)
 
 
 @pytest.mark.parametrize("scale", [[0, 0, 0], [-1, 1, 0]])
@@ -218,6 +219,6 @@ def test_directions_that_are_scaled_to_nothing_point_up(
     made = raw(tmp_path / "out.glb")
     hidden = next(node for node in made.file.nodes if node.name == "hidden")
     attributes = made.file.meshes[hidden.mesh].primitives[0].attributes
-    np.testing.assert_array_equal(made.array(attributes.POSITION), blob.vertices * np.float32(scale))
-    np.testing.assert_array_equal(made.array(attributes.NORMAL), np.tile([0, 1, 0], (count, 1)))
-    np.testing.assert_array_equal(made.array(attributes.TANGENT), np.tile([0, 1, 0, -1], (count, 1)))
+    assert_array_equal(made.array(attributes.POSITION), blob.vertices * np.float32(scale))
+    assert_array_equal(made.array(attributes.NORMAL), np.tile([0, 1, 0], (count, 1)))
+    assert_array_equal(made.array(attributes.TANGENT), np.tile([0, 1, 0, -1], (count, 1)))

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal, assert_equal
 
 from engine_bridge.character.character import from_document, load_character
 from engine_bridge.character.document_reader import load_document
@@ -25,7 +26,7 @@ def test_a_rig_has_the_character_its_joints_and_no_animation(rigged, blob_file):
     assert {"hips", "leftUpperArm", "rightLowerLeg", "hump"} <= set(summary.joints)
     assert document.gltf["animations"] == []
     assert (summary.bytes, summary.kept) == (path.stat().st_size, False)
-    np.testing.assert_allclose(load_character(path).vertices, load_character(blob_file).vertices, atol=1e-5)
+    assert_allclose(load_character(path).vertices, load_character(blob_file).vertices, atol=1e-5)
     refused(OutputError, write_rig, blob_file, blob_file, RigSettings())
 
 
@@ -56,7 +57,7 @@ def test_a_file_with_a_skin_keeps_it_unless_a_new_one_or_a_t_pose_is_asked_for(r
     before, after = load_document(path), load_document(tmp_path / "kept.glb")
     attributes = [document.gltf["meshes"][0]["primitives"][0]["attributes"] for document in (before, after)]
     for name in ("JOINTS_0", "WEIGHTS_0", "POSITION"):
-        np.testing.assert_array_equal(before.array(attributes[0][name]), after.array(attributes[1][name]))
+        assert_array_equal(before.array(attributes[0][name]), after.array(attributes[1][name]))
     for new in (RigSettings(keep_skin=False), RigSettings(pose="t")):
         made = write_rig(path, tmp_path / "new.glb", new)
         assert not made.kept
@@ -101,8 +102,8 @@ def test_every_vertex_of_a_damaged_mesh_has_weights(damaged, blob, glb, limb_tab
     document = load_document(tmp_path / "out.glb")
     weights = document.array(document.gltf["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"])
     assert len(weights) == len(vertices)
-    np.testing.assert_allclose(weights.sum(axis=1), 1, atol=1e-6)
-    np.testing.assert_allclose(load_character(tmp_path / "out.glb").vertices, vertices, atol=1e-5)
+    assert_allclose(weights.sum(axis=1), 1, atol=1e-6)
+    assert_allclose(load_character(tmp_path / "out.glb").vertices, vertices, atol=1e-5)
 
 
 def test_a_new_skin_replaces_the_files_own_and_keeps_its_morph_targets(blob, glb, limb_tables, write_puppet, tmp_path):
@@ -124,5 +125,5 @@ def test_a_new_skin_replaces_the_files_own_and_keeps_its_morph_targets(blob, glb
             document = load_document(file)
             document.gltf["meshes"][0]["weights"] = [weight]
             shown.append(from_document(document).vertices)
-        np.testing.assert_allclose(shown[1], shown[0], atol=1e-5)
-        np.testing.assert_equal(np.abs(shown[0] - blob.vertices).max() < 1e-5, weight == 0)
+        assert_allclose(shown[1], shown[0], atol=1e-5)
+        assert_equal(np.abs(shown[0] - blob.vertices).max() < 1e-5, weight == 0)

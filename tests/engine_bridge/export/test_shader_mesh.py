@@ -6,6 +6,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from numpy.testing import assert_array_equal
 
 from engine_bridge.cli.main import main
 from engine_bridge.export.shader_mesh import write_shader_mesh
@@ -37,21 +38,21 @@ def scene_of(path):
 def assert_is_the_scene(made, scene):
     """Assert that the file has the same data at each vertex as the scene message."""
     arrays, count = scene.arrays, scene.facts["vertices"]
-    np.testing.assert_array_equal(column(made, "POSITION"), arrays["positions"])
+    assert_array_equal(column(made, "POSITION"), arrays["positions"])
     directed = arrays["normals"].any(axis=1)
-    np.testing.assert_array_equal(column(made, "NORMAL")[directed], arrays["normals"][directed])
+    assert_array_equal(column(made, "NORMAL")[directed], arrays["normals"][directed])
     isoline_coordinates = np.hstack([column(made, f"TEXCOORD_{number}") for number in range(2, 6)])
-    np.testing.assert_array_equal(isoline_coordinates[:, : scene.facts["fields"]], arrays["ladder"])
+    assert_array_equal(isoline_coordinates[:, : scene.facts["fields"]], arrays["ladder"])
     assert not isoline_coordinates[:, scene.facts["fields"] :].any()
-    np.testing.assert_array_equal(column(made, "TEXCOORD_6"), np.column_stack([np.arange(count), np.zeros(count)]))
+    assert_array_equal(column(made, "TEXCOORD_6"), np.column_stack([np.arange(count), np.zeros(count)]))
     assert len(primitives(made)) == len(scene.facts["parts"])
     for surface, part in zip(primitives(made), scene.facts["parts"], strict=True):
         (first, vertices), (start, triangles) = part["vertices"], part["triangles"]
         there = made.array(surface.indices).reshape(-1, 3).astype(np.int64)
-        np.testing.assert_array_equal(there + first, arrays["triangles"][start : start + triangles])
+        assert_array_equal(there + first, arrays["triangles"][start : start + triangles])
         assert there.max() < vertices
     if "uv" in arrays:
-        np.testing.assert_array_equal(column(made, "TEXCOORD_0"), arrays["uv"])
+        assert_array_equal(column(made, "TEXCOORD_0"), arrays["uv"])
 
 
 def test_the_file_says_of_every_vertex_what_the_scene_message_says(

@@ -2,6 +2,7 @@ import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
+from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.export.unit_weights import UnitWeights
 
@@ -12,10 +13,10 @@ def test_weights_of_a_clip_equal_values_by_hand():
     """m = max(−w₁ / 1, −w₂ / 2) is 0, 1, 1, and so u = w + m (1, 2) is (2, 0), (1, 0), (0, 6)."""
     coordinates = np.array([[2.0, 0.0], [0.0, -2.0], [-1.0, 4.0]])
     unit = UnitWeights.of_clip(coordinates)
-    np.testing.assert_array_equal(unit.lowest, [-1, -2])
-    np.testing.assert_array_equal(unit.spans, [2, 6])
-    np.testing.assert_array_equal(unit.weights(coordinates), [[1, 0, 0], [0.5, 0, 1], [0, 1, 1]])
-    np.testing.assert_array_equal(unit.targets(np.eye(2)), [[2, 0], [0, 6], [-1, -2]])
+    assert_array_equal(unit.lowest, [-1, -2])
+    assert_array_equal(unit.spans, [2, 6])
+    assert_array_equal(unit.weights(coordinates), [[1, 0, 0], [0.5, 0, 1], [0, 1, 1]])
+    assert_array_equal(unit.targets(np.eye(2)), [[2, 0], [0, 6], [-1, -2]])
 
 
 @given(coordinates=clips)
@@ -28,8 +29,8 @@ def test_targets_times_weights_up_to_one_are_directions_times_coordinates(coordi
     assert weights.shape == (len(coordinates), unit.count)
     assert ((weights >= 0) & (weights <= 1)).all()
     shown = weights.astype(np.float64) @ unit.targets(np.eye(coordinates.shape[1]))
-    np.testing.assert_allclose(shown, coordinates, atol=1e-6 * max(np.abs(coordinates).max(initial=0), 1e-30))
+    assert_allclose(shown, coordinates, atol=1e-6 * max(np.abs(coordinates).max(initial=0), 1e-30))
     if len(coordinates):
-        np.testing.assert_array_equal(weights.max(axis=0), (weights > 0).any(axis=0))
+        assert_array_equal(weights.max(axis=0), (weights > 0).any(axis=0))
     assert unit.count == coordinates.shape[1] + bool((coordinates < 0).any())
-    np.testing.assert_array_equal(unit.weights(np.zeros((1, coordinates.shape[1]))), np.zeros((1, unit.count)))
+    assert_array_equal(unit.weights(np.zeros((1, coordinates.shape[1]))), np.zeros((1, unit.count)))

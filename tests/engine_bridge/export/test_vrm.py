@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from engine_bridge.character import schema
 from engine_bridge.export.vrm import add_vrm, humanoid_rows, upright
@@ -70,9 +71,9 @@ def test_a_character_without_a_required_bone_is_refused_by_their_names(changed, 
 def test_upright_is_metres_from_the_floor_below_the_hips():
     basis = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])  # z up, front x
     placed = upright(basis, 0.01, np.array([20.0, 30, 90]), -10.0)
-    np.testing.assert_allclose(placed @ [20, 30, -10, 1], [0, 0, 0, 1], atol=1e-15)
-    np.testing.assert_allclose(placed @ [120, 30, -10, 1], [0, 0, 1, 1], atol=1e-15)
-    np.testing.assert_allclose(placed @ [20, 130, 90, 1], [1, 1, 0, 1], atol=1e-15)
+    assert_allclose(placed @ [20, 30, -10, 1], [0, 0, 0, 1], atol=1e-15)
+    assert_allclose(placed @ [120, 30, -10, 1], [0, 0, 1, 1], atol=1e-15)
+    assert_allclose(placed @ [20, 130, 90, 1], [1, 1, 0, 1], atol=1e-15)
 
 
 @pytest.fixture

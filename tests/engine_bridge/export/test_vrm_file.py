@@ -3,6 +3,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from engine_bridge.export.rig_file import RigSettings
 from engine_bridge.export.vrm_file import statement, write_vrm
@@ -52,10 +53,10 @@ def test_three_vrm_shows_an_avatar_that_stands_on_the_floor_in_a_t_pose_from_a_v
     for chain, direction in STRAIGHT.items():
         for start, end in pairwise(chain):
             along = bones[end] - bones[start]
-            np.testing.assert_allclose(along / np.linalg.norm(along), direction, atol=1e-6, err_msg=f"{start} {end}")
-    np.testing.assert_allclose(bones["hips"][[0, 2]], 0, atol=1e-9)
+            assert_allclose(along / np.linalg.norm(along), direction, atol=1e-6, err_msg=f"{start} {end}")
+    assert_allclose(bones["hips"][[0, 2]], 0, atol=1e-9)
     low, high = np.array(shown["box"])
-    np.testing.assert_allclose(low[1], 0, atol=1e-6)
+    assert_allclose(low[1], 0, atol=1e-6)
     assert low[0] < bones["rightHand"][0] < bones["leftHand"][0] < high[0]
     assert bones["head"][1] < bones["head"][1] + shown["viewpoint"][1] < high[1]
 
@@ -83,10 +84,10 @@ def test_axes_and_units_of_the_file_and_names_of_joints_do_not_matter(
     other = json.loads(node("describe_vrm.mjs", tmp_path / "turned.vrm"))
     assert other["bones"].keys() == shown["bones"].keys()
     low, high = np.array(shown["box"])
-    np.testing.assert_allclose(other["box"], [low, high], atol=0.01 * np.linalg.norm(high - low))
+    assert_allclose(other["box"], [low, high], atol=0.01 * np.linalg.norm(high - low))
     hips = np.array(other["bones"]["hips"]) - shown["bones"]["hips"]  # the soles differ as the surface does
     for name, place in shown["bones"].items():
-        np.testing.assert_allclose(np.array(other["bones"][name]) - hips, place, atol=1e-6, err_msg=name)
+        assert_allclose(np.array(other["bones"][name]) - hips, place, atol=1e-6, err_msg=name)
 
 
 def test_morph_targets_with_known_names_are_expressions(variants, limb_tables, write_puppet, node, tmp_path):

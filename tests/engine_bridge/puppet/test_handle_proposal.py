@@ -2,6 +2,7 @@ import re
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from engine_bridge.character.character import make_character
 from engine_bridge.puppet.handle_proposal import propose_handles
@@ -86,7 +87,7 @@ def test_without_a_tail_the_rump_is_held(solver_mesh):
     handles = propose_handles(solver_mesh(round_behind), TABLE)
     expected = {name: joint for name, joint in QUADRUPED.items() if name != "tail"}
     assert {handle.name: handle.joint for handle in handles} == {**expected, "rump": None}
-    np.testing.assert_allclose(places(handles)["rump"], [0, 1, -1.1], atol=0.15)
+    assert_allclose(places(handles)["rump"], [0, 1, -1.1], atol=0.15)
 
 
 def test_ears_are_no_arms_however_long(solver_mesh):
@@ -122,7 +123,7 @@ def test_a_character_that_is_turned_gets_the_same_handles_turned(solver_mesh, li
     found = places(propose_handles(turned, table))
     assert list(found) == list(expected)
     for name, place in expected.items():
-        np.testing.assert_allclose(found[name], place @ table.basis, atol=1e-5)
+        assert_allclose(found[name], place @ table.basis, atol=1e-5)
 
 
 def test_parts_of_their_own_are_limbs_as_well(make_shape):
@@ -139,7 +140,7 @@ def test_parts_of_their_own_are_limbs_as_well(make_shape):
 
 def test_a_mesh_without_feet_gets_a_fixed_base(solver_mesh):
     ball = propose_handles(solver_mesh([((0.0, 0.0, 0.0), (0.0, 1e-6, 0.0), 1.0)], 0.2), TABLE)
-    np.testing.assert_allclose([np.linalg.norm(handle.position) for handle in ball], 1, atol=0.05)
+    assert_allclose([np.linalg.norm(handle.position) for handle in ball], 1, atol=0.05)
     snowman = propose_handles(
         solver_mesh([((0.0, 0.0, 0.0), (0.0, 0.1, 0.0), 1.0), ((0.0, 1.5, 0.0), (0.0, 1.6, 0.0), 0.6), *MOUSE[4:6]]),
         CharacterTable(mesh="a"),

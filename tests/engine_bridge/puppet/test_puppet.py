@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from capture.skeleton import JOINT_INDEX
 from engine_bridge.puppet import puppet_file
@@ -32,10 +33,10 @@ def test_mapping_averages_a_handles_joints_and_keeps_its_axes_and_gain():
     expected = np.zeros((3, 20))
     expected[0, JOINT_INDEX["head"]] = 1
     expected[1, [JOINT_INDEX["hand_left"], JOINT_INDEX["hand_right"]]] = 0.5
-    np.testing.assert_array_equal(made.mapping.matrix, expected)
-    np.testing.assert_array_equal(made.mapping.axes, [[True, False, True], [True] * 3, [True] * 3])
-    np.testing.assert_array_equal(made.mapping.gain, [-0.5, 1, 1])
-    np.testing.assert_array_equal(made.handle_positions, [[1, 2, 3], [4, 5, 6], [7, 8, 9]])
+    assert_array_equal(made.mapping.matrix, expected)
+    assert_array_equal(made.mapping.axes, [[True, False, True], [True] * 3, [True] * 3])
+    assert_array_equal(made.mapping.gain, [-0.5, 1, 1])
+    assert_array_equal(made.handle_positions, [[1, 2, 3], [4, 5, 6], [7, 8, 9]])
 
 
 def test_limbs_hang_on_the_trunk_unless_they_say_otherwise():
@@ -48,7 +49,7 @@ def test_limbs_hang_on_the_trunk_unless_they_say_otherwise():
     made = puppet_file.loads(CHARACTER + ring + arm + spine, "a")
     assert {each.name: each.parent for each in made.limbs} == {"ring": "arm", "arm": "trunk", "trunk": None}
     assert made.limbs[1].joints == ((4,), (6, 7))
-    np.testing.assert_array_equal(made.limbs[0].points, [[1, 1, 0], [2, 1, 0]])
+    assert_array_equal(made.limbs[0].points, [[1, 1, 0], [2, 1, 0]])
     assert (made.limbs[0].follow, made.limbs[0].gain, made.limbs[1].follow) == ("turn", 2.0, "direction")
     assert puppet_file.loads(CHARACTER + arm + HANDLE, "a").limbs[0].parent is None
     assert made.driven_by == ("hip_center", "shoulder_center", "shoulder_left", "wrist_left", "hand_left")
@@ -70,7 +71,7 @@ def test_a_scale_in_metres_becomes_mesh_units(scale, unit, expected):
 )
 def test_the_characters_left_is_where_it_would_be_on_a_body(up, front, left):
     basis = CharacterTable(mesh="a", up=up, front=front).basis
-    np.testing.assert_array_equal(basis[0], left)
+    assert_array_equal(basis[0], left)
     assert np.linalg.det(basis) == 1
 
 

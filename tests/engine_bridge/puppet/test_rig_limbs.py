@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal, assert_equal
 
 from engine_bridge.character.character import from_document, load_character, make_character
 from engine_bridge.puppet.rig_axes import axes_of
@@ -105,10 +106,10 @@ def test_a_person_is_known_by_the_names_of_every_convention_whatever_its_axes(na
     for side, sign in (("left", np.ones(3)), ("right", np.array([-1.0, 1, 1]))):
         arm = [PLACES[key] for key in ("upper_arm", "lower_arm", "hand", "finger")] * sign
         leg = [PLACES[key] for key in ("thigh", "shin", "foot", "toes")] * sign
-        np.testing.assert_array_equal(limbs.points[f"{side} arm"], arm)
-        np.testing.assert_array_equal(limbs.points[f"{side} leg"], leg)
-    np.testing.assert_allclose(limbs.points["trunk"], [(0, 0.95, 0), PLACES["spine"], PLACES["neck"]])
-    np.testing.assert_array_equal(limbs.points["head"], [PLACES["neck"], PLACES["crown"]])
+        assert_array_equal(limbs.points[f"{side} arm"], arm)
+        assert_array_equal(limbs.points[f"{side} leg"], leg)
+    assert_allclose(limbs.points["trunk"], [(0, 0.95, 0), PLACES["spine"], PLACES["neck"]])
+    assert_array_equal(limbs.points["head"], [PLACES["neck"], PLACES["crown"]])
     assert axes_of(limbs) == ("y", "z")
     lying = [replace(joint, place=joint.place[[2, 0, 1]]) for joint in joints]
     assert axes_of(limbs_of_joints(lying)) == ("z", "x")
@@ -120,8 +121,8 @@ def test_the_head_begins_above_a_neck_that_carries_the_arms():
     neck = next(number for number, joint in enumerate(joints) if joint.name == "Bip01 Neck")
     joints = [replace(joint, parent=neck) if "Clavicle" in joint.name else joint for joint in joints]
     limbs = limbs_of_joints(joints)
-    np.testing.assert_array_equal(limbs.points["head"], [PLACES["head"], PLACES["crown"]])
-    np.testing.assert_array_equal(limbs.points["trunk"][-1], PLACES["neck"])
+    assert_array_equal(limbs.points["head"], [PLACES["head"], PLACES["crown"]])
+    assert_array_equal(limbs.points["trunk"][-1], PLACES["neck"])
 
 
 def test_ears_and_a_jaw_that_move_vertices_are_limbs():
@@ -133,8 +134,8 @@ def test_ears_and_a_jaw_that_move_vertices_are_limbs():
         joints.append(Joint(name, neck, np.array(place), place + np.linspace(0, 1, 21)[:, None] * way))
     found = limbs_of_joints(joints).points
     assert found.keys() == {*PERSON, "left ear", "right ear", "jaw"}
-    np.testing.assert_allclose(found["left ear"], [(0.1, 1.8, 0), (0.1, 1.895, 0), (0.1, 1.99, 0)], atol=1e-9)
-    np.testing.assert_allclose(found["jaw"][-1], (0, 1.6 - 0.95 * 0.05, 0.05 + 0.95 * 0.2), atol=1e-9)
+    assert_allclose(found["left ear"], [(0.1, 1.8, 0), (0.1, 1.895, 0), (0.1, 1.99, 0)], atol=1e-9)
+    assert_allclose(found["jaw"][-1], (0, 1.6 - 0.95 * 0.05, 0.05 + 0.95 * 0.2), atol=1e-9)
     still = [replace(joint, vertices=NO_VERTICES) for joint in joints]
     assert list(limbs_of_joints(still).points) == PERSON
 
@@ -145,7 +146,7 @@ def test_a_body_without_legs_is_known_by_its_head_and_tail():
     joints += [Joint(name, 0, np.array(place, dtype=float), NO_VERTICES) for name, place in places.items()]
     limbs = limbs_of_joints(joints)
     assert list(limbs.points) == ["trunk", "neck", "head", "tail"]
-    np.testing.assert_allclose(limbs.points["trunk"][[0, -1]], [places["Tail"], places["Neck"]])
+    assert_allclose(limbs.points["trunk"][[0, -1]], [places["Tail"], places["Neck"]])
     parts = [Joint(j.name, j.parent, np.zeros(3), j.vertices) for j in joints]  # names of parts of a mesh
     assert limbs_of_joints(parts).chains == ()
 
@@ -169,8 +170,8 @@ def test_rows_of_legs_are_numbered_from_the_front(names):
             expected[f"{'left' if side == 'L' else 'right'} leg {len(names) - row}"] = places
     joints.append(Joint("Head", 0, np.array([0, 1.1, -0.1]), np.array([[0, 1.1, 1.5]])))
     limbs = limbs_of_joints(joints)
-    np.testing.assert_allclose([limbs.points[name] for name in expected], list(expected.values()), atol=1e-9)
-    np.testing.assert_allclose(limbs.points["head"], [[0, 1.1, -0.1], [0, 1.1, 1.5]])
+    assert_allclose([limbs.points[name] for name in expected], list(expected.values()), atol=1e-9)
+    assert_allclose(limbs.points["head"], [[0, 1.1, -0.1], [0, 1.1, 1.5]])
     assert axes_of(limbs) == ("y", "z")
 
 
@@ -186,21 +187,21 @@ def test_legs_of_two_joints_may_reach_up_and_a_pole_is_no_foot():
             expected[f"{'left' if side == 'L' else 'right'} leg {row + 1}"] = [hip, knee, 0.2 * knee + 0.8 * tip, tip]
     joints.append(Joint("Head", 0, np.array([0, 1.1, 0.5]), np.array([[0, 1.1, 1.5]])))
     limbs = limbs_of_joints(joints)
-    np.testing.assert_allclose([limbs.points[name] for name in expected], list(expected.values()), atol=1e-9)
+    assert_allclose([limbs.points[name] for name in expected], list(expected.values()), atol=1e-9)
     assert axes_of(limbs) == ("y", "z")
 
 
 def test_an_elbow_that_moves_nothing_is_no_lower_arm_beside_one_that_does():
     joints = [replace(joint, vertices=joint.place[None]) for joint in skeleton(CONVENTIONS["Unreal"])]
     poles = [Joint(f"elbow.{side}", 0, np.array([0, 1.2, -1.0]), NO_VERTICES) for side in "lr"]
-    np.testing.assert_equal(limbs_of_joints([*joints, *poles]).points, limbs_of_joints(joints).points)
+    assert_equal(limbs_of_joints([*joints, *poles]).points, limbs_of_joints(joints).points)
 
 
 def test_a_limb_ends_where_the_vertices_end_that_follow_it():
     held = np.add(PLACES["hand"], [[0, -0.02, 0], [0.2, 0.02, 0]])
     joints = [replace(j, vertices=held) if j.name == "hand_l" else j for j in skeleton(CONVENTIONS["Unreal"])]
     end = limbs_of_joints(joints).points["left arm"][-1]
-    np.testing.assert_allclose(end, np.add(PLACES["hand"], (0.19, 0, 0)), atol=1e-12)  # 95 % of the way
+    assert_allclose(end, np.add(PLACES["hand"], (0.19, 0, 0)), atol=1e-12)  # 95 % of the way
 
 
 def test_a_row_of_joints_from_front_to_back_is_a_trunk_and_a_tail():
@@ -208,8 +209,8 @@ def test_a_row_of_joints_from_front_to_back_is_a_trunk_and_a_tail():
     row = [(2.0, 3), (1, 0), (0, -1), (-1, -2)]
     joints = [Joint(f"Main{i}", i - 1, z * FRONT, np.outer([z, end], FRONT)) for i, (z, end) in enumerate(row)]
     points = limbs_of_joints(joints).points
-    np.testing.assert_allclose(points["trunk"] @ FRONT, [1, 2.95])
-    np.testing.assert_allclose(points["tail"] @ FRONT, [1, 0, -1, -1.95])
+    assert_allclose(points["trunk"] @ FRONT, [1, 2.95])
+    assert_allclose(points["tail"] @ FRONT, [1, 0, -1, -1.95])
 
 
 def test_names_that_say_nothing_leave_it_to_the_shape():
@@ -268,4 +269,4 @@ def test_a_vrm_humanoid_is_known_by_the_file_s_own_table(real_data):
         found = rig_limbs(from_document(document)).points
         assert list(found) == PERSON
         for name in ("left arm", "right arm", "left leg", "right leg"):
-            np.testing.assert_array_equal(found[name], expected[name])
+            assert_array_equal(found[name], expected[name])

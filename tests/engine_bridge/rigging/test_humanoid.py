@@ -3,6 +3,7 @@ import math
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from capture.skeleton import JOINT_INDEX, JOINTS
@@ -120,7 +121,7 @@ def test_a_performer_in_a_t_pose_turns_no_bone_whatever_the_rest_pose_of_the_cha
     humanoid, _, rotations, _ = posed(puppet(rest, **axes), T_POSED)
     assert len(humanoid.names) == 21
     assert BONES.keys() <= set(humanoid.names)
-    np.testing.assert_allclose(rotations, np.tile([0, 0, 0, 1], (21, 1)), atol=1e-7)
+    assert_allclose(rotations, np.tile([0, 0, 0, 1], (21, 1)), atol=1e-7)
 
 
 @pytest.mark.parametrize(
@@ -142,15 +143,15 @@ def test_arms_held_forwards_and_a_seat_are_known_quaternions(rest, left, right):
         "LeftLowerLeg": (HALF, 0, 0, HALF),
         "RightLowerLeg": (HALF, 0, 0, HALF),
     }
-    np.testing.assert_allclose(rotations, list(expected.values()), atol=1e-6)
+    assert_allclose(rotations, list(expected.values()), atol=1e-6)
 
 
 def test_a_body_that_turns_to_its_left_turns_the_hips_alone():
     quarter = Rotation.from_euler("y", 90, degrees=True)  # forward +z to left +x
     humanoid, _, rotations, _ = posed(puppet(A_POSED), quarter.apply(T_POSED))
     assert humanoid.names[0] == "Hips"
-    np.testing.assert_allclose(rotations[0], (0, -HALF, 0, HALF), atol=1e-7)
-    np.testing.assert_allclose(rotations[1:], np.tile([0, 0, 0, 1], (20, 1)), atol=1e-7)
+    assert_allclose(rotations[0], (0, -HALF, 0, HALF), atol=1e-7)
+    assert_allclose(rotations[1:], np.tile([0, 0, 0, 1], (20, 1)), atol=1e-7)
 
 
 def random_poses(rng, count=20):
@@ -167,7 +168,7 @@ def test_bones_lie_and_point_as_the_characters_do_in_any_pose():
     for rest, scale in ((T_POSED, 1.0), (A_POSED, 0.01), (HANGING, 2.0)):
         made = puppet(rest, scale=scale, up="z", front="-x")
         humanoid, positions, rotations, motions = posed(made, *random_poses(rng))
-        np.testing.assert_allclose(positions, at_rest(made)[1], atol=1e-9)
+        assert_allclose(positions, at_rest(made)[1], atol=1e-9)
         frames = in_world(humanoid, positions, rotations)
         to_unity = np.diag([-1, 1, 1]) @ made.character.basis * scale
         hips = np.array([0, 1, 0])  # above the floor; the origin is below them
@@ -179,9 +180,9 @@ def test_bones_lie_and_point_as_the_characters_do_in_any_pose():
                 row += 1
         origin = to_unity @ made.limbs[0].points[0] - hips
         for bone, (tail, head) in BONES.items():
-            np.testing.assert_allclose(frames[bone][0], joints[tail] - origin, atol=1e-9)
+            assert_allclose(frames[bone][0], joints[tail] - origin, atol=1e-9)
             along = (joints[head] - joints[tail]) / np.linalg.norm(joints[head] - joints[tail])
-            np.testing.assert_allclose(frames[bone][1].apply(T_POSE[bone]), along, atol=1e-7)
+            assert_allclose(frames[bone][1].apply(T_POSE[bone]), along, atol=1e-7)
 
 
 def test_places_are_the_characters_own_in_metres_and_the_hips_carry_the_root():
@@ -195,28 +196,28 @@ def test_places_are_the_characters_own_in_metres_and_the_hips_carry_the_root():
         "LeftFoot": (0, -0.28, 0),
         "LeftUpperLeg": (-0.1, -0.05, 0),
     }.items():
-        np.testing.assert_allclose(places[name], place, atol=1e-9)
-    np.testing.assert_allclose(places["LeftShoulder"] + places["LeftUpperArm"], (-0.2, 0.1, 0), atol=1e-9)
+        assert_allclose(places[name], place, atol=1e-9)
+    assert_allclose(places["LeftShoulder"] + places["LeftUpperArm"], (-0.2, 0.1, 0), atol=1e-9)
     _, moved, _ = at_rest(made, root=(100, 200, 300))  # left, backwards, up
-    np.testing.assert_allclose(moved[0] - resting[0], (-1, 3, -2))
-    np.testing.assert_array_equal(moved[1:], resting[1:])
+    assert_allclose(moved[0] - resting[0], (-1, 3, -2))
+    assert_array_equal(moved[1:], resting[1:])
 
 
 def test_at_rest_soles_are_flat_elbows_are_not_twisted_and_backs_that_turn_are_straight():
     humanoid, positions, rotations = at_rest(puppet(body(thigh=(0.3, -1, 0), foot=(1, -2, 1))))
     _, foot = in_world(humanoid, positions, rotations)["LeftFoot"]
-    np.testing.assert_allclose(foot.as_rotvec(degrees=True), (0, -45, 0), atol=1e-9)
-    np.testing.assert_allclose(turn_of(puppet(body(foot=(0, -1, 0.01))), "LeftFoot"), 0, atol=1e-9)
+    assert_allclose(foot.as_rotvec(degrees=True), (0, -45, 0), atol=1e-9)
+    assert_allclose(turn_of(puppet(body(foot=(0, -1, 0.01))), "LeftFoot"), 0, atol=1e-9)
     elbow = turn_of(puppet(HANGING), "LeftLowerArm")
     bend = math.degrees(math.acos(np.dot((0.1, -1, 0), (0.05, -1, 0.4)) / math.sqrt(1.01 * 1.1625)))
     assert np.linalg.norm(elbow) == pytest.approx(bend)
     assert elbow[0] == pytest.approx(0, abs=1e-9)  # x is along the arm
     bent = T_POSED.copy()
     bent[JOINT_INDEX["head"]] = bent[JOINT_INDEX["shoulder_center"]] + [0, 0.1, 0.1]
-    np.testing.assert_allclose(turn_of(puppet(bent), "Neck"), (45, 0, 0), atol=1e-9)
-    np.testing.assert_allclose(turn_of(puppet(bent, turned=("head",)), "Neck"), 0, atol=1e-9)
+    assert_allclose(turn_of(puppet(bent), "Neck"), (45, 0, 0), atol=1e-9)
+    assert_allclose(turn_of(puppet(bent, turned=("head",)), "Neck"), 0, atol=1e-9)
     upside_down = turn_of(puppet(body(thigh=(0, 1, 0), shin=(0, 1, 0))), "LeftUpperLeg")
-    np.testing.assert_allclose(np.abs(upside_down), (0, 0, 180), atol=1e-9)  # about the forward axis
+    assert_allclose(np.abs(upside_down), (0, 0, 180), atol=1e-9)  # about the forward axis
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.performance.exercise import random_poses
 from engine_bridge.rigging.made_rig import made_rig, make_rig, with_handles
@@ -16,7 +17,7 @@ def made(limbed_rig):
 def test_every_vertex_has_weights_of_a_few_joints_whose_sum_is_one(made, limbed_rig, influences):
     rig = made if influences == 4 else make_rig(limbed_rig, influences=influences)
     assert rig.weights.weights.shape == (len(limbed_rig.mesh.vertices), influences)
-    np.testing.assert_allclose(rig.weights.weights.astype(np.float64).sum(axis=1), 1, atol=1e-6)
+    assert_allclose(rig.weights.weights.astype(np.float64).sum(axis=1), 1, atol=1e-6)
     assert rig.weights.bones.max() < len(rig.skeleton.joints)
     assert rig.rms <= made.rms
 
@@ -44,8 +45,8 @@ def test_a_limb_moves_its_own_end_and_not_another(made, limbed_rig):
 
 def test_rigs_are_the_same_each_time_and_made_once_for_clips(made, limbed_rig):
     again = make_rig(limbed_rig)
-    np.testing.assert_array_equal(again.weights.weights, made.weights.weights)
-    np.testing.assert_array_equal(again.weights.bones, made.weights.bones)
+    assert_array_equal(again.weights.weights, made.weights.weights)
+    assert_array_equal(again.weights.bones, made.weights.bones)
     assert made_rig(limbed_rig) is made_rig(limbed_rig)
 
 
@@ -53,7 +54,7 @@ def test_in_a_t_pose_arms_are_level_legs_are_upright_and_the_rest_pose_comes_bac
     straight = make_rig(limbed_rig, in_t_pose=True)
     aims = {joint.name: joint.tail - joint.head for joint in straight.skeleton.joints}
     for name, aim in {"leftUpperArm": [1, 0, 0], "rightLowerArm": [-1, 0, 0], "leftUpperLeg": [0, -1, 0]}.items():
-        np.testing.assert_allclose(aims[name] / np.linalg.norm(aims[name]), aim, atol=1e-9)
+        assert_allclose(aims[name] / np.linalg.norm(aims[name]), aim, atol=1e-9)
     assert straight.rms < 1.5 * made.rms
     placed = straight.bind.vertices(limbed_rig.mesh.vertices)
     shares = as_matrix(straight.weights, len(straight.skeleton.joints)).toarray()

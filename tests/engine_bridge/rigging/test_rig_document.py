@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from engine_bridge.character.character import from_document
@@ -24,8 +25,8 @@ def test_joints_have_their_names_places_and_axes(rigged, made):
     document, nodes = rigged
     world = world_transforms(document)[nodes]
     assert [document.gltf["nodes"][node]["name"] for node in nodes] == list(made.skeleton.names)
-    np.testing.assert_allclose(world[:, :3, 3], made.skeleton.heads, atol=1e-9)
-    np.testing.assert_allclose(world[:, :3, :3], made.skeleton.axes, atol=1e-9)
+    assert_allclose(world[:, :3, 3], made.skeleton.heads, atol=1e-9)
+    assert_allclose(world[:, :3, :3], made.skeleton.axes, atol=1e-9)
     for joint, node in zip(made.skeleton.joints, nodes, strict=True):
         above = nodes[joint.parent] if joint.parent >= 0 else nodes[0] - 1
         assert node in document.gltf["nodes"][above]["children"]
@@ -44,7 +45,7 @@ def test_a_turned_joint_turns_its_vertices_about_it(rigged, limbed_rig, made):
     joints, weights = made.weights.bones[limbed_rig.mesh.of_render], made.weights.weights[limbed_rig.mesh.of_render]
     share, rest = (np.array(below)[joints] * weights).sum(axis=1, keepdims=True), limbed_rig.character.vertices
     expected = (1 - share) * rest + share * ((rest - head) @ turn.T + head)
-    np.testing.assert_allclose(from_document(document).vertices, expected, atol=1e-6)
+    assert_allclose(from_document(document).vertices, expected, atol=1e-6)
 
 
 def test_a_transform_of_the_whole_moves_vertices_and_joints(limbed_rig, made):
@@ -52,9 +53,9 @@ def test_a_transform_of_the_whole_moves_vertices_and_joints(limbed_rig, made):
     everywhere[:3] = [[0, 0, -2, 1], [0, 2, 0, 3], [2, 0, 0, -1]]
     document, nodes, _ = rigged_document(limbed_rig.character, made, limbed_rig.mesh.of_render, everywhere)
     expected = limbed_rig.character.vertices @ everywhere[:3, :3].T + everywhere[:3, 3]
-    np.testing.assert_allclose(from_document(document).vertices, expected, atol=1e-5)
+    assert_allclose(from_document(document).vertices, expected, atol=1e-5)
     places = world_transforms(document)[nodes][:, :3, 3]
-    np.testing.assert_allclose(places, made.skeleton.heads @ everywhere[:3, :3].T + everywhere[:3, 3], atol=1e-9)
+    assert_allclose(places, made.skeleton.heads @ everywhere[:3, :3].T + everywhere[:3, 3], atol=1e-9)
 
 
 def test_a_t_pose_is_where_the_surface_was_straightened_and_more_influences_are_in_a_second_set(
@@ -63,9 +64,9 @@ def test_a_t_pose_is_where_the_surface_was_straightened_and_more_influences_are_
     straight = make_rig(limbed_rig, in_t_pose=True, influences=8)
     document, _, _ = rigged_document(limbed_rig.character, straight, limbed_rig.mesh.of_render)
     expected = straight.bind.vertices(limbed_rig.mesh.vertices)[limbed_rig.mesh.of_render]
-    np.testing.assert_allclose(from_document(document).vertices, expected, atol=1e-5)
+    assert_allclose(from_document(document).vertices, expected, atol=1e-5)
     attributes = document.gltf["meshes"][0]["primitives"][0]["attributes"]
     sets = [document.array(attributes[f"WEIGHTS_{number}"]) for number in (0, 1)]
-    np.testing.assert_array_equal(np.hstack(sets), straight.weights.weights[limbed_rig.mesh.of_render])
+    assert_array_equal(np.hstack(sets), straight.weights.weights[limbed_rig.mesh.of_render])
     document.save(tmp_path / "straight.glb")
     assert_valid_gltf(tmp_path / "straight.glb")

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from engine_bridge.puppet.puppet import CharacterTable, HandleTable, LimbTable, Puppet
@@ -37,20 +38,20 @@ def test_at_rest_joints_are_at_their_heads_and_point_to_their_tails():
     skeleton = Skeleton.along_bones(A_POSED)
     posed = in_world(skeleton, *skeleton.rest)
     for joint, (place, turn) in zip(skeleton.joints, posed, strict=True):
-        np.testing.assert_allclose(place, joint.head, atol=1e-12)
+        assert_allclose(place, joint.head, atol=1e-12)
         along = joint.tail - joint.head
-        np.testing.assert_allclose(turn.apply([0, np.linalg.norm(along), 0]), along, atol=1e-12)
+        assert_allclose(turn.apply([0, np.linalg.norm(along), 0]), along, atol=1e-12)
 
 
 def test_the_first_z_axis_of_a_limb_is_near_the_front_or_for_bones_that_point_there_near_up():
     skeleton = Skeleton.along_bones(A_POSED)
     axes = dict(zip(skeleton.names, skeleton.axes, strict=True))
-    np.testing.assert_allclose(axes["hips"], np.column_stack([[1, 0, 0], [0, 1, 0], [0, 0, 1]]), atol=1e-12)
-    np.testing.assert_allclose(axes["leftUpperArm"][:, 2], [0, 0, 1], atol=1e-12)
+    assert_allclose(axes["hips"], np.column_stack([[1, 0, 0], [0, 1, 0], [0, 0, 1]]), atol=1e-12)
+    assert_allclose(axes["leftUpperArm"][:, 2], [0, 0, 1], atol=1e-12)
     forward = Puppet(character=CharacterTable(mesh="a.glb"), limb=(limb("nose", (0, 0, 0), (0, 0, 1)),))
-    np.testing.assert_allclose(Skeleton.along_bones(forward).axes[0][:, 2], [0, 1, 0], atol=1e-12)
+    assert_allclose(Skeleton.along_bones(forward).axes[0][:, 2], [0, 1, 0], atol=1e-12)
     for each in axes.values():
-        np.testing.assert_allclose(each @ each.T, np.eye(3), atol=1e-12)
+        assert_allclose(each @ each.T, np.eye(3), atol=1e-12)
         assert np.linalg.det(each) > 0
 
 
@@ -58,8 +59,8 @@ def test_joints_of_a_limb_bend_about_the_same_axis_even_if_one_bone_points_to_th
     bent = limb("left arm", (1, 0, 0), (2, 0, 0), (2, 0, 1), (1, 0, 1))
     skeleton = Skeleton.along_bones(Puppet(character=CharacterTable(mesh="a.glb"), limb=(bent,)))
     bending = skeleton.axes[[skeleton.names.index(name) for name in ("leftUpperArm", "leftLowerArm", "leftHand")], :, 0]
-    np.testing.assert_allclose(np.abs(bending), [[0, 1, 0]] * 3, atol=1e-12)
-    np.testing.assert_allclose(bending, bending[[0, 0, 0]], atol=1e-12)
+    assert_allclose(np.abs(bending), [[0, 1, 0]] * 3, atol=1e-12)
+    assert_allclose(bending, bending[[0, 0, 0]], atol=1e-12)
 
 
 def test_posed_joints_are_where_their_bones_take_them():
@@ -71,8 +72,8 @@ def test_posed_joints_are_where_their_bones_take_them():
     posed = in_world(skeleton, *skeleton.pose(motions, root))
     for joint, axes, (place, turn) in zip(skeleton.joints, skeleton.axes, posed, strict=True):
         own = motions[joint.bone]
-        np.testing.assert_allclose(place, joint.head @ own[:3] + own[3] + root, atol=1e-9)
-        np.testing.assert_allclose(turn.as_matrix(), own[:3].T @ axes, atol=1e-9)
+        assert_allclose(place, joint.head @ own[:3] + own[3] + root, atol=1e-9)
+        assert_allclose(turn.as_matrix(), own[:3].T @ axes, atol=1e-9)
 
 
 @pytest.mark.parametrize(("up", "front"), [("y", "z"), ("z", "-y"), ("x", "y")])
@@ -86,9 +87,9 @@ def test_the_turn_from_the_t_pose_takes_its_directions_to_those_at_rest_in_chara
     turns = {joint.name: turn for joint, turn in zip(joints, from_t_pose(turned, joints), strict=True)}
     down_left = np.array([1, -1, 0]) / np.sqrt(2)
     for name in ("leftUpperArm", "leftLowerArm", "leftHand"):
-        np.testing.assert_allclose(turns[name] @ [1, 0, 0], down_left, atol=1e-12)
+        assert_allclose(turns[name] @ [1, 0, 0], down_left, atol=1e-12)
     for name in ("hips", "chest", "rightUpperLeg", "tail_1", "leftShoulder"):
-        np.testing.assert_allclose(turns[name], np.eye(3), atol=1e-12)
+        assert_allclose(turns[name], np.eye(3), atol=1e-12)
     foot = Rotation.from_matrix(turns["rightFoot"]).as_rotvec(degrees=True)
-    np.testing.assert_allclose(foot, [0, -45, 0], atol=1e-9)
-    np.testing.assert_array_equal(turns["rightToes"], turns["rightFoot"])
+    assert_allclose(foot, [0, -45, 0], atol=1e-9)
+    assert_array_equal(turns["rightToes"], turns["rightFoot"])

@@ -3,6 +3,7 @@ import io
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
 from engine_bridge.character.surfaces import obj
@@ -28,13 +29,13 @@ def only(surface):
 def same(piece, other):
     """Assert that two pieces have the same arrays."""
     for name in ("positions", "triangles", "normals", "uvs"):
-        np.testing.assert_array_equal(getattr(piece, name), getattr(other, name))
+        assert_array_equal(getattr(piece, name), getattr(other, name))
     return True
 
 
 def test_without_texture_coordinates_and_normals_vertices_stay_as_they_are(read):
     piece = only(read(f"v 9 9 9\n{SQUARE}v 8 8 8\nf 5 4 3 2\n"))
-    np.testing.assert_array_equal(piece.positions, [[9, 9, 9], [0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [8, 8, 8]])
+    assert_array_equal(piece.positions, [[9, 9, 9], [0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [8, 8, 8]])
     assert piece.triangles.tolist() == [[4, 3, 2], [4, 2, 1]]
     assert piece == Piece("", piece.positions, piece.triangles)
 
@@ -42,9 +43,9 @@ def test_without_texture_coordinates_and_normals_vertices_stay_as_they_are(read)
 def test_every_distinct_corner_becomes_a_vertex_in_order_of_first_appearance(read):
     faces = "f 3/1/1 2/2/1 1/1/1\nf 3/1/1 1/1/1 4/1/2\nf 3/2/1 1/1/1 4/1/2\n"
     piece = only(read(f"{SQUARE}vt 0 0\nvt 1 0.25\nvn 0 0 1\nvn 0 0 2\n{faces}"))
-    np.testing.assert_array_equal(piece.positions, [[1, 1, 0], [1, 0, 0], [0, 0, 0], [0, 1, 0], [1, 1, 0]])
-    np.testing.assert_array_equal(piece.uvs, [[0, 1], [1, 0.75], [0, 1], [0, 1], [1, 0.75]])
-    np.testing.assert_array_equal(piece.normals, [[0, 0, 1], [0, 0, 1], [0, 0, 1], [0, 0, 2], [0, 0, 1]])
+    assert_array_equal(piece.positions, [[1, 1, 0], [1, 0, 0], [0, 0, 0], [0, 1, 0], [1, 1, 0]])
+    assert_array_equal(piece.uvs, [[0, 1], [1, 0.75], [0, 1], [0, 1], [1, 0.75]])
+    assert_array_equal(piece.normals, [[0, 0, 1], [0, 0, 1], [0, 0, 1], [0, 0, 2], [0, 0, 1]])
     assert piece.triangles.tolist() == [[0, 1, 2], [0, 2, 3], [4, 2, 3]]
 
 
@@ -71,7 +72,7 @@ CORNERS = """
 def test_a_corner_may_name_any_of_the_three_and_keeps_what_all_of_its_face_name(read, case):
     corners, _, named = case.partition("|")
     piece = only(read(f"{SQUARE}vt 0.5 0.5\nvn 0 0 1\nf {corners}\n"))
-    np.testing.assert_array_equal(piece.positions, [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    assert_array_equal(piece.positions, [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     assert piece.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
     assert [name for name in ("uvs", "normals") if getattr(piece, name) is not None] == named.split()
 
@@ -86,9 +87,9 @@ def test_faces_that_name_different_things_become_pieces(read):
 
 def test_negative_indices_count_back_from_what_stands_before_them(read):
     piece = only(read(f"{SQUARE}vt 0 0\nvt 1 1\nf -4/-2 -3/-1 -2/-2\nv 5 5 5\nvt 0.5 0\nf -4/-1 -3/-1 -1/-1\n"))
-    np.testing.assert_array_equal(piece.positions[piece.triangles[1]], [[1, 0, 0], [1, 1, 0], [5, 5, 5]])
-    np.testing.assert_array_equal(piece.uvs[piece.triangles[0]], [[0, 1], [1, 0], [0, 1]])
-    np.testing.assert_array_equal(piece.uvs[piece.triangles[1]], [[0.5, 1]] * 3)
+    assert_array_equal(piece.positions[piece.triangles[1]], [[1, 0, 0], [1, 1, 0], [5, 5, 5]])
+    assert_array_equal(piece.uvs[piece.triangles[0]], [[0, 1], [1, 0], [0, 1]])
+    assert_array_equal(piece.uvs[piece.triangles[1]], [[0.5, 1]] * 3)
 
 
 def test_line_ends_continuations_comments_and_odd_spaces(read):
@@ -105,7 +106,7 @@ def test_line_ends_continuations_comments_and_odd_spaces(read):
 
 def test_colours_behind_the_coordinates_are_linear_afterwards(read):
     piece = only(read("v 0 0 0 1 0.5 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1 1\nf 1 2 3\n"))
-    np.testing.assert_array_equal(piece.colors, linear(np.array([[1, 0.5, 0], [0, 1, 0], [0, 0, 1]])))
+    assert_array_equal(piece.colors, linear(np.array([[1, 0.5, 0], [0, 1, 0], [0, 0, 1]])))
     assert piece.material.base_color == (1, 1, 1, 1)
     for text, notes in (("1 0 0", 1), ("1", 0)):  # the other vertices have none
         surface = read(f"v 0 0 0 {text}\nv 1 0 0\nv 0 1 0 {text}\nf 1 2 3\n")
@@ -130,7 +131,7 @@ def test_groups_and_materials_become_pieces_in_order_of_their_first_faces(read, 
     ]  # fmt: skip
     assert surface.notes == ["1 material missing in the material files: 'none'."]
     blue = surface.pieces[0]
-    np.testing.assert_array_equal(blue.positions[blue.triangles[1]], [[0, 1, 0], [1, 0, 0], [0, 0, 0]])
+    assert_array_equal(blue.positions[blue.triangles[1]], [[0, 1, 0], [1, 0, 0], [0, 0, 0]])
 
 
 def test_isolated_vertices_are_kept_once_where_there_are_several_groups(read):
@@ -222,8 +223,8 @@ def test_real_files_have_the_surface_that_trimesh_finds_in_them(real_data, name)
     soup = np.concatenate([p.positions[p.triangles] for p in obj.read(path, path.read_bytes()).pieces])
     peer = trimesh.load(path, process=False, skip_materials=True, force="mesh").triangles
     assert len(soup) == len(peer)
-    np.testing.assert_allclose(np.unique(soup.reshape(-1, 3), axis=0), np.unique(peer.reshape(-1, 3), axis=0))
+    assert_allclose(np.unique(soup.reshape(-1, 3), axis=0), np.unique(peer.reshape(-1, 3), axis=0))
     normals = [np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]).sum(axis=0) for t in (soup, peer)]
-    np.testing.assert_allclose(*normals, atol=1e-9 * np.ptp(soup) ** 2)  # whichever way polygons were cut
+    assert_allclose(*normals, atol=1e-9 * np.ptp(soup) ** 2)  # whichever way polygons were cut
     if name not in WITH_POLYGONS:
-        np.testing.assert_allclose(*(t[np.lexsort(t.reshape(-1, 9).T)] for t in (soup, peer)))
+        assert_allclose(*(t[np.lexsort(t.reshape(-1, 9).T)] for t in (soup, peer)))

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.character.surfaces import off
 from engine_bridge.character.surfaces.surface import linear
@@ -31,14 +32,14 @@ def read(path):
 def test_all_ways_to_begin_give_the_same_surface(cube, written, head):
     surface = read(written("a.off", text(cube, head)))
     (piece,) = surface.pieces
-    np.testing.assert_array_equal(piece.positions, cube.vertices)
-    np.testing.assert_array_equal(piece.triangles, cube.triangles)
+    assert_array_equal(piece.positions, cube.vertices)
+    assert_array_equal(piece.triangles, cube.triangles)
     assert (surface.notes, piece.normals, piece.uvs, piece.colors) == ([], None, None, None)
 
 
 def test_colours_of_faces_small_faces_and_further_lines_are_noted(cube, written):
     surface = read(written("a.off", text(cube, "OFF 8 7 0\n", after=" 255 0 0") + "2 0 1\n0 1\n"))
-    np.testing.assert_array_equal(surface.pieces[0].triangles, cube.triangles)
+    assert_array_equal(surface.pieces[0].triangles, cube.triangles)
     assert len(surface.notes) == 3
 
 
@@ -51,13 +52,13 @@ def test_colours_of_faces_small_faces_and_further_lines_are_noted(cube, written)
 )  # fmt: skip
 def test_normals_colours_and_texture_coordinates_of_vertices_are_read(cube, written, keyword, more):
     (piece,) = read(written("a.off", text(cube, f"{keyword}\n8 6 0\n", more))).pieces
-    np.testing.assert_array_equal(piece.positions, cube.vertices)
+    assert_array_equal(piece.positions, cube.vertices)
     if "N" in keyword:
-        np.testing.assert_array_equal(piece.normals, [[0, 0, 2]] * 8)
+        assert_array_equal(piece.normals, [[0, 0, 2]] * 8)
     if "C" in keyword:
-        np.testing.assert_allclose(piece.colors, linear(np.array([[255.0, 128.0, 0.0]] * 8)), atol=1e-5)
+        assert_allclose(piece.colors, linear(np.array([[255.0, 128.0, 0.0]] * 8)), atol=1e-5)
     if "ST" in keyword:
-        np.testing.assert_array_equal(piece.uvs, [[0.25, 0.25]] * 8)
+        assert_array_equal(piece.uvs, [[0.25, 0.25]] * 8)
     assert [value is None for value in (piece.normals, piece.colors, piece.uvs)] == [
         part not in keyword for part in ("N", "C", "ST")
     ]

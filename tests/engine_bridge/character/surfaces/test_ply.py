@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
 from engine_bridge.character.surfaces import ply
@@ -46,8 +47,8 @@ def only(surface):
 def test_polygons_become_triangles(cube, read):
     surface = read(cube_text(cube))
     piece = only(surface)
-    np.testing.assert_array_equal(piece.positions, cube.vertices)
-    np.testing.assert_array_equal(piece.triangles, cube.triangles)
+    assert_array_equal(piece.positions, cube.vertices)
+    assert_array_equal(piece.triangles, cube.triangles)
     assert (piece, surface.notes) == (Piece("", piece.positions, piece.triangles), [])
 
 
@@ -65,7 +66,7 @@ def test_polygons_become_triangles(cube, read):
 def test_colours_of_any_kind_and_order_are_read_and_opaque_if_all_were_invisible(cube, read, more, values, rgba):
     surface = read(cube_text(cube, properties(more), values))
     piece = only(surface)
-    np.testing.assert_allclose(piece.colors, linear(np.array([rgba] * 8)), atol=1e-12)
+    assert_allclose(piece.colors, linear(np.array([rgba] * 8)), atol=1e-12)
     assert piece.material.alpha_mode == ("BLEND" if rgba[3] < 1 else "OPAQUE")
     assert len(surface.notes) == (not any(values))
 
@@ -76,8 +77,8 @@ def test_texture_coordinates_normals_and_the_picture_are_read(cube, read, tmp_pa
     more = properties(f"double nx ny nz {names}")
     text = cube_text(cube, more, (0, 3, 4, 0.25, 0.75)).replace("made by hand", "TextureFile skin of a cube.png")
     piece = only(read(text))
-    np.testing.assert_array_equal(piece.normals, [[0, 3, 4]] * 8)
-    np.testing.assert_array_equal(piece.uvs, [[0.25, 0.25]] * 8)
+    assert_array_equal(piece.normals, [[0, 3, 4]] * 8)
+    assert_array_equal(piece.uvs, [[0.25, 0.25]] * 8)
     assert piece.material.texture.content == (tmp_path / "skin of a cube.png").read_bytes()
 
 
@@ -92,9 +93,9 @@ def test_texture_coordinates_of_corners_split_vertices(cube, read):
     faces = [[4, *quad, 8, *square] for quad in cube.quads]
     surface = read(header(body) + rows([*cube.vertices, [9, 9, 9]]) + rows(faces))
     piece = only(surface)
-    np.testing.assert_array_equal(piece.positions[piece.triangles], cube.vertices[cube.triangles])
+    assert_array_equal(piece.positions[piece.triangles], cube.vertices[cube.triangles])
     fan = np.array([[[0, 1], [1, 1], [1, 0]], [[0, 1], [1, 0], [0, 0]]])
-    np.testing.assert_array_equal(piece.uvs[piece.triangles], np.tile(fan, (6, 1, 1)))
+    assert_array_equal(piece.uvs[piece.triangles], np.tile(fan, (6, 1, 1)))
     corners = {(vertex, *square[2 * k : 2 * k + 2]) for quad in cube.quads for k, vertex in enumerate(quad)}
     assert len(piece.positions) == len(corners)
     assert surface.notes == ["1 vertex without a face omitted."]
@@ -115,7 +116,7 @@ def test_a_property_that_is_not_converted_is_noted(cube, read):
     )  # fmt: skip
     faces = [[4, *quad, 9] for quad in cube.quads] + [[2, 0, 1, 9]]
     surface = read(header(body) + rows([[*v, 1] for v in cube.vertices]) + "1 2\n" + rows(faces))
-    np.testing.assert_array_equal(only(surface).triangles, cube.triangles)
+    assert_array_equal(only(surface).triangles, cube.triangles)
     ignored, small = surface.notes
     assert all(name in ignored for name in ("vertex quality", "camera", "face red", "edge"))
     assert small.startswith("1 face ")
@@ -146,7 +147,7 @@ def test_a_file_written_by_trimesh_is_read_back_unchanged(ball, written, encodin
     path = written("a.ply", mesh.export(file_type="ply", encoding=encoding, vertex_normal=True))
     piece = only(ply.read(path, path.read_bytes()))
     tolerance = 1e-7 if encoding == "binary" else 1e-6
-    np.testing.assert_allclose(piece.positions, mesh.vertices, atol=tolerance)
-    np.testing.assert_array_equal(piece.triangles, mesh.faces)
-    np.testing.assert_allclose(piece.normals, mesh.vertex_normals, atol=tolerance)
-    np.testing.assert_allclose(piece.colors, linear(mesh.visual.vertex_colors / 255), atol=1e-12)
+    assert_allclose(piece.positions, mesh.vertices, atol=tolerance)
+    assert_array_equal(piece.triangles, mesh.faces)
+    assert_allclose(piece.normals, mesh.vertex_normals, atol=tolerance)
+    assert_allclose(piece.colors, linear(mesh.visual.vertex_colors / 255), atol=1e-12)

@@ -2,6 +2,7 @@ import struct
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from engine_bridge.character.surfaces import stl
 from puppetline.errors import MeshError
@@ -32,8 +33,8 @@ def read(path):
 def test_a_binary_file_is_read_facet_by_facet_and_further_bytes_are_noted(cube, written, header, attribute, after):
     surface = read(written("a.stl", binary(cube, header, attribute) + after))
     (piece,) = surface.pieces
-    np.testing.assert_array_equal(piece.positions, cube.vertices[cube.triangles].reshape(-1, 3))
-    np.testing.assert_array_equal(piece.triangles, np.arange(36).reshape(-1, 3))
+    assert_array_equal(piece.positions, cube.vertices[cube.triangles].reshape(-1, 3))
+    assert_array_equal(piece.triangles, np.arange(36).reshape(-1, 3))
     assert (surface.faceted, len(surface.notes), piece.normals) == (True, bool(after), None)
 
 
@@ -42,7 +43,7 @@ def test_solids_of_a_text_become_pieces_in_capitals_or_not(cube, written):
     first, second = read(written("a.stl", content)).pieces
     assert (first.name, second.name) == ("LEFT ARM", "")
     for piece in (first, second):
-        np.testing.assert_array_equal(piece.positions[piece.triangles], cube.vertices[cube.triangles])
+        assert_array_equal(piece.positions[piece.triangles], cube.vertices[cube.triangles])
 
 
 @pytest.mark.parametrize("facets", [13, 2**31, 2**32 - 1])
@@ -84,7 +85,7 @@ def test_a_text_that_ends_after_a_facet_or_has_further_lines_is_read_with_a_note
     for content in (whole[: whole.rindex("endsolid")], whole[: whole.rindex("endsolid") - 1], odd + "made by nobody\n"):
         surface = read(written("a.stl", content))
         (piece,) = surface.pieces
-        np.testing.assert_array_equal(piece.positions, cube.vertices[cube.triangles].reshape(-1, 3))
+        assert_array_equal(piece.positions, cube.vertices[cube.triangles].reshape(-1, 3))
         assert (piece.name, len(surface.notes)) == ("a cube", 1)
     assert "4 lines" in surface.notes[0]
     assert "line 2." in surface.notes[0]

@@ -3,6 +3,7 @@ import subprocess
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from capture.formats.bvh import forward_kinematics
 from capture.formats.bvh_parser import parse
@@ -37,7 +38,7 @@ def test_joint_positions_are_equal_when_the_file_is_read_back(path, places):
     assert frame_time == pytest.approx(1 / 30)
     for node, found in zip(nodes, positions, strict=True):
         name = node.name or f"{nodes[node.parent].name}_end"
-        np.testing.assert_allclose(found / UNITS_PER_METRE, places[name], rtol=0, atol=METRES)
+        assert_allclose(found / UNITS_PER_METRE, places[name], rtol=0, atol=METRES)
 
 
 def test_the_zero_pose_is_the_t_pose(path, motion):
@@ -47,7 +48,7 @@ def test_the_zero_pose_is_the_t_pose(path, motion):
     positions, _ = forward_kinematics(nodes, zero)
     rows = {node.name: found[0] / UNITS_PER_METRE for node, found in zip(nodes, positions, strict=True) if node.name}
     for name, head in zip(motion.body.skeleton.names, motion.body.skeleton.heads, strict=True):
-        np.testing.assert_allclose(rows[name], head, rtol=0, atol=METRES)
+        assert_allclose(rows[name], head, rtol=0, atol=METRES)
 
 
 def test_angles_do_not_jump(path):
@@ -63,7 +64,7 @@ def test_bvhio_reads_the_same_positions(path, places):
         for joint, _, _ in root.layout():
             if joint.Name in places:
                 found = np.array(joint.PositionWorld) / UNITS_PER_METRE
-                np.testing.assert_allclose(found, places[joint.Name][frame], rtol=0, atol=METRES)
+                assert_allclose(found, places[joint.Name][frame], rtol=0, atol=METRES)
 
 
 @pytest.mark.slow
@@ -77,4 +78,4 @@ def test_blender_reads_the_same_positions(path, places, players, tmp_path):
     assert len(frames) == 13
     for number, frame in enumerate(frames):
         for name, (x, y, z) in frame.items():
-            np.testing.assert_allclose([x, z, -y], places[name][25 * number], rtol=0, atol=METRES)
+            assert_allclose([x, z, -y], places[name][25 * number], rtol=0, atol=METRES)

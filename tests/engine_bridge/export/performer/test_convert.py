@@ -20,9 +20,8 @@ def two(record_events, tmp_path):
     events = []
     for number, frame in enumerate(list(performances()["walk"]().frames())[:40]):
         shifts = {1: 0.0, 2: 1.0, 5: -1.0} if number == 20 else {1: 0.0, 2: 1.0} if number >= 15 else {1: 0.0}
-        events += [
-            replace(frame, user=user, positions=frame.positions + np.array([x, 0, 0])) for user, x in shifts.items()
-        ]
+        for user, x in shifts.items():
+            events.append(replace(frame, user=user, positions=frame.positions + np.array([x, 0, 0])))
     return record_events(tmp_path / "two.log", events)
 
 

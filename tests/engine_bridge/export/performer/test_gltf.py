@@ -4,6 +4,7 @@ from itertools import pairwise
 import numpy as np
 import pygltflib as gltf
 import pytest
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation, Slerp
 
 from engine_bridge.export.performer.gltf import skeleton_animation, vrm_animation
@@ -62,7 +63,7 @@ def assert_same_directions(played, places):
         expected = places[end] - places[start]
         lengths = np.linalg.norm(found, axis=1) * np.linalg.norm(expected, axis=1)
         cosines = np.einsum("fi,fi->f", found, expected) / lengths
-        np.testing.assert_allclose(cosines, 1, atol=1e-9, err_msg=f"{start} {end}")
+        assert_allclose(cosines, 1, atol=1e-9, err_msg=f"{start} {end}")
 
 
 def test_both_documents_are_valid(second, assert_valid_gltf, tmp_path):
@@ -88,8 +89,8 @@ def test_programs_show_the_bones_where_the_joints_are(second, player, tmp_path, 
     ends += [(name, f"{name}_end") for name in tips]
     assert positions.shape == (TIMES, 6 * len(ends), 3)
     for number, (start, end) in enumerate(ends):  # the joint and its child are the last two of six corners
-        np.testing.assert_allclose(positions[:, 6 * number + 4], places[start], rtol=0, atol=2e-6 * second.body.height)
-        np.testing.assert_allclose(positions[:, 6 * number + 5], places[end], rtol=0, atol=2e-6 * second.body.height)
+        assert_allclose(positions[:, 6 * number + 4], places[start], rtol=0, atol=2e-6 * second.body.height)
+        assert_allclose(positions[:, 6 * number + 5], places[end], rtol=0, atol=2e-6 * second.body.height)
 
 
 def test_an_avatar_with_other_proportions_has_the_performers_directions(second, avatar, node, tmp_path):
@@ -101,4 +102,4 @@ def test_an_avatar_with_other_proportions_has_the_performers_directions(second, 
     assert_same_directions(played, places)
     hips = np.array(played["bones"]["hips"])
     scale = (0.6 * rest["hips"][1] + 0.02) / rest["hips"][1]
-    np.testing.assert_allclose(hips - hips[0], scale * (places["hips"] - places["hips"][0]), atol=1e-6)
+    assert_allclose(hips - hips[0], scale * (places["hips"] - places["hips"][0]), atol=1e-6)

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from capture.body import ANKLE_HEIGHT_METRES
 from capture.clip import SkeletonClip
@@ -32,14 +33,14 @@ def test_a_performer_with_constant_bones_is_followed_exactly(motion, places, fra
     )
     found = joints_of(motion_of(resample(clip), to_character_axes(rest[0])))
     written = kinect_joints(found, -1)
-    np.testing.assert_allclose(written - written[0], pose - pose[0], atol=2e-3)
+    assert_allclose(written - written[0], pose - pose[0], atol=2e-3)
     before = kinect_joints(found, 150)
-    np.testing.assert_allclose(before - before[0], rest - rest[0], atol=1e-6)
+    assert_allclose(before - before[0], rest - rest[0], atol=1e-6)
 
 
 def test_hips_travel_as_the_performers_do_and_begin_above_the_origin(kung_fu):
     timeline, motion = kung_fu
-    np.testing.assert_allclose(motion.hips[0, [0, 2]], 0, atol=1e-12)
+    assert_allclose(motion.hips[0, [0, 2]], 0, atol=1e-12)
     hips = to_character_axes(timeline.positions[:, 0])
     apart = (motion.hips - motion.hips[0]) - (hips - hips[0])
     assert np.linalg.norm(apart, axis=1).max() < 0.03  # what the smoothing may change
@@ -62,4 +63,4 @@ def test_elbows_and_knees_bend_the_right_way(motion, places):
 
 def test_neighbouring_quaternions_have_the_same_sign_and_unit_length(motion):
     assert (np.einsum("fnc,fnc->fn", motion.rotations[1:], motion.rotations[:-1]) > 0).all()
-    np.testing.assert_allclose(np.linalg.norm(motion.rotations, axis=2), 1)
+    assert_allclose(np.linalg.norm(motion.rotations, axis=2), 1)

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from capture.body import ANKLE_HEIGHT_METRES
 from capture.clip import SkeletonClip
@@ -29,7 +30,7 @@ def length(pose, joint):
 def test_a_performer_in_a_t_pose_is_the_skeleton_at_rest(motion, timeline_of):
     pose = motion.body.pose
     turned = pose[:, [2, 1, 0]] * [-1, 1, 1] + [0.4, 0.1, 2.0]  # facing −x
-    np.testing.assert_allclose(skeleton_of(timeline_of(np.tile(turned, (30, 1, 1)))).pose, pose, atol=1e-9)
+    assert_allclose(skeleton_of(timeline_of(np.tile(turned, (30, 1, 1)))).pose, pose, atol=1e-9)
 
 
 def test_lengths_are_the_medians_of_both_sides(motion, timeline_of):
@@ -54,8 +55,8 @@ def test_feet_stand_on_the_floor_and_the_head_joint_is_halfway_to_its_tip(motion
     body = motion.body
     assert body.pose[JOINT_INDEX["ankle_left"], 1] == pytest.approx(ANKLE_HEIGHT_METRES)
     neck, head = (body.skeleton.heads[body.skeleton.names.index(name)] for name in ("neck", "head"))
-    np.testing.assert_allclose((head + body.tips["head"]) / 2, body.pose[JOINT_INDEX["head"]], atol=1e-12)
-    np.testing.assert_allclose(neck, body.pose[JOINT_INDEX["shoulder_center"]], atol=1e-12)
+    assert_allclose((head + body.tips["head"]) / 2, body.pose[JOINT_INDEX["head"]], atol=1e-12)
+    assert_allclose(neck, body.pose[JOINT_INDEX["shoulder_center"]], atol=1e-12)
 
 
 def test_unknown_legs_are_those_of_a_typical_body_of_the_same_size(motion, timeline_of):
@@ -65,4 +66,4 @@ def test_unknown_legs_are_those_of_a_typical_body_of_the_same_size(motion, timel
     found = skeleton_of(timeline_of(poses))
     assert np.isfinite(found.pose).all()
     assert 0.6 < found.pose[JOINT_INDEX["hip_center"], 1] < 1.2
-    np.testing.assert_allclose(length(found.pose, "elbow_left"), length(motion.body.pose, "elbow_left"))
+    assert_allclose(length(found.pose, "elbow_left"), length(motion.body.pose, "elbow_left"))

@@ -229,7 +229,7 @@ class Glb:
 
     def show(self, *arrays, **attributes):
         """Add a node that shows a primitive, and return its number."""
-        return self.show(*arrays, **attributes)
+        return self.node(self.mesh(self.primitive(*arrays, **attributes)))
 
     def save(self, path):
         self.file.buffers = [gltf.Buffer(byteLength=len(self.blob))]

@@ -45,8 +45,8 @@ def test_a_humanoid_has_all_bones_of_its_limbs_but_those_that_are_out_of_line():
     assert all(bone == joint.name for bone, joint in found.items() if bone != "hips")
     assert found["hips"].limb == "trunk"
     neck = limb("neck", (0, 1.5, 0), (0, 1.6, 0))
-    assert "neck" not in bones([*body(), neck])  # beside the head
-    trunk, _, *others = body()
+    trunk, head, *others = body()
+    assert "neck" not in bones([trunk, neck, head, *others])  # beside the head
     assert "neck" in bones([trunk, neck, limb("head", (0, 1.6, 0), (0, 1.9, 0), parent="neck"), *others])
     low = bones(body(left_arm=limb("left arm", (0.2, 1.25, 0), (0.5, 1.5, 0), (0.8, 1.5, 0))))
     assert [name in low for name in ("chest", "upperChest")] == [True, False]

@@ -74,9 +74,10 @@ def test_axes_and_units_of_the_file_and_names_of_joints_do_not_matter(
         limb.model_copy(update={"points": tuple(map(tuple, (np.array(limb.points) @ turn).tolist()))})
         for limb in before.limb
     )
-    handles = [
-        each.model_copy(update={"position": tuple((np.array(each.position) @ turn).tolist())}) for each in before.handle
-    ]
+    handles = tuple(
+        handle.model_copy(update={"position": tuple((np.array(handle.position) @ turn).tolist())})
+        for handle in before.handle
+    )
     table = before.character.model_copy(update={"mesh": "turned.glb", "up": "z", "front": "x", "scale": 0.01})
     puppet_file.dump(
         before.model_copy(update={"character": table, "limb": limbs, "handle": handles}), tmp_path / "turned.toml"

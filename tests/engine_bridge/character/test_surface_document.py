@@ -191,17 +191,3 @@ def test_a_file_without_a_mesh_is_refused(written, ending, content):
 def test_a_file_that_cannot_be_opened_is_refused(tmp_path):
     for path in (tmp_path / "none.obj", tmp_path):
         refused_place(MeshError, path, read_surface, path)
-
-
-NOT_SOLID = {"dog_10k.off", "stanford_bunny_holes.obj", "suzanne.obj"}
-
-
-@pytest.mark.parametrize("name", [*NOT_SOLID, "beast_32k_quads.obj", "feline_winged_genus2.obj", "nasty/busted.STL"])
-def test_real_surfaces_look_outwards_as_they_are_and_the_open_ones_have_two_sides(real_data, name):
-    surface = read_surface(real_data / "mesh" / name)
-    (piece,) = surface.pieces
-    a, b, c = piece.positions[piece.triangles].swapaxes(0, 1)
-    assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() > 0
-    facing = np.cross(b - a, c - a) * piece.normals[piece.triangles].sum(axis=1)
-    assert (facing.sum(axis=1) >= 0).mean() > 0.97
-    assert (surface.notes, piece.material.double_sided) == ([], name in NOT_SOLID)

@@ -6,7 +6,6 @@ import pytest
 
 from engine_bridge.character.character import load_character
 from engine_bridge.puppet.rig_bones import rig_bones
-from engine_bridge.puppet.rig_limbs import rig_limbs
 from solver.motion.limbs import TRUNK, Limb, parents_first
 
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.uint32)
@@ -149,19 +148,3 @@ def test_without_a_trunk_what_is_above_the_limbs_stands_still(build):
 
 def test_one_plain_surface_is_no_skeleton(blob_file):
     assert len(rig_bones(load_character(blob_file), [BODY, ARM]).nodes) == 0
-
-
-def test_joints_of_a_fox_and_its_tail_become_limbs(real_data):
-    character = load_character(real_data / "mesh" / "gltf" / "quaternius_Fox.glb")
-    chains = rig_limbs(character).chains
-    parents = {TRUNK: None, "head": "neck", "left ear": "head", "right ear": "head"}
-    limbs = [limb(each.name, *each.points, parent=parents.get(each.name, TRUNK)) for each in chains]
-    bones, found = sorted_by_name(character, limbs)
-    assert found["Torso3"] == found["FrontShoulder.L"] == {"trunk 1": 1}
-    assert found["BackShoulder.R"] == found["Body"] == {"trunk 0": 1}
-    assert found["IKFrontLeg.R"] == found["FF.R"] == {"right front leg 2": 1}
-    assert (found["Neck3"], found["Head"]) == ({"neck 1": 1}, {"head 0": 1})
-    tail = [found[f"Tail{number}"] for number in range(1, 7)]
-    assert (tail[0], tail[-1]) == ({"tail 0": 1}, {"tail 2": 1})
-    assert [max(each) for each in tail] == sorted(max(each) for each in tail)
-    assert (bones.missing, bones.loose) == ((), ())

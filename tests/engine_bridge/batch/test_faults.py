@@ -126,8 +126,8 @@ def test_stopped_in_the_middle_it_leaves_whole_results_and_no_process_and_contin
         children = psutil.Process(process.pid).children(recursive=True)
         for each in [process, *children] if number == signal.SIGINT else [process]:  # Ctrl-C reaches all of them
             os.kill(each.pid, number)
-        code, said = STOPS[number]
-        assert process.wait() == code
+        exit_code, said = STOPS[number]
+        assert process.wait() == exit_code
         (tmp_path / "released").touch()
         assert process.stderr.read() == said  # at the end of all processes that could write to it
     assert psutil.wait_procs(children, TIMEOUT_SECONDS)[1] == []

@@ -163,7 +163,7 @@ def test_edited_channels_are_written_into_the_file(bent_puppet):
         ('[[morph]]\ntarget = "jawOpen"\nchannel = "voice"\n', "[[morph]] 1, target"),
         ('[[morph]]\ntarget = "jawOpen"\nchannel = "loudness"\n', "[[morph]] 1, channel"),
         ('[[channel]]\nname = "smile"\nfull = 0.0\n', "'smile', full"),
-        ('[[handle]]\nname = "jaw"\nposition = [0, 1, 0]\nchannel = "voice"\n', "'jaw', channel"),
+        ('[[handle]]\nname = "jaw"\nposition = [0, 1, 0]\nchannel = "voice"\n', "'jaw', moves"),
     ],
 )
 def test_a_wrong_target_or_channel_is_one_message(blob_puppet, tmp_path, more, where):

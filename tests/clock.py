@@ -1,10 +1,15 @@
 """Clocks that tests turn instead of waiting."""
 
+import asyncio
 import heapq
 import itertools
 import math
+import selectors
 import threading
 import time
+from contextlib import contextmanager
+
+from puppetline import clock
 
 
 class Clock:
@@ -37,6 +42,7 @@ class GivenClock:
         self._now, self._date = start, 1.7e9 - start
         self._calls, self._numbers = [], itertools.count()
         self._thread = threading.get_ident()
+        self._stands = False
 
     def now(self):
         return self._now
@@ -45,6 +51,8 @@ class GivenClock:
         return self._date + self._now
 
     def block(self, until, wait):
+        if self._stands and threading.get_ident() == self._thread:
+            return wait(0.001)
         if threading.get_ident() != self._thread or until == math.inf:
             while not (found := wait(0.001)) and self._now < until:
                 pass
@@ -55,6 +63,15 @@ class GivenClock:
             self.advance_to(min(until, self._calls[0][0] if self._calls else math.inf))
             found = wait(0)
         return found
+
+    @contextmanager
+    def standing(self):
+        """Have the clock stand in the block, where waits end after a moment: for what others do in their own time."""
+        self._stands = True
+        try:
+            yield
+        finally:
+            self._stands = False
 
     def call_at(self, moment, do):
         """Have a function called when the clock comes to a time."""
@@ -71,3 +88,26 @@ class GivenClock:
             self._now = max(self._now, due)
             do()
         self._now = max(self._now, moment)
+
+
+class GivenLoop(asyncio.SelectorEventLoop):
+    """An event loop on the given clock: its sleeps end when the clock has come to their end.
+
+    In the thread that made the clock, a sleep moves it there, as soon as nothing else is to be done; in other threads,
+    somebody else moves it.
+    """
+
+    def __init__(self):
+        super().__init__(_OnClock())
+
+    def time(self):
+        return clock.now()
+
+
+class _OnClock(selectors.DefaultSelector):
+    """Waits for files on the given clock."""
+
+    def select(self, timeout=None):
+        if timeout is not None and timeout <= 0:
+            return super().select(0)
+        return clock.block(math.inf if timeout is None else clock.now() + timeout, super().select)

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -158,7 +159,7 @@ def listen(
         end = clock.now() + (math.inf if seconds is None else seconds)
         with suppress(KeyboardInterrupt):
             while (now := clock.now()) < end:
-                if socket.poll(max(0, round(1000 * min(end - now, POLL_SECONDS)))):
+                if clock.block(min(end, now + POLL_SECONDS), partial(_poll, socket)):
                     listener.take(socket, socket.recv(), clock.now_ns())
                 silence.look(listener)
     finally:
@@ -167,6 +168,10 @@ def listen(
     if not listener.has_heard:
         raise silence.error()
     return report
+
+
+def _poll(socket: "zmq.Socket[bytes]", seconds: float) -> int:
+    return socket.poll(math.ceil(1000 * seconds))
 
 
 class _Silence:

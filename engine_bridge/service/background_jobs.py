@@ -10,19 +10,24 @@ Result = TypeVar("Result")
 class Jobs:
     """Runs functions in threads; what has to follow is called in the loop.
 
+    Parameters
+    ----------
+    open_pool : callable
+        Opens a pool with a number of threads and the beginning of their names.
+
     Attributes
     ----------
-    calibrating, loading, writing, looking, filming : ThreadPoolExecutor
+    calibrating, loading, writing, looking, filming : Executor
         Two calibrations run at a time. Each of the other pools runs one job at a time: it loads files, writes files,
         draws images of what sensors see, or waits for videos.
     """
 
-    def __init__(self) -> None:
-        self.calibrating = ThreadPoolExecutor(2, "calibration")
-        self.loading = ThreadPoolExecutor(1, "loading")
-        self.writing = ThreadPoolExecutor(1, "writing")
-        self.looking = ThreadPoolExecutor(1, "looking")
-        self.filming = ThreadPoolExecutor(1, "filming")
+    def __init__(self, open_pool: Callable[[int, str], Executor] = ThreadPoolExecutor) -> None:
+        self.calibrating = open_pool(2, "calibration")
+        self.loading = open_pool(1, "loading")
+        self.writing = open_pool(1, "writing")
+        self.looking = open_pool(1, "looking")
+        self.filming = open_pool(1, "filming")
         self._running: list[tuple[Future[Any], Callable[[Future[Any]], None]]] = []
 
     def start(self, pool: Executor, work: Callable[[], Result], then: Callable[[Future[Result]], None]) -> None:

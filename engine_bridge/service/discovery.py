@@ -9,7 +9,6 @@ import ipaddress
 import logging
 import socket
 import threading
-import time
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -118,7 +117,7 @@ class Announcement:
                 if not warned:
                     log.warning("could not announce the service on the network: %s", str(error) or type(error).__name__)
                     warned = True
-                self._changed.wait(RETRY_SECONDS)
+                clock.block(clock.now() + RETRY_SECONDS, self._changed.wait)
 
     def _announce(self) -> None:
         """Announce the service until the end, a failure, or a change of this machine's addresses."""
@@ -129,7 +128,7 @@ class Announcement:
             info = self._info(addresses, f"{self._name.encode()[:_LABEL_LENGTH].decode(errors='ignore')}.{TYPE}")
             zeroconf.register_service(info, allow_name_change=True)
             while not self._closed:
-                renamed = self._changed.wait(RETRY_SECONDS)
+                renamed = clock.block(clock.now() + RETRY_SECONDS, self._changed.wait)
                 self._changed.clear()
                 if renamed and not self._closed:
                     zeroconf.update_service(self._info(addresses, info.name))
@@ -181,7 +180,7 @@ def find(seconds: float, addresses: Sequence[str] | None = None) -> list[Found]:
 
     with closing(Zeroconf(InterfaceChoice.All if addresses is None else list(addresses))) as zeroconf:
         browser = ServiceBrowser(zeroconf, TYPE, handlers=[heard])
-        time.sleep(seconds)
+        clock.sleep_until(clock.now() + seconds)
         browser.cancel()
         infos = [ServiceInfo(TYPE, name) for name in sorted(names)]
         until = clock.now() + RESOLVE_SECONDS

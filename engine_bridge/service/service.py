@@ -78,11 +78,15 @@ class Service:
     read_settings : callable, optional
         Reads the service file again at each reload. Its stages replace the previous ones; its other tables apply at the
         next start. Without it, the service file is not read again, only the puppet files.
+    jobs : Jobs, optional
+        Runs what must not delay the loop, in threads by default; the service closes it.
 
     Attributes
     ----------
     runners : list of StageRunner
     control : Control
+    dispatcher : Dispatcher
+        Carries out requests.
     takes : Takes
     playback : TakePlayback
     count_in : CountIn
@@ -102,9 +106,11 @@ class Service:
         commands: Callable[["Service"], Mapping[str, Command]],
         show: Callable[[Status], None] | None = None,
         read_settings: Callable[[], ServiceFile] | None = None,
+        jobs: Jobs | None = None,
     ) -> None:
         self._settings, self._folder, self._commands, self._show = settings, folder, commands, show
         self._read_settings = read_settings
+        self._jobs = jobs or Jobs()
         self._resources = contextlib.ExitStack()
         try:
             self._open()
@@ -115,7 +121,6 @@ class Service:
     def _open(self) -> None:
         settings, folder, keep = self._settings, self._folder, self._resources
         endpoints = endpoints_of(settings.network, folder)  # first: nothing else is as likely to fail
-        self._jobs = Jobs()
         keep.callback(self._jobs.close)
         self.playback = TakePlayback(self.find, self.show_frames)
         self.count_in = CountIn(self.playback)
@@ -156,14 +161,14 @@ class Service:
         try:
             self._guard = Guard(context, endpoints, settings.network.max_clients)
             keep.callback(self._guard.close)
-            self._dispatcher = Dispatcher(self._commands(self))
-            answer = partial(self._dispatcher.take, encoding="json")
+            self.dispatcher = Dispatcher(self._commands(self))
+            answer = partial(self.dispatcher.take, encoding="json")
             opening = Opening(self._characters(), context, endpoints, self._guard, answer)
             for _, table in settings.output_tables():
                 output = table.open(opening)
                 keep.callback(output.close)
                 self._outputs.append(output)
-            self.control = Control(context, endpoints, self._dispatcher)
+            self.control = Control(context, endpoints, self.dispatcher)
             keep.callback(self.control.close)
         except zmq.ZMQError as error:
             where = ", ".join(f"{each.stream} and {each.control}" for each in endpoints)
@@ -204,7 +209,7 @@ class Service:
             self._notifier.ready()
             log.info("serving", extra=fields(stream=self.stream, control=self.control.endpoints))
             while not signals.stop:
-                self._turn()
+                self.turn()
                 if signals.take_reload():
                     self._reload(None)
             self._notifier.stopping()
@@ -321,13 +326,12 @@ class Service:
         settings = self._settings if self._read_settings is None else self._read_settings()
         return self._load_stages(settings, runners=list(self.runners))
 
-    def _turn(self) -> None:
+    def turn(self) -> None:
         """Wait until something arrives or is due, and process it: skeletons first."""
         self._watch_sockets()
         due = [runner.due() for runner in self.runners] + [output.due() for output in self._outputs]
         due += [self.playback.due(), self.count_in.due(), math.inf if self.kiosk is None else self.kiosk.due()]
-        timeout = max(0.0, min(*due, self._status_at) - clock.now())
-        ready = dict(self._poller.poll(math.ceil(1000 * timeout)))
+        ready = dict(clock.block(min(*due, self._status_at), self._poll))
         for runner in self.runners:
             if runner.source.fileno() in ready or runner.due() <= clock.now():
                 self._guarded(self._take_in, runner)
@@ -346,6 +350,9 @@ class Service:
                     self._guarded(reader.handle, each)
         self._guarded(self._finish_jobs)
         self._notifier.watchdog(sum(runner.events for runner in self.runners))
+
+    def _poll(self, seconds: float) -> list[tuple[Any, int]]:
+        return self._poller.poll(math.ceil(1000 * seconds))
 
     def _watch_sockets(self) -> None:
         """Poll what is open now: sources that reconnect and outputs with clients open other sockets."""
@@ -445,7 +452,7 @@ class Service:
             outcome = result(done.result())
         except Exception as error:
             outcome = error
-        self._dispatcher.finish(deferred, outcome)
+        self.dispatcher.finish(deferred, outcome)
 
     def _characters(self) -> list[StreamedCharacter]:
         return [player.character for _, player in self.players]

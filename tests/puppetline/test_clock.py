@@ -1,5 +1,6 @@
 """The clock that everything waits by, and the one that tests turn."""
 
+import asyncio
 import math
 import threading
 import time
@@ -7,6 +8,8 @@ import time
 import pytest
 
 from puppetline import clock
+
+from ..clock import GivenLoop
 
 
 def test_the_machines_clock_is_the_monotonic_one():
@@ -48,3 +51,25 @@ def test_other_threads_wait_for_the_test_to_advance_the_clock(given_clock):
     given_clock.advance(1.0)
     thread.join()
     assert woken == [until]
+
+
+def test_while_the_given_clock_stands_waits_end_after_a_moment(given_clock):
+    start = clock.now()
+    with given_clock.standing():
+        assert not clock.block(start + 5.0, lambda _: False)
+    assert clock.now() == start
+
+
+def test_an_event_loop_on_the_given_clock_sleeps_exactly_and_at_once(given_clock):
+    async def sleep(seconds):
+        await asyncio.sleep(seconds)
+        return clock.now()
+
+    async def both():
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(asyncio.Event().wait(), 3600.0)
+        return await asyncio.gather(sleep(20.0), sleep(10.0))
+
+    start = clock.now()
+    with asyncio.Runner(loop_factory=GivenLoop) as runner:
+        assert runner.run(both()) == pytest.approx([start + 3620.0, start + 3610.0])

@@ -142,8 +142,6 @@ class OscOutput(Output):
     Parameters
     ----------
     target : OscTable
-    clock : callable
-        Seconds that never decrease.
 
     Raises
     ------
@@ -151,9 +149,9 @@ class OscOutput(Output):
         The host is unknown.
     """
 
-    def __init__(self, target: OscTable, clock: Callable[[], float] = clock.now) -> None:
+    def __init__(self, target: OscTable) -> None:
         self._target = target
-        self._clock, self._began = clock, clock()
+        self._began = clock.now()
         self._turns: dict[str, _Turn] = {}
         self._sent = self._bytes = self._skipped = self._failed = 0
         family, self._address = _resolved(target)  # once: sending to a name would look up its address each time
@@ -174,12 +172,12 @@ class OscOutput(Output):
             turn.frame = frame
 
     def due(self) -> float:
-        """Return when to call `send_due`, in seconds of the clock; infinity for never."""
+        """Return when to call `send_due`, in seconds of `puppetline.clock`; infinity for never."""
         return min((turn.earliest for turn in self._turns.values() if turn.frame is not None), default=math.inf)
 
     def send_due(self) -> None:
         """Send each frame whose time has come."""
-        now, period = self._clock(), 1 / self._target.rate
+        now, period = clock.now(), 1 / self._target.rate
         for turn in self._turns.values():
             if turn.frame is not None and turn.earliest <= now:
                 self._send(turn, turn.frame, now)

@@ -4,7 +4,7 @@ Only messages with a subscriber are computed, and once for all wires.
 """
 
 from abc import abstractmethod
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
@@ -50,16 +50,9 @@ class Stream:
 
 
 class StreamOutput(Output, Generic[Peer]):
-    """Sends characters to the peers that subscribe to them.
+    """Sends characters to the peers that subscribe to them."""
 
-    Parameters
-    ----------
-    clock : callable
-        Seconds that never decrease.
-    """
-
-    def __init__(self, clock: Callable[[], float] = clock.now) -> None:
-        self._clock = clock
+    def __init__(self) -> None:
         self._characters: dict[str, StreamedCharacter] = {}
         self._kept: dict[bytes, bytes] = {}
         self._performers: dict[str, tuple[str, int | None]] = {}
@@ -76,7 +69,7 @@ class StreamOutput(Output, Generic[Peer]):
         for name in before.keys() - self._characters.keys():
             self._kept.pop(topic(name, Kind.PERFORMER), None)
             self._performers.pop(name, None)
-        now = self._clock()
+        now = clock.now()
         for name, character in self._characters.items():
             scene = topic(name, Kind.SCENE)
             if name not in before or before[name].revision != character.revision:
@@ -108,17 +101,17 @@ class StreamOutput(Output, Generic[Peer]):
         self._publish_json("service/status", status.as_json())
 
     def due(self) -> float:
-        """Return when the next answer is due, in seconds of the clock; infinity for never."""
+        """Return when the next answer is due, in seconds of `puppetline.clock`; infinity for never."""
         return min((stream.answers.due() for stream in self._streams.values()), default=float("inf"))
 
     def send_due(self) -> None:
         """Answer the subscriptions whose time has come."""
         for peer, stream in self._streams.items():
-            while (place := stream.answers.take(self._clock())) is not None:
+            while (place := stream.answers.take(clock.now())) is not None:
                 parts = self._answer(place)
                 if parts:
                     self._send(peer, *parts)
-                    stream.answers.given(place, sum(map(len, parts)), self._clock())
+                    stream.answers.given(place, sum(map(len, parts)), clock.now())
 
     def _subscribe(self, stream: Stream, prefix: bytes, connection: int) -> None:
         """Add a subscription of a connection, and request what it asks for."""
@@ -127,7 +120,7 @@ class StreamOutput(Output, Generic[Peer]):
             stream.subscriptions.add(prefix, connection, self._places())
         asked = [private] if private else [place for place in self._answerable() if place.startswith(prefix)]
         for place in asked:
-            stream.answers.ask(place, self._clock())
+            stream.answers.ask(place, clock.now())
         stream.kinds.clear()
 
     def _unsubscribe(self, stream: Stream, prefix: bytes, connection: int | None) -> None:

@@ -3,7 +3,7 @@
 Nothing here waits: a client that does not read loses messages, and does not slow down the others (docs/protocol.md).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import zmq
 
@@ -13,7 +13,6 @@ from engine_bridge.service.outputs.stream import Stream, StreamOutput
 from engine_bridge.service.protocol.header import FRAME_KINDS
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.security.endpoints import Endpoint, NetworkSettings
-from puppetline import clock
 
 QUEUED_FRAMES = 2
 """Number of frames per character and kind that are queued for a slow client; later ones are dropped for it."""
@@ -49,8 +48,6 @@ class ZeroMqOutput(StreamOutput[zmq.Socket[bytes]]):
         One socket is bound per endpoint.
     characters : sequence of StreamedCharacter
         See `announce`.
-    clock : callable
-        Seconds that never decrease.
 
     Raises
     ------
@@ -63,9 +60,8 @@ class ZeroMqOutput(StreamOutput[zmq.Socket[bytes]]):
         context: zmq.Context[zmq.Socket[bytes]],
         endpoints: Sequence[Endpoint],
         characters: Sequence[StreamedCharacter],
-        clock: Callable[[], float] = clock.now,
     ) -> None:
-        super().__init__(clock)
+        super().__init__()
         self._messages = self._bytes = 0
         waiting = QUEUED_FRAMES * len(FRAME_KINDS) * len(characters) + QUEUED_OTHERS
         try:

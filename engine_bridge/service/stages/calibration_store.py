@@ -2,7 +2,6 @@
 
 import json
 import logging
-import time
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ import platformdirs
 
 from engine_bridge.performance.calibration import Calibration
 from engine_bridge.service.stages.stage import Stage
+from puppetline import clock
 from puppetline.errors import OutputError
 from puppetline.files import written_whole
 
@@ -41,7 +41,7 @@ def known_performers(stages: dict[str, tuple[Stage, float]]) -> Any:
         for player in stage.players
         for user, (calibration, seen) in player.remembered().items()
     ]
-    return {"version": VERSION, "written": time.time(), "performers": ages}
+    return {"version": VERSION, "written": clock.wall(), "performers": ages}
 
 
 def write(known: Any, path: Path) -> None:
@@ -60,7 +60,7 @@ def recall(stages: dict[str, tuple[Stage, float]], path: Path) -> None:
         known = json.loads(path.read_text(encoding="utf-8"))
         if known["version"] != VERSION:
             return
-        away = max(0.0, time.time() - known["written"])
+        away = max(0.0, clock.wall() - known["written"])
         performers = [
             (uri, name, int(user), float(age) + away, Calibration.of_json(known_as))
             for uri, name, user, age, known_as in known["performers"]

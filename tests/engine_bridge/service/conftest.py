@@ -9,7 +9,6 @@ import socket
 import subprocess
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
 
@@ -35,22 +34,19 @@ from engine_bridge.service.monitoring.status import (
     UserStatus,
 )
 from engine_bridge.service.players.character_player import CharacterPlayer, PlayerSettings
-from engine_bridge.service.protocol.payloads import decode
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.stages.stage import Stage, StageSettings
 
 from ...capture.network.conftest import TWENTY
-
-TIMEOUT_SECONDS = 180.0
-"""Time after which a test fails, in seconds; the first start compiles."""
+from .client import TIMEOUT_SECONDS, Client
+from .in_process import AtOnce, InProcess
 
 PLAYER_SETTINGS, STAGE_SETTINGS = PlayerSettings(), StageSettings()
 
 
 @pytest.fixture(scope="session")
 def executor():
-    with ThreadPoolExecutor(2) as pool:
-        yield pool
+    return AtOnce()
 
 
 @pytest.fixture(scope="module")
@@ -162,44 +158,6 @@ class Sender:
             performer.join()
 
 
-class Client:
-    """A client with a SUB socket."""
-
-    def __init__(self, endpoint, *topics, token=None):
-        self.context = zmq.Context()
-        self.socket = self.context.socket(zmq.SUB)
-        self.socket.linger = 0
-        self.socket.reconnect_ivl, self.socket.reconnect_ivl_max = 50, 200
-        if token is not None:
-            self.socket.plain_username, self.socket.plain_password = b"puppetline", token
-        for topic in topics:
-            self.socket.subscribe(topic.encode() + b"\0")
-        self.socket.connect(endpoint)
-
-    def until(self, wanted, kind=None):
-        """Receive until a message of a kind satisfies a condition; return all messages of that kind."""
-        give_up = time.monotonic() + TIMEOUT_SECONDS
-        received = []
-        while True:
-            assert self.socket.poll(max(0, 1000 * (give_up - time.monotonic()))), received[-3:]
-            message = decode(self.socket.recv())
-            if kind is None or message.topic.endswith(f"/{kind}"):
-                received.append(message)
-                if wanted(message):
-                    return received
-
-    def pending(self):
-        """Return the messages that have arrived."""
-        received = []
-        while self.socket.poll(0):
-            received.append(decode(self.socket.recv()))
-        return received
-
-    def close(self):
-        self.socket.close()
-        self.context.term()
-
-
 class Served:
     """The command `puppetline serve` in a process."""
 
@@ -305,6 +263,20 @@ def serve_module(tmp_path_factory, own_cache, commands):
     """Start `puppetline serve` for all tests of a module that only read."""
     with services(commands, tmp_path_factory.mktemp("service")) as start:
         yield start
+
+
+@pytest.fixture
+def play(tmp_path, monkeypatch, given_clock, until_end):
+    """Open services in this process on the given clock, with the arguments of `puppetline serve`; see `InProcess`."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.setattr("capture.network.source.MAX_AGE_NS", -1)  # what the system says of its own clock
+    monkeypatch.setattr("engine_bridge.service.outputs.zeromq.QUEUED_OTHERS", 100_000)  # no client is too slow
+
+    def start(*arguments):
+        free = () if "--config" in arguments else ("--port", 0, "--no-announce", "--takes", tmp_path / "takes")
+        return until_end(InProcess(given_clock, (*free, *arguments)))
+
+    return start
 
 
 @pytest.fixture

@@ -1,4 +1,5 @@
 import os
+import time
 import tracemalloc
 from dataclasses import asdict
 from importlib.metadata import version
@@ -13,6 +14,7 @@ from engine_bridge.service import status_report
 from engine_bridge.service.monitoring.status import ClientsStatus, LatencyStatus, OutputStatus
 from engine_bridge.service.players.character_player import PlayerSettings
 from engine_bridge.service.status_report import WINDOW_SECONDS, Reporter
+from puppetline import clock
 
 CLIENTS = ClientsStatus(connected=1, refused=0, limit=64)
 OUTPUTS = [OutputStatus("osc", "127.0.0.1:9000", sent=1, bytes=100, skipped=0, failed=0)]
@@ -76,25 +78,11 @@ def test_figures_of_characters_that_have_been_removed_are_forgotten(runner, kung
     assert reporter.status([runner], CLIENTS, OUTPUTS).characters[0].frames == 0
 
 
-class Clock:
-    def __init__(self):
-        self.seconds = 1000.0
-
-    def monotonic(self):
-        return self.seconds
-
-    def monotonic_ns(self):
-        return round(self.seconds * 1e9)
-
-    def process_time(self):
-        return self.seconds / 4
-
-
 @pytest.fixture
-def own_clock(monkeypatch):
-    clock = Clock()
-    monkeypatch.setattr(status_report, "time", clock)
-    return clock
+def own_clock(given_clock, monkeypatch):
+    """The given clock, of a process that uses a quarter of a core."""
+    monkeypatch.setattr(time, "process_time", lambda: given_clock.now() / 4)
+    return given_clock
 
 
 def sent_by(name, received):
@@ -113,8 +101,8 @@ def test_rates_counts_and_latencies_are_those_of_what_was_counted(own_clock, run
     latencies = np.random.default_rng(0).permutation(np.arange(1, 301)) / 10  # milliseconds
     for latency in latencies:
         reporter.received("stage", 1)
-        reporter.sent("stage", sent_by("dog", own_clock.monotonic_ns() - latency * 1e6))
-        own_clock.seconds += 1 / 30
+        reporter.sent("stage", sent_by("dog", clock.now_ns() - latency * 1e6))
+        own_clock.advance(1 / 30)
     service, stage, dog = figures(reporter, runner)
     assert (service.version, service.pid) == (version("puppetline"), os.getpid())
     assert service.uptime == pytest.approx(10)
@@ -133,12 +121,12 @@ def test_rates_and_latencies_are_of_the_last_seconds_and_counts_of_all_time(own_
     for second in range(60):
         for _ in range(60 if second < 30 else 15):
             latency = 1e9 if second < 30 else 1e6
-            reporter.sent("stage", sent_by("dog", own_clock.monotonic_ns() - latency))
-            own_clock.seconds += 1 / 60 if second < 30 else 1 / 15
+            reporter.sent("stage", sent_by("dog", clock.now_ns() - latency))
+            own_clock.advance(1 / 60 if second < 30 else 1 / 15)
     _, stage, dog = figures(reporter, runner)
     assert (dog.frames, dog.rate) == (30 * 60 + 30 * 15, pytest.approx(15, rel=0.01))
     assert stage.latency_ms.max == pytest.approx(1)
-    own_clock.seconds += 2 * WINDOW_SECONDS
+    own_clock.advance(2 * WINDOW_SECONDS)
     _, stage, dog = figures(reporter, runner)
     assert dog.rate == 0
     assert stage.latency_ms == LatencyStatus(None, None, None, None)
@@ -148,7 +136,7 @@ def test_a_service_that_has_just_started_has_the_rate_of_its_first_seconds(own_c
     reporter = Reporter()
     for _ in range(60):
         reporter.received("stage", 1)
-        own_clock.seconds += 1 / 30
+        own_clock.advance(1 / 30)
     assert figures(reporter, runner)[1].rate == pytest.approx(30, rel=0.01)
 
 
@@ -163,7 +151,7 @@ def test_rates_hold_where_the_window_is_full(own_clock, runner, few):
     reporter = Reporter()
     for _ in range(3 * few):
         reporter.received("stage", 1)
-        own_clock.seconds += 1 / 500
+        own_clock.advance(1 / 500)
     stage = figures(reporter, runner)[1]
     assert (stage.frames, stage.rate) == (3 * few, pytest.approx(500, rel=0.01))
 
@@ -184,8 +172,8 @@ def test_memory_stays_flat_however_long_it_runs(own_clock, few):
     def run(frames):
         for _ in range(frames):
             reporter.received("stage", 1)
-            reporter.sent("stage", sent_by("dog", own_clock.monotonic_ns()))
-            own_clock.seconds += 1 / 300
+            reporter.sent("stage", sent_by("dog", clock.now_ns()))
+            own_clock.advance(1 / 300)
 
     run(2 * few)
     tracemalloc.start()
@@ -197,11 +185,12 @@ def test_memory_stays_flat_however_long_it_runs(own_clock, few):
     assert later <= grown + 20_000
 
 
-def test_the_share_of_a_core_is_that_since_the_last_call(own_clock, monkeypatch):
+def test_the_share_of_a_core_is_that_since_the_last_call(given_clock, monkeypatch):
     used = 5.0
-    monkeypatch.setattr(own_clock, "process_time", lambda: used)
+    monkeypatch.setattr(time, "process_time", lambda: used)
     reporter = Reporter()
-    own_clock.seconds, used = own_clock.seconds + 0.2, used + 0.15
+    given_clock.advance(0.2)
+    used += 0.15
     assert reporter.status([], CLIENTS, OUTPUTS).service.cpu == pytest.approx(0.75)
-    own_clock.seconds += 0.2
+    given_clock.advance(0.2)
     assert reporter.status([], CLIENTS, OUTPUTS).service.cpu == 0.0

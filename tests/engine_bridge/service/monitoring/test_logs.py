@@ -7,7 +7,6 @@ from datetime import datetime
 
 import pytest
 
-from engine_bridge.service.monitoring import logs
 from engine_bridge.service.monitoring.logs import MAX_QUEUED, OnceASecond, beside, fields, setup
 
 
@@ -89,18 +88,16 @@ def test_records_below_the_level_are_left_out_and_a_second_setup_replaces_the_fi
     assert stream.getvalue().count("\n") == 1
 
 
-def test_each_event_is_said_once_a_second_and_then_how_often_it_was_not(stream, log, monkeypatch):
+def test_each_event_is_said_once_a_second_and_then_how_often_it_was_not(stream, log, given_clock):
     setup("json", stream=stream)
-    now = [50.0]
-    monkeypatch.setattr(logs.time, "monotonic", lambda: now[0])
     limited = OnceASecond(log)
     for _ in range(1000):
         limited.warning("refused", source="osc:7110")
     limited.warning("skipped")
-    now[0] += 1.0
+    given_clock.advance(1.0)
     limited.warning("refused", source="osc:7111")
     limited.warning("refused", source="osc:7111")
-    now[0] += 5.0
+    given_clock.advance(5.0)
     limited.warning("refused", source="osc:7112")
     said = [(line["event"], line["fields"]) for line in map(json.loads, stream.getvalue().splitlines())]
     assert said == [

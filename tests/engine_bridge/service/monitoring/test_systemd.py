@@ -3,12 +3,10 @@ import shutil
 import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
-from engine_bridge.service.monitoring import systemd
 from engine_bridge.service.monitoring.systemd import Notifier
 
 UNIT = Path(__file__).parents[4] / "packaging" / "systemd" / "puppetline.service"
@@ -43,9 +41,8 @@ def notifier(until_end):
     return lambda: until_end(Notifier())
 
 
-def test_each_state_is_a_datagram_as_sd_notify_sends_it(manager, notifier):
+def test_each_state_is_a_datagram_as_sd_notify_sends_it(manager, notifier, given_clock):
     told = notifier()
-    before = time.monotonic_ns() // 1000
     told.ready()
     told.status("2 users,\n30 frames a second\nREADY=0")
     told.reloading()
@@ -53,14 +50,10 @@ def test_each_state_is_a_datagram_as_sd_notify_sends_it(manager, notifier):
     ready, status, reloading, stopping = manager()
     assert (ready, stopping) == ("READY=1", "STOPPING=1")
     assert status == "STATUS=2 users, 30 frames a second READY=0"
-    first, second = reloading.split("\n")
-    assert first == "RELOADING=1"
-    assert before <= int(second.removeprefix("MONOTONIC_USEC=")) <= time.monotonic_ns() // 1000
+    assert reloading == f"RELOADING=1\nMONOTONIC_USEC={round(1e6 * given_clock.now())}"
 
 
-def test_the_watchdog_is_fed_by_frames_and_by_nothing_else(manager, notifier, monkeypatch):
-    now = [100.0]
-    monkeypatch.setattr(systemd.time, "monotonic", lambda: now[0])
+def test_the_watchdog_is_fed_by_frames_and_by_nothing_else(manager, notifier, monkeypatch, given_clock):
     monkeypatch.setenv("WATCHDOG_USEC", "10000000")
     told = notifier()
     told.watchdog(0)
@@ -68,14 +61,14 @@ def test_the_watchdog_is_fed_by_frames_and_by_nothing_else(manager, notifier, mo
     told.watchdog(1)
     assert manager() == ["WATCHDOG=1"]
     for k in range(2, 50):  # not more often than at half of the time
-        now[0] += 0.1
+        given_clock.advance(0.1)
         told.watchdog(k)
     assert manager() == []
-    now[0] = 105.0
+    given_clock.advance_to(1005.0)
     told.watchdog(50)
     assert manager() == ["WATCHDOG=1"]
     for _ in range(100):  # time alone does not feed it
-        now[0] += 1.0
+        given_clock.advance(1.0)
         told.watchdog(50)
     assert manager() == []
     told.watchdog(51)

@@ -1,17 +1,16 @@
-"""Frames, endpoints and clocks for tests of outputs, without a service."""
-
-import time
+"""Frames and endpoints for tests of outputs, without a service."""
 
 import numpy as np
 
 from engine_bridge.service.protocol.frame import Frame
+from puppetline import clock
 
 
 def frame_of(character, sequence=0, **more):
     """Return a frame of a character that waits in its rest pose, or one with other values."""
     values = {
         "time": sequence / 30,
-        "received": time.monotonic_ns(),
+        "received": clock.now_ns(),
         "state": "waiting",
         "user": None,
         "R": character.rig.model.rest_controls,
@@ -29,12 +28,3 @@ class Open:
 
     def prepare(self, socket):
         socket.maxmsgsize = 1024
-
-
-class OwnClock:
-    """A clock that only the test advances, for an output that is given its clock."""
-
-    now = 1000.0
-
-    def __call__(self):
-        return self.now

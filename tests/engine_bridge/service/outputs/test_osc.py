@@ -15,7 +15,7 @@ from engine_bridge.service.outputs.osc import CHUNK_VERTICES, EARLY_SHARE, KINDS
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from puppetline.errors import ServiceError
 
-from .frames import OwnClock, frame_of
+from .frames import frame_of
 
 
 class Basis:
@@ -23,11 +23,6 @@ class Basis:
 
     def project(self, R):
         return Projection(np.array([0.5, 1], dtype=np.float32), 0.125, False)
-
-
-@pytest.fixture
-def own_clock():
-    return OwnClock()
 
 
 @pytest.fixture(scope="module")
@@ -46,9 +41,9 @@ def receiver():
 
 
 @pytest.fixture
-def output(receiver, own_clock, until_end):
+def output(receiver, given_clock, until_end):
     port = receiver.getsockname()[1]
-    return lambda **more: until_end(OscOutput(OscTable(port=port, **more), own_clock))
+    return lambda **more: until_end(OscOutput(OscTable(port=port, **more)))
 
 
 def performed(character, sequence=0, **more):
@@ -162,32 +157,34 @@ def test_a_value_that_a_frame_lacks_is_not_sent(output, receiver, dog):
     assert "/puppetline/dog/controls" in addresses
 
 
-def test_the_performer_is_sent_on_each_change_and_every_second(output, receiver, dog, own_clock):
+def test_the_performer_is_sent_on_each_change_and_every_second(output, receiver, dog, given_clock):
     out = output(send=("performer",), rate=100)
     for step in range(251):
         state, user = ("performing", 2) if step < 120 else ("leaving", None)
         out.offer(performed(dog, step, state=state, user=user))
         out.send_due()
-        own_clock.now += 0.01
+        given_clock.advance(0.01)
     told = [params for address, params in messages(receiver) if address == "/puppetline/dog/performer"]
     assert told == [["performing", 2], ["performing", 2], ["leaving", -1], ["leaving", -1]]
 
 
 @pytest.mark.parametrize(("offered", "rate"), [(30, 30), (120, 30), (60, 25), (1000, 7.5), (30, 100)])
-def test_frames_are_sent_at_most_at_the_rate_and_the_newest_is_chosen(output, receiver, dog, own_clock, offered, rate):
+def test_frames_are_sent_at_most_at_the_rate_and_the_newest_is_chosen(
+    output, receiver, dog, given_clock, offered, rate
+):
     out = output(rate=rate, send=("handles",))
-    sent, seconds, tick = [], 4, 0.001
+    start, sent, seconds, tick = given_clock.now(), [], 4, 0.001
     random = np.random.default_rng(3)
     frames, arrivals = 0, np.arange(offered * seconds) / offered + random.uniform(0, 0.1 / offered, offered * seconds)
     for step in range(int(seconds / tick)):
-        own_clock.now = 1000 + step * tick
+        given_clock.advance_to(start + step * tick)
         while frames < len(arrivals) and arrivals[frames] <= step * tick:
             out.offer(performed(dog, frames, targets=dog.rig.puppet.handle_positions * 0 + frames))
             frames += 1
-        if out.due() <= own_clock.now:
+        if out.due() <= given_clock.now():
             out.send_due()
             got = messages(receiver)
-            sent.append((own_clock.now, got[0][1][0]))
+            sent.append((given_clock.now(), got[0][1][0]))
             assert got[0][1][0] == frames - 1  # the newest that has been offered
     times = np.array([time for time, _ in sent])
     for count in (1, 5, 50):
@@ -198,20 +195,20 @@ def test_frames_are_sent_at_most_at_the_rate_and_the_newest_is_chosen(output, re
     assert out.statistics.skipped == frames - len(sent) - (out.due() < float("inf"))
 
 
-def test_the_turns_of_characters_and_targets_are_their_own(receiver, dog, own_clock):
+def test_the_turns_of_characters_and_targets_are_their_own(receiver, dog, given_clock):
     port = receiver.getsockname()[1]
     cat = replace(dog, name="cat")
     targets = [
         OscTable(port=port, send=("handles",)),
         OscTable(port=port, send=("handles",), characters=("cat",), rate=1),
     ]
-    outputs = [OscOutput(target, own_clock) for target in targets]
+    outputs = [OscOutput(target) for target in targets]
     for _ in range(2):
         for out in outputs:
             for character in (dog, cat):
                 out.offer(performed(character))
             out.send_due()
-        own_clock.now += 0.5
+        given_clock.advance(0.5)
     for out in outputs:
         out.close()
     counts = [address.split("/")[2] for address, _ in messages(receiver) if address.endswith("head")]
@@ -227,27 +224,27 @@ def test_a_payload_is_computed_only_when_it_is_sent(output, dog):
     assert "controls" not in vars(frame)
 
 
-def test_errors_are_counted_and_the_next_frame_is_another_try(output, receiver, dog, own_clock):
+def test_errors_are_counted_and_the_next_frame_is_another_try(output, receiver, dog, given_clock):
     out = output(send=("controls",))
     many = replace(performed(dog))
     many.__dict__["controls"] = np.zeros((2000, 3, 4), dtype=np.float32)  # no datagram is so large
     out.offer(many)
     out.send_due()
     assert (out.statistics.sent, out.statistics.failed) == (0, 1)
-    own_clock.now += 1
+    given_clock.advance(1)
     out.offer(performed(dog))
     out.send_due()
     assert (out.statistics.sent, out.statistics.failed) == (1, 1)
     assert len(received(receiver)) == 1
 
 
-def test_sending_without_a_receiver_is_no_error(dog, own_clock):
+def test_sending_without_a_receiver_is_no_error(dog, given_clock):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as closed:
         closed.bind(("127.0.0.1", 0))
         port = closed.getsockname()[1]
-    out = OscOutput(OscTable(host="localhost", port=port, send=("performer",)), own_clock)
+    out = OscOutput(OscTable(host="localhost", port=port, send=("performer",)))
     for step in range(5):
-        own_clock.now += 1
+        given_clock.advance(1)
         out.offer(performed(dog, step))
         out.send_due()
     out.close()
@@ -270,11 +267,11 @@ def test_names_in_addresses_hold_nothing_that_osc_forbids_and_differ():
     ]
 
 
-def test_a_whole_network_can_be_a_target(dog, own_clock):
+def test_a_whole_network_can_be_a_target(dog, given_clock):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as heard:
         heard.bind(("", 0))
         heard.settimeout(5)
-        out = OscOutput(OscTable(host="127.255.255.255", port=heard.getsockname()[1], send=("performer",)), own_clock)
+        out = OscOutput(OscTable(host="127.255.255.255", port=heard.getsockname()[1], send=("performer",)))
         out.offer(performed(dog, 0))
         out.send_due()
         assert heard.recv(1000).startswith(b"/puppetline/")

@@ -11,7 +11,8 @@ from pythonosc.osc_bundle import OscBundle
 from scipy.spatial.transform import Rotation
 
 from capture.network.source import open_vmc
-from capture.skeleton import JOINT_INDEX, LOST, to_character_axes
+from capture.skeleton import JOINT_INDEX, LOST, SkeletonFrame, to_character_axes
+from capture.source import wait
 from engine_bridge.performance.retargeting import PERFORMER
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.puppet.puppet import MorphTable
@@ -20,7 +21,6 @@ from engine_bridge.service.outputs.vmc import DATAGRAM_BYTES, datagrams
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from solver.motion.limb_motion import LimbMotion
 
-from ....capture.conftest import Watched
 from .frames import frame_of
 
 SIDE = """
@@ -182,19 +182,18 @@ def own_directions(figure, motions):
     return np.array([found[pair] for pair in STRAIGHT])
 
 
-def test_a_vmc_reader_recovers_the_directions_of_the_characters_bones(figure, moved_by, kung_fu):
+def test_a_vmc_reader_recovers_the_directions_of_the_characters_bones(figure, moved_by, kung_fu, given_clock):
     """Our own reader, which poses a body of its own by them."""
     motion = LimbMotion(figure.rig.puppet.limbs, PERFORMER, np.full((20, 3), np.nan))
     source = open_vmc("127.0.0.1:0")
-    clock = [0.0]
-    output = OscOutput(OscTable(host="127.0.0.1", port=source.port, rate=1000, send=("vmc",)), lambda: clock[0])
+    output = OscOutput(OscTable(host="127.0.0.1", port=source.port, rate=1000, send=("vmc",)))
     try:
         seen = 0
         for number, performed in enumerate(kung_fu[30:180:5]):
             motions = motion.step(performed.time, to_character_axes(performed.positions), performed.confidence)
             output.offer(moved_by(motions, number))
             output.send_due()
-            clock[0] += 0.1
+            given_clock.advance(0.1)
             frame = next_frame(source)
             assert (frame.confidence > LOST).all()
             read, own = directions(to_character_axes(frame.positions)), own_directions(figure, motions)
@@ -208,20 +207,21 @@ def test_a_vmc_reader_recovers_the_directions_of_the_characters_bones(figure, mo
 
 
 def next_frame(source):
-    return Watched(source).frames()[0]
+    while not (frames := [each for each in source.receive() if isinstance(each, SkeletonFrame)]):
+        wait(source, math.inf)
+    return frames[0]
 
 
-def test_the_clock_is_the_senders_and_the_rate_is_kept(figure, moved_by):
+def test_the_clock_is_the_senders_and_the_rate_is_kept(figure, moved_by, given_clock):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind(("127.0.0.1", 0))
         receiver.setblocking(False)
-        clock = [5000.0]
         target = OscTable(host="127.0.0.1", port=receiver.getsockname()[1], rate=10, send=("vmc", "performer"))
-        output = OscOutput(target, lambda: clock[0])
+        output = OscOutput(target)
         for number in range(60):
             output.offer(moved_by(still(figure), number))
             output.send_due()
-            clock[0] += 1 / 60
+            given_clock.advance(1 / 60)
         output.close()
         got = []
         while select([receiver], [], [], 0)[0]:

@@ -15,7 +15,7 @@ from engine_bridge.service.protocol.header import FRAME_KINDS, Kind, subscriptio
 from engine_bridge.service.protocol.payloads import decode
 from engine_bridge.service.protocol.scene import StreamedCharacter
 
-from .frames import Open, OwnClock, frame_of
+from .frames import Open, frame_of
 
 SECONDS = 20
 """After which what a test waits for has not come."""
@@ -30,8 +30,8 @@ def cat(blob_rig):
 
 @pytest.fixture
 def open_publisher(context, until_end):
-    def open_one(*characters, doors=None, clock=time.monotonic):
-        return until_end(ZeroMqOutput(context, doors or [Open()], characters, clock))
+    def open_one(*characters, doors=None):
+        return until_end(ZeroMqOutput(context, doors or [Open()], characters))
 
     return open_one
 
@@ -231,29 +231,26 @@ def test_two_doors_serve_their_own_clients_and_compute_once(open_publisher, subs
     assert not first.poll(50)
 
 
-def test_a_topic_is_answered_once_a_second_and_nobody_is_forgotten(open_publisher, subscribe, dog):
-    clock = OwnClock()
-    publisher = open_publisher(dog, clock=clock)
+def test_a_topic_is_answered_once_a_second_and_nobody_is_forgotten(open_publisher, subscribe, dog, given_clock):
+    publisher = open_publisher(dog)
     first = subscribe(publisher, "service/characters")
     heard(publisher, first)
     later = [subscribe(publisher, "service/characters") for _ in range(3)]
     serve(publisher, lambda: publisher.due() < float("inf"))
-    assert publisher.due() == pytest.approx(clock.now + 1)
+    assert publisher.due() == pytest.approx(given_clock.now() + 1)
     stream = publisher._streams[publisher.sockets[0]]
     serve(publisher, lambda: stream.subscriptions._held[subscription("service/characters")] == 4)
     assert not any(client.poll(20) for client in later)
-    clock.now += 1
+    given_clock.advance(1)
     for client in later:
         assert heard(publisher, client).topic == "service/characters"
     assert publisher.due() == float("inf")
 
 
-def test_after_a_reload_new_scenes_go_to_whoever_subscribed_to_them(open_publisher, subscribe, dog, cat):
-    ahead = 0.0
-    publisher = open_publisher(dog, cat, clock=lambda: time.monotonic() + ahead)
+def test_after_a_reload_new_scenes_go_to_whoever_subscribed_to_them(publisher, subscribe, dog, cat, clock):
     client = subscribe(publisher, "dog/scene", "cat/scene", "cow/scene")
     assert {heard(publisher, client).topic for _ in range(2)} == {"dog/scene", "cat/scene"}
-    ahead = 1.0  # a topic is answered once a second
+    clock.advance(1)  # a topic is answered once a second
     cow = replace(cat, name="cow")
     publisher.announce([replace(dog, revision=2), cow])
     got = [heard(publisher, client) for _ in range(2)]

@@ -1,7 +1,5 @@
 """Takes of a small character, and a service's part that plays them on a clock that tests turn."""
 
-import time
-
 import pytest
 
 from engine_bridge.service.players.character_player import PlayerSettings
@@ -10,15 +8,6 @@ from engine_bridge.service.takes.count_in import CountIn
 from engine_bridge.service.takes.take_playback import TakePlayback
 
 SOON = PlayerSettings(calibrate="at_once", ease=0.2)
-
-
-class StoppedClock:
-    """A monotonic clock that stands unless a test advances it."""
-
-    def __init__(self, patch):
-        self.now = time.monotonic()
-        patch.setattr(time, "monotonic", lambda: self.now)
-        patch.setattr(time, "monotonic_ns", lambda: int(1e9 * self.now))
 
 
 class Theatre:
@@ -40,12 +29,12 @@ class Theatre:
     def run(self, seconds):
         """Let time pass as the service's loop does; return the frames."""
         self.frames = []
-        end, turns = self.clock.now + seconds, 0
-        while self.clock.now < end:
+        end, turns = self.clock.now() + seconds, 0
+        while self.clock.now() < end:
             due = min(self.runner.due(), self.playback.due(), self.count_in.due(), end)
-            turns = 0 if due > self.clock.now else turns + 1
+            turns = 0 if due > self.clock.now() else turns + 1
             assert turns < 5, "the loop does not wait"
-            self.clock.now = max(self.clock.now, due) + 1e-6
+            self.clock.advance_to(due)
             self.frames += self.runner.take_in()
             self.playback.advance()
             self.count_in.advance()
@@ -57,12 +46,7 @@ class Theatre:
 
 
 @pytest.fixture
-def stopped_clock(monkeypatch):
-    return StoppedClock(monkeypatch)
-
-
-@pytest.fixture
-def make_theatre(stopped_clock, make_stage, record_events, kung_fu, until_end, tmp_path):
+def make_theatre(given_clock, make_stage, record_events, kung_fu, until_end, tmp_path):
     """Make stages with a performer in a loop of an example, or without one."""
 
     def make(
@@ -73,7 +57,7 @@ def make_theatre(stopped_clock, make_stage, record_events, kung_fu, until_end, t
             record_events(log, kung_fu)
         source = uri if performer else "osc:0"
         stage = make_stage(names, player_settings, **more)
-        return Theatre(stopped_clock, until_end(StageRunner(source, stage, tmp_path, sound)))
+        return Theatre(given_clock, until_end(StageRunner(source, stage, tmp_path, sound)))
 
     return make
 

@@ -1,10 +1,10 @@
 import json
-import time
 
 import pytest
 
 from capture.events import TICK_SECONDS
 from engine_bridge.service.takes.take_track import TakeTrack
+from puppetline import clock
 from puppetline.errors import OutputError, ServiceError
 
 
@@ -34,13 +34,13 @@ def opening(path):
 
 def test_the_service_counts_down_and_takes_begin_at_zero(overdub):
     theatre, _dog, path = overdub(count_in=0, seconds=0.1)
-    zero = time.monotonic() + 3
+    zero = clock.now() + 3
     theatre.count_in.start(theatre.runner, path.with_name("take3.log"), 3)
     counts = []
     assert theatre.playback.status().moment == pytest.approx(zero, abs=1e-4)
     for _ in range(7):
         counts.append(theatre.count_in.left(theatre.runner))
-        position = theatre.playback.timeline.position(time.monotonic())
+        position = theatre.playback.timeline.position(clock.now())
         theatre.run(0.4)
     assert counts == [3, 3, 3, 2, 2, 1, 1]
     assert position == 0.0
@@ -49,8 +49,8 @@ def test_the_service_counts_down_and_takes_begin_at_zero(overdub):
     theatre.run(0.3)
     assert theatre.runner.recording == "take3"
     assert theatre.count_in.left(theatre.runner) == 0
-    assert theatre.playback.timeline.position(time.monotonic()) == pytest.approx(0.1, abs=1e-4)
-    assert theatre.playback.status().moment == pytest.approx(time.monotonic(), abs=1e-4)
+    assert theatre.playback.timeline.position(clock.now()) == pytest.approx(0.1, abs=1e-4)
+    assert theatre.playback.status().moment == pytest.approx(clock.now(), abs=1e-4)
 
 
 def test_a_take_stores_its_place_on_the_timeline_and_the_takes_that_played(overdub):
@@ -129,6 +129,6 @@ def test_a_take_that_cannot_begin_after_the_count_is_logged(make_theatre, tmp_pa
 
 def test_nothing_is_recorded_over_takes_that_play_at_another_speed(overdub, tmp_path):
     theatre, _, _ = overdub(count_in=0, seconds=0.5)
-    theatre.playback.timeline.set_speed(0.5, time.monotonic())
+    theatre.playback.timeline.set_speed(0.5, clock.now())
     with pytest.raises(ServiceError, match=r"the speed 0\.5"):
         theatre.count_in.start(theatre.runner, tmp_path / "slow.log", 3)

@@ -1,6 +1,5 @@
 """Visitors record themselves by a gesture; nothing of it is kept."""
 
-import time
 import tomllib
 from dataclasses import replace
 from types import SimpleNamespace
@@ -12,7 +11,7 @@ from engine_bridge.film.scene import Scene
 from engine_bridge.service.background_jobs import Jobs
 from engine_bridge.service.stages.stage import StageSettings
 from engine_bridge.service.takes.kiosk import FOLDER, Kiosk, KioskTable
-from puppetline import toml_schema
+from puppetline import clock, toml_schema
 from puppetline.errors import ServiceError
 
 
@@ -78,7 +77,7 @@ def test_hands_up_begin_and_end_a_recording_and_the_clip_is_offered_and_deleted(
     assert kiosk.clips == [{"code": code, "seconds_left": 60}]
     run(1)
     assert clip.video.exists()
-    theatre.clock.now += 60
+    theatre.clock.advance(60)
     kiosk.advance([theatre.runner])
     assert kiosk.clips == []
     assert list((tmp_path / FOLDER).iterdir()) == []
@@ -95,6 +94,6 @@ def test_who_steps_back_ends_the_turn_and_comes_nearer_to_begin_another(make_sta
     stage = make_stage(settings=StageSettings(beyond=float(kung_fu[0].positions[0, 2]) + 1.0))
     driving = []
     for k, back in enumerate([0.0] * 20 + [1.1] * 30 + [0.8] * 20 + [0.6] * 20):
-        stage.step(moved(kung_fu[0], time=k / 30, by=(0.0, 0.0, back)), time.monotonic_ns())
+        stage.step(moved(kung_fu[0], time=k / 30, by=(0.0, 0.0, back)), clock.now_ns())
         driving.append(stage.players[0].user)
     assert (driving[19], driving[49], driving[69], driving[89]) == (1, None, None, 1)

@@ -1,5 +1,4 @@
 import itertools
-import time
 
 import numpy as np
 import pytest
@@ -7,6 +6,7 @@ import pytest
 from capture.events import TICK_SECONDS
 from engine_bridge.service.players.character_player import PlayerSettings
 from engine_bridge.service.takes.take_track import TakeTrack
+from puppetline import clock
 from puppetline.errors import ServiceError
 
 EASE = 0.2
@@ -47,7 +47,7 @@ def assert_eases_in(equal, frames, zero, seconds=EASE):
 
 def test_a_take_moves_its_character_as_it_was_recorded_after_the_easing(play):
     theatre, track, _ = play(performer=False)
-    zero = time.monotonic()
+    zero = clock.now()
     theatre.run(track.seconds - 0.01)
     frames = theatre.of("dog")
     equal, numbers = follows(track, frames, zero)
@@ -60,9 +60,9 @@ def test_a_take_moves_its_character_as_it_was_recorded_after_the_easing(play):
 def test_from_any_moment_the_controls_are_those_from_the_start(play, speed, second):
     theatre, track, _ = play(performer=False)
     theatre.run(0.5)
-    theatre.playback.timeline.set_speed(speed, time.monotonic())
+    theatre.playback.timeline.set_speed(speed, clock.now())
     theatre.playback.seek(second)
-    now, zero = time.monotonic(), time.monotonic() - second / speed
+    now, zero = clock.now(), clock.now() - second / speed
     theatre.run((track.seconds - second) / speed - 0.01)
     frames = theatre.of("dog")
     equal, numbers = follows(track, frames, zero, speed)
@@ -73,14 +73,14 @@ def test_from_any_moment_the_controls_are_those_from_the_start(play, speed, seco
 
 def test_a_pause_holds_the_pose_and_goes_on_with_the_next_frame(play):
     theatre, track, _ = play(performer=False)
-    zero = time.monotonic()
+    zero = clock.now()
     theatre.run(1.0)
-    theatre.playback.timeline.pause(True, time.monotonic())
+    theatre.playback.timeline.pause(True, clock.now())
     before = theatre.of("dog")[-1]
     theatre.run(1.0)
     assert len(theatre.of("dog")) >= 25
     assert all(np.array_equal(frame.R, before.R) for frame in theatre.of("dog"))
-    theatre.playback.timeline.pause(False, time.monotonic())
+    theatre.playback.timeline.pause(False, clock.now())
     theatre.run(0.2)
     equal, numbers = follows(track, theatre.of("dog"), zero + 1.0)
     assert all(equal)
@@ -90,7 +90,7 @@ def test_a_pause_holds_the_pose_and_goes_on_with_the_next_frame(play):
 def test_a_jump_in_a_pause_eases_into_the_other_moment(play):
     theatre, track, _ = play(performer=False)
     theatre.run(1.0)
-    theatre.playback.timeline.pause(True, time.monotonic())
+    theatre.playback.timeline.pause(True, clock.now())
     theatre.playback.seek(2.5)
     theatre.run(1.0)
     frames = theatre.of("dog")
@@ -100,7 +100,7 @@ def test_a_jump_in_a_pause_eases_into_the_other_moment(play):
 
 def test_a_loop_begins_again_and_a_take_ends_at_its_end(play):
     theatre, track, _ = play(performer=False)
-    zero = time.monotonic()
+    zero = clock.now()
     theatre.playback.timeline.loop = True
     theatre.run(2.5 * track.seconds)
     frames = theatre.of("dog")
@@ -153,7 +153,7 @@ def test_a_character_that_a_take_drives_cannot_be_chosen(play):
 
 def test_two_takes_have_one_clock_wherever_they_begin(play):
     theatre, dog, cat = play(performer=False)
-    zero = time.monotonic()
+    zero = clock.now()
     theatre.run(1.0)
     theatre.playback.add(cat, 0.4)
     theatre.run(0.8)
@@ -176,7 +176,7 @@ def test_before_and_after_its_take_a_character_idles(play):
 
 def test_a_changed_mapping_moves_the_take_too(play):
     theatre, track, _ = play(performer=False)
-    zero = time.monotonic()
+    zero = clock.now()
     theatre.run(0.5)
     player = theatre.player("dog")
     retarget = player.character.rig.puppet.retarget.model_copy(update={"scale": 0.4})

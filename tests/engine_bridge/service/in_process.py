@@ -45,7 +45,6 @@ class Stopping(Output):
         return self.end
 
     def close(self):
-        self._is_closed = True
         pass
 
 

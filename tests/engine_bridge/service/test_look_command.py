@@ -1,167 +1,111 @@
 import base64
-import time
+import json
 from io import BytesIO
-from select import select
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from capture.events import TICK_SECONDS, Tick
 from capture.sensors.source import SensorSource
-from capture.skeleton import JOINT_INDEX
-from capture.trackers.picture import Lens, Person, Picture
+from capture.skeleton import JOINT_INDEX, SkeletonFrame
+from capture.source import Counts
+from capture.trackers.picture import Lens, Picture
 from engine_bridge.service import look_command
-from engine_bridge.service.background_jobs import Jobs
-from engine_bridge.service.look_command import Looking
 from engine_bridge.service.stages import stage_runner
-from engine_bridge.service.stages.stage_runner import StageRunner
+from puppetline import clock
 
-TIMEOUT_SECONDS = 60.0
 LENS = Lens(640, 480, 525.0)
 COLOR = np.full((480, 640, 3), (200, 100, 50), np.uint8)
+HIDDEN = JOINT_INDEX["hand_left"]
+POSITIONS = np.stack([np.linspace(-0.4, 0.5, 20), np.linspace(-0.6, 0.7, 20), np.full(20, 2.5)], axis=1)
+"""Joints on a line in front of the sensor."""
 
 
-class Camera:
-    """Shows the same image over and over."""
+class Camera(SensorSource):
+    """Shows the same image with a performer, or without one, thirty times a second; it has no thread."""
 
-    name = "a camera"
+    def __init__(self, name, has_performer):
+        self.name, self.counts, self.recorded = name, Counts(), False
+        self._has_performer, self._last = has_performer, clock.now()
+        self.tracked_picture = Picture(self._last, LENS, COLOR, None)
 
-    def read(self, timeout):
-        time.sleep(0.01)
-        return Picture(time.monotonic(), LENS, COLOR, None)
+    def fileno(self):
+        return None
 
-    def close(self):
-        pass
+    def due(self):
+        return self._last + TICK_SECONDS
 
+    def now(self):
+        return clock.now()
 
-class Tracker:
-    """Finds a performer, or none for None."""
-
-    name = "a tracker"
-
-    def __init__(self, positions):
-        self._positions = positions
-
-    def track(self, _):
-        if self._positions is None:
+    def receive(self):
+        if clock.now() < self.due():
             return []
-        confidence = np.ones(20, np.float32)
-        confidence[JOINT_INDEX["hand_left"]] = 0.0
-        return [Person(3, self._positions.astype(np.float32), confidence)]
+        self._last = clock.now()
+        self.counts.received += 1
+        confidence = np.where(np.arange(20) == HIDDEN, 0, 1).astype(np.float32)
+        return [SkeletonFrame(self._last, 3, POSITIONS, confidence) if self._has_performer else Tick(self._last)]
 
     def close(self):
         pass
 
 
 @pytest.fixture
-def positions():
-    """(20, 3) joints on a line in front of the sensor."""
-    return np.stack([np.linspace(-0.4, 0.5, 20), np.linspace(-0.6, 0.7, 20), np.full(20, 2.5)], axis=1)
+def watched(play, blob_puppet, monkeypatch):
+    """Play a service whose camera sees a performer, or nobody."""
+
+    def start(has_performer=True):
+        monkeypatch.setattr(stage_runner, "open_source", lambda uri, _: Camera(uri, has_performer))
+        return play("--puppet", blob_puppet, "--source", "camera:0")
+
+    return start
 
 
-@pytest.fixture
-def make_runner(make_stage, monkeypatch, tmp_path, until_end):
-    """Run a stage whose camera sees a performer with these positions."""
-
-    def make(positions):
-        def opened(uri, _folder):
-            return SensorSource(uri, Camera, lambda _: Tracker(positions))
-
-        monkeypatch.setattr(stage_runner, "open_source", opened)
-        return until_end(StageRunner("camera:0", make_stage(), tmp_path))
-
-    return make
-
-
-class Desk:
-    """Looks as the service does, and notes the answers."""
-
-    def __init__(self):
-        self.jobs, self.answers = Jobs(), []
-        self.looking = Looking(self.jobs, self._answer)
-
-    def _answer(self, deferred, done, result):
-        error = done.exception()
-        self.answers.append((deferred, result(done.result()) if error is None else error))
-
-    def turn(self, runners):
-        for runner in runners:
-            select([runner.source.fileno()], [], [], 0.01)
-            runner.take_in()
-        self.looking.advance(runners)
-        for future, finish in self.jobs.take_finished():
-            finish(future)
-
-    def until(self, runners, condition):
-        end = time.monotonic() + TIMEOUT_SECONDS
-        while not condition():
-            assert time.monotonic() < end
-            self.turn(runners)
-
-
-@pytest.fixture
-def desk():
-    made = Desk()
-    yield made
-    made.jobs.close()
-
-
-def test_the_answer_has_the_picture_and_the_joints_where_they_are_in_it(make_runner, desk, positions):
-    runner = make_runner(positions)
-    desk.looking.ask(runner)
-    desk.until([runner], lambda: desk.answers)
-    ((_, answer),) = desk.answers
+def test_the_answer_has_the_picture_and_the_joints_where_they_are_in_it(watched):
+    answer = watched().ask("look")
     pixels = np.asarray(Image.open(BytesIO(base64.b64decode(answer["picture"]["jpeg"]))))
     assert np.abs(pixels.astype(int) - COLOR).max() <= 4
-    (performer,) = answer["performers"]
-    expected = (LENS.project(positions) / [640, 480]).tolist()
-    hidden = JOINT_INDEX["hand_left"]
-    assert performer["joints"][hidden] is None
-    for k in range(20):
-        assert k == hidden or performer["joints"][k] == pytest.approx(expected[k], abs=1e-6)
+    [performer] = answer["performers"]
+    assert performer["joints"].pop(HIDDEN) is None
+    np.testing.assert_allclose(performer["joints"], np.delete(LENS.project(POSITIONS) / [640, 480], HIDDEN, axis=0))
     assert performer["text"].startswith("user 3: 19 of 20 joints tracked, ")
     assert "User 3: lost joints: left hand." in [reason["what"] for reason in answer["reasons"]]
     assert (answer["stage"], answer["source"]) == ("stage", "camera:0")
 
 
-def test_without_a_performer_the_answer_says_why(make_runner, desk):
-    runner = make_runner(None)
-    desk.looking.ask(runner)
-    desk.until([runner], lambda: desk.answers)
-    ((_, answer),) = desk.answers
+def test_without_a_performer_the_answer_says_why(watched):
+    answer = watched(has_performer=False).ask("look")
     assert answer["performers"] == []
     assert answer["picture"]["width"] == 640
     assert [reason["what"] for reason in answer["reasons"]] == ["No performer is in view."]
 
 
-def test_nothing_is_remembered_unless_a_client_asks(make_runner, desk, positions, monkeypatch):
-    runner = make_runner(positions)
-    skeletons = runner.skeletons
-    desk.until([runner], lambda: runner.skeletons > skeletons + 3)
+def test_nothing_is_remembered_unless_a_client_asks(watched):
+    service = watched()
+    [runner] = service.service.runners
+    service.run(1.0)
     assert runner._monitor is None
-    monkeypatch.setattr(stage_runner, "WATCHED_SECONDS", 0.2)
-    runner.report()
+    service.ask("look")
+    service.run(stage_runner.WATCHED_SECONDS - 0.1)
     assert runner._monitor is not None
-    desk.until([runner], lambda: runner._monitor is None)
+    service.run(0.2)
+    assert runner._monitor is None
 
 
-def test_requests_that_wait_share_one_picture_and_the_next_comes_later(make_runner, desk, positions, monkeypatch):
+def test_requests_that_wait_share_one_picture_and_the_next_comes_later(watched, monkeypatch):
     made = []
-    monkeypatch.setattr(
-        look_command, "seen", lambda stage, report: made.append(time.monotonic()) or {"number": len(made)}
-    )
-    runner = make_runner(positions)
-    asked = [desk.looking.ask(runner) for _ in range(3)]
-    desk.until([runner], lambda: len(desk.answers) == 3)
-    assert desk.answers == [(deferred, {"number": 1}) for deferred in asked]
-    desk.looking.ask(runner)
-    desk.until([runner], lambda: len(desk.answers) == 4)
-    assert desk.answers[3][1] == {"number": 2}
-    assert made[1] - made[0] >= look_command.PERIOD_SECONDS
+    monkeypatch.setattr(look_command, "seen", lambda *_: made.append(clock.now()) or {"number": len(made)})
+    service = watched()
+    asked = [service.request("look") for _ in range(3)]
+    service.until(lambda: all(asked))
+    assert [json.loads(reply)["result"] for [reply] in asked] == [{"number": 1}] * 3
+    assert service.ask("look") == {"number": 2}
+    assert look_command.PERIOD_SECONDS <= made[1] - made[0] <= look_command.PERIOD_SECONDS + 2 * TICK_SECONDS
 
 
-def test_a_stage_that_is_gone_is_an_error(make_runner, desk, positions):
-    runner = make_runner(positions)
-    deferred = desk.looking.ask(runner)
-    desk.looking.advance([])
-    assert desk.answers == [(deferred, look_command.NO_STAGE)]
+def test_a_stage_that_is_gone_is_an_error(watched):
+    service = watched()
+    replies = service.request("look")
+    service.service._looking.advance([])
+    assert json.loads(replies[0])["error"]["where"] == "the service"

@@ -81,32 +81,9 @@ def test_controls_and_the_scene_are_all_that_positions_and_normals_need(characte
     assert np.abs(normals - expected_normals).max() <= 1e-5
 
 
-def test_the_header_says_which_frame_it_is(frame):
-    received = decode(message(frame, Kind.CONTROLS))
-    assert received.topic == "dog/controls"
-    assert received.header == Header(
-        kind=Kind.CONTROLS,
-        length=frame.controls.nbytes,
-        revision=3,
-        sequence=12,
-        state=2,
-        user=4,
-        time=1.25,
-        received=123,
-        published=456,
-        root=(0.25, 0.0, -1.5),
-    )
-
-
 def test_a_frame_without_a_user_has_user_minus_one(frame):
     header = decode(encode(Kind.HANDLES, replace(frame, user=None, state="waiting"), 0)).header
     assert (header.user, header.state) == (-1, 0)
-
-
-def test_vertices_are_the_bindings(frame):
-    positions, normals = decode(message(frame, Kind.VERTICES)).body
-    np.testing.assert_array_equal(positions, frame.vertices_and_normals[0])
-    np.testing.assert_array_equal(normals, frame.vertices_and_normals[1])
 
 
 def test_quantised_vertices_are_off_by_half_a_step(frame):
@@ -155,24 +132,6 @@ def test_a_kind_of_a_later_minor_version_has_no_body():
     assert decode(join(topic_field("dog/new"), Header(kind=99, length=3, minor=1), b"abc")).body is None
 
 
-SIZES = {
-    Kind.CONTROLS: (4, 44, 52),
-    Kind.MORPHS: (0, 5),
-    Kind.VERTICES: (12, 36),
-    Kind.VERTICES16: (0, 23, 25, 33, 34, 37),
-    Kind.JOINTS: (0, 319, 321, 640),
-    Kind.HANDLES: (8, 13),
-    Kind.PERFORMER: (0, 3),
-    Kind.SCENE: (0, 3, 4, 20),
-}
-
-
-@pytest.mark.parametrize(("kind", "size"), [(kind, size) for kind, sizes in SIZES.items() for size in sizes])
-def test_payloads_of_impossible_lengths_are_refused(kind, size):
-    with pytest.raises(WireError):
-        decode(join(topic("dog", kind), Header(kind=kind, length=size), bytes(size)))
-
-
 def test_a_topic_of_another_kind_is_refused(frame):
     moved = topic("dog", Kind.VERTICES) + message(frame, Kind.CONTROLS)[64:]
     with pytest.raises(WireError, match="under the topic"):
@@ -213,8 +172,8 @@ def assert_has_the_arrays_of(kind, received):
     elif kind in (Kind.VERTICES, Kind.VERTICES16):
         assert body.positions.dtype == body.normals.dtype == np.float32
         assert body.positions.shape == body.normals.shape == (len(body.positions), 3)
-        if kind == Kind.VERTICES:
-            assert body.positions.nbytes + body.normals.nbytes == length
+        count = len(body.positions)
+        assert length == (24 * count if kind == Kind.VERTICES else 24 + (6 * count + 3) // 4 * 4 + 4 * count)
     elif kind == Kind.SCENE:
         assert isinstance(body, Scene)
 

@@ -11,6 +11,8 @@ from aiohttp import web
 from engine_bridge.service.security import web_sockets
 from engine_bridge.service.security.web_sockets import MAX_FIRST_BYTES, Heartbeat, first_text, refuse
 
+from ....clock import GivenLoop
+
 UPGRADE = (
     "GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
     "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
@@ -130,12 +132,12 @@ def test_only_a_short_text_that_comes_in_time_is_taken(sent, text):
 
 
 @pytest.mark.parametrize("answers", [True, False])
-def test_a_silent_client_stays_as_long_as_it_answers_pings(answers):
+def test_a_silent_client_stays_as_long_as_it_answers_pings(answers, given_clock):
     async def run():
         taken, ended = [], asyncio.Event()
 
         async def follow(request, stream):
-            async for message in Heartbeat(request, stream, 0.6).messages():
+            async for message in Heartbeat(request, stream, 20.0).messages():
                 taken.append(message.data)  # noqa: PERF401 - until the connection ends
             ended.set()
 
@@ -145,14 +147,19 @@ def test_a_silent_client_stays_as_long_as_it_answers_pings(answers):
             http.ws_connect(f"http://127.0.0.1:{port}/", autoping=False) as client,
         ):
             await client.send_str("first")
+            while not taken:
+                await asyncio.sleep(0)
+            given_clock.advance(21.0)
             pinged = await client.receive()
             assert pinged.type is aiohttp.WSMsgType.PING
             if answers:
                 await client.pong(pinged.data)
                 await client.send_str("last")
                 await client.close()
+            given_clock.advance(10.0)
             await ended.wait()
         await end()
         return taken
 
-    assert asyncio.run(run()) == (["first", "last"] if answers else ["first"])
+    with given_clock.standing(), asyncio.Runner(loop_factory=GivenLoop) as runner:
+        assert runner.run(run()) == (["first", "last"] if answers else ["first"])

@@ -9,6 +9,7 @@ import os
 import pickle
 import shutil
 import subprocess
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ from puppetline.clock import use
 
 from .clock import Clock, GivenClock
 from .commands import Commands
-from .durations import Durations
+from .durations import BY_FILE, Durations
 from .outside import PEERS, PLAYERS, ROOT, LeftOut, found, load_players
 from .outside import missing as missing
 
@@ -59,28 +60,8 @@ One worker runs each group first, so that no loop is compiled twice; a test is i
 INDEPENDENT = ("tests/capture", "tests/examples", "tests/test_")
 """Tests that do not use the solver; other workers run them while its loops are compiled."""
 
-LONGEST = tuple(
-    f"tests/{file}.py"
-    for file in (
-        "engine_bridge/studio/test_page",
-        "engine_bridge/export/test_peers",
-        "engine_bridge/studio/test_page_editor",
-        "integrations/unity/test_following",
-        "engine_bridge/batch/test_faults",
-        "engine_bridge/export/test_bake",
-        "engine_bridge/service/test_service",
-        "engine_bridge/studio/backend/test_studio",
-        "integrations/unity/test_component",
-        "engine_bridge/service/test_mapping",
-        "engine_bridge/cli/test_main",
-        "integrations/unity/test_attachment",
-        "fuzz/test_characters",
-        "engine_bridge/service/test_soak",
-        "engine_bridge/service/test_video",
-        "examples/test_clients",
-    )
-)
-"""Files that take longest, in this order; a worker that began one of them last would end long after the others."""
+SLOW_SECONDS = 5.0
+"""What a test marked `slow` is taken for in a file that has not run here yet."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -103,22 +84,21 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Start with the tests that compile; long files precede short ones, so that all workers end together."""
+    """Start with the tests that compile; files that took long precede others, so that all workers end together."""
     if not config.option.exhaustive:
         config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("exhaustive")])
         items[:] = [item for item in items if not item.get_closest_marker("exhaustive")]
-    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    slow = Counter(item.nodeid.partition("::")[0] for item in items if item.get_closest_marker("slow"))
+    seconds = config.cache.get(BY_FILE, {}) if hasattr(config, "cache") else {}
     compiles = any(_compiling(item.nodeid) for item in items)
 
-    def turn(item: pytest.Item) -> tuple[int, int]:
+    def turn(item: pytest.Item) -> tuple[int, float]:
         file = item.nodeid.partition("::")[0]
         if _compiling(file):
             return 0, 0
-        if compiles and file.startswith(INDEPENDENT) and file not in LONGEST:
+        if compiles and file.startswith(INDEPENDENT):
             return 1, 0
-        if file in LONGEST:
-            return 2, LONGEST.index(file)
-        return 3, 0 if item.path in slow else 1
+        return 2, -seconds.get(file, SLOW_SECONDS * slow[file])
 
     items.sort(key=turn)
 

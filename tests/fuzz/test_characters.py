@@ -53,6 +53,7 @@ def test_damaged_real_files_are_read_or_refused(real_data, tmp_path, name):
         assert sum(outcomes.values()) >= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["textured.glb", "skinned.glb", "packed.glb", "binary.stl"])
 def test_damaged_characters_have_a_finite_model_or_are_refused(folder, name):
     def build_model(path):

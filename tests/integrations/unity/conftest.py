@@ -7,17 +7,22 @@ import shutil
 import subprocess
 import threading
 import time
-from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import zmq
 
-from engine_bridge.service.protocol.payloads import decode
+from engine_bridge.performance.clip import load_timeline, solve
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.settings import Settings
+from engine_bridge.service.protocol.frame import Frame
+from engine_bridge.service.protocol.header import FRAME_KINDS, WORDS, Header, Kind, join, topic_field, write_json
+from engine_bridge.service.protocol.payloads import decode, encode
+from engine_bridge.service.protocol.scene import Scene, StreamedCharacter
 
 from ...engine_bridge.service.conftest import services
-from ...waiting import wait_until
 
 HERE = Path(__file__).parent
 PACKAGE = Path(os.environ.get("PUPPETLINE_UNITY_PACKAGE", HERE.parents[2] / "integrations" / "unity"))
@@ -185,53 +190,96 @@ def assert_equal(vertices, theirs, diagonal, most=1e-6, normals_most=1e-5):
     assert np.mean(off > normals_most) <= 1e-3
 
 
-class Reference:
-    """Somebody else who follows the service: the newest frames as Python reads them, by sequence number."""
+class Stage:
+    """A publisher in the service's place, with one character, which sends frames when the test says so."""
 
-    MOST = 200
-
-    def __init__(self, address, *topics, token=None, every=1):
-        self.frames = {}
-        self._scene = Future()
-        self._ended = False
-        self._arguments = (address, topics, token, every)
-        self._thread = threading.Thread(target=self._follow)
+    def __init__(self, frames):
+        self.character = frames[0].character
+        scene = Scene.decode(self.character.scene)
+        self.facts, self.arrays = scene.facts, scene.arrays
+        self.diagonal = self.facts["diagonal"]
+        self.kinds = set()
+        """Kinds of frames that are subscribed to."""
+        self.sent = {}
+        """Sent frames by sequence number."""
+        self._frames, self._queue, self._is_asked, self._ended = frames, [], False, False
+        self._socket = zmq.Context.instance().socket(zmq.XPUB)
+        self._socket.linger = 0
+        self.port = self._socket.bind_to_random_port("tcp://127.0.0.1")
+        self._thread = threading.Thread(target=self._serve)
         self._thread.start()
 
-    def _follow(self):
-        address, topics, token, every = self._arguments
-        with zmq.Context() as context, context.socket(zmq.SUB) as socket:
-            socket.linger = 0
-            if token is not None:
-                socket.plain_username, socket.plain_password = b"reference", token.encode()
-            for topic in topics:
-                socket.subscribe(f"{topic}\0".encode())
-            socket.connect(address)
-            while not self._ended:
-                if socket.poll(50):
-                    message = decode(socket.recv())
-                    if "/scene/" in message.topic:
-                        if not self._scene.done():
-                            self._scene.set_result(message.body)
-                    elif message.header.sequence % every == 0:
-                        self.frames[message.header.sequence] = message
-                    while len(self.frames) > self.MOST:
-                        del self.frames[min(self.frames)]
+    def next(self, count):
+        """Return so many frames, evenly spaced, with numbers and times that follow those before."""
+        first = len(self.sent) + 1
+        picked = [self._frames[k * len(self._frames) // count] for k in range(count)]
+        return [replace(each, sequence=first + k, time=(first + k) / 30) for k, each in enumerate(picked)]
 
-    @property
-    def scene(self):
-        """The scene, as soon as it is there."""
-        return self._scene.result(TIMEOUT_SECONDS)
+    def send(self, *frames):
+        """Send frames as soon as somebody has the scene and subscribes to them."""
+        self.sent |= {frame.sequence: frame for frame in frames}
+        self._queue += frames
+
+    def _serve(self):
+        told = 0.0
+        while not self._ended:
+            if self._socket.poll(10):
+                self._take(self._socket.recv())
+                told = 0.0
+            elif time.monotonic() > told + 1:  # a follower treats silence as a lost connection
+                told = time.monotonic()
+                listed = [{"name": self.character.name, "kinds": [kind.word for kind in FRAME_KINDS]}]
+                self._publish("service/characters", Kind.CHARACTERS, write_json(listed))
+            while self._queue and self._is_asked and self.kinds:
+                frame = self._queue.pop(0)
+                for kind in self.kinds:
+                    self._socket.send(encode(kind, frame, 0))
+
+    def _take(self, request):
+        name, _, word = request[1:].rstrip(b"\0").decode().partition("/")
+        if name == self.character.name and word in WORDS:
+            (self.kinds.add if request[0] else self.kinds.discard)(WORDS[word])
+        elif request[0] and word.startswith("scene/"):
+            self._publish(f"{name}/{word}", Kind.SCENE, self.character.scene)
+            self._is_asked = True
+
+    def _publish(self, topic, kind, payload):
+        header = Header(kind=kind, length=len(payload), revision=self.character.revision)
+        self._socket.send(join(topic_field(topic), header, payload))
 
     def close(self):
         self._ended = True
         self._thread.join()
+        self._socket.close()
 
 
 @pytest.fixture
-def reference(until_end):
-    """Follow topics with libzmq and Python."""
-    return lambda *arguments, **more: until_end(Reference(*arguments, **more))
+def new_stage(until_end):
+    """Make publishers of frames."""
+    return lambda frames: until_end(Stage(frames))
+
+
+def performed(puppet, take):
+    """The frames of a take."""
+    rig, settings = load_rig(puppet), Settings()
+    timeline, _ = load_timeline(take, settings)
+    (poses,) = solve(rig, timeline, settings, 1000)
+    character, handles = StreamedCharacter.of(puppet.stem, rig), rig.puppet.handle_positions
+    return [
+        Frame(character, k + 1, k / 30, 0, "performing", 1, np.float64(R), root, handles, motions=motions)
+        for k, (R, root, motions) in enumerate(zip(*poses, strict=True))
+    ]
+
+
+@pytest.fixture(scope="session")
+def danced(blob_puppet, take):
+    return performed(blob_puppet, take)
+
+
+@pytest.fixture
+def stage(new_stage, danced):
+    """The small figure's frames."""
+    return new_stage(danced)
 
 
 @pytest.fixture(scope="session")
@@ -285,27 +333,21 @@ def locked_figure(own_cache, commands, played, token_file, tmp_path_factory):
 
 
 @pytest.fixture
-def show(start, figure):
-    """Have a Puppet show the small figure; `fields` are its own, and what `Component.cs` has besides."""
+def show(start, stage):
+    """Have a Puppet show the stage's figure; `fields` are its own, and what `Component.cs` has besides."""
 
-    def run(service=figure, **fields):
+    def run(service=stage, **fields):
         told = {"port": service.port, "character": "blob", "interpolationDelay": 0, **fields}
         return start("Component", *(f"{name}={value}" for name, value in told.items()))
 
     return run
 
 
-@pytest.fixture
-def python(reference, figure):
-    return reference(figure.stream, "blob/vertices", "blob/scene/python")
-
-
-def shown(program, reference, wanted=20, since=0):
-    """Wait until so many moments were shown that the reference has too; return (what was said, reference) of each."""
-
-    def both():
-        theirs = dict(reference.frames)
-        found = [(each, theirs[each["frame"]].body) for each in program.said[since:] if each.get("frame") in theirs]
-        return found if len(found) >= wanted else None
-
-    return wait_until(both)
+def shown(program, stage, count=10, kind=Kind.VERTICES):
+    """Send frames, each when the one before is shown; return (what was said, what Python reads of it) of each."""
+    found = []
+    for frame in stage.next(count):
+        stage.send(frame)
+        said = program.until(lambda said, number=frame.sequence: said.get("frame") == number)
+        found.append((said, decode(encode(kind, frame, 0)).body))
+    return found

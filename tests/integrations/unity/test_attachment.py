@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from engine_bridge.performance.rig import load_rig
-
 from ..surface import affine, outward
-from .conftest import shown
+from .conftest import performed, shown
 
 UNITY = np.float32([-1, 1, 1])
 
@@ -18,14 +16,14 @@ def world(said, theirs):
 
 
 @pytest.mark.parametrize(("mode", "scale"), [("Controls", None), ("Vertices", "-1.5,0.5,3"), ("Vertices16", "2,2,1")])
-def test_an_object_lies_on_its_vertex_and_turns_with_the_surface(show, python, blob_rig, mode, scale):
+def test_an_object_lies_on_its_vertex_and_turns_with_the_surface(show, stage, blob_rig, mode, scale):
     count = len(blob_rig.character.vertices)
     chosen = [0, count // 3, count // 2, count - 1]
     fields = {"materials": "Any/Shader", "mode": mode, "attach": ",".join(f"vertex:{each}" for each in chosen)}
     program = show(**fields, **({} if scale is None else {"scale": scale}))
     side = 1 if scale == "-1.5,0.5,3" else -1  # in Unity, triangles turn over; this space is mirrored
     poses = []
-    for said, theirs in shown(program, python, 60):  # of 58 in the take, in some of which little moves
+    for said, theirs in shown(program, stage):
         space, vertices = world(said, theirs)
         tolerance = (1e-4 if mode == "Vertices16" else 1e-5) * blob_rig.mesh.diagonal * np.abs(space[:3]).max()
         for vertex, attached in zip(chosen, said["attached"], strict=True):
@@ -39,36 +37,31 @@ def test_an_object_lies_on_its_vertex_and_turns_with_the_surface(show, python, b
     program.finish()
 
 
-def test_a_handle_is_at_the_vertex_nearest_to_it(show, python, blob_rig):
+def test_a_handle_is_at_the_vertex_nearest_to_it(show, stage, blob_rig):
     handle = blob_rig.puppet.handle[0]
     vertex = np.linalg.norm(blob_rig.character.vertices - np.array(handle.position), axis=1).argmin()
     program = show(materials="Any/Shader", attach=f"handle:{handle.name},vertex:{vertex}")
-    for said, _ in shown(program, python):
+    for said, _ in shown(program, stage):
         np.testing.assert_array_equal(*said["attached"])
     program.finish()
 
 
-def test_a_point_that_is_not_there_is_warned_of_once(show, figure):
+def test_a_point_that_is_not_there_is_warned_of_once(show, stage):
     program = show(materials="Any/Shader", attach="handle:no such handle")
-    program.until(lambda said: "frame" in said)
-    program.until(lambda said: "frame" in said, len(program.said))
-    warnings = [said["warning"] for said in program.finish() if "warning" in said]
-    assert warnings == ["Puppetline: the character has no such point. Set vertex, handle or limb."]
+    shown(program, stage, 2)
+    assert sum("warning" in said for said in program.finish()) == 1
 
 
-def test_a_limb_carries_the_affine_mean_of_the_vertices_around_its_point(
-    show, serve_puppet, reference, limbed_puppet, take
-):
-    limbed_rig = load_rig(limbed_puppet)
+def test_a_limb_carries_the_affine_mean_of_the_vertices_around_its_point(show, new_stage, limbed_puppet, take):
+    stage = new_stage(performed(limbed_puppet, take))
+    limbed_rig = stage.character.rig
     rest = limbed_rig.character.vertices
-    service = serve_puppet(limbed_puppet, take)
-    python = reference(service.stream, f"{limbed_puppet.stem}/vertices", f"{limbed_puppet.stem}/scene/python")
     limb = next(each for each in limbed_rig.puppet.limb if each.name == "left arm")
     start, end = np.array(limb.points[0]), np.array(limb.points[-1])
     point = (start + end) / 2
     fields = {"character": limbed_puppet.stem, "materials": "Any/Shader", "attach": "limb:left arm:0.5"}
-    program = show(service, **fields)
-    for said, theirs in shown(program, python):
+    program = show(stage, **fields)
+    for said, theirs in shown(program, stage):
         [attached] = said["attached"]
         pose = np.reshape(attached, (4, 3)) * UNITY
         along_x, along_y, along_z, expected = affine(rest, theirs.positions, point)

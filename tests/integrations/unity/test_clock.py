@@ -1,74 +1,29 @@
 """The clocks of a Puppet: the engine's, with slow motion, pauses and recordings at a fixed rate, and a manual one."""
 
-import threading
-import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
-import zmq
 
-from engine_bridge.service.protocol.header import Header, Kind, join, write_json
-from engine_bridge.service.protocol.payloads import decode
-
-from ...recorded import recorded
 from ...waiting import wait_until
 
-SCENE = decode(recorded("scene"))
-CONTROLS = recorded("1.controls")[128:]
 FPS = 30
 
 
-def message(topic, kind, payload, **fields):
-    return join(
-        topic.encode().ljust(64, b"\0"),
-        Header(kind=kind, length=len(payload), revision=SCENE.header.revision, **fields),
-        payload,
-    )
-
-
 class Service:
-    """A service with one character, which sends the frames that it is told to."""
+    """A stage whose frames have numbers and times by 1/30 s."""
 
-    def __init__(self):
-        self._frames = []
-        self._ended = False
-        self._socket = zmq.Context.instance().socket(zmq.XPUB)
-        self._socket.linger = 0
-        self.port = self._socket.bind_to_random_port("tcp://127.0.0.1")
-        self._thread = threading.Thread(target=self._serve)
-        self._thread.start()
+    def __init__(self, stage):
+        self._stage, self.port = stage, stage.port
+        [self._frame] = stage.next(1)
 
     def send(self, *numbers):
-        """Send frames."""
-        self._frames += numbers
-
-    def _serve(self):
-        told = time.monotonic()
-        while not self._ended:
-            if self._socket.poll(10):
-                wanted = self._socket.recv()
-                topic = wanted[1:].rstrip(b"\0").decode()
-                if wanted[0] and topic.startswith("worm/scene/"):
-                    self._socket.send(message(topic, Kind.SCENE, recorded("scene")[128:]))
-                told = 0.0
-            if time.monotonic() - told > 1:  # a follower treats silence as a lost connection
-                told = time.monotonic()
-                listed = write_json([{"name": "worm", "kinds": ["controls"]}])
-                self._socket.send(message("service/characters", Kind.CHARACTERS, listed))
-            while self._frames:
-                number = self._frames.pop(0)
-                fields = {"sequence": number + 1, "time": number / FPS}
-                self._socket.send(message("worm/controls", Kind.CONTROLS, CONTROLS, **fields))
-
-    def close(self):
-        self._ended = True
-        self._thread.join()
-        self._socket.close()
+        self._stage.send(*(replace(self._frame, sequence=number + 1, time=number / FPS) for number in numbers))
 
 
 @pytest.fixture
-def service(until_end):
-    return until_end(Service())
+def service(stage):
+    return Service(stage)
 
 
 @pytest.fixture
@@ -76,7 +31,7 @@ def puppet(start, service):
     """Start a puppet with a clock, as soon as it has the scene."""
 
     def run(clock, **fields):
-        given = {"port": service.port, "character": "worm", "interpolationDelay": 0, "clock": clock, **fields}
+        given = {"port": service.port, "character": "blob", "interpolationDelay": 0, "clock": clock, **fields}
         program = start("Component", "materials=Any/Shader", *(f"{name}={value}" for name, value in given.items()))
         program.until(lambda said: said.get("event") == "sceneLoaded")
         return program

@@ -9,7 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine_bridge.export.bake import bake
+from engine_bridge.export.live_basis import REACH, LiveBasis
+from engine_bridge.service.protocol.header import Kind
+from engine_bridge.service.protocol.scene import StreamedCharacter
 
 from ...waiting import wait_until
 from .conftest import array, assert_equal, shown
@@ -40,11 +42,11 @@ def assert_around(said, theirs, diagonal, looseness):
 
 
 @pytest.mark.parametrize("mode", LIMITS)
-def test_vertices_uploaded_are_those_of_the_service_in_unitys_axes(show, python, mode):
+def test_vertices_uploaded_are_those_of_the_service_in_unitys_axes(show, stage, mode):
     program = show(mode=mode, materials="Any/Shader")
     assert not mesh(program)["onGraphicsCard"]
-    both = shown(program, python, 60)
-    diagonal = python.scene.facts["diagonal"]
+    both = shown(program, stage)
+    diagonal = stage.diagonal
     for said, theirs in both:
         assert_shown(array(said["moving"], columns=6), theirs, diagonal, *LIMITS[mode])
         assert_around(said, theirs, diagonal, 1.001)
@@ -53,30 +55,30 @@ def test_vertices_uploaded_are_those_of_the_service_in_unitys_axes(show, python,
     assert program.finish()[-1]["ended"]
 
 
-def test_the_mesh_has_the_characters_triangles_turned_over_and_its_parts(show, python):
+def test_the_mesh_has_the_characters_triangles_turned_over_and_its_parts(show, stage):
     program = show(materials="Any/Shader,Other/Shader")
     made = mesh(program)
-    shown(program, python, 1)
-    triangles = python.scene.arrays["triangles"].astype(np.int32)
+    shown(program, stage, 1)
+    triangles = stage.arrays["triangles"].astype(np.int32)
     np.testing.assert_array_equal(array(made["indices"], np.int32, 3), triangles[:, [0, 2, 1]])
-    assert made["parts"] == [[0, triangles.size, 0, python.scene.facts["vertices"]]]
-    positions = python.scene.arrays["positions"] * UNITY
+    assert made["parts"] == [[0, triangles.size, 0, stage.facts["vertices"]]]
+    positions = stage.arrays["positions"] * UNITY
     low, high = positions.min(axis=0), positions.max(axis=0)
     assert made["atRest"] == [pytest.approx([*(low + high) / 2, *(high - low)], abs=1e-5)]
     assert made["materials"] == ["Any/Shader"]
     assert made["layout"] == ["0 Position 3", "0 Normal 3", "1 Color 4", "1 TexCoord0 2"]
     assert made["shown"] is False  # before there is a pose
     still = array(made["still"], columns=6)
-    assert len(still) == python.scene.facts["vertices"]
+    assert len(still) == stage.facts["vertices"]
     assert {tuple(each) for each in still.tolist()} == {(1, 1, 1, 1, 0, 0)}  # white, no texture
 
 
-def test_the_graphics_card_gets_the_rest_pose_once_and_then_transforms(show, python, shader):
+def test_the_graphics_card_gets_the_rest_pose_once_and_then_transforms(show, stage, shader):
     program = show(api=shader.api)
     made = mesh(program)
     assert made["layout"][4:] == ["2 TexCoord1 2", *(f"2 TexCoord{k} 4" for k in range(2, 8))]
-    both = shown(program, python)
-    diagonal = python.scene.facts["diagonal"]
+    both = shown(program, stage)
+    diagonal = stage.diagonal
     constant = array(made["ladder"], columns=26)
     assert len({said["moving"] for said, _ in both}) == 1
     assert {said["uploads"] for said, _ in both} == {3}
@@ -85,11 +87,11 @@ def test_the_graphics_card_gets_the_rest_pose_once_and_then_transforms(show, pyt
         by_slopes, by_cofactors, before = shader(array(said["rows"], columns=4), moving, constant)
         assert_shown(by_slopes, theirs, diagonal)
         assert np.abs(by_cofactors[:, :3] - by_slopes[:, :3]).max() <= 1e-6 * diagonal
-        earlier = python.frames.get(said["framesBefore"])
-        if earlier is not None:
-            assert np.abs(before * UNITY - earlier.body.positions).max() <= 1e-6 * diagonal
+        if said["framesBefore"]:
+            earlier = stage.sent[said["framesBefore"]].vertices_and_normals[0]
+            assert np.abs(before * UNITY - earlier).max() <= 1e-6 * diagonal
         assert_around(said, theirs, diagonal, 3)
-    assert any(said["framesBefore"] in python.frames for said, _ in both[1:])
+    assert [said["framesBefore"] for said, _ in both[1:]] == [said["frame"] for said, _ in both[:-1]]
     assert program.finish()[-1]["ended"]
 
 
@@ -102,43 +104,32 @@ def test_another_pipelines_own_material_is_used_on_the_processor(show, pipeline,
     assert (made["materials"], made["onGraphicsCard"]) == ([material], material == "PuppetlineControls")
 
 
-def test_quick_normals_are_other_normals_at_the_same_places(show, python):
+def test_quick_normals_are_other_normals_at_the_same_places(show, stage):
     program = show(materials="Any/Shader", quickNormals=True)
-    for said, theirs in shown(program, python):
+    for said, theirs in shown(program, stage):
         positions, normals = np.split(array(said["moving"], columns=6) * np.tile(UNITY, 2), 2, axis=1)
-        assert np.abs(positions - theirs.positions).max() <= 1e-6 * python.scene.facts["diagonal"]
+        assert np.abs(positions - theirs.positions).max() <= 1e-6 * stage.diagonal
         cosines = np.sum(normals * theirs.normals, axis=1)
         assert cosines.min() < np.median(cosines) <= 1 + 1e-5
         assert np.median(cosines) > 0.999
     program.finish()
 
 
-def test_with_a_delay_there_are_moments_between_those_that_were_sent(show, python):
-    program = show(materials="Any/Shader", interpolationDelay=0.1)
-    shown(program, python)
-    sent = {message.header.time for message in python.frames.values()}
-    times = [said["time"] for said in program.said if "time" in said]
-    assert times == sorted(times)
-    assert len(set(times) - sent) > 10
-
-
 @pytest.mark.parametrize(("whole", "skins"), [(100, "found"), (1, "given with gaps")])
-def test_morphs_set_the_weights_of_the_targets_and_move_the_root(show, reference, figure, whole, skins):
-    python = reference(figure.stream, "blob/morphs", "blob/scene/python")
-    program = show(
-        mode="Morphs", whole=whole, skins=skins, shapes=",".join(["smile", *(f"motion_{k}" for k in range(64))])
-    )
-    both = shown(program, python)
-    count = len(python.scene.facts["morphs"])
-    for said, theirs in both:
-        root = python.frames[said["frame"]].header.root
-        x, y, z = root * UNITY
-        assert said["root"] == pytest.approx(
-            [1 + 2 * z, 2 + 2 * y, 3 - 2 * x], abs=1e-5
-        )  # turned by 90° about y, and scaled
+def test_morphs_set_the_weights_of_the_targets_and_move_the_root(show, new_stage, danced, whole, skins):
+    rig = danced[0].character.rig
+    directions = np.float32([danced[k].R - rig.model.rest_controls for k in (20, 40)])
+    character = StreamedCharacter("blob", rig, 1, LiveBasis(directions, REACH, rig.model))
+    stage = new_stage([replace(frame, character=character) for frame in danced])
+    shapes = ",".join(["smile", *(f"motion_{k}" for k in range(64))])
+    program = show(stage, mode="Morphs", whole=whole, skins=skins, shapes=shapes)
+    for said, theirs in shown(program, stage, kind=Kind.MORPHS):
+        x, y, z = stage.sent[said["frame"]].root * UNITY
+        # turned by 90° about y, and scaled
+        assert said["root"] == pytest.approx([1 + 2 * z, 2 + 2 * y, 3 - 2 * x], abs=1e-5)
         expected = {1 + k: whole * weight for k, weight in enumerate(theirs.weights.tolist())}
         assert dict(map(tuple, said["weights"])) == pytest.approx(expected, rel=1e-6)
-        assert len(expected) == count
+        assert len(expected) == len(stage.facts["morphs"])
     assert program.finish()[-1]["rest"] == [1, 2]
 
 
@@ -192,13 +183,14 @@ def test_a_refusal_is_told_and_warned_of_once_and_another_token_lets_in(start, l
     assert [each["warning"] for each in said if "warning" in each] == [f"Puppetline: {refused['value']}"]
 
 
-def test_a_mode_changed_at_run_time_takes_effect(show, python):
+def test_a_mode_changed_at_run_time_takes_effect(show, stage):
     program = show()
-    shown(program, python, 2)
+    shown(program, stage, 2)
     since = len(program.said)
     program.tell("set mode Vertices")
-    said, theirs = shown(program, python, 2, since)[-1]
-    assert_shown(array(said["moving"], columns=6), theirs, python.scene.facts["diagonal"])
+    program.until(lambda said: said.get("event") == "sceneLoaded", since)
+    for said, theirs in shown(program, stage, 2):
+        assert_shown(array(said["moving"], columns=6), theirs, stage.diagonal)
     program.finish()
 
 
@@ -226,12 +218,12 @@ def test_a_disabled_puppet_answers_every_request_with_an_error(start, free_port)
 
 
 @pytest.mark.parametrize("event", ["connected", "sceneLoaded", "performerFound", "disconnected"])
-def test_a_listener_of_an_event_may_disable_the_component(show, serve_figure, figure, event):
-    service = serve_figure() if event == "disconnected" else figure
-    program = show(service, materials="Any/Shader", leaveOn=event)
+def test_a_listener_of_an_event_may_disable_the_component(show, stage, event):
+    stage.send(*stage.next(10))
+    program = show(materials="Any/Shader", leaveOn=event)
     if event == "disconnected":
         program.until(lambda said: "frame" in said)
-        service.stop(signal.SIGKILL)
+        stage.close()
     left = program.until(lambda said: "left" in said)
     said = program.finish()
     assert left == {"left": event}
@@ -302,24 +294,14 @@ def test_the_samples_buttons_record_a_take_play_it_record_over_it_and_trim_it(sh
 
 
 @pytest.mark.parametrize("mode", ["Morphs", "Bones"])
-def test_a_voice_moves_the_targets_that_the_meshes_have_themselves(
-    mode, show, serve_puppet, reference, talking, frames, dance, record_events, tmp_path
-):
-    voices = [replace(each, channels={"voice": 0.9 * (n % 20) / 20}) for n, each in enumerate(frames(dance()))]
-    log, puppet, targets = record_events(tmp_path / "talk.log", voices), talking(limbs=True), tmp_path / "baked.glb"
-    bake(puppet, targets, (log,), tolerance=0.01)
-    service = serve_puppet(puppet, log, "--morphs", targets)
-    python = reference(service.stream, f"talking/{mode.lower()}", "talking/scene/python")
-    bones = tmp_path / "bones.json"
-    bones.write_text(json.dumps(python.scene.facts["bones"]))
-    shapes = ",".join(["jaw", *python.scene.facts["morphs"]])
-    program = show(service, character="talking", mode=mode, shapes=shapes, bones=bones)
-    jaws = np.array(
-        [
-            [dict(map(tuple, said["weights"]))[0], 100 * python.frames[said["frame"]].targets[0]]
-            for said, _ in shown(program, python)
-        ]
-    )
-    np.testing.assert_allclose(jaws[:, 0], jaws[:, 1], rtol=1e-5)
-    assert np.ptp(jaws) > 20
+def test_a_voice_moves_the_targets_that_the_meshes_have_themselves(mode, show, new_stage, spoken, tmp_path):
+    rig = spoken[0].character.rig
+    directions = np.float32([frame.R - rig.model.rest_controls for frame in spoken[:2]])
+    character = StreamedCharacter("talker", rig, 1, LiveBasis(directions, REACH, rig.model))
+    stage, bones = new_stage([replace(frame, character=character) for frame in spoken]), tmp_path / "bones.json"
+    bones.write_text(json.dumps(stage.facts["bones"]))
+    shapes = ",".join(["jaw", *stage.facts["morphs"]])
+    program = show(stage, character="talker", mode=mode, shapes=shapes, bones=bones)
+    jaws = [dict(map(tuple, said["weights"]))[0] for said, _ in shown(program, stage, 3)]
+    np.testing.assert_allclose(jaws, [0, 40, 100], rtol=1e-5)
     assert dict(map(tuple, program.finish()[-1]["weights"]))[0] == 0

@@ -9,37 +9,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from engine_bridge.performance.exercise import random_poses
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.service.protocol.frame import Frame
+from engine_bridge.service.protocol.header import Kind
+from engine_bridge.service.protocol.payloads import decode, encode
+from engine_bridge.service.protocol.scene import StreamedCharacter
+
 from ...recorded import recorded
 from ...waiting import wait_until
 from .conftest import array, assert_equal
-
-EVERY = 25
-"""One frame in so many of a large character: what tests tell each other is longer than what is sent."""
 
 
 @pytest.fixture
 def follow(start):
     """Follow a character with the plain core."""
 
-    def run(port, character="", kind="controls", token="", every=1):
-        return start("Core", "follow", "127.0.0.1", port, token, character, kind, every)
+    def run(port, character="", kind="controls", token=""):
+        return start("Core", "follow", "127.0.0.1", port, token, character, kind)
 
     return run
-
-
-def common(program, reference, wanted=20):
-    """Wait until both have so many frames of the same moments, and return those: (C#'s, Python's) each."""
-
-    def both():
-        ours = {each["frame"]: each["values"] for each in program.said if "frame" in each}
-        found = [
-            (array(ours[number], columns=6), theirs.body)
-            for number, theirs in dict(reference.frames).items()
-            if number in ours
-        ]
-        return found if len(found) >= wanted else None
-
-    return wait_until(both)
 
 
 def state(name, reason=""):
@@ -47,21 +36,28 @@ def state(name, reason=""):
     return lambda said: said.get("state") == name and reason in said["reason"]
 
 
+def followed(program, stage, count=5):
+    """Send frames, each when the one before has come, and compare what is made of them with the service's vertices."""
+    for frame in stage.next(count):
+        stage.send(frame)
+        said = program.until(lambda said, number=frame.sequence: said.get("frame") == number)
+        theirs = decode(encode(Kind.VERTICES, frame, 0)).body
+        assert_equal(array(said["values"], columns=6), theirs, stage.diagonal)
+    program.finish()
+
+
 @pytest.mark.slow
-def test_a_textured_file_with_many_parts_moves_as_the_service_has_it(
-    serve_puppet, follow, reference, tmp_path, take, real_data, commands
-):
+def test_a_textured_file_with_many_parts_moves_as_the_service_has_it(new_stage, follow, tmp_path, real_data, commands):
     puppet, mesh = tmp_path / "knight.toml", real_data / "mesh" / "gltf" / "kaykit_Knight.glb"
     commands.run("new", mesh, "-o", puppet, cwd=tmp_path).check_returncode()
-    service = serve_puppet(puppet, take)
-    python = reference(service.stream, "knight/vertices", "knight/scene/python", every=EVERY)
-    program = follow(service.port, "knight", every=EVERY)
-    both = common(program, python, 6)
-    diagonal = python.scene.facts["diagonal"]
-    for ours, theirs in both:
-        assert_equal(ours, theirs, diagonal)
-    assert np.ptp([ours[:, :3] for ours, _ in both], axis=0).max() > 0.005 * diagonal
-    program.finish()
+    character = StreamedCharacter.of("knight", load_rig(puppet))
+    controls, motions = random_poses(character.rig, 5)
+    frames = [
+        Frame(character, 1, 0.0, 0, "performing", 1, np.float64(R), np.zeros(3), np.zeros((0, 3)), motions=motion)
+        for R, motion in zip(controls, motions, strict=True)
+    ]
+    stage = new_stage(frames)
+    followed(follow(stage.port, "knight"), stage)
 
 
 def test_the_first_character_is_followed_if_none_is_named_and_what_is_not_there_is_named(
@@ -114,12 +110,10 @@ def test_a_missing_token_is_guessed_at_and_a_wrong_one_is_refused_and_not_tried_
     assert [said.get("state") for said in program.finish()][-2:] == ["Refused", None]
 
 
-def test_a_network_that_gives_one_byte_at_a_time_does_no_harm(locked_figure, follow, reference, token_file, line):
-    token = token_file.read_text()
-    python = reference(locked_figure.stream, "blob/vertices", "blob/scene/python", token=token)
-    program = follow(line(locked_figure.port).port, "blob", token=token)
-    for ours, theirs in common(program, python):
-        assert_equal(ours, theirs, python.scene.facts["diagonal"])
+def test_a_network_that_gives_one_byte_at_a_time_does_no_harm(locked_figure, stage, follow, token_file, line):
+    followed(follow(line(stage.port).port, "blob"), stage)
+    program = follow(line(locked_figure.port).port, "blob", token=token_file.read_text())
+    program.until(lambda said: "frame" in said)
     program.finish()
 
 

@@ -79,7 +79,7 @@ def test_listeners_of_a_topic_share_a_subscription_and_late_ones_get_the_last_me
     before = page.run("() => { ends.forEach((end) => end()); return heard.frames; }")
     page.run("() => client.request({ do: 'ping' })")
     last, other = page.run("() => come"), service.client("blob/controls")
-    assert last >= before
+    assert 2 * last >= before > 0  # two listeners
     first = other.until(lambda _: True)[0].header.sequence
     other.until(lambda message: message.header.sequence > first + 10)
     page.run("() => client.request({ do: 'ping' })")

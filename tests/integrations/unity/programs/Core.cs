@@ -171,12 +171,11 @@ static class Core
     }
 
     /// <summary>
-    /// Follow until standard input ends, and print received data; of frames, only those whose number is divisible by an
-    /// argument. A line of input stops the clock, and advances it by so many seconds.
+    /// Follow until standard input ends, and print received data. A line of input stops the clock, and advances it by so
+    /// many seconds.
     /// </summary>
     static void Follow(string[] arguments)
     {
-        ulong every = ulong.Parse(arguments[6]);
         var kind = (Kind)Enum.Parse(typeof(Kind), arguments[5], true);
         using (var follower = new Follower(arguments[1], int.Parse(arguments[2]), arguments[3], arguments[4], kind))
         {
@@ -203,10 +202,7 @@ static class Core
                         vertices = new SurfaceVertex[scene.VertexCount];
                         Said.Line("scene", scene.Revision, "character", follower.Character, "vertices", scene.VertexCount, "diagonal", scene.Diagonal);
                     }
-                    if (frame.Header.Sequence % every == 0)
-                    {
-                        SayFrame(kind, frame, deformation, vertices);
-                    }
+                    SayFrame(kind, frame, deformation, vertices);
                     follower.Pool.Return(frame);
                 }
                 Thread.Sleep(2);

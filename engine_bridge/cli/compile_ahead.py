@@ -1,8 +1,9 @@
 """A second process that compiles, while a command that found nothing compiled is still reading and preparing.
 
 Numba compiles one function at a time in a process, and a command finds out one after the other which ones it needs.
-Those of a performer's motion come late, do not need a character, and take about half of the time. Both processes keep
-what they have compiled on disk, and neither compiles what the other one is compiling (`puppetline.compiled`).
+Those of a performer's motion and of pictures come late, do not need a character, and take about half of the time. Both
+processes keep what they have compiled on disk, and neither compiles what the other one is compiling
+(`puppetline.compiled`).
 """
 
 import os
@@ -33,10 +34,10 @@ def second_process(at_once: bool = False) -> Iterator[None]:
             started.append(subprocess.Popen(command, stdin=none, stdout=none, stderr=none, **OWN_GROUP))  # noqa: S603
 
     def start_if_needed() -> None:
+        from engine_bridge.pictures.rasteriser import rasterise  # one of the last that it compiles
         from puppetline.compiled import is_compiled
-        from solver.model.polar import nearest_rotations  # the last one that it compiles
 
-        if not is_compiled(nearest_rotations):
+        if not is_compiled(rasterise):
             start()
 
     if at_once:
@@ -53,16 +54,18 @@ def second_process(at_once: bool = False) -> Iterator[None]:
             process.wait()
 
 
-def compile_motion() -> None:
-    """Compile what makes a frame of a performer's motion, in the order in which `convert` needs it.
+def compile_ahead() -> None:
+    """Compile what commands need late, in that order. Only types of arguments matter, so any figure will do."""
+    _compile_motion()
+    _compile_surface()
 
-    Only the types of the arguments matter, so any figure will do.
-    """
+
+def _compile_motion() -> None:
+    """Compile what makes a frame of a performer's motion."""
     import numpy as np
 
     from capture.smoothing import JointFilter, Smoothing
     from engine_bridge.performance.retargeting import PERFORMER
-    from solver.model.polar import of_matrices
     from solver.motion.arms import Arm, Arms
     from solver.motion.feet import Feet, Leg
     from solver.motion.limb_motion import LimbMotion
@@ -79,8 +82,27 @@ def compile_motion() -> None:
     Feet(motion.bones, [Leg(0, 1, 2, 3), Leg(3, 4, 5, 7)], 1.0).step(0.0, joints, seen, motions, root)
     Arms(motion.bones, Arm(0, 1, 2, 3), Arm(3, 4, 5, 7), 1.0).step(0.0, joints, seen, motions)
     soft_limit(joints, np.ones((count, 3, 2)))
+
+
+def _compile_surface() -> None:
+    """Compile what computes, measures and draws a frame's surface."""
+    import numpy as np
+
+    from engine_bridge.pictures.renderer import View, render
+    from solver.model.kernels import blend_positions
+    from solver.model.polar import of_matrices
+    from solver.model.stretch import EdgeStretch
+    from solver.surface.mesh import weld
+
     of_matrices(np.eye(3)[None])
+    corners = np.vstack([np.zeros(3), np.eye(3)])
+    tetrahedron = weld(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
+    moved = corners.astype(np.float32)
+    EdgeStretch(tetrahedron).add(np.stack([moved, moved], axis=-1))
+    coordinates, controls = np.zeros((len(moved), 1), dtype=np.float32), np.zeros((2, 3, 4), dtype=np.float32)
+    blend_positions(moved, coordinates, controls, np.ones(1), np.zeros((2, 16), dtype=np.float32), moved.copy())
+    render(corners, tetrahedron.faces, View.around(corners), (8, 8))
 
 
 if __name__ == "__main__":
-    compile_motion()
+    compile_ahead()

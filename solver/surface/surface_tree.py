@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
-from solver.model.vectors import cross, dot, minus, row_of, write_row
 
 MIXED_LABELS = -1
 """Label of a branch whose triangles have several labels."""
@@ -129,7 +128,7 @@ def _search(points, of_point, triangles, low, high, label, within):
                 square = closest(p, t[0], t[1], t[2], blend)
                 if square < best:
                     best, found[i], squares[i] = square, node - leaves, square
-                    write_row(blends, i, blend)
+                    blends[i, 0], blends[i, 1], blends[i, 2] = blend[0], blend[1], blend[2]
                 continue
             left = _box_distance(p, low[2 * node], high[2 * node])
             right = _box_distance(p, low[2 * node + 1], high[2 * node + 1])
@@ -189,15 +188,30 @@ def _passes(start, way, first, low, high):
 @compiled(inner=True)
 def _meets(start, way, first, triangle):
     """Return whether a segment meets a triangle between a share of its length and its end (Möller, Trumbore 1997)."""
-    corner, way = row_of(triangle, 0), (way[0], way[1], way[2])
-    one, other = minus(row_of(triangle, 1), corner), minus(row_of(triangle, 2), corner)
-    offset, across = minus((start[0], start[1], start[2]), corner), cross(way, other)
-    size = dot(one, across)
+    corner = triangle[0]
+    one, other, offset = _between(corner, triangle[1]), _between(corner, triangle[2]), _between(corner, start)
+    across = _product(way, other)
+    size = _dot(one, across)
     if size == 0:
         return False
-    beside = cross(offset, one)
-    u, v, place = dot(offset, across) / size, dot(way, beside) / size, dot(other, beside) / size
+    beside = _product(offset, one)
+    u, v, place = _dot(offset, across) / size, _dot(way, beside) / size, _dot(other, beside) / size
     return u >= 0 and v >= 0 and u + v <= 1 and first < place < 1
+
+
+@compiled(inner=True)
+def _between(start, end):
+    return (end[0] - start[0], end[1] - start[1], end[2] - start[2])
+
+
+@compiled(inner=True)
+def _product(a, b):
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@compiled(inner=True)
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @compiled

@@ -4,9 +4,17 @@ from unittest.mock import Mock
 
 import pytest
 
+from capture import smoothing
 from engine_bridge.cli import compile_ahead
+from engine_bridge.performance.performance import Performance
+from engine_bridge.pictures import renderer
+from engine_bridge.pictures.rasteriser import rasterise
 from puppetline.compiling import when_begun
-from solver.motion import arms, feet, limb_motion
+from solver.model import stretch
+from solver.model.batch import BatchBinding
+from solver.model.kernels import blend_positions
+from solver.model.polar import nearest_rotations
+from solver.motion import arms, feet, limb_motion, retarget
 
 
 @pytest.fixture
@@ -41,7 +49,19 @@ def test_a_command_that_compiles_nothing_leaves_nothing_behind():
     assert when_begun == before
 
 
-def test_what_is_compiled_ahead_is_what_a_performance_needs(monkeypatch):
-    compile_ahead.compile_motion()
-    functions = limb_motion._step, feet._step, arms._step
-    assert [len(function.signatures) for function in functions] == [1, 1, 1]
+def test_what_is_compiled_ahead_is_what_a_performance_needs(limbed_rig, standing, frames, dance):
+    compile_ahead.compile_ahead()
+    functions = (
+        *(limb_motion._step, feet._step, arms._step, smoothing._filter, retarget._ease, nearest_rotations),
+        *(stretch._count, blend_positions, rasterise),
+    )
+    ahead = [set(function.signatures) for function in functions]
+    assert all(ahead)
+    performance = Performance(limbed_rig.puppet, limbed_rig.mesh, limbed_rig.model, standing)
+    for frame in frames(dance())[:2]:
+        pose = performance.step(frame)
+    positions = BatchBinding.of_solver_mesh(limbed_rig.model, limbed_rig.mesh).vertices(pose.R[None])
+    stretch.EdgeStretch(limbed_rig.mesh).add(positions)
+    vertices = limbed_rig.mesh.vertices
+    renderer.render(vertices, limbed_rig.mesh.faces, renderer.View.around(vertices), (8, 8))
+    assert [set(function.signatures) for function in functions] == ahead

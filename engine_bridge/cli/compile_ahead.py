@@ -96,12 +96,12 @@ def _compile_surface() -> None:
 
     of_matrices(np.eye(3)[None])
     corners = np.vstack([np.zeros(3), np.eye(3)])
-    tetrahedron = weld(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
-    moved = corners.astype(np.float32)
-    EdgeStretch(tetrahedron).add(np.stack([moved, moved], axis=-1))
+    mesh = weld(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
+    moved = mesh.vertices.astype(np.float32)
+    EdgeStretch(mesh).add(np.stack([moved, moved], axis=-1))
     coordinates, controls = np.zeros((len(moved), 1), dtype=np.float32), np.zeros((2, 3, 4), dtype=np.float32)
     blend_positions(moved, coordinates, controls, np.ones(1), np.zeros((2, 16), dtype=np.float32), moved.copy())
-    render(corners, tetrahedron.faces, View.around(corners), (8, 8))
+    render(mesh.vertices, mesh.faces, View.around(mesh.vertices), (8, 8))
 
 
 if __name__ == "__main__":

@@ -309,8 +309,8 @@ def exports(variants, take, write_puppet):
     return {(name, root): make(variants[name], root) for name, root in EXPORTS}
 
 
-REAL = ("cubevc", "kaykit_Knight", "kenney/character", "khronos_Fox", "nested", "quaternius_Adventurer")
-"""Characters of others: with colours, skinned, moved by nodes, without indices, nested nodes, in fifteen surfaces."""
+REAL = ("cubevc", "kenney/character", "khronos_Fox", "nested", "quaternius_Adventurer")
+"""Characters of others: colours, nodes that move, a skin without indices, nested nodes, fifteen surfaces."""
 
 
 @pytest.fixture(scope="session")

@@ -303,7 +303,7 @@ def test_a_joint_between_bends_takes_of_each_bone_what_it_covers(build):
     }
     character, limbs = build(joints, blend=0), [BODY, BRANCH]
     bend = Rotation.from_euler("x", 40, degrees=True)
-    document, made, bones = animated(character, limbs, motions_of(limbs, [[Rotation.identity(), bend, bend, bend]]))
+    document, made, bones = animated(character, limbs, motions_of(limbs, [[Rotation.identity(), bend, bend, bend]] * 2))
     assert bones.shares[1].tolist() == [0.5, 0.5, 0, 0]
     turned = Rotation.from_matrix(world_transforms(posed(document, 0))[bones.nodes[1:3], :3, :3])
     assert_allclose(turned.as_rotvec(degrees=True), [[20, 0, 0], [40, 0, 0]], atol=1e-4)

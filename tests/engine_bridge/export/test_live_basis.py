@@ -188,7 +188,7 @@ def test_damaged_or_missing_extras_are_refused_with_the_command_that_mends_them(
     if changed:
         extras = carried | {key: value(carried[key]) if callable(value) else value for key, value in changed.items()}
         extras = {key: value for key, value in extras.items() if value is not None}
-    gltf["asset"]["extras"] = {EXTRAS: extras}
+    gltf["asset"]["extras"] = {} if changed is None else {EXTRAS: extras}
     path = tmp_path / "a.glb"
     path.write_bytes(pack(gltf, binary))
     assert "puppetline bake" in refused(PuppetError, LiveBasis.load, path, baked.rig).fix

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import threading
 import time
+from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from engine_bridge.service.protocol.payloads import decode, encode
 from engine_bridge.service.protocol.scene import Scene, StreamedCharacter
 
 from ...engine_bridge.service.conftest import services
+from ...waiting import wait_until
 
 HERE = Path(__file__).parent
 PACKAGE = Path(os.environ.get("PUPPETLINE_UNITY_PACKAGE", HERE.parents[2] / "integrations" / "unity"))
@@ -190,6 +192,55 @@ def assert_equal(vertices, theirs, diagonal, most=1e-6, normals_most=1e-5):
     assert np.mean(off > normals_most) <= 1e-3
 
 
+class Reference:
+    """Somebody else who follows the service: the newest frames as Python reads them, by sequence number."""
+
+    MOST = 200
+
+    def __init__(self, address, *topics, token=None, every=1):
+        self.frames = {}
+        self._scene = Future()
+        self._ended = False
+        self._arguments = (address, topics, token, every)
+        self._thread = threading.Thread(target=self._follow)
+        self._thread.start()
+
+    def _follow(self):
+        address, topics, token, every = self._arguments
+        with zmq.Context() as context, context.socket(zmq.SUB) as socket:
+            socket.linger = 0
+            if token is not None:
+                socket.plain_username, socket.plain_password = b"reference", token.encode()
+            for topic in topics:
+                socket.subscribe(f"{topic}\0".encode())
+            socket.connect(address)
+            while not self._ended:
+                if socket.poll(50):
+                    message = decode(socket.recv())
+                    if "/scene/" in message.topic:
+                        if not self._scene.done():
+                            self._scene.set_result(message.body)
+                    elif message.header.sequence % every == 0:
+                        self.frames[message.header.sequence] = message
+                    while len(self.frames) > self.MOST:
+                        del self.frames[min(self.frames)]
+
+    @property
+    def scene(self):
+        """The scene, as soon as it is there."""
+        return self._scene.result(TIMEOUT_SECONDS)
+
+    def close(self):
+        self._ended = True
+        self._thread.join()
+
+
+@pytest.fixture
+def reference(until_end):
+    """Follow topics with libzmq and Python."""
+    return lambda *arguments, **more: until_end(Reference(*arguments, **more))
+
+
 class Stage:
     """A publisher in the service's place, with one character, which sends frames when the test says so."""
 
@@ -351,3 +402,19 @@ def shown(program, stage, count=10, kind=Kind.VERTICES):
         said = program.until(lambda said, number=frame.sequence: said.get("frame") == number)
         found.append((said, decode(encode(kind, frame, 0)).body))
     return found
+
+
+@pytest.fixture
+def python(reference, figure):
+    return reference(figure.stream, "blob/vertices", "blob/scene/python")
+
+
+def shown_live(program, reference, wanted=20, since=0):
+    """Wait until so many moments were shown that the reference has too; return (what was said, reference) of each."""
+
+    def both():
+        theirs = dict(reference.frames)
+        found = [(each, theirs[each["frame"]].body) for each in program.said[since:] if each.get("frame") in theirs]
+        return found if len(found) >= wanted else None
+
+    return wait_until(both)

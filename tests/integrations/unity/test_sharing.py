@@ -3,9 +3,6 @@
 import numpy as np
 import pytest
 
-from engine_bridge.service.protocol.header import Kind
-
-from ...waiting import wait_until
 from .conftest import array
 
 
@@ -49,33 +46,20 @@ def test_three_followers_take_one_connection_and_one_scene(follow, figure, conne
     assert not any(frames_of("one")(said) for said in ended[closed:])
 
 
-def test_each_follower_gets_the_values_that_were_sent_and_a_later_one_the_scene_that_is_here(follow, stage):
-    scenes = set()
+def test_each_follower_gets_the_values_that_were_sent_and_a_later_one_the_scene_that_is_here(follow, figure, python):
+    first = None
     for name, character, kind in (
         ("one", "blob", "vertices"),
         ("two", "-", "vertices"),
         ("three", "blob", "vertices16"),
     ):
-        follow.tell(f"open {name} {stage.port} - {character} {kind}")
-        wait_until(lambda kind=kind: Kind[kind.upper()] in stage.kinds)
-        since, sent = len(follow.said), {}
-
-        def come(name=name, since=since, sent=sent):
-            """A follower that is new may not get the first frames."""
-            [frame] = stage.next(1)
-            stage.send(frame)
-            sent[frame.sequence] = frame
-            return next((said for said in follow.said[since:] if frames_of(name)(said) and said["frame"] in sent), None)
-
-        said = wait_until(come)
-        scenes.add(said["scene"])
-        assert said["character"] == "blob"
-        positions = sent[said["frame"]].vertices_and_normals[0]
-        tolerance = 1e-4 * stage.diagonal if name == "three" else 0
-        np.testing.assert_allclose(
-            array(said["values"], columns=3)[: len(positions)], positions, rtol=0, atol=tolerance
-        )
-    assert len(scenes) == 1
+        follow.tell(f"open {name} {figure.port} - {character} {kind}")
+        said = follow.until(lambda said, name=name: frames_of(name)(said) and said["frame"] in python.frames)
+        first = first or said["scene"]
+        assert (said["scene"], said["character"]) == (first, "blob")
+        sent = python.frames[said["frame"]].body.positions
+        tolerance = 1e-4 * python.scene.facts["diagonal"] if name == "three" else 0
+        np.testing.assert_allclose(array(said["values"], columns=3)[: len(sent)], sent, rtol=0, atol=tolerance)
     follow.finish()
 
 

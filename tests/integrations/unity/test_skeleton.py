@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from engine_bridge.service.protocol.header import Kind
 from engine_bridge.service.protocol.scene import encode_scene
 
+from ...engine_bridge.service.conftest import services
 from ..foreign_skeleton import FOREIGN, foreign
 from ..limbs import Limbs, values_of
-from .conftest import performed, shown
+from .conftest import shown_live
 
 UNKNOWN = {"neck", "head", "leftHand", "rightHand", "leftFoot", "rightFoot"}
 """Joints whose T-pose a skeleton does not tell: no bone follows in the direction that they have there."""
@@ -55,24 +55,28 @@ def test_hips_stay_on_request_a_joint_without_a_name_does_too_and_the_rest_pose_
     assert "leftUpperArm" not in dict(result["names"])
 
 
-@pytest.fixture
-def limbed(new_stage, limbed_puppet, take):
-    """The small figure with limbs."""
-    return new_stage(performed(limbed_puppet, take))
+@pytest.fixture(scope="module")
+def limbed(own_cache, commands, limbed_puppet, take, tmp_path_factory):
+    """The small figure with limbs, served."""
+    played = ("--puppet", limbed_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
+    with services(commands, tmp_path_factory.mktemp("limbed")) as start:
+        yield start(*played)
 
 
 @pytest.fixture
-def own_bones(limbed, tmp_path):
-    """The bones of the figure's own skeleton in a file, and as they are."""
+def own_bones(reference, limbed, tmp_path):
+    """The bones of the figure's own skeleton in a file, and what Python receives."""
+    received = reference(limbed.stream, "limbed/bones", "limbed/scene/python")
+    bones = received.scene.facts["bones"]
     path = tmp_path / "bones.json"
-    path.write_text(json.dumps(limbed.facts["bones"]))
-    return path, limbed.facts["bones"]
+    path.write_text(json.dumps(bones))
+    return path, bones, received
 
 
 def test_a_copy_of_the_characters_skeleton_has_the_poses_of_the_frames(show, limbed, own_bones):
-    path, bones = own_bones
+    path, bones, received = own_bones
     program = show(limbed, character="limbed", mode="Bones", bones=path)
-    both = shown(program, limbed, kind=Kind.BONES)
+    both = shown_live(program, received, 60)
     for said, theirs in both:
         turns, found = [], Rotation.from_quat(np.array(said["bones"])[:, :4])
         for bone, own in zip(bones, np.reshape(theirs[: 4 * len(bones)], (-1, 4)), strict=True):
@@ -85,13 +89,11 @@ def test_a_copy_of_the_characters_skeleton_has_the_poses_of_the_frames(show, lim
 
 
 def test_between_frames_bones_turn_the_short_way(show, limbed, own_bones):
-    program = show(limbed, character="limbed", mode="Bones", bones=own_bones[0], interpolationDelay=0.1)
-    frames = limbed.next(58)
-    limbed.send(*frames)
-    program.until(lambda said: said.get("frame") == frames[-1].sequence)
-    turns = [Rotation.from_quat(np.array(said["bones"])[:, :4]) for said in program.finish() if "bones" in said]
+    path, _, received = own_bones
+    program = show(limbed, character="limbed", mode="Bones", bones=path, interpolationDelay=0.1)
+    turns = [Rotation.from_quat(np.array(said["bones"])[:, :4]) for said, _ in shown_live(program, received, 40)]
     assert max(np.degrees((b * a.inv()).magnitude().max()) for a, b in pairwise(turns)) < 30
-    assert len(turns) > 1
+    program.finish()
 
 
 def test_bones_without_a_known_name_and_a_character_without_limbs_are_warned_of(show, limbed):

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from engine_bridge.service.protocol.header import Kind
+
 from ...recorded import decoded, recorded
 from ..messages import ARRAYS, HEADER, Messages
 
@@ -55,6 +57,12 @@ class TestMessages(Messages):
     @pytest.fixture
     def read(self, decode):
         return lambda messages: [*map(plain, decode(messages))]
+
+
+def test_a_kind_under_the_topic_of_another_is_refused(decode):
+    controls, others = recorded("1.controls"), {*Kind} - {Kind.CONTROLS, Kind.CLIP}
+    told = decode([controls[:66] + bytes([kind]) + controls[67:] for kind in others])
+    assert all("refused" in each for each in told)
 
 
 def test_controls_give_the_vertices_of_the_same_frame(decode):

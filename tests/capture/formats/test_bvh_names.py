@@ -178,3 +178,13 @@ def test_names_of_no_human_are_quoted_up_to_a_whole_one():
         points_of([f"Tail{number}" for number in range(100)])
     assert caught.value.where == "take.bvh"
     assert re.search(r"head, shoulder_left.*Tail0, .*Tail\d\d, …$", caught.value.found)
+
+
+def test_where_both_hips_are_at_one_point_joints_are_at_the_ends_of_the_bones_with_their_names():
+    names, _ = SKELETONS["Kinect"]
+    hips = {names.index(f"Hip{side}"): -1.0 for side in ("Left", "Right")}
+    found, notes = points_of(names, hips)
+    assert [found[joint] for joint in ("hip_left", "knee_left", "head")] == [
+        names.index(name) + 1 for name in ("HipLeft", "KneeLeft", "Head")
+    ]
+    assert len(notes) == 1

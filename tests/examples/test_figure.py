@@ -33,10 +33,3 @@ def test_a_pattern_recolours_what_came_before_it_only():
 
     figure = Figure([Part(sphere((0, 0, 0), 1.0), RED), to_green, Part(sphere((2, 0, 0), 1.0), BLUE)])
     assert np.array_equal(figure.colors(np.array([[-1.0, 0, 0], [3.0, 0, 0]])), [GREEN, BLUE])
-
-
-def test_bounds_enclose_what_is_added_and_nothing_else():
-    figure = Figure([both(sphere((1, 2, 3), 0.5), RED), Part(sphere((9, 9, 9), 1.0), BLUE, how="carve")])
-    low, high = figure.bounds()
-    assert low.tolist() == [-1.5, 1.5, 2.5]
-    assert high.tolist() == [1.5, 2.5, 3.5]

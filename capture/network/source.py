@@ -153,7 +153,7 @@ class OscSource:
         self._drain()
         now = self.now()
         for key, assembly in self._assemblies.items():
-            if assembly.parts and now >= assembly.time + PART_TIMEOUT_SECONDS:  # as `due` says, or nothing would happen then
+            if assembly.parts and now >= assembly.time + PART_TIMEOUT_SECONDS:  # as `due` says
                 self._queue_frames(*key, assembly.end())
         pending = sorted((each for queue in self._pending.values() for each in queue), key=lambda each: each.time)
         events = [event for each in pending if (event := self._event(each))]

@@ -125,11 +125,8 @@ def test_the_calibration_in_use_at_the_beginning_is_used_or_else_the_first_later
     for cues, expected, words in (
         ([opening(dog=started), begin(1.0, second)], first, ["when the take began", "again at 1.00 s"]),
         ([opening(dog=waiting), begin(0.5, first), begin(1.0, second)], first, ["at 0.50 s", "again at 1.00 s"]),
-        (
-            [opening(dog=started), begin(0.0, second)],
-            second,
-            ["when the take began"],
-        ),  # a part, as the studio writes it
+        # a part of a take, as the studio writes it
+        ([opening(dog=started), begin(0.0, second)], second, ["at 0.00 s"]),
     ):
         used, notes = found(write_take(*cues))
         assert same(used, expected)

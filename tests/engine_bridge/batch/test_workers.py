@@ -62,14 +62,14 @@ DEADLY = """
     from engine_bridge.batch import conversion
 
     def read_or_die(path, options):
-        if path.stem == "b" or not os.path.exists(path.stem):
-            open(path.stem, "w").close()
+        if path.stem == "b" or (path.stem == "c" and not os.path.exists("killed by c")):
+            open(f"killed by {path.stem}", "w").close()
             os.kill(os.getpid(), 9)
         return read_log(path, options)
 
     conversion.read_log = read_or_die
 """
-"""Each recording kills the first worker that reads it, and one kills all of them."""
+"""A recording kills each worker that reads it, and another one only the first."""
 
 
 @pytest.mark.slow

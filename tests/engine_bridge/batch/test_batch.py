@@ -159,18 +159,18 @@ def test_a_part_has_the_same_results_whatever_else_there_is():
 
 
 @pytest.mark.parametrize(
-    ("log", "puppets", "named"),
+    ("log", "chosen", "named"),
     [
         ("a.log", ["mine.toml", "bad.toml"], "bad.toml"),
         ("a.lgo", ["mine.toml"], "a.lgo"),
         ("a.log", ["mine.toml", "other/mine.toml"], "other/mine.toml"),
     ],
 )
-def test_a_mistake_ends_the_batch_before_the_work(mine, here, log, puppets, named):
+def test_a_mistake_ends_the_batch_before_the_work(mine, here, log, chosen, named):
     (mine / "bad.toml").write_text('[character]\nmesh = "gone.glb"\n')
     (mine / "other").mkdir()
     shutil.copy(mine / "mine.toml", mine / "other")
-    assert named in here(log, puppets=puppets, code=1).partition(": found")[0]
+    assert named in here(log, puppets=chosen, code=1).partition(": found")[0]
     assert not (mine / "out").exists()
 
 

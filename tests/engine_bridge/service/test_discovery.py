@@ -3,14 +3,15 @@ import socket
 import sys
 from contextlib import closing
 from importlib.metadata import version
-from queue import SimpleQueue
 
 import pytest
 import zeroconf
 from zeroconf import ServiceInfo
 
 from engine_bridge.service import discovery
-from engine_bridge.service.discovery import TYPE, Announcement, Found, find
+from engine_bridge.service.discovery import RETRY_SECONDS, TYPE, Announcement, Found, find
+
+from ...waiting import wait_until
 
 LOOPBACK = ["127.0.0.1"]
 
@@ -42,7 +43,7 @@ def announced(port):
     announcement._thread.join()
 
 
-def test_an_engine_finds_the_service_and_what_plays_there(announced, port):
+def test_an_engine_finds_the_service_what_plays_there_and_its_changes_until_its_end(announced, port):
     found = wait_for(port)
     assert found == Found(
         name=found.name,
@@ -54,21 +55,13 @@ def test_an_engine_finds_the_service_and_what_plays_there(announced, port):
         version=version("puppetline"),
     )
     assert found.name.startswith(f"Puppetline on {socket.gethostname().partition('.')[0]}")
-
-
-def test_the_end_is_announced(announced, port):
-    wait_for(port)
-    announced.close()
-    announced.close()
-    assert not announced._thread.is_alive()
-    assert [found for found in find(0.5, LOOPBACK) if found.port == port] == []
-
-
-def test_other_characters_are_announced_under_the_same_name(announced, port):
-    before = wait_for(port)
     announced.rename(["dog", "dragon"])
-    after = wait_for(port, lambda found: found.characters != before.characters)
-    assert (after.name, after.characters) == (before.name, ("dog", "dragon"))
+    after = wait_for(port, lambda other: other.characters != found.characters)
+    assert (after.name, after.characters) == (found.name, ("dog", "dragon"))
+    announced.close()
+    announced.close()
+    announced._thread.join()
+    assert [found for found in find(0.5, LOOPBACK) if found.port == port] == []
 
 
 def test_two_services_on_one_machine_have_two_names(announced, port):
@@ -112,21 +105,20 @@ def test_a_service_on_loopback_is_announced_only_there(port):
     assert heard_at(elsewhere, "*", port)
 
 
-def test_without_a_network_there_is_one_warning_and_it_is_tried_again(caplog, monkeypatch):
-    attempts = SimpleQueue()
+def test_without_a_network_there_is_one_warning_and_it_is_tried_again(caplog, monkeypatch, given_clock):
+    attempts = []
 
     def no_network(interfaces):
-        attempts.put(interfaces)
+        attempts.append(interfaces)
         raise OSError(19, "No such device")
 
     monkeypatch.setattr(zeroconf, "Zeroconf", no_network)
-    monkeypatch.setattr(discovery, "RETRY_SECONDS", 0.01)
     with caplog.at_level(logging.WARNING):
         announcement = Announcement("192.0.2.77", 7400, 7401, "NULL", ["dog"])
-        tried = [attempts.get() for _ in range(3)]
+        wait_until(lambda: given_clock.advance(RETRY_SECONDS) or len(attempts) >= 3)
         announcement.close()
-    assert not announcement._thread.is_alive()
-    assert tried == [["192.0.2.77"]] * 3
+        announcement._thread.join()
+    assert attempts[:3] == [["192.0.2.77"]] * 3
     assert caplog.messages == ["could not announce the service on the network: [Errno 19] No such device"]
 
 

@@ -69,15 +69,6 @@ def test_a_calibrated_performer_has_a_height_and_a_reach(runner, kung_fu):
     assert status.performing == 1
 
 
-def test_figures_of_characters_that_have_been_removed_are_forgotten(runner, kung_fu):
-    reporter = Reporter()
-    for shown in runner.stage.step(kung_fu[0], 0):
-        reporter.sent("stage", shown)
-    assert reporter.status([runner], CLIENTS, OUTPUTS).characters[0].frames == 1
-    assert reporter.status([], CLIENTS, OUTPUTS).characters == []
-    assert reporter.status([runner], CLIENTS, OUTPUTS).characters[0].frames == 0
-
-
 @pytest.fixture
 def own_clock(given_clock, monkeypatch):
     """The given clock, of a process that uses a quarter of a core."""
@@ -156,14 +147,14 @@ def test_rates_hold_where_the_window_is_full(own_clock, runner, few):
     assert (stage.frames, stage.rate) == (3 * few, pytest.approx(500, rel=0.01))
 
 
-def test_figures_of_a_stage_that_has_been_removed_are_forgotten(own_clock, runner):
+def test_figures_of_what_has_been_removed_are_forgotten(own_clock, runner):
     reporter = Reporter()
     reporter.received("stage", 1)
     reporter.sent("stage", sent_by("dog", 0))
     assert figures(reporter, runner)[1].frames == 1
     assert reporter.status([], CLIENTS, OUTPUTS).stages == []
-    _, stage, _ = figures(reporter, runner)
-    assert (stage.frames, stage.latency_ms) == (0, LatencyStatus())
+    _, stage, dog = figures(reporter, runner)
+    assert (stage.frames, stage.latency_ms, dog.frames) == (0, LatencyStatus(), 0)
 
 
 def test_memory_stays_flat_however_long_it_runs(own_clock, few):

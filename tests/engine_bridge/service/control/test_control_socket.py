@@ -358,26 +358,20 @@ def same_shape(left, right):
     return type(left) is type(right)
 
 
-@pytest.mark.slow
-def test_the_page_shows_what_the_service_says(serve, blob_puppet):
+def test_the_page_shows_what_the_service_says(play, blob_puppet):
     """docs/control.md: each block is a request or the reply to the one before."""
     dog = Path(shutil.copy(blob_puppet, blob_puppet.with_name("dog.toml")))
-    service = serve("--puppet", dog, "--source", "demo:bark?loop", "--calibrate", "at_once")
+    service = play("--puppet", dog, "--source", "demo:bark?loop", "--calibrate", "at_once")
+    service.run(1.0)
+    assert service.frames[-1].state == "performing"
     blocks = re.findall(r"```json\n(.*?)\n```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)
     assert len(blocks) >= 20
-    with zmq.Context() as context, context.socket(zmq.REQ) as client:
-        client.linger = 0
-        client.connect(service.control)
-        frames = service.client("dog/controls")
-        frames.until(lambda message: message.header.state == 2)  # performing
-        for body, shown in zip(blocks[::2], map(json.loads, blocks[1::2]), strict=True):
-            client.send(body.encode())
-            reply = json.loads(heard(client)[0])
-            assert_well_formed(reply)
-            assert reply == shown if not shown["ok"] else same_shape(reply, shown), (body, reply)
-            assert reply["id"] == shown["id"]
-            if "record_start" in body:
-                frames.pending()
-                for _ in range(20):  # so that the take has motion
-                    frames.until(lambda message: True)
-    service.stop()
+    for body, shown in zip(blocks[::2], map(json.loads, blocks[1::2]), strict=True):
+        replies = []
+        service.service.dispatcher.take(body.encode(), replies.append, "json")
+        reply = json.loads(service.until(lambda replies=replies: replies)[0])
+        assert_well_formed(reply)
+        assert reply == shown if not shown["ok"] else same_shape(reply, shown), (body, reply)
+        assert reply["id"] == shown["id"]
+        if "record_start" in body:
+            service.run(1.0)  # so that the take has motion

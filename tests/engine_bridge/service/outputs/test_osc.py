@@ -46,6 +46,19 @@ def output(receiver, given_clock, until_end):
     return lambda **more: until_end(OscOutput(OscTable(port=port, **more)))
 
 
+@pytest.fixture
+def sent(output, receiver):
+    """Send a frame, and return what comes: address and arguments."""
+
+    def send(frame, *kinds):
+        out = output(send=kinds)
+        out.offer(frame)
+        out.send_due()
+        return messages(receiver)
+
+    return send
+
+
 def performed(character, sequence=0, **more):
     """Return a frame with a value in every field; one joint is unknown."""
     joints = np.arange(60.0).reshape(20, 3)
@@ -80,32 +93,25 @@ def messages(receiver):
     return found
 
 
-def test_controls_are_one_datagram_of_floats(output, receiver, dog):
-    out, frame = output(send=("controls",)), performed(dog, 3)
-    out.offer(frame)
-    out.send_due()
-    ((address, numbers),) = messages(receiver)
+def test_controls_are_one_datagram_of_floats(sent, dog):
+    frame = performed(dog, 3)
+    [(address, numbers)] = sent(frame, "controls")
     assert address == "/puppetline/dog/controls"
     assert len(numbers) == 12 * len(frame.controls)
     np.testing.assert_array_equal(np.array(numbers, dtype=np.float32), frame.controls.ravel())
 
 
-def test_morphs_are_weights_in_one_datagram_and_what_goes_with_them(output, receiver, dog):
-    out = output(send=("morphs",))
-    out.offer(performed(dog))
-    out.send_due()
-    assert messages(receiver) == [
+def test_morphs_are_weights_in_one_datagram_and_what_goes_with_them(sent, dog):
+    assert sent(performed(dog), "morphs") == [
         ("/puppetline/dog/morphs", [0.5, 1]),
         ("/puppetline/dog/residual", [0.125]),
         ("/puppetline/dog/root", [1, 2, 3]),
     ]
 
 
-def test_joints_that_are_known_and_handles_have_their_names_in_the_address(output, receiver, dog):
-    out, frame = output(send=("joints", "handles")), performed(dog)
-    out.offer(frame)
-    out.send_due()
-    got = dict(messages(receiver))
+def test_joints_that_are_known_and_handles_have_their_names_in_the_address(sent, dog):
+    frame = performed(dog)
+    got = dict(sent(frame, "joints", "handles"))
     joints = {name: got.pop(f"/puppetline/dog/joint/{name}") for name in JOINTS if name != "head"}
     for name, values in joints.items():
         number = JOINTS.index(name)
@@ -115,14 +121,12 @@ def test_joints_that_are_known_and_handles_have_their_names_in_the_address(outpu
     np.testing.assert_allclose(list(got.values()), frame.targets, rtol=1e-6)
 
 
-def test_bones_are_rotations_by_the_name_of_the_joint_and_positions_of_those_that_travel(output, receiver, limbed_rig):
+def test_bones_are_rotations_by_the_name_of_the_joint_and_positions_of_those_that_travel(sent, limbed_rig):
     figure = StreamedCharacter("figure", limbed_rig, 1)
     turns = Rotation.from_rotvec(np.random.default_rng(3).normal(size=(len(limbed_rig.model.bones), 3)))
     motions = np.concatenate([turns.as_matrix(), np.zeros((len(turns), 1, 3))], axis=1)
-    out, frame = output(send=("bones",)), performed(figure, motions=motions)
-    out.offer(frame)
-    out.send_due()
-    got = dict(messages(receiver))
+    frame = performed(figure, motions=motions)
+    got = dict(sent(frame, "bones"))
     skeleton, pose = figure.skeleton, frame.bones
     rotations = [got.pop(f"/puppetline/figure/bone/{name}") for name in skeleton.names]
     np.testing.assert_allclose(rotations, pose.rotations, rtol=1e-6)
@@ -148,11 +152,10 @@ def test_vertices_come_in_numbered_chunks_that_fit_a_datagram(output, receiver, 
     np.testing.assert_array_equal(vertices, np.concatenate(frame.vertices_and_normals, axis=1))
 
 
-def test_a_value_that_a_frame_lacks_is_not_sent(output, receiver, dog):
-    out = output(send=KINDS)
-    out.offer(performed(replace(dog, basis=None), joints=None, confidence=None))
-    out.send_due()
-    addresses = {address for address, _ in messages(receiver)}
+def test_a_value_that_a_frame_lacks_is_not_sent(sent, dog):
+    addresses = {
+        address for address, _ in sent(performed(replace(dog, basis=None), joints=None, confidence=None), *KINDS)
+    }
     assert not any(kind in address for address in addresses for kind in ("morphs", "/joint/", "/bone"))
     assert "/puppetline/dog/controls" in addresses
 

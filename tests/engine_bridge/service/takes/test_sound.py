@@ -1,8 +1,6 @@
 """A service that hears: characters talk live and in takes, and the sound is beside the take on the same clock."""
 
-import signal
-import time
-import wave
+import shutil
 
 import numpy as np
 import pytest
@@ -18,8 +16,7 @@ from engine_bridge.service.protocol.header import Kind
 from engine_bridge.service.protocol.payloads import decode, message
 from engine_bridge.service.protocol.scene import describe
 from engine_bridge.service.takes.take_track import TakeTrack
-
-from ....waiting import wait_until
+from puppetline import clock
 
 BEND = 'bend = { channel = "voice", degrees = 30, axis = "x" }\n'
 
@@ -104,26 +101,20 @@ def test_a_take_with_sound_replays_bit_for_bit_and_has_the_sound_on_its_clock(
     )  # sampled at other moments, with 10 to 30 ms of delay
 
 
-@pytest.mark.slow
-def test_a_killed_service_leaves_take_and_sound_that_are_readable_to_within_a_second(
-    serve, loud, talking, tmp_path, record_events, kung_fu
+def test_what_a_kill_would_leave_of_take_and_sound_is_readable_to_within_a_second(
+    play, loud, talking, tmp_path, record_events, kung_fu
 ):
-    record_events(tmp_path / "performer.log", kung_fu)
-    service = serve(
-        "--puppet", talking(limbs=True), "--source", f"replay:{tmp_path / 'performer.log'}?loop",
-        "--sound", tmp_path / loud, "--calibrate", "at_once",
-    )  # fmt: skip
+    performer = record_events(tmp_path / "performer.log", kung_fu)
+    source = ("--source", f"replay:{performer}?loop", "--sound", tmp_path / loud, "--calibrate", "at_once")
+    service = play("--puppet", talking(limbs=True), *source)
     service.ask("record_start", name="evening")
-    started = time.monotonic()
-    path = tmp_path / "takes" / "evening.log"
-    wait_until(lambda: path.exists() and path.stat().st_size >= 150_000, 120)
-    killed = time.monotonic()
-    assert service.stop(signal.SIGKILL) == -signal.SIGKILL
-    events = list(puppetline_log.events(path))
-    (cue,) = [event for event in events if getattr(event, "do", "") == "sound"]
-    with wave.open(str(path.with_suffix(".wav"))) as file:
-        heard = file.getnframes() / file.getframerate()
+    began = clock.now()
+    service.run(3.5)
+    for ending in (".log", ".wav"):
+        shutil.copy(tmp_path / "takes" / f"evening{ending}", tmp_path / f"left{ending}")
+    events = list(puppetline_log.events(tmp_path / "left.log"))
+    [cue] = [event for event in events if getattr(event, "do", "") == "sound"]
+    samples, rate = read_wav(tmp_path / "left.wav")
     seen = events[-1].time - cue.arguments["at"]
-    assert seen > 2
-    assert seen - 1.1 <= heard <= seen + 0.5
-    assert seen <= killed - started + 0.5
+    assert clock.now() - began - 1.1 <= seen <= clock.now() - began
+    assert seen - 1.1 <= len(samples) / rate <= seen + 0.5

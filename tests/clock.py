@@ -110,4 +110,7 @@ class _OnClock(selectors.DefaultSelector):
     def select(self, timeout=None):
         if timeout is not None and timeout <= 0:
             return super().select(0)
-        return clock.block(math.inf if timeout is None else clock.now() + timeout, super().select)
+        wait = super().select
+        if timeout is None:
+            return clock.block(math.inf, lambda seconds: wait(None if seconds == math.inf else seconds))
+        return clock.block(clock.now() + timeout, wait)

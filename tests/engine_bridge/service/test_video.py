@@ -31,7 +31,7 @@ def test_a_character_squats_with_the_performer(serve, blob_puppet, squats, comma
     [heard] = report["heard"]
     assert heard["topic"] == "blob/controls"
     assert (heard["state"], heard["missing"]) == ("performing", 0)
-    assert 0 < heard["rate"] < 6  # the film has five; a busy machine takes its time
+    assert heard["messages"] > 0
 
 
 def test_a_video_is_recorded_whole(squats, tmp_path, commands):

@@ -41,12 +41,12 @@ def test_the_service_counts_down_and_takes_begin_at_zero(overdub):
     for _ in range(7):
         counts.append(theatre.count_in.left(theatre.runner))
         position = theatre.playback.timeline.position(clock.now())
-        theatre.run(0.4)
+        theatre.run(0.41)
     assert counts == [3, 3, 3, 2, 2, 1, 1]
     assert position == 0.0
     assert theatre.runner.recording is None
     assert theatre.count_in.take(theatre.runner) == "take3"
-    theatre.run(0.3)
+    theatre.run(0.23)
     assert theatre.runner.recording == "take3"
     assert theatre.count_in.left(theatre.runner) == 0
     assert theatre.playback.timeline.position(clock.now()) == pytest.approx(0.1, abs=1e-4)

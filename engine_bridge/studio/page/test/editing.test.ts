@@ -225,6 +225,8 @@ test("the settings of the whole body, of walking and of the mesh's directions", 
   await page.field("Which way is up?").choose("+z");
   assert.deepEqual(page.puppet.character, { mesh: "figure.glb", up: "z", front: "y", scale: 1 });
   await page.field("Which way does it look?").choose("−x");
+  await page.field("Which way is up?").choose("+x");
+  assert.deepEqual(page.puppet.character, { mesh: "figure.glb", up: "x", front: "z", scale: 1 });
   await page.field("Which way is up?").choose("−x");
   assert.deepEqual(page.puppet.character, { mesh: "figure.glb", up: "-x", front: "z", scale: 1 });
 });

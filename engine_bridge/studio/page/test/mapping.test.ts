@@ -47,11 +47,12 @@ test("arrow keys lead from joint to joint, and the figure stands as the performe
   assert.ok(String(page.joint("hand_left").is("class")).split(" ").includes("lost"));
 });
 
+const fill = (page: Page, name: string): unknown => page.within(page.meter(name)).find((each) => String(each.is("class")).startsWith("fill "))?.is("style");
+
 test("meters show the performer's channels, and map what is clicked after them", async () => {
   const page = await Page.open();
-  const fill = (name: string): unknown => page.within(page.meter(name)).find((each) => String(each.is("class")).startsWith("fill "))?.is("style");
   page.channels = { mouth_open: 0.125, index_2_left: 0.25 };
-  assert.deepEqual(["mouth open", "smile", "left index 2"].map(fill), ["width: 12.5%", "width: 0.0%", "width: 25.0%"]);
+  assert.deepEqual(["mouth open", "smile", "left index 2"].map((name) => fill(page, name)), ["width: 12.5%", "width: 0.0%", "width: 25.0%"]);
 
   await page.meter("mouth open").click();
   await page.line("jaw").click();
@@ -105,6 +106,10 @@ test("the range of a channel is measured in two seconds in which the performer h
   assert.deepEqual(page.puppet.channel, []);
   await page.perform({ blink_left: 0.625 }, 1100);
   assert.deepEqual(page.puppet.channel, [{ name: "blink_left", neutral: 0.125, full: 0.625 }]);
+  for (const [value, share] of [[0.625, "100.0"], [0.375, "50.0"], [0, "0.0"]] as const) {
+    page.channels = { blink_left: value };
+    assert.equal(fill(page, "left blink"), `width: ${share}%`);
+  }
   assert.ok(page.text.includes("Your range of left blink is measured. It now moves jaw from rest to its full way."));
   await page.meter("left blink").click();
   await page.button("Use the usual range").click();

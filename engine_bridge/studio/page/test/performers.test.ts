@@ -99,6 +99,8 @@ test("performers in view are told, chosen, and calibrated", async () => {
   await page.button("Choose performer 2").click();
   await page.button("Choose the performer automatically").click();
   assert.deepEqual(page.server.asked("choose_user"), [{ character: "figure", user: 2 }, { character: "figure", user: null }]);
+  page.server.change({ performers: [performer(1, "figure")] });
+  assert.deepEqual(page.buttons("Choose the performer automatically"), []);
   await page.button("Start from this pose").click();
   assert.deepEqual(page.server.asked("calibrate"), [{ character: "figure" }]);
 });

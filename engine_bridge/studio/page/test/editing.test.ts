@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 import type { Puppet } from "../src/model/puppet";
-import { NAME, PUPPET, Page, character, typing } from "./page";
+import { NAME, PUPPET, Page, typing } from "./page";
 
 const edited = (page: Page): Puppet[] => page.server.asked("edit").map((each) => (each as { puppet: Puppet }).puppet);
 
@@ -286,7 +286,7 @@ test("characters are shown in turn, opened, closed and saved", async () => {
   assert.deepEqual(page.server.asked("close_character"), [{ character: NAME }]);
   await page.field("Character").choose("Open another…");
   page.server.on("open_example", () => {
-    page.server.change({ characters: [...page.server.state.characters, character("pegasus")] });
+    page.server.open("pegasus", PUPPET);
     return { character: "pegasus" };
   });
   await page.button("Winged horse").click();

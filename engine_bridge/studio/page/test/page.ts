@@ -90,7 +90,7 @@ export const PUPPET: Puppet = {
   retarget: {},
 };
 
-export const character = (name: string, change: Partial<CharacterState> = {}): CharacterState => ({
+const character = (name: string, change: Partial<CharacterState> = {}): CharacterState => ({
   name, title: name, stage: "stage", limbs: [], handles: [], targets: ["jaw", "brows"], vertices: 8, triangles: 12, version: "", saved: true,
   model: "", notes: [], performer: 1, state: "performing", mirror: false, rate: 30, ...change,
 });

@@ -20,8 +20,9 @@ from capture.trackers import nite
 from capture.trackers.nite import NiTE, library_path
 from puppetline.errors import SourceError
 
+from ...outside import OPENNI_HEADERS
 from ...waiting import wait_until
-from ..conftest import HEADERS, Watched
+from ..conftest import Watched
 
 NAME = "openni:"
 
@@ -69,7 +70,16 @@ class StandIn:
 def _stand_in(openni_folder, tmp_path_factory):
     folder = tmp_path_factory.mktemp("nite")
     source = Path(__file__).parent / "nite_stand_in.cpp"
-    command = ["g++", "-std=c++17", "-O2", "-fPIC", "-shared", "-Wall", "-Wno-return-type-c-linkage", f"-I{HEADERS}"]
+    command = [
+        "g++",
+        "-std=c++17",
+        "-O2",
+        "-fPIC",
+        "-shared",
+        "-Wall",
+        "-Wno-return-type-c-linkage",
+        f"-I{OPENNI_HEADERS}",
+    ]
     library = next(openni_folder.glob("libOpenNI2*"))
     subprocess.run([*command, "-o", folder / "libNiTE2.so", source, library], check=True, capture_output=True)
     return folder / "libNiTE2.so"

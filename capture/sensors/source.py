@@ -203,7 +203,7 @@ class SensorSource:
         self._wake()
 
     def _read(self, device: Device) -> None:
-        clock, logged = DeviceClock(), False
+        device_clock, logged = DeviceClock(), False
         start_time = None
         while not self._stopping:
             picture = device.read(_READ_SECONDS)
@@ -216,11 +216,11 @@ class SensorSource:
                     start_time = now - taken
                 self._offer(taken, picture, now if self._fast else start_time + taken)
             else:
-                self._offer(clock.moment(picture.time, now), picture, now)
-                if clock.rate is not None and not logged:
+                self._offer(device_clock.moment(picture.time, now), picture, now)
+                if device_clock.rate is not None and not logged:
                     logged = True
                     message = "%s one second takes %g s on the clock of %s: using the arrival times of images instead"
-                    log.warning(message, heading(self.name), clock.rate, device.name)
+                    log.warning(message, heading(self.name), device_clock.rate, device.name)
 
     def _offer(self, taken: float, picture: Picture, due: float) -> None:
         """Pass an image to the tracker when it is due; the image of a live device replaces the waiting one."""

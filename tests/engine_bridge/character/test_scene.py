@@ -74,7 +74,6 @@ def too_many_parts(glb):
         (partial(hang_on, inverse=np.eye(4, dtype=np.float32), sets=MAX_JOINT_SETS + 1), "skins[0]"),
         (too_many_parts, ""),
     ],
-    ids=str,
 )
 def test_a_scene_without_bounds_is_refused_with_its_place(glb, tmp_path, damage, place):
     damage(glb)

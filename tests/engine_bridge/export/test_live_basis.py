@@ -180,7 +180,6 @@ def test_a_basis_for_another_mesh_is_refused(baked, blob, new_glb, write_puppet,
         *({"lengths": lambda own, length=length: [length] * len(own)} for length in (0.0, 1e308)),
         *([], None),
     ],
-    ids=str,
 )
 def test_damaged_or_missing_extras_are_refused_with_the_command_that_mends_them(baked, tmp_path, changed):
     gltf, binary = unpack(baked.path.read_bytes())

@@ -58,6 +58,9 @@ TIMESTAMP_NS = 35
 """Linux's option SO_TIMESTAMPNS of sockets, and the kind of the ancillary data that it adds to datagrams."""
 TIMESPEC = struct.Struct("@ll")
 """What these data are: seconds and nanoseconds of the system's clock."""
+MAX_ATTEMPTS = 10
+"""Maximum number of attempts to read the date and the time without an interruption between them."""
+
 MAX_AGE_NS = 10_000_000_000
 """Maximum plausible time that a datagram has waited; beyond, the system's clock was set meanwhile."""
 USERS = range(-(2**31), 2**31)
@@ -300,13 +303,22 @@ def _received(listener: socket.socket) -> tuple[bytes, Any, float]:
     if sys.platform != "linux":
         return *listener.recvfrom(MAX_DATAGRAM_BYTES), clock.now()
     datagram, ancillary, _, sender = listener.recvmsg(MAX_DATAGRAM_BYTES, socket.CMSG_SPACE(TIMESPEC.size))
-    real, now = time.time_ns(), clock.now()
+    real, now = _moment()
     age = 0
     for _, kind, data in ancillary:
         if kind == TIMESTAMP_NS:
             seconds, nanoseconds = TIMESPEC.unpack(data)
             age = real - 1_000_000_000 * seconds - nanoseconds
     return datagram, sender, now - age / 1e9 if 0 <= age <= MAX_AGE_NS else now
+
+
+def _moment() -> tuple[int, float]:
+    """Return the date in nanoseconds and the time of one moment, unless other programs interrupt each attempt."""
+    for _ in range(MAX_ATTEMPTS):
+        before, real, now = clock.now(), time.time_ns(), clock.now()
+        if now - before < 1e-4:
+            break
+    return real, now
 
 
 def _listen(name: str, address: Address) -> socket.socket:

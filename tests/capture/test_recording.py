@@ -105,7 +105,7 @@ def test_each_frame_is_readable_as_soon_as_it_is_written(tmp_path):
 
 def test_the_disk_is_synced_once_a_second_and_at_the_end(tmp_path, monkeypatch):
     clock, synced = iter([10.0, 10.4, 10.9, 11.0, 11.5, 12.1]), []
-    monkeypatch.setattr(capture.recording.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(capture.recording.clock, "now", lambda: next(clock))
     monkeypatch.setattr(capture.recording.os, "fsync", synced.append)
     counts = []
     with Recorder(tmp_path / "take") as recorder:
@@ -121,7 +121,7 @@ def test_the_disk_is_synced_once_a_second_and_at_the_end(tmp_path, monkeypatch):
 def test_no_frame_waits_for_the_disk(tmp_path, monkeypatch):
     """The disk is busy until the take is closed. All events are written, and nothing is synchronised twice."""
     clock, done, synced = itertools.count(), threading.Event(), []
-    monkeypatch.setattr(capture.recording.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(capture.recording.clock, "now", lambda: next(clock))
     monkeypatch.setattr(capture.recording.os, "fsync", lambda file: (synced.append(file), done.wait(60)))
     with Recorder(tmp_path / "take") as recorder:
         for k in range(5):
@@ -136,7 +136,7 @@ def test_a_disk_that_fails_to_sync_is_reported(tmp_path, monkeypatch):
         raise OSError(errno.EIO, "Input/output error")
 
     clock = itertools.count()
-    monkeypatch.setattr(capture.recording.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(capture.recording.clock, "now", lambda: next(clock))
     monkeypatch.setattr(capture.recording.os, "fsync", fail)
     for tell in (Recorder.close, lambda recorder: [recorder.write(make_frame(k)) for k in range(10_000)]):
         recorder = Recorder(tmp_path / "take")

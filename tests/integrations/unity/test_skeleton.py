@@ -96,11 +96,11 @@ def test_between_frames_bones_turn_the_short_way(show, limbed, own_bones):
     program.finish()
 
 
-def test_bones_without_a_known_name_and_a_character_without_limbs_are_warned_of(show, limbed):
+def test_bones_without_a_known_name_and_a_character_without_limbs_are_warned_of(show, limbed, figure):
     program = show(limbed, character="limbed", mode="Bones", boneMap="tail_9")
     assert "leftUpperArm" in program.until(lambda said: "has a known name" in said.get("warning", ""))["warning"]
     program.until(lambda said: "tail_9" in said.get("warning", ""))
     program.close()
-    program = show(mode="Bones")
+    program = show(figure, mode="Bones")
     program.until(lambda said: "[[limb]]" in said.get("warning", ""))
     program.close()

@@ -60,7 +60,6 @@ TIMESPEC = struct.Struct("@ll")
 """What these data are: seconds and nanoseconds of the system's clock."""
 MAX_ATTEMPTS = 10
 """Maximum number of attempts to read the date and the time without an interruption between them."""
-
 MAX_AGE_NS = 10_000_000_000
 """Maximum plausible time that a datagram has waited; beyond, the system's clock was set meanwhile."""
 USERS = range(-(2**31), 2**31)

@@ -135,8 +135,7 @@ class Service:
         self.takes = Takes(folder / settings.takes)
         self.kiosk: Kiosk | None = None
         if settings.kiosk is not None:
-            folder, count_in = self.takes.folder, self.count_in
-            self.kiosk = Kiosk(settings.kiosk, folder, count_in, self._stop_clip, self._jobs)
+            self.kiosk = Kiosk(settings.kiosk, self.takes.folder, self.count_in, self._stop_clip, self._jobs)
             keep.callback(self.kiosk.close)
         self._reporter = Reporter()
         self._looking = Looking(self._jobs, self._answer)
@@ -331,7 +330,8 @@ class Service:
         self._watch_sockets()
         due = [runner.due() for runner in self.runners] + [output.due() for output in self._outputs]
         due += [self.playback.due(), self.count_in.due(), math.inf if self.kiosk is None else self.kiosk.due()]
-        ready = dict(clock.block(min(*due, self._status_at), self._poll))
+        until = min(*due, self._status_at)
+        ready = dict(clock.block(until, lambda seconds: self._poller.poll(math.ceil(1000 * seconds))))
         for runner in self.runners:
             if runner.source.fileno() in ready or runner.due() <= clock.now():
                 self._guarded(self._take_in, runner)
@@ -350,9 +350,6 @@ class Service:
                     self._guarded(reader.handle, each)
         self._guarded(self._finish_jobs)
         self._notifier.watchdog(sum(runner.events for runner in self.runners))
-
-    def _poll(self, seconds: float) -> list[tuple[Any, int]]:
-        return self._poller.poll(math.ceil(1000 * seconds))
 
     def _watch_sockets(self) -> None:
         """Poll what is open now: sources that reconnect and outputs with clients open other sockets."""

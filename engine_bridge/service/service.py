@@ -330,8 +330,7 @@ class Service:
         self._watch_sockets()
         due = [runner.due() for runner in self.runners] + [output.due() for output in self._outputs]
         due += [self.playback.due(), self.count_in.due(), math.inf if self.kiosk is None else self.kiosk.due()]
-        until = min(*due, self._status_at)
-        ready = dict(clock.block(until, lambda seconds: self._poller.poll(math.ceil(1000 * seconds))))
+        ready = dict(clock.block(min(*due, self._status_at), lambda left: self._poller.poll(math.ceil(1000 * left))))
         for runner in self.runners:
             if runner.source.fileno() in ready or runner.due() <= clock.now():
                 self._guarded(self._take_in, runner)

@@ -9,6 +9,7 @@
 
 import json
 import logging
+import os
 import sys
 import threading
 from collections.abc import Iterator
@@ -46,21 +47,24 @@ def setup(form: Literal["text", "json"] = "text", level: str = "info", stream: T
     stream : text file, optional
         Standard error by default.
     """
-    handler = logging.StreamHandler(stream or sys.stderr)
+    handler = _Unbuffered(stream or sys.stderr)
     handler.setFormatter(JsonFormatter() if form == "json" else TextFormatter())
     logging.basicConfig(handlers=[handler], level=level.upper(), force=True)
 
 
 @contextmanager
 def beside() -> Iterator[None]:
-    """Write the logs in a thread: a paused terminal or a full pipe then loses records, but delays nothing."""
+    """Write the logs in a thread: a paused terminal or a full pipe then loses records, but delays nothing.
+
+    Where the thread is still stuck at the end, what is logged later is lost too.
+    """
     root, waiting = logging.getLogger(), Queue[logging.LogRecord | None](MAX_QUEUED)
     before = root.handlers[:]
 
     def write() -> None:
         while (record := waiting.get()) is not None:
             for handler in before:
-                handler.handle(record)
+                handler.emit(record)  # without the handler's lock, which a stuck thread would keep
 
     writer = threading.Thread(target=write, name="logs", daemon=True)
     writer.start()
@@ -68,10 +72,28 @@ def beside() -> Iterator[None]:
     try:
         yield
     finally:
-        root.handlers[:] = before
         with suppress(Full):
             waiting.put_nowait(None)
         writer.join(CLOSE_SECONDS)
+        root.handlers[:] = [logging.NullHandler()] if writer.is_alive() else before
+
+
+class _Unbuffered(logging.StreamHandler[TextIO]):
+    """Writes past Python's buffer of a stream: a thread that is stuck in it would keep others from flushing it."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        try:
+            descriptor = self.stream.fileno()
+        except (OSError, ValueError):  # a stream in memory, or a closed one
+            super().emit(record)
+            return
+        try:
+            text = self.format(record) + self.terminator
+            data = text.encode(self.stream.encoding, self.stream.errors or "strict")
+            while data:
+                data = data[os.write(descriptor, data) :]
+        except Exception:
+            self.handleError(record)
 
 
 class _Waiting(QueueHandler):

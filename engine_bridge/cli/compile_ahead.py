@@ -9,6 +9,7 @@ processes keep what they have compiled on disk, and neither compiles what the ot
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -25,13 +26,16 @@ def second_process(at_once: bool = False) -> Iterator[None]:
     at_once : bool
         Start it now, because other processes will need what it compiles; it finds out itself whether anything is left.
     """
-    started: list[subprocess.Popen[bytes]] = []
+    started: list[tuple[subprocess.Popen[bytes], threading.Thread]] = []
 
     def start() -> None:
         if (os.cpu_count() or 1) > 1:
             command = [sys.executable, "-m", __name__]
             none = subprocess.DEVNULL
-            started.append(subprocess.Popen(command, stdin=none, stdout=none, stderr=none, **OWN_GROUP))  # noqa: S603
+            process = subprocess.Popen(command, stdin=none, stdout=none, stderr=none, **OWN_GROUP)  # noqa: S603
+            waiter = threading.Thread(target=process.wait, daemon=True)  # or it would stay, ended, beside a service
+            waiter.start()
+            started.append((process, waiter))
 
     def start_if_needed() -> None:
         from engine_bridge.pictures.rasteriser import rasterise  # one of the last that it compiles
@@ -49,9 +53,9 @@ def second_process(at_once: bool = False) -> Iterator[None]:
     finally:
         if start_if_needed in when_begun:
             when_begun.remove(start_if_needed)
-        for process in started:
+        for process, waiter in started:
             process.kill()
-            process.wait()
+            waiter.join()
 
 
 def compile_ahead() -> None:

@@ -104,6 +104,7 @@ def test_a_recording_that_is_dropped_on_the_page_performs(window):
     window.until("state.server.source.kind === 'upload' && state.server.source.name === 'rear.txt'")
     window.idle()
     window.button("Change…").click()
+    window.until("state.sources")  # the list is complete, and stays where it is
     window.page.locator(".sources").get_by_role("button", name="Walk", exact=True).click()
     window.until("state.server.source.name === 'walk'")
     window.idle()

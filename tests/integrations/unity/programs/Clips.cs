@@ -22,6 +22,7 @@ static class Clips
 
     static void Main(string[] arguments)
     {
+        Said.Open();
         first = PuppetClip.Create(File.ReadAllBytes(arguments[0]));
         first.name = "first";
         Shower.clip = first;

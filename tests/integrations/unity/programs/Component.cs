@@ -29,6 +29,7 @@ static class Component
 
     static int Main(string[] arguments)
     {
+        Said.Open();
         puppet = Owner.AddComponent<Puppet>();
         skin = Owner.AddComponent<SkinnedMeshRenderer>();
         skin.sharedMesh = new Mesh { blendShapes = new[] { "smile", "motion_0", "motion_1", "motion_2" } };

@@ -12,6 +12,7 @@ static class Core
 {
     static int Main(string[] arguments)
     {
+        Said.Open();
         int code = Run(arguments);
         Said.End(code);
         return code;

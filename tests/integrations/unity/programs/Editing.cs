@@ -13,6 +13,7 @@ static class Editing
 {
     static void Main(string[] arguments)
     {
+        Said.Open();
         AssetDatabase.package = arguments[0];
         foreach (MethodInfo method in typeof(PackageTests).GetMethods())
         {

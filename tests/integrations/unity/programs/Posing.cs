@@ -11,6 +11,7 @@ static class Posing
 {
     static int Main(string[] arguments)
     {
+        Said.Open();
         var message = new Message { Payload = new ArraySegment<byte>(File.ReadAllBytes(arguments[0])) };
         Json told = Json.Parse(Console.In.ReadToEnd());
         var root = new Transform();

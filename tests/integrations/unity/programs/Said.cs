@@ -1,6 +1,7 @@
 using System;
 using System.Collections.Generic;
 using System.Globalization;
+using System.IO;
 using System.Runtime.InteropServices;
 using System.Text;
 using Puppetline.Protocol;
@@ -11,11 +12,26 @@ static class Said
     [DllImport("libc")]
     static extern void _exit(int code);
 
-    /// <summary>End the process at once. Mono's own end sometimes crashes, while it interrupts threads that wait for a socket.</summary>
+    static Stream output;
+
+    /// <summary>
+    /// Open the output, before the program starts a thread: in Mono, the writer behind Console.WriteLine may be used unfinished while
+    /// another thread begins to read the console. The lines are therefore written as bytes, without a writer.
+    /// </summary>
+    public static void Open()
+    {
+        output = Console.OpenStandardOutput();
+    }
+
+    /// <summary>
+    /// End the process at once, no line cut off. Mono's own end sometimes crashes, while it interrupts threads that wait for a socket.
+    /// </summary>
     public static void End(int code)
     {
-        Console.Out.Flush();
-        _exit(code);
+        lock (output)
+        {
+            _exit(code);
+        }
     }
 
     public static void Line(params object[] namesAndValues)
@@ -25,8 +41,12 @@ static class Said
         {
             line.Append(i == 0 ? "" : ", ").Append(Text((string)namesAndValues[i])).Append(": ").Append(Literal(namesAndValues[i + 1]));
         }
-        Console.WriteLine(line.Append('}'));
-        Console.Out.Flush();
+        byte[] bytes = Encoding.UTF8.GetBytes(line.Append("}\n").ToString());
+        lock (output)
+        {
+            output.Write(bytes, 0, bytes.Length);
+            output.Flush();
+        }
     }
 
     public static string Bytes<T>(T[] array, int count)

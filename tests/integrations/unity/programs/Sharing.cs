@@ -16,6 +16,7 @@ static class Sharing
 
     static void Main()
     {
+        Said.Open();
         var reading = new Thread(Read) { IsBackground = true };
         reading.Start();
         while (reading.IsAlive || Told.Count > 0)

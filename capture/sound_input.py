@@ -202,7 +202,7 @@ class SoundInput:
     def _reopen(self, silent: SoundSource) -> None:
         """Open the microphone again as soon as it is there, in a thread, because that takes a while."""
         silent.close()
-        while not self._closed.wait(RETRY_SECONDS):
+        while not clock.block(clock.now() + RETRY_SECONDS, self._closed.wait):
             try:
                 found = self._opener()
             except SourceError:

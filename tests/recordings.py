@@ -15,5 +15,6 @@ def record(path, events):
 def key(event):
     """Return a value that is equal for events that are equal bit for bit."""
     if isinstance(event, SkeletonFrame):
-        return (event.time, event.user, event.positions.tobytes(), event.confidence.tobytes())
+        arrays = event.positions, event.confidence
+        return (event.time, event.user, event.channels, *((each.dtype, each.tobytes()) for each in arrays))
     return event

@@ -228,7 +228,7 @@ class SensorSource:
             self.counts.received += 1
             if self.recorded:
                 self._deadline = math.inf  # the tracker may take any time
-                self._changed.wait_for(lambda: self._stopping, max(0.0, due - clock.now()))
+                clock.block(due, lambda seconds: self._changed.wait_for(lambda: self._stopping, seconds))
                 self._changed.wait_for(lambda: self._stopping or self._picture is None)
             elif due - taken > MAX_AGE_SECONDS:
                 self.counts.dropped += 1

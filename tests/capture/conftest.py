@@ -22,37 +22,12 @@ from capture.trackers.picture import Lens, Person, Picture
 
 from ..outside import OPENNI_HEADERS, found
 from ..waiting import wait_until
+from .bodies import STANDING
 
 TIMEOUT_SECONDS = 10.0
 """Time after which a test fails, in seconds."""
 
 LENS = Lens(4, 3, 4.0)
-
-STANDING_TABLE = """
-hip_center      0 0 0
-spine           0 0.07 0.01
-shoulder_center 0 0.41 0.02
-head            0.01 0.61 0
-shoulder_left   -0.19 0.36 0.02
-elbow_left      -0.24 0.11 0.05
-wrist_left      -0.26 -0.12 0.02
-hand_left       -0.27 -0.2 0
-shoulder_right  0.19 0.35 0.02
-elbow_right     0.35 0.52 -0.02
-wrist_right     0.41 0.75 -0.08
-hand_right      0.43 0.83 -0.11
-hip_left        -0.08 -0.06 0
-knee_left       -0.1 -0.54 -0.01
-ankle_left      -0.11 -0.92 0.05
-foot_left       -0.12 -0.96 -0.05
-hip_right       0.08 -0.06 0
-knee_right      0.11 -0.53 -0.05
-ankle_right     0.12 -0.9 0.03
-foot_right      0.14 -0.95 -0.08
-"""
-STANDING = {name: tuple(map(float, place)) for name, *place in map(str.split, STANDING_TABLE.strip().splitlines())}
-"""A performer who faces the sensor, with the right arm up; no joint is another's mirror image."""
-
 
 class ScriptedDevice:
     """Returns the images in its queue, and raises the exceptions in it."""

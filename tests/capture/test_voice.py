@@ -2,48 +2,51 @@
 
 import shutil
 import subprocess
-import wave
 
 import numpy as np
 import pytest
 
+from capture.sound import read_wav
 from capture.voice import STEP_SECONDS, Voice, voice_of
 
 RATE = 48_000
 
 
-def room(seconds, loudness=0.002, seed=1):
-    return loudness * np.random.default_rng(seed).normal(size=round(seconds * RATE))
+def room(seconds, loudness=0.002):
+    return loudness * np.random.default_rng(1).normal(size=round(seconds * RATE))
 
 
-def rumble(seconds, loudness=0.002, seed=1):
+def rumble(seconds, loudness=0.002):
     """Pink noise that swells three times per second, like a fan."""
-    spectrum = np.fft.rfft(room(seconds, 1.0, seed))
+    spectrum = np.fft.rfft(room(seconds, 1.0))
     pink = np.fft.irfft(spectrum / np.sqrt(np.maximum(np.arange(len(spectrum)), 1)), round(seconds * RATE))
     return loudness * pink / pink.std() * (1 + 0.3 * np.sin(6 * np.pi * np.arange(len(pink)) / RATE))
 
 
-def tone(seconds, begin, end, loudness=0.3, pitch=180):
+def tone(seconds, begin, end):
     t = np.arange(round(seconds * RATE)) / RATE
-    harmonics = sum(np.sin(2 * np.pi * pitch * k * t) / k for k in range(1, 20))
-    return loudness * harmonics / np.abs(harmonics).max() * ((t >= begin) & (t < end))
+    harmonics = sum(np.sin(2 * np.pi * 180 * k * t) / k for k in range(1, 20))
+    return 0.3 * harmonics / np.abs(harmonics).max() * ((t >= begin) & (t < end))
 
 
-def heard(samples):
+def heard(samples, rate=RATE):
     """Return the values, and the times at which the steps before them end."""
-    values = Voice(RATE).add(samples)
+    values = Voice(rate).add(samples)
     return values, (np.arange(len(values)) + 1) * STEP_SECONDS
 
 
 @pytest.mark.parametrize("noise", [room, rumble])
 @pytest.mark.parametrize("loudness", [0.0, 0.0005, 0.002, 0.01])
-def test_a_voice_opens_within_60_ms_and_closes_within_150(noise, loudness):
-    values, times = heard(noise(4, loudness) + tone(4, 1.0, 2.0) + tone(4, 2.5, 3.0))
+def test_a_voice_opens_within_60_ms_and_closes_within_150_whatever_the_gain(noise, loudness):
+    sound = noise(4, loudness) + tone(4, 1.0, 2.0) + tone(4, 2.5, 3.0)
+    values, times = heard(sound)
     for begin, end in ((1.0, 2.0), (2.5, 3.0)):
         assert times[(times >= begin) & (values > 0.5)][0] <= begin + 0.06
         assert values[(times > begin + 0.1) & (times < end)].min() > 0.7
         assert times[(times >= end) & (values < 0.1)][0] <= end + 0.15
     assert values[times < 1.0].max(initial=0) <= 0.02
+    if loudness == 0.002:
+        np.testing.assert_allclose(values, heard(sound / 10)[0], atol=0.05)
 
 
 @pytest.mark.parametrize("loudness", [0.0002, 0.002, 0.02])
@@ -59,15 +62,8 @@ def test_a_louder_room_is_the_new_floor_after_some_seconds():
     assert values[times > 18].max() <= 0.02
 
 
-def test_a_quiet_microphone_gives_the_same_as_a_loud_one():
-    sound = room(3, 0.002) + tone(3, 1, 2)
-    loud, quiet = heard(sound)[0], heard(sound / 10)[0]
-    np.testing.assert_allclose(loud, quiet, atol=0.05)
-
-
 def test_blocks_do_not_matter():
-    sound = room(2) + tone(2, 0.5, 1)
-    voice = Voice(RATE)
+    sound, voice = room(2) + tone(2, 0.5, 1), Voice(RATE)
     parts = np.concatenate([voice.add(part) for part in np.split(sound, [1, 700, 5000, 41_111])])
     np.testing.assert_array_equal(parts, heard(sound)[0])
 
@@ -81,18 +77,12 @@ def test_values_are_at_the_times_of_the_sound():
 @pytest.mark.skipif(shutil.which("espeak-ng") is None, reason="no espeak-ng")
 def test_speech_opens_and_closes_the_mouth(tmp_path):
     subprocess.run(["espeak-ng", "-w", tmp_path / "a.wav", "One, two. Three, four."], check=True)
-    with wave.open(str(tmp_path / "a.wav")) as file:
-        rate = file.getframerate()
-        speech = np.frombuffer(file.readframes(file.getnframes()), "<i2") / 32768
-    quiet = np.zeros(rate)
-    sound = np.concatenate([quiet, speech, quiet])
+    speech, rate = read_wav(tmp_path / "a.wav")
+    sound = np.pad(speech, rate)
     sound = sound + 0.001 * np.random.default_rng(3).normal(size=len(sound))
-    values = Voice(rate).add(sound)
-    times = (np.arange(len(values)) + 1) * STEP_SECONDS
-    loud = np.sqrt(np.convolve(sound**2, np.full(rate // 50, 50 / rate), "same"))[
-        np.minimum((times * rate).astype(int), len(sound)) - 1
-    ]
-    first = times[loud > 0.1][0]
+    values, times = heard(sound, rate)
+    loud = np.sqrt(np.convolve(sound**2, np.full(rate // 50, 50 / rate), "same"))
+    first = times[loud[np.minimum((times * rate).astype(int), len(sound)) - 1] > 0.1][0]
     assert values[times < 1.0].max() <= 0.02
     assert times[values > 0.3][0] <= first + 0.06
     assert 3 <= np.count_nonzero(np.diff((values > 0.4).astype(int)) == 1) <= 14  # syllables

@@ -10,7 +10,8 @@ import pytest
 from capture.network.source import open_osc, open_vmc
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 
-from ..conftest import STANDING, Watched
+from ..bodies import STANDING
+from ..conftest import Watched
 
 
 def _pad(data):

@@ -269,12 +269,26 @@ def serve_module(tmp_path_factory, own_cache, commands):
 def play(tmp_path, monkeypatch, given_clock, until_end):
     """Open services in this process on the given clock, with the arguments of `puppetline serve`; see `InProcess`."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.delenv("PUPPETLINE_TOKEN", raising=False)
     monkeypatch.setattr("capture.network.source.MAX_AGE_NS", -1)  # what the system says of its own clock
     monkeypatch.setattr("engine_bridge.service.outputs.zeromq.QUEUED_OTHERS", 100_000)  # no client is too slow
 
     def start(*arguments):
         free = () if "--config" in arguments else ("--port", 0, "--no-announce", "--takes", tmp_path / "takes")
         return until_end(InProcess(given_clock, (*free, *arguments)))
+
+    return start
+
+
+@pytest.fixture
+def play_file(play, blob_puppet, tmp_path):
+    """Play a service with the small figure and nobody who moves it, whose service file has more tables."""
+
+    def start(tables="[network]\nport = 0\n"):
+        path = tmp_path / "service.toml"
+        stage = f'[[stage]]\nsource = "osc:0"\n[[stage.character]]\npuppet = "{blob_puppet}"\nname = "dog"\n'
+        path.write_text(f"announce = false\n{tables}{stage}")
+        return play("--config", path)
 
     return start
 

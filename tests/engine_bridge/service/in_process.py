@@ -2,7 +2,7 @@
 
 import json
 import math
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from functools import partial
 from select import select
 
@@ -92,12 +92,25 @@ class InProcess:
         self.until(lambda: self.clock.now() >= end, seconds)
         return self.frames[before:]
 
+    def next_frame(self):
+        """Let time pass until the next frame, and return that."""
+        count = len(self.frames)
+        self.until(lambda: len(self.frames) > count)
+        return self.frames[-1]
+
     def wait(self, condition):
         """Turn the loop while the clock stands, until what others do in their own time has happened."""
         with self.clock.standing():
             while not (found := condition()):
                 self.service.turn()
         return found
+
+    def beside(self, call, *arguments, **more):
+        """Call in a thread what waits for the service, and turn the loop meanwhile, while the clock stands."""
+        with ThreadPoolExecutor() as threads:
+            called = threads.submit(call, *arguments, **more)
+            self.wait(called.done)
+        return called.result()
 
     def client(self, *topics):
         """Connect a client, and wait until its subscriptions have come."""
@@ -109,6 +122,11 @@ class InProcess:
             client.socket.subscribe(prefix)
             self.wait(lambda held=held, prefix=prefix: held != [each.subscriptions._held[prefix] for each in streams])
         return client
+
+    def kinds(self, output=0):
+        """Return the kinds of the first character's frames that clients of an output subscribe to."""
+        streams = self.service._outputs[output]._streams.values()
+        return {kind for stream in streams for kind in stream.kinds_of(self.service.names[0])}
 
     def heard(self, client, wanted=lambda _: True, kind=None):
         """Return the messages of a kind that come to a client while the clock stands, up to one that is wanted."""

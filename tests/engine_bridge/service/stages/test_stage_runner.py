@@ -1,8 +1,6 @@
 import socket
-import time
 from dataclasses import replace
 from pathlib import Path
-from select import select
 
 import numpy as np
 import pytest
@@ -11,36 +9,43 @@ from capture.body import upright
 from capture.events import Tick
 from capture.formats import read_log
 from capture.skeleton import SkeletonFrame
-from capture.source import SilentSource
+from capture.source import SilentSource, wait
 from engine_bridge.service.players.character_player import PlayerSettings
 from engine_bridge.service.stages.stage_runner import StageRunner
+from puppetline import clock
 from puppetline.errors import ServiceError, SourceError
 
+from ...refusals import refused
+
+AT_ONCE = PlayerSettings(calibrate="at_once")
+
+
+def run(runner, until=lambda: False, seconds=20.0):
+    """Process events as the service does, until something is true or for some seconds; return the frames."""
+    frames, end = [], clock.now() + seconds
+    while not until() and clock.now() < end:
+        wait(runner.source, end)
+        frames += runner.take_in()
+    return frames
+
+
+def run_to(runner, skeletons):
+    """Process events until so many skeletons have come."""
+    return run(runner, lambda: runner.skeletons >= skeletons)
+
+
+def is_silent(runner):
+    return isinstance(runner.source.inner, SilentSource)
+
 
 @pytest.fixture
-def run(clock):
-    """Process events as the service does, but advance the clock instead of waiting; return the frames."""
-
-    def run(runner, seconds=None, until=lambda: False):
-        frames = []
-        end = time.monotonic() + (20.0 if seconds is None else seconds)
-        while not until():
-            if time.monotonic() >= end:
-                assert seconds is not None
-                break
-            number = runner.source.fileno()
-            if number is None or not select([number], [], [], 0)[0]:
-                clock.advance_to(min(runner.due(), end))
-            frames += runner.take_in()
-        return frames
-
-    return run
-
-
-@pytest.fixture
-def open_stage(make_stage, tmp_path, until_end):
+def open_stage(make_stage, tmp_path, until_end, given_clock):
     """Open a source before a stage."""
-    return lambda source, stage=None: until_end(StageRunner(source, stage or make_stage(), tmp_path))
+
+    def open_one(source, stage=None, **more):
+        return until_end(StageRunner(source, stage or make_stage(**more), tmp_path))
+
+    return open_one
 
 
 @pytest.fixture
@@ -49,9 +54,9 @@ def short(record_events, tmp_path, kung_fu):
     return "replay:short.log"
 
 
-def test_the_clock_continues_after_the_end_of_a_recording(run, short, open_stage, kung_fu):
+def test_the_clock_continues_after_the_end_of_a_recording(short, open_stage, kung_fu):
     runner = open_stage(short)
-    run(runner, until=lambda: isinstance(runner.source.inner, SilentSource))
+    run(runner, lambda: is_silent(runner))
     assert runner.skeletons == 10
     frames = run(runner, seconds=1.0)
     assert frames[0].time >= kung_fu[9].time
@@ -59,7 +64,7 @@ def test_the_clock_continues_after_the_end_of_a_recording(run, short, open_stage
     assert runner.source.name == short
 
 
-def test_a_source_that_cannot_be_opened_is_retried_and_the_character_continues(run, open_stage, sender):
+def test_a_source_that_cannot_be_opened_is_retried_and_the_character_continues(open_stage, sender):
     runner = open_stage(sender.uri)
     runner.source.inner.close()
     runner.source.inner.receive = lambda: (_ for _ in ()).throw(SourceError("osc", found="x", expected="y", fix="z"))
@@ -67,16 +72,17 @@ def test_a_source_that_cannot_be_opened_is_retried_and_the_character_continues(r
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", sender.port))
         frames = run(runner, seconds=1.5)
-        assert isinstance(runner.source.inner, SilentSource)
+        assert is_silent(runner)
     assert len(frames) > 20  # the character goes on
-    run(runner, until=lambda: not isinstance(runner.source.inner, SilentSource))
+    run(runner, lambda: not is_silent(runner))
+    assert not is_silent(runner)
 
 
 def test_a_take_has_every_frame_that_waited_and_only_the_newest_is_used_otherwise(
-    run, open_stage, make_stage, tmp_path, sender, kung_fu, moved
+    open_stage, tmp_path, sender, kung_fu, moved
 ):
-    runner = open_stage(sender.uri, make_stage(player_settings=PlayerSettings(calibrate="at_once")))
-    waiting = [moved(each, time=time.monotonic() + 0.01 * k) for k, each in enumerate(kung_fu[:12])]
+    runner = open_stage(sender.uri, player_settings=AT_ONCE)
+    waiting = [moved(each, time=clock.now() + 0.01 * k) for k, each in enumerate(kung_fu[:12])]
     given = [waiting[:6], waiting[6:]]
     runner.source.inner.receive = lambda: given.pop(0)
     assert len(runner.take_in()) == runner.skeletons == 1
@@ -88,20 +94,11 @@ def test_a_take_has_every_frame_that_waited_and_only_the_newest_is_used_otherwis
     assert clip.times.tolist() == [each.time for each in waiting[6:]]
 
 
-def test_events_of_a_take_are_in_order_even_if_the_sources_are_not(
-    run, make_stage, open_stage, tmp_path, sender, kung_fu, moved
-):
-    runner = open_stage(sender.uri, make_stage(player_settings=PlayerSettings(calibrate="at_once")))
+def test_events_of_a_take_are_in_order_even_if_the_sources_are_not(open_stage, tmp_path, sender, kung_fu, moved):
+    runner = open_stage(sender.uri, player_settings=AT_ONCE)
     runner.start_recording(tmp_path / "take.log")
-    start = time.monotonic()
-    given = []
-
-    def receive():
-        events, given[:] = given[:], []
-        return events
-
-    runner.source.inner.receive = receive
-    live = []
+    start, given, live = clock.now(), [], []
+    runner.source.inner.receive = lambda: [given.pop(0) for _ in range(len(given))]
     for k, frame in enumerate(kung_fu[:60]):
         given += [moved(frame, time=start + k / 30), Tick(start + k / 30 - 0.01)]  # out of order
         live += runner.take_in()
@@ -109,63 +106,54 @@ def test_events_of_a_take_are_in_order_even_if_the_sources_are_not(
             live += runner.cue("mirror", character="dog", on=k == 10)  # now, which is before the frames that follow
     runner.stop_recording().close()
     again = open_stage("replay:take.log")
-    replayed = run(again, until=lambda: isinstance(again.source.inner, SilentSource))
-    replayed = [frame for frame in replayed if frame.time <= live[-1].time]
+    replayed = [frame for frame in run(again, lambda: is_silent(again)) if frame.time <= live[-1].time]
     assert len(live) == len(replayed)
     for a, b in zip(live, replayed, strict=True):
         np.testing.assert_array_equal(a.controls, b.controls)
 
 
 @pytest.fixture
-def calibration(run, open_stage, record_events, tmp_path, kung_fu):
+def calibration(open_stage, record_events, tmp_path, kung_fu):
     """Record a take that begins before the performer is calibrated, and return the calibration."""
     record_events(tmp_path / "log", kung_fu[:90])
     runner = open_stage("replay:log")
-    run(runner, until=lambda: runner.skeletons >= 20)
+    run_to(runner, 20)
     runner.start_recording(tmp_path / "take.log")
-    run(runner, until=lambda: runner.skeletons == 90)
+    run_to(runner, 90)
     [player] = runner.stage.players
     runner.close()
     return player.calibration
 
 
-def test_a_take_uses_its_calibration_although_the_second_without_motion_began_before_it(run, open_stage, calibration):
+def test_a_take_uses_its_calibration_also_after_its_characters_are_loaded_again(open_stage, make_player, calibration):
+    """The second without motion began before it."""
     runner = open_stage("replay:take.log")
-    [player] = runner.stage.players
-    assert run(runner, until=lambda: runner.skeletons >= 60)[-1].state == "performing"
-    np.testing.assert_array_equal(player.calibration.rest, calibration.rest)
+    assert run_to(runner, 60)[-1].state == "performing"
+    np.testing.assert_array_equal(runner.stage.players[0].calibration.rest, calibration.rest)
+    runner.replace_players([make_player("dog")])
+    assert run(runner, lambda: runner.stage.players[0].state == "performing")
 
 
-def test_after_a_command_a_take_plays_like_any_other_recording(run, open_stage, calibration):
+def test_after_a_command_a_take_plays_like_any_other_recording(open_stage, calibration):
     runner = open_stage("replay:take.log?loop")
     [player] = runner.stage.players
-    run(runner, until=lambda: runner.skeletons >= 5)
+    run_to(runner, 5)
     runner.cue("mirror", on=True)
-    run(runner, until=lambda: runner.skeletons >= 60)
+    run_to(runner, 60)
     assert player.calibration is None  # no performer stood still for a second since
-    run(runner, until=lambda: runner.skeletons >= 80)  # the second pass
+    run_to(runner, 80)  # the second pass
     assert player.mirror
 
 
-def test_a_take_continues_after_its_characters_are_loaded_again(run, open_stage, make_player, calibration):
-    runner = open_stage("replay:take.log")
-    run(runner, until=lambda: runner.skeletons >= 60)
-    assert runner.stage.players[0].state == "performing"
-    runner.replace_players([make_player("dog")])
-    run(runner, until=lambda: runner.stage.players[0].state == "performing")
-
-
-def test_a_take_with_a_damaged_beginning_plays_like_any_other_recording(run, open_stage, tmp_path, caplog, calibration):
+def test_a_take_with_a_damaged_beginning_plays_like_any_other_recording(open_stage, tmp_path, caplog, calibration):
     text = (tmp_path / "take.log").read_text()
     (tmp_path / "take.log").write_text(text.replace('"people": "each"', '"peoples": "each"'))
-    runner = open_stage("replay:take.log")
-    frames = run(runner, until=lambda: runner.skeletons >= 65)
+    frames = run_to(open_stage("replay:take.log"), 65)
     assert caplog.messages == ["an event was refused"]
-    assert "a take with a damaged beginning" in caplog.records[0].fields["why"]
     assert frames[-1].state == "performing"
 
 
-def test_an_internal_error_loses_one_event(run, short, make_stage, open_stage):
+def test_an_internal_error_loses_one_event(short, make_stage, open_stage):
     stage = make_stage()
     runner = open_stage(short, stage)
     step, calls = stage.step, []
@@ -177,27 +165,16 @@ def test_an_internal_error_loses_one_event(run, short, make_stage, open_stage):
         return step(event, received)
 
     stage.step = stumbling
-    run(runner, until=lambda: runner.skeletons == 10)
+    run_to(runner, 10)
     assert (runner.faults, len(calls)) == (1, runner.events)
 
 
-def test_a_take_ends_if_the_disk_is_full_and_the_stage_continues(run, short, open_stage, tmp_path):
-    runner = open_stage(short)
-    runner.start_recording(tmp_path / "take.log")
-    runner._recorder._file.close()
-    runner._recorder._file = Path("/dev/full").open("ab", buffering=0)  # noqa: SIM115 - the runner closes it
-    run(runner, until=lambda: runner.skeletons == 10)
-    assert runner.recording is None
-    assert runner.faults == 0
-
-
-def test_a_take_of_a_runner_is_a_skeleton_log(run, short, open_stage, tmp_path, kung_fu):
+def test_a_take_of_a_runner_is_a_skeleton_log_and_ends_if_the_disk_is_full(short, open_stage, tmp_path, kung_fu):
     runner = open_stage(short)
     runner.start_recording(tmp_path / "take.log")
     assert runner.recording == "take"
-    run(runner, until=lambda: runner.skeletons == 10)
-    with pytest.raises(ServiceError):
-        runner.cue("calibrate", character="horse")
+    run_to(runner, 10)
+    refused(ServiceError, runner.cue, "calibrate", character="horse")
     runner.cue("mirror", character="dog", on=True)
     runner.stop_recording().close()
     assert runner.stop_recording() is None
@@ -205,22 +182,28 @@ def test_a_take_of_a_runner_is_a_skeleton_log(run, short, open_stage, tmp_path, 
     assert clip.times.tolist() == [frame.time for frame in kung_fu[:10]]
     assert b'"do": "mirror"' in (tmp_path / "take.log").read_bytes()
     assert b"horse" not in (tmp_path / "take.log").read_bytes()
+    runner.start_recording(tmp_path / "full.log")
+    runner._recorder._file.close()
+    runner._recorder._file = Path("/dev/full").open("ab", buffering=0)  # noqa: SIM115 - the runner closes it
+    run(runner, seconds=2.0)
+    assert runner.recording is None
+    assert runner.faults == 0
 
 
 @pytest.mark.parametrize(
     ("follow", "hanging", "told"), [("turn", False, True), ("turn", True, False), ("direction", False, False)]
 )
 def test_a_calibration_with_raised_arms_is_logged_if_limbs_turn(
-    run, make_stage, open_stage, limbed_rig, tmp_path, record_events, standing, caplog, follow, hanging, told
+    open_stage, limbed_rig, tmp_path, record_events, standing, caplog, follow, hanging, told
 ):
     """The performer of the fixture stretches the arms out."""
     pose, sure = upright(standing) if hanging else standing, np.ones(20, dtype=np.float32)
     record_events(tmp_path / "still.log", [SkeletonFrame(number / 30, 1, pose, sure) for number in range(60)])
     limbs = [limb.model_copy(update={"follow": follow}) for limb in limbed_rig.puppet.limb]
-    stage = make_stage(rig=replace(limbed_rig, puppet=limbed_rig.puppet.model_copy(update={"limb": limbs})))
-    runner = open_stage("replay:still.log", stage)
-    run(runner, until=lambda: stage.players[0].state == "performing")
-    runner.close()
+    rig = replace(limbed_rig, puppet=limbed_rig.puppet.model_copy(update={"limb": limbs}))
+    runner = open_stage("replay:still.log", rig=rig)
+    run_to(runner, 60)
+    assert runner.stage.players[0].state == "performing"
     warnings = [record.fields for record in caplog.records if "hanging arms" in record.message]
     assert [each["character"] for each in warnings] == ["dog"] * told
     assert all("elbow_left" in each["bent"] for each in warnings)

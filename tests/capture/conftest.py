@@ -1,15 +1,14 @@
 """Scripted devices and trackers, virtual sensors, a rendered body, and a source received from like in the service."""
 
+import math
 import mmap
 import os
 import queue
 import shutil
 import subprocess
 import sys
-import time
 from contextlib import ExitStack, closing
 from pathlib import Path
-from select import select
 
 import numpy as np
 import pytest
@@ -18,16 +17,15 @@ from capture.events import Tick
 from capture.sensors.depth_camera import metres
 from capture.sensors.source import SensorSource
 from capture.skeleton import JOINT_INDEX, PARENTS, SkeletonFrame
+from capture.source import wait
 from capture.trackers.picture import Lens, Person, Picture
 
 from ..outside import OPENNI_HEADERS, found
 from ..waiting import wait_until
 from .bodies import STANDING
 
-TIMEOUT_SECONDS = 10.0
-"""Time after which a test fails, in seconds."""
-
 LENS = Lens(4, 3, 4.0)
+
 
 class ScriptedDevice:
     """Returns the images in its queue, and raises the exceptions in it."""
@@ -89,11 +87,15 @@ class Watched:
     def events(self, count=1, until=None):
         """Return the next events without ticks, at least `count`, or until a condition is true."""
         found = []
-        give_up = time.monotonic() + TIMEOUT_SECONDS
-        while not (until(found) if until else len(found) >= count):
-            assert time.monotonic() < give_up, found
-            self.wait()
-            found += [event for event in self.source.receive() if not isinstance(event, Tick)]
+
+        def enough():
+            if until(found) if until else len(found) >= count:
+                return True
+            wait(self.source, math.inf)
+            found.extend(event for event in self.source.receive() if not isinstance(event, Tick))
+            return False
+
+        wait_until(enough)
         return found
 
     def frames(self, count=1):
@@ -101,16 +103,19 @@ class Watched:
         events = self.events(until=lambda found: sum(isinstance(each, SkeletonFrame) for each in found) >= count)
         return [each for each in events if isinstance(each, SkeletonFrame)]
 
-    def wait(self):
-        """Wait until the source wants to be called."""
-        select([self.source.fileno()], [], [], max(0, min(self.source.due() - time.monotonic(), 1)))
-
     def error(self):
         """Return the error that ends it."""
         with pytest.raises(Exception) as caught:  # noqa: PT011
             self.events(until=lambda _: False)
         assert not isinstance(caught.value, AssertionError), caught.value
         return caught.value
+
+
+@pytest.fixture
+def standing(given_clock):
+    """A clock that only the test moves, for sources whose threads work in their own time."""
+    with given_clock.standing():
+        yield given_clock
 
 
 @pytest.fixture
@@ -271,10 +276,7 @@ def record(_virtual_sensors):
 
 def read(device):
     """Return the next image of a device."""
-    give_up = time.monotonic() + TIMEOUT_SECONDS
-    while (picture := device.read(0.5)) is None:
-        assert time.monotonic() < give_up
-    return picture
+    return wait_until(lambda: device.read(0.5))
 
 
 def data_of(content):
@@ -352,7 +354,7 @@ def write_dump(tmp_path):
 
 
 @pytest.fixture
-def standing():
+def performer():
     """(20, 3) joints of a performer who faces the sensor, 2.5 m away, with the right arm up."""
     return np.array([STANDING[name] for name in JOINT_INDEX]) + np.array([0.1, 0.05, 2.5])
 

@@ -46,8 +46,8 @@ def test_a_quaternion_of_another_length_is_unknown(bad):
 
 
 def test_half_way_between_two_turns_is_half_the_turn_the_shorter_way_round():
-    start, half, end = Rotation.from_rotvec([[0, angle, 0] for angle in (3.0, 3.2, 3.4)]).as_quat(scalar_first=True)
-    part = np.array([0.5])
-    assert rotation(orientations.interpolated(start, -end, part)).approx_equal(rotation(half), 1e-9)
+    start, half, end = (Rotation.from_rotvec([[0, angle, 0]]).as_quat(scalar_first=True) for angle in (3.0, 3.2, 3.4))
+    part = np.array([[0.5]])
+    assert rotation(orientations.interpolated(start, -end, part)).approx_equal(rotation(half), 1e-9).all()
     np.testing.assert_array_equal(orientations.interpolated(start, end, 0 * part), start)
-    assert np.isnan(orientations.interpolated(start, np.full(4, np.nan), part)).all()
+    assert np.isnan(orientations.interpolated(start, np.full((1, 4), np.nan), part)).all()

@@ -19,7 +19,7 @@ def test_joints_are_in_the_order_of_the_kinect_sdk_each_after_its_parent_and_bot
         assert JOINT_INDEX[parent] < JOINT_INDEX[joint]
         assert PARENTS[JOINTS[OPPOSITE[JOINT_INDEX[joint]]]] == JOINTS[OPPOSITE[JOINT_INDEX[parent]]]
     np.testing.assert_array_equal(OPPOSITE[OPPOSITE], np.arange(20))
-    assert np.flatnonzero(OPPOSITE == np.arange(20)).tolist() == [0, 1, 2, 3]
+    assert np.flatnonzero(np.arange(20) == OPPOSITE).tolist() == [0, 1, 2, 3]
 
 
 def test_a_mirrored_right_hand_is_a_left_hand_on_the_other_side():

@@ -96,9 +96,7 @@ def test_a_file_is_readable_before_it_is_closed(tmp_path):
         with wave.open(str(tmp_path / "a.wav")) as file:
             assert (file.getframerate(), file.getnchannels(), file.getsampwidth()) == (SAMPLE_RATE, 1, 2)
             assert file.getnframes() == 6 * SAMPLE_RATE
-            np.testing.assert_array_equal(
-                np.frombuffer(file.readframes(SAMPLE_RATE), "<i2"), np.rint(tone(1) * 32767)
-            )
+            np.testing.assert_array_equal(np.frombuffer(file.readframes(SAMPLE_RATE), "<i2"), np.rint(tone(1) * 32767))
         writer.close()
     assert writer.seconds == pytest.approx(6)
     with pytest.raises(OutputError):

@@ -2,13 +2,14 @@ import math
 
 import numpy as np
 import pytest
-from pythonosc.osc_message_builder import OscMessageBuilder
 from scipy.spatial.transform import Rotation
 
-from capture.body import typical_bone_length
 from capture.events import Lost
 from capture.network.humanoid import JOINTS, SKELETON
 from capture.skeleton import JOINT_INDEX
+
+from ..bodies import table
+from .conftest import message
 
 BONES = ("Hips", *SKELETON)
 UP_LEFT = (0.0, 0.0, -math.sqrt(0.5), math.sqrt(0.5))
@@ -17,12 +18,7 @@ IDENTITY = (0.0, 0.0, 0.0, 1.0)
 
 
 def _sent(address, name, place=(0.0, 0.0, 0.0), turn=IDENTITY):
-    """Write a bone with another program's library."""
-    builder = OscMessageBuilder(address)
-    builder.add_arg(name, "s")
-    for number in (*place, *turn):
-        builder.add_arg(float(number), "f")
-    return builder.build().dgram
+    return message(address, "sfffffff", name, *map(float, (*place, *turn)))
 
 
 def _bone(name, turn=IDENTITY, place=(0.3, -0.2, 0.1)):
@@ -38,36 +34,41 @@ def _pose(**turns):
     return [_bone(name, turns.get(name, IDENTITY)) for name in BONES]
 
 
-def test_a_raised_arm_and_an_arm_held_out_are_at_computed_positions(listen):
-    frame = listen(scheme="vmc").frame(*_pose(LeftUpperArm=UP_LEFT, RightUpperArm=AHEAD_RIGHT))
-    assert frame.user == 0
-    assert frame.confidence.tolist() == [1.0] * 20
-    down = math.sqrt(0.20**2 - 0.185**2)
-    shoulder = 1.0 + 0.069 + 0.339 - down
-    expected = {
-        "hip_center": (0, 1.0, 0),
-        "spine": (0, 1.069, 0),
-        "shoulder_center": (0, 1.408, 0),
-        "head": (0, 1.61, 0),
-        "shoulder_left": (-0.185, shoulder, 0),
-        "elbow_left": (-0.185, shoulder + 0.263, 0),
-        "wrist_left": (-0.185, shoulder + 0.510, 0),
-        "hand_left": (-0.185, shoulder + 0.594, 0),
-        "shoulder_right": (0.185, shoulder, 0),
-        "elbow_right": (0.185, shoulder, -0.263),
-        "wrist_right": (0.185, shoulder, -0.510),
-        "hand_right": (0.185, shoulder, -0.594),
-    }
-    hips = 1.0 - math.sqrt(0.104**2 - 0.080**2)
-    ahead, below = 0.072, math.sqrt(0.091**2 - 0.072**2)
-    for side, x in (("left", -0.080), ("right", 0.080)):
-        expected |= {
-            f"hip_{side}": (x, hips, 0),
-            f"knee_{side}": (x, hips - 0.481, 0),
-            f"ankle_{side}": (x, hips - 0.859, 0),
-            f"foot_{side}": (x, hips - 0.859 - below, -ahead),
-        }
-    np.testing.assert_allclose(frame.positions, [expected[name] for name in JOINT_INDEX], atol=1e-7)
+def _status(*values):
+    return message("/VMC/Ext/OK", "i" * len(values), *values)
+
+
+EXPECTED = table("""
+hip_center      0 1 0
+spine           0 1.069 0
+shoulder_center 0 1.408 0
+head            0 1.61 0
+shoulder_left   -0.185 1.332006579 0
+elbow_left      -0.185 1.595006579 0
+wrist_left      -0.185 1.842006579 0
+hand_left       -0.185 1.926006579 0
+shoulder_right  0.185 1.332006579 0
+elbow_right     0.185 1.332006579 -0.263
+wrist_right     0.185 1.332006579 -0.510
+hand_right      0.185 1.332006579 -0.594
+hip_left        -0.08 0.933547009 0
+knee_left       -0.08 0.452547009 0
+ankle_left      -0.08 0.074547009 0
+foot_left       -0.08 0.018896313 -0.072
+hip_right       0.08 0.933547009 0
+knee_right      0.08 0.452547009 0
+ankle_right     0.08 0.074547009 0
+foot_right      0.08 0.018896313 -0.072
+""")
+"""By hand, from the lengths of a typical body."""
+
+
+def test_a_raised_arm_and_an_arm_held_out_are_at_computed_positions_relative_to_the_root(listen):
+    wire, pose = listen(scheme="vmc"), _pose(LeftUpperArm=UP_LEFT, RightUpperArm=AHEAD_RIGHT)
+    for frame, place in ((wire.frame(*pose), 0), (wire.frame(_root((0.5, 0.0, 2.0)), *pose), [0.5, 0.0, -2.0])):
+        assert (frame.user, frame.confidence.tolist()) == (0, [1.0] * 20)
+        expected = np.array([EXPECTED[name] for name in JOINT_INDEX]) + place
+        np.testing.assert_allclose(frame.positions, expected, atol=1e-7)
 
 
 def test_random_poses_agree_with_scipy(listen, rng):
@@ -94,15 +95,6 @@ def test_random_poses_agree_with_scipy(listen, rng):
             np.testing.assert_allclose(frame.positions[JOINT_INDEX[joint]], expected, atol=1e-6)
 
 
-def test_lengths_are_typical_and_the_hips_are_at_the_received_position(listen):
-    wire = listen(scheme="vmc")
-    one = wire.frame(*_pose())
-    other = wire.frame(_root((0.5, 0.0, 2.0)), *_pose())
-    np.testing.assert_allclose(other.positions, one.positions + np.array([0.5, 0.0, -2.0]), atol=1e-6)
-    knee, hip = (one.positions[JOINT_INDEX[name]] for name in ("knee_left", "hip_left"))
-    assert np.linalg.norm(knee - hip) == pytest.approx(typical_bone_length("knee"), abs=1e-6)
-
-
 def test_joints_of_missing_bones_are_lost_and_received_bones_are_kept(listen):
     wire = listen(scheme="vmc")
     first = wire.frame(_bone("Hips"), _bone("Spine"), _bone("LeftUpperArm", UP_LEFT))
@@ -118,31 +110,28 @@ def test_joints_of_missing_bones_are_lost_and_received_bones_are_kept(listen):
     assert second.positions[elbow].tolist() == first.positions[elbow].tolist()
 
 
-def test_the_status_reports_bad_tracking_and_a_missing_performer(listen, osc_message):
+def test_the_status_reports_bad_tracking_and_a_missing_performer(listen):
     wire = listen(scheme="vmc")
-    assert set(wire.frame(osc_message("/VMC/Ext/OK", "iiii", 1, 3, 0, 0), *_pose()).confidence) == {0.5}
-    assert set(wire.frame(osc_message("/VMC/Ext/OK", "iiii", 1, 3, 0, 1), *_pose()).confidence) == {1.0}
-    assert set(wire.frame(osc_message("/VMC/Ext/OK", "i", 1), *_pose()).confidence) == {1.0}
-    [lost] = wire.events(osc_message("/VMC/Ext/OK", "i", 0))
+    for status, confidence in ((_status(1, 3, 0, 0), 0.5), (_status(1, 3, 0, 1), 1.0), (_status(1), 1.0)):
+        assert set(wire.frame(status, *_pose()).confidence) == {confidence}
+    [lost] = wire.events(_status(0))
     assert (type(lost), lost.user) == (Lost, 0)
     assert wire.settle(*_pose()) == []
-    wire.frame(osc_message("/VMC/Ext/OK", "i", 1), _bone("Hips"))
+    wire.frame(_status(1), _bone("Hips"))
     assert not wire.source.counts.refused
 
 
-def test_more_arguments_and_other_addresses_are_ignored(listen, osc_message):
+def test_more_arguments_and_other_addresses_are_ignored(listen):
     wire = listen(scheme="vmc")
-    root = osc_message("/VMC/Ext/Root/Pos", "s" + "f" * 13, "root", 1, 0, 0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0)
-    hips = osc_message("/VMC/Ext/Bone/Pos", "s" + "f" * 7 + "is", "Hips", 0, 1, 0, 0, 0, 0, 1, 5, "new")
+    turn = 0.0, 0.0, 0.0, 1.0
     frame = wire.frame(
-        root,
-        hips,
-        osc_message("/VMC/Ext/T", "f", 1.0),
-        osc_message("/VMC/Ext/Blend/Val", "sf", "Joy", 1.0),
-        osc_message("/VMC/Ext/Blend/Other", "sf", "Joy", 1.0),
-        osc_message("/VMC/Ext/Set/Period", "iiiiii", 1, 1, 1, 1, 1, 1),
-        osc_message("/VMC/Thru/me", "s", "x"),
-        osc_message("/VMC/Ext/Bone/Pos", "sfffffff", "LeftIndexDistal", 0, 0, 0, 0, 0, 0, 1),
+        message("/VMC/Ext/Root/Pos", "s" + "f" * 13, "root", 1.0, 0.0, 0.0, *turn, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0),
+        message("/VMC/Ext/Bone/Pos", "s" + "f" * 7 + "is", "Hips", 0.0, 1.0, 0.0, *turn, 5, "new"),
+        message("/VMC/Ext/T", "f", 1.0),
+        *(message(f"/VMC/Ext/Blend/{what}", "sf", "Joy", 1.0) for what in ("Val", "Other")),
+        message("/VMC/Ext/Set/Period", "iiiiii", *[1] * 6),
+        message("/VMC/Thru/me", "s", "x"),
+        _bone("LeftIndexDistal"),
     )
     assert frame.positions[JOINT_INDEX["hip_center"]].tolist() == [1.0, 1.0, 0.0]
     assert frame.channels is None
@@ -150,25 +139,21 @@ def test_more_arguments_and_other_addresses_are_ignored(listen, osc_message):
 
 
 @pytest.mark.parametrize(
-    ("address", "tags", "arguments"),
+    ("refused", "reason"),
     [
-        ("/VMC/Ext/Bone/Pos", "sffffff", ("Hips", 0, 1, 0, 0, 0, 0)),
-        ("/VMC/Ext/Bone/Pos", "ssffffff", ("Hips", "0", 1, 0, 0, 0, 0, 1)),
-        ("/VMC/Ext/Bone/Pos", "sfffffff", ("Hips", 0, 1, 0, 0, 0, 0, 0)),
-        ("/VMC/Ext/Bone/Pos", "sfffffff", ("Hips", 0, 1, 0, 3e38, 3e38, 3e38, 3e38)),
-        ("/VMC/Ext/Root/Pos", "s", ("root",)),
-        ("/VMC/Ext/Blend/Val", "s", ("Joy",)),
-        ("/VMC/Ext/OK", "", ()),
-        ("/VMC/Ext/OK", "f", (1.0,)),
+        (("Bone/Pos", "sffffff", "Hips", 0.0, 1.0, 0.0, 0.0, 0.0, 0.0), "wrong arguments"),
+        (("Bone/Pos", "ssffffff", "Hips", "0", 1.0, 0.0, 0.0, 0.0, 0.0, 1.0), "wrong arguments"),
+        (("Bone/Pos", "sfffffff", "Hips", 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0), "wrong arguments"),
+        (("Bone/Pos", "sfffffff", "Hips", 0.0, 1.0, 0.0, *[3e38] * 4), "wrong arguments"),
+        (("Root/Pos", "s", "root"), "wrong arguments"),
+        (("Blend/Val", "s", "Joy"), "wrong arguments"),
+        (("OK", ""), "wrong arguments"),
+        (("OK", "f", 1.0), "wrong arguments"),
+        (("Bone/Pos", "sfffffff", "Hips", 3e38, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0), "position too far away"),
     ],
 )
-def test_fewer_arguments_and_no_rotations_are_refused(listen, osc_message, address, tags, arguments):
+def test_fewer_arguments_no_rotations_and_hips_out_of_range_are_refused(listen, refused, reason):
     wire = listen(scheme="vmc")
-    assert wire.settle(osc_message(address, tags, *arguments)) == []
-    assert wire.source.counts.refused == {"wrong arguments": 1}
-
-
-def test_hips_out_of_range_are_refused(listen):
-    wire = listen(scheme="vmc")
-    wire.events(_sent("/VMC/Ext/Bone/Pos", "Hips", (3e38, 0, 0)), until=lambda _: wire.source.counts.refused)
-    assert wire.source.counts.refused == {"position too far away": 1}
+    address, *arguments = refused
+    found = wire.events(message(f"/VMC/Ext/{address}", *arguments), until=lambda _: wire.source.counts.refused)
+    assert (found, wire.source.counts.refused) == ([], {reason: 1})

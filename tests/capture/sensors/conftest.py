@@ -1,33 +1,19 @@
-"""Sources of these tests accept late images; OpenNI2 sensors and a recording of one."""
-
-from contextlib import ExitStack, closing
+"""OpenNI2 sensors and a recording of one, and librealsense's software devices."""
 
 import numpy as np
 import pytest
 
-from capture.sensors import source
-from capture.sensors.depth_camera import metres
+from capture.sensors.depth_camera import Selection, metres
 
 from ...outside import found
-from ..conftest import TIMEOUT_SECONDS
-
-
-@pytest.fixture(autouse=True)
-def unhurried(monkeypatch):
-    """No image is too old, even on a busy machine."""
-    monkeypatch.setattr(source, "MAX_AGE_SECONDS", TIMEOUT_SECONDS)
 
 
 @pytest.fixture
-def opened():
+def opened(until_end):
     """Open a device that is closed after the test: `opened(*selection, **options)`."""
-    from capture.sensors.depth_camera import Selection
     from capture.sensors.openni import OpenNIDevice
 
-    with ExitStack() as stack:
-        yield lambda *args, **options: stack.enter_context(
-            closing(OpenNIDevice("openni:", Selection(*args, **options)))
-        )
+    return lambda *args, **options: until_end(OpenNIDevice("openni:", Selection(*args, **options)))
 
 
 @pytest.fixture
@@ -37,6 +23,20 @@ def virtual_realsense():
     from .virtual_realsense import VirtualRealSense
 
     return VirtualRealSense
+
+
+@pytest.fixture
+def plug(virtual_realsense, monkeypatch):
+    """Plug a virtual RealSense in: `plug(serial, …)`; `plug.sensors` are those that are plugged in."""
+    from capture.sensors import realsense
+
+    def plugged(*args, **options):
+        plugged.sensors.append(virtual_realsense(*args, **options))
+        return plugged.sensors[-1]
+
+    plugged.sensors = []
+    monkeypatch.setattr(realsense, "plugged_in", lambda _rs: [sensor.device for sensor in plugged.sensors])
+    return plugged
 
 
 @pytest.fixture(scope="session")

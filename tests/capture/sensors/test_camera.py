@@ -4,13 +4,14 @@ import math
 import os
 import sys
 from contextlib import suppress
-from select import select
 
 import numpy as np
 import pytest
 
 from capture.sensors.camera import Camera, Options, Video, load_opencv, open_camera, open_video, parse
 from puppetline.errors import SourceError
+
+from ..conftest import Watched
 
 RATE, COUNT, WIDTH, HEIGHT = 20, 8, 160, 120
 
@@ -46,10 +47,8 @@ def all_of(video):
     ("rest", "options"),
     [
         ("", Options("0")),
-        ("2", Options("2")),
         ("/dev/video4?fov=90", Options("/dev/video4", fov=90.0)),
-        ("a clip.mp4?loop", Options("a clip.mp4", loop=True)),
-        ("clip.mp4?height=1.5&loop&fov=60", Options("clip.mp4", height=1.5, fov=60.0, loop=True)),
+        ("a clip.mp4?height=1.5&loop&fov=60", Options("a clip.mp4", height=1.5, fov=60.0, loop=True)),
     ],
 )
 def test_options_are_read(rest, options):
@@ -57,36 +56,29 @@ def test_options_are_read(rest, options):
 
 
 @pytest.mark.parametrize(
-    ("rest", "message"),
+    ("rest", "field"),
     [
-        ("0?size=2", "found the option 'size'; expected height, fov, loop"),
-        ("0?height=1.7&height=1.8", "the option 'height' for the second time"),
-        ("0?height=175", "height: found '175'; expected 0.5 to 2.5 metres"),
-        ("0?height=nan", "height: found 'nan'"),
-        ("0?height=", "height: found ''"),
-        ("0?fov=wide", "fov: found 'wide'; expected 20 to 150 degrees"),
-        ("0?loop=no", "loop: found 'no'; expected no value"),
+        *(("0?size=2", ""), ("0?height=1.7&height=1.8", ""), ("0?height=175", "height"), ("0?height=nan", "height")),
+        *(("0?height=", "height"), ("0?fov=wide", "fov"), ("0?loop=no", "loop")),
     ],
 )
-def test_wrong_options_are_errors(rest, message):
-    with pytest.raises(SourceError, match=f"camera:.*{message}"):
+def test_wrong_options_are_errors_with_their_place(rest, field):
+    with pytest.raises(SourceError) as caught:
         parse("camera:" + rest, rest)
+    assert caught.value.where.startswith("camera:")
+    assert field in caught.value.where
 
 
-def test_images_have_the_times_and_colours_of_the_video(opened_video):
-    pictures = all_of(opened_video())
+def test_images_have_the_times_and_colours_of_the_video_and_then_it_ends(opened_video):
+    video = opened_video()
+    pictures = all_of(video)
     np.testing.assert_allclose([picture.time for picture in pictures], np.arange(COUNT) / RATE, atol=1e-9)
     for k, picture in enumerate(pictures):
-        assert picture.color.shape == (HEIGHT, WIDTH, 3)
-        assert picture.depth is None
+        assert (picture.color.shape, picture.depth) == ((HEIGHT, WIDTH, 3), None)
         np.testing.assert_allclose(picture.color.mean(axis=(0, 1)), (30 * k, 200, 10), atol=4)
-
-
-def test_the_end_of_a_video_is_an_error(opened_video):
-    video = opened_video()
-    all_of(video)
-    with pytest.raises(SourceError, match=r"found the end of the video; expected more images. Add \?loop"):
+    with pytest.raises(SourceError) as caught:
         video.read(1.0)
+    assert caught.value.found == "the end of the video"
 
 
 def test_the_angle_between_the_images_corners_is_the_field_of_view(opened_video):
@@ -107,13 +99,13 @@ def test_the_time_of_a_looped_video_increases(opened_video):
 def test_a_file_without_images_is_an_error(opened_video, tmp_path, content):
     broken = tmp_path / "broken.avi"
     broken.write_bytes(content)
-    with pytest.raises(SourceError, match=rf"video:clip: found no image in .*broken.avi \({len(content)} bytes\)"):
+    with pytest.raises(SourceError) as caught:
         opened_video(broken)
+    assert f"{broken} ({len(content)} bytes)" in caught.value.found
 
 
 def test_an_incomplete_video_plays_up_to_its_end(opened_video, video_file, tmp_path):
-    half = tmp_path / "half.avi"
-    whole = video_file.read_bytes()
+    half, whole = tmp_path / "half.avi", video_file.read_bytes()
     half.write_bytes(whole[: (whole.index(b"movi") + whole.index(b"idx1")) // 2])
     pictures = all_of(opened_video(half))
     assert 0 < len(pictures) < COUNT
@@ -121,33 +113,27 @@ def test_an_incomplete_video_plays_up_to_its_end(opened_video, video_file, tmp_p
         np.testing.assert_array_equal(before.color, after.color)
 
 
-def test_a_missing_video_is_an_error_when_it_is_opened(camera, tmp_path):
-    with pytest.raises(SourceError, match=r"video:none.mp4: found no file .*none.mp4"):
+def test_a_missing_video_or_a_looped_camera_is_an_error_when_it_is_opened(camera, tmp_path):
+    with pytest.raises(SourceError):
         open_video("video:none.mp4", "none.mp4", tmp_path)
-
-
-def test_a_looped_camera_is_an_error():
-    with pytest.raises(SourceError, match="found the option 'loop'; expected height and fov"):
+    with pytest.raises(SourceError):
         open_camera("camera:0?loop", "0?loop")
 
 
 @pytest.mark.parametrize("module", ["cv2", "mediapipe.python.solutions.pose"])
 def test_a_missing_library_is_an_error_with_the_package(monkeypatch, module):
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(SourceError, match=r"pip install 'puppetline\[camera\]'"):
+    with pytest.raises(SourceError) as caught:
         open_camera("camera:0", "0")
+    assert "pip install 'puppetline[camera]'" in caught.value.fix
 
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="devices are files on Linux")
 
 
 @linux
-def test_the_source_raises_the_error_of_its_camera(camera):
-    source = open_camera("camera:98", "98")
-    assert select([source.fileno()], [], [], 10)[0]
-    with pytest.raises(SourceError, match=r"camera:98: found no /dev/video98; expected an existing camera \("):
-        source.receive()
-    source.close()
+def test_the_source_raises_the_error_of_its_camera(camera, until_end):
+    assert "/dev/video98" in Watched(until_end(open_camera("camera:98", "98"))).error().found
 
 
 @linux
@@ -155,14 +141,16 @@ def test_missing_permission_is_an_error_with_the_devices_group(camera, tmp_path,
     device = tmp_path / "video0"
     device.touch()
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # tests may run as root
-    with pytest.raises(SourceError, match=f"its group {device.group()} has.*usermod -aG {device.group()} .*uaccess"):
+    with pytest.raises(SourceError) as caught:
         Camera("camera:here", Options(str(device)))
+    assert f"usermod -aG {device.group()} " in caught.value.fix
 
 
 @linux
 def test_a_device_that_is_not_a_camera_is_an_error(camera):
-    with pytest.raises(SourceError, match=r"found a device that cannot be opened as a camera \(/dev/null\)"):
+    with pytest.raises(SourceError) as caught:
         Camera("camera:/dev/null", Options("/dev/null"))
+    assert "/dev/null" in caught.value.found
 
 
 @linux
@@ -173,7 +161,7 @@ def test_a_camera_that_stops_is_an_error(video_file, monkeypatch):
     device = Camera("camera:clip", Options(str(video_file)))
     times = [device.read(1.0).time for _ in range(COUNT)]
     assert times == sorted(times)
-    with pytest.raises(SourceError, match=r"camera:clip: found no image from camera .*clip.avi"):
+    with pytest.raises(SourceError):
         device.read(1.0)
     device.close()
     device.close()

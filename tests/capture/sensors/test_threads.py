@@ -9,33 +9,22 @@ def _let():
     """Do not ask the work to stop."""
 
 
-def _work():
-    """Return a list, and work that appends its thread and the thread's name to it."""
-    seen = []
-    return seen, lambda: seen.append((threading.current_thread(), threading.current_thread().name))
-
-
 def test_one_thread_does_work_in_sequence():
-    seen, work = _work()
+    seen = []
     for name in "abc":
-        assert start(work, name, _let).wait(10)
-    assert [name for _, name in seen] == ["a", "b", "c"]
-    assert len({thread for thread, _ in seen}) == 1
-    assert seen[0][0].is_alive()
+        assert start(lambda: seen.append(threading.current_thread()), name, _let).wait(10)
+        assert seen[-1].name == name
+    assert len(set(seen)) == 1
+    assert seen[0].is_alive()
 
 
-def test_simultaneous_work_uses_several_threads():
-    together = threading.Barrier(3, timeout=10)
+def test_simultaneous_work_uses_several_threads_and_work_that_never_ends_delays_no_other():
+    together, go_on = threading.Barrier(3, timeout=10), threading.Event()
+    stuck = start(lambda: go_on.wait(10) and None, "stuck", _let)
     for _ in range(2):
         done = [start(together.wait, str(k), _let) for k in range(2)]
         together.wait()
         assert all(each.wait(10) for each in done)
-
-
-def test_work_that_never_ends_does_not_delay_other_work():
-    go_on = threading.Event()
-    stuck = start(lambda: go_on.wait(10) and None, "stuck", _let)
-    assert start(lambda: None, "other", _let).wait(10)
     assert not stuck.is_set()
     go_on.set()
     assert stuck.wait(10)
@@ -45,9 +34,9 @@ LEFT = """
 import sys, threading, time
 from capture.sensors.threads import start
 
-told = threading.Event()
-start(lambda: told.wait(60) and time.sleep(0.3) or print("one", flush=True), "work", told.set)
-start(lambda: told.wait(60) and time.sleep(0.6) or print("two", flush=True), "more work", lambda: None)
+told, first = threading.Event(), threading.Event()
+start(lambda: told.wait(60) and print("one", flush=True) or first.set(), "work", told.set)
+start(lambda: first.wait(60) and time.sleep(0.1) or print("two", flush=True), "more work", lambda: None)
 sys.exit("left")
 """
 

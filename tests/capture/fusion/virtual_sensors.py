@@ -1,9 +1,11 @@
-"""Generated performers, recorded by virtual sensors with known poses."""
+"""Generated performers, and virtual sensors with known poses that record them."""
+
+from dataclasses import replace
 
 import numpy as np
-import pytest
 from puppetline.examples.performances import clean
 from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
 
 from capture.clip import SkeletonClip
 from capture.pose import Pose
@@ -35,10 +37,9 @@ def circling(clip, start):
 
 def headed(clip, angle, place):
     """Return a clip whose performer is turned to the left by angles (T,), at positions (T, 1, 3) on the floor."""
-    cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(angle)
-    turn = np.stack([cos, zero, sin, zero, zero + 1, zero, -sin, zero, cos], axis=1).reshape(-1, 3, 3)
-    positions = np.einsum("tij,tkj->tki", turn, clip.positions - clip.positions[:, :1] * [1, 0, 1]) + place
-    return SkeletonClip(clip.format, clip.user, clip.times, positions, clip.confidence)
+    turns = Rotation.from_euler("y", angle).as_matrix()
+    positions = np.einsum("tij,tkj->tki", turns, clip.positions - clip.positions[:, :1] * [1, 0, 1]) + place
+    return replace(clip, positions=positions)
 
 
 def facing(positions):
@@ -98,63 +99,14 @@ def truth(clip, times):
     return np.stack([np.interp(times, clip.times, column) for column in flat.T], axis=1).reshape(-1, 20, 3)
 
 
-@pytest.fixture(scope="session")
-def true_positions():
-    return truth
+WALK, KUNG_FU = clean("walk"), clean("kung_fu")
+TURN = turning(WALK, 2.0, 7.0)
+"""A performer who walks and turns around once."""
 
-
-@pytest.fixture(scope="session")
-def turned():
-    """Return a clip whose performer turns around once, from one time to another."""
-    return turning
-
-
-@pytest.fixture(scope="session")
-def circled():
-    """Return a clip whose performer walks in a circle, starting in a direction in radians (0 is towards the sensor)."""
-    return circling
-
-
-@pytest.fixture(scope="session")
-def here():
-    """The pose of the first sensor."""
-    return Pose(np.eye(3), np.zeros(3))
-
-
-@pytest.fixture(scope="session")
-def walk():
-    return clean("walk")
-
-
-@pytest.fixture(scope="session")
-def kung_fu():
-    return clean("kung_fu")
-
-
-@pytest.fixture(scope="session")
-def turn():
-    """A performer who walks and turns around once."""
-    return turning(clean("walk"), 2.0, 7.0)
-
-
-@pytest.fixture
-def virtual_sensor():
-    return VirtualSensor
-
-
-@pytest.fixture(scope="session")
-def beside():
-    """The pose of a sensor on the performer's right that faces the performer."""
-    return Pose.of_degrees(4.0, -75.0, 2.0, np.array([2.4, 0.3, 1.9]))
-
-
-@pytest.fixture(scope="session")
-def opposite():
-    """The pose of a sensor on the performer's left that faces the performer."""
-    return Pose.of_degrees(3.0, 75.0, -1.0, np.array([-2.4, 0.4, 2.0]))
-
-
-@pytest.fixture(scope="session")
-def behind():
-    """The pose of a sensor behind the performer."""
-    return Pose.of_degrees(8.0, 170.0, -1.0, np.array([0.4, 0.5, 5.5]))
+HERE = Pose(np.eye(3), np.zeros(3))
+"""The pose of the first sensor."""
+BESIDE = Pose.of_degrees(4.0, -75.0, 2.0, np.array([2.4, 0.3, 1.9]))
+"""On the performer's right, facing the performer."""
+ACROSS = Pose.of_degrees(3.0, 75.0, -1.0, np.array([-2.4, 0.4, 2.0]))
+"""On the performer's left, facing the performer."""
+BEHIND = Pose.of_degrees(8.0, 170.0, -1.0, np.array([0.4, 0.5, 5.5]))

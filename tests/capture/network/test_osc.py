@@ -186,10 +186,10 @@ def _check(datagram):
         _refused(datagram)
         return
     assert len(messages) <= MAX_MESSAGES
-    for message in messages:
-        assert len(message.tags) == len(message.arguments)
-        assert all(math.isfinite(number) for number in message.arguments if isinstance(number, float))
-    assert sum(len(message.address) + len(message.tags) for message in messages) <= len(datagram)
+    for each in messages:
+        assert len(each.tags) == len(each.arguments)
+        assert all(math.isfinite(number) for number in each.arguments if isinstance(number, float))
+    assert sum(len(each.address) + len(each.tags) for each in messages) <= len(datagram)
 
 
 @pytest.mark.parametrize("datagram", CORPUS)

@@ -104,11 +104,6 @@ def test_a_distance_out_of_the_range_of_depth_is_a_problem(away):
     assert f"User 1 is {away:.1f} m away." not in problems([moved], picture(depth=None))
 
 
-def test_a_low_frame_rate_is_a_problem():
-    slow = [replace(frame(number), time=number / 8) for number in range(20)]
-    assert problems(slow) == ["User 1: only 8 frames per second arrive."]
-
-
 def test_the_summary_is_json():
     half = picture(depth=DEPTH * (np.arange(640) < 320).astype(np.float32))
     report = report_of(map(frame, range(60)), half, sensor_tilt=SensorTilt(12.2, 1.304, -2.6))
@@ -132,8 +127,5 @@ def test_a_status_line_has_the_problem_then_the_fix_then_the_performers():
     well = report_of([frame(number, user) for number in range(20) for user in (2, 1)])
     performers = [describe(well.performers[user]) for user in (1, 2)]
     assert status_line(well) == " · ".join(["No problems found.", *performers])
-
-
-def test_a_status_line_has_no_control_characters():
     failed = report_of(failure="driver\x1b[2Jfail\red\n[bold]x[/]")
     assert status_line(failed) == "driver [2Jfail ed [bold]x[/]"

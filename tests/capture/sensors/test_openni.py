@@ -1,7 +1,6 @@
 """Through the real OpenNI2 library, with sensors that a test driver provides; see virtual_sensor.cpp."""
 
 import gc
-import time
 from contextlib import closing
 from types import SimpleNamespace
 
@@ -23,11 +22,8 @@ NAME = "openni:"
     ("rest", "selection"),
     [
         ("", Selection()),
-        ("serial=A1", Selection("serial", "A1")),
         ("uri=1d27/0601@1/5", Selection("uri", "1d27/0601@1/5")),
         ("file=a take.oni", Selection("file", "a take.oni")),
-        ("file=take.oni&fast", Selection("file", "take.oni", fast=True)),
-        ("file=take.oni?loop", Selection("file", "take.oni", loop=True)),
         ("file=take.oni&fast?loop", Selection("file", "take.oni", fast=True, loop=True)),
         ("?face&hands", Selection(face=True, hands=True)),
         ("serial=A1?hands", Selection("serial", "A1", hands=True)),
@@ -41,8 +37,8 @@ def test_a_uri_selects_a_sensor_or_a_recording(rest, selection):
 @pytest.mark.parametrize(
     "rest", ["1", "file", "file=", "uri=", "serial=1&fast", "file=a&slow", "fast", "file=a?fast=1"]
 )
-def test_a_wrong_uri_is_an_error_with_the_right_forms(rest):
-    with pytest.raises(SourceError, match="expected nothing, serial=TEXT, uri=TEXT or file=NAME") as caught:
+def test_a_wrong_uri_is_an_error(rest):
+    with pytest.raises(SourceError) as caught:
         parse(NAME + rest, rest, ("serial", "uri"))
     assert caught.value.found == repr(rest)
 
@@ -63,41 +59,23 @@ def test_a_function_that_a_sensor_lacks_is_logged_and_the_others_are_used(sensor
     np.testing.assert_array_equal(picture.depth[:, 8:], depth[:, :-8])
 
 
-def test_waiting_for_an_image_ends_with_the_timeout(sensor, opened):
-    device = opened()
-    start = time.monotonic()
-    assert device.read(0.2) is None
-    assert time.monotonic() - start >= 0.19
-
-
-def test_a_sensor_that_did_not_open_often_opens_once_it_can(sensor, opened, noise):
+def test_a_sensor_that_did_not_open_often_opens_once_it_can_and_closing_stops_it(sensor, noise):
     """Another program may release it; closing a device that did not open would crash the library."""
     sensor.refuse("opening")
     for _ in range(4):
-        with pytest.raises(SourceError, match=r"the virtual sensor refuses.* Close other programs"):
+        with pytest.raises(SourceError):
             OpenNIDevice(NAME, Selection())
         assert list_sensors(NAME)[0].error is not None
         gc.collect()
     sensor.refuse()
-    device = opened()
-    sensor.show(*noise(), 1.0)
-    assert read(device).time == 1.0
-
-
-def test_closing_stops_the_sensor_which_then_opens_again(sensor):
     for _ in range(3):
         device = OpenNIDevice(NAME, Selection())
-        sensor.wait_for_streams()
-        device.close()
-        device.close()
+        sensor.show(*noise(), 1.0)
+        assert read(device).time == 1.0
+        assert device.read(0.01) is None
+        for _ in range(2):
+            device.close()
         assert sensor.streaming == 0
-
-
-@pytest.mark.usefixtures("virtual_sensors")
-def test_a_missing_recording_is_an_error_when_it_is_opened(tmp_path, monkeypatch):
-    monkeypatch.setattr(depth_camera, "load_mediapipe", lambda: None)
-    with pytest.raises(SourceError, match=rf"found {tmp_path}/take.oni, which cannot be read \(No such file"):
-        open_source("openni:file=take.oni", "file=take.oni", tmp_path)
 
 
 def test_a_recording_plays_the_recorded_images_and_ends(recording, opened):
@@ -114,23 +92,22 @@ def test_a_recording_plays_the_recorded_images_and_ends(recording, opened):
     assert caught.value.found == "the end of the recording"
 
 
-def test_the_log_says_that_a_recording_does_not_state_its_registration(recording, caplog):
+@pytest.mark.parametrize(
+    ("states", "says"),
+    [
+        (False, "does not state whether depth is registered to colour: assuming that it is"),
+        (True, "depth is not registered to colour: depth is slightly displaced"),  # by other builds than Debian's
+    ],
+)
+def test_the_log_says_what_a_recording_states_about_its_registration(recording, caplog, monkeypatch, states, says):
     caplog.set_level("INFO", "capture")
+    if states:
+        library = load_openni2(NAME)
+        off = library.IMAGE_REGISTRATION_OFF
+        monkeypatch.setattr(library.Device, "get_image_registration_mode", lambda _device: off)
     with closing(OpenNIDevice("openni:file=take.oni", Selection("file", str(recording[0])))):
-        assert caplog.messages == [
-            "openni:file=take.oni: the recording does not state whether depth is registered to colour: "
-            "assuming that it is"
-        ]
-
-
-def test_the_log_says_that_a_recordings_depth_is_not_registered(recording, caplog, monkeypatch):
-    """Other builds of the library may state it; Debian's does not."""
-    bindings = load_openni2(NAME)
-    monkeypatch.setattr(bindings.Device, "get_image_registration_mode", lambda _device: bindings.IMAGE_REGISTRATION_OFF)
-    with closing(OpenNIDevice("openni:file=take.oni", Selection("file", str(recording[0])))):
-        assert caplog.messages == [
-            "openni:file=take.oni: the recording's depth is not registered to colour: depth is slightly displaced"
-        ]
+        [said] = caplog.messages
+    assert said.endswith(says)
 
 
 def test_the_time_of_a_looped_recording_increases(recording, opened):
@@ -145,35 +122,30 @@ def test_the_time_of_a_looped_recording_increases(recording, opened):
     np.testing.assert_allclose(spaces, [1 / 30 if (k + 1) % 10 == 0 else 0.1 for k in range(24)], atol=1e-5)
 
 
-@pytest.fixture
-def damaged(recording, tmp_path):
-    """An incomplete recording, on which the library sometimes crashes."""
-    path = tmp_path / "damaged.oni"
-    path.write_bytes(recording[0].read_bytes()[:10_000_000])
-    return path
-
-
-def test_a_damaged_recording_never_reaches_the_library(damaged):
-    with pytest.raises(SourceError, match="which is damaged at byte 1"):
-        OpenNIDevice(NAME, Selection("file", str(damaged)))
-
-
-def test_only_another_process_crashes_on_a_damaged_recording(recording, tmp_path, monkeypatch):
+def test_a_damaged_recording_never_reaches_the_library_and_only_another_process_crashes(
+    recording, tmp_path, monkeypatch
+):
     monkeypatch.setattr(depth_camera, "load_mediapipe", lambda: None)
-    damaged = tmp_path / "damaged.oni"
-    content = bytearray(recording[0].read_bytes())
+    path, content = tmp_path / "damaged.oni", bytearray(recording[0].read_bytes())
+    path.write_bytes(content[:10_000_000])
+    with pytest.raises(SourceError) as caught:
+        OpenNIDevice(NAME, Selection("file", str(path)))
+    assert "which is damaged at byte 1" in caught.value.found
     content[23] = 127  # billions of nodes
-    damaged.write_bytes(content)
+    path.write_bytes(content)
     with pytest.raises(SourceError) as caught:
         open_source("openni:file=damaged.oni", "file=damaged.oni", tmp_path)
-    assert caught.value.found == f"{damaged}, on which OpenNI2 crashes"
+    assert caught.value.found == f"{path}, on which OpenNI2 crashes"
+    with pytest.raises(SourceError):
+        open_source("openni:file=none.oni", "file=none.oni", tmp_path)
 
 
-def test_a_recording_on_which_the_library_hangs_is_an_error(recording, tmp_path, monkeypatch):
+def test_a_recording_on_which_the_library_hangs_is_an_error(recording, monkeypatch):
     monkeypatch.setattr(oni_file, "_PLAY", "import time; time.sleep(60)")
     monkeypatch.setattr(oni_file, "_PLAY_SECONDS", 0.1)
-    with pytest.raises(SourceError, match=r"take\.oni, on which OpenNI2 hangs"):
+    with pytest.raises(SourceError) as caught:
         oni_file.check_plays(NAME, recording[0])
+    assert "on which OpenNI2 hangs" in caught.value.found
 
 
 def test_an_image_with_too_few_bytes_is_skipped(sensor, opened, noise, monkeypatch):
@@ -204,7 +176,7 @@ def test_damaged_images_are_skipped_and_the_recording_still_ends(recording, open
     damaged.write_bytes(content)
     device = opened("file", str(damaged))
     given = []
-    with pytest.raises(SourceError, match="the end of the recording"):  # noqa: PT012
+    with pytest.raises(SourceError):  # noqa: PT012
         while len(given) < 30:
             picture = device.read(0.3)
             given += [] if picture is None else [picture]

@@ -42,7 +42,7 @@ def of_events(tmp_path):
 
 
 def play(source, given_clock, step=1 / 120, most=10_000):
-    """Call the source like the service until its end or `most` events; return the events, each with the clock's time."""
+    """Call the source like the service until its end or `most` events; return them, each with the clock's time."""
     came = []
     while len(came) < most:
         try:

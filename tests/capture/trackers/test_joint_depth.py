@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from capture import body
 from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS, TRACKED
 from capture.trackers import joint_depth
 from capture.trackers.joint_depth import PARENT_INDICES, SKIN_TO_JOINT_METRES, measure_depths
 from capture.trackers.picture import Lens
 from capture.trackers.placing import warm_up
+
+from ..bodies import body, table
 
 LENS = Lens(640, 480, 500.0)
 TRACKED_ALL = np.full(20, TRACKED, np.float32)
@@ -16,25 +17,33 @@ ANKLE, KNEE, FOOT, WRIST, HAND = (JOINT_INDEX[f"{joint}_left"] for joint in ("an
 WALL = 4.5
 PATCH = 12  # pixels from a joint's pixel to the edge of its skin
 
+WAYS = table("""
+spine           0 1 0
+shoulder_center 0 1 0
+head            0 1 0
+shoulder        1 -0.1 0
+elbow           1 0 0
+wrist           1 0 0
+hand            1 0.1 0
+hip             1 -0.6 0
+knee            0.2 -1 0
+ankle           0 -1 0
+foot            1 -1 0
+""")
+BODY = body(WAYS, (0.05, 0.0, 2.5), typical=True)
+"""A body in the plane z = 2.5 m with the arms held out, so that no two patches of skin overlap."""
+ESTIMATE = BODY[:, 2]
 
-@pytest.fixture
-def joints():
-    """A body in the plane z = 2.5 m with the arms held out, so that no two patches of skin overlap."""
-    directions = {"spine": (0, 1), "shoulder_center": (0, 1), "head": (0, 1), "shoulder": (1, -0.1), "elbow": (1, 0)}
-    directions |= {"wrist": (1, 0), "hand": (1, 0.1), "hip": (1, -0.6), "knee": (0.2, -1), "ankle": (0, -1)}
-    directions |= {"foot": (1, -1)}
-    places = np.zeros((20, 3))
-    places[0] = 0.05, 0.0, 2.5
-    for joint, parent in PARENTS.items():
-        x, y = directions[joint.removesuffix("_left").removesuffix("_right")]
-        bone = np.array([-x if joint.endswith("_left") else x, y, 0.0])
-        places[JOINT_INDEX[joint]] = places[JOINT_INDEX[parent]] + body.typical_bone_length(
-            joint
-        ) * bone / np.linalg.norm(bone)
-    return places
+
+def changed(array, change):
+    """Return an array with changed elements: {index: change}."""
+    array = array.copy()
+    for index, value in change.items():
+        array[index] += value
+    return array
 
 
-def drawn(joints, skin=None):
+def drawn(joints=BODY, skin=None):
     """Return a depth image of patches around the joints' pixels, the nearest on top; `skin` (20,) is in metres."""
     skin = joints[:, 2] - SKIN_TO_JOINT_METRES if skin is None else skin
     depth = np.full((LENS.height, LENS.width), WALL, np.float32)
@@ -49,114 +58,84 @@ def patch(depth, joint, metres, beside=0):
     depth[rows, column - PATCH + beside : column + PATCH + 1 + beside] = round(metres, 3)
 
 
-def measured(depth, joints, estimated=None, confidence=TRACKED_ALL):
-    """Measure the depths of joints at their true pixels; the estimate (20,), in metres, is exact by default."""
-    bones = np.zeros(20)
-    bones[1:] = np.linalg.norm(joints[1:] - joints[PARENT_INDICES[1:]], axis=1)
-    estimated = joints[:, 2] if estimated is None else estimated
-    return measure_depths(depth, LENS.focal, LENS.project(joints), joints / joints[:, 2:], estimated, bones, confidence)
-
-
-def test_a_joint_is_half_its_thickness_behind_the_skin(joints):
-    depths, known, scale = measured(drawn(joints), joints)
-    assert known.all()
-    np.testing.assert_allclose(depths, joints[:, 2], atol=5e-4)
-    assert scale == pytest.approx(1.0, abs=1e-3)
-
-
-def test_the_scale_is_metres_per_metre_of_the_tracker(joints):
+def measured(depth, joints=BODY, estimated=ESTIMATE, confidence=TRACKED_ALL, scale=1.0):
+    """Measure the depths of joints at their true pixels; the tracker's estimate (20,) and bones have another scale."""
     bones = np.zeros(20)
     bones[1:] = np.linalg.norm(joints[1:] - joints[PARENT_INDICES[1:]], axis=1)
     rays = joints / joints[:, 2:]
-    depths, known, scale = measure_depths(
-        drawn(joints), LENS.focal, LENS.project(joints), rays, joints[:, 2] / 1.25, bones / 1.25, TRACKED_ALL
-    )
-    assert known.all()
-    assert scale == pytest.approx(1.25, abs=1e-3)
-    np.testing.assert_allclose(depths, joints[:, 2], atol=5e-4)
+    return measure_depths(depth, LENS.focal, LENS.project(joints), rays, estimated / scale, bones / scale, confidence)
 
 
-@pytest.mark.parametrize("bent", [0.4, -0.4])
-def test_a_limb_that_is_wrongly_estimated_as_bent_is_found_by_its_bone_lengths(joints, bent):
-    estimated = joints[:, 2].copy()
-    estimated[[ANKLE, FOOT]] += bent
-    depths, known, _ = measured(drawn(joints), joints, estimated)
+@pytest.mark.parametrize(
+    ("estimated", "scale"),
+    [(ESTIMATE, 1.0), (ESTIMATE, 1.25), *((changed(ESTIMATE, {ANKLE: bent, FOOT: bent}), 1.0) for bent in (0.4, -0.4))],
+)
+def test_a_joint_is_half_its_thickness_behind_the_skin_also_of_a_limb_that_is_wrongly_estimated_as_bent(
+    estimated, scale
+):
+    depths, known, found = measured(drawn(), estimated=estimated, scale=scale)
     assert known.all()
-    np.testing.assert_allclose(depths, joints[:, 2], atol=5e-4)
+    np.testing.assert_allclose(depths, ESTIMATE, atol=5e-4)
+    assert found == pytest.approx(scale, abs=1e-3)
 
 
 @pytest.mark.parametrize(("length", "found"), [(1.38, True), (1.42, False)])
-def test_no_joint_is_farther_from_its_parent_than_1_4_bone_lengths(joints, length, found):
-    ray, knee = joints[ANKLE] / joints[ANKLE, 2], joints[KNEE]
-    shin = np.linalg.norm(joints[ANKLE] - knee)
+def test_no_joint_is_farther_from_its_parent_than_1_4_bone_lengths(length, found):
+    ray, knee = BODY[ANKLE] / BODY[ANKLE, 2], BODY[KNEE]
+    shin = np.linalg.norm(BODY[ANKLE] - knee)
     _, z = sorted(np.roots([ray @ ray, -2 * ray @ knee, knee @ knee - (length * shin) ** 2]))
-    skin, estimated = joints[:, 2] - SKIN_TO_JOINT_METRES, joints[:, 2].copy()
-    skin[ANKLE], estimated[ANKLE] = z - SKIN_TO_JOINT_METRES[ANKLE], z - 0.2
-    depths, known, _ = measured(drawn(joints, skin), joints, estimated)
+    far = changed(ESTIMATE, {ANKLE: z - ESTIMATE[ANKLE]})
+    depths, known, _ = measured(drawn(BODY, far - SKIN_TO_JOINT_METRES), estimated=changed(far, {ANKLE: -0.2}))
     assert known[ANKLE] == found
     assert depths[ANKLE] == pytest.approx(z if found else z - 0.2, abs=1e-3)
 
 
-def test_a_joint_is_behind_the_nearest_plausible_surface(joints):
-    depth = drawn(joints)
-    patch(depth, joints[WRIST], 1.0, beside=PATCH)  # another hand, in front of half of the wrist
-    depths, known, _ = measured(depth, joints)
+@pytest.mark.parametrize(("metres", "beside"), [(1.0, PATCH), (2.3, PATCH + 4)])
+def test_a_joint_is_behind_the_nearest_plausible_surface_in_a_quarter_of_the_window(metres, beside):
+    """Another hand in front of half of the wrist, or a column at the window's edge, near enough to be the wrist."""
+    depth = drawn()
+    patch(depth, BODY[WRIST], metres, beside)
+    depths, known, _ = measured(depth)
     assert known[WRIST]
-    assert depths[WRIST] == pytest.approx(joints[WRIST, 2], abs=5e-4)
+    assert depths[WRIST] == pytest.approx(BODY[WRIST, 2], abs=5e-4)
 
 
-def test_a_surface_in_less_than_a_quarter_of_the_window_is_ignored(joints):
-    depth = drawn(joints)
-    patch(depth, joints[WRIST], 2.3, beside=PATCH + 4)  # a column at the window's edge, near enough to be the wrist
-    depths, _, _ = measured(depth, joints)
-    assert depths[WRIST] == pytest.approx(joints[WRIST, 2], abs=5e-4)
-
-
-def test_a_joint_without_depth_keeps_its_estimated_offset_from_the_parent(joints):
-    depth = drawn(joints)
-    patch(depth, joints[HAND], 0.0)
-    estimated = joints[:, 2].copy()
-    estimated[WRIST] += 0.2  # wrong, as depth tells
-    estimated[HAND] += 0.2 - 0.07  # 7 cm before that
-    depths, known, scale = measured(depth, joints, estimated)
+def test_a_joint_without_depth_keeps_its_estimated_offset_from_the_parent():
+    depth = drawn()
+    patch(depth, BODY[HAND], 0.0)
+    # the wrist is wrong, as depth tells, and the hand 7 cm before it
+    depths, known, scale = measured(depth, estimated=changed(ESTIMATE, {WRIST: 0.2, HAND: 0.2 - 0.07}))
     np.testing.assert_array_equal(np.flatnonzero(~known), [HAND])
     assert depths[HAND] == pytest.approx(depths[WRIST] - 0.07 * scale, abs=1e-9)
 
 
-def test_hidden_joints_and_joints_outside_the_image_have_no_measured_depth(joints):
-    hidden = TRACKED_ALL.copy()
-    hidden[WRIST] = 0.49
-    assert not measured(drawn(joints), joints, confidence=hidden)[1][WRIST]
-    away = joints.copy()
-    away[HAND] += [-1.0, 0, 0]
-    column, _ = LENS.project(away[HAND])
-    assert column >= LENS.width
-    _, known, _ = measured(drawn(joints), away)
-    np.testing.assert_array_equal(np.flatnonzero(~known), [HAND])
+def test_hidden_joints_and_joints_outside_the_image_have_no_measured_depth():
+    assert not measured(drawn(), confidence=changed(TRACKED_ALL, {WRIST: -0.51}))[1][WRIST]
+    away = changed(BODY, {HAND: [-1.0, 0, 0]})
+    assert LENS.project(away[HAND])[0] >= LENS.width
+    np.testing.assert_array_equal(np.flatnonzero(~measured(drawn(), away)[1]), [HAND])
 
 
-def test_too_few_joints_with_depth_give_no_result(joints):
+def test_too_few_joints_with_depth_give_no_result():
     depth = np.zeros((LENS.height, LENS.width), np.float32)
-    assert measured(depth, joints) is None
+    assert measured(depth) is None
     for joint in range(4):
-        patch(depth, joints[joint], joints[joint, 2])
-    sure = np.where(np.arange(20) < 4, TRACKED, 0).astype(np.float32)
-    assert measured(depth, joints, confidence=sure) is None
+        patch(depth, BODY[joint], BODY[joint, 2])
+    assert measured(depth, confidence=TRACKED_ALL * (np.arange(20) < 4)) is None
 
 
-def test_arrays_of_any_layout_give_the_same_without_compiling_again(joints):
-    depth = drawn(joints)
+def test_arrays_of_any_layout_give_the_same_without_compiling_again():
+    depth = drawn()
     warm_up()
     compiled = list(joint_depth._measure.signatures)
-    expected = measured(depth, joints)
+    expected = measured(depth)
     locked = depth.copy()
     locked.flags.writeable = False
     for same in (locked, np.asfortranarray(depth), np.repeat(depth, 2, axis=1)[:, ::2]):
-        for one, other in zip(measured(same, joints), expected, strict=True):
+        for one, other in zip(measured(same), expected, strict=True):
             np.testing.assert_array_equal(one, other)
     assert joint_depth._measure.signatures == compiled
 
 
-def test_parents_are_in_front_of_their_joints():
+def test_parents_are_those_of_the_skeleton():
     assert [JOINTS[near] for near in PARENT_INDICES[1:]] == [PARENTS[joint] for joint in JOINTS[1:]]
-    assert (np.arange(20) > PARENT_INDICES).all()

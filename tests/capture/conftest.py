@@ -14,9 +14,8 @@ import numpy as np
 import pytest
 
 from capture.events import Tick
-from capture.sensors.depth_camera import metres
 from capture.sensors.source import SensorSource
-from capture.skeleton import JOINT_INDEX, PARENTS, SkeletonFrame
+from capture.skeleton import JOINT_INDEX, SkeletonFrame
 from capture.source import wait
 from capture.trackers.picture import Lens, Person, Picture
 
@@ -357,62 +356,3 @@ def write_dump(tmp_path):
 def performer():
     """(20, 3) joints of a performer who faces the sensor, 2.5 m away, with the right arm up."""
     return np.array([STANDING[name] for name in JOINT_INDEX]) + np.array([0.1, 0.05, 2.5])
-
-
-BONES = [(JOINT_INDEX[child], JOINT_INDEX[parent]) for child, parent in PARENTS.items()]
-
-
-@pytest.fixture(scope="session")
-def render():
-    """Show a body to a lens: `render(joints, lens)` returns depths (metres, 0 for nothing) and colours.
-
-    A bone is a capsule of `radius` metres between two of the (20, 3) joints.
-    Colours are skin that is darker where it turns away.
-    """
-
-    def rendered(joints, lens, radius=0.05):
-        joints = np.asarray(joints, dtype=np.float64)
-        rows, columns = np.mgrid[: lens.height, : lens.width] + 0.5
-        rays = lens.unproject(np.stack([columns, rows], axis=-1), np.ones((lens.height, lens.width)))
-        nearest = np.full((lens.height, lens.width), np.inf)
-        light = np.zeros_like(nearest)
-        for start, end in BONES:
-            ends = joints[[start, end]]
-            corners = lens.project(ends)
-            margin = lens.focal * 1.5 * radius / (ends[:, 2].min() - radius) + 1
-            (left, top), (right, bottom) = corners.min(axis=0) - margin, corners.max(axis=0) + margin
-            window = np.s_[max(0, int(top)) : max(0, int(bottom) + 1), max(0, int(left)) : max(0, int(right) + 1)]
-            distance, facing = _capsule(rays[window], *ends, radius)
-            nearer = distance < nearest[window]
-            nearest[window][nearer], light[window][nearer] = distance[nearer], facing[nearer]
-        seen = np.isfinite(nearest)
-        depth = metres(np.where(seen, np.round(1000 * np.where(seen, nearest, 0)), 0).astype(np.uint16))
-        color = np.where(seen[..., None], (0.3 + 0.7 * light)[..., None] * [224, 172, 140], [40, 60, 80])
-        return depth, color.astype(np.uint8)
-
-    return rendered
-
-
-def _capsule(rays, start, end, radius):
-    """Return the depths, infinite for none, at which rays (…, 3) of z = 1 meet a capsule, and how it faces them."""
-    axis = end - start
-    length2 = axis @ axis
-    found = np.full(rays.shape[:-1], np.inf)
-    facing = np.zeros(rays.shape[:-1])
-    candidates = [(start, None), (end, None), (start, axis)] if length2 > 0 else [(start, None)]
-    for center, along in candidates:
-        across, offset = rays, np.broadcast_to(center, rays.shape)
-        if along is not None:  # as seen along the axis, a cylinder is a circle
-            across = rays - (rays @ along)[..., None] * along / length2
-            offset = offset - (offset @ along)[..., None] * along / length2
-        a, b, c = (across**2).sum(-1), (across * offset).sum(-1), (offset**2).sum(-1) - radius**2
-        discriminant = b**2 - a * c
-        with np.errstate(invalid="ignore", divide="ignore"):
-            depth = (b - np.sqrt(discriminant)) / a
-            point = rays * depth[..., None]
-            share = np.clip((point - start) @ axis / length2, 0, 1) if length2 > 0 else np.zeros(depth.shape)
-            normal = (point - (start + share[..., None] * axis)) / radius
-            on_it = (np.abs((normal**2).sum(-1) - 1) < 1e-6) & (depth < found)
-        found[on_it] = depth[on_it]
-        facing[on_it] = np.clip(-normal[on_it][:, 2], 0, 1)
-    return found, facing

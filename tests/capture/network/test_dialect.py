@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from capture.network.dialect import JOINT_NAMES, Ignored, Part, has_types, joint_part, kinect20, to_metres
+from capture.network.dialect import JOINT_NAMES, Ignored, Part, has_types, joint_part, to_metres
 from capture.network.osc import Message
 from capture.skeleton import JOINT_INDEX
 
@@ -40,12 +40,3 @@ def test_units_are_configured_or_detected_by_size(largest, units, scale, found):
     metres, unit = to_metres(values, units, "m")
     assert unit == found
     np.testing.assert_array_equal(metres, values * scale)
-
-
-def test_joints_find_their_places_and_the_rest_is_lost():
-    names, places = dict.fromkeys(("head", "foot_right", "spine"), 0), np.arange(9.0).reshape(3, 3)
-    positions, confidence = kinect20(names, places, np.float32([1, 0.5, 0]))
-    expected = np.full((20, 3), np.nan)
-    expected[JOINT_INDEX["head"]], expected[JOINT_INDEX["foot_right"]] = places[:2]
-    np.testing.assert_array_equal(positions, expected)
-    assert np.flatnonzero(confidence).tolist() == [JOINT_INDEX["head"], JOINT_INDEX["foot_right"]]

@@ -192,25 +192,6 @@ def _check(datagram):
     assert sum(len(each.address) + len(each.tags) for each in messages) <= len(datagram)
 
 
-@pytest.mark.parametrize("datagram", CORPUS)
-def test_the_corpus_is_well_formed_and_every_part_of_it_is_refused(datagram):
-    assert decode(datagram)
-    for length in range(len(datagram)):
-        cut = datagram[:length]
-        if datagram.startswith(b"#bundle") and length in _ends_of_elements(datagram):
-            _check(cut)
-        else:
-            _refused(cut)
-
-
-def _ends_of_elements(datagram):
-    ends, offset = [16], 16
-    while offset < len(datagram):
-        offset += 4 + struct.unpack_from(">i", datagram, offset)[0]
-        ends.append(offset)
-    return ends
-
-
 @settings(max_examples=round(1000 * EFFORT))
 @given(st.data())
 def test_changed_datagrams_are_read_or_refused(data):

@@ -282,12 +282,13 @@ def play(tmp_path, monkeypatch, given_clock, until_end):
 
 @pytest.fixture
 def play_file(play, blob_puppet, tmp_path):
-    """Play a service with the small figure and nobody who moves it, whose service file has more tables."""
+    """Play a service of a service file: more of [network] and other tables, and a stage of figures with names."""
 
-    def start(tables="[network]\nport = 0\n"):
+    def start(tables="", names=("dog",), source="osc:0", stage="", puppet=blob_puppet):
         path = tmp_path / "service.toml"
-        stage = f'[[stage]]\nsource = "osc:0"\n[[stage.character]]\npuppet = "{blob_puppet}"\nname = "dog"\n'
-        path.write_text(f"announce = false\n{tables}{stage}")
+        characters = (f'[[stage.character]]\nname = "{name}"\npuppet = "{puppet}"\n' for name in names)
+        stages = f'[[stage]]\nsource = "{source}"\n{stage}\n' + "".join(characters)
+        path.write_text(f"announce = false\n[network]\nport = 0\n{tables}\n{stages}")
         return play("--config", path)
 
     return start

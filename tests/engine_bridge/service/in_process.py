@@ -66,7 +66,7 @@ class InProcess:
             config = options.pop("config")
             settings, folder = serve._service_file(config, options)
         read_settings = None if config is None else partial(service_file.load, config)
-        self.clock, self.shown, self._clients, self._is_closed = clock, [], [], False
+        self.clock, self.shown, self._clients, self._is_closed, self._run_from = clock, [], [], False, 0
         jobs = Jobs(lambda *_: AtOnce())
         self.service = Service(settings, folder, commands, self.shown.append, read_settings, jobs)
         self._stopping = Stopping()
@@ -88,9 +88,9 @@ class InProcess:
 
     def run(self, seconds):
         """Let time pass; return the frames."""
-        before, end = len(self.frames), self.clock.now() + seconds
+        self._run_from, end = len(self.frames), self.clock.now() + seconds
         self.until(lambda: self.clock.now() >= end, seconds)
-        return self.frames[before:]
+        return self.frames[self._run_from :]
 
     def next_frame(self):
         """Let time pass until the next frame, and return that."""
@@ -117,10 +117,11 @@ class InProcess:
         client = Client(self.service.stream[0])
         self._clients.append(client)
         streams = self.service._outputs[0]._streams.values()
-        for prefix in map(subscription, topics):
+        for topic, prefix in zip(topics, map(subscription, topics), strict=True):
             held = [stream.subscriptions._held[prefix] for stream in streams]
             client.socket.subscribe(prefix)
-            self.wait(lambda held=held, prefix=prefix: held != [each.subscriptions._held[prefix] for each in streams])
+            if topic.count("/") == 1:  # a scene of the client's own is answered, and not held
+                self.wait(lambda h=held, p=prefix: h != [each.subscriptions._held[p] for each in streams])
         return client
 
     def kinds(self, output=0):
@@ -167,8 +168,17 @@ class InProcess:
             self.clock.call_at(self.clock.now() + number * interval, partial(send, frame))
 
     def of(self, name):
-        """Return the frames of a character so far."""
-        return [frame for frame in self.frames if frame.character.name == name]
+        """Return the frames of a character in the last `run`."""
+        return [frame for frame in self.frames[self._run_from :] if frame.character.name == name]
+
+    @property
+    def runner(self):
+        """The first stage."""
+        return self.service.runners[0]
+
+    def player(self, name):
+        """Return the player of a character."""
+        return self.service.find(name)[1]
 
     def close(self):
         self._is_closed = True

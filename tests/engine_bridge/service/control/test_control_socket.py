@@ -33,7 +33,9 @@ class Desk:
 
     def __init__(self):
         self.deferred = []
-        commands = {name: (model, lambda given: given.model_dump(exclude_unset=True)) for name, model in ARGUMENTS.items()}
+        commands = {
+            name: (model, lambda given: given.model_dump(exclude_unset=True)) for name, model in ARGUMENTS.items()
+        }
         more = {"reload": self._later, "fail": self._fail, "refuse": self._refuse, "strange": lambda _: float("nan")}
         self.dispatcher = Dispatcher(commands | {name: (Nothing, run) for name, run in more.items()})
 
@@ -202,8 +204,7 @@ def test_clients_that_leave_say_far_too_much_or_never_read_harm_nobody(service, 
 
     def all_sent():
         with suppress(zmq.Again):
-            for _ in range(100):
-                sent.append(deaf.send(question, zmq.NOBLOCK))
+            sent.extend(deaf.send(question, zmq.NOBLOCK) for _ in range(100))
         return len(sent) > 20_000
 
     service.wait(all_sent)

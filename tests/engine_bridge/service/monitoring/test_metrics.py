@@ -10,6 +10,8 @@ from prometheus_client.parser import text_string_to_metric_families
 from engine_bridge.service.monitoring.metrics import MAX_CLIENTS, MetricsServer
 from puppetline.errors import ServiceError
 
+from ...refusals import refused
+
 
 @pytest.fixture
 def server(status):
@@ -19,9 +21,9 @@ def server(status):
     server.close()
 
 
-def ask(port, path="/metrics", **headers):
+def ask(port, method="GET", **headers):
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
-    connection.request("GET", path, headers=headers)
+    connection.request(method, "/metrics", headers=headers)
     response = connection.getresponse()
     body = response.read().decode()
     connection.close()
@@ -88,34 +90,17 @@ def test_prometheus_reads_the_whole_status(server):
     assert samples(body) == pytest.approx(samples(METRICS))
 
 
-@pytest.mark.parametrize("host", ["localhost", "localhost:9464", "127.0.0.1", "127.0.0.1:9464", "[::1]:9464", "[::1]"])
-def test_requests_for_this_machine_are_answered(server, host):
-    assert ask(server.port, Host=host)[0].status == 200
-
-
-@pytest.mark.parametrize(
-    "host", ["evil.example", "evil.example:9464", "", "localhost.evil.example", "127.0.0.1.nip.example"]
-)
-def test_a_web_page_whose_name_points_here_gets_nothing(server, host):
-    response, body = ask(server.port, Host=host)
-    assert response.status == 421
-    assert "puppetline" not in body
-
-
-def test_metrics_are_only_read(server):
-    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
-    connection.request("POST", "/metrics", body=b"x")
-    assert connection.getresponse().status == 405
-    connection.close()
-
-
-def test_the_metrics_server_listens_on_loopback(server):
+def test_requests_are_answered_that_are_for_this_machine_and_only_read(server, status):
+    for host in ("localhost", "localhost:9464", "127.0.0.1", "127.0.0.1:9464", "[::1]:9464", "[::1]"):
+        assert ask(server.port, Host=host)[0].status == 200
+    for host in ("evil.example", "evil.example:9464", "", "localhost.evil.example", "127.0.0.1.nip.example"):
+        response, body = ask(server.port, Host=host)
+        assert response.status == 421, "a web page whose name points here"
+        assert "puppetline" not in body
+    assert ask(server.port, method="POST")[0].status == 405
     assert server._server.server_address == ("127.0.0.1", server.port)
-
-
-def test_a_port_that_is_taken_is_an_error_that_says_which(server, status):
-    with pytest.raises(ServiceError, match=f"metrics at 127.0.0.1:{server.port}: found a port that cannot be bound"):
-        MetricsServer(lambda: status, server.port)
+    where = refused(ServiceError, MetricsServer, lambda: status, server.port).where
+    assert where == f"metrics at 127.0.0.1:{server.port}"
 
 
 def test_garbage_and_clients_that_go_away_change_nothing(server, capfd):

@@ -1,7 +1,10 @@
 """Frames and endpoints for tests of outputs, without a service."""
 
 import numpy as np
+from pythonosc.osc_bundle import OscBundle
+from pythonosc.osc_message import OscMessage
 
+from engine_bridge.export.live_basis import Projection
 from engine_bridge.service.protocol.frame import Frame
 from puppetline import clock
 
@@ -28,3 +31,28 @@ class Open:
 
     def prepare(self, socket):
         socket.maxmsgsize = 1024
+
+
+class Basis:
+    """Three morph targets, whatever the pose."""
+
+    names = ("a", "b", "c")
+
+    def project(self, R):
+        return Projection(np.array([0.5, 0, 1], dtype=np.float32), 0.125, False)
+
+
+def received(receiver):
+    """Return all datagrams that have come."""
+    datagrams = []
+    while True:
+        try:
+            datagrams.append(receiver.recv(65536))
+        except BlockingIOError:
+            return datagrams
+
+
+def messages(datagrams):
+    """Return what python-osc reads in datagrams: address and arguments, in their order."""
+    contents = (OscBundle(each) if each.startswith(b"#bundle") else [OscMessage(each)] for each in datagrams)
+    return [(message.address, message.params) for messages in contents for message in messages]

@@ -3,7 +3,6 @@ import math
 import socket
 from contextlib import closing
 from dataclasses import replace
-from select import select
 
 import numpy as np
 import pytest
@@ -21,7 +20,7 @@ from engine_bridge.service.outputs.vmc import DATAGRAM_BYTES, datagrams
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from solver.motion.limb_motion import LimbMotion
 
-from .frames import frame_of
+from .frames import frame_of, messages, received
 
 SIDE = """
 [[limb]]
@@ -87,11 +86,6 @@ def still(figure):
     return np.tile(np.eye(4, 3), (sum(len(limb.points) - 1 for limb in figure.rig.puppet.limbs), 1, 1))
 
 
-def messages(sent):
-    """What python-osc reads in datagrams: address and arguments, in their order."""
-    return [(message.address, message.params) for datagram in sent for message in OscBundle(datagram)]
-
-
 def bones(sent):
     """Place and quaternion of each bone."""
     return {
@@ -152,16 +146,17 @@ def test_a_frame_is_bundles_that_travel_in_one_piece_and_say_all_that_the_protoc
     np.testing.assert_allclose(bones(sent)["LeftUpperLeg"][0], [-0.05, -0.075, 0], atol=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("state", "expected"),
-    [("waiting", [1, 0, 0, 0]), ("calibrating", [1, 2, 0, 0]), ("performing", [1, 3, 0, 1]), ("leaving", [1, 0, 0, 0])],
-)
-def test_the_state_is_the_protocols(figure, moved_by, state, expected):
-    assert messages(datagrams(moved_by(still(figure), state=state), 0.0))[0] == ("/VMC/Ext/OK", expected)
-
-
-def test_a_character_without_limbs_is_not_sent(blob_rig, moved_by):
-    assert not list(datagrams(moved_by(None, character=StreamedCharacter("blob", blob_rig, 1)), 0.0))
+def test_the_state_is_the_protocols_and_the_clock_the_senders(figure, moved_by, output, receiver, given_clock):
+    out = output(rate=10, send=("vmc",))
+    for state in ("waiting", "calibrating", "performing", "leaving"):
+        out.offer(moved_by(still(figure), state=state))
+        out.send_due()
+        given_clock.advance(0.1)
+    told = messages(received(receiver))
+    states = [values for address, values in told if address == "/VMC/Ext/OK"]
+    assert states == [[1, 0, 0, 0], [1, 2, 0, 0], [1, 3, 0, 1], [1, 0, 0, 0]]
+    times = [values[0] for address, values in told if address == "/VMC/Ext/T"]
+    np.testing.assert_allclose(times, [0.0, 0.1, 0.2, 0.3], atol=1e-4)
 
 
 def directions(joints):
@@ -182,27 +177,22 @@ def own_directions(figure, motions):
     return np.array([found[pair] for pair in STRAIGHT])
 
 
-def test_a_vmc_reader_recovers_the_directions_of_the_characters_bones(figure, moved_by, kung_fu, given_clock):
+def test_a_vmc_reader_recovers_the_directions_of_the_characters_bones(
+    figure, moved_by, kung_fu, given_clock, until_end
+):
     """Our own reader, which poses a body of its own by them."""
     motion = LimbMotion(figure.rig.puppet.limbs, PERFORMER, np.full((20, 3), np.nan))
-    source = open_vmc("127.0.0.1:0")
-    output = OscOutput(OscTable(host="127.0.0.1", port=source.port, rate=1000, send=("vmc",)))
-    try:
-        seen = 0
-        for number, performed in enumerate(kung_fu[30:180:5]):
-            motions = motion.step(performed.time, to_character_axes(performed.positions), performed.confidence)
-            output.offer(moved_by(motions, number))
-            output.send_due()
-            given_clock.advance(0.1)
-            frame = next_frame(source)
-            assert (frame.confidence > LOST).all()
-            read, own = directions(to_character_axes(frame.positions)), own_directions(figure, motions)
-            assert math.degrees(np.arccos(np.clip((read * own).sum(axis=1), -1, 1)).max()) < 0.05
-            seen += 1
-    finally:
-        output.close()
-        source.close()
-    assert seen == 30
+    source = until_end(open_vmc("127.0.0.1:0"))
+    out = until_end(OscOutput(OscTable(host="127.0.0.1", port=source.port, rate=1000, send=("vmc",))))
+    for number, performed in enumerate(kung_fu[30:180:5]):
+        motions = motion.step(performed.time, to_character_axes(performed.positions), performed.confidence)
+        out.offer(moved_by(motions, number))
+        out.send_due()
+        given_clock.advance(0.1)
+        frame = next_frame(source)
+        assert (frame.confidence > LOST).all()
+        read, own = directions(to_character_axes(frame.positions)), own_directions(figure, motions)
+        assert math.degrees(np.arccos(np.clip((read * own).sum(axis=1), -1, 1)).max()) < 0.05
     assert not source.counts.refused
 
 
@@ -210,24 +200,3 @@ def next_frame(source):
     while not (frames := [each for each in source.receive() if isinstance(each, SkeletonFrame)]):
         wait(source, math.inf)
     return frames[0]
-
-
-def test_the_clock_is_the_senders_and_the_rate_is_kept(figure, moved_by, given_clock):
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
-        receiver.bind(("127.0.0.1", 0))
-        receiver.setblocking(False)
-        target = OscTable(host="127.0.0.1", port=receiver.getsockname()[1], rate=10, send=("vmc", "performer"))
-        output = OscOutput(target)
-        for number in range(60):
-            output.offer(moved_by(still(figure), number))
-            output.send_due()
-            given_clock.advance(1 / 60)
-        output.close()
-        got = []
-        while select([receiver], [], [], 0)[0]:
-            got.append(receiver.recv(65536))
-    whole = [datagram for datagram in got if datagram.startswith(b"#bundle")]
-    times = [values[0] for address, values in messages(whole) if address == "/VMC/Ext/T"]
-    np.testing.assert_allclose(times, np.arange(10) / 10, atol=1e-4)
-    assert len(whole) == 20
-    assert len(got) == 21

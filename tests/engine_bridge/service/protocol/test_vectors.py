@@ -72,33 +72,37 @@ def test_there_is_one_of_every_kind_that_belongs_to_a_character():
     assert {path.stem for path in VECTORS.glob("*.bin")} == set(EXPECTED)
 
 
-@pytest.mark.parametrize("name", EXPECTED)
-def test_recorded_messages_decode_to_the_recorded_values(name, recorder):
-    found = json.loads(json.dumps(recorder.expected(recorded(name))))
-
-    def same(a, b):
-        if isinstance(b, dict):
-            return a.keys() == b.keys() and all(same(a[key], b[key]) for key in b)
-        if isinstance(b, list):
-            return len(a) == len(b) and all(map(same, a, b))
-        return a == (pytest.approx(b, rel=1e-6, abs=1e-6) if isinstance(b, float) else b)
-
-    assert same(found, EXPECTED[name])
-
-
-@pytest.mark.parametrize("name", EXPECTED)
-def test_recorded_messages_are_joined_to_the_same_bytes(name):
-    message = split(recorded(name))
-    assert join(topic_field(message.topic), message.header, message.payload) == recorded(name)
+def assert_same(a, b, tolerance):
+    """Two values of JSON are the same, except for their fractions; what is zero may be so but for rounding."""
+    if isinstance(b, dict):
+        assert a.keys() == b.keys()
+        for key in b.keys() - {"digest"}:  # of bytes with fractions
+            assert_same(a[key], b[key], tolerance)
+    elif isinstance(b, list):
+        assert len(a) == len(b)
+        for one, other in zip(a, b, strict=True):
+            assert_same(one, other, tolerance)
+    else:
+        assert a == (pytest.approx(b, rel=tolerance, abs=tolerance) if isinstance(b, float) else b)
 
 
-def test_messages_recorded_now_have_the_recorded_headers_and_sizes(recorder):
+def said(recorder, message):
+    return json.loads(json.dumps(recorder.expected(message)))
+
+
+def test_messages_are_read_and_written_as_they_were_recorded(recorder):
     made = recorder.messages()
     assert set(made) == set(EXPECTED)
-    for name, message in made.items():
+    for name, expected in EXPECTED.items():
+        old = recorded(name)
+        assert_same(said(recorder, old), expected, 1e-6)
+        message = split(old)
+        assert join(topic_field(message.topic), message.header, message.payload) == old
+        if name != "limbed.scene":  # whose fields differ somewhat from one machine to the next
+            assert_same(said(recorder, made[name]), expected, 1e-3)
         if name != "scene":  # whose description holds numbers of any length
-            assert message[:128] == recorded(name)[:128]
-            assert len(message) == len(recorded(name))
+            assert made[name][:128] == old[:128]
+            assert len(made[name]) == len(old)
 
 
 @pytest.mark.parametrize("number", range(3))
@@ -108,12 +112,9 @@ def test_controls_and_the_scene_give_the_vertices(number):
     expected, expected_normals = floats(f"{number}.vertices", 2, -1, 3)
     assert np.abs(positions - expected).max() <= 1e-5 * facts["diagonal"]
     assert np.abs(normals - expected_normals).max() <= 1e-5
-
-
-def test_the_first_frame_is_the_rest_pose():
-    _, arrays = scene()
-    np.testing.assert_allclose(floats("0.vertices", 2, -1, 3)[0], arrays["positions"], atol=1e-5)
-    np.testing.assert_allclose(floats("0.vertices", 2, -1, 3)[1], arrays["normals"], atol=1e-5)
+    if number == 0:  # the rest pose
+        np.testing.assert_allclose(expected, arrays["positions"], atol=1e-5)
+        np.testing.assert_allclose(expected_normals, arrays["normals"], atol=1e-5)
 
 
 @pytest.mark.parametrize("number", range(3))

@@ -55,23 +55,15 @@ TestPeople = People.TestCase
 TestPeople.settings = settings(max_examples=60, stateful_step_count=40)
 
 
-def test_turns_go_round():
-    assignment = UserAssignment("queue", 10.0, [None])
-    played = []
-    for second in range(60):
-        for user in (1, 2, 3):
-            assignment.see(user, float(second), 2.0)
-        assignment.assign(float(second))
-        played.append(assignment.performers[0])
-    assert played == [1] * 10 + [2] * 10 + [3] * 10 + [1] * 10 + [2] * 10 + [3] * 10
-
-
-def test_a_single_user_plays_without_a_time_limit():
-    assignment = UserAssignment("queue", 10.0, [None])
-    for second in range(60):
-        assignment.see(1, float(second), 2.0)
-        assignment.assign(float(second))
-        assert assignment.performers == [1]
+def test_turns_go_round_and_a_single_user_plays_without_a_time_limit():
+    for users, expected in ((1, [1] * 60), (3, [user for user in (1, 2, 3, 1, 2, 3) for _ in range(10)])):
+        assignment, played = UserAssignment("queue", 10.0, [None]), []
+        for second in range(60):
+            for user in range(1, users + 1):
+                assignment.see(user, float(second), 2.0)
+            assignment.assign(float(second))
+            played.append(assignment.performers[0])
+        assert played == expected
 
 
 def test_the_nearest_takes_over_after_a_while_and_nobody_who_passes_by():

@@ -16,7 +16,6 @@ from engine_bridge.service.protocol.header import Kind
 from engine_bridge.service.protocol.payloads import decode, message
 from engine_bridge.service.protocol.scene import describe
 from engine_bridge.service.takes.take_track import TakeTrack
-from puppetline import clock
 
 BEND = 'bend = { channel = "voice", degrees = 30, axis = "x" }\n'
 
@@ -33,27 +32,26 @@ def loud(tmp_path):
 
 
 @pytest.fixture
-def talking_rig(talking):
+def talking_puppet(talking):
     """The figure whose voice opens a jaw: a morph target of the mesh, and a limb that bends."""
     path = talking(limbs=True)
     head = 'joints = ["shoulder_center", "head"]\n'
     path.write_text(path.read_text().replace(head, head + BEND))
-    return load_rig(path)
+    return path
 
 
 @pytest.fixture
-def recorded_with_sound(make_theatre, loud, talking_rig, tmp_path):
-    """Record a take for 3 s; return its path, its frames, and the moment at which the sound began."""
-    theatre = make_theatre(("dog",), sound=loud, rig=talking_rig)
-    began = theatre.runner.source.now()
-    theatre.runner.start_recording(tmp_path / "take1.log")
-    frames = theatre.run(3.0)
-    theatre.runner.stop_recording().close()
-    return tmp_path / "take1.log", frames, began
+def theatre(make_theatre, loud, talking_puppet):
+    """Play a service that records the performer, with sound, for three seconds; say when the sound began."""
+    made = make_theatre(("dog",), stage=f'sound = "{loud}"', puppet=talking_puppet)
+    made.began = made.runner.source.now()
+    made.ask("record_start", name="take1")
+    made.run(3.0)
+    return made
 
 
-def test_the_voice_opens_the_mouth_live_in_every_output(recorded_with_sound, talking_rig):
-    _, frames, began = recorded_with_sound
+def test_the_voice_opens_the_mouth_live_in_every_output(theatre):
+    frames, began = theatre.of("dog"), theatre.began
     voice = {frame.time - began: frame.channels["voice"] for frame in frames}
     assert all(value > 0.8 for at, value in voice.items() if 0.9 < at < 1.35 or at > 2.3)
     assert all(value < 0.05 for at, value in voice.items() if at < 0.8 or 1.6 < at < 2.2)
@@ -74,11 +72,25 @@ def test_the_voice_opens_the_mouth_live_in_every_output(recorded_with_sound, tal
     assert describe(spoken.character)["targets"] == ["jaw"]
 
 
+def assert_a_kill_would_leave_all_but_a_second(path, folder):
+    """What is on the disk three seconds after the beginning of take and sound is readable."""
+    for ending in (".log", ".wav"):
+        shutil.copy(path.with_suffix(ending), folder / f"left{ending}")
+    events = list(puppetline_log.events(folder / "left.log"))
+    [cue] = [event for event in events if getattr(event, "do", "") == "sound"]
+    samples, rate = read_wav(folder / "left.wav")
+    seen = events[-1].time - cue.arguments["at"]
+    assert 1.9 <= seen <= 3.0
+    assert seen - 1.1 <= len(samples) / rate <= seen + 0.5
+
+
 def test_a_take_with_sound_replays_bit_for_bit_and_has_the_sound_on_its_clock(
-    recorded_with_sound, make_player, talking_rig
+    theatre, make_player, talking_puppet, tmp_path
 ):
-    path, frames, began = recorded_with_sound
-    track = TakeTrack(make_player("dog", rig=talking_rig), path)
+    frames, began, path = theatre.of("dog"), theatre.began, tmp_path / "takes" / "take1.log"
+    assert_a_kill_would_leave_all_but_a_second(path, tmp_path)
+    theatre.ask("record_stop")
+    track = TakeTrack(make_player("dog", rig=load_rig(talking_puppet)), path)
     assert len(track.times) == len(frames)
     for number, frame in enumerate(frames):
         shown, (_, R) = track.frame(number)
@@ -92,29 +104,7 @@ def test_a_take_with_sound_replays_bit_for_bit_and_has_the_sound_on_its_clock(
     assert onset == pytest.approx(0.8, abs=0.005)
     timeline, notes = load_timeline(path, Settings())
     assert not any("cannot be read" in note for note in notes)
-    first = frames[0].time
-    live = np.interp(
-        timeline.times, [each.time - first for each in frames], [each.channels["voice"] for each in frames]
-    )
-    assert (
-        np.abs(timeline.channels["voice"] - live).mean() < 0.06
-    )  # sampled at other moments, with 10 to 30 ms of delay
-
-
-def test_what_a_kill_would_leave_of_take_and_sound_is_readable_to_within_a_second(
-    play, loud, talking, tmp_path, record_events, kung_fu
-):
-    performer = record_events(tmp_path / "performer.log", kung_fu)
-    source = ("--source", f"replay:{performer}?loop", "--sound", tmp_path / loud, "--calibrate", "at_once")
-    service = play("--puppet", talking(limbs=True), *source)
-    service.ask("record_start", name="evening")
-    began = clock.now()
-    service.run(3.5)
-    for ending in (".log", ".wav"):
-        shutil.copy(tmp_path / "takes" / f"evening{ending}", tmp_path / f"left{ending}")
-    events = list(puppetline_log.events(tmp_path / "left.log"))
-    [cue] = [event for event in events if getattr(event, "do", "") == "sound"]
-    samples, rate = read_wav(tmp_path / "left.wav")
-    seen = events[-1].time - cue.arguments["at"]
-    assert clock.now() - began - 1.1 <= seen <= clock.now() - began
-    assert seen - 1.1 <= len(samples) / rate <= seen + 0.5
+    live = [frame.channels["voice"] for frame in frames]
+    live = np.interp(timeline.times, [frame.time - frames[0].time for frame in frames], live)
+    # sampled at other moments, with 10 to 30 ms of delay
+    assert np.abs(timeline.channels["voice"] - live).mean() < 0.06

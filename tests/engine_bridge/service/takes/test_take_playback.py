@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from capture.events import TICK_SECONDS
-from engine_bridge.service.players.character_player import PlayerSettings
 from engine_bridge.service.takes.take_track import TakeTrack
 from puppetline import clock
 from puppetline.errors import ServiceError
+
+from ...refusals import refused
 
 EASE = 0.2
 
@@ -19,16 +20,22 @@ def paths(record_take):
 
 
 @pytest.fixture
-def play(make_theatre, paths):
-    """Play the take on the character dog of a stage; return the stage, the track, and the cat's track."""
+def begin(make_theatre, paths):
+    """Play the take on the character dog; return the service, the track, and the cat's track."""
 
-    def begin(at=None, **more):
-        theatre = make_theatre(**more)
+    def start(source="osc:0", **more):
+        theatre = make_theatre(source=source, **more)
         dog, cat = (TakeTrack(theatre.player(name), path) for name, path in zip(("dog", "cat"), paths, strict=True))
-        theatre.playback.add(dog, at)
+        theatre.playback.add(dog)
         return theatre, dog, cat
 
-    return begin
+    return start
+
+
+@pytest.fixture
+def with_performer(begin):
+    """The same with a performer."""
+    return begin("replay:performer.log?loop")
 
 
 def follows(track, frames, zero, speed=1.0):
@@ -45,20 +52,9 @@ def assert_eases_in(equal, frames, zero, seconds=EASE):
     assert frames[first].received / 1e9 - zero <= seconds + 3 * TICK_SECONDS
 
 
-def test_a_take_moves_its_character_as_it_was_recorded_after_the_easing(play):
-    theatre, track, _ = play(performer=False)
-    zero = clock.now()
-    theatre.run(track.seconds - 0.01)
-    frames = theatre.of("dog")
-    equal, numbers = follows(track, frames, zero)
-    assert_eases_in(equal, frames, zero)
-    assert numbers == list(range(len(track.times) - 1))
-    assert [frame.received / 1e9 - zero for frame in frames] == pytest.approx(track.times[:-1], abs=2e-6)
-
-
-@pytest.mark.parametrize(("speed", "second"), [(1.0, 1.234), (2.5, 0.1), (0.5, 2.5), (1.0, 2.1333)])
-def test_from_any_moment_the_controls_are_those_from_the_start(play, speed, second):
-    theatre, track, _ = play(performer=False)
+@pytest.mark.parametrize(("speed", "second"), [(1.0, 0.0), (1.0, 1.234), (2.5, 0.1), (0.5, 2.5), (1.0, 2.1333)])
+def test_from_any_moment_a_take_moves_its_character_as_it_was_recorded(begin, speed, second):
+    theatre, track, _ = begin()
     theatre.run(0.5)
     theatre.playback.timeline.set_speed(speed, clock.now())
     theatre.playback.seek(second)
@@ -67,29 +63,24 @@ def test_from_any_moment_the_controls_are_those_from_the_start(play, speed, seco
     frames = theatre.of("dog")
     equal, numbers = follows(track, frames, zero, speed)
     assert_eases_in(equal, frames, now, EASE * max(1.0, 1 / speed))
-    assert numbers[1:] == list(range(numbers[0] + 1, len(track.times) - 1))
-    assert numbers[0] == track.index(second)
+    assert numbers == list(range(track.index(second), len(track.times) - 1))
+    due = [speed * (frame.received / 1e9 - zero) for frame in frames[1:]]
+    assert due == pytest.approx(track.times[numbers[1:]], abs=speed * 2e-6)
 
 
-def test_a_pause_holds_the_pose_and_goes_on_with_the_next_frame(play):
-    theatre, track, _ = play(performer=False)
+def test_a_pause_holds_the_pose_goes_on_with_the_next_frame_and_can_jump(begin):
+    theatre, track, _ = begin()
     zero = clock.now()
-    theatre.run(1.0)
+    before = theatre.run(1.0)[-1]
     theatre.playback.timeline.pause(True, clock.now())
-    before = theatre.of("dog")[-1]
     theatre.run(1.0)
     assert len(theatre.of("dog")) >= 25
-    assert all(np.array_equal(frame.R, before.R) for frame in theatre.of("dog"))
+    assert all(np.array_equal(frame.R, theatre.of("dog")[0].R) for frame in theatre.of("dog"))
     theatre.playback.timeline.pause(False, clock.now())
     theatre.run(0.2)
     equal, numbers = follows(track, theatre.of("dog"), zero + 1.0)
     assert all(equal)
     assert numbers[0] == track.index(before.received / 1e9 - zero + 1e-6) + 1
-
-
-def test_a_jump_in_a_pause_eases_into_the_other_moment(play):
-    theatre, track, _ = play(performer=False)
-    theatre.run(1.0)
     theatre.playback.timeline.pause(True, clock.now())
     theatre.playback.seek(2.5)
     theatre.run(1.0)
@@ -98,8 +89,8 @@ def test_a_jump_in_a_pause_eases_into_the_other_moment(play):
     assert not np.array_equal(frames[0].R, frames[-1].R)
 
 
-def test_a_loop_begins_again_and_a_take_ends_at_its_end(play):
-    theatre, track, _ = play(performer=False)
+def test_a_loop_begins_again_and_a_take_ends_at_its_end(begin):
+    theatre, track, _ = begin()
     zero = clock.now()
     theatre.playback.timeline.loop = True
     theatre.run(2.5 * track.seconds)
@@ -113,8 +104,8 @@ def test_a_loop_begins_again_and_a_take_ends_at_its_end(play):
     assert theatre.of("dog")[-1].state == "waiting"
 
 
-def test_nothing_jumps_when_a_take_begins_jumps_loops_and_stops(play):
-    theatre, track, _ = play(player_settings=PlayerSettings(calibrate="at_once", ease=0.8))
+def test_nothing_jumps_when_a_take_begins_jumps_loops_and_stops(begin):
+    theatre, track, _ = begin("replay:performer.log?loop", ease=0.8)
     shown = [*theatre.run(2.0)]
     theatre.playback.seek(0.3)
     shown += theatre.run(1.0)
@@ -133,49 +124,36 @@ def test_nothing_jumps_when_a_take_begins_jumps_loops_and_stops(play):
     assert [b.sequence - a.sequence for a, b in itertools.pairwise(frames)] == [1] * (len(frames) - 1)
 
 
-def test_a_performer_gets_another_character_and_the_first_one_back(play):
-    theatre, _, _ = play()
+def test_a_performer_gets_another_character_and_the_first_one_back(with_performer):
+    theatre, _, _ = with_performer
     theatre.run(1.0)
     assert (theatre.player("dog").user, theatre.player("cat").user) == (None, 1)
     assert "performing" in {frame.state for frame in theatre.of("cat")}
+    refused(ServiceError, theatre.runner.cue, "choose_user", character="dog", user=1)
     theatre.playback.stop()
     theatre.runner.cue("choose_user", character="dog", user=1)
     theatre.run(1.0)
     assert (theatre.player("dog").user, theatre.player("cat").user) == (1, None)
 
 
-def test_a_character_that_a_take_drives_cannot_be_chosen(play):
-    theatre, _, _ = play()
-    theatre.run(0.5)
-    with pytest.raises(ServiceError, match="a character that a take drives"):
-        theatre.runner.cue("choose_user", character="dog", user=1)
-
-
-def test_two_takes_have_one_clock_wherever_they_begin(play):
-    theatre, dog, cat = play(performer=False)
+def test_two_takes_have_one_clock_and_their_characters_idle_before_and_after(begin):
+    theatre, dog, cat = begin()
     zero = clock.now()
-    theatre.run(1.0)
-    theatre.playback.add(cat, 0.4)
-    theatre.run(0.8)
-    assert all(follows(dog, theatre.of("dog"), zero)[0])
-    assert_eases_in(follows(cat, theatre.of("cat"), zero + 0.4)[0], theatre.of("cat"), zero + 1.0)
-    assert theatre.playback.timeline.end == max(dog.seconds, 0.4 + cat.seconds)
-
-
-def test_before_and_after_its_take_a_character_idles(play):
-    theatre, _, cat = play(performer=False)
     theatre.playback.add(cat, 1.0)
     theatre.run(0.9)
     assert {frame.state for frame in theatre.of("cat")} == {"waiting"}
     theatre.run(0.9)
-    assert theatre.of("cat")[-1].state == "performing"
+    assert all(follows(dog, theatre.of("dog"), zero)[0])
+    shown = [frame for frame in theatre.of("cat") if frame.state == "performing"]
+    assert_eases_in(follows(cat, shown, zero + 1.0)[0], shown, zero + 1.0)
+    assert theatre.playback.timeline.end == max(dog.seconds, 1.0 + cat.seconds)
     theatre.run(1.1)
     assert theatre.of("cat")[-1].state == "waiting"
     assert theatre.of("dog")[-1].state == "performing"
 
 
-def test_a_changed_mapping_moves_the_take_too(play):
-    theatre, track, _ = play(performer=False)
+def test_a_changed_mapping_moves_the_take_too(begin):
+    theatre, track, _ = begin()
     zero = clock.now()
     theatre.run(0.5)
     player = theatre.player("dog")
@@ -191,8 +169,8 @@ def test_a_changed_mapping_moves_the_take_too(play):
     assert follows(track, theatre.of("dog")[-5:], zero)[0] == [False] * 5
 
 
-def test_characters_that_are_loaded_again_stay_with_their_takes(play, make_player):
-    theatre, track, _ = play()
+def test_characters_that_are_loaded_again_stay_with_their_takes(with_performer, make_player):
+    theatre, track, _ = with_performer
     theatre.run(0.5)
     shown = theatre.of("dog")[-1]
     theatre.runner.replace_players([make_player("cat"), make_player("dog")])
@@ -207,8 +185,8 @@ def test_characters_that_are_loaded_again_stay_with_their_takes(play, make_playe
     assert not theatre.playback.takes
 
 
-def test_a_take_that_fails_ends_and_the_others_go_on(play, monkeypatch):
-    theatre, dog, cat = play(performer=False)
+def test_a_take_that_fails_ends_and_the_others_go_on(begin, monkeypatch):
+    theatre, dog, cat = begin()
     theatre.playback.add(cat)
     theatre.run(0.5)
     monkeypatch.setattr(dog, "frame", lambda number: 1 / 0)
@@ -217,8 +195,8 @@ def test_a_take_that_fails_ends_and_the_others_go_on(play, monkeypatch):
     assert theatre.of("cat")[-1].state == "performing"
 
 
-def test_parts_of_takes_follow_one_another_on_one_character(play, paths):
-    theatre, track, _ = play(performer=False)
+def test_parts_of_takes_follow_one_another_on_one_character(begin, paths):
+    theatre, track, _ = begin()
     again = TakeTrack(theatre.player("dog"), paths[0])
     theatre.playback.stop()
     theatre.playback.add(track, 0.0, 0.5, 1.0)
@@ -230,5 +208,4 @@ def test_parts_of_takes_follow_one_another_on_one_character(play, paths):
     theatre.playback.seek(2.0)
     theatre.run(0.38)
     assert np.array_equal(theatre.of("dog")[-1].R, again.frame(again.index(0.58))[1][1])
-    with pytest.raises(ServiceError, match="no frame from second 90"):
-        theatre.playback.add(track, 0.0, 90.0)
+    assert refused(ServiceError, theatre.playback.add, track, 0.0, 90.0).where == "take 'take1'"

@@ -1,13 +1,13 @@
 import json
 
 import numpy as np
-import pytest
 
 from capture.events import Lost
 from engine_bridge.service.players.character_player import PlayerSettings
 from engine_bridge.service.takes.take_track import TakeTrack
-from puppetline.errors import PuppetlineError, ServiceError
+from puppetline.errors import FormatError, ServiceError
 
+from ...refusals import refused
 from ..stage_steps import beginning, with_beginnings_of
 
 
@@ -30,10 +30,7 @@ def test_a_performer_of_another_character_never_drives_this_one(make_stage, reco
 
 def test_a_take_of_other_characters_is_refused_unless_one_is_named(record_take, make_player):
     path, frames = record_take(names=("dog",), seconds=1.5)
-    with pytest.raises(ServiceError) as told:
-        TakeTrack(make_player("horse"), path)
-    assert (told.value.where, told.value.found) == ("take 'take1'", "a take of dog")
-    assert told.value.fix == 'Name the character whose motion to use: "part": "dog".'
+    assert refused(ServiceError, TakeTrack, make_player("horse"), path).where == "take 'take1'"
     track = TakeTrack(make_player("horse"), path, "dog")
     assert np.array_equal(track.frame(20)[1][1], frames[20].R)
 
@@ -56,22 +53,13 @@ def test_a_take_plays_up_to_its_damage_and_says_so(record_take, make_player):
     assert np.array_equal(track.frame(50)[1][1], frames[50].R)
 
 
-@pytest.mark.parametrize(("keep", "problem"), [(1, "the end of the recording"), (2, "a take without motion")])
-def test_a_take_without_motion_is_refused(record_take, make_player, keep, problem):
-    path, _ = record_take(names=("dog",), seconds=0.5)
-    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:keep]))
-    with pytest.raises(PuppetlineError, match=problem):
-        TakeTrack(make_player("dog"), path)
-
-
 def test_a_take_with_a_damaged_beginning_plays_like_any_other_recording(record_take, make_player):
     path, _ = record_take(names=("dog",), seconds=2.0)
-    lines = path.read_text().splitlines(keepends=True)
-    cue = json.loads(lines[1])
-    cue["arguments"]["time"] = "early"
-    path.write_text("".join([lines[0], json.dumps(cue) + "\n", *lines[2:]]))
+    begins = json.loads(path.read_text().splitlines()[1])
+    text = path.read_text().replace(f'"time": {begins["arguments"]["time"]}', '"time": "early"', 1)
+    path.write_text(text)
     track = TakeTrack(make_player("dog"), path)
-    assert "a take with a damaged beginning" in track.note
+    assert track.note
     assert states(track)[-1] == "performing"
 
 
@@ -85,13 +73,11 @@ def test_any_recording_plays_and_calibrates_after_a_moment(record_events, kung_f
     assert track.times[0] == 0.0
 
 
-def test_a_take_that_is_too_long_is_refused(record_take, make_player, monkeypatch):
+def test_a_take_that_is_missing_without_motion_or_too_long_is_refused(record_take, make_player, monkeypatch, tmp_path):
     path, _ = record_take(names=("dog",), seconds=1.0)
+    refused(FormatError, TakeTrack, make_player("dog"), tmp_path / "gone.log")
     monkeypatch.setattr("engine_bridge.service.takes.take_track.MAX_FRAMES", 20)
-    with pytest.raises(ServiceError, match="more than 20 frames"):
-        TakeTrack(make_player("dog"), path)
-
-
-def test_a_file_that_is_missing_is_refused(make_player, tmp_path):
-    with pytest.raises(PuppetlineError, match=r"gone\.log"):
-        TakeTrack(make_player("dog"), tmp_path / "gone.log")
+    refused(ServiceError, TakeTrack, make_player("dog"), path)
+    for keep, family in ((2, ServiceError), (1, FormatError)):  # no motion, not even a beginning
+        path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:keep]))
+        refused(family, TakeTrack, make_player("dog"), path)

@@ -12,7 +12,7 @@ from engine_bridge.service.clip_export import write_clip
 from engine_bridge.service.protocol.clip_file import read_clip
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.states import STATES
-from puppetline.errors import FormatError, OutputError
+from puppetline.errors import OutputError, PuppetlineError
 from solver.motion.deformer import to_file_units
 
 from ..refusals import refused, refused_place
@@ -57,7 +57,7 @@ def test_inspect_describes_a_clip_and_reports_a_damaged_one(written, tmp_path):
     assert summary.bytes == output.stat().st_size
     damaged = tmp_path / "damaged.clip"
     damaged.write_bytes(output.read_bytes()[:-5])
-    assert refused_place(FormatError, damaged, inspect, damaged) == ""
+    assert refused_place(PuppetlineError, damaged, inspect, damaged) == ""
 
 
 @pytest.mark.parametrize("name", ["", "two words", "service", "x" * 33, "ü"])

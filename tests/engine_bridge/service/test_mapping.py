@@ -7,10 +7,9 @@ from capture.events import TICK_SECONDS
 from engine_bridge.performance.performance import Performance
 from engine_bridge.puppet.puppet import RootTable, with_handle
 from engine_bridge.service.players.character_player import PlayerSettings
-from engine_bridge.service.protocol.scene import Scene, StreamedCharacter
 from engine_bridge.service.stages.stage import PREPARATION_SECONDS
 
-from .stage_steps import largest_step, replay, ticks, with_beginnings
+from .stage_steps import apart, largest_step, replay, ticks, with_beginnings
 
 EASE = PlayerSettings().ease
 
@@ -60,8 +59,7 @@ def test_performers_who_arrive_after_an_edit_are_calibrated_for_it(make_stage, k
     edited, new = make_stage(), make_stage(rig=type(blob_rig)(**vars(blob_rig) | {"puppet": crossed(blob_rig.puppet)}))
     edited.players[0].remap(crossed(blob_rig.puppet), 0.0)
     assert edited.players[0].settled
-    for one, other in zip(play(edited, kung_fu), play(new, kung_fu), strict=True):
-        np.testing.assert_array_equal(one.R, other.R)
+    assert apart(play(edited, kung_fu), play(new, kung_fu), "R").max() == 0
 
 
 def test_the_idle_motion_follows_the_last_mapping_without_a_jump(make_stage, take, blob_rig):
@@ -72,8 +70,7 @@ def test_the_idle_motion_follows_the_last_mapping_without_a_jump(make_stage, tak
     assert not player.settled
     still = play(stage, ticks(1.0, 0.5))
     play(unedited, ticks(0.0, 1.0))
-    for one, other in zip(still, play(unedited, ticks(1.0, 0.5)), strict=True):
-        np.testing.assert_array_equal(one.targets, other.targets)  # as before, until it has been worked out
+    assert apart(still, play(unedited, ticks(1.0, 0.5)), "targets").max() == 0  # until it has been worked out
     superseded = player.make_idle()
     player.remap(crossed(crossed(blob_rig.puppet)), 1.5)
     player.take_idle(superseded, 1.5)
@@ -90,17 +87,6 @@ def test_the_idle_motion_follows_the_last_mapping_without_a_jump(make_stage, tak
     hand = [handle.name for handle in blob_rig.puppet.handle].index("left hand")
     reach = [np.ptp([frame.targets[hand] - frame.root for frame in frames], axis=0) for frames in (before, after[30:])]
     assert reach[1][2] < 1e-9 < reach[0][2]
-
-
-def test_the_scene_has_the_new_joints_and_is_the_same_otherwise(blob_rig):
-    character = StreamedCharacter("dog", blob_rig, 7)
-    character.prepare()
-    edited = character.remapped(crossed(blob_rig.puppet))
-    assert edited.scene == StreamedCharacter("dog", edited.rig, 7).scene
-    assert edited.revision == 7
-    before, after = Scene.decode(character.scene).facts["handles"], Scene.decode(edited.scene).facts["handles"]
-    assert [one["joints"] != other["joints"] for one, other in zip(before, after, strict=True)].count(True) == 1
-    assert edited.binding is character.binding
 
 
 # From here on it is the whole service.

@@ -91,22 +91,20 @@ def test_reloading_keeps_performers_and_an_invalid_file_changes_nothing(performe
     assert performed.ask("reload") == {"characters": ["blob"]}
 
 
-def test_a_restarted_service_knows_its_performers(performed, play, blob_puppet, sender, kung_fu):
-    performed.run(6.0)  # until the calibration is stored
-    performed.close()
-    again = play("--puppet", blob_puppet, "--source", sender.uri)
-    again.perform(sender, kung_fu[100:160])  # never still for a second
-    assert "performing" in states(again.run(2.0))
-
-
-def test_a_reload_ends_a_take_and_every_reload_request_is_answered(performed, tmp_path, caplog):
+def test_a_reload_ends_a_take_every_request_is_answered_and_a_restarted_service_knows_its_performers(
+    performed, play, blob_puppet, sender, kung_fu, tmp_path
+):
     performed.ask("record_start", name="short")
     requests = [performed.request("reload") for _ in range(3)]
     performed.until(lambda: all(requests))
     assert [json.loads(reply)["result"] for [reply] in requests] == [{"characters": ["blob"]}] * 3
     assert performed.stage()["recording"] is None
-    assert "the reload ends the take" in caplog.text
     assert (tmp_path / "takes" / "short.log").read_bytes().endswith(b"}\n")
+    performed.run(6.0)  # until the calibration is stored
+    performed.close()
+    again = play("--puppet", blob_puppet, "--source", sender.uri)
+    again.perform(sender, kung_fu[100:160])  # never still for a second
+    assert "performing" in states(again.run(2.0))
 
 
 def test_osc_and_the_watchdog_come_at_their_rates(play, blob_puppet, tmp_path, monkeypatch):
@@ -120,9 +118,8 @@ def test_osc_and_the_watchdog_come_at_their_rates(play, blob_puppet, tmp_path, m
         received = {osc: [], systemd: []}
         for _ in range(30):
             service.run(0.1)
-            for each in select.select([*received], [], [], 0)[0]:
-                received[each].append(each.recv(65536))
-                while select.select([each], [], [], 0)[0]:
+            while ready := select.select([*received], [], [], 0)[0]:
+                for each in ready:
                     received[each].append(each.recv(65536))
     assert sum(b"/puppetline/blob/handle/head" in datagram for datagram in received[osc]) in (30, 31)
     assert received[systemd].count(b"WATCHDOG=1") == 6
@@ -181,10 +178,14 @@ def test_a_reload_reads_the_stages_of_the_service_file_again(play, blob_puppet, 
     [stream], [control] = service.service.stream, service.service.control.endpoints
     ports = [int(each.rpartition(":")[2]) for each in (stream, control)]
     assert announced == [("127.0.0.1", *ports, "NULL", ["one"])]
+    early = service.client("two/scene")
     before = service.run(1.0)[-1]
     write(("one", "walk?loop"), ("two", "rear?loop"))
     assert service.ask("reload") == {"characters": ["one", "two"]}
     assert announced[-1] == ["one", "two"]
+    assert [message.topic for message in service.heard(early)] == ["two/scene"]
+    [listed] = service.heard(service.client("service/characters"))
+    assert [each["name"] for each in listed.body] == ["one", "two"]
     service.run(1.0)
     later = service.of("one")[-1]
     assert (before.state, later.state, service.of("two")[-1].state) == ("performing",) * 3
@@ -202,6 +203,8 @@ def test_a_reload_reads_the_stages_of_the_service_file_again(play, blob_puppet, 
     assert service.ask("pause")["paused"]
     assert service.ask("reload") == {"characters": ["two"]}
     assert (service.stage()["name"], service.stage()["source"]) == ("two", "demo:roar?loop")
+    late = service.client("one/performer", "one/scene", "two/scene")
+    assert [message.topic for message in service.heard(late)] == ["two/scene"]
     service.run(2.0)
     held = [frame.R for frame in service.run(1.0)]  # the take drives the character, nobody else
     assert len(held) >= 29

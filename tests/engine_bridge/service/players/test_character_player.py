@@ -14,19 +14,10 @@ from engine_bridge.service.stages.stage import PREPARATION_SECONDS
 from puppetline.errors import ServiceError
 
 from ...refusals import refused
-from ..stage_steps import largest_step, level, play, ticks, with_beginnings
+from ..stage_steps import apart, largest_step, level, play, ticks, with_beginnings
 
 EASE = PlayerSettings().ease
 LEVEL = PlayerSettings(tilt=0.0, height=0.0)
-
-
-def test_a_character_rests_while_nobody_is_there(make_stage, blob_rig):
-    frames = play(make_stage(), ticks(0.0, 1.0))["dog"]
-    assert [frame.state for frame in frames] == ["waiting"] * 30
-    assert [frame.sequence for frame in frames] == list(range(1, 31))
-    for frame in frames:
-        np.testing.assert_allclose(frame.R, blob_rig.model.rest_controls, atol=1e-5)
-        np.testing.assert_array_equal(frame.root, 0)
 
 
 @pytest.mark.parametrize("figure", ["blob_rig", "limbed_rig"])
@@ -116,8 +107,7 @@ def test_a_joint_of_little_confidence_is_held_where_it_was(make_stage, kung_fu):
             sure = np.where(np.arange(20) == 7, confidence, frame.confidence)
             frames[number] = replace(frame, positions=positions, confidence=sure.astype(np.float32))
     ours, theirs = (play(make_stage(), frames)["dog"] for frames in (unsure, gone))
-    for a, b in zip(ours, theirs, strict=True):
-        np.testing.assert_array_equal(a.controls, b.controls)
+    assert apart(ours, theirs, "controls").max() == 0
 
 
 def test_a_pause_in_the_midst_of_easing_does_not_jump(make_stage, kung_fu, moved, blob_rig):
@@ -213,8 +203,7 @@ def test_a_performer_keeps_the_calibration_when_the_sensor_is_moved(make_stage, 
     moved_stage = make_stage()
     moved = play(moved_stage, [stood, *kung_fu[:moment], level(kung_fu[moment - 1].time), *kung_fu[moment:]])["dog"]
     assert steady[moment].state == "performing"
-    for one, other in zip(steady, moved, strict=True):
-        np.testing.assert_array_equal(one.targets, other.targets)
+    assert apart(steady, moved, "targets").max() == 0
     moved_stage.step(Cue(kung_fu[-1].time, "calibrate"), 0)
     moved_stage.step(Cue(kung_fu[-1].time, "begin"), 0)
     assert moved_stage.players[0].sensor == SensorTilt(12.0, 1.3, 4.0)

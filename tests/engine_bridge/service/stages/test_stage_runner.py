@@ -16,6 +16,7 @@ from puppetline import clock
 from puppetline.errors import ServiceError, SourceError
 
 from ...refusals import refused
+from ..stage_steps import apart
 
 AT_ONCE = PlayerSettings(calibrate="at_once")
 
@@ -107,9 +108,7 @@ def test_events_of_a_take_are_in_order_even_if_the_sources_are_not(open_stage, t
     runner.stop_recording().close()
     again = open_stage("replay:take.log")
     replayed = [frame for frame in run(again, lambda: is_silent(again)) if frame.time <= live[-1].time]
-    assert len(live) == len(replayed)
-    for a, b in zip(live, replayed, strict=True):
-        np.testing.assert_array_equal(a.controls, b.controls)
+    assert apart(live, replayed, "controls").max() == 0
 
 
 @pytest.fixture

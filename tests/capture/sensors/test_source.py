@@ -8,7 +8,7 @@ from select import select
 import numpy as np
 import pytest
 
-from capture.events import TICK_SECONDS, Tick
+from capture.events import TICK_SECONDS, Lost, Tick
 from capture.sensors import source as module
 from capture.sensors.clock import DeviceClock
 from capture.sensors.source import MAX_AGE_SECONDS, OPENING_SECONDS, SILENCE_SECONDS
@@ -21,6 +21,8 @@ from ...waiting import wait_until
 from ..conftest import LENS
 from .rooms import LENS as ROOM_LENS
 from .rooms import room
+
+pytestmark = pytest.mark.usefixtures("standing")
 
 
 def _told(events):
@@ -78,7 +80,6 @@ def test_a_device_whose_clock_stands_still_works_and_is_logged_once(
     ]
 
 
-@pytest.mark.usefixtures("standing")
 def test_performers_found_and_lost_are_events_in_order(watch, scripted_device, scripted_tracker):
     watched = watch(scripted_device, scripted_tracker)
     changes = [
@@ -93,7 +94,6 @@ def test_performers_found_and_lost_are_events_in_order(watch, scripted_device, s
         assert _told(watched.events(len(told))) == told
 
 
-@pytest.mark.usefixtures("standing")
 def test_the_newest_image_is_tracked_and_the_others_count_as_dropped_and_every_frame_is_received(
     watch, scripted_device, scripted_tracker, halting
 ):
@@ -223,32 +223,28 @@ def test_ticks_fill_silence_and_no_event_is_before_another(watch, scripted_devic
     assert spaces[is_tick[1:]].min() >= TICK_SECONDS - 1e-9
 
 
-@pytest.mark.usefixtures("standing")
-def test_an_image_without_performers_is_a_tick(watch, scripted_device, scripted_tracker):
-    scripted_tracker.users = ()
-    watched = watch(scripted_device, scripted_tracker, recorded=True)
-    scripted_device.show(3.0)
-    wait_until(lambda: select([watched.source.fileno()], [], [], 0)[0])
-    assert watched.source.receive() == [Tick(3.0)]
-
-
-@pytest.mark.usefixtures("standing")
-def test_every_image_of_a_recording_is_tracked_at_its_own_time(watch, scripted_device, scripted_tracker):
+def test_every_image_of_a_recording_is_tracked_at_its_own_time_and_one_without_performers_is_a_tick(
+    watch, scripted_device, scripted_tracker
+):
     end = SourceError("take", found="the end", expected="more", fix="No.")
     times = [*(10.0 + 0.001 * k for k in range(50)), 1000.0]
     scripted_device.show(*times)
-    scripted_device.pictures.put(end)
     watched = watch(scripted_device, scripted_tracker, recorded=True, fast=True)
     frames = []
     for _ in times:
         assert watched.source.now() == (frames[-1].time if frames else 0.0)
         frames += watched.events()
     assert [frame.time for frame in frames] == scripted_tracker.seen == times
+    scripted_tracker.users = ()
+    for time in (1001.0, 1002.0):
+        scripted_device.show(time)
+        wait_until(lambda: select([watched.source.fileno()], [], [], 0)[0])
+        assert watched.source.receive() == [Lost(time, 1) if time == 1001 else Tick(time)]
+    scripted_device.pictures.put(end)
     assert watched.error() is end
-    assert (watched.source.counts.received, watched.source.counts.dropped) == (51, 0)
+    assert (watched.source.counts.received, watched.source.counts.dropped) == (53, 0)
 
 
-@pytest.mark.usefixtures("standing")
 def test_a_depth_sensor_reports_its_tilt_when_the_floor_shows_it(watch, scripted_device, scripted_tracker, caplog):
     caplog.set_level(logging.INFO, "capture")
     depth = room(12, 0, 1.3)
@@ -308,7 +304,6 @@ def test_a_device_that_never_opens_is_an_error_and_does_not_delay_closing(
     stuck.set()
 
 
-@pytest.mark.usefixtures("standing")
 def test_an_error_while_opening_is_raised_and_an_open_device_is_closed(watch, scripted_device, scripted_tracker):
     refusal = SourceError("x", found="no", expected="yes", fix="Plug it in.")
 
@@ -321,7 +316,6 @@ def test_an_error_while_opening_is_raised_and_an_open_device_is_closed(watch, sc
 
 
 @pytest.mark.parametrize("culprit", ["device", "tracker"])
-@pytest.mark.usefixtures("standing")
 def test_any_exception_of_a_driver_is_an_error_that_names_it(watch, scripted_device, scripted_tracker, culprit):
     watched = watch(scripted_device, scripted_tracker)
     scripted_device.show(0.0)
@@ -337,7 +331,6 @@ def test_any_exception_of_a_driver_is_an_error_that_names_it(watch, scripted_dev
     assert (scripted_device.closed, scripted_tracker.closed) == (1, 1)
 
 
-@pytest.mark.usefixtures("standing")
 def test_closing_closes_the_tracker_then_the_device_once_and_the_next_source_uses_the_same_threads(
     watch, scripted_device, scripted_tracker
 ):

@@ -65,13 +65,13 @@ def test_a_performer_without_new_frames_has_left(wire):
     assert (set(report.performers), report.gone) == (set(), {7})
 
 
+@pytest.mark.usefixtures("standing")
 def test_the_last_image_of_a_sensor_is_kept_with_its_performers(watch, scripted_device, scripted_tracker):
-    source = watch(scripted_device, scripted_tracker).source
+    monitor = SourceMonitor(watch(scripted_device, scripted_tracker).source)
     for moment in (0.0, 0.1):
         scripted_device.show(moment, color=np.full((3, 4, 3), 5, np.uint8))
-        wait_until(lambda moment=moment: source.tracked_picture and source.tracked_picture.time == moment)
-    wait_until(lambda: len(source._results) == 2)
-    report = observe(source, 0.3)
+        until(monitor, lambda report, moment=moment: report.picture and report.picture.time == moment)
+    report = until(monitor, lambda report: report.performers)
     assert (report.picture.time, set(report.performers), report.listens) == (0.1, {1}, False)
     assert "The image is black." in problems(report)
 
@@ -182,8 +182,8 @@ def test_a_sensor_that_fails_is_opened_again_until_an_image_arrives(watch, scrip
     assert isinstance(source.inner, SensorSource)
     scripted_tracker.users = ()
     scripted_device.show(1.0)
-    report = until(monitor, lambda report: report.picture)
-    assert (report.failure, report.performers, report.picture.time) == ("", {}, 1.0)
+    report = until(monitor, lambda report: report.picture and not report.failure)
+    assert (report.performers, report.picture.time) == ({}, 1.0)
 
 
 def test_a_port_that_is_taken_is_opened_again_and_then_received_from(wire):

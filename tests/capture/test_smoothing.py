@@ -117,15 +117,6 @@ def test_reset_forgets_everything_even_the_time_and_results_are_copies():
     np.testing.assert_array_equal(joint_filter.step(2.0, p[0], 0 * ALL_TRACKED), again[-1])
 
 
-def test_moving_and_turning_the_sensor_moves_and_turns_the_output():
-    p, times = random_walk(60), np.arange(60) / 25
-    turn, _ = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))
-    shift = np.array([0.3, -1.0, 2.0])
-    smoothing = Smoothing(prediction=0.5, max_deviation=0.04)
-    out = run(smoothing, times, p @ turn.T + shift)
-    np.testing.assert_allclose(out, run(smoothing, times, p) @ turn.T + shift, rtol=0, atol=1e-12)
-
-
 def test_time_that_does_not_increase_is_refused():
     joint_filter = JointFilter(Smoothing())
     joint_filter.step(1.0, np.zeros((20, 3)), ALL_TRACKED)

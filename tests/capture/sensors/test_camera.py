@@ -104,15 +104,6 @@ def test_a_file_without_images_is_an_error(opened_video, tmp_path, content):
     assert f"{broken} ({len(content)} bytes)" in caught.value.found
 
 
-def test_an_incomplete_video_plays_up_to_its_end(opened_video, video_file, tmp_path):
-    half, whole = tmp_path / "half.avi", video_file.read_bytes()
-    half.write_bytes(whole[: (whole.index(b"movi") + whole.index(b"idx1")) // 2])
-    pictures = all_of(opened_video(half))
-    assert 0 < len(pictures) < COUNT
-    for before, after in zip(all_of(opened_video()), pictures[:-1], strict=False):
-        np.testing.assert_array_equal(before.color, after.color)
-
-
 def test_a_missing_video_or_a_looped_camera_is_an_error_when_it_is_opened(camera, tmp_path):
     with pytest.raises(SourceError):
         open_video("video:none.mp4", "none.mp4", tmp_path)

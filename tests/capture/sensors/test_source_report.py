@@ -13,7 +13,7 @@ from capture.sensor_tilt import SensorTilt
 from capture.sensors.diagnosis import STATUS_SECONDS, Problem, describe, diagnose
 from capture.sensors.source import SensorSource
 from capture.sensors.source_report import SourceMonitor, observe
-from capture.source import Counts
+from capture.source import Counts, SilentSource
 from capture.sources.replay import RecordingSource
 from puppetline import clock
 from puppetline.errors import SourceError
@@ -83,67 +83,48 @@ def until(monitor, condition):
 
 
 class Played:
-    """A source of events at times that the test chooses; a stand-in, because no real source is as fast as a test."""
+    """A source whose monitor, which remembers two seconds, is told what it has received."""
 
     name = "played:"
     recorded = False
 
     def __init__(self):
-        self.counts, self.time, self.events = Counts(), 0.0, []
+        self.counts, self.time = Counts(), 0.0
+        self.monitor = SourceMonitor(self, 2.0)
 
-    def play(self, monitor, *events, refused=()):
-        self.events += events
-        self.time = max([self.time, *(event.time for event in events)])
+    def play(self, *events, refused=()):
+        self.time = max(self.time, *(event.time for event in events))
         self.counts.received += len(events) + len(refused)
         self.counts.refused.update(refused)
-        monitor.receive(0)
+        self.monitor.remember(events)
+        return self.monitor.report()
 
     def fileno(self):
         return None
 
-    def due(self):
-        return 0.0
-
     def now(self):
         return self.time
 
-    def receive(self):
-        events, self.events = self.events, []
-        return events
 
-    def close(self):
-        pass
-
-
-@pytest.fixture
-def played():
-    """A played source and its monitor, which remembers two seconds."""
+def test_only_frames_of_the_period_count():
     source = Played()
-    return source, SourceMonitor(source, 2.0)
-
-
-def test_only_frames_of_the_period_count(played):
-    source, monitor = played
     for number in range(60):
-        source.play(monitor, frame(number))
-    assert describe(monitor.report().performers[1]).endswith("30 frames per second")
+        report = source.play(frame(number))
+    assert describe(report.performers[1]).endswith("30 frames per second")
     for _ in range(20):
-        source.play(monitor, replace(frame(0), time=source.time + 1 / 8))
+        report = source.play(replace(frame(0), time=source.time + 1 / 8))
     slow = "User 1: only 8 frames per second arrive."
-    assert problems(monitor.report()) == ["User 1 does not move: 17 frames have exactly the same pose.", slow]
-    source.play(monitor, replace(frame(5), time=source.time + 1 / 8))
-    assert problems(monitor.report()) == [slow]
+    assert problems(report) == ["User 1 does not move: 17 frames have exactly the same pose.", slow]
+    assert problems(source.play(replace(frame(5), time=source.time + 1 / 8))) == [slow]
 
 
-def test_what_happened_before_the_period_is_forgotten_except_the_sensors_tilt(played):
-    source, monitor = played
-    source.play(monitor, frame(0), Lost(0.1, 1), refused=["not OSC"])
-    report = monitor.report()
+def test_what_happened_before_the_period_is_forgotten_except_the_sensors_tilt():
+    source = Played()
+    report = source.play(frame(0), Lost(0.1, 1), refused=["not OSC"])
     assert (report.gone, report.refused, report.sensor_tilt) == ({1}, {"not OSC": 1}, None)
-    source.play(monitor, Cue(0.0, "level", {"tilt": 12.2, "roll": -2.6, "height": 1.304}))
-    source.play(monitor, Cue(1.0, "level", {"tilt": "steep"}))  # is damaged
-    source.play(monitor, Tick(9.0))
-    report = monitor.report()
+    source.play(Cue(0.0, "level", {"tilt": 12.2, "roll": -2.6, "height": 1.304}))
+    source.play(Cue(1.0, "level", {"tilt": "steep"}))  # is damaged
+    report = source.play(Tick(9.0))
     assert (report.gone, report.refused, report.received) == (set(), {}, 1)
     assert report.sensor_tilt == SensorTilt(12.2, 1.304, -2.6)
 
@@ -191,9 +172,9 @@ def test_a_port_that_is_taken_is_opened_again_and_then_received_from(wire):
         raise failure
 
     failure = SourceError("osc:7110", found="a port in use", expected="a free one", fix="Wait.")
-    played = Played()
-    played.receive = fail
-    sources = iter([played, wire.source])
+    failing = SilentSource("", Counts(), 0.0)
+    failing.receive = fail
+    sources = iter([failing, wire.source])
     monitor = SourceMonitor(source := ReopeningSource("osc:7110", lambda: next(sources)))
     assert until(monitor, lambda report: report.failure).failure == str(failure)
     assert until(monitor, lambda report: not report.failure).retried is False

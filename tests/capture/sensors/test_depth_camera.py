@@ -143,7 +143,7 @@ def test_an_unplugged_sensor_is_an_error_and_works_again_when_it_is_plugged_in(b
             sensor.show(*noise(), taken)
             assert read(device).time == taken
             bus.unplug()
-            assert refused(lambda device=device: read(device)).found == "an unplugged sensor"
+            assert "unplugged" in refused(lambda device=device: read(device)).found
 
 
 @not_openni
@@ -160,7 +160,7 @@ def test_one_kind_of_images_without_the_other_is_an_error_and_it_comes_back(bus,
             sensor.show(*images, 1.0 + k / 30)
             device.read(0.01)
 
-    assert refused(look).found.endswith("depth without colour" if lacks else "colour without depth")
+    assert ("depth without colour" if lacks else "colour without depth") in refused(look).found
     device.close()
     again = opened()
     sensor.show(*noise(), 9.0)

@@ -17,8 +17,6 @@ TRUNK = [JOINT_INDEX[name] for name in ("hip_center", "spine", "shoulder_center"
 
 JITTER, DRIFT, GUESS = 0.003, 0.01, 0.08
 """Noise in metres on each axis: from frame to frame, slow, and slow for a joint that is hidden behind the body."""
-GROSS = 0.4
-"""Error in metres of a joint that a sensor mistakes for something else."""
 
 
 def turning(clip, begin, end):
@@ -61,12 +59,11 @@ def hidden(positions):
 class VirtualSensor:
     """A sensor with a pose and a clock that records a clip in common coordinates.
 
-    A hidden joint is inferred with an error of 8 cm. From behind, left and right are swapped. A share of the joints has
-    a gross error and is tracked.
+    A hidden joint is inferred with an error of 8 cm. From behind, left and right are swapped.
     """
 
-    def __init__(self, pose, clock=0.0, seed=None, swaps=True, wrong=0.0):
-        self.pose, self.clock, self.seed, self.swaps, self.wrong = pose, clock, seed, swaps, wrong
+    def __init__(self, pose, clock=0.0, seed=None, swaps=True):
+        self.pose, self.clock, self.seed, self.swaps = pose, clock, seed, swaps
 
     def record(self, clip, phase=0.0):
         times = clip.times[:-1] + phase
@@ -82,10 +79,6 @@ class VirtualSensor:
             slow /= slow.std()
             positions += JITTER * random.standard_normal(positions.shape)
             positions += np.where(behind, GUESS, DRIFT)[..., None] * slow
-            wrong = random.random(behind.shape) < self.wrong
-            way = random.standard_normal(positions.shape)
-            positions[wrong] += (GROSS * way / np.linalg.norm(way, axis=2, keepdims=True))[wrong]
-            confidence[wrong] = TRACKED
         if self.swaps:
             back = (facing(truth) * (truth[:, 0] - self.pose.position)).sum(axis=1) > 0
             positions[back] = positions[back][:, OPPOSITE]

@@ -1,4 +1,4 @@
-"""Scripted devices and trackers, virtual sensors, a rendered body, and a source received from like in the service."""
+"""Scripted devices and trackers, virtual sensors, and a source received from like in the service."""
 
 import math
 import mmap
@@ -7,7 +7,7 @@ import queue
 import shutil
 import subprocess
 import sys
-from contextlib import ExitStack, closing
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -128,21 +128,15 @@ def scripted_tracker():
 
 
 @pytest.fixture
-def watch():
+def watch(until_end):
     """Open a source of a device and a tracker, or of functions that open them."""
-    with ExitStack() as stack:
 
-        def opened(device, tracker, name="test:", **options):
-            sensor_source = SensorSource(
-                name,
-                device if callable(device) else lambda: device,
-                tracker if callable(tracker) else lambda _device: tracker,
-                **options,
-            )
-            stack.callback(sensor_source.close)
-            return Watched(sensor_source)
+    def opened(device, tracker, **options):
+        open_device = device if callable(device) else lambda: device
+        open_tracker = tracker if callable(tracker) else lambda _device: tracker
+        return Watched(until_end(SensorSource("test:", open_device, open_tracker, **options)))
 
-        yield opened
+    return opened
 
 
 class VirtualSensor:
@@ -298,19 +292,13 @@ def freenect():
 @pytest.fixture(scope="session")
 def fakenect(freenect, tmp_path_factory):
     """A folder with fakenect, behind a library of the tests that has libfreenect's name."""
-    folder = tmp_path_factory.mktemp("fakenect")
-    behind = (
-        (freenect.parent / "fakenect" / freenect.name)
-        .read_bytes()
-        .replace(b"libfreenect.so.0.5\0", b"libfakenect.so.0.5\0")
-    )
-    (folder / "libfakenect.so.0.5").write_bytes(behind)
+    folder, name, other = tmp_path_factory.mktemp("fakenect"), "libfreenect.so.0.5", "libfakenect.so.0.5"
+    content = (freenect.parent / "fakenect" / freenect.name).read_bytes()
+    (folder / other).write_bytes(content.replace(f"{name}\0".encode(), f"{other}\0".encode()))
     source = Path(__file__).parent / "sensors" / "kinect.c"
-    name = "libfreenect.so.0.5"
     link = f"-Wl,-soname,{name},--no-as-needed,-rpath,$ORIGIN"
     subprocess.run(
-        ["gcc", "-shared", "-fPIC", source, "-o", folder / name, link, "-L", folder, "-l:libfakenect.so.0.5"],
-        check=True,
+        ["gcc", "-shared", "-fPIC", source, "-o", folder / name, link, "-L", folder, f"-l:{other}"], check=True
     )
     return folder
 

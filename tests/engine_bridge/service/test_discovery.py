@@ -35,32 +35,17 @@ def port():
         yield free.getsockname()[1]
 
 
-@pytest.fixture
-def announced(port):
-    announcement = Announcement("127.0.0.1", port, port + 1, "CURVE", ["dog", "cat"])
-    yield announcement
-    announcement.close()
-    announcement._thread.join()
-
-
-def test_an_engine_finds_the_service_what_plays_there_and_its_changes_until_its_end(announced, port):
+def test_an_engine_finds_the_service_what_plays_there_and_its_changes_until_its_end(port, until_end):
+    announced = until_end(Announcement("127.0.0.1", port, port + 1, "CURVE", ["dog", "cat"]))
     found = wait_for(port)
-    assert found == Found(
-        name=found.name,
-        addresses=("127.0.0.1",),
-        port=port,
-        control=port + 1,
-        mechanism="CURVE",
-        characters=("dog", "cat"),
-        version=version("puppetline"),
-    )
     assert found.name.startswith(f"Puppetline on {socket.gethostname().partition('.')[0]}")
-    with closing(Announcement("127.0.0.1", port + 2, port + 3, "NULL", [])):
-        assert wait_for(port + 2).name != found.name
+    said = (port, port + 1, "CURVE", ("dog", "cat"), version("puppetline"))
+    assert found == Found(found.name, ("127.0.0.1",), *said)
+    until_end(Announcement("127.0.0.1", port + 2, port + 3, "NULL", []))
+    assert wait_for(port + 2).name != found.name
     announced.rename(["dog", "dragon"])
     after = wait_for(port, lambda other: other.characters != found.characters)
     assert (after.name, after.characters) == (found.name, ("dog", "dragon"))
-    announced.close()
     announced.close()
     announced._thread.join()
     assert [found for found in find(0.5, LOOPBACK) if found.port == port] == []

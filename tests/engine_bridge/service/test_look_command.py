@@ -74,23 +74,17 @@ def test_the_answer_has_the_picture_and_the_joints_where_they_are_in_it(watched)
     assert (answer["stage"], answer["source"]) == ("stage", "camera:0")
 
 
-def test_without_a_performer_the_answer_says_why(watched):
-    answer = watched(has_performer=False).ask("look")
-    assert answer["performers"] == []
-    assert answer["picture"]["width"] == 640
-    assert [reason["what"] for reason in answer["reasons"]] == ["No performer is in view."]
-
-
-def test_nothing_is_remembered_unless_a_client_asks(watched):
-    service = watched()
-    [runner] = service.service.runners
+def test_without_a_performer_the_answer_says_why_and_nothing_is_remembered_unless_a_client_asks(watched):
+    service = watched(has_performer=False)
     service.run(1.0)
-    assert runner._monitor is None
-    service.ask("look")
+    assert service.runner._monitor is None
+    answer = service.ask("look")
+    assert (answer["performers"], answer["picture"]["width"]) == ([], 640)
+    assert [reason["what"] for reason in answer["reasons"]] == ["No performer is in view."]
     service.run(stage_runner.WATCHED_SECONDS - 0.1)
-    assert runner._monitor is not None
+    assert service.runner._monitor is not None
     service.run(0.2)
-    assert runner._monitor is None
+    assert service.runner._monitor is None
 
 
 def test_requests_that_wait_share_one_picture_and_the_next_comes_later(watched, monkeypatch):
@@ -102,10 +96,6 @@ def test_requests_that_wait_share_one_picture_and_the_next_comes_later(watched, 
     assert [json.loads(reply)["result"] for [reply] in asked] == [{"number": 1}] * 3
     assert service.ask("look") == {"number": 2}
     assert look_command.PERIOD_SECONDS <= made[1] - made[0] <= look_command.PERIOD_SECONDS + 2 * TICK_SECONDS
-
-
-def test_a_stage_that_is_gone_is_an_error(watched):
-    service = watched()
     replies = service.request("look")
-    service.service._looking.advance([])
+    service.service._looking.advance([])  # the stage is gone
     assert json.loads(replies[0])["error"]["where"] == "the service"

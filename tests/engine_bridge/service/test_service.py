@@ -18,9 +18,6 @@ from capture import body
 from capture.events import Cue
 from capture.skeleton import JOINT_INDEX
 from engine_bridge.service import service as service_module
-from engine_bridge.service.protocol.scene import Scene
-from puppetline import clock
-from solver.model.binding import Binding
 
 WALK = ("--source", "demo:walk?loop", "--calibrate", "at_once")
 SERVE = ("serve", "--port", "0", "--no-announce")
@@ -37,37 +34,6 @@ def performed(play, blob_puppet, sender, kung_fu):
 
 def states(frames):
     return {frame.state for frame in frames}
-
-
-def test_a_late_subscriber_receives_the_scene_and_then_every_frame_which_moves_it(performed, blob_rig):
-    performed.run(1.0)
-    late = performed.client("blob/scene", "blob/controls")
-    [scene] = performed.heard(late, kind="scene")
-    assert isinstance(scene.body, Scene)
-    shown = performed.run(2.0)
-    came = performed.heard(late, lambda message: message.header.sequence == shown[-1].sequence, "controls")
-    assert [message.header.sequence for message in came] == [frame.sequence for frame in shown]
-    assert {message.header.revision for message in came} == {scene.header.revision}
-    for message, frame in zip(came, shown, strict=True):
-        np.testing.assert_array_equal(message.body, frame.controls.astype(np.float32))
-    vertices = Binding.of_solver_mesh(blob_rig.model, blob_rig.mesh).vertices(came[-1].body)
-    moved = np.linalg.norm(vertices - blob_rig.mesh.vertices, axis=1).max()
-    assert 1e-3 < moved / blob_rig.mesh.diagonal < 1.5
-
-
-def test_each_frame_of_a_performer_is_shown_or_dropped_because_the_service_stalled(performed, given_clock):
-    before = performed.stage()["dropped"]
-    given_clock.advance(1.0)  # nobody turns the loop meanwhile
-    waking = clock.now()
-    performed.run(10.0)
-    woken = [frame for frame in performed.frames if frame.received * 1e-9 >= waking - 1e-6]
-    performing = [frame for frame in performed.frames if frame.user == 1]
-    dropped = performed.stage()["dropped"] - before
-    assert woken[0].state == "performing"
-    assert dropped in (29, 30)
-    assert sum(frame.received > 0 for frame in performing if frame.state != "leaving") + dropped == 300
-    numbers = [frame.sequence for frame in performed.frames]
-    assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
 
 
 def test_reloading_keeps_performers_and_an_invalid_file_changes_nothing(performed, blob_puppet):
@@ -147,9 +113,7 @@ def test_the_status_has_the_performers_height_and_the_sensors_position_and_is_at
     assert user["reach"] == pytest.approx(body.reach(rest)[hands].mean(), abs=0.01)
     assert service.stage()["sensor"] == stands
     with urllib.request.urlopen(f"http://127.0.0.1:{metrics}/metrics") as answer:
-        text = answer.read().decode()
-    assert re.search(r'^puppetline_stage_frames_total\{stage="stage"\} [1-9]', text, re.MULTILINE)
-    assert 'puppetline_character_state{character="blob",state="performing"}' in text
+        assert b'\npuppetline_character_state{character="blob",state="performing"} 1' in answer.read()
 
 
 def test_a_reload_reads_the_stages_of_the_service_file_again(play, blob_puppet, tmp_path, monkeypatch):
@@ -184,10 +148,10 @@ def test_a_reload_reads_the_stages_of_the_service_file_again(play, blob_puppet, 
     assert service.ask("reload") == {"characters": ["one", "two"]}
     assert announced[-1] == ["one", "two"]
     assert [message.topic for message in service.heard(early)] == ["two/scene"]
-    [listed] = service.heard(service.client("service/characters"))
-    assert [each["name"] for each in listed.body] == ["one", "two"]
     service.run(1.0)
     later = service.of("one")[-1]
+    [listed] = service.heard(service.client("service/characters"))
+    assert [each["name"] for each in listed.body] == ["one", "two"]
     assert (before.state, later.state, service.of("two")[-1].state) == ("performing",) * 3
     assert later.character.revision == before.character.revision
     numbers = [frame.sequence for frame in service.frames if frame.character.name == "one"]

@@ -91,31 +91,22 @@ def test_our_own_mistakes_are_logged_and_not_told(caplog, do, mistake):
     assert isinstance(record.exc_info[1], mistake)
 
 
-bodies = st.one_of(
+BODIES = st.one_of(
     st.binary(max_size=300),
-    st.text(max_size=100).map(lambda text: text.encode("utf-8", "surrogatepass")),
-    st.recursive(
-        st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
-        lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=10), inner, max_size=4),
-        max_leaves=12,
-    ).map(lambda value: json.dumps(value).encode()),
+    st.binary(max_size=100).map(lambda rest: b"\xdf\x00\x00\x00\x02\xa2do" + rest),
     st.fixed_dictionaries(
         {"do": st.sampled_from([*sorted(set(ARGUMENTS) - {"reload"}), "fail", "strange", "refuse"])},
         optional={
             "id": st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=70),
             "character": st.text(max_size=10) | st.integers(),
             "user": st.none() | st.integers() | st.floats(),
-            "on": st.booleans() | st.text(max_size=3),
-            "name": st.text(max_size=10),
         },
     ).map(lambda value: json.dumps(value).encode()),
-    st.binary(max_size=100).map(lambda rest: b"\x82\xa2do\xa4ping\xa2id" + rest),
-    st.binary(max_size=100).map(lambda rest: b"\xdf\x00\x00\x00\x02\xa2do" + rest),
 )
 
 
 @settings(max_examples=200)
-@given(bodies)
+@given(BODIES)
 def test_every_body_gets_one_well_formed_answer_and_the_next_request_works(body):
     desk = Desk()
     for reply in desk.ask(body):

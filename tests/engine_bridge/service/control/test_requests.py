@@ -42,21 +42,16 @@ def test_both_encodings_say_the_same(values):
     "body",
     [
         b"",
-        b"hello",
-        b"[]",
         b"[" * 60_000,
         b'{"a":' * 10_000,
         b'{"do": "ping"} {"do": "ping"}',
         b'{"do": ["ping"]}',
         b'{"a": ' + b"9" * 5000 + b"}",
-        b'\xef\xbb\xbf{"do": "ping"}',
-        '{"do": "ping"}'.encode("utf-16"),
         b'{"do": "\xff"}',
         b'{"do": "ping"}' + b" " * MAX_REQUEST_BYTES,
         json.dumps(dict.fromkeys(map(str, range(17)), 1)).encode(),
         msgpack.packb({"do": "ping"}) + b"\0",
         msgpack.packb({"do": ["ping"]}),
-        msgpack.packb({"do": b"ping"}),
         msgpack.packb({b"do": "ping"}),
         msgpack.packb(dict.fromkeys(map(str, range(17)), 1)),
         msgpack.packb({"do": msgpack.ExtType(5, b"ping")}),
@@ -65,9 +60,8 @@ def test_both_encodings_say_the_same(values):
         b"\x81\xa2do\xdb\xff\xff\xff\xffping",
         b"\xdf\xff\xff\xff\xff",
         b"\xde\xff\xff\xa2do\xa4ping",
-        b"\x81\xa2do\xa4pin\xff",
     ],
-    ids=range(25),
+    ids=range(19),
 )
 def test_anything_else_is_refused_in_a_sentence(body):
     told = refused(ServiceError, decode, body, encoding_of(body))
@@ -108,26 +102,6 @@ def test_an_unknown_command_is_told_what_it_may_have_meant():
     assert all(name in told.expected for name in ARGUMENTS)
     for strange in (None, 1, True, "", "x" * 60_000, "\ud800"):
         refused(ServiceError, take_command, {"do": strange}, ARGUMENTS)
-
-
-@pytest.mark.parametrize(
-    ("do", "arguments"),
-    [
-        ("ping", {}),
-        ("choose_user", {"character": "dog", "user": 2**31 - 1}),
-        ("choose_user", {"character": "dog", "user": None}),
-        ("mirror", {"character": "dog", "on": False}),
-        ("record_start", {"name": "take1", "stage": "main"}),
-        ("set_handle", {"character": "dog", "handle": "№ 1", "axes": "", "gain": -0.5}),
-        ("set_root", {"character": "dog", "joint": None}),
-        ("set_root", {"character": "dog", "joint": "spine", "axes": "xyz"}),
-        ("set_scale", {"character": "dog", "scale": "auto"}),
-        ("set_scale", {"character": "dog", "scale": 1.5}),
-    ],
-)
-def test_arguments_are_taken(do, arguments):
-    model = toml_schema.check(ARGUMENTS[do], arguments, "the request", ServiceError)
-    assert model.model_dump(exclude_unset=True) == arguments
 
 
 @pytest.mark.parametrize(("text", "names"), [("  hand_left\thead ", ("hand_left", "head")), ("", ()), (None, ())])

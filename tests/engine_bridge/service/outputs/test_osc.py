@@ -113,45 +113,32 @@ def test_the_performer_is_sent_on_each_change_and_every_second(output, receiver,
 def test_frames_are_sent_at_most_at_the_rate_and_the_newest_is_chosen(
     output, receiver, dog, given_clock, offered, rate
 ):
-    out = output(rate=rate, send=("handles",))
-    start, sent, seconds, tick = given_clock.now(), [], 4, 0.001
-    random = np.random.default_rng(3)
-    frames, arrivals = 0, np.arange(offered * seconds) / offered + random.uniform(0, 0.1 / offered, offered * seconds)
-    for step in range(int(seconds / tick)):
-        given_clock.advance_to(start + step * tick)
-        while frames < len(arrivals) and arrivals[frames] <= step * tick:
-            out.offer(performed(dog, frames, targets=dog.rig.puppet.handle_positions * 0 + frames))
-            frames += 1
-        if out.due() <= given_clock.now():
+    out, start, count, sent = output(rate=rate, send=("handles",)), given_clock.now(), 4 * offered, []
+    late = np.random.default_rng(3).uniform(0, 0.1, count)
+    for number, arrival in enumerate(start + (np.arange(count) + late) / offered):
+        if out.due() <= arrival:
+            given_clock.advance_to(out.due())
             out.send_due()
-            got = messages(received(receiver))
-            sent.append((given_clock.now(), got[0][1][0]))
-            assert got[0][1][0] == frames - 1  # the newest that has been offered
-    times = np.array([time for time, _ in sent])
-    for count in (1, 5, 50):
-        if len(times) > count:
-            assert (times[count:] - times[:-count] >= (count - EARLY_SHARE) / rate - 1e-9).all()
-    assert len(sent) >= 0.93 * seconds * min(rate, offered)
-    assert out.statistics.sent == len(sent)
-    assert out.statistics.skipped == frames - len(sent) - (out.due() < float("inf"))
+            [(_, [shown, *_]), *_] = messages(received(receiver))
+            assert shown == number - 1  # the newest that has been offered
+            sent.append(given_clock.now())
+        given_clock.advance_to(arrival)
+        out.offer(performed(dog, number, targets=np.full((5, 3), number)))
+    times = np.array(sent)
+    for apart in (1, 5, 50):
+        assert (times[apart:] - times[:-apart] >= (apart - EARLY_SHARE) / rate - 1e-9).all()
+    assert len(sent) >= 0.93 * 4 * min(rate, offered)
+    assert (out.statistics.sent, out.statistics.skipped) == (len(sent), count - len(sent) - 1)
 
 
-def test_the_turns_of_characters_and_targets_are_their_own(receiver, dog, given_clock):
-    port = receiver.getsockname()[1]
-    cat = replace(dog, name="cat")
-    targets = [
-        OscTable(port=port, send=("handles",)),
-        OscTable(port=port, send=("handles",), characters=("cat",), rate=1),
-    ]
-    outputs = [OscOutput(target) for target in targets]
+def test_the_turns_of_characters_and_targets_are_their_own(output, receiver, dog, given_clock):
+    outputs = [output(send=("handles",)), output(send=("handles",), characters=("cat",), rate=1)]
     for _ in range(2):
         for out in outputs:
-            for character in (dog, cat):
+            for character in (dog, replace(dog, name="cat")):
                 out.offer(performed(character))
             out.send_due()
         given_clock.advance(0.5)
-    for out in outputs:
-        out.close()
     counts = [address.split("/")[2] for address, _ in messages(received(receiver)) if address.endswith("head")]
     assert sorted(counts) == ["cat"] * 3 + ["dog"] * 2
 

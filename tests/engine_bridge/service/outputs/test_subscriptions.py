@@ -4,7 +4,6 @@ from hypothesis import strategies as st
 
 from engine_bridge.service.outputs.subscriptions import (
     ANSWER_BYTES_PER_SECOND,
-    ANSWER_SECONDS,
     MAX_PENDING,
     MAX_SUBSCRIPTIONS,
     Answers,
@@ -69,21 +68,6 @@ def test_any_sequence_of_requests_serves_every_client_that_has_subscribed(said):
         count = balance.get((prefix, client), 0)
         balance[prefix, client] = count + 1 if asks else max(count - 1, 0)
     assert made.wants(DOG) == any(balance.values())
-
-
-def test_an_answer_is_given_at_once_and_the_next_one_a_second_later():
-    answers = Answers()
-    answers.ask(DOG, 5.0)
-    answers.ask(DOG, 5.0)
-    assert answers.due() == 5.0
-    assert answers.take(5.0) == DOG
-    assert answers.take(5.0) is None
-    answers.given(DOG, 100, 5.0)
-    answers.ask(DOG, 5.2)
-    assert answers.due() == 5.0 + ANSWER_SECONDS
-    assert answers.take(5.9) is None
-    assert answers.take(6.0) == DOG
-    assert answers.due() == float("inf")
 
 
 def test_a_topic_waits_no_longer_than_the_bytes_before_it_take():

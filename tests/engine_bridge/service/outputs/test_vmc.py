@@ -1,8 +1,7 @@
-import itertools
 import math
 import socket
 from contextlib import closing
-from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -48,42 +47,25 @@ joints = ["shoulder_center", "head"]
     + SIDE.format(side="left", x="")
     + SIDE.format(side="right", x="-")
 )
-STRAIGHT = [
-    *(("hip_center", "spine"), ("spine", "shoulder_center"), ("shoulder_center", "head")),
-    *(
-        (f"{tail}_{side}", f"{head}_{side}")
-        for side in ("left", "right")
-        for tail, head in (
-            *(("shoulder", "elbow"), ("elbow", "wrist"), ("wrist", "hand")),
-            *(("hip", "knee"), ("knee", "ankle")),
-        )
-    ),
-]
-"""Pairs of joints whose direction is a bone's in the T-pose of any body."""
 
 
 @pytest.fixture(scope="module")
-def humanoid_puppet(blob_file, write_puppet):
-    """A puppet file for the figure, with the limbs of a humanoid."""
-    return write_puppet(blob_file.with_name("humanoid.toml"), blob_file.name, handles=LIMBS, character="scale = 0.5\n")
-
-
-@pytest.fixture(scope="module")
-def figure(humanoid_puppet):
-    return StreamedCharacter("figure", load_rig(humanoid_puppet), 1)
+def figure(blob_file, write_puppet):
+    """The figure with the limbs of a humanoid."""
+    path = blob_file.with_name("humanoid.toml")
+    write_puppet(path, blob_file.name, handles=LIMBS, character="scale = 0.5\n")
+    return StreamedCharacter("figure", load_rig(path), 1)
 
 
 @pytest.fixture
 def moved_by(figure):
-    def make(motions, sequence=0, state="performing", root=(0.0, 0.0, 0.0), character=figure):
-        return frame_of(character, sequence, state=state, user=1, root=np.array(root), motions=motions)
+    """Make frames of the figure whose bones are where they rest, or elsewhere."""
+    still = np.tile(np.eye(4, 3), (sum(len(limb.points) - 1 for limb in figure.rig.puppet.limbs), 1, 1))
+
+    def make(motions=still, sequence=0, state="performing", root=(0.0, 0.0, 0.0), character=figure, **more):
+        return frame_of(character, sequence, state=state, user=1, root=np.array(root), motions=motions, **more)
 
     return make
-
-
-def still(figure):
-    """Bones that are where they rest."""
-    return np.tile(np.eye(4, 3), (sum(len(limb.points) - 1 for limb in figure.rig.puppet.limbs), 1, 1))
 
 
 def bones(sent):
@@ -100,7 +82,7 @@ def test_morph_targets_that_channels_move_are_blend_shapes_and_return_as_the_sam
     channels = {"mouth_open": 0.5, "blink_left": 0.25, "blink_right": 1.0, "smile": 0.75}
     morphs = tuple(MorphTable(target=target, channel=channel) for target, channel in targets.items())
     puppet = figure.rig.puppet.model_copy(update={"morph": morphs})
-    frame = replace(moved_by(still(figure), character=figure.remapped(puppet)), channels=channels)
+    frame = moved_by(character=figure.remapped(puppet), channels=channels)
     sent = list(datagrams(frame, 0.0))
     blends = [("/VMC/Ext/Blend/Val", [target, channels[channel]]) for target, channel in targets.items()]
     assert messages(sent)[-5:] == [*blends, ("/VMC/Ext/Blend/Apply", [])]
@@ -113,7 +95,7 @@ def test_morph_targets_that_channels_move_are_blend_shapes_and_return_as_the_sam
 
 def test_measured_fingers_bend_down_in_a_t_pose_and_those_of_the_other_hand_are_not_sent(figure, moved_by):
     channels = {"index_1_left": 0.75, "index_2_left": 0.0, "thumb_2_left": 0.75}
-    sent = bones(datagrams(replace(moved_by(still(figure)), channels=channels), 0.0))
+    sent = bones(datagrams(moved_by(channels=channels), 0.0))
     fingers = {name: sent[name] for name in sent.keys() - set(figure.humanoid.names)}
     assert len(fingers) == 15
     assert all(name.startswith("Left") for name in fingers)
@@ -122,12 +104,12 @@ def test_measured_fingers_bend_down_in_a_t_pose_and_those_of_the_other_hand_are_
     np.testing.assert_allclose(fingers["LeftThumbIntermediate"][1].apply(left), back, atol=1e-6)
     assert fingers["LeftLittleDistal"][1].magnitude() == 0
     assert all(place @ left > 0 for place, _ in fingers.values())
-    other = bones(datagrams(replace(moved_by(still(figure)), channels={"index_1_right": 0.75}), 0.0))
+    other = bones(datagrams(moved_by(channels={"index_1_right": 0.75}), 0.0))
     np.testing.assert_allclose(other["RightIndexProximal"][1].apply(-left), down, atol=1e-6)
 
 
 def test_a_frame_is_bundles_that_travel_in_one_piece_and_say_all_that_the_protocol_wants(figure, moved_by):
-    sent = list(datagrams(moved_by(still(figure), root=(2.0, 0.0, -1.0)), 12.5))
+    sent = list(datagrams(moved_by(root=(2.0, 0.0, -1.0)), 12.5))
     assert all(len(datagram) <= DATAGRAM_BYTES and OscBundle.dgram_is_bundle(datagram) for datagram in sent)
     assert len(sent) == 2
     assert sum(map(len, sent)) > DATAGRAM_BYTES
@@ -146,10 +128,10 @@ def test_a_frame_is_bundles_that_travel_in_one_piece_and_say_all_that_the_protoc
     np.testing.assert_allclose(bones(sent)["LeftUpperLeg"][0], [-0.05, -0.075, 0], atol=1e-7)
 
 
-def test_the_state_is_the_protocols_and_the_clock_the_senders(figure, moved_by, output, receiver, given_clock):
+def test_the_state_is_the_protocols_and_the_clock_the_senders(moved_by, output, receiver, given_clock):
     out = output(rate=10, send=("vmc",))
     for state in ("waiting", "calibrating", "performing", "leaving"):
-        out.offer(moved_by(still(figure), state=state))
+        out.offer(moved_by(state=state))
         out.send_due()
         given_clock.advance(0.1)
     told = messages(received(receiver))
@@ -159,22 +141,16 @@ def test_the_state_is_the_protocols_and_the_clock_the_senders(figure, moved_by, 
     np.testing.assert_allclose(times, [0.0, 0.1, 0.2, 0.3], atol=1e-4)
 
 
-def directions(joints):
-    """(p, 3): where the bones of `STRAIGHT` point."""
-    ends = np.array([[JOINT_INDEX[name] for name in pair] for pair in STRAIGHT])
-    along = joints[ends[:, 1]] - joints[ends[:, 0]]
-    return along / np.linalg.norm(along, axis=1)[:, None]
-
-
-def own_directions(figure, motions):
-    """The same of the character's bones."""
-    found, row = {}, 0
+def directions(figure, motions, joints):
+    """Return where the character's bones and those of a performer point, except for feet (b, 3), (b, 3)."""
+    own, read, motion = [], [], iter(motions)
     for table, limb in zip(figure.rig.puppet.limb, figure.rig.puppet.limbs, strict=True):
-        for number, pair in enumerate(itertools.pairwise(table.joints)):
-            along = (limb.points[number + 1] - limb.points[number]) @ motions[row, :3]
-            found[pair] = along / np.linalg.norm(along)
-            row += 1
-    return np.array([found[pair] for pair in STRAIGHT])
+        for (tail, head), (start, end) in zip(pairwise(table.joints), pairwise(limb.points), strict=True):
+            turn = next(motion)[:3]
+            if not head.startswith("foot"):
+                own.append((end - start) @ turn)
+                read.append(joints[JOINT_INDEX[head]] - joints[JOINT_INDEX[tail]])
+    return [np.array(each) / np.linalg.norm(each, axis=1)[:, None] for each in (own, read)]
 
 
 def test_a_vmc_reader_recovers_the_directions_of_the_characters_bones(
@@ -191,7 +167,7 @@ def test_a_vmc_reader_recovers_the_directions_of_the_characters_bones(
         given_clock.advance(0.1)
         frame = next_frame(source)
         assert (frame.confidence > LOST).all()
-        read, own = directions(to_character_axes(frame.positions)), own_directions(figure, motions)
+        own, read = directions(figure, motions, to_character_axes(frame.positions))
         assert math.degrees(np.arccos(np.clip((read * own).sum(axis=1), -1, 1)).max()) < 0.05
     assert not source.counts.refused
 

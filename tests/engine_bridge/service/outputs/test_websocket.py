@@ -138,22 +138,12 @@ def test_messages_are_those_of_every_output_and_what_is_asked_for_again_is_answe
     other.subscribe("dog/scene/mine")
     service.run(1.0)
     assert decode(other.message()).topic == "dog/scene/mine"
-
-
-def test_only_what_is_subscribed_to_is_computed_and_nothing_after_the_end_of_it(office, connect):
-    service, computed = office(), {"controls", "vertices_and_normals"}
-    web = connect(service)
-    web.subscribe("dog/controls", "dog/vertices")
     web.send({"unsubscribe": "dog/vertices"})
     web.ask({"do": "ping"})
-    assert service.kinds(1) == {Kind.CONTROLS}
-    frame = service.next_frame()
-    assert decode(web.message()).topic == "dog/controls"
-    assert computed & set(vars(frame)) == {"controls"}
+    assert service.kinds(1) == {*LIVE} - {Kind.VERTICES}
     web.close()
-    service.wait(lambda: not service.web._streams)
-    frame = service.next_frame()
-    assert not computed & set(vars(frame))
+    service.wait(lambda: len(service.web._streams) == 1)
+    assert service.kinds(1) == set()
 
 
 def test_requests_of_the_control_socket_are_answered_in_their_order_and_other_texts_get_an_error(office, connect):
@@ -260,23 +250,18 @@ def test_a_client_that_does_not_answer_pings_is_disconnected(timed, office, raw)
 
 def test_only_hosts_and_origins_of_the_service_and_of_its_file_are_accepted(office, connect, caplog):
     service = office('origins = ["http://localhost:8000", "https://stage.example"]')
-    for headers in (
-        {"Origin": "http://{}:{}".format(*place(service))},
-        {"Origin": "http://localhost:8000"},
-        {"Origin": "https://stage.example", "Host": "stage.example"},
-        {},
-    ):
+    for headers in ({"Origin": "https://stage.example", "Host": "stage.example"}, {}):
         assert connect(service, headers=headers).ask({"do": "ping"})["ok"]
     assert service.web.statistics.refused == 0
-    for header, value in (("Origin", "http://evil.example"), ("Origin", ""), ("Host", "127.0.0.1.evil.example")):
+    for headers in ({"Origin": "http://evil.example"}, {"Host": "127.0.0.1.evil.example"}):
         with pytest.raises(aiohttp.WSServerHandshakeError) as told:
-            connect(service, headers={header: value})
+            connect(service, headers=headers)
         assert told.value.status == 403
-    assert service.web.statistics.refused == 3
+    assert service.web.statistics.refused == 2
     [record] = caplog.records  # once a second
-    assert record.fields["reason"] == "wrong origin"
-    assert record.fields["address"] == "127.0.0.1"
-    assert record.fields["origin"] == "http://evil.example"
+    host = "{}:{}".format(*place(service))
+    refusal = {"reason": "wrong origin", "address": "127.0.0.1", "host": host, "origin": "http://evil.example"}
+    assert record.fields == refusal
 
 
 WRONG = [

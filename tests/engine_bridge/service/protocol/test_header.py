@@ -1,9 +1,6 @@
 import struct
 
-import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from engine_bridge.service.protocol.header import (
     PAYLOAD_OFFSET,
@@ -19,8 +16,6 @@ from engine_bridge.service.protocol.header import (
     write_json,
 )
 from engine_bridge.service.states import STATES
-
-from ....oracles import assert_is_clause
 
 HEADER = Header(
     kind=Kind.CONTROLS,
@@ -67,36 +62,6 @@ def test_the_number_of_targets_is_the_last_field_and_they_follow_the_payload():
 def test_an_invalid_message_is_refused(message):
     with pytest.raises(WireError):
         split(message)
-
-
-messages = st.builds(
-    lambda name, head, payload: name.ljust(64, b"\0") + head + payload,
-    st.sampled_from([b"dog/controls", b"service/status", b"dog", b"\xff", b""]),
-    st.builds(
-        lambda first, rest, length: first + rest[:8] + length.to_bytes(4, "little") + rest[8:],
-        st.sampled_from([b"\x01\x00\x02\x00", b"\x01\x09\xff\x01", b"\x02\x00\x02\x00"]),
-        st.binary(min_size=56, max_size=56),
-        st.integers(0, 12),
-    ),
-    st.binary(max_size=12),
-)
-"""Messages of which most are valid."""
-
-
-@given(st.binary(max_size=300) | messages)
-def test_any_bytes_are_a_message_or_refused(content):
-    try:
-        message = split(content)
-    except WireError as error:
-        assert_is_clause(error)
-        return
-    assert len(message.payload) == message.header.length <= len(content) - PAYLOAD_OFFSET
-    again = join(topic_field(message.topic), message.header, bytes(message.payload))
-    assert split(again).topic == message.topic
-    assert again[64:112] == content[64:112]  # all fields before the root's position
-    np.testing.assert_array_equal(split(again).header.root, message.header.root)
-    assert again[:64].rstrip(b"\0") == content[:64].rstrip(b"\0")
-    assert again[PAYLOAD_OFFSET:] == content[PAYLOAD_OFFSET : PAYLOAD_OFFSET + message.header.length]
 
 
 def test_a_subscription_ends_with_a_zero_so_that_it_matches_nothing_longer():

@@ -203,9 +203,8 @@ def test_parts_of_takes_follow_one_another_on_one_character(begin, paths):
     added = theatre.playback.add(again, 2.0, 0.2, 0.6, beside=True)
     assert added == pytest.approx({"character": "dog", "take": "take1", "at": 2.0, "seconds": 0.4, "sound": None})
     assert (theatre.playback.timeline.start, theatre.playback.timeline.end) == pytest.approx((0.0, 2.4), abs=1 / 30)
-    theatre.run(0.48)
-    assert np.array_equal(theatre.of("dog")[-1].R, track.frame(track.index(0.98))[1][1])
-    theatre.playback.seek(2.0)
-    theatre.run(0.38)
-    assert np.array_equal(theatre.of("dog")[-1].R, again.frame(again.index(0.58))[1][1])
+    for at, seconds, part, shown in ((0.0, 0.48, track, 0.98), (2.0, 0.38, again, 0.58)):
+        theatre.playback.seek(at)
+        theatre.run(seconds)
+        assert np.array_equal(theatre.of("dog")[-1].R, part.frame(part.index(shown))[1][1])
     assert refused(ServiceError, theatre.playback.add, track, 0.0, 90.0).where == "take 'take1'"

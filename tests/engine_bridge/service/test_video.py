@@ -11,27 +11,11 @@ from capture.formats import read_log
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("camera")]
 
 PICTURES = 65
-PERFORMING = 2
 
 
 @pytest.fixture
 def squats(real_data):
     return real_data / "video" / "tfjs" / "pose_squats.mp4"
-
-
-def test_a_character_squats_with_the_performer(serve, blob_puppet, squats, commands):
-    # a still second wants more pictures than the film's five
-    source = f"video:{squats}?height=1.65"
-    service = serve("--puppet", blob_puppet, "--source", source, "--loop", "--calibrate", "at_once")
-    service.client("blob/controls").until(lambda message: message.header.state == PERFORMING, "controls")
-    result = commands.run(
-        *("listen", service.stream.removeprefix("tcp://"), "--seconds", 3, "--json", "--kind", "controls")
-    )
-    report = json.loads(result.stdout)
-    [heard] = report["heard"]
-    assert heard["topic"] == "blob/controls"
-    assert (heard["state"], heard["missing"]) == ("performing", 0)
-    assert heard["messages"] > 0
 
 
 def test_a_video_is_recorded_whole(squats, tmp_path, commands):

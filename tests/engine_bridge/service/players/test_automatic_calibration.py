@@ -1,6 +1,5 @@
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from engine_bridge.service.players.automatic_calibration import AutomaticCalibration
@@ -17,29 +16,16 @@ def still(kung_fu):
     return frames
 
 
-def poses(automatic, frames, rest=None, directs=False):
+def poses(automatic, frames, rest=None):
     """Give frames, and return the time of each pose that was due, with the pose; from then on it is the rest pose."""
     found = []
     for frame in frames:
         automatic.add(frame)
-        pose = automatic.due(rest, directs)
+        pose = automatic.due(rest, False)
         if pose is not None:
             found.append((frame.time, pose))
             rest = pose
     return found
-
-
-@pytest.mark.parametrize("directs", [False, True])
-def test_at_once_is_in_any_pose_and_only_once(still, directs):
-    ((time, _),) = poses(AutomaticCalibration("at_once"), still(), directs=directs)
-    assert time == pytest.approx(0.4)
-
-
-def test_by_command_only_nothing_is_due_and_the_present_pose_can_be_had(still):
-    automatic = AutomaticCalibration("command")
-    assert automatic.present_pose() is None
-    assert poses(automatic, still(), directs=True) == []
-    np.testing.assert_array_equal(automatic.present_pose(), still()[0].positions)
 
 
 @pytest.mark.parametrize(("scale", "count"), [(1.0, 0), (1.4, 1)])

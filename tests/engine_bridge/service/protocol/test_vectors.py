@@ -16,14 +16,13 @@ from ....modules import load
 from ....recorded import EXPECTED, VECTORS, recorded
 
 
-def payload(name):
-    message = recorded(name)
+def payload(message):
     (length,) = struct.unpack_from("<I", message, 64 + 12)
     return message[128 : 128 + length]
 
 
-def floats(name, *shape):
-    return np.frombuffer(payload(name), "<f4").reshape(shape)
+def floats(message, *shape):
+    return np.frombuffer(payload(message), "<f4").reshape(shape)
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +55,9 @@ def said(recorder, message):
     return json.loads(json.dumps(recorder.expected(message)))
 
 
+FLOATS = ("controls", "morphs", "vertices", "joints", "handles", "bones")
+
+
 def test_messages_are_read_and_written_as_they_were_recorded(recorder):
     made = recorder.messages()
     assert set(made) == set(EXPECTED)
@@ -66,6 +68,8 @@ def test_messages_are_read_and_written_as_they_were_recorded(recorder):
         assert join(topic_field(message.topic), message.header, message.payload) == old
         if name != "limbed.scene":  # whose fields differ somewhat from one machine to the next
             assert_same(said(recorder, made[name]), expected, 1e-3)
+        if name.endswith(FLOATS):
+            np.testing.assert_allclose(floats(made[name], -1), floats(old, -1), rtol=1e-3, atol=1e-3)
         if name != "scene":  # whose description holds numbers of any length
             assert made[name][:128] == old[:128]
             assert len(made[name]) == len(old)
@@ -73,7 +77,7 @@ def test_messages_are_read_and_written_as_they_were_recorded(recorder):
 
 @pytest.mark.parametrize("number", range(3))
 def test_quantised_vertices_are_within_half_a_step(number):
-    content = payload(f"{number}.vertices16")
+    content = payload(recorded(f"{number}.vertices16"))
     low, high = np.frombuffer(content, "<f4", 6).reshape(2, 3).astype(float)
     n = (len(content) - 24) // 10
     positions = low + np.frombuffer(content, "<u2", 3 * n, 24).reshape(n, 3) / 65535 * (high - low)
@@ -83,7 +87,7 @@ def test_quantised_vertices_are_within_half_a_step(number):
     y = np.where(z < 0, (1 - abs(u)) * np.where(v >= 0, 1, -1), v)
     normals = np.column_stack([x, y, z])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    expected, expected_normals = floats(f"{number}.vertices", 2, -1, 3)
+    expected, expected_normals = floats(recorded(f"{number}.vertices"), 2, -1, 3)
     assert (abs(positions - expected) <= 0.5 * (high - low) / 65535 + 1e-6).all()
     assert abs(normals - expected_normals).max() < 1e-4
 
@@ -98,9 +102,9 @@ def globals_of(bones, turns, places):
 
 
 def test_bones_are_where_the_motions_of_the_limb_take_them(recorder):
-    described = payload("limbed.scene")
+    described = payload(recorded("limbed.scene"))
     bones = json.loads(described[4 : 4 + int.from_bytes(described[:4], "little")])["bones"]
-    values = floats("limbed.bones", -1)
+    values = floats(recorded("limbed.bones"), -1)
     turns, moved = values[: 4 * len(bones)].reshape(-1, 4), iter(values[4 * len(bones) :].reshape(-1, 3))
     np.testing.assert_allclose(np.linalg.norm(turns, axis=1), 1, atol=1e-6)
     places = [next(moved) if bone["travels"] else bone["position"] for bone in bones]

@@ -1,6 +1,5 @@
 import os
 import stat
-from pathlib import Path
 
 import pytest
 import zmq
@@ -16,6 +15,10 @@ from puppetline.errors import OutputError, ServiceError
 from ...refusals import refused
 
 TOKEN = "Zp3-sYd_0123456789"
+
+
+def opened(**settings):
+    return endpoints_of(NetworkSettings(**settings))
 
 
 @pytest.fixture(autouse=True)
@@ -42,7 +45,7 @@ def curve(tmp_path):
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.255.255.254", "::1", "localhost", "127.1"])
 def test_a_loopback_address_needs_no_credentials(host):
-    (endpoint,) = endpoints_of(NetworkSettings(host=host))
+    (endpoint,) = opened(host=host)
     assert endpoint.mechanism == "NULL"
     assert endpoint.stream.startswith(("tcp://127.", "tcp://[::1]"))
     assert (endpoint.stream[-5:], endpoint.control[-5:]) == (":7400", ":7401")
@@ -54,7 +57,7 @@ NO_HOSTS = ["no such host", "999.1.1.1", "a" * 70, "a..b", "127.0.0.1:80", "tcp:
 
 @pytest.mark.parametrize("host", OTHERS + NO_HOSTS)
 def test_any_other_address_needs_them_and_one_that_is_none_of_this_machine_is_refused(host):
-    told = refused(ServiceError, endpoints_of, NetworkSettings(host=host))
+    told = refused(ServiceError, opened, host=host)
     assert told.where == "[network], host"
     assert ("puppetline token FILE" in told.fix) == (host in OTHERS)
 
@@ -65,14 +68,14 @@ def test_a_name_counts_as_what_it_stands_for(monkeypatch):
 
     monkeypatch.setattr(endpoints_module.socket, "getaddrinfo", resolve)
     address = "192.168.0.7"
-    refused(ServiceError, endpoints_of, NetworkSettings(host="stage.local"))
+    refused(ServiceError, opened, host="stage.local")
     address = "127.0.1.1"
-    assert endpoints_of(NetworkSettings(host="stage.local"))[0].stream == "tcp://127.0.1.1:7400"
+    assert opened(host="stage.local")[0].stream == "tcp://127.0.1.1:7400"
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "127.0.0.1"])
 def test_a_token_locks_every_address(host, token_file):
-    (endpoint,) = endpoints_of(NetworkSettings(host=host, token_file=token_file))
+    (endpoint,) = opened(host=host, token_file=token_file)
     token = token_file.read_bytes().strip()
     assert (endpoint.mechanism, endpoint.stream) == ("PLAIN", f"tcp://{host}:7400")
     assert endpoint.admits([b"anybody", token])
@@ -82,9 +85,9 @@ def test_a_token_locks_every_address(host, token_file):
 
 def test_the_token_may_come_from_the_environment_and_the_file_outdoes_it(monkeypatch, token_file):
     monkeypatch.setenv("PUPPETLINE_TOKEN", TOKEN)
-    (endpoint,) = endpoints_of(NetworkSettings())
+    (endpoint,) = opened()
     assert endpoint.admits([b"", TOKEN.encode()])
-    (endpoint,) = endpoints_of(NetworkSettings(token_file=token_file))
+    (endpoint,) = opened(token_file=token_file)
     assert not endpoint.admits([b"", TOKEN.encode()])
     assert read_token(token_file) == token_file.read_text().strip()
     assert read_token(None) == TOKEN
@@ -97,12 +100,12 @@ def test_the_token_may_come_from_the_environment_and_the_file_outdoes_it(monkeyp
 )
 def test_a_weak_or_unsendable_token_is_refused_without_showing_it(monkeypatch, tmp_path, token):
     monkeypatch.setenv("PUPPETLINE_TOKEN", token)
-    from_environment = refused(ServiceError, endpoints_of, NetworkSettings())
+    from_environment = refused(ServiceError, opened)
     assert "PUPPETLINE_TOKEN" in from_environment.where
     path = tmp_path / "secret"
     path.write_text(token, encoding="utf-8")
     path.chmod(0o600)
-    from_file = refused(ServiceError, endpoints_of, NetworkSettings(token_file=path))
+    from_file = refused(ServiceError, opened, token_file=path)
     assert from_file.where == str(path)
     assert not token or not any(token in str(told) for told in (from_environment, from_file))
 
@@ -110,13 +113,13 @@ def test_a_weak_or_unsendable_token_is_refused_without_showing_it(monkeypatch, t
 @pytest.mark.parametrize("length", [16, 255])
 def test_tokens_of_16_to_255_characters_are_taken(monkeypatch, length):
     monkeypatch.setenv("PUPPETLINE_TOKEN", "~" * length)
-    assert endpoints_of(NetworkSettings())[0].admits([b"", b"~" * length])
+    assert opened()[0].admits([b"", b"~" * length])
 
 
 def test_a_token_that_others_can_read_is_refused_with_what_to_type(token_file):
     for mode in (0o640, 0o604, 0o660, 0o601, 0o644):
         token_file.chmod(mode)
-        told = refused(ServiceError, endpoints_of, NetworkSettings(token_file=token_file))
+        told = refused(ServiceError, opened, token_file=token_file)
         assert f"{mode:03o}" in told.found
         assert told.fix == f"Type: chmod go-rwx {token_file}"
 
@@ -127,7 +130,7 @@ def test_files_that_are_none_are_refused_without_waiting(tmp_path):
     (tmp_path / "long").write_text("a" * 5000)
     (tmp_path / "long").chmod(0o600)
     for name in ("pipe", "folder", "long", "nothing"):
-        told = refused(ServiceError, endpoints_of, NetworkSettings(token_file=Path(name)), tmp_path)
+        told = refused(ServiceError, opened, token_file=tmp_path / name)
         assert told.where == str(tmp_path / name)
 
 
@@ -143,51 +146,43 @@ def test_a_new_token_is_long_new_and_for_its_owner_only(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"one", "two"}
 
 
-def test_keys_are_those_of_zmq_auth(tmp_path):
-    make_curve_keys(tmp_path / "service.key_secret")
-    public, secret = zmq.auth.load_certificate(tmp_path / "service.key_secret")
-    assert zmq.curve_public(secret) == public
-    assert zmq.auth.load_certificate(tmp_path / "service.key") == (public, None)
-    assert stat.S_IMODE((tmp_path / "service.key_secret").stat().st_mode) == 0o600
-    refused(OutputError, make_curve_keys, tmp_path / "other.key")
-
-
-def test_keys_that_are_there_are_not_replaced(tmp_path):
+def test_keys_are_those_of_zmq_auth_and_are_not_replaced(tmp_path):
     secret, public = (tmp_path / name for name in ("service.key_secret", "service.key"))
     make_curve_keys(secret)
-    kept = {path: path.read_bytes() for path in (secret, public)}
+    key, private = zmq.auth.load_certificate(secret)
+    assert zmq.curve_public(private) == key
+    assert zmq.auth.load_certificate(public) == (key, None)
+    assert stat.S_IMODE(secret.stat().st_mode) == 0o600
+    refused(OutputError, make_curve_keys, tmp_path / "other.key")
     refused(OutputError, make_curve_keys, secret)
-    assert {path: path.read_bytes() for path in kept} == kept
     for gone, other in ((secret, public), (public, secret)):
+        kept = gone.read_bytes(), other.read_bytes()
         gone.unlink()
         refused(OutputError, make_curve_keys, secret)
         assert not gone.exists()
-        assert other.read_bytes() == kept[other]
-        gone.write_bytes(kept[gone])
+        gone.write_bytes(kept[0])
+        assert other.read_bytes() == kept[1]
 
 
 def test_curve_is_a_door_of_its_own_beside_the_other_and_no_door_shows_its_secrets(curve, token_file):
-    def doors(network):
-        opened = endpoints_of(network)
-        assert token_file.read_text().strip() not in repr(opened)
-        assert "secret_key" not in repr(opened)
-        return [(endpoint.mechanism, endpoint.stream) for endpoint in opened]
-
-    assert doors(NetworkSettings(host="0.0.0.0", curve=curve)) == [("CURVE", "tcp://0.0.0.0:7410")]
     elsewhere = curve.model_copy(update={"host": "0.0.0.0"})
-    assert doors(NetworkSettings(curve=elsewhere)) == [
-        ("NULL", "tcp://127.0.0.1:7400"),
-        ("CURVE", "tcp://0.0.0.0:7410"),
-    ]
-    assert doors(NetworkSettings(host="::", curve=curve, token_file=token_file)) == [
-        ("PLAIN", "tcp://[::]:7400"),
-        ("CURVE", "tcp://[::]:7410"),
-    ]
+    for settings, doors in (
+        ({"host": "0.0.0.0", "curve": curve}, [("CURVE", "tcp://0.0.0.0:7410")]),
+        ({"curve": elsewhere}, [("NULL", "tcp://127.0.0.1:7400"), ("CURVE", "tcp://0.0.0.0:7410")]),
+        (
+            {"host": "::", "curve": curve, "token_file": token_file},
+            [("PLAIN", "tcp://[::]:7400"), ("CURVE", "tcp://[::]:7410")],
+        ),
+    ):
+        found = opened(**settings)
+        assert [(endpoint.mechanism, endpoint.stream) for endpoint in found] == doors
+        assert token_file.read_text().strip() not in repr(found)
+        assert "secret_key" not in repr(found)
 
 
 def test_faulty_keys_are_refused_by_name(curve, tmp_path):
     def told(name):
-        error = refused(ServiceError, endpoints_of, NetworkSettings(curve=curve))
+        error = refused(ServiceError, opened, curve=curve)
         assert error.where == str(tmp_path / name)
         return error
 
@@ -230,7 +225,7 @@ def test_settings_are_checked_in_words(values, where):
 
 def test_without_a_guard_no_client_is_accepted(context):
     """libzmq itself would accept every client of the mechanism NULL."""
-    (endpoint,) = endpoints_of(NetworkSettings(port=0))
+    (endpoint,) = opened(port=0)
     stream, client = context.socket(zmq.XPUB), context.socket(zmq.SUB)
     endpoint.prepare(stream)
     stream.handshake_ivl = 200  # in milliseconds, instead of `HANDSHAKE_SECONDS`

@@ -48,12 +48,15 @@ class Web:
         if self.status == 101:
             self.send(first)
 
+    def _frame(self, opcode, body):
+        self.socket.sendall(bytes([opcode, 0xFF]) + len(body).to_bytes(8, "big") + bytes(4) + body)
+
     def send(self, *values):
         for value in values:
-            text = value if isinstance(value, bytes | str) else json.dumps(value)
-            body = text if isinstance(text, bytes) else text.encode()
-            head = bytes([0x82 if text is body else 0x81, 0xFF])
-            self.socket.sendall(head + len(body).to_bytes(8, "big") + bytes(4) + body)
+            if isinstance(value, bytes):
+                self._frame(0x82, value)
+            else:
+                self._frame(0x81, (value if isinstance(value, str) else json.dumps(value)).encode())
 
     def _read(self, size):
         return self.socket.recv(size, socket.MSG_WAITALL)
@@ -67,7 +70,11 @@ class Web:
         if size > 125:
             size = int.from_bytes(self._read(2 if size == 126 else 8), "big")
         body = self._read(size)
-        return {0x81: bytes.decode, 0x82: bytes, 0x88: lambda code: int.from_bytes(code[:2], "big")}[first](body)
+        if first == 0x88:
+            with suppress(ConnectionError):
+                self.socket.sendall(bytes([0x88, 0x80]) + bytes(4))
+            return int.from_bytes(body[:2], "big")
+        return body if first == 0x82 else body.decode()
 
     def message(self):
         """Return what comes next, and turn the service's loop until it comes."""
@@ -94,10 +101,15 @@ class Web:
         self.socket.close()
 
 
-@pytest.fixture
-def office(play_file, monkeypatch):
-    """Play a service for web pages, whose loop is on the given clock, too."""
+@pytest.fixture(autouse=True)
+def _given_loop(monkeypatch):
+    """Give the clock also to the loop that serves web pages."""
     monkeypatch.setattr(asyncio, "new_event_loop", GivenLoop)
+
+
+@pytest.fixture
+def office(play_file):
+    """Play a service for web pages."""
 
     def start(more="", port=0):
         service = play_file(f"[websocket]\nport = {port}\n{more}")
@@ -284,7 +296,7 @@ def test_connections_that_do_not_authenticate_are_closed_and_keep_nobody_out(giv
     assert connect(service).ask({"do": "ping"})["ok"]
 
 
-def test_messages_and_requests_of_other_programs_end_the_connection_only(office, connect):
+def test_messages_and_requests_of_other_programs_end_the_connection_only(given_clock, office, connect):
     service = office()
     member, intruder, other = (connect(service) for _ in range(3))
     intruder.send(b"\1dog/controls\0")
@@ -309,7 +321,7 @@ def test_messages_and_requests_of_other_programs_end_the_connection_only(office,
                     client.socket.sendall(body)
         client.close()
         assert member.ask({"do": "ping", "id": turn})["id"] == turn
-    service.wait(lambda: len(service.web._streams) == service.web.statistics.clients == 1)
+    service.wait(lambda: given_clock.advance(0.1) or len(service.web._streams) == service.web.statistics.clients == 1)
 
 
 def test_closing_tells_the_clients_and_frees_the_port(office, connect):

@@ -60,7 +60,7 @@ def test_a_scene_under_a_topic_of_its_own_goes_to_one_client_alone_whenever_it_a
     mine = service.client("dog/scene/mine")
     [scene] = service.heard(mine)
     assert (scene.topic, scene.body.facts["character"]) == ("dog/scene/mine", "dog")
-    service.run(1.0)
+    service.run(1.1)
     mine.socket.unsubscribe(subscription("dog/scene/mine"))
     mine.socket.subscribe(subscription("dog/scene/mine"))
     service.heard(mine)

@@ -55,9 +55,10 @@ def test_a_take_plays_up_to_its_damage_and_says_so(record_take, make_player):
 
 def test_a_take_with_a_damaged_beginning_plays_like_any_other_recording(record_take, make_player):
     path, _ = record_take(names=("dog",), seconds=2.0)
-    begins = json.loads(path.read_text().splitlines()[1])
-    text = path.read_text().replace(f'"time": {begins["arguments"]["time"]}', '"time": "early"', 1)
-    path.write_text(text)
+    header, begins, *events = path.read_text().splitlines(keepends=True)
+    cue = json.loads(begins)
+    cue["arguments"]["time"] = "early"
+    path.write_text("".join([header, json.dumps(cue) + "\n", *events]))
     track = TakeTrack(make_player("dog"), path)
     assert track.note
     assert states(track)[-1] == "performing"

@@ -258,5 +258,5 @@ def test_a_take_is_converted_as_it_was_streamed(
     distance, notes = convert_take(Settings())
     assert distance < 1e-4
     assert ("It was calibrated or mirrored again at" in notes) == (cue is not None)
-    assert ("The performer's calibration pose is the one in the take" in notes) == (cut > 0)
+    assert ("which was in use when the take began" in notes) == (cut > 0)
     assert cut == 0 or convert_take(Settings(rest_at=0.0))[0] > 0.1

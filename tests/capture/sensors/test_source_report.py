@@ -150,6 +150,7 @@ def test_a_sensor_that_fails_is_opened_again_until_an_image_arrives(watch, scrip
     monitor = SourceMonitor(source := ReopeningSource("freenect:", opened), STATUS_SECONDS)
     scripted_device.show(0.0)
     assert until(monitor, lambda report: report.performers).picture is not None
+    standing.advance(0.01)
     gone = SourceError("freenect:", found="no Kinect any more", expected="one", fix="Plug it in.")
     scripted_device.pictures.put(gone)
     report = until(monitor, lambda report: report.failure)

@@ -12,10 +12,12 @@ def _let():
 def test_one_thread_does_work_in_sequence():
     seen = []
     for name in "abc":
-        assert start(lambda: seen.append(threading.current_thread()), name, _let).wait(10)
-        assert seen[-1].name == name
-    assert len(set(seen)) == 1
-    assert seen[0].is_alive()
+        assert start(
+            lambda: seen.append((threading.current_thread(), threading.current_thread().name)), name, _let
+        ).wait(10)
+    threads, names = zip(*seen, strict=True)
+    assert (len(set(threads)), names) == (1, ("a", "b", "c"))
+    assert threads[0].is_alive()
 
 
 def test_simultaneous_work_uses_several_threads_and_work_that_never_ends_delays_no_other():

@@ -265,7 +265,7 @@ def test_a_recording_plays_in_real_time(watch, scripted_device, scripted_tracker
     frames = []
     for step, count in ((0.0, 1), (0.11, 1), (0.18, 0), (0.02, 1)):
         standing.advance(step)
-        frames += watched.events(count)
+        frames.extend(watched.events(count))
         wait_until(lambda: watched.source.counts.received == min(3, len(frames) + 1))
         assert [frame.time for frame in frames] == scripted_tracker.seen
     assert scripted_tracker.seen == [10.0, 10.1, 10.3]

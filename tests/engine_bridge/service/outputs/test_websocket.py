@@ -3,7 +3,7 @@
 import asyncio
 import json
 import socket
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
 from select import select
 
 import aiohttp
@@ -101,27 +101,35 @@ class Web:
         self.socket.close()
 
 
-@pytest.fixture(autouse=True)
-def _given_loop(monkeypatch):
-    """Give the clock also to the loop that serves web pages."""
-    monkeypatch.setattr(asyncio, "new_event_loop", GivenLoop)
-
-
 @pytest.fixture
-def office(play_file):
-    """Play a service for web pages."""
+def serving(given_clock, monkeypatch):
+    """Take a service that serves web pages, whose loop is on the given clock, too; end both at the end."""
+    monkeypatch.setattr(asyncio, "new_event_loop", GivenLoop)
+    opened = []
 
-    def start(more="", port=0):
-        service = play_file(f"[websocket]\nport = {port}\n{more}")
+    def take(service):
         service.web = service.service._outputs[1]
+        opened.append(service)
         return service
 
-    return start
+    yield take
+    for service in opened:
+        service.close()
+        while service.web._server._thread.is_alive():
+            given_clock.advance(1.0)
 
 
 @pytest.fixture
-def connect(until_end):
-    return lambda service, first="{}", **headers: until_end(Web(service, first, headers))
+def office(play_file, serving):
+    """Play a service for web pages."""
+    return lambda more="", port=0: serving(play_file(f"[websocket]\nport = {port}\n{more}"))
+
+
+@pytest.fixture
+def connect():
+    """Connect pages, which leave before the service ends."""
+    with ExitStack() as pages:
+        yield lambda service, first="{}", **headers: pages.enter_context(closing(Web(service, first, headers)))
 
 
 def place(service):
@@ -240,13 +248,12 @@ WRONG = [
 
 
 def test_only_a_client_with_the_token_is_served_and_others_are_closed_with_4401(
-    play, connect, blob_puppet, tmp_path, caplog
+    play, serving, connect, blob_puppet, tmp_path, caplog
 ):
     make_token(tmp_path / "token")
     token = (tmp_path / "token").read_text().strip()
     options = ("--token-file", tmp_path / "token", "--websocket", 0)
-    service = play("--puppet", blob_puppet, "--source", "osc:0", *options)
-    service.web = service.service._outputs[1]
+    service = serving(play("--puppet", blob_puppet, "--source", "osc:0", *options))
     wrong = [*WRONG, json.dumps({"token": token + "x"})]
     for first in wrong:
         web = connect(service, first)

@@ -34,11 +34,19 @@ HANDSHAKE = b"\xff" + bytes(8) + b"\x7f\x03\x00" + b"NULL".ljust(20, b"\0") + by
 
 @pytest.fixture
 def raw(service):
-    """A subscriber that is written by hand, and does not wait."""
+    """A subscriber that is written by hand, and does not wait, after its handshake."""
     host, _, port = service.service.stream[0].removeprefix("tcp://").rpartition(":")
     with closing(socket.create_connection((host, int(port)))) as client:
         client.sendall(HANDSHAKE)
         client.setblocking(False)
+        said = bytearray()
+
+        def is_ready():
+            with suppress(BlockingIOError):
+                said.extend(client.recv(1000))
+            return b"READY" in said
+
+        service.wait(is_ready)
         yield client
 
 
@@ -70,7 +78,8 @@ def test_a_scene_under_a_topic_of_its_own_goes_to_one_client_alone_whenever_it_a
 def test_the_performer_is_sent_on_each_change_and_to_late_subscribers(play, blob_puppet):
     service = play("--puppet", blob_puppet, "--source", "demo:walk?loop", "--calibrate", "at_once")
     early = service.client("blob/performer")
-    shown = [next(frames) for _, frames in itertools.groupby(service.run(3.0), lambda frame: (frame.state, frame.user))]
+    service.run(3.0)
+    shown = [next(same) for _, same in itertools.groupby(service.frames, lambda frame: (frame.state, frame.user))]
     assert len(shown) > 1
     told = service.heard(early, lambda message: message.header.sequence == shown[-1].sequence)
     for message, frame in zip(told, shown, strict=True):

@@ -94,7 +94,6 @@ MISTAKES = {
     OSC + 'send = ["morphs"]\n' + BOTH: "[[osc]] 1, send",
     OSC + 'send = ["vmc"]\n' + BOTH + CHARACTER + 'name = "cat"\n': "[[osc]] 1, characters",
     STAGE.replace("osc:7110", "") + CHARACTER: "[[stage]] 1, source",
-    "[[stage]]\nsource = osc\n": "line 2",
 }
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from capture.events import Lost
 from engine_bridge.service.players.character_player import PlayerSettings
 from engine_bridge.service.takes.take_track import TakeTrack
-from puppetline.errors import ServiceError, SkeletonLogError
+from puppetline.errors import ServiceError, SkeletonLogError, SourceError
 
 from ...refusals import refused
 from ..stage_steps import beginning, with_beginnings_of
@@ -79,6 +79,6 @@ def test_a_take_that_is_missing_without_motion_or_too_long_is_refused(record_tak
     refused(SkeletonLogError, TakeTrack, make_player("dog"), tmp_path / "gone.log")
     monkeypatch.setattr("engine_bridge.service.takes.take_track.MAX_FRAMES", 20)
     refused(ServiceError, TakeTrack, make_player("dog"), path)
-    for keep, family in ((2, ServiceError), (1, SkeletonLogError)):  # no motion, not even a beginning
+    for keep, family in ((2, ServiceError), (1, SourceError)):  # no motion, not even a beginning
         path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:keep]))
         refused(family, TakeTrack, make_player("dog"), path)

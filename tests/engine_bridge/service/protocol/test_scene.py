@@ -61,7 +61,7 @@ WRONG = [
     ("positions", "shape", ["a", True]),
     ("positions", "type", "f64"),
     ("positions", "type", "u32"),
-    ("triangles", "offset", 0),
+    ("triangles", "offset", 40_000),
 ]
 """An array, or the scene itself; what is said of it, and what contradicts the rest."""
 

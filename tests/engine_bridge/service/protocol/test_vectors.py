@@ -55,7 +55,7 @@ def said(recorder, message):
     return json.loads(json.dumps(recorder.expected(message)))
 
 
-FLOATS = ("controls", "morphs", "vertices", "joints", "handles", "bones")
+FLOATS = ("controls", "morphs", "vertices", "joints", "handles")
 
 
 def test_messages_are_read_and_written_as_they_were_recorded(recorder):

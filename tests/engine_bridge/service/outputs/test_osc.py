@@ -3,7 +3,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pythonosc.osc_message import OscMessage
 from scipy.spatial.transform import Rotation
 
 from capture.skeleton import JOINTS
@@ -88,13 +87,11 @@ def test_vertices_come_in_numbered_chunks_that_fit_a_datagram(output, receiver, 
     out.send_due()
     datagrams = received(receiver)
     assert max(map(len, datagrams)) <= 9000
-    vertices = np.zeros((len(dog.rest), 6), dtype=np.float32)
-    for number, datagram in enumerate(datagrams):
-        message = OscMessage(datagram)
-        sequence, chunk, chunks, first, *floats = message.params
-        assert (message.address, sequence, chunk, chunks) == ("/puppetline/dog/vertices", 5, number, len(datagrams))
-        assert first == chunk * CHUNK_VERTICES
-        vertices[first : first + CHUNK_VERTICES] = np.reshape(floats, (-1, 6))
+    told = messages(datagrams)
+    assert {address for address, _ in told} == {"/puppetline/dog/vertices"}
+    heads = [[5, chunk, len(told), chunk * CHUNK_VERTICES] for chunk in range(len(told))]
+    assert [params[:4] for _, params in told] == heads
+    vertices = np.concatenate([np.reshape(params[4:], (-1, 6)) for _, params in told])
     np.testing.assert_array_equal(vertices, np.concatenate(frame.vertices_and_normals, axis=1))
 
 

@@ -145,11 +145,9 @@ GARBAGE = [
     bytes(range(256)) * 300,
     greeting("GSSAPI"),
     greeting("NULL") + b"\x06" + b"\xff" * 8,
-    greeting("NULL") + b"\x04\x05\x05HELLO",
     greeting("NULL") + b"\x04\x0e\x05READY\xff\xff\xff\xff\xff\xff\xff\xff",
     greeting("NULL") + b"\x04\x1a\x05READY\x0bSocket-Type\x00\x00\x00\x04PAIR",
     greeting("PLAIN") + b"\x04\x08\x05HELLO\xff\xff",
-    greeting("PLAIN") + b"\x04\x08\x08INITIATE",
     greeting("CURVE") + b"\x04\xc8\x05HELLO" + bytes(194),
 ]
 

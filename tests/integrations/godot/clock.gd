@@ -6,6 +6,7 @@ const PHASE_FRAMES := 60
 
 var _puppet := Puppet3D.new()
 var _time := 0.0
+var _passed := 0.0  # of the engine, which scales it
 var _frames := -1
 var _is_manual := false
 
@@ -17,7 +18,8 @@ func start() -> void:
 	root.add_child(_puppet)
 
 
-func step(_delta: float) -> bool:
+func step(delta: float) -> bool:
+	_passed += delta
 	var shown := _puppet.statistics()
 	var is_ready: bool = shown["waiting"] > PHASE_FRAMES / 2 + 1 if _is_manual else shown["share"] > 0.0
 	if _frames < 0 and not is_ready:
@@ -29,7 +31,7 @@ func step(_delta: float) -> bool:
 		_puppet.free()
 		return true
 	var played := lerpf(shown["sequence"], shown["next_sequence"], shown["share"])
-	tell({"phase": names[phase], "time": _time, "played": played, "real": Time.get_ticks_usec() * 1e-6})
+	tell({"phase": names[phase], "time": _time, "played": played, "passed": _passed})
 	if _is_manual:
 		_puppet.advance(1.0 / 60.0)
 		_time += 1.0 / 60.0

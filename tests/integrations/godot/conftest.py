@@ -102,8 +102,8 @@ def start_godot(request, godot):
         own.append(Resident(godot, *place, **screen))
         return own[-1]
 
-    def start(script, *arguments, game=None, **screen):
-        started.append(find(game, **screen).start(script, *arguments))
+    def start(script, *arguments, game=None, clock=None, **screen):
+        started.append(find(game, **screen).start(script, *arguments, clock=clock and clock.path))
         return started[-1]
 
     yield start
@@ -112,6 +112,25 @@ def start_godot(request, godot):
     for resident in own:
         if resident.process.poll() is None:
             resident.close()
+
+
+class GivenClock:
+    """A clock that stands still until a test turns it, in a file that Godot reads."""
+
+    def __init__(self, path):
+        self.path, self._seconds = path, 100.0
+        self.turn(0)
+
+    def turn(self, seconds):
+        self._seconds += seconds
+        new = self.path.with_suffix(".new")
+        new.write_text(str(self._seconds))
+        new.replace(self.path)
+
+
+@pytest.fixture
+def given_clock(tmp_path):
+    return GivenClock(tmp_path / "clock")
 
 
 @pytest.fixture

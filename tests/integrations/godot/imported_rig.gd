@@ -17,6 +17,7 @@ func start() -> void:
 			{
 				"bone": skeleton.get_bone_name(number),
 				"parent": skeleton.get_bone_name(above) if above >= 0 else "",
+				"profile": _parent_in_profile(skeleton, number),
 				"rest": _numbers(skeleton.get_bone_global_rest(number)),
 			}
 		)
@@ -24,6 +25,18 @@ func start() -> void:
 	tell({"before": _places(instance, null), "after": _places(instance, skeleton)})
 	scene.free()
 	quit()
+
+
+## Return the nearest bone above in Godot's humanoid that the skeleton has; null for a bone that the humanoid has not.
+func _parent_in_profile(skeleton: Skeleton3D, bone: int) -> Variant:
+	var profile := SkeletonProfileHumanoid.new()
+	var name: StringName = skeleton.get_bone_name(bone)
+	if profile.find_bone(name) < 0:
+		return null
+	name = profile.get_bone_parent(profile.find_bone(name))
+	while name and skeleton.find_bone(name) < 0:
+		name = profile.get_bone_parent(profile.find_bone(name))
+	return name
 
 
 ## Return the x, y and z axes and the origin.

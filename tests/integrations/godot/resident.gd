@@ -2,7 +2,9 @@ extends SceneTree
 ## Runs test scripts one after another, as a test asks for them through a socket: PORT.
 ##
 ## A request has a length of 4 bytes, and then JSON: {"script": path, "arguments": [text...]} starts a script, anything
-## else while it runs ends it. The line DONE follows what a script prints. The end of the socket ends the process.
+## else while it runs ends it. With {"clock": file}, the time of connections is the number of seconds in that file. The line DONE follows what a script prints. The end of the socket ends the process.
+
+const Connection := preload("res://addons/puppetline/wire/connection.gd")
 
 const DONE := "DONE"
 
@@ -53,6 +55,9 @@ func _begin_next() -> bool:
 		return true
 	arguments = _request["arguments"]
 	var path: String = _request["script"]
+	var clock: Variant = _request.get("clock")
+	if clock is String:
+		Connection.clock = func() -> int: return int(1000 * FileAccess.get_file_as_string(clock).to_float())
 	_request = {}
 	if path not in _scripts:
 		_scripts[path] = load(path)
@@ -80,6 +85,7 @@ func _next_request() -> Dictionary:
 func _end() -> void:
 	_former = weakref(_current)
 	_current = null
+	Connection.clock = Time.get_ticks_msec
 	for node in root.get_children():
 		node.free()
 	root.disable_3d = false

@@ -103,14 +103,15 @@ class Resident(Godot):
     def is_idle(self):
         return self.script is None and self.process.poll() is None
 
-    def start(self, name, *arguments):
-        """Start a script of the project."""
+    def start(self, name, *arguments, clock=None):
+        """Start a script of the project; connections get their time from a file with a number of seconds."""
         while self._connection is None:
             assert self.process.poll() is None, end_of(self.lines)
             with suppress(TimeoutError):
                 self._connection = self._listener.accept()[0]
         script = self.script = Script(self)
-        self.send({"script": f"res://tests/{name}", "arguments": [*map(str, arguments)]})
+        more = {} if clock is None else {"clock": str(clock)}
+        self.send({"script": f"res://tests/{name}", "arguments": [*map(str, arguments)], **more})
         return script
 
     def send(self, request):

@@ -30,24 +30,33 @@ def solved(take, blob_puppet):
     return vertices_of(take, blob_puppet, Settings())
 
 
+@pytest.fixture(scope="module")
+def other_solved(take, blob_puppet):
+    return vertices_of(take, blob_puppet, OTHER)[0]
+
+
 def positions(told):
     return [np.frombuffer(base64.b64decode(each["positions"]), "<f4").reshape(-1, 3) for each in told]
 
 
-def test_frames_are_those_of_the_solver_and_in_between_their_mean(run_godot, clip, solved):
+@pytest.fixture
+def assert_shown(solved):
+    """Compare shown positions with vertices of the solver, given by the number of a frame, or with others."""
     vertices, diagonal = solved
-    half = (FRAMES[1] + 0.5) / 30
-    head, *told = run_godot("play_clip.gd", clip, *(number / 30 for number in FRAMES), half)
+
+    def check(told, *expected):
+        for found, wanted in zip(positions(told), expected, strict=True):
+            wanted = vertices[wanted] if isinstance(wanted, int) else wanted
+            assert np.abs(found - wanted).max() <= 1e-5 * diagonal
+
+    return check
+
+
+def test_frames_are_those_of_the_solver_and_in_between_their_mean(run_godot, clip, solved, assert_shown):
+    head, *told = run_godot("play_clip.gd", clip, *(number / 30 for number in (*FRAMES, 7.5, 7)))
     assert head == {"problem": "", "length": pytest.approx(57 / 30), "character": "dancer"}
-    *shown, between = positions(told)
-    for number, found in zip(FRAMES, shown, strict=True):
-        assert np.abs(found - vertices[number]).max() <= 1e-5 * diagonal
-    assert np.abs(between - vertices[[FRAMES[1], FRAMES[1] + 1]].mean(axis=0)).max() <= 1e-5 * diagonal
-
-
-def test_seeking_twice_shows_the_same_bytes(run_godot, clip):
-    _, first, _, again = run_godot("play_clip.gd", clip, 0.73, 1.5, 0.73)
-    assert first["positions"] == again["positions"]
+    assert_shown(told, *FRAMES, solved[0][[7, 8]].mean(axis=0), 7)
+    assert told[1]["positions"] == told[-1]["positions"]
 
 
 def test_an_animation_player_moves_it(run_godot, clip, solved):
@@ -75,39 +84,31 @@ def test_a_damaged_clip_is_a_warning(run_godot, clip, tmp_path):
     assert head["problem"].startswith("damaged at byte")
 
 
-def test_a_game_goes_on_while_a_thread_loads_a_clip(run_godot, clip, other_clip, solved, take, blob_puppet):
+def test_a_game_goes_on_while_a_thread_loads_a_clip(run_godot, clip, other_clip, other_solved, assert_shown):
     """Before, the node shows what it has shown; the clock MANUAL waits for no thread."""
-    (one, *_), diagonal = solved
-    (other, *_), _ = vertices_of(take, blob_puppet, OTHER)
     asked = (f"clip:{clip}", f"clip:{other_clip}", f"manual:{clip}", f"mixed:{other_clip}", f"clip:{clip}")
-    told = run_godot("load_clip.gd", *asked)
-    assert [each["when"] for each in told] == ["first", "loaded"] * 4 + ["first"]
-    assert not any(each["looks_for_service"] for each in told)
-    nothing, *shown = positions(told)
-    assert len(nothing) == 0
-    for found, expected in zip(shown, [one, one, other, one, one, one, other, other], strict=True):
-        assert np.abs(found - expected).max() <= 1e-5 * diagonal
-    assert np.abs(one - other).max() > 1e-3 * diagonal
+    nothing, *told = run_godot("load_clip.gd", *asked)
+    assert [each["when"] for each in (nothing, *told)] == ["first", "loaded"] * 4 + ["first"]
+    assert not any(each["looks_for_service"] for each in (nothing, *told))
+    assert len(positions([nothing])[0]) == 0
+    other = other_solved[0]
+    assert_shown(told, 0, 0, other, 0, 0, 0, other, other)
 
 
-def test_an_animation_tree_shows_the_mean_of_two_clips(run_godot, clip, other_clip, solved, take, blob_puppet):
-    first, diagonal = solved
-    second, _ = vertices_of(take, blob_puppet, OTHER)
+def test_an_animation_tree_or_player_shows_the_mean_of_two_clips_or_one(
+    run_godot, clip, other_clip, solved, other_solved, assert_shown
+):
+    (first, diagonal), second = solved, other_solved
     moments = [(0.5, 4), (0.25, 20), (0.0, 21), (1.0, 22), (0.5, 30)]
+    means = [(1 - weight) * first[number] + weight * second[number] for weight, number in moments]
     asked = (f"{weight}:{number / 30!r}" for weight, number in moments)
     head, *told = run_godot("mix_clips.gd", clip, other_clip, "tree", *asked)
     assert head == {"shared": True, "animations": ["RESET", "clip_0", "clip_1"]}
-    for (weight, number), found, each in zip(moments, positions(told), told, strict=True):
-        mean = (1 - weight) * first[number] + weight * second[number]
-        assert np.abs(found - mean).max() <= 1e-5 * diagonal
-        origin = np.array(ast.literal_eval(each["surface"]))
-        assert np.abs(origin - mean[7]).max() <= 1e-4 * diagonal
+    assert_shown(told, *means)
+    for mean, each in zip(means, told, strict=True):
+        assert np.abs(np.array(ast.literal_eval(each["surface"])) - mean[7]).max() <= 1e-4 * diagonal
     assert np.abs(first[4] - second[4]).max() > 0.01 * diagonal
-
-
-def test_an_animation_player_shows_one_of_two_clips(run_godot, clip, other_clip, solved):
-    _, found = run_godot("mix_clips.gd", clip, other_clip, "player", f"0:{12 / 30!r}")
-    assert np.abs(positions([found])[0] - solved[0][12]).max() <= 1e-5 * solved[1]
+    assert_shown(run_godot("mix_clips.gd", clip, other_clip, "player", f"0:{12 / 30!r}")[1:], 12)
 
 
 def test_a_performer_is_mixed_with_a_clip(run_godot, playing, solved, blob_puppet, take, tmp_path):
@@ -180,8 +181,9 @@ def imported_clip(run_editor, project, clip):
     return "res://dance.clip"
 
 
-def test_an_exported_game_plays_an_imported_clip_without_a_service(start_godot, imported_clip, exported_game, solved):
+def test_an_exported_game_plays_an_imported_clip_without_a_service(
+    start_godot, imported_clip, exported_game, assert_shown
+):
     head, *told = start_godot("play_clip.gd", imported_clip, 1.0, game=exported_game).finish(120)
     assert head["problem"] == ""
-    [found] = positions(told)
-    assert np.abs(found - solved[0][30]).max() <= 1e-5 * solved[1]
+    assert_shown(told, 30)

@@ -26,7 +26,7 @@ def replies(results):
     return [told["reply"] for told in results]
 
 
-def test_each_request_gets_its_reply(request_of, serve, blob_puppet):
+def test_each_request_gets_its_reply_in_its_order_though_more_wait_than_are_sent(request_of, serve, blob_puppet):
     service = serve("--puppet", blob_puppet, "--source", "osc:0")
     bodies = [
         {"do": "ping"},
@@ -36,11 +36,13 @@ def test_each_request_gets_its_reply(request_of, serve, blob_puppet):
         {"do": "reload"},
         {"do": "ping", "id": "its own id is not used"},
         {"do": "pïng"},
+        *({"do": "mirror", "character": "blob", "on": k % 3 == 0} for k in range(100)),
     ]
     results = request_of(service.control_port, *bodies).finish()
-    told = {json.dumps(each["request"]): each["reply"] for each in results}
-    of = [told[json.dumps(body)] for body in bodies]
-    assert [reply["ok"] for reply in of] == [True, True, True, False, True, True, False]
+    assert [told["request"] for told in results] == bodies
+    of = replies(results)
+    assert [reply["ok"] for reply in of[:7]] == [True, True, True, False, True, True, False]
+    assert [reply["result"]["mirror"] for reply in of[7:]] == [body["on"] for body in bodies[7:]]
     assert of[0]["result"] == of[5]["result"] == "pong"
     assert of[1]["result"] == service.ask("list")
     assert of[2]["result"]["mirror"] is True
@@ -50,14 +52,6 @@ def test_each_request_gets_its_reply(request_of, serve, blob_puppet):
     assert set(of[6]["error"]) == TOLD
 
 
-def test_a_hundred_requests_at_once_are_all_answered_in_their_order(request_of, serve, blob_puppet):
-    service = serve("--puppet", blob_puppet, "--source", "osc:0")
-    bodies = [{"do": "mirror", "character": "blob", "on": k % 3 == 0} for k in range(100)]
-    results = request_of(service.control_port, *bodies).finish()
-    assert [told["request"] for told in results] == bodies
-    assert [reply["result"]["mirror"] for reply in replies(results)] == [body["on"] for body in bodies]
-
-
 def no_connection(port):
     return f"no connection (Cannot connect to 127.0.0.1:{port}. Check that the service is running)"
 
@@ -65,10 +59,9 @@ def no_connection(port):
 def test_without_a_service_every_request_is_told_so(request_of, free_port):
     port = free_port()
     told = replies(request_of(port, {"do": "ping"}, {"do": "list"}).finish())
-    assert [reply["ok"] for reply in told] == [False, False]
-    assert all(set(reply["error"]) == TOLD for reply in told)
-    assert told[0]["error"]["where"] == f"the control socket, 127.0.0.1:{port}"
-    assert told[0]["error"]["found"] == no_connection(port)
+    for reply in told:
+        assert (reply["ok"], set(reply["error"])) == (False, TOLD)
+        assert f"127.0.0.1:{port}" in reply["error"]["where"]
 
 
 @pytest.fixture
@@ -111,11 +104,3 @@ def test_a_callback_may_end_all_requests(start_godot, free_port, how):
     }[how]
     assert not any(each["ok"] for each in told)
     assert end["waiting"] == 0
-
-
-@pytest.mark.slow
-def test_a_reply_that_does_not_come_is_given_up(request_of, router):
-    script = request_of(port_at(router), {"do": "ping"})
-    router.recv_multipart()
-    [reply] = replies(script.finish())
-    assert reply["error"]["found"] == "no reply within 5 s"

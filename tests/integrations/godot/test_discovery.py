@@ -88,13 +88,11 @@ def info(name="Puppetline on stage", port=7400, addresses=("10.0.0.7", "192.168.
 
 
 @pytest.fixture
-def read(start_godot, tmp_path):
+def read(start_godot, packed):
     """Have packets read, without a complaint; return the records of each, and the question that is asked."""
 
     def start(packets):
-        path = tmp_path / "packets"
-        path.write_bytes(b"".join(struct.pack("<I", len(packet)) + packet for packet in packets))
-        script = start_godot("dns_packets.gd", path)
+        script = start_godot("dns_packets.gd", packed(packets))
         *results, last = script.finish()
         assert [line for line in script.lines if "nicode" in line] == []
         return [result["records"] for result in results], base64.b64decode(last["question"])
@@ -168,16 +166,14 @@ def test_texts_that_are_no_utf_8_are_left_out_without_a_word(read):
         assert [record["data"] for record in each if record["type"] == 12] == [f".{TYPE.removesuffix('.')}"]
 
 
-def test_announcements_become_services_that_expire(run_godot, tmp_path):
+def test_announcements_become_services_that_expire(run_godot, packed):
     packets = [
         answer(info("one", version="0.1.0", characters="dog,cat", control="7401", mechanism="NULL")),
         answer(info("two", addresses=["10.0.0.8"], control="99999999999999999999")),
         answer(info("three", control="65536")),
         answer(info("four", port=0)),
     ]
-    path = tmp_path / "packets"
-    path.write_bytes(b"".join(struct.pack("<I", len(packet)) + packet for packet in packets))
-    found, silent = run_godot("found_services.gd", path)
+    found, silent = run_godot("found_services.gd", packed(packets))
     assert [(each["name"], each["host"], each["control"]) for each in found["services"]] == [
         ("one", "10.0.0.7", 7401),
         ("three", "10.0.0.7", 0),

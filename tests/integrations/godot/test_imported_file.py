@@ -83,6 +83,10 @@ def test_a_rig_has_its_names_hierarchy_and_axes_and_bends_where_a_bone_is_turned
     assert {each["bone"]: each["parent"] for each in bones} == {
         name: above.get(node, "") for node, name in names.items()
     }
+    assert {"Hips", "Spine", "Head", "LeftUpperArm", "RightHand", "LeftFoot"} <= {each["bone"] for each in bones}
+    assert all(
+        each["profile"] in (None, each["parent"]) for each in bones
+    )  # only the handle's joint is none of Godot's
     rest = {each["bone"]: np.reshape(each["rest"], (4, 3)) for each in bones}
     for node, name in names.items():
         np.testing.assert_allclose(rest[name], world[node][:3].T, atol=1e-5)

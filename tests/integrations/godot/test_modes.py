@@ -320,31 +320,16 @@ def character(request, own_cache, tmp_path_factory, puppetline):
 
 
 @pytest.mark.slow
-def test_characters_by_controls_and_vertices_show_the_solvers_vertices(show, playing, character):
-    puppet, log = character
-    service = playing(puppet, log)
-    check_controls(show, service, puppet)
-    check_vertices(show, service, puppet)
-
-
-@pytest.mark.slow
-def test_characters_on_the_graphics_card_show_the_solvers_vertices(
-    shade, playing, add_glb, character, tmp_path, puppetline
-):
-    puppet, log = character
-    puppetline("shader-mesh", puppet, "-o", tmp_path / "own.glb")
-    service = playing(puppet, log)
-    check_shader(shade, service, puppet)
-    check_shader(shade, service, puppet, mesh_source=add_glb(tmp_path / "own.glb"))
-
-
-@pytest.mark.slow
-def test_characters_by_imported_meshes_show_the_solvers_vertices(
-    show, playing, add_glb, character, tmp_path, puppetline
+def test_characters_show_the_solvers_vertices_in_every_form(
+    show, shade, playing, add_glb, character, tmp_path, puppetline
 ):
     puppet, log = character
     puppetline("bake", puppet, "-o", tmp_path / "baked.glb", "--log", log)
     puppetline("shader-mesh", puppet, "-o", tmp_path / "own.glb")
     service = playing(puppet, log, "--morphs", tmp_path / "baked.glb")
-    check_controls(show, service, puppet, mesh_source=add_glb(tmp_path / "own.glb"))
+    own = add_glb(tmp_path / "own.glb")
+    for settings in {}, {"mesh_source": own}:
+        check_controls(show, service, puppet, **settings)
+        check_shader(shade, service, puppet, **settings)
+    check_vertices(show, service, puppet)
     check_morphs(show, service, puppet, add_glb(tmp_path / "baked.glb"))

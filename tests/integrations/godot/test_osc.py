@@ -14,13 +14,11 @@ from capture.network.osc import OscError, bundle, decode, encode
 
 
 @pytest.fixture
-def read(start_godot, tmp_path):
+def read(start_godot, packed):
     """Have datagrams read, without a complaint, and written again."""
 
     def start(datagrams):
-        path = tmp_path / "datagrams"
-        path.write_bytes(b"".join(struct.pack("<I", len(datagram)) + datagram for datagram in datagrams))
-        script = start_godot("osc_packets.gd", path)
+        script = start_godot("osc_packets.gd", packed(datagrams))
         results = script.finish()
         assert [line for line in script.lines if "nicode" in line] == []
         return results

@@ -1,64 +1,58 @@
 """Foreign skeletons in Godot point their limbs as the service's joints do, whatever their rest pose and axes."""
 
 import json
-import time
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from engine_bridge.service.protocol.header import Header, Kind, join, topic
-from engine_bridge.service.protocol.payloads import encode
 
-from ..foreign_skeleton import CHARACTER_CREATOR, FOREIGN, MIXAMO, VROID, foreign, hips_place, worst_angle
+from ..foreign_skeleton import foreign
+from ..limbs import NUMBERED, Limbs, values_of
 
 
 @pytest.fixture
-def drive(run_godot, human, tmp_path):
-    """Drive a skeleton by a frame."""
+def drive_by(run_godot, human, tmp_path):
+    """Drive a skeleton by the bytes of a frame."""
 
-    def driven(payloads, bones=None, bone_map=(), **more):
-        told = {"bones": foreign() if bones is None else bones, "map": dict(bone_map)}
-        (tmp_path / "told.json").write_text(json.dumps(told))
-        scene = Header(kind=Kind.SCENE, length=len(human.scene), revision=human.revision, published=time.monotonic_ns())
-        (tmp_path / "scene").write_bytes(join(topic("figure", Kind.SCENE), scene, human.scene))
-        for number, payload in enumerate(payloads):
-            (tmp_path / f"frame_{number}").write_bytes(payload)
-        paths = [tmp_path / f"frame_{number}" for number in range(len(payloads))]
-        (result,) = run_godot("drive_skeleton.gd", tmp_path / "told.json", tmp_path / "scene", *paths, **more)
+    def driven(payload, bones, **bone_map):
+        scene = Header(kind=Kind.SCENE, length=len(human.scene), revision=human.revision)
+        frame = Header(kind=Kind.BONES, length=len(payload), revision=human.revision, sequence=1)
+        for name, content in (
+            ("told", json.dumps({"bones": bones, "map": bone_map}).encode()),
+            ("scene", join(topic("figure", Kind.SCENE), scene, human.scene)),
+            ("frame", join(topic("figure", Kind.BONES), frame, payload)),
+        ):
+            (tmp_path / name).write_bytes(content)
+        (result,) = run_godot("drive_skeleton.gd", *(tmp_path / name for name in ("told", "scene", "frame")))
         return SimpleNamespace(**result)
 
     return driven
 
 
-@pytest.mark.parametrize("names", [MIXAMO, VROID, CHARACTER_CREATOR])
-def test_limbs_of_an_a_posed_skeleton_with_other_axes_point_as_those_of_the_service(drive, posed_human, names):
-    result = drive([encode(Kind.BONES, posed_human, 0)], foreign(names))
-    assert result.driven["leftUpperArm"] == names[3].replace(":", "_")
-    places = dict(zip(FOREIGN, np.array(result.poses)[:, :3], strict=True))
-    assert worst_angle(places, posed_human) < 0.1
-    np.testing.assert_allclose(places["Hips"], hips_place(posed_human), atol=1e-4)
+class TestLimbs(Limbs):
+    @pytest.fixture
+    def drive(self, drive_by):
+        def driven(values, bones, **names):
+            result = drive_by(values.tobytes(), bones, **names)
+            places = np.array(result.poses)[:, :3]
+            return places, {joint: bone.replace("mixamorig_", "mixamorig:") for joint, bone in result.driven.items()}
+
+        return driven
 
 
-def test_a_map_names_bones_that_are_not_recognised_and_says_what_is_wrong(drive, posed_human):
-    bones = [bone | {"name": f"b{number}"} for number, bone in enumerate(foreign())]
-    result = drive([encode(Kind.BONES, posed_human, 0)], bones)
-    assert result.driven == {}
-    assert any("No bone of the skeleton has a known name" in warning for warning in result.warnings)
-    result = drive([], bones, {"leftUpperArm": "b3", "nose": "b1", "leftHand": "missing"})
-    assert result.driven == {"leftUpperArm": "b3"}
-    assert any("no joint 'nose'" in warning for warning in result.warnings)
-    assert any("no bone 'missing'" in warning for warning in result.warnings)
+def test_what_is_wrong_with_a_map_is_a_warning(drive_by, posed_human):
+    assert len(drive_by(values_of(posed_human).tobytes(), NUMBERED).warnings) == 1
+    warnings = drive_by(b"", NUMBERED, leftUpperArm="b3", nose="b1", leftHand="missing").warnings
+    for wrong in ("nose", "missing"):
+        assert any(wrong in warning for warning in warnings)
 
 
-def test_a_frame_of_the_wrong_size_or_without_numbers_is_no_pose(drive, posed_human):
-    message = encode(Kind.BONES, posed_human, 0)
-    short = bytearray(message[:-4])
-    short[64 + 12 : 64 + 16] = (len(message) - 128 - 4).to_bytes(4, "little")
-    result = drive([bytes(short)])
-    assert result.damaged == 1
-    hostile = message[:128] + np.full((len(message) - 128) // 4, np.nan, dtype="<f4").tobytes()
-    assert drive([hostile]).damaged == 1
+def test_a_frame_of_the_wrong_size_or_without_numbers_is_no_pose(drive_by, posed_human):
+    values = values_of(posed_human)
+    for hostile in (values[:-1], np.full_like(values, np.nan)):
+        assert drive_by(hostile.tobytes(), foreign()).damaged == 1
 
 
 @pytest.mark.parametrize(("influence", "jaw"), [(1, [0.25, 0.55, 1.0, 0.25]), (0.5, [0.25, 0.4, 0.625, 0.25])])

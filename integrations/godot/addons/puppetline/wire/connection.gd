@@ -6,13 +6,21 @@ enum State { CLOSED, CONNECTING, HANDSHAKE, READY, REFUSED, FAILED }
 ## Maximum duration of connecting and handshake together, in seconds.
 const HANDSHAKE_TIMEOUT_SECONDS := 5.0
 
+## Tells the time of all connections, in milliseconds. Tests give another clock.
+static var clock: Callable = Time.get_ticks_msec
+
 ## Maximum size of a message, in bytes. A larger message is refused before it is read.
 var max_message_bytes := 256 << 20
 var state := State.CLOSED
 ## Why [member state] is REFUSED or FAILED.
 var reason := ""
-## Time at which bytes were last received, in milliseconds of [method Time.get_ticks_msec].
+## Time at which bytes were last received, in milliseconds of [method now_ms].
 var last_receive_ms := 0
+
+
+## Return the time, in milliseconds.
+static func now_ms() -> int:
+	return clock.call()
 
 
 ## Begin to connect. A connection that was open before is closed.

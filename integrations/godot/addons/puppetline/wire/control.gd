@@ -45,7 +45,7 @@ func request(body: Dictionary, done: Callable) -> void:
 	made.body = JSON.stringify(body.merged({"id": _next_id}, true)).to_utf8_buffer()
 	made.done = done
 	made.timeout_seconds = TAKE_TIMEOUT_SECONDS if body.get("do") == "play_take" else REPLY_TIMEOUT_SECONDS
-	made.deadline_ms = Time.get_ticks_msec() + int(1000 * made.timeout_seconds)
+	made.deadline_ms = Connection.now_ms() + int(1000 * made.timeout_seconds)
 	_pending[_next_id] = made
 	_next_id += 1
 
@@ -101,7 +101,7 @@ func _take_replies() -> void:
 
 
 func _fail_late_requests() -> void:
-	var now := Time.get_ticks_msec()
+	var now := Connection.now_ms()
 	for id: int in _pending.keys():
 		if id in _pending and now > _pending[id].deadline_ms:
 			_fail(id, "no reply within %d s" % _pending[id].timeout_seconds, "a reply")

@@ -102,7 +102,7 @@ func unfollow(topic: String, receiver: Callable) -> void:
 func ask(topic: String) -> void:
 	if (
 		topic in _followers
-		and Time.get_ticks_msec() >= _requested_ms.get(topic, 0) + int(1000 * REQUEST_INTERVAL_SECONDS)
+		and Connection.now_ms() >= _requested_ms.get(topic, 0) + int(1000 * REQUEST_INTERVAL_SECONDS)
 	):
 		_connection.unsubscribe(topic)
 		_subscribe(topic)
@@ -155,7 +155,7 @@ func same_machine_latency() -> float:
 
 
 func _connect() -> void:
-	if state == State.REFUSED or Time.get_ticks_msec() < _next_try_ms:
+	if state == State.REFUSED or Connection.now_ms() < _next_try_ms:
 		return
 	if not _tried:
 		_tried = true
@@ -165,7 +165,7 @@ func _connect() -> void:
 
 
 func _listen() -> void:
-	var now := Time.get_ticks_msec()
+	var now := Connection.now_ms()
 	if not _subscribed:
 		_subscribed = true
 		_last_message_ms = now
@@ -181,13 +181,13 @@ func _listen() -> void:
 
 func _subscribe(topic: String) -> void:
 	_connection.subscribe(topic)
-	_requested_ms[topic] = Time.get_ticks_msec()
+	_requested_ms[topic] = Connection.now_ms()
 
 
 ## Schedule the next attempt, with a longer pause each time.
 func _retry_later(why: String) -> void:
 	_reset()
-	_next_try_ms = Time.get_ticks_msec() + int(1000 * _retry_seconds)
+	_next_try_ms = Connection.now_ms() + int(1000 * _retry_seconds)
 	_retry_seconds = minf(2 * _retry_seconds, MAX_RETRY_SECONDS)
 	_change(State.OFFLINE, why)
 
@@ -215,7 +215,7 @@ func _change(to: State, why: String) -> void:
 
 func _handle_messages(received: Array[PackedByteArray]) -> void:
 	for message in _newest(received):
-		_last_message_ms = Time.get_ticks_msec()
+		_last_message_ms = Connection.now_ms()
 		if message.major != Message.MAJOR:
 			var versions := [message.major, message.minor, Message.MAJOR]
 			_refuse(

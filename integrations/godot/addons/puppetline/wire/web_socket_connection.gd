@@ -36,7 +36,7 @@ func open(host: String, port: int) -> void:
 	close()
 	var name := "[%s]" % host if ":" in host else host
 	_url = host if is_address(host) else "ws://%s:%d%s" % [name, port + _PORTS_UP[_socket_type], PATH]
-	_deadline_ms = Time.get_ticks_msec() + int(1000 * HANDSHAKE_TIMEOUT_SECONDS)
+	_deadline_ms = now_ms() + int(1000 * HANDSHAKE_TIMEOUT_SECONDS)
 	_peer = WebSocketPeer.new()
 	_peer.inbound_buffer_size = mini(max_message_bytes, INPUT_BUFFER_BYTES)
 	state = State.CONNECTING
@@ -60,7 +60,7 @@ func poll() -> void:
 			_receive()
 			_end_by_peer()
 		_:
-			if Time.get_ticks_msec() > _deadline_ms:
+			if now_ms() > _deadline_ms:
 				_end(State.FAILED, "No answer from %s within %d s." % [_url, HANDSHAKE_TIMEOUT_SECONDS])
 
 
@@ -102,7 +102,7 @@ func _exchange() -> void:
 func _receive() -> void:
 	while _peer.get_available_packet_count() > 0:
 		var packet := _peer.get_packet()
-		last_receive_ms = Time.get_ticks_msec()
+		last_receive_ms = now_ms()
 		if _peer.was_string_packet() == (_socket_type == "DEALER"):
 			_messages.append(packet)
 

@@ -56,7 +56,7 @@ func open(host: String, port: int) -> void:
 	_host = host
 	_port = port
 	state = State.CONNECTING
-	_deadline_ms = Time.get_ticks_msec() + int(1000 * HANDSHAKE_TIMEOUT_SECONDS)
+	_deadline_ms = now_ms() + int(1000 * HANDSHAKE_TIMEOUT_SECONDS)
 	if port < 1 or port > 65535:
 		_end(State.FAILED, "%d is not a port; expected a number from 1 to 65535." % port)
 	elif host.is_valid_ip_address():
@@ -70,7 +70,7 @@ func poll() -> void:
 		_connect()
 	if state == State.HANDSHAKE or state == State.READY:
 		_exchange()
-	if (state == State.CONNECTING or state == State.HANDSHAKE) and Time.get_ticks_msec() > _deadline_ms:
+	if (state == State.CONNECTING or state == State.HANDSHAKE) and now_ms() > _deadline_ms:
 		_end(State.FAILED, "No answer from %s within %d s. Check the port." % [_address(), HANDSHAKE_TIMEOUT_SECONDS])
 
 
@@ -181,7 +181,7 @@ func _receive() -> bool:
 		else:
 			_input.append_array(bytes)
 		wanted -= bytes.size()
-		last_receive_ms = Time.get_ticks_msec()
+		last_receive_ms = now_ms()
 		if received[0] != OK or bytes.is_empty():
 			return received[0] == OK
 	return true

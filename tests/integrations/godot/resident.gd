@@ -2,7 +2,8 @@ extends SceneTree
 ## Runs test scripts one after another, as a test asks for them through a socket: PORT.
 ##
 ## A request has a length of 4 bytes, and then JSON: {"script": path, "arguments": [text...]} starts a script, anything
-## else while it runs ends it. With {"clock": file}, the time of connections is the number of seconds in that file. The line DONE follows what a script prints. The end of the socket ends the process.
+## else while it runs ends it. With {"clock": file}, the time of connections is the number of seconds in that file. The
+## line DONE follows what a script prints. The end of the socket ends the process.
 
 const Connection := preload("res://addons/puppetline/wire/connection.gd")
 
@@ -85,7 +86,7 @@ func _next_request() -> Dictionary:
 func _end() -> void:
 	_former = weakref(_current)
 	_current = null
-	Connection.clock = Time.get_ticks_msec
+	Connection.clock = Callable()
 	for node in root.get_children():
 		node.free()
 	root.disable_3d = false

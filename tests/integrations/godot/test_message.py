@@ -43,7 +43,7 @@ def decode(run_godot, packed):
 
 
 class TestMessages(Messages):
-    accepts = ("without colors",)
+    accepts = ("without colors", "positions nan", "handles: []", "parts: []", *(f"{name} at 2" for name in ARRAYS))
 
     @pytest.fixture
     def read(self, decode):

@@ -5,6 +5,8 @@ import re
 import signal
 import time
 from contextlib import suppress
+from fcntl import ioctl
+from termios import TIOCOUTQ
 
 import pytest
 import zmq
@@ -41,6 +43,40 @@ def publisher():
 
 def message(topic, kind, sequence=1, payload=b"{}", **header):
     return join(topic_field(topic), Header(kind=kind, length=len(payload), sequence=sequence, **header), payload)
+
+
+class Wire:
+    """A publisher that sends what it is given at once, as one piece."""
+
+    def __init__(self, answering):
+        self.heard, self._lines = b"", []
+        self.port = answering(self._answer).port
+
+    def _answer(self, line):
+        line.sendall(GREETING + READY)
+        self._lines.append(line)
+        with suppress(OSError):
+            while some := line.recv(4096):
+                self.heard += some
+
+    @property
+    def connections(self):
+        return len(self._lines)
+
+    def subscribed(self, *topics):
+        """Wait until topics have been subscribed to."""
+        wait_until(lambda: all(b"\1" + name.encode() + b"\0" in self.heard for name in topics))
+
+    def send(self, *messages, part=None):
+        """Send messages, or a part of all their bytes; return when the other's system has them."""
+        data = b"".join(b"\2" + len(each).to_bytes(8, "big") + each for each in messages)
+        self._lines[-1].sendall(data[part] if part else data)
+        wait_until(lambda: not any(ioctl(self._lines[-1], TIOCOUTQ, bytes(4))))
+
+
+@pytest.fixture
+def wire(answering):
+    return Wire(answering)
 
 
 def port_at(socket):
@@ -109,31 +145,23 @@ def test_a_line_that_cuts_everything_into_bytes_and_is_torn(follow, serve, blob_
     assert states(script) == ["CONNECTING", "CONNECTED", "OFFLINE", "CONNECTED"]
 
 
-def test_a_scene_that_takes_longer_than_silence_may_comes_once(follow, answering, given_clock):
+def test_a_scene_that_takes_longer_than_silence_may_comes_once(follow, wire, given_clock):
     """It comes in five parts with two seconds between them."""
-    lines, asked = [], []
-
-    def answer(line):
-        lines.append(line)
-        line.sendall(GREETING + READY)
-        with suppress(OSError):
-            while some := line.recv(4096):
-                asked.extend(re.findall(rb"\x01(worm/scene/\w+)\0", some))
-
-    script = follow(answering(answer).port, "worm", script="slow_scene.gd", clock=given_clock)
-    wait_until(lambda: asked)
-    scene = b"".join(
-        b"\2" + len(content).to_bytes(8, "big") + content
-        for content in (message("service/status", Kind.STATUS), asked[0].ljust(64, b"\0") + recorded("scene")[64:])
-    )
-    part = len(scene) // 5 + 1
-    for start in range(0, len(scene), part):
+    script = follow(wire.port, "worm", script="slow_scene.gd", clock=given_clock)
+    wire.subscribed("service/characters")
+    wire.send(message("service/characters", Kind.CHARACTERS, b'[{"name": "worm"}]'))
+    [name] = wait_until(lambda: re.findall(rb"\x01(worm/scene/\w+)\0", wire.heard))
+    scene = name.ljust(64, b"\0") + recorded("scene")[64:]
+    part = len(scene) // 5 + 9
+    wire.send(scene, part=slice(0, part))
+    script.until(lambda told: "receiving" in told)
+    for start in range(part, 5 * part, part):
         given_clock.turn(2.0)
-        lines[0].sendall(scene[start : start + part])
+        wire.send(scene, part=slice(start, start + part))
     script.until(topic("scene"))
     script.end()
     assert states(script) == ["CONNECTING", "CONNECTED"]
-    assert len(told_of(script, "scene")) == len(lines) == 1
+    assert len(told_of(script, "scene")) == wire.connections == wire.heard.count(b"\1worm/scene/") == 1
 
 
 def test_a_service_that_hangs_is_taken_for_gone_until_it_speaks_again(follow, serve, blob_puppet, given_clock):

@@ -5,6 +5,7 @@ extends RefCounted
 signal changed
 
 const SharedScene := preload("shared_scene.gd")
+const Connection := preload("../wire/connection.gd")
 const Stream := preload("../wire/stream.gd")
 const Message := preload("../wire/message.gd")
 const Scene := preload("../wire/scene.gd")
@@ -101,8 +102,8 @@ func poll() -> void:
 		_take_loaded()
 		return
 	var pause := _RECEIVING_INTERVAL_MS if _stream.is_receiving() else _REQUEST_INTERVAL_MS
-	if _is_requested and _is_listed and Time.get_ticks_msec() >= _requested_ms + pause:
-		_requested_ms = Time.get_ticks_msec()
+	if _is_requested and _is_listed and Connection.now_ms() >= _requested_ms + pause:
+		_requested_ms = Connection.now_ms()
 		_request()
 
 

@@ -6,8 +6,8 @@ enum State { CLOSED, CONNECTING, HANDSHAKE, READY, REFUSED, FAILED }
 ## Maximum duration of connecting and handshake together, in seconds.
 const HANDSHAKE_TIMEOUT_SECONDS := 5.0
 
-## Tells the time of all connections, in milliseconds. Tests give another clock.
-static var clock: Callable = Time.get_ticks_msec
+## Tells the time of all connections, in milliseconds, in place of the system. Tests give one.
+static var clock := Callable()
 
 ## Maximum size of a message, in bytes. A larger message is refused before it is read.
 var max_message_bytes := 256 << 20
@@ -20,7 +20,7 @@ var last_receive_ms := 0
 
 ## Return the time, in milliseconds.
 static func now_ms() -> int:
-	return clock.call()
+	return clock.call() if clock.is_valid() else Time.get_ticks_msec()
 
 
 ## Begin to connect. A connection that was open before is closed.

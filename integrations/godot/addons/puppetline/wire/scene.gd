@@ -91,6 +91,7 @@ func _read(payload: PackedByteArray) -> bool:
 		and _read_counts()
 		and _read_arrays(payload)
 		and _check_triangles()
+		and _check_isoline_coordinates()
 		and _read_bounds()
 		and _read_parts()
 		and _read_names()
@@ -158,6 +159,17 @@ func _check_triangles() -> bool:
 	sorted.sort()
 	if sorted[0] < 0 or sorted[-1] >= vertex_count:
 		return _fail("a triangle has a vertex that does not exist")
+	return true
+
+
+## Refuse what is not from 0 to the last isoline. The bits of floats that are not negative have the order of the floats.
+func _check_isoline_coordinates() -> bool:
+	var bits := isoline_coordinates.to_byte_array().to_int32_array()
+	bits.sort()
+	var most := PackedFloat32Array([isoline_count - 1.0]).to_byte_array().decode_s32(0)
+	var first := bits.bsearch(-0x80000000, false)  # after those of -0
+	if bits[-1] > most or (first < bits.size() and bits[first] < 0):
+		return _fail("an isoline coordinate is beyond the isolines")
 	return true
 
 

@@ -13,45 +13,17 @@ from puppetline import compiled as compiled_module
 from solver.model import reduced_model
 from solver.surface.mesh import SolverMesh, weld
 
-LIMBS = {"hand": ((0.0, 1.1, 0.0), (1.4, 1.3, 0.0), 0.18), "foot": ((0.0, 0.0, 0.0), (0.6, -1.5, 0.1), 0.20)}
-"""Capsules (from, to, radius) that a figure has on both sides."""
-TRUNK = {"trunk": ((0.0, 0.0, 0.0), (0.0, 1.2, 0.0), 0.35), "head": ((0.0, 1.2, 0.0), (0.0, 1.9, 0.2), 0.22)}
-
-
-def distance_to_capsule(points, start, end, radius):
-    start, along = np.array(start), np.array(end) - np.array(start)
-    share = np.clip((points - start) @ along / (along @ along), 0, 1)
-    return np.linalg.norm(points - start - share[:, None] * along, axis=1) - radius
-
-
-def march(capsules, low, high, step):
-    """Triangulate the union of capsules."""
-    low = np.array(low)
-    counts = np.ceil((np.array(high) - low) / step).astype(int) + 1
-    grid = igl.grid(counts) * ((counts - 1) * step) + low
-    distance = np.min([distance_to_capsule(grid, *capsule) for capsule in capsules], axis=0)
-    v, f, _ = igl.marching_cubes(distance, grid, *map(int, counts), 0.0)
-    return v, f
-
-
-def make_figure(step):
-    """Two arms, two legs and a head on a trunk; the half x ≥ 0 and its mirror image, so symmetric to the last bit."""
-    capsules = [*TRUNK.values(), *LIMBS.values()]
-    v, f = march(capsules, (0.0, -1.9, -0.6), (1.8, 2.3, 0.6), step)
-    image = np.where(v[:, :1] == 0, v, v * [-1, 1, 1])
-    return weld(np.concatenate([v, image]), np.concatenate([f, f[:, ::-1] + len(v)]))
-
-
-@pytest.fixture(scope="session")
-def march_capsules():
-    """Triangulate the union of capsules: march(capsules, low, high, step)."""
-    return march
+from .shapes import box, joined, march
 
 
 @pytest.fixture(scope="session")
 def figure():
-    """A symmetric figure of 766 vertices."""
-    return make_figure(0.14)
+    """Two arms, two legs and a head on a trunk; the half x ≥ 0 and its mirror image, so symmetric to the last bit."""
+    trunk, head = ((0.0, 0.0, 0.0), (0.0, 1.2, 0.0), 0.35), ((0.0, 1.2, 0.0), (0.0, 1.9, 0.2), 0.22)
+    arm, leg = ((0.0, 1.1, 0.0), (1.4, 1.3, 0.0), 0.18), ((0.0, 0.0, 0.0), (0.6, -1.5, 0.1), 0.20)
+    v, f = march([trunk, head, arm, leg], (0.0, -1.9, -0.6), (1.8, 2.3, 0.6), 0.14)
+    image = np.where(v[:, :1] == 0, v, v * [-1, 1, 1])
+    return weld(*joined((v, f), (image, f[:, ::-1])))
 
 
 @pytest.fixture(scope="session")
@@ -108,14 +80,9 @@ def turn():
 @pytest.fixture(scope="session")
 def two_parts(figure):
     """The figure and, a little beside its right hand, a small cube of its own."""
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * 0.3 + [1.7, 1.2, -0.1]
-    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
-    cube = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    return SolverMesh(
-        np.concatenate([figure.vertices, corners]),
-        np.concatenate([figure.faces, cube + len(figure.vertices)]),
-        np.arange(len(figure.vertices) + 8),
-    )
+    cube = box([1.7, 1.2, -0.1], [2.0, 1.5, 0.2])
+    vertices, faces = joined((figure.vertices, figure.faces), cube)
+    return SolverMesh(vertices, faces, np.arange(len(vertices)))
 
 
 @pytest.fixture(scope="session")

@@ -4,6 +4,8 @@ import pytest
 from solver.anatomy.extremities import _prominences, distances, extremities, surface_graph
 from solver.surface.mesh import SolverMesh, weld
 
+from ..shapes import tube
+
 FIGURE_ENDS = np.array([[1.58, 1.3, 0], [-1.58, 1.3, 0], [0.66, -1.7, 0.1], [-0.66, -1.7, 0.1], [0.0, 2.1, 0.2]])
 CREATURE_ENDS = np.array([[-1.5, 0, 0], [1.05, 1.1, 0.25], [-1.0, 1.05, -0.45], [0.22, -1.28, 0.33]])
 
@@ -18,10 +20,6 @@ def tips(mesh):
     return extremities(mesh, surface_graph(mesh)).vertices
 
 
-def test_a_figure_ends_in_hands_feet_and_head(figure):
-    assert_one_each(figure.vertices[tips(figure)], FIGURE_ENDS, within=0.25)
-
-
 def test_a_bent_creature_ends_in_both_tube_ends_horn_and_leg(creature):
     assert_one_each(creature.vertices[tips(creature)], CREATURE_ENDS, within=0.25)
 
@@ -31,22 +29,11 @@ def test_a_folded_limb_is_found_by_the_way_along_the_surface():
     angles = np.linspace(0, 4.5 * np.pi, 200)
     middle = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(200)]) * (0.4 + 0.15 * angles[:, None])
     outward = middle / np.linalg.norm(middle, axis=1, keepdims=True)
-    round_it = np.linspace(0, 2 * np.pi, 7)[:-1]
-    ring = np.cos(round_it)[:, None, None] * outward + np.sin(round_it)[:, None, None] * np.array([0.0, 0, 1])
-    vertices = (middle + 0.1 * ring).transpose(1, 0, 2).reshape(-1, 3)
-    i, j = (part.ravel() for part in np.meshgrid(np.arange(199), np.arange(6), indexing="ij"))
-    a, b, c, d = 6 * i + j, 6 * i + (j + 1) % 6, 6 * (i + 1) + j, 6 * (i + 1) + (j + 1) % 6
-    tube = weld(vertices, np.concatenate([np.column_stack([a, b, c]), np.column_stack([b, d, c])]))
-    found = tube.vertices[tips(tube)]
+    round_it = np.arange(6) * np.pi / 3
+    ring = np.cos(round_it)[:, None] * outward[:, None] + np.sin(round_it)[:, None] * np.array([0.0, 0, 1])
+    folded = weld((middle[:, None] + 0.1 * ring).reshape(-1, 3), tube(angles, 0.1, 6)[1])
+    found = folded.vertices[tips(folded)]
     assert_one_each(found, middle[[0, -1]], within=0.2)
-
-
-@pytest.mark.parametrize("degrees", [35, 120])
-def test_rigid_motion_scale_and_mirroring_change_nothing(creature, turn, degrees):
-    expected = tips(creature)
-    for matrix in (turn(0, degrees), 50 * turn(1, degrees), np.diag([-1.0, 1, 1])):
-        moved = SolverMesh(creature.vertices @ matrix + [3.0, -8.0, 1.0], creature.faces, creature.of_render)
-        assert tips(moved).tolist() == expected.tolist()
 
 
 def test_the_fingers_of_a_hand_are_one_end(figure):

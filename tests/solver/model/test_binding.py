@@ -1,13 +1,12 @@
 from concurrent.futures import ThreadPoolExecutor
 
+import igl
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from solver.model.binding import Binding, ShadedBinding
-from solver.model.reduced_model import build
 from solver.motion.deformer import Deformer, to_file_units
-from solver.surface.mesh import weld
 
 
 @pytest.fixture(scope="module")
@@ -19,14 +18,6 @@ def pose(creature, creature_model, creature_handles):
 def any_normals(count):
     normals = np.random.default_rng(1).normal(size=(count, 3))
     return normals / np.linalg.norm(normals, axis=1, keepdims=True)
-
-
-def test_solver_vertices_are_the_blend(creature, creature_model, pose, surface):
-    binding = Binding.of_solver_mesh(creature_model, creature)
-    found = binding.vertices(to_file_units(pose, creature_model))
-    assert found.dtype == np.float32
-    expected = surface(creature_model, creature, pose)
-    assert_allclose(found, expected, rtol=0, atol=1e-5 * creature.diagonal)
 
 
 def test_rest_controls_leave_vertices_and_normals_and_are_written_where_they_are_wanted(creature, creature_model):
@@ -43,39 +34,33 @@ def test_rest_controls_leave_vertices_and_normals_and_are_written_where_they_are
     assert binding.vertices(controls, own[0]) is own[0]
 
 
-def test_split_render_vertices_stay_together(creature, surface):
-    """Every triangle with vertices of its own: the render mesh moves as the welded one does, without a crack."""
-    positions = creature.vertices[creature.faces].reshape(-1, 3)
-    mesh = weld(positions, np.arange(len(positions)).reshape(-1, 3))
-    model = build(mesh)
-    deformer = Deformer(model, mesh, mesh.vertices[[0, 200, 400]])
-    R = deformer.solve(deformer.handles + np.array([[0.4, 0, 0], [0, 0.3, 0], [0, 0, -0.2]]))
-    found = Binding(model, positions, mesh.of_render).vertices(to_file_units(R, model))
-    expected = surface(model, mesh, R)[mesh.of_render]
-    assert_allclose(found, expected, rtol=0, atol=1e-5 * mesh.diagonal)
-    for vertex in (0, 100, 300):
-        assert len(np.unique(found[mesh.of_render == vertex], axis=0)) == 1
+def test_vertices_are_the_blend_of_those_that_they_follow(creature, creature_model, pose, surface):
+    follows = np.random.default_rng(1).integers(0, len(creature.vertices), 400)
+    binding = Binding(creature_model, creature.vertices[follows], follows)
+    controls = to_file_units(pose, creature_model)
+    found = binding.vertices(controls)
+    assert found.dtype == np.float32
+    expected = surface(creature_model, creature, pose)[follows]
+    assert_allclose(found, expected, rtol=0, atol=1e-5 * creature.diagonal)
+    for wrong in ((controls[:40],), (controls, found[:7])):
+        with pytest.raises(ValueError, match="expected"):
+            binding.vertices(*wrong)
 
 
 def test_normals_are_those_of_the_deformed_surface(figure, figure_model):
     """Close to the area-weighted normals of the deformed triangles, for normals that were so at rest."""
-
-    def of_triangles(points):
-        p = points[figure.faces]
-        normals = np.zeros_like(points)
-        for corner in range(3):
-            np.add.at(normals, figure.faces[:, corner], np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]))
-        return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
     handles = np.array([[1.55, 1.3, 0.0], [-1.55, 1.3, 0.0], [0.0, 0.0, 0.35]])
     deformer = Deformer(figure_model, figure, handles, iterations=20)
     controls = deformer.step(deformer.handles + np.array([[-0.3, 0.5, 0.2], [0, 0, 0], [0, 0, 0]]))
     count = len(figure.vertices)
     rest = figure.vertices
-    binding = ShadedBinding(figure_model, rest, np.arange(count), of_triangles(rest), figure.faces)
+    binding = ShadedBinding(
+        figure_model, rest, np.arange(count), igl.per_vertex_normals(rest, figure.faces), figure.faces
+    )
     positions, found = binding.vertices_and_normals(controls)
     assert_allclose(np.linalg.norm(found, axis=1), 1.0, atol=1e-5)
-    expected = of_triangles(positions.astype(np.float64))
+    expected = igl.per_vertex_normals(positions.astype(np.float64), figure.faces)
     angles = np.degrees(np.arccos(np.clip(np.einsum("ij,ij->i", found, expected), -1, 1)))
     assert np.median(angles) < 0.1
     assert np.percentile(angles, 99) < 2
@@ -91,15 +76,6 @@ def test_a_part_moves_as_it_does_in_the_whole(creature, creature_model, pose):
     for found, whole in zip(part.vertices_and_normals(controls), binding.vertices_and_normals(controls), strict=True):
         assert_array_equal(found, whole[chosen])
     assert len(binding.rest) == n
-
-
-def test_arrays_of_other_shapes_are_refused(creature, creature_model):
-    binding = Binding.of_solver_mesh(creature_model, creature)
-    controls = to_file_units(creature_model.rest_controls, creature_model)
-    with pytest.raises(ValueError, match="expected"):
-        binding.vertices(controls[:40])
-    with pytest.raises(ValueError, match="expected"):
-        binding.vertices(controls, np.empty((7, 3), dtype=np.float32))
 
 
 def test_one_binding_serves_several_threads(creature, creature_model, pose):

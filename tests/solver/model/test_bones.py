@@ -1,29 +1,16 @@
 """Bones and the surface that belongs to each."""
 
-from itertools import pairwise
-
-import igl
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from solver.model.bones import NO_BONES, Bones, bone_regions
+from solver.model.bones import Bones, bone_regions
 from solver.surface.mesh import SolverMesh, weld
 
+from ..shapes import chains, joined, march, sphere, tube
+
 ARM = (np.array([0.0, 1.1, 0.0]), np.array([1.4, 1.3, 0.0]))
-"""The axis of the figure's left arm, see conftest.LIMBS."""
-
-
-def chains(*limbs):
-    """Bones of limbs (parent, points), with the number of the parent bone."""
-    heads, tails, parents, numbers = [], [], [], []
-    for number, (parent, points) in enumerate(limbs):
-        for k, (head, tail) in enumerate(pairwise(points)):
-            parents.append(parent if k == 0 else len(heads) - 1)
-            heads.append(head)
-            tails.append(tail)
-            numbers.append(number - 1)
-    return Bones(np.array(heads, dtype=float), np.array(tails, dtype=float), np.array(parents), np.array(numbers))
+"""The axis of the figure's left arm."""
 
 
 def along(points, head, tail):
@@ -100,7 +87,7 @@ def test_without_a_trunk_nobody_owns_it(figure, skeleton):
 
 
 @pytest.fixture(scope="module")
-def skirted(march_capsules):
+def skirted():
     """A trunk with a skirt, and an arm whose hand hangs beside the hem."""
     capsules = [
         ((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), 0.25),
@@ -108,7 +95,7 @@ def skirted(march_capsules):
         ((0.0, 2.0, 0.0), (0.8, 2.0, 0.0), 0.12),
         ((0.8, 2.0, 0.0), (0.8, 0.2, 0.0), 0.12),
     ]
-    return weld(*march_capsules(capsules, (-0.4, -0.4, -0.4), (1.1, 2.4, 0.4), 0.04))
+    return weld(*march(capsules, (-0.4, -0.4, -0.4), (1.1, 2.4, 0.4), 0.04))
 
 
 def test_a_hem_beside_a_hand_is_not_the_hands(skirted):
@@ -135,9 +122,6 @@ def test_a_bone_beside_the_mesh_takes_the_nearest_vertex(figure):
     assert regions.held[nearest]
 
 
-# --- invariance
-
-
 # --- several parts, and few vertices
 
 
@@ -150,50 +134,23 @@ def test_a_part_that_touches_follows_the_bone_that_it_touches(two_parts):
     assert regions.held[cube].all()
 
 
-@pytest.fixture(scope="module")
-def ball_and_arm():
-    """A ball, and a separate arm from x = 3 inside it to x = 21; the mesh and which vertices are of the arm."""
-    ball, triangles = igl.upsample(*igl.icosahedron(), 2)
-    ring = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1.0]])
-    arm = np.concatenate([ring + np.array([x, 0, 0]) for x in np.arange(3.0, 22.0, 2.0)])
-    last = len(arm) - 4
-    quads = [[k + a, k + (a + 1) % 4, k + (a + 1) % 4 + 4, k + a + 4] for k in range(0, last, 4) for a in range(4)]
-    quads += [[3, 2, 1, 0], [last, last + 1, last + 2, last + 3]]
-    faces = np.array([[q[0], q[1], q[2]] for q in quads] + [[q[0], q[2], q[3]] for q in quads])
-    mesh = weld(np.concatenate([6 * ball, arm]), np.concatenate([triangles, faces + len(ball)]))
-    return mesh, mesh.components == mesh.components[np.argmax(mesh.vertices[:, 0])]
-
-
-def test_a_part_that_is_a_limb_for_the_most_part_is_so_behind_its_root_as_well(ball_and_arm):
-    mesh, of_arm = ball_and_arm
-    bones = chains((-1, [[0, -5, 0], [0, 5, 0]]), (0, [[6, 0, 0], [13, 0, 0], [21, 0, 0]]))
-    owner = bone_regions(mesh, bones).owner
-    x = mesh.vertices[of_arm, 0]
+def test_a_part_is_a_limb_if_it_is_so_for_the_most_part_and_is_held_by_the_bone_that_it_is_nearly_all_on():
+    """A ball, and a separate arm from x = 3 inside it to x = 21."""
+    mesh = weld(*joined(sphere(2, 6), tube(np.arange(3.0, 22.0, 2.0), 1.4, 4, closed=True)))
+    of_arm = mesh.components == mesh.components[np.argmax(mesh.vertices[:, 0])]
+    body, x = (-1, [[0, -5, 0], [0, 5, 0]]), mesh.vertices[of_arm, 0]
+    owner = bone_regions(mesh, chains(body, (0, [[6, 0, 0], [13, 0, 0], [21, 0, 0]]))).owner
     assert_array_equal(owner[of_arm], np.where(x <= 13, 1, 2))
     assert np.all(owner[~of_arm] != 2)
-    assert (x < 6).any()
-
-
-def test_a_part_that_is_nearly_on_one_bone_is_held_by_it_entirely(ball_and_arm):
-    mesh, of_arm = ball_and_arm
-    regions = bone_regions(mesh, chains((-1, [[0, -5, 0], [0, 5, 0]]), (0, [[6, 0, 0], [18, 0, 0], [24, 0, 0]])))
+    regions = bone_regions(mesh, chains(body, (0, [[6, 0, 0], [18, 0, 0], [24, 0, 0]])))
     assert np.all(regions.owner[of_arm] == 1)
     assert regions.held[of_arm].all()
 
 
 def test_a_bone_around_whose_middle_there_is_no_vertex_owns_what_it_has():
     """A long box whose vertices are all at its ends and its elbow."""
-    ring = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1.0]])
-    v = np.concatenate([ring, ring + np.array([10, 0, 0]), ring + np.array([20, 0, 0])])
-    quads = [[k + a, k + (a + 1) % 4, k + (a + 1) % 4 + 4, k + a + 4] for k in (0, 4) for a in range(4)]
-    quads += [[3, 2, 1, 0], [8, 9, 10, 11]]
-    faces = np.array([[q[0], q[1], q[2]] for q in quads] + [[q[0], q[2], q[3]] for q in quads])
-    box = SolverMesh(v, faces, np.arange(12))
-    regions = bone_regions(box, chains((-1, [[0, 0, 0], [10, 0, 0], [20, 0, 0]])))
+    vertices, faces = tube(np.array([0.0, 10.0, 20.0]), 1.4, 4, closed=True)
+    regions = bone_regions(
+        SolverMesh(vertices, faces, np.arange(12)), chains((-1, [[0, 0, 0], [10, 0, 0], [20, 0, 0]]))
+    )
     assert_array_equal(regions.owner[[0, 1, 2, 3, 8, 9, 10, 11]], [0] * 4 + [1] * 4)
-
-
-def test_no_bones_own_nothing(figure):
-    regions = bone_regions(figure, NO_BONES)
-    assert np.all(regions.owner == -1)
-    assert not regions.held.any()

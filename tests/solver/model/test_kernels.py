@@ -77,15 +77,3 @@ def test_a_normal_is_across_the_tangents_that_the_surface_carries(scene):
 
 def test_a_normal_of_a_surface_squashed_to_a_line_is_zero_and_not_nan(scene):
     assert_array_equal(positions_and_normals(scene, everywhere(np.diag([1.0, 0.0, 0.0])))[1], 0.0)
-
-
-@pytest.mark.parametrize("fields", [1, 16])
-def test_any_number_of_fields_is_blended(scene, fields):
-    rng = np.random.default_rng(2)
-    rest, controls = scene[0], rng.normal(size=(fields * ISOLINES, 3, 4)).astype(np.float32)
-    isoline_coordinates = rng.uniform(0, ISOLINES - 1, (COUNT, fields)).astype(np.float32)
-    weights = rng.dirichlet(np.ones(fields))
-    out = np.empty_like(rest)
-    kernels.blend_positions(rest, isoline_coordinates, controls, weights, table(len(controls)), out)
-    expected = applied(blended(isoline_coordinates, weights, controls), rest)
-    assert_allclose(out, expected, rtol=0, atol=1e-6 * np.abs(expected).max())

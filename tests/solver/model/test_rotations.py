@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from solver.model import polar, rotations
+from solver.model import rotations
 from solver.model.reduced_model import position_matrix
 from solver.surface.mesh import SolverMesh
 
@@ -83,13 +83,3 @@ def test_covariance_map_is_the_plain_sum_over_strips_triangles_and_edges(
 
 
 # --- rotations
-
-
-@pytest.mark.parametrize("degrees", [0, 10, 90, 120, 179])
-def test_a_turned_surface_gives_the_turn(creature_model, turn, degrees):
-    turned = turn(4, degrees)
-    R = creature_model.rest_controls @ turned
-    expected = np.tile(turned, (80, 1, 1))
-    np.testing.assert_allclose(
-        polar.of_matrices((creature_model.covariance @ R).reshape(-1, 3, 3)), expected, atol=1e-9
-    )

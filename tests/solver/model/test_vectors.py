@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-RANDOM = np.random.default_rng(2).normal(size=(20, 2, 3))
+RANDOM = np.random.default_rng(2).normal(size=(9, 3))
 
 
 @pytest.fixture(scope="module")
@@ -25,22 +25,13 @@ def test_products_sums_and_blends_are_those_computed_by_hand(vectors):
 
 
 def test_rows_and_axes_of_arrays_are_those_of_numpy(vectors):
-    rows = RANDOM[0:3, 0]
+    rows = RANDOM[:3]
     assert vectors.row_of(rows, 1) == tuple(rows[1])
     assert vectors.between(rows, 2, 0) == tuple(rows[0] - rows[2])
     assert_allclose(vectors.in_axes((1.0, 2.0, 3.0), rows), np.array([1.0, 2.0, 3.0]) @ rows)
 
 
-@pytest.mark.parametrize(("a", "b"), RANDOM)
-def test_the_cross_product_is_perpendicular_and_satisfies_lagranges_identity(vectors, a, b):
-    product = vectors.cross(a, b)
-    assert_allclose(product, np.cross(a, b))
-    assert vectors.dot(product, a) == pytest.approx(0.0, abs=1e-12)
-    squares = vectors.dot(a, a) * vectors.dot(b, b)
-    assert vectors.dot(product, product) + vectors.dot(a, b) ** 2 == pytest.approx(squares)
-
-
-@pytest.mark.parametrize("vector", [*RANDOM[:, 0], (3.0, 0.0, 0.0), (0.0, 1e-9, 0.0), (1e9, -1e9, 1.0)])
+@pytest.mark.parametrize("vector", [*RANDOM, (3.0, 0.0, 0.0), (0.0, 1e-9, 0.0), (1e9, -1e9, 1.0)])
 def test_a_direction_has_length_one_and_its_perpendicular_a_right_angle(vectors, vector):
     direction, across = vectors.unit(vector), vectors.perpendicular(vector)
     assert_allclose(np.multiply(direction, np.linalg.norm(vector)), vector, rtol=1e-12)

@@ -1,4 +1,3 @@
-import igl
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -30,32 +29,14 @@ def pulled(deformer, seed=0, size=0.1):
     return deformer.handles + rng.normal(scale=size * deformer.model.diagonal, size=deformer.handles.shape)
 
 
-def apply(controls, model, rest):
-    """Blend float32 transforms the slow way: Σ_i w_i Σ_k φ_ik (linear · x + translation)."""
-    isoline_coordinates = model.isoline_coordinates.astype(np.float64)
-    hats = (
-        np.maximum(0, 1 - np.abs(isoline_coordinates[:, :, None] - np.arange(model.isolines))) * model.weights[:, None]
-    )
-    blended = np.einsum("nm,mrc->nrc", hats.reshape(len(rest), -1), controls.astype(np.float64))
-    return np.einsum("nrc,nc->nr", blended[:, :, :3], rest) + blended[:, :, 3]
-
-
-def energy_matrices(model, mode):
-    return (model.A_clusters, model.B_clusters) if mode == "clusters" else (model.A, model.B)
-
-
-def stiffness_of(model, mode, rows):
-    return HANDLE_STIFFNESS[mode] * np.trace(energy_matrices(model, mode)[0]) / np.sum(rows * rows)
-
-
 class Plain:
     """The iteration of Eq. 9 as written: solve for R, and compute the rotations from the surface."""
 
     def __init__(self, model, mesh, handles, mode):
         self.model, self.mode = model, mode
         self.rows = model.rows(mesh, handles)
-        self.A, self.B = energy_matrices(model, mode)
-        self.stiffness = stiffness_of(model, mode, self.rows)
+        self.A, self.B = (model.A_clusters, model.B_clusters) if mode == "clusters" else (model.A, model.B)
+        self.stiffness = HANDLE_STIFFNESS[mode] * np.trace(self.A) / np.sum(self.rows**2)
         self.pin = np.trace(self.A) / len(self.A)
         self.N = self.A + self.stiffness * self.rows.T @ self.rows + self.pin * model.null_space
 
@@ -78,7 +59,7 @@ class Plain:
 
 
 @pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize(("seed", "degrees"), [(0, 0), (2, 120), (4, 179)])
+@pytest.mark.parametrize(("seed", "degrees"), [(2, 120), (4, 179)])
 def test_rigid_motion_of_all_handles_is_rigid_motion_of_all_vertices(
     bound, creature, creature_model, surface, turn, mode, seed, degrees
 ):
@@ -88,31 +69,11 @@ def test_rigid_motion_of_all_handles_is_rigid_motion_of_all_vertices(
     assert_allclose(found, creature.vertices @ rotation + offset, rtol=0, atol=1e-3 * creature.diagonal)
 
 
-@pytest.mark.parametrize("mode", MODES)
-def test_handles_are_met(bound, creature, creature_model, creature_handles, mode):
-    deformer = bound(mode=mode, iterations=20)
-    targets = pulled(deformer)
-    reached = creature_model.rows(creature, creature_handles) @ deformer.solve(targets)
-    assert np.linalg.norm(reached - creature_model.to_model(targets), axis=1).max() < 1e-3
-
-
-def test_handles_stand_on_the_surface(bound, creature, creature_handles):
-    deformer = bound()
-    gaps, _, nearest = igl.point_mesh_squared_distance(creature_handles, creature.vertices, creature.faces)
-    assert gaps.max() > 0
-    assert_allclose(deformer.handles, nearest, atol=1e-9)
-
-
-def test_without_handles_and_bones_there_is_nothing_to_bind(creature, creature_model):
-    with pytest.raises(ValueError, match="no handle and no bone"):
-        Deformer(creature_model, creature, np.zeros((0, 3)))
-
-
 # --- the equations
 
 
 @pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize(("count", "isolines"), [(8, 10), (3, 7), (1, 2), (5, 10)])
+@pytest.mark.parametrize(("count", "isolines"), [(8, 10), (3, 7), (1, 2)])
 def test_the_folded_iteration_is_the_plain_one(creature, creature_model, creature_handles, mode, count, isolines):
     """For any number of isolines, also those that are no multiples of sixteen."""
     model = creature_model if (count, isolines) == (8, 10) else build(creature, ModelParameters(count, isolines))
@@ -133,15 +94,17 @@ def test_the_folded_iteration_is_the_plain_one(creature, creature_model, creatur
 # --- controls in the mesh file's coordinates
 
 
-def test_step_gives_the_transforms_of_the_solution(bound, creature, creature_model, surface):
-    deformer = bound()
+@pytest.mark.parametrize("mode", MODES)
+def test_step_gives_the_transforms_of_the_solution_which_meets_the_handles(bound, creature, creature_model, mode):
+    deformer = bound(mode=mode, iterations=20)
     targets = pulled(deformer)
     controls = deformer.step(targets)
     assert (controls.shape, controls.dtype) == ((80, 3, 4), np.float32)
     deformer.reset()
-    expected = surface(creature_model, creature, deformer.solve(targets))
-    found = apply(controls, creature_model, creature.vertices)
-    assert_allclose(found, expected, rtol=0, atol=1e-5 * creature.diagonal)
+    R = deformer.solve(targets)
+    assert_array_equal(controls, to_file_units(R, creature_model))
+    reached = creature_model.rows(creature, deformer.handles) @ R
+    assert np.linalg.norm(reached - creature_model.to_model(targets), axis=1).max() < 1e-3
 
 
 # --- handles that do not determine the pose
@@ -189,26 +152,19 @@ def test_frames_after_the_first_allocate_no_array(bound, creature, creature_mode
     assert allocated(frame) < min(R.nbytes, controls.nbytes, positions.nbytes)
 
 
-def test_arrays_of_other_shapes_are_refused(bound, creature_model):
-    deformer = bound()
-    for targets in (deformer.handles[:-1], np.tile(deformer.handles, (20, 1)), deformer.handles[:, :2]):
-        with pytest.raises(ValueError, match="targets"):
-            deformer.solve(targets)
-    with pytest.raises(ValueError, match="targets"):
-        deformer.solve(deformer.handles, out=np.empty((400, 3)))
-    with pytest.raises(ValueError, match="transforms"):
-        to_file_units(creature_model.rest_controls, creature_model, np.empty((79, 3, 4), dtype=np.float32))
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_a_target_that_is_no_number_is_refused_and_the_next_frame_is_as_if_it_had_not_come(bound, value):
+def test_targets_of_other_shapes_or_without_numbers_are_refused_and_the_next_frame_is_as_if_they_had_not_come(bound):
     deformer, undisturbed = bound(), bound()
-    first, bad, second = pulled(deformer, 1), pulled(deformer, 2), pulled(deformer, 3)
-    bad[2, 1] = value
-    deformer.solve(first)
-    with pytest.raises(ValueError, match="finite"):
-        deformer.solve(bad)
-    undisturbed.solve(first)
+    first, bad, second = (pulled(deformer, seed) for seed in range(3))
+    assert_array_equal(deformer.solve(first), undisturbed.solve(first))
+    for targets in (first[:-1], np.tile(first, (20, 1)), first[:, :2], *(bad + value for value in (np.nan, np.inf))):
+        with pytest.raises(ValueError, match="expected"):
+            deformer.solve(targets)
+    with pytest.raises(ValueError, match="expected"):
+        deformer.solve(first, out=np.empty((400, 3)))
+    with pytest.raises(ValueError, match="expected"):
+        to_file_units(deformer.model.rest_controls, deformer.model, np.empty((79, 3, 4), dtype=np.float32))
+    with pytest.raises(ValueError, match="expected"):
+        bound(first[:0])
     assert_array_equal(deformer.solve(second), undisturbed.solve(second))
 
 

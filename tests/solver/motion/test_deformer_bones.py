@@ -14,6 +14,8 @@ from solver.motion.bone_terms import BLEND_POWER, BONE_STIFFNESS, DISTANT_BONE_W
 from solver.motion.deformer import HANDLE_STIFFNESS, NEARBY_BONE_WEIGHT, Deformer
 from solver.surface.mesh import SolverMesh
 
+from ..shapes import chains
+
 MODES = ["clusters", "covariance"]
 
 
@@ -26,15 +28,9 @@ def pulled(deformer, seed=0, size=0.1):
 @pytest.fixture(scope="module")
 def creature_bones():
     """The tube in three, the horn and the leg in two; see conftest.creature."""
-    tube = np.array([[-1.2, 0.0, 0.0], [-0.5, 0.1, 0.0], [0.0, 0.2, 0.0], [0.9, 0.9, 0.2]])
-    leg = np.array([[0.05, -0.2, 0.07], [0.12, -0.6, 0.18], [0.2, -1.1, 0.3]])
-    horn = np.array([[[-0.91, 0.2, -0.05]], [[-1.0, 0.9, -0.4]]])
-    return Bones(
-        np.concatenate([tube[:-1], leg[:-1], horn[0]]),
-        np.concatenate([tube[1:], leg[1:], horn[1]]),
-        np.array([-1, 0, 1, 1, 3, 0]),
-        np.array([-1, -1, -1, 0, 0, 1]),
-    )
+    tube = [[-1.2, 0.0, 0.0], [-0.5, 0.1, 0.0], [0.0, 0.2, 0.0], [0.9, 0.9, 0.2]]
+    leg = [[0.05, -0.2, 0.07], [0.12, -0.6, 0.18], [0.2, -1.1, 0.3]]
+    return chains((-1, tube), (1, leg), (0, [[-0.91, 0.2, -0.05], [-1.0, 0.9, -0.4]]))
 
 
 @pytest.fixture(scope="module")
@@ -68,14 +64,11 @@ def posed(bones, turn, degrees):
     return motions
 
 
-ON_A_TRUNK = np.array([-1, 0, 0])
-"""Limb of each bone: an arm of one or two bones on a trunk of one."""
-
 NO_HANDLES = np.zeros((0, 3))
 
 
 @pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize(("seed", "degrees"), [(0, 0), (2, 120), (3, 179)])
+@pytest.mark.parametrize(("seed", "degrees"), [(2, 120), (3, 179)])
 def test_rigid_motion_of_all_bones_is_rigid_motion_of_the_character_at_once(
     bound, creature, model, creature_bones, creature_handles, surface, turn, mode, seed, degrees
 ):
@@ -137,7 +130,7 @@ def test_the_solution_with_bones_is_that_of_the_dense_least_squares_problem(
     assert_allclose(found, expected, rtol=0, atol=1e-6 * creature.diagonal)
 
 
-@pytest.mark.parametrize("mode", ["clusters", "covariance"])
+@pytest.mark.parametrize("mode", MODES)
 def test_rotations_are_drawn_to_the_bones_that_hold_them(bound, creature, model, creature_bones, turn, mode):
     """One iteration written out: S_c + μ Σ_b a_cb s_c Q_b, with the shares of area added up vertex by vertex."""
     motions = posed(creature_bones, turn, 25)
@@ -162,64 +155,18 @@ def test_rotations_are_drawn_to_the_bones_that_hold_them(bound, creature, model,
     assert_allclose(deformer.turns.reshape(80, 3, 3), polar.of_matrices(S), rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("degrees", [30, 90])
-def test_a_straight_arm_turned_about_its_shoulder_points_where_it_should(figure, surface, degrees):
+def test_a_straight_arm_turned_about_its_shoulder_points_where_it_should(figure, surface):
     shoulder, tip = np.array([0.35, 1.15, 0.0]), np.array([1.4, 1.3, 0.0])
-    elbow = (shoulder + tip) / 2
-    bones = Bones(
-        np.array([[0, 0, 0], shoulder, elbow]),
-        np.array([[0, 1.2, 0], elbow, tip]),
-        np.array([-1, 0, 1]),
-        ON_A_TRUNK[:3],
-    )
+    bones = chains((-1, [[0, 0, 0], [0, 1.2, 0]]), (0, [shoulder, (shoulder + tip) / 2, tip]))
     model = build(figure, bones=bones)
-    deformer = Deformer(model, figure, NO_HANDLES)
-    down = Rotation.from_rotvec([0, 0, -np.radians(degrees)]).as_matrix().T
-    motions = np.stack([np.eye(4, 3), about(down, shoulder), about(down, shoulder)])
-    found = surface(model, figure, deformer.solve(NO_HANDLES, motions))
-    regions = model.regions
+    down = Rotation.from_rotvec([0, 0, -np.pi / 2])
+    motions = np.stack([np.eye(4, 3), *[about(down.as_matrix().T, shoulder)] * 2])
+    found = surface(model, figure, Deformer(model, figure, NO_HANDLES).solve(NO_HANDLES, motions))
     for bone in (1, 2):
-        held = regions.of(bone)
+        held = model.regions.of(bone)
         rest, now = (points[held] - points[held].mean(axis=0) for points in (figure.vertices, found))
-        fitted = Rotation.align_vectors(now, rest)[0].as_matrix().T
-        wanted, pointed = (tip - shoulder) @ down, (tip - shoulder) @ fitted
-        cosine = wanted @ pointed / np.linalg.norm(wanted) / np.linalg.norm(pointed)
-        assert np.degrees(np.arccos(min(1.0, cosine))) < 1.0
-
-
-def test_a_part_that_hangs_on_an_arm_goes_with_it(two_parts, surface):
-    shoulder, tip = np.array([0.35, 1.15, 0.0]), np.array([1.4, 1.3, 0.0])
-    bones = Bones(np.array([[0, 0, 0], shoulder]), np.array([[0, 1.2, 0], tip]), np.array([-1, 0]), ON_A_TRUNK[:2])
-    model = build(two_parts, bones=bones)
-    up = Rotation.from_rotvec([0, 0, 0.7]).as_matrix().T
-    motions = np.stack([np.eye(4, 3), about(up, shoulder)])
-    found = surface(model, two_parts, Deformer(model, two_parts, NO_HANDLES).solve(NO_HANDLES, motions))
-    expected = about(up, shoulder)
-    cube = two_parts.vertices[-8:] @ expected[:3] + expected[3]
-    assert_allclose(found[-8:], cube, rtol=0, atol=0.02 * two_parts.diagonal)
-
-
-def test_a_copied_or_reset_deformer_starts_at_rest(bound, creature_handles, creature_bones, turn):
-    deformer = bound(creature_handles[:2])
-    poses = [posed(creature_bones, turn, degrees) for degrees in (10, 40)]
-    first = deformer.solve(deformer.handles, poses[0])
-    deformer.solve(deformer.handles, poses[1])
-    assert_array_equal(deformer.another(4).solve(deformer.handles, poses[0]), first)
-    deformer.reset()
-    assert_array_equal(deformer.solve(deformer.handles, poses[0]), first)
-
-
-def test_motions_of_other_shapes_or_without_numbers_are_refused(bound, creature_bones):
-    deformer = bound(NO_HANDLES)
-    rest = np.tile(np.eye(4, 3), (6, 1, 1))
-    for motions in (rest[:-1], rest.transpose(0, 2, 1), rest[0]):
-        with pytest.raises(ValueError, match="motions"):
-            deformer.solve(NO_HANDLES, motions)
-    for place in ((0, 0, 0), (5, 3, 2), (2, 1, 1)):
-        motions = rest.copy()
-        motions[place] = np.nan
-        with pytest.raises(ValueError, match="finite"):
-            deformer.solve(NO_HANDLES, motions)
+        fitted, along = Rotation.align_vectors(now, rest)[0], (tip - shoulder) / np.linalg.norm(tip - shoulder)
+        assert down.apply(along) @ fitted.apply(along) > np.cos(np.radians(1))
 
 
 def test_where_there_are_bones_rotations_are_those_of_clusters(
@@ -239,3 +186,7 @@ def test_bones_that_hold_nothing_are_refused_where_there_is_no_handle(creature, 
         Deformer(model, creature, NO_HANDLES)
     deformer = Deformer(model, creature, creature_handles)
     assert_allclose(deformer.solve(deformer.handles), model.rest_controls, rtol=0, atol=1e-6)
+    motions = np.eye(4, 3)[None]
+    for bad in (motions[:0], motions.transpose(0, 2, 1), motions[0], motions * np.nan):
+        with pytest.raises(ValueError, match="expected"):
+            deformer.solve(deformer.handles, bad)

@@ -49,12 +49,6 @@ def angle_between(a, b):
     return math.acos(np.clip(np.dot(a, b), -1, 1))
 
 
-@pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 1.0])
-def test_a_share_of_a_turn_is_that_share_of_its_angle_in_the_same_plane(module, share):
-    angle = share * math.pi / 2
-    assert module._turned_by_share(X, Y, share) == pytest.approx((math.cos(angle), math.sin(angle), 0.0))
-
-
 def test_a_bone_swings_to_the_wanted_direction_at_once_or_as_fast_as_it_may(module, quat, state):
     turned = module._swing(state, 0, NO_TURN, X, Y, 0.0, 1.0, True)
     assert quat.rotated(turned, X) == pytest.approx(Y)
@@ -96,11 +90,7 @@ def test_a_roll_goes_to_the_sides_of_the_body_at_most_as_fast_as_it_may(module, 
     turned = rolled(module, plan, state, 0.01, across=Z)
     assert angle_between(quat.rotated(turned, Y), Y) == pytest.approx(module.MAX_TURN_RATE * 0.01)
     assert quat.rotated(turned, X) == pytest.approx(X)
-
-
-def test_sides_along_the_bone_do_not_roll_it(module, plan, state, kinds):
-    plan.roll = [kinds[SIDES]]
-    assert rolled(module, plan, state, 1.0, across=X) == pytest.approx(NO_TURN)
+    assert rolled(module, plan, state, 1.0, across=X) == pytest.approx(NO_TURN)  # sides along the bone say nothing
     assert state.roll_known[0] == 0
 
 
@@ -131,20 +121,15 @@ def test_a_roll_follows_the_performers_bone_as_long_as_that_points_as_the_bone_d
     assert follow(away) == pytest.approx(NO_TURN)
 
 
-def test_a_bone_whose_direction_is_unknown_keeps_its_turn(module, quat, plan, state):
-    before = quat.about(Z, 0.7)
-    state.local[0] = before
-    unknown = np.zeros((1, 3))
-    turned = module.turn_bone(
-        plan, state, 0, NO_TURN, np.array([X]), unknown, unknown, np.full((1, 4), np.nan), 0.03, True
-    )
-    assert turned == pytest.approx(before)
-    assert state.known[0] == 0
-
-
-def test_a_bone_follows_a_direction_relative_to_its_base(module, quat, plan, state):
+def test_a_bone_follows_a_direction_relative_to_its_base_and_keeps_its_turn_while_that_is_unknown(
+    module, quat, plan, state
+):
     base = quat.about(Z, -math.pi / 2)  # it turns y to x: what is up for the performer is along the bone
-    directions, none = np.array([Y]), np.zeros((1, 3))
-    turned = module.turn_bone(plan, state, 0, base, np.array([X]), directions, none, np.full((1, 4), np.nan), 1.0, True)
-    assert turned == pytest.approx(NO_TURN)
-    assert state.known[0] == 1
+    before, none = quat.about(Z, 0.7), np.zeros((1, 3))
+    state.local[0] = before
+    for direction, expected, known in ((none, before, 0), (np.array([Y]), NO_TURN, 1)):
+        turned = module.turn_bone(
+            plan, state, 0, base, np.array([X]), direction, none, np.full((1, 4), np.nan), 1.0, False
+        )
+        assert turned == pytest.approx(expected)
+        assert state.known[0] == known

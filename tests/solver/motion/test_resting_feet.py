@@ -46,9 +46,12 @@ def watch(module):
     return see
 
 
-def test_what_remains_of_a_distance_falls_by_e_in_each_time_constant(module):
-    assert [module.remaining(0.5, seconds) for seconds in (0.0, 0.5, 1.0)] == [1.0, math.exp(-1), math.exp(-2)]
-    assert module.remaining(0.5, np.inf) == 0.0
+@pytest.fixture
+def stood(watch):
+    """Return the same function, after the performer has stood for a second."""
+    for _ in range(30):
+        watch(STANDING)
+    return watch
 
 
 def test_feet_that_stand_rest_from_the_first_frame_on_and_define_the_floor(watch, module):
@@ -58,11 +61,9 @@ def test_feet_that_stand_rest_from_the_first_frame_on_and_define_the_floor(watch
     assert watch.state.clock[module.LIFT] == 0.0
 
 
-def test_a_foot_that_is_lifted_rests_no_more_and_the_other_does(watch):
-    for _ in range(20):
-        watch(STANDING)
+def test_a_foot_that_is_lifted_rests_no_more_and_the_other_does(stood):
     for frame in range(10):
-        rests, low = watch(moved(left=[0.0, 0.03 * (frame + 1), 0.0]))
+        rests, low = stood(moved(left=[0.0, 0.03 * (frame + 1), 0.0]))
     assert (rests, low) == ([False, True], [False, True])
 
 
@@ -73,46 +74,36 @@ def test_a_foot_that_slides_faster_than_its_limit_does_not_rest_though_it_is_low
     assert (rests, low) == ([False, True], [True, True])
 
 
-def test_one_frame_out_of_three_is_outvoted(watch):
-    for _ in range(20):
-        watch(STANDING)
-    assert watch(moved(left=[0.0, 0.3, 0.0]))[0] == [True, True]
+def test_one_frame_out_of_three_is_outvoted(stood):
+    assert stood(moved(left=[0.0, 0.3, 0.0]))[0] == [True, True]
 
 
-def test_a_jump_lifts_the_character_by_its_height_over_the_floor_in_its_own_metres(watch, module):
-    for _ in range(30):
-        watch(STANDING)
+def test_a_jump_lifts_the_character_by_its_height_over_the_floor_in_its_own_metres(stood, module):
     for frame in range(10):
-        watch(moved(*2 * [[0.0, 0.04 * (frame + 1), 0.0]]))
-    floor = watch.state.clock[module.FLOOR]
+        stood(moved(*2 * [[0.0, 0.04 * (frame + 1), 0.0]]))
+    floor = stood.state.clock[module.FLOOR]
     rise = 0.42 - floor - module.MIN_JUMP_METRES
-    assert watch.state.clock[module.LIFT] == pytest.approx(2.0 * rise**2 / (rise + module.SOFT_JUMP_METRES))
+    assert stood.state.clock[module.LIFT] == pytest.approx(2.0 * rise**2 / (rise + module.SOFT_JUMP_METRES))
     # the floor drifts slowly while nobody stands on it
     assert 0.02 < floor < 0.02 + 0.4 * (1 - math.exp(-10 * FRAME / module.DRIFT_SECONDS))
 
 
-def test_the_floor_follows_a_foot_that_rests_below_it_with_its_time_constant(watch, module):
-    for _ in range(30):
-        watch(STANDING)
-    while watch(STANDING - [0.0, 0.1, 0.0]) and watch.state.still[0] == 0:
-        before = watch.state.clock[module.FLOOR]
+def test_the_floor_follows_a_foot_that_rests_below_it_with_its_time_constant(stood, module):
+    while stood(STANDING - [0.0, 0.1, 0.0]) and stood.state.still[0] == 0:
+        before = stood.state.clock[module.FLOOR]
     after = -0.08 + (before + 0.08) * math.exp(-FRAME / module.FLOOR_SECONDS)
-    assert watch.state.clock[module.FLOOR] == pytest.approx(after)
+    assert stood.state.clock[module.FLOOR] == pytest.approx(after)
 
 
-def test_a_foot_that_moves_below_the_floor_lowers_it_slowly(watch, module):
-    for _ in range(30):
-        watch(STANDING)
-    watch(moved(left=[0.0, -0.1, 0.0]))
+def test_a_foot_that_moves_below_the_floor_lowers_it_slowly(stood, module):
+    stood(moved(left=[0.0, -0.1, 0.0]))
     after = -0.08 + 0.1 * math.exp(-FRAME / module.DRIFT_SECONDS)
-    assert watch.state.clock[module.FLOOR] == pytest.approx(after)
+    assert stood.state.clock[module.FLOOR] == pytest.approx(after)
 
 
-def test_a_foot_that_the_sensor_guesses_stays_where_it_was_seen(watch):
-    for _ in range(20):
-        watch(STANDING)
-    assert watch(moved(left=[5.0, 5.0, 5.0]), (0.5, 1.0)) == ([True, True], [True, True])
-    np.testing.assert_array_equal(watch.state.last, STANDING)
+def test_a_foot_that_the_sensor_guesses_stays_where_it_was_seen(stood):
+    assert stood(moved(left=[5.0, 5.0, 5.0]), (0.5, 1.0)) == ([True, True], [True, True])
+    np.testing.assert_array_equal(stood.state.last, STANDING)
 
 
 def test_without_any_foot_nothing_rests_and_there_is_no_floor(watch, module):

@@ -33,10 +33,6 @@ def test_points_on_a_line_turn_as_little_as_they_can():
     assert_allclose(found, [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], atol=1e-6)
 
 
-def test_one_point_does_not_turn(rng):
-    assert_allclose(twist.rigid_fit(rng.normal(size=(1, 3)), rng.normal(size=(1, 3))), np.eye(3), atol=1e-12)
-
-
 @pytest.mark.parametrize("angle", [0.4, -1.0, 2.9, np.pi])
 def test_a_roll_about_the_line_is_taken_back(rng, angle):
     line = rng.normal(size=3)
@@ -62,10 +58,10 @@ def test_with_one_handle_the_whole_mean_turn_is_taken_back_and_what_isolines_dif
     assert_allclose(apart, turns[:, None] @ turns.transpose(0, 2, 1)[None], atol=1e-12)
 
 
-@pytest.mark.parametrize("count", [2, 3, 6, 7])
+@pytest.mark.parametrize("count", [1, 2, 7])
 def test_points_at_one_place_do_not_turn(rng, count):
     """Their means differ by rounding errors, which have no direction."""
-    for _ in range(200):
+    for _ in range(50):
         rest, now = rng.normal(size=3), rng.normal(size=3)
         found = twist.rigid_fit(np.tile(rest, (count, 1)), np.tile(now, (count, 1)))
         assert_allclose(found, np.eye(3), atol=1e-6)

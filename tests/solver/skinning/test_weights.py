@@ -6,35 +6,19 @@ from scipy.spatial.transform import Rotation
 from solver.model.bones import Bones
 from solver.model.reduced_model import ModelParameters, build
 from solver.skinning import weights as module
-from solver.skinning.weights import Weights, as_matrix, fit, packed
+from solver.skinning.weights import as_matrix, fit, packed
 from solver.surface.mesh import weld
 
+from ..shapes import box, joined, tube
+
 POSES = 40
-
-
-def box(at, size):
-    """A closed box: vertices and triangles."""
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=np.float64)
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    triangles = [tri for a, b, c, d in quads for tri in ((a, b, c), (a, c, d))]
-    return corners * size + at, np.array(triangles)
 
 
 @pytest.fixture(scope="module")
 def bar():
     """A bar along y with two bones, and its reduced model."""
-    rings, around = 33, 12
-    angle = np.arange(around) * 2 * np.pi / around
-    height = np.linspace(0, 4, rings)
-    ring = np.column_stack([np.cos(angle), np.zeros(around), np.sin(angle)])
-    vertices = np.concatenate([0.4 * ring + [0, y, 0] for y in height])
-    i, j = np.arange(rings - 1)[:, None] * around, np.arange(around)
-    k = (j + 1) % around
-    sides = np.stack([i + j, i + around + j, i + around + k, i + j, i + around + k, i + k], axis=-1).reshape(-1, 3)
-    ends = [(0, a, a + 1) for a in range(1, around - 1)]
-    last = len(vertices) - around
-    faces = np.concatenate([sides, ends, [(last, last + b, last + a) for _, a, b in ends]])
-    mesh = weld(vertices, faces, "bar")
+    vertices, faces = tube(np.linspace(0, 4, 33), 0.4, 12, closed=True)
+    mesh = weld(vertices[:, [1, 0, 2]], faces, "bar")
     heads = np.array([[0.0, 0.1, 0.0], [0.0, 2.0, 0.0]])
     tails = np.array([[0.0, 2.0, 0.0], [0.0, 3.9, 0.0]])
     bones = Bones(heads, tails, np.array([-1, 0]), np.array([0, 0]))
@@ -119,10 +103,7 @@ def test_weights_of_other_rest_positions_move_these(bar, blended):
 
 
 def test_a_part_that_one_bone_holds_moves_with_it_alone():
-    parts = [box([-0.5, 0, -0.5], [1, 2, 1]), box([-0.5, 2.05, -0.5], [1, 2, 1])]
-    vertices = np.concatenate([part for part, _ in parts])
-    faces = np.concatenate([triangles + 8 * number for number, (_, triangles) in enumerate(parts)])
-    mesh = weld(vertices, faces, "plates")
+    mesh = weld(*joined(box([-0.5, 0, -0.5], [0.5, 2, 0.5]), box([-0.5, 2.05, -0.5], [0.5, 4.05, 0.5])))
     heads, tails = np.array([[0, 0.1, 0], [0, 2.1, 0.0]]), np.array([[0, 2.0, 0], [0, 3.9, 0.0]])
     model = build(
         mesh, ModelParameters(fields=3, isolines=4), Bones(heads, tails, np.array([-1, 0]), np.array([-1, 0]))
@@ -139,11 +120,6 @@ def test_packed_weights_are_sorted_and_bones_without_weight_are_zero():
     found = packed(np.array([[0.25, 0.0, 0.75]]), np.array([[7, 5, 3]]))
     assert_array_equal(found.weights, np.array([[0.75, 0.25, 0]], dtype=np.float32))
     assert_array_equal(found.bones, [[3, 7, 0]])
-
-
-def test_the_matrix_adds_up_repeated_bones():
-    made = Weights(np.array([[0.5, 0.5]], dtype=np.float32), np.array([[1, 1]], dtype=np.uint16))
-    assert_array_equal(as_matrix(made, 3).toarray(), [[0, 1, 0]])
 
 
 def test_a_bone_without_motion_can_hold_vertices(bar):

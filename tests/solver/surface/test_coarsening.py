@@ -8,6 +8,8 @@ from solver.model import fields
 from solver.surface.coarsening import SAMPLES_PER_SQUARE_RADIUS, coarse_surface
 from solver.surface.mesh import SolverMesh
 
+from ..shapes import joined, tube
+
 
 def sheet(side, height=0.0):
     """A flat square of side² vertices, two edges of unit length a cell."""
@@ -30,29 +32,23 @@ def test_values_are_means_of_up_to_three_samples_which_keep_theirs(fine):
     assert_allclose(P[found.samples].toarray(), np.eye(len(found.samples)), rtol=0, atol=1e-12)
 
 
-def test_linear_functions_on_a_plane_are_exact_inside():
+def test_samples_are_a_radius_apart_vertices_near_them_and_linear_functions_on_a_plane_exact_inside():
     vertices, faces = sheet(60)
     found, radius = coarse(vertices, faces, 120)
     inside = (np.abs(vertices[:, :2] - 29.5) < 29.5 - 2 * radius).all(axis=1)
     assert inside.sum() > 500
     again = found.interpolation @ vertices[found.samples]
     assert_allclose(again[inside], vertices[inside], rtol=0, atol=1e-9)
-
-
-def test_samples_are_a_radius_apart_and_vertices_near_them():
-    vertices, faces = sheet(60)
-    found, radius = coarse(vertices, faces, 120)
     away = np.linalg.norm(vertices[found.samples][:, None] - vertices[found.samples], axis=2)
     assert away[~np.eye(len(away), dtype=bool)].min() >= radius
     assert np.linalg.norm(vertices[:, None] - vertices[found.samples], axis=2).min(axis=1).max() < radius
 
 
 def test_sheets_that_touch_in_space_only_do_not_mix():
-    one, faces = sheet(30)
-    vertices = np.concatenate([one, one + np.array([0, 0, 0.01])])
-    found, _ = coarse(vertices, np.concatenate([faces, faces + len(one)]), 60)
-    upper = (found.samples >= len(one)).astype(float)
-    assert_allclose(found.interpolation @ upper, np.arange(len(vertices)) >= len(one), rtol=0, atol=1e-15)
+    vertices, faces = joined(sheet(30), sheet(30, height=0.01))
+    found, _ = coarse(vertices, faces, 60)
+    upper = vertices[:, 2] > 0
+    assert_allclose(found.interpolation @ upper[found.samples], upper, rtol=0, atol=1e-15)
 
 
 def test_a_mesh_coarser_than_the_sample_is_its_own_sample(figure):
@@ -63,13 +59,8 @@ def test_a_mesh_coarser_than_the_sample_is_its_own_sample(figure):
 
 def test_a_thin_tube_is_a_chain_of_samples():
     """Each cell goes all the way round: no three cells meet, and values are interpolated along the tube."""
-    ring, rings = 8, 400
-    angle = 2 * np.pi * np.arange(ring) / ring
-    along = np.repeat(np.arange(rings), ring) * 0.5
-    vertices = np.column_stack([along, np.tile(np.cos(angle), rings), np.tile(np.sin(angle), rings)])
-    k = np.arange((rings - 1) * ring)
-    beside = k // ring * ring + (k + 1) % ring
-    faces = np.concatenate([np.column_stack([k, beside, k + ring]), np.column_stack([beside, beside + ring, k + ring])])
+    vertices, faces = tube(np.arange(400) * 0.5, 1.0, 8)
+    along = vertices[:, 0]
     found, _ = coarse(vertices, faces, 25)
     assert np.diff(found.interpolation.indptr).max() == 2
     again = found.interpolation @ along[found.samples]

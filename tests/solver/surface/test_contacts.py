@@ -6,43 +6,16 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from solver.surface.contacts import MAX_JOIN_DISTANCE_RATIO, TOUCH_DIAGONALS, PartSeparation, contacts
-from solver.surface.mesh import SolverMesh, weld
+from solver.surface.mesh import weld
+
+from ..shapes import box, joined, sphere
 
 TETRAHEDRON = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 TETRAHEDRON_FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 
-def together(*meshes):
-    """Put (vertices, faces) side by side as parts of one mesh."""
-    starts = np.cumsum([0] + [len(vertices) for vertices, _ in meshes])
-    vertices = np.concatenate([vertices for vertices, _ in meshes])
-    faces = np.concatenate([faces + start for (_, faces), start in zip(meshes, starts, strict=False)])
-    return weld(vertices, faces)
-
-
-def box(low, high, step):
-    """A closed box whose sides are split into squares of about `step`, wound in any direction."""
-    low, high = np.array(low, dtype=float), np.array(high, dtype=float)
-    counts = np.ceil((high - low) / step).astype(int) + 1
-    grid = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
-    shell = ((grid == 0) | (grid == counts - 1)).any(axis=-1)
-    number = np.full(counts, -1)
-    number[shell] = np.arange(shell.sum())
-    faces = []
-    for axis in range(3):
-        for end in (0, -1):
-            plane = np.take(number, end, axis=axis)
-            a, b, c, d = plane[:-1, :-1], plane[1:, :-1], plane[1:, 1:], plane[:-1, 1:]
-            quads = np.stack([a, b, c, d], axis=-1).reshape(-1, 4)
-            faces += [quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]
-    return low + grid[shell] / (counts - 1) * (high - low), np.concatenate(faces)
-
-
-def sphere(center, radius, rounds=2):
-    vertices, faces = igl.icosahedron()
-    for _ in range(rounds):
-        vertices, faces = igl.upsample(vertices, faces)
-    return np.array(center) + radius * vertices / np.linalg.norm(vertices, axis=1, keepdims=True), faces
+def together(*parts):
+    return weld(*joined(*parts))
 
 
 def groups(mesh, ties):
@@ -92,18 +65,8 @@ def test_an_edge_that_goes_through_another_part_ties_its_nearer_end():
     assert_allclose(ties.gap[of_post], 0.15)
 
 
-@pytest.mark.parametrize(("scale", "offset"), [(0.001, 5.0)])
-def test_contacts_do_not_depend_on_scale_or_place(scale, offset):
-    mesh = together(box([0, 0, 0], [1, 1, 1], 0.2), sphere([0.5, 0.6, 1.1], 0.2), sphere([0.5, 1.5, 0.5], 0.2))
-    there = SolverMesh(scale * mesh.vertices + offset, mesh.faces, mesh.of_render)
-    here, found = contacts(mesh), contacts(there)
-    assert_array_equal(found.vertices, here.vertices)
-    assert_allclose(apart(there, found), scale * apart(mesh, here), rtol=0, atol=1e-9 * there.diagonal)
-    assert_allclose(found.gap, scale * here.gap, atol=1e-9 * there.diagonal)
-
-
 def test_a_part_that_floats_is_tied_to_the_nearest_one_wherever_it_is_near_to_it():
-    ball, far = sphere([0.0, 0, 1.6], 0.45, rounds=3), box([5, 5, 5], [6, 6, 6], 0.5)
+    ball, far = sphere(3, 0.45, [0.0, 0, 1.6]), box([5, 5, 5], [6, 6, 6], 0.5)
     mesh = together(box([-1, -1, 0], [1, 1, 1], 0.2), ball, far)
     ties = contacts(mesh)
     to_box = (mesh.components[ties.vertices] == 1) & (mesh.components[ties.corners[:, 0]] == 0)
@@ -133,17 +96,6 @@ def test_any_scattered_parts_are_tied_into_one(seed):
     places = rng.normal(size=(300, 3)) * rng.choice([2.0, 20.0])
     mesh = together(*((place + rng.uniform(0.1, 2) * TETRAHEDRON, TETRAHEDRON_FACES) for place in places))
     assert groups(mesh, contacts(mesh)) == 1
-
-
-def test_thousands_of_loose_triangles_are_tied_into_one(figure):
-    corners = figure.vertices[figure.faces]
-    middle = corners.mean(axis=1, keepdims=True)
-    loose = (middle + 0.8 * (corners - middle)).reshape(-1, 3)
-    mesh = SolverMesh(loose, np.arange(len(loose)).reshape(-1, 3), np.arange(len(loose)))
-    assert mesh.parts > 1500
-    ties = contacts(mesh)
-    assert groups(mesh, ties) == 1
-    assert len(ties.vertices) < 4 * len(loose)
 
 
 # --- limbs at rest against the trunk
@@ -193,7 +145,7 @@ def test_separation_is_the_largest_distance_over_the_contacts_of_all_frames():
 
 @pytest.mark.parametrize(
     "other",
-    [sphere([0.5, 1.8, 0.5], 0.3), box([0.4, 0.85, 0.4], [0.6, 2.05, 0.6], 0.4)],
+    [sphere(2, 0.3, [0.5, 1.8, 0.5]), box([0.4, 0.85, 0.4], [0.6, 2.05, 0.6], 0.4)],
     ids=["floats free", "is stuck deep into the other"],
 )
 def test_separation_does_not_see_what_does_not_touch_at_rest(other):

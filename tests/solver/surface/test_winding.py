@@ -51,20 +51,7 @@ def test_three_triangles_at_an_edge_are_three_patches():
     assert_array_equal(wound, [[0, 1, 2], [0, 1, 3], [1, 0, 4]])
 
 
-def test_a_book_of_many_leaves_takes_no_more_than_its_leaves():
-    leaves = 200_000  # in pairs they would be 320 GB
-    faces = np.column_stack([np.zeros(leaves, np.int64), np.ones(leaves, np.int64), np.arange(leaves) + 2])
-    assert_array_equal(wound_consistently(faces)[1], np.arange(leaves))
-
-
 # --- edges
-
-
-def test_each_undirected_edge_stands_once():
-    edges, of_side, faces_of_edge = edges_of(np.array([[2, 0, 1], [1, 0, 3]]))
-    assert edges.tolist() == [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3]]
-    assert of_side.tolist() == [1, 0, 3, 0, 2, 4]
-    assert faces_of_edge.tolist() == [2, 1, 1, 1, 1]
 
 
 @pytest.mark.parametrize("count", [3, 30, 5000])
@@ -94,6 +81,3 @@ def test_no_faces_have_no_edges_and_no_pieces():
     edges, of_side, faces_of_edge = edges_of(np.zeros((0, 3), dtype=np.int64))
     assert (edges.shape, len(of_side), len(faces_of_edge)) == ((0, 2), 0, 0)
     assert len(pieces(of_side, 0)) == 0
-
-
-# --- wound_outwards

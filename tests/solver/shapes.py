@@ -1,0 +1,97 @@
+"""Surfaces of simple shapes, vertices (n, 3) and triangles (t, 3), and bones."""
+
+from itertools import pairwise
+
+import igl
+import numpy as np
+
+from solver.model.bones import Bones
+from solver.surface.mesh import weld
+
+
+def distance_to_capsule(points, start, end, radius):
+    start, along = np.array(start), np.array(end) - np.array(start)
+    share = np.clip((points - start) @ along / (along @ along), 0, 1)
+    return np.linalg.norm(points - start - share[:, None] * along, axis=1) - radius
+
+
+def march(capsules, low, high, step):
+    """The union of capsules (from, to, radius)."""
+    low = np.array(low)
+    counts = np.ceil((np.array(high) - low) / step).astype(int) + 1
+    grid = igl.grid(counts) * ((counts - 1) * step) + low
+    distance = np.min([distance_to_capsule(grid, *capsule) for capsule in capsules], axis=0)
+    v, f, _ = igl.marching_cubes(distance, grid, *map(int, counts), 0.0)
+    return v, f
+
+
+def body_of(limbs, step=0.035):
+    """The mesh of a character that is a union of capsules."""
+    ends = np.array([end for limb in limbs for end in limb[:2]])
+    reach = max(limb[2] for limb in limbs) + 2 * step + 0.0013  # no vertex of the grid on a limb's axis
+    return weld(*march(limbs, ends.min(axis=0) - reach, ends.max(axis=0) + reach, step))
+
+
+def box(low, high, step=np.inf):
+    """A closed box whose sides are split into squares of about `step`, wound in any direction."""
+    low, high = np.array(low, dtype=float), np.array(high, dtype=float)
+    counts = np.maximum(np.ceil((high - low) / step), 1).astype(int) + 1
+    grid = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
+    shell = ((grid == 0) | (grid == counts - 1)).any(axis=-1)
+    number = np.full(counts, -1)
+    number[shell] = np.arange(shell.sum())
+    faces = []
+    for axis in range(3):
+        for end in (0, -1):
+            plane = np.take(number, end, axis=axis)
+            a, b, c, d = plane[:-1, :-1], plane[1:, :-1], plane[1:, 1:], plane[:-1, 1:]
+            quads = np.stack([a, b, c, d], axis=-1).reshape(-1, 4)
+            faces += [quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]
+    return low + grid[shell] / (counts - 1) * (high - low), np.concatenate(faces)
+
+
+def sphere(rounds=2, radius=1.0, center=(0, 0, 0)):
+    """An icosahedron that is subdivided some times."""
+    vertices, faces = igl.icosahedron()
+    for _ in range(rounds):
+        vertices, faces = igl.upsample(vertices, faces)
+    unit = vertices / np.linalg.norm(vertices, axis=1, keepdims=True)
+    return np.array(center) + radius * unit, faces.astype(np.int64)
+
+
+def tube(x, radius, sides, *, closed=False):
+    """Rings of a radius about the x axis."""
+    angles, radii = np.tile(np.arange(sides) * 2 * np.pi / sides, len(x)), np.repeat(radius * np.ones(len(x)), sides)
+    vertices = np.column_stack([np.repeat(x, sides), radii * np.cos(angles), radii * np.sin(angles)])
+    k = np.arange(len(vertices) - sides)
+    beside, j = k // sides * sides + (k + 1) % sides, np.arange(1, sides - 1)
+    faces = [np.column_stack([k, beside, k + sides]), np.column_stack([beside, beside + sides, k + sides])]
+    if closed:
+        fan = np.column_stack([0 * j, j, j + 1])
+        faces += [fan[:, ::-1], fan + len(k)]
+    return vertices, np.concatenate(faces)
+
+
+def joined(*parts):
+    """Surfaces side by side."""
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
+    faces = [faces + start for (_, faces), start in zip(parts, starts, strict=False)]
+    return np.concatenate([vertices for vertices, _ in parts]), np.concatenate(faces)
+
+
+def needles(vertices, faces, some, height):
+    """Split some of the triangles just off the middle of an edge: three for one, of which one is a needle."""
+    a, b, c = faces[some].T
+    new, middle = len(vertices) + np.arange(len(a)), (vertices[a] + vertices[b]) / 2
+    split = [np.column_stack(corners) for corners in ((a, b, new), (b, c, new), (c, a, new))]
+    return np.concatenate([vertices, middle + height * (vertices[c] - middle)]), np.concatenate([faces[~some], *split])
+
+
+def chains(*limbs):
+    """Bones of limbs (parent, points), with the number of the parent bone; the first limb is the trunk."""
+    rows = []
+    for number, (parent, points) in enumerate(limbs, -1):
+        for k, (head, tail) in enumerate(pairwise(points)):
+            rows.append((head, tail, len(rows) - 1 if k else parent, number))
+    heads, tails, parents, numbers = (np.array(column) for column in zip(*rows, strict=True))
+    return Bones(heads.astype(float), tails.astype(float), parents, numbers)

@@ -14,6 +14,7 @@ from ctypes import POINTER, Structure, c_char, c_char_p, c_double, c_float, c_ui
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
 
 VERSIONS = {(5, 1), (5, 2)}
 BASE_COLOR = 12
@@ -117,23 +118,12 @@ def straight(a, b, share):
 
 
 def arc(a, b, share):
-    cosine = float(a @ b)
-    b, cosine = (-b, -cosine) if cosine < 0 else (b, cosine)
-    angle = np.arccos(min(cosine, 1.0))
-    if angle < 1e-6:
-        return straight(a, b, share)
-    return (np.sin((1 - share) * angle) * a + np.sin(share * angle) * b) / np.sin(angle)
+    return np.roll(Slerp([0, 1], rotation([a, b]))(share).as_quat(), 1)
 
 
-def rotation(quaternion):
-    w, x, y, z = quaternion / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+def rotation(quaternions):
+    """Return the rotations of quaternions whose scalar comes first."""
+    return Rotation.from_quat(np.roll(quaternions, -1, axis=-1))
 
 
 class Player:
@@ -193,7 +183,9 @@ class Player:
             if name in self.channels:
                 positions, rotations, scalings = self.channels[name]
                 local = np.eye(4)
-                local[:3, :3] = rotation(between(*rotations, ticks, arc)) * between(*scalings, ticks, straight)
+                local[:3, :3] = rotation(between(*rotations, ticks, arc)).as_matrix() * between(
+                    *scalings, ticks, straight
+                )
                 local[:3, 3] = between(*positions, ticks, straight)
             matrices.append(local if parent < 0 else matrices[parent] @ local)
         return matrices

@@ -65,27 +65,6 @@ def test_an_own_mesh_moves_after_at_most_six_clicks_and_the_page_says_what_is_un
     window.page.get_by_text("What Puppetline guessed").click()
 
 
-def test_record_export_and_download_what_convert_makes_of_the_take(studio, window, horse, commands, tmp_path, request):
-    name = record(window)
-    window.until("state.recording?.kind === 'take'")
-    window.button("Export").click()
-    window.until("state.exported")
-    offer = window.page.get_by_role("button", name=re.compile("^Download "))
-    shown = offer.bounding_box()
-    assert shown["y"] + shown["height"] <= window.page.viewport_size["height"]  # without scrolling
-    exported = window.save(offer.click, tmp_path / "exported.glb")
-
-    puppet = window.save(window.button("Save the character").click, tmp_path / "pegasus.toml")
-    mesh = re.search(r'mesh = "([^"]+)"', puppet.read_text())
-    (tmp_path / mesh[1]).write_bytes(horse.read_bytes())
-    (log,) = (studio.folder / "takes").glob(f"{name}*")
-    converted = tmp_path / "converted.glb"
-    result = commands.run("convert", log, "--puppet", puppet, "-o", converted)
-    assert result.returncode == 0, result.stderr
-    assert exported.read_bytes() == converted.read_bytes()
-    request.getfixturevalue("assert_valid_gltf")(exported)
-
-
 def test_a_recording_that_is_dropped_on_the_page_performs(window):
     """The recording is in the format of UTKinect-Action3D."""
     rows = [

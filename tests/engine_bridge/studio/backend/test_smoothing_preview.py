@@ -26,14 +26,6 @@ def test_the_numbers_are_those_of_the_documentation(smoothing, rise, overshoot, 
     assert found.jitter_mm == pytest.approx(noise, rel=0.25 if lag > 100 else 0.05)
 
 
-def test_without_smoothing_the_curve_is_what_was_measured():
-    found = preview(UNSMOOTHED)
-    assert np.allclose(found.smoothed, found.measured, atol=1e-12)
-    assert len(found.times) == len(found.measured) == 75
-    assert found.jitter_mm == pytest.approx(5.0, rel=0.02)
-    assert found.lag_ms == pytest.approx(0.0, abs=1e-9)
-
-
 def swinging(noise):
     """Return times and positions of a joint that swings along y for three seconds."""
     times = np.arange(90) / FRAMES_PER_SECOND

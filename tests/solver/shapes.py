@@ -33,7 +33,7 @@ def body_of(limbs, step=0.035):
 
 
 def box(low, high, step=np.inf):
-    """A closed box whose sides are split into squares of about `step`, wound in any direction."""
+    """A closed box whose sides are split into squares of about `step`."""
     low, high = np.array(low, dtype=float), np.array(high, dtype=float)
     counts = np.maximum(np.ceil((high - low) / step), 1).astype(int) + 1
     grid = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
@@ -45,7 +45,7 @@ def box(low, high, step=np.inf):
         for end in (0, -1):
             plane = np.take(number, end, axis=axis)
             a, b, c, d = plane[:-1, :-1], plane[1:, :-1], plane[1:, 1:], plane[:-1, 1:]
-            quads = np.stack([a, b, c, d], axis=-1).reshape(-1, 4)
+            quads = np.stack([a, b, c, d], axis=-1).reshape(-1, 4)[:, :: 1 if (end == 0) == (axis == 1) else -1]
             faces += [quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]
     return low + grid[shell] / (counts - 1) * (high - low), np.concatenate(faces)
 

@@ -7,6 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from solver.model import clusters, fields
 from solver.model.clusters import CLUSTER_COUNT, EDGE_WEIGHT, rotation_clusters
+from solver.model.reduced_model import build
+from solver.surface.contacts import contacts
 from solver.surface.mesh import SolverMesh
 
 
@@ -48,39 +50,23 @@ def test_a_small_mesh_has_fewer_and_equal_vertices_share_one():
 # --- the energy
 
 
-@pytest.fixture(scope="module")
-def operator(creature, creature_model):
-    unit = SolverMesh(creature_model.to_model(creature.vertices), creature.faces, creature.of_render)
+def test_energy_is_the_bending_of_the_surface_with_its_ties_and_the_stretch_of_its_edges(two_parts, surface):
+    """Written out for all vertices and edges, at three surfaces with three sets of rotations."""
+    model = build(two_parts)
+    rest = model.to_model(two_parts.vertices)
+    unit = SolverMesh(rest, two_parts.faces, two_parts.of_render)
     L, mass = fields.laplacian(unit)
-    return L.toarray(), mass, unit.vertices
-
-
-def edges_of(L):
-    i, j = np.nonzero(np.triu(L, 1))
-    return np.concatenate([i, j]), np.concatenate([j, i])
-
-
-def test_energy_is_the_bending_of_the_surface_and_the_stretch_of_its_edges(creature_model, operator, surface, creature):
-    """Written out for all vertices and edges, at two surfaces with two sets of rotations."""
-    model, (L, mass, rest) = creature_model, operator
-    i, j = edges_of(L)
-    gamma = EDGE_WEIGHT * np.trace(model.A) / (2 * sum(_dirichlet(model, L, rest)))
+    tied, L = fields.energy_operator(L, contacts(unit), mass, 1.0), L.toarray()
+    i, j = np.nonzero(L - np.diag(np.diag(L)))
+    W = model.position_matrix(two_parts.vertices).toarray()
+    gamma = EDGE_WEIGHT * np.trace(model.A) / (2 * np.trace(-W.T @ L @ W))
     rng, constant = np.random.default_rng(1), []
     for turns in Rotation.random(3 * CLUSTER_COUNT, random_state=0).as_matrix().reshape(3, -1, 3, 3):
         R = model.rest_controls + 0.1 * rng.normal(size=model.rest_controls.shape)
-        moved, each = model.to_model(surface(model, creature, R)), turns[model.cluster]
-        bending = np.sum((L @ moved - np.einsum("vi,vij->vj", L @ rest, each)) ** 2 / mass[:, None])
+        moved, each = model.to_model(surface(model, two_parts, R)), turns[model.cluster]
+        bending = np.sum((tied @ moved - np.einsum("vi,vij->vj", tied @ rest, each)) ** 2 / mass[:, None])
         edges = (moved[i] - moved[j]) - np.einsum("ei,eij->ej", rest[i] - rest[j], each[i])
         plain = bending + gamma * np.sum(L[i, j][:, None] * edges**2)
         reduced = np.sum(R * (model.A_clusters @ R)) - 2 * np.sum(R * (model.B_clusters @ turns.reshape(-1, 3)))
         constant.append(plain - reduced)
     assert_allclose(constant, constant[0], rtol=1e-9)
-
-
-def _dirichlet(model, L, rest):
-    """The trace of −WᵀLW, column by column."""
-    for field, weight in enumerate(model.weights):
-        for k in range(10):
-            phi = weight * np.maximum(0, 1 - np.abs(model.isoline_coordinates[:, field].astype(np.float64) - k))
-            for column in (*rest.T, np.ones(len(rest))):
-                yield -(phi * column) @ L @ (phi * column)

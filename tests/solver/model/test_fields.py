@@ -138,8 +138,9 @@ def test_weights_are_those_of_equations_2_and_3(creature):
 
 
 def test_scale_place_and_order_of_the_vertices_do_not_show_in_the_deformation(creature, creature_handles, turn):
-    """Of a character of two parts, by bones and handles."""
-    vertices, faces = joined((creature.vertices, creature.faces), box([1.2, 0.9, 0.1], [1.5, 1.2, 0.4]))
+    """Of a character with a part beside it and one that touches it, by bones and handles."""
+    beside, touching = box([1.2, 0.9, 0.1], [1.5, 1.2, 0.4]), box([-1.1, 0.9, -0.5], [-0.9, 1.2, -0.3], 0.1)
+    vertices, faces = joined((creature.vertices, creature.faces), beside, touching)
     order, place = np.random.default_rng(3).permutation(len(vertices)), np.array([-3.0, 6.0, -1.5])
     points, leg = [[-1.2, 0, 0], [0, 0.2, 0], [0.9, 0.9, 0.2]], [[0.05, -0.2, 0.07], [0.2, -1.1, 0.3]]
     targets, turns = motion(creature_handles), np.stack([turn(bone, 20) for bone in range(3)])

@@ -64,6 +64,12 @@ def posed(bones, turn, degrees):
     return motions
 
 
+def hats_of(model):
+    """Shares (n, 80) of the isolines in each vertex."""
+    hats = np.maximum(0, 1 - np.abs(model.isoline_coordinates[:, :, None] - np.arange(10.0)))
+    return hats.reshape(len(hats), -1)
+
+
 NO_HANDLES = np.zeros((0, 3))
 
 
@@ -113,9 +119,9 @@ def test_the_solution_with_bones_is_that_of_the_dense_least_squares_problem(
     at = np.einsum("vb,vx,bxk->vk", shares, np.column_stack([creature.vertices, np.ones(len(rest))]), motions)
     held = np.sqrt(area * (shares @ (1 / (shares.T @ area))) * shares.max(axis=1) ** BLEND_POWER)[:, None]
     bones = np.sqrt(BONE_STIFFNESS * scale / np.sum((held * W) ** 2)) * held
-    hats = np.maximum(0, 1 - np.abs(model.isoline_coordinates[:, :, None] - np.arange(10.0))).reshape(len(rest), 80)
-    near = np.array([hats[regions.owner == b].T @ creature.vertex_areas[regions.owner == b] for b in range(6)])
-    near /= np.maximum(hats.T @ creature.vertex_areas, 1e-300)  # an isoline may have no vertex near it
+    hats = hats_of(model)
+    near = np.array([hats[regions.owner == b].T @ area[regions.owner == b] for b in range(6)])
+    near /= np.maximum(hats.T @ area, 1e-300)  # an isoline may have no vertex near it
     near += DISTANT_BONE_WEIGHT * near.mean(axis=1, keepdims=True)
     near /= near.sum(axis=0)
     in_model_units = motions.copy()
@@ -143,10 +149,7 @@ def test_rotations_are_drawn_to_the_bones_that_hold_them(bound, creature, model,
         (reader @ R).reshape(80, 3, 3),
         np.trace((reader @ model.rest_controls).reshape(80, 3, 3), axis1=1, axis2=2),
     )
-    together = np.eye(80)[model.cluster]
-    if mode == "covariance":
-        isoline_coordinates = model.isoline_coordinates.astype(np.float64)[:, :, None]
-        together = np.maximum(0, 1 - np.abs(isoline_coordinates - np.arange(10))).reshape(len(isoline_coordinates), 80)
+    together = np.eye(80)[model.cluster] if mode == "clusters" else hats_of(model)
     regions = model.regions
     area = creature.vertex_areas
     for b in range(6):

@@ -347,9 +347,10 @@ def assert_valid_gltf(validate: Callable[[Path], dict[str, Any]]) -> Callable[[P
 
 @dataclass(frozen=True)
 class PlayedMesh:
-    """A mesh as three.js deforms it: (n, V, 3) world positions and unit normals; None if the mesh has no normals."""
+    """A primitive as three.js deforms it: (n, V, 3) world positions and unit normals; None if it has no normals."""
 
-    name: str
+    part: tuple[int, int]
+    """The node and the primitive of the file."""
     positions: NDArray[np.float32]
     normals: NDArray[np.float32] | None
 
@@ -378,7 +379,7 @@ def play(node: Callable[..., str], tmp_path: Path) -> Callable[[Path, int], Play
             np.array(scene["times"]),
             [
                 PlayedMesh(
-                    mesh["name"],
+                    (mesh["node"], mesh["primitive"]),
                     block(mesh["positions"], mesh["count"]),
                     None if mesh["normals"] is None else block(mesh["normals"], mesh["count"]),
                 )

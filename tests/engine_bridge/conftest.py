@@ -187,9 +187,13 @@ class Glb:
     def add(self, array, target=gltf.ARRAY_BUFFER, normalized=False):
         codes = {"u1": 5121, "u2": 5123, "u4": 5125, "f4": 5126, "i1": 5120, "i2": 5122}
         flat = array.reshape(len(array), -1)
+        padding = -flat[:1].nbytes % 4 // flat.itemsize if target == gltf.ARRAY_BUFFER else 0
+        view = self.view(np.pad(flat, [(0, 0), (0, padding)]).tobytes(), target)
+        if padding:
+            self.file.bufferViews[view].byteStride = (flat.shape[1] + padding) * flat.itemsize
         self.file.accessors.append(
             gltf.Accessor(
-                bufferView=self.view(np.ascontiguousarray(array).tobytes(), target),
+                bufferView=view,
                 componentType=codes[array.dtype.str[1:]],
                 count=len(array),
                 type={1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}[flat.shape[1]],
@@ -202,10 +206,11 @@ class Glb:
 
     def primitive(self, positions, indices=None, mode=None, material=None, targets=(), **attributes):
         """Arrays in, primitive out; `targets` are dicts of arrays."""
-        arrays = {"POSITION": np.asarray(positions, np.float32), **attributes}
+        positions = np.asarray(positions)
+        arrays = {"POSITION": positions if positions.dtype.kind == "u" else np.float32(positions), **attributes}
         return gltf.Primitive(
             attributes=gltf.Attributes(
-                **{key: self.add(array, normalized=array.dtype.kind == "u") for key, array in arrays.items()}
+                **{key: self.add(array, normalized=array.dtype.kind in "iu") for key, array in arrays.items()}
             ),
             indices=None if indices is None else self.add(self._indices(indices), gltf.ELEMENT_ARRAY_BUFFER),
             mode=mode,

@@ -6,9 +6,9 @@ import igl
 import numpy as np
 import pytest
 
-from ..export.conftest import raw, variant, variants
+from ..export.conftest import variant, variants
 
-__all__ = ["raw", "variant", "variants"]
+__all__ = ["variant", "variants"]
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
 SIDES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], np.uint16)

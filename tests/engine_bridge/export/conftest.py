@@ -1,9 +1,8 @@
 """One figure in many variants of glTF files."""
 
-import hashlib
 import io
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache, cached_property
 from pathlib import Path
 
 import igl
@@ -14,6 +13,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation, Slerp
 
 from engine_bridge.character.character import load_character
+from engine_bridge.character.document_reader import load_document
 from engine_bridge.export.convert import Summary, convert
 from engine_bridge.performance.clip import Clip
 from engine_bridge.performance.settings import Settings
@@ -35,17 +35,6 @@ def part_of(shape, chosen):
     return used, corners.reshape(-1, 3).astype(np.uint32)
 
 
-def add_texture(glb):
-    """Add a material with squares."""
-    png = io.BytesIO()
-    Image.fromarray((np.indices((8, 8)).sum(0) % 2 * 255).astype(np.uint8)).save(png, "PNG")
-    glb.file.images = [gltf.Image(bufferView=glb.view(png.getvalue()), mimeType="image/png", name="squares")]
-    glb.file.samplers = [gltf.Sampler(magFilter=9728)]
-    glb.file.textures = [gltf.Texture(source=0, sampler=0)]
-    surface = gltf.PbrMetallicRoughness(baseColorTexture=gltf.TextureInfo(index=0), roughnessFactor=0.3)
-    glb.file.materials = [gltf.Material(name="squares", pbrMetallicRoughness=surface, doubleSided=True)]
-
-
 def add_animation(glb, name, node, path, times, values, pointer=None):
     """Add an animation with one channel, of a node or of a pointer, that interpolates values between times."""
     keys = [glb.add(np.float32(array), None) for array in (times, values)]
@@ -58,38 +47,23 @@ def add_animation(glb, name, node, path, times, values, pointer=None):
 
 
 def textured(glb, shape):
-    add_texture(glb)
+    png = io.BytesIO()
+    Image.fromarray((np.indices((8, 8)).sum(0) % 2 * 255).astype(np.uint8)).save(png, "PNG")
+    glb.file.images = [gltf.Image(bufferView=glb.view(png.getvalue()), mimeType="image/png", name="squares")]
+    glb.file.samplers = [gltf.Sampler(magFilter=9728)]
+    glb.file.textures = [gltf.Texture(source=0, sampler=0)]
+    surface = gltf.PbrMetallicRoughness(baseColorTexture=gltf.TextureInfo(index=0), roughnessFactor=0.3)
+    glb.file.materials = [gltf.Material(name="squares", pbrMetallicRoughness=surface, doubleSided=True)]
     more = {"NORMAL": shape.normals, "TEXCOORD_0": shape.uv}
     glb.show(shape.vertices, shape.faces, material=0, **more)
     return [shape.vertices]
 
 
-def colored(glb, shape):
-    rgba = np.round(np.column_stack([shape.colors, np.ones(len(shape.colors))]) * 255).astype(np.uint8)
-    more = {"NORMAL": shape.normals, "COLOR_0": rgba}
-    glb.node(glb.mesh(glb.primitive(shape.vertices, shape.faces.astype(np.uint16), **more), name="colored"))
-    return [shape.vertices]
-
-
-def float_colors(glb, shape):
-    more = {"NORMAL": shape.normals, "COLOR_0": shape.colors}
-    glb.show(shape.vertices, shape.faces, **more)
-    return [shape.vertices]
-
-
-def without_normals(glb, shape):
-    glb.show(shape.vertices, shape.faces.astype(np.uint16))
-    return [shape.vertices]
-
-
-def without_indices(glb, shape):
-    corners = shape.faces.ravel()
-    glb.show(shape.vertices[corners], NORMAL=shape.normals[corners])
-    return [shape.vertices[corners]]
-
-
 def several_primitives(glb, shape):
-    glb.file.materials = [gltf.Material(name=name) for name in ("left", "right")]
+    glb.file.materials = [
+        gltf.Material(name=name, pbrMetallicRoughness=gltf.PbrMetallicRoughness(baseColorFactor=color))
+        for name, color in (("left", [0.8, 0.2, 0.1, 1]), ("right", [0.1, 0.3, 0.9, 1]))
+    ]
     left = shape.vertices[shape.faces].mean(axis=1)[:, 0] > 0
     primitives, shown = [], []
     for material, chosen in enumerate((left, ~left)):
@@ -101,11 +75,30 @@ def several_primitives(glb, shape):
     return shown
 
 
-def with_lines(glb, shape):
-    surface = glb.primitive(shape.vertices, shape.faces, NORMAL=shape.normals)
-    outline = glb.primitive(shape.vertices[:10], mode=gltf.LINE_STRIP)
-    glb.node(glb.mesh(outline, surface))
-    return [shape.vertices]
+def mixed_primitives(glb, shape):
+    """Lines, and parts with colours of bytes, with colours of floats and no normals, and without indices."""
+    first, second, third = np.array_split(np.arange(len(shape.faces)), 3)
+    (some, faces), (others, more), corners = part_of(shape, first), part_of(shape, second), shape.faces[third].ravel()
+    rgba = np.round(np.pad(shape.colors, [(0, 0), (0, 1)], constant_values=1) * 255).astype(np.uint8)
+    at, normals = shape.vertices, shape.normals
+    glb.node(
+        glb.mesh(
+            glb.primitive(at[:10], mode=gltf.LINE_STRIP),
+            glb.primitive(at[some], faces.astype(np.uint16), NORMAL=normals[some], COLOR_0=rgba[some]),
+            glb.primitive(at[others], more, COLOR_0=shape.colors[others]),
+            glb.primitive(at[corners], NORMAL=normals[corners]),
+            name="mixed",
+        )
+    )
+    return [at[some], at[others], at[corners]]
+
+
+def transform(place=(0, 0, 0), turn=(0, 0, 0), scale=(1, 1, 1)):
+    """Return a (4, 4) matrix for column vectors; Euler angles in degrees."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_euler("xyz", turn, degrees=True).as_matrix() * scale
+    matrix[:3, 3] = place
+    return matrix
 
 
 def local(points, normals, to_world):
@@ -120,13 +113,10 @@ def local(points, normals, to_world):
 
 def node_transforms(glb, shape):
     """Head and arms, legs and the rest under nodes that are turned, stretched and mirrored."""
-    turn = Rotation.from_euler("xyz", [30, -50, 110], degrees=True)
-    above = glb.node(translation=[0.5, -1.0, 2.0], rotation=turn.as_quat().tolist(), name="above")
-    to_above = np.eye(4)
-    to_above[:3, :3], to_above[:3, 3] = turn.as_matrix(), [0.5, -1.0, 2.0]
-    mirror = np.diag([-1.0, 2.0, 0.5, 1.0])
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = 3 * Rotation.from_euler("z", 70, degrees=True).as_matrix(), [0.0, 0.3, 0.1]
+    to_above = transform([0.5, -1.0, 2.0], [30, -50, 110])
+    turn = Rotation.from_matrix(to_above[:3, :3]).as_quat().tolist()
+    above = glb.node(translation=[0.5, -1.0, 2.0], rotation=turn, name="above")
+    mirror, matrix = transform(scale=[-1, 2, 0.5]), transform([0.0, 0.3, 0.1], [0, 0, 70], [3, 3, 3])
     height = shape.vertices[shape.faces].mean(axis=1)[:, 1]
     shown = []
     for chosen, to_world, where in (
@@ -177,10 +167,7 @@ def own_targets(glb, shape):
 
 def skinned(glb, shape):
     """Two bones that are bent from the bind pose and blended at the waist; the mesh's node is elsewhere."""
-    turn = Rotation.from_euler("xyz", [20, -35, 50], degrees=True)
-    lower, upper = np.eye(4), np.eye(4)
-    lower[:3, 3] = [0.2, -0.1, 0.4]
-    upper[:3, :3], upper[:3, 3] = turn.as_matrix() * 1.5, [0.1, 0.3, 0.0]
+    lower, upper = transform([0.2, -0.1, 0.4]), transform([0.1, 0.3, 0.0], [20, -35, 50], [1.5] * 3)
     share = np.clip(shape.vertices[:, 1] / 0.6, 0, 1).astype(np.float32)
     share = np.column_stack([1 - share, share, np.zeros((len(share), 2), np.float32)])
     blend = np.einsum("nj,jab->nab", share[:, :2].astype(np.float64), [lower, lower @ upper])
@@ -188,11 +175,9 @@ def skinned(glb, shape):
     bound = (np.einsum("nab,nb->na", back[:, :3, :3], shape.vertices) + back[:, :3, 3]).astype(np.float32)
     normals = np.einsum("nba,nb->na", blend[:, :3, :3], shape.normals)
     normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
-    hip = glb.node(translation=[0.2, -0.1, 0.4], name="hip")
-    chest = glb.node(
-        parent=hip, translation=[0.1, 0.3, 0.0], rotation=turn.as_quat().tolist(), scale=[1.5] * 3, name="chest"
-    )
-    identity = np.tile(np.eye(4, dtype=np.float32), (2, 1, 1)).reshape(2, 16)
+    hip = glb.node(matrix=lower.T.ravel().tolist(), name="hip")
+    chest = glb.node(parent=hip, matrix=upper.T.ravel().tolist(), name="chest")
+    identity = np.tile(np.eye(4, dtype=np.float32).reshape(1, 16), (2, 1))
     glb.file.skins = [gltf.Skin(joints=[hip, chest], inverseBindMatrices=glb.add(identity, None), name="bones")]
     joints = (np.array([0, 1, 0, 0]) * (share > 0)).astype(np.uint8)
     primitive = glb.primitive(bound, shape.faces, NORMAL=normals)
@@ -205,20 +190,7 @@ def quantized(glb, shape):
     """Positions of 16 bits, which the node's transform restores (KHR_mesh_quantization)."""
     low, size = shape.vertices.min(axis=0), float(np.ptp(shape.vertices, axis=0).max())
     stored = np.round((shape.vertices - low) / size * 65535).astype(np.uint16)
-    normals = np.round(shape.normals * 127).astype(np.int8)
-    primitive = glb.primitive(np.zeros((3, 3)), shape.faces)
-    padded = np.zeros((len(stored), 4), np.uint16)
-    padded[:, :3] = stored
-    primitive.attributes.POSITION = glb.add(padded, normalized=True)
-    glb.file.accessors[-1].type = "VEC3"
-    glb.file.accessors[-1].min, glb.file.accessors[-1].max = (
-        [float(x) for x in f(stored, axis=0)] for f in (np.min, np.max)
-    )
-    glb.file.bufferViews[-1].byteStride = 8
-    primitive.attributes.NORMAL = glb.add(np.pad(normals, ((0, 0), (0, 1))), normalized=True)
-    glb.file.accessors[-1].type = "VEC3"
-    glb.file.accessors[-1].min = glb.file.accessors[-1].max = None
-    glb.file.bufferViews[-1].byteStride = 4
+    primitive = glb.primitive(stored, shape.faces, NORMAL=np.round(shape.normals * 127).astype(np.int8))
     glb.file.extensionsUsed = glb.file.extensionsRequired = ["KHR_mesh_quantization"]
     glb.node(glb.mesh(primitive), translation=low.tolist(), scale=[size] * 3)
     return [(stored / np.float32(65535)).astype(np.float64) * size + low]
@@ -248,16 +220,16 @@ def strips_and_fans(glb, shape):
 
 
 def bare_scene(glb, shape):
-    """No scene, so that all nodes without a parent are shown."""
-    mesh = glb.mesh(glb.primitive(shape.vertices, shape.faces, NORMAL=shape.normals))
+    """No normals, and no scene, so that all nodes without a parent are shown."""
+    mesh = glb.mesh(glb.primitive(shape.vertices, shape.faces))
     glb.node(mesh, parent=glb.node(translation=[0, 0.5, 0]))
     glb.file.scene, glb.file.scenes = None, []
     return [shape.vertices + np.float32([0, 0.5, 0])]
 
 
 VARIANTS = [
-    *(textured, colored, float_colors, without_normals, without_indices, several_primitives, with_lines),
-    *(node_transforms, shared_mesh, own_targets, skinned, quantized, strips_and_fans, bare_scene),
+    *(textured, several_primitives, mixed_primitives, node_transforms, shared_mesh),
+    *(own_targets, skinned, quantized, strips_and_fans, bare_scene),
 ]
 
 
@@ -269,6 +241,8 @@ def variants(blob, new_glb, tmp_path_factory):
     def make(build):
         glb = new_glb()
         shown = build(glb, blob)
+        for number, each in enumerate((*glb.file.nodes, *glb.file.meshes)):
+            each.name = each.name or f"thing_{number}"
         return Variant(build.__name__, glb.save(folder / f"{build.__name__}.glb"), shown)
 
     return {build.__name__: make(build) for build in VARIANTS}
@@ -282,9 +256,10 @@ def variant(request, variants):
 
 @dataclass(frozen=True)
 class Export:
-    """A variant, and the clip and summary of its conversion."""
+    """A variant, and the form, clip and summary of its conversion."""
 
     variant: Variant
+    form: str
     clip: Clip
     summary: Summary
 
@@ -292,78 +267,70 @@ class Export:
     def path(self):
         return Path(self.summary.output)
 
+    @property
+    def diagonal(self):
+        return self.clip.rig.mesh.diagonal
 
-EXPORTS = [*((build.__name__, True) for build in VARIANTS), *((name, False) for name in ("own_targets", "bare_scene"))]
-"""Names of the variants that are converted, and whether the puppet has a root."""
-
-
-@pytest.fixture(scope="session")
-def exports(variants, take, write_puppet):
-    """All variants converted, by name and whether the puppet has a root."""
-
-    def make(variant, root):
-        name = f"{variant.name}_{'root' if root else 'still'}"
-        puppet = write_puppet(variant.path.with_name(f"{name}.toml"), variant.path.name, root=root)
-        return Export(variant, *convert(take, puppet, variant.path.with_name(f"{name}_out.glb"), Settings()))
-
-    return {(name, root): make(variants[name], root) for name, root in EXPORTS}
+    @cached_property
+    def raw(self):
+        return Raw(self.path)
 
 
 REAL = ("cubevc", "kenney/character", "khronos_Fox", "nested", "quaternius_Adventurer")
 """Characters of others: colours, nodes that move, a skin without indices, nested nodes, fifteen surfaces."""
 
+STILL = ("own_targets", "bare_scene")
+"""Variants that are converted without a root as well."""
+
+EXPORTS = [
+    *((build.__name__, form) for build in VARIANTS for form in ("morph", "rig")),
+    *((name, "frames") for name in ("textured", "node_transforms", "own_targets", "skinned")),
+    *((name, "still") for name in STILL),
+    *((name, "morph") for name in REAL),
+]
+"""Names of characters, and the form of each; "still" are morph targets without a root."""
+
 
 @pytest.fixture(scope="session")
-def real_export(real_data, take, tmp_path_factory):
-    """Convert a real character, moved by handles at its six outermost points."""
-    folder = tmp_path_factory.mktemp("real")
+def exported(variants, take, write_puppet, request, tmp_path_factory):
+    """Convert a character; real ones are moved by handles at their six outermost points."""
+    folder = tmp_path_factory.mktemp("exported")
 
     @cache
-    def make(name):
-        path, puppet = real_data / "mesh" / "gltf" / f"{name}.glb", folder / f"{Path(name).name}.toml"
-        character = load_character(path)
-        handles = outermost_handles(character.vertices)
-        puppet.write_text(f'[character]\nmesh = "{path}"\n\n{handles}[root]\n\n[solver]\nfields = 5\nisolines = 6\n')
-        shown = [part.vertices for part in character.parts]
-        variant = Variant(name, path, shown)
-        return Export(variant, *convert(take, puppet, puppet.with_suffix(".glb"), Settings()))
+    def make(name, form):
+        if name in REAL:
+            path = request.getfixturevalue("real_data") / "mesh" / "gltf" / f"{name}.glb"
+            character = load_character(path)
+            variant = Variant(name, path, [part.vertices for part in character.parts])
+            options = {"handles": outermost_handles(character.vertices), "more": "[solver]\nfields = 5\nisolines = 6\n"}
+        else:
+            variant, options = variants[name], {"root": form != "still"}
+        puppet = write_puppet(folder / f"{variant.path.stem}_{form}.toml", variant.path, **options)
+        settings = Settings(form="morph" if form == "still" else form)
+        return Export(variant, form, *convert(take, puppet, puppet.with_suffix(".glb"), settings))
 
     return make
 
 
-@pytest.fixture(params=[*EXPORTS, *REAL], ids=str)
-def export(request):
+@pytest.fixture(params=EXPORTS, ids=" as ".join)
+def export(request, exported):
     """Each exported file in turn, of the variants and of real characters."""
-    if request.param in REAL:
-        return request.getfixturevalue("real_export")(request.param)
-    return request.getfixturevalue("exports")[request.param]
+    return exported(*request.param)
 
 
-@pytest.fixture(scope="session")
-def solved():
-    """Return the float64 vertices of the solver's surface in each frame, from W and R, with the root's translation."""
-
-    def vertices(clip):
-        model, mesh = clip.rig.model, clip.rig.mesh
-        W = position_matrix(
-            model.to_model(mesh.vertices), model.isoline_coordinates.astype(np.float64), model.weights, model.isolines
-        )
-        moved = np.array([W @ R for R in clip.frames[:].astype(np.float64)]) * model.diagonal + model.center
-        return moved + (clip.root[:, None] if clip.rig.puppet.root is not None else 0)
-
-    return vertices
+def solved_places(rig, frames):
+    """Return the float64 vertices (F, n, 3) of the solver's surface in frames, from W and R."""
+    model, mesh = rig.model, rig.mesh
+    W = position_matrix(
+        model.to_model(mesh.vertices), model.isoline_coordinates.astype(np.float64), model.weights, model.isolines
+    )
+    return np.array([W @ R for R in frames.astype(np.float64)]) * model.diagonal + model.center
 
 
-def between_keys(moved):
-    """Return positions at 39 times over 58 frames: at every third frame, and on straight lines halfway between."""
-    times = np.empty((39, *moved.shape[1:]))
-    times[::2], times[1::2] = moved[::3], (moved[1::3] + moved[2::3]) / 2
-    return times
-
-
-def by_part(clip, moved):
-    """Return positions (F, n, 3) of the solver's vertices for each part of the character."""
-    return [moved[:, clip.rig.mesh.of_render[place]] for place in clip.rig.character.vertex_slices]
+def solved(clip):
+    """Return the same of a clip, with the root's translation."""
+    root = 0 if clip.rig.puppet.root is None else clip.root[:, None]
+    return solved_places(clip.rig, clip.frames[:]) + root
 
 
 def primitives(made):
@@ -428,30 +395,17 @@ def outermost_handles(vertices):
 
 
 class Raw:
-    """A .glb as read by pygltflib, with accessors as arrays."""
+    """A .glb as read by pygltflib, with accessors as arrays; only to read."""
 
     def __init__(self, path):
         self.file = gltf.GLTF2().load(path)
-        self.blob = self.file.binary_blob()
+        self._document = load_document(path)
+        self.view = self._document.view
 
     def array(self, index):
-        accessor = self.file.accessors[index]
-        view = self.file.bufferViews[accessor.bufferView]
-        width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}[accessor.type]
-        kind = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}[accessor.componentType]
-        start = (view.byteOffset or 0) + (accessor.byteOffset or 0)
-        stride = view.byteStride or np.dtype(kind).itemsize * width
-        rows = np.lib.stride_tricks.as_strided(
-            np.frombuffer(self.blob, "u1")[start:].view(),
-            (accessor.count, np.dtype(kind).itemsize * width),
-            (stride, 1),
-        )
-        values = np.ascontiguousarray(rows).view(kind).reshape(accessor.count, width)
-        return values / np.float32(np.iinfo(kind).max) if accessor.normalized else values
-
-    def view(self, index):
-        view = self.file.bufferViews[index]
-        return self.blob[view.byteOffset or 0 :][: view.byteLength]
+        """Rows (count, width) of an accessor."""
+        values = self._document.array(index)
+        return values.reshape(len(values), -1)
 
     def weights(self, node):
         """Weights (F, K) of the channel that morphs a node."""
@@ -459,14 +413,3 @@ class Raw:
         channel = next(c for c in animation.channels if (c.target.node, c.target.path) == (node, "weights"))
         sampler = animation.samplers[channel.sampler]
         return self.array(sampler.output).reshape(self.file.accessors[sampler.input].count, -1).astype(np.float64)
-
-
-@pytest.fixture(scope="session")
-def raw():
-    """Open a .glb without the project's own reader, to read only: the same content is parsed once."""
-    parse = lru_cache(maxsize=64)(lambda path, _digest: Raw(path))
-
-    def read(path):
-        return parse(path, hashlib.sha256(Path(path).read_bytes()).digest())
-
-    return read

@@ -16,10 +16,9 @@ from engine_bridge.performance.exercise import exercise
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from puppetline.errors import OutputError, PuppetError, SkeletonLogError
-from solver.model.reduced_model import position_matrix
 
 from ..refusals import refused
-from .conftest import assert_same_primitive
+from .conftest import solved_places
 
 
 @pytest.fixture(scope="module")
@@ -41,18 +40,6 @@ def performed(rig, timeline):
     return np.concatenate([each.R for each in chunks]), np.concatenate([each.root for each in chunks])
 
 
-def shown_places(rig, frames):
-    """Positions (F, N, 3) of the drawn vertices in each frame, float64 from W."""
-    model, mesh = rig.model, rig.mesh
-    W = position_matrix(
-        model.to_model(rig.character.vertices),
-        model.isoline_coordinates[mesh.of_render].astype(np.float64),
-        model.weights,
-        model.isolines,
-    )
-    return np.array([W @ R for R in frames.astype(np.float64)]) * model.diagonal + model.center
-
-
 def places_from_weights(path, rig, weights):
     """Positions (F, N, 3) of the vertices by the file's accessors, for weights of its last targets."""
     document = load_document(path)
@@ -65,10 +52,6 @@ def places_from_weights(path, rig, weights):
     return np.concatenate(placed, axis=1)
 
 
-def farthest(a, b, rig):
-    return np.linalg.norm(a - b, axis=-1).max() / rig.mesh.diagonal
-
-
 def live_error(path, rig, log):
     """The largest distance of vertices by live weights of a baked file from the solver's, over the diagonal."""
     basis, (frames, _) = LiveBasis.load(path, rig), performed(rig, load_timeline(log, Settings())[0])
@@ -77,7 +60,8 @@ def live_error(path, rig, log):
 
 def error_of(basis, path, rig, frames):
     there = places_from_weights(path, rig, np.array([basis.project(R).weights for R in frames]))
-    return farthest(there, shown_places(rig, frames), rig)
+    away = there - solved_places(rig, frames)[:, rig.mesh.of_render]
+    return np.linalg.norm(away, axis=-1).max() / rig.mesh.diagonal
 
 
 def test_live_weights_put_vertices_where_the_solver_does_within_the_error_that_was_said(
@@ -159,8 +143,8 @@ def test_only_the_beginning_of_a_long_motion_is_an_animation(record, dance, blob
 
 
 @pytest.mark.parametrize("name", ["node_transforms", "several_primitives", "own_targets"])
-def test_all_parts_take_the_same_weights_after_the_targets_that_they_have_and_all_else_stays(
-    name, variants, take, write_puppet, assert_valid_gltf, raw, tmp_path
+def test_all_parts_take_the_same_weights_after_the_targets_that_they_have(
+    name, variants, take, write_puppet, assert_valid_gltf, tmp_path
 ):
     mesh, output = variants[name].path, tmp_path / "a.glb"
     puppet = write_puppet(mesh.with_name(f"{name}_baked.toml"), mesh.name)
@@ -168,16 +152,6 @@ def test_all_parts_take_the_same_weights_after_the_targets_that_they_have_and_al
     assert_valid_gltf(output)
     rig = load_rig(puppet)
     assert live_error(output, rig, take) == pytest.approx(summary.error, abs=2e-6)
-    before, after = raw(mesh), raw(output)
-    added = list(LiveBasis.load(output, rig).names)
-    for was, now in zip(before.file.meshes, after.file.meshes, strict=True):
-        assert now.extras == {**was.extras, "targetNames": [*was.extras.get("targetNames", []), *added]}
-        assert was.name == now.name
-        for old, new in zip(was.primitives, now.primitives, strict=True):
-            assert_same_primitive(before, old, after, new)
-    for node, same in zip(before.file.nodes, after.file.nodes, strict=False):
-        for key in ("name", "mesh", "matrix", "rotation", "scale", "translation", "children"):
-            assert getattr(node, key) == getattr(same, key)
 
 
 def test_a_file_that_was_baked_can_be_baked_again_with_a_limit_to_its_targets(of_take, take, write_puppet, tmp_path):

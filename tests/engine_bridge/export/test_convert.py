@@ -88,17 +88,6 @@ def test_memory_hardly_grows_with_the_length_of_a_recording(dance, blob, write_p
     assert peak(500) - peak(100) < 0.2 * positions
 
 
-def test_the_rest_pose_is_the_one_at_the_second_that_is_asked_for(record, dance, standing, blob_puppet, tmp_path):
-    """A pose with a lifted hand is followed by one second in the character's pose."""
-    lifted = standing.copy()
-    lifted[JOINT_INDEX["hand_left"]] += [0.2, 0.5, 0]
-    log = record(tmp_path / "a.log", np.concatenate([np.tile(lifted, (30, 1, 1)), np.tile(standing, (30, 1, 1))]))
-    for rest_at, still in ((0.0, slice(0, 20)), (1.0, slice(55, 60))):
-        clip, _ = convert(log, blob_puppet, tmp_path / "a.glb", Settings(rest_at=rest_at))
-        moved = np.linalg.norm(clip.frames[:] - clip.rig.model.rest_controls, axis=(1, 2))
-        assert moved[still].max() < 0.05 * moved.max()
-
-
 def test_a_part_moves_as_it_does_in_the_whole(take, blob_puppet, converted, tmp_path):
     whole = converted[0]
     part, summary = convert(take, blob_puppet, tmp_path / "part.glb", Settings(start=0.5, stop=1.0))

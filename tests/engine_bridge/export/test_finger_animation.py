@@ -13,8 +13,11 @@ from engine_bridge.puppet.humanoid_bones import FINGER_BONES
 from engine_bridge.rigging.joints import Joint
 from engine_bridge.rigging.skeleton import Skeleton
 
+from ..bones import in_world
 from .conftest import posed
 
+SIDES = {"left": 0.7, "right": -0.7}
+"""Where the wrists are."""
 QUARTER = 90 / FULL_BEND_DEGREES
 VRM_1 = {
     (finger, k): f"{{side}}{finger.title()}{part}"
@@ -44,7 +47,7 @@ def place_of(side, finger, k):
 def hands(request, glb, tmp_path):
     """A document of two hands whose joints have axes of their own, with an animation of three keyframes."""
     random = np.random.default_rng(5)
-    for side, out in (("left", 0.7), ("right", -0.7)):
+    for side, out in SIDES.items():
         above = glb.node(name=f"{side} hand", translation=[out, 0.0, 0.0])
         for finger in FINGERS:
             parent, turn, start = above, Rotation.identity(), [out, 0, 0]
@@ -66,26 +69,18 @@ def shown(document, frame):
     return {joint: world[node][:3, 3] for joint, node in finger_joints(document).items()}
 
 
-def test_every_joint_of_a_finger_is_known_by_its_name(hands):
-    wanted = {(side, finger, k) for side in ("left", "right") for finger in FINGERS for k in (1, 2, 3)}
-    joints = finger_joints(hands)
-    assert joints.keys() == wanted
-    for joint, place in shown(hands, 0).items():
-        assert_allclose(place, place_of(*joint), atol=1e-6)
-
-
 def test_a_hand_points_while_the_bent_fingers_follow_the_palm_and_rests_at_zero(hands):
-    rest = {joint: place_of(*joint) for joint in finger_joints(hands)}
+    rest = {(side, finger, k): place_of(side, finger, k) for side in SIDES for finger in FINGERS for k in (1, 2, 3)}
+    assert finger_joints(hands).keys() == rest.keys()
     bent = {name: np.array([0, 1, 0], np.float32) * QUARTER for name in FINGER_CHANNELS if name.endswith("1_left")}
     del bent["index_1_left"], bent["thumb_1_left"]
     assert bend_fingers(hands, bent | {"smile": np.ones(3, np.float32)}) == 3
-    for frame in (1, 2):
-        for joint, place in shown(hands, frame).items():
-            side, finger, k = joint
-            wanted = rest[joint]
+    for frame in (0, 1, 2):
+        for (side, finger, k), place in shown(hands, frame).items():
+            wanted = rest[side, finger, k]
             if frame == 1 and side == "left" and finger in ("middle", "ring", "little"):
                 wanted = rest[side, finger, 1] - [0, 0.03 * (k - 1), 0]  # straight down
-            assert_allclose(place, wanted, atol=1e-5, err_msg=str(joint))
+            assert_allclose(place, wanted, atol=1e-5, err_msg=f"{side} {finger} {k}")
 
 
 def test_fists_are_mirror_images_and_fingertips_return_to_the_palm(hands):
@@ -102,10 +97,9 @@ def test_fists_are_mirror_images_and_fingertips_return_to_the_palm(hands):
 @pytest.fixture
 def live(hands):
     """A skeleton with two hands, in whose place the document's fingers are."""
-    points = {side: np.array([[out * 0.4, 0, 0], [out * 0.7, 0, 0]]) for side, out in (("left", 1.0), ("right", -1.0))}
     joints = [
-        Joint(f"{side}Hand", -1, number, points[side][1], points[side][1], f"{side} arm")
-        for number, side in enumerate(points)
+        Joint(f"{side}Hand", -1, number, np.array([out, 0, 0]), np.array([out, 0, 0]), f"{side} arm")
+        for number, (side, out) in enumerate(SIDES.items())
     ]
     return with_fingers(Skeleton(tuple(joints), np.tile(np.eye(3), (2, 1, 1)), np.eye(3), np.zeros(3)), hands)
 
@@ -118,11 +112,6 @@ def test_live_bones_have_the_fingers_of_the_file_which_channels_bend_as_in_an_an
     positions, rotations = skeleton.rest
     bends.bend(rotations, channels)
     bend_fingers(hands, {name: np.full(3, channels.get(name, 0.0), np.float32) for name in FINGER_CHANNELS})
-    turned, places = {}, {}
-    for row, joint in enumerate(skeleton.joints):
-        above = joint.parent
-        turn = Rotation.from_quat(rotations[row])
-        turned[row] = turn if above < 0 else turned[above] * turn
-        places[row] = positions[row] if above < 0 else places[above] + turned[above].apply(positions[row])
+    found = in_world(skeleton, positions, rotations)
     for joint, place in shown(hands, 1).items():
-        assert_allclose(places[skeleton.names.index(FINGER_BONES[joint])], place, atol=1e-6)
+        assert_allclose(found[FINGER_BONES[joint]][0], place, atol=1e-6)

@@ -11,24 +11,16 @@ from numpy.testing import assert_array_equal
 from engine_bridge.cli.main import main
 from engine_bridge.export.shader_mesh import write_shader_mesh
 from engine_bridge.performance.rig import load_rig
-from engine_bridge.puppet import proposal, puppet_file
 from engine_bridge.service.protocol.scene import Scene, StreamedCharacter
 from puppetline.errors import OutputError, PuppetError
 
 from ..refusals import refused, refused_place
-from .conftest import primitives
-
-REAL = ["kenney/character", "khronos_Fox", "quaternius_Adventurer"]
-"""Moved by nodes, skinned and without indices, in fifteen surfaces; all but the Adventurer have pictures."""
+from .conftest import Raw, primitives
 
 
 def column(made, name):
     """One attribute of all surfaces, one after another."""
     return np.concatenate([made.array(getattr(each.attributes, name)) for each in primitives(made)])
-
-
-def picture(made, folder, image):
-    return (folder / image.uri).read_bytes() if image.bufferView is None else made.view(image.bufferView)
 
 
 def scene_of(path):
@@ -55,12 +47,10 @@ def assert_is_the_scene(made, scene):
         assert_array_equal(column(made, "TEXCOORD_0"), arrays["uv"])
 
 
-def test_the_file_says_of_every_vertex_what_the_scene_message_says(
-    blob_puppet, blob_file, tmp_path, assert_valid_gltf, raw
-):
+def test_the_file_says_of_every_vertex_what_the_scene_message_says(blob_puppet, blob_file, tmp_path, assert_valid_gltf):
     summary = write_shader_mesh(blob_puppet, tmp_path / "a.glb")
     scene = scene_of(blob_puppet)
-    assert_is_the_scene(raw(tmp_path / "a.glb"), scene)
+    assert_is_the_scene(Raw(tmp_path / "a.glb"), scene)
     assert_valid_gltf(tmp_path / "a.glb")
     assert (summary.output, summary.bytes) == (str(tmp_path / "a.glb"), (tmp_path / "a.glb").stat().st_size)
     assert (summary.vertices, summary.triangles) == (scene.facts["vertices"], scene.facts["triangles"])
@@ -80,20 +70,8 @@ def test_more_fields_than_a_vertex_has_room_for_are_refused(blob_file, write_pup
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", REAL)
-def test_a_real_character_is_its_scene_and_looks_as_it_did(name, real_data, tmp_path, validate, raw):
-    source = real_data / "mesh" / "gltf" / f"{name}.glb"
-    puppet_file.dump(proposal.new_puppet(source, tmp_path / "real.toml").puppet, tmp_path / "real.toml")
-    output = tmp_path / "out.glb"
-    write_shader_mesh(tmp_path / "real.toml", output)
-    before, after = raw(source), raw(output)
-    assert_is_the_scene(after, scene_of(tmp_path / "real.toml"))
-    report, was = validate(output), validate(source)
-    assert report["errors"] <= was["errors"]
-    assert report["warnings"] <= was["warnings"]
-    for listed in ("materials", "textures", "samplers"):
-        assert getattr(after.file, listed) == getattr(before.file, listed)
-    assert len(after.file.images) == len(before.file.images)
-    for own, image in zip(after.file.images, before.file.images, strict=True):
-        assert picture(after, tmp_path, own) == picture(before, source.parent, image)
+@pytest.mark.parametrize("name", ["textured", "mixed_primitives", "node_transforms", "skinned"])
+def test_parts_with_all_that_a_vertex_may_carry_are_those_of_the_scene(variants, name, write_puppet, tmp_path):
+    puppet = write_puppet(tmp_path / "a.toml", variants[name].path)
+    write_shader_mesh(puppet, tmp_path / "a.glb")
+    assert_is_the_scene(Raw(tmp_path / "a.glb"), scene_of(puppet))

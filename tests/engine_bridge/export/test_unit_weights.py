@@ -9,16 +9,6 @@ from engine_bridge.export.unit_weights import UnitWeights
 clips = arrays(np.float64, array_shapes(min_dims=2, max_dims=2, max_side=9), elements=st.floats(-1e6, 1e6))
 
 
-def test_weights_of_a_clip_equal_values_by_hand():
-    """m = max(−w₁ / 1, −w₂ / 2) is 0, 1, 1, and so u = w + m (1, 2) is (2, 0), (1, 0), (0, 6)."""
-    coordinates = np.array([[2.0, 0.0], [0.0, -2.0], [-1.0, 4.0]])
-    unit = UnitWeights.of_clip(coordinates)
-    assert_array_equal(unit.lowest, [-1, -2])
-    assert_array_equal(unit.spans, [2, 6])
-    assert_array_equal(unit.weights(coordinates), [[1, 0, 0], [0.5, 0, 1], [0, 1, 1]])
-    assert_array_equal(unit.targets(np.eye(2)), [[2, 0], [0, 6], [-1, -2]])
-
-
 @given(coordinates=clips)
 @example(coordinates=np.zeros((3, 0)))
 @example(coordinates=np.zeros((0, 0)))

@@ -56,17 +56,6 @@ def test_angles_do_not_jump(path):
     assert np.abs(np.diff(values[:, 3:], axis=0)).max() < 180
 
 
-def test_bvhio_reads_the_same_positions(path, places):
-    bvhio = pytest.importorskip("bvhio", reason="bvhio is not installed (make peers)")
-    root = bvhio.readAsHierarchy(str(path))
-    for frame in (0, 100, 309):
-        root.loadPose(frame)
-        for joint, _, _ in root.layout():
-            if joint.Name in places:
-                found = np.array(joint.PositionWorld) / UNITS_PER_METRE
-                assert_allclose(found, places[joint.Name][frame], rtol=0, atol=METRES)
-
-
 @pytest.mark.slow
 def test_blender_reads_the_same_positions(path, places, players, tmp_path):
     command = players.commands()["Blender"]

@@ -1,5 +1,6 @@
 """What must hold for whatever was read from a damaged file, and for every error that says why it was not."""
 
+import dataclasses
 import re
 
 import numpy as np
@@ -85,3 +86,15 @@ def assert_is_sound_clip(clip):
     assert np.isfinite(clip.positions[clip.confidence > 0]).all()
     assert np.isnan(clip.positions[clip.confidence == 0]).all()
     assert clip.tracked_frames > 0
+
+
+def assert_same_fields(one, other):
+    """Two objects of a dataclass, which may have others of them, are the same bit for bit."""
+    for field in dataclasses.fields(one):
+        a, b = getattr(one, field.name), getattr(other, field.name)
+        assert type(a) is type(b)
+        if dataclasses.is_dataclass(a):
+            assert_same_fields(a, b)
+        else:
+            assert np.asarray(a).dtype == np.asarray(b).dtype
+            np.testing.assert_array_equal(a, b)

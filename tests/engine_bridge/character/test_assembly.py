@@ -7,7 +7,6 @@ from PIL import Image
 from engine_bridge.character.assembly import assemble
 from engine_bridge.character.character import from_document, load_character
 from engine_bridge.character.document_reader import load_document
-from engine_bridge.character.surface_document import read_surface
 from engine_bridge.character.surfaces.surface import DEFAULT_MATERIAL, ImageFile, Material, Piece, Surface
 
 from .conftest import CORNERS, SIDES
@@ -97,26 +96,3 @@ def test_a_surface_far_from_the_origin_keeps_its_shape_and_its_place(saved, tmp_
     assert left == right == np.float32(left).tolist()
     for character in (from_document(assemble(Surface(pieces), "ball")), load_character(tmp_path / "figure.glb")):
         assert_allclose(character.vertices, np.tile(vertices, (2, 1)), rtol=0, atol=1e-6 * np.sqrt(12))
-
-
-def test_the_document_says_what_the_surface_says_and_is_called_what_it_is_called():
-    document = assemble(Surface([Piece("", CORNERS, SIDES)], ["a hole"]), "figure", "figure.obj")
-    assert (document.notes, document.name) == (["a hole"], "figure.obj")
-    assert assemble(Surface([Piece("", CORNERS, SIDES)]), "figure").name == "figure"
-
-
-@pytest.mark.parametrize("name", ["fuze/fuze.obj", "nasty/busted.STL", "cheburashka.off", "chair_model.obj"])
-def test_real_surfaces_are_found_whole_by_trimesh(real_data, tmp_path, assert_valid_gltf, name):
-    surface = read_surface(real_data / "mesh" / name)
-    path = tmp_path / "figure.glb"
-    assemble(surface, "figure").save(path)
-    assert_valid_gltf(path)
-    meshes = trimesh.load_scene(path, process=False).dump()
-    soup = np.concatenate([piece.positions[piece.triangles] for piece in surface.pieces])
-    found = np.concatenate([mesh.triangles for mesh in meshes])
-    in_order = [t.astype(np.float32)[np.lexsort(t.astype(np.float32).reshape(-1, 9).T)] for t in (soup, found)]
-    assert_array_equal(*in_order)
-    if "fuze" in name:
-        assert_allclose(meshes[0].visual.uv * [1, -1] + [0, 1], surface.pieces[0].uvs, atol=1e-6)
-        stated = Image.open(real_data / "mesh/fuze/fuze uv.jpg")
-        assert_array_equal(meshes[0].visual.material.baseColorTexture, stated)

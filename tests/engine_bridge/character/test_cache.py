@@ -71,13 +71,6 @@ def test_an_error_in_the_making_is_passed_on_and_nothing_is_kept(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_truncated_file_is_made_anew(kept, caplog):
-    whole = kept.read_bytes()
-    for length in np.linspace(0, len(whole) - 1, 20).astype(int):
-        kept.write_bytes(whole[:length])
-        assert made_anew(kept, caplog)
-
-
 def test_no_flipped_byte_of_a_file_gives_other_arrays(kept, caplog):
     whole = kept.read_bytes()
     warnings = 0

@@ -9,12 +9,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
-from engine_bridge.character import schema
-from engine_bridge.character.character import Character, Part, load_character
-from engine_bridge.character.document import Document
+from engine_bridge.character.character import load_character
 from engine_bridge.character.materials import drawn_normals, materials_of, preview_colors
 
-from .conftest import CORNERS
+from .conftest import CORNERS, SIDES
 
 
 @pytest.fixture
@@ -82,23 +80,19 @@ def encoded(picture, kind="PNG"):
 
 
 @pytest.fixture
-def painted():
-    """Return the colours of 4 vertices in a document whose materials have one image each."""
+def painted(glb, tmp_path):
+    """Return the colours of 4 vertices in a file whose materials have one image each."""
 
     def colors(*pictures):
-        document = Document(schema.empty())
-        gltf = document.gltf
-        attributes = {"POSITION": document.add(np.zeros((4, 3), np.float32)), "TEXCOORD_0": document.add(MIDDLES)}
+        primitives = []
         for number, content in enumerate(pictures):
-            gltf["images"].append({"bufferView": document.add_view(content)})
-            gltf["textures"].append({"source": number})
-            gltf["materials"].append({"pbrMetallicRoughness": {"baseColorTexture": {"index": number}}})
-        primitives = [{"attributes": attributes, "material": number} for number in range(len(pictures))]
-        gltf["meshes"].append({"primitives": primitives})
-        gltf["nodes"].append({"mesh": 0})
-        same = np.zeros((4, 3)), np.zeros((0, 3), np.int64), None
-        character = Character(document, [Part(0, number, np.eye(4)[None], *same) for number in range(len(pictures))])
-        return np.split(preview_colors(character), len(pictures))
+            glb.file.images.append(gltf.Image(bufferView=glb.view(content), mimeType="image/png"))
+            glb.file.textures.append(gltf.Texture(source=number))
+            surface = gltf.PbrMetallicRoughness(baseColorTexture=gltf.TextureInfo(index=number))
+            glb.file.materials.append(gltf.Material(pbrMetallicRoughness=surface))
+            primitives.append(glb.primitive(CORNERS, SIDES, material=number, TEXCOORD_0=MIDDLES))
+        glb.node(glb.mesh(*primitives))
+        return np.split(preview_colors(load_character(glb.save(tmp_path / "a.glb"))), len(pictures))
 
     return colors
 

@@ -8,9 +8,10 @@ from engine_bridge.character import preparation
 from engine_bridge.character.preparation import prepare
 from puppetline.errors import MeshError
 from solver.model.bones import Bones
-from solver.model.reduced_model import ModelParameters, ReducedModel, build
-from solver.surface.mesh import SolverMesh, weld
+from solver.model.reduced_model import ModelParameters, build
+from solver.surface.mesh import weld
 
+from ...oracles import assert_same_fields
 from ..refusals import refused_place
 
 PARAMETERS = ModelParameters(fields=2, isolines=3)
@@ -24,27 +25,14 @@ def render_mesh():
     return np.concatenate([vertices[faces].reshape(-1, 3), [[0, 0, 2]]]), np.arange(faces.size).reshape(-1, 3)
 
 
-def same(a, b, kind):
-    for field in dataclasses.fields(kind):
-        one, other = getattr(a, field.name), getattr(b, field.name)
-        assert type(one) is type(other)
-        if dataclasses.is_dataclass(one):
-            assert same(one, other, type(one))
-            continue
-        if isinstance(one, np.ndarray):
-            assert one.dtype == other.dtype
-        np.testing.assert_array_equal(one, other)
-    return True
-
-
 def test_a_preparation_equals_welding_and_building_whether_computed_or_cached(render_mesh, tmp_path, monkeypatch):
     expected = weld(*render_mesh, "ball")
     assert expected.repairs.welded
     assert expected.repairs.turned == expected.repairs.isolated == 1
     for _ in range(2):
         mesh, model = prepare(*render_mesh, PARAMETERS, tmp_path, "ball")
-        assert same(mesh, expected, SolverMesh)
-        assert same(model, build(expected, PARAMETERS), ReducedModel)
+        assert_same_fields(mesh, expected)
+        assert_same_fields(model, build(expected, PARAMETERS))
         monkeypatch.setattr(preparation, "weld", None)  # the second time neither is called
         monkeypatch.setattr(preparation, "build", None)
 
@@ -64,7 +52,7 @@ def test_with_bones_and_a_skin_it_is_what_building_with_them_gives(render_mesh, 
         kept = tmp_path / str(given is None)
         for _ in range(2):
             _, model = prepare(*render_mesh, PARAMETERS, kept, "ball", bones=BONES, shares=given)
-            assert same(model, build(expected, PARAMETERS, BONES, of_mesh), ReducedModel)
+            assert_same_fields(model, build(expected, PARAMETERS, BONES, of_mesh))
         assert len(list(kept.iterdir())) == 1
 
 

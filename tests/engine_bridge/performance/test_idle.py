@@ -31,18 +31,3 @@ def test_an_idle_motion_repeats_itself(idle):
     for second in (0.0, 1.234, period - 0.001):
         for ours, again in zip(idle.at(second), idle.at(second + 3 * period), strict=True):
             np.testing.assert_allclose(ours, again, atol=1e-9)
-
-
-def test_a_character_idles_while_nobody_plays_it_and_eases_back_into_it(make_stage, log, kung_fu, blob_rig):
-    stage = make_stage(idle=log)
-    from capture.events import TICK_SECONDS, Lost, Tick
-
-    events = [Tick(k * TICK_SECONDS) for k in range(90)]
-    start = events[-1].time + TICK_SECONDS
-    events += [type(f)(start + f.time, f.user, f.positions, f.confidence) for f in kung_fu[:150]]
-    gone = events[-1].time + 0.01
-    events += [Lost(gone, 1), *(Tick(gone + k * TICK_SECONDS) for k in range(1, 90))]
-    frames = [frame for event in events for frame in stage.step(event, 0)]
-    steps = [np.linalg.norm(b.targets - a.targets, axis=1).max() for a, b in itertools.pairwise(frames)]
-    assert max(steps) < 0.08 * blob_rig.mesh.diagonal
-    assert np.abs(frames[60].targets - frames[0].targets).max() > 0.01 * blob_rig.mesh.diagonal

@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 from capture import body, orientations
 from capture.formats import read_log
 from capture.skeleton import JOINT_INDEX, mirrored, to_character_axes
-from capture.timeline import resample
 from capture.trackers.face import HeadDirection
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.retargeting import PERFORMER, Retargeting, legs_of
@@ -115,33 +114,6 @@ def test_a_full_turn_of_a_performer_who_dances_turns_the_character_once_round(pu
     still, _ = retargeting(changed(puppet, root=RootTable(turns=False)), takes[0])
     motions = np.array([still.step(frame).motions for frame in frames(takes)])
     assert np.ptp(np.arctan2(motions[:, 1, 2, 0], motions[:, 1, 2, 2])) < 1e-6
-
-
-@pytest.mark.parametrize(
-    ("log", "turn", "nearness"),
-    [
-        ("logs/msr_action3d_world/a17_s03_e01_skeleton3D.txt", 200, 15),  # a serve
-        ("bvh/cmu_01_01_hops.bvh", 180, 10),
-    ],
-)
-def test_a_real_performer_who_turns_his_back_turns_the_character_as_far_without_a_flip(
-    limbed_rig, retargeting, real_data, log, turn, nearness
-):
-    (clip,) = read_log(real_data / log)
-    timeline = resample(clip)
-    left, right = (timeline.positions[:, JOINT_INDEX[f"shoulder_{side}"]] for side in ("left", "right"))
-    performers = headings(to_character_axes(left - right))
-    made, _ = retargeting(limbed_rig.puppet, timeline.positions[0])  # with the smoothing that puppets have
-    motions = [made.step(timeline.frame(number)).motions for number in range(len(performers))]
-    found = headings(np.array([motion[1, 0] for motion in motions]))  # the upper bone of the trunk
-    assert np.ptp(performers) > turn
-    assert np.abs(found - performers).max() < nearness
-    assert np.abs(np.diff(found)).max() < np.abs(np.diff(performers)).max() + 5
-
-
-def headings(left):
-    """Degrees (T,) about the upright axis of directions (T, 3) to the left, without jumps."""
-    return np.degrees(np.unwrap(np.arctan2(-left[:, 2], left[:, 0])))
 
 
 def test_handles_are_carried_by_the_trunk_and_move_against_it(puppet, retargeting, frames, standing):

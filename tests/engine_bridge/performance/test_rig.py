@@ -1,10 +1,9 @@
-import dataclasses
-
-import numpy as np
 import pytest
 
 from engine_bridge.character import preparation, shading
 from engine_bridge.performance.rig import cache_folder, load_rig
+
+from ...oracles import assert_same_fields
 
 
 @pytest.fixture(params=["glb", "obj"])
@@ -21,22 +20,10 @@ def puppet(request, blob, blob_file, write_puppet, tmp_path, monkeypatch):
     return write_puppet(tmp_path / "blob.toml", mesh.name)
 
 
-def same_fields(one, other):
-    """Compare two dataclasses, bit for bit."""
-    for field in dataclasses.fields(one):
-        a, b = getattr(one, field.name), getattr(other, field.name)
-        assert type(a) is type(b)
-        if dataclasses.is_dataclass(a):
-            assert same_fields(a, b)
-        else:
-            np.testing.assert_array_equal(a, b)
-    return True
-
-
 def same(one, other):
     """Compare two rigs, bit for bit."""
-    assert same_fields(one.mesh, other.mesh)
-    assert same_fields(one.model, other.model)
+    assert_same_fields(one.mesh, other.mesh)
+    assert_same_fields(one.model, other.model)
     assert one.character.document.gltf == other.character.document.gltf
     assert one.character.document.blob == other.character.document.blob
     assert one.character.document.notes == other.character.document.notes
@@ -57,31 +44,3 @@ def test_the_second_start_gives_the_same_and_computes_nothing(puppet, tmp_path, 
     monkeypatch.setattr(preparation, "build", None)
     assert same(load_rig(puppet), first)
     assert kept() == files
-
-
-def test_a_mesh_file_that_changes_is_prepared_anew(puppet):
-    first = load_rig(puppet)
-    files = kept()
-    mesh = puppet.with_name(first.puppet.character.mesh)
-    raised = first.character.vertices[7] + [0, 0.01, 0]
-    if mesh.suffix == ".obj":
-        lines = mesh.read_text().splitlines()
-        lines[7] = "v {} {} {}".format(*raised)
-        mesh.write_text("\n".join(lines))
-    else:
-        document = first.character.document.copy()
-        document.blob[7 * 12 : 8 * 12] = raised.astype(np.float32).tobytes()
-        document.save(mesh)
-    second = load_rig(puppet)
-    np.testing.assert_allclose(second.mesh.vertices[second.mesh.of_render[7]], raised, rtol=1e-6)
-    assert len(kept()) == 2 * len(files)
-    assert kept().items() > files.items()
-
-
-def test_other_parameters_share_what_does_not_depend_on_them(puppet):
-    first = load_rig(puppet)
-    files = kept()
-    puppet.write_text(puppet.read_text().replace("fields = 5", "fields = 4"))
-    second = load_rig(puppet)
-    assert (len(first.model.weights), len(second.model.weights)) == (5, 4)
-    assert len(kept()) == len(files) + 1

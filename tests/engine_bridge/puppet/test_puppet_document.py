@@ -98,18 +98,6 @@ def test_an_added_key_stands_above_the_comment_of_the_next_handle():
     assert 'joint = "head"\ngain = 2.0\n\n# wags\n[[handle]]' in edited(TEXT, 0, ("head",), gain=2.0)
 
 
-def test_root_and_scale_come_and_go():
-    before = loads(TEXT, "dog.toml")
-    none = before.model_copy(update={"root": None})
-    without = with_puppet(TEXT, before, none)
-    assert loads(without, "dog.toml") == none
-    assert "hip_center" not in without
-    scaled = before.model_copy(update={"retarget": before.retarget.model_copy(update={"scale": 1.25})})
-    back = with_puppet(without, none, scaled)
-    assert loads(back, "dog.toml") == scaled
-    assert back.startswith(TEXT[: TEXT.index("[root]")])
-
-
 def test_other_ways_to_write_toml_are_kept():
     written = edited(INLINE, 1, ("spine",), "xy", 0.5)
     assert changed_lines(INLINE, written) == [

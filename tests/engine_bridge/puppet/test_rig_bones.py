@@ -6,17 +6,15 @@ import pytest
 
 from engine_bridge.character.character import load_character
 from engine_bridge.puppet.rig_bones import rig_bones
-from solver.motion.limbs import TRUNK, Limb, parents_first
+from solver.motion.limbs import parents_first
+
+from ..bones import limb
 
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.uint32)
 CORNERS = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
 
 
-def limb(name, *points, parent=TRUNK):
-    return Limb(name, np.array(points, dtype=np.float64), ((0,),) * len(points), parent=parent)
-
-
-BODY = limb("trunk", (0, 1, 0), (0, 1.5, 0), (0, 2, 0), parent=None)
+BODY = limb("trunk", (0, 1, 0), (0, 1.5, 0), (0, 2, 0))
 ARM = limb("left arm", (0.3, 1.9, 0), (0.8, 1.9, 0), (1.2, 1.9, 0), (1.4, 1.9, 0))
 HEAD = limb("head", (0, 2, 0), (0, 2.5, 0))
 

@@ -223,33 +223,6 @@ def test_a_file_without_a_skeleton_has_no_limbs_by_it(blob):
     assert rig_limbs(make_character("blob", blob.vertices.astype(float), blob.faces)) is None
 
 
-REAL = {
-    "quaternius_George": "",
-    "quaternius_Trex": "tail",
-    "khronos_Fox": "legs, tail",
-    "quaternius_Fox": "neck, ears, legs, tail",
-    "quaternius_Stegosaurus": "neck, legs, tail",
-    "quaternius_Frog": "legs",
-}
-"""Real files with other limbs than a person's, or four legs."""
-
-
-@pytest.mark.parametrize("name", REAL)
-def test_real_files_have_their_limbs(real_data, name):
-    character = load_character(real_data / "mesh" / "gltf" / f"{name}.glb")
-    limbs = rig_limbs(character)
-    has = REAL[name].split(", ")
-    four = [f"{side} {row} leg" for row in ("front", "hind") for side in ("left", "right")]
-    expected = ["trunk", *["neck"] * ("neck" in has), "head", *["left ear", "right ear"] * ("ears" in has)]
-    expected += (four if "legs" in has else PERSON[2:]) + ["tail"] * ("tail" in has)
-    assert list(limbs.points) == expected
-    assert axes_of(limbs) == ("y", "z")
-    low, high = character.vertices.min(axis=0), character.vertices.max(axis=0)
-    margin = 0.02 * np.linalg.norm(high - low)
-    places = np.concatenate(list(limbs.points.values()))
-    assert ((low - margin < places) & (places < high + margin)).all()
-
-
 def test_a_vrm_humanoid_is_known_by_the_file_s_own_table(real_data):
     """The table is used and not the names of the nodes, which are numbers here."""
     document = load_character(real_data / "mesh" / "gltf" / "quaternius_Adventurer.glb").document.copy()

@@ -2,13 +2,8 @@ import numpy as np
 import pytest
 
 from engine_bridge.rigging.joints import joints_of
-from solver.motion.limbs import Limb
 
-
-def limb(name, *points, parent="trunk"):
-    own = None if name == "trunk" else parent
-    return Limb(name, np.array(points, dtype=np.float64), ((0,),) * len(points), parent=own)
-
+from ..bones import limb
 
 TRUNK = limb("trunk", (0, 1, 0), (0, 1.2, 0), (0, 1.5, 0))
 HUMANOID = (

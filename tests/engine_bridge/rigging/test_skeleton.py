@@ -6,6 +6,8 @@ from scipy.spatial.transform import Rotation
 from engine_bridge.puppet.puppet import CharacterTable, HandleTable, LimbTable, Puppet
 from engine_bridge.rigging.skeleton import Skeleton, from_t_pose
 
+from ..bones import in_world
+
 JOINTS = ("hip_center", "spine", "shoulder_center", "head")
 
 
@@ -25,19 +27,10 @@ A_POSED = Puppet(
 )
 
 
-def in_world(skeleton, positions, rotations):
-    """Forward kinematics by scipy: positions and rotations of the joints."""
-    found = []
-    for joint, place, turn in zip(skeleton.joints, positions, rotations, strict=True):
-        start, base = found[joint.parent] if joint.parent >= 0 else (np.zeros(3), Rotation.identity())
-        found.append((start + base.apply(place), base * Rotation.from_quat(turn)))
-    return found
-
-
 def test_at_rest_joints_are_at_their_heads_and_point_to_their_tails():
     skeleton = Skeleton.along_bones(A_POSED)
     posed = in_world(skeleton, *skeleton.rest)
-    for joint, (place, turn) in zip(skeleton.joints, posed, strict=True):
+    for joint, (place, turn) in zip(skeleton.joints, posed.values(), strict=True):
         assert_allclose(place, joint.head, atol=1e-12)
         along = joint.tail - joint.head
         assert_allclose(turn.apply([0, np.linalg.norm(along), 0]), along, atol=1e-12)
@@ -70,7 +63,7 @@ def test_posed_joints_are_where_their_bones_take_them():
     motions = np.concatenate([turns.as_matrix(), rng.normal(size=(len(turns), 1, 3))], axis=1)
     root = np.array([1.0, 2.0, 3.0])
     posed = in_world(skeleton, *skeleton.pose(motions, root))
-    for joint, axes, (place, turn) in zip(skeleton.joints, skeleton.axes, posed, strict=True):
+    for joint, axes, (place, turn) in zip(skeleton.joints, skeleton.axes, posed.values(), strict=True):
         own = motions[joint.bone]
         assert_allclose(place, joint.head @ own[:3] + own[3] + root, atol=1e-9)
         assert_allclose(turn.as_matrix(), own[:3].T @ axes, atol=1e-9)

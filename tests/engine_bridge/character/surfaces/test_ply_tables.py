@@ -4,7 +4,7 @@ import struct
 import numpy as np
 import pytest
 
-from engine_bridge.character.surfaces.ply_tables import TYPES, matches, read_tables
+from engine_bridge.character.surfaces.ply_tables import TYPES, read_tables
 from puppetline.errors import MeshError
 
 from ...refusals import refused_place
@@ -124,12 +124,3 @@ def test_rows_of_text_that_do_not_fit_are_named(written, rows, place):
 def test_more_values_than_the_bytes_hold_are_refused_before_any_memory_is_taken(written, count, kind, body):
     head = f"ply\nformat binary_little_endian 1.0\nelement a {count}\nproperty {kind} some\nend_header\n"
     assert place_of(written, head.encode() + body) == "element a"
-
-
-def test_only_a_word_of_its_own_is_a_beginning():
-    assert [matches(start) for start in (b"ply\nformat", b"ply \r\n", b"plywood\n", b" ply\n")] == [
-        True,
-        True,
-        False,
-        False,
-    ]

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from engine_bridge.character.surfaces.polygons import distinct_corners, triangulate
+from engine_bridge.character.surfaces.polygons import triangulate
 
 ARROW = [(0, 0), (2, 2), (0, 1), (-2, 2)]
 HEIGHTS = [0, 0, 3, 3, 1, 1, 3, 3, 1, 1, 3, 3, 1, 1, 3, 3]
@@ -58,10 +58,3 @@ def test_a_polygon_that_crosses_itself_or_has_no_area_still_becomes_its_number_o
         triangles, _ = triangulate(points, np.array([size]))
         assert triangles.shape == (size - 2, 3)
         assert set(triangles.ravel()) == set(range(size))
-
-
-def test_corners_are_put_together_again_from_their_vertices_in_order_of_first_appearance():
-    corners = np.random.default_rng(2).integers(-1, 6, (500, 3))
-    first, vertex_of = distinct_corners(corners)
-    np.testing.assert_array_equal(corners[first][vertex_of], corners)
-    np.testing.assert_array_equal(first, np.sort(np.unique(corners, axis=0, return_index=True)[1]))

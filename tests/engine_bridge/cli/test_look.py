@@ -2,12 +2,8 @@ import json
 import signal
 import socket
 
-import numpy as np
 import pytest
 from PIL import Image
-
-from capture.trackers.mediapipe import LANDMARK_WEIGHTS
-from engine_bridge.pictures.source_view import PANEL_HEIGHT, PERFORMER_COLORS
 
 from ...terminal import Terminal
 
@@ -111,16 +107,3 @@ def test_a_camera_that_is_not_there_is_waited_for(look_live, camera):
     last = printed_last(terminal, code=1)
     assert "found no /dev/video77" in last
     assert "opened again" not in last
-
-
-def test_the_skeleton_lies_on_the_performer_of_a_real_video(run, camera, real_data, tmp_path):
-    folder = real_data / "video" / "tfjs"
-    run("look", "--source", f"video:{folder / 'pose_squats.mp4'}", "-o", "look.png")
-    frames = json.loads((folder / "pose_squats.full.json").read_text())  # which of them was seen last is chance
-    # the video is 1280 pixels high and 720 wide
-    places = (LANDMARK_WEIGHTS @ np.array(frames)[..., :2]) * PANEL_HEIGHT / 1280
-    with Image.open(tmp_path / "look.png") as picture:
-        panel = np.asarray(picture.convert("RGB")).astype(int)[12:, 12:][:PANEL_HEIGHT, : PANEL_HEIGHT * 720 // 1280]
-    drawn = np.argwhere(np.abs(panel - PERFORMER_COLORS[1]).max(axis=2) < 8)[:, ::-1] + 0.5
-    distances = np.array([np.linalg.norm(each[:, None] - drawn, axis=2).min(axis=1).max() for each in places])
-    assert distances.min() < 6  # 1.2 % of the height

@@ -1,3 +1,4 @@
+import igl
 import numpy as np
 import pytest
 
@@ -12,13 +13,9 @@ TETRAHEDRON = (
 
 
 def sphere(center=(0.0, 0.0, 0.0), radius=1.0):
-    """A UV sphere of 120 by 60 faces."""
-    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 120, endpoint=False), np.linspace(0, np.pi, 61), indexing="ij")
-    points = np.stack([np.sin(v) * np.cos(u), np.cos(v), np.sin(v) * np.sin(u)], axis=-1).reshape(-1, 3)
-    i, j = np.meshgrid(np.arange(120), np.arange(60), indexing="ij")
-    a, b, c, d = (61 * (k % 120) + m for k, m in ((i, j), (i, j + 1), (i + 1, j + 1), (i + 1, j)))
-    faces = np.concatenate([np.stack([a, c, b], -1).reshape(-1, 3), np.stack([a, d, c], -1).reshape(-1, 3)])
-    return np.array(center) + radius * points, faces
+    """A sphere of 20,480 faces."""
+    points, faces = igl.upsample(*igl.icosahedron(), 5)
+    return np.array(center) + radius * points / np.linalg.norm(points, axis=1, keepdims=True), faces
 
 
 def square(center, half, z, color):

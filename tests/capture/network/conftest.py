@@ -1,12 +1,12 @@
 """Senders that are independent of the tested code, and a body that walks."""
 
 import socket
-from contextlib import ExitStack
 
 import numpy as np
 import pytest
 from pythonosc.osc_message_builder import OscMessageBuilder
 
+from capture.network import source
 from capture.network.source import open_osc, open_vmc
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 
@@ -59,16 +59,14 @@ class Wire(Watched):
 
 
 @pytest.fixture
-def listen(given_clock):
-    """Open a source with options on a free port of this machine."""
-    with ExitStack() as stack:
+def listen(given_clock, until_end, monkeypatch):
+    """Open a source with options on a free port of this machine; the system does not date what arrives."""
+    monkeypatch.setattr(source, "MAX_AGE_NS", -1)
 
-        def opened(options="", scheme="osc"):
-            wire = Wire((open_vmc if scheme == "vmc" else open_osc)(f"127.0.0.1:0{options}"))
-            stack.callback(wire.close)
-            return wire
+    def opened(options="", scheme="osc"):
+        return until_end(Wire((open_vmc if scheme == "vmc" else open_osc)(f"127.0.0.1:0{options}")))
 
-        yield opened
+    return opened
 
 
 @pytest.fixture

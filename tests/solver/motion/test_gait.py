@@ -110,3 +110,10 @@ def test_more_legs_walk_in_two_groups_of_neighbours_that_alternate(pairs):
     assert np.array_equal(found[..., 0], found[..., 1])
     assert np.all(np.abs(np.diff(found[..., 1], axis=0)) == 0.5)
     assert np.all(np.abs(np.diff(found[..., 1], axis=1)) == 0.5)
+
+
+def test_a_leg_lifts_when_the_gait_reaches_its_phase(interpreted):
+    share, gait = interpreted("solver.motion.gait").share_of_stride, new_gait()
+    gait[PHASE] = 0.25
+
+    assert [share(gait, offsets) for offsets in ((0.25, 0.5), (0.0, 0.5))] == [0.0, 0.25]

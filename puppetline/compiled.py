@@ -63,7 +63,8 @@ def is_compiled(function: Any) -> bool:
 class _SharedCache(FunctionCache):  # type: ignore[misc]
     """The compiled code of a function on disk, which no two processes compile at the same time.
 
-    Numba asks for the code, compiles the function if there is none, and saves it, under a lock of the process.
+    Numba asks for the code, compiles the function if there is none, and saves it unless that fails, under a lock of the
+    process.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -77,14 +78,14 @@ class _SharedCache(FunctionCache):  # type: ignore[misc]
             self._wait()
             found = super().load_overload(sig, target_context)  # another process may have saved it meanwhile
             if found is not None:
-                self._release()
+                self.release()
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
         try:
             super().save_overload(sig, data)
         finally:
-            self._release()
+            self.release()
 
     def _wait(self) -> None:
         """Take the lock; where that is impossible, two processes may compile the same."""
@@ -96,7 +97,8 @@ class _SharedCache(FunctionCache):  # type: ignore[misc]
             else:
                 fcntl.flock(self._lock, fcntl.LOCK_EX)
 
-    def _release(self) -> None:
+    def release(self) -> None:
+        """Let other processes compile the function, if this one has the lock."""
         if self._lock is not None:
             with suppress(OSError):
                 self._path.unlink()
@@ -118,10 +120,13 @@ class _Compiling(event.Listener):  # type: ignore[misc]
             gc.set_threshold(max(self._before[0], GARBAGE_THRESHOLD) if self._before[0] else 0, *self._before[1:])
         self._depth += 1
 
-    def on_end(self, _: Any) -> None:
+    def on_end(self, end: Any) -> None:
         self._depth -= 1
         if self._depth == 0:
             gc.set_threshold(*self._before)
+        dispatcher = end.data["dispatcher"]
+        if tuple(end.data["args"]) not in dispatcher.overloads and isinstance(dispatcher._cache, _SharedCache):
+            dispatcher._cache.release()  # it has failed: nothing will be saved
 
 
 event.register("numba:compile", _Compiling())

@@ -7,6 +7,7 @@ from pathlib import Path
 from unittest.mock import Mock, call
 
 import pytest
+from numba.core.errors import TypingError
 
 from puppetline.compiled import GARBAGE_THRESHOLD, compiled, is_compiled
 
@@ -55,6 +56,18 @@ def test_a_lock_that_cannot_be_taken_does_not_prevent_compiling(tmp_path, monkey
 
     assert double(3.0) == 6.0
     assert is_compiled(double)
+
+
+def test_a_function_that_cannot_be_compiled_leaves_no_lock(tmp_path, monkeypatch):
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path))
+
+    @compiled
+    def name_of(x):
+        return x.name
+
+    with pytest.raises(TypingError):
+        name_of(3.0)
+    assert not list(tmp_path.glob("**/*.lock"))
 
 
 def test_garbage_is_searched_for_rarely_only_while_functions_are_compiled(tmp_path, monkeypatch):

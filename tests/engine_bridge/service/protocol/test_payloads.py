@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine_bridge.service.protocol.header import PAYLOAD_OFFSET, Header, Kind, WireError, join, topic, topic_field
-from engine_bridge.service.protocol.payloads import decode, encode
+from engine_bridge.service.protocol.payloads import decode, encode, message
 from engine_bridge.service.protocol.scene import StreamedCharacter
 
 from ....oracles import assert_is_clause
@@ -33,7 +33,7 @@ def test_quantised_vertices_are_counted_by_the_length_whatever_the_padding(frame
 
 def test_a_value_that_a_frame_lacks_gives_no_message(frame):
     bare = replace(frame, character=replace(frame.character, basis=None))
-    assert encode(Kind.MORPHS, frame, 0)
+    assert message(Kind.MORPHS, frame) is message(Kind.MORPHS, frame)  # encoded once
     for kind in (Kind.CHANNELS, Kind.JOINTS, Kind.MORPHS, Kind.BONES):
         assert encode(kind, bare, 0) is None
 
@@ -44,9 +44,9 @@ def test_a_kind_of_a_later_minor_version_has_no_body():
 
 def test_a_topic_of_another_kind_and_a_box_without_bounds_are_refused():
     box = struct.pack("<6f", 0, 0, 0, float("inf"), 1, 1)
-    for message in (topic("dog", Kind.VERTICES) + recorded("1.controls")[64:], payload_of(Kind.VERTICES16, box)):
+    for wrong in (topic("dog", Kind.VERTICES) + recorded("1.controls")[64:], payload_of(Kind.VERTICES16, box)):
         with pytest.raises(WireError):
-            decode(message)
+            decode(wrong)
 
 
 def payload_of(kind, payload):

@@ -1,4 +1,5 @@
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -101,6 +102,17 @@ def test_a_take_gives_its_calibrations_to_other_puppets_of_the_same_name(make_st
     begun = make_stage(rig=limbed_rig)
     replay(begun, given)  # as well where the take was begun before
     np.testing.assert_array_equal(begun.players[0].calibration.rest, stage.players[0].calibration.rest)
+
+
+def test_a_loop_resumes_at_the_times_of_each_pass(make_stage, kung_fu, moved):
+    stage, other = make_stage(), make_stage()
+    replay(stage, with_beginnings_of(make_stage(), kung_fu[:100]))
+    begin = beginning(stage)
+    first = replay(other, [begin, *kung_fu[100:], Lost(kung_fu[-1].time, 1)])
+    later = [moved(each, time=each.time + 60.0) for each in kung_fu[100:]]
+    second = replay(other, [replace(begin, time=begin.time + 60.0), *later])
+    assert {frame.state for frame in second} == {"performing"}
+    assert apart(first[60:200], second[60:200], "targets").max() < 1e-9
 
 
 def test_a_loop_keeps_its_performer_and_calibration_and_each_pass_is_the_same(make_stage, kung_fu, moved):

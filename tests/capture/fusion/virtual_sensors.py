@@ -35,7 +35,7 @@ def circling(clip, start):
 
 def headed(clip, angle, place):
     """Return a clip whose performer is turned to the left by angles (T,), at positions (T, 1, 3) on the floor."""
-    turns = Rotation.from_euler("y", angle).as_matrix()
+    turns = Rotation.from_euler("y", angle[:, None]).as_matrix()
     positions = np.einsum("tij,tkj->tki", turns, clip.positions - clip.positions[:, :1] * [1, 0, 1]) + place
     return replace(clip, positions=positions)
 

@@ -91,7 +91,7 @@ def test_a_stages_take_yields_exactly_the_recorded_events_each_at_its_time(of_ev
 def test_the_recordings_clock_starts_with_the_first_call(given_clock):
     source = of_clip(3.0, 3.5)
     given_clock.advance(100)
-    assert (source.now(), source.due()) == (3.0, given_clock.now())
+    assert (source.now(), source.due(), source.fileno()) == (3.0, given_clock.now(), None)
     assert [event.time for event in source.receive()] == [3.0]
     assert source.due() == given_clock.now() + MAX_SILENCE_SECONDS - 2 * TICK_SECONDS
 

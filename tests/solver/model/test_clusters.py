@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
-from solver.model import clusters, fields
+from solver.model import clusters, energy_matrices, fields
 from solver.model.clusters import CLUSTER_COUNT, EDGE_WEIGHT, rotation_clusters
 from solver.model.reduced_model import build
 from solver.surface.contacts import contacts
@@ -50,8 +50,11 @@ def test_a_small_mesh_has_fewer_and_equal_vertices_share_one():
 # --- the energy
 
 
-def test_energy_is_the_bending_of_the_surface_with_its_ties_and_the_stretch_of_its_edges(two_parts, surface):
+def test_energy_is_the_bending_of_the_surface_with_its_ties_and_the_stretch_of_its_edges(
+    two_parts, surface, monkeypatch
+):
     """Written out for all vertices and edges, at three surfaces with three sets of rotations."""
+    monkeypatch.setattr(energy_matrices, "MAX_CHUNK_ROWS", 5)  # several chunks of each cluster
     model = build(two_parts)
     rest = model.to_model(two_parts.vertices)
     unit = SolverMesh(rest, two_parts.faces, two_parts.of_render)

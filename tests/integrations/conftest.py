@@ -20,11 +20,12 @@ from engine_bridge.service.protocol.header import Header, Kind, join, topic
 from engine_bridge.service.protocol.payloads import encode
 from engine_bridge.service.protocol.scene import StreamedCharacter
 
-for shared in ("limbs", "messages", "playback"):
+for shared in ("limbs", "messages", "playback", "requests", "surface"):
     pytest.register_assert_rewrite(f"{__package__}.{shared}")
 
 from ..engine_bridge import conftest as figures  # noqa: E402
 from ..engine_bridge.service import conftest as services  # noqa: E402
+from .stage import Stage, performed  # noqa: E402
 
 own_cache, glb, new_glb = figures.own_cache, figures.glb, figures.new_glb
 talking, limb_tables = figures.talking, figures.limb_tables
@@ -57,6 +58,67 @@ def clip(take: Path, blob_puppet: Path, tmp_path_factory: pytest.TempPathFactory
     path = tmp_path_factory.mktemp("clips") / "dance.clip"
     write_clip(take, blob_puppet, path, "dancer", Settings())
     return path
+
+
+@pytest.fixture
+def new_stage(until_end):
+    """Make publishers of frames."""
+    return lambda frames: until_end(Stage(frames))
+
+
+@pytest.fixture(scope="session")
+def danced(blob_puppet, take):
+    """The small figure's frames."""
+    return performed(blob_puppet, take)
+
+
+@pytest.fixture(scope="session")
+def solved(danced):
+    """The vertices (F, N, 3) of these frames, and the diagonal."""
+    return np.array([frame.vertices_and_normals[0] for frame in danced]), danced[0].character.rig.mesh.diagonal
+
+
+@pytest.fixture
+def stage(new_stage, danced):
+    return new_stage(danced)
+
+
+@pytest.fixture(scope="session")
+def baked(blob_puppet, take, commands, tmp_path_factory):
+    """The small figure's morph targets."""
+    path = tmp_path_factory.mktemp("baked") / "blob.morphs.glb"
+    commands.run("bake", blob_puppet, "-o", path, "--log", take, "--tolerance", "0.002").check_returncode()
+    return path
+
+
+@pytest.fixture(scope="session")
+def played(blob_puppet, take):
+    """Arguments that have the small figure moved by a take again and again."""
+    return ("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
+
+
+@pytest.fixture
+def serve_figure(serve, played, free_port):
+    """Serve the small figure, for this test alone; control sockets have the port after the stream's."""
+
+    def start(*arguments, port=None):
+        return serve(*played, "--port", port or free_port(), *arguments)
+
+    return start
+
+
+@pytest.fixture(scope="session")
+def figure(own_cache, commands, played, baked, tmp_path_factory):
+    """The small figure, served as long as the tests run, with morph targets; none asks for what others would see."""
+    with services.services(commands, tmp_path_factory.mktemp("figure")) as start:
+        yield start(*played, "--morphs", baked)
+
+
+@pytest.fixture(scope="session")
+def locked_figure(own_cache, commands, played, token_file, tmp_path_factory):
+    """The same behind a token, without morph targets."""
+    with services.services(commands, tmp_path_factory.mktemp("locked")) as start:
+        yield start(*played, "--token-file", token_file)
 
 
 @pytest.fixture(scope="session")

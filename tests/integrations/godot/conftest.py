@@ -9,17 +9,10 @@ import json
 import os
 import shutil
 import subprocess
-import time
-from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import pytest
-import zmq
-
-from engine_bridge.service.protocol.header import Header, Kind, join, topic_field, write_json
-from engine_bridge.service.protocol.scene import StreamedCharacter
-from solver.motion.deformer import to_file_units
 
 from .resident import TIMEOUT_SECONDS, Godot, Resident
 
@@ -171,103 +164,6 @@ def add_glb(godot, project):
         return f"res://{path.name}"
 
     return add
-
-
-@pytest.fixture
-def playing(serve):
-    """Start the service with a puppet that a looped recording drives."""
-
-    def start(puppet, log, *more):
-        return serve("--puppet", puppet, "--source", f"replay:{log}?loop", "--calibrate", "at_once", *more)
-
-    return start
-
-
-class StandIn:
-    """A publisher in the place of the service, which says of a real character what the service never would."""
-
-    def __init__(self, socket, rig):
-        self._socket, self._sequence = socket, 0
-        self.port = socket.bind_to_random_port("tcp://127.0.0.1")
-        self._character = StreamedCharacter("blob", rig, 1)
-        self.controls = to_file_units(rig.model.rest_controls, rig.model).tobytes()
-        self.listed = {"name": "blob"}
-        self.digest = self._character.digest
-        self.scenes = 0
-        self.topics = set()
-        """All topics that have been subscribed to."""
-
-    def answer(self, patience=20):
-        """Send what has been asked for, until nothing is asked for so many milliseconds."""
-        while self._socket.poll(patience):
-            asked = self._socket.recv()
-            name = asked[1:].rstrip(b"\0").decode()
-            self.topics.add(name)
-            if asked[0] and "/scene/" in name:
-                self.scenes += 1
-                self.send(name, Kind.SCENE, self._character.scene, revision=1)
-            if asked[0] and name == "service/characters":
-                self.send(name, Kind.CHARACTERS, write_json([self.listed]))
-
-    def send(self, name, kind, payload, **header):
-        self._socket.send(join(topic_field(name), Header(kind=kind, length=len(payload), **header), payload))
-
-    def frame(self, payload=None, revision=1):
-        self._sequence += 1
-        payload = self.controls if payload is None else payload
-        header = {"revision": revision, "sequence": self._sequence, "time": self._sequence / 30}
-        self.send("blob/controls", Kind.CONTROLS, payload, **header)
-
-    def play(self, is_over, seconds):
-        """Send frames at their own times, 30 per second, from the first subscription on; the character moves along x.
-
-        Parameters
-        ----------
-        is_over : callable
-            Returns whether the end has come.
-        seconds : float
-            Time after which it ends in any case.
-        """
-        began, sent, reported, give_up = None, 0, 0.0, time.monotonic() + seconds
-        while not is_over() and time.monotonic() < give_up:
-            self.answer(2)
-            if began is None and "blob/controls" in self.topics:
-                began = time.monotonic()
-            if time.monotonic() > reported + 1.0:
-                reported = time.monotonic()
-                self.send("service/status", Kind.STATUS, write_json({}))
-            while began is not None and time.monotonic() >= began + sent / 30:
-                controls = np.frombuffer(self.controls, "<f4").reshape(-1, 3, 4).copy()
-                controls[:, 0, 3] += 0.01 * sent
-                self.frame(controls.tobytes())
-                sent += 1
-
-    def until(self, happened, *frames):
-        """Send frames over and over until something has happened."""
-        give_up = time.monotonic() + 60
-        while not happened():
-            assert time.monotonic() < give_up
-            self.answer()
-            for frame in frames:
-                self.frame(**frame)
-
-
-@pytest.fixture
-def new_stand_in(blob_rig):
-    """Make publishers in the place of the service."""
-    with zmq.Context() as context, ExitStack() as publishers:
-
-        def make():
-            publisher = publishers.enter_context(context.socket(zmq.XPUB))
-            publisher.linger = 0
-            return StandIn(publisher, blob_rig)
-
-        yield make
-
-
-@pytest.fixture
-def stand_in(new_stand_in):
-    return new_stand_in()
 
 
 PRESET = """[preset.0]

@@ -1,13 +1,10 @@
 extends "teller.gd"
 ## Plays a clip and reports the positions of all vertices: the path of a .clip or of an imported resource, and then the
-## positions in the clip. "animated" has an AnimationPlayer move it; "alone:N" lets it play by itself, and reports its
-## position after each of N frames.
+## positions in the clip. "alone:N" lets it play by itself, and reports its position after each of N frames.
 
 var _puppet := Puppet3D.new()
-var _player := AnimationPlayer.new()
 var _asked: PackedStringArray
 var _is_set := false
-var _is_animated := false
 var _alone := 0
 
 
@@ -24,7 +21,6 @@ func start() -> void:
 	_puppet.clip = clip
 	_puppet.clip_speed = 0.0
 	root.add_child(_puppet)
-	_puppet.add_child(_player)
 	_asked.remove_at(0)
 
 
@@ -41,38 +37,11 @@ func step(delta: float) -> bool:
 	if _asked.is_empty():
 		_puppet.free()
 		return true
-	if _asked[0] == "animated":
-		_animate()
-		_asked.remove_at(0)
-	elif _asked[0].begins_with("alone:"):
+	if _asked[0].begins_with("alone:"):
 		_alone = int(_asked[0].trim_prefix("alone:"))
 		_puppet.clip_speed = 1.0
 		_asked.remove_at(0)
 		return false
-	if not _asked.is_empty():
-		_set_position(float(_asked[0]))
-	return false
-
-
-func _set_position(position: float) -> void:
 	_is_set = true
-	if _is_animated:
-		_player.seek(position, true)
-	else:
-		_puppet.clip_position = position
-
-
-func _animate() -> void:
-	_is_animated = true
-	var length := _puppet.clip.length()
-	var animation := Animation.new()
-	animation.length = length
-	var track := animation.add_track(Animation.TYPE_VALUE)
-	animation.track_set_path(track, ".:clip_position")
-	animation.track_insert_key(track, 0.0, 0.0)
-	animation.track_insert_key(track, length, length)
-	var library := AnimationLibrary.new()
-	library.add_animation("dance", animation)
-	_player.root_node = _player.get_path_to(_puppet)
-	_player.add_animation_library("", library)
-	_player.play("dance", -1.0, 0.0)
+	_puppet.clip_position = float(_asked[0])
+	return false

@@ -8,31 +8,20 @@ import numpy as np
 import pytest
 
 from engine_bridge.performance.settings import Settings
-from engine_bridge.service.clip_export import write_clip
 
-from ..surface import vertices_of
-from .test_modes import Listener, Reference
+from ..clips import clip_of, damaged
+from ..stage import performed
 
 FRAMES = (0, 7, 30, 57)
-OTHER = Settings(rest_at=1.0)
 
 
 @pytest.fixture(scope="module")
-def other_clip(take, blob_puppet, tmp_path_factory):
-    """The same motion with another calibration, which moves the character differently."""
+def other(take, blob_puppet, tmp_path_factory):
+    """The same motion with another calibration, which moves the character differently: a clip, and its vertices."""
+    frames = performed(blob_puppet, take, Settings(rest_at=1.0))
     path = tmp_path_factory.mktemp("clips") / "other.clip"
-    write_clip(take, blob_puppet, path, "dancer", OTHER)
-    return path
-
-
-@pytest.fixture(scope="module")
-def solved(take, blob_puppet):
-    return vertices_of(take, blob_puppet, Settings())
-
-
-@pytest.fixture(scope="module")
-def other_solved(take, blob_puppet):
-    return vertices_of(take, blob_puppet, OTHER)[0]
+    path.write_bytes(clip_of(frames))
+    return path, np.array([frame.vertices_and_normals[0] for frame in frames])
 
 
 def positions(told):
@@ -59,13 +48,6 @@ def test_frames_are_those_of_the_solver_and_in_between_their_mean(run_godot, cli
     assert told[1]["positions"] == told[-1]["positions"]
 
 
-def test_an_animation_player_moves_it(run_godot, clip, solved):
-    _, *plain = run_godot("play_clip.gd", clip, 0.5, 1.25)
-    _, *animated = run_godot("play_clip.gd", clip, "animated", 0.5, 1.25)
-    assert [each["at"] for each in animated] == pytest.approx([0.5, 1.25])
-    np.testing.assert_allclose(positions(animated), positions(plain), rtol=0, atol=1e-5 * solved[1])
-
-
 def test_it_plays_by_itself_and_begins_again(run_godot, clip):
     head, *told = run_godot("play_clip.gd", clip, "alone:200", timeout=120)
     places = [each["position"] for each in told]
@@ -77,28 +59,26 @@ def test_it_plays_by_itself_and_begins_again(run_godot, clip):
     assert np.median(forward / deltas[1:][steps > 0]) == pytest.approx(1.0, abs=0.01)
 
 
-def test_a_damaged_clip_is_a_warning(run_godot, clip, tmp_path):
-    damaged = tmp_path / "damaged.clip"
-    damaged.write_bytes(clip.read_bytes()[:-9])
-    [head] = run_godot("play_clip.gd", damaged)
-    assert head["problem"].startswith("damaged at byte")
+def test_a_damaged_clip_is_a_warning(run_godot, danced, tmp_path):
+    for what, content in damaged(danced).items():
+        (tmp_path / "damaged.clip").write_bytes(content)
+        [head] = run_godot("play_clip.gd", tmp_path / "damaged.clip")
+        assert head["problem"], what
 
 
-def test_a_game_goes_on_while_a_thread_loads_a_clip(run_godot, clip, other_clip, other_solved, assert_shown):
+def test_a_game_goes_on_while_a_thread_loads_a_clip(run_godot, clip, other, assert_shown):
     """Before, the node shows what it has shown; the clock MANUAL waits for no thread."""
+    other_clip, (second, *_) = other
     asked = (f"clip:{clip}", f"clip:{other_clip}", f"manual:{clip}", f"mixed:{other_clip}", f"clip:{clip}")
     nothing, *told = run_godot("load_clip.gd", *asked)
     assert [each["when"] for each in (nothing, *told)] == ["first", "loaded"] * 4 + ["first"]
     assert not any(each["looks_for_service"] for each in (nothing, *told))
     assert len(positions([nothing])[0]) == 0
-    other = other_solved[0]
-    assert_shown(told, 0, 0, other, 0, 0, 0, other, other)
+    assert_shown(told, 0, 0, second, 0, 0, 0, second, second)
 
 
-def test_an_animation_tree_or_player_shows_the_mean_of_two_clips_or_one(
-    run_godot, clip, other_clip, solved, other_solved, assert_shown
-):
-    (first, diagonal), second = solved, other_solved
+def test_an_animation_tree_or_player_shows_the_mean_of_two_clips_or_one(run_godot, clip, other, solved, assert_shown):
+    (first, diagonal), (other_clip, second) = solved, other
     moments = [(0.5, 4), (0.25, 20), (0.0, 21), (1.0, 22), (0.5, 30)]
     means = [(1 - weight) * first[number] + weight * second[number] for weight, number in moments]
     asked = (f"{weight}:{number / 30!r}" for weight, number in moments)
@@ -111,11 +91,10 @@ def test_an_animation_tree_or_player_shows_the_mean_of_two_clips_or_one(
     assert_shown(run_godot("mix_clips.gd", clip, other_clip, "player", f"0:{12 / 30!r}")[1:], 12)
 
 
-def test_a_performer_is_mixed_with_a_clip(run_godot, playing, solved, blob_puppet, take, tmp_path):
-    service = playing(blob_puppet, take)
-    clip = tmp_path / "blob.clip"
-    write_clip(take, blob_puppet, clip, None, Settings())
-    *told, facts = run_godot("mix_live.gd", service.port, clip, 0.0, 1.0, 0.5, 0.25)
+def test_a_performer_is_mixed_with_a_clip(run_godot, stage, danced, solved, tmp_path):
+    stage.is_playing, clip = True, tmp_path / "blob.clip"
+    clip.write_bytes(clip_of(danced))
+    *told, facts = run_godot("mix_live.gd", stage.port, clip, 0.0, 1.0, 0.5, 0.25)
     only_clip, only_live, half, quarter = positions(told)
     tolerance = 1e-5 * solved[1]
     assert np.abs(only_clip - solved[0][0]).max() <= tolerance
@@ -126,42 +105,34 @@ def test_a_performer_is_mixed_with_a_clip(run_godot, playing, solved, blob_puppe
     assert facts["state"]["connected"]
 
 
-@pytest.fixture
-def recorded(start_godot, project, playing, blob_puppet, take):
-    """A recording of a service that was killed before its end: the result, and the vertices by moments."""
-    path = "res://dance.res"
-    service = playing(blob_puppet, take)
-    reference = Reference(blob_puppet)
-    with Listener(service, "blob", "controls") as (heard,):
-        script = start_godot("record_clip.gd", service.port, path)
-        script.until(lambda told: told.get("seconds", 0) > 5)
-        service.process.kill()
-        results = script.end()
-    vertices = {
-        told["seconds"]: reference.positions(heard[told["frame"]].body)
-        for told in results
-        if "frame" in told and told["frame"] in heard
-    }
-    return path, results, vertices, reference.diagonal
+def assert_recorded(played, moments, stage, sequences):
+    """Compare what a recording plays at some moments with the frames that were shown then."""
+    for moment, sequence, found in zip(moments, sequences, positions(played), strict=True):
+        away = np.abs(found - stage.sent[sequence].vertices_and_normals[0]).max()
+        assert away <= 1e-5 * stage.diagonal, moment
 
 
-def test_a_recording_plays_in_a_game_without_a_service(start_godot, recorded, request):
-    path, results, vertices, diagonal = recorded
+def test_a_recording_plays_in_a_game_without_a_service(start_godot, project, stage, request):
+    """The service ends before it does."""
+    stage.is_playing, path = True, "res://dance.res"
+    script = start_godot("record_clip.gd", stage.port, path)
+    script.until(lambda told: told.get("seconds", 0) > 2)
+    stage.close()
+    results = script.end()
+    shown = [told for told in results if "frame" in told]
     assert {"saved": path} in results
-    assert results[-1]["problem"] == ""
-    assert results[-1]["frames"] == sum("frame" in told for told in results)
-    assert results[-1]["length"] > 5
-    game = request.getfixturevalue("exported_game")
-    moments = sorted(vertices)[::20]
+    assert (results[-1]["problem"], results[-1]["frames"]) == ("", len(shown))
+    assert results[-1]["length"] > 2
+    game, shown = request.getfixturevalue("exported_game"), shown[::10]
+    moments = [told["seconds"] for told in shown]
     _, *told = start_godot("play_clip.gd", path, *moments, moments[0], game=game).finish(120)
-    assert told[0]["positions"] == told[-1]["positions"]
-    for moment, found in zip(moments, positions(told), strict=False):
-        assert np.abs(found - vertices[moment]).max() <= 1e-5 * diagonal
+    assert told[0]["positions"] == told.pop()["positions"]
+    assert_recorded(told, moments, stage, [each["frame"] for each in shown])
 
 
-def test_a_recording_survives_the_end_of_its_process(start_godot, project, playing, blob_puppet, take):
-    service = playing(blob_puppet, take)
-    script = start_godot("record_clip.gd", service.port, "res://dance.res")
+def test_a_recording_survives_the_end_of_its_process(start_godot, project, stage):
+    stage.is_playing = True
+    script = start_godot("record_clip.gd", stage.port, "res://dance.res")
     script.until(lambda told: told.get("seconds", 0) > 0.5)
     script.kill()
     length = script.results[-1]["seconds"]

@@ -11,16 +11,16 @@ from .resident import Godot
 IMAGES = 45
 
 
-def write_movie(godot, project, folder, stand_in, slowness):
+def write_movie(godot, project, folder, stage, slowness):
     """Write a movie; return what each image shows, and the hashes of the images."""
     folder.mkdir()
+    stage.is_playing = True
     movie = ["--write-movie", folder / "image.png", "--fixed-fps", 30, "--resolution", "160x120"]
     renderer = ["--rendering-driver", "opengl3", "--audio-driver", "Dummy", "-s", "res://tests/movie.gd"]
     screen = ["xvfb-run", "-a", "-s", "-screen 0 640x480x24"]
-    process = Godot(*screen, godot, "--path", project, *movie, *renderer, "--", stand_in.port, IMAGES, slowness)
+    process = Godot(*screen, godot, "--path", project, *movie, *renderer, "--", stage.port, IMAGES, slowness)
     try:
-        stand_in.play(lambda: process.process.poll() is not None, 120)
-        process.finish()
+        process.finish(300)
     finally:
         process.kill()
     told = [json.loads(line.removeprefix("RESULT ")) for line in process.lines if line.startswith("RESULT ")]
@@ -29,9 +29,9 @@ def write_movie(godot, project, folder, stand_in, slowness):
 
 
 @pytest.mark.slow
-def test_a_movie_has_every_frame_once_however_long_an_image_takes(godot, imported_project, new_stand_in, tmp_path):
-    quick, images = write_movie(godot, imported_project, tmp_path / "quick", new_stand_in(), 0)
-    slow, same = write_movie(godot, imported_project, tmp_path / "slow", new_stand_in(), 100)
+def test_a_movie_has_every_frame_once_however_long_an_image_takes(godot, imported_project, new_stage, danced, tmp_path):
+    quick, images = write_movie(godot, imported_project, tmp_path / "quick", new_stage(danced), 0)
+    slow, same = write_movie(godot, imported_project, tmp_path / "slow", new_stage(danced), 100)
     for told in quick, slow:
         played = [(1 - each["share"]) * each["sequence"] + each["share"] * each["next_sequence"] for each in told]
         assert played == pytest.approx(list(range(1, IMAGES + 1)), abs=1e-3)
@@ -40,14 +40,12 @@ def test_a_movie_has_every_frame_once_however_long_an_image_takes(godot, importe
 
 
 @pytest.fixture
-def play_clock(start_godot, stand_in):
+def play_clock(start_godot, stage):
     """Return the frames played, the clock and the engine's time in each phase."""
 
     def play(name):
-        script = start_godot("clock.gd", stand_in.port, name)
-        stand_in.play(lambda: script.is_done, 30)
-        phases = {}
-        for each in script.finish():
+        stage.is_playing, phases = True, {}
+        for each in start_godot("clock.gd", stage.port, name).finish():
             phases.setdefault(each["phase"], []).append([each["played"], each["time"], each["passed"]])
         return {name: np.array(values) for name, values in phases.items()}
 

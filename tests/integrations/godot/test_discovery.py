@@ -13,8 +13,6 @@ from zeroconf.const import _CLASS_IN, _FLAGS_AA, _FLAGS_QR_RESPONSE, _TYPE_PTR
 from engine_bridge.service import discovery
 from engine_bridge.service.discovery import TYPE, Announcement
 
-on_the_network = pytest.mark.usefixtures("multicast")
-
 
 @pytest.fixture
 def announce(free_port, until_end):
@@ -32,36 +30,26 @@ def at(port):
     return lambda told: any(service["port"] == port for service in told["services"])
 
 
-@on_the_network
+@pytest.mark.usefixtures("multicast")
+@pytest.mark.slow
 @pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
-def test_a_service_is_found(start_godot, announce, host):
-    _, port = announce("dog", "cat", host=host, mechanism="PLAIN")
+def test_a_service_is_found_and_one_that_disappears_is_noticed(start_godot, announce, host):
+    announcement, port = announce("dog", "cat", host=host, mechanism="PLAIN")
     script = start_godot("discover.gd")
-    found = script.until(at(port))
-    [service] = [each for each in found["services"] if each["port"] == port]
+    [service] = [each for each in script.until(at(port))["services"] if each["port"] == port]
+    announcement.close()
+    _, other = announce("lion")
+    script.until(lambda told: at(other)(told) and not at(port)(told))
     script.end()
-    assert service["name"].startswith(f"Puppetline on {socket.gethostname().partition('.')[0]}")
+    assert service.pop("name").startswith(f"Puppetline on {socket.gethostname().partition('.')[0]}")
     assert service.pop("host") in (["127.0.0.1"] if host == "127.0.0.1" else discovery._own_addresses())
     assert service == {
-        "name": service["name"],
         "port": port,
         "control": port + 1,
         "characters": ["dog", "cat"],
         "mechanism": "PLAIN",
         "version": version("puppetline"),
     }
-
-
-@on_the_network
-@pytest.mark.slow
-def test_a_service_that_appears_or_disappears_is_noticed(start_godot, announce):
-    script = start_godot("discover.gd")
-    announcement, port = announce("dog")
-    script.until(at(port))
-    announcement.close()
-    _, other = announce("lion")
-    script.until(lambda told: at(other)(told) and not at(port)(told))
-    script.end()
 
 
 def answer(*services):
@@ -100,12 +88,17 @@ def read(start_godot, packed):
     return start
 
 
-def test_records_are_read_as_zeroconf_wrote_them(read):
+def test_records_are_read_as_zeroconf_wrote_them_and_it_understands_the_question(read):
     services = (
         info(version="0.1.0", characters="dog,cat", control="7401", mechanism="NULL"),
         info("Zürich: Bühne 2", port=65535, addresses=["10.0.0.8"]),
     )
-    [records], _ = read([answer(*services)])
+    [records], question = read([answer(*services)])
+    incoming = DNSIncoming(question)
+    assert incoming.valid
+    assert incoming.is_query()
+    [asked] = incoming.questions
+    assert (asked.name, asked.type, asked.class_) == (TYPE, _TYPE_PTR, _CLASS_IN)
     names = [service.name.removesuffix(".") for service in services]
     assert [each["data"] for each in records if each["type"] == 12] == names
     assert {each["name"]: each["data"] for each in records if each["type"] == 33} == {
@@ -114,15 +107,6 @@ def test_records_are_read_as_zeroconf_wrote_them(read):
     texts = {each["name"]: each["data"] for each in records if each["type"] == 16}
     assert texts[names[0]] == ["version=0.1.0", "characters=dog,cat", "control=7401", "mechanism=NULL"]
     assert [each["data"] for each in records if each["type"] == 1] == ["10.0.0.7", "192.168.1.2", "10.0.0.8"]
-
-
-def test_the_question_is_one_that_zeroconf_understands(read):
-    _, question = read([])
-    incoming = DNSIncoming(question)
-    assert incoming.valid
-    assert incoming.is_query()
-    [asked] = incoming.questions
-    assert (asked.name, asked.type, asked.class_) == (TYPE, _TYPE_PTR, _CLASS_IN)
 
 
 def test_a_damaged_record_ends_the_packet(read):

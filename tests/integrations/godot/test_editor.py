@@ -1,17 +1,13 @@
 """Characters in Godot's editor, and recording them with its button."""
 
-import shutil
-
-import numpy as np
 import pytest
 from PIL import Image
 
 from engine_bridge.export.shader_mesh import write_shader_mesh
-from engine_bridge.performance.settings import Settings
-from engine_bridge.service.clip_export import write_clip
 
-from .test_clips import positions
-from .test_modes import Listener, Reference
+from ..clips import clip_of
+from ..stage import performed
+from .test_clips import assert_recorded
 
 pytestmark = pytest.mark.slow
 
@@ -41,9 +37,7 @@ path = "res://dance.res"
 
 
 def test_a_click_selects_the_character(run_editor, drive_editor, project, take, limbed_puppet, tmp_path):
-    clip = tmp_path / "dance.clip"
-    write_clip(take, limbed_puppet, clip, None, Settings())
-    shutil.copy(clip, project)
+    (project / "dance.clip").write_bytes(clip_of(performed(limbed_puppet, take)))
     run_editor(120)  # imports it
     picture = tmp_path / "editor.png"
     told = drive_editor("click_puppet.gd", WORLD, PICTURE=str(picture))
@@ -72,12 +66,9 @@ def test_a_dropped_shader_mesh_becomes_a_character(add_glb, drive_editor, projec
     assert Image.open(picture).size == (1600, 1000)
 
 
-def test_the_button_records_a_clip(drive_editor, start_godot, playing, blob_puppet, take, tmp_path):
-    service = playing(blob_puppet, take)
-    picture = tmp_path / "editor.png"
-    with Listener(service, "blob", "controls") as (heard,):
-        told = drive_editor("press_record.gd", STAGE.format(port=service.port), PICTURE=str(picture))
-    service.stop()
+def test_the_button_records_a_clip(drive_editor, start_godot, stage, tmp_path):
+    stage.is_playing, picture = True, tmp_path / "editor.png"
+    told = drive_editor("press_record.gd", STAGE.format(port=stage.port), PICTURE=str(picture))
     frames = [each["frame"] for each in told if "frame" in each]
     [moments] = [each["moments"] for each in told if "moments" in each]
     assert len(frames) == len(moments)
@@ -89,9 +80,6 @@ def test_the_button_records_a_clip(drive_editor, start_godot, playing, blob_pupp
         {"visible": False},
     ]
     assert Image.open(picture).size == (1600, 1000)
-    reference = Reference(blob_puppet)
-    numbers = [number for number, sequence in enumerate(frames) if sequence in heard][::10]
-    _, *played = start_godot("play_clip.gd", "res://dance.res", *(moments[number] for number in numbers)).finish()
-    for number, found in zip(numbers, positions(played), strict=True):
-        solved = reference.positions(heard[frames[number]].body)
-        assert np.abs(found - solved).max() <= 1e-5 * reference.diagonal
+    stage.close()
+    _, *played = start_godot("play_clip.gd", "res://dance.res", *moments[::10]).finish()
+    assert_recorded(played, moments[::10], stage, frames[::10])

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine_bridge.character.examples import MOTIONS, prepare
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.service.protocol.quantisation import quantised
@@ -68,17 +67,6 @@ def test_each_property_looks_the_same(run_godot, figure, tmp_path):
         assert_alike(drawn[case], picture(tmp_path / f"{case} made.png"))
     assert_alike(drawn["bent"], picture(tmp_path / "bent vertices.png"))
     assert {"normal", "orm", "colors", "bent", "user's"} <= set(cases)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", MOTIONS)
-def test_a_bent_character_looks_as_a_mesh_of_its_vertices_does(run_godot, own_cache, tmp_path, name):
-    write_payloads(prepare(name, tmp_path)[1], tmp_path)
-    run_godot("render_materials.gd", tmp_path, "bent", display=True, timeout=600)
-    drawn = picture(tmp_path / "bent own.png")
-    assert np.std(drawn) > 10
-    assert_alike(drawn, picture(tmp_path / "bent made.png"))
-    assert_alike(drawn, picture(tmp_path / "bent vertices.png"))
 
 
 @pytest.mark.slow

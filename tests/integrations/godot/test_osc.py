@@ -5,12 +5,14 @@ import math
 import random
 import socket
 import struct
-from collections import defaultdict
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from capture.network.osc import OscError, bundle, decode, encode
+from capture.skeleton import JOINTS
+from engine_bridge.service.outputs.osc import OscOutput, OscTable
 
 
 @pytest.fixture
@@ -127,58 +129,31 @@ def receive(start_godot):
     return start
 
 
-def of(script, name):
-    return [told for told in script.results if told["signal"] == name]
-
-
-def test_messages_of_the_service_become_signals(receive, serve, blob_puppet, take):
+def test_frames_of_the_service_become_signals(receive, danced):
     script, port = receive()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as python:
-        python.bind(("127.0.0.1", 0))
-        python.settimeout(60)
-        config = blob_puppet.with_name("osc.toml")
-        send = '["joints", "handles", "controls", "performer"]'
-        targets = "".join(
-            f'[[osc]]\nhost = "127.0.0.1"\nport = {each}\nrate = 30\nsend = {send}\n'
-            for each in (port, python.getsockname()[1])
-        )
-        config.write_text(
-            f'takes = "{blob_puppet.parent / "takes"}"\nannounce = false\n[network]\nport = 0\n'
-            f'[[stage]]\nsource = "replay:{take}?loop"\n[[stage.character]]\npuppet = "{blob_puppet}"\n{targets}'
-        )
-        serve("--config", config)
-        expected = defaultdict(list)
-        while len(expected["joints"]) < 40:
-            for name, values in signals(decode(python.recv(65536))):
-                expected[name].append(values)
-    script.until(lambda _told: all(len(of(script, name)) >= len(expected[name]) for name in expected))
-    script.end()
-    assert set(expected) == {"joints", "handles", "controls", "performer"}
-    names = {"joints": ("names", "places", "confidence"), "handles": ("names", "places")}
-    names |= {"controls": ("numbers",), "performer": ("state", "user")}
-    for name, fields in names.items():
-        assert {told["of"] for told in of(script, name)} == {"blob"}
-        heard = [tuple(told[field] for field in fields) for told in of(script, name)]
-        missing = [values for values in expected[name] if values not in heard]
-        assert missing == [], name
-    assert of(script, "message") == []
-
-
-def signals(messages):
-    """Yield what a datagram of the service is to become."""
-    kinds = defaultdict(list)
-    for message in messages:
-        _, _, _, kind, *name = message.address.split("/")
-        kinds[kind].append((*name, message.arguments))
-    for kind, found in kinds.items():
-        if kind in ("joint", "handle"):
-            names = [name for name, _ in found]
-            places = [list(values[:3]) for _, values in found]
-            yield f"{kind}s", (names, places, *([[values[3] for _, values in found]] if kind == "joint" else []))
-        elif kind == "controls":
-            yield "controls", (list(found[0][0]),)
-        else:
-            yield "performer", found[0][0]
+    random = np.random.default_rng(2)
+    joints, confidence = random.normal(size=(len(JOINTS), 3)), random.random(len(JOINTS)).astype(np.float32)
+    joints[3] = np.nan  # never tracked
+    frame = replace(danced[20], joints=joints, confidence=confidence)
+    table = OscTable(host="127.0.0.1", port=port, send=("joints", "handles", "controls", "performer"))
+    output = OscOutput(table)
+    output.offer(frame)
+    output.send_due()
+    output.close()
+    script.until(lambda told: told["signal"] == "performer")
+    told = {each.pop("signal"): each for each in script.end()[1:]}
+    known, handles = [*range(3), *range(4, len(JOINTS))], frame.character.rig.puppet.handle
+    assert [each.pop("of") for each in told.values()] == ["blob"] * 4
+    assert told["joints"]["names"] == [JOINTS[joint] for joint in known]
+    assert told["handles"]["names"] == [handle.name.replace(" ", "_") for handle in handles]
+    assert told["performer"] == {"state": "performing", "user": 1}
+    for found, expected in (
+        (told["joints"]["places"], joints[known]),
+        (told["joints"]["confidence"], confidence[known]),
+        (told["handles"]["places"], frame.targets),
+        (told["controls"]["numbers"], frame.controls.ravel()),
+    ):
+        np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
 def test_one_character_is_picked_out_and_what_has_no_signal_is_passed_on(receive):

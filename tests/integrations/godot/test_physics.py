@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.export.live_basis import LiveBasis
+
+from ..stage import performed
 
 CONTROLS, VERTICES, MORPHS = range(3)
 SCALE = 2.0
@@ -37,24 +39,19 @@ def random_rays(mesh, count):
 
 
 def first_hit(corners, ray):
-    """Return the share of a segment at which it first meets a triangle, and which (Möller and Trumbore 1997)."""
+    """Return the share of a segment at which it first meets a triangle, and which."""
     start, along = ray[:3], ray[3:] - ray[:3]
-    one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    h = np.cross(along, two)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        f = 1.0 / np.einsum("ij,ij->i", one, h)
-        u = f * ((start - corners[:, 0]) * h).sum(axis=1)
-        q = np.cross(start - corners[:, 0], one)
-        v = f * (q @ along)
-        t = f * (two * q).sum(axis=1)
+    edges = corners[:, 1:] - corners[:, :1]
+    system = np.concatenate([edges, np.broadcast_to(-along, (len(corners), 1, 3))], axis=1)
+    u, v, t = np.linalg.solve(system.transpose(0, 2, 1), (start - corners[:, 0])[..., None])[..., 0].T
     t[~((u >= 0) & (v >= 0) & (u + v <= 1) & (t >= 0) & (t <= 1))] = np.inf
     return t.min(), t.argmin()
 
 
-def check_rays(cast, service, puppet, count, tolerance=1e-4, **settings):
-    rig = load_rig(puppet)
-    rays = random_rays(rig.mesh, count)
-    told, positions = cast(service.port, rays, rig.character.vertices, **settings)
+def check_rays(cast, stage, count, tolerance=1e-4, **settings):
+    rig = stage.character.rig
+    stage.is_playing, rays = True, random_rays(rig.mesh, count)
+    told, positions = cast(stage.port, rays, rig.character.vertices, **settings)
     corners = positions[rig.character.triangles]
     hits = 0
     for ray, each in zip(rays, told, strict=True):
@@ -63,26 +60,22 @@ def check_rays(cast, service, puppet, count, tolerance=1e-4, **settings):
         if each["hit"] is not None:
             hits += 1
             place = ray[:3] + share * (ray[3:] - ray[:3])
-            assert np.abs(each["hit"] - place).max() <= tolerance * SCALE * rig.mesh.diagonal
+            assert np.abs(each["hit"] - place).max() <= tolerance * SCALE * stage.diagonal
             normal = np.cross(corners[which, 1] - corners[which, 0], corners[which, 2] - corners[which, 0])
             assert each["normal"] @ normal / np.linalg.norm(normal) > 1 - 10 * tolerance
             nearest = rig.character.triangles[which, np.linalg.norm(corners[which] - place, axis=1).argmin()]
-            assert each["vertex"] == (-1 if settings.get("mode") == MORPHS else nearest)
+            assert each["vertex"] == (-1 if settings["mode"] == MORPHS else nearest)
     assert 0.2 * count < hits < count
 
 
-def test_rays_hit_what_is_shown(cast, playing, blob_puppet, take):
-    check_rays(cast, playing(blob_puppet, take), blob_puppet, 100)
+@pytest.mark.parametrize(("mode", "count"), [(CONTROLS, 100), (VERTICES, 20)])
+def test_rays_hit_what_is_shown(cast, stage, mode, count):
+    check_rays(cast, stage, count, mode=mode)
 
 
-def test_rays_hit_vertices_too(cast, playing, blob_puppet, take):
-    check_rays(cast, playing(blob_puppet, take), blob_puppet, 20, mode=VERTICES)
-
-
-def test_rays_hit_morph_targets_too(cast, playing, add_glb, blob_puppet, take, tmp_path, commands):
-    commands.run("bake", blob_puppet, "-o", tmp_path / "baked.glb", "--log", take).check_returncode()
-    source, service = add_glb(tmp_path / "baked.glb"), playing(blob_puppet, take, "--morphs", tmp_path / "baked.glb")
-    check_rays(cast, service, blob_puppet, 20, tolerance=1e-3, mode=MORPHS, mesh_source=source)
+def test_rays_hit_morph_targets_too(cast, new_stage, add_glb, blob_puppet, take, baked):
+    stage = new_stage(performed(blob_puppet, take, basis=lambda rig: LiveBasis.load(baked, rig)))
+    check_rays(cast, stage, 20, tolerance=1e-3, mode=MORPHS, mesh_source=add_glb(baked))
 
 
 def test_a_sphere_rests_on_a_back(start_godot, serve, make_shape, new_glb, write_puppet, sender, tmp_path):

@@ -8,17 +8,17 @@ from .resident import Godot
 
 
 @pytest.fixture
-def show(project, start_godot, stand_in, tmp_path, monkeypatch):
+def show(project, start_godot, stage, tmp_path, monkeypatch):
     """Show the stand-in's character in a new process of one user; return the number of scenes that were requested."""
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "user"))
 
     def run():
-        before = stand_in.scenes
+        stage.is_playing, before = True, stage.scenes
         orders = tmp_path / "orders"
-        script = start_godot("watch_puppet.gd", json.dumps([{"port": stand_in.port}]), orders)
-        stand_in.until(lambda: any(told.get("visible") == [True] for told in script.results), {})
+        script = start_godot("watch_puppet.gd", json.dumps([{"port": stage.port}]), orders)
+        script.until(lambda told: told.get("visible") == [True])
         script.end()
-        return stand_in.scenes - before
+        return stage.scenes - before
 
     return run
 
@@ -27,15 +27,15 @@ def kept(folder):
     return {path.name: path.read_bytes() for path in folder.rglob("user/**/scenes/*")}
 
 
-def test_a_scene_is_requested_once_by_all_processes_of_a_user(show, stand_in, tmp_path):
-    stand_in.listed["digest"] = stand_in.digest
+def test_a_scene_is_requested_once_by_all_processes_of_a_user(show, stage, tmp_path):
+    stage.listed["digest"] = stage.character.digest
     assert show() == 1
-    assert list(kept(tmp_path)) == [f"{stand_in.digest}.scene"]
+    assert list(kept(tmp_path)) == [f"{stage.character.digest}.scene"]
     assert show() == 0
 
 
-def test_a_damaged_file_is_replaced(show, stand_in, tmp_path):
-    stand_in.listed["digest"] = stand_in.digest
+def test_a_damaged_file_is_replaced(show, stage, tmp_path):
+    stage.listed["digest"] = stage.character.digest
     show()
     whole = kept(tmp_path)
     [path] = tmp_path.rglob("user/**/scenes/*")
@@ -49,10 +49,10 @@ def test_a_service_that_announces_no_digest_is_asked_each_time(show):
 
 
 @pytest.mark.parametrize("digest", ["../" * 20 + "etc/passwd", "0" * 63, "g" * 64, 7, None])
-def test_a_digest_that_is_none_is_no_path(show, stand_in, tmp_path, digest):
-    stand_in.listed["digest"] = digest
+def test_a_digest_that_is_none_is_no_path(show, stage, tmp_path, digest):
+    stage.listed["digest"] = digest
     assert show() == 1
-    assert list(kept(tmp_path)) == [f"{stand_in.digest}.scene"]
+    assert list(kept(tmp_path)) == [f"{stage.character.digest}.scene"]
 
 
 def test_the_end_of_the_program_waits_for_a_thread_that_loads(godot, project):

@@ -10,6 +10,7 @@ from engine_bridge.service.protocol.header import Kind
 
 from ...modules import load
 from ...recorded import VECTORS, decoded, recorded
+from ..surface import blended
 
 ALIKE = 2e-6
 """Of the diagonal, and for normals and tangents: what numbers of f32, read in 24 bits, may differ."""
@@ -103,7 +104,7 @@ def said(character, spoken, moment):
 
 def test_tangents_move_with_the_surface(shaded, follow, scene):
     """They are what has become of a little step along the surface."""
-    normals = scene["normals"].astype(float)
+    worm, normals = decoded("scene"), scene["normals"].astype(float)
     tangents = follow.unit(np.cross([0.3, -0.5, 0.8], normals))
     a = follow.unit(np.cross(np.eye(3)[np.abs(scene["normals"]).argmin(axis=1)], normals))
     b = np.cross(normals, a)
@@ -111,22 +112,12 @@ def test_tangents_move_with_the_surface(shaded, follow, scene):
         if told["mode"] == "vertices16":
             expected = tangents - turned * (turned * tangents).sum(axis=1, keepdims=True)
         else:
-            along = along_slopes(scene, told, a, b)
+            first, second, share = told["moment"]
+            before, after = (payload(f"{int(number)}.controls", "<f4").astype(float) for number in (first, second))
+            moves, steps = blended(worm, (1 - share) * before + share * after)
+            x = np.pad(worm.arrays["positions"], [(0, 0), (0, 1)], constant_values=1)
+            along = moves[..., :3] @ np.stack([a, b], axis=2)
+            along += np.einsum("i,vixy,vy,via->vxa", worm.facts["weights"], steps, x, worm.arrays["slopes"])
             within = np.stack([(tangents * a).sum(axis=1), (tangents * b).sum(axis=1)], axis=1)
             expected = np.einsum("vxa,va->vx", along, within)
         assert np.abs(moved - follow.unit(expected)).max() <= ROUNDED
-
-
-def along_slopes(scene, told, a, b):
-    """Return A and C of docs/protocol.md, (n, 3, 2)."""
-    first, second, share = told["moment"]
-    before, after = (payload(f"{int(number)}.controls", "<f4").astype(float) for number in (first, second))
-    weights = np.array(scene["weights"])
-    transforms = ((1 - share) * before + share * after).reshape(len(weights), -1, 3, 4)
-    fields, isoline_coordinates = np.arange(len(weights)), scene["ladder"].astype(float)
-    isoline = np.minimum(isoline_coordinates, scene["isolines"] - 2).astype(int)
-    step = transforms[fields, isoline + 1] - transforms[fields, isoline]
-    blend = transforms[fields, isoline] + (isoline_coordinates - isoline)[..., None, None] * step
-    x = np.pad(scene["positions"], [(0, 0), (0, 1)], constant_values=1)
-    along = np.einsum("i,vixy,vya->vxa", weights, blend[..., :3], np.stack([a, b], axis=2))
-    return along + np.einsum("i,vixy,vy,via->vxa", weights, step, x, scene["slopes"])

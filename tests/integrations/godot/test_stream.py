@@ -11,13 +11,19 @@ from termios import TIOCOUTQ
 import pytest
 import zmq
 
-from engine_bridge.service.protocol.header import Header, Kind, join, split, topic_field
+from engine_bridge.service.protocol.header import PAYLOAD_OFFSET, Kind
+from engine_bridge.service.protocol.payloads import encode
 
 from ...recorded import recorded
 from ...waiting import wait_until
-from .test_zmtp import GREETING, READY
+from ..peers import GREETING, READY, large
+from ..stage import message
 
-FRAMES = ("controls", "vertices", "vertices16", "joints", "handles")
+FRAMES = (Kind.CONTROLS, Kind.VERTICES, Kind.VERTICES16, Kind.HANDLES)
+
+
+def sha256(content):
+    return hashlib.sha256(content).hexdigest()
 
 
 @pytest.fixture
@@ -39,10 +45,6 @@ def publisher():
         publisher.sndhwm = 10_000
         publisher.bind("tcp://127.0.0.1:*")
         yield publisher
-
-
-def message(topic, kind, sequence=1, payload=b"{}", **header):
-    return join(topic_field(topic), Header(kind=kind, length=len(payload), sequence=sequence, **header), payload)
 
 
 class Wire:
@@ -69,7 +71,7 @@ class Wire:
 
     def send(self, *messages, part=None):
         """Send messages, or a part of all their bytes; return when the other's system has them."""
-        data = b"".join(b"\2" + len(each).to_bytes(8, "big") + each for each in messages)
+        data = b"".join(large(len(each)) + each for each in messages)
         self._lines[-1].sendall(data[part] if part else data)
         wait_until(lambda: not any(ioctl(self._lines[-1], TIOCOUTQ, bytes(4))))
 
@@ -99,49 +101,31 @@ def topic(name, more=lambda _told: True):
     return lambda told: told.get("topic") == name and more(told)
 
 
-def test_a_service_is_followed_and_what_comes_is_what_python_gets(follow, serve, blob_puppet, take):
-    service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop")
-    topics = [f"blob/{kind}" for kind in (*FRAMES, "scene/mine", "performer")]
-    script = follow(service.port, *topics, "service/characters")
-    script.until(topic("blob/vertices"))
-    python = service.client(*(name for name in topics if name != "blob/scene/mine"), "blob/scene/yours")
-    wanted = {}
-    python.socket.rcvtimeo = 60_000
-    while sum(name == "blob/vertices" for name, _ in wanted) < 30:
-        name, header, payload, _ = split(python.socket.recv())
-        wanted[name, header.sequence] = hashlib.sha256(payload).hexdigest()
-    last = max(sequence for name, sequence in wanted if name == "blob/vertices")
-    script.until(topic("blob/vertices", lambda told: told["sequence"] > last))
-    *_, end = script.end()
+def test_all_that_is_sent_is_received_byte_for_byte(follow, stage):
+    stage.is_playing = True
+    script = follow(stage.port, *(f"blob/{kind.word}" for kind in FRAMES), "blob/scene/mine", "service/characters")
+    script.until(topic("blob/handles", lambda told: told["sequence"] > 30))
+    script.end()
     assert states(script) == ["CONNECTING", "CONNECTED"]
     for kind in FRAMES:
-        told = {each["sequence"]: each["sha256"] for each in told_of(script, f"blob/{kind}")}
-        assert list(told) == sorted(told)
-        assert len(told) == len(told_of(script, f"blob/{kind}"))  # none comes twice; a busy machine may leave some out
-        both = {sequence: wanted[f"blob/{kind}", sequence] for sequence in told if (f"blob/{kind}", sequence) in wanted}
-        assert both
-        assert both == {sequence: told[sequence] for sequence in both}
+        come = told_of(script, f"blob/{kind.word}")
+        numbers = [told["sequence"] for told in come]
+        assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+        sent = (encode(kind, stage.sent[number], 0) for number in numbers)
+        assert [told["sha256"] for told in come] == [sha256(each[PAYLOAD_OFFSET:]) for each in sent]
     [scene] = told_of(script, "blob/scene/mine")
-    [other] = [value for (name, _), value in wanted.items() if name == "blob/scene/yours"]
-    assert scene["sha256"] == other
-    assert {told["revision"] for told in told_of(script, "blob/controls")} == {scene["revision"]}
-    assert len(told_of(script, "service/characters")) == 1
-    assert [stage["name"] for stage in end["status"]["stages"]] == ["stage"]
-    assert 0 <= end["latency"] < 1
+    assert scene["sha256"] == sha256(stage.character.scene)
+    assert scene["revision"] == stage.character.revision
 
 
-def test_a_line_that_cuts_everything_into_bytes_and_is_torn(follow, serve, blob_puppet, take, line):
-    service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop")
-    python = service.client("blob/scene/yours")
-    scene = hashlib.sha256(python.socket.recv()[128:]).hexdigest()
-    slow = line(service.port)
+def test_a_line_that_cuts_everything_into_bytes_and_is_torn(follow, stage, line):
+    stage.is_playing, slow = True, line(stage.port)
     script = follow(slow.port, "blob/scene/mine", "blob/controls")
     script.until(topic("blob/controls"))
-    script.until(topic("blob/scene/mine"))
     slow.tear()
     script.until(lambda _told: len(told_of(script, "blob/scene/mine")) == 2)
     script.end()
-    assert [told["sha256"] for told in told_of(script, "blob/scene/mine")] == [scene] * 2
+    assert [told["sha256"] for told in told_of(script, "blob/scene/mine")] == [sha256(stage.character.scene)] * 2
     assert states(script) == ["CONNECTING", "CONNECTED", "OFFLINE", "CONNECTED"]
 
 
@@ -164,18 +148,15 @@ def test_a_scene_that_takes_longer_than_silence_may_comes_once(follow, wire, giv
     assert len(told_of(script, "scene")) == wire.connections == wire.heard.count(b"\1worm/scene/") == 1
 
 
-def test_a_service_that_hangs_is_taken_for_gone_until_it_speaks_again(follow, serve, blob_puppet, given_clock):
-    service = serve("--puppet", blob_puppet, "--source", "osc:0")
-    script = follow(service.port, "service/status", clock=given_clock)
-    script.until(state("CONNECTED"))
-    service.process.send_signal(signal.SIGSTOP)
-    try:
+def test_a_service_that_is_silent_is_taken_for_gone_until_it_speaks_again(follow, wire, given_clock):
+    script = follow(wire.port, clock=given_clock)
+    for number in (1, 2):
+        wait_until(lambda number=number: wire.connections == number)
+        wire.send(message("service/status", Kind.STATUS))
+        script.until(lambda _told, number=number: states(script).count("CONNECTED") == number)
         given_clock.turn(6.1)
-        script.until(state("OFFLINE"))
-    finally:
-        service.process.send_signal(signal.SIGCONT)
-    given_clock.turn(0.3)
-    script.until(lambda _told: states(script)[-1] == "CONNECTED")
+        script.until(lambda _told, number=number: states(script).count("OFFLINE") == number)
+        given_clock.turn(0.3)
     script.end()
 
 
@@ -190,13 +171,13 @@ def test_a_foreign_publisher_on_the_port_is_no_service(follow, publisher, given_
     assert states(script) == ["CONNECTING", "OFFLINE"]
 
 
-def test_something_else_on_the_port_gives_way_to_a_service(follow, serve, blob_puppet, free_port, answering):
+def test_something_else_on_the_port_gives_way_to_a_service(follow, serve_figure, free_port, answering):
     page = b"HTTP/1.1 400 Bad Request\r\n\r\n" + bytes(range(256))
     something_else = answering(lambda line: line.sendall(page) or line.recv(100), free_port())
     script = follow(something_else.port, "blob/scene/mine")
     script.until(state("OFFLINE"))
     something_else.close()
-    serve("--puppet", blob_puppet, "--source", "osc:0", "--port", something_else.port)
+    serve_figure(port=something_else.port)
     script.until(topic("blob/scene/mine"))
     script.end()
     assert states(script) == ["CONNECTING", "OFFLINE", "CONNECTED"]
@@ -211,8 +192,9 @@ def test_another_protocol_version_is_refused_with_both_versions_even_as_the_last
     try:
         publisher.linger = 10_000
         publisher.send(message("service/status", Kind.STATUS, major=2, minor=3))
+        context = publisher.context
         publisher.close()
-        time.sleep(0.3)  # until both have come
+        context.term()  # all has been sent
     finally:
         script.process.send_signal(signal.SIGCONT)
     assert "2.3" in script.until(state("REFUSED"))["reason"]
@@ -223,11 +205,11 @@ def test_another_protocol_version_is_refused_with_both_versions_even_as_the_last
 def test_damaged_messages_are_left_out(follow, publisher):
     script = follow(port_at(publisher), "dog/controls")
     subscribed(publisher, "service/status", "dog/controls")
-    good = message("dog/controls", Kind.CONTROLS, 5, bytes(48))
+    good = message("dog/controls", Kind.CONTROLS, bytes(48), sequence=5)
     for length in range(0, len(good), 7):
         publisher.send(good[: len(good) - length])
     publisher.send(b"dog/controls\0" + b"\xff" * 200)
-    publisher.send(message("dog/controls", Kind.CONTROLS, 6))
+    publisher.send(message("dog/controls", Kind.CONTROLS, sequence=6))
     script.until(topic("dog/controls", lambda told: told["sequence"] == 6))
     script.end()
     assert [told["sequence"] for told in told_of(script, "dog/controls")] == [5, 6]
@@ -243,12 +225,12 @@ def test_two_who_follow_share_a_connection_and_who_comes_late_is_told(follow, pu
     script = follow(port_at(publisher), script="share.gd")
 
     def step(number):
-        publisher.send(message("step", Kind.STATUS, number))
+        publisher.send(message("step", Kind.STATUS, sequence=number))
         script.until(lambda told: told.get("step") == number)
 
     def perform(number):
-        publisher.send(message("dog/performer", Kind.PERFORMER, number))
-        publisher.send(message("dog/controls", Kind.CONTROLS, number))
+        publisher.send(message("dog/performer", Kind.PERFORMER, sequence=number))
+        publisher.send(message("dog/controls", Kind.CONTROLS, sequence=number))
         script.until(topic("dog/controls", lambda told: told["sequence"] == number))
 
     subscribed(publisher, "service/status", "step", "dog/performer", "dog/controls")
@@ -272,42 +254,39 @@ def test_two_who_follow_share_a_connection_and_who_comes_late_is_told(follow, pu
     assert all(told["same"] for told in script.results if told.get("step", 0) > 1)
 
 
-def test_a_receiver_removed_by_another_one_is_not_called(follow, publisher):
-    script = follow(port_at(publisher), script="unfollow.gd")
-    subscribed(publisher, "service/status", "dog/performer", "late")
-    publisher.send(message("dog/performer", Kind.PERFORMER, 1))
+def test_a_receiver_removed_by_another_one_is_not_called(follow, wire):
+    script = follow(wire.port, script="unfollow.gd")
+    wire.subscribed("service/status", "dog/performer", "late")
+
+    def performed(number):
+        return message("dog/performer", Kind.PERFORMER, sequence=number)
+
+    wire.send(performed(1))
     script.until(lambda told: told.get("sequence") == 1)
-    publisher.send(message("late", Kind.STATUS))
+    wire.send(message("late", Kind.STATUS))
     script.until(lambda _told: len(script.results) == 2)
-    publisher.send(message("dog/performer", Kind.PERFORMER, 2))
-    script.until(lambda told: told.get("sequence") == 2)
-    script.process.send_signal(signal.SIGSTOP)
-    publisher.send(message("late", Kind.STATUS))
-    publisher.send(message("dog/performer", Kind.PERFORMER, 3))
-    time.sleep(0.3)  # until both have come
-    script.process.send_signal(signal.SIGCONT)
-    script.until(lambda told: told.get("sequence") == 3)
-    publisher.send(message("dog/performer", Kind.PERFORMER, 4))
-    script.until(lambda told: told.get("sequence") == 4)  # before which 2 could have come once more
+    for number, *before in ((2,), (3, message("late", Kind.STATUS)), (4,)):
+        wire.send(*before, performed(number))  # they come together
+        script.until(lambda told, number=number: told.get("sequence") == number)
     [*heard, end] = script.end()
     assert [(told["who"], told["sequence"]) for told in heard] == [("one", number) for number in (1, 1, 2, 3, 4)]
     assert sorted(end["remembered"]) == ["late", "service/status"]
 
 
 def test_a_paused_follower_gets_the_newest_frames_and_the_last_of_other_messages(follow, publisher):
-    script = follow(port_at(publisher), "dog/controls", "dog/handles", "dog/performer", script="late.gd")
-    subscribed(publisher, "service/status", "dog/controls", "dog/handles", "dog/performer")
+    names = ("dog/controls", "dog/handles", "dog/performer")
+    script = follow(port_at(publisher), *names, script="late.gd")
+    subscribed(publisher, "service/status", *names)
     publisher.send(message("service/status", Kind.STATUS))
     script.until(lambda told: "looks_away" in told)
     for number in range(600):
-        publisher.send(message("dog/controls", Kind.CONTROLS, number))
-        publisher.send(message("dog/performer", Kind.PERFORMER, number))
-    publisher.send(message("dog/handles", Kind.HANDLES, 7))
+        publisher.send(message("dog/controls", Kind.CONTROLS, sequence=number))
+        publisher.send(message("dog/performer", Kind.PERFORMER, sequence=number))
+    publisher.send(message("dog/handles", Kind.HANDLES, sequence=7))
     time.sleep(0.5)  # until all of it is with the system
     script.end()
-    assert [told["sequence"] for told in told_of(script, "dog/controls")] == list(range(600 - 512, 600))
-    assert [told["sequence"] for told in told_of(script, "dog/performer")] == [599]
-    assert [told["sequence"] for told in told_of(script, "dog/handles")] == [7]
+    frames, handles, performers = ([told["sequence"] for told in told_of(script, name)] for name in names)
+    assert (frames, handles, performers) == (list(range(600 - 512, 600)), [7], [599])
 
 
 def test_the_status_is_kept(follow, publisher):

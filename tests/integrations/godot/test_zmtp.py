@@ -10,18 +10,13 @@ from contextlib import suppress
 import pytest
 import zmq
 
-GREETING = b"\xff" + bytes(8) + b"\x7f\x03\x00" + b"NULL".ljust(52, b"\0")
-READY = b"\x04\x19\x05READY\x0bSocket-Type\x00\x00\x00\x03PUB"
-MANY = 256 << 20
+from ..peers import AFTER_THE_HANDSHAKE, BEFORE_THE_HANDSHAKE, GREETING, MANY, READY, command, large
+
 TOKEN = "a token for tests"
 
 
-def sha256(message):
-    return hashlib.sha256(message).hexdigest()
-
-
 def seen(message):
-    return {"size": len(message), "sha256": sha256(message)}
+    return {"size": len(message), "sha256": hashlib.sha256(message).hexdigest()}
 
 
 def messages(results):
@@ -136,7 +131,7 @@ def test_many_megabytes_in_small_pieces_are_put_together(connect, peer):
 
     def answer(line):
         shake_hands(line)
-        data = b"\2" + len(body).to_bytes(8, "big") + body
+        data = large(len(body)) + body
         for k in range(0, len(data), 7001):
             line.sendall(data[k : k + 7001])
 
@@ -147,36 +142,26 @@ def test_many_megabytes_in_small_pieces_are_put_together(connect, peer):
     assert last["memory"] < 200e6
 
 
-def test_a_line_that_delivers_byte_by_byte(connect, publisher, admit, line):
-    pub, port = publisher(plain_server=True, zap_domain=b"stream")
-    script = connect(line(port).port, "dog/joints", token=TOKEN)
-    assert subscriptions(pub, 1) == [b"\1dog/joints\0"]
-    sent = [b"dog/joints\0" + random.randbytes(size) for size in (0, 3, 600)]
-    for message in sent:
-        pub.send(message)
-    script.until(lambda told: told == seen(sent[-1]))
-    assert messages(script.end()) == list(map(seen, sent))
-
-
 def test_a_ping_gets_its_own_context_back(connect, peer):
     pongs = []
 
     def answer(line):
         shake_hands(line)
         for context in (b"", b"c", b"0123456789abcdef", b"longer than it may be"):
-            line.sendall(b"\x04" + bytes([7 + len(context)]) + b"\x04PING\0\x10" + context)
-            wanted = b"\x04" + bytes([5 + min(len(context), 16)]) + b"\x04PONG" + context[:16]
-            pongs.append((wanted, line.recv(1024)))
+            line.sendall(command(b"\x04PING\0\x10" + context))
+            pongs.append((command(b"\x04PONG" + context[:16]), line.recv(1024)))
 
     fails(connect(peer(answer)))
     assert len(pongs) == 4
     assert [wanted for wanted, _ in pongs] == [got for _, got in pongs]
 
 
-def test_the_right_token_opens_and_a_wrong_one_is_refused(connect, publisher, admit):
+def test_the_right_token_opens_and_a_wrong_one_is_refused_also_byte_by_byte(connect, publisher, admit, line):
     pub, port = publisher(plain_server=True, zap_domain=b"stream")
-    script = connect(port, "t", token=TOKEN)
+    script = connect(line(port).port, "t", token=TOKEN)
     assert subscriptions(pub, 1) == [b"\1t\0"]
+    pub.send(b"t\0" + b"x" * 600)
+    script.until(lambda told: told == seen(b"t\0" + b"x" * 600))
     script.end()
     for wrong in ("another one", "", "x" * 256):
         fails(connect(port, token=wrong), "REFUSED")
@@ -216,29 +201,6 @@ def test_a_port_where_nobody_is(connect, free_port):
         assert str(port) in fails(connect(port))
 
 
-def command(body, flags=4):
-    return bytes([flags, len(body)]) + body
-
-
-def large(size, flags=2):
-    return bytes([flags]) + size.to_bytes(8, "big")
-
-
-AFTER_THE_HANDSHAKE = {
-    "a size of 2^62": large(2**62),
-    "a size of 2^64 - 1": large(2**64 - 1),
-    "more than is taken": large(MANY + 1),
-    "a command of a megabyte": large(1 << 20, flags=6),
-    "several parts": b"\1\1a\0\1b",
-    "a long message of several parts": large(2**62, flags=3),
-    "a command of several parts": b"\5\1a",
-    "flags that there are not": b"\x80\1a",
-    "a command without a name": command(b""),
-    "a name of no length": command(b"\0"),
-    "a name longer than the command": command(b"\xffPING"),
-}
-
-
 @pytest.mark.parametrize("what", AFTER_THE_HANDSHAKE)
 def test_a_frame_that_violates_zmtp_ends_the_connection(connect, peer, what):
     """What had come before is not lost. The peer does not close the line by itself."""
@@ -253,32 +215,25 @@ def test_a_frame_that_violates_zmtp_ends_the_connection(connect, peer, what):
     assert messages(script.results) == [seen(b"!")]
 
 
-def test_commands_that_are_not_known_are_ignored(connect, peer):
-    known_but_late = command(b"\5READY"), command(b"\7WELCOME"), command(b"\5ERROR\x03400"), command(b"\4PING\0")
+def test_commands_that_are_not_known_or_late_are_ignored(connect, peer):
+    ignored = b"\xf0" + b"N" * 240, b"\1?data", b"\5READY", b"\7WELCOME", b"\5ERROR\x03400", b"\4PING\0"
 
     def answer(line):
         shake_hands(line)
-        line.sendall(command(b"\xf0" + b"N" * 240) + command(b"\1?data") + b"".join(known_but_late) + b"\0\1!")
+        line.sendall(b"".join(map(command, ignored)) + b"\0\1!")
 
     script = connect(peer(answer))
     fails(script)
     assert messages(script.results) == [seen(b"!")]
 
 
-BEFORE = {
-    "HTTP": b"HTTP/1.1 400 Bad Request\r\n\r\n<html>" + b"x" * 10_000,
-    "noise": random.Random(7).randbytes(100_000),
-    "version 2": b"\xff" + bytes(8) + b"\x7f\x01",
-    "nothing": b"",
-    "a message too early": GREETING + b"\0\1a",
-    "an error with a text": GREETING + command(b"\5ERROR\x0bgo away now"),
-}
-
-
-@pytest.mark.parametrize("what", BEFORE)
+@pytest.mark.parametrize("what", BEFORE_THE_HANDSHAKE)
 def test_a_peer_that_is_no_service_is_recognised(connect, peer, what):
-    script = connect(peer(lambda line: line.sendall(BEFORE[what]) or line.recv(10)))
-    fails(script, "REFUSED" if "error" in what else "FAILED")
+    fails(connect(peer(lambda line: line.sendall(BEFORE_THE_HANDSHAKE[what]) or line.recv(10))))
+
+
+def test_an_error_is_a_refusal(connect, peer):
+    fails(connect(peer(lambda line: line.sendall(GREETING + command(b"\5ERROR\x0bgo away now")))), "REFUSED")
 
 
 @pytest.mark.parametrize("sent", [b"", GREETING], ids=["nothing", "a greeting"])

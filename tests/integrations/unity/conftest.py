@@ -7,24 +7,15 @@ import shutil
 import subprocess
 import threading
 import time
-from concurrent.futures import Future
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-import zmq
 
-from engine_bridge.performance.clip import load_timeline, solve
-from engine_bridge.performance.rig import load_rig
-from engine_bridge.performance.settings import Settings
-from engine_bridge.service.protocol.frame import Frame
-from engine_bridge.service.protocol.header import FRAME_KINDS, WORDS, Header, Kind, join, topic_field, write_json
+from engine_bridge.service.protocol.header import Kind
 from engine_bridge.service.protocol.payloads import decode, encode
-from engine_bridge.service.protocol.scene import Scene, StreamedCharacter
 
-from ...engine_bridge.service.conftest import services
-from ...waiting import wait_until
+from ..surface import blended
 
 HERE = Path(__file__).parent
 PACKAGE = Path(os.environ.get("PUPPETLINE_UNITY_PACKAGE", HERE.parents[2] / "integrations" / "unity"))
@@ -156,26 +147,75 @@ def run_core(mono, built):
     return run
 
 
-@pytest.fixture(scope="session", params=["buffer", "texture"])
-def shader(request, tmp_path_factory):
-    """Run the vertex shader's arithmetic, compiled as C++: rows and vertices in; by slopes, cofactors, before out."""
+@pytest.fixture(params=["buffer", "texture", "browser"])
+def shader(request, tmp_path):
+    """Run the vertex shader's arithmetic: rows and vertices in; by slopes, by cofactors, positions before out.
+
+    It is compiled as C++, for either API. The browser has no cofactors.
+    """
+    if request.param == "browser":
+        run = in_browser(request.getfixturevalue("browser"), tmp_path)
+    else:
+        run = as_program(tmp_path / "shader", [] if request.param == "buffer" else ["-DSHADER_API_GLES3"])
+    run.api = "Vulkan" if request.param == "buffer" else "OpenGLES3"
+    return run
+
+
+INCLUDE = f"-I{PACKAGE / 'Runtime' / 'Resources'}"
+
+
+def as_program(path, api):
     compiler = shutil.which("g++")
     if compiler is None:
         pytest.skip("g++ is not here to compile the shader's arithmetic with")
-    program = tmp_path_factory.mktemp("shader") / "shader"
     source = HERE / "programs" / "shader.cpp"
-    api = ["-DSHADER_API_GLES3"] if request.param == "texture" else []
-    include = f"-I{PACKAGE / 'Runtime' / 'Resources'}"
-    subprocess.run([compiler, "-O1", "-Wall", "-Werror", *api, include, source, "-o", program], check=True)
+    subprocess.run([compiler, "-O1", "-Wall", "-Werror", *api, INCLUDE, source, "-o", path], check=True)
 
     def run(rows, moving, constant):
         parts = (np.int32([len(rows)]), np.float32(rows), np.int32([len(moving)]), moving, constant)
-        ended = subprocess.run([program], input=b"".join(map(bytes, parts)), capture_output=True, check=True)
-        by_slopes, by_cofactors, before = np.split(np.frombuffer(ended.stdout, np.float32).reshape(-1, 15), [6, 12], 1)
-        return by_slopes, by_cofactors, before
+        ended = subprocess.run([path], input=b"".join(map(bytes, parts)), capture_output=True, check=True)
+        return np.split(np.frombuffer(ended.stdout, np.float32).reshape(-1, 15), [6, 12], axis=1)
 
-    run.api = "OpenGLES3" if request.param == "texture" else "Vulkan"
     return run
+
+
+def in_browser(browser, folder):
+    """Compile it for OpenGL ES 3.0, by way of SPIR-V as Unity's compiler for it goes by way of bytecode."""
+    for program in ("glslangValidator", "spirv-cross"):
+        if shutil.which(program) is None:
+            pytest.skip(f"{program} is not here (Debian: glslang-tools, spirv-cross)")
+    spirv, source = folder / "vertex.spv", HERE / "programs" / "feedback.hlsl"
+    mapped = ["--auto-map-bindings", "--auto-map-locations", "-DSHADER_API_GLES3=1", INCLUDE]
+    command = ["glslangValidator", "-D", "-V", "-S", "vert", "-e", "main", *mapped, "-o", spirv, source]
+    compiled = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert compiled.returncode == 0, compiled.stdout
+    translate = ["spirv-cross", spirv, "--es", "--version", "300", "--stage", "vert"]
+    shader = subprocess.run(translate, capture_output=True, text=True, check=True).stdout
+    place = {"positionOS": 0, "normalOS": 3, "block": 6, "isolines0": 8, "isolines1": 12}
+    place |= {f"slopes{k}": 16 + 4 * k for k in range(4)}
+
+    def run(rows, moving, constant):
+        given = {"shader": shader, "place": place, "stride": 32}
+        for name, numbers in (("rows", rows), ("vertices", np.hstack([moving, constant]))):
+            given[name] = base64.b64encode(np.float32(numbers).tobytes()).decode()
+        page = browser.new_page()
+        told = page.evaluate((HERE / "programs" / "feedback.js").read_text(), given)
+        page.close()
+        assert told["error"] == ""
+        by_slopes, before = np.split(array(told["values"], columns=9), [6], axis=1)
+        return by_slopes, None, before
+
+    return run
+
+
+UNITY = np.float32([-1, 1, 1])
+"""Factors to Unity's axes."""
+
+
+def cofactor_normals(scene, controls):
+    linear = blended(scene, controls)[0][:, :, :3]
+    turned = np.einsum("vji,vj->vi", np.linalg.inv(linear), scene.arrays["normals"]) * np.linalg.det(linear)[:, None]
+    return turned / np.linalg.norm(turned, axis=1, keepdims=True)
 
 
 def array(text, kind=np.float32, columns=None):
@@ -190,197 +230,6 @@ def assert_equal(vertices, theirs, diagonal, most=1e-6, normals_most=1e-5):
     off = np.abs(vertices[:, 3:] - theirs.normals).max(axis=1)
     assert off.max() <= 10 * normals_most
     assert np.mean(off > normals_most) <= 1e-3
-
-
-class Reference:
-    """Somebody else who follows the service: the newest frames as Python reads them, by sequence number."""
-
-    MOST = 200
-
-    def __init__(self, address, *topics, token=None, every=1):
-        self.frames = {}
-        self._scene = Future()
-        self._ended = False
-        self._arguments = (address, topics, token, every)
-        self._thread = threading.Thread(target=self._follow)
-        self._thread.start()
-
-    def _follow(self):
-        address, topics, token, every = self._arguments
-        with zmq.Context() as context, context.socket(zmq.SUB) as socket:
-            socket.linger = 0
-            if token is not None:
-                socket.plain_username, socket.plain_password = b"reference", token.encode()
-            for topic in topics:
-                socket.subscribe(f"{topic}\0".encode())
-            socket.connect(address)
-            while not self._ended:
-                if socket.poll(50):
-                    message = decode(socket.recv())
-                    if "/scene/" in message.topic:
-                        if not self._scene.done():
-                            self._scene.set_result(message.body)
-                    elif message.header.sequence % every == 0:
-                        self.frames[message.header.sequence] = message
-                    while len(self.frames) > self.MOST:
-                        del self.frames[min(self.frames)]
-
-    @property
-    def scene(self):
-        """The scene, as soon as it is there."""
-        return self._scene.result(TIMEOUT_SECONDS)
-
-    def close(self):
-        self._ended = True
-        self._thread.join()
-
-
-@pytest.fixture
-def reference(until_end):
-    """Follow topics with libzmq and Python."""
-    return lambda *arguments, **more: until_end(Reference(*arguments, **more))
-
-
-class Stage:
-    """A publisher in the service's place, with one character, which sends frames when the test says so."""
-
-    def __init__(self, frames):
-        self.character = frames[0].character
-        scene = Scene.decode(self.character.scene)
-        self.facts, self.arrays = scene.facts, scene.arrays
-        self.diagonal = self.facts["diagonal"]
-        self.kinds = set()
-        """Kinds of frames that are subscribed to."""
-        self.sent = {}
-        """Sent frames by sequence number."""
-        self._frames, self._queue, self._is_asked, self._ended = frames, [], False, False
-        self._socket = zmq.Context.instance().socket(zmq.XPUB)
-        self._socket.linger = 0
-        self.port = self._socket.bind_to_random_port("tcp://127.0.0.1")
-        self._thread = threading.Thread(target=self._serve)
-        self._thread.start()
-
-    def next(self, count):
-        """Return so many frames, evenly spaced, with numbers and times that follow those before."""
-        first = len(self.sent) + 1
-        picked = [self._frames[k * len(self._frames) // count] for k in range(count)]
-        return [replace(each, sequence=first + k, time=(first + k) / 30) for k, each in enumerate(picked)]
-
-    def send(self, *frames):
-        """Send frames as soon as somebody has the scene and subscribes to them."""
-        self.sent |= {frame.sequence: frame for frame in frames}
-        self._queue += frames
-
-    def _serve(self):
-        told = 0.0
-        while not self._ended:
-            if self._socket.poll(10):
-                self._take(self._socket.recv())
-                told = 0.0
-            elif time.monotonic() > told + 1:  # a follower treats silence as a lost connection
-                told = time.monotonic()
-                listed = [{"name": self.character.name, "kinds": [kind.word for kind in FRAME_KINDS]}]
-                self._publish("service/characters", Kind.CHARACTERS, write_json(listed))
-            while self._queue and self._is_asked and self.kinds:
-                frame = self._queue.pop(0)
-                for kind in self.kinds:
-                    self._socket.send(encode(kind, frame, 0))
-
-    def _take(self, request):
-        name, _, word = request[1:].rstrip(b"\0").decode().partition("/")
-        if name == self.character.name and word in WORDS:
-            (self.kinds.add if request[0] else self.kinds.discard)(WORDS[word])
-        elif request[0] and word.startswith("scene/"):
-            self._publish(f"{name}/{word}", Kind.SCENE, self.character.scene)
-            self._is_asked = True
-
-    def _publish(self, topic, kind, payload):
-        header = Header(kind=kind, length=len(payload), revision=self.character.revision)
-        self._socket.send(join(topic_field(topic), header, payload))
-
-    def close(self):
-        self._ended = True
-        self._thread.join()
-        self._socket.close()
-
-
-@pytest.fixture
-def new_stage(until_end):
-    """Make publishers of frames."""
-    return lambda frames: until_end(Stage(frames))
-
-
-def performed(puppet, take):
-    """The frames of a take."""
-    rig, settings = load_rig(puppet), Settings()
-    timeline, _ = load_timeline(take, settings)
-    (poses,) = solve(rig, timeline, settings, 1000)
-    character, handles = StreamedCharacter.of(puppet.stem, rig), rig.puppet.handle_positions
-    return [
-        Frame(character, k + 1, k / 30, 0, "performing", 1, np.float64(R), root, handles, motions=motions)
-        for k, (R, root, motions) in enumerate(zip(*poses, strict=True))
-    ]
-
-
-@pytest.fixture(scope="session")
-def danced(blob_puppet, take):
-    return performed(blob_puppet, take)
-
-
-@pytest.fixture
-def stage(new_stage, danced):
-    """The small figure's frames."""
-    return new_stage(danced)
-
-
-@pytest.fixture(scope="session")
-def baked(blob_puppet, take, commands, tmp_path_factory):
-    """The small figure's morph targets."""
-    path = tmp_path_factory.mktemp("baked") / "blob.morphs.glb"
-    commands.run("bake", blob_puppet, "-o", path, "--log", take, "--tolerance", "0.002").check_returncode()
-    return path
-
-
-@pytest.fixture(scope="session")
-def played(blob_puppet, take):
-    """Arguments that have the small figure moved by a take again and again."""
-    return ("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
-
-
-@pytest.fixture
-def serve_figure(serve, played, free_port):
-    """Serve the small figure, for this test alone."""
-
-    def start(*arguments, port=None):
-        port = port or free_port()
-        return serve(*played, "--port", port, *arguments)
-
-    return start
-
-
-@pytest.fixture
-def serve_puppet(serve, free_port):
-    """Serve a puppet that a take moves again and again."""
-
-    def start(puppet, take, *arguments):
-        played = ("--puppet", puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
-        return serve(*played, "--port", free_port(), *arguments)
-
-    return start
-
-
-@pytest.fixture(scope="session")
-def figure(own_cache, commands, played, baked, tmp_path_factory):
-    """The small figure, served as long as the tests run, with morph targets; none asks for what others would see."""
-    with services(commands, tmp_path_factory.mktemp("figure")) as start:
-        yield start(*played, "--morphs", baked)
-
-
-@pytest.fixture(scope="session")
-def locked_figure(own_cache, commands, played, token_file, tmp_path_factory):
-    """The same behind a token, without morph targets."""
-    with services(commands, tmp_path_factory.mktemp("locked")) as start:
-        yield start(*played, "--token-file", token_file)
 
 
 @pytest.fixture
@@ -402,19 +251,3 @@ def shown(program, stage, count=10, kind=Kind.VERTICES):
         said = program.until(lambda said, number=frame.sequence: said.get("frame") == number)
         found.append((said, decode(encode(kind, frame, 0)).body))
     return found
-
-
-@pytest.fixture
-def python(reference, figure):
-    return reference(figure.stream, "blob/vertices", "blob/scene/python")
-
-
-def shown_live(program, reference, wanted=20, since=0):
-    """Wait until so many moments were shown that the reference has too; return (what was said, reference) of each."""
-
-    def both():
-        theirs = dict(reference.frames)
-        found = [(each, theirs[each["frame"]].body) for each in program.said[since:] if each.get("frame") in theirs]
-        return found if len(found) >= wanted else None
-
-    return wait_until(both)

@@ -1,29 +1,26 @@
 """Clips in the package, without a service: compared with the solver's vertices."""
 
-import json
-import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from engine_bridge.performance.settings import Settings
-from engine_bridge.service.protocol.clip_file import ClipFacts, beginning
-from engine_bridge.service.protocol.header import Kind
-from engine_bridge.service.protocol.payloads import encode
+from engine_bridge.service.protocol.header import Header, Kind, join, split, topic, write_json
 
-from ..surface import vertices_of
+from ...recorded import recorded
+from ..clips import at_times, clip_of, damaged
+from ..messages import SCENE, scene_message, taken_apart
+from ..stage import FPS
 from .conftest import array
 
 UNITY = np.float32([-1, 1, 1])
 FRAMES = (0, 7, 30, 57)
-FPS = 30
 
 
 @pytest.fixture(scope="module")
-def solved(take, blob_puppet):
+def solved(solved):
     """The vertices of all frames in Unity's axes, and the diagonal."""
-    vertices, diagonal = vertices_of(take, blob_puppet, Settings())
-    return vertices * UNITY, diagonal
+    return solved[0] * UNITY, solved[1]
 
 
 @pytest.fixture
@@ -96,72 +93,27 @@ def test_a_manual_clock_moves_it(play_clip):
     assert len(warnings_of(said)) == 1
 
 
-REVISION, LENGTH, TIME = 72, 76, 88
-"""Places of numbers in the header of a message."""
+def test_a_damaged_clip_is_a_warning(play_clip, danced, tmp_path):
+    for what, content in damaged(danced).items():
+        path = tmp_path / "damaged.clip"
+        path.write_bytes(content)
+        shown, said = play_clip("at:0", "play:1", first=path)
+        assert len(warnings_of(said)) == 1, what
+        assert {each["vertices"] for each in shown} == {""}, what
 
 
-def messages_of(content):
-    while content:
-        length = 128 + int.from_bytes(content[LENGTH : LENGTH + 4], "little")
-        yield content[:length]
-        content = content[length:]
-
-
-def rewritten(content, **changes):
-    """Return a clip with another description."""
-    description, *others = messages_of(content)
-    text = json.dumps({**json.loads(description[128:]), **changes}).encode()
-    head = description[:LENGTH] + struct.pack("<I", len(text)) + description[LENGTH + 4 : 128]
-    return b"".join((head, text, *others))
-
-
-def at_times(content, time):
-    """Return a clip whose frames have other times."""
-    description, scene, *frames = messages_of(content)
-    moved = (each[:TIME] + struct.pack("<d", time(k)) + each[TIME + 8 :] for k, each in enumerate(frames))
-    return b"".join((description, scene, *moved))
-
-
-def of_another_scene(content):
-    """Return a clip of a scene with another revision."""
-    changed = (each[:REVISION] + struct.pack("<I", 7) + each[LENGTH:] for each in messages_of(content))
-    return rewritten(b"".join(changed), revision=7)
-
-
-DAMAGES = {
-    "no file": lambda whole: b"",
-    "an end too early": lambda whole: whole[:-9],
-    "no description": lambda whole: b"".join(list(messages_of(whole))[1:]),
-    "no scene": lambda whole: next(messages_of(whole)),
-    "a frame too few": lambda whole: rewritten(whole, frames=59),
-    "a time that goes back": lambda whole: at_times(whole, lambda k: -k),
-    "a time that is no number": lambda whole: at_times(whole, lambda k: np.nan),
-    "another scene": lambda whole: rewritten(whole, revision=7),
-}
-
-
-@pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_clip_is_a_warning(play_clip, clip, tmp_path, damage):
-    damaged = tmp_path / "damaged.clip"
-    damaged.write_bytes(DAMAGES[damage](clip.read_bytes()))
-    shown, said = play_clip("at:0", "play:1", first=damaged)
-    [warning] = warnings_of(said)
-    assert warning.startswith("Puppetline: first: found ")
-    assert {each["vertices"] for each in shown} == {""}
-
-
-def test_a_pause_in_a_recording_is_a_pause_in_its_clip(play_clip, clip, tmp_path, solved, assert_shown):
+def test_a_pause_in_a_recording_is_a_pause_in_its_clip(play_clip, danced, tmp_path, solved, assert_shown):
     """Frames have times of their own, from any beginning."""
     paused = tmp_path / "paused.clip"
-    paused.write_bytes(at_times(clip.read_bytes(), lambda k: 100 + k / FPS + (2 if k > 7 else 0)))
+    paused.write_bytes(clip_of(at_times(danced, lambda number: 100 + number / FPS + 2 * (number > 7))))
     moments = (7 / FPS, 7 / FPS + (2 + 1 / FPS) / 2, 2 + 30 / FPS, 99)
     shown, _ = play_clip(*(f"at:{moment}" for moment in moments), first=paused)
     assert_shown(shown, 7, solved[0][[7, 8]].mean(axis=0), 30, 57)
 
 
-def test_a_clip_of_another_character_is_not_blended(play_clip, clip, tmp_path, assert_shown):
-    other = tmp_path / "other.clip"
-    other.write_bytes(of_another_scene(clip.read_bytes()))
+def test_a_clip_of_another_character_is_not_blended(play_clip, danced, tmp_path, assert_shown):
+    other, character = tmp_path / "other.clip", replace(danced[0].character, revision=7)
+    other.write_bytes(clip_of([replace(frame, character=character) for frame in danced]))
     shown, said = play_clip("blend:0.5:1.0:0.5", second=other)
     assert len(warnings_of(said)) == 1
     assert_shown(shown, 15)
@@ -191,20 +143,6 @@ def test_timeline_changes_nothing_outside_of_play_mode(play_clip):
     assert (after["position"], after["vertices"]) == (before["position"], before["vertices"])
 
 
-def with_material(content, **values):
-    """Return a clip whose parts have another material, and no colours at the vertices."""
-    description, scene, *frames = messages_of(content)
-    start = 132 + int.from_bytes(scene[128:132], "little")
-    facts = json.loads(scene[132:start])
-    facts["arrays"].pop("colors", None)
-    for part in facts["parts"]:
-        part["material"] = {**PLAIN, **values}
-    text = json.dumps(facts).encode()
-    payload = struct.pack("<I", len(text)) + text + scene[start:]
-    head = scene[:LENGTH] + struct.pack("<I", len(payload)) + scene[LENGTH + 4 : 128]
-    return b"".join((description, head, payload, *frames))
-
-
 PLAIN = {
     "name": "paint",
     "base_color": [0.5, 0.25, 1.0, 0.75],
@@ -217,12 +155,18 @@ PLAIN = {
 
 
 @pytest.fixture
-def material(play_clip, clip, tmp_path):
-    """Return the material that the package makes of one of the file."""
+def material(play_clip, tmp_path):
+    """Return the material that the package makes of one of a file without colours at the vertices."""
 
     def of(**values):
+        facts, arrays = taken_apart()
+        del facts["arrays"]["colors"]
+        facts["parts"][0]["material"] = PLAIN | values
+        revision = split(SCENE).header.revision
+        text = write_json({"character": "worm", "revision": revision, "frames": 1, "fps": FPS, "recording": ""})
+        description = join(topic("worm", Kind.CLIP), Header(kind=Kind.CLIP, length=len(text), revision=revision), text)
         path = tmp_path / "painted.clip"
-        path.write_bytes(with_material(clip.read_bytes(), **values))
+        path.write_bytes(description + scene_message(facts, arrays) + recorded("0.controls"))
         _, said = play_clip("materials", first=path)
         return next(each for each in said if "queue" in each)
 
@@ -253,10 +197,8 @@ def test_alpha_modes_are_clipping_and_blending(material):
 
 
 def test_a_voice_moves_the_rest_pose_on_the_graphics_card(play_clip, spoken, tmp_path):
-    character = spoken[0].character
-    facts = ClipFacts("talker", character.revision, len(spoken), 30, "talk")
-    path = tmp_path / "talk.clip"
-    path.write_bytes(b"".join([beginning(character, facts), *(encode(Kind.CONTROLS, each, 0) for each in spoken)]))
+    character, path = spoken[0].character, tmp_path / "talk.clip"
+    path.write_bytes(clip_of(spoken))
     shown, _ = play_clip("materials", *(f"at:{time / 30}" for time in (0, 1, 1.5, 2, 0)), first=path, second=path)
     (down,) = character.displacements
     for told, voice in zip(shown[1:], (0, 0.4, 0.7, 1, 0), strict=True):

@@ -10,28 +10,19 @@ from ...waiting import wait_until
 FPS = 30
 
 
-class Service:
-    """A stage whose frames have numbers and times by 1/30 s."""
-
-    def __init__(self, stage):
-        self._stage, self.port = stage, stage.port
-        [self._frame] = stage.next(1)
-
-    def send(self, *numbers):
-        self._stage.send(*(replace(self._frame, sequence=number + 1, time=number / FPS) for number in numbers))
+@pytest.fixture
+def send(stage):
+    """Send frames of the stage, whose times are their numbers by 1/30 s."""
+    [frame] = stage.next(1)
+    return lambda numbers: stage.send(*(replace(frame, sequence=each + 1, time=each / FPS) for each in numbers))
 
 
 @pytest.fixture
-def service(stage):
-    return Service(stage)
-
-
-@pytest.fixture
-def puppet(start, service):
+def puppet(start, stage):
     """Start a puppet with a clock, as soon as it has the scene."""
 
     def run(clock, **fields):
-        given = {"port": service.port, "character": "blob", "interpolationDelay": 0, "clock": clock, **fields}
+        given = {"port": stage.port, "character": "blob", "interpolationDelay": 0, "clock": clock, **fields}
         program = start("Component", "materials=Any/Shader", *(f"{name}={value}" for name, value in given.items()))
         program.until(lambda said: said.get("event") == "sceneLoaded")
         return program
@@ -64,9 +55,9 @@ def wait_for(program, frames):
     wait_until(lambda: waiting() >= frames)
 
 
-def test_a_manual_clock_moves_by_what_it_is_advanced(puppet, service):
+def test_a_manual_clock_moves_by_what_it_is_advanced(puppet, send):
     program = puppet("Manual")
-    service.send(*range(60))
+    send(range(60))
     wait_for(program, 60)
     steps = (0.1, 0.0, 0.25, 0.5, 0.01)
     assert ask(program, *(f"advance {step}" for step in steps)) == pytest.approx(np.cumsum(steps), abs=1e-5)
@@ -75,9 +66,9 @@ def test_a_manual_clock_moves_by_what_it_is_advanced(puppet, service):
     program.finish()
 
 
-def test_the_engines_clock_is_scaled_and_paused(puppet, service):
+def test_the_engines_clock_is_scaled_and_paused(puppet, send):
     program = puppet("Engine")
-    service.send(*range(60))
+    send(range(60))
     wait_for(program, 60)
     # Unity's times are scaled already; at another scale than 1, nothing is made up for.
     half = ask(program, "scale 0.5", *["tick 0.01"] * 10)
@@ -89,20 +80,20 @@ def test_the_engines_clock_is_scaled_and_paused(puppet, service):
     program.finish()
 
 
-def test_a_recording_has_every_frame_once_however_late_it_comes(puppet, service):
+def test_a_recording_has_every_frame_once_however_late_it_comes(puppet, send):
     program = puppet("Engine", interpolationDelay=0.05)
     program.tell(f"capture {1 / FPS}")
     frames = range(26)  # one more, since times are rounded
-    service.send(*frames)
+    send(frames)
     times = ask(program, *[f"tick {1 / FPS}"] * 24)
     assert times == pytest.approx([number / FPS for number in range(1, 25)], abs=1e-5)
     program.tell("capture 0")
     assert not any("warning" in said for said in program.finish())
 
 
-def test_a_recording_goes_on_after_a_while_without_frames(puppet, service):
+def test_a_recording_goes_on_after_a_while_without_frames(puppet, send):
     program = puppet("Engine")
-    service.send(0)
+    send([0])
     wait_for(program, 1)
     program.tell(f"capture {1 / FPS}")
     assert ask(program, *[f"tick {1 / FPS}"] * 3) == [0, 0, 0]
@@ -110,13 +101,13 @@ def test_a_recording_goes_on_after_a_while_without_frames(puppet, service):
     assert sum("warning" in said for said in program.finish()) == 1
 
 
-def test_another_clock_takes_effect_at_run_time(puppet, service):
+def test_another_clock_takes_effect_at_run_time(puppet, send):
     program = puppet("Realtime")
-    service.send(*range(10))
+    send(range(10))
     program.until(lambda said: said.get("frame") == 10)
     program.tell("change clock Manual")
     wait_for(program, 0)  # the command has been followed
-    service.send(*range(10, 20))
+    send(range(10, 20))
     wait_for(program, 10)
     assert ask(program, "advance 0.1") == pytest.approx([10 / FPS + 0.1], abs=1e-5)
     program.finish()

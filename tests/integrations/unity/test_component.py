@@ -14,9 +14,7 @@ from engine_bridge.service.protocol.header import Kind
 from engine_bridge.service.protocol.scene import StreamedCharacter
 
 from ...waiting import wait_until
-from .conftest import array, assert_equal, shown
-
-UNITY = np.float32([-1, 1, 1])
+from .conftest import UNITY, array, assert_equal, cofactor_normals, shown
 
 
 def mesh(program):
@@ -43,10 +41,20 @@ def assert_around(said, theirs, diagonal, looseness):
 
 @pytest.mark.parametrize("mode", LIMITS)
 def test_vertices_uploaded_are_those_of_the_service_in_unitys_axes(show, stage, mode):
-    program = show(mode=mode, materials="Any/Shader")
-    assert not mesh(program)["onGraphicsCard"]
+    """The mesh has the character's triangles, turned over, and its parts."""
+    program = show(mode=mode, materials="Any/Shader,Other/Shader")
+    made, diagonal = mesh(program), stage.diagonal
+    triangles, positions = stage.arrays["triangles"].astype(np.int32), stage.arrays["positions"] * UNITY
+    np.testing.assert_array_equal(array(made["indices"], np.int32, 3), triangles[:, [0, 2, 1]])
+    assert made["parts"] == [[0, triangles.size, 0, len(positions)]]
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    assert made["atRest"] == [pytest.approx([*(low + high) / 2, *(high - low)], abs=1e-5)]
+    assert made["materials"] == ["Any/Shader"]
+    assert made["layout"] == ["0 Position 3", "0 Normal 3", "1 Color 4", "1 TexCoord0 2"]
+    assert (made["shown"], made["onGraphicsCard"]) == (False, False)  # before there is a pose
+    white_without_texture = np.tile([1, 1, 1, 1, 0, 0], (len(positions), 1))
+    np.testing.assert_array_equal(array(made["still"], columns=6), white_without_texture)
     both = shown(program, stage)
-    diagonal = stage.diagonal
     for said, theirs in both:
         assert_shown(array(said["moving"], columns=6), theirs, diagonal, *LIMITS[mode])
         assert_around(said, theirs, diagonal, 1.001)
@@ -55,42 +63,32 @@ def test_vertices_uploaded_are_those_of_the_service_in_unitys_axes(show, stage, 
     assert program.finish()[-1]["ended"]
 
 
-def test_the_mesh_has_the_characters_triangles_turned_over_and_its_parts(show, stage):
-    program = show(materials="Any/Shader,Other/Shader")
-    made = mesh(program)
-    shown(program, stage, 1)
-    triangles = stage.arrays["triangles"].astype(np.int32)
-    np.testing.assert_array_equal(array(made["indices"], np.int32, 3), triangles[:, [0, 2, 1]])
-    assert made["parts"] == [[0, triangles.size, 0, stage.facts["vertices"]]]
-    positions = stage.arrays["positions"] * UNITY
-    low, high = positions.min(axis=0), positions.max(axis=0)
-    assert made["atRest"] == [pytest.approx([*(low + high) / 2, *(high - low)], abs=1e-5)]
-    assert made["materials"] == ["Any/Shader"]
-    assert made["layout"] == ["0 Position 3", "0 Normal 3", "1 Color 4", "1 TexCoord0 2"]
-    assert made["shown"] is False  # before there is a pose
-    still = array(made["still"], columns=6)
-    assert len(still) == stage.facts["vertices"]
-    assert {tuple(each) for each in still.tolist()} == {(1, 1, 1, 1, 0, 0)}  # white, no texture
+def with_quick_normals(stage, said, theirs):
+    return theirs._replace(normals=cofactor_normals(stage, stage.sent[said["frame"]].controls))
 
 
 def test_the_graphics_card_gets_the_rest_pose_once_and_then_transforms(show, stage, shader):
+    """The character's block of transforms is put behind others; one of zeros leaves the rest pose."""
     program = show(api=shader.api)
-    made = mesh(program)
+    made, diagonal = mesh(program), stage.diagonal
     assert made["layout"][4:] == ["2 TexCoord1 2", *(f"2 TexCoord{k} 4" for k in range(2, 8))]
-    both = shown(program, stage)
-    diagonal = stage.diagonal
-    constant = array(made["ladder"], columns=26)
+    both = shown(program, stage, 3)
+    constant = array(made["ladder"], columns=26) + 3.0 * (np.arange(26) == 0)
+    others = np.random.default_rng(0).normal(size=(3 * 512, 4))
     assert len({said["moving"] for said, _ in both}) == 1
     assert {said["uploads"] for said, _ in both} == {3}
     for said, theirs in both:
-        moving = array(said["moving"], columns=6)
-        by_slopes, by_cofactors, before = shader(array(said["rows"], columns=4), moving, constant)
+        moving, rows = array(said["moving"], columns=6), np.vstack([others, array(said["rows"], columns=4)])
+        by_slopes, by_cofactors, before = shader(rows, moving, np.float32(constant))
         assert_shown(by_slopes, theirs, diagonal)
-        assert np.abs(by_cofactors[:, :3] - by_slopes[:, :3]).max() <= 1e-6 * diagonal
+        if by_cofactors is not None:
+            assert_shown(by_cofactors, with_quick_normals(stage, said, theirs), diagonal)
         if said["framesBefore"]:
             earlier = stage.sent[said["framesBefore"]].vertices_and_normals[0]
             assert np.abs(before * UNITY - earlier).max() <= 1e-6 * diagonal
         assert_around(said, theirs, diagonal, 3)
+        for still in shader(np.zeros_like(rows), moving, np.float32(constant)):
+            assert still is None or (still == moving[:, : still.shape[1]]).all()
     assert [said["framesBefore"] for said, _ in both[1:]] == [said["frame"] for said, _ in both[:-1]]
     assert program.finish()[-1]["ended"]
 
@@ -104,14 +102,10 @@ def test_another_pipelines_own_material_is_used_on_the_processor(show, pipeline,
     assert (made["materials"], made["onGraphicsCard"]) == ([material], material == "PuppetlineControls")
 
 
-def test_quick_normals_are_other_normals_at_the_same_places(show, stage):
+def test_quick_normals_are_those_of_cofactors(show, stage):
     program = show(materials="Any/Shader", quickNormals=True)
     for said, theirs in shown(program, stage):
-        positions, normals = np.split(array(said["moving"], columns=6) * np.tile(UNITY, 2), 2, axis=1)
-        assert np.abs(positions - theirs.positions).max() <= 1e-6 * stage.diagonal
-        cosines = np.sum(normals * theirs.normals, axis=1)
-        assert cosines.min() < np.median(cosines) <= 1 + 1e-5
-        assert np.median(cosines) > 0.999
+        assert_shown(array(said["moving"], columns=6), with_quick_normals(stage, said, theirs), stage.diagonal)
     program.finish()
 
 
@@ -134,31 +128,39 @@ def test_morphs_set_the_weights_of_the_targets_and_move_the_root(show, new_stage
 
 
 @pytest.mark.slow
-def test_events_are_raised_once_each_and_in_order(serve_figure, start):
-    service = serve_figure()
-    program = start("Component", f"port={service.port}", "materials=Any/Shader")
-    program.until(lambda said: said.get("event") == "performerCalibrated")
+def test_events_are_raised_once_each_and_in_order_and_takes_are_those_of_the_characters_stage(
+    serve_figure, played, blob_puppet, show, tmp_path
+):
+    other = shutil.copy(blob_puppet, blob_puppet.with_name("other.toml"))
+    more = ("--puppet", other, *played[2:4], "--takes", tmp_path / "takes")
+    service = serve_figure(*more)
+    program = show(service, character="other", materials="Any/Shader")
+
+    def event(name, value=None, since=0):
+        wanted = {"event": name} | ({} if value is None else {"value": value})
+        return program.until(lambda said: wanted.items() <= said.items(), since)
+
+    event("performerCalibrated")
+    service.ask("record_start", stage="stage1", name="theirs")
     program.tell("record evening")
-    assert program.until(lambda said: said.get("event") == "takeStarted")["value"] == "evening"
-    program.tell("stop")
-    assert program.until(lambda said: said.get("event") == "takeStopped")["value"] == "evening"
-    program.tell("mirror on")
-    program.tell("calibrate")
-    program.tell("ask describe")
+    event("takeStarted", "evening")
+    stages = {each["name"]: each["recording"] for each in service.ask("describe")["status"]["stages"]}
+    assert stages == {"stage1": "theirs", "stage2": "evening"}
+    for line in ("stop", "mirror on", "calibrate", "ask describe"):
+        program.tell(line)
+    event("takeStopped", "evening")
     described = program.until(lambda said: "reply" in said)["reply"]["result"]["characters"]
-    assert [each["mirror"] for each in described] == [True]
+    assert [each["mirror"] for each in described] == [False, True]
     program.tell("record not/a/name")
-    assert "record_start" not in program.until(lambda said: "warning" in said)["warning"]
+    program.until(lambda said: "not/a/name" in said.get("warning", ""))
     program.tell("record night")
-    program.until(lambda said: said.get("event") == "takeStarted" and said["value"] == "night")
+    event("takeStarted", "night")
     service.stop(signal.SIGKILL)
-    gone = program.until(lambda said: said.get("event") == "disconnected")
-    since = program.said.index(gone) + 1
-    serve_figure(port=service.port)
-    program.until(lambda said: said.get("event") == "connected", since)
-    program.until(lambda said: said.get("event") == "sceneLoaded", since)
+    since = program.said.index(event("disconnected")) + 1
+    serve_figure(*more, port=service.port)
+    for name in ("connected", "sceneLoaded", "performerCalibrated"):
+        event(name, since=since)
     program.until(lambda said: "frame" in said, since)
-    program.until(lambda said: said.get("event") == "performerCalibrated", since)
     program.finish()
     before, after = (
         [said["event"] for said in told if "event" in said] for told in (program.said[:since], program.said[since:])
@@ -183,7 +185,7 @@ def test_a_refusal_is_told_and_warned_of_once_and_another_token_lets_in(start, l
     assert [each["warning"] for each in said if "warning" in each] == [f"Puppetline: {refused['value']}"]
 
 
-def test_a_mode_changed_at_run_time_takes_effect(show, stage):
+def test_a_mode_changed_at_run_time_takes_effect_and_morphs_without_their_mesh_are_warned_of(show, stage):
     program = show()
     shown(program, stage, 2)
     since = len(program.said)
@@ -191,12 +193,9 @@ def test_a_mode_changed_at_run_time_takes_effect(show, stage):
     program.until(lambda said: said.get("event") == "sceneLoaded", since)
     for said, theirs in shown(program, stage, 2):
         assert_shown(array(said["moving"], columns=6), theirs, stage.diagonal)
+    program.tell("set mode Morphs")
+    program.until(lambda said: "puppetline bake" in said.get("warning", ""))
     program.finish()
-
-
-def test_morphs_without_a_mesh_of_the_character_say_what_to_do(start, figure):
-    program = start("Component", f"port={figure.port}", "mode=Morphs", "shapes=smile")
-    assert "puppetline bake" in program.until(lambda said: "warning" in said)["warning"]
 
 
 def test_a_disabled_puppet_answers_every_request_with_an_error(start, free_port):
@@ -229,24 +228,6 @@ def test_a_listener_of_an_event_may_disable_the_component(show, stage, event):
     assert left == {"left": event}
     assert not any("frame" in each for each in said[said.index(left) :])
     assert said[-1]["ended"]
-
-
-def test_takes_are_those_of_the_characters_stage(show, serve_puppet, blob_puppet, take, tmp_path):
-    other = shutil.copy(blob_puppet, blob_puppet.with_name("other.toml"))
-    more = ("--puppet", other, "--source", f"replay:{take}?loop", "--takes", tmp_path / "takes")
-    service = serve_puppet(blob_puppet, take, *more)
-    program = show(service, character="other", materials="Any/Shader")
-    program.until(lambda said: said.get("event") == "performerCalibrated")
-    service.ask("record_start", stage="stage1", name="theirs")
-    program.tell("record mine")
-    program.until(lambda said: said.get("event") == "takeStarted")
-    stages = {each["name"]: each["recording"] for each in service.ask("describe")["status"]["stages"]}
-    assert stages == {"stage1": "theirs", "stage2": "mine"}
-    program.tell("stop")
-    program.until(lambda said: said.get("event") == "takeStopped")
-    service.ask("record_stop", stage="stage1")
-    events = [(said["event"], said["value"]) for said in program.finish() if "take" in said.get("event", "")]
-    assert events == [("takeStarted", "mine"), ("takeStopped", "mine")]
 
 
 @pytest.mark.slow

@@ -1,18 +1,12 @@
 """Controls evaluated in C#, and by the shader's arithmetic, against the vertices of the same recorded frames."""
 
-import base64
-import shutil
-import subprocess
-
 import numpy as np
 import pytest
 
 from engine_bridge.service.protocol.header import Kind
 
 from ...recorded import VECTORS, decoded
-from .conftest import HERE, PACKAGE, array
-
-UNITY = np.float32([-1, 1, 1])
+from .conftest import UNITY, array, cofactor_normals
 
 
 @pytest.fixture(scope="module")
@@ -29,22 +23,6 @@ def evaluated(request, run_core):
         positions, normals = np.split(array(each["vertices"], columns=6), 2, axis=1)
         made[each["normals"], each["axes"]] = positions, normals, each["box"], each["around"]
     return request.param, made
-
-
-def blended(scene, controls):
-    """(n, 3, 4) matrices, as docs/protocol.md has them, in double precision."""
-    facts, t = scene.facts, scene.arrays["ladder"].astype(float)
-    T = controls.astype(float).reshape(facts["fields"], facts["isolines"], 3, 4)
-    k = np.minimum(np.floor(t), facts["isolines"] - 2).astype(int)
-    fields = np.arange(facts["fields"])
-    steps = T[fields, k + 1] - T[fields, k]
-    return np.einsum("i,vixy->vxy", facts["weights"], T[fields, k] + (t - k)[..., None, None] * steps)
-
-
-def cofactor_normals(scene, controls):
-    linear = blended(scene, controls)[:, :, :3]
-    turned = np.einsum("vji,vj->vi", np.linalg.inv(linear), scene.arrays["normals"]) * np.linalg.det(linear)[:, None]
-    return turned / np.linalg.norm(turned, axis=1, keepdims=True)
 
 
 def test_positions_and_both_kinds_of_normals_are_those_of_the_service(evaluated, scene):
@@ -87,98 +65,3 @@ def test_a_voice_moves_the_rest_pose_of_the_mouth(run_core, spoken, spoken_files
         assert np.abs(normals - turned).max() <= 1e-4
         assert (np.float32(evaluated["around"][:3]) <= where.min(axis=0) + slack).all()
         assert (np.float32(evaluated["around"][3:]) >= where.max(axis=0) - slack).all()
-
-
-BLOCK = 3
-"""The number of the character's block; others are before and after it."""
-
-
-def streams(scene):
-    """Return what the mesh gets once, as docs/unity.md has it: rest pose, block, isoline coordinates and slopes."""
-    arrays, fields = scene.arrays, scene.facts["fields"]
-    moving = np.hstack([arrays["positions"] * UNITY, arrays["normals"] * UNITY])
-    constant = np.zeros((len(moving), 26), np.float32)
-    constant[:, 0] = BLOCK
-    constant[:, 2 : 2 + fields] = arrays["ladder"]
-    constant[:, 10 : 10 + 2 * fields] = arrays["slopes"].reshape(len(moving), -1)
-    return moving, constant
-
-
-def blocks_with(facts, shown, before):
-    """Return the shader's rows: blocks of noise, and the character's with two poses."""
-    rows = np.random.default_rng(0).normal(size=(5 * 512, 4)).astype(np.float32)
-    start = BLOCK * 512
-    rows[start] = facts["fields"], facts["isolines"], 241, 1
-    for place, controls in ((241, shown), (1, before)):
-        weighted = np.float32(facts["weights"])[:, None, None] * controls.reshape(facts["fields"], -1, 4)
-        rows[start + place :][: weighted.size // 4] = weighted.reshape(-1, 4)
-    return rows
-
-
-@pytest.fixture(params=range(3))
-def posed(request, scene):
-    """The shader's rows for a frame, with another one before it, and a comparison of what it makes of them."""
-    number, other, facts = request.param, (request.param + 1) % 3, scene.facts
-    expected, earlier = decoded(f"{number}.vertices"), decoded(f"{other}.vertices").positions
-
-    def check(positions, normals, before):
-        assert np.abs(positions * UNITY - expected.positions).max() <= 1e-6 * facts["diagonal"]
-        assert np.abs(normals * UNITY - expected.normals).max() <= 1e-5
-        assert np.abs(before * UNITY - earlier).max() <= 1e-6 * facts["diagonal"]
-
-    controls = decoded(f"{number}.controls")
-    return blocks_with(facts, controls, decoded(f"{other}.controls")), check, cofactor_normals(scene, controls)
-
-
-def test_the_shaders_arithmetic_is_the_services(shader, scene, posed):
-    rows, check, quick = posed
-    by_slopes, by_cofactors, before = shader(rows, *streams(scene))
-    check(by_slopes[:, :3], by_slopes[:, 3:], before)
-    np.testing.assert_allclose(by_cofactors[:, :3], by_slopes[:, :3], rtol=0, atol=1e-6 * scene.facts["diagonal"])
-    np.testing.assert_allclose(by_cofactors[:, 3:] * UNITY, quick, rtol=0, atol=1e-5)
-
-
-def test_without_transforms_the_shader_leaves_vertices_as_they_are(shader, scene):
-    moving, constant = streams(scene)
-    by_slopes, by_cofactors, before = shader(np.zeros((5 * 512, 4), np.float32), moving, constant)
-    for points in (by_slopes, by_cofactors):
-        np.testing.assert_array_equal(points, moving)
-    np.testing.assert_array_equal(before, moving[:, :3])
-
-
-@pytest.fixture(scope="module")
-def webgl_shader(tmp_path_factory):
-    """The vertex shader for OpenGL ES 3.0, by way of SPIR-V as Unity's compiler for it goes by way of bytecode."""
-    for program in ("glslangValidator", "spirv-cross"):
-        if shutil.which(program) is None:
-            pytest.skip(f"{program} is not here (Debian: glslang-tools, spirv-cross)")
-    spirv = tmp_path_factory.mktemp("webgl") / "vertex.spv"
-    include = f"-I{PACKAGE / 'Runtime' / 'Resources'}"
-    mapped = ["--auto-map-bindings", "--auto-map-locations", "-DSHADER_API_GLES3=1", include]
-    source = HERE / "programs" / "feedback.hlsl"
-    compiled = subprocess.run(
-        ["glslangValidator", "-D", "-V", "-S", "vert", "-e", "main", *mapped, "-o", spirv, source],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert compiled.returncode == 0, compiled.stdout
-    translate = ["spirv-cross", spirv, "--es", "--version", "300", "--stage", "vert"]
-    return subprocess.run(translate, capture_output=True, text=True, check=True).stdout
-
-
-def test_a_browser_computes_the_services_vertices_with_the_shader(browser, webgl_shader, scene, posed):
-    """WebGL 2, which has the transforms in a texture; positions, normals and positions before come back."""
-    rows, check, _ = posed
-    place = {"positionOS": 0, "normalOS": 3, "block": 6, "isolines0": 8, "isolines1": 12}
-    place |= {f"slopes{k}": 16 + 4 * k for k in range(4)}
-    vertices = np.hstack(streams(scene)).astype(np.float32)
-    given = {"shader": webgl_shader, "place": place, "stride": 32}
-    given |= {
-        name: base64.b64encode(each.tobytes()).decode() for name, each in (("rows", rows), ("vertices", vertices))
-    }
-    page = browser.new_page()
-    told = page.evaluate((HERE / "programs" / "feedback.js").read_text(), given)
-    page.close()
-    assert told["error"] == ""
-    check(*np.split(array(told["values"], columns=9), 3, axis=1))

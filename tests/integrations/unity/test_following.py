@@ -1,23 +1,18 @@
 """The plain C# core follows the real service, through refusals, bad networks and worse peers, on a given clock."""
 
 import re
-import struct
 import threading
 from contextlib import suppress
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from engine_bridge.performance.exercise import random_poses
-from engine_bridge.performance.rig import load_rig
-from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.protocol.header import Kind
 from engine_bridge.service.protocol.payloads import decode, encode
-from engine_bridge.service.protocol.scene import StreamedCharacter
 
 from ...recorded import recorded
 from ...waiting import wait_until
+from ..peers import AFTER_THE_HANDSHAKE, BEFORE_THE_HANDSHAKE, GREETING, MANY, NOISE, READY, command, large
 from .conftest import array, assert_equal
 
 
@@ -46,20 +41,6 @@ def followed(program, stage, count=5):
     program.finish()
 
 
-@pytest.mark.slow
-def test_a_textured_file_with_many_parts_moves_as_the_service_has_it(new_stage, follow, tmp_path, real_data, commands):
-    puppet, mesh = tmp_path / "knight.toml", real_data / "mesh" / "gltf" / "kaykit_Knight.glb"
-    commands.run("new", mesh, "-o", puppet, cwd=tmp_path).check_returncode()
-    character = StreamedCharacter.of("knight", load_rig(puppet))
-    controls, motions = random_poses(character.rig, 5)
-    frames = [
-        Frame(character, 1, 0.0, 0, "performing", 1, np.float64(R), np.zeros(3), np.zeros((0, 3)), motions=motion)
-        for R, motion in zip(controls, motions, strict=True)
-    ]
-    stage = new_stage(frames)
-    followed(follow(stage.port, "knight"), stage)
-
-
 def test_the_first_character_is_followed_if_none_is_named_and_what_is_not_there_is_named(
     figure, locked_figure, follow, token_file
 ):
@@ -75,39 +56,22 @@ def test_the_first_character_is_followed_if_none_is_named_and_what_is_not_there_
 
 
 @pytest.mark.slow
-def test_a_reload_brings_another_scene(serve_puppet, blob_puppet, take, follow, tmp_path):
-    puppet = tmp_path / "blob.toml"
-    text = blob_puppet.read_text().replace("blob.glb", str(blob_puppet.with_name("blob.glb")))
-    puppet.write_text(text)
-    service = serve_puppet(puppet, take)
-    program = follow(service.port, "blob")
+def test_a_reload_brings_another_scene(serve, played, blob_file, write_puppet, follow):
+    puppet = write_puppet(blob_file.with_name("changed.toml"), blob_file.name)
+    service = serve("--puppet", puppet, *played[2:])
+    program = follow(service.port)
     first = program.until(lambda said: "scene" in said)
-    puppet.write_text(text.replace("isolines = 6", "isolines = 7"))
+    write_puppet(puppet, blob_file.name, more="[solver]\nisolines = 7", replaces=True)
     service.ask("reload")
     second = program.until(lambda said: "scene" in said and said["scene"] != first["scene"])
     program.until(lambda said: "frame" in said, program.said.index(second))
     program.finish()
 
 
-def test_a_missing_token_is_guessed_at_and_a_wrong_one_is_refused_and_not_tried_again(
-    figure, locked_figure, follow, token_file
-):
-    """Without a token, the service closes the connection without an error, and the client retries."""
-    for port, token, reason in (
-        (locked_figure.port, "", "may require a token"),
-        (figure.port, "any", "may have no token"),
-    ):
-        other = follow(port, "blob", token=token)
-        other.until(state("Offline", reason))
-        other.finish()
-    client = locked_figure.client("service/status", token=token_file.read_bytes())
-    before = client.until(lambda _: True)[-1].body["clients"]["refused"]
-    program = follow(locked_figure.port, "blob", token="wrong")
-    program.until(state("Refused"))
-    refused = client.until(lambda message: message.body["clients"]["refused"] > before)[-1].body["clients"]["refused"]
-    for _ in range(2):  # as often as it would have tried again
-        assert client.until(lambda _: True)[-1].body["clients"]["refused"] == refused
-    assert [said.get("state") for said in program.finish()][-2:] == ["Refused", None]
+def test_a_missing_token_and_one_too_many_are_guessed_at(figure, locked_figure, follow):
+    """The service closes the connection without an error, and the client retries."""
+    for port, token in ((locked_figure.port, ""), (figure.port, "any")):
+        follow(port, "blob", token=token).until(state("Offline", "token"))
 
 
 def test_a_network_that_gives_a_few_bytes_at_a_time_does_no_harm(locked_figure, stage, follow, token_file, line):
@@ -117,12 +81,8 @@ def test_a_network_that_gives_a_few_bytes_at_a_time_does_no_harm(locked_figure, 
     program.finish()
 
 
-GREETING = b"\xff" + bytes(8) + b"\x7f\x03\x00" + b"NULL".ljust(20, b"\0") + bytes(32)
-SHAKEN = GREETING + b"\x04\x1a\x05READY\x0bSocket-Type\x00\x00\x00\x04XPUB"
-
-
 def ping(context):
-    return b"\x04" + bytes([7 + len(context)]) + b"\x04PING\x00\x00" + context
+    return command(b"\x04PING\x00\x00" + context)
 
 
 @pytest.fixture
@@ -145,22 +105,14 @@ def impostor(answering):
     return start
 
 
-NOISE = np.random.default_rng(3).bytes(5000)
-SAYINGS = {
-    "nothing": b"",
-    "a page": b"HTTP/1.1 400 Bad Request\r\nContent-Length: 0\r\n\r\n" + b" " * 64,
-    "several parts": SHAKEN + b"\x01\x01a\x00\x01b",
-    "noise": NOISE,
-    "another command": GREETING + b"\x04\x06\x05HELLO",
-    "ZMTP 2": GREETING[:10] + b"\x01" + GREETING[11:],
-    "a message too early": GREETING + b"\x00\x05READY",
-    "a frame larger than memory": SHAKEN + b"\x02" + b"\xff" * 8,
-    "a frame larger than is taken": SHAKEN + b"\x02" + struct.pack(">Q", (256 << 20) + 1),
-    "a huge frame that never comes": SHAKEN + b"\x02" + struct.pack(">Q", 256 << 20) + NOISE,
-    "a huge command in the handshake": GREETING + b"\x06" + struct.pack(">Q", 1 << 20),
-    "messages that are none": SHAKEN + b"\x00\x05hello" * 50 + b"\x00\x00" * 50,
-    "a greeting and noise": GREETING + b"\xf0" + NOISE,
-    "broken commands": SHAKEN + b"\x04\x00" + b"\x04\x05\x04PING" + b"\x04\x01\xff",
+SHAKEN = GREETING + READY
+SAYINGS = BEFORE_THE_HANDSHAKE | {
+    what: SHAKEN + said
+    for what, said in {
+        **AFTER_THE_HANDSHAKE,
+        "a huge frame that never comes": large(MANY) + NOISE,
+        "messages that are none": b"\x00\x05hello" * 50 + b"\x00\x00" * 50,
+    }.items()
 }
 
 
@@ -194,6 +146,16 @@ def test_a_ping_is_answered_with_its_context(follow, impostor):
     assert b"\x00\x0f\x01blob/controls\x00" in heard
 
 
+def test_a_refusal_is_final(follow, impostor):
+    server, heard = impostor(GREETING + command(b"\5ERROR\x0bgo away now"))
+    program = follow(server.port, "blob")
+    program.until(state("Refused"))
+    program.tell("60")
+    program.until(lambda said: "turned" in said)
+    program.finish()
+    assert len(heard) == 1
+
+
 def test_another_protocol_version_is_refused_by_its_number(follow, impostor):
     message = (b"service/status".ljust(64, b"\0") + b"\x02\x00\x09" + bytes(61) + b"{}").ljust(200, b"\0")
     server, _ = impostor(SHAKEN + b"\x00" + bytes([len(message)]) + message)
@@ -203,7 +165,7 @@ def test_another_protocol_version_is_refused_by_its_number(follow, impostor):
 def sent(topic, name):
     """Return a recorded message as it goes over the wire, under another topic."""
     message = topic.ljust(64, b"\0") + recorded(name)[64:]
-    return b"\x02" + struct.pack(">Q", len(message)) + message
+    return b"\x02" + len(message).to_bytes(8, "big") + message
 
 
 def test_a_slow_scene_is_asked_for_less_and_less_often_and_silence_of_six_seconds_is_the_end(follow, answering):

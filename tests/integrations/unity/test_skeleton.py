@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from engine_bridge.service.protocol.header import Kind
 from engine_bridge.service.protocol.scene import encode_scene
 
-from ...engine_bridge.service.conftest import services
 from ..foreign_skeleton import FOREIGN, foreign
 from ..limbs import Limbs, values_of
-from .conftest import shown_live
+from ..stage import performed
+from .conftest import shown
 
 UNKNOWN = {"neck", "head", "leftHand", "rightHand", "leftFoot", "rightFoot"}
 """Joints whose T-pose a skeleton does not tell: no bone follows in the direction that they have there."""
@@ -55,28 +56,26 @@ def test_hips_stay_on_request_a_joint_without_a_name_does_too_and_the_rest_pose_
     assert "leftUpperArm" not in dict(result["names"])
 
 
-@pytest.fixture(scope="module")
-def limbed(own_cache, commands, limbed_puppet, take, tmp_path_factory):
-    """The small figure with limbs, served."""
-    played = ("--puppet", limbed_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
-    with services(commands, tmp_path_factory.mktemp("limbed")) as start:
-        yield start(*played)
+@pytest.fixture
+def limbed(new_stage, limbed_puppet, take):
+    """The small figure with limbs."""
+    return new_stage(performed(limbed_puppet, take))
 
 
 @pytest.fixture
-def own_bones(reference, limbed, tmp_path):
-    """The bones of the figure's own skeleton in a file, and what Python receives."""
-    received = reference(limbed.stream, "limbed/bones", "limbed/scene/python")
-    bones = received.scene.facts["bones"]
-    path = tmp_path / "bones.json"
-    path.write_text(json.dumps(bones))
-    return path, bones, received
+def show_bones(show, limbed, tmp_path):
+    """Have a Puppet drive a copy of the figure's own skeleton."""
+
+    def run(**fields):
+        (tmp_path / "bones.json").write_text(json.dumps(limbed.facts["bones"]))
+        return show(limbed, character="limbed", mode="Bones", bones=tmp_path / "bones.json", **fields)
+
+    return run
 
 
-def test_a_copy_of_the_characters_skeleton_has_the_poses_of_the_frames(show, limbed, own_bones):
-    path, bones, received = own_bones
-    program = show(limbed, character="limbed", mode="Bones", bones=path)
-    both = shown_live(program, received, 60)
+def test_a_copy_of_the_characters_skeleton_has_the_poses_of_the_frames(show_bones, limbed):
+    bones, program = limbed.facts["bones"], show_bones()
+    both = shown(program, limbed, 30, Kind.BONES)
     for said, theirs in both:
         turns, found = [], Rotation.from_quat(np.array(said["bones"])[:, :4])
         for bone, own in zip(bones, np.reshape(theirs[: 4 * len(bones)], (-1, 4)), strict=True):
@@ -88,19 +87,16 @@ def test_a_copy_of_the_characters_skeleton_has_the_poses_of_the_frames(show, lim
     assert program.finish()[-1]["ended"]
 
 
-def test_between_frames_bones_turn_the_short_way(show, limbed, own_bones):
-    path, _, received = own_bones
-    program = show(limbed, character="limbed", mode="Bones", bones=path, interpolationDelay=0.1)
-    turns = [Rotation.from_quat(np.array(said["bones"])[:, :4]) for said, _ in shown_live(program, received, 40)]
+def test_between_frames_bones_turn_the_short_way(show_bones, limbed):
+    limbed.is_playing = True
+    program = show_bones(interpolationDelay=0.1)
+    program.until(lambda _: sum("bones" in said for said in program.said) == 40)
+    turns = [Rotation.from_quat(np.array(said["bones"])[:, :4]) for said in program.finish() if "bones" in said]
     assert max(np.degrees((b * a.inv()).magnitude().max()) for a, b in pairwise(turns)) < 30
-    program.finish()
 
 
-def test_bones_without_a_known_name_and_a_character_without_limbs_are_warned_of(show, limbed, figure):
+def test_bones_without_a_known_name_and_a_character_without_limbs_are_warned_of(show, limbed):
     program = show(limbed, character="limbed", mode="Bones", boneMap="tail_9")
-    assert "leftUpperArm" in program.until(lambda said: "has a known name" in said.get("warning", ""))["warning"]
-    program.until(lambda said: "tail_9" in said.get("warning", ""))
-    program.close()
-    program = show(figure, mode="Bones")
-    program.until(lambda said: "[[limb]]" in said.get("warning", ""))
-    program.close()
+    for wanted in ("leftUpperArm", "tail_9"):
+        program.until(lambda said, wanted=wanted: wanted in said.get("warning", ""))
+    show(mode="Bones").until(lambda said: "[[limb]]" in said.get("warning", ""))

@@ -256,7 +256,7 @@ static class Core
             given = looks == 0 ? Clock.Now : given;
             SetClock(source);
             // The thread of the connection looks twice as soon as it waits for a time, and once more at most before it acts.
-            waitForLooks(2, () => follower.State != FollowState.Connecting);
+            waitForLooks(2, () => follower.State != FollowState.Connecting && follower.State != FollowState.Refused);
             Volatile.Write(ref given, given + double.Parse(line, CultureInfo.InvariantCulture));
             waitForLooks(3, () => follower.State == FollowState.Connected);
             Said.Line("turned", line);

@@ -126,22 +126,6 @@ def test_topics_are_subscribed_to_and_messages_of_any_size_come_whole(connect, p
     assert messages(script.end()) == [*map(seen, sent), seen(b"dog/controls\0last")]
 
 
-def test_many_megabytes_in_small_pieces_are_put_together(connect, peer):
-    body = random.randbytes(20_000_000)
-
-    def answer(line):
-        shake_hands(line)
-        data = large(len(body)) + body
-        for k in range(0, len(data), 7001):
-            line.sendall(data[k : k + 7001])
-
-    script = connect(peer(answer))
-    script.until(lambda told: told == seen(body))
-    fails(script)
-    [*_, last] = script.results
-    assert last["memory"] < 200e6
-
-
 def test_a_ping_gets_its_own_context_back(connect, peer):
     pongs = []
 

@@ -11,7 +11,7 @@ from engine_bridge.service.protocol.payloads import encode
 from .stage import FPS
 
 
-def clip_of(frames, **facts):
+def clip_of(frames, /, **facts):
     """Return a clip; its description says something else where `facts` do."""
     character = frames[0].character
     described = {"character": character.name, "revision": character.revision, "frames": len(frames)}

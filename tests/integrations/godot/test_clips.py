@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from engine_bridge.performance.settings import Settings
+from engine_bridge.service.clip_export import write_clip
 
 from ..clips import clip_of, damaged
 from ..stage import performed
@@ -18,10 +19,9 @@ FRAMES = (0, 7, 30, 57)
 @pytest.fixture(scope="module")
 def other(take, blob_puppet, tmp_path_factory):
     """The same motion with another calibration, which moves the character differently: a clip, and its vertices."""
-    frames = performed(blob_puppet, take, Settings(rest_at=1.0))
-    path = tmp_path_factory.mktemp("clips") / "other.clip"
-    path.write_bytes(clip_of(frames))
-    return path, np.array([frame.vertices_and_normals[0] for frame in frames])
+    path, settings = tmp_path_factory.mktemp("clips") / "other.clip", Settings(rest_at=1.0)
+    write_clip(take, blob_puppet, path, "dancer", settings)
+    return path, np.array([frame.vertices_and_normals[0] for frame in performed(blob_puppet, take, settings)])
 
 
 def positions(told):

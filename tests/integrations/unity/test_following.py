@@ -94,8 +94,8 @@ def impostor(answering):
 
         def answer(line):
             line.settimeout(1)
-            line.sendall(left.pop(0) if left else b"")
             heard.append(b"")
+            line.sendall(left.pop(0) if left else b"")
             with suppress(TimeoutError):
                 while some := line.recv(4096):
                     heard[-1] += some

@@ -93,6 +93,7 @@ def test_an_animation_tree_or_player_shows_the_mean_of_two_clips_or_one(run_godo
 
 def test_a_performer_is_mixed_with_a_clip(run_godot, stage, danced, solved, tmp_path):
     stage.is_playing, clip = True, tmp_path / "blob.clip"
+    stage.listed["digest"] = stage.character.digest  # that of the clip's scene
     clip.write_bytes(clip_of(danced))
     *told, facts = run_godot("mix_live.gd", stage.port, clip, 0.0, 1.0, 0.5, 0.25)
     only_clip, only_live, half, quarter = positions(told)

@@ -90,7 +90,7 @@ def test_a_copy_of_the_characters_skeleton_has_the_poses_of_the_frames(show_bone
 def test_between_frames_bones_turn_the_short_way(show_bones, limbed):
     limbed.is_playing = True
     program = show_bones(interpolationDelay=0.1)
-    program.until(lambda _: sum("bones" in said for said in program.said) == 40)
+    program.until(lambda _: sum("bones" in said for said in program.said) >= 40)
     turns = [Rotation.from_quat(np.array(said["bones"])[:, :4]) for said in program.finish() if "bones" in said]
     assert max(np.degrees((b * a.inv()).magnitude().max()) for a, b in pairwise(turns)) < 30
 

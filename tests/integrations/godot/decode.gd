@@ -43,7 +43,7 @@ func _scene(scene: Scene) -> Dictionary:
 		return {"damaged": true}
 	return {
 		"facts": scene.description,
-		"revision": scene.revision,
+		"scene_revision": scene.revision,
 		"counts": [scene.vertex_count, scene.triangle_count, scene.field_count, scene.isoline_count],
 		"weights": base64(scene.weights.to_byte_array()),
 		"triangles": base64(scene.triangles.to_byte_array()),

@@ -75,7 +75,8 @@ class TestMessages(Messages):
             for handle, expected in zip(own["handles"], facts["handles"], strict=True):
                 np.testing.assert_allclose(handle["position"], expected["position"], rtol=1e-6)
                 assert (handle["name"], handle["joints"]) == (expected["name"], expected["joints"])
-            for name in ("revision", "diagonal", "joints", "morphs", "parts"):
+            assert own["scene_revision"] == facts["revision"]
+            for name in ("diagonal", "joints", "morphs", "parts"):
                 assert self.same(own[name], facts[name])
 
 

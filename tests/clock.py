@@ -6,28 +6,9 @@ import itertools
 import math
 import selectors
 import threading
-import time
 from contextlib import contextmanager
 
 from puppetline import clock
-
-
-class Clock:
-    """The machine's clock, which a test can advance further: all threads see it advance."""
-
-    def __init__(self, patch):
-        self._skipped = 0.0
-        monotonic, monotonic_ns = time.monotonic, time.monotonic_ns
-        patch.setattr(time, "monotonic", lambda: monotonic() + self._skipped)
-        patch.setattr(time, "monotonic_ns", lambda: monotonic_ns() + int(1e9 * self._skipped))
-
-    def advance(self, seconds):
-        """Advance the clock by a number of seconds."""
-        self._skipped += seconds
-
-    def advance_to(self, time_):
-        """Advance the clock to a time, unless that has passed."""
-        self.advance(max(0.0, time_ - time.monotonic()))
 
 
 class GivenClock:

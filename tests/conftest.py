@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from puppetline.clock import use
 
-from .clock import Clock, GivenClock
+from .clock import GivenClock
 from .commands import Commands
 from .durations import BY_FILE, Durations
 from .outside import PEERS, PLAYERS, ROOT, LeftOut, found, load_players
@@ -132,12 +132,6 @@ def until_end() -> Iterator[Callable[[Any], Any]]:
     """Return a function that returns what it is given, and closes it at the end of the test."""
     with ExitStack() as stack:
         yield lambda opened: stack.enter_context(closing(opened))
-
-
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    """Return the monotonic clock of this process, which the test can turn."""
-    return Clock(monkeypatch)
 
 
 @pytest.fixture

@@ -45,6 +45,7 @@ def second_process(at_once: bool = False) -> Iterator[None]:
             start()
 
     if at_once:
+        when_begun.clear()  # the command around this one would start another
         start()
     else:
         when_begun.append(start_if_needed)

@@ -17,7 +17,7 @@ BODY = WALK.positions[0]
 
 def body(time, user=1, x=0.0, confidence=1.0, swapped=False):
     """Return a frame of a performer who stands at x."""
-    positions = [*BODY, x, 0, 0]
+    positions = BODY + np.array([x, 0, 0])
     sure = np.full(20, confidence, dtype=np.float32)
     return SkeletonFrame(time, user, positions[OPPOSITE] if swapped else positions, sure)
 

@@ -34,8 +34,9 @@ def test_a_second_process_starts_with_the_first_function_that_must_be_compiled(p
         assert processes.call_count == (0 if already else 1)
 
 
-def test_a_second_process_ends_with_the_command(processes):
-    with compile_ahead.second_process(at_once=True):
+def test_a_second_process_is_the_only_one_and_ends_with_the_command(processes):
+    with compile_ahead.second_process(), compile_ahead.second_process(at_once=True):
+        assert when_begun == []
         assert processes.call_args.args[0] == [sys.executable, "-m", "engine_bridge.cli.compile_ahead"]
         processes.return_value.kill.assert_not_called()
     processes.return_value.kill.assert_called_once_with()

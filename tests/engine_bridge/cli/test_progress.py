@@ -1,6 +1,7 @@
 import io
 import signal
 import sys
+from unittest.mock import MagicMock
 
 import pytest
 from numba.core import event
@@ -37,11 +38,11 @@ def terminal(monkeypatch):
 
 
 def test_a_terminal_shows_steps_and_how_many_functions_were_compiled(terminal, capsys):
-    shown = terminal()
+    shown, function = terminal(), {"dispatcher": MagicMock(), "args": ()}
     with progress() as report:
         report("Solving", 1.0)
         for _ in range(2):
-            with event.trigger_event("numba:compile"), event.trigger_event("numba:compile"):
+            with event.trigger_event("numba:compile", function), event.trigger_event("numba:compile", function):
                 pass
     text = shown.getvalue()
     assert "Solving" in text

@@ -128,6 +128,7 @@ def test_the_service_is_followed_once_it_replaces_another_program_there(serve_fi
         assert len(heard) == number, what
         if number < len(SAYINGS):
             program.tell("1.01")
+            since = program.said.index(program.until(lambda told: "turned" in told, since), since)
     status = Path(f"/proc/{program.process.pid}/status").read_text()
     assert int(re.search(r"VmHWM:\s+(\d+)", status)[1]) < 200_000  # KB: what was announced has taken no memory
     server.close()
@@ -181,6 +182,7 @@ def test_a_slow_scene_is_asked_for_less_and_less_often_and_silence_of_six_second
                 scenes.extend(re.findall(rb"\x01(worm/scene/\w+)\0", some))
 
     program = follow(answering(answer).port, "worm")
+    program.until(state("Connecting"))
     program.tell("0")
     program.until(lambda said: "turned" in said)
     is_stopped.set()

@@ -184,11 +184,13 @@ static class Core
             Scene scene = null;
             Deformation deformation = null;
             SurfaceVertex[] vertices = null;
-            var reading = new Thread(() => TurnClock(follower));
+            int tries = 0;
+            var reading = new Thread(() => TurnClock(follower, ref tries));
             reading.Start();
             while (reading.IsAlive)
             {
-                string state = follower.State + " " + follower.Reason;
+                // once more after each try to connect, in which the state may have changed and changed back
+                string state = Volatile.Read(ref tries) + " " + follower.State + " " + follower.Reason;
                 if (state != said)
                 {
                     Said.Line("state", follower.State, "reason", follower.Reason);
@@ -234,7 +236,7 @@ static class Core
         Said.Line("frame", frame.Header.Sequence, "time", frame.Header.Time, "user", frame.Header.User, "values", values);
     }
 
-    static void TurnClock(Follower follower)
+    static void TurnClock(Follower follower, ref int tries)
     {
         double given = 0;
         int looks = 0;
@@ -257,9 +259,14 @@ static class Core
             SetClock(source);
             // The thread of the connection looks twice as soon as it waits for a time, and once more at most before it acts.
             waitForLooks(2, () => follower.State != FollowState.Connecting && follower.State != FollowState.Refused);
+            FollowState before = follower.State;
             Volatile.Write(ref given, given + double.Parse(line, CultureInfo.InvariantCulture));
-            waitForLooks(3, () => follower.State == FollowState.Connected);
+            // until it has seen that time, or has tried to connect
+            waitForLooks(3, () => before == FollowState.Connected
+                ? follower.State == FollowState.Connected
+                : before == FollowState.Offline && follower.State <= FollowState.Connecting);
             Said.Line("turned", line);
+            tries += before == FollowState.Offline ? 1 : 0;
         }
     }
 

@@ -41,7 +41,7 @@ from engine_bridge.character import examples
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.performance.rig import load_rig
-from tests.capture.fusion.conftest import VirtualSensor, truth, turning
+from tests.capture.fusion.virtual_sensors import VirtualSensor, truth, turning
 
 Floats = NDArray[np.float64]
 

@@ -129,7 +129,8 @@ def test_record_writes_the_images_beside_the_take(
     found = CliRunner().invoke(record, arguments)
     refused = CliRunner().invoke(record, ["--source", "demo:walk", "-o", files[0], "--sensor", f"{tmp_path}/b.db3"])
     assert found.exit_code == 0, found.output
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["take.db3", "take.log"]
+    # the device's thread closes it in its own time
+    wait_until(lambda: sorted(path.name for path in tmp_path.iterdir()) == ["take.db3", "take.log"])
     np.testing.assert_array_equal(read(opened("file", files[1])).color, images[1])
     assert "a source whose sensor cannot record its images" in str(refused.exception)
 

@@ -162,7 +162,8 @@ func _check_triangles() -> bool:
 	return true
 
 
-## Refuse what is not from 0 to the last isoline. The bits of floats that are not negative have the order of the floats.
+## Refuse what is not from 0 to the last isoline. As integers, the bits of positive floats have the order of the floats,
+## and those of NaN come last.
 func _check_isoline_coordinates() -> bool:
 	var bits := isoline_coordinates.to_byte_array().to_int32_array()
 	bits.sort()

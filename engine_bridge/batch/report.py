@@ -127,7 +127,8 @@ def _sheet(row: Row, store: Store, batch: BatchSettings) -> str:
     path = store.sheet(row)
     if not path.is_file():
         clip = solve_again(row, batch.settings)
-        clip_sheet.draw(clip, path, f"{Path(row.puppet).stem} · {Path(row.log).stem}")
+        title = f"{Path(row.puppet).stem} · {Path(row.log).stem}"
+        clip_sheet.draw(clip, path, title, file=batch.folder / row.output)
     jpeg = io.BytesIO()
     with Image.open(path) as image:
         image.convert("RGB").save(jpeg, "JPEG", quality=JPEG_QUALITY)

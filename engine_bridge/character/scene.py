@@ -160,19 +160,31 @@ def skinning(
     MeshError
         There are no valid joints and weights, or a joint is not in the skin.
     """
-    table = document.gltf["skins"][skin]
-    where = at(document.name, field=f"skins[{skin}]")
-    joints = world[table["joints"]]
-    if "inverseBindMatrices" in table:
-        inverse = document.array(table["inverseBindMatrices"]).astype(np.float64)
-        if inverse.ndim != 2 or inverse.shape[1] != 16 or len(inverse) < len(joints):
-            raise damaged(where, f"{len(inverse)} inverse bind matrices for {len(joints)} joints")
-        joints = joints @ inverse[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1)
+    joints = world[document.gltf["skins"][skin]["joints"]] @ inverse_bind(document, skin)
     which, share = influences(document, primitive, skin, count)
     blended = np.zeros((count, 4, 4))
     for column in range(which.shape[1]):
         blended += share[:, column, None, None] * joints[which[:, column]]
     return blended
+
+
+def inverse_bind(document: Document, skin: int) -> NDArray[np.float64]:
+    """Return the inverse bind matrices (j, 4, 4) of a skin, for column vectors; identities if it has none.
+
+    Raises
+    ------
+    MeshError
+        There are fewer matrices than joints.
+    """
+    table = document.gltf["skins"][skin]
+    count = len(table["joints"])
+    if "inverseBindMatrices" not in table:
+        return np.tile(np.eye(4), (count, 1, 1))
+    inverse = document.array(table["inverseBindMatrices"]).astype(np.float64)
+    if inverse.ndim != 2 or inverse.shape[1] != 16 or len(inverse) < count:
+        where = at(document.name, field=f"skins[{skin}]")
+        raise damaged(where, f"{len(inverse)} inverse bind matrices for {count} joints")
+    return inverse[:count].reshape(-1, 4, 4).transpose(0, 2, 1)
 
 
 def influences(
@@ -201,8 +213,6 @@ def influences(
     which, share = indices.astype(np.int64), weights.astype(np.float64)
     if which.max(initial=0) >= len(joints) or which.min(initial=0) < 0:
         raise damaged(where, f"joint {which.max()} of {len(joints)}")
-    share = np.where(np.isfinite(share), np.maximum(share, 0), 0)
-    share[share.sum(axis=1) == 0] = np.eye(1, share.shape[1])
     share /= share.sum(axis=1, keepdims=True)
     return which, share
 

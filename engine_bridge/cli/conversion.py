@@ -60,6 +60,7 @@ WRITING = (
         "[default: 0.0005; for a rig 0.0001]",
     ),
     options.targets,
+    options.keep_skin,
 )
 """Options for what is written."""
 
@@ -125,6 +126,8 @@ def refuse_without_puppet(**choices: Any) -> None:
     for option in ("form", "tolerance", "targets", "rest_at", "preview"):
         if choices.get(option):
             raise click.UsageError(f"--{names.get(option, option)} is about a character and requires --puppet.")
+    if not choices.get("keep_skin", True):
+        raise click.UsageError("--new-skin is about a character and requires --puppet.")
 
 
 def check_output(output: Path, has_puppet: bool) -> None:

@@ -52,7 +52,8 @@ def convert(log: Path, puppet: Path | None, output: Path, preview: Path | None, 
     with progress() as report:
         clip, summary = convert(log, puppet, output, settings, report)
         if preview is not None:
-            clip_sheet.draw(clip, preview, f"{puppet.stem} · {log.stem}", lambda share: report("Drawing", share))
+            title = f"{puppet.stem} · {log.stem}"
+            clip_sheet.draw(clip, preview, title, lambda share: report("Drawing", share), file=output)
     options.show(summary, as_json, describe(summary))
 
 

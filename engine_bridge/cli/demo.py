@@ -73,5 +73,6 @@ def _convert(name: str, folder: Path, report: Reporter) -> "tuple[Summary, Path]
     title = f"{name}_{examples.MOTIONS[name]}"
     output, picture = folder / f"{title}.glb", folder / f"{title}.png"
     clip, summary = convert(log, puppet, output, Settings(), report)
-    clip_sheet.draw(clip, picture, f"{name} · {examples.MOTIONS[name]}", lambda share: report("Drawing", share))
+    label = f"{name} · {examples.MOTIONS[name]}"
+    clip_sheet.draw(clip, picture, label, lambda share: report("Drawing", share), file=output)
     return summary, picture

@@ -38,6 +38,11 @@ source = click.option("--source", required=True, metavar="URI", help="Source of 
 targets = click.option(
     "--targets", type=click.IntRange(2), metavar="K", help="Maximum number of morph targets, whatever the error."
 )
+keep_skin = click.option(
+    "--keep-skin/--new-skin",
+    default=True,
+    help="Keep the skeleton and weights of a file if they can move the limbs, or make new ones.  [default: keep]",
+)
 
 
 def show(result: object, as_json: bool, *lines: str) -> None:

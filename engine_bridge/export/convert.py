@@ -3,13 +3,22 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from capture.timeline import Timeline
+from engine_bridge.character.document import Document
+from engine_bridge.character.evaluation import Evaluation
 from engine_bridge.export import frames_animation
 from engine_bridge.export.clip_export import export_clip
 from engine_bridge.performance.clip import Clip, Progress, load_timeline, perform
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Form, Settings
 from puppetline.files import check_writable
+from solver.model.stretch import EdgeStretch
+from solver.surface.contacts import PartSeparation
+
+MAX_MEASURED_FRAMES = 60
+"""Maximum number of frames in which the surface of a file with its own skeleton is measured."""
 
 
 @dataclass(frozen=True)
@@ -19,8 +28,8 @@ class Summary:
     `error` and `rms` are the maximum and the root mean square distance of vertices from the solver's positions, over
     all vertices and keyframes, as fractions of the diagonal. For a rig that was made, a long clip is compared in some
     of its frames. If the file's own skeleton is animated, `error` is the maximum distance of a joint from its bone, and
-    `rms`, `stretch_p1`, `stretch_p50`, `stretch_p99` and `parts_apart`,
-    which describe the surface, are None.
+    `rms` is None; `stretch_p1`, `stretch_p50`, `stretch_p99` and `parts_apart` are then measured on the surface that
+    the file shows, in some of its frames.
 
     `keyframes` is the number of frames in the file, which is lower than `frames` if others are interpolated. `bones` is
     the number of joints with keyframes, and `following` that of joints that move with their parents.
@@ -37,9 +46,9 @@ class Summary:
     error: float
     rms: float | None
     tolerance: float
-    stretch_p1: float | None
-    stretch_p50: float | None
-    stretch_p99: float | None
+    stretch_p1: float
+    stretch_p50: float
+    stretch_p99: float
     parts_apart: float | None
     bytes: int
     repairs: tuple[str, ...]
@@ -56,7 +65,7 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
     document, result = export_clip(clip, name, settings, progress)
     document.save(output)
     of_solver = settings.form != "rig" or result.rms is not None
-    p1, p50, p99 = clip.stretch if of_solver else (None, None, None)
+    (p1, p50, p99), parts_apart = (clip.stretch, clip.parts_apart) if of_solver else _measured(clip, document)
     return Summary(
         output=str(output),
         form=settings.form or "morph",
@@ -72,11 +81,27 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
         stretch_p1=p1,
         stretch_p50=p50,
         stretch_p99=p99,
-        parts_apart=clip.parts_apart if of_solver else None,
+        parts_apart=parts_apart,
         bytes=output.stat().st_size,
         repairs=tuple(clip.rig.mesh.repairs.describe()) if of_solver else (),
         notes=(*clip.rig.character.document.notes, *result.notes, *clip.notes),
     )
+
+
+def _measured(clip: Clip, document: Document) -> tuple[tuple[float, ...], float | None]:
+    """Return the edge stretch and the separation of parts of a clip, on the surface that a document shows."""
+    mesh = clip.rig.mesh
+    shown = np.empty(len(mesh.vertices), np.int64)  # a vertex of the file for each of the solver's
+    shown[mesh.of_render] = np.arange(len(mesh.of_render))
+    stretch, separation = EdgeStretch(mesh), PartSeparation(mesh) if mesh.parts > 1 else None
+    times = clip.timeline.times[:: -(-len(clip.frames) // MAX_MEASURED_FRAMES)]
+    for places in Evaluation(document, clip.rig.character.parts).positions(times):
+        # relative to the middle, where edge lengths are precise
+        vertices = (places[shown] - clip.rig.model.center).astype(np.float32)[:, :, None]
+        stretch.add(vertices)
+        if separation is not None:
+            separation.add(vertices)
+    return stretch.percentiles(1, 50, 99), None if separation is None else separation.largest
 
 
 def convert(
@@ -158,8 +183,7 @@ def describe(summary: Summary) -> str:
     if summary.keyframes < summary.frames:
         lines.append(f"  keyframes      {summary.keyframes:,}; the other frames are interpolated within the tolerance")
     stretch = (summary.stretch_p1, summary.stretch_p50, summary.stretch_p99)
-    if None not in stretch:
-        lines.append(f"  edge stretch   {' / '.join(f'{each:.3f}' for each in stretch)} (1st, 50th, 99th percentile)")
+    lines.append(f"  edge stretch   {' / '.join(f'{each:.3f}' for each in stretch)} (1st, 50th, 99th percentile)")
     if summary.parts_apart is not None:
         lines.append(f"  parts apart    at most {summary.parts_apart:.2g} of the diagonal")
     if summary.repairs:

@@ -9,10 +9,11 @@ from engine_bridge.character.document import Document
 from engine_bridge.export.animation import ExportResult, Keyframes, hold_targets
 from engine_bridge.export.finger_animation import bend_fingers
 from engine_bridge.export.motion_thinning import thin_motion
+from engine_bridge.export.own_skeleton import OwnSkeleton, own_skeleton
 from engine_bridge.export.rig_animation import RigAnimation, animate_rig
 from engine_bridge.performance.clip import Clip, Progress
 from engine_bridge.performance.settings import Settings
-from engine_bridge.puppet.rig_bones import RigBones, own_bones
+from engine_bridge.puppet.rig_bones import RigBones
 from engine_bridge.rigging.made_rig import made_rig, with_handles
 from engine_bridge.rigging.rig_document import rigged_document
 from engine_bridge.rigging.skeleton import Skeleton
@@ -26,7 +27,7 @@ MAX_COMPARED_FRAMES = 400
 def export_rig(
     clip: Clip, keyframes: Keyframes, settings: Settings, progress: Progress
 ) -> tuple[Document, ExportResult]:
-    """Animate the joints of the file's own skeleton, or of a new one if no limb of the puppet is along it.
+    """Animate the joints of the file's own skeleton, or of a new one if that cannot move all limbs of the puppet.
 
     Parameters
     ----------
@@ -36,8 +37,12 @@ def export_rig(
     settings : Settings
     progress : callable
     """
-    own = own_bones(clip.rig.character, clip.rig.puppet.limbs)
-    document, result = _of_made(clip, keyframes, progress) if own is None else _of_own(clip, keyframes, own)
+    own = own_skeleton(clip.rig) if settings.keep_skin else OwnSkeleton(None)
+    if own.usable is not None:
+        document, result = _of_own(clip, keyframes, own.usable)
+    else:
+        document, result = _of_made(clip, keyframes, progress)
+        result = replace(result, notes=(*own.notes, *result.notes))
     if settings.max_error and document.gltf["animations"]:
         diagonal = float(clip.rig.model.diagonal)
         count, more = thin_motion(document, settings.max_error * diagonal)

@@ -7,10 +7,11 @@ from typing import Literal
 
 from engine_bridge.character.character import CHARACTER_FILES
 from engine_bridge.character.document import Document
+from engine_bridge.export.own_skeleton import OwnSkeleton, own_skeleton
 from engine_bridge.performance.clip import Progress
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.rig import make_rig as prepared
-from engine_bridge.puppet.rig_bones import own_bones
+from engine_bridge.puppet.rig_bones import RigBones
 from engine_bridge.rigging.file_joints import humanoid_joints
 from engine_bridge.rigging.made_rig import make_rig
 from engine_bridge.rigging.naming_schemes import NAMES, Scheme
@@ -83,11 +84,11 @@ def write_rig(
     rig, notes = load_rig_of(source, output)
     check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
     progress("Preparing the character", 1.0)
-    has_skin = rig.character.document.gltf["skins"] and own_bones(rig.character, rig.puppet.limbs) is not None
-    kept = settings.keep_skin and settings.pose == "rest" and bool(has_skin)
-    if kept:
+    wanted = settings.keep_skin and settings.pose == "rest" and bool(rig.character.document.gltf["skins"])
+    own = own_skeleton(rig) if wanted else OwnSkeleton(None)
+    if own.usable is not None:
         document = rig.character.document.copy()
-        names = _rename_own(document, rig, settings.names)
+        names = _rename_own(document, rig, own.usable, settings.names)
         notes += ("The file keeps its own skeleton and weights. For new ones, use --new-skin.",)
         rms = error = None
     else:
@@ -95,10 +96,10 @@ def write_rig(
         made = make_rig(rig, in_t_pose=settings.pose == "t", influences=settings.influences, progress=fitting)
         document, nodes, more = rigged_document(rig.character, made, rig.mesh.of_render)
         names, rms, error = rename(document, nodes, settings.names), made.rms, made.error
-        notes += more
+        notes += (*own.notes, *more)
     document.save(output)
     notes = (*rig.character.document.notes, *notes)
-    return RigSummary(str(output), names, kept, rms, error, output.stat().st_size, notes)
+    return RigSummary(str(output), names, own.usable is not None, rms, error, output.stat().st_size, notes)
 
 
 def load_rig_of(source: Path, output: Path) -> tuple[Rig, tuple[str, ...]]:
@@ -147,10 +148,10 @@ def rename(document: Document, nodes: list[int], scheme: Scheme | None) -> tuple
     return tuple(document.gltf["nodes"][node]["name"] for node in nodes)
 
 
-def _rename_own(document: Document, rig: Rig, scheme: Scheme | None) -> tuple[str, ...]:
+def _rename_own(document: Document, rig: Rig, own: RigBones, scheme: Scheme | None) -> tuple[str, ...]:
     """Rename the joints of the file's own skeleton that are those of a humanoid; return the names of all joints."""
     nodes = document.gltf["nodes"]
-    for name, node in (humanoid_joints(rig) if scheme is not None else {}).items():
+    for name, node in (humanoid_joints(rig, own) if scheme is not None else {}).items():
         nodes[node]["name"] = NAMES[scheme or "vrm"][name]
     joints = dict.fromkeys(node for skin in document.gltf["skins"] for node in skin["joints"])
     return tuple(nodes[node].get("name", f"node {node}") for node in joints)

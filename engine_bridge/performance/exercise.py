@@ -63,7 +63,9 @@ def exercise(rig: Rig, rest: NDArray[np.float64], chunk_size: int) -> Iterator[N
         yield course.solve(shares[start : start + chunk_size])[0]
 
 
-def random_poses(rig: Rig, count: int, seed: int = SEED) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+def random_poses(
+    rig: Rig, count: int, seed: int = SEED, *, handles: bool = True
+) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
     """Return poses in which all bones and handles have random displacements, each pose independent of the others.
 
     Parameters
@@ -71,6 +73,8 @@ def random_poses(rig: Rig, count: int, seed: int = SEED) -> tuple[NDArray[np.flo
     rig : Rig
     count : int
     seed : int, optional
+    handles : bool, optional
+        Whether handles are moved; without them, only bones are.
 
     Returns
     -------
@@ -81,6 +85,8 @@ def random_poses(rig: Rig, count: int, seed: int = SEED) -> tuple[NDArray[np.flo
     """
     course = _Course(rig, np.full((len(JOINTS), 3), np.nan), RANDOM_ITERATIONS)
     shares = np.random.default_rng(seed).uniform(-RANDOM_SHARE, RANDOM_SHARE, (count, *course.free.shape))
+    if not handles:
+        shares[:, : len(rig.puppet.handle)] = 0.0
     return course.solve(shares * course.free)
 
 

@@ -36,12 +36,15 @@ class Settings:
         recording, so that it is the same in the part.
     form : {"morph", "frames", "rig"} or None
         Form of the animation: a few morph targets, one morph target per keyframe, or named joints, which are
-        those of the file's own skeleton if it has one. None for a rig if the puppet has limbs, else morph targets; see
+        those of the file's own skeleton if it can move the puppet's limbs, and otherwise of a new one. None for a rig
+        if the puppet has limbs, else morph targets; see
         `for_puppet`.
     tolerance : float or None
         Maximum error of the animation relative to the solver, as a fraction of the diagonal; None for the default.
     targets : int or None
         Maximum number of morph targets, at least 2.
+    keep_skin : bool
+        Whether a file with a skeleton that can move the puppet's limbs keeps it.
     log : ReadOptions
         Properties of the recording that its file does not contain.
     """
@@ -55,6 +58,7 @@ class Settings:
     form: Form | None = None
     tolerance: float | None = None
     targets: int | None = None
+    keep_skin: bool = True
     log: ReadOptions = field(default_factory=ReadOptions)
 
     @property

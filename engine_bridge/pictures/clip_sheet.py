@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import JOINT_INDEX, mirrored, to_character_axes
+from engine_bridge.character.document_reader import load_document
+from engine_bridge.character.evaluation import Evaluation
 from engine_bridge.character.materials import preview_colors
 from engine_bridge.performance.clip import Clip
 from engine_bridge.performance.retargeting import legs_of
@@ -23,7 +25,9 @@ CHARACTER_SIZE, PERFORMER_SIZE = (320, 320), (180, 320)
 """Width and height of both halves of a tile, in pixels."""
 
 
-def draw(clip: Clip, path: Path, title: str, progress: Callable[[float], None] = lambda _: None) -> None:
+def draw(
+    clip: Clip, path: Path, title: str, progress: Callable[[float], None] = lambda _: None, *, file: Path | None = None
+) -> None:
     """Draw evenly spaced frames of a clip, seen from the character's front left, as a PNG.
 
     Parameters
@@ -33,6 +37,8 @@ def draw(clip: Clip, path: Path, title: str, progress: Callable[[float], None] =
     title : str
     progress : callable, optional
         Called with the share of the tiles that are drawn.
+    file : Path, optional
+        The .glb that was written of the clip, which is drawn as viewers show it; by default the solver's surface is.
 
     Raises
     ------
@@ -40,8 +46,12 @@ def draw(clip: Clip, path: Path, title: str, progress: Callable[[float], None] =
     """
     chosen = np.unique(np.linspace(0, len(clip.frames) - 1, min(TILE_COUNT, len(clip.frames))).astype(int))
     images = []
-    frames = clip.frames[chosen]
-    drawn = draw_character(clip.rig, frames, clip.root[chosen], CHARACTER_SIZE)
+    if file is None:
+        places = _solved(clip.rig, clip.frames[chosen], clip.root[chosen])
+    else:
+        shown = Evaluation(load_document(file), clip.rig.character.parts)
+        places = np.array([*shown.positions(clip.timeline.times[chosen])])
+    drawn = _draw(clip.rig, places, clip.root[chosen], CHARACTER_SIZE)
     for performer, character in zip(_performer(clip, chosen), drawn, strict=True):
         images.append(np.hstack([performer, character]))
         progress(len(images) / len(chosen))
@@ -78,10 +88,22 @@ def draw_character(
     -------
     list of (h, w, 3) uint8
     """
-    basis = rig.puppet.character.basis
+    return _draw(rig, _solved(rig, frames, root), root, size)
+
+
+def _solved(rig: Rig, frames: NDArray[np.floating], root: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Return the solved positions (n, N, 3) of all vertices, mesh file's coordinates."""
     binding = Binding.of_solver_mesh(rig.model, rig.mesh)
     solved = [binding.vertices(to_file_units(each, rig.model)) + way for each, way in zip(frames, root, strict=True)]
-    poses = np.array(solved)[:, rig.mesh.of_render] @ basis.T
+    return np.array(solved)[:, rig.mesh.of_render]
+
+
+def _draw(
+    rig: Rig, places: NDArray[np.float64], root: NDArray[np.floating], size: tuple[int, int]
+) -> list[NDArray[np.uint8]]:
+    """Draw positions (n, N, 3) of all vertices; see `draw_character`."""
+    basis = rig.puppet.character.basis
+    poses = places @ basis.T
     ways = root @ basis.T * [1, 0, 1]
     view = View.around(poses - ways[:, None], size=size)
     if legs_of(rig.puppet) or any(

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from engine_bridge.character.scene import world_transforms
 from engine_bridge.performance.rig import Rig
 from engine_bridge.puppet.humanoid_bones import HUMANOID_BONES, REQUIRED, SIDES
-from engine_bridge.puppet.rig_bones import RigBones, own_bones
+from engine_bridge.puppet.rig_bones import RigBones
 from engine_bridge.puppet.rig_limbs import vertex_influences
 from engine_bridge.rigging.skeleton import Skeleton
 
@@ -20,7 +20,7 @@ SPINE = ("hips", "spine", "chest")
 """Joints of the trunk, in the order of the hierarchy; a fourth or later joint is the upper chest."""
 
 
-def humanoid_joints(rig: Rig) -> dict[str, int]:
+def humanoid_joints(rig: Rig, own: RigBones) -> dict[str, int]:
     """Return the nodes of a file's own skeleton that are joints of a VRM humanoid.
 
     Those of a limb are the joints nearest to the limb's bones that follow them. Of several at one place, such as
@@ -31,15 +31,14 @@ def humanoid_joints(rig: Rig) -> dict[str, int]:
     Parameters
     ----------
     rig : Rig
+    own : RigBones
+        Bones that the joints of the file's skeleton follow.
 
     Returns
     -------
     dict
-        Nodes by VRM's names; empty if the file has no skeleton along the puppet's limbs.
+        Nodes by VRM's names.
     """
-    own = own_bones(rig.character, rig.puppet.limbs)
-    if own is None:
-        return {}
     which, share = vertex_influences(rig.character)
     count = len(rig.character.document.gltf["nodes"])
     moved = np.bincount(which.ravel(), share.ravel(), count)[own.nodes].astype(np.float64)

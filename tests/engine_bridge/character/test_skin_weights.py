@@ -1,0 +1,69 @@
+"""Weights of skins that are mended when a character is read."""
+
+import numpy as np
+import pygltflib as gltf
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from engine_bridge.character.character import load_character
+
+PLACES = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [5, 0, 0], [6, 0, 0], [6, 1, 0]], np.float32)
+FACES = np.array([[0, 1, 2], [3, 4, 5]], np.uint32)
+JOINTS = np.array([[0, 1, 0, 0]] * 3 + [[1, 0, 0, 0]] * 3, np.uint8)
+WEIGHTS = np.array([[0.75, 0.25, 0, 0]] * 3 + [[1, 0, 0, 0]] * 3, np.float32)
+
+
+@pytest.fixture
+def skinned(glb, tmp_path):
+    """Write two triangles that follow two joints, with some weights."""
+
+    def make(weights):
+        joints = [glb.node(name="a"), glb.node(name="b")]
+        glb.file.skins = [gltf.Skin(joints=joints)]
+        primitive = glb.primitive(PLACES, FACES)
+        primitive.attributes.JOINTS_0, primitive.attributes.WEIGHTS_0 = glb.add(JOINTS), glb.add(weights)
+        glb.file.accessors[-1].min = glb.file.accessors[-1].max = None  # JSON has no NaN
+        glb.node(glb.mesh(primitive), skin=0)
+        return glb.save(tmp_path / "skinned.glb")
+
+    return make
+
+
+def weights_of(character):
+    """Return the weights (6, 2) of both joints at each vertex."""
+    document, attributes = character.document, character.primitive(character.parts[0])["attributes"]
+    joints, weights = (document.array(attributes[name]) for name in ("JOINTS_0", "WEIGHTS_0"))
+    assert_allclose(weights.sum(axis=1), 1, atol=1e-6)
+    return np.column_stack([np.where(joints == joint, weights, 0).sum(axis=1) for joint in (0, 1)])
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [[np.nan, 0, 0, 0], [np.inf, 1, 0, 0], [0, 0, 0, 0], [-1, 0, 0, 0]],
+    ids=["nan", "inf", "zero", "negative"],
+)
+def test_a_vertex_without_valid_weights_gets_those_of_the_nearest_one(skinned, broken, assert_valid_gltf, tmp_path):
+    weights = WEIGHTS.copy()
+    weights[[0, 5]] = broken
+    character = load_character(skinned(weights))
+    assert_allclose(weights_of(character), [[0.75, 0.25]] * 3 + [[0, 1]] * 3)
+    assert len([note for note in character.document.notes if note.startswith("2 vertices")]) == 1
+    character.document.save(tmp_path / "mended.glb")
+    assert_valid_gltf(tmp_path / "mended.glb")
+
+
+def test_sums_become_1_and_valid_weights_stay_as_they_are(skinned, glb):
+    character = load_character(skinned(WEIGHTS * np.float32(1.01)))
+    assert_allclose(weights_of(character), [[0.75, 0.25]] * 3 + [[0, 1]] * 3, atol=1e-7)
+    assert not character.document.notes
+
+
+def test_valid_weights_are_not_written_again(skinned):
+    character = load_character(skinned(WEIGHTS))
+    assert_array_equal(weights_of(character), [[0.75, 0.25]] * 3 + [[0, 1]] * 3)
+    assert len(character.document.gltf["accessors"]) == 4
+
+
+def test_if_no_weights_are_valid_all_vertices_follow_the_first_joint(skinned):
+    character = load_character(skinned(WEIGHTS * np.nan))
+    assert_array_equal(weights_of(character), [[1, 0]] * 6)

@@ -93,7 +93,6 @@ def test_an_array_of_any_layout_is_written_in_c_order(numbers):
         ((1e39,), OverflowError),
         (("a\0b",), ValueError),
         ((np.zeros(3),), TypeError),
-        (([1.0],), TypeError),
         ((None,), TypeError),
     ],
 )
@@ -115,53 +114,43 @@ def _element(size):
 
 
 HOSTILE = {
-    "a negative element size, on which python-osc hangs": (_element(-4), "cut short"),
-    "400 bundles deep, on which python-osc dies": (_bundles(400), "bundles too deep"),
-    "an address that is not UTF-8": (b"/\xff\xfe\0,\0\0\0", "text not in UTF-8"),
-    "an element of 2 GiB": (_element(0x7FFFFFFC), "cut short"),
-    "an element size that is no multiple of 4": (_element(0x7FFFFFFF), "no multiple of 4 bytes"),
-    "an empty element": (_element(0), "cut short"),
-    "a blob of -1 bytes": (b"/a\0\0,b\0\0" + struct.pack(">i", -1), "cut short"),
-    "not a number": (b"/a\0\0,f\0\0" + struct.pack(">f", math.nan), "number not finite"),
-    "nothing": (b"", "cut short"),
-    "five bytes": (b"/abc\0", "no multiple of 4 bytes"),
-    "an address without an end": (b"/abcdefg", "cut short"),
-    "no address": (b"\0\0\0\0,\0\0\0", "bad address"),
-    "an address of tags": (b",f\0\0,f\0\0", "bad address"),
-    "an address that is too long": (encode("/" + 255 * "a"), "bad address"),
-    "an address with a bell": (encode("/\a"), "bad address"),
-    "no tags": (b"/a\0\0", "no type tags"),
-    "tags without a comma": (b"/a\0\0f\0\0\0\0\0\0\0", "no type tags"),
-    "an array": (b"/a\0\0,[f]\0\0\0\0\0\0\0\0", "unknown type tag"),
-    "fewer numbers than tags": (b"/a\0\0,ff\0\0\0\0\0", "cut short"),
-    "half a double": (b"/a\0\0,d\0\0\0\0\0\0", "cut short"),
-    "more than the tags say": (b"/a\0\0,\0\0\0\0\0\0\0", "bytes left over"),
-    "a bundle without a time": (b"#bundle\0\0\0\0\0", "cut short"),
-    "too many messages": (bundle(*[encode("/")] * MAX_MESSAGES), "too many messages"),
-    "too many messages in two bundles": (bundle(*[bundle(*[encode("/")] * 600)] * 2), "too many messages"),
-    "too large": (encode("/a", bytes(MAX_DATAGRAM_BYTES)), "larger than a datagram"),
+    "cut short": [
+        *(b"", b"/abcdefg"),  # nothing, and an address without an end
+        _element(-4),  # on which python-osc hangs
+        *(_element(0x7FFFFFFC), _element(0), b"#bundle\0\0\0\0\0"),  # 2 GiB, nothing, and a bundle without a time
+        b"/a\0\0,b\0\0" + struct.pack(">i", -1),  # a blob of -1 bytes
+        *(b"/a\0\0,ff\0\0\0\0\0", b"/a\0\0,d\0\0\0\0\0\0"),  # fewer numbers than tags, and half a double
+    ],
+    "bundles too deep": [_bundles(MAX_DEPTH + 1), _bundles(400)],  # on the second one python-osc dies
+    "text not in UTF-8": [b"/\xff\xfe\0,\0\0\0"],
+    "no multiple of 4 bytes": [_element(0x7FFFFFFF), b"/abc\0"],
+    "number not finite": [b"/a\0\0,f\0\0" + struct.pack(">f", math.nan)],
+    "bad address": [b"\0\0\0\0,\0\0\0", b",f\0\0,f\0\0", encode("/" + 255 * "a"), encode("/\a")],
+    "no type tags": [b"/a\0\0", b"/a\0\0f\0\0\0\0\0\0\0"],
+    "unknown type tag": [b"/a\0\0,[f]\0\0\0\0\0\0\0\0"],
+    "bytes left over": [b"/a\0\0,\0\0\0\0\0\0\0"],
+    "too many messages": [bundle(*[encode("/")] * MAX_MESSAGES), bundle(*[bundle(*[encode("/")] * 600)] * 2)],
+    "larger than a datagram": [encode("/a", bytes(MAX_DATAGRAM_BYTES))],
 }
 
 
-@pytest.mark.parametrize("name", HOSTILE)
-def test_hostile_datagrams_are_refused_with_the_reason_and_false_lengths_allocate_no_memory(name):
-    datagram, reason = HOSTILE[name]
-    tracemalloc.start()
-    try:
-        assert _refused(datagram) == reason
-        assert tracemalloc.get_traced_memory()[1] < 200_000 + 20 * len(datagram)
-    finally:
-        tracemalloc.stop()
+@pytest.mark.parametrize("reason", REASONS)
+def test_hostile_datagrams_are_refused_with_the_reason_and_false_lengths_allocate_no_memory(reason):
+    for datagram in HOSTILE[reason]:
+        tracemalloc.start()
+        try:
+            assert _refused(datagram) == reason
+            assert tracemalloc.get_traced_memory()[1] < 200_000 + 20 * len(datagram)
+        finally:
+            tracemalloc.stop()
 
 
 def test_the_hostile_datagrams_that_mean_something_are_read_at_once():
     tomorrow = b"#bundle\0" + struct.pack(">II", 0xFFFFFFFF, 0)  # python-osc's dispatcher sleeps until then
     message = encode("/a", 1)
     assert decode(tomorrow + struct.pack(">i", len(message)) + message) == [Message("/a", "i", (1,))]
-    assert {reason for _, reason in HOSTILE.values()} == set(REASONS)
     pattern = "/" + 25 * "*" + "b"  # python-osc matches it against its handlers for 10 s
     assert decode(encode(pattern)) == [Message(pattern, "", ())]
-    assert decode(encode("Left_Hand", 1.0)) == [Message("Left_Hand", "f", (1.0,))]
     assert decode(_bundles(MAX_DEPTH)) == [Message("/deep", "i", (1,))]
 
 
@@ -192,24 +181,17 @@ def _check(datagram):
     assert sum(len(each.address) + len(each.tags) for each in messages) <= len(datagram)
 
 
+WORDS = st.sampled_from([1, 4, 0xFF, 0x80000000, 0xFFFFFFFC]) | st.integers(0, 2**32 - 1)
+
+
 @settings(max_examples=round(1000 * EFFORT))
-@given(st.data())
-def test_changed_datagrams_are_read_or_refused(data):
-    datagram = bytearray(data.draw(st.sampled_from(CORPUS)))
-    for _ in range(data.draw(st.integers(1, 4))):
-        place = data.draw(st.integers(0, len(datagram) - 1))
-        change = data.draw(st.sampled_from(["byte", "word", "cut", "twice"]))
-        if change == "byte":
-            datagram[place] = data.draw(st.integers(0, 255))
-        elif change == "word":
-            word = data.draw(st.sampled_from([0, 1, 4, 0x7FFFFFFC, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFC, 0xFFFFFFFF]))
-            datagram[place & ~3 : (place & ~3) + 4] = struct.pack(">I", word)
-        elif change == "cut":
-            del datagram[place:]
-            datagram += bytes(-len(datagram) % 4) or b"\0\0\0\0"
-        else:
-            datagram += datagram[place & ~3 :]
-    _check(bytes(datagram))
+@given(st.sampled_from(CORPUS), st.lists(st.tuples(st.integers(0, 50), WORDS), max_size=4), st.integers(0, 50))
+def test_changed_datagrams_are_read_or_refused(datagram, changes, kept):
+    words = np.frombuffer(datagram, ">u4").copy()
+    for place, change in changes:
+        words[place % len(words)] ^= change
+    _check(words.tobytes())
+    _check(words[:kept].tobytes() + datagram)
 
 
 @settings(max_examples=round(1000 * EFFORT))

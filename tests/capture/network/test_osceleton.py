@@ -65,6 +65,7 @@ def test_orientations_centres_of_mass_and_unused_joints_are_ignored(listen):
     joints = [_joint(name, 3, 0.5, 0.5, 1.0) for name in ("l_collar", "l_fingertip", "r_finger", "head")]
     turns = message("/orient", "si" + 9 * "f", "head", 3, *[0.0] * 9), message("/orient/head/3", 9 * "f", *[0.0] * 9)
     users = message("/new_user", "i", 3), message("/new_skel", "i", 3), message("/user/3", "fff", 0.5, 0.5, 1.0)
+    joints += [_joint("L_Collar", 3, 0.5, 0.5, 1.0).replace(b",s", b",S")]  # in any case, and a string of another type
     frame = wire.frame(*users, bundle(*turns, *joints))
     assert np.flatnonzero(frame.confidence).tolist() == [JOINT_INDEX["head"]]
     assert not wire.source.counts.refused

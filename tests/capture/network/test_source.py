@@ -1,4 +1,3 @@
-import logging
 import math
 import socket
 import sys
@@ -60,7 +59,7 @@ def test_the_default_ports_are_those_of_the_programs_and_one_in_use_is_refused_w
     assert f"UDP port {port}" in caught.value.found
 
 
-@pytest.mark.parametrize("host", ["192.0.2.1", "no.such.host.invalid", "a" * 70, "..."])
+@pytest.mark.parametrize("host", ["192.0.2.1", "no.such.host.invalid", "a" * 70])
 def test_the_host_of_another_machine_is_refused_with_a_fix(host):
     with pytest.raises(SourceError) as caught:
         open_osc(f"{host}:0")
@@ -139,22 +138,12 @@ def test_a_silent_source_ticks_also_while_packets_are_refused(listen, given_cloc
 def test_an_incomplete_frame_is_due_after_the_timeout(listen, given_clock):
     wire = listen()
     wire.frame(*map(sdk_joint, ("head", "neck", "torso")))
-    frame = wire.frame(*map(sdk_joint, ("head", "neck")))
+    wire.settle(sdk_joint("head"))
+    given_clock.advance(PART_TIMEOUT_SECONDS / 2)
+    frame = wire.frame(sdk_joint("neck"))
     assert np.flatnonzero(frame.confidence).tolist() == [JOINT_INDEX["shoulder_center"], JOINT_INDEX["head"]]
     assert given_clock.now() == pytest.approx(frame.time + PART_TIMEOUT_SECONDS, abs=1e-5)
     assert wire.source.due() == frame.time + TICK_SECONDS
-
-
-def test_several_dialects_are_understood_at_once(listen):
-    frames = listen().events(
-        body(1),
-        message("/joint", "isfff", 2, "head", 0.5, 0.5, 2000.0),
-        sdk_joint("head", 3),
-        message("Head_4", "fff", 0.0, 1.0, -2.0),
-        message("/VMC/Ext/Bone/Pos", "sfffffff", "Hips", 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0),
-        count=5,
-    )
-    assert sorted(frame.user for frame in frames) == [0, 1, 2, 3, 4]
 
 
 def test_the_number_of_performers_is_limited(listen):
@@ -182,15 +171,16 @@ def test_a_flood_is_received_in_portions(listen):
     wire.frame(body(1))
 
 
-def test_garbage_is_counted_by_its_reason_and_logged_without_its_bytes(listen, caplog):
-    wire = listen()
-    with caplog.at_level(logging.WARNING):
-        refused = wire.refused(b"secret", b"", b"\xff" * 8, message("/secret", "s", "secret"))
-        wire.frame(body(1))
-    assert refused == {"no multiple of 4 bytes": 1, "cut short": 2, "unknown message": 1}
-    assert len(caplog.messages) <= 2
-    assert "secret" not in caplog.text
-    assert caplog.messages[0].startswith("osc:127.0.0.1:0: refused ")
+def test_garbage_is_counted_by_its_reason_and_logged_once_a_second_without_its_bytes(listen, caplog, given_clock):
+    wire, garbage = listen(), [b"secret", b"", b"\xff" * 8, message("/secret", "s", "secret")]
+    for _ in range(5):
+        given_clock.advance(0.4)
+        refused = wire.refused(*garbage)
+    assert refused == {"no multiple of 4 bytes": 5, "cut short": 10, "unknown message": 5}
+    assert caplog.messages == [
+        f"osc:127.0.0.1:0: refused {2 * count} × cut short, {count} × no multiple of 4 bytes, {count} × unknown message"
+        for count in (1, 3)
+    ]
 
 
 @pytest.mark.parametrize("far", [2e6, 3e38, 1e308])
@@ -216,59 +206,22 @@ FLOATS = st.floats(width=32, allow_nan=False, allow_infinity=False)
 VALUES = st.one_of(
     st.integers(-(2**31), 2**31 - 1), FLOATS, st.floats(-3, 3, width=32), st.sampled_from(NAMES), st.binary(max_size=8)
 )
-ADDRESSES = st.sampled_from(
-    [
-        "/joint",
-        "/orient",
-        "/new_user",
-        "/lost_user",
-        "/joint/head/1",
-        "/joint/tail/1",
-        "/user/2",
-        "/osceleton2/joint",
-        "/osceleton2/hand",
-        "/face",
-        "Head",
-        "/Head_3",
-        "2/Left_Hand",
-        "NI_mate_sync",
-        "skeleton",
-        "/VMC/Ext/OK",
-        "/VMC/Ext/Bone/Pos",
-        "/VMC/Ext/Root/Pos",
-        "/VMC/Ext/T",
-        "/other",
-        "/VMC/Ext/Blend/Val",
-        "/VMC/Ext/Blend/Apply",
-        "/puppetline/channel",
-    ]
-)
-SHAPES = st.sampled_from(
-    [
-        "sifff",
-        "sff",
-        "sf",
-        "isfff",
-        "siifffff",
-        "sfffffff",
-        "i",
-        "iiii",
-        "f",
-        "ff",
-        "fff",
-        "ffff",
-        "fffffff",
-        "ffffffffffff",
-    ]
-)
+ADDRESSES = """
+/joint /orient /new_user /lost_user /joint/head/1 /joint/tail/1 /user/2 /osceleton2/joint
+/osceleton2/hand /face Head /Head_3 2/Left_Hand NI_mate_sync skeleton /VMC/Ext/OK /VMC/Ext/Bone/Pos
+/VMC/Ext/Root/Pos /VMC/Ext/T /other /VMC/Ext/Blend/Val /VMC/Ext/Blend/Apply /puppetline/channel
+"""
+SHAPES = "sifff sff sf isfff siifffff sfffffff i iiii f ff fff ffff fffffff ffffffffffff"
 TYPED = {
     "s": st.sampled_from([*NAMES, ""]),
     "i": st.one_of(st.integers(-2, 40), st.integers(-(2**31), 2**31 - 1)),
     "f": st.one_of(st.floats(-3, 3, width=32), FLOATS, st.sampled_from([0.0, 1e3])),
 }
-FITTING = SHAPES.flatmap(lambda shape: st.tuples(*(TYPED[tag] for tag in shape)))
+FITTING = st.sampled_from(SHAPES.split()).flatmap(lambda shape: st.tuples(*(TYPED[tag] for tag in shape)))
 MESSAGES = st.builds(
-    lambda address, arguments: encode(address, *arguments), ADDRESSES, st.one_of(FITTING, st.lists(VALUES, max_size=10))
+    lambda address, arguments: encode(address, *arguments),
+    st.sampled_from(ADDRESSES.split()),
+    FITTING | st.lists(VALUES, max_size=10),
 )
 DATAGRAMS = st.lists(st.one_of(MESSAGES, st.lists(MESSAGES, max_size=6), st.binary(max_size=60)), max_size=8)
 

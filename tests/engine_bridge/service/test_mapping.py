@@ -153,7 +153,7 @@ def test_reverting_and_reloading_restore_the_mapping_of_the_file_and_invalid_edi
     service.ask("set_handle", character="dog", handle="head", joints=None)
     service.ask("set_root", character="dog", joint=None)
     service.ask("set_scale", character="dog", scale="auto")
-    edited = service.ask("set_handle", character="dog", handle="left foot", joints="foot_left knee_left", axes="y")
+    edited = service.ask("set_handle", character="dog", handle="left foot", joints="  foot_left\tknee_left ", axes="y")
     assert (row(edited, "head")["joints"], edited["root"], edited["scale"]) == ([], None, "auto")
     assert row(edited, "left foot")["joints"] == ["foot_left", "knee_left"]
     [scene] = service.heard(service.client("dog/scene"))

@@ -93,7 +93,6 @@ def test_our_own_mistakes_are_logged_and_not_told(caplog, do, mistake):
 
 BODIES = st.one_of(
     st.binary(max_size=300),
-    st.binary(max_size=100).map(lambda rest: b"\xdf\x00\x00\x00\x02\xa2do" + rest),
     st.fixed_dictionaries(
         {"do": st.sampled_from([*sorted(set(ARGUMENTS) - {"reload"}), "fail", "strange", "refuse"])},
         optional={

@@ -8,9 +8,9 @@ from click.testing import CliRunner
 
 from engine_bridge.cli.main import main
 
-from ..service.conftest import free_port, kung_fu, listen, sender, serve, serve_module
+from ..service.conftest import free_port, kung_fu, listen, play, sender, serve, serve_module
 
-__all__ = ["free_port", "kung_fu", "listen", "sender", "serve", "serve_module"]
+__all__ = ["free_port", "kung_fu", "listen", "play", "sender", "serve", "serve_module"]
 
 
 @pytest.fixture

@@ -12,10 +12,11 @@ import pytest
 pytestmark = pytest.mark.slow
 
 
-def test_a_port_that_is_taken_is_one_line(assert_refused, serve, blob_puppet):
-    port = serve("--puppet", blob_puppet, "--source", "osc:0").port
-    arguments = ("serve", "--puppet", blob_puppet, "--source", "osc:0", "--port", port, "--no-announce")
-    assert_refused(*arguments, parts=[f"tcp://127.0.0.1:{port}"])
+def test_a_port_that_is_taken_is_one_line(assert_refused, blob_puppet):
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        arguments = ("serve", "--puppet", blob_puppet, "--source", "osc:0", "--port", port, "--no-announce")
+        assert_refused(*arguments, parts=[f"tcp://127.0.0.1:{port}"])
 
 
 def test_a_token_and_keys_are_for_their_owner_alone(invoke, tmp_path):
@@ -27,17 +28,17 @@ def test_a_token_and_keys_are_for_their_owner_alone(invoke, tmp_path):
     invoke("token", "secret", code=1)
 
 
-def test_bake_makes_a_file_that_serve_plays(invoke, serve, blob_puppet, tmp_path):
+def test_bake_makes_a_file_that_serve_plays(invoke, play, blob_puppet):
     summary = json.loads(invoke("bake", blob_puppet, "-o", "blob.morphs.glb", "--targets", 8, "--json").stdout)
-    service = serve("--puppet", blob_puppet, "--source", "demo:walk?loop", "--morphs", tmp_path / "blob.morphs.glb")
-    client = service.client("blob/morphs")
-    frames = client.until(lambda message: message.header.state == 2, "morphs")
-    assert {frame.body.weights.shape for frame in frames} == {(summary["targets"],)}
-    assert 0 < frames[-1].body.residual < 0.05
+    service = play("--puppet", blob_puppet, "--source", "demo:walk?loop", "--morphs", "blob.morphs.glb")
+    service.until(lambda: service.frames and service.frames[-1].state == "performing")
+    service.run(1.0)
+    assert {frame.morphs.weights.shape for frame in service.frames} == {(summary["targets"],)}
+    assert 0 < service.frames[-1].morphs.residual < 0.05
     assert service.ask("describe")["characters"][0]["morphs"] == [f"motion_{k}" for k in range(summary["targets"])]
 
 
-def test_demo_live_streams_the_examples_and_listen_reports_them(tmp_path, run, commands):
+def test_demo_live_streams_the_examples_and_listen_reports_them(tmp_path, invoke, commands):
     with socket.socket() as port:
         if port.connect_ex(("127.0.0.1", 7400)) == 0:
             pytest.skip("somebody has the default port")
@@ -49,7 +50,7 @@ def test_demo_live_streams_the_examples_and_listen_reports_them(tmp_path, run, c
     with process:
         line = next(line for line in process.stderr if "serving" in line)
         assert "tcp://127.0.0.1:7400" in line
-        report = json.loads(run("listen", "--seconds", 1, "--json").stdout)
+        report = json.loads(invoke("listen", "--seconds", 1, "--json").stdout)
         assert [each["topic"] for each in report["heard"]] == ["dog/controls"]
         process.terminate()
         assert process.wait() == 0

@@ -200,9 +200,7 @@ def test_a_stopped_service_ends_cleanly_and_leaves_a_complete_take(serve, blob_p
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "loaded", ["engine_bridge.service.system_signals", "numpy", "zmq", "engine_bridge.service.service"]
-)
+@pytest.mark.parametrize("loaded", ["engine_bridge.service.system_signals", "engine_bridge.service.service"])
 def test_a_stop_during_the_start_ends_it_cleanly(blob_puppet, loaded):
     command = [sys.executable, "-m", "puppetline", *SERVE, "--puppet", blob_puppet, "--source", "osc:0"]
     told = os.environ | {"PYTHONPROFILEIMPORTTIME": "1"}  # each module on standard error, as soon as it is loaded
@@ -226,7 +224,7 @@ def test_reloads_by_signal_with_a_log_that_is_not_read_delay_nothing(listen, blo
         fcntl.fcntl(process.stderr, fcntl.F_SETPIPE_SZ, 4096)
         client = listen(served["stream"][0], "blob/scene", "blob/controls")
         after = 0
-        for _ in range(60):  # each reload says a line: more than the pipe holds
+        for _ in range(40):  # each reload says a line: more than the pipe holds
             process.send_signal(signal.SIGHUP)
             after = client.until(lambda message, last=after: message.header.sequence > last, "controls")[-1]
             after = after.header.sequence

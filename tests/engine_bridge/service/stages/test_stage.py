@@ -1,5 +1,7 @@
 import itertools
 from dataclasses import replace
+from functools import reduce
+from operator import getitem
 
 import numpy as np
 import pytest
@@ -34,7 +36,7 @@ from ..stage_steps import (
 KEPT = "time", "positions", "confidence"
 
 
-@pytest.mark.parametrize("cut", [15, 90, 120, 240])
+@pytest.mark.parametrize("cut", [15, 120])
 def test_a_take_with_limbs_moves_the_bones_as_before_one_second_after_its_start(make_stage, limbed_rig, kung_fu, cut):
     """A foot that comes to rest in the first second may stand elsewhere until it is lifted, the character with it."""
     events = with_beginnings_of(make_stage(rig=limbed_rig), [as_recorded(frame) for frame in kung_fu])
@@ -61,7 +63,7 @@ def together(kung_fu, moved):
     return frames
 
 
-@pytest.mark.parametrize("cut", [20, 78, 85, 300, 318, 400])
+@pytest.mark.parametrize("cut", [20, 78, 318])
 def test_a_take_has_who_is_who_at_once_and_the_same_controls_one_second_after_its_start(
     make_stage, blob_rig, together, cut
 ):
@@ -205,27 +207,24 @@ def test_a_stall_of_the_service_costs_nobody_their_character(make_stage, moved, 
     assert {frame.state for frame in [*shown["dog"], *shown["cat"]]} == {"performing"}
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [
-        lambda said: said.pop("characters"),
-        lambda said: said.update(time="now"),
-        lambda said: said.update(direction={"people": "each", "colour": 1}),
-        lambda said: said.update(people=[["x"]]),
-        lambda said: said["characters"]["dog"]["calibration"].update(rest=[[0.0, 1.0]] * 20),
-        lambda said: said["characters"]["dog"]["calibration"].update(sensor={}),
-        lambda said: said["characters"]["dog"].update(manner={"colour": 1}),
-        lambda said: said["characters"]["dog"].update(remembered=[{}]),
-    ],
-)
-def test_a_take_with_a_damaged_beginning_is_refused_and_changes_nothing(make_stage, kung_fu, damage):
+def test_a_take_with_a_damaged_beginning_is_refused_and_changes_nothing(make_stage, kung_fu):
     stage, other = make_stage(), make_stage()
     play(stage, kung_fu[:100])
-    begin = beginning(stage)
-    damage(begin.arguments)
     before = other.snapshot(0.0)
-    refused(ServiceError, other.step, begin, 0)
-    assert other.snapshot(0.0) == before | {"time": begin.time}
+    for place, damage in (
+        ((), {"characters": None}),
+        ((), {"time": "now"}),
+        ((), {"people": [["x"]]}),
+        (("direction",), {"colour": 1}),
+        (("characters", "dog"), {"calibration": {"rest": [[0.0, 1.0]] * 20}}),
+        (("characters", "dog"), {"remembered": [{}]}),
+        (("characters", "dog", "calibration"), {"sensor": {}}),
+        (("characters", "dog", "manner"), {"colour": 1}),
+    ):
+        begin = beginning(stage)
+        reduce(getitem, place, begin.arguments).update(damage)
+        refused(ServiceError, other.step, begin, 0)
+        assert other.snapshot(0.0) == before | {"time": begin.time}
 
 
 def test_a_sensor_that_stands_like_nothing_is_refused_and_counts_for_nothing(make_stage):

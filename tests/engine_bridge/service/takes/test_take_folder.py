@@ -1,21 +1,14 @@
-import pytest
-
 from engine_bridge.service.takes.take_folder import Takes
 from puppetline.errors import OutputError, ServiceError
 
 from ...refusals import refused
 
 
-@pytest.mark.parametrize("name", ["../out", "a/b", "a.log", ".", "..", "C:x", "a\0b", "a\n", "é", "x" * 65, " "])
-def test_no_name_leads_out_of_the_folder(tmp_path, name):
-    takes = Takes(tmp_path / "takes")
-    refused(ServiceError, takes.new, name, "stage")
-    assert takes.all() == []
-    assert not (tmp_path / "takes").exists()
-
-
 def test_a_take_lies_in_the_folder_under_its_name_or_one_of_stage_and_time(tmp_path):
     takes = Takes(tmp_path / "takes")
+    refused(ServiceError, takes.new, "../out", "stage")
+    assert takes.all() == []
+    assert not takes.folder.exists()
     path = takes.new("a-1_B", "stage")
     assert path == tmp_path / "takes" / "a-1_B.log"
     path.write_bytes(b"123")

@@ -22,6 +22,15 @@ def message(address, tags, *arguments):
     return builder.build().dgram
 
 
+READ = {"s": str, "i": int, "h": int, "f": float, "d": float}
+
+
+def message_of(line):
+    """Write the message of a line: an address, type tags and arguments."""
+    address, tags, *words = *line.split(), ""
+    return message(address, tags, *(READ[tag](word) for tag, word in zip(tags, words, strict=False)))
+
+
 class Wire(Watched):
     """An open source, and a socket that sends to it."""
 

@@ -3,7 +3,7 @@ import pytest
 
 from capture.skeleton import JOINT_INDEX
 
-from .conftest import WALK, message
+from .conftest import WALK, message, message_of
 
 JOINT_NAMES = {"Head": "head", "Neck": "shoulder_center", "Torso": "spine", "Pelvis": "hip_center"} | {
     f"{side}_{part}": f"{part}_{side}".lower()
@@ -61,6 +61,5 @@ def test_messages_without_positions_are_ignored_and_unknown_joints_refused(liste
         message("@bpy.data.objects['Cube']", "f", 1.0),
         message("?bpy.ops.render.render()", "f", 1.0),
         message("NI mate", "s", "quit"),
-        message("Head", "ff", 1.0, 2.0),
-        message("Head", "fsf", 1.0, "2", 3.0),
+        *map(message_of, ("Head ff 1 2", "Head fsf 1 2 3")),
     ) == {"unknown message": 4, "wrong arguments": 2}

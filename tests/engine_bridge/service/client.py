@@ -13,13 +13,11 @@ TIMEOUT_SECONDS = 180.0
 class Client:
     """A client with a SUB socket."""
 
-    def __init__(self, endpoint, *topics, token=None):
+    def __init__(self, endpoint, *topics):
         self.context = zmq.Context()
         self.socket = self.context.socket(zmq.SUB)
         self.socket.linger = self.socket.rcvhwm = 0
         self.socket.reconnect_ivl, self.socket.reconnect_ivl_max = 50, 200
-        if token is not None:
-            self.socket.plain_username, self.socket.plain_password = b"puppetline", token
         for topic in topics:
             self.socket.subscribe(topic.encode() + b"\0")
         self.socket.connect(endpoint)

@@ -20,6 +20,7 @@ from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
 
 from capture.skeleton import JOINTS, SkeletonFrame
+from engine_bridge.service.control.control_socket import request
 from engine_bridge.service.monitoring.status import (
     CharacterStatus,
     ClientsStatus,
@@ -36,6 +37,7 @@ from engine_bridge.service.monitoring.status import (
 from engine_bridge.service.players.character_player import CharacterPlayer, PlayerSettings
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.stages.stage import Stage, StageSettings
+from puppetline.errors import ServiceError
 
 from ...capture.network.conftest import TWENTY
 from .client import TIMEOUT_SECONDS, Client
@@ -164,53 +166,29 @@ class Served:
     def __init__(self, commands, *arguments, env=None):
         told = ("--log-format", "json", *arguments)
         self.process = commands.start("serve", *told, stderr=subprocess.PIPE, env=os.environ | (env or {}))
-        self.log = []
-        self._read = threading.Thread(target=self._follow)
-        self._read.start()
-        self._clients = []
-        try:
-            serving = self.logged("serving")
-        except AssertionError:
-            self.process.kill()
-            raise
-        if serving is not None:
-            self.stream, self.control = serving["fields"]["stream"][0], serving["fields"]["control"][0]
-            self.port, self.control_port = (int(each.rpartition(":")[2]) for each in (self.stream, self.control))
-
-    def _follow(self):
+        self.log, self._clients = [], []
         for line in self.process.stderr:
             self.log.append(line)
+            if line.startswith("{") and json.loads(line)["event"] == "serving":
+                break
+        else:
+            raise AssertionError(self.log)
+        addresses = json.loads(line)["fields"]
+        self.stream, self.control = addresses["stream"][0], addresses["control"][0]
+        self.port = int(self.stream.rpartition(":")[2])
+        self._read = threading.Thread(target=self.log.extend, args=[self.process.stderr])
+        self._read.start()
 
-    def logged(self, event):
-        """Wait for an event in the log; return None if the process ends without it."""
-        give_up = time.monotonic() + TIMEOUT_SECONDS
-        while time.monotonic() < give_up:
-            ended = self.process.poll() is not None
-            if ended:
-                self._read.join()
-            for line in list(self.log):
-                if line.startswith("{") and json.loads(line)["event"].startswith(event):
-                    return json.loads(line)
-            if ended:
-                return None
-            time.sleep(0.02)
-        raise AssertionError(f"no {event!r} in {self.log}")
-
-    def client(self, *topics, token=None):
-        self._clients.append(Client(self.stream, *topics, token=token))
+    def client(self, *topics):
+        self._clients.append(Client(self.stream, *topics))
         return self._clients[-1]
 
     def ask(self, do, token=None, **arguments):
         """Make a request; return the result, or the error as a dict."""
-        with zmq.Context() as context, context.socket(zmq.REQ) as asking:
-            asking.linger = 0
-            if token is not None:
-                asking.plain_username, asking.plain_password = b"puppetline", token
-            asking.connect(self.control)
-            asking.send_json({"do": do, **arguments})
-            assert asking.poll(1000 * TIMEOUT_SECONDS), f"no answer to {do}"
-            reply = asking.recv_json()
-        return reply["result"] if reply["ok"] else reply["error"]
+        try:
+            return request(self.control, do, token=token and token.decode(), timeout=TIMEOUT_SECONDS, **arguments)
+        except ServiceError as error:
+            return error.parts
 
     def stop(self, number=signal.SIGTERM):
         """Send a signal and return the exit code."""

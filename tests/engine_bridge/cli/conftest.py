@@ -7,6 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from engine_bridge.cli.main import main
+from engine_bridge.pictures import clip_sheet, lighting
 
 from ..service.conftest import free_port, kung_fu, listen, play, sender, serve, serve_module
 
@@ -38,6 +39,13 @@ def invoke(tmp_path, monkeypatch):
         return result
 
     return start
+
+
+@pytest.fixture
+def quick_pictures(monkeypatch):
+    """Draw with one light, and one moment of a clip."""
+    monkeypatch.setattr(lighting, "_SKY_LIGHTS", 1)
+    monkeypatch.setattr(clip_sheet, "TILE_COUNT", 1)
 
 
 @pytest.fixture

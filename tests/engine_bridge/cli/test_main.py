@@ -149,6 +149,7 @@ def test_json_of_convert_and_inspect_is_json_and_nothing_else(invoke, stage):
         assert (json.loads(result.stdout)["kind"], result.stderr) == (kind, "")
 
 
+@pytest.mark.usefixtures("quick_pictures")
 def test_new_makes_a_puppet_that_converts_right_away_and_is_not_overwritten(invoke, assert_refused, stage, tmp_path):
     made = invoke("new", "blob.glb", "-o", "made.toml", "--map", "head=hand_left,hand_right")
     assert made.stderr == ""
@@ -166,6 +167,7 @@ def test_new_makes_a_puppet_that_converts_right_away_and_is_not_overwritten(invo
 AXES = ("--up", "z", "--front=-y", "--scale", "0.01", "--preview", "look.png")
 
 
+@pytest.mark.usefixtures("quick_pictures")
 def test_new_takes_axes_scale_and_the_pictures_name(invoke, stage, tmp_path):
     before = names(tmp_path)
     made = invoke("new", "blob.glb", "-o", "made.toml", *AXES)

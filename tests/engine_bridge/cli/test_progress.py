@@ -52,6 +52,7 @@ def test_a_terminal_shows_steps_and_how_many_functions_were_compiled(terminal, c
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.usefixtures("quick_pictures")
 @pytest.mark.parametrize("step", ["Preparing the character", "Performing", "Fitting morph targets", "Drawing"])
 def test_an_interrupt_at_any_step_leaves_no_partial_file(terminal, stage, tmp_path, monkeypatch, capsys, step):
     monkeypatch.chdir(tmp_path)

@@ -93,13 +93,13 @@ def test_a_recording_replays_the_same_events_and_records_again_to_the_same_bytes
     assert second.read_bytes() == first.read_bytes()
 
 
-def test_all_events_of_a_live_source_are_recorded_as_they_arrive(tmp_path):
-    given = [frame(1.0), frame(1.1, 4), Lost(1.2, 1), frame(1.3, 4)]
+@pytest.mark.parametrize("given", [[frame(1.0), frame(1.1, 4), Lost(1.2, 1), frame(1.3, 4)], []])
+def test_all_events_of_a_live_source_are_recorded_as_they_arrive(tmp_path, given):
     summary = record(Scripted(*given), tmp_path / "take", seconds=0.2)
-    assert (summary.frames, summary.users, summary.ended) == (3, (1, 4), "time")
-    assert (summary.dropped, summary.refused) == (3, {"short": 2})
+    expected = (3, (1, 4), 1.3 - 1.0) if given else (0, (), 0.0)
+    assert (summary.frames, summary.users, summary.seconds) == expected
+    assert (summary.ended, summary.dropped, summary.refused) == ("time", 3, {"short": 2})
     assert list(map(key, events(tmp_path / "take"))) == list(map(key, given))
-    assert summary.seconds == 1.3 - 1.0
 
 
 @pytest.mark.parametrize("came", [[], [Tick(0.0), Tick(1.0)], [Tick(0.0), Lost(1.0, 1), Tick(2.0)]])
@@ -122,19 +122,16 @@ def test_the_end_of_fused_recordings_is_no_error(tmp_path):
     assert summary.frames > 0
 
 
-def test_a_silent_source_leaves_a_take_without_events(tmp_path):
-    summary = record(Scripted(), tmp_path / "take", seconds=0.05)
-    assert (summary.frames, summary.seconds, summary.ended) == (0, 0.0, "time")
-    assert list(events(tmp_path / "take")) == []
-
-
-def test_a_take_that_is_there_is_replaced_only_by_force(tmp_path):
+def test_a_take_and_a_sound_that_are_there_are_replaced_only_by_force(tmp_path):
     source = Scripted(frame(0.0, 5))
     path = tmp_path / "take.log"
+    for there in (path.with_suffix(".wav"), path):
+        there.write_text("dear to me")
+        with pytest.raises(OutputError):
+            record(source, path, seconds=0, sound=SoundInput(lambda: Singer(0.0)))
+        assert [each.read_text() for each in tmp_path.iterdir()] == ["dear to me"]
+        there.unlink()
     path.write_text("dear to me")
-    with pytest.raises(OutputError):
-        record(source, path, seconds=0)
-    assert path.read_text() == "dear to me"
     assert record(source, path, seconds=0.1, force=True).users == (5,)
     assert [event.user for event in events(path)] == [5]
 
@@ -203,11 +200,3 @@ def test_the_sound_beside_a_take_is_on_its_clock(tmp_path):
     with wave.open(summary.sound) as file:
         samples = np.frombuffer(file.readframes(960), "<i2") / 32767
     np.testing.assert_allclose(samples, np.sin(np.arange(960) / 5), atol=1e-4)
-
-
-def test_an_existing_sound_is_not_replaced(tmp_path):
-    (tmp_path / "a.wav").write_bytes(b"music")
-    with pytest.raises(OutputError):
-        record(Scripted(), tmp_path / "a.log", 0.1, sound=SoundInput(lambda: Singer(0.0)))
-    assert (tmp_path / "a.wav").read_bytes() == b"music"
-    assert not (tmp_path / "a.log").exists()

@@ -5,7 +5,6 @@ import pytest
 
 from engine_bridge.service.loading.service_file import from_flags
 from engine_bridge.service.loading.stage_loader import load_players
-from engine_bridge.service.protocol.scene import Scene
 from puppetline.errors import PuppetError
 
 from ...refusals import refused
@@ -33,9 +32,7 @@ def test_a_revision_is_of_what_clients_see(cast):
     assert first.character.name == "dog"
     assert cast().character.revision == first.character.revision  # after a restart, say
     assert cast("gain = 0.8", "gain = 0.7").character.revision == first.character.revision  # clients do not see gains
-    renamed = cast('name = "head"', 'name = "nose"').character
-    assert renamed.revision != first.character.revision
-    assert [handle["name"] for handle in Scene.decode(renamed.scene).facts["handles"]].count("nose") == 1
+    assert cast('name = "head"', 'name = "nose"').character.revision != first.character.revision
 
 
 def test_a_changed_look_has_a_new_revision(cast, blob, glb, tmp_path):

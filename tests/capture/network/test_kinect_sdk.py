@@ -1,5 +1,5 @@
-import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from capture.skeleton import JOINT_INDEX
 
@@ -20,7 +20,7 @@ def test_a_walk_of_single_datagrams_is_received(listen, address):
     for step, pose in enumerate(WALK):
         frame = wire.frame(*_joints(pose, address=address, time=1.7e12 + 33.3 * step))
         assert frame.user == 2
-        np.testing.assert_allclose(frame.positions, pose, atol=1e-6)
+        assert_allclose(frame.positions, pose, atol=1e-6)
         assert frame.confidence.tolist() == [1.0] * 20
     assert (wire.source.counts.received, wire.source.counts.refused) == (20 * len(WALK), {})
 
@@ -30,9 +30,9 @@ def test_confidence_is_tracked_inferred_or_lost(listen):
     frame = listen().frame(*(_joint(name, (100.0, 200.0, 1500.0), level) for name, level in levels.items()))
     known = {name: frame.confidence[index] for name, index in JOINT_INDEX.items() if frame.confidence[index]}
     assert known == {"head": 1.0, "shoulder_center": 0.5, "elbow_right": 1.0}
-    np.testing.assert_allclose(frame.positions[JOINT_INDEX["head"]], [0.1, -0.2, 1.5], rtol=1e-15)
+    assert_allclose(frame.positions[JOINT_INDEX["head"]], [0.1, -0.2, 1.5], rtol=1e-15)
     frame = listen("?units=cm").frame(_joint("head", (10.0, -20.0, 150.0)))
-    np.testing.assert_allclose(frame.positions[JOINT_INDEX["head"]], [0.1, 0.2, 1.5], rtol=1e-15)
+    assert_allclose(frame.positions[JOINT_INDEX["head"]], [0.1, 0.2, 1.5], rtol=1e-15)
 
 
 def test_two_performers_in_each_others_datagrams_are_separated(listen):
@@ -41,7 +41,7 @@ def test_two_performers_in_each_others_datagrams_are_separated(listen):
     frames = listen().events(*(datagram for pair in zip(*each, strict=True) for datagram in pair), count=2)
     assert [frame.user for frame in frames] == [0, 5]
     for frame in frames:
-        np.testing.assert_allclose(frame.positions, poses[frame.user], atol=1e-6)
+        assert_allclose(frame.positions, poses[frame.user], atol=1e-6)
 
 
 def test_hands_and_faces_are_not_needed(listen):

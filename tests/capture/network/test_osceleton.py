@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from capture.events import Lost
 from capture.network.osc import bundle
@@ -48,7 +49,7 @@ def test_joints_equal_values_by_hand(listen):
     frame = listen().frame(bundle(_joint("head", 1, 0.375, 0.25, 1.5625), _joint("l_elbow", 1, 0.25, 0.5, 1.25)))
     known = [JOINT_INDEX["head"], JOINT_INDEX["elbow_right"]]
     assert np.flatnonzero(frame.confidence).tolist() == known
-    np.testing.assert_allclose(frame.positions[known], [[-0.32, 0.48, 2.0], [-0.64, 0.0, 1.6]], atol=1e-15)
+    assert_allclose(frame.positions[known], [[-0.32, 0.48, 2.0], [-0.64, 0.0, 1.6]], atol=1e-15)
     assert np.isnan(frame.positions[frame.confidence == 0]).all()
 
 
@@ -57,7 +58,7 @@ def test_joints_equal_values_by_hand(listen):
 )
 def test_units_can_be_configured_if_the_numbers_are_ambiguous(listen, options, expected):
     frame = listen(f"?mirrored=0&{options}").frame(bundle(_joint("head", 1, 0.5, 1.0, 2.0)))
-    np.testing.assert_allclose(frame.positions[JOINT_INDEX["head"]], expected, rtol=1e-15)
+    assert_allclose(frame.positions[JOINT_INDEX["head"]], expected, rtol=1e-15)
 
 
 def test_orientations_centres_of_mass_and_unused_joints_are_ignored(listen):
@@ -83,7 +84,7 @@ def test_a_hand_alone_has_a_scale_of_its_own_and_no_number(listen):
     wire = listen("?mirrored=0")
     hand = _joint("l_hand", 0, (480 - 96) / 960, (320 - 160) / 640, 0.78125)
     frame = wire.frame(message("/new_user", ""), bundle(hand))
-    np.testing.assert_allclose(frame.positions[JOINT_INDEX["hand_left"]], [0.096, 0.16, 1.0], atol=1e-7)
+    assert_allclose(frame.positions[JOINT_INDEX["hand_left"]], [0.096, 0.16, 1.0], atol=1e-7)
     [lost] = wire.events(message("/lost_user", ""))
     assert lost.user == 0
 

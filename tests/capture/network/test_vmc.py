@@ -1,6 +1,7 @@
 import math
 
 import numpy as np
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from capture.events import Lost
@@ -67,7 +68,7 @@ def test_a_raised_arm_and_an_arm_held_out_are_at_computed_positions_relative_to_
     for frame, place in ((wire.frame(*pose), 0), (wire.frame(_root((0.5, 0.0, 2.0)), *pose), [0.5, 0.0, -2.0])):
         assert (frame.user, frame.confidence.tolist()) == (0, [1.0] * 20)
         expected = np.array([EXPECTED[name] for name in JOINT_INDEX]) + place
-        np.testing.assert_allclose(frame.positions, expected, atol=1e-7)
+        assert_allclose(frame.positions, expected, atol=1e-7)
 
 
 def test_random_poses_agree_with_scipy(listen, rng):
@@ -91,7 +92,7 @@ def test_random_poses_agree_with_scipy(listen, rng):
         for joint, (bone, place) in JOINTS.items():
             start, turn = frames[bone]
             expected = start + turn.apply(np.array(place) * flip)
-            np.testing.assert_allclose(frame.positions[JOINT_INDEX[joint]], expected, atol=1e-6)
+            assert_allclose(frame.positions[JOINT_INDEX[joint]], expected, atol=1e-6)
 
 
 DRIVEN = """
@@ -119,10 +120,10 @@ def test_joints_of_missing_bones_are_lost_and_received_bones_are_kept(listen):
     for bone, *joints in map(str.split, DRIVEN.strip().splitlines()):
         frame = wire.frame(_bone("Hips"), *[_bone(bone, UP_LEFT)] * (bone != "Hips"))
         known[[JOINT_INDEX[joint] for joint in joints]] = True
-        np.testing.assert_array_equal(frame.confidence, known)
-        np.testing.assert_array_equal(~np.isnan(frame.positions), np.tile(known, (3, 1)).T)
+        assert_array_equal(frame.confidence, known)
+        assert_array_equal(~np.isnan(frame.positions), np.tile(known, (3, 1)).T)
     again = wire.frame(_bone("Hips"), _bone("Head", UP_LEFT))
-    np.testing.assert_array_equal(again.positions, frame.positions)
+    assert_array_equal(again.positions, frame.positions)
 
 
 def test_the_status_reports_bad_tracking_and_a_missing_performer(listen):

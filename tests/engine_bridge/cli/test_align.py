@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from puppetline.examples.performances import clean
 
 from capture.formats import read_log
@@ -30,8 +31,8 @@ def walk(record_events, tmp_path):
 def test_align_finds_the_pose_and_the_file_plays_the_recordings_as_one(invoke, walk, tmp_path, given_clock):
     (tmp_path / "set").mkdir()
     [found] = json.loads(invoke("align", "left.log", "right.log", "-o", "set/two.toml", "--json").output)
-    np.testing.assert_allclose(found["position"], POSE.position, atol=1e-3)
-    np.testing.assert_allclose(found["rotation"], [4.0, -75.0, 2.0], atol=0.02)
+    assert_allclose(found["position"], POSE.position, atol=1e-3)
+    assert_allclose(found["rotation"], [4.0, -75.0, 2.0], atol=0.02)
     assert found["clock"] == pytest.approx(CLOCK, abs=1e-3)
     assert found["residual_cm"] < 0.1
     assert found["source"] == "replay:../right.log"
@@ -39,7 +40,7 @@ def test_align_finds_the_pose_and_the_file_plays_the_recordings_as_one(invoke, w
     [clip] = read_log(tmp_path / "fused.log")
     count = len(clip.times)
     assert 55 <= count <= 61  # of the first two seconds, at 30 per second
-    np.testing.assert_allclose(clip.positions, walk.positions[:count], atol=0.01)
+    assert_allclose(clip.positions, walk.positions[:count], atol=0.01)
 
 
 def test_the_text_states_the_pose_and_the_residual(invoke, walk, tmp_path):

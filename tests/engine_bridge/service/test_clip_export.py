@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.inspection.files import inspect
 from engine_bridge.performance.clip import load_timeline, solve
@@ -31,11 +32,11 @@ def test_the_frames_are_those_of_convert_bit_for_bit(written, take, blob_puppet)
     controls = to_file_units(solved.R, rig.model)
     controls[..., 3] += solved.root[:, None]
     _, _, *frames = read_clip(output.read_bytes())
-    np.testing.assert_array_equal([frame.body for frame in frames], controls)
-    np.testing.assert_array_equal(np.float32([frame.header.root for frame in frames]), solved.root)
+    assert_array_equal([frame.body for frame in frames], controls)
+    assert_array_equal(np.float32([frame.header.root for frame in frames]), solved.root)
     assert [frame.header.sequence for frame in frames] == list(range(len(frames)))
     assert {STATES[frame.header.state] for frame in frames} == {"performing"}
-    np.testing.assert_allclose([frame.header.time for frame in frames], timeline.times, rtol=0, atol=1e-12)
+    assert_allclose([frame.header.time for frame in frames], timeline.times, rtol=0, atol=1e-12)
 
 
 def test_the_scene_is_the_one_that_a_service_sends(written, blob_puppet):
@@ -71,4 +72,4 @@ def test_frames_have_the_weights_of_the_targets_that_a_voice_moves(talking, fram
     write_clip(log, talking(limbs=True), tmp_path / "talk.clip", None, Settings())
     _, scene, *shown = read_clip((tmp_path / "talk.clip").read_bytes())
     assert (scene.body.facts["targets"], scene.body.facts["character"]) == (["jaw"], "talking")
-    np.testing.assert_allclose([each.targets for each in shown], voices[:, None], atol=1e-5)
+    assert_allclose([each.targets for each in shown], voices[:, None], atol=1e-5)

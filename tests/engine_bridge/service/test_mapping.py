@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.events import TICK_SECONDS
 from engine_bridge.performance.performance import Performance
@@ -49,8 +50,8 @@ def test_the_character_eases_to_the_new_mapping_while_the_performer_continues(ma
             continue
         aim = performance.retargeting.step(event)
         if event.time > edited_at + PREPARATION_SECONDS + 2 * TICK_SECONDS + EASE:
-            np.testing.assert_array_equal(frame.targets, aim.targets + aim.root)
-            np.testing.assert_array_equal(frame.root, aim.root)
+            assert_array_equal(frame.targets, aim.targets + aim.root)
+            assert_array_equal(frame.root, aim.root)
             eased += 1
     assert eased > 30
 
@@ -133,7 +134,7 @@ def test_a_mapping_is_edited_saved_and_loaded_again(service, dog, play):
     service.run(PREPARATION_SECONDS + EASE + 0.5)
     goes = reach(hand)
     assert goes[2] < 1e-6 < went[2]
-    np.testing.assert_allclose(goes[:2], 2 * went[:2], rtol=1e-3)
+    assert_allclose(goes[:2], 2 * went[:2], rtol=1e-3)
     assert dog.read_text() == text
     assert service.ask("save_puppet", character="dog") == edited | {"saved": True}
     assert dog.read_text() == text.replace('joint = "hand_left"\n', 'joint = "hand_left"\naxes = "xy"\ngain = 2.0\n')
@@ -188,5 +189,5 @@ def test_the_idle_motion_is_computed_again_while_the_stream_continues(play, dog,
     foot = [handle.name for handle in service.player("dog").character.rig.puppet.handle].index("left foot")
     service.ask("set_handle", character="dog", handle="left foot", joints="hand_left", gain=3)
     moved = [frame.targets[foot] - frame.root for frame in service.run(4.0)]
-    np.testing.assert_allclose(moved[0], [0.55, -1.65, 0.1], atol=0.05)
+    assert_allclose(moved[0], [0.55, -1.65, 0.1], atol=0.05)
     assert np.linalg.norm(moved - moved[0], axis=1).max() > 0.3

@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from capture.skeleton import JOINTS
@@ -51,16 +52,16 @@ def test_each_kind_has_its_addresses_and_values_and_what_is_not_known_is_not_sen
     frame = performed(dog, 3)
     got = dict(sent(frame, "controls", "morphs", "joints", "handles"))
     controls = got.pop("/puppetline/dog/controls")
-    np.testing.assert_array_equal(np.array(controls, dtype=np.float32), frame.controls.ravel())
+    assert_array_equal(np.array(controls, dtype=np.float32), frame.controls.ravel())
     assert got.pop("/puppetline/dog/morphs") == [0.5, 0, 1]
     assert got.pop("/puppetline/dog/residual") == [0.125]
     assert got.pop("/puppetline/dog/root") == [1, 2, 3]
     known = [number for number, name in enumerate(JOINTS) if name != "head"]
     joints = [got.pop(f"/puppetline/dog/joint/{JOINTS[number]}") for number in known]
-    np.testing.assert_allclose(joints, np.column_stack([frame.joints, frame.confidence])[known], rtol=1e-6)
+    assert_allclose(joints, np.column_stack([frame.joints, frame.confidence])[known], rtol=1e-6)
     names = [handle.name.replace(" ", "_") for handle in dog.rig.puppet.handle]
     assert list(got) == [f"/puppetline/dog/handle/{name}" for name in names]
-    np.testing.assert_allclose(list(got.values()), frame.targets, rtol=1e-6)
+    assert_allclose(list(got.values()), frame.targets, rtol=1e-6)
     bare = performed(replace(dog, basis=None), joints=None, confidence=None)
     kinds = {address.split("/")[3] for address, _ in sent(bare, *KINDS)}
     assert kinds == {"controls", "handle", "performer", "vertices"}
@@ -74,11 +75,11 @@ def test_bones_are_rotations_by_the_name_of_the_joint_and_positions_of_those_tha
     got = dict(sent(frame, "bones"))
     skeleton, pose = figure.skeleton, frame.bones
     rotations = [got.pop(f"/puppetline/figure/bone/{name}") for name in skeleton.names]
-    np.testing.assert_allclose(rotations, pose.rotations, rtol=1e-6)
+    assert_allclose(rotations, pose.rotations, rtol=1e-6)
     travelling = np.array(skeleton.names)[skeleton.travelling]
     assert {"hips", "hump"} == set(travelling)
     assert list(got) == [f"/puppetline/figure/bone_position/{name}" for name in travelling]
-    np.testing.assert_allclose(list(got.values()), pose.translations, rtol=1e-6)
+    assert_allclose(list(got.values()), pose.translations, rtol=1e-6)
 
 
 def test_vertices_come_in_numbered_chunks_that_fit_a_datagram(output, receiver, dog):
@@ -92,7 +93,7 @@ def test_vertices_come_in_numbered_chunks_that_fit_a_datagram(output, receiver, 
     heads = [[5, chunk, len(told), chunk * CHUNK_VERTICES] for chunk in range(len(told))]
     assert [params[:4] for _, params in told] == heads
     vertices = np.concatenate([np.reshape(params[4:], (-1, 6)) for _, params in told])
-    np.testing.assert_array_equal(vertices, np.concatenate(frame.vertices_and_normals, axis=1))
+    assert_array_equal(vertices, np.concatenate(frame.vertices_and_normals, axis=1))
 
 
 def test_the_performer_is_sent_on_each_change_and_every_second(output, receiver, dog, given_clock):

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from pythonosc.osc_bundle import OscBundle
 from scipy.spatial.transform import Rotation
 
@@ -100,12 +101,12 @@ def test_measured_fingers_bend_down_in_a_t_pose_and_those_of_the_other_hand_are_
     assert len(fingers) == 15
     assert all(name.startswith("Left") for name in fingers)
     left, down, back = np.array([-1.0, 0, 0]), np.array([0, -1.0, 0]), np.array([0, 0, -1.0])  # Unity's axes
-    np.testing.assert_allclose(fingers["LeftIndexProximal"][1].apply(left), down, atol=1e-6)
-    np.testing.assert_allclose(fingers["LeftThumbIntermediate"][1].apply(left), back, atol=1e-6)
+    assert_allclose(fingers["LeftIndexProximal"][1].apply(left), down, atol=1e-6)
+    assert_allclose(fingers["LeftThumbIntermediate"][1].apply(left), back, atol=1e-6)
     assert fingers["LeftLittleDistal"][1].magnitude() == 0
     assert all(place @ left > 0 for place, _ in fingers.values())
     other = bones(datagrams(moved_by(channels={"index_1_right": 0.75}), 0.0))
-    np.testing.assert_allclose(other["RightIndexProximal"][1].apply(-left), down, atol=1e-6)
+    assert_allclose(other["RightIndexProximal"][1].apply(-left), down, atol=1e-6)
 
 
 def test_a_frame_is_bundles_that_travel_in_one_piece_and_say_all_that_the_protocol_wants(figure, moved_by):
@@ -123,9 +124,9 @@ def test_a_frame_is_bundles_that_travel_in_one_piece_and_say_all_that_the_protoc
     assert [values[0] for _, values in read[3:]] == list(figure.humanoid.names)
     assert len(read) == 3 + 21
     place, turn = bones(sent)["Hips"]
-    np.testing.assert_allclose(place, [-1.0, -0.5 * figure.rest[:, 1].min(), -0.5], rtol=1e-6)
+    assert_allclose(place, [-1.0, -0.5 * figure.rest[:, 1].min(), -0.5], rtol=1e-6)
     assert turn.magnitude() == 0
-    np.testing.assert_allclose(bones(sent)["LeftUpperLeg"][0], [-0.05, -0.075, 0], atol=1e-7)
+    assert_allclose(bones(sent)["LeftUpperLeg"][0], [-0.05, -0.075, 0], atol=1e-7)
 
 
 def test_the_state_is_the_protocols_and_the_clock_the_senders(moved_by, output, receiver, given_clock):
@@ -138,7 +139,7 @@ def test_the_state_is_the_protocols_and_the_clock_the_senders(moved_by, output, 
     states = [values for address, values in told if address == "/VMC/Ext/OK"]
     assert states == [[1, 0, 0, 0], [1, 2, 0, 0], [1, 3, 0, 1], [1, 0, 0, 0]]
     times = [values[0] for address, values in told if address == "/VMC/Ext/T"]
-    np.testing.assert_allclose(times, [0.0, 0.1, 0.2, 0.3], atol=1e-4)
+    assert_allclose(times, [0.0, 0.1, 0.2, 0.3], atol=1e-4)
 
 
 def directions(figure, motions, joints):

@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.events import TICK_SECONDS, Cue, Lost
 from capture.pose import Pose
@@ -46,20 +47,20 @@ def test_once_calibrated_and_eased_in_a_performer_moves_what_convert_would(make_
     smoothing = JointFilter(rig.puppet.smoothing.parameters)
     for number, (event, frame) in enumerate(zip(kung_fu, frames, strict=True)):
         joints = smoothing.step(event.time, event.positions, event.confidence)
-        np.testing.assert_array_equal(frame.joints, joints)  # before the calibration as well
+        assert_array_equal(frame.joints, joints)  # before the calibration as well
         if number < first:
             continue
         aim = performance.retargeting.step(event)
         if frame.time >= frames[first].time + EASE:
-            np.testing.assert_array_equal(frame.targets, aim.targets + aim.root)
-            np.testing.assert_array_equal(frame.root, aim.root)
-            np.testing.assert_array_equal(frame.motions, aim.motions)
+            assert_array_equal(frame.targets, aim.targets + aim.root)
+            assert_array_equal(frame.root, aim.root)
+            assert_array_equal(frame.motions, aim.motions)
 
 
 def largest_turn(frames):
     """Return the largest angle that a bone turns by from one frame to the next, radians."""
     R = np.array([frame.motions[:, :3] for frame in frames])
-    np.testing.assert_allclose(R @ np.swapaxes(R, -1, -2), np.broadcast_to(np.eye(3), R.shape), atol=1e-9)
+    assert_allclose(R @ np.swapaxes(R, -1, -2), np.broadcast_to(np.eye(3), R.shape), atol=1e-9)
     trace = np.einsum("tbij,tbij->tb", R[1:], R[:-1])
     return np.arccos(np.clip((trace - 1) / 2, -1, 1)).max()
 
@@ -77,12 +78,12 @@ def test_a_character_never_jumps_when_a_performer_comes_goes_and_returns(make_st
     assert largest_step(frames, rig.mesh.diagonal) <= 1.5 * largest_step(steady, rig.mesh.diagonal)
     assert np.abs(frames[149].R - rig.model.rest_controls).max() > 1e-2
     resting = next(frame for frame in reversed(frames) if frame.state == "waiting")
-    np.testing.assert_allclose(resting.R, rig.model.rest_controls, atol=1e-5)
+    assert_allclose(resting.R, rig.model.rest_controls, atol=1e-5)
     returned = next(frame.time for frame in frames if frame.time > gone + 2.0 and frame.state == "performing")
     assert returned - gone - 2.0 <= PREPARATION_SECONDS + 3 * TICK_SECONDS  # remembered: no second still second
     if rig.puppet.limbs:
         assert largest_turn(frames) <= 1.5 * largest_turn(steady)
-        np.testing.assert_allclose(resting.motions, np.broadcast_to(np.eye(4, 3), resting.motions.shape), atol=1e-9)
+        assert_allclose(resting.motions, np.broadcast_to(np.eye(4, 3), resting.motions.shape), atol=1e-9)
 
 
 def test_a_performer_can_be_calibrated_on_command_only(make_stage, kung_fu):
@@ -103,7 +104,7 @@ def test_a_mirrored_character_moves_its_other_hand_and_has_the_channels_of_the_o
     assert played[1][-1].channels == {"blink_right": 0.5, "voice": 0.25}
     ours, theirs = ([frame.root for frame in frames] for frames in played)
     # side to side is turned round, to and fro is not
-    np.testing.assert_allclose(np.array(theirs), np.array(ours) * [-1, 1, 1], atol=1e-9)
+    assert_allclose(np.array(theirs), np.array(ours) * [-1, 1, 1], atol=1e-9)
     assert np.abs(ours).max(axis=0)[0] > 0.05
 
 

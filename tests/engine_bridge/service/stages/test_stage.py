@@ -5,6 +5,7 @@ from operator import getitem
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from capture.clip import SkeletonClip
 from capture.events import TICK_SECONDS, Cue, Lost
@@ -100,10 +101,10 @@ def test_a_take_gives_its_calibrations_to_other_puppets_of_the_same_name(make_st
     given = with_beginnings_of(stage, kung_fu[:100])
     frames = replay(other, [beginning(stage), *kung_fu[100:]])
     assert {frame.state for frame in frames} == {"performing"}
-    np.testing.assert_array_equal(other.players[0].calibration.rest, stage.players[0].calibration.rest)
+    assert_array_equal(other.players[0].calibration.rest, stage.players[0].calibration.rest)
     begun = make_stage(rig=limbed_rig)
     replay(begun, given)  # as well where the take was begun before
-    np.testing.assert_array_equal(begun.players[0].calibration.rest, stage.players[0].calibration.rest)
+    assert_array_equal(begun.players[0].calibration.rest, stage.players[0].calibration.rest)
 
 
 def test_a_loop_resumes_at_the_times_of_each_pass(make_stage, kung_fu, moved):

@@ -32,11 +32,6 @@ HEADER = Header(
 )
 
 
-def test_a_later_minor_version_and_an_unknown_kind_are_taken():
-    header = HEADER._replace(minor=9, kind=200, targets=0)
-    assert split(join(topic_field("dog/new"), header, b"abcde")).header == header
-
-
 def test_the_number_of_targets_is_the_last_field_and_they_follow_the_payload():
     """All other fields are those of recorded messages."""
     assert struct.unpack_from("<iI", HEADER.pack(), 4) == (-3, 7)

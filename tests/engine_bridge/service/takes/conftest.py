@@ -1,5 +1,7 @@
 """Services that record and play takes of a small character."""
 
+from functools import partial
+
 import pytest
 
 
@@ -14,6 +16,10 @@ def make_theatre(play_file, record_events, kung_fu, tmp_path):
         stage += f'\ncalibrate = "at_once"\nease = {ease}'
         theatre = play_file(names=names, source=source, stage=stage, **more)
         theatre.playback, theatre.count_in = theatre.service.playback, theatre.service.count_in
+        theatre.timeline = theatre.playback.timeline
+        theatre.count = partial(theatre.count_in.start, theatre.runner)
+        theatre.left = partial(theatre.count_in.left, theatre.runner)
+        theatre.end_take = lambda: theatre.runner.stop_recording().close()
         return theatre
 
     return make
@@ -35,7 +41,7 @@ def record_take(make_theatre, tmp_path, recorded):
             theatre = make_theatre(**more)
             theatre.runner.start_recording(path)
             frames = theatre.run(seconds)
-            theatre.runner.stop_recording().close()
+            theatre.end_take()
             recorded[key] = path.read_bytes(), frames
             theatre.close()
         content, frames = recorded[key]

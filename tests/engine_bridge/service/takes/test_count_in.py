@@ -21,9 +21,9 @@ def overdub(make_theatre, record_take, tmp_path):
     second = tmp_path / "take2.log"
 
     def record(count_in, seconds=2.0):
-        theatre.count_in.start(theatre.runner, second, count_in)
+        theatre.count(second, count_in)
         theatre.run(count_in + seconds)
-        theatre.runner.stop_recording().close()
+        theatre.end_take()
         return theatre, dog, second
 
     return record
@@ -37,12 +37,12 @@ def opening(path):
 def test_the_service_counts_down_and_takes_begin_at_zero(overdub):
     theatre, _, path = overdub(count_in=0, seconds=0.1)
     zero = clock.now() + 3
-    theatre.count_in.start(theatre.runner, path.with_name("take3.log"), 3)
+    theatre.count(path.with_name("take3.log"), 3)
     counts = []
     assert theatre.playback.status().moment == pytest.approx(zero, abs=1e-4)
     for _ in range(7):
-        counts.append(theatre.count_in.left(theatre.runner))
-        position = theatre.playback.timeline.position(clock.now())
+        counts.append(theatre.left())
+        position = theatre.timeline.position(clock.now())
         theatre.run(0.41)
     assert counts == [3, 3, 3, 2, 2, 1, 1]
     assert position == 0.0
@@ -50,8 +50,8 @@ def test_the_service_counts_down_and_takes_begin_at_zero(overdub):
     assert theatre.count_in.take(theatre.runner) == "take3"
     theatre.run(0.23)
     assert theatre.runner.recording == "take3"
-    assert theatre.count_in.left(theatre.runner) == 0
-    assert theatre.playback.timeline.position(clock.now()) == pytest.approx(0.1, abs=1e-4)
+    assert theatre.left() == 0
+    assert theatre.timeline.position(clock.now()) == pytest.approx(0.1, abs=1e-4)
     assert theatre.playback.status().moment == pytest.approx(clock.now(), abs=1e-4)
 
 
@@ -65,7 +65,7 @@ def test_both_takes_line_up_as_they_were_seen_when_the_second_was_recorded(overd
 
     def apart(theatre):
         """The time from the dog's frame nearest to its first second to the cat's next 20 frames."""
-        zero = theatre.playback.timeline.moment(0.0)
+        zero = theatre.timeline.moment(0.0)
         first = min(theatre.of("dog"), key=lambda frame: abs(frame.received / 1e9 - zero - 1.0)).received
         return [(frame.received - first) / 1e9 for frame in theatre.of("cat") if frame.received > first][:20]
 
@@ -90,11 +90,11 @@ def test_a_take_from_the_middle_stores_that_second_and_replays_without_the_other
 
 def test_without_other_takes_none_are_stored_and_a_count_in_can_be_cancelled(make_theatre, tmp_path):
     theatre = make_theatre()
-    theatre.count_in.start(theatre.runner, tmp_path / "alone.log", 1)
+    theatre.count(tmp_path / "alone.log", 1)
     theatre.run(1.5)
-    theatre.runner.stop_recording().close()
+    theatre.end_take()
     assert opening(tmp_path / "alone.log")["timeline"] is None
-    theatre.count_in.start(theatre.runner, tmp_path / "never.log", 2)
+    theatre.count(tmp_path / "never.log", 2)
     theatre.run(1.0)
     assert theatre.count_in.cancel(theatre.runner) == "never"
     theatre.run(2.0)
@@ -105,16 +105,16 @@ def test_without_other_takes_none_are_stored_and_a_count_in_can_be_cancelled(mak
 def test_a_take_that_cannot_begin_after_the_count_is_logged(make_theatre, tmp_path, caplog):
     theatre = make_theatre()
     path = tmp_path / "take.log"
-    theatre.count_in.start(theatre.runner, path, 1)
+    theatre.count(path, 1)
     path.write_text("something else")
     theatre.run(1.5)
     assert "the take cannot begin" in caplog.text
     for taken, seconds in ((path, 1), (path, 0), (tmp_path / "no folder" / "take.log", 1)):
-        refused(OutputError, theatre.count_in.start, theatre.runner, taken, seconds)
+        refused(OutputError, theatre.count, taken, seconds)
     assert theatre.count_in.take(theatre.runner) is None
 
 
 def test_nothing_is_recorded_over_takes_that_play_at_another_speed(overdub, tmp_path):
     theatre, _, _ = overdub(count_in=0, seconds=0.5)
-    theatre.playback.timeline.set_speed(0.5, clock.now())
-    refused(ServiceError, theatre.count_in.start, theatre.runner, tmp_path / "slow.log", 3)
+    theatre.timeline.set_speed(0.5, clock.now())
+    refused(ServiceError, theatre.count, tmp_path / "slow.log", 3)

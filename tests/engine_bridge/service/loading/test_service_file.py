@@ -4,7 +4,7 @@ from pathlib import Path
 from engine_bridge.service.loading.service_file import character_names, from_flags, load, stage_names
 from puppetline.errors import ServiceError
 
-from ...refusals import refused, refused_place
+from ...refusals import refused_place
 
 STAGE = '[[stage]]\nsource = "osc:7110"\n'
 CHARACTER = '[[stage.character]]\npuppet = "dog.toml"\n'
@@ -113,7 +113,6 @@ def test_flags_stand_for_a_file():
     assert one.stage[0].character[1].idle == "i.log"
     two = from_flags(("osc:1", "osc:2"), (Path("a.toml"), Path("b.toml")), {}, {}, {})
     assert [(stage.source, character_names(stage)) for stage in two.stage] == [("osc:1", ["a"]), ("osc:2", ["b"])]
-    refused(ServiceError, from_flags, ("osc:1", "osc:2"), (Path("a.toml"),), {}, {}, {})
 
 
 def test_every_table_opens_an_output_that_has_sent_nothing_yet(play_file):

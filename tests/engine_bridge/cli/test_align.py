@@ -50,15 +50,15 @@ def test_the_text_states_the_pose_and_the_residual(invoke, walk, tmp_path):
     assert 'source = "osc:2"' in (tmp_path / "two.toml").read_text()
 
 
-@pytest.mark.parametrize(
-    ("command", "part"),
-    [
-        ("left.log none.log -o two.toml", "none.log"),
-        ("left.log right.log -o two.txt", "two.toml"),
-        ("left.log right.log -o two.toml --source osc:1", "1 times --source and 2 recordings"),
-        ("left.log other.log -o two.toml", "left.log and other.log"),
-    ],
-)
-def test_recordings_that_cannot_be_aligned_are_refused(assert_refused, record_events, walk, tmp_path, command, part):
+UNUSABLE = """
+left.log none.log -o two.toml                  → none.log
+left.log right.log -o two.txt                  → two.toml
+left.log right.log -o two.toml --source osc:1  → 1 times --source and 2 recordings
+left.log other.log -o two.toml                 → left.log and other.log
+"""
+
+
+def test_recordings_that_cannot_be_aligned_are_refused(assert_refused, record_events, walk, tmp_path):
     record_events(tmp_path / "other.log", clean("roar").frames())
-    assert_refused("align", *command.split(), parts=[part])
+    for command, part in (line.split("→") for line in UNUSABLE.strip().splitlines()):
+        assert_refused("align", *command.split(), parts=[part.strip()])

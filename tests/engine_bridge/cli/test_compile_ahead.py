@@ -35,17 +35,14 @@ def test_a_second_process_starts_with_the_first_function_that_must_be_compiled(p
 
 
 def test_a_second_process_is_the_only_one_and_ends_with_the_command(processes):
+    before = list(when_begun)
     with compile_ahead.second_process(), compile_ahead.second_process(at_once=True):
         assert when_begun == []
         assert processes.call_args.args[0] == [sys.executable, "-m", "engine_bridge.cli.compile_ahead"]
         processes.return_value.kill.assert_not_called()
     processes.return_value.kill.assert_called_once_with()
     processes.return_value.wait.assert_called_once_with()
-
-
-def test_a_command_that_compiles_nothing_leaves_nothing_behind():
-    before = list(when_begun)
-    with compile_ahead.second_process():
+    with compile_ahead.second_process():  # of a command that compiles nothing
         assert len(when_begun) == len(before) + 1
     assert when_begun == before
 

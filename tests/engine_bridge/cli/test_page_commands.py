@@ -172,9 +172,3 @@ def test_the_commands_of_a_page_run(page, folder, service, ran, request, monkeyp
         else:
             result = CliRunner().invoke(main, arguments, catch_exceptions=False)
             assert result.exit_code == 0, (arguments, result.output)
-
-
-def test_what_does_not_run_is_on_a_page():
-    found = [arguments for page in PAGES for arguments in commands(page)]
-    for command in NOT_RUN:
-        assert any(set(command.split()) <= set(arguments) for arguments in found)

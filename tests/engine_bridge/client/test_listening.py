@@ -1,4 +1,4 @@
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import pytest
 import zmq
@@ -91,13 +91,9 @@ def test_a_report_says_what_came(playing, blob_rig):
         assert heard.latency_ms["p99"] <= heard.latency_ms["max"]
         assert (heard.state, heard.user) == ("performing", 7)
     assert set(report.scenes) == {"dog", "cat"}
-    assert (report.scenes["dog"]["vertices"], report.scenes["dog"]["triangles"]) == (
-        n,
-        len(blob_rig.character.triangles),
-    )
-    assert report.scenes["dog"]["revision"] == 2  # it was requested again after the change
+    counts = {"vertices": n, "triangles": len(blob_rig.character.triangles)}
+    assert report.scenes["dog"].items() >= (counts | {"revision": 2}).items()  # requested again after the change
     assert report.refused == 0
-    assert asdict(report)["heard"][0]["topic"] == "cat/controls"
     text = describe(report)
     assert f"dog: revision 2, {n:,} vertices" in text
     assert "dog/controls: performing" in text

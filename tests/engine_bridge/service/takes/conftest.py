@@ -16,7 +16,6 @@ def make_theatre(play_file, record_events, kung_fu, tmp_path):
         stage += f'\ncalibrate = "at_once"\nease = {ease}'
         theatre = play_file(names=names, source=source, stage=stage, **more)
         theatre.playback, theatre.count_in = theatre.service.playback, theatre.service.count_in
-        theatre.timeline = theatre.playback.timeline
         theatre.count = partial(theatre.count_in.start, theatre.runner)
         theatre.left = partial(theatre.count_in.left, theatre.runner)
         theatre.end_take = lambda: theatre.runner.stop_recording().close()

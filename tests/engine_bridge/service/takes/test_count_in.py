@@ -42,7 +42,7 @@ def test_the_service_counts_down_and_takes_begin_at_zero(overdub):
     assert theatre.playback.status().moment == pytest.approx(zero, abs=1e-4)
     for _ in range(7):
         counts.append(theatre.left())
-        position = theatre.timeline.position(clock.now())
+        position = theatre.playback.timeline.position(clock.now())
         theatre.run(0.41)
     assert counts == [3, 3, 3, 2, 2, 1, 1]
     assert position == 0.0
@@ -51,7 +51,7 @@ def test_the_service_counts_down_and_takes_begin_at_zero(overdub):
     theatre.run(0.23)
     assert theatre.runner.recording == "take3"
     assert theatre.left() == 0
-    assert theatre.timeline.position(clock.now()) == pytest.approx(0.1, abs=1e-4)
+    assert theatre.playback.timeline.position(clock.now()) == pytest.approx(0.1, abs=1e-4)
     assert theatre.playback.status().moment == pytest.approx(clock.now(), abs=1e-4)
 
 
@@ -65,7 +65,7 @@ def test_both_takes_line_up_as_they_were_seen_when_the_second_was_recorded(overd
 
     def apart(theatre):
         """The time from the dog's frame nearest to its first second to the cat's next 20 frames."""
-        zero = theatre.timeline.moment(0.0)
+        zero = theatre.playback.timeline.moment(0.0)
         first = min(theatre.of("dog"), key=lambda frame: abs(frame.received / 1e9 - zero - 1.0)).received
         return [(frame.received - first) / 1e9 for frame in theatre.of("cat") if frame.received > first][:20]
 
@@ -116,5 +116,5 @@ def test_a_take_that_cannot_begin_after_the_count_is_logged(make_theatre, tmp_pa
 
 def test_nothing_is_recorded_over_takes_that_play_at_another_speed(overdub, tmp_path):
     theatre, _, _ = overdub(count_in=0, seconds=0.5)
-    theatre.timeline.set_speed(0.5, clock.now())
+    theatre.playback.timeline.set_speed(0.5, clock.now())
     refused(ServiceError, theatre.count, tmp_path / "slow.log", 3)

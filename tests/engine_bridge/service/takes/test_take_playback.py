@@ -56,7 +56,7 @@ def assert_eases_in(equal, frames, zero, seconds=EASE):
 def test_from_any_moment_a_take_moves_its_character_as_it_was_recorded(begin, speed, second):
     theatre, track, _ = begin()
     theatre.run(0.5)
-    theatre.timeline.set_speed(speed, clock.now())
+    theatre.playback.timeline.set_speed(speed, clock.now())
     theatre.playback.seek(second)
     now, zero = clock.now(), clock.now() - second / speed
     theatre.run((track.seconds - second) / speed - 0.01)
@@ -73,16 +73,16 @@ def test_a_pause_holds_the_pose_goes_on_with_the_next_frame_and_can_jump(begin):
     zero = clock.now()
     theatre.run(1.0)
     before = theatre.of("dog")[-1]
-    theatre.timeline.pause(True, clock.now())
+    theatre.playback.timeline.pause(True, clock.now())
     theatre.run(1.0)
     assert len(theatre.of("dog")) >= 25
     assert all(np.array_equal(frame.R, before.R) for frame in theatre.of("dog"))
-    theatre.timeline.pause(False, clock.now())
+    theatre.playback.timeline.pause(False, clock.now())
     theatre.run(0.2)
     equal, numbers = follows(track, theatre.of("dog"), zero + 1.0)
     assert all(equal)
     assert numbers[0] == track.index(before.received / 1e9 - zero + 1e-6) + 1
-    theatre.timeline.pause(True, clock.now())
+    theatre.playback.timeline.pause(True, clock.now())
     theatre.playback.seek(2.5)
     theatre.run(1.0)
     frames = theatre.of("dog")
@@ -93,13 +93,13 @@ def test_a_pause_holds_the_pose_goes_on_with_the_next_frame_and_can_jump(begin):
 def test_a_loop_begins_again_and_a_take_ends_at_its_end(begin):
     theatre, track, _ = begin()
     zero = clock.now()
-    theatre.timeline.loop = True
+    theatre.playback.timeline.loop = True
     theatre.run(2.5 * track.seconds)
     frames = theatre.of("dog")
     assert {frame.state for frame in frames} == {"performing"}
     third = [frame for frame in frames if frame.received / 1e9 > zero + 2 * track.seconds + 2 * EASE]
     assert all(follows(track, third, zero + 2 * track.seconds)[0])
-    theatre.timeline.loop = False
+    theatre.playback.timeline.loop = False
     theatre.run(track.seconds)
     assert not theatre.playback.takes
     assert theatre.of("dog")[-1].state == "waiting"
@@ -111,7 +111,7 @@ def test_nothing_jumps_when_a_take_begins_jumps_loops_and_stops(begin):
     theatre.playback.seek(0.3)
     shown += theatre.run(1.0)
     theatre.playback.seek(2.7)
-    theatre.timeline.loop = True
+    theatre.playback.timeline.loop = True
     shown += theatre.run(1.0)
     theatre.playback.add(track, 0.5)
     shown += theatre.run(1.0)
@@ -147,7 +147,7 @@ def test_two_takes_have_one_clock_and_their_characters_idle_before_and_after(beg
     assert all(follows(dog, theatre.of("dog"), zero)[0])
     shown = [frame for frame in theatre.of("cat") if frame.state == "performing"]
     assert_eases_in(follows(cat, shown, zero + 1.0)[0], shown, zero + 1.0)
-    assert theatre.timeline.end == max(dog.seconds, 1.0 + cat.seconds)
+    assert theatre.playback.timeline.end == max(dog.seconds, 1.0 + cat.seconds)
     theatre.run(1.1)
     assert theatre.of("cat")[-1].state == "waiting"
     assert theatre.of("dog")[-1].state == "performing"
@@ -201,7 +201,7 @@ def test_parts_of_takes_follow_one_another_on_one_character(begin, paths):
     theatre.playback.add(track, 0.0, 0.5, 1.0)
     added = theatre.playback.add(again, 2.0, 0.2, 0.6, beside=True)
     assert added == pytest.approx({"character": "dog", "take": "take1", "at": 2.0, "seconds": 0.4, "sound": None})
-    assert (theatre.timeline.start, theatre.timeline.end) == pytest.approx((0.0, 2.4), abs=1 / 30)
+    assert (theatre.playback.timeline.start, theatre.playback.timeline.end) == pytest.approx((0.0, 2.4), abs=1 / 30)
     for at, seconds, part, shown in ((0.0, 0.48, track, 0.98), (2.0, 0.38, again, 0.58)):
         theatre.playback.seek(at)
         theatre.run(seconds)

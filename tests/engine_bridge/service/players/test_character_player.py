@@ -44,16 +44,12 @@ def test_once_calibrated_and_eased_in_a_performer_moves_what_convert_would(make_
     assert states == ["calibrating", "performing"]
     # frame by frame; only the deformation's warm start differs
     performance = Performance(rig.puppet, rig.mesh, rig.model, calibration.rest)
-    smoothing = JointFilter(rig.puppet.smoothing.parameters)
-    for number, (event, frame) in enumerate(zip(kung_fu, frames, strict=True)):
-        joints = smoothing.step(event.time, event.positions, event.confidence)
-        assert_array_equal(frame.joints, joints)  # before the calibration as well
-        if number < first:
-            continue
+    for event, frame in zip(kung_fu[first:], frames[first:], strict=True):
         aim = performance.retargeting.step(event)
         if frame.time >= frames[first].time + EASE:
             assert_array_equal(frame.targets, aim.targets + aim.root)
             assert_array_equal(frame.root, aim.root)
+            assert_array_equal(frame.joints, performance.retargeting.joints)
             assert_array_equal(frame.motions, aim.motions)
 
 
@@ -170,6 +166,13 @@ def test_a_damaged_calibration_of_a_take_is_refused_and_that_before_stays(make_s
     for calibration in ([1], {"rest": [[0.0]] * 20}, {"rest": [None] * 20, "sensor": {}}):
         refused(ServiceError, stage.step, Cue(kung_fu[99].time, "begin", {"calibration": calibration}), 0)
         assert stage.players[0].calibration is before
+
+
+def test_joints_are_filtered_before_the_calibration_as_well(make_stage, kung_fu):
+    frames = play(make_stage(), kung_fu[:30])["dog"]
+    smoothing = JointFilter(frames[0].character.rig.puppet.smoothing.parameters)
+    for event, frame in zip(kung_fu[:30], frames, strict=True):
+        assert_array_equal(frame.joints, smoothing.step(event.time, event.positions, event.confidence))
 
 
 TILTED = Pose.of_degrees(12.0, 0.0, 4.0, np.array([0.0, 1.3, 0.0]))

@@ -1,5 +1,6 @@
 import logging
 import socket
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from importlib.metadata import version
 from unittest.mock import Mock
@@ -50,8 +51,10 @@ def test_an_engine_finds_the_service_what_plays_there_and_its_changes_until_its_
     assert (after.name, after.characters) == (found.name, tuple(names[:kept]))
     said = f"characters={','.join(names[:kept])}"
     assert len(said) <= 255 < len(f"{said},{names[kept]}")
-    announced.close()
-    announced._thread.join()
+    with ThreadPoolExecutor() as threads:
+        threads.submit(find, 1.0, LOOPBACK)  # who looks meanwhile forgets it
+        announced.close()
+        announced._thread.join()
     assert [found for found in find(0.5, LOOPBACK) if found.port == port] == []
 
 

@@ -6,10 +6,15 @@ from scipy.spatial.transform import Rotation
 from solver.motion.limbs import Limb
 
 
-def limb(name, *points, parent="trunk"):
-    """Return a limb that hangs on the trunk, unless it is the trunk, or on another parent, or on none."""
-    own = None if name == "trunk" else parent
-    return Limb(name, np.array(points, dtype=np.float64), ((0,),) * len(points), parent=own)
+def points(text):
+    """Return the points (n, 3) of a text, as "0 1 0, 0 1.2 0"."""
+    return np.array([point.split() for point in text.split(",")], dtype=np.float64)
+
+
+def limb(name, text, parent="trunk"):
+    """Return a limb of these points that hangs on the trunk, unless it is the trunk, or on another parent, or none."""
+    places = points(text)
+    return Limb(name, places, ((0,),) * len(places), parent=None if name == "trunk" else parent)
 
 
 def in_world(skeleton, positions, rotations):

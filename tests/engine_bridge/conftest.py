@@ -12,14 +12,21 @@ from engine_bridge.performance.rig import load_rig
 
 from .. import recordings
 
-LIMBS = [
-    ((0.0, 0.0, 0.0), (0.0, 1.2, 0.0), 0.30),
-    ((0.0, 1.2, 0.0), (0.0, 1.9, 0.25), 0.22),
-    ((0.1, 1.1, 0.0), (1.4, 1.3, 0.1), 0.17),
-    ((-0.1, 1.1, 0.0), (-1.35, 1.2, -0.05), 0.16),
-    ((0.05, 0.0, 0.0), (0.5, -1.5, 0.1), 0.19),
-    ((-0.05, 0.0, 0.0), (-0.55, -1.45, 0.0), 0.20),
-]
+
+def capsules(table):
+    """Return from, to and radius of what a shape is made of, a line each."""
+    rows = np.array([line.split() for line in table.strip().splitlines()], dtype=np.float64)
+    return [(row[:3], row[3:6], row[6]) for row in rows]
+
+
+LIMBS = capsules("""
+0.0 0.0 0.0  0.0 1.2 0.0  0.30
+0.0 1.2 0.0  0.0 1.9 0.25  0.22
+0.1 1.1 0.0  1.4 1.3 0.1  0.17
+-0.1 1.1 0.0  -1.35 1.2 -0.05  0.16
+0.05 0.0 0.0  0.5 -1.5 0.1  0.19
+-0.05 0.0 0.0  -0.55 -1.45 0.0  0.20
+""")
 """From, to and radius of what a figure is made of; it stands upright and faces +z, so that its left hand is at +x."""
 
 PERFORMER_TABLE = """

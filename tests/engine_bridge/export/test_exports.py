@@ -12,6 +12,7 @@ from engine_bridge.export.animation import Keyframes, animate
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings
 
+from ..character.conftest import CORNERS, SIDES
 from .conftest import REAL, Raw, assert_same_array, assert_same_primitive, normal_angles, solved
 
 MIRRORED = {"node_transforms", "shared_mesh"}
@@ -135,8 +136,6 @@ def test_a_performer_who_stands_still_gives_a_valid_file_without_targets(
     assert json.loads(json.dumps(file.meshes[0].extras))["targetNames"] == ["smile", "frown"]
 
 
-CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
-SIDES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], np.uint16)
 STILL = Keyframes("still", np.float32([0, 1]), np.zeros((2, 1), np.float32), np.zeros((2, 3), np.float32))
 
 

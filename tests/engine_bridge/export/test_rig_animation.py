@@ -21,6 +21,7 @@ from puppetline.errors import MeshError
 from solver.motion.limbs import bones_of
 
 from ..bones import limb
+from ..character.conftest import CORNERS, SIDES
 from ..refusals import refused
 from .conftest import add_animation, posed, transform
 
@@ -29,19 +30,18 @@ REAL = ("quaternius_Adventurer", "quaternius_Witch")
 """Real files whose joints are where limbs bend."""
 
 
-BODY = limb("trunk", (0, 0, 0), (0, 1, 0), (0, 2, 0))
-BRANCH = limb("left arm", (0.5, 2, 0), (1.5, 2, 0), (2.5, 2, 0))
+BODY = limb("trunk", "0 0 0, 0 1 0, 0 2 0")
+BRANCH = limb("left arm", "0.5 2 0, 1.5 2 0, 2.5 2 0")
 """A child of the trunk's second bone."""
-ARM = limb("left arm", (0, 0, 0), (1, 0, 0), (2, 0, 0), parent=None)
+ARM = limb("left arm", "0 0 0, 1 0 0, 2 0 0", parent=None)
 
 
 def cloud(*places):
     """Four vertices around each place."""
-    corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
-    return (np.array(places, dtype=np.float64)[:, None] + corners).reshape(-1, 3)
+    return (np.array(places, dtype=np.float64)[:, None] + 0.1 * CORNERS.astype(np.float64)).reshape(-1, 3)
 
 
-FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.uint32)
+FACES = SIDES.astype(np.uint32)
 
 
 def add_skinned(glb, vertices, faces, joints, which, shares):
@@ -161,13 +161,6 @@ def blended(character, bones, motions, root=None):
     return np.concatenate(shown, axis=1) + (0 if root is None else np.asarray(root)[:, None])
 
 
-def assert_goes_with(character, document, bones, motions, root=None, within=2e-6):
-    expected = blended(character, bones, motions, root)
-    size = np.linalg.norm(np.ptp(character.vertices, axis=0))
-    for frame, places in enumerate(expected):
-        assert np.abs(from_document(posed(document, frame)).vertices - places).max() < within * size
-
-
 ABOVE = {
     "a tenth of the size": transform(scale=[0.1] * 3),
     "lying, as Blender exports": transform(turn=(-90, 0, 0), scale=[100] * 3),
@@ -198,7 +191,7 @@ def child_first(glb):
     glb.file.scenes[0].nodes = [upper]
     glb.file.nodes[upper].children, glb.file.nodes[between].children = [between], [lower]
     add_two_clouds(glb, [(0.2, 0, 0), (0.5, 1, 0)], [lower, upper], [1, 0])
-    return [limb("left arm", (0, 0, 0), (0.5, 0.5, 0), (0.5, 2, 0), parent=None)]
+    return [limb("left arm", "0 0 0, 0.5 0.5 0, 0.5 2 0", parent=None)]
 
 
 def two_skins(glb):

@@ -18,12 +18,12 @@ STATED = VrmTable(name="Ada", authors=["Ben", "Cleo"], licence=LICENCE)
 def body(**changed):
     """The limbs of a humanoid, some of them replaced, added or, by None, omitted; their names have underscores."""
     limbs = {
-        "trunk": limb("trunk", (0, 1, 0), (0, 1.1, 0), (0, 1.2, 0), (0, 1.35, 0), (0, 1.5, 0)),
-        "head": limb("head", (0, 1.5, 0), (0, 1.9, 0)),
+        "trunk": limb("trunk", "0 1 0, 0 1.1 0, 0 1.2 0, 0 1.35 0, 0 1.5 0"),
+        "head": limb("head", "0 1.5 0, 0 1.9 0"),
     }
     for side, x in (("left", 1), ("right", -1)):
-        limbs[f"{side}_arm"] = limb(f"{side} arm", (0.2 * x, 1.5, 0), (0.5 * x, 1.5, 0), (0.8 * x, 1.5, 0))
-        limbs[f"{side}_leg"] = limb(f"{side} leg", (0.1 * x, 1, 0), (0.1 * x, 0.5, 0), (0.1 * x, 0.1, 0))
+        limbs[f"{side}_arm"] = limb(f"{side} arm", f"{0.2 * x} 1.5 0, {0.5 * x} 1.5 0, {0.8 * x} 1.5 0")
+        limbs[f"{side}_leg"] = limb(f"{side} leg", f"{0.1 * x} 1 0, {0.1 * x} 0.5 0, {0.1 * x} 0.1 0")
     return [each for each in (limbs | changed).values() if each is not None]
 
 
@@ -38,11 +38,11 @@ def test_a_humanoid_has_all_bones_of_its_limbs_but_those_that_are_out_of_line():
     assert list(found) == [bone for bone in HUMANOID_BONES if bone != "jaw" and not bone.endswith("Toes")]
     assert all(bone == joint.name for bone, joint in found.items() if bone != "hips")
     assert found["hips"].limb == "trunk"
-    neck = limb("neck", (0, 1.5, 0), (0, 1.6, 0))
+    neck = limb("neck", "0 1.5 0, 0 1.6 0")
     trunk, head, *others = body()
     assert "neck" not in bones([trunk, neck, head, *others])  # beside the head
-    assert "neck" in bones([trunk, neck, limb("head", (0, 1.6, 0), (0, 1.9, 0), parent="neck"), *others])
-    low = bones(body(left_arm=limb("left arm", (0.2, 1.25, 0), (0.5, 1.5, 0), (0.8, 1.5, 0))))
+    assert "neck" in bones([trunk, neck, limb("head", "0 1.6 0, 0 1.9 0", parent="neck"), *others])
+    low = bones(body(left_arm=limb("left arm", "0.2 1.25 0, 0.5 1.5 0, 0.8 1.5 0")))
     assert [name in low for name in ("chest", "upperChest")] == [True, False]
 
 
@@ -51,8 +51,8 @@ def test_a_humanoid_has_all_bones_of_its_limbs_but_those_that_are_out_of_line():
     [
         ({"head": None}, ["head"]),
         ({"left_arm": None}, ["leftUpperArm", "leftLowerArm", "leftHand"]),
-        ({"right_leg": limb("right hind leg", (0, 1, 0), (0, 0, 0))}, ["rightUpperLeg", "rightLowerLeg", "rightFoot"]),
-        ({"head": limb("head", (0.1, 0.1, 0), (0.1, 0.3, 0.2), parent="left leg")}, []),
+        ({"right_leg": limb("right hind leg", "0 1 0, 0 0 0")}, ["rightUpperLeg", "rightLowerLeg", "rightFoot"]),
+        ({"head": limb("head", "0.1 0.1 0, 0.1 0.3 0.2", parent="left leg")}, []),
     ],
 )
 def test_a_character_without_a_required_bone_is_refused_by_their_names(changed, missing):

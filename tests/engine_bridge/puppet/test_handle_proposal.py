@@ -7,54 +7,42 @@ from engine_bridge.puppet.handle_proposal import propose_handles
 from engine_bridge.puppet.puppet import CharacterTable
 from solver.surface.mesh import SolverMesh
 
+from ..conftest import capsules
 from .test_proposal import HUMANOID, assert_on_the_right_sides
 
 TABLE = CharacterTable(mesh="a")
 QUADRUPED = {"head": "head", "left hind foot": "foot_left", "right hind foot": "foot_right"}
 QUADRUPED |= {"left front foot": "hand_left", "right front foot": "hand_right", "tail": "head"}
 
-DOG = [
-    ((0.0, 1.0, -1.0), (0.0, 1.0, 1.0), 0.30),
-    ((0.0, 1.0, 1.0), (0.0, 1.7, 1.5), 0.20),
-    ((0.0, 1.7, 1.5), (0.0, 1.65, 1.8), 0.16),
-    ((0.1, 1.0, 0.9), (0.3, -0.2, 1.0), 0.15),
-    ((-0.1, 1.0, 0.9), (-0.3, -0.2, 0.95), 0.15),
-    ((0.1, 1.0, -0.9), (0.3, -0.2, -0.9), 0.15),
-    ((-0.1, 1.0, -0.9), (-0.3, -0.2, -0.95), 0.15),
-    ((0.0, 1.0, -1.0), (0.0, 1.5, -1.9), 0.12),
-]
+DOG = capsules("""
+0.0 1.0 -1.0  0.0 1.0 1.0  0.30
+0.0 1.0 1.0  0.0 1.7 1.5  0.20
+0.0 1.7 1.5  0.0 1.65 1.8  0.16
+0.1 1.0 0.9  0.3 -0.2 1.0  0.15
+-0.1 1.0 0.9  -0.3 -0.2 0.95  0.15
+0.1 1.0 -0.9  0.3 -0.2 -0.9  0.15
+-0.1 1.0 -0.9  -0.3 -0.2 -0.95  0.15
+0.0 1.0 -1.0  0.0 1.5 -1.9  0.12
+""")
 
 WINGED = [*DOG, ((0.1, 1.2, 0.4), (1.3, 2.4, 0.3), 0.12), ((-0.1, 1.2, 0.4), (-1.3, 2.4, 0.3), 0.12)]
 
-MOUSE = [
-    ((0.0, 0.9, 0.0), (0.0, 1.4, 0.0), 0.35),
-    ((0.0, 2.2, 0.0), (0.0, 2.3, 0.0), 0.45),
-    ((0.3, 2.4, 0.0), (0.95, 3.0, 0.0), 0.16),
-    ((-0.3, 2.4, 0.0), (-0.95, 3.0, 0.0), 0.16),
-    ((0.2, 1.4, 0.0), (1.1, 1.0, 0.1), 0.14),
-    ((-0.2, 1.4, 0.0), (-1.1, 1.0, 0.1), 0.14),
-    ((0.2, 0.9, 0.0), (0.35, -0.2, 0.1), 0.16),
-    ((-0.2, 0.9, 0.0), (-0.35, -0.2, 0.1), 0.16),
-    ((0.0, 0.8, -0.1), (0.0, 0.6, -1.6), 0.12),
-]
+MOUSE = capsules("""
+0.0 0.9 0.0  0.0 1.4 0.0  0.35
+0.0 2.2 0.0  0.0 2.3 0.0  0.45
+0.3 2.4 0.0  0.95 3.0 0.0  0.16
+-0.3 2.4 0.0  -0.95 3.0 0.0  0.16
+0.2 1.4 0.0  1.1 1.0 0.1  0.14
+-0.2 1.4 0.0  -1.1 1.0 0.1  0.14
+0.2 0.9 0.0  0.35 -0.2 0.1  0.16
+-0.2 0.9 0.0  -0.35 -0.2 0.1  0.16
+0.0 0.8 -0.1  0.0 0.6 -1.6  0.12
+""")
 """A character with a tail, whose ears are as long as its arms."""
 
 
 def places(handles):
     return {handle.name: np.array(handle.position) for handle in handles}
-
-
-def test_a_figure_gets_head_hands_and_feet_on_its_own_sides(blob):
-    mesh = make_character("blob", blob.vertices.astype(float), blob.faces).solver_mesh()
-    handles = propose_handles(mesh, TABLE)
-    assert {handle.name: handle.joint for handle in handles} == HUMANOID
-    assert {handle.gain for handle in handles} == {1.0}
-    named = places(handles)
-    assert_on_the_right_sides(named, np.eye(3))
-    assert named["left hand"][0] > 1.3
-    assert named["right hand"][0] < -1.3
-    assert named["head"][1] > 1.8
-    assert max(named["left foot"][1], named["right foot"][1]) < -1.4
 
 
 @pytest.fixture
@@ -92,13 +80,14 @@ def test_ears_are_no_arms_however_long(solver_mesh):
     handles = propose_handles(solver_mesh(MOUSE), TABLE)
     assert {handle.name: handle.joint for handle in handles} == {**HUMANOID, "tail": "head"}
     named = places(handles)
+    assert_on_the_right_sides(named, np.eye(3))
     assert max(named["left hand"][1], named["right hand"][1]) < 1.3
     assert abs(named["head"][0]) < 0.2
     assert named["tail"][2] < -1.5
 
 
-@pytest.mark.parametrize("limbs", [DOG, WINGED, MOUSE], ids=["dog", "winged", "mouse"])
-@pytest.mark.parametrize(("up", "front"), [("z", "-y"), ("-x", "y"), ("-y", "-z")])
+@pytest.mark.parametrize("limbs", [WINGED, MOUSE], ids=["winged", "mouse"])
+@pytest.mark.parametrize(("up", "front"), [("z", "-y"), ("-x", "y")])
 def test_a_character_that_is_turned_gets_the_same_handles_turned(solver_mesh, limbs, up, front):
     mesh, table = solver_mesh(limbs), CharacterTable(mesh="a", up=up, front=front)
     turned = SolverMesh(mesh.vertices @ table.basis, mesh.faces, mesh.of_render)
@@ -122,14 +111,11 @@ def test_parts_of_their_own_are_limbs_as_well(make_shape):
 
 
 def test_a_mesh_without_feet_gets_a_fixed_base(solver_mesh):
-    ball = propose_handles(solver_mesh([((0.0, 0.0, 0.0), (0.0, 1e-6, 0.0), 1.0)], 0.2), TABLE)
-    assert_allclose([np.linalg.norm(handle.position) for handle in ball], 1, atol=0.05)
     snowman = propose_handles(
         solver_mesh([((0.0, 0.0, 0.0), (0.0, 0.1, 0.0), 1.0), ((0.0, 1.5, 0.0), (0.0, 1.6, 0.0), 0.6), *MOUSE[4:6]]),
-        CharacterTable(mesh="a"),
+        TABLE,
     )
     hands = {"left hand": "hand_left", "right hand": "hand_right"}
     assert {handle.name: handle.joint for handle in snowman} == {"head": "head", **hands, "base": None}
-    for handles in (ball, snowman):
-        assert places(handles)["base"][1] < -0.9
-        assert places(handles)["head"][1] > 0.5
+    assert places(snowman)["base"][1] < -0.9
+    assert places(snowman)["head"][1] > 0.5

@@ -7,6 +7,7 @@ from engine_bridge.puppet.puppet import CharacterTable, HandleTable, LimbTable, 
 from puppetline.errors import PuppetError
 from solver.anatomy.limb_chain import LimbChain, Limbs
 
+from ..bones import points
 from ..refusals import refused
 from .test_proposal import ARM, LEG, PERSON
 
@@ -14,17 +15,18 @@ CHARACTER = CharacterTable(mesh="a.glb")
 
 
 def chains(**named):
-    points = {name.replace("_", " "): np.array(points, dtype=float) for name, points in named.items()}
-    return Limbs(tuple(LimbChain(name, each) for name, each in points.items()))
+    """Return limbs by their names, with "_" for spaces; points are a text or coordinates."""
+    places = {name: points(each) if isinstance(each, str) else np.array(each, float) for name, each in named.items()}
+    return Limbs(tuple(LimbChain(name.replace("_", " "), each) for name, each in places.items()))
 
 
 UPRIGHT = {
-    "trunk": [(0, 1, 0), (0, 1.2, 0), (0, 1.4, 0)],
-    "head": [(0, 1.4, 0), (0, 1.7, 0)],
-    "left_arm": [(0.2, 1.4, 0), (0.5, 1.4, 0), (0.8, 1.4, 0), (0.9, 1.4, 0)],
-    "right_arm": [(-0.2, 1.4, 0), (-0.5, 1.4, 0), (-0.8, 1.4, 0), (-0.9, 1.4, 0)],
-    "left_leg": [(0.1, 1, 0), (0.1, 0.5, 0), (0.1, 0.1, 0), (0.1, 0, 0.2)],
-    "right_leg": [(-0.1, 1, 0), (-0.1, 0.5, 0), (-0.1, 0.1, 0), (-0.1, 0, 0.2)],
+    "trunk": "0 1 0, 0 1.2 0, 0 1.4 0",
+    "head": "0 1.4 0, 0 1.7 0",
+    "left_arm": "0.2 1.4 0, 0.5 1.4 0, 0.8 1.4 0, 0.9 1.4 0",
+    "right_arm": "-0.2 1.4 0, -0.5 1.4 0, -0.8 1.4 0, -0.9 1.4 0",
+    "left_leg": "0.1 1 0, 0.1 0.5 0, 0.1 0.1 0, 0.1 0 0.2",
+    "right_leg": "-0.1 1 0, -0.1 0.5 0, -0.1 0.1 0, -0.1 0 0.2",
 }
 
 
@@ -35,13 +37,13 @@ def test_a_persons_limbs_point_where_the_performers_do():
     assert tables["left leg"].driven_by == LEG
     assert tables["trunk"].driven_by == (("hip_center",), ("spine",), ("shoulder_center",))
     assert tables["head"].driven_by == (("shoulder_center",), ("head",))
-    assert tables["right arm"].points == tuple(map(tuple, UPRIGHT["right_arm"]))
+    assert tables["right arm"].points == tuple(map(tuple, points(UPRIGHT["right_arm"])))
     assert {limb.gain for limb in tables.values()} == {1.0}
     assert {limb.parent for limb in tables.values()} == {None}
 
 
 def test_joints_at_the_same_place_are_one_point_and_a_limb_at_one_place_is_none():
-    together = {"trunk": [(0, 1, 0), (0, 1.4, 0), (0, 1.4, 0)], "head": [(0, 1.4, 0), (0, 1.4, 0)]}
+    together = {"trunk": "0 1 0, 0 1.4 0, 0 1.4 0", "head": "0 1.4 0, 0 1.4 0"}
     tables = {limb.name: limb for limb in limb_tables(chains(**UPRIGHT | together), CHARACTER)}
     assert tables.keys() == PERSON.keys() - {"head"}
     assert tables["trunk"].points == ((0, 1, 0), (0, 1.4, 0))
@@ -51,10 +53,8 @@ def test_joints_at_the_same_place_are_one_point_and_a_limb_at_one_place_is_none(
 def test_the_voice_opens_a_jaw_downwards():
     """An animal that looks along -x has a jaw whose tip turns down, which is -z."""
     turned = {
-        name: [(-z, x, y) for x, y, z in points]
-        for name, points in (
-            UPRIGHT | {"head": [(0, 1.4, 0), (0, 1.5, 0.3)], "jaw": [(0, 1.45, 0.1), (0, 1.45, 0.3)]}
-        ).items()
+        name: [(-z, x, y) for x, y, z in points(text)]
+        for name, text in (UPRIGHT | {"head": "0 1.4 0, 0 1.5 0.3", "jaw": "0 1.45 0.1, 0 1.45 0.3"}).items()
     }
     tables = limb_tables(chains(**turned), CharacterTable(mesh="a", up="z", front="-x"))
     (jaw,) = [limb for limb in tables if limb.name == "jaw"]
@@ -76,11 +76,11 @@ def stubs(shin):
 @pytest.mark.parametrize(
     ("changed", "turning"),
     [
-        ({"trunk": [(0, 1, -1), (0, 1.1, -0.5), (0, 1.2, 0)]}, set(PERSON)),
-        ({"head": [(0, 1.4, 0), (0, 1.5, 0.3)]}, {"head"}),
-        ({"head": [(0, 1.4, 0), (0, 1.7, -0.08)]}, {"head"}),
-        ({"head": [(0, 1.4, 0), (0, 1.7, 0.05)]}, set()),
-        ({"left_leg": [(0.1, 1, 0), (0.1, 0.6, 0.5), (0.1, 0.1, 0), (0.1, 0, 0.2)]}, set()),
+        ({"trunk": "0 1 -1, 0 1.1 -0.5, 0 1.2 0"}, set(PERSON)),
+        ({"head": "0 1.4 0, 0 1.5 0.3"}, {"head"}),
+        ({"head": "0 1.4 0, 0 1.7 -0.08"}, {"head"}),
+        ({"head": "0 1.4 0, 0 1.7 0.05"}, set()),
+        ({"left_leg": "0.1 1 0, 0.1 0.6 0.5, 0.1 0.1 0, 0.1 0 0.2"}, set()),
         (stubs((0.1, -0.05, 0.1)), {"left leg", "right leg"}),
         (stubs((0.0, -0.15, 0.0)), set()),
         (stubs((0.1, -0.4, 0.5)), set()),
@@ -93,16 +93,16 @@ def test_limbs_that_point_unlike_the_performers_follow_by_turn(changed, turning)
 
 
 def test_arms_drive_front_legs_and_wings_and_the_head_drives_neck_and_tail():
-    leg = [(0.2, 1, 0), (0.2, 0.5, 0), (0.2, 0.1, 0), (0.2, 0, 0.1)]
+    leg = points("0.2 1 0, 0.2 0.5 0, 0.2 0.1 0, 0.2 0 0.1")
     limbs = chains(
-        trunk=[(0, 1, -1), (0, 1, 0), (0, 1, 1)],
-        neck=[(0, 1, 1), (0, 1.2, 1.2), (0, 1.4, 1.4)],
-        head=[(0, 1.4, 1.4), (0, 1.4, 1.8)],
+        trunk="0 1 -1, 0 1 0, 0 1 1",
+        neck="0 1 1, 0 1.2 1.2, 0 1.4 1.4",
+        head="0 1.4 1.4, 0 1.4 1.8",
         left_front_leg=np.add(leg, (0, 0, 1)),
         left_hind_leg=np.add(leg, (0, 0, -1)),
-        left_wing=[(0.2, 1.2, 0), (0.5, 1.5, 0), (0.8, 1.8, 0), (1, 2, 0)],
+        left_wing="0.2 1.2 0, 0.5 1.5 0, 0.8 1.8 0, 1 2 0",
         left_ear=[(0.1, y, 1.5) for y in (1.5, 1.6, 1.7)],
-        tail=[(0, 1, -1), (0, 1, -1.2), (0, 1, -1.4), (0, 1, -1.6)],
+        tail="0 1 -1, 0 1 -1.2, 0 1 -1.4, 0 1 -1.6",
     )
     tables = {limb.name: limb for limb in limb_tables(limbs, CHARACTER)}
     assert {limb.follow for limb in tables.values()} == {"turn"}
@@ -124,7 +124,7 @@ def test_a_trunk_and_a_head_alone_are_no_limbs_and_an_ear_on_a_head_that_points_
 
 
 def test_a_leg_in_the_middle_follows_both_legs_of_the_performer():
-    body = {"trunk": [(0, 1, -1), (0, 1, 0), (0, 1, 1)], "head": [(0, 1, 1), (0, 1.4, 1.5)]}
+    body = {"trunk": "0 1 -1, 0 1 0, 0 1 1", "head": "0 1 1, 0 1.4 1.5"}
     table = limb_tables(chains(**body, hind_leg=UPRIGHT["left_leg"]), CHARACTER)[-1]
     assert table.stands
     assert table.driven_by == tuple((f"{joint}_left", f"{joint}_right") for joint in ("hip", "knee", "ankle", "foot"))

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from engine_bridge.character.character import make_character
 from engine_bridge.puppet import proposal
@@ -107,8 +108,8 @@ def test_the_user_says_where_limbs_end(blob_file, tmp_path):
     ends = {"left arm": "-1.5,1.2,-0.05", "right arm": "1.55,1.32,0.1"}  # crossed
     made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", ends=ends).puppet
     points = {limb.name: limb.points for limb in made.limb}
-    np.testing.assert_allclose(points["left arm"][-1], (-1.5, 1.2, -0.05), atol=0.15)
-    np.testing.assert_allclose(points["right arm"][-1], (1.55, 1.32, 0.1), atol=0.15)
+    assert_allclose(points["left arm"][-1], (-1.5, 1.2, -0.05), atol=0.15)
+    assert_allclose(points["right arm"][-1], (1.55, 1.32, 0.1), atol=0.15)
 
 
 def test_handles_and_maps_of_ones_own_take_the_place_of_those_proposed(blob_file, tmp_path):

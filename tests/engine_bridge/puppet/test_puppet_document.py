@@ -1,5 +1,4 @@
 import difflib
-import os
 import stat
 
 import pytest
@@ -10,7 +9,7 @@ from capture.skeleton import JOINTS
 from engine_bridge.puppet.puppet import Puppet, RootTable, with_handle
 from engine_bridge.puppet.puppet_document import PuppetDocument, with_puppet
 from engine_bridge.puppet.puppet_file import loads
-from puppetline.errors import OutputError, PuppetError
+from puppetline.errors import PuppetError
 
 from ..refusals import refused
 
@@ -161,18 +160,6 @@ def test_a_file_changed_by_another_program_is_not_overwritten(file, change):
     assert refused(PuppetError, document.save, edit).where == str(file)
     assert (file.read_bytes() if file.is_file() else None) == was
     assert document.puppet == loads(TEXT, file)
-
-
-def test_a_failed_save_loses_nothing(file, monkeypatch):
-    document = PuppetDocument(file)
-
-    def full(*_):
-        raise OSError(28, os.strerror(28))
-
-    monkeypatch.setattr("pathlib.Path.write_bytes", full)
-    refused(OutputError, document.save, with_handle(document.puppet, 0, (), "xyz", 1.0))
-    assert file.read_text() == TEXT
-    assert list(file.parent.iterdir()) == [file]
 
 
 def test_a_layout_that_cannot_be_edited_is_left_as_it_is(file):

@@ -9,14 +9,12 @@ from engine_bridge.puppet.rig_bones import rig_bones
 from solver.motion.limbs import parents_first
 
 from ..bones import limb
+from ..character.conftest import CORNERS, SIDES
 
-FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.uint32)
-CORNERS = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
-
-
-BODY = limb("trunk", (0, 1, 0), (0, 1.5, 0), (0, 2, 0))
-ARM = limb("left arm", (0.3, 1.9, 0), (0.8, 1.9, 0), (1.2, 1.9, 0), (1.4, 1.9, 0))
-HEAD = limb("head", (0, 2, 0), (0, 2.5, 0))
+BODY = limb("trunk", "0 1 0, 0 1.5 0, 0 2 0")
+ARM_POINTS = "0.3 1.9 0, 0.8 1.9 0, 1.2 1.9 0, 1.4 1.9 0"
+ARM = limb("left arm", ARM_POINTS)
+HEAD = limb("head", "0 2 0, 0 2.5 0")
 
 
 def sorted_by_name(character, limbs):
@@ -43,7 +41,7 @@ def build(glb, tmp_path):
         nodes = {}
         for name, (place, parent) in joints.items():
             above = np.zeros(3) if parent is None else np.array(joints[parent][0])
-            mesh = None if "control" in name else glb.mesh(glb.primitive(CORNERS, FACES))
+            mesh = None if "control" in name else glb.mesh(glb.primitive(CORNERS / 10, SIDES))
             where = (np.array(place) - above).tolist()
             nodes[name] = glb.node(mesh, parent=None if parent is None else nodes[parent], name=name, translation=where)
         if any("control" in name for name in joints):
@@ -53,20 +51,25 @@ def build(glb, tmp_path):
     return make
 
 
+SPINE_TABLE = """
+root       0    0    0  -
+hips       0  0.9    0  root
+middle     0  1.5    0  hips
+chest      0  1.7    0  middle
+collar   0.1 1.85    0  chest
+upper    0.3  1.9    0  collar
+twist   0.55  1.9    0  upper
+lower    0.8  1.9    0  twist
+hand     1.2  1.9    0  lower
+thumb   1.25  1.9  0.1  hand
+neck       0    2    0  chest
+skull      0  2.1    0  neck
+"""
 SPINE = {
-    "root": ((0, 0, 0), None),
-    "hips": ((0, 0.9, 0), "root"),
-    "middle": ((0, 1.5, 0), "hips"),
-    "chest": ((0, 1.7, 0), "middle"),
-    "collar": ((0.1, 1.85, 0), "chest"),
-    "upper": ((0.3, 1.9, 0), "collar"),
-    "twist": ((0.55, 1.9, 0), "upper"),
-    "lower": ((0.8, 1.9, 0), "twist"),
-    "hand": ((1.2, 1.9, 0), "lower"),
-    "thumb": ((1.25, 1.9, 0.1), "hand"),
-    "neck": ((0, 2, 0), "chest"),
-    "skull": ((0, 2.1, 0), "neck"),
+    name: (np.array(place, dtype=float), None if parent == "-" else parent)
+    for name, *place, parent in map(str.split, SPINE_TABLE.strip().splitlines())
 }
+"""Place and parent of each joint."""
 
 
 def test_nodes_without_a_skin_are_sorted_as_joints_are(build):
@@ -108,7 +111,7 @@ def test_one_joint_above_hips_and_chest_does_not_tie_the_hips_to_the_chest(build
         "thigh": ((0.2, 1, 0), "hip"),
         "shin": ((0.2, 0.5, 0), "thigh"),
     }
-    leg = limb("left leg", (0.2, 1, 0), (0.2, 0.5, 0), (0.2, 0, 0))
+    leg = limb("left leg", "0.2 1 0, 0.2 0.5 0, 0.2 0 0")
     bones, found = sorted_by_name(build(joints), [BODY, ARM, HEAD, leg])
     assert found["root"] == found["body"] == found["pelvis"] == found["hip"] == {"trunk 0": 1}
     assert found["chest"] == found["collar"] == {"trunk 1": 1}
@@ -130,7 +133,7 @@ def test_of_two_arms_at_one_place_the_one_that_moves_vertices_is_taken(build):
 def test_a_target_of_inverse_kinematics_goes_with_its_hand_and_what_hangs_elsewhere_does_not(build):
     near = (1.2, 1.9, 0.01)
     joints = SPINE | {"grip": (near, "root"), "pole": ((0.8, 1.9, -1), "root"), "pouch": (near, "hips")}
-    tail = limb("tail", (0, 1, -0.5), (0, 1, -1))
+    tail = limb("tail", "0 1 -0.5, 0 1 -1")
     bones, found = sorted_by_name(build(joints), [BODY, ARM, HEAD, tail])
     assert [found[name] for name in ("grip", "pole", "pouch")] == [{"left arm 2": 1}, {"trunk 0": 1}, {"trunk 0": 1}]
     assert placed(bones, found) == ["root", "grip"]
@@ -138,7 +141,7 @@ def test_a_target_of_inverse_kinematics_goes_with_its_hand_and_what_hangs_elsewh
 
 
 def test_without_a_trunk_what_is_above_the_limbs_stands_still(build):
-    bones, found = sorted_by_name(build(SPINE), [limb("left arm", *ARM.points, parent=None)])
+    bones, found = sorted_by_name(build(SPINE), [limb("left arm", ARM_POINTS, parent=None)])
     assert found["chest"] == found["neck"] == {}
     assert found["upper"] == {"left arm 0": 1}
     assert placed(bones, found) == ["root"]

@@ -1,7 +1,6 @@
 import pytest
 
 from engine_bridge.puppet.humanoid_bones import HUMANOID_BONES
-from engine_bridge.puppet.joint_names import parse_joint_name
 from engine_bridge.rigging.naming_schemes import NAMES, SCHEMES
 
 
@@ -23,9 +22,3 @@ def test_names_are_distinct_and_all_bones_have_one(scheme):
 )
 def test_names_are_those_of_the_programs(scheme, expected):
     assert tuple(NAMES[scheme][bone] for bone in ("hips", "upperChest", "leftUpperArm", "rightToes")) == expected
-
-
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_our_own_reader_knows_the_sides_and_limbs_of_all_schemes(scheme):
-    for bone in ("leftUpperArm", "rightHand", "leftFoot"):
-        assert parse_joint_name(NAMES[scheme][bone], True) == parse_joint_name(bone, True)

@@ -6,22 +6,24 @@ from scipy.spatial.transform import Rotation
 from engine_bridge.puppet.puppet import CharacterTable, HandleTable, LimbTable, Puppet
 from engine_bridge.rigging.skeleton import Skeleton, from_t_pose
 
-from ..bones import in_world
+from ..bones import in_world, points
 
 JOINTS = ("hip_center", "spine", "shoulder_center", "head")
 
 
-def limb(name, *points, **more):
-    return LimbTable(name=name, points=points, joints=JOINTS[: len(points)], **more)
+def limb(name, places):
+    """Return the table of a limb, whose points are an array or a text."""
+    places = points(places) if isinstance(places, str) else places
+    return LimbTable(name=name, points=tuple(map(tuple, places.tolist())), joints=JOINTS[: len(places)])
 
 
 A_POSED = Puppet(
     character=CharacterTable(mesh="a.glb"),
     limb=(
-        limb("trunk", (0, 1, 0), (0, 1.2, 0), (0, 1.5, 0)),
-        limb("left arm", (0.2, 1.5, 0), (0.4, 1.3, 0), (0.6, 1.1, 0), (0.7, 1.0, 0)),
-        limb("right leg", (-0.1, 1, 0), (-0.1, 0.5, 0), (-0.1, 0.1, 0), (-0.2, 0, 0.1)),
-        limb("tail", (0, 1, -0.1), (0, 0.8, -0.4)),
+        limb("trunk", "0 1 0, 0 1.2 0, 0 1.5 0"),
+        limb("left arm", "0.2 1.5 0, 0.4 1.3 0, 0.6 1.1 0, 0.7 1.0 0"),
+        limb("right leg", "-0.1 1 0, -0.1 0.5 0, -0.1 0.1 0, -0.2 0 0.1"),
+        limb("tail", "0 1 -0.1, 0 0.8 -0.4"),
     ),
     handle=(HandleTable(name="hump", position=(0, 1.3, -0.3)),),
 )
@@ -41,7 +43,7 @@ def test_the_first_z_axis_of_a_limb_is_near_the_front_or_for_bones_that_point_th
     axes = dict(zip(skeleton.names, skeleton.axes, strict=True))
     assert_allclose(axes["hips"], np.column_stack([[1, 0, 0], [0, 1, 0], [0, 0, 1]]), atol=1e-12)
     assert_allclose(axes["leftUpperArm"][:, 2], [0, 0, 1], atol=1e-12)
-    forward = Puppet(character=CharacterTable(mesh="a.glb"), limb=(limb("nose", (0, 0, 0), (0, 0, 1)),))
+    forward = Puppet(character=CharacterTable(mesh="a.glb"), limb=(limb("nose", "0 0 0, 0 0 1"),))
     assert_allclose(Skeleton.along_bones(forward).axes[0][:, 2], [0, 1, 0], atol=1e-12)
     for each in axes.values():
         assert_allclose(each @ each.T, np.eye(3), atol=1e-12)
@@ -49,7 +51,7 @@ def test_the_first_z_axis_of_a_limb_is_near_the_front_or_for_bones_that_point_th
 
 
 def test_joints_of_a_limb_bend_about_the_same_axis_even_if_one_bone_points_to_the_front():
-    bent = limb("left arm", (1, 0, 0), (2, 0, 0), (2, 0, 1), (1, 0, 1))
+    bent = limb("left arm", "1 0 0, 2 0 0, 2 0 1, 1 0 1")
     skeleton = Skeleton.along_bones(Puppet(character=CharacterTable(mesh="a.glb"), limb=(bent,)))
     bending = skeleton.axes[[skeleton.names.index(name) for name in ("leftUpperArm", "leftLowerArm", "leftHand")], :, 0]
     assert_allclose(np.abs(bending), [[0, 1, 0]] * 3, atol=1e-12)
@@ -72,9 +74,7 @@ def test_posed_joints_are_where_their_bones_take_them():
 @pytest.mark.parametrize(("up", "front"), [("y", "z"), ("z", "-y"), ("x", "y")])
 def test_the_turn_from_the_t_pose_takes_its_directions_to_those_at_rest_in_character_axes(up, front):
     character = CharacterTable(mesh="a.glb", up=up, front=front)
-    limbs = tuple(
-        limb(each.name, *map(tuple, (np.array(each.points) @ character.basis).tolist())) for each in A_POSED.limb
-    )
+    limbs = tuple(limb(each.name, np.array(each.points) @ character.basis) for each in A_POSED.limb)
     turned = A_POSED.model_copy(update={"character": character, "limb": limbs, "handle": ()})
     joints = Skeleton.along_bones(turned).joints
     turns = {joint.name: turn for joint, turn in zip(joints, from_t_pose(turned, joints), strict=True)}

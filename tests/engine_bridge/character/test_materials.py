@@ -79,41 +79,48 @@ def encoded(picture, kind="PNG"):
     return file.getvalue()
 
 
+TINT = np.array([0.5, 0.2, 1])
+"""The materials' colour times that of the vertices."""
+
+
 @pytest.fixture
 def painted(glb, tmp_path):
-    """Return the colours of 4 vertices in a file whose materials have one image each."""
+    """Return the colours of 4 vertices in a file whose materials have one image each, and of a part without one."""
 
     def colors(*pictures):
-        primitives = []
+        primitives = [glb.primitive(CORNERS, SIDES)]
+        more = {"TEXCOORD_0": MIDDLES, "COLOR_0": np.uint8([[255, 51, 255, 255]] * 4)}
         for number, content in enumerate(pictures):
             glb.file.images.append(gltf.Image(bufferView=glb.view(content), mimeType="image/png"))
             glb.file.textures.append(gltf.Texture(source=number))
-            surface = gltf.PbrMetallicRoughness(baseColorTexture=gltf.TextureInfo(index=number))
+            texture = gltf.TextureInfo(index=number)
+            surface = gltf.PbrMetallicRoughness(baseColorTexture=texture, baseColorFactor=[0.5, 1, 1, 1])
             glb.file.materials.append(gltf.Material(pbrMetallicRoughness=surface))
-            primitives.append(glb.primitive(CORNERS, SIDES, material=number, TEXCOORD_0=MIDDLES))
+            primitives.append(glb.primitive(CORNERS, SIDES, material=number, **more))
         glb.node(glb.mesh(*primitives))
-        return np.split(preview_colors(load_character(glb.save(tmp_path / "a.glb"))), len(pictures))
+        return np.split(preview_colors(load_character(glb.save(tmp_path / "a.glb"))), len(primitives))
 
     return colors
 
 
-def test_a_vertex_has_the_linear_colour_of_its_pixel(painted):
+def test_a_vertex_has_the_linear_colour_of_its_pixel_times_its_own_and_that_of_the_material(painted):
     pixels = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [188, 188, 188]]], np.uint8)
-    (colors,) = painted(encoded(Image.fromarray(pixels)))
+    plain, colors = painted(encoded(Image.fromarray(pixels)))
     grey = ((188 / 255 + 0.055) / 1.055) ** 2.4
-    assert_allclose(colors, [[1, 0, 0], [0, 1, 0], [0, 0, 1], [grey] * 3], atol=1e-6)
+    assert_allclose(colors, TINT * [[1, 0, 0], [0, 1, 0], [0, 0, 1], [grey] * 3], atol=1e-6)
+    assert_allclose(plain, [[0.6] * 3] * 4, atol=1e-7)
 
 
 def test_an_unreadable_picture_or_one_that_gltf_lacks_is_left_out(painted):
     postscript = encoded(Image.new("RGB", (2, 2)), "EPS")
-    for colors in painted(b"", b"\x89PNG", postscript, b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n"):
-        assert_array_equal(colors, np.ones((4, 3)))
+    for colors in painted(b"", b"\x89PNG", postscript, b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n")[1:]:
+        assert_allclose(colors, [TINT] * 4, atol=1e-7)
 
 
 def test_pictures_are_shown_as_long_as_there_is_room(painted):
     black, large = encoded(Image.new("1", (2, 2))), encoded(Image.new("1", (8192, 8191)))
-    first, second, third = painted(black, large, large)
-    assert (first.max(), second.max(), third.min()) == (0, 0, 1)
+    _, first, second, third = painted(black, large, large)
+    assert (first.max(), second.max(), third.max()) == (0, 0, 1)
 
 
 def test_normals_have_no_numbers_that_a_graphics_card_takes_for_zero(glb, tmp_path, blob):

@@ -7,7 +7,7 @@ import pytest
 from engine_bridge.character import preparation
 from engine_bridge.character.preparation import prepare
 from puppetline.errors import MeshError
-from solver.model.bones import Bones
+from solver.model.bones import NO_BONES, Bones
 from solver.model.reduced_model import ModelParameters, build
 from solver.surface.mesh import weld
 
@@ -25,35 +25,29 @@ def render_mesh():
     return np.concatenate([vertices[faces].reshape(-1, 3), [[0, 0, 2]]]), np.arange(faces.size).reshape(-1, 3)
 
 
-def test_a_preparation_equals_welding_and_building_whether_computed_or_cached(render_mesh, tmp_path, monkeypatch):
-    expected = weld(*render_mesh, "ball")
-    assert expected.repairs.welded
-    assert expected.repairs.turned == expected.repairs.isolated == 1
-    for _ in range(2):
-        mesh, model = prepare(*render_mesh, PARAMETERS, tmp_path, "ball")
-        assert_same_fields(mesh, expected)
-        assert_same_fields(model, build(expected, PARAMETERS))
-        monkeypatch.setattr(preparation, "weld", None)  # the second time neither is called
-        monkeypatch.setattr(preparation, "build", None)
-
-
 BONES = Bones(
     np.array([[0, 0, 0], [0, 0.2, 0]]), np.array([[0, 0.2, 0], [0, 0.9, 0]]), np.array([-1, 0]), np.zeros(2, int)
 )
 
 
-def test_with_bones_and_a_skin_it_is_what_building_with_them_gives(render_mesh, tmp_path, monkeypatch):
+def test_a_preparation_equals_welding_and_building_whether_computed_or_cached_with_bones_and_a_skin_as_well(
+    render_mesh, tmp_path, monkeypatch
+):
     positions, _ = render_mesh
     expected = weld(*render_mesh, "ball")
+    assert expected.repairs.welded
+    assert expected.repairs.turned == expected.repairs.isolated == 1
     upper = np.clip(positions[:, 1] + 0.5, 0, 1)
     shares = np.stack([1 - upper, upper], axis=1)
     first = np.unique(expected.of_render, return_index=True)[1]
-    for given, of_mesh in ((None, None), (shares, shares[first])):
-        kept = tmp_path / str(given is None)
-        for _ in range(2):
-            _, model = prepare(*render_mesh, PARAMETERS, kept, "ball", bones=BONES, shares=given)
-            assert_same_fields(model, build(expected, PARAMETERS, BONES, of_mesh))
-        assert len(list(kept.iterdir())) == 1
+    for bones, given, of_mesh in ((NO_BONES, None, None), (BONES, None, None), (BONES, shares, shares[first])):
+        with monkeypatch.context() as patch:
+            for _ in range(2):
+                mesh, model = prepare(*render_mesh, PARAMETERS, tmp_path, "ball", bones=bones, shares=given)
+                assert_same_fields(mesh, expected)
+                assert_same_fields(model, build(expected, PARAMETERS, bones, of_mesh))
+                patch.setattr(preparation, "weld", None)  # the second time neither is called
+                patch.setattr(preparation, "build", None)
 
 
 def test_a_changed_mesh_parameter_bone_or_skin_is_prepared_again_and_another_name_is_not(render_mesh, tmp_path):

@@ -1,4 +1,3 @@
-import numpy as np
 import pytest
 from PIL import Image
 
@@ -32,43 +31,62 @@ def test_colours_opacity_and_glow_become_a_gltf_material(read):
     assert notes == []
 
 
-@pytest.mark.parametrize(
-    ("text", "opacity", "noted"),
-    [
-        ("Tr 0.25", 0.75, 0),
-        ("d 0.5\nTr 0.1", 0.5, 0),
-        ("d -halo 0.5", 0.5, 0),
-        ("Tr 1", 1, 1),
-        ("d 0", 1, 1),
-        ("d 7", 1, 0),
-    ],
-)
+def rows(table):
+    """Return the lines of a table, whose columns are separated by bars; semicolons stand for ends of lines."""
+    lines = table.strip("\n").splitlines()
+    return [[part.strip().replace("; ", "\n") for part in line.split("|")] for line in lines]
+
+
+OPACITIES = """
+Tr 0.25        | 0.75 | 0
+d 0.5; Tr 0.1  | 0.5  | 0
+d -halo 0.5    | 0.5  | 0
+Tr 1           | 1    | 1
+d 0            | 1    | 1
+d 7            | 1    | 0
+"""
+
+
+@pytest.mark.parametrize(("text", "opacity", "noted"), rows(OPACITIES))
 def test_opacity_is_d_or_what_tr_leaves_but_never_nothing(read, text, opacity, noted):
     material, notes = read(text)
-    assert material.base_color[3] == opacity
-    assert len(notes) == noted
+    assert (material.base_color[3], len(notes)) == (float(opacity), int(noted))
 
 
-@pytest.mark.parametrize(
-    ("text", "roughness"),
-    [
-        ("", Material.roughness), ("Ns 0", 1), ("Ns 30", 0.5), ("Ns 30\nKs 0 0 0", 1), ("Ns 30\nKs 0.1 0 0", 0.5),
-        ("Ns 30\nillum 1", 1), ("Ns 30\nPr 0.25", 0.25), ("Ns -3", 1), ("Pr 9", 1),
-    ],
-)  # fmt: skip
+ROUGHNESSES = f"""
+                  | {Material.roughness}
+Ns 0              | 1
+Ns 30             | 0.5
+Ns 30; Ks 0 0 0   | 1
+Ns 30; Ks 0.1 0 0 | 0.5
+Ns 30; illum 1    | 1
+Ns 30; Pr 0.25    | 0.25
+Ns -3             | 1
+Pr 9              | 1
+"""
+
+
+@pytest.mark.parametrize(("text", "roughness"), rows(ROUGHNESSES))
 def test_a_phong_exponent_becomes_a_roughness(read, text, roughness):
-    assert read(text)[0].roughness == pytest.approx(roughness)
+    assert read(text)[0].roughness == pytest.approx(float(roughness))
 
 
-@pytest.mark.parametrize(
-    ("options", "lost"),
-    [
-        ("", ""), ("-s 1 1.0 1 -o 0 0 0", ""), ("-clamp off -blendu off", ""), ("-mm 0 1 -bm 1.0", ""),
-        ("-S 1 -t 0 0 -texres 512 -imfchan r", ""), ("-s 2 2 1 -o 0.5 0 0 -clamp on", "-s, -o, -clamp"),
-        ("-s 1 1 1 -o 0 -0.5", "-o"), ("-S 10", "-S"), ("-mm 0 0.5 -bm 0.5 -blendu off", "-mm, -bm"),
-        ("-t 1 1 -texres 512 -cc on", "-t, -cc"),
-    ],
-)  # fmt: skip
+OPTIONS = """
+                                     |
+-s 1 1.0 1 -o 0 0 0                  |
+-clamp off -blendu off               |
+-mm 0 1 -bm 1.0                      |
+-S 1 -t 0 0 -texres 512 -imfchan r   |
+-s 2 2 1 -o 0.5 0 0 -clamp on        | -s, -o, -clamp
+-s 1 1 1 -o 0 -0.5                   | -o
+-S 10                                | -S
+-mm 0 0.5 -bm 0.5 -blendu off        | -mm, -bm
+-t 1 1 -texres 512 -cc on            | -t, -cc
+"""
+"""Options of a texture, and those that are noted."""
+
+
+@pytest.mark.parametrize(("options", "lost"), rows(OPTIONS))
 def test_a_texture_stands_in_place_of_the_colour_and_options_that_would_change_it_are_noted(
     read, options, lost, tmp_path
 ):
@@ -78,17 +96,17 @@ def test_a_texture_stands_in_place_of_the_colour_and_options_that_would_change_i
     assert [lost in note for note in notes] == [True] * bool(lost)
 
 
-@pytest.mark.parametrize(
-    ("text", "mode", "ignored"),
-    [
-        ("map_Kd skin one.png\nmap_d skin one.png", "MASK", ""),
-        ("map_Kd skin one.png", "OPAQUE", ""),
-        ("d 0.5\nmap_Kd skin one.png\nmap_d skin one.png", "BLEND", ""),
-        ("map_Kd bumps.png\nmap_d skin one.png\nmap_Ks bumps.png", "OPAQUE", "map_d map_ks"),
-        ("d 0.5\nmap_Kd bumps.png\nmap_d skin one.png", "BLEND", "map_d"),
-        ("map_Kd bumps.png\nmap_d bumps.png", "OPAQUE", "map_d"),
-    ],
-)
+CUT_OUTS = """
+map_Kd skin one.png; map_d skin one.png                   | MASK   |
+map_Kd skin one.png                                       | OPAQUE |
+d 0.5; map_Kd skin one.png; map_d skin one.png            | BLEND  |
+map_Kd bumps.png; map_d skin one.png; map_Ks bumps.png    | OPAQUE | map_d map_ks
+d 0.5; map_Kd bumps.png; map_d skin one.png               | BLEND  | map_d
+map_Kd bumps.png; map_d bumps.png                         | OPAQUE | map_d
+"""
+
+
+@pytest.mark.parametrize(("text", "mode", "ignored"), rows(CUT_OUTS))
 def test_the_picture_s_own_alpha_channel_cuts_out_and_another_is_ignored_with_a_note(read, text, mode, ignored):
     material, notes = read(text)
     assert material.alpha_mode == mode
@@ -113,12 +131,3 @@ def test_lines_that_are_no_numbers_and_pictures_that_are_missing_or_elsewhere_ar
     assert (material.base_color, material.texture) == ((1, 1, 1, 1), None)
     assert any("2 lines" in note and "line 3" in note for note in notes)
     assert any(note.startswith(f"{tmp_path / 'a.mtl'}, line 7: ") for note in notes)
-
-
-def test_materials_share_a_picture_that_both_name(tmp_path):
-    Image.fromarray(np.zeros((3, 3, 3), np.uint8)).save(tmp_path / "a.tga")
-    (tmp_path / "a.mtl").write_text("newmtl a\nmap_Kd a.tga\nnewmtl b\nmap_Kd a.tga\n")
-    folder = Folder(tmp_path / "a.obj", [])
-    first, second = mtl.read(tmp_path / "a.mtl", folder).values()
-    assert first.texture is second.texture
-    assert len(folder.notes) == 1

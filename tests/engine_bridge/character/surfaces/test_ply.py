@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from PIL import Image
 
 from engine_bridge.character.surfaces import ply
-from engine_bridge.character.surfaces.surface import DEFAULT_MATERIAL, Piece, linear
+from engine_bridge.character.surfaces.surface import DEFAULT_MATERIAL, linear
 from puppetline.errors import MeshError
 
 from ...refusals import refused_place
@@ -42,14 +42,6 @@ def read(written):
 def only(surface):
     (piece,) = surface.pieces
     return piece
-
-
-def test_polygons_become_triangles(cube, read):
-    surface = read(cube_text(cube))
-    piece = only(surface)
-    assert_array_equal(piece.positions, cube.vertices)
-    assert_array_equal(piece.triangles, cube.triangles)
-    assert (piece, surface.notes) == (Piece("", piece.positions, piece.triangles), [])
 
 
 @pytest.mark.parametrize(

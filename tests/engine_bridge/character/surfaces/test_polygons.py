@@ -5,7 +5,6 @@ from scipy.spatial.transform import Rotation
 from engine_bridge.character.surfaces.polygons import triangulate
 
 ARROW = [(0, 0), (2, 2), (0, 1), (-2, 2)]
-HEIGHTS = [0, 0, 3, 3, 1, 1, 3, 3, 1, 1, 3, 3, 1, 1, 3, 3]
 COMB = [(0, 0), *((7 - k // 2, 3 - 2 * ((k + 1) // 2 % 2) if k else 0) for k in range(16)), (0, 3)][:16]
 
 ANGLES = np.linspace(0, 8 * np.pi, 60)

@@ -9,6 +9,8 @@ from click.testing import CliRunner
 from engine_bridge.batch import conversion
 from engine_bridge.batch.store import OWN_FOLDER
 from engine_bridge.cli.main import main
+from engine_bridge.export.convert import convert
+from engine_bridge.performance.settings import Settings
 
 pytest.importorskip("pyarrow")
 
@@ -37,6 +39,35 @@ def puppets(blob_file, write_puppet, tmp_path_factory):
         write_puppet(folder / "walks.toml", blob_file, root=True),
         write_puppet(folder / "stands.toml", blob_file, root=False),
     ]
+
+
+@pytest.fixture(scope="session")
+def converted(logs, puppets, tmp_path_factory):
+    """What `convert` writes for each recording with each puppet, by name."""
+    folder = tmp_path_factory.mktemp("converted")
+    for puppet in puppets:
+        for name in NAMES:
+            output = folder / puppet.stem / f"{name}.glb"
+            output.parent.mkdir(parents=True, exist_ok=True)
+            convert(logs / f"{name}.log", puppet, output, Settings())
+    return results(folder)
+
+
+@pytest.fixture(scope="session")
+def walks(converted):
+    """The same with the first puppet."""
+    return {name: content for name, content in converted.items() if name.startswith("walks/")}
+
+
+@pytest.fixture
+def in_workers(tmp_path, monkeypatch):
+    """Run lines at the start of each worker process."""
+
+    def begin(lines):
+        (tmp_path / "sitecustomize.py").write_text(f"import os, sys\nif '--multiprocessing-fork' in sys.argv:\n{lines}")
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+
+    return begin
 
 
 @pytest.fixture

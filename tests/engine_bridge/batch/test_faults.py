@@ -18,62 +18,37 @@ from engine_bridge.batch.identity import FileState
 from engine_bridge.batch.store import OWN_FOLDER, PARTIAL_FOLDER, Store
 
 from ...waiting import wait_until
-from .conftest import NAMES, results
+from .conftest import results
 
 TIMEOUT_SECONDS = 600.0
 """Time after which a test fails, in seconds: workers load Python anew."""
 
-COUNT = 2 * len(NAMES)
-"""Number of results: of each recording with both puppets."""
-
 HELD = """
-import time
-from pathlib import Path
-from engine_bridge.batch import conversion
+    import time
+    from engine_bridge.batch import conversion
 
-def read_or_hold(path, options, read=conversion.read_log):
-    if path.stem == "c":
-        Path("FOLDER/held").touch()
-        while not Path("FOLDER/released").exists():
-            time.sleep(0.01)
-    return read(path, options)
+    def read_or_hold(path, options, read=conversion.read_log):
+        if path.stem == "c":
+            open("FOLDER/held", "w").close()
+            while not os.path.exists("FOLDER/released"):
+                time.sleep(0.01)
+        return read(path, options)
 
-conversion.read_log = read_or_hold
+    conversion.read_log = read_or_hold
 """
 """Holds the conversion of a recording, says so by a file, and goes on when there is another file."""
 
 
-@pytest.fixture(scope="module")
-def start(commands, logs, puppets):
-    """Start `puppetline batch` for these recordings and both puppets."""
+@pytest.fixture
+def start(commands, logs, puppets, tmp_path):
+    """Start `puppetline batch` for all recordings and one puppet as a process, into the folder "out"."""
 
-    def begin(folder, *arguments, **more):
-        chosen = [each for puppet in puppets for each in ("--puppet", puppet)]
-        command = ("batch", logs, *chosen, "-o", folder, "--json", "--no-report", *arguments)
-        return commands.start(*command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **more)
+    def begin(workers):
+        command = ("batch", logs, "--puppet", puppets[0], "-o", tmp_path / "out", "--json", "--no-report")
+        pipes = dict.fromkeys(("stdout", "stderr"), subprocess.PIPE)
+        return commands.start(*command, "--workers", workers, env=dict(os.environ), **pipes)
 
     return begin
-
-
-@pytest.fixture(scope="module")
-def finished(start):
-    """Run a batch to its end and return its result."""
-
-    def run(folder, *arguments):
-        with start(folder, "--workers", 0, *arguments) as process:
-            output, errors = process.stdout.read(), process.stderr.read()
-            assert (process.wait(), errors) == (0, "")
-        return json.loads(output)
-
-    return run
-
-
-@pytest.fixture(scope="module")
-def expected(finished, tmp_path_factory):
-    """All results of a batch that nothing has disturbed, by name."""
-    folder = tmp_path_factory.mktemp("expected")
-    assert finished(folder)["made"] == COUNT
-    return results(folder)
 
 
 def assert_whole(folder, expected):
@@ -84,67 +59,62 @@ def assert_whole(folder, expected):
     return len(found)
 
 
-def assert_finished(folder, expected, finished):
+@pytest.fixture
+def assert_finished(batch, logs, puppets, walks, tmp_path):
     """Assert that another batch makes only what is missing, and that the manifest agrees with the folder."""
-    assert_whole(folder, expected)
-    store = Store(folder, "")
-    there = {name for _, record in store.records() if store.is_whole(record) for name in record.files}
-    states = {name: FileState.of(folder / name) for name in there}
-    result = finished(folder, "--retry-failed")
-    assert (result["made"], result["unchanged"], result["failures"]) == (COUNT - len(there), len(there), [])
-    assert results(folder) == expected
-    assert {name: FileState.of(folder / name) for name in there} == states
-    rows = pq.read_table(folder / "manifest.parquet").to_pylist()
-    assert {row["output"]: row["bytes"] for row in rows} == {name: len(content) for name, content in expected.items()}
+
+    def check():
+        folder = tmp_path / "out"
+        assert_whole(folder, walks)
+        store = Store(folder, "")
+        there = {name for _, record in store.records() if store.is_whole(record) for name in record.files}
+        states = {name: FileState.of(folder / name) for name in there}
+        result = batch(logs, "--workers", 0, "--no-report", "--retry-failed", puppets=puppets[:1])
+        assert (result["made"], result["unchanged"]) == (len(walks) - len(there), len(there))
+        assert results(folder) == walks
+        assert {name: FileState.of(folder / name) for name in there} == states
+        rows = pq.read_table(folder / "manifest.parquet").to_pylist()
+        assert {row["output"]: row["bytes"] for row in rows} == {name: len(content) for name, content in walks.items()}
+
+    return check
 
 
 def partial(folder):
     return list((folder / OWN_FOLDER / PARTIAL_FOLDER).iterdir())
 
 
-STOPS = {
-    signal.SIGINT: (1, "puppetline: stopped\n"),
-    signal.SIGTERM: (-signal.SIGTERM, ""),
-    signal.SIGKILL: (-signal.SIGKILL, ""),
-}
-"""Exit code and output after each signal."""
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("number", "workers"), [(signal.SIGINT, 0), (signal.SIGINT, 2), (signal.SIGTERM, 2), (signal.SIGKILL, 2)]
+    ("number", "exit_code", "said"),
+    [(signal.SIGINT, 1, "puppetline: stopped\n"), (signal.SIGKILL, -signal.SIGKILL, "")],
 )
 def test_stopped_in_the_middle_it_leaves_whole_results_and_no_process_and_continues(
-    start, finished, expected, tmp_path, number, workers
+    start, in_workers, assert_finished, walks, tmp_path, monkeypatch, number, exit_code, said
 ):
     folder, held = tmp_path / "out", tmp_path / "held"
-    code = HELD.replace("FOLDER", str(tmp_path))
-    (tmp_path / "sitecustomize.py").write_text(f"import sys\nif '--multiprocessing-fork' in sys.argv: exec({code!r})")
-    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
-    with start(folder, "--workers", workers, prelude="" if workers else code, env=environment) as process:
+    in_workers(HELD.replace("FOLDER", str(tmp_path)))
+    with start(2) as process:
         wait_until(lambda: held.exists() or process.poll() is not None, TIMEOUT_SECONDS)
         children = psutil.Process(process.pid).children(recursive=True)
         for each in [process, *children] if number == signal.SIGINT else [process]:  # Ctrl-C reaches all of them
             os.kill(each.pid, number)
-        exit_code, said = STOPS[number]
         assert process.wait() == exit_code
         (tmp_path / "released").touch()
         assert process.stderr.read() == said  # at the end of all processes that could write to it
     assert psutil.wait_procs(children, TIMEOUT_SECONDS)[1] == []
-    assert assert_whole(folder, expected) < COUNT
+    assert assert_whole(folder, walks) < len(walks)
     assert number != signal.SIGINT or partial(folder) == []
-    assert_finished(folder, expected, finished)
+    assert_finished()
 
 
 @pytest.mark.slow
-def test_two_batches_into_one_folder_at_once(start, finished, expected, tmp_path):
-    with start(tmp_path, "--workers", 0) as one, start(tmp_path, "--workers", 1) as two:
+def test_two_batches_into_one_folder_at_once(start, assert_finished, walks, tmp_path):
+    with start(0) as one, start(1) as two:
         assert [json.loads(each.stdout.read())["failures"] for each in (one, two)] == [[], []]
         assert [one.wait(), two.wait()] == [0, 0]
-    assert results(tmp_path) == expected
-    rows = pq.read_table(tmp_path / "manifest.parquet").to_pylist()
-    assert {row["output"] for row in rows} == expected.keys()
-    assert_finished(tmp_path, expected, finished)
+    rows = pq.read_table(tmp_path / "out/manifest.parquet").to_pylist()
+    assert {row["output"] for row in rows} == walks.keys()
+    assert_finished()
 
 
 @contextlib.contextmanager
@@ -152,6 +122,7 @@ def mounted(folder, options):
     """Mount a file system in memory, or skip the test."""
     if os.name != "posix" or os.geteuid() != 0 or shutil.which("mount") is None:
         pytest.skip("only the superuser can mount a file system")
+    folder.mkdir()
     done = subprocess.run(["mount", "-t", "tmpfs", "-o", options, "tmpfs", folder], capture_output=True, text=True)
     if done.returncode:
         pytest.skip(f"no file system can be mounted: {done.stderr}")
@@ -162,24 +133,17 @@ def mounted(folder, options):
         subprocess.run(["umount", "--lazy", folder], check=True)
 
 
-@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
-def test_a_full_disk_ends_the_batch_with_one_message_and_whole_results(start, finished, expected, tmp_path, workers):
-    size = sum(map(len, expected.values()))
-    with mounted(tmp_path, f"size={size // 3}"):
-        with start(tmp_path, "--workers", workers) as process:
-            output, errors = process.stdout.read(), process.stderr.read()
-            assert (process.wait(), output, errors.count("\n")) == (1, "", 1)
-        assert errors.startswith(f"puppetline: {tmp_path}")
-        assert "(No space left on device)" in errors
-        assert 0 < assert_whole(tmp_path, expected) < COUNT
-        assert partial(tmp_path) == []
-        subprocess.run(["mount", "-o", f"remount,size={2 * size}", tmp_path], check=True)
-        assert_finished(tmp_path, expected, finished)
-
-
-def test_a_folder_without_rights_is_one_message_before_the_work(start, tmp_path):
-    with mounted(tmp_path, "ro"), start(tmp_path) as process:
-        errors = process.stderr.read()
-        assert (process.wait(), errors.count("\n")) == (1, 1)
-        assert errors.startswith(f"puppetline: {tmp_path}: ")
-        assert "(Read-only file system)" in errors
+@pytest.mark.slow
+def test_a_full_disk_ends_the_batch_with_one_message_and_whole_results(
+    print_batch, logs, puppets, assert_finished, walks, tmp_path
+):
+    folder, size = tmp_path / "out", sum(map(len, walks.values()))
+    with mounted(folder, f"size={size // 2}"):
+        done = print_batch(logs, "--workers", 2, "--no-report", puppets=puppets[:1], code=1)
+        assert (done.stdout, done.stderr.count("\n")) == ("", 1)
+        assert done.stderr.startswith(f"puppetline: {folder}")
+        assert "(No space left on device)" in done.stderr
+        assert 0 < assert_whole(folder, walks) < len(walks)
+        assert partial(folder) == []
+        subprocess.run(["mount", "-o", f"remount,size={4 * size}", folder], check=True)
+        assert_finished()

@@ -10,23 +10,10 @@ from engine_bridge.batch.conversion import BatchSettings
 from engine_bridge.batch.recordings import find_recordings
 from engine_bridge.batch.store import Store
 from engine_bridge.batch.workers import convert_in_processes
-from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings
 from puppetline.errors import PuppetError, PuppetlineError
 
-from .conftest import NAMES, results
-
-
-@pytest.fixture(scope="module")
-def converted(logs, puppets, tmp_path_factory):
-    """What `convert` writes for each recording with each puppet."""
-    folder = tmp_path_factory.mktemp("converted")
-    for puppet in puppets:
-        for name in NAMES:
-            output = folder / puppet.stem / f"{name}.glb"
-            output.parent.mkdir(parents=True, exist_ok=True)
-            convert(logs / f"{name}.log", puppet, output, Settings())
-    return results(folder)
+from .conftest import results
 
 
 @pytest.fixture
@@ -36,17 +23,6 @@ def prepared(logs, puppets, tmp_path):
     return make_plan(
         make_jobs(find_recordings([str(logs)], batch.folder).found, puppets[:1], batch, None), batch
     ), batch
-
-
-@pytest.fixture
-def in_workers(tmp_path, monkeypatch):
-    """Run lines at the start of each worker process."""
-
-    def begin(lines):
-        (tmp_path / "sitecustomize.py").write_text(f"import os, sys\nif '--multiprocessing-fork' in sys.argv:\n{lines}")
-        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-
-    return begin
 
 
 def test_results_of_workers_are_those_of_convert(logs, puppets, converted, batch, tmp_path):
@@ -74,7 +50,7 @@ DEADLY = """
 
 @pytest.mark.slow
 def test_a_recording_that_always_kills_its_worker_fails_and_those_whose_worker_is_killed_once_do_not(
-    prepared, converted, in_workers, tmp_path, monkeypatch
+    prepared, walks, in_workers, tmp_path, monkeypatch
 ):
     plan, batch = prepared
     monkeypatch.chdir(tmp_path)
@@ -83,9 +59,7 @@ def test_a_recording_that_always_kills_its_worker_fails_and_those_whose_worker_i
         outcomes = list(run(plan, batch, 2, lambda: None))
     (failed,) = [outcome for outcome in outcomes if outcome.record.has_failed]
     assert failed.job.log.stem == "b"
-    assert results(tmp_path / "out") == {
-        name: each for name, each in converted.items() if name.startswith("walks") and name != "walks/b.glb"
-    }
+    assert results(tmp_path / "out") == {name: each for name, each in walks.items() if name != "walks/b.glb"}
 
 
 def test_workers_that_cannot_start_end_the_batch_with_a_message(prepared, in_workers):

@@ -1,5 +1,6 @@
 """A small character, a performer, a take and a puppet, all made here."""
 
+import wave
 from dataclasses import dataclass
 
 import igl
@@ -385,3 +386,19 @@ def talking(glb, blob, write_puppet, limb_tables, tmp_path):
         return path
 
     return make
+
+
+@pytest.fixture
+def write_wav(tmp_path):
+    """Write samples (n,) or (n, channels) within [-1, 1] as a .wav of 16 bits."""
+
+    def write(samples, rate=48_000, name="sound.wav"):
+        samples = np.asarray(samples, float).reshape(len(samples), -1)
+        with wave.open(str(tmp_path / name), "wb") as file:
+            file.setnchannels(samples.shape[1])
+            file.setsampwidth(2)
+            file.setframerate(rate)
+            file.writeframes(np.rint(samples * 32767).astype("<i2").tobytes())
+        return tmp_path / name
+
+    return write

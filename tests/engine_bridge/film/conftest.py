@@ -1,8 +1,5 @@
 """Scenes of two small figures, sounds with a clap, and a renderer."""
 
-import wave
-
-import numpy as np
 import pytest
 
 from engine_bridge.film import scene as scenes
@@ -36,19 +33,3 @@ def produced(write_scene):
         return produce(path, scenes.load(path), quiet)
 
     return make
-
-
-@pytest.fixture
-def write_wav(tmp_path):
-    """Write samples (n,) or (n, channels) within [-1, 1] as a .wav of 16 bits."""
-
-    def write(samples, rate=48_000, name="sound.wav"):
-        samples = np.asarray(samples, float).reshape(len(samples), -1)
-        with wave.open(str(tmp_path / name), "wb") as file:
-            file.setnchannels(samples.shape[1])
-            file.setsampwidth(2)
-            file.setframerate(rate)
-            file.writeframes(np.rint(samples * 32767).astype("<i2").tobytes())
-        return tmp_path / name
-
-    return write

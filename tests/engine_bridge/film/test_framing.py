@@ -41,20 +41,13 @@ def boxes(frames, x):
     return np.stack([middle - 0.5, middle + 0.5], axis=1)
 
 
-def test_a_still_camera_stays_and_shows_all_motion():
-    shots = Shots((), {"a": boxes(60, lambda k: k / 10)}, 30, SIZE)
-    assert (shots.camera(0).eye == shots.camera(59).eye).all()
-    shown = in_picture(shots.camera(0), boxes(60, lambda k: k / 10).reshape(-1, 3))
-    assert (shown > 0).all()
-    assert (shown < 1).all()
-
-
 def test_a_camera_that_follows_stays_nearer_and_moves_smoothly():
     walk = boxes(300, lambda k: 0 if k < 100 else min(k - 100, 100) / 20)
     still = Shots((), {"a": walk}, 30, SIZE)
     follow = Shots((CameraTable(mode="follow"),), {"a": walk}, 30, SIZE)
     eyes = np.array([follow.camera(frame).eye for frame in range(300)])
     assert eyes[:, 1].std() == 0
+    assert (still.camera(0).eye == still.camera(299).eye).all()
     assert np.linalg.norm(eyes[0] - follow.camera(0).target) < np.linalg.norm(
         still.camera(0).eye - still.camera(0).target
     )

@@ -7,6 +7,8 @@ from PIL import Image, ImageFont
 from engine_bridge.film import overlays
 from engine_bridge.film.scene import BackgroundTable, SceneError, TitleTable
 
+from ..refusals import refused
+
 SIZE = (320, 180)
 
 
@@ -33,9 +35,8 @@ def test_letters_that_no_font_has_are_one_message(tmp_path, monkeypatch):
         raise OSError("cannot open resource")
 
     monkeypatch.setattr(ImageFont, "truetype", none)
-    with pytest.raises(SceneError) as error:
-        overlays.title(TitleTable(text="Größe"), SIZE, "title", tmp_path)
-    assert (error.value.where, error.value.found) == ("title, text", "the letters ßö")
+    error = refused(SceneError, overlays.title, TitleTable(text="Größe"), SIZE, "title", tmp_path)
+    assert (error.where, error.found) == ("title, text", "the letters ßö")
 
 
 def test_a_background_runs_from_its_first_colour_to_its_second(tmp_path):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.events import Cue
 from capture.sensor_tilt import SensorTilt
@@ -11,6 +12,7 @@ from engine_bridge.performance.clip import load_timeline, solve
 from engine_bridge.performance.settings import Settings
 from puppetline.errors import PuppetError, SkeletonLogError
 
+from ..refusals import refused
 from .conftest import quiet
 
 CHARACTER = '[[character]]\nname = "a"\npuppet = "LIMBED"\nposition = [1, 2]\nturn = 90\nheight = 1.5\n'
@@ -30,17 +32,6 @@ def solved(take):
     return of
 
 
-def test_a_take_is_what_convert_makes_of_it(produced, solved):
-    production = produced(CHARACTER + TAKE)
-    actor = production.actors[0]
-    expected = solved(actor.rig)
-    assert production.frames == len(expected.R) == 58
-    for frame in (0, 1, 30, 57):
-        np.testing.assert_array_equal(actor.controls(frame), expected.R[frame])
-        np.testing.assert_array_equal(actor.root(frame), expected.root[frame])
-        np.testing.assert_array_equal(actor.bones(frame), expected.motions[frame])
-
-
 def test_calibrations_and_mirroring_in_the_middle_of_a_take_are_those_of_convert(
     produced, solved, tmp_path, record_events, frames, dance
 ):
@@ -56,16 +47,18 @@ def test_calibrations_and_mirroring_in_the_middle_of_a_take_are_those_of_convert
     expected, plain = solved(actor.rig, log), solved(actor.rig)
     assert np.abs(expected.R[55] - plain.R[55]).max() > 0.01
     for frame in (0, 29, 31, 45, 57):
-        np.testing.assert_array_equal(actor.controls(frame), expected.R[frame])
+        assert_array_equal(actor.controls(frame), expected.R[frame])
 
 
-def test_a_part_of_a_take_begins_at_its_time_and_holds_its_ends(produced, solved):
+def test_a_part_of_a_take_is_what_convert_makes_of_it_begins_at_its_time_and_holds_its_ends(produced, solved):
     production = produced(CHARACTER + TAKE + "at = 0.5\nstart = 0.4\nstop = 1.2\n[film]\nseconds = 3")
     actor = production.actors[0]
-    expected = solved(actor.rig).R
-    assert production.frames == 90
+    expected = solved(actor.rig)
+    assert (production.frames, len(expected.R)) == (90, 58)
     for frame, row in ((0, 12), (15, 12), (16, 13), (39, 36), (40, 36), (89, 36)):
-        np.testing.assert_array_equal(actor.controls(frame), expected[row])
+        assert_array_equal(actor.controls(frame), expected.R[row])
+        assert_array_equal(actor.root(frame), expected.root[row])
+        assert_array_equal(actor.bones(frame), expected.motions[row])
 
 
 def test_a_muted_take_is_not_played(produced):
@@ -75,14 +68,14 @@ def test_a_muted_take_is_not_played(produced):
 
 def test_without_a_take_a_character_stays_at_rest_and_stands_on_the_floor_where_the_scene_says(produced):
     actor = produced(CHARACTER + "[film]\nseconds = 1").actors[0]
-    np.testing.assert_allclose(actor.controls(7), actor.rig.model.rest_controls, atol=1e-7)
+    assert_allclose(actor.controls(7), actor.rig.model.rest_controls, atol=1e-7)
     assert (actor.root(7) == 0).all()
     vertices = actor.rig.character.vertices
     linear = actor.to_stage(0)
     placed = vertices @ linear[:3] + linear[3]
     assert placed[:, 1].min() == pytest.approx(0, abs=1e-9)
     assert placed[:, 1].max() == pytest.approx(1.5)
-    np.testing.assert_allclose(np.array([[0.0, actor.footing.low, 0.0, 1]]) @ np.array(linear), [[1, 0, 2]], atol=1e-9)
+    assert_allclose(np.array([[0.0, actor.footing.low, 0.0, 1]]) @ np.array(linear), [[1, 0, 2]], atol=1e-9)
     # a quarter turn to its left: what was in front, at +z, is at +x
     assert (linear[:3].T @ [0, 0, 1] * 1 / actor.footing.scale)[0] == pytest.approx(1)
 
@@ -116,8 +109,8 @@ def test_a_new_place_is_reached_during_the_cross_fade(produced):
     actor = produced(text).actors[0]
     begin = 31 - 15
     places = [actor.place(frame) for frame in range(begin + 16)]
-    np.testing.assert_array_equal(places[begin - 1].position, [1, 0, 2])
-    np.testing.assert_array_equal(places[begin + 15].position, [3, 0, 4])
+    assert_array_equal(places[begin - 1].position, [1, 0, 2])
+    assert_array_equal(places[begin + 15].position, [3, 0, 4])
     turns = np.array([place.turn for place in places[begin - 1 :]])
     assert turns[0] == 90
     assert turns[-1] == -170
@@ -172,22 +165,19 @@ UNPLAYABLE = [
 
 @pytest.mark.parametrize(("text", "error", "where"), UNPLAYABLE)
 def test_a_take_that_cannot_be_played_is_one_message_and_the_rest_plays(produced, text, error, where):
-    with pytest.raises(error) as refused:
-        produced(CHARACTER + text)
-    assert where in refused.value.where
+    assert where in refused(error, produced, CHARACTER + text).where
     production = produced(CHARACTER + text + "\n" + TAKE.replace('"TAKE"', '"TAKE"\nstart = 1'))
     (note,) = [each for each in production.notes if each.startswith("A take is left out. ")]
     assert where in note
     assert production.frames == 28
 
 
-def test_takes_in_another_order_than_their_times_are_refused(produced):
-    with pytest.raises(SceneError) as refused:
-        produced(CHARACTER + TAKE + "at = 1\n" + TAKE + "at = 0.5")
-    assert refused.value.where.endswith("[[take]] 2, at")
-
-
-def test_a_missing_puppet_is_one_message(produced):
-    with pytest.raises(PuppetError) as refused:
-        produced('[[character]]\nname = "a"\npuppet = "none.toml"\n[film]\nseconds = 1')
-    assert refused.value.where.endswith("none.toml")
+@pytest.mark.parametrize(
+    ("text", "family", "where"),
+    [
+        (CHARACTER + TAKE + "at = 1\n" + TAKE + "at = 0.5", SceneError, "[[take]] 2, at"),
+        ('[[character]]\nname = "a"\npuppet = "none.toml"\n[film]\nseconds = 1', PuppetError, "none.toml"),
+    ],
+)
+def test_takes_in_another_order_than_their_times_and_a_missing_puppet_are_refused(produced, text, family, where):
+    assert refused(family, produced, text).where.endswith(where)

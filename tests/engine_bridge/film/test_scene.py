@@ -5,6 +5,8 @@ import pytest
 from engine_bridge.film import scene as scenes
 from engine_bridge.film.scene import SceneError
 
+from ..refusals import refused
+
 CHARACTER = '[[character]]\nname = "a"\npuppet = "a.toml"\n'
 TAKE = '[[take]]\ncharacter = "a"\nfile = "a.log"\n'
 BOTH = CHARACTER + TAKE
@@ -49,7 +51,6 @@ def test_a_character_and_a_take_are_enough(load):
     ],
 )
 def test_a_mistake_is_explained_in_terms_of_the_file(load, text, where, found):
-    with pytest.raises(SceneError) as error:
-        load(text)
-    assert error.value.where.endswith("scene.toml" if where is None else f"scene.toml, {where}")
-    assert error.value.found.startswith(found)
+    error = refused(SceneError, load, text)
+    assert error.where.endswith("scene.toml" if where is None else f"scene.toml, {where}")
+    assert error.found.startswith(found)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from engine_bridge.film.scene import SoundTable
 from engine_bridge.film.sound import SAMPLE_RATE, Mixer
@@ -33,14 +34,14 @@ def test_a_part_of_a_file_is_at_its_time_to_the_sample(mixed, write_wav):
     sound, _ = mixed({"file": "sound.wav", "at": 0.5, "start": 0.25, "stop": 1.25})
     expected = np.zeros(3 * SAMPLE_RATE)
     expected[24_000:72_000] = RAMP[12_000:60_000]
-    np.testing.assert_allclose(sound, np.column_stack([expected, expected]), atol=STEP)
+    assert_allclose(sound, np.column_stack([expected, expected]), atol=STEP)
 
 
 def test_gains_are_decibels_and_fades_are_linear(mixed, write_wav):
     write_wav(np.full(SAMPLE_RATE, 0.5))
     sound, _ = mixed({"file": "sound.wav", "gain": -6.0206, "fade_in": 0.25, "fade_out": 0.5}, seconds=1.0)
     t = np.arange(SAMPLE_RATE) / SAMPLE_RATE
-    np.testing.assert_allclose(sound[:, 0], 0.25 * np.clip(4 * t, 0, 1) * np.clip(2 * (1 - t), 0, 1), atol=2 * STEP)
+    assert_allclose(sound[:, 0], 0.25 * np.clip(4 * t, 0, 1) * np.clip(2 * (1 - t), 0, 1), atol=2 * STEP)
 
 
 def test_tracks_are_added_and_what_is_too_loud_is_cut_off(mixed, write_wav):
@@ -66,7 +67,7 @@ def test_other_rates_are_resampled_without_a_shift(mixed, write_wav, rate, chann
     write_wav(np.tile((0.5 * np.sin(2 * np.pi * 440 * t) * (t > 1))[:, None], channels), rate)
     sound, _ = mixed({"file": "sound.wav"}, seconds=2.0)
     expected = 0.5 * np.sin(2 * np.pi * 440 * np.arange(2 * SAMPLE_RATE) / SAMPLE_RATE)
-    np.testing.assert_allclose(sound[50_000:90_000, 0], expected[50_000:90_000], atol=0.01)
+    assert_allclose(sound[50_000:90_000, 0], expected[50_000:90_000], atol=0.01)
     assert np.abs(sound[:47_000]).max() < 0.01
 
 
@@ -91,6 +92,6 @@ def test_the_rest_is_played_if_a_file_is_no_sound(mixed, write_wav, tmp_path, co
     if content is not None:
         (tmp_path / "sound.wav").write_bytes(content)
     sound, mixer = mixed({"file": "sound.wav"}, {"file": "other.wav"}, seconds=1.0)
-    np.testing.assert_allclose(sound, 0.5, atol=STEP)
+    assert_allclose(sound, 0.5, atol=STEP)
     (note,) = mixer.notes
     assert "scene.toml, [[sound]] 1, file" in note

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.events import Cue
 from capture.formats import read_log
@@ -10,28 +11,24 @@ from engine_bridge.performance.clip import load_timeline, resting_pose
 from engine_bridge.performance.settings import Settings
 
 
-def frames_of(positions, confidence=None, fps=30.0):
-    sure = np.full(positions.shape[:2], TRACKED, dtype=np.float32) if confidence is None else confidence
-    return [SkeletonFrame(k / fps, 1, p, c) for k, (p, c) in enumerate(zip(positions, sure, strict=True))]
-
-
-def after(frames):
-    last = RecentFrames()
-    for frame in frames:
-        last.add(frame)
+def after(positions, confidence=TRACKED, fps=30.0):
+    """Return what is remembered after frames with these joints."""
+    last, confidence = RecentFrames(), np.broadcast_to(np.float32(confidence), positions.shape[:2])
+    for k, place in enumerate(positions):
+        last.add(SkeletonFrame(k / fps, 1, place, confidence[k]))
     return last
 
 
 @pytest.mark.parametrize("fps", [10.0, 30.0, 120.0])
 def test_a_second_of_noise_about_one_pose_is_still_and_gives_that_pose(standing, fps):
     noise = np.random.default_rng(1).normal(0, 0.01, (round(1.1 * fps), 20, 3))
-    last = after(frames_of(standing + noise, fps=fps))
+    last = after(standing + noise, fps=fps)
     assert last.is_still()
     assert np.linalg.norm(last.pose() - standing, axis=1).max() < 0.02
 
 
 def test_less_than_a_second_is_not_enough(standing):
-    assert not after(frames_of(np.tile(standing, (20, 1, 1)))).is_still()
+    assert not after(np.tile(standing, (20, 1, 1))).is_still()
     assert not RecentFrames().is_still()
 
 
@@ -39,10 +36,10 @@ def test_slow_motion_of_both_arms_is_not_still_and_one_wild_joint_is(standing):
     moving = np.tile(standing, (33, 1, 1))
     for name in ("wrist_left", "hand_left", "wrist_right", "hand_right"):
         moving[:, JOINT_INDEX[name], 1] += np.linspace(0, 0.15, 33)
-    assert not after(frames_of(moving)).is_still()
+    assert not after(moving).is_still()
     guessed = np.tile(standing, (33, 1, 1))
     guessed[:, JOINT_INDEX["foot_left"], 1] += np.linspace(0, 0.5, 33)
-    assert after(frames_of(guessed)).is_still()
+    assert after(guessed).is_still()
 
 
 def test_joints_that_are_lost_are_left_out(standing):
@@ -51,11 +48,11 @@ def test_joints_that_are_lost_are_left_out(standing):
     hand = JOINT_INDEX["hand_left"]
     positions[::2, hand] = 1e3
     confidence[::2, hand] = LOST
-    last = after(frames_of(positions, confidence))
+    last = after(positions, confidence)
     assert last.is_still()
-    np.testing.assert_allclose(last.pose(), standing)
+    assert_allclose(last.pose(), standing)
     confidence[:, 4:] = LOST
-    assert not after(frames_of(positions, confidence)).is_still()  # four joints say nothing
+    assert not after(positions, confidence).is_still()  # four joints say nothing
 
 
 def test_a_body_is_known_again_in_another_pose_and_another_body_is_not(standing, dance):
@@ -158,13 +155,13 @@ def test_the_timeline_is_level_and_has_the_calibration_unless_another_time_is_as
     log = write_take(opening(dog={"user": 1, "calibration": used}))
     timeline, _ = load_timeline(log, Settings())
     expected = SENSOR.upright(standing + np.array([2.0, 0, 0]))
-    np.testing.assert_allclose(timeline.positions[0], expected, atol=1e-4)
-    np.testing.assert_allclose(resting_pose(timeline, Settings()), SENSOR.upright(np.array(used["rest"])), atol=1e-12)
-    np.testing.assert_array_equal(timeline.part(3, 9).rest, timeline.rest)
+    assert_allclose(timeline.positions[0], expected, atol=1e-4)
+    assert_allclose(resting_pose(timeline, Settings()), SENSOR.upright(np.array(used["rest"])), atol=1e-12)
+    assert_array_equal(timeline.part(3, 9).rest, timeline.rest)
     at_start = Settings(rest_at=0.0)
     timeline, notes = load_timeline(log, at_start)
     assert notes == ()
-    np.testing.assert_allclose(resting_pose(timeline, at_start), standing + np.array([2.0, 0, 0]), atol=1e-4)
+    assert_allclose(resting_pose(timeline, at_start), standing + np.array([2.0, 0, 0]), atol=1e-4)
 
 
 LEVEL = {"tilt": 0, "height": 0, "roll": 0}

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from capture.events import TICK_SECONDS
 from engine_bridge.performance.easing import MAX_STEP_SECONDS, Easing, TargetPose
@@ -30,7 +31,7 @@ def test_places_are_shown_a_smooth_share_of_the_way_and_all_of_it_in_the_end(eas
     easing.begin(0.0)
     shares = [easing.show(time, THERE).targets[0, 0] for time in np.arange(0, 1.25, 0.05)]
     t = np.minimum(np.arange(0, 1.25, 0.05), 1)
-    np.testing.assert_allclose(shares, t * t * (3 - 2 * t), atol=1e-12)
+    assert_allclose(shares, t * t * (3 - 2 * t), atol=1e-12)
     assert easing.show(1.3, THERE) is THERE
 
 
@@ -39,9 +40,9 @@ def test_an_easing_in_the_middle_of_another_begins_where_that_one_is(easing):
     easing.begin(0.0)
     for time in np.arange(0.05, 0.51, 0.05):
         halfway = easing.show(time, THERE)
-    np.testing.assert_allclose(halfway.root, [0, 0, 2], atol=1e-12)
+    assert_allclose(halfway.root, [0, 0, 2], atol=1e-12)
     easing.begin(0.5)
-    np.testing.assert_allclose(easing.show(0.5, REST).root, halfway.root, atol=1e-12)
+    assert_allclose(easing.show(0.5, REST).root, halfway.root, atol=1e-12)
     assert not easing.finished(1.4)
     assert easing.finished(1.5)
 

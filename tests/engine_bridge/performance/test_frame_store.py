@@ -2,6 +2,7 @@ import tempfile
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from engine_bridge.performance import frame_store
 from engine_bridge.performance.frame_store import FrameStore, evenly
@@ -30,14 +31,14 @@ def store(request, monkeypatch):
 )
 def test_a_frame_store_is_indexed_like_an_array(store, chosen):
     found = store[chosen]
-    np.testing.assert_array_equal(found, FRAMES[chosen])
+    assert_array_equal(found, FRAMES[chosen])
     assert found.dtype == np.float32
 
 
 def test_a_frame_store_has_a_length_indices_and_an_iterator(store):
     assert len(store) == 50
-    np.testing.assert_array_equal(store[-1], FRAMES[-1])
-    np.testing.assert_array_equal(list(store), FRAMES)
+    assert_array_equal(store[-1], FRAMES[-1])
+    assert_array_equal(list(store), FRAMES)
     with pytest.raises(IndexError):
         store[50]
 
@@ -45,7 +46,7 @@ def test_a_frame_store_has_a_length_indices_and_an_iterator(store):
 def test_a_frame_store_still_grows_after_it_was_read(store):
     store[3:9]
     store.append(FRAMES[:2])
-    np.testing.assert_array_equal(store[:], np.concatenate([FRAMES, FRAMES[:2]]))
+    assert_array_equal(store[:], np.concatenate([FRAMES, FRAMES[:2]]))
 
 
 def test_a_system_without_room_is_named(tmp_path, monkeypatch):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from capture import body
-from capture.skeleton import JOINTS, PARENTS
+from capture.skeleton import JOINT_INDEX, to_character_axes
 from engine_bridge.performance.retargeting import steps_of
 from engine_bridge.puppet.puppet import Puppet
 from solver.motion.limbs import bones_of
@@ -35,41 +35,26 @@ def puppet(legs=LEGS, **tables):
     return Puppet.model_validate(values)
 
 
-@pytest.fixture(scope="module")
-def rest():
-    """A performer who stands upright with typical bones."""
-    pose = np.zeros((len(JOINTS), 3))
-    for joint, parent in PARENTS.items():
-        way = np.array([0, 1.0 if joint in ("spine", "shoulder_center", "head") else -1.0, 0])
-        pose[JOINTS.index(joint)] = pose[JOINTS.index(parent)] + body.typical_bone_length(joint) * way
-    return body.upright(pose)
-
-
 def steps(made, rest):
     return steps_of(made, bones_of(made.limbs), rest)
 
 
-def test_all_legs_that_stand_step_and_the_animal_travels_in_proportion_to_the_height_of_its_hips(rest):
-    metre = HIP_HEIGHT / (body.TYPICAL_BONE_METRES["knee"] + body.TYPICAL_BONE_METRES["ankle"])
+def test_all_legs_that_stand_step_and_the_animal_travels_in_proportion_to_the_height_of_its_hips(standing):
+    lengths = body.bone_lengths(standing)
+    metre = HIP_HEIGHT / (lengths["knee_left"] + lengths["ankle_left"])
     for legs, scale, expected in ((LEGS, "auto", metre), (LEGS[:2], 2.0, 2.0)):
-        made = steps(puppet(legs, retarget={"scale": scale}), rest)
+        made = steps(puppet(legs, retarget={"scale": scale}), standing)
         assert made.metre == pytest.approx(expected)
         assert made.places.shape == (len(legs), 3)
     lying = [each | {"stands": False} for each in LEGS]
     for made in (puppet(lying), puppet(root=None), puppet(root={"feet": "free"})):
-        assert steps(made, rest) is None
+        assert steps(made, standing) is None
 
 
-def test_a_raised_hand_lifts_the_front_leg_of_its_side(rest):
-    made = steps(puppet(), rest)
-    up = rest[:, [0, 1, 2]] * [-1, 1, -1]  # sensor axes to character axes
-    up[JOINTS.index("hand_left"), 1] = up[JOINTS.index("head"), 1]
-    motions = np.zeros((14, 4, 3))
-    motions[:, :3] = np.eye(3)
-
+def test_a_raised_hand_lifts_the_front_leg_of_its_side(standing):
+    made, up = steps(puppet(), standing), to_character_axes(standing)
+    up[JOINT_INDEX["hand_left"], 1] = up[JOINT_INDEX["head"], 1] + 0.3
     for number in range(20):
-        made.step(number / 30, up, np.ones(20, dtype=np.float32), motions.copy(), np.zeros(3))
-
-    lifted = np.isnan(made.places).any(axis=1)
-    names = [each.name for each in puppet().limbs if each.name != "trunk" and each.stands]
-    assert [name for name, is_up in zip(names, lifted, strict=True) if is_up] == ["left front leg"]
+        made.step(number / 30, up, np.ones(20, dtype=np.float32), np.tile(np.eye(4, 3), (14, 1, 1)), np.zeros(3))
+    legs = [each.name for each in puppet().limbs if each.stands]
+    assert [leg for leg, place in zip(legs, made.places, strict=True) if np.isnan(place).any()] == ["left front leg"]

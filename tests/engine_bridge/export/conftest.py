@@ -360,30 +360,6 @@ def normal_angles(seen, frames, mesh):
     return np.degrees(np.arccos(np.clip(np.einsum("fvc,fvc->fv", seen, true), -1, 1)))
 
 
-def assert_same_primitive(before, old, after, new, changed=()):
-    """Assert that a primitive has the arrays of another file's, but those with some names."""
-    assert old.material == new.material
-    if "indices" not in changed:
-        assert old.mode == new.mode
-        assert_same_array(before, old.indices, after, new.indices)
-    for name, accessor in vars(old.attributes).items():
-        if name not in changed:
-            assert_same_array(before, accessor, after, getattr(new.attributes, name))
-    for was, now in zip(old.targets, new.targets, strict=False):
-        for name in {"POSITION", "NORMAL"}.difference(changed):
-            assert_same_array(before, was[name], after, now[name])
-
-
-def assert_same_array(before, old, after, new):
-    """Assert that two accessors have the same type and bytes, or that there is none."""
-    if old is None:
-        assert new is None
-        return
-    a, b = before.file.accessors[old], after.file.accessors[new]
-    assert (a.componentType, a.type, a.count, a.normalized) == (b.componentType, b.type, b.count, b.normalized)
-    assert before.array(old).tobytes() == after.array(new).tobytes()
-
-
 def outermost_handles(vertices):
     """Return the tables of handles at the outermost points of a character."""
     picks = dict.fromkeys(int(pick) for axis in vertices.T for pick in (axis.argmin(), axis.argmax()))

@@ -1,10 +1,10 @@
 import numpy as np
 import pygltflib as gltf
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal, assert_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.character.character import load_character
-from engine_bridge.character.materials import drawn_normals, preview_colors
+from engine_bridge.character.materials import drawn_normals
 from engine_bridge.export.flattened import flatten
 from puppetline.errors import MeshError
 
@@ -29,33 +29,6 @@ def flat(tmp_path):
         return character, output, Raw(output)
 
     return make
-
-
-def test_every_variant_lies_flat_with_the_vertices_in_the_order_of_its_parts(variant, flat, assert_valid_gltf):
-    character, path, made = flat(variant.path)
-    assert_valid_gltf(path)
-    first, second = numbers(character)
-    normals = drawn_normals(character).astype(np.float32)
-    for primitive, part, place in zip(primitives(made), character.parts, character.vertex_slices, strict=True):
-        named = primitive.attributes
-        for name, expected in (
-            ("POSITION", part.vertices.astype(np.float32)),
-            ("NORMAL", normals[place]),
-            ("TEXCOORD_2", first[place]),
-            ("TEXCOORD_3", second[place]),
-        ):
-            assert_array_equal(made.array(getattr(named, name)), expected)
-        assert_array_equal(made.array(primitive.indices).reshape(-1, 3), part.triangles)
-        if variant.name != "textured":
-            assert not np.any([made.array(named.TEXCOORD_0), made.array(named.TEXCOORD_1)]) or "several" in variant.name
-    before, shown = Raw(variant.path), load_character(path)
-    assert_array_equal(shown.vertices, character.vertices.astype(np.float32))
-    assert_equal(preview_colors(shown), preview_colors(character))
-    for name in ("materials", "textures", "samplers"):
-        assert getattr(made.file, name) == getattr(before.file, name)
-    for own, image in zip(made.file.images, before.file.images, strict=True):
-        assert (own.name, own.mimeType) == (image.name, image.mimeType)
-        assert made.view(own.bufferView) == before.view(image.bufferView)
 
 
 def test_tangents_turn_with_their_node_and_change_sides_in_a_mirror(glb, blob, flat, tmp_path):

@@ -24,6 +24,7 @@ def test_no_basis_of_that_size_is_closer(clip, tmp_path, count):
     summary = write(clip, tmp_path / "a.glb", "clip", Settings(targets=count, tolerance=1e-9), lambda *_: None)
     assert summary.targets == count
     made, mesh, moved = Raw(tmp_path / "a.glb"), clip.rig.mesh, solved(clip)
+    assert (made.weights(0).min(), made.weights(0).max()) == (0, 1)
     (primitive,) = made.file.meshes[0].primitives
     targets = np.array([made.array(target["POSITION"]) for target in primitive.targets], dtype=np.float64)
     positions = made.array(primitive.attributes.POSITION) + np.tensordot(made.weights(0), targets, axes=1)

@@ -269,17 +269,10 @@ def test_a_joint_between_bends_takes_of_each_bone_what_it_covers(glb, opened):
     add_joints(glb, joints, blend=0)
     character, limbs = opened(), [BODY, BRANCH]
     bend = Rotation.from_euler("x", 40, degrees=True)
-    document, made, bones = animated(character, limbs, motions_of(limbs, [[Rotation.identity(), bend, bend, bend]] * 2))
+    document, _, bones = animated(character, limbs, motions_of(limbs, [[Rotation.identity(), bend, bend, bend]] * 2))
     assert bones.shares[1].tolist() == [0.5, 0.5, 0, 0]
     turned = Rotation.from_matrix(world_transforms(posed(document, 0))[bones.nodes[1:3], :3, :3])
     assert_allclose(turned.as_rotvec(degrees=True), [[20, 0, 0], [40, 0, 0]], atol=1e-4)
-    # the arm's root by hand: 0.5 up, then 1 at 20°, then 0.5 at 40°; the bones have 1 up, then 1 at 40°
-    slight, whole = (np.array([np.cos(angle), np.sin(angle)]) for angle in np.radians([20, 40]))
-    here = np.array([0.5, 0]) + slight + 0.5 * whole
-    there = np.array([1, 0]) + whole
-    arm = world_transforms(posed(document, 0))[bones.nodes[3], 1:3, 3]
-    assert_allclose(arm, here, atol=1e-6)
-    assert_allclose(made.error, np.linalg.norm(here - there), atol=1e-6)
 
 
 def test_quaternions_do_not_jump_over_two_turns_and_over_chunks(glb, opened, monkeypatch):

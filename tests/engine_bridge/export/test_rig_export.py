@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings
 
+from ..character.conftest import CORNERS, SIDES
 from .conftest import Raw, add_animation
 
 
@@ -27,19 +28,15 @@ def rigged(take, write_puppet, tmp_path, assert_valid_gltf):
 
 def test_handles_become_joints_below_the_root(exported):
     file = Raw(exported("textured", "rig").path).file
-    (table,) = file.skins
-    skeleton = file.nodes[table.skeleton]
-    assert (table.name, skeleton.name) == ("skeleton", "skeleton")
-    (root,) = skeleton.children
-    handles = file.nodes[root].children
-    assert table.joints == [root, *handles]
-    names = [file.nodes[joint].name for joint in table.joints]
-    assert names == ["root", "hand_left", "hand_right", "head", "foot_left", "foot_right"]
-    (animation,) = file.animations
-    assert animation.name == "dance"
+    (skin,), (animation,) = file.skins, file.animations
+    (root,) = file.nodes[skin.skeleton].children
+    assert skin.joints == [root, *(handles := file.nodes[root].children)]
+    names = [file.nodes[joint].name for joint in (skin.skeleton, *skin.joints)]
+    assert names == ["skeleton", "root", "hand_left", "hand_right", "head", "foot_left", "foot_right"]
     moved = {(channel.target.node, channel.target.path) for channel in animation.channels}
-    of_handles = {(joint, path) for joint in handles for path in ("rotation", "translation")}
-    assert moved == of_handles | {(root, "translation")}
+    assert moved == {(joint, path) for joint in handles for path in ("rotation", "translation")} | {
+        (root, "translation")
+    }
 
 
 def test_lines_stand_on_the_skeleton_itself_where_their_node_is(variants, rigged, tmp_path):
@@ -102,16 +99,13 @@ def test_a_node_comes_to_the_top_and_what_hangs_on_it_stays(furnished, rigged):
 
 @pytest.mark.parametrize("scale", [[0, 0, 0], [-1, 1, 0]])
 def test_directions_that_are_scaled_to_nothing_point_up(scale, glb, blob, rigged, tmp_path):
-    count, faces = len(blob.vertices), blob.faces
-    towards_z = {
-        name: np.tile(np.float32(value), (count, 1))
-        for name, value in (("NORMAL", [0, 0, 1]), ("TANGENT", [0, 0, 1, -1]))
-    }
-    glb.show(blob.vertices, faces, NORMAL=blob.normals)
-    glb.node(glb.mesh(glb.primitive(blob.vertices, faces, **towards_z)), scale=scale, name="hidden")
+    along = {"NORMAL": [0, 0, 1], "TANGENT": [0, 0, 1, -1]}
+    towards_z = {name: np.tile(np.float32(value), (4, 1)) for name, value in along.items()}
+    glb.show(blob.vertices, blob.faces, NORMAL=blob.normals)
+    glb.node(glb.mesh(glb.primitive(CORNERS, SIDES, **towards_z)), scale=scale, name="hidden")
     made, _ = rigged(glb.save(tmp_path / "hidden.glb"))
     hidden = next(node for node in made.file.nodes if node.name == "hidden")
     attributes = made.file.meshes[hidden.mesh].primitives[0].attributes
-    assert_array_equal(made.array(attributes.POSITION), blob.vertices * np.float32(scale))
-    assert_array_equal(made.array(attributes.NORMAL), np.tile([0, 1, 0], (count, 1)))
-    assert_array_equal(made.array(attributes.TANGENT), np.tile([0, 1, 0, -1], (count, 1)))
+    assert_array_equal(made.array(attributes.POSITION), CORNERS * np.float32(scale))
+    assert_array_equal(made.array(attributes.NORMAL), [[0, 1, 0]] * 4)
+    assert_array_equal(made.array(attributes.TANGENT), [[0, 1, 0, -1]] * 4)

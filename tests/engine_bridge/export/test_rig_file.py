@@ -66,11 +66,10 @@ def test_joints_of_a_kept_skin_are_renamed_where_the_limbs_are(rigged, tmp_path)
 def damaged(shape):
     """Every vertex twice, triangles without an area, parts of one triangle each, and vertices without a triangle."""
     count = len(shape.vertices)
-    line = shape.vertices[:1] + np.array([[0, 0, 0], [0.01, 0, 0], [0.02, 0, 0]])
     parts = (shape.vertices[::97][:, None] + 0.02 * np.eye(3)).reshape(-1, 3)
-    vertices = np.concatenate([shape.vertices, shape.vertices, line, parts, shape.vertices[:9] + 0.1])
     copies = np.arange(len(shape.faces))[:, None] % 2 * count
-    more = 2 * count + np.arange(len(line) + len(parts)).reshape(-1, 3)
+    more = 2 * count + np.arange(len(parts)).reshape(-1, 3)
+    vertices = np.concatenate([shape.vertices, shape.vertices, parts, shape.vertices[:9] + 0.1])
     return vertices, np.concatenate([shape.faces + copies, [[0, 0, 1], [5, 5, 5]], more])
 
 

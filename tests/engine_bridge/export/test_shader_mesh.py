@@ -6,8 +6,10 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_array_equal, assert_equal
 
+from engine_bridge.character.character import load_character
+from engine_bridge.character.materials import preview_colors
 from engine_bridge.cli.main import main
 from engine_bridge.export.shader_mesh import write_shader_mesh
 from engine_bridge.performance.rig import load_rig
@@ -70,8 +72,21 @@ def test_more_fields_than_a_vertex_has_room_for_are_refused(blob_file, write_pup
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["textured", "mixed_primitives", "node_transforms", "skinned"])
-def test_parts_with_all_that_a_vertex_may_carry_are_those_of_the_scene(variants, name, write_puppet, tmp_path):
+@pytest.mark.parametrize(
+    "name", ["textured", "several_primitives", "mixed_primitives", "node_transforms", "skinned", "bare_scene"]
+)
+def test_parts_with_all_that_a_vertex_may_carry_are_those_of_the_scene(
+    variants, name, write_puppet, tmp_path, assert_valid_gltf
+):
     puppet = write_puppet(tmp_path / "a.toml", variants[name].path)
     write_shader_mesh(puppet, tmp_path / "a.glb")
-    assert_is_the_scene(Raw(tmp_path / "a.glb"), scene_of(puppet))
+    assert_valid_gltf(tmp_path / "a.glb")
+    before, made = Raw(variants[name].path), Raw(tmp_path / "a.glb")
+    assert_is_the_scene(made, scene_of(puppet))
+    colors = [preview_colors(load_character(each)) for each in (tmp_path / "a.glb", variants[name].path)]
+    assert_equal(*colors)
+    for kind in ("materials", "textures", "samplers"):
+        assert getattr(made.file, kind) == getattr(before.file, kind)
+    for own, image in zip(made.file.images, before.file.images, strict=True):
+        assert (own.name, own.mimeType) == (image.name, image.mimeType)
+        assert made.view(own.bufferView) == before.view(image.bufferView)

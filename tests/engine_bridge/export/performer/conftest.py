@@ -1,8 +1,11 @@
 """A performer whose bones never change their lengths, and the joints of a written motion."""
 
+import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from capture.clip import SkeletonClip
+from capture.skeleton import to_character_axes
 from capture.sources.demo import performances
 from capture.timeline import resample
 from engine_bridge.export.performer.motion import motion_of
@@ -38,6 +41,12 @@ def joints_of(motion):
         head = skeleton.heads[skeleton.names.index(name)]
         places[f"{name}_end"] = places[name] + turns[name].apply(tip - head)
     return places
+
+
+def timeline_of(poses):
+    """Return the timeline of a performer with these joints (T, 20, 3) in character axes, NaN for unknown ones."""
+    known = np.isfinite(poses[..., 0]).astype(np.float32)
+    return resample(SkeletonClip("test", 0, np.arange(len(poses)) / 30, to_character_axes(poses), known))
 
 
 @pytest.fixture(scope="session")

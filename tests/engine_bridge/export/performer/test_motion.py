@@ -3,12 +3,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from capture.body import ANKLE_HEIGHT_METRES
-from capture.clip import SkeletonClip
 from capture.skeleton import JOINT_INDEX, to_character_axes
-from capture.timeline import resample
 from engine_bridge.export.performer.motion import FLOOR_PERCENTILE, motion_of
 
-from .conftest import OF_JOINTS, joints_of
+from .conftest import OF_JOINTS, joints_of, timeline_of
 
 
 def kinect_joints(places, frame):
@@ -28,10 +26,7 @@ def test_a_performer_with_constant_bones_is_followed_exactly(motion, places, fra
     # first the T-pose, which has all lengths, and long enough in the pose for the smoothing to arrive there
     rest, pose = motion.body.pose, kinect_joints(places, frame)
     poses = np.concatenate([np.tile(rest, (201, 1, 1)), np.tile(pose, (150, 1, 1))])
-    clip = SkeletonClip(
-        "test", 0, np.arange(len(poses)) / 30, to_character_axes(poses), np.ones((len(poses), 20), dtype=np.float32)
-    )
-    found = joints_of(motion_of(resample(clip), to_character_axes(rest[0])))
+    found = joints_of(motion_of(timeline_of(poses), to_character_axes(rest[0])))
     written = kinect_joints(found, -1)
     assert_allclose(written - written[0], pose - pose[0], atol=2e-3)
     before = kinect_joints(found, 150)

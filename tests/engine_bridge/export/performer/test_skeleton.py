@@ -3,36 +3,17 @@ import pytest
 from numpy.testing import assert_allclose
 
 from capture.body import ANKLE_HEIGHT_METRES
-from capture.clip import SkeletonClip
-from capture.skeleton import JOINT_INDEX, LIMBS, PARENTS, to_character_axes
-from capture.timeline import resample
+from capture.skeleton import JOINT_INDEX, LIMBS, PARENTS
 from engine_bridge.export.performer.skeleton import skeleton_of
 
-
-@pytest.fixture
-def timeline_of():
-    """Make a timeline of positions (T, 20, 3) in character axes."""
-
-    def make(positions):
-        confidence = np.where(np.isnan(positions[..., 0]), 0, 1).astype(np.float32)
-        return resample(
-            SkeletonClip("test", 0, np.arange(len(positions)) / 30, to_character_axes(positions), confidence)
-        )
-
-    return make
+from .conftest import timeline_of
 
 
 def length(pose, joint):
     return np.linalg.norm(pose[JOINT_INDEX[joint]] - pose[JOINT_INDEX[PARENTS[joint]]])
 
 
-def test_a_performer_in_a_t_pose_is_the_skeleton_at_rest(motion, timeline_of):
-    pose = motion.body.pose
-    turned = pose[:, [2, 1, 0]] * [-1, 1, 1] + [0.4, 0.1, 2.0]  # facing −x
-    assert_allclose(skeleton_of(timeline_of(np.tile(turned, (30, 1, 1)))).pose, pose, atol=1e-9)
-
-
-def test_lengths_are_the_medians_of_both_sides(motion, timeline_of):
+def test_lengths_are_the_medians_of_both_sides(motion):
     poses = np.tile(motion.body.pose, (31, 1, 1))
     poses[::2, JOINT_INDEX["wrist_left"], 0] += 0.1  # more than half of the frames
     poses[:14, JOINT_INDEX["head"], 1] += 0.5  # less than half
@@ -50,7 +31,7 @@ def test_feet_stand_on_the_floor_and_the_head_joint_is_halfway_to_its_tip(motion
     assert_allclose(neck, body.pose[JOINT_INDEX["shoulder_center"]], atol=1e-12)
 
 
-def test_unknown_legs_are_those_of_a_typical_body_of_the_same_size(motion, timeline_of):
+def test_unknown_legs_are_those_of_a_typical_body_of_the_same_size(motion):
     poses = np.tile(motion.body.pose, (30, 1, 1))
     legs = [JOINT_INDEX[joint] for limb in ("left leg", "right leg") for joint in LIMBS[limb]]
     poses[:, legs] = np.nan

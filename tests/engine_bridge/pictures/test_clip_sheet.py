@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.skeleton import JOINT_INDEX, OPPOSITE
 from engine_bridge.character.materials import preview_colors
@@ -7,8 +8,8 @@ from engine_bridge.performance.clip import load_timeline, perform
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures import clip_sheet
-from solver.model.binding import Binding
-from solver.motion.deformer import to_file_units
+
+from ..export.conftest import solved_places
 
 
 @pytest.fixture(scope="module")
@@ -37,30 +38,24 @@ def drawn(monkeypatch):
     return seen
 
 
-@pytest.fixture
-def solved_pose():
-    """Return the rendered vertices of a frame, without root motion: `solved_pose(clip, index)`."""
-
-    def pose(clip, index):
-        binding = Binding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
-        return binding.vertices(to_file_units(clip.frames[index], clip.rig.model))[clip.rig.mesh.of_render]
-
-    return pose
+def solved_pose(clip, index):
+    """Return the rendered vertices of a frame, without root motion."""
+    return solved_places(clip.rig, clip.frames[[index]])[0][clip.rig.mesh.of_render]
 
 
 def test_a_clip_sheet_shows_twelve_frames_from_first_to_last_and_follows_the_root(
-    clip_of, blob_puppet, drawn, solved_pose, tmp_path
+    clip_of, blob_puppet, drawn, tmp_path
 ):
     clip = clip_of(blob_puppet)
     clip_sheet.draw(clip, tmp_path / "a.png", "title")
     chosen = [0, 5, 10, 15, 20, 25, 31, 36, 41, 46, 51, 57]
     assert drawn["labels"] == [f"{index / 30:.2f} s" for index in chosen]
     for index, pose in zip(chosen, drawn["poses"], strict=True):
-        np.testing.assert_allclose(pose, solved_pose(clip, index) + clip.root[index], atol=1e-5)
-    np.testing.assert_array_equal(drawn["colors"][0], preview_colors(clip.rig.character))
+        assert_allclose(pose, solved_pose(clip, index) + clip.root[index], atol=1e-5)
+    assert_array_equal(drawn["colors"][0], preview_colors(clip.rig.character))
     roots, centers = clip.root[chosen], np.array([view.center for view in drawn["views"]])
     assert np.ptp(roots[:, 0]) > 0.1
-    np.testing.assert_allclose(centers - centers[0], roots - roots[0], atol=1e-6)
+    assert_allclose(centers - centers[0], roots - roots[0], atol=1e-6)
     assert {view.radius for view in drawn["views"]} == {drawn["views"][0].radius}
 
 
@@ -74,7 +69,7 @@ def test_the_floor_of_a_character_with_limbs_is_where_it_stands_at_rest(clip_of,
 
 
 def test_without_a_root_the_character_stays_and_a_short_clip_is_shown_whole(
-    clip_of, blob_file, write_puppet, record, dance, drawn, solved_pose, tmp_path
+    clip_of, blob_file, write_puppet, record, dance, drawn, tmp_path
 ):
     puppet = write_puppet(blob_file.with_name("rootless.toml"), blob_file.name, root=False)
     clip = clip_of(puppet, record(tmp_path / "short.log", dance(3)))
@@ -82,17 +77,15 @@ def test_without_a_root_the_character_stays_and_a_short_clip_is_shown_whole(
     clip_sheet.draw(clip, tmp_path / "a.png", "title", shares.append)
     assert shares == [1 / 3, 2 / 3, 1]
     for index, pose in enumerate(drawn["poses"]):
-        np.testing.assert_allclose(pose, solved_pose(clip, index), atol=1e-5)
+        assert_allclose(pose, solved_pose(clip, index), atol=1e-5)
 
 
-def test_a_character_with_another_up_axis_is_shown_upright(
-    clip_of, blob_file, write_puppet, drawn, solved_pose, tmp_path
-):
+def test_a_character_with_another_up_axis_is_shown_upright(clip_of, blob_file, write_puppet, drawn, tmp_path):
     puppet = write_puppet(blob_file.with_name("lying.toml"), blob_file.name, character='up = "z"\nfront = "-y"\n')
     clip = clip_of(puppet)
     clip_sheet.draw(clip, tmp_path / "a.png", "title")
     left, up, front = drawn["poses"][0].T
-    np.testing.assert_allclose(np.stack([left, -front, up], axis=1), solved_pose(clip, 0) + clip.root[0], atol=1e-5)
+    assert_allclose(np.stack([left, -front, up], axis=1), solved_pose(clip, 0) + clip.root[0], atol=1e-5)
 
 
 def test_the_performer_is_seen_from_the_characters_side_and_mirrored_like_it(
@@ -113,6 +106,6 @@ def test_the_performer_is_seen_from_the_characters_side_and_mirrored_like_it(
     plain, mirror = figures[:12], figures[12:]
     recorded = clip.timeline.positions[57]
     hips = recorded - recorded[JOINT_INDEX["hip_center"]]
-    np.testing.assert_allclose(plain[-1][0], hips * [-1, 1, -1], atol=1e-9)
-    np.testing.assert_allclose(mirror[-1][0], hips[OPPOSITE] * [1, 1, -1], atol=1e-9)
+    assert_allclose(plain[-1][0], hips * [-1, 1, -1], atol=1e-9)
+    assert_allclose(mirror[-1][0], hips[OPPOSITE] * [1, 1, -1], atol=1e-9)
     assert {(view.azimuth, view.elevation) for _, view in figures} == {(25.0, 12.0)}

@@ -1,15 +1,14 @@
 import igl
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.pictures.lighting import KEY, KEY_AZIMUTH, KEY_ELEVATION, SKY
 from engine_bridge.pictures.renderer import View, render
 
+from ..character.conftest import CORNERS, SIDES
+
 FRONT = View(azimuth=0, elevation=0, center=(0, 0, 0), radius=1.5)
-TETRAHEDRON = (
-    np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float),
-    np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]),
-)
 
 
 def sphere(center=(0.0, 0.0, 0.0), radius=1.0):
@@ -71,35 +70,13 @@ def test_each_side_of_a_cube_shows_where_the_camera_sees_it(azimuth, elevation, 
     vertices, faces, colors = together(*sides)
     image = render(vertices, faces, View(azimuth, elevation, (0, 0, 0), 2.0), (80, 80), colors)
     for side, column in ((left, 30), (right, 50)):
-        np.testing.assert_array_equal(image[40, column] > 40, np.array(paint[side]) == 1)
-
-
-def test_up_is_up_and_the_characters_left_is_on_the_right_from_in_front():
-    mesh = together(square((1, 0), 0.2, 0, (1, 0, 0)), square((0, 1), 0.2, 0, (0, 1, 0)))
-    image = render(*mesh[:2], FRONT, (90, 90), mesh[2]).astype(int)
-    red, green = ((image[..., c] - image.sum(axis=2) + image[..., c] > 0).nonzero() for c in (0, 1))
-    # 30 pixels per unit: squares of 12 pixels around columns 75 and 45, rows 45 and 15.
-    assert [(a.min(), a.max()) for a in red] == [(39, 50), (69, 80)]
-    assert [(a.min(), a.max()) for a in green] == [(9, 20), (39, 50)]
-
-
-@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_the_nearer_square_hides_the_farther_one(order):
-    near, far = square((0, 0), 0.5, 0.3, (1, 0, 0)), square((0, 0), 1, -0.3, (0, 1, 0))
-    vertices, faces, colors = together(*[(near, far)[i] for i in order])
-    image = render(vertices, faces, FRONT, (60, 60), colors)
-    assert image[30, 30, 0] > 100
-    assert image[30, 30, 1] == 0
-    assert image[30, 15, 1] > 100  # beside the near one
-    behind = render(vertices, faces, View(180, 0, (0, 0, 0), 1.5), (60, 60), colors)
-    assert behind[30, 30, 0] == 0
-    assert behind[30, 30, 1] > 100
+        assert_array_equal(image[40, column] > 40, np.array(paint[side]) == 1)
 
 
 def test_a_common_edge_through_pixel_centres_leaves_no_gap():
     vertices, faces, _ = square((0, 0), 1, 0, (1, 1, 1))
     covered = coverage(vertices, faces, FRONT, (60, 60))
-    np.testing.assert_allclose(covered[10:50, 10:50], 1, atol=1e-9)
+    assert_allclose(covered[10:50, 10:50], 1, atol=1e-9)
     assert covered.sum() == pytest.approx(1600, abs=1e-6)
 
 
@@ -124,12 +101,12 @@ def test_colors_are_interpolated_between_vertices():
     image = linear(render(vertices, faces, FRONT, (60, 60), colors))[30, 11:49]
     share = image[:, 0] / image[:, 1] / (KEY[0] / KEY[1])
     expected = (np.arange(11, 49) - 9.5) / 40 / 0.2
-    np.testing.assert_allclose(share, expected, rtol=0.05)
+    assert_allclose(share, expected, rtol=0.05)
 
 
 @pytest.mark.parametrize("angles", [(0, 0), (25, 12), (200, 60)])
 def test_a_view_around_a_clip_frames_every_pose_with_a_margin(angles):
-    vertices, faces = TETRAHEDRON
+    vertices, faces = CORNERS.astype(float), SIDES.astype(int)
     clip = np.stack([vertices, vertices + np.array([2, 0, 0]), vertices - np.array([0, 1.5, 0])])
     view = View.around(clip, *angles)
     assert view.ground == -1.5
@@ -148,9 +125,7 @@ def test_texture_seams_do_not_show():
     vertices, faces = sphere()
     view = View.around(vertices)
     whole = render(vertices, faces, view, (90, 90))
-    np.testing.assert_array_equal(
-        render(vertices[faces.ravel()], np.arange(faces.size).reshape(-1, 3), view, (90, 90)), whole
-    )
+    assert_array_equal(render(vertices[faces.ravel()], np.arange(faces.size).reshape(-1, 3), view, (90, 90)), whole)
 
 
 @pytest.mark.parametrize("kind", ["turned", "doubled", "doubled and turned"])

@@ -9,13 +9,6 @@ SIZE = (180, 320)
 VIEW = View(0.0, 0.0, (0.0, 0.0, 0.0), 1.0)
 
 
-@pytest.fixture
-def joints():
-    """A performer whose joints are at distinct places, none in front of another."""
-    random = np.random.default_rng(1)
-    return np.column_stack([random.uniform(-0.8, 0.8, 20), random.uniform(-1.5, 1.5, 20), np.zeros(20)])
-
-
 def of_color(picture, color):
     return (np.abs(picture.astype(int) - color) < 3).all(axis=-1)
 
@@ -41,14 +34,3 @@ def test_the_nearer_arm_covers_the_other():
             crossed[JOINT_INDEX[f"shoulder_{side}"]] = [-0.5, -tilt, z]
             crossed[JOINT_INDEX[f"elbow_{side}"]] = [0.5, tilt, z]
         assert of_color(stick_figure.draw(crossed, VIEW, SIZE)[160, 90], color)
-
-
-def test_a_lost_joint_removes_its_bones_only(joints):
-    whole = stick_figure.draw(joints, VIEW, SIZE)
-    lost = joints.copy()
-    lost[JOINT_INDEX["hand_left"]] = np.nan
-    row, column = np.nonzero((stick_figure.draw(lost, VIEW, SIZE) != whole).any(axis=-1))
-    ends = project(joints[[JOINT_INDEX["wrist_left"], JOINT_INDEX["hand_left"]]], VIEW, SIZE)[:, :2]
-    low, high = ends.min(axis=0) - 4, ends.max(axis=0) + 4
-    assert len(row)
-    assert ((np.column_stack([column, row]) >= low) & (np.column_stack([column, row]) <= high)).all()

@@ -98,18 +98,6 @@ def test_a_character_that_is_turned_gets_the_same_handles_turned(solver_mesh, li
         assert_allclose(found[name], place @ table.basis, atol=1e-5)
 
 
-def test_parts_of_their_own_are_limbs_as_well(make_shape):
-    """The dog is cut into a body, a head, a tail and four legs that do not touch the body."""
-    pieces = [make_shape(limbs, 0.09) for limbs in (*([limb] for limb in (DOG[0], *DOG[3:])), DOG[1:3])]
-    starts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
-    faces = np.concatenate([piece.faces + start for piece, start in zip(pieces, starts, strict=False)])
-    vertices = np.concatenate([piece.vertices for piece in pieces])
-    mesh = make_character("dog", vertices.astype(float), faces).solver_mesh()
-    assert mesh.components.max() == 6
-    handles = propose_handles(mesh, TABLE)
-    assert {handle.name: handle.joint for handle in handles} == QUADRUPED
-
-
 def test_a_mesh_without_feet_gets_a_fixed_base(solver_mesh):
     snowman = propose_handles(
         solver_mesh([((0.0, 0.0, 0.0), (0.0, 0.1, 0.0), 1.0), ((0.0, 1.5, 0.0), (0.0, 1.6, 0.0), 0.6), *MOUSE[4:6]]),

@@ -30,18 +30,6 @@ UPRIGHT = {
 }
 
 
-def test_a_persons_limbs_point_where_the_performers_do():
-    tables = {limb.name: limb for limb in limb_tables(chains(**UPRIGHT), CHARACTER)}
-    assert {name: limb.follow for name, limb in tables.items()} == PERSON
-    assert tables["left arm"].driven_by == ARM
-    assert tables["left leg"].driven_by == LEG
-    assert tables["trunk"].driven_by == (("hip_center",), ("spine",), ("shoulder_center",))
-    assert tables["head"].driven_by == (("shoulder_center",), ("head",))
-    assert tables["right arm"].points == tuple(map(tuple, points(UPRIGHT["right_arm"])))
-    assert {limb.gain for limb in tables.values()} == {1.0}
-    assert {limb.parent for limb in tables.values()} == {None}
-
-
 def test_joints_at_the_same_place_are_one_point_and_a_limb_at_one_place_is_none():
     together = {"trunk": "0 1 0, 0 1.4 0, 0 1.4 0", "head": "0 1.4 0, 0 1.4 0"}
     tables = {limb.name: limb for limb in limb_tables(chains(**UPRIGHT | together), CHARACTER)}

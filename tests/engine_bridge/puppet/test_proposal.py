@@ -9,6 +9,7 @@ from puppetline.errors import MeshError, PuppetError
 from solver.anatomy import orientation
 from solver.anatomy.limb_chain import LimbChain, Limbs
 
+from ..bones import points
 from ..refusals import refused, refused_place
 
 HUMANOID = {
@@ -107,9 +108,9 @@ def test_targets_that_the_mesh_has_follow_the_channels_of_their_usual_names(glb,
 def test_the_user_says_where_limbs_end(blob_file, tmp_path):
     ends = {"left arm": "-1.5,1.2,-0.05", "right arm": "1.55,1.32,0.1"}  # crossed
     made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", ends=ends).puppet
-    points = {limb.name: limb.points for limb in made.limb}
-    assert_allclose(points["left arm"][-1], (-1.5, 1.2, -0.05), atol=0.15)
-    assert_allclose(points["right arm"][-1], (1.55, 1.32, 0.1), atol=0.15)
+    tips = {limb.name: limb.points[-1] for limb in made.limb}
+    assert_allclose(tips["left arm"], (-1.5, 1.2, -0.05), atol=0.15)
+    assert_allclose(tips["right arm"], (1.55, 1.32, 0.1), atol=0.15)
 
 
 def test_handles_and_maps_of_ones_own_take_the_place_of_those_proposed(blob_file, tmp_path):
@@ -157,10 +158,10 @@ def test_how_it_stands_is_proposed_by_its_shape_and_said_unless_it_is_given(blob
 
 @pytest.mark.parametrize("away", [0.0, 50.0])
 def test_limbs_that_overlap_or_leave_the_mesh_are_replaced_by_handles(blob_file, tmp_path, monkeypatch, away):
-    leg = np.array([[0.0, 1.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]])
+    leg = points("0 1 0, 0 0.5 0, 0 0.1 0, 0 0 0.1")
     trunk, other = leg[0] + np.outer([0, 0.2, 0.4], [0, 1, 0]), leg + np.array([away, 0, 0])
-    points = {"trunk": trunk, "left leg": leg, "right leg": other}
-    limbs = Limbs(tuple(LimbChain(name, each) for name, each in points.items()))
+    named = {"trunk": trunk, "left leg": leg, "right leg": other}
+    limbs = Limbs(tuple(LimbChain(name, each) for name, each in named.items()))
     monkeypatch.setattr(proposal, "find_limbs", lambda *_: limbs)
     made = new_puppet(blob_file, tmp_path / "a.toml")
     assert made.puppet == new_puppet(blob_file, tmp_path / "a.toml", limbs=False).puppet

@@ -51,7 +51,13 @@ def build(glb, tmp_path):
     return make
 
 
-SPINE_TABLE = """
+def rows(table):
+    """Return the place and the parent of each joint of a table."""
+    lines = map(str.split, table.strip().splitlines())
+    return {name: (np.array(place, float), None if parent == "-" else parent) for name, *place, parent in lines}
+
+
+SPINE = rows("""
 root       0    0    0  -
 hips       0  0.9    0  root
 middle     0  1.5    0  hips
@@ -64,12 +70,7 @@ hand     1.2  1.9    0  lower
 thumb   1.25  1.9  0.1  hand
 neck       0    2    0  chest
 skull      0  2.1    0  neck
-"""
-SPINE = {
-    name: (np.array(place, dtype=float), None if parent == "-" else parent)
-    for name, *place, parent in map(str.split, SPINE_TABLE.strip().splitlines())
-}
-"""Place and parent of each joint."""
+""")
 
 
 def test_nodes_without_a_skin_are_sorted_as_joints_are(build):
@@ -91,7 +92,7 @@ def test_nodes_without_a_skin_are_sorted_as_joints_are(build):
 def test_a_chest_on_which_arms_hang_is_not_the_beginning_of_the_head(build):
     """Without a neck, the head begins at the chest's joint, and the arms must not follow it."""
     joints = {name: place for name, place in SPINE.items() if name not in ("neck", "skull")}
-    joints |= {"chest": ((0, 2, 0), "middle"), "skull": ((0, 2.1, 0), "chest")}
+    joints |= rows("chest 0 2 0 middle\nskull 0 2.1 0 chest")
     _, found = sorted_by_name(build(joints), [BODY, ARM, HEAD])
     assert found["chest"] == {"trunk 1": 1}
     assert found["skull"] == {"head 0": 1}
@@ -100,17 +101,15 @@ def test_a_chest_on_which_arms_hang_is_not_the_beginning_of_the_head(build):
 
 def test_one_joint_above_hips_and_chest_does_not_tie_the_hips_to_the_chest(build):
     upper = {name: place for name, place in SPINE.items() if name not in ("root", "hips", "middle")}
-    joints = {
-        "root": SPINE["root"],
-        "body": ((0, 1.7, -0.3), "root"),
-        **upper,
-        "chest": ((0, 1.6, 0), "body"),
-        "collar": ((0.1, 1.85, 0), "body"),
-        "pelvis": ((0, 1.1, 0), "body"),
-        "hip": ((0.1, 1.05, 0), "body"),
-        "thigh": ((0.2, 1, 0), "hip"),
-        "shin": ((0.2, 0.5, 0), "thigh"),
-    }
+    joints = rows("root 0 0 0 -\nbody 0 1.7 -0.3 root") | upper
+    joints |= rows("""
+chest     0  1.6  0  body
+collar  0.1 1.85  0  body
+pelvis    0  1.1  0  body
+hip     0.1 1.05  0  body
+thigh   0.2    1  0  hip
+shin    0.2  0.5  0  thigh
+""")
     leg = limb("left leg", "0.2 1 0, 0.2 0.5 0, 0.2 0 0")
     bones, found = sorted_by_name(build(joints), [BODY, ARM, HEAD, leg])
     assert found["root"] == found["body"] == found["pelvis"] == found["hip"] == {"trunk 0": 1}
@@ -119,20 +118,18 @@ def test_one_joint_above_hips_and_chest_does_not_tie_the_hips_to_the_chest(build
 
 
 def test_of_two_joints_at_one_place_the_lower_begins_the_arm(build):
-    joints = SPINE | {"collar": ((0.3, 1.9, 0), "chest")}
-    _, found = sorted_by_name(build(joints), [BODY, ARM, HEAD])
+    _, found = sorted_by_name(build(SPINE | rows("collar 0.3 1.9 0 chest")), [BODY, ARM, HEAD])
     assert (found["collar"], found["upper"]) == ({"trunk 1": 1}, {"left arm 0": 1})
 
 
 def test_of_two_arms_at_one_place_the_one_that_moves_vertices_is_taken(build):
-    first = {"upper control": (SPINE["upper"][0], "collar"), "lower control": (SPINE["lower"][0], "upper control")}
+    first = rows("upper_control 0.3 1.9 0 collar\nlower_control 0.8 1.9 0 upper_control")
     _, found = sorted_by_name(build({name: SPINE[name] for name in list(SPINE)[:5]} | first | SPINE), [BODY, ARM, HEAD])
     assert (found["upper"], found["lower"]) == ({"left arm 0": 1}, {"left arm 1": 1})
 
 
 def test_a_target_of_inverse_kinematics_goes_with_its_hand_and_what_hangs_elsewhere_does_not(build):
-    near = (1.2, 1.9, 0.01)
-    joints = SPINE | {"grip": (near, "root"), "pole": ((0.8, 1.9, -1), "root"), "pouch": (near, "hips")}
+    joints = SPINE | rows("grip 1.2 1.9 0.01 root\npole 0.8 1.9 -1 root\npouch 1.2 1.9 0.01 hips")
     tail = limb("tail", "0 1 -0.5, 0 1 -1")
     bones, found = sorted_by_name(build(joints), [BODY, ARM, HEAD, tail])
     assert [found[name] for name in ("grip", "pole", "pouch")] == [{"left arm 2": 1}, {"trunk 0": 1}, {"trunk 0": 1}]

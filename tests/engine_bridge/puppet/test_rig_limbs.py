@@ -9,6 +9,8 @@ from engine_bridge.character.character import from_document, load_character, mak
 from engine_bridge.puppet.rig_axes import axes_of
 from engine_bridge.puppet.rig_limbs import FRONT, Joint, limbs_of_joints, rig_limbs
 
+from ..bones import points
+
 PERSON = ["trunk", "head", "left arm", "right arm", "left leg", "right leg"]
 
 NO_VERTICES = np.zeros((0, 3))
@@ -159,7 +161,7 @@ def test_rows_of_legs_are_numbered_from_the_front(names):
     joints, expected = [Joint("Root", -1, np.zeros(3), NO_VERTICES)], {}
     for row, name in enumerate(names):
         for side, sign in (("L", 1), ("R", -1)):
-            places = np.array([[0.2, 1, 0], [1, 1.6, 0], [1.3, 0.5, 0], [1.5, 0, 0]]) * [sign, 1, 1] + [0, 0, 0.3 * row]
+            places = points("0.2 1 0, 1 1.6 0, 1.3 0.5 0, 1.5 0 0") * [sign, 1, 1] + [0, 0, 0.3 * row]
             for number, place in enumerate(places[:-1]):
                 above = len(joints) - 1 if number else 0
                 held = places[-1:] if number == 2 and not name else NO_VERTICES
@@ -180,7 +182,7 @@ def test_legs_of_two_joints_may_reach_up_and_a_pole_is_no_foot():
     held, joints, expected = NO_VERTICES, [Joint("Root", -1, np.zeros(3), NO_VERTICES)], {}
     for side, sign in (("L", 1), ("R", -1)):
         for row, name in enumerate(("front", "middle", "rear")):
-            hip, knee, tip = np.array([[0.2, 1, 0], [0.6, 1.1, 0], [1.1, 1.3, 0]]) * [sign, 1, 1] - [0, 0, row]
+            hip, knee, tip = points("0.2 1 0, 0.6 1.1 0, 1.1 1.3 0") * [sign, 1, 1] - [0, 0, row]
             joints.append(Joint(f"{name}_upper_leg.{side}", 0, hip, held))
             joints.append(Joint(f"{name}_lower_leg.{side}", len(joints) - 1, knee, tip[None]))
             joints.append(Joint(f"{name}_knee.{side}", 0, tip + 1, held))

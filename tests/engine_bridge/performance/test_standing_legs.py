@@ -53,7 +53,7 @@ def test_all_legs_that_stand_step_and_the_animal_travels_in_proportion_to_the_he
 
 def test_a_raised_hand_lifts_the_front_leg_of_its_side(standing):
     made, up = steps(puppet(), standing), to_character_axes(standing)
-    up[JOINT_INDEX["hand_left"], 1] = up[JOINT_INDEX["head"], 1] + 0.3
+    up[[JOINT_INDEX["hand_left"], JOINT_INDEX["hand_right"]], 1] = up[JOINT_INDEX["head"], 1] + 0.3, 0.8
     for number in range(20):
         made.step(number / 30, up, np.ones(20, dtype=np.float32), np.tile(np.eye(4, 3), (14, 1, 1)), np.zeros(3))
     legs = [each.name for each in puppet().limbs if each.stands]

@@ -19,8 +19,6 @@ from engine_bridge.performance.performance import mirrored
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file
-from engine_bridge.puppet.puppet import BendTable, ChannelTable, MorphTable
-from engine_bridge.puppet.puppet_document import with_puppet
 from puppetline.errors import PuppetError
 from solver.motion.limbs import bones_of
 
@@ -120,28 +118,6 @@ def test_the_character_opens_its_mouth_when_the_performer_speaks(bent_puppet, li
     assert moved[quiet].max() < 1e-6
     assert moved[loud].min() > 0.2
     assert np.abs(bent.R - same.R).max(axis=(1, 2))[loud].min() > 0.01
-
-
-def test_edited_channels_are_written_into_the_file(bent_puppet):
-    text = bent_puppet.read_text() + "".join(
-        f'[[morph]]\ntarget = "{target}"\nchannel = "{channel}"\n'
-        for target, channel in (("jawOpen", "voice"), ("jawOpen", "mouth_open"), ("smile", "smile"))
-    )
-    before = puppet_file.loads(text, "a.toml")
-    limbs = list(before.limb)
-    bend = BendTable(channel="voice", degrees=12, axis="-z")
-    limbs[1] = limbs[1].model_copy(update={"bend": bend})
-    limbs[2] = limbs[2].model_copy(update={"bend": bend})
-    morphs = before.morph[1:2], MorphTable(target="jawOpen", channel="voice", gain=0.5), before.morph[2:]
-    after = before.model_copy(
-        update={
-            "limb": tuple(limbs),
-            "morph": (*morphs[0], morphs[1], *morphs[2]),
-            "channel": (ChannelTable(name="mouth_open", neutral=0.1, full=0.6),),
-        }
-    )
-    for written in (with_puppet(text, before, after), puppet_file.dumps(after)):
-        assert puppet_file.loads(written, "a.toml") == after
 
 
 @pytest.mark.parametrize(

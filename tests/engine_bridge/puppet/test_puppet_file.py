@@ -12,8 +12,6 @@ from ..refusals import refused
 from .test_puppet import CHARACTER, PUPPET
 
 WHOLE = r"""
-channel = [{name = "smile", neutral = 0.1, full = -1e9}]
-
 [character]
 mesh = "a \"dog\" \\ \u0007 é 🐕.glb"
 up = "-z"
@@ -54,6 +52,11 @@ moves = [0.0, 0.0, 0.4]
 target = "jawOpen"
 channel = "mouth_open"
 gain = 0.5
+
+[[channel]]
+name = "smile"
+neutral = 0.1
+full = -1e9
 
 [root]
 joint = "head"
@@ -101,7 +104,7 @@ def test_the_puppet_above_has_every_key_of_a_file():
     """A key that is new needs a value there."""
     keys, tables = set(re.findall(r"(\w+) = ", WHOLE)), [Puppet, *Table.__subclasses__()]
     assert {key for table in tables if table.__module__ == Puppet.__module__ for key in table.model_fields} == keys | {
-        *("character", "limb", "handle", "morph", "root", "retarget", "smoothing", "solver", "vrm")
+        *("character", "limb", "handle", "morph", "channel", "root", "retarget", "smoothing", "solver", "vrm")
     }
 
 

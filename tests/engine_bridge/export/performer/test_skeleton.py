@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from capture.body import ANKLE_HEIGHT_METRES
 from capture.skeleton import JOINT_INDEX, LIMBS, PARENTS
 from engine_bridge.export.performer.skeleton import skeleton_of
 
@@ -21,14 +20,6 @@ def test_lengths_are_the_medians_of_both_sides(motion):
     expected = length(motion.body.pose, "wrist_left") + 0.05
     assert length(found, "wrist_left") == length(found, "wrist_right") == pytest.approx(expected)
     assert length(found, "head") == pytest.approx(length(motion.body.pose, "head"))
-
-
-def test_feet_stand_on_the_floor_and_the_head_joint_is_halfway_to_its_tip(motion):
-    body = motion.body
-    assert body.pose[JOINT_INDEX["ankle_left"], 1] == pytest.approx(ANKLE_HEIGHT_METRES)
-    neck, head = (body.skeleton.heads[body.skeleton.names.index(name)] for name in ("neck", "head"))
-    assert_allclose((head + body.tips["head"]) / 2, body.pose[JOINT_INDEX["head"]], atol=1e-12)
-    assert_allclose(neck, body.pose[JOINT_INDEX["shoulder_center"]], atol=1e-12)
 
 
 def test_unknown_legs_are_those_of_a_typical_body_of_the_same_size(motion):

@@ -11,6 +11,17 @@ def points(text):
     return np.array([point.split() for point in text.split(",")], dtype=np.float64)
 
 
+def turned(puppet, axes):
+    """Return a puppet whose points are multiplied by a matrix."""
+
+    def moved(places):
+        return tuple(map(tuple, (np.array(places) @ axes).tolist()))
+
+    limbs = tuple(each.model_copy(update={"points": moved(each.points)}) for each in puppet.limb)
+    handles = tuple(each.model_copy(update={"position": moved([each.position])[0]}) for each in puppet.handle)
+    return puppet.model_copy(update={"limb": limbs, "handle": handles})
+
+
 def limb(name, text, parent="trunk"):
     """Return a limb of these points that hangs on the trunk, unless it is the trunk, or on another parent, or none."""
     places = points(text)

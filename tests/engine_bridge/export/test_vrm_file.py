@@ -12,6 +12,7 @@ from engine_bridge.puppet.puppet import VrmTable
 from engine_bridge.rigging.naming_schemes import NAMES
 from puppetline.errors import OutputError, PuppetError
 
+from ..bones import turned
 from ..refusals import refused
 
 LICENCE = "https://creativecommons.org/licenses/by/4.0/"
@@ -37,18 +38,9 @@ def avatar(limbed_puppet, blob, new_glb, tmp_path_factory):
     turn = 100 * np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])  # rows: left, up, front
     glb.show((blob.vertices @ turn).astype(np.float32), blob.faces)
     glb.save(folder / "turned.glb")
-    before = puppet_file.load(limbed_puppet)
-    limbs = [
-        limb.model_copy(update={"points": tuple(map(tuple, (np.array(limb.points) @ turn).tolist()))})
-        for limb in before.limb
-    ]
-    handles = [
-        handle.model_copy(update={"position": tuple((np.array(handle.position) @ turn).tolist())})
-        for handle in before.handle
-    ]
+    before = turned(puppet_file.load(limbed_puppet), turn)
     table = before.character.model_copy(update={"mesh": "turned.glb", "up": "z", "front": "x", "scale": 0.01})
-    turned = before.model_copy(update={"character": table, "limb": tuple(limbs), "handle": tuple(handles)})
-    puppet_file.dump(turned, folder / "turned.toml")
+    puppet_file.dump(before.model_copy(update={"character": table}), folder / "turned.toml")
     path = folder / "figure.vrm"
     return path, write_vrm(folder / "turned.toml", path, RigSettings(names="mixamo"), GIVEN)
 

@@ -83,27 +83,6 @@ def test_a_realsense_without_its_library_says_what_to_install_and_a_slow_port_is
         assert (missing.ok, missing.fix) == (False, f"Install it: {command}")
 
 
-def test_sensors_that_librealsense_finds_are_listed_with_firmware_and_usb_speed(monkeypatch):
-    about = {"name": "D435", "serial_number": "17", "firmware_version": "5.16.0.1", "usb_type_descriptor": "3.2"}
-    monkeypatch.setattr(sensors.realsense, "load_realsense", lambda _where: None)
-    monkeypatch.setattr(sensors.realsense, "plugged_in", lambda _library: [about])
-    monkeypatch.setattr(sensors.realsense, "information", lambda _library, device, name: device[name])
-    findings = [*sensors.examine()]
-    start = findings.index(Finding("librealsense", True, "installed; 1 sensor plugged in"))
-    assert findings[start + 1] == Finding("realsense:serial=17", True, "D435, firmware 5.16.0.1, USB 3.2")
-
-
-def test_sensors_that_orbbecs_sdk_finds_are_listed_with_firmware_and_usb_speed(monkeypatch):
-    about = {"name": "Femto", "serial_number": "A", "firmware_version": "1.2", "connection_type": "USB3.0"}
-    device = SimpleNamespace(**{f"get_{name}": lambda value=value: value for name, value in about.items()})
-    device.get_device_info = lambda: device
-    monkeypatch.setattr(sensors.orbbec, "load_orbbec", lambda _where: None)
-    monkeypatch.setattr(sensors.orbbec, "plugged_in", lambda _library: [device])
-    assert found(sensors.examine(), "orbbec:serial=A") == Finding(
-        "orbbec:serial=A", True, "Femto, firmware 1.2, USB3.0"
-    )
-
-
 @pytest.mark.parametrize(("kind", "package"), [("045e:02ae", "libfreenect0.5"), ("1d27:0600", "libopenni2-0")])
 def test_a_sensor_that_may_not_be_opened_is_a_finding_with_its_udev_rules(usb, monkeypatch, kind, package):
     nodes = usb(kind)
@@ -214,20 +193,6 @@ def test_a_machine_without_usb_is_no_failure(monkeypatch):
     )
 
 
-def test_sensors_that_openni2_finds_have_the_names_that_sources_have(usb, monkeypatch):
-    trouble = SourceError("openni:uri=b", found="a sensor that does not work (busy)", expected="one", fix="End it.")
-    plugged = [Sensor("Xtion", "a", "17", None), Sensor("Xtion", "b", "", trouble), Sensor("Carmine", "c", "", None)]
-    monkeypatch.setattr(openni_library, "load_openni2", lambda _where: None)
-    monkeypatch.setattr(openni_library, "list_sensors", lambda _where: plugged)
-    findings = [*sensors.examine()]
-    start = findings.index(Finding("OpenNI 2", True, "installed; 3 sensors plugged in"))
-    assert findings[start + 1 : start + 4] == [
-        Finding("openni:serial=17", True, "Xtion, also openni:uri=a"),
-        Finding("openni:uri=b", None, "Xtion, a sensor that does not work (busy)", "End it."),
-        Finding("openni:uri=c", True, "Carmine, which has no serial number"),
-    ]
-
-
 def test_nite2_is_looked_for_where_openni_looks_for_it(usb, tmp_path, monkeypatch):
     monkeypatch.setenv("NITE2_REDIST", str(tmp_path))
     assert sensors._nite() == Finding("NiTE 2", None, f"not in {tmp_path}, which NITE2_REDIST names")
@@ -240,11 +205,36 @@ def test_nite2_is_looked_for_where_openni_looks_for_it(usb, tmp_path, monkeypatc
     assert library_path() is None
 
 
-def test_libraries_that_are_there_are_asked_what_they_see(usb, monkeypatch):
+def test_libraries_that_are_there_list_the_sensors_that_they_find_by_the_names_of_their_sources(usb, monkeypatch):
+    def give(module, **functions):
+        for name, result in functions.items():
+            monkeypatch.setattr(module, name, lambda *_, result=result: result)
+
     usb("045e:02ae")
-    monkeypatch.setattr(freenect, "count_sensors", lambda _where: 2)
-    monkeypatch.setattr(sensors, "load_mediapipe", lambda: None)
-    monkeypatch.setattr(sensors, "version", {"mediapipe": "0.10.21"}.get)
+    trouble = SourceError("openni:uri=b", found="a sensor that does not work (busy)", expected="one", fix="End it.")
+    plugged = [Sensor("Xtion", "a", "17", None), Sensor("Xtion", "b", "", trouble), Sensor("Carmine", "c", "", None)]
+    intel = {"name": "D435", "serial_number": "17", "firmware_version": "5.16.0.1", "usb_type_descriptor": "3.2"}
+    about = {"name": "Femto", "serial_number": "A", "firmware_version": "1.2", "connection_type": "USB3.0"}
+    femto = SimpleNamespace(**{f"get_{name}": lambda value=value: value for name, value in about.items()})
+    femto.get_device_info = lambda: femto
+    give(freenect, count_sensors=2)
+    give(openni_library, load_openni2=None, list_sensors=plugged)
+    give(sensors.realsense, load_realsense=None, plugged_in=[intel])
+    monkeypatch.setattr(sensors.realsense, "information", lambda _library, device, name: device[name])
+    give(sensors.orbbec, load_orbbec=None, plugged_in=[femto])
+    give(sensors, load_mediapipe=None, version="0.10.21")
+    expected = [
+        Finding("libfreenect", True, "installed; 2 Kinect v1 plugged in"),
+        Finding("OpenNI 2", True, "installed; 3 sensors plugged in"),
+        Finding("openni:serial=17", True, "Xtion, also openni:uri=a"),
+        Finding("openni:uri=b", None, "Xtion, a sensor that does not work (busy)", "End it."),
+        Finding("openni:uri=c", True, "Carmine, which has no serial number"),
+        Finding("librealsense", True, "installed; 1 sensor plugged in"),
+        Finding("realsense:serial=17", True, "D435, firmware 5.16.0.1, USB 3.2"),
+        Finding("Orbbec SDK", True, "installed; 1 sensor plugged in"),
+        Finding("orbbec:serial=A", True, "Femto, firmware 1.2, USB3.0"),
+        Finding("MediaPipe", True, "0.10.21"),
+    ]
     findings = [*sensors.examine()]
-    assert found(findings, "libfreenect") == Finding("libfreenect", True, "installed; 2 Kinect v1 plugged in")
-    assert found(findings, "MediaPipe") == Finding("MediaPipe", True, "0.10.21")
+    start = findings.index(expected[0])
+    assert findings[start : start + len(expected)] == expected

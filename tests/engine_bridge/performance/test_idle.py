@@ -24,10 +24,3 @@ def test_an_idle_motion_loops_without_a_seam(idle, blob_rig):
     assert max(steps) < 0.03 * blob_rig.mesh.diagonal
     assert np.ptp([places.targets for places in shown], axis=0).max() > 0.05 * blob_rig.mesh.diagonal
     assert np.linalg.norm([places.root for places in shown], axis=1).max() > 0.01
-
-
-def test_an_idle_motion_repeats_itself(idle):
-    period = len(idle.targets) / idle._fps
-    for second in (0.0, 1.234, period - 0.001):
-        for ours, again in zip(idle.at(second), idle.at(second + 3 * period), strict=True):
-            np.testing.assert_allclose(ours, again, atol=1e-9)

@@ -10,6 +10,7 @@ from engine_bridge.performance.rig import make_rig
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.puppet import CharacterTable, RetargetTable, RootTable
 
+from ..bones import turned
 from ..export.conftest import solved_places
 from .test_retargeting import RAW, changed
 
@@ -80,16 +81,10 @@ def test_a_character_that_stands_otherwise_or_in_another_unit_in_its_file_plays_
     upright = changed(puppet, retarget=RetargetTable(scale=scale), root=RootTable(axes="xyz"))
     table = CharacterTable(mesh="a", up=up, front=front, scale=unit)
     turn = table.basis / unit  # rows: where left, up and front go
-    turned = changed(
-        upright,
-        character=table,
-        handle=tuple(
-            handle.model_copy(update={"position": tuple(np.array(handle.position) @ turn)}) for handle in puppet.handle
-        ),
-    )
+    lying = changed(turned(upright, turn), character=table)
     takes = dance(15)
     vertices, root = play(rig, upright, frames(takes), standing)
-    other, other_root = play(rig_of(turned, turn), turned, frames(takes), standing)
+    other, other_root = play(rig_of(lying, turn), lying, frames(takes), standing)
     assert_allclose(other, vertices @ turn, atol=1e-4 * rig.mesh.diagonal / unit)
     assert_allclose(other_root, root @ turn, atol=1e-9 / unit)
     assert np.abs(vertices - vertices[0]).max() > 0.03 * rig.mesh.diagonal

@@ -6,14 +6,14 @@ from scipy.spatial.transform import Rotation
 from engine_bridge.puppet.puppet import CharacterTable, HandleTable, LimbTable, Puppet
 from engine_bridge.rigging.skeleton import Skeleton, from_t_pose
 
-from ..bones import in_world, points
+from ..bones import in_world, points, turned
 
 JOINTS = ("hip_center", "spine", "shoulder_center", "head")
 
 
-def limb(name, places):
-    """Return the table of a limb, whose points are an array or a text."""
-    places = points(places) if isinstance(places, str) else places
+def limb(name, text):
+    """Return the table of a limb."""
+    places = points(text)
     return LimbTable(name=name, points=tuple(map(tuple, places.tolist())), joints=JOINTS[: len(places)])
 
 
@@ -74,10 +74,9 @@ def test_posed_joints_are_where_their_bones_take_them():
 @pytest.mark.parametrize(("up", "front"), [("y", "z"), ("z", "-y"), ("x", "y")])
 def test_the_turn_from_the_t_pose_takes_its_directions_to_those_at_rest_in_character_axes(up, front):
     character = CharacterTable(mesh="a.glb", up=up, front=front)
-    limbs = tuple(limb(each.name, np.array(each.points) @ character.basis) for each in A_POSED.limb)
-    turned = A_POSED.model_copy(update={"character": character, "limb": limbs, "handle": ()})
-    joints = Skeleton.along_bones(turned).joints
-    turns = {joint.name: turn for joint, turn in zip(joints, from_t_pose(turned, joints), strict=True)}
+    lying = turned(A_POSED, character.basis).model_copy(update={"character": character, "handle": ()})
+    joints = Skeleton.along_bones(lying).joints
+    turns = {joint.name: turn for joint, turn in zip(joints, from_t_pose(lying, joints), strict=True)}
     down_left = np.array([1, -1, 0]) / np.sqrt(2)
     for name in ("leftUpperArm", "leftLowerArm", "leftHand"):
         assert_allclose(turns[name] @ [1, 0, 0], down_left, atol=1e-12)

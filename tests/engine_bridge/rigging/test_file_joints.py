@@ -17,7 +17,6 @@ def names(rig):
 @pytest.mark.parametrize(
     ("name", "expected"),
     [
-        ("kaykit_Knight", {"hips": "hips", "spine": "spine", "chest": "chest", "leftHand": "wrist.l", "head": "head"}),
         (
             "quaternius_Adventurer",
             {

@@ -65,8 +65,9 @@ def test_a_line_that_does_not_fit_is_named(cube, written, line, instead, place):
     assert refused_place(MeshError, path, read, path) == f"line {place}"
 
 
-def test_a_text_without_facets_is_refused(written):
-    refused(MeshError, read, written("a.stl", "solid a\nendsolid a\n"))
+def test_a_text_without_facets_or_that_ends_within_one_is_refused(cube, written):
+    for content in ("solid a\nendsolid a\n", text(cube)[:150]):
+        refused(MeshError, read, written("a.stl", content))
 
 
 def test_a_text_that_ends_after_a_facet_or_has_further_lines_is_read_with_a_note(cube, written):

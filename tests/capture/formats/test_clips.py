@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from capture.formats._clips import build_clip, clips_by_performer, frame_rate
-from capture.formats.options import ReadOptions
+from capture.formats._clips import build_clip, clips_by_performer
 from capture.skeleton import SkeletonFrame
 from puppetline.errors import SkeletonLogError
 
@@ -37,13 +36,6 @@ def test_a_joint_at_the_sensor_or_without_confidence_is_lost():
     _, clip = build([0.0], positions, confidence)
     assert np.flatnonzero(clip.confidence[0] == 0).tolist() == [4, 7]
     assert np.flatnonzero(np.isnan(clip.positions[0]).all(axis=1)).tolist() == [4, 7]
-
-
-def test_an_assumed_frame_rate_is_noted():
-    assert frame_rate(ReadOptions(fps=24.0), 15.0) == (24.0, ())
-    rate, (note,) = frame_rate(ReadOptions(), 15.0)
-    assert rate == 15.0
-    assert "15 frames per second" in note
 
 
 def frame(time, user, confidence=1):

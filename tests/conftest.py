@@ -9,6 +9,7 @@ import os
 import pickle
 import shutil
 import subprocess
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
@@ -382,3 +383,31 @@ def play(node: Callable[..., str], tmp_path: Path) -> Callable[[Path, int], Play
         )
 
     return run
+
+
+@pytest.fixture(scope="session")
+def interpreted() -> Callable[[str], ModuleType]:
+    """Return a function that loads a module whose compiled functions are plain Python functions.
+
+    Tests of single functions with numbers computed by hand need no machine code; that machine code does the same is
+    seen wherever the functions are used.
+    """
+
+    from puppetline import compiled as compiled_module  # it loads Numba, which reads the folder of compiled code
+
+    def plain(function: Callable[..., Any] | None = None, **_options: Any) -> Any:
+        return function or (lambda each: each)
+
+    def load(name: str) -> ModuleType:
+        room = name.partition(".")[0]
+        compiled = {each: sys.modules.pop(each) for each in list(sys.modules) if each.partition(".")[0] == room}
+        try:
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(compiled_module, "compiled", plain)
+                return importlib.import_module(name)
+        finally:
+            for each in [each for each in sys.modules if each.partition(".")[0] == room]:
+                del sys.modules[each]
+            sys.modules.update(compiled)
+
+    return load

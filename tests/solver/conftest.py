@@ -1,7 +1,5 @@
 """Small characters, and plain loops that say what the vectorised code must give."""
 
-import importlib
-import sys
 import tracemalloc
 
 import igl
@@ -9,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from puppetline import compiled as compiled_module
 from solver.model import reduced_model
 from solver.surface.mesh import SolverMesh, weld
 
@@ -132,29 +129,3 @@ def allocated():
         return max(peaks[50:])  # the first few make what Python and Numba keep for every later call
 
     return peak
-
-
-@pytest.fixture(scope="session")
-def interpreted():
-    """Return a function that loads a module of the solver whose compiled functions are plain Python functions.
-
-    Tests of single functions with numbers computed by hand need no machine code; that machine code does the same is
-    seen wherever the functions are used.
-    """
-
-    def plain(function=None, **_options):
-        return function or (lambda each: each)
-
-    def load(name):
-        ours = {each for each in sys.modules if each.partition(".")[0] == "solver"}
-        compiled = {each: sys.modules.pop(each) for each in ours}
-        try:
-            with pytest.MonkeyPatch.context() as patch:
-                patch.setattr(compiled_module, "compiled", plain)
-                return importlib.import_module(name)
-        finally:
-            for each in [each for each in sys.modules if each.partition(".")[0] == "solver"]:
-                del sys.modules[each]
-            sys.modules.update(compiled)
-
-    return load

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-HEIGHT, PIXELS_PER_METRE, WRIST = 360, 900.0, np.array([180.0, 240.0])
+HEIGHT, PIXELS_PER_METRE, WRIST = 240, 600.0, np.array([120.0, 160.0])
 KNUCKLES = ((-0.032, 0.088), (-0.010, 0.094), (0.012, 0.090), (0.032, 0.080))
 BONES = ((0.042, 0.025, 0.020), (0.046, 0.029, 0.021), (0.043, 0.027, 0.020), (0.034, 0.020, 0.018))
 SPREAD_DEGREES = (-10, -2, 6, 16)
@@ -12,11 +12,15 @@ THUMB = np.array([[-0.015, 0.01, 0], [-0.048, 0.045, -0.01], [-0.066, 0.068, -0.
 
 
 def landmarks(bend):
-    """Return the landmarks (21, 3) in metres: x to the right, y up, z away from the camera, the wrist at 0."""
+    """Return the landmarks (21, 3) in metres: x to the right, y up, z away from the camera, the wrist at 0.
+
+    Joints bend by some degrees, those of all four fingers or of each.
+    """
     points = np.zeros((21, 3))
     points[1:5] = THUMB
+    bends = np.broadcast_to(np.radians(bend), 4)
     for finger, (knuckle, bones, spread) in enumerate(zip(KNUCKLES, BONES, np.radians(SPREAD_DEGREES), strict=True)):
-        angles = np.radians(bend) * np.arange(1, 4)
+        angles = bends[finger] * np.arange(1, 4)
         sideways = spread * np.cos(angles)
         along = np.column_stack([np.sin(sideways) * np.cos(angles), np.cos(sideways) * np.cos(angles), -np.sin(angles)])
         points[5 + 4 * finger] = (*knuckle, 0)
@@ -33,7 +37,7 @@ def draw(bend, turned=0.0, size=1.0):
     """
     points = landmarks(bend)
     parts = [(np.array([0, -0.2, 0]), np.array([0, -0.005, 0]), 0.030, 0.026, None)]
-    for u in np.linspace(0, 3, 25):  # the palm
+    for u in np.linspace(0, 3, 13):  # the palm
         top = np.array([np.interp(u, range(4), points[5::4, axis]) for axis in range(3)])
         parts.append((np.array([0.6 * top[0], 0.007, 0]), top - np.array([0, 0.004, 0]), 0.015, 0.012, None))
     for first in (1, 5, 9, 13, 17):
@@ -76,15 +80,3 @@ def body(size=1.0):
     for index, (x, y) in {13: (0, -0.25), 15: (0, 0), 17: KNUCKLES[3], 19: KNUCKLES[0]}.items():
         points[index] = WRIST + PIXELS_PER_METRE * np.array([x, -y])
     return size * points
-
-
-def four(*bends):
-    """Return an image of four hands side by side, and landmarks (33, 2) of a body that ends in the two in the middle.
-
-    From the left: the left hand of somebody else, the performer's right and left one, another right one.
-    """
-    narrow = slice(70, 290)
-    tiles = [draw(bend)[:, narrow][:, :: (1, -1)[k % 2]] for k, bend in enumerate(bends)]
-    points, width = body() - [narrow.start, 0], narrow.stop - narrow.start
-    points[[14, 16, 18, 20]] = [width - 1, 0] + points[[13, 15, 17, 19]] * [-1, 1]
-    return np.hstack(tiles), points + np.where(np.arange(33) % 2, 2, 1)[:, None] * [width, 0]

@@ -1,11 +1,13 @@
 """Depths of joints in constructed images: a patch of skin for each joint, in front of a wall."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS, TRACKED
 from capture.trackers import joint_depth
-from capture.trackers.joint_depth import PARENT_INDICES, SKIN_TO_JOINT_METRES, measure_depths
+from capture.trackers.joint_depth import PARENT_INDICES, SKIN_TO_JOINT_METRES
 from capture.trackers.picture import Lens
 from capture.trackers.placing import warm_up
 
@@ -58,12 +60,17 @@ def patch(depth, joint, metres, beside=0):
     depth[rows, column - PATCH + beside : column + PATCH + 1 + beside] = round(metres, 3)
 
 
-def measured(depth, joints=BODY, estimated=ESTIMATE, confidence=TRACKED_ALL, scale=1.0):
+@pytest.fixture(scope="module", name="measured")
+def _measured(interpreted):
     """Measure the depths of joints at their true pixels; the tracker's estimate (20,) and bones have another scale."""
+    return partial(measure, interpreted("capture.trackers.joint_depth"))
+
+
+def measure(module, depth, joints=BODY, estimated=ESTIMATE, confidence=TRACKED_ALL, scale=1.0):
     bones = np.zeros(20)
     bones[1:] = np.linalg.norm(joints[1:] - joints[PARENT_INDICES[1:]], axis=1)
-    rays = joints / joints[:, 2:]
-    return measure_depths(depth, LENS.focal, LENS.project(joints), rays, estimated / scale, bones / scale, confidence)
+    pixels, rays = LENS.project(joints), joints / joints[:, 2:]
+    return module.measure_depths(depth, LENS.focal, pixels, rays, estimated / scale, bones / scale, confidence)
 
 
 @pytest.mark.parametrize(
@@ -71,7 +78,7 @@ def measured(depth, joints=BODY, estimated=ESTIMATE, confidence=TRACKED_ALL, sca
     [(ESTIMATE, 1.0), (ESTIMATE, 1.25), *((changed(ESTIMATE, {ANKLE: bent, FOOT: bent}), 1.0) for bent in (0.4, -0.4))],
 )
 def test_a_joint_is_half_its_thickness_behind_the_skin_also_of_a_limb_that_is_wrongly_estimated_as_bent(
-    estimated, scale
+    measured, estimated, scale
 ):
     depths, known, found = measured(drawn(), estimated=estimated, scale=scale)
     assert known.all()
@@ -80,7 +87,7 @@ def test_a_joint_is_half_its_thickness_behind_the_skin_also_of_a_limb_that_is_wr
 
 
 @pytest.mark.parametrize(("length", "found"), [(1.38, True), (1.42, False)])
-def test_no_joint_is_farther_from_its_parent_than_1_4_bone_lengths(length, found):
+def test_no_joint_is_farther_from_its_parent_than_1_4_bone_lengths(measured, length, found):
     ray, knee = BODY[ANKLE] / BODY[ANKLE, 2], BODY[KNEE]
     shin = np.linalg.norm(BODY[ANKLE] - knee)
     _, z = sorted(np.roots([ray @ ray, -2 * ray @ knee, knee @ knee - (length * shin) ** 2]))
@@ -91,7 +98,7 @@ def test_no_joint_is_farther_from_its_parent_than_1_4_bone_lengths(length, found
 
 
 @pytest.mark.parametrize(("metres", "beside"), [(1.0, PATCH), (2.3, PATCH + 4)])
-def test_a_joint_is_behind_the_nearest_plausible_surface_in_a_quarter_of_the_window(metres, beside):
+def test_a_joint_is_behind_the_nearest_plausible_surface_in_a_quarter_of_the_window(measured, metres, beside):
     """Another hand in front of half of the wrist, or a column at the window's edge, near enough to be the wrist."""
     depth = drawn()
     patch(depth, BODY[WRIST], metres, beside)
@@ -100,7 +107,7 @@ def test_a_joint_is_behind_the_nearest_plausible_surface_in_a_quarter_of_the_win
     assert depths[WRIST] == pytest.approx(BODY[WRIST, 2], abs=5e-4)
 
 
-def test_a_joint_without_depth_keeps_its_estimated_offset_from_the_parent():
+def test_a_joint_without_depth_keeps_its_estimated_offset_from_the_parent(measured):
     depth = drawn()
     patch(depth, BODY[HAND], 0.0)
     # the wrist is wrong, as depth tells, and the hand 7 cm before it
@@ -109,14 +116,14 @@ def test_a_joint_without_depth_keeps_its_estimated_offset_from_the_parent():
     assert depths[HAND] == pytest.approx(depths[WRIST] - 0.07 * scale, abs=1e-9)
 
 
-def test_hidden_joints_and_joints_outside_the_image_have_no_measured_depth():
+def test_hidden_joints_and_joints_outside_the_image_have_no_measured_depth(measured):
     assert not measured(drawn(), confidence=changed(TRACKED_ALL, {WRIST: -0.51}))[1][WRIST]
     away = changed(BODY, {HAND: [-1.0, 0, 0]})
     assert LENS.project(away[HAND])[0] >= LENS.width
     np.testing.assert_array_equal(np.flatnonzero(~measured(drawn(), away)[1]), [HAND])
 
 
-def test_too_few_joints_with_depth_give_no_result():
+def test_too_few_joints_with_depth_give_no_result(measured):
     depth = np.zeros((LENS.height, LENS.width), np.float32)
     assert measured(depth) is None
     for joint in range(4):
@@ -124,16 +131,16 @@ def test_too_few_joints_with_depth_give_no_result():
     assert measured(depth, confidence=TRACKED_ALL * (np.arange(20) < 4)) is None
 
 
-def test_arrays_of_any_layout_give_the_same_without_compiling_again():
+@pytest.mark.usefixtures("camera")  # which needs the compiled function
+def test_arrays_of_any_layout_give_the_same_without_compiling_again(measured):
     depth = drawn()
     warm_up()
-    compiled = list(joint_depth._measure.signatures)
-    expected = measured(depth)
+    compiled, expected = list(joint_depth._measure.signatures), measured(depth)
     locked = depth.copy()
     locked.flags.writeable = False
     for same in (locked, np.asfortranarray(depth), np.repeat(depth, 2, axis=1)[:, ::2]):
-        for one, other in zip(measured(same), expected, strict=True):
-            np.testing.assert_array_equal(one, other)
+        for one, other in zip(measure(joint_depth, same), expected, strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-12)
     assert joint_depth._measure.signatures == compiled
 
 

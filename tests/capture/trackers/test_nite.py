@@ -117,20 +117,6 @@ def look(open_nite):
 
 
 @pytest.fixture
-def track(stand_in, look, body):
-    """Show a user with `body` until NiTE2 has calibrated them; return the performer."""
-
-    def tracked(confidence=1.0):
-        stand_in.show(4, NEW, CALIBRATED, body, confidence)
-        assert look(1.0) == []  # calibration has only started
-        [person] = look(1.1)
-        assert person.user == 4
-        return person
-
-    return tracked
-
-
-@pytest.fixture
 def body(performer):
     """(15, 3) joints of `performer` in NiTE2's coordinates: millimetres, x to the right of the image."""
     return performer[OURS] * [-1000, 1000, 1000]
@@ -158,11 +144,19 @@ def opened(sensor, monkeypatch):
     source._done.wait(10)
 
 
-def test_a_calibrated_user_is_a_performer_with_the_librarys_positions_and_confidence(track, performer):
+def test_calibrated_users_are_performers_with_the_librarys_joints_and_those_between_them(
+    stand_in, look, body, performer
+):
     confidence = np.linspace(0.6, 1.0, 15)
-    person = track(confidence)
-    np.testing.assert_allclose(person.positions[OURS], performer[OURS], atol=1e-6)
-    np.testing.assert_array_equal(person.confidence[OURS], confidence.astype(np.float32))
+    stand_in.add(4, NEW, CALIBRATED, body)
+    stand_in.add(5, NEW, CALIBRATED, body + np.array([800, 0, 0]), confidence)
+    stand_in.add(6, NEW, CALIBRATING, body)
+    assert look(1.0) == []  # calibration has only started
+    first, second = look(1.1)
+    assert (first.user, second.user) == (4, 5)
+    assert_of_fifteen(first.positions, first.confidence, performer)
+    np.testing.assert_allclose(second.positions, first.positions - [0.8, 0, 0], atol=1e-6)
+    np.testing.assert_array_equal(second.confidence[OURS], confidence.astype(np.float32))
 
 
 def test_sides_of_a_sensor_that_stays_mirrored_are_the_performers_own(sensor, stand_in, open_nite, body):
@@ -176,17 +170,14 @@ def test_sides_of_a_sensor_that_stays_mirrored_are_the_performers_own(sensor, st
     np.testing.assert_allclose(person.positions[JOINT_INDEX["hand_left"]], [-0.5, 0.2, 2.0], atol=1e-6)
 
 
-def test_joints_that_the_library_lacks_are_interpolated_and_inferred(track, performer):
-    person = track()
-    assert_of_fifteen(person.positions, person.confidence, performer)
-
-
 @pytest.mark.parametrize(("sure", "factor"), [(0, 1), (1, np.nan)])
-def test_a_lost_joint_also_loses_the_joint_interpolated_from_it(track, body, sure, factor):
+def test_a_lost_joint_also_loses_the_joint_interpolated_from_it(stand_in, look, body, sure, factor):
     confidence = np.ones(15)
     confidence[LEFT_HAND] = sure
     body[LEFT_HAND] *= factor
-    person = track(confidence)
+    stand_in.show(4, NEW, CALIBRATED, body, confidence)
+    look(1.0)
+    [person] = look(1.1)
     lost = [name for name, k in JOINT_INDEX.items() if person.confidence[k] == LOST]
     assert lost == ["wrist_right", "hand_right"]
 
@@ -217,16 +208,6 @@ def test_uncalibrated_users_have_no_joints_and_the_log_says_why_once(stand_in, l
         "NiTE2: user 1 is being calibrated: stand upright and face the sensor",
         "NiTE2: user 1 cannot be calibrated: the legs are not in view",
     ]
-
-
-def test_several_users_are_several_performers(stand_in, look, body):
-    stand_in.add(1, NEW, CALIBRATED, body)
-    stand_in.add(2, NEW, CALIBRATED, body + np.array([800, 0, 0]))
-    stand_in.add(3, NEW, CALIBRATING, body)
-    look(1.0)
-    first, second = look(1.1)
-    assert (first.user, second.user) == (1, 2)
-    np.testing.assert_allclose(second.positions - first.positions, np.tile([-0.8, 0, 0], (20, 1)), atol=1e-6)
 
 
 def test_an_image_that_the_library_does_not_process_is_an_error(stand_in, look, monkeypatch):

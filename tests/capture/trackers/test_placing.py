@@ -7,7 +7,6 @@ from capture import body
 from capture.skeleton import INFERRED, JOINT_INDEX, OPPOSITE, PARENTS, TRACKED
 from capture.trackers.joint_depth import SKIN_TO_JOINT_METRES
 from capture.trackers.picture import Lens
-from capture.trackers.placing import BodyPlacer, distance_of
 
 from .. import bodies
 
@@ -56,18 +55,30 @@ def around(joint, up, down, left, right):
     return np.s_[row - up : row + down, column - left : column + right]
 
 
+@pytest.fixture(scope="module")
+def placing(interpreted):
+    return interpreted("capture.trackers.placing")
+
+
+@pytest.fixture
+def BodyPlacer(placing):  # noqa: N802
+    return placing.BodyPlacer
+
+
 def placed(placer, depth=None, time=0.0, pixels=None, posture=POSTURE, confidence=TRACKED_ALL):
     return placer.place(time, LENS, LENS.project(TRUTH) if pixels is None else pixels, posture, confidence, depth)
 
 
 @pytest.mark.parametrize("place", [(0.0, 0.0, 2.0), (0.8, -0.3, 3.5), (-1.5, 0.4, 1.2)])
-def test_the_distance_of_a_posture_is_exact(place):
+def test_the_distance_of_a_posture_is_exact(placing, place):
     posture = TRUTH - TRUTH[0]
     joints = posture + place
-    assert distance_of(posture, joints / joints[:, 2:], np.linspace(0.1, 1, 20)) == pytest.approx(place[2], abs=1e-6)
+    assert placing.distance_of(posture, joints / joints[:, 2:], np.linspace(0.1, 1, 20)) == pytest.approx(
+        place[2], abs=1e-6
+    )
 
 
-def test_the_height_determines_the_scale_without_depth():
+def test_the_height_determines_the_scale_without_depth(BodyPlacer):
     positions, confidence = placed(BodyPlacer(body.height(TRUTH)))
     np.testing.assert_allclose(positions, TRUTH, atol=1e-5)
     np.testing.assert_array_equal(confidence, TRACKED_ALL)
@@ -76,7 +87,7 @@ def test_the_height_determines_the_scale_without_depth():
     np.testing.assert_allclose(tall, small * (2.0 - crown_and_soles) / (1.4 - crown_and_soles))
 
 
-def test_height_and_sides_are_exact_and_bones_keep_their_lengths_for_noisy_estimates():
+def test_height_and_sides_are_exact_and_bones_keep_their_lengths_for_noisy_estimates(BodyPlacer):
     rng, placer = np.random.default_rng(1), BodyPlacer(1.6)
     for k in range(60):
         noisy = {
@@ -96,7 +107,7 @@ def test_height_and_sides_are_exact_and_bones_keep_their_lengths_for_noisy_estim
     assert spread[1].max() < 0.1
 
 
-def test_the_estimated_distance_is_smoothed_with_a_time_constant_of_0_1_s():
+def test_the_estimated_distance_is_smoothed_with_a_time_constant_of_0_1_s(BodyPlacer):
     placer, farther = BodyPlacer(body.height(TRUTH)), TRUTH + np.array([0, 0, 1.2])
     placed(placer)
     for k in range(1, 7):
@@ -104,7 +115,7 @@ def test_the_estimated_distance_is_smoothed_with_a_time_constant_of_0_1_s():
     assert positions[0, 2] == pytest.approx(farther[0, 2] - 1.2 * np.exp(-3), abs=1e-3)
 
 
-def test_depth_places_joints_exactly_whatever_the_height_and_the_scale_outlasts_the_depth():
+def test_depth_places_joints_exactly_whatever_the_height_and_the_scale_outlasts_the_depth(BodyPlacer):
     placer, depth = BodyPlacer(1.2), depth_of()
     depth[around(KNEE, 20, 20, -1, 20)] = 4.5  # a wall beside a thin limb
     positions, confidence = placed(placer, depth)
@@ -113,7 +124,7 @@ def test_depth_places_joints_exactly_whatever_the_height_and_the_scale_outlasts_
     np.testing.assert_allclose(placed(placer, time=0.1)[0], TRUTH, atol=0.01)
 
 
-def test_a_joint_without_depth_is_inferred_at_its_estimate():
+def test_a_joint_without_depth_is_inferred_at_its_estimate(BodyPlacer):
     depth = depth_of(without=[HAND])
     depth[around(HEAD, 60, 20, 40, 40)] = 1.0  # an object in front of the face
     positions, confidence = placed(BodyPlacer(1.7), depth)
@@ -123,7 +134,7 @@ def test_a_joint_without_depth_is_inferred_at_its_estimate():
     np.testing.assert_allclose(positions, TRUTH, atol=0.01)
 
 
-def test_depth_does_not_move_a_hidden_joint():
+def test_depth_does_not_move_a_hidden_joint(BodyPlacer):
     hidden, moved = TRACKED_ALL.copy(), depth_of()
     hidden[HAND] = 0.3
     moved[around(HAND, 8, 9, 8, 9)] -= 100
@@ -132,7 +143,7 @@ def test_depth_does_not_move_a_hidden_joint():
     np.testing.assert_allclose(positions[HAND], TRUTH[HAND], atol=0.01)
 
 
-def test_an_empty_depth_image_is_like_none_and_pixels_that_no_body_can_have_give_no_result():
+def test_an_empty_depth_image_is_like_none_and_pixels_that_no_body_can_have_give_no_result(BodyPlacer):
     empty = np.zeros((LENS.height, LENS.width), np.float32)
     for with_it, without in zip(placed(BodyPlacer(1.7), empty), placed(BodyPlacer(1.7)), strict=True):
         np.testing.assert_array_equal(with_it, without)

@@ -31,14 +31,14 @@ def make_frame(k, user=1):
     return SkeletonFrame(k / 30, user, positions, confidence, channels=channels)
 
 
-def performance(count):
+def performance():
     """Return frames of two performers, and all other events between them."""
     state = {"dog": {"rest": [[0.1, 1 / 3, -0.0], None], "mirror": True, "since": 1e-320}}  # floats of every kind
     yield Cue(0.0, "stage", {"characters": state, "level": {}})
-    for k in range(count):
-        yield make_frame(k, user=1 + k % 2)
+    for k in range(2):
+        yield make_frame(k, user=1 + k)
         yield Tick(k / 30)
-        if k % 4 == 1:
+        if k:
             yield Lost(k / 30, user=2)
             yield Lost(k / 30, user=2, again=True)
             yield Cue(k / 30, "mirror", {"character": "dog", "rest": {"of": [k / 7, None, {"é": "}"}]}})
@@ -109,11 +109,6 @@ def test_a_disk_that_fails_to_sync_is_reported_at_the_next_frame_or_the_end(
     recorder.close()
 
 
-def test_every_kind_of_event_reads_back_to_the_bit(tmp_path):
-    written = list(performance(40))
-    assert_reads_back(record(tmp_path / "take", written), written)
-
-
 @given(
     positions=arrays(np.float64, (len(JOINTS), 3), elements=st.floats(-1000, 1000) | st.just(np.nan)),
     confidence=arrays(np.float32, len(JOINTS), elements=st.floats(0, 1, width=32)),
@@ -145,10 +140,10 @@ def test_values_that_json_lacks_are_refused_before_writing(tmp_path, wrong):
 def test_cut_off_at_any_byte_a_take_keeps_its_complete_lines_and_can_be_continued(tmp_path, monkeypatch):
     """The lines contain nested objects, so many cut-off lines end in a brace."""
     monkeypatch.setattr(os, "fsync", lambda _: None)  # thousands of calls take long
-    written, cut = list(performance(2)), tmp_path / "cut"
+    written, cut = list(performance()), tmp_path / "cut"
     whole = record(tmp_path / "whole", written).read_bytes()
     # after each brace and line feed, by which readers know the end of a line, and every fifth byte
-    sizes = [size for size in range(len(whole)) if size % 5 == 0 or whole[size - 1 : size] in (b"}", b"\n")]
+    sizes = [size for size in range(len(whole) + 1) if size % 5 == 0 or whole[size - 1 : size] in (b"}", b"\n")]
     for size in sizes:
         cut.write_bytes(whole[:size])
         complete = written[: max(0, whole[:size].count(b"\n") - 1)]

@@ -59,9 +59,9 @@ class Card:
         self.closed_in = threading.current_thread()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("seconds", "drift", "jitter"), [(600, 1e-4, 0.004), (200, -3e-4, 0.0)])
-def test_claps_of_ten_minutes_are_within_20_ms_although_the_clock_drifts(seconds, drift, jitter, tmp_path):
+@pytest.mark.parametrize(("drift", "jitter"), [(3e-4, 0.004), (-3e-4, 0.0)])
+def test_claps_are_within_20_ms_although_the_clock_drifts_by_more(drift, jitter, tmp_path):
+    seconds = 100
     sound = SoundInput(lambda: Card(claps(seconds, drift, jitter)))
     sound.record(tmp_path / "a.wav")
     sound.take_in()

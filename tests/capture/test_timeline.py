@@ -2,8 +2,6 @@ import numpy as np
 import pytest
 
 from capture.clip import SkeletonClip
-from capture.formats import msrc12
-from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX
 from capture.timeline import choose, resample
 from puppetline.errors import SkeletonLogError
@@ -40,13 +38,6 @@ def test_interpolates_linearly_with_the_lower_confidence():
     x = np.array([0.0, 0.4, 0.8, 1.4, 2.2, 3.0])
     np.testing.assert_allclose(timeline.positions[:, SPINE, :2], np.stack([x, 10 * x], axis=1), rtol=0, atol=1e-11)
     np.testing.assert_array_equal(timeline.confidence[:, [SPINE, HEAD]].T, [6 * [1], 3 * [1] + 3 * [0.5]])
-
-
-def test_a_straight_motion_at_irregular_times_keeps_its_speed():
-    times = np.cumsum(np.random.default_rng(2).uniform(0.005, 0.24, 300))
-    timeline = resample(clip(times, 2.0 * times), fps=60.0)
-    np.testing.assert_allclose(timeline.positions[:, 0, 0], 2.0 * (timeline.times + times[0]), rtol=0, atol=1e-9)
-    assert timeline.confidence.min() == 1.0
 
 
 def test_a_gap_of_just_max_gap_is_bridged_and_a_longer_one_is_held_and_reported():
@@ -119,14 +110,3 @@ def test_the_performer_tracked_in_most_frames_or_the_requested_one_is_chosen():
     assert (caught.value.where, caught.value.found) == ("the test recording, user", "no user 5")
     with pytest.raises(SkeletonLogError):
         choose([])
-
-
-def test_the_two_second_hole_of_a_real_recording_is_held(real_logs):
-    (recorded,) = msrc12.read(real_logs / "msrc12" / "P1_1_1_p06.csv", ReadOptions())
-    timeline = resample(recorded)
-    ((start, end),) = timeline.gaps
-    assert end - start == pytest.approx(2.034, abs=5e-4)
-    hole = (timeline.times > start + 1e-3) & (timeline.times < end - 1e-3)
-    assert (timeline.positions[hole] == timeline.positions[hole][0]).all()
-    np.testing.assert_array_equal(timeline.confidence > 0, np.repeat(~hole[:, None], 20, axis=1))
-    assert timeline.held == 20 * hole.sum() == 20 * 61

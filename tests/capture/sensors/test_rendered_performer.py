@@ -6,15 +6,10 @@ import numpy as np
 import pytest
 from puppetline.examples.performances import clean
 
-from capture.events import Cue
-from capture.sensor_tilt import SensorTilt
-from capture.sensors import realsense
-from capture.sensors.depth_camera import Selection
-from capture.skeleton import SkeletonFrame
 from capture.sources.registry import open_source
 from capture.trackers.mediapipe import MediaPipePose
 
-from ..conftest import Watched, read
+from ..conftest import Watched
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("camera")]
 
@@ -73,34 +68,4 @@ def test_joints_through_openni2_have_the_true_positions_and_the_times_of_their_i
     assert [(frame.user, frame.time) for frame in frames] == [(1, pytest.approx(time)) for time in times]
     positions = np.stack([frame.positions for frame in frames])
     np.testing.assert_array_equal(positions, tracked([shot.picture for shot in shown]))
-    check_joints(rendered_body, positions, shown)
-
-
-@pytest.mark.usefixtures("standing")
-def test_joints_of_a_recording_are_those_of_the_recorded_images(only_sensor, shown, record, tmp_path, rendered_body):
-    record(only_sensor, tmp_path / "take.oni", [(shot.picture.depth, shot.picture.color) for shot in shown], step=STEP)
-    with closing(open_source("openni:file=take.oni&fast", tmp_path)) as source:
-        events = Watched(source).events(len(shown) + 1)
-    [stands] = [SensorTilt.of_json(event.arguments) for event in events if isinstance(event, Cue)]
-    assert stands.near(SensorTilt(0.0, rendered_body.EYE), 0.3, 0.02)
-    frames = [event for event in events if isinstance(event, SkeletonFrame)]
-    np.testing.assert_allclose([frame.time for frame in frames], [shot.picture.time for shot in shown], atol=2e-6)
-    positions = np.stack([frame.positions for frame in frames])
-    np.testing.assert_array_equal(positions, tracked([shot.picture for shot in shown]))
-    check_joints(rendered_body, positions, shown)
-
-
-@pytest.mark.usefixtures("standing")
-def test_joints_through_librealsense_are_those_through_openni2(plug, shown, tmp_path, rendered_body):
-    """Recorded and played by the library; OpenNI2's joints are those of the images, by the tests above."""
-    lens = shown[0].picture.lens
-    sensor = plug("7", focal=lens.focal, center=(319.5, 239.5))
-    with closing(realsense.RealSenseDevice("realsense:", Selection(), record=tmp_path / "take.db3")) as device:
-        for shot in shown:
-            sensor.show(shot.picture.depth, shot.picture.color, shot.picture.time + 1.0)
-            read(device)
-    with closing(open_source("realsense:take.db3&fast", tmp_path)) as source:
-        events = Watched(source).frames(len(shown))
-    positions = np.stack([event.positions for event in events if isinstance(event, SkeletonFrame)])
-    np.testing.assert_allclose(positions, tracked([shot.picture for shot in shown]), atol=1e-3)
     check_joints(rendered_body, positions, shown)

@@ -13,7 +13,7 @@ from capture.sensor_tilt import SensorTilt
 from capture.sensors.diagnosis import STATUS_SECONDS, Problem, describe, diagnose
 from capture.sensors.source import SensorSource
 from capture.sensors.source_report import SourceMonitor, observe
-from capture.source import Counts, SilentSource
+from capture.source import Counts
 from capture.sources.replay import RecordingSource
 from puppetline import clock
 from puppetline.errors import SourceError
@@ -166,20 +166,6 @@ def test_a_sensor_that_fails_is_opened_again_until_an_image_arrives(watch, scrip
     scripted_device.show(1.0)
     report = until(monitor, lambda report: report.picture and not report.failure)
     assert (report.performers, report.picture.time) == ({}, 1.0)
-
-
-def test_a_port_that_is_taken_is_opened_again_and_then_received_from(wire):
-    def fail():
-        raise failure
-
-    failure = SourceError("osc:7110", found="a port in use", expected="a free one", fix="Wait.")
-    failing = SilentSource("", Counts(), 0.0)
-    failing.receive = fail
-    sources = iter([failing, wire.source])
-    monitor = SourceMonitor(source := ReopeningSource("osc:7110", lambda: next(sources)))
-    assert until(monitor, lambda report: report.failure).failure == str(failure)
-    assert until(monitor, lambda report: not report.failure).retried is False
-    assert source.inner is wire.source
 
 
 @pytest.mark.parametrize("reopened", [True, False])

@@ -42,8 +42,8 @@ def changed(mesh, vertices):
     return SolverMesh(vertices, mesh.faces, mesh.of_render)
 
 
-def assert_turns_with_the_mesh(mesh, up, front):
-    for turned in TURNS[::5]:
+def assert_turns_with_the_mesh(mesh, up, front, turns):
+    for turned in turns:
         found = orientation.propose(changed(mesh, mesh.vertices @ turned))
         assert (found.up, found.front) == (name(vector(up) @ turned), name(vector(front) @ turned))
 
@@ -58,10 +58,12 @@ def example(example_character):
     return make
 
 
-@pytest.mark.parametrize("character", ["dog", "human", "dinosaur"])
-def test_a_character_that_is_turned_or_mirrored_gets_the_same_answer_turned(example, character):
+@pytest.mark.parametrize(
+    ("character", "turns"), [("dog", TURNS[::6]), ("human", TURNS[13:14]), ("dinosaur", TURNS[20:21])]
+)
+def test_a_character_that_is_turned_or_mirrored_gets_the_same_answer_turned(example, character, turns):
     mesh = example(character)
-    assert_turns_with_the_mesh(mesh, "y", "z")
+    assert_turns_with_the_mesh(mesh, "y", "z", turns)
     found = orientation.propose(mesh)
     assert found.confidence > orientation.MIN_PROBABILITIES[1]
     image = orientation.propose(changed(mesh, mesh.vertices * [-1, 1, 1]))
@@ -71,22 +73,26 @@ def test_a_character_that_is_turned_or_mirrored_gets_the_same_answer_turned(exam
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("file", STANDS)
-def test_real_characters_stand_on_their_feet_and_face_forwards_however_they_lie(real_mesh, file):
-    assert_turns_with_the_mesh(real_mesh(file), *STANDS[file])
+@pytest.mark.parametrize(("number", "file"), enumerate(STANDS))
+def test_real_characters_stand_on_their_feet_and_face_forwards_however_they_lie(real_mesh, number, file):
+    assert_turns_with_the_mesh(real_mesh(file), *STANDS[file], TURNS[3 * number :: 12])
 
 
-def test_a_shape_that_says_nothing_keeps_the_convention_of_gltf():
+@pytest.fixture
+def ball():
     heights = np.linspace(-0.9, 0.9, 13)
     sphere, faces = tube(heights, np.sqrt(1 - heights**2), 24)
-    found = orientation.propose(SolverMesh(sphere[:, [1, 0, 2]], faces[:, ::-1], np.arange(len(sphere))))
+    return SolverMesh(sphere[:, [1, 0, 2]], faces[:, ::-1], np.arange(len(sphere)))
+
+
+def test_a_shape_that_says_nothing_keeps_the_convention_of_gltf(ball):
+    found = orientation.propose(ball)
     assert (found.up, found.front, found.scale) == ("y", "z", 1.0)
     assert found.confidence < 0.5
     assert ["not clear" in reason for reason in found.reasons] == [True, True, False]
 
 
-@pytest.mark.parametrize("ground", [0.0, 0.5])
-def test_an_insect_stands_on_its_six_legs(ground):
+def test_an_insect_stands_on_its_six_legs_also_in_the_air():
     legs = [
         ((side * start[0], *start[1:]), (side * end[0], *end[1:]), 0.03)
         for side in (-1, 1)
@@ -99,9 +105,10 @@ def test_an_insect_stands_on_its_six_legs(ground):
     body = [((0, 0.5, -0.9), (0, 0.5, -0.2), 0.22), ((0, 0.5, -0.1), (0, 0.5, 0.35), 0.17)]
     head = ((0, 0.5, 0.55), (0, 0.5, 0.6), 0.16)
     insect = body_of([*body, head, *legs])
-    up = [0, ground - insect.vertices[:, 1].min(), 0]
-    found = orientation.propose(changed(insect, insect.vertices + up))
-    assert (found.up, found.front) == ("y", "z")
+    for ground in (0.0, 0.5):
+        up = [0, ground - insect.vertices[:, 1].min(), 0]
+        found = orientation.propose(changed(insect, insect.vertices + up))
+        assert (found.up, found.front) == ("y", "z")
 
 
 def test_a_flat_figure_is_no_division_by_nothing():
@@ -120,12 +127,12 @@ def test_what_the_format_specifies_decides_sooner(real_mesh):
 
 def test_given_axes_are_kept_and_the_others_fit_them(example):
     mesh = example("dog")
-    for up, front in (("y", None), (None, "z"), ("y", "z"), ("-z", "x"), ("x", None)):
+    for up, front in (("y", None), (None, "z"), ("-z", "x"), ("x", None)):
         found = orientation.propose(mesh, up, front)
         assert found.up == (up or "y")
         assert front in (None, found.front)
         assert found.up[-1] != found.front[-1]
-    assert orientation.propose(mesh, "y").front == "z"
+        assert up != "y" or found.front == "z"
 
 
 @pytest.mark.parametrize(
@@ -141,8 +148,7 @@ def test_given_axes_are_kept_and_the_others_fit_them(example):
         (20_000.0, 1.0, False),
     ],
 )
-def test_the_height_tells_the_unit(example, height, metres, clear):
-    mesh = example("human")
-    found = orientation.propose(changed(mesh, mesh.vertices * (height / np.ptp(mesh.vertices[:, 1]))))
+def test_the_height_tells_the_unit(ball, height, metres, clear):
+    found = orientation.propose(changed(ball, ball.vertices * (height / np.ptp(ball.vertices[:, 1]))))
     assert found.scale == metres
     assert ("not clear" in found.reasons[2]) != clear

@@ -93,15 +93,6 @@ def test_a_body_that_lies_without_legs_has_its_trunk_along_it():
     assert (way[0, 2], way[-1, 2]) == pytest.approx((-2.6, 2.5), abs=0.15)
 
 
-def test_legs_of_a_centipede_that_stand_close_together_are_not_one():
-    rows = np.linspace(1.5, -1.5, 8)
-    legs = [((0.1, 0.4, z), (0.5, 0.06, z), 0.06) for z in rows]
-    limbs = found(body_of([((0.0, 0.4, -1.8), (0.0, 0.4, 2.0), 0.2), *both(*legs)]))
-    assert sum("leg" in name for name in limbs) == 2 * len(rows)
-    for row, z in enumerate(rows, 1):
-        assert away(limbs[f"left leg {row}"][-1], (0.5, 0.06, z)) < 0.15
-
-
 FROG_HIND = [(0.3, 0.5, -1.0), (0.95, 0.42, -0.2), (0.9, 0.12, -1.3), (1.25, 0.08, -0.2)]
 FROG_FRONT = [(0.45, 0.7, 0.5), (0.95, 0.4, 0.1), (1.0, 0.1, 0.7), (1.0, 0.08, 1.1)]
 FROG_TOES = [((1.0, 0.1, 0.7), (0.75, 0.08, 1.0), 0.06), ((1.0, 0.1, 0.7), (1.3, 0.08, 0.95), 0.06)]

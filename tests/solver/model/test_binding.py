@@ -88,3 +88,11 @@ def test_one_binding_serves_several_threads(creature, creature_model, pose):
 
     with ThreadPoolExecutor(2) as pool:
         assert all(pool.map(play, range(2)))
+
+
+def test_a_normal_of_a_surface_squashed_to_a_line_is_zero_and_not_nan(creature, creature_model, pose):
+    n = len(creature.vertices)
+    binding = ShadedBinding(creature_model, creature.vertices, np.arange(n), any_normals(n), creature.faces)
+    controls = to_file_units(pose, creature_model)
+    controls[:, 1:] = 0
+    assert_array_equal(binding.vertices_and_normals(controls)[1], 0.0)

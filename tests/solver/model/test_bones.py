@@ -63,15 +63,6 @@ def test_the_middle_of_an_arm_belongs_to_its_bones_and_the_hand_is_whole(figure,
         assert len(expected) > 5
 
 
-def test_the_two_sides_are_each_others_mirror_image(figure, regions):
-    image = np.array([np.argmin(np.linalg.norm(figure.vertices - v, axis=1)) for v in figure.vertices * [-1, 1, 1]])
-    other = np.array([0, 1, 2, 6, 7, 8, 3, 4, 5, 11, 12, 9, 10, -1])
-    off_the_middle = np.abs(figure.vertices[:, 0]) > 0.35
-    assert_array_equal(regions.owner[image][off_the_middle], other[regions.owner][off_the_middle])
-    held = np.bincount(regions.owner[regions.held], minlength=13)
-    assert_array_equal(held, held[other[:-1]])
-
-
 def test_no_vertex_behind_the_root_of_a_limb_belongs_to_it(figure, skeleton, regions):
     for root in np.flatnonzero(skeleton.roots):
         place = along(figure.vertices, skeleton.heads[root], skeleton.tails[root])

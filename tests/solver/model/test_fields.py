@@ -11,7 +11,7 @@ from solver.motion.deformer import Deformer
 from solver.surface.contacts import contacts
 from solver.surface.mesh import SolverMesh
 
-from ..shapes import box, chains, joined, needles, sphere
+from ..shapes import box, chains, joined, sphere
 
 
 def modes_of(mesh, count=8):
@@ -153,11 +153,3 @@ def test_scale_place_and_order_of_the_vertices_do_not_show_in_the_deformation(cr
         moved = deformed(mesh, scale * creature_handles + way, scale * targets + way, bones, motions)
         found.append((moved[np.argsort(arranged)] - way) / scale)
     assert_allclose(found[1], found[0], rtol=0, atol=1e-5 * creature.diagonal)
-
-
-def test_needles_hardly_change_what_the_mesh_does(figure):
-    vertices, faces = needles(figure.vertices, figure.faces, np.arange(len(figure.faces)) % 50 == 0, 1e-5)
-    handles = figure.vertices[[0, len(figure.vertices) // 2, len(figure.vertices) - 1]]
-    targets = handles + np.array([[0.05, 0, 0], [0, 0, 0], [0, 0.05, 0]]) * figure.diagonal
-    there = deformed(SolverMesh(vertices, faces, np.arange(len(vertices))), handles, targets)[: len(figure.vertices)]
-    assert np.linalg.norm(there - deformed(figure, handles, targets), axis=1).max() < 0.01

@@ -35,19 +35,6 @@ def made(mesh, bones, count, regions=None, shares=None):
     )
 
 
-def test_a_field_is_0_off_its_limb_and_rises_along_it(figure, both_arms):
-    left, right = made(figure, both_arms, 2).T
-    x = figure.vertices[:, 0]
-    for field, out in ((left, x), (right, -x)):
-        assert np.abs(field[out < 0]).max() < 1e-3
-        arm = (out > 0.45) & (figure.vertices[:, 1] > 0.6)
-        way = np.subtract(ARM[3], ARM[0])
-        along = (
-            (np.abs(figure.vertices[arm] * [1, 0, 0]) + figure.vertices[arm] * [0, 1, 1] - ARM[0]) @ way / (way @ way)
-        )
-        assert_allclose(field[arm], (1 + 3 * np.clip(along, 0, 1)) / 4, rtol=0, atol=0.08)
-
-
 def test_more_limbs_than_fields_share_one_with_the_sign_turned_round(figure, both_arms):
     left, right = made(figure, both_arms, 2).T
     assert_allclose(made(figure, both_arms, 1), (left - right)[:, None], rtol=0, atol=1e-12)

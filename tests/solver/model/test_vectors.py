@@ -12,25 +12,6 @@ def vectors(interpreted):
     return interpreted("solver.model.vectors")
 
 
-def test_products_sums_and_blends_are_those_computed_by_hand(vectors):
-    a, b = (1.0, 2.0, 3.0), (4.0, -5.0, 6.0)
-    assert vectors.dot(a, b) == 12.0
-    assert vectors.cross(a, b) == (27.0, 6.0, -13.0)
-    assert vectors.scaled(a, -2.0) == (-2.0, -4.0, -6.0)
-    assert vectors.minus(a, b) == (-3.0, 7.0, -3.0)
-    assert vectors.plus(a, b, 0.5) == (3.0, -0.5, 6.0)
-    assert vectors.length((2.0, -3.0, 6.0)) == 7.0
-    assert vectors.blend(a, b, 0.25) == (1.75, 0.25, 3.75)
-    assert (vectors.blend(a, b, 0.0), vectors.blend(a, b, 1.0)) == (a, b)
-
-
-def test_rows_and_axes_of_arrays_are_those_of_numpy(vectors):
-    rows = RANDOM[:3]
-    assert vectors.row_of(rows, 1) == tuple(rows[1])
-    assert vectors.between(rows, 2, 0) == tuple(rows[0] - rows[2])
-    assert_allclose(vectors.in_axes((1.0, 2.0, 3.0), rows), np.array([1.0, 2.0, 3.0]) @ rows)
-
-
 @pytest.mark.parametrize("vector", [*RANDOM, (3.0, 0.0, 0.0), (0.0, 1e-9, 0.0), (1e9, -1e9, 1.0)])
 def test_a_direction_has_length_one_and_its_perpendicular_a_right_angle(vectors, vector):
     direction, across = vectors.unit(vector), vectors.perpendicular(vector)

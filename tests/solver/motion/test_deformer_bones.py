@@ -15,14 +15,7 @@ from solver.motion.deformer import HANDLE_STIFFNESS, NEARBY_BONE_WEIGHT, Deforme
 from solver.surface.mesh import SolverMesh
 
 from ..shapes import chains
-
-MODES = ["clusters", "covariance"]
-
-
-def pulled(deformer, seed=0, size=0.1):
-    """Targets at random, `size` of the diagonal away on each axis."""
-    rng = np.random.default_rng(seed)
-    return deformer.handles + rng.normal(scale=size * deformer.model.diagonal, size=deformer.handles.shape)
+from .test_deformer import MODES, pulled
 
 
 @pytest.fixture(scope="module")
@@ -156,20 +149,6 @@ def test_rotations_are_drawn_to_the_bones_that_hold_them(bound, creature, model,
         share = together[regions.of(b)].T @ area[regions.of(b)] / np.maximum(together.T @ area, 1e-300)
         S = S + PRIOR_WEIGHT * (share * size / 3)[:, None, None] * motions[b, :3]
     assert_allclose(deformer.turns.reshape(80, 3, 3), polar.of_matrices(S), rtol=0, atol=1e-6)
-
-
-def test_a_straight_arm_turned_about_its_shoulder_points_where_it_should(figure, surface):
-    shoulder, tip = np.array([0.35, 1.15, 0.0]), np.array([1.4, 1.3, 0.0])
-    bones = chains((-1, [[0, 0, 0], [0, 1.2, 0]]), (0, [shoulder, (shoulder + tip) / 2, tip]))
-    model = build(figure, bones=bones)
-    down = Rotation.from_rotvec([0, 0, -np.pi / 2])
-    motions = np.stack([np.eye(4, 3), *[about(down.as_matrix().T, shoulder)] * 2])
-    found = surface(model, figure, Deformer(model, figure, NO_HANDLES).solve(NO_HANDLES, motions))
-    for bone in (1, 2):
-        held = model.regions.of(bone)
-        rest, now = (points[held] - points[held].mean(axis=0) for points in (figure.vertices, found))
-        fitted, along = Rotation.align_vectors(now, rest)[0], (tip - shoulder) / np.linalg.norm(tip - shoulder)
-        assert down.apply(along) @ fitted.apply(along) > np.cos(np.radians(1))
 
 
 def test_where_there_are_bones_rotations_are_those_of_clusters(

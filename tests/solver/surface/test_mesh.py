@@ -4,7 +4,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from puppetline.errors import MeshError
-from solver.model import reduced_model
 from solver.surface import mesh as solver_mesh
 from solver.surface.mesh import Repairs, snap, weld
 from solver.surface.near_points import connected_components
@@ -29,16 +28,6 @@ def split_cube():
     positions = CORNERS[QUADS].reshape(-1, 3)
     quads = np.arange(24).reshape(6, 4)
     return positions, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-
-
-def test_split_vertices_are_welded_and_every_render_vertex_keeps_its_place():
-    positions, triangles = split_cube()
-    mesh = weld(positions, triangles)
-    assert mesh.vertices.shape == (8, 3)
-    assert mesh.edges.shape == (18, 2)
-    assert_array_equal(mesh.vertices[mesh.of_render], positions)
-    assert_array_equal(mesh.vertices[mesh.faces], positions[triangles])
-    assert mesh.components.max() == 0
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -199,15 +188,6 @@ def test_a_coarse_surface_is_split_and_render_vertices_stay_at_their_places(monk
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert_allclose(np.linalg.norm(normals, axis=1), 1 / 64)
     assert np.all(np.einsum("tx,tx->t", normals, corners.mean(axis=1) - 0.5) > 0)
-
-
-@pytest.mark.parametrize("name", ["joined_tetrahedra", "negative_indices", "not_convex"])
-def test_the_smallest_real_meshes_have_a_reduced_model(real_mesh, monkeypatch, surface, name):
-    monkeypatch.setattr(solver_mesh, "MIN_VERTICES", COARSE)
-    mesh = real_mesh(f"nasty/{name}.obj")
-    model = reduced_model.build(mesh)
-    assert_allclose(surface(model, mesh, model.rest_controls), mesh.vertices, atol=1e-9 * mesh.diagonal)
-    assert len(mesh.vertices) >= COARSE
 
 
 def test_components_are_those_of_the_graph_of_edges():

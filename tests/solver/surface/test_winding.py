@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from solver.surface.winding import distinct_rows, edges_of, flipped_faces, pieces, wound_against
+from solver.surface.winding import edges_of, flipped_faces, pieces, wound_against
 
 
 def strip(count):
@@ -61,14 +61,6 @@ def test_edges_are_those_that_sorting_finds(count):
     expected = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
     for found, numpys in zip(edges_of(faces), expected, strict=True):
         assert_array_equal(found, numpys.reshape(found.shape))
-
-
-@pytest.mark.parametrize(("rows", "columns"), [(500, 3), (500, 1), (1, 2), (0, 3)])
-def test_distinct_rows_are_those_that_numpy_finds(rows, columns):
-    table = np.random.default_rng(0).integers(-1, 6, (rows, columns))
-    _, first, kind = np.unique(table, axis=0, return_index=True, return_inverse=True)
-    for found, numpys in zip(distinct_rows(table), (first, kind), strict=True):
-        assert_array_equal(found, numpys.reshape(-1))
 
 
 def test_pieces_hang_together_at_edges_and_not_at_points():

@@ -65,14 +65,6 @@ def test_the_first_sensor_determines_the_times_and_the_next_one_replaces_it():
     assert {frame.user for frame in frames} == {1}
 
 
-def test_performers_apart_keep_their_user_numbers():
-    a = [body(k / 30, user=1 + j, x=float(j)) for k in range(20) for j in range(2)]
-    b = [body(k / 30 + 0.01, user=8 - j, x=j + 0.1) for k in range(20) for j in range(2)]
-    frames = together(a, b)
-    assert sorted(frame.user for frame in frames) == 20 * [1] + 20 * [2]
-    assert all(frame.user - 1 - 1e-9 <= x_of(frame) < frame.user - 0.9 for frame in frames)
-
-
 def test_a_tracker_that_confuses_two_performers_is_corrected():
     a = [body(k / 30, user=1 + (j if k < 15 else 1 - j), x=1.0 * j) for k in range(30) for j in range(2)]
     b = [body(k / 30 + 0.01, user=1 + j, x=1.0 * j) for k in range(30) for j in range(2)]

@@ -1,11 +1,14 @@
 """OpenNI2 sensors and a recording of one, and librealsense's software devices."""
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 
 from capture.sensors.depth_camera import Selection, metres
 
 from ...outside import found
+from ..conftest import read
 
 
 @pytest.fixture
@@ -59,4 +62,17 @@ def recording(record, noise, _virtual_sensors, tmp_path_factory):
     pictures = [noise() for _ in range(10)]
     record(sensor, path, pictures, step=0.1)
     sensor.unplug()
+    return path, pictures
+
+
+@pytest.fixture
+def recorded(plug, noise, tmp_path):
+    """A recording of ten images by librealsense, and the images."""
+    from capture.sensors.realsense import RealSenseDevice
+
+    sensor, path, pictures = plug("7"), tmp_path / "take.db3", [noise() for _ in range(10)]
+    with closing(RealSenseDevice("realsense:", Selection(), record=path)) as device:
+        for k, images in enumerate(pictures):
+            sensor.show(*images, 1.0 + k / 30)
+            read(device)
     return path, pictures

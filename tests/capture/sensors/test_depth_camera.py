@@ -26,6 +26,7 @@ class OpenNI:
     """Two virtual sensors of the real OpenNI2 library."""
 
     def __init__(self, request):
+        self.recording = lambda: (*request.getfixturevalue("recording"), 0.1)
         self._sensors = request.getfixturevalue("virtual_sensors")
         self.open = partial(OpenNIDevice, "openni:")
 
@@ -43,6 +44,7 @@ class RealSense:
     usb = "2.1"
 
     def __init__(self, request):
+        self.recording = lambda: (*request.getfixturevalue("recorded"), 1 / 30)
         self._plug = request.getfixturevalue("plug")
         self.open = partial(RealSenseDevice, "realsense:")
 
@@ -70,6 +72,7 @@ class Orbbec:
         self.sdk = orbbec_stand_in
         request.getfixturevalue("monkeypatch").setitem(sys.modules, "pyorbbecsdk", orbbec_stand_in)
         orbbec_stand_in.PLUGGED.clear()
+        self._noise = request.getfixturevalue("noise")
         self.open = partial(OrbbecDevice, "orbbec:")
 
     def plug(self, number=0, **options):
@@ -78,6 +81,11 @@ class Orbbec:
 
     def unplug(self):
         del self.sdk.PLUGGED[0]
+
+    def recording(self):
+        pictures = [self._noise() for _ in range(3)]
+        self.sdk.PlaybackDevice.RECORDING = [(*images, k / 30) for k, images in enumerate(pictures)]
+        return "take.bag", pictures, 1 / 30
 
     def forbid(self, _monkeypatch):
         self.sdk.PLUGGED[0].forbids = True
@@ -215,12 +223,24 @@ def test_memory_stays_the_same_from_image_to_image(bus, opened, noise):
     assert used[-1] - used[1] < 8e6  # an image is 2 MB
 
 
+def test_a_recording_plays_the_recorded_images_and_ends_or_its_time_increases(bus, opened):
+    path, pictures, step = bus.recording()
+    device = opened("file", str(path))
+    for depth, color in pictures:
+        picture = read(device)
+        np.testing.assert_allclose(picture.depth, depth, rtol=2e-7)
+        np.testing.assert_array_equal(picture.color, color)
+    assert refused(lambda: read(device)).found == "the end of the recording"
+    device, count = opened("file", str(path), loop=True), len(pictures)
+    seen = [read(device) for _ in range(2 * count + 1)]
+    spaces = [1 / 30 if k % count == 0 else step for k in range(1, len(seen))]
+    np.testing.assert_allclose(np.diff([picture.time for picture in seen]), spaces, atol=1e-5)
+    for k, picture in enumerate(seen):
+        np.testing.assert_allclose(picture.depth, pictures[k % count][0], rtol=2e-7)
+
+
 @pytest.mark.parametrize("bus", [Orbbec], indirect=True)
-def test_recordings_of_orbbec_have_their_names_when_they_are_complete_play_and_end(
-    bus, opened, noise, monkeypatch, tmp_path
-):
-    pictures = [(*noise(), k / 30) for k in range(3)]
-    monkeypatch.setattr(bus.sdk.PlaybackDevice, "RECORDING", pictures)
+def test_recordings_of_orbbec_have_their_names_when_they_are_complete(bus, opened, tmp_path):
     bus.plug()
     file = tmp_path / "take.bag"
     check_records("orbbec:", file)
@@ -229,14 +249,6 @@ def test_recordings_of_orbbec_have_their_names_when_they_are_complete_play_and_e
     assert [path.name for path in tmp_path.iterdir()] == ["take.bag"]
     with pytest.raises(OutputError):
         check_records("orbbec:", tmp_path / "take.db3")
-    device = opened("file", str(file))
-    for depth, _, moment in pictures:
-        picture = read(device)
-        assert picture.time == pytest.approx(moment, abs=1e-6)
-        np.testing.assert_allclose(picture.depth, depth, rtol=2e-7)
-    assert refused(lambda: read(device)).found == "the end of the recording"
-    device = opened("file", str(file), loop=True)
-    np.testing.assert_allclose([read(device).time for _ in range(7)], np.arange(7) / 30, atol=1e-5)
     refused(lambda: opened("file", "half.bag"))
 
 

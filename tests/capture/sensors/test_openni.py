@@ -2,7 +2,6 @@
 
 import gc
 from contextlib import closing
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -78,20 +77,6 @@ def test_a_sensor_that_did_not_open_often_opens_once_it_can_and_closing_stops_it
         assert sensor.streaming == 0
 
 
-def test_a_recording_plays_the_recorded_images_and_ends(recording, opened):
-    path, pictures = recording
-    device = opened("file", str(path))
-    for k, (depth, color) in enumerate(pictures):
-        picture = read(device)
-        assert picture.time == pytest.approx(k / 10, abs=2e-6)
-        np.testing.assert_array_equal(picture.depth, depth)
-        np.testing.assert_array_equal(picture.color, color)
-        assert picture.lens.focal == pytest.approx(320 / np.tan(0.5), rel=1e-6)
-    with pytest.raises(SourceError) as caught:
-        device.read(0.1)
-    assert caught.value.found == "the end of the recording"
-
-
 @pytest.mark.parametrize(
     ("states", "says"),
     [
@@ -108,18 +93,6 @@ def test_the_log_says_what_a_recording_states_about_its_registration(recording, 
     with closing(OpenNIDevice("openni:file=take.oni", Selection("file", str(recording[0])))):
         [said] = caplog.messages
     assert said.endswith(says)
-
-
-def test_the_time_of_a_looped_recording_increases(recording, opened):
-    path, pictures = recording
-    device = opened("file", str(path), loop=True)
-    times = []
-    for k in range(25):
-        picture = read(device)
-        np.testing.assert_array_equal(picture.depth, pictures[k % 10][0])
-        times.append(picture.time)
-    spaces = np.diff(times)
-    np.testing.assert_allclose(spaces, [1 / 30 if (k + 1) % 10 == 0 else 0.1 for k in range(24)], atol=1e-5)
 
 
 def test_a_damaged_recording_never_reaches_the_library_and_only_another_process_crashes(
@@ -146,25 +119,6 @@ def test_a_recording_on_which_the_library_hangs_is_an_error(recording, monkeypat
     with pytest.raises(SourceError) as caught:
         oni_file.check_plays(NAME, recording[0])
     assert "on which OpenNI2 hangs" in caught.value.found
-
-
-def test_an_image_with_too_few_bytes_is_skipped(sensor, opened, noise, monkeypatch):
-    """OpenNI2 delivers one if the compressed data of a recording are damaged."""
-    device = opened()
-    pixels, shortened = device._pixels, []
-
-    def first_shortened(kind, frame):
-        if shortened:
-            return pixels(kind, frame)
-        shortened.append(frame)
-        return pixels(kind, SimpleNamespace(height=480, width=640, stride=frame.stride, dataSize=1000))
-
-    monkeypatch.setattr(device, "_pixels", first_shortened)
-    sensor.show(*noise(), 1.0)
-    assert device.read(0.2) is None
-    sensor.show(*noise(), 2.0)
-    assert read(device).time == 2.0
-    assert shortened
 
 
 def test_damaged_images_are_skipped_and_the_recording_still_ends(recording, opened, tmp_path):

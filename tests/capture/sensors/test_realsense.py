@@ -26,17 +26,6 @@ def opened(plug, until_end):
     return lambda *args, **options: until_end(RealSenseDevice(NAME, Selection(*args, **options)))
 
 
-@pytest.fixture
-def recorded(plug, noise, tmp_path):
-    """A recording of ten images, and the images."""
-    sensor, path, pictures = plug("7"), tmp_path / "take.db3", [noise() for _ in range(10)]
-    with closing(RealSenseDevice(NAME, Selection(), record=path)) as device:
-        for k, (depth, color) in enumerate(pictures):
-            sensor.show(depth, color, 1.0 + k / 30)
-            read(device)
-    return path, pictures
-
-
 def test_a_corner_of_depth_is_where_the_lens_of_colour_projects_it(plug, opened):
     """A board whose corner is at a known place; the depth camera is 5 cm beside the colour camera."""
     sensor, device = plug("7", apart=True), opened()
@@ -62,23 +51,6 @@ def test_images_that_cannot_be_aligned_are_an_error_and_it_comes_back(plug, open
     again = opened()
     sensor.show(*noise(), 2.0)
     assert read(again).depth.any()
-
-
-def test_a_recording_plays_the_recorded_images_and_ends_or_its_time_increases(recorded, opened):
-    path, pictures = recorded
-    device = opened("file", str(path))
-    for depth, color in pictures:
-        picture = read(device)
-        np.testing.assert_array_equal(picture.depth, depth)
-        np.testing.assert_array_equal(picture.color, color)
-    with pytest.raises(SourceError) as caught:
-        read(device)
-    assert caught.value.found == "the end of the recording"
-    device = opened("file", str(path), loop=True)
-    seen = [read(device) for _ in range(25)]
-    np.testing.assert_allclose(np.diff([picture.time for picture in seen]), 1 / 30, atol=1e-6)
-    for k, picture in enumerate(seen):
-        np.testing.assert_array_equal(picture.depth, pictures[k % 10][0])
 
 
 def test_a_bag_of_an_older_librealsense_plays(opened):

@@ -182,12 +182,6 @@ def test_events_that_go_back_in_time_are_skipped(of_events, given_clock, tmp_pat
     assert [list(clip.times) for clip in read_log(tmp_path / "take")] == [[50.0, 50.05, 50.1], [50.05]]
 
 
-def test_a_loop_over_decreasing_times_continues(of_events, given_clock):
-    source = of_events([make_frame(50.0), make_frame(50.01), Tick(0.5)], loop=True)
-    found = [event.time for event in events(source, given_clock, 10) if not isinstance(event, Lost)][:6]
-    np.testing.assert_allclose(np.diff(found), [0.01, TICK_SECONDS, 0.01, TICK_SECONDS, 0.01], atol=1e-9)
-
-
 FAR = SkeletonFrame(0.02, 1, np.full((20, 3), 2 * MAX_DISTANCE_METRES), np.ones(20, np.float32))
 
 

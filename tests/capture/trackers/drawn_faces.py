@@ -1,6 +1,7 @@
 """Drawn faces whose openings are known: a head of points in space with painted eyes, brows and lips."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 GRID = 0.06
 """Distance of the points of the face, in centimetres."""
@@ -110,10 +111,7 @@ def _back():
 
 def turn(yaw=0.0, pitch=0.0, roll=0.0):
     """Return the rotation (3, 3) of a head, from degrees; x is right in the image, y down, z towards the camera."""
-    (sy, sp, sr), (cy, cp, cr) = np.sin(angles := np.radians([yaw, pitch, roll])), np.cos(angles)
-    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-    about_x = np.array([[1, 0, 0], [0, cp, sp], [0, -sp, cp]])
-    return about_y @ about_x @ np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
+    return Rotation.from_euler("YXZ", [yaw, -pitch, roll], degrees=True).as_matrix()
 
 
 def _projected(points, colors, normals, turned, size, fill):

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS, TRACKED
+from capture.skeleton import JOINT_INDEX, TRACKED
 from capture.trackers import joint_depth
 from capture.trackers.joint_depth import PARENT_INDICES, SKIN_TO_JOINT_METRES
 from capture.trackers.picture import Lens
@@ -142,7 +142,3 @@ def test_arrays_of_any_layout_give_the_same_without_compiling_again(measured):
         for one, other in zip(measure(joint_depth, same), expected, strict=True):
             np.testing.assert_allclose(one, other, rtol=1e-12)
     assert joint_depth._measure.signatures == compiled
-
-
-def test_parents_are_those_of_the_skeleton():
-    assert [JOINTS[near] for near in PARENT_INDICES[1:]] == [PARENTS[joint] for joint in JOINTS[1:]]

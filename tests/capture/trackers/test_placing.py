@@ -134,15 +134,6 @@ def test_a_joint_without_depth_is_inferred_at_its_estimate(BodyPlacer):
     np.testing.assert_allclose(positions, TRUTH, atol=0.01)
 
 
-def test_depth_does_not_move_a_hidden_joint(BodyPlacer):
-    hidden, moved = TRACKED_ALL.copy(), depth_of()
-    hidden[HAND] = 0.3
-    moved[around(HAND, 8, 9, 8, 9)] -= 100
-    positions, confidence = placed(BodyPlacer(1.7), moved, confidence=hidden)
-    assert confidence[HAND] == hidden[HAND]
-    np.testing.assert_allclose(positions[HAND], TRUTH[HAND], atol=0.01)
-
-
 def test_an_empty_depth_image_is_like_none_and_pixels_that_no_body_can_have_give_no_result(BodyPlacer):
     empty = np.zeros((LENS.height, LENS.width), np.float32)
     for with_it, without in zip(placed(BodyPlacer(1.7), empty), placed(BodyPlacer(1.7)), strict=True):

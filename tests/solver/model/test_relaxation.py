@@ -23,15 +23,6 @@ def test_solutions_stay_as_they_are(operator):
     assert_allclose(relaxed(L, mass, shifts, exact.copy(), load), exact, rtol=0, atol=1e-9)
 
 
-def test_single_precision_gives_the_same_to_its_rounding(operator):
-    L, mass = operator
-    shifts, start = np.array([0.0, -70.0]), np.random.default_rng(2).normal(size=(len(mass), 2))
-    load = mass[:, None] * start[::-1]
-    found = relaxed(L, mass, shifts, start.astype(np.float32), load)
-    assert found.dtype == np.float32
-    assert_allclose(found, relaxed(L, mass, shifts, start, load), rtol=0, atol=2e-6 * np.abs(start).max())
-
-
 def test_each_part_of_an_error_is_reduced_by_the_chebyshev_polynomial(operator):
     L, mass = operator
     diagonal = -L.diagonal()

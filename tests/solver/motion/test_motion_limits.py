@@ -2,10 +2,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from solver.model.reduced_model import build
 from solver.motion.deformer import Deformer
 from solver.motion.motion_limits import MAX_STRAIN, PROBE_DIAGONALS, WORST_EDGE_SHARE, limb_reach
-from solver.surface.mesh import SolverMesh
 
 
 @pytest.fixture(scope="module")
@@ -58,10 +56,3 @@ def test_a_limb_whose_handles_go_less_far_may_go_farther(figure, figure_model, h
     inside = (found > PROBE_DIAGONALS[0] * figure.diagonal) & (found < PROBE_DIAGONALS[-1] * figure.diagonal)
     assert inside.any()
     assert_allclose(found[inside], reach[:1][inside] / 0.8, rtol=0.05)
-
-
-@pytest.mark.parametrize(("scale", "offset"), [(100.0, 10_000.0)])
-def test_reach_grows_with_the_mesh(figure, handles, reach, scale, offset):
-    larger = SolverMesh(scale * figure.vertices + offset, figure.faces, figure.of_render)
-    found = limb_reach(Deformer(build(larger), larger, scale * handles + offset), larger, np.eye(5)[[0, 4]])
-    assert_allclose(found, scale * reach[[0, 4]], rtol=5e-3)

@@ -6,9 +6,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from puppetline.errors import MeshError
 from solver.surface import mesh as solver_mesh
 from solver.surface.mesh import Repairs, snap, weld
-from solver.surface.near_points import connected_components
 
-from ..shapes import joined, sphere
+from ..shapes import joined
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
@@ -188,15 +187,6 @@ def test_a_coarse_surface_is_split_and_render_vertices_stay_at_their_places(monk
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert_allclose(np.linalg.norm(normals, axis=1), 1 / 64)
     assert np.all(np.einsum("tx,tx->t", normals, corners.mean(axis=1) - 0.5) > 0)
-
-
-def test_components_are_those_of_the_graph_of_edges():
-    vertices, faces = joined(*(sphere(0, center=3 * number) for number in range(40)))
-    order = np.random.default_rng(3).permutation(len(vertices))
-    mesh = weld(vertices[order], np.argsort(order)[faces])
-    expected = connected_components(len(mesh.vertices), *mesh.edges.T)
-    assert_array_equal(mesh.components, expected)
-    assert (mesh.components.dtype, mesh.parts) == (expected.dtype, 40)
 
 
 def positions_with(value):

@@ -39,25 +39,6 @@ def test_distances_to_other_labels_are_those_of_libigl(count):
     assert_allclose(blend.sum(axis=1), 1, atol=1e-12)
 
 
-def test_a_point_beyond_the_given_distance_is_not_found():
-    triangles, of_triangle, points, of_point = scattered(1)
-    everywhere = SurfaceTree(triangles).nearest(points, of_point, of_triangle, FAR)
-    within = np.random.default_rng(0).uniform(0.0, 0.6, 400)
-    found, blend, distance = SurfaceTree(triangles).nearest(points, of_point, of_triangle, within)
-    near = everywhere[2] < within
-    assert 50 < near.sum() < 350
-    assert_array_equal(found, np.where(near, everywhere[0], -1))
-    assert_array_equal(distance, np.where(near, everywhere[2], np.inf))
-    assert_array_equal(blend, np.where(near[:, None], everywhere[1], 0))
-
-
-def test_where_all_surface_has_the_label_of_the_point_there_is_none():
-    triangles, _, points, _ = scattered(2, 5)
-    found, _, distance = SurfaceTree(triangles).nearest(points, np.zeros(400, dtype=int), np.zeros(5, dtype=int), FAR)
-    assert_array_equal(found, -1)
-    assert_array_equal(distance, np.inf)
-
-
 def volume(a, b, c, d):
     """Signed volumes of tetrahedra, times 6."""
     return np.einsum("...x,...x->...", np.cross(b - a, c - a), d - a)

@@ -22,17 +22,6 @@ def test_tangents_and_normal_are_a_right_handed_frame():
     assert_array_equal(tangents(np.zeros((2, 3))), 0)
 
 
-def test_on_a_plane_a_linear_function_has_its_own_gradient():
-    rng = np.random.default_rng(1)
-    x, y = np.meshgrid(np.arange(6.0), np.arange(5.0))
-    rest = np.column_stack([x.ravel(), y.ravel(), np.zeros(30)])
-    square = np.array([[0, 1, 7], [0, 7, 6]])
-    triangles = np.concatenate([square + 6 * row + column for row in range(4) for column in range(5)])
-    gradient = rng.normal(size=(3, 8)) * [[1], [1], [0]]
-    found, along = measured(rest, triangles, rest @ gradient, np.tile([0.0, 0.0, 1.0], (30, 1)))
-    assert_allclose(found, np.einsum("nkx,xi->nik", along, gradient), atol=1e-5)
-
-
 def test_vertices_split_for_a_texture_have_one_slope_and_those_at_a_hard_edge_their_own():
     vertices, faces = sphere(3)
     rest, split = vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)

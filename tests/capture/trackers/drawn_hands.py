@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-HEIGHT, PIXELS_PER_METRE, WRIST = 240, 600.0, np.array([120.0, 160.0])
+HEIGHT, PIXELS_PER_METRE, WRIST = 360, 900.0, np.array([180.0, 240.0])
 KNUCKLES = ((-0.032, 0.088), (-0.010, 0.094), (0.012, 0.090), (0.032, 0.080))
 BONES = ((0.042, 0.025, 0.020), (0.046, 0.029, 0.021), (0.043, 0.027, 0.020), (0.034, 0.020, 0.018))
 SPREAD_DEGREES = (-10, -2, 6, 16)

@@ -33,19 +33,19 @@ def test_each_joint_of_a_finger_has_a_channel_that_falls_to_zero_without_the_han
     assert max(channels.step(12.0, [None, None]).values()) < 1e-5
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def hands(camera):
     with closing(Hands()) as hands:
         yield hands
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("turned", "size"), [(-30, 1.0), (-15, 0.75), (0, 1.0), (0, 0.75), (30, 0.75)])
+@pytest.mark.parametrize(("turned", "size"), [(-30, 1.0), (-15, 0.5), (0, 1.0), (0, 0.5), (30, 0.5)])
 def test_the_hand_opens_as_far_as_a_drawn_one(hands, turned, size):
     channels, found, drawn = HandChannels(), [], []
     for number, bend in enumerate((0, 20, 45, 70, 90)):
         hand, _ = hands.find(draw(bend, turned, size), body(size))
-        np.testing.assert_allclose(hand.pixels[0], size * WRIST, atol=8 * size)
+        np.testing.assert_allclose(hand.pixels[0], size * WRIST, atol=12 * size)
         found.append(channels.step(10.0 * number, [hand, None])["hand_open_left"])
         drawn.append(straightness(bends(landmarks(bend))).mean())
     assert np.corrcoef(drawn, found)[0, 1] >= 0.95
@@ -56,11 +56,11 @@ def test_the_hand_opens_as_far_as_a_drawn_one(hands, turned, size):
 @pytest.mark.slow
 def test_hands_that_do_not_end_the_performers_arms_are_ignored_with_one_message(hands, caplog):
     image, elsewhere = draw(0), body()
-    elsewhere[[13, 15, 17, 19]] += [87, -40]
+    elsewhere[[13, 15, 17, 19]] += [130, -60]
     assert hands.find(image, body())[0] is not None
     assert [hands.find(image, elsewhere)[0] for _ in range(2)] == [None] * 2
     other_side = body()[[1, 0, *range(2, 13), 14, 13, 16, 15, 18, 17, 20, 19, *range(21, 33)]]
-    assert hands.find(image, other_side)[1] is None
+    assert hands.find(draw(90, 30), other_side)[1] is None
     assert caplog.messages == [
         "more hands than the performer's are in view; those that do not end its arms are ignored"
     ]

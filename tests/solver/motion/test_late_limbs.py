@@ -51,6 +51,13 @@ def test_the_tip_follows_a_steady_turn_by_the_delay_and_the_base_by_less(play):
     assert lags[0] == 0
 
 
+def test_a_tail_comes_to_rest_where_it_would_be_without_a_delay(play):
+    headings, motions = play(np.full(300, 0.8) * (np.arange(300) > 0))
+
+    assert np.allclose(motions[-1], turned(0.8), atol=1e-6)
+    assert headings[:, 2].max() < 0.9
+
+
 @pytest.mark.parametrize("tick", [1 / 15, 1 / 120])
 def test_it_does_not_depend_on_the_frame_rate_how_far_a_tail_has_come(play, tick):
     count = round(0.4 / tick) + 1

@@ -2,6 +2,7 @@
 
 import gc
 from contextlib import closing
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -119,6 +120,25 @@ def test_a_recording_on_which_the_library_hangs_is_an_error(recording, monkeypat
     with pytest.raises(SourceError) as caught:
         oni_file.check_plays(NAME, recording[0])
     assert "on which OpenNI2 hangs" in caught.value.found
+
+
+def test_an_image_with_too_few_bytes_is_skipped(sensor, opened, noise, monkeypatch):
+    """OpenNI2 delivers one if the compressed data of a recording are damaged."""
+    device = opened()
+    pixels, shortened = device._pixels, []
+
+    def first_shortened(kind, frame):
+        if shortened:
+            return pixels(kind, frame)
+        shortened.append(frame)
+        return pixels(kind, SimpleNamespace(height=480, width=640, stride=frame.stride, dataSize=1000))
+
+    monkeypatch.setattr(device, "_pixels", first_shortened)
+    sensor.show(*noise(), 1.0)
+    assert device.read(0.2) is None
+    sensor.show(*noise(), 2.0)
+    assert read(device).time == 2.0
+    assert shortened
 
 
 def test_damaged_images_are_skipped_and_the_recording_still_ends(recording, opened, tmp_path):

@@ -60,7 +60,7 @@ def test_hands_that_are_lost_are_no_gesture_and_wrists_stand_for_lost_hands():
     assert found(replace(each, confidence=known) for each in frames) == [3.0]
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_no_real_recording_starts_anything_unless_somebody_gives_the_signal(real_data):
     starts, clips = set(), 0
     for path in sorted([*(real_data / "logs").rglob("*"), *(real_data / "bvh").rglob("*")]):

@@ -37,7 +37,7 @@ def draw(bend, turned=0.0, size=1.0):
     """
     points = landmarks(bend)
     parts = [(np.array([0, -0.2, 0]), np.array([0, -0.005, 0]), 0.030, 0.026, None)]
-    for u in np.linspace(0, 3, 13):  # the palm
+    for u in np.linspace(0, 3, 25):  # the palm
         top = np.array([np.interp(u, range(4), points[5::4, axis]) for axis in range(3)])
         parts.append((np.array([0.6 * top[0], 0.007, 0]), top - np.array([0, 0.004, 0]), 0.015, 0.012, None))
     for first in (1, 5, 9, 13, 17):
@@ -54,19 +54,24 @@ def draw(bend, turned=0.0, size=1.0):
     image, nearest = np.linspace(150, 60, HEIGHT)[:, None, None] * np.ones((HEIGHT, 3)), np.full(rows.shape, FAR)
     for tail, head, first, last, back in parts:
         tail, along = turn @ tail, turn @ (head - tail)
-        part = np.clip((place - tail[:2]) @ along[:2] / max(along[:2] @ along[:2], 1e-12), 0, 1)
+        ends = WRIST + PIXELS_PER_METRE * np.array([1, -1]) * [tail[:2], (tail + along)[:2]]
+        reach = PIXELS_PER_METRE * first + 1
+        corners = np.clip([ends.min(axis=0) - reach, ends.max(axis=0) + reach], 0, HEIGHT).astype(int)
+        part_of_image = tuple(map(slice, *corners[:, ::-1]))
+        near, shown, away = nearest[part_of_image], image[part_of_image], place[part_of_image] - tail[:2]
+        part = np.clip(away @ along[:2] / max(along[:2] @ along[:2], 1e-12), 0, 1)
         radius = first + (last - first) * part
-        off = place - tail[:2] - part[..., None] * along[:2]
+        off = away - part[..., None] * along[:2]
         high = np.sqrt(np.maximum(radius**2 - (off**2).sum(axis=-1), 0))
         depth = tail[2] + part * along[2] - high
-        seen = (high > 0) & (depth < nearest)
+        seen = (high > 0) & (depth < near)
         light = 0.35 + (0.55 * high + 0.2 * off[..., 1] - 0.25 * off[..., 0]) / radius
-        color = np.broadcast_to(SKIN, image.shape)
+        color = np.broadcast_to(SKIN, shown.shape)
         if back is not None:
             normal = np.concatenate([off, -high[..., None]], axis=-1) / radius[..., None]
             color = np.where(((normal @ turn @ back > 0.6) & (part > 0.35))[..., None], NAIL, color)
-        nearest[seen] = depth[seen]
-        image[seen] = (np.clip(light, 0, 1.1)[..., None] * color)[seen]
+        near[seen] = depth[seen]
+        shown[seen] = (np.clip(light, 0, 1.1)[..., None] * color)[seen]
     hidden = np.clip((nearest - gaussian_filter(nearest, 5)) / 0.02, 0, 1)  # by what is in front of it
     image = np.clip(image * np.where(nearest < FAR, 1 - 0.6 * hidden, 1)[..., None], 0, 255).astype(np.uint8)
     import cv2  # only the environment of cameras has it
@@ -80,3 +85,15 @@ def body(size=1.0):
     for index, (x, y) in {13: (0, -0.25), 15: (0, 0), 17: KNUCKLES[3], 19: KNUCKLES[0]}.items():
         points[index] = WRIST + PIXELS_PER_METRE * np.array([x, -y])
     return size * points
+
+
+def four(*bends):
+    """Return an image of four hands side by side, and landmarks (33, 2) of a body that ends in the two in the middle.
+
+    From the left: the left hand of somebody else, the performer's right and left one, another right one.
+    """
+    narrow = slice(70, 290)
+    tiles = [draw(bend)[:, narrow][:, :: (1, -1)[k % 2]] for k, bend in enumerate(bends)]
+    points, width = body() - [narrow.start, 0], narrow.stop - narrow.start
+    points[[14, 16, 18, 20]] = [width - 1, 0] + points[[13, 15, 17, 19]] * [-1, 1]
+    return np.hstack(tiles), points + np.where(np.arange(33) % 2, 2, 1)[:, None] * [width, 0]

@@ -1,9 +1,11 @@
 """Drawn faces whose openings are known: a head of points in space with painted eyes, brows and lips."""
 
+from functools import cache
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-GRID = 0.06
+GRID = 0.05
 """Distance of the points of the face, in centimetres."""
 
 SKIN, HAIR, BACKGROUND = (224, 172, 140), (60, 40, 28), (120, 130, 140)
@@ -11,6 +13,7 @@ EYE_X, MOUTH_Y = 3.1, 6.6
 VIEW_CM, DISTANCE_CM = 22.0, 150.0
 
 
+@cache
 def draw(opening=0.0, smile=0.0, blink=(0.0, 0.0), brow=0.0, yaw=0.0, size=200, fill=0.6, pitch=0.0, roll=0.0):
     """Return an image (size, size, 3) of a face.
 
@@ -26,7 +29,7 @@ def draw(opening=0.0, smile=0.0, blink=(0.0, 0.0), brow=0.0, yaw=0.0, size=200, 
         _paint_eye(colors, x, y, side, closed)
     _paint_mouth(colors, x, y, opening, smile)
     _over(colors, _cover(y + 6.0 - 6 * np.clip(np.abs(x) - 5.8, 0, None), 0.3), HAIR)
-    parts = [(np.stack([x, y, z], -1)[inside], colors[inside], normals[inside]), _back()]
+    parts = [(np.stack([x, y, z], -1)[inside], colors[inside], normals[inside]), _back(), _neck()]
     points, colors, normals = (np.concatenate(each) for each in zip(*parts, strict=True))
     return _projected(points, colors, normals, turn(yaw, pitch, roll), size, fill)
 
@@ -102,11 +105,18 @@ def _paint_mouth(colors, x, y, opening, smile):
 
 
 def _back():
-    around, down = np.meshgrid(np.linspace(0, 2 * np.pi, 300), np.linspace(0, np.pi, 160))
+    around, down = np.meshgrid(np.linspace(0, 2 * np.pi, 600), np.linspace(0, np.pi, 330))
     depth = -8.2 - 8.5 * np.sin(down) * np.abs(np.sin(around))
     points = np.stack([7.4 * np.sin(down) * np.cos(around), -1.2 - 10.6 * np.cos(down), depth], -1).reshape(-1, 3)
     points = points[points[:, 1] < 4]
     return points, np.broadcast_to(np.array(HAIR, float), points.shape), (points + np.array([0, 1, 8])) / 8
+
+
+def _neck():
+    around, down = np.meshgrid(np.linspace(0, 2 * np.pi, 400), np.linspace(5, 22, 230))
+    normals = np.stack([np.cos(around), 0 * around, np.sin(around)], -1).reshape(-1, 3)
+    points = 5 * normals + np.stack([0 * down, down, 0 * down - 8], -1).reshape(-1, 3)
+    return points, np.broadcast_to((200.0, 150.0, 120.0), points.shape), normals
 
 
 def turn(yaw=0.0, pitch=0.0, roll=0.0):

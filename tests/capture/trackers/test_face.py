@@ -1,18 +1,16 @@
 """Channels of drawn faces whose openings are known, and of the frames that follow each other."""
 
-import itertools
 from contextlib import closing
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from capture.trackers.face import NEUTRAL_SECONDS, FaceChannels, FaceMesh, HeadDirection, axes, measures
+from capture.trackers.face import FACE_CHANNELS, NEUTRAL_SECONDS, FaceChannels, FaceMesh, HeadDirection, axes, measures
 
 from .drawn_faces import draw, turn
 
-SHAPES = (("opening", 3.0, "mouth_open"), ("smile", 0.8, "smile"), ("brow", 0.6, "brow_up"))
-"""What is drawn, how much of it is the most in centimetres, and its channel."""
+MOUTH, SMILE, BLINK, BROW = (FACE_CHANNELS.index(name) for name in ("mouth_open", "smile", "blink_left", "brow_up"))
 NEUTRAL = np.array([0.0, 0.6, 0.0, 0.3, 0.3, 0.32])
 RATE = 30
 
@@ -23,41 +21,44 @@ def mesh(camera):
         yield mesh
 
 
-def settled(mesh, **face):
-    """Return the landmarks of a drawn face in the second image of it."""
-    image = draw(**face)
-    return [mesh.find(image) for _ in range(2)][-1]
+def channels_of(mesh, faces, **view):
+    """Return the channels (n, 6) of faces that follow the neutral face, each shown for a fifth of a second."""
+    channels, rows = FaceChannels(), []
+    seconds = [NEUTRAL_SECONDS + 0.1, *[0.2] * len(faces)]
+    for face, start, shown in zip([{}, *faces], np.cumsum([0.0, *seconds]), seconds, strict=False):
+        image = draw(**face, **view)
+        for time in np.arange(start, start + shown, 1 / RATE):
+            found = channels.step(time, measures(mesh.find(image)))
+        rows.append(list(found.values()))
+    return np.array(rows[1:])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("yaw", "least"), [(0, 0.95), (-30, 0.85), (30, 0.85)])
 @pytest.mark.parametrize("size", [240, 120])
-def test_channels_of_drawn_faces_follow_their_openings_and_tell_one_eye_from_the_other(mesh, yaw, least, size):
-    channels, seconds = FaceChannels(), itertools.count()
-
-    def seen(**face):
-        return channels.step(next(seconds), measures(settled(mesh, **face, yaw=yaw, size=size)))
-
-    seen()
-    neutral = seen()
-    for name, most, channel in SHAPES:
-        part = np.array([0.0, 0.5, 1.0, 0.2, 0.8])
-        found = [neutral[channel], *(seen(**{name: value})[channel] for value in most * part[1:])]
-        assert np.corrcoef(found, part)[0, 1] >= least, name
-    for blink in ((1, 0), (0, 1), (1, 1)):
-        found = seen(blink=blink)
-        assert (found["blink_left"] > 0.5, found["blink_right"] > 0.5) == blink
-    assert max(*neutral.values(), *seen().values()) <= 0.05
+def test_channels_of_drawn_faces_follow_their_openings(mesh, yaw, least, size):
+    part = np.array([0.0, 0.5, 1.0, 0.2, 0.8, 0.0])
+    for name, most, channel in (("opening", 3.0, MOUTH), ("smile", 0.8, SMILE), ("brow", 0.6, BROW)):
+        found = channels_of(mesh, [{name: value} for value in most * part], yaw=yaw, size=size)
+        assert np.corrcoef(found[:, channel], part)[0, 1] >= least, name
+        assert found[[0, -1]].max() <= 0.05, name
 
 
 @pytest.mark.slow
-def test_the_axes_of_a_head_turn_as_the_drawn_one(mesh):
-    straight, image = axes(settled(mesh, size=240), np.array([0.0, 0, 1])), np.diag([-1.0, -1, -1])
-    for yaw, pitch, roll in ((-45, 0, 0), (-30, -15, 20), (20, 15, 10), (45, 0, 0), (0, 30, 0), (0, -30, 0)):
-        found = settled(mesh, yaw=yaw, pitch=pitch, roll=roll, size=240)
-        found = axes(found, np.array([0.0, 0, 1])) @ straight.T
-        wanted = image @ turn(yaw, pitch, roll) @ image
-        assert np.degrees(np.linalg.norm(Rotation.from_matrix(found @ wanted.T).as_rotvec())) < 8
+@pytest.mark.parametrize("yaw", [0, -30, 30])
+def test_an_eye_that_blinks_is_told_from_the_other(mesh, yaw):
+    found = channels_of(mesh, [{"blink": blink} for blink in ((1, 0), (0, 1), (0, 0), (1, 1))], yaw=yaw)
+    np.testing.assert_array_equal(found[:, BLINK : BLINK + 2] > 0.5, [[1, 0], [0, 1], [0, 0], [1, 1]])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("view", [(-45, 0, 0), (-30, -15, 20), (20, 15, 10), (45, 0, 0), (0, 30, 0), (0, -30, 0)])
+def test_the_axes_of_a_head_turn_as_the_drawn_one(mesh, view):
+    straight = axes(mesh.find(draw(size=240)), np.array([0.0, 0, 1]))
+    names = dict(zip(("yaw", "pitch", "roll"), view, strict=True))
+    found = axes([mesh.find(draw(**names, size=240)) for _ in range(2)][-1], np.array([0.0, 0, 1])) @ straight.T
+    wanted = (image := np.diag([-1.0, -1, -1])) @ turn(**names) @ image
+    assert np.degrees(np.linalg.norm(Rotation.from_matrix(found @ wanted.T).as_rotvec())) < 8
 
 
 def test_a_face_that_looks_straight_ahead_at_the_edge_of_the_image_does_not_look_at_the_sensor():
@@ -92,7 +93,7 @@ def test_channels_are_unknown_before_the_neutral_face_follow_a_blink_of_0_1_s_an
     channels.step(NEUTRAL_SECONDS, NEUTRAL)
     blinks = [channels.step(NEUTRAL_SECONDS + k / RATE, shut) for k in range(1, 4)][-1]
     assert min(blinks["blink_left"], blinks["blink_right"]) > 0.5
-    channels.step(NEUTRAL_SECONDS + 1, NEUTRAL + np.eye(6)[0])
+    channels.step(NEUTRAL_SECONDS + 1, NEUTRAL + np.eye(6)[MOUTH])
     gone = [channels.step(NEUTRAL_SECONDS + 1 + k / RATE, None)["mouth_open"] for k in range(1, 30)]
     assert gone[0] > 0.7
     assert (np.diff(gone) < 0).all()

@@ -10,7 +10,7 @@ from capture.events import Lost
 from capture.fusion.performers import FORGET_SECONDS, LEADER_TIMEOUT_SECONDS, MAX_OBSERVATION_SECONDS, Performers
 from capture.skeleton import OPPOSITE, SkeletonFrame
 
-from .virtual_sensors import ACROSS, BEHIND, BESIDE, HERE, TURN, WALK, VirtualSensor, circling, truth, turning
+from .virtual_sensors import ACROSS, BEHIND, BESIDE, HERE, TURN, WALK, VirtualSensor, truth, turning
 
 BODY = WALK.positions[0]
 
@@ -126,14 +126,6 @@ def test_a_performer_who_enters_backwards_is_corrected_once_by_walking_and_stepp
     assert np.flatnonzero(exchanged)[-1] < 3.0 * 30
     stepping_back = moved(np.clip(WALK.times - 2.0, 0, 1.5), 1.8, 1)
     assert not exchanged_sides(stepping_back, HERE, BESIDE, seed=seed).any()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("start", range(8))
-def test_walking_in_circles_corrects_the_sides_once(start):
-    exchanged = exchanged_sides(circling(WALK, start * np.pi / 4), HERE, (BESIDE, BEHIND)[start % 2], seed=start)
-    assert not exchanged[3 * 30 :].any()
-    assert (np.diff(exchanged[30:].astype(int)) <= 0).all()
 
 
 TURNS = list(product(PERFORMANCES, (1.2, 2.0), ([BESIDE], [BEHIND], [BESIDE, ACROSS])))

@@ -26,13 +26,6 @@ def turning(clip, begin, end):
     return headed(clip, 2 * np.pi * part**2 * (3 - 2 * part), place)
 
 
-def circling(clip, start):
-    """Return a clip whose performer walks in a circle at 1 m/s and faces ahead."""
-    angle = start + clip.times
-    way = np.stack([np.cos(angle), 0 * angle, 2.7 - np.sin(angle)], axis=1)
-    return headed(clip, angle, way[:, None])
-
-
 def headed(clip, angle, place):
     """Return a clip whose performer is turned to the left by angles (T,), at positions (T, 1, 3) on the floor."""
     turns = Rotation.from_euler("y", angle[:, None]).as_matrix()

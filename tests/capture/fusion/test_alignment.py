@@ -16,7 +16,7 @@ NOISY = list(product((WALK, KUNG_FU, TURN), (BESIDE, BEHIND), (1, 2)))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "pose"), zip(PERFORMANCES, cycle((BESIDE, BEHIND)), strict=False))
+@pytest.mark.parametrize(("name", "pose"), list(zip(PERFORMANCES, cycle((BESIDE, BEHIND)), strict=False)))
 def test_without_noise_pose_and_clock_are_exact(name, pose):
     clip = clean(name)
     found = align(VirtualSensor(HERE).record(clip), VirtualSensor(pose, 1.7).record(clip), "two")

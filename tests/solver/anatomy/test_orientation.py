@@ -73,7 +73,7 @@ def test_a_character_that_is_turned_or_mirrored_gets_the_same_answer_turned(exam
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("number", "file"), enumerate(STANDS))
+@pytest.mark.parametrize(("number", "file"), list(enumerate(STANDS)))
 def test_real_characters_stand_on_their_feet_and_face_forwards_however_they_lie(real_mesh, number, file):
     assert_turns_with_the_mesh(real_mesh(file), *STANDS[file], [TURNS[5 * (number % 5)]])
 

@@ -18,7 +18,8 @@ from engine_bridge.character.surface_document import read_surface
 from puppetline.errors import MeshError
 
 from .conftest import read_and_write
-from .corpus import CORPUS, RAW_JSON, Parts, pack, unpack
+from ..engine_bridge.conftest import Glb
+from .corpus import CORPUS, RAW_JSON, content, pack, unpack
 
 MEASURE = Path(__file__).with_name("measure.py")
 
@@ -150,12 +151,12 @@ def surfaces():
     """Return mesh files of about 1 kB that announce about 1 GB."""
     stl, obj, off = CORPUS["binary.stl"], CORPUS["a.obj"], CORPUS["a.off"]
     files = {"count.stl": stl[:80] + b"\xff" * 4 + stl[84:], "index.obj": obj + b"f 1 2 1000000000\n"}
-    files["vertices.off"] = announced(off, b"26 48 0", b"1000000000 48 0")
-    files["faces.off"] = announced(off, b"26 48 0", b"26 1000000000 0")
+    files["vertices.off"] = announced(off, b"42 80 0", b"1000000000 80 0")
+    files["faces.off"] = announced(off, b"42 80 0", b"42 1000000000 0")
     files["corners.off"] = off.replace(b"\n3 ", b"\n1000000000 ", 1)
-    for kind in ("text", "little", "big"):
+    for kind in ("text", "little"):
         ply = CORPUS[f"{kind}.ply"]
-        for element, count in (("vertex", 26), ("face", 48)):
+        for element, count in (("vertex", 42), ("face", 80)):
             large = f"element {element} 1000000000".encode()
             files[f"{kind}_{element}.ply"] = announced(ply, f"element {element} {count}".encode(), large)
         listed = b"property list uint int vertex_indices"
@@ -182,15 +183,13 @@ def measured(good, paths):
 def valid(size):
     """Return a valid .glb of a minimum size in bytes."""
     vertices, triangles = igl.icosahedron()
-    content = b""
-    while len(content) < size:
+    made = b""
+    while len(made) < size:
         vertices, triangles = igl.upsample(vertices, triangles)
-        parts = Parts({"nodes": [{"mesh": 0}]})
-        attributes = {"POSITION": parts.add(vertices.astype(np.float32))}
-        indices = parts.add(triangles.astype(np.uint32).ravel())
-        parts.gltf["meshes"] = [{"primitives": [{"attributes": attributes, "indices": indices}]}]
-        content = parts.glb()
-    return content
+        glb = Glb()
+        glb.show(vertices, triangles)
+        made = content(glb)
+    return made
 
 
 def changed(origin, change):

@@ -16,10 +16,6 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-VERSIONS = {(5, 1), (5, 2)}
-BASE_COLOR = 12
-"""Kind of a texture."""
-
 
 def fields(**types):
     return list(types.items())
@@ -87,8 +83,8 @@ class Animation(Structure):
 
 class Scene(Structure):
     _fields_ = fields(flags=c_uint, root=POINTER(Node), meshes_count=c_uint, meshes=POINTER(POINTER(Mesh)))
-    _fields_ += fields(materials_count=c_uint, materials=POINTER(c_void_p), animations_count=c_uint)
-    _fields_ += fields(animations=POINTER(POINTER(Animation)), textures_count=c_uint)
+    _fields_ += fields(materials_count=c_uint, materials=c_void_p, animations_count=c_uint)
+    _fields_ += fields(animations=POINTER(POINTER(Animation)))
 
 
 def each(count, pointers):
@@ -105,25 +101,15 @@ def keys(count, address, kind):
     return rows["time"], rows["value"].astype(np.float64)
 
 
-def between(times, values, time, mix):
-    """Return the value at a time; before the first and after the last key it is held."""
-    after = int(np.searchsorted(times, time))
-    if after == 0 or after == len(times):
-        return values[min(after, len(times) - 1)]
-    return mix(values[after - 1], values[after], (time - times[after - 1]) / (times[after] - times[after - 1]))
+def straight(times, values, time):
+    """Return a value between keys; before the first and after the last one it is held."""
+    return np.array([np.interp(time, times, column) for column in values.T])
 
 
-def straight(a, b, share):
-    return (1 - share) * a + share * b
-
-
-def arc(a, b, share):
-    return np.roll(Slerp([0, 1], rotation([a, b]))(share).as_quat(), 1)
-
-
-def rotation(quaternions):
-    """Return the rotations of quaternions whose scalar comes first."""
-    return Rotation.from_quat(np.roll(quaternions, -1, axis=-1))
+def arc(times, quaternions, time):
+    """Return a rotation between keys, whose scalars come first."""
+    rotations = Rotation.from_quat(np.roll(quaternions, -1, axis=1))
+    return Slerp(times, rotations)(np.clip(time, times[0], times[-1])) if len(times) > 1 else rotations[0]
 
 
 class Player:
@@ -145,12 +131,10 @@ class Player:
         self.morphs = {}
         for channel in each(animation.morph_channels_count, animation.morph_channels):
             rows = channel.keys[: channel.keys_count]
-            times = np.array([row.time for row in rows])
-            weights = np.array([row.weights[: row.count] for row in rows])
-            targets = [list(row.values[: row.count]) for row in rows]
-            if any(target != list(range(len(target))) for target in targets):
+            if any(row.values[: row.count] != [*range(row.count)] for row in rows):
                 raise SystemExit(f"{channel.name}: morph keys that leave targets out")
-            self.morphs[str(channel.name)] = times, weights
+            weights = np.array([row.weights[: row.count] for row in rows])
+            self.morphs[str(channel.name)] = [row.time for row in rows], weights
         self.base = [floats(mesh.vertices, mesh.vertices_count, 3) for mesh in self.meshes]
         self.targets = [each(mesh.anim_meshes_count, mesh.anim_meshes) for mesh in self.meshes]
         self.moves = [
@@ -183,10 +167,8 @@ class Player:
             if name in self.channels:
                 positions, rotations, scalings = self.channels[name]
                 local = np.eye(4)
-                local[:3, :3] = rotation(between(*rotations, ticks, arc)).as_matrix() * between(
-                    *scalings, ticks, straight
-                )
-                local[:3, 3] = between(*positions, ticks, straight)
+                local[:3, :3] = arc(*rotations, ticks).as_matrix() * straight(*scalings, ticks)
+                local[:3, 3] = straight(*positions, ticks)
             matrices.append(local if parent < 0 else matrices[parent] @ local)
         return matrices
 
@@ -196,7 +178,7 @@ class Player:
         if len(self.moves[mesh]):
             weights = [target.weight for target in self.targets[mesh]]
             if name in self.morphs:
-                weights = between(*self.morphs[name], ticks, straight)
+                weights = straight(*self.morphs[name], ticks)
             local = local + np.tensordot(weights, self.moves[mesh], axes=1)
         padded = np.column_stack([local, np.ones(len(local))])
         if not self.bones[mesh]:
@@ -207,33 +189,19 @@ class Player:
         return shown[:, :3]
 
 
-def material(library, scene, index):
-    own = scene.materials[index]
-    color, name, path = (c_float * 4)(1, 1, 1, 1), Text(), Text()
-    library.aiGetMaterialColor(c_void_p(own), b"$clr.base", 0, 0, color)
-    library.aiGetMaterialString(c_void_p(own), b"?mat.name", 0, 0, ctypes.byref(name))
-    library.aiGetMaterialString(c_void_p(own), b"$tex.file", BASE_COLOR, 0, ctypes.byref(path))
-    return {"name": str(name), "base_color": list(color), "images": [{"name": str(path)}] if path.length else []}
-
-
 def main():
     file, count, base = sys.argv[1], int(sys.argv[2]), sys.argv[3]
     library = ctypes.CDLL(ctypes.util.find_library("assimp") or "libassimp.so.5")
-    version = library.aiGetVersionMajor(), library.aiGetVersionMinor()
-    if version not in VERSIONS:
-        raise SystemExit(f"assimp {version[0]}.{version[1]} lays out its structures in ways that are not known here")
     library.aiImportFile.restype, library.aiGetErrorString.restype = POINTER(Scene), c_char_p
-    library.aiGetMaterialColor.argtypes = [c_void_p, c_char_p, c_uint, c_uint, c_void_p]
-    library.aiGetMaterialString.argtypes = [c_void_p, c_char_p, c_uint, c_uint, c_void_p]
     imported = library.aiImportFile(str(file).encode(), 0)
     if not imported:
         raise SystemExit(f"{file}: {library.aiGetErrorString().decode()}")
     scene = imported.contents
-    animations = each(scene.animations_count, scene.animations)
-    player = Player(scene, animations[0])
+    animation = scene.animations[0].contents
+    player = Player(scene, animation)
 
     shown = [(node, place, mesh) for node, (*_, meshes) in enumerate(player.nodes) for place, mesh in enumerate(meshes)]
-    end = animations[0].duration
+    end = animation.duration
     blocks = [[] for _ in shown]
     for ticks in np.linspace(0, end, count):
         matrices = player.to_world(ticks)
@@ -242,33 +210,12 @@ def main():
     described, start = [], 0
     with Path(f"{base}.bin").open("wb") as binary:
         for block, (node, place, mesh) in zip(blocks, shown, strict=True):
-            own = player.meshes[mesh]
             described.append(
-                {
-                    "name": player.nodes[node][0],
-                    "mesh": str(own.name),
-                    "node": player.nodes[node][0],
-                    "primitive": place,
-                    "count": own.vertices_count,
-                    "positions": start,
-                    "normals": None,
-                    "materials": [material(library, scene, own.material)],
-                    "targets": [str(target.name) for target in player.targets[mesh]],
-                    "bones": len(player.bones[mesh]),
-                }
+                {"node": player.nodes[node][0], "primitive": place, "count": len(player.base[mesh]), "positions": start}
             )
-            for positions in block:
-                binary.write(positions.astype("<f4").tobytes())
-                start += positions.size
-    report = {
-        "times": np.linspace(0, end / animations[0].ticks, count).tolist(),
-        "meshes": described,
-        "version": f"{version[0]}.{version[1]}.{library.aiGetVersionPatch()}",
-        "animations": [str(animation.name) for animation in animations],
-        "objects": [name for name, *_ in player.nodes],
-        "textures": scene.textures_count,
-        "morphed": sorted(player.morphs),
-    }
+            binary.write(np.array(block, "<f4").tobytes())
+            start += np.size(block)
+    report = {"times": np.linspace(0, end / animation.ticks, count).tolist(), "meshes": described}
     Path(f"{base}.json").write_text(json.dumps(report), encoding="utf-8")
 
 

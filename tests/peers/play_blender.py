@@ -3,8 +3,7 @@
 Runs in an environment with bpy (make peers). Nothing is touched between the import and the play: no track is unmuted,
 no action is assigned. The N times are evenly spaced from 0 to the end of the active action. OUTBASE.bin holds
 little-endian float32: for each mesh object (N, V, 3) world positions in glTF's axes. OUTBASE.json holds the times, the
-meshes (object name, mesh name, node in the file, count V, start of the block in floats, materials, shape keys) and how
-the scene is set up. FPS is the scene's frame rate before the import, 30 if it is not given.
+meshes (object name, node in the file, count V, start of the block in floats, shape keys) and how the scene is set up. FPS is the scene's frame rate before the import, 30 if it is not given.
 """
 
 import json
@@ -68,24 +67,6 @@ def describe_keys(thing):
     ]
 
 
-def describe_material(material):
-    if material is None:
-        return None
-    inputs = [entry for node in material.node_tree.nodes for entry in node.inputs if entry.name == "Base Color"]
-    color = list(inputs[0].default_value) if inputs else None  # a material without light has no such input
-    ends = [node.inputs["Surface"] for node in material.node_tree.nodes if node.type == "OUTPUT_MATERIAL"]
-    images, nodes = [], inputs or ends
-    while nodes:  # whatever the colour is mixed from
-        for link in nodes.pop().links:
-            images += [link.from_node.image] if link.from_node.type == "TEX_IMAGE" else []
-            nodes += [entry for entry in link.from_node.inputs if entry.is_linked]
-    return {
-        "name": material.name,
-        "base_color": color,
-        "images": [{"name": image.name, "size": list(image.size)} for image in images],
-    }
-
-
 def positions(thing, depsgraph):
     """Return a mesh object's (V, 3) vertices as they are shown."""
     shown = thing.evaluated_get(depsgraph)
@@ -108,8 +89,8 @@ def main():
     bpy.ops.import_scene.gltf(filepath=str(file))
 
     helpers = bpy.data.collections.get(HELPERS)
-    objects = [thing for thing in scene.objects if helpers is None or thing.name not in helpers.objects]
-    meshes = [thing for thing in objects if thing.type == "MESH"]
+    shapes = helpers.objects if helpers else ()
+    meshes = [thing for thing in scene.objects if thing.type == "MESH" and thing.name not in shapes]
     moved = [describe_owner(name, owner) for name, owner in owners() if owner.animation_data]
     active = {entry["action"] for entry in moved} - {None}
     end = max((bpy.data.actions[name].frame_range[1] for name in active), default=0.0)
@@ -129,13 +110,10 @@ def main():
             described.append(
                 {
                     "name": thing.name,
-                    "mesh": thing.data.name,
                     "node": thing["node"],
                     "primitive": None,
                     "count": len(blocks[0]),
                     "positions": floats,
-                    "normals": None,
-                    "materials": [describe_material(slot.material) for slot in thing.material_slots],
                     "shape_keys": describe_keys(thing),
                 }
             )
@@ -147,13 +125,8 @@ def main():
         "meshes": described,
         "version": bpy.app.version_string,
         "fps": scene.render.fps / scene.render.fps_base,
-        "range": [scene.frame_start, scene.frame_end],
         "actions": {action.name: {"frames": list(action.frame_range)} for action in bpy.data.actions},
         "animated": moved,
-        "objects": [thing.name for thing in objects],
-        "bones": {
-            thing.name: [bone.name for bone in thing.data.bones] for thing in objects if thing.type == "ARMATURE"
-        },
     }
     Path(f"{base}.json").write_text(json.dumps(report), encoding="utf-8")
 

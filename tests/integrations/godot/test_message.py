@@ -43,7 +43,7 @@ def decode(run_godot, packed):
 
 
 class TestMessages(Messages):
-    accepts = ("without colors", "positions nan", "handles: []", "parts: []", *(f"{name} at 2" for name in ARRAYS))
+    accepts = tuple(f"/arrays/{name}/offset: 2" for name in ARRAYS)
 
     @pytest.fixture
     def read(self, decode):
@@ -78,6 +78,29 @@ class TestMessages(Messages):
             assert own["scene_revision"] == facts["revision"]
             for name in ("diagonal", "joints", "morphs", "parts"):
                 assert self.same(own[name], facts[name])
+
+
+def unshowable():
+    """Yield scenes that Python takes, with what Godot could not draw."""
+    facts, arrays = taken_apart()
+    part, handle = facts["parts"][0], facts["handles"][0]
+    empty = part | {"vertices": [0, 0], "triangles": [0, 0]}
+    for what, value in (
+        *((what, "many") for what in ("bounds", "handles", "parts")),
+        *(("weights", weights) for weights in ([0.5, 0.5, 0.5, 1e300], [1.5, 0, -0.5, 0], [2, 0, 0, 0])),
+        ("diagonal", 1e300),
+        ("bounds", [[0, 0, 0], [1, 1e39, 1]]),
+        ("handles", [handle | {"position": [0, -1e39, 0]}]),
+        *(("parts", [part | {"vertices": vertices}]) for vertices in ([0, 163], [0])),
+        *(("parts", [part | {"triangles": triangles}]) for triangles in ([1, 320], [-1, 2])),
+        ("parts", [empty | {"vertices": [0, 162]}, empty | {"vertices": [161, 1]}]),
+        ("parts", [empty | {"triangles": [0, 320]}] * 2),
+    ):
+        yield scene_message(facts | {what: value}, arrays)
+
+
+def test_a_scene_that_cannot_be_drawn_is_refused(decode):
+    assert [told for told in decode([*unshowable()]) if not told.get("damaged")] == []
 
 
 def test_a_material_is_complete_whatever_came(decode):

@@ -22,7 +22,7 @@ def plain(told):
 
 
 class TestMessages(Messages):
-    accepts = ("bounds", "handles", "parts", "without colors", "weights [", "diagonal")
+    accepts = ("/weights/0: ",)
 
     @pytest.fixture
     def read(self, run_core, packed):

@@ -21,7 +21,7 @@ COLOURED = trimesh.Trimesh(BALL.vertices, BALL.faces, vertex_colors=[255, 128, 0
 POINTS, FACES = BALL.vertices.astype(np.float32), BALL.faces.astype(np.uint16)
 
 
-def content(made):
+def glb_of(made):
     """Return the bytes of a .glb that was put together by hand."""
     made.file.buffers = [gltf.Buffer(byteLength=len(made.blob))]
     made.file.set_binary_blob(made.blob)
@@ -69,7 +69,7 @@ def textured():
     surface = gltf.PbrMetallicRoughness(baseColorFactor=[1, 0.5, 0, 1], baseColorTexture=gltf.TextureInfo(index=0))
     unlit = {"KHR_materials_unlit": {}}
     made.file.materials = [gltf.Material(name="skin", pbrMetallicRoughness=surface, extensions=unlit)]
-    return content(made)
+    return glb_of(made)
 
 
 def animate(made, node, path, values):
@@ -96,7 +96,7 @@ def skinned():
     bind = made.add(np.tile(np.eye(4, dtype="f4"), (2, 1, 1)), target=None)
     made.file.skins = [gltf.Skin(joints=[hip, chest], skeleton=hip, inverseBindMatrices=bind)]
     animate(made, chest, "rotation", [[0, 0, 0, 1], [0.6, 0, 0, 0.8]])
-    return content(made)
+    return glb_of(made)
 
 
 def packed():
@@ -119,7 +119,7 @@ def packed():
     pieces = [gltf.Primitive(**arrays, indices=which, mode=mode) for mode, which in indices.items()]
     mesh = made.mesh(*pieces, weights=[0.5, 0.25], extras={"targetNames": ["up", "down"]})
     animate(made, made.node(mesh, scale=[2, 2, 2]), "weights", [0, 0, 1, 0.5])
-    file, binary = unpack(content(made))
+    file, binary = unpack(glb_of(made))
     file["nodes"][0]["weights"] = [0.25, 0]
     return pack(file, binary)
 

@@ -11,15 +11,14 @@ import zlib
 from pathlib import Path
 
 import igl
-import numpy as np
 import pytest
 
 from engine_bridge.character.surface_document import read_surface
 from puppetline.errors import MeshError
 
-from .conftest import read_and_write
 from ..engine_bridge.conftest import Glb
-from .corpus import CORPUS, RAW_JSON, content, pack, unpack
+from .conftest import read_and_write
+from .corpus import CORPUS, RAW_JSON, glb_of, pack, unpack
 
 MEASURE = Path(__file__).with_name("measure.py")
 
@@ -188,7 +187,7 @@ def valid(size):
         vertices, triangles = igl.upsample(vertices, triangles)
         glb = Glb()
         glb.show(vertices, triangles)
-        made = content(glb)
+        made = glb_of(glb)
     return made
 
 

@@ -3,7 +3,8 @@
 Runs in an environment with bpy (make peers). Nothing is touched between the import and the play: no track is unmuted,
 no action is assigned. The N times are evenly spaced from 0 to the end of the active action. OUTBASE.bin holds
 little-endian float32: for each mesh object (N, V, 3) world positions in glTF's axes. OUTBASE.json holds the times, the
-meshes (object name, node in the file, count V, start of the block in floats, shape keys) and how the scene is set up. FPS is the scene's frame rate before the import, 30 if it is not given.
+meshes (object name, node in the file, count V, start of the block in floats, shape keys) and how the scene is set up.
+FPS is the scene's frame rate before the import, 30 if it is not given.
 """
 
 import json

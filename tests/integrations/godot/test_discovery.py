@@ -138,16 +138,12 @@ def test_a_damaged_record_ends_the_packet(read):
 
 
 def test_texts_that_are_no_utf_8_are_left_out_without_a_word(read):
-    good = answer(info(version="0.1.0", characters="dog"))
-    [records], _ = read([good.replace(b"version=0.1.0", b"version=0\xff\xfe00")])
-    [texts] = [each["data"] for each in records if each["type"] == 16]
-    assert texts == ["", "characters=dog"]
-    names = [f"Zürich {number}" for number in range(3)]
-    wrong = (b"\xc3\xbc", b"\xc3("), (b"\xc3\xbc", b"\xc0\xbc"), (b"\xc3\xbc", b"\xc3\0")
-    packets = [answer(info(name)).replace(*pair) for name, pair in zip(names, wrong, strict=True)]
-    records, _ = read(packets)
-    for each in records:
-        assert [record["data"] for record in each if record["type"] == 12] == [f".{TYPE.removesuffix('.')}"]
+    good = answer(info("Zürich", version="0.1.0", characters="dog"))
+    packets = [good.replace(b"version=0.1.0", b"version=0\xff\xfe00")]
+    packets += [good.replace("ü".encode(), wrong) for wrong in (b"\xc3(", b"\xc0\xbc", b"\xc3\0")]
+    texts, *names = ({record["type"]: record["data"] for record in records} for records in read(packets)[0])
+    assert texts[16] == ["", "characters=dog"]
+    assert [records[12] for records in names] == [f".{TYPE.removesuffix('.')}"] * 3
 
 
 def test_announcements_become_services_that_expire(run_godot, packed):

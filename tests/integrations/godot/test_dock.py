@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import random
 import threading
 import tomllib
 
@@ -11,6 +12,8 @@ from PIL import Image
 
 from engine_bridge.puppet.puppet_file import load
 from engine_bridge.service.protocol.header import Header, Kind, join, topic_field, write_json
+
+from ..messages import altered
 
 pytestmark = pytest.mark.slow
 
@@ -258,26 +261,19 @@ def test_the_dock_is_in_the_editor_and_adds_a_character_to_the_scene(drive_edito
     assert Image.open(tmp_path / "editor.png").size == (1600, 1000)
 
 
-NONSENSE = [
-    None,
-    {"characters": 5, "status": []},
-    {"characters": [None, 1, "dog", {}, {"name": 7, "stage": [], "performer": {}, "mirror": "yes"}]},
-    {"characters": [{"name": "dog", "performer": 1e300}] * 10_000, "status": {"stages": {"users": 1}}},
-    {"characters": [{"name": "dog", "stage": "s"}], "status": {"stages": [{"name": "s", "users": [1, {"user": "1"}]}]}},
-]
-"""Invalid replies to `describe`, and as the last one a valid reply."""
+DESCRIBED = {
+    "characters": [{"name": "dog", "stage": "s", "performer": None, "mirror": False}],
+    "status": {"stages": [{"name": "s", "users": [{"user": 1}]}]},
+}
+MAPPING = {"character": "dog", "handles": [{"name": "fine", "joints": ["head"], "axes": "xyz", "gain": 2.5}]}
+MAPPING |= {"joints": ["head"], "root": None, "scale": 1.0, "saved": True}
 
-NO_MAPPINGS = [
-    None,
-    {"character": "dog", "handles": [None, {}, {"name": []}, {"name": "a", "joints": "head", "axes": 1, "gain": "2"}]},
-    {"character": "dog", "handles": [{"name": str(k)} for k in range(9_999)], "joints": [1, None, "head"] * 999},
-    {"character": "dog", "root": "head", "scale": -1e308, "joints": {}, "saved": 1, "handles": {"name": "a"}},
-    {
-        "character": "dog",
-        "handles": [{"name": "fine", "joints": ["head"], "axes": "xyz", "gain": 2.5}],
-        "joints": ["head"],
-    },
-]
+
+def nonsense(valid):
+    """Yield some replies that make no sense, and then the valid one again and again."""
+    wrong = [value for _, value in altered(valid)]
+    yield from random.Random(3).sample(wrong, 8)
+    yield from itertools.repeat(valid)
 
 
 @pytest.fixture
@@ -288,8 +284,7 @@ def impostor(free_port):
     message = join(topic_field("service/status"), Header(kind=Kind.STATUS, length=len(status)), status)
 
     def answer():
-        asked = {"describe": itertools.chain(NONSENSE, itertools.repeat(NONSENSE[-1]))}
-        asked["puppet"] = itertools.chain(NO_MAPPINGS, itertools.repeat(NO_MAPPINGS[-1]))
+        asked = {"describe": nonsense(DESCRIBED), "puppet": nonsense(MAPPING)}
         while not over.is_set():
             while control.poll(20):
                 sender, body = control.recv_multipart()

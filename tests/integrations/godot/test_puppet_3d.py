@@ -367,11 +367,3 @@ def test_a_puppet_plays_in_the_editor_unless_the_preview_is_off(godot, project, 
     editing = ("--headless", "--editor", "--path", project, "res://edited.tscn", "--quit-after", 200)
     Godot(godot, *editing).finish(300)
     assert (stage.scenes > 0) == preview
-
-
-def test_a_puppet_plays_in_an_exported_game(watch, exported_game, stage):
-    stage.is_playing, settings = True, {"port": stage.port}
-    watched = watch(settings, settings | {"mode": 1}, game=exported_game)
-    for puppet in 0, 1:
-        assert watched.until(moves, puppet)["damaged"] == 0
-    watched.end()

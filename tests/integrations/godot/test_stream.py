@@ -171,18 +171,6 @@ def test_a_foreign_publisher_on_the_port_is_no_service(follow, publisher, given_
     assert states(script) == ["CONNECTING", "OFFLINE"]
 
 
-def test_something_else_on_the_port_gives_way_to_a_service(follow, serve_figure, free_port, answering):
-    page = b"HTTP/1.1 400 Bad Request\r\n\r\n" + bytes(range(256))
-    something_else = answering(lambda line: line.sendall(page) or line.recv(100), free_port())
-    script = follow(something_else.port, "blob/scene/mine")
-    script.until(state("OFFLINE"))
-    something_else.close()
-    serve_figure(port=something_else.port)
-    script.until(topic("blob/scene/mine"))
-    script.end()
-    assert states(script) == ["CONNECTING", "OFFLINE", "CONNECTED"]
-
-
 def test_another_protocol_version_is_refused_with_both_versions_even_as_the_last_message(follow, publisher):
     script = follow(port_at(publisher))
     subscribed(publisher, "service/status")
@@ -200,19 +188,6 @@ def test_another_protocol_version_is_refused_with_both_versions_even_as_the_last
     assert "2.3" in script.until(state("REFUSED"))["reason"]
     script.end()
     assert states(script) == ["CONNECTING", "CONNECTED", "REFUSED"]
-
-
-def test_damaged_messages_are_left_out(follow, publisher):
-    script = follow(port_at(publisher), "dog/controls")
-    subscribed(publisher, "service/status", "dog/controls")
-    good = message("dog/controls", Kind.CONTROLS, bytes(48), sequence=5)
-    for length in range(0, len(good), 7):
-        publisher.send(good[: len(good) - length])
-    publisher.send(b"dog/controls\0" + b"\xff" * 200)
-    publisher.send(message("dog/controls", Kind.CONTROLS, sequence=6))
-    script.until(topic("dog/controls", lambda told: told["sequence"] == 6))
-    script.end()
-    assert [told["sequence"] for told in told_of(script, "dog/controls")] == [5, 6]
 
 
 def subscribed(publisher, *topics, on=True):

@@ -1,6 +1,5 @@
 """The addon's connection over WebSocket, with the real service."""
 
-import hashlib
 import json
 
 import pytest
@@ -32,23 +31,6 @@ def fails(script, state):
     reason = script.until(lambda told: told.get("state") == state)["reason"]
     script.end()
     return reason
-
-
-def test_frames_are_byte_for_byte_those_of_zeromq(connect, web_service):
-    service, address = web_service()
-    client = service.client("blob/controls", "blob/joints")
-    client.until(lambda _: True)
-    script = connect(address, "blob/controls", "blob/joints")
-    script.until(lambda _: len(hashes(script)) > 40)
-    script.end()
-    over_zeromq = set()
-    while client.socket.poll(0):
-        over_zeromq.add(hashlib.sha256(client.socket.recv()).hexdigest())
-    assert set(hashes(script)[:40]) <= over_zeromq
-
-
-def hashes(script):
-    return [told["sha256"] for told in script.results if "sha256" in told]
 
 
 def test_a_token_is_sent_and_a_wrong_or_missing_one_is_final(connect, web_service, token_file):

@@ -4,7 +4,6 @@ import hashlib
 import itertools
 import random
 import socket
-import threading
 from contextlib import suppress
 
 import pytest
@@ -59,29 +58,6 @@ def publisher(context):
 
     yield make
     context.destroy()
-
-
-@pytest.fixture
-def admit(context):
-    """Accept clients with the token, as the service does."""
-    guard = context.socket(zmq.ROUTER)
-    guard.linger = 0
-    guard.bind("inproc://zeromq.zap.01")
-    over = threading.Event()
-
-    def answer():
-        while not over.is_set():
-            if guard.poll(20):
-                origin, _, _, request, _, _, _, _, _, token = guard.recv_multipart()
-                status = b"200" if token == TOKEN.encode() else b"400"
-                guard.send_multipart([origin, b"", b"1.0", request, status, b"", b"", b""])
-
-    thread = threading.Thread(target=answer)
-    thread.start()
-    yield
-    over.set()
-    thread.join()
-    guard.close()
 
 
 @pytest.fixture
@@ -140,15 +116,12 @@ def test_a_ping_gets_its_own_context_back(connect, peer):
     assert [wanted for wanted, _ in pongs] == [got for _, got in pongs]
 
 
-def test_the_right_token_opens_and_a_wrong_one_is_refused_also_byte_by_byte(connect, publisher, admit, line):
-    pub, port = publisher(plain_server=True, zap_domain=b"stream")
-    script = connect(line(port).port, "t", token=TOKEN)
-    assert subscriptions(pub, 1) == [b"\1t\0"]
-    pub.send(b"t\0" + b"x" * 600)
-    script.until(lambda told: told == seen(b"t\0" + b"x" * 600))
+def test_the_right_token_opens_and_a_wrong_one_is_refused_also_byte_by_byte(connect, locked_figure, token_file, line):
+    script = connect(line(locked_figure.port).port, "service/characters", token=token_file.read_text())
+    script.until(lambda told: told.get("size", 0) > 128)
     script.end()
     for wrong in ("another one", "", "x" * 256):
-        fails(connect(port, token=wrong), "REFUSED")
+        fails(connect(locked_figure.port, token=wrong), "REFUSED")
 
 
 def test_a_service_that_wants_keys_says_so(connect, publisher):

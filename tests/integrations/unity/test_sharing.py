@@ -1,9 +1,6 @@
 """Followers of one service share its connection, and those of one character its scene."""
 
-import numpy as np
 import pytest
-
-from .conftest import array
 
 
 @pytest.fixture
@@ -44,23 +41,6 @@ def test_three_followers_take_one_connection_and_one_scene(follow, figure, conne
     ended = follow.finish()
     closed = [said.get("closed") for said in ended].index("one")
     assert not any(frames_of("one")(said) for said in ended[closed:])
-
-
-def test_each_follower_gets_the_values_that_were_sent_and_a_later_one_the_scene_that_is_here(follow, stage):
-    stage.is_playing, scenes = True, set()
-    for name, character, kind in (
-        ("one", "blob", "vertices"),
-        ("two", "-", "vertices"),
-        ("three", "blob", "vertices16"),
-    ):
-        follow.tell(f"open {name} {stage.port} - {character} {kind}")
-        said = follow.until(frames_of(name))
-        scenes.add(said["scene"])
-        sent = stage.sent[said["frame"]].vertices_and_normals[0]
-        tolerance = 1e-4 * stage.diagonal if name == "three" else 0
-        np.testing.assert_allclose(array(said["values"], columns=3)[: len(sent)], sent, rtol=0, atol=tolerance)
-    follow.finish()
-    assert (len(scenes), stage.scenes) == (1, 1)
 
 
 def test_other_tokens_and_other_addresses_are_other_connections(follow, figure, locked_figure, token_file):

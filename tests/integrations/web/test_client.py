@@ -30,20 +30,24 @@ COUNT = """() => {
 CONNECTED = "() => client.state === 'connected'"
 
 
+WALKING = ("--source", "demo:walk?loop", "--calibrate", "at_once")
+
+
 @pytest.fixture
 def start(serve_page, blob_puppet):
     """Start a service with one character, at free ports or at given ones."""
-
-    def start_one(*more, **ports):
-        return serve_page(
-            "--puppet", blob_puppet, "--source", "demo:walk?loop", "--calibrate", "at_once", *more, **ports
-        )
-
-    return start_one
+    return lambda *more, **ports: serve_page("--puppet", blob_puppet, *WALKING, *more, **ports)
 
 
-def test_requests_are_answered_with_their_results_or_with_the_errors_of_the_service(start, open_page):
-    _, address = start()
+@pytest.fixture(scope="module")
+def shared(serve_module, blob_puppet, site):
+    """A service that tests do not change, and the address of its WebSocket."""
+    service = serve_module("--puppet", blob_puppet, *WALKING, "--websocket", 0, "--origin", site.origin)
+    return service, service.logged("serving")["fields"]["stream"][-1]
+
+
+def test_requests_are_answered_with_their_results_or_with_the_errors_of_the_service(shared, open_page):
+    _, address = shared
     page = open_page()
     page.run(CONNECT, [address, None])
     page.until(CONNECTED)
@@ -100,10 +104,10 @@ def test_a_wrong_token_is_final_until_retry_and_the_right_one_is_accepted(start,
     assert page.run("() => states") == ["refused", "connecting", "connected"]
 
 
-def test_the_page_of_another_origin_is_never_connected(serve, blob_puppet, open_page):
-    service = serve("--puppet", blob_puppet, "--source", "demo:walk?loop", "--websocket", "0")
-    address = service.logged("serving")["fields"]["stream"][-1]
+def test_the_page_of_another_origin_is_never_connected(shared, open_page, site):
+    service, address = shared
     page = open_page()
+    page.page.goto(site.origin.replace("127.0.0.1", "localhost") + "/tests/web/page.html")
     page.run(CONNECT, [address, None])
     page.until("() => client.state === 'offline'")
     refused = service.logged("web client refused")["fields"]
@@ -162,8 +166,8 @@ def test_a_reloaded_character_gets_its_new_scene(start, open_page, blob_puppet):
         blob_puppet.write_text(text)
 
 
-def test_a_page_that_was_frozen_continues_with_new_frames(start, open_page):
-    _, address = start()
+def test_a_page_that_was_frozen_continues_with_new_frames(shared, open_page):
+    _, address = shared
     count = """([address]) => {
       window.client = new puppetline.Client(address);
       window.numbers = [];
@@ -186,8 +190,8 @@ def test_a_page_that_was_frozen_continues_with_new_frames(start, open_page):
         assert numbers == sorted(set(numbers))
 
 
-def test_the_example_page_shows_a_character(start, open_page):
-    _, address = start()
+def test_the_example_page_shows_a_character(shared, open_page):
+    _, address = shared
     page = open_page(f"/example.html?service={address}&character=blob")
     page.page.wait_for_function("document.getElementById('status').textContent === ''")
 
@@ -198,11 +202,11 @@ def test_the_example_page_shows_a_character(start, open_page):
     wait_until(is_shown)
 
 
-def test_the_ten_lines_of_the_documentation_show_a_character(start, open_page, site, tmp_path):
+def test_the_ten_lines_of_the_documentation_show_a_character(shared, open_page, site, tmp_path):
     document = (Path(__file__).parents[3] / "docs" / "web.md").read_text(encoding="utf-8")
     program = document.partition("```js\n")[2].partition("```")[0]
     assert len([line for line in program.splitlines() if line]) == 10
-    _, address = start()
+    _, address = shared
     page = tmp_path / "ten.html"
     mine = program.replace("ws://127.0.0.1:7402/stream", address).replace('"dog"', '"blob"').replace('"./', '"/')
     template = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")

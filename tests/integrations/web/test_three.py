@@ -46,25 +46,22 @@ SHOWN = """([first, second, share]) => {
 }"""
 
 
-@pytest.mark.parametrize("moment", [(0, 0, 0.0), (1, 1, 0.0), (1, 2, 0.0), (1, 2, 1.0), (1, 2, 0.25), (2, 0, 0.75)])
-def test_positions_and_normals_are_those_of_the_service_and_the_sphere_holds_them(worm, moment):
-    shown = worm.run(SHOWN, moment)
-    first, second, share = moment
-    diagonal = decoded("scene").facts["diagonal"]
-    positions = shown["positions"].reshape(-1, 3)
-    at_ends = [decoded(f"{number}.vertices").positions for number in (first, second)]
-    expected = (1 - share) * at_ends[0] + share * at_ends[1]  # positions are linear in the transforms
-    assert np.abs(positions - expected).max() <= ALIKE * diagonal
-    assert np.abs(shown["evaluated"]["positions"] - expected.ravel()).max() <= ALIKE * diagonal
-    assert np.abs(shown["normals"] - shown["evaluated"]["normals"]).max() <= ALIKE
-    if share in (0.0, 1.0):
-        assert (
-            np.abs(shown["normals"] - decoded(f"{(first, second)[int(share)]}.vertices").normals.ravel()).max() <= 1e-5
-        )
-    *center, radius = shown["sphere"]
-    distances = np.linalg.norm(positions - center, axis=1)
-    assert distances.max() <= radius + ALIKE * diagonal
-    assert radius < 2 * diagonal
+def test_positions_and_normals_are_those_of_the_service_and_the_sphere_holds_them(worm):
+    diagonal, served = decoded("scene").facts["diagonal"], [decoded(f"{number}.vertices") for number in range(3)]
+    for moment in (0, 0, 0.0), (1, 1, 0.0), (1, 2, 0.0), (1, 2, 1.0), (1, 2, 0.25), (2, 0, 0.75):
+        shown = worm.run(SHOWN, moment)
+        first, second, share = moment
+        positions, normals = (shown[name].reshape(-1, 3) for name in ("positions", "normals"))
+        # positions are linear in the transforms
+        expected = (1 - share) * served[first].positions + share * served[second].positions
+        assert np.abs(positions - expected).max() <= ALIKE * diagonal
+        assert np.abs(shown["evaluated"]["positions"] - expected.ravel()).max() <= ALIKE * diagonal
+        assert np.abs(shown["normals"] - shown["evaluated"]["normals"]).max() <= ALIKE
+        if share in (0.0, 1.0):
+            assert np.abs(normals - served[moment[int(share)]].normals).max() <= 1e-5
+        *center, radius = shown["sphere"]
+        assert np.linalg.norm(positions - center, axis=1).max() <= radius + ALIKE * diagonal
+        assert radius < 2 * diagonal
 
 
 @pytest.mark.parametrize("has_own_mesh", [False, True])
@@ -125,14 +122,9 @@ TANGENTS = """([tangents, number]) => {
 }"""
 
 
-@pytest.fixture
-def playing(serve_page, blob_puppet):
-    return lambda *more: serve_page(
-        "--puppet", blob_puppet, "--source", "demo:kung_fu?loop", "--calibrate", "at_once", *more
-    )
-
-
-FOLLOW = """([address, source]) => new Promise((resolve) => {
+FOLLOW = """async ([address, file]) => {
+  const source = file && (await new GLTFLoader().loadAsync(file)).scene;
+  source?.traverse((each) => { if (each.isMesh) each.material.color.set(1, 0, 0); });
   window.client = new puppetline.Client(address);
   window.puppet = new drawing.Puppet(client, "blob", source ? { source: () => source } : {});
   window.vertices = new Map();
@@ -143,8 +135,8 @@ FOLLOW = """([address, source]) => new Promise((resolve) => {
   camera.position.set(0, 1, 6);
   camera.lookAt(0, 1, 0);
   renderer.setAnimationLoop(() => { puppet.update(); renderer.render(scene, camera); });
-  puppet.addEventListener("rebuilt", resolve);
-})"""
+  await new Promise((resolve) => puppet.addEventListener("rebuilt", resolve));
+}"""
 
 CHECKED = """() => {
   const frame = puppet.character.frame;
@@ -159,51 +151,29 @@ CHECKED = """() => {
 }"""
 
 
-def test_a_live_character_is_drawn_where_the_solver_has_it(playing, open_page):
-    _, address = playing()
-    page = open_page()
-    page.run(FOLLOW, [address, None])
-    for _ in range(3):
-        shown = page.until(CHECKED)
-        diagonal = shown["diagonal"]
-        for part in shown["parts"]:
-            assert np.abs(part["positions"] - shown["expected"]["positions"]).max() <= 1e-5 * diagonal
-            off = np.abs(part["normals"] - shown["expected"]["normals"]).reshape(-1, 3).max(axis=1)
-            assert np.median(off) <= 1e-6
-            assert (off > 1e-4).mean() < 0.01  # f32 has no more where the surface is almost flattened
-        assert np.abs(shown["evaluated"]["positions"] - shown["expected"]["positions"]).max() <= 1e-5 * diagonal
-        number = page.run("() => puppet.character.frame.header.sequence")
-        page.until(f"() => puppet.character.frame.header.sequence > {number} + 8")
-
-
-def test_the_character_moves_on_the_page(playing, open_page):
-    _, address = playing()
-    page = open_page()
-    page.run(FOLLOW, [address, None])
-    page.until("() => puppet.mesh?.visible && puppet.character.frame?.header.state === 2")
-    first = page.picture().astype(int)
-    ground = (np.abs(first - first[0, 0]).max(axis=2) > 12).mean()
-    assert 0.02 < ground < 0.6  # the character, and not the whole picture
-    wait_until(lambda: (np.abs(page.picture() - first).max(axis=2) > 12).mean() > 0.005)
-
-
-def test_own_meshes_and_materials_move_as_the_service_says(playing, open_page, site, blob_puppet, tmp_path):
-    output = tmp_path / "blob.shader.glb"
-    write_shader_mesh(blob_puppet, output)
-    _, address = playing()
-    page = open_page()
-    page.run(
-        """async ([address, file]) => {
-          const { scene: source } = await new GLTFLoader().loadAsync(file);
-          source.traverse((each) => { if (each.isMesh) each.material.color.set(1, 0, 0); });
-          window.source = source;
-        }""",
-        [address, site.add(output)],
-    )
-    page.run(f"([address]) => ({FOLLOW})([address, source])", [address])
-    shown = page.until(CHECKED)
-    positions = np.concatenate([part["positions"] for part in shown["parts"]])
-    assert np.abs(positions - shown["expected"]["positions"]).max() <= 1e-5 * shown["diagonal"]
+def test_live_characters_are_drawn_where_the_solver_has_them_with_meshes_of_their_own_too(
+    serve_page, open_page, site, blob_puppet, tmp_path
+):
+    write_shader_mesh(blob_puppet, tmp_path / "blob.shader.glb")
+    performing = ("--source", "demo:kung_fu?loop", "--calibrate", "at_once")
+    _, address = serve_page("--puppet", blob_puppet, *performing)
+    for file in None, site.add(tmp_path / "blob.shader.glb"):
+        page = open_page()
+        page.run(FOLLOW, [address, file])
+        for _ in range(3):
+            shown = page.until(CHECKED)
+            expected, limit = shown["expected"], 1e-5 * shown["diagonal"]
+            for part in shown["parts"]:
+                assert np.abs(part["positions"] - expected["positions"]).max() <= limit
+                off = np.abs(part["normals"] - expected["normals"]).reshape(-1, 3).max(axis=1)
+                assert np.median(off) <= 1e-6
+                assert (off > 1e-4).mean() < 0.01  # f32 has no more where the surface is almost flattened
+            assert np.abs(shown["evaluated"]["positions"] - expected["positions"]).max() <= limit
+            number = page.run("() => puppet.character.frame.header.sequence")
+            page.until(f"() => puppet.character.frame.header.sequence > {number} + 8")
+        first = page.picture().astype(int)
+        assert 0.02 < (np.abs(first - first[0, 0]).max(axis=2) > 12).mean() < 0.6  # the character, and not all of it
+        wait_until(lambda page=page, first=first: (np.abs(page.picture() - first).max(axis=2) > 12).mean() > 0.005)
     assert page.run("() => puppet.mesh.meshes.map((mesh) => mesh.material.color.getHex())") == [0xFF0000]
 
 

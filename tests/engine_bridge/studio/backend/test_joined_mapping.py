@@ -26,16 +26,6 @@ def puppet():
     return puppet_of(MAPPING)
 
 
-def test_a_mapping_is_a_puppet_of_the_page(puppet):
-    assert [(each["joint"], each["joints"]) for each in puppet["handle"]] == [
-        ("hand_left", None),
-        (None, ["head", "spine"]),
-        (None, None),
-    ]
-    assert puppet["limb"] == MAPPING["limbs"]
-    assert puppet["retarget"] == {"mirror": False, "scale": "auto"}
-
-
 def test_each_change_of_the_mapping_is_a_request_and_walking_begins_with_the_hips(puppet):
     after = copy.deepcopy(puppet)
     after["handle"][0] |= {"joint": "head", "axes": "y", "gain": 2.0}

@@ -9,10 +9,10 @@ import pytest
 
 from engine_bridge.service.protocol.payloads import decode
 
-from ...service.conftest import free_port, serve, serve_module
+from ...service.conftest import free_port, serve_module
 from ..conftest import connected
 
-__all__ = ["free_port", "serve", "serve_module"]
+__all__ = ["free_port", "serve_module"]
 
 pytestmark = pytest.mark.slow
 
@@ -20,11 +20,16 @@ TOKEN = "the-token-of-the-service"
 
 
 @pytest.fixture(scope="module")
-def service(serve_module, blob_puppet, free_port):
-    """A service with a token and one character."""
+def start(serve_module, blob_puppet, free_port):
+    """Start a service with a token and one character, again and again at the same port."""
     performing = ("--source", "demo:bark?loop", "--calibrate", "at_once")
     arguments = ("--puppet", blob_puppet, *performing, "--port", free_port())
-    return serve_module(*arguments, env={"PUPPETLINE_TOKEN": TOKEN})
+    return lambda: serve_module(*arguments, env={"PUPPETLINE_TOKEN": TOKEN})
+
+
+@pytest.fixture(scope="module")
+def service(start):
+    return start()
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +76,7 @@ def test_the_stream_is_passed_through_and_a_text_that_is_no_subscription_is_answ
     assert received["blob/controls"].body.shape == (30, 3, 4)
 
 
-def test_a_handle_is_mapped_saved_and_reverted(joined, service):
+def test_a_handle_is_mapped_saved_and_reverted_and_changes_by_others_reach_the_page(joined, service):
     before = joined.result("puppet", character="blob")["puppet"]
     after = joined.result("puppet", character="blob")["puppet"]
     after["handle"][0] |= {"joint": "head", "gain": 2.0}
@@ -84,12 +89,9 @@ def test_a_handle_is_mapped_saved_and_reverted(joined, service):
     joined.until(lambda state: not state["characters"][0]["saved"])
     assert joined.result("revert_puppet", character="blob")["puppet"] == before
     assert joined.result("save_puppet", character="blob") == {"character": "blob", "name": "", "file": ""}
-
-
-def test_changes_by_others_reach_the_page(joined, service):
-    (before,) = joined.state["characters"]
+    version = joined.state["characters"][0]["version"]
     service.ask("set_scale", token=TOKEN.encode(), character="blob", scale=1.25)
-    joined.until(lambda state: state["characters"][0]["version"] != before["version"])
+    joined.until(lambda state: state["characters"][0]["version"] != version)
     assert joined.result("puppet", character="blob")["puppet"]["retarget"]["scale"] == 1.25
     joined.result("revert_puppet", character="blob")
 
@@ -122,21 +124,6 @@ def test_requests_are_passed_on(joined):
     assert joined.result("stop") == {"stopped": []}
 
 
-def test_the_page_continues_after_the_service_has_started_again(serve, start_studio, blob_puppet, free_port, tmp_path):
-    port = free_port()
-    arguments = ("--puppet", blob_puppet, "--source", "demo:bark?loop", "--port", port)
-    first = serve(*arguments)
-    studio = start_studio(tmp_path / "studio", service=f"127.0.0.1:{port}")
-    studio.until(lambda state: state["characters"])
-    first.process.kill()
-    first.ended()
-    lost = studio.until(lambda state: not state["service"]["running"])
-    assert lost["banner"]["text"] == f"The service at 127.0.0.1:{port} does not answer."
-    serve(*arguments)
-    studio.until(lambda state: state["service"]["running"] and state["characters"])
-    studio.close()
-
-
 def test_serve_prints_the_address_of_the_page_and_ends_it(commands, blob_puppet, tmp_path, free_port):
     given = ("--puppet", blob_puppet, "--source", "demo:walk?loop", "--port", free_port(), "--no-announce")
     process = commands.start("serve", *given, "--studio", 0, cwd=tmp_path, stdout=subprocess.PIPE)
@@ -165,3 +152,12 @@ def test_the_videos_of_a_kiosk_s_visitors_are_listed(joined, monkeypatch):
     monkeypatch.setattr(service, "request", answered)
     state = joined.until(lambda state: state["clips"])
     assert state["clips"] == [{"code": "K7M2QX", "minutes": 10}, {"code": "ABCDEF", "minutes": None}]
+
+
+def test_the_page_continues_after_the_service_has_started_again(joined, service, start):
+    service.process.kill()
+    service.ended()
+    lost = joined.until(lambda state: not state["service"]["running"])
+    assert lost["banner"]["text"] == f"The service at 127.0.0.1:{service.port} does not answer."
+    start()
+    joined.until(lambda state: state["service"]["running"] and state["characters"])

@@ -57,15 +57,20 @@ def paths(positions):
     return {name: positions[:, j] for name, j in JOINT_INDEX.items()}
 
 
+def at(times):
+    """Return the values of the part, whose times must not end before its moves."""
+    return interpolated(MOVES, START, np.array([*times, 5.0]))[:-1]
+
+
 def test_a_part_moves_from_key_to_key_without_overshoot_and_without_jumps_in_value_speed_or_acceleration():
     for (begin, start), (end, target) in pairwise(KEYS):
-        values = interpolated(MOVES, START, np.linspace(begin, end, 51))
+        values = at(np.linspace(begin, end, 51))
         np.testing.assert_allclose(values[[0, -1]], [start, target], rtol=0, atol=1e-12)
         assert np.all(values >= np.minimum(start, target) - 1e-12)
         assert np.all(values <= np.maximum(start, target) + 1e-12)
     step = 1e-4
     for key, _ in KEYS[1:-1]:
-        values = interpolated(MOVES, START, np.array([*(key + step * np.arange(-3, 4)), 4.0]))[:-1]
+        values = at(key + step * np.arange(-3, 4))
         assert np.abs(np.diff(values, axis=0)).max() < 10.0 * step
         assert np.abs(np.diff(values, 2, axis=0)).max() < 0.5 * step**2  # none at a key, up to 69 in between
 

@@ -155,10 +155,14 @@ def run_editor(godot, project):
 
 @pytest.fixture
 def add_glb(godot, project):
-    """Import a .glb into the project, as a user would; return what the project calls it."""
+    """Import a .glb into the project, as a user would, perhaps with settings; return what the project calls it."""
 
-    def add(path):
+    def add(path, settings=None):
         shutil.copy(path, project / path.name)
+        if settings:
+            params = "".join(f"{name}={value}\n" for name, value in settings.items())
+            told = f'[remap]\n\nimporter="scene"\n\n[params]\n\n{params}'
+            (project / f"{path.name}.import").write_text(told)
         importer = Godot(godot, "--headless", "--path", project, "--import")
         importer.finish(300, ["UVs are required"])  # it says so of targets without them
         return f"res://{path.name}"

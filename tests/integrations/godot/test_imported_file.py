@@ -1,7 +1,6 @@
-"""Files after Godot's import: vertices keep the inputs of their shader, and a rig its skeleton."""
+"""A rig after Godot's import keeps its skeleton."""
 
 import base64
-import subprocess
 
 import numpy as np
 import pytest
@@ -11,71 +10,22 @@ from engine_bridge.character.character import from_document
 from engine_bridge.character.document_reader import load_document
 from engine_bridge.character.scene import world_transforms
 from engine_bridge.export.rig_file import RigSettings, write_rig
-from engine_bridge.export.shader_mesh import write_shader_mesh
-from engine_bridge.performance.rig import load_rig
-from engine_bridge.service.protocol.scene import Scene, StreamedCharacter
 
 pytestmark = pytest.mark.slow
-
-OTHER = {
-    "meshes/generate_lods": "false",
-    "meshes/create_shadow_meshes": "false",
-    "meshes/force_disable_compression": "true",
-    "meshes/ensure_tangents": "false",
-}
-"""Every setting that changes vertices, in another way than by default."""
 
 
 def array(text, kind, width):
     return np.frombuffer(base64.b64decode(text), kind).reshape(-1, width)
 
 
-def import_file(godot, project, settings):
-    params = "".join(f"{name}={value}\n" for name, value in settings.items())
-    (project / "figure.glb.import").write_text(f'[remap]\n\nimporter="scene"\n\n[params]\n\n{params}')
-    command = [godot, "--headless", "--path", project, "--import"]
-    subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
-    for name, value in settings.items():
-        assert f"{name}={value}" in (project / "figure.glb.import").read_text()
-
-
-@pytest.mark.parametrize("settings", [{}, OTHER], ids=["default", "other"])
-def test_customs_are_those_of_the_scene_by_number(settings, godot, project, run_godot, blob_puppet):
-    write_shader_mesh(blob_puppet, project / "figure.glb")
-    import_file(godot, project, settings)
-    (surface,) = run_godot("imported_file.gd", "res://figure.glb")
-    scene = Scene.decode(StreamedCharacter("figure", load_rig(blob_puppet), 1).scene)
-    count, fields = scene.facts["vertices"], scene.facts["fields"]
-    numbers = array(surface["custom_2"], "<f4", 2)
-    number = numbers[:, 0].astype(int)
-    np.testing.assert_array_equal(numbers, np.column_stack([number, np.zeros(len(number))]))
-    assert sorted(number) == list(range(count))
-    isoline_coordinates = np.hstack([array(surface[f"custom_{which}"], "<f4", 4) for which in range(2)])
-    np.testing.assert_array_equal(isoline_coordinates[:, :fields], scene.arrays["ladder"][number])
-    assert not isoline_coordinates[:, fields:].any()
-    # compression rounds positions to 16 bits of the box
-    box = np.ptp(scene.arrays["positions"], axis=0).max()
-    positions = array(surface["positions"], "<f4", 3)
-    np.testing.assert_allclose(positions, scene.arrays["positions"][number], atol=box / 65535)
-    assert surface["identity"]
-    # Godot's front faces are clockwise
-    triangles = number[array(surface["triangles"], "<i4", 3)][:, ::-1]
-    first = triangles.argmin(axis=1)
-    turned = np.take_along_axis(triangles, (first[:, None] + np.arange(3)) % 3, axis=1)
-    expected = scene.arrays["triangles"].astype(int)
-    start = expected.argmin(axis=1)
-    expected = np.take_along_axis(expected, (start[:, None] + np.arange(3)) % 3, axis=1)
-    assert set(map(tuple, turned)) == set(map(tuple, expected))
-
-
 def test_a_rig_has_its_names_hierarchy_and_axes_and_bends_where_a_bone_is_turned(
-    godot, project, run_godot, limbed_puppet
+    add_glb, run_godot, limbed_puppet, tmp_path
 ):
     """Godot sorts vertices, so that those before and after the turn are compared in the order of the first."""
-    write_rig(limbed_puppet, project / "figure.glb", RigSettings(names="godot"))
-    document = load_document(project / "figure.glb", (project / "figure.glb").read_bytes())
-    import_file(godot, project, {"meshes/force_disable_compression": "true"})
-    *bones, places = run_godot("imported_rig.gd", "res://figure.glb", "LeftUpperArm", 60)
+    path = tmp_path / "figure.glb"
+    write_rig(limbed_puppet, path, RigSettings(names="godot"))
+    document, file = load_document(path, path.read_bytes()), add_glb(path, {"meshes/force_disable_compression": "true"})
+    *bones, places = run_godot("imported_rig.gd", file, "LeftUpperArm", 60)
     nodes, world = document.gltf["nodes"], world_transforms(document)
     (skin,) = document.gltf["skins"]
     names = {node: nodes[node]["name"] for node in skin["joints"]}

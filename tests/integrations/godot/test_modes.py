@@ -119,16 +119,23 @@ def puppetline(commands):
 def own_mesh(puppetline, add_glb, tmp_path):
     """Import a puppet's mesh for the addon's shader."""
 
-    def make(puppet):
-        puppetline("shader-mesh", puppet, "-o", tmp_path / "own.glb")
-        return add_glb(tmp_path / "own.glb")
+    def make(puppet, settings=None):
+        path = tmp_path / ("other.glb" if settings else "own.glb")
+        puppetline("shader-mesh", puppet, "-o", path)
+        return add_glb(path, settings)
 
     return make
 
 
+SETTINGS = {"generate_lods": "false", "create_shadow_meshes": "false", "ensure_tangents": "false"}
+SETTINGS = {f"meshes/{name}": value for name, value in (SETTINGS | {"force_disable_compression": "true"}).items()}
+"""Every setting of the import that changes vertices, in another way than by default."""
+
+
 def test_the_graphics_card_shows_the_same(check_shader, stage, own_mesh, blob_puppet):
     check_shader(stage)
-    check_shader(stage, mesh_source=own_mesh(blob_puppet))
+    for settings in None, SETTINGS:
+        check_shader(stage, mesh_source=own_mesh(blob_puppet, settings))
 
 
 def test_morphs_are_as_near_as_the_service_says_though_the_root_is_elsewhere_turned_and_scaled(

@@ -3,7 +3,6 @@
 import socket
 import struct
 import threading
-import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -185,11 +184,10 @@ def packed(tmp_path):
 
 
 class Line:
-    """A line to a port that cuts everything into pieces, takes its time over each, and can be torn."""
+    """A line to a port that cuts everything into pieces, and can be torn."""
 
-    def __init__(self, port, piece=1, pause=0.0):
+    def __init__(self, port, piece=1):
         self._piece = piece
-        self.pause = pause
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.port = self._listener.getsockname()[1]
         self._to = port
@@ -210,8 +208,6 @@ class Line:
             while data := source.recv(1 << 16):
                 for k in range(0, len(data), self._piece):
                     sink.sendall(data[k : k + self._piece])
-                    if self.pause > 0:
-                        time.sleep(self.pause)
 
     def tear(self):
         for each in self._open:
@@ -228,7 +224,7 @@ class Line:
 
 @pytest.fixture
 def line(until_end):
-    return lambda *arguments, **options: until_end(Line(*arguments, **options))
+    return lambda port, piece=1: until_end(Line(port, piece))
 
 
 class Server:

@@ -12,20 +12,12 @@ from .conftest import read_and_write, try_damaged
 from .corpus import CORPUS
 from .damage import damage_of
 
-REAL_FILES = {
-    "gltf/nested.glb": 30,
-    "gltf/cubevc.glb": 30,
-    "gltf/khronos_Fox.glb": 8,
-    "gltf/kenney/character.glb": 8,
-    "nasty/wallhole.obj": 30,
-    "nasty/negative_indices.obj": 30,
-    "nasty/not_convex.obj": 30,
-    "nasty/two_triangles.off": 30,
-    "nasty/busted.STL": 5,
-    "suzanne.obj": 8,
-    "fuze/fuze.obj": 8,
-}
-"""Small files from elsewhere, and the number of attempts per kind of damage."""
+REAL_FILES = (
+    *("gltf/nested.glb", "gltf/cubevc.glb", "gltf/khronos_Fox.glb", "gltf/kenney/character.glb"),
+    *("nasty/wallhole.obj", "nasty/negative_indices.obj", "nasty/not_convex.obj", "nasty/two_triangles.off"),
+    *("nasty/busted.STL", "suzanne.obj", "fuze/fuze.obj"),
+)
+"""Small files from elsewhere."""
 
 
 @pytest.mark.parametrize(("name", "kind"), [(name, kind) for name in CORPUS for kind in damage_of(name)])
@@ -49,7 +41,7 @@ def test_damaged_real_files_are_read_or_refused(real_data, tmp_path, name):
     whole = original.read_bytes()
     for kind in damage_of(name):
         path.write_bytes(whole)
-        outcomes = try_damaged(path, kind, REAL_FILES[name], enough=0)
+        outcomes = try_damaged(path, kind, 10, enough=0)
         assert sum(outcomes.values()) >= 1
 
 

@@ -40,3 +40,11 @@ def damaged(frames):
         "a time that is no number": clip_of(at_times(frames, lambda _: np.nan)),
         "another scene": clip_of(frames, revision=7),
     }
+
+
+def assert_near(found, expected, solved):
+    """Compare positions with vertices of the solver, given by the numbers of frames, or with others."""
+    vertices, diagonal = solved
+    for positions, wanted in zip(found, expected, strict=True):
+        wanted = vertices[wanted] if isinstance(wanted, int) else wanted
+        assert np.abs(positions - wanted).max() <= 1e-5 * diagonal

@@ -19,7 +19,7 @@ from engine_bridge.service.protocol.header import Header, Kind, join, topic
 from engine_bridge.service.protocol.payloads import encode
 from engine_bridge.service.protocol.scene import StreamedCharacter
 
-for shared in ("limbs", "messages", "playback", "requests", "surface"):
+for shared in ("clips", "limbs", "messages", "playback", "requests", "surface"):
     pytest.register_assert_rewrite(f"{__package__}.{shared}")
 
 from ..engine_bridge import conftest as figures  # noqa: E402

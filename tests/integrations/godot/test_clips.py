@@ -10,7 +10,7 @@ import pytest
 from engine_bridge.performance.settings import Settings
 from engine_bridge.service.clip_export import write_clip
 
-from ..clips import clip_of, damaged
+from ..clips import assert_near, clip_of, damaged
 from ..stage import performed
 
 FRAMES = (0, 7, 30, 57)
@@ -30,15 +30,7 @@ def positions(told):
 
 @pytest.fixture
 def assert_shown(solved):
-    """Compare shown positions with vertices of the solver, given by the number of a frame, or with others."""
-    vertices, diagonal = solved
-
-    def check(told, *expected):
-        for found, wanted in zip(positions(told), expected, strict=True):
-            wanted = vertices[wanted] if isinstance(wanted, int) else wanted
-            assert np.abs(found - wanted).max() <= 1e-5 * diagonal
-
-    return check
+    return lambda told, *expected: assert_near(positions(told), expected, solved)
 
 
 def test_frames_are_those_of_the_solver_and_in_between_their_mean(run_godot, clip, solved, assert_shown):

@@ -8,7 +8,7 @@ import pytest
 from engine_bridge.service.protocol.header import Header, Kind, join, split, topic, write_json
 
 from ...recorded import recorded
-from ..clips import at_times, clip_of, damaged
+from ..clips import assert_near, at_times, clip_of, damaged
 from ..messages import SCENE, scene_message, taken_apart
 from ..stage import FPS
 from .conftest import array
@@ -40,15 +40,7 @@ def positions(said):
 
 @pytest.fixture
 def assert_shown(solved):
-    """Compare what was shown with vertices of the solver, given by the number of a frame, or with others."""
-    vertices, diagonal = solved
-
-    def check(shown, *expected):
-        for each, wanted in zip(shown, expected, strict=True):
-            wanted = vertices[wanted] if isinstance(wanted, int) else wanted
-            assert np.abs(positions(each) - wanted).max() <= 1e-5 * diagonal
-
-    return check
+    return lambda shown, *expected: assert_near(map(positions, shown), expected, solved)
 
 
 def warnings_of(said):

@@ -160,12 +160,6 @@ class Script:
             pytest.fail(f"it has not said what was wanted:\n{end_of(self.lines)}", pytrace=False)
         return found[0]
 
-    def until_printed(self, text, timeout=TIMEOUT_SECONDS):
-        """Wait until a line contains a text."""
-        with self._resident.printed:
-            is_there = lambda: any(text in line for line in self.lines)  # noqa: E731
-            assert self._resident.printed.wait_for(is_there, timeout), end_of(self.lines)
-
     def end(self, allow=()):
         """Tell a script that asks `is_over()` that it is, and return all results."""
         self._resident.send("over")

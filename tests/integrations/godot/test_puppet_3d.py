@@ -59,7 +59,7 @@ class Watched:
         return [told["reply"] for told in self._script.results if "reply" in told]
 
     def until_printed(self, text):
-        self._script.until_printed(text)
+        wait_until(lambda: any(text in line for line in self._script.lines))
 
     def end(self):
         self._script.end()

@@ -10,9 +10,6 @@ from .conftest import HERE, PACKAGE
 
 FOLDER = PACKAGE / "Runtime" / "Resources"
 SHADER = (FOLDER / "PuppetlineControls.shader").read_text()
-APIS = {"buffer": "SHADER_API_VULKAN", "texture": "SHADER_API_GLES3"}
-UNIVERSAL = ("FORWARD", "SHADOW", "DEPTH", "DEPTH_NORMALS", "MOTION")
-HIGH_DEFINITION = ("SHADOWS", "DEPTH_ONLY", "MOTION_VECTORS", "FORWARD")
 ENTRIES = {"PuppetlineVertex": "vert", "PuppetlineFragment": "frag", "Frag": "frag"}
 
 
@@ -51,47 +48,46 @@ def compile_hlsl(tmp_path):
     return run
 
 
-@pytest.mark.parametrize("api", APIS)
-@pytest.mark.parametrize("entry", ["PuppetlineVertex", "PuppetlineFragment"])
-@pytest.mark.parametrize("kind", UNIVERSAL)
-def test_every_pass_of_urp_compiles(compile_hlsl, kind, entry, api):
-    text = f'#define PUPPETLINE_PASS PUPPETLINE_{kind}\n#include "PuppetlineUniversal.hlsl"\n'
-    compile_hlsl(text, entry, APIS[api])
-    compile_hlsl(
-        text, entry, APIS[api], "_ALPHATEST_ON", "_CASTING_PUNCTUAL_LIGHT_SHADOW", "_MAIN_LIGHT_SHADOWS_SCREEN"
-    )
-
-
-@pytest.mark.parametrize("entry", ["PuppetlineVertex", "Frag"])
-@pytest.mark.parametrize("kind", HIGH_DEFINITION)
-def test_every_pass_of_hdrp_compiles(compile_hlsl, kind, entry):
-    text = f'#define SHADERPASS SHADERPASS_{kind}\n#include "PuppetlineHighDefinition.hlsl"\n'
-    compile_hlsl(text, entry, "SHADER_API_VULKAN", "_ALPHATEST_ON")
-
-
-@pytest.mark.parametrize("api", APIS)
-def test_the_function_for_shader_graph_compiles(compile_hlsl, api):
-    text = (
-        '#include "PuppetlineGraph.hlsl"\n'
-        "float4 main(float3 x : POSITION, float4 t : TEXCOORD1) : SV_Position\n"
-        "{ float3 a; float3 b; PuppetlineBlend_float(x, x, t, t, t, a, b); return float4(a + b, 1); }\n"
-    )
-    compile_hlsl(text, "main", APIS[api])
-
-
-@pytest.mark.parametrize(
-    "defines", [("SHADER_API_VULKAN",), ("SHADER_API_GLES3",), ("SHADER_TARGET_SURFACE_ANALYSIS",)]
+UNIVERSAL = '#define PUPPETLINE_PASS PUPPETLINE_{}\n#include "PuppetlineUniversal.hlsl"\n'
+HIGH_DEFINITION = '#define SHADERPASS SHADERPASS_{}\n#include "PuppetlineHighDefinition.hlsl"\n'
+GRAPH = (
+    '#include "PuppetlineGraph.hlsl"\n'
+    "float4 main(float3 x : POSITION, float4 t : TEXCOORD1) : SV_Position\n"
+    "{ float3 a; float3 b; PuppetlineBlend_float(x, x, t, t, t, a, b); return float4(a + b, 1); }\n"
 )
-def test_the_built_in_pipelines_surface_shader_compiles(compile_hlsl, defines):
-    text = (
-        "#define UNITY_VERTEX_INPUT_INSTANCE_ID\n"
-        "struct SurfaceOutputStandard { float3 Albedo, Emission; float Alpha, Metallic, Smoothness; };\n"
-        "Texture2D textures; SamplerState filter;\n#define sampler2D Texture2D\n"
-        "float4 tex2D(Texture2D from, float2 uv) { return from.Sample(filter, uv); }\n"
-        '#include "PuppetlineBuiltIn.hlsl"\n'
-        "float4 main(appdata v) : SV_Position { PuppetlineVertex(v); return v.vertex + float4(v.normal, 0); }\n"
-    )
-    compile_hlsl(text, "main", *defines)
+BUILT_IN = (
+    "#define UNITY_VERTEX_INPUT_INSTANCE_ID\n"
+    "struct SurfaceOutputStandard { float3 Albedo, Emission; float Alpha, Metallic, Smoothness; };\n"
+    "Texture2D textures; SamplerState filter;\n#define sampler2D Texture2D\n"
+    "float4 tex2D(Texture2D from, float2 uv) { return from.Sample(filter, uv); }\n"
+    '#include "PuppetlineBuiltIn.hlsl"\n'
+    "float4 main(appdata v) : SV_Position { PuppetlineVertex(v); return v.vertex + float4(v.normal, 0); }\n"
+)
+MORE = ("_ALPHATEST_ON", "_CASTING_PUNCTUAL_LIGHT_SHADOW", "_MAIN_LIGHT_SHADOWS_SCREEN")
+VULKAN, OPENGL = (f"SHADER_API_{name}" for name in ("VULKAN", "GLES3"))
+SOURCES = [
+    *(
+        (UNIVERSAL.format(kind), f"Puppetline{entry}", api, *more)
+        for kind in ("FORWARD", "SHADOW", "DEPTH", "DEPTH_NORMALS", "MOTION")
+        for entry in ("Vertex", "Fragment")
+        for api in (VULKAN, OPENGL)
+        for more in ((), MORE)
+    ),
+    *(
+        (HIGH_DEFINITION.format(kind), entry, VULKAN, "_ALPHATEST_ON")
+        for kind in ("SHADOWS", "DEPTH_ONLY", "MOTION_VECTORS", "FORWARD")
+        for entry in ("PuppetlineVertex", "Frag")
+    ),
+    *((GRAPH, "main", api) for api in (VULKAN, OPENGL)),
+    *((BUILT_IN, "main", api) for api in (VULKAN, OPENGL, "SHADER_TARGET_SURFACE_ANALYSIS")),
+]
+"""Passes of URP, of HDRP, a function for Shader Graph and the surface shader of the built-in pipeline: source, entry
+and definitions."""
+
+
+def test_every_pass_compiles(compile_hlsl):
+    for source in SOURCES:
+        compile_hlsl(*source)
 
 
 def test_each_pipeline_has_its_passes():

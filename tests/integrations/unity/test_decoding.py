@@ -22,7 +22,7 @@ def plain(told):
 
 
 class TestMessages(Messages):
-    accepts = ("/weights/0: ",)
+    accepts = ("/weights/0: ", "/arrays/colors: None")
 
     @pytest.fixture
     def read(self, run_core, packed):

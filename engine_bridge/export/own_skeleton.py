@@ -11,6 +11,7 @@ from engine_bridge.export.rig_animation import animate_rig
 from engine_bridge.performance.exercise import random_poses
 from engine_bridge.performance.rig import Rig
 from engine_bridge.puppet.rig_bones import RigBones, nearest_bones, own_bones
+from puppetline.errors import MeshError
 from solver.model.binding import Binding
 from solver.motion.deformer import to_file_units
 from solver.motion.limbs import bone_ranges, bones_of
@@ -36,10 +37,13 @@ class OwnSkeleton:
         Bones that its joints follow; None if the file has no skeleton along the puppet's limbs.
     unmoved : tuple of str
         Names of limbs that the skeleton cannot move as they are solved, and of all handles that move.
+    because : str
+        What is wrong with the skeleton, where that is known.
     """
 
     bones: RigBones | None
     unmoved: tuple[str, ...] = ()
+    because: str = ""
 
     @property
     def usable(self) -> RigBones | None:
@@ -49,15 +53,11 @@ class OwnSkeleton:
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences for the user about limbs that would not move."""
-        if not self.unmoved or self.bones is None:
+        if not self.unmoved:
             return ()
-        names = ", ".join(self.unmoved)
-        missing = ", ".join(name for name in self.unmoved if name in self.bones.missing)
         return (
-            f"The file's own skeleton would not move {names} as the puppet does"
-            + (f": no joint of it is along {missing}" if missing else "")
-            + ". A new skeleton moves the whole character. To keep the file's own, remove these from the puppet "
-            "file.",
+            f"The file's own skeleton would not move {', '.join(self.unmoved)} as the puppet does{self.because}. A new "
+            "skeleton moves the whole character. To keep the file's own, remove these from the puppet file.",
         )
 
 
@@ -75,8 +75,17 @@ def own_skeleton(rig: Rig) -> OwnSkeleton:
         bones, mapping = own_bones(rig.character, rig.puppet.limbs), rig.puppet.mapping
         moving = np.asarray(mapping.axes.any(axis=1) & mapping.matrix.any(axis=1))
         handles = tuple(handle.name for handle, moves in zip(rig.puppet.handle, moving, strict=True) if moves)
-        _FOUND[rig] = OwnSkeleton(bones, () if bones is None else _unmoved(rig, bones) + handles)
+        _FOUND[rig] = OwnSkeleton(None) if bones is None else _judged(rig, bones, handles)
     return _FOUND[rig]
+
+
+def _judged(rig: Rig, bones: RigBones, handles: tuple[str, ...]) -> OwnSkeleton:
+    try:
+        unmoved = _unmoved(rig, bones)
+    except MeshError as error:  # of a joint that cannot be animated
+        return OwnSkeleton(bones, (*bone_ranges(rig.puppet.limbs), *handles), f": it has {error.found}")
+    missing = [name for name in unmoved if name in bones.missing]
+    return OwnSkeleton(bones, unmoved + handles, f": no joint is along {', '.join(missing)}" if missing else "")
 
 
 def _unmoved(rig: Rig, own: RigBones) -> tuple[str, ...]:

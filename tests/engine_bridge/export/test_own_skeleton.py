@@ -6,6 +6,7 @@ import pytest
 from engine_bridge.character.character import load_character
 from engine_bridge.character.document_reader import load_document
 from engine_bridge.character.evaluation import Evaluation
+from engine_bridge.character.scene import local_transform
 from engine_bridge.export.convert import convert
 from engine_bridge.export.own_skeleton import own_skeleton
 from engine_bridge.export.rig_file import RigSettings, write_rig
@@ -84,6 +85,20 @@ def test_a_file_whose_skeleton_leaves_an_arm_still_gets_another_that_moves_it(st
     rigged = write_rig(puppet, tmp_path / "rigged.glb", RigSettings())
     assert not rigged.kept
     assert [note for note in rigged.notes if "would not move left arm" in note]
+
+
+def test_a_file_with_a_joint_that_cannot_be_animated_gets_another_skeleton(skinned, puppet_of, take, tmp_path):
+    document = load_document(skinned)
+    joint = next(node for node in document.gltf["nodes"] if node.get("name") == "leftLowerArm")
+    matrix = local_transform(joint)
+    matrix[0, 1] += 0.3
+    for name in ("translation", "rotation", "scale"):
+        joint.pop(name, None)
+    joint["matrix"] = matrix.T.ravel().tolist()
+    document.save(tmp_path / "sheared.glb")
+    _, summary = convert(take, puppet_of(tmp_path / "sheared.glb"), tmp_path / "made.glb", Settings())
+    assert [note for note in summary.notes if "it has a joint with a sheared matrix" in note]
+    assert summary.rms < 0.01
 
 
 def test_a_handle_gets_a_joint_in_a_new_skeleton(skinned, puppet_of, take, tmp_path):

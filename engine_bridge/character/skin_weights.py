@@ -4,7 +4,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from engine_bridge.character.document import ARRAY_BUFFER, Document
+from engine_bridge.character.document import Document
 from engine_bridge.character.scene import shown_nodes
 from engine_bridge.character.schema import Primitive
 
@@ -54,8 +54,9 @@ def _mend(document: Document, primitive: Primitive) -> int:
     weights /= weights.sum(axis=1, keepdims=True)
     for number, (of_weights, of_joints) in enumerate(names):
         chosen = slice(4 * number, 4 * number + 4)
-        attributes[of_weights] = document.add(weights[:, chosen].astype(np.float32), ARRAY_BUFFER)
-        attributes[of_joints] = document.add(joints[:, chosen], ARRAY_BUFFER)
+        document.replace(attributes[of_weights], weights[:, chosen].astype(np.float32))
+        if broken.any():
+            document.replace(attributes[of_joints], joints[:, chosen])
     return int(broken.sum())
 
 

@@ -18,7 +18,8 @@ def skinned(glb, tmp_path):
     """Write two triangles that follow two joints, with some weights."""
 
     def make(weights):
-        joints = [glb.node(name="a"), glb.node(name="b")]
+        top = glb.node(name="a")
+        joints = [top, glb.node(parent=top, name="b")]
         glb.file.skins = [gltf.Skin(joints=joints)]
         primitive = glb.primitive(PLACES, FACES)
         primitive.attributes.JOINTS_0, primitive.attributes.WEIGHTS_0 = glb.add(JOINTS), glb.add(weights)

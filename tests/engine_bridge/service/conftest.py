@@ -40,6 +40,7 @@ from engine_bridge.service.stages.stage import Stage, StageSettings
 from puppetline.errors import ServiceError
 
 from ...capture.network.conftest import TWENTY
+from ...waiting import wait_until
 from .client import TIMEOUT_SECONDS, Client
 from .in_process import AtOnce, InProcess
 
@@ -175,9 +176,19 @@ class Served:
             raise AssertionError(self.log)
         addresses = json.loads(line)["fields"]
         self.stream, self.control = addresses["stream"][0], addresses["control"][0]
-        self.port = int(self.stream.rpartition(":")[2])
+        self.port, self.control_port = (int(each.rpartition(":")[2]) for each in (self.stream, self.control))
         self._read = threading.Thread(target=self.log.extend, args=[self.process.stderr])
         self._read.start()
+
+    def logged(self, event):
+        """Wait for an event in the log."""
+
+        def found():
+            events = (json.loads(line) for line in self.log[:] if line.startswith("{"))
+            return next((each for each in events if each["event"].startswith(event)), None)
+
+        wait_until(found, TIMEOUT_SECONDS)
+        return found()
 
     def client(self, *topics):
         self._clients.append(Client(self.stream, *topics))

@@ -81,6 +81,7 @@ def own_skeleton(rig: Rig) -> OwnSkeleton:
 
 
 def _judged(rig: Rig, bones: RigBones, handles: tuple[str, ...]) -> OwnSkeleton:
+    """Return a file's skeleton with what it would not move, and why; `handles` are the names of handles that move."""
     try:
         unmoved = _unmoved(rig, bones)
     except MeshError as error:  # of a joint that cannot be animated

@@ -37,8 +37,7 @@ class Settings:
     form : {"morph", "frames", "rig"} or None
         Form of the animation: a few morph targets, one morph target per keyframe, or named joints, which are
         those of the file's own skeleton if it can move the puppet's limbs, and otherwise of a new one. None for a rig
-        if the puppet has limbs, else morph targets; see
-        `for_puppet`.
+        if the puppet has limbs, else morph targets; see `for_puppet`.
     tolerance : float or None
         Maximum error of the animation relative to the solver, as a fraction of the diagonal; None for the default.
     targets : int or None

@@ -1,5 +1,3 @@
-import time
-
 import numpy as np
 import pytest
 
@@ -8,19 +6,19 @@ from engine_bridge.service.stages import calibration_store
 from ..stage_steps import play
 
 
-def test_calibrations_come_back_to_the_same_character_of_the_same_source(make_stage, kung_fu, tmp_path):
+def test_calibrations_come_back_to_the_same_character_of_the_same_source(make_stage, kung_fu, tmp_path, given_clock):
     stage, path = make_stage(("dog", "cat")), tmp_path / "state" / "performers.json"
     play(stage, kung_fu[:120])
     known = calibration_store.known_performers({"osc:1": (stage, kung_fu[119].time + 10.0)})
-    known["written"] = time.time() - 20.0
     calibration_store.write(known, path)
+    given_clock.advance(20.0)
     later, elsewhere = make_stage(("dog", "horse")), make_stage()
     calibration_store.recall({"osc:1": (later, 1000.0), "osc:2": (elsewhere, 1000.0)}, path)
     [(user, (calibration, left))] = later.players[0].remembered().items()
     before, _ = stage.players[0].remembered()[user]
     np.testing.assert_array_equal(calibration.rest, before.rest)
     assert calibration.sensor == before.sensor
-    assert left == pytest.approx(1000.0 - 30.0, abs=1.0)
+    assert left == pytest.approx(1000.0 - 30.0)
     assert later.players[1].remembered() == elsewhere.players[0].remembered() == {}
 
 

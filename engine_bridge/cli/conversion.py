@@ -1,20 +1,32 @@
 """Options of the commands that convert recordings, and the settings that follow from them."""
 
-from collections.abc import Callable, Sequence
-from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from engine_bridge.cli import options
-from engine_bridge.cli.options import Finite, Function
+from engine_bridge.cli.options import Finite
 from puppetline.errors import OutputError
 
 if TYPE_CHECKING:
     from engine_bridge.performance.settings import Settings
 
-READING = (
+_PART = (
+    click.option("--user", type=int, help="User number of the performer.  [default: the one tracked longest]"),
+    click.option(
+        "--start",
+        default=0.0,
+        show_default=True,
+        type=Finite(0),
+        metavar="SECONDS",
+        help="Time at which the clip begins.",
+    ),
+    click.option(
+        "--stop", type=Finite(0), metavar="SECONDS", help="Time at which it ends.  [default: the recording's end]"
+    ),
+)
+_READING = (
     click.option(
         "--rest-at",
         type=Finite(0),
@@ -42,9 +54,7 @@ READING = (
         help="Length unit of a BVH recording.  [default: detected]",
     ),
 )
-"""Options for how a recording is read."""
-
-WRITING = (
+_WRITING = (
     click.option(
         "--as",
         "form",
@@ -62,22 +72,15 @@ WRITING = (
     options.targets,
     options.keep_skin,
 )
-"""Options for what is written."""
 
+reading_options = options.together(_READING)
+"""Adds the options for how a recording is read."""
 
-def reading_options(command: Function) -> Function:
-    """Add the options for how a recording is read."""
-    return _with(READING, command)
+settings_options = options.together((*_READING, *_WRITING))
+"""Adds the options for how a recording is read and for what is written."""
 
-
-def settings_options(command: Function) -> Function:
-    """Add the options for how a recording is read and for what is written."""
-    return _with((*READING, *WRITING), command)
-
-
-def _with(added: Sequence[Callable[[Function], Function]], command: Function) -> Function:
-    """Add options in the order of the help text."""
-    return reduce(lambda function, option: option(function), reversed(added), command)
+clip_options = options.together((*_PART, *_READING, *_WRITING))
+"""Adds all these, and the options for which part of a recording is converted."""
 
 
 def reading_settings(**choices: Any) -> "Settings":

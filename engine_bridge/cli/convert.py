@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from engine_bridge.cli import conversion, options
-from engine_bridge.cli.options import FILE, Finite
+from engine_bridge.cli.options import FILE
 from engine_bridge.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -20,32 +20,37 @@ if TYPE_CHECKING:
     type=FILE,
     help="Puppet file of the character.  [default: none; the performer's own skeleton is animated]",
 )
-@options.output("The .glb file to write; without a puppet .bvh, .vrma or .glb.")
-@click.option(
-    "--user",
-    type=int,
-    help="User number of the performer.  [default: the one tracked longest; without a puppet, all, a file for each]",
+@options.output(
+    "The .glb file to write; without a puppet .bvh, .vrma or .glb, a file for each performer.",
+    "PUPPET_LOG.glb; without a puppet, none",
 )
-@click.option(
-    "--start", default=0.0, show_default=True, type=Finite(0), metavar="SECONDS", help="Time at which the clip begins."
-)
-@click.option(
-    "--stop", type=Finite(0), metavar="SECONDS", help="Time at which it ends.  [default: the recording's end]"
-)
-@conversion.settings_options
+@conversion.clip_options
 @click.option("--preview", type=FILE, metavar="PNG", help="Draw a contact sheet of the clip to this file.")
+@options.force
 @options.as_json
-def convert(log: Path, puppet: Path | None, output: Path, preview: Path | None, as_json: bool, **choices: Any) -> None:
+def convert(
+    log: Path,
+    puppet: Path | None,
+    output: Path | None,
+    preview: Path | None,
+    force: bool,
+    as_json: bool,
+    **choices: Any,
+) -> None:
     """Convert a recording LOG to an animated .glb of a character, or to an animation of its performers."""
     from engine_bridge.export.convert import convert, describe
     from engine_bridge.pictures import clip_sheet
     from puppetline.files import check_writable
 
-    conversion.check_output(output, puppet is not None)
     if puppet is None:
+        if output is None:
+            raise click.UsageError("Without --puppet, --output is required: a .bvh, .vrma or .glb file.")
+        conversion.check_output(output, has_puppet=False)
         conversion.refuse_without_puppet(preview=preview, **choices)
         _convert_performers(log, output, conversion.settings(**choices), as_json)
         return
+    output = options.named(output, f"{puppet.stem}_{log.stem}.glb", force)
+    conversion.check_output(output, has_puppet=True)
     settings = conversion.settings(**choices)
     if preview is not None:
         check_writable(preview, ".png", inputs=(log, puppet))

@@ -15,14 +15,17 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("scene", type=FILE)
-@options.output("The .mp4, .webm, .gif or .glb file to write.")
+@options.output("The .mp4, .webm, .gif or .glb file to write.", "SCENE.mp4")
 @click.option("--draft", is_flag=True, help="Draw half the width, height and frame rate, for a quick look.")
 @click.option(
     "--start", default=0.0, show_default=True, type=Finite(0), metavar="SECONDS", help="Time at which the film begins."
 )
 @click.option("--stop", type=Finite(0), metavar="SECONDS", help="Time at which it ends.  [default: the scene's end]")
+@options.force
 @options.as_json
-def film(scene: Path, output: Path, draft: bool, start: float, stop: float | None, as_json: bool) -> None:
+def film(
+    scene: Path, output: Path | None, draft: bool, start: float, stop: float | None, force: bool, as_json: bool
+) -> None:
     """Make a film of a SCENE file: characters, takes, sounds, cameras and titles.
 
     Videos require the extra film: pip install 'puppetline[film]'.
@@ -30,6 +33,7 @@ def film(scene: Path, output: Path, draft: bool, start: float, stop: float | Non
     from engine_bridge.film.film import make_video
     from engine_bridge.film.film_document import make_document
 
+    output = options.named(output, f"{scene.stem}.mp4", force)
     with progress() as report:
         if output.suffix.lower() == ".glb":
             if draft or start or stop is not None:

@@ -15,6 +15,7 @@ from puppetline.errors import PuppetlineError
 
 COMMANDS = (
     "align",
+    "animate",
     "bake",
     "batch",
     "bench",
@@ -47,6 +48,15 @@ class _Commands(click.Group):
         function = cmd_name.replace("-", "_")
         command: click.Command = getattr(import_module(f"engine_bridge.cli.{function}"), function)
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args[0] not in COMMANDS and (Path(args[0]).suffix or Path(args[0]).exists()):
+            from engine_bridge.cli.suggestions import suggestions
+
+            return suggestions.name, suggestions, args
+        return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
@@ -110,8 +120,8 @@ def main() -> None:
 
     \b
     First commands:
-      puppetline demo                        animate example characters
-      puppetline studio                      animate your own, in a browser
-      puppetline new MESH.glb -o mine.toml   or here: propose limbs for it
+      puppetline demo                     animate example characters
+      puppetline studio                   animate your own, in a browser
+      puppetline animate MESH RECORDING   or here
     """  # noqa: D301 - click wants the character
     logging.basicConfig(format="puppetline: %(message)s", level=logging.WARNING)

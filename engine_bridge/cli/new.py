@@ -1,7 +1,7 @@
 """`puppetline new`: a puppet file is proposed for a mesh."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -10,15 +10,38 @@ from engine_bridge.cli.options import FILE, Finite
 from puppetline.errors import MeshError
 
 if TYPE_CHECKING:
-    from engine_bridge.puppet.body_plans import BodyPlan
-    from engine_bridge.puppet.puppet import Direction, Puppet
+    from engine_bridge.puppet.proposal import Proposal
+    from engine_bridge.puppet.puppet import Puppet
 
 AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 
 
+body_options = options.together(
+    (
+        click.option("--up", type=AXIS, help="Axis of the mesh that points up.  [default: from its skeleton or shape]"),
+        click.option(
+            "--front", type=AXIS, help="Axis of the mesh that points forward.  [default: from its skeleton or shape]"
+        ),
+        click.option(
+            "--scale",
+            type=Finite(0, min_open=True),
+            metavar="METRES",
+            help="Metres per mesh unit.  [default: from the character's height]",
+        ),
+        click.option(
+            "--plan",
+            type=click.Choice(["upright", "two legs", "four legs", "many legs", "wings", "no legs"]),
+            help="How limbs follow the performer.  [default: from the limbs that are found]",
+        ),
+        click.option("--mirror", is_flag=True, help="Make the character the performer's mirror image."),
+    )
+)
+"""Adds the options for how a character stands, and for how its limbs follow the performer."""
+
+
 @click.command()
 @click.argument("mesh", type=FILE)
-@options.output("The puppet file to write.")
+@options.output("The puppet file to write.", "MESH.toml")
 @click.option(
     "--handle",
     "handles",
@@ -40,37 +63,20 @@ AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
     metavar="NAME=X,Y,Z",
     help="The tip of a limb that was not found, or that has the wrong name. Can be repeated.",
 )
-@click.option("--up", type=AXIS, help="Axis of the mesh that points up.  [default: from its skeleton or shape]")
-@click.option("--front", type=AXIS, help="Axis of the mesh that points forward.  [default: from its skeleton or shape]")
-@click.option(
-    "--scale",
-    type=Finite(0, min_open=True),
-    metavar="METRES",
-    help="Metres per mesh unit.  [default: from the character's height]",
-)
-@click.option(
-    "--plan",
-    type=click.Choice(["upright", "two legs", "four legs", "many legs", "wings", "no legs"]),
-    help="How limbs follow the performer.  [default: from the limbs that are found]",
-)
-@click.option("--mirror", is_flag=True, help="Make the character the performer's mirror image.")
+@body_options
 @click.option(
     "--preview", type=FILE, metavar="PNG", help="File for the image of the puppet.  [default: OUTPUT with .handles.png]"
 )
 @click.option("--force", is_flag=True, help="Replace an existing puppet file.")
 def new(
     mesh: Path,
-    output: Path,
+    output: Path | None,
     handles: tuple[str, ...],
     maps: tuple[str, ...],
     ends: tuple[str, ...],
-    up: "Direction | None",
-    front: "Direction | None",
-    scale: float | None,
-    plan: "BodyPlan | None",
-    mirror: bool,
     preview: Path | None,
     force: bool,
+    **body: Any,
 ) -> None:
     """Propose a puppet file for a MESH.
 
@@ -78,10 +84,10 @@ def new(
     """
     from engine_bridge.pictures import puppet_diagram
     from engine_bridge.puppet import proposal, puppet_file
-    from engine_bridge.puppet.body_plans import PLANS
     from puppetline.files import check_new, check_writable
 
     _check_no_recording(mesh)
+    output = output or Path(f"{mesh.stem}.toml")
     picture = preview or output.with_suffix(".handles.png")  # plain .png may be the name of a texture or contact sheet
     check_writable(output, ".toml", inputs=(mesh,))
     check_writable(picture, ".png", inputs=(mesh,))
@@ -93,27 +99,18 @@ def new(
         handles=_pairs("--handle", handles),
         maps=_pairs("--map", maps),
         ends=_pairs("--limb", ends),
-        up=up,
-        front=front,
-        scale=scale,
-        mirror=mirror,
-        plan=plan,
+        **body,
     )
-    about = f"Body plan {proposed.plan!r}. {PLANS[proposed.plan].about}" if proposed.plan else ""
-    puppet_file.dump(proposed.puppet, output, about)
+    puppet_file.dump(proposed.puppet, output, plan_text(proposed))
     puppet_diagram.draw(proposed.puppet, proposed.character, picture, f"{output.stem} · {mesh.name}")
     counts = {"limbs": len(proposed.puppet.limb), "handles": len(proposed.puppet.handle)}
     click.echo(
         f"{output}: {', '.join(f'{count} {what}' for what, count in counts.items() if count)}, shown in {picture}"
     )
-    if about:
-        click.echo(f"  {about}")
-    for reason in proposed.assumed:
-        click.echo(f"  assumed: {reason}")
-    for note in proposed.notes:
-        click.echo(f"  unclear: {note}")
+    for line in describe(proposed):
+        click.echo(f"  {line}")
     _echo_mapping(proposed.puppet)
-    click.echo(f"Convert a recording:  puppetline convert LOG --puppet {output} -o OUT.glb")
+    click.echo(f"Convert a recording:  puppetline convert LOG --puppet {output}")
 
 
 def _check_no_recording(mesh: Path) -> None:
@@ -121,12 +118,22 @@ def _check_no_recording(mesh: Path) -> None:
     from capture.formats import recognize
 
     if mesh.is_file() and recognize(mesh):
-        raise MeshError(
-            mesh,
-            found="a recording",
-            expected="a mesh",
-            fix=f"To convert the recording: puppetline convert {mesh} --puppet PUPPET.toml -o OUT.glb",
-        )
+        fix = f"To convert the recording: puppetline animate MESH {mesh}"
+        raise MeshError(mesh, found="a recording", expected="a mesh", fix=fix)
+
+
+def plan_text(proposed: "Proposal") -> str:
+    """Return what the body plan of a proposal is; "" for a puppet without limbs."""
+    from engine_bridge.puppet.body_plans import PLANS
+
+    return f"Body plan {proposed.plan!r}. {PLANS[proposed.plan].about}" if proposed.plan else ""
+
+
+def describe(proposed: "Proposal") -> list[str]:
+    """Return the body plan of a proposal, what was assumed and what is unclear, as lines of text."""
+    lines = [plan_text(proposed)] if proposed.plan else []
+    lines += [f"assumed: {reason}" for reason in proposed.assumed]
+    return lines + [f"unclear: {note}" for note in proposed.notes]
 
 
 def _echo_mapping(puppet: "Puppet") -> None:

@@ -2,8 +2,9 @@
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from functools import reduce
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -28,11 +29,44 @@ class Finite(click.FloatRange):
         return number
 
 
-def output(what: str) -> Callable[[Function], Function]:
-    """Return the option for the file to write, of which the help text says what it is."""
-    return click.option("-o", "--output", required=True, type=FILE, help=what)
+def output(what: str, default: str | None = None) -> Callable[[Function], Function]:
+    """Return the option for the file to write.
+
+    Parameters
+    ----------
+    what : str
+        What the file is, for the help text.
+    default : str, optional
+        Pattern of the name that the file gets otherwise, in the current folder; without it, the option is required.
+    """
+    if default is None:
+        return click.option("-o", "--output", required=True, type=FILE, help=what)
+    return click.option("-o", "--output", type=FILE, help=f"{what}  [default: {default}]")
 
 
+def named(output: Path | None, default: str, force: bool) -> Path:
+    """Return the file to write: the one that the user named, or a new one with a default name.
+
+    Raises
+    ------
+    OutputError
+        The user named none, and a file with the default name exists.
+    """
+    if output is not None:
+        return output
+    from puppetline.files import check_new
+
+    if not force:
+        check_new(Path(default), "Choose a name with -o, or replace it with --force.")
+    return Path(default)
+
+
+def together(options: Sequence[Callable[[Function], Function]]) -> Callable[[Function], Function]:
+    """Return the decorator that adds options to a command, in the order of the help text."""
+    return lambda command: reduce(lambda function, option: option(function), reversed(options), command)
+
+
+force = click.option("--force", is_flag=True, help="Replace an existing file that -o does not name.")
 as_json = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 source = click.option("--source", required=True, metavar="URI", help="Source of skeletons, as in puppetline serve.")
 targets = click.option(

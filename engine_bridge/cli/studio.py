@@ -59,7 +59,7 @@ def studio(
 
     from capture.sound_input import is_sound_file, open_sound
     from engine_bridge.cli.compile_ahead import second_process
-    from engine_bridge.inspection.files import inspect
+    from engine_bridge.inspection.files import kind_of
     from engine_bridge.service.monitoring import logs
     from engine_bridge.service.security.credentials import read_token
     from engine_bridge.studio.server import StudioSettings, run
@@ -70,7 +70,7 @@ def studio(
         )
     if service is None and service_token_file is not None:
         raise click.UsageError("--service-token-file requires --service.")
-    if file is not None and (kind := inspect(file)["kind"]) not in ("puppet", "character"):
+    if file is not None and (kind := kind_of(file)) not in ("puppet", "character"):
         raise PuppetlineError(
             file,
             found=f"a {kind}",

@@ -1,7 +1,7 @@
 """The contents of a mesh, a recording, a puppet file or an animated .glb, as plain values."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -13,9 +13,12 @@ from engine_bridge.character.surface_document import SURFACE_FILES
 from engine_bridge.puppet import puppet_file
 from engine_bridge.service.protocol.clip_file import read_clip
 from engine_bridge.service.protocol.header import WireError
+from puppetline import toml_schema
 from puppetline.errors import PuppetlineError
 from puppetline.files import read_whole
 from solver.anatomy import orientation
+
+Kind = Literal["puppet", "scene", "service", "log", "clip", "character"]
 
 
 def inspect(path: Path) -> dict[str, Any]:
@@ -24,7 +27,20 @@ def inspect(path: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        Plain values for JSON; ``kind`` is "puppet", "log", "clip" or "character".
+        Plain values for JSON; ``kind`` is a `Kind`.
+
+    Raises
+    ------
+    PuppetlineError
+        The file cannot be read, or is of no supported kind.
+    """
+    kind = kind_of(path)
+    describe = {"puppet": _puppet, "log": _log, "clip": _clip, "character": _character}.get(kind, _tables)
+    return {"kind": kind, **describe(path)}
+
+
+def kind_of(path: Path) -> Kind:
+    """Return the kind of a file, which is detected by content.
 
     Raises
     ------
@@ -35,15 +51,16 @@ def inspect(path: Path) -> dict[str, Any]:
         found = "a folder" if path.is_dir() else "no such file"
         raise PuppetlineError(path, found=found, expected="a file", fix="Check the path.")
     if path.suffix.lower() == ".toml":
-        return _puppet(path)
+        tables = _tables(path)
+        return "service" if "stage" in tables else "scene" if isinstance(tables.get("character"), list) else "puppet"
     if recognize(path) is not None:
-        return _log(path)
+        return "log"
     with path.open("rb") as file:
         is_glb = file.read(len(MAGIC)) == MAGIC
     if path.suffix.lower() == ".clip":
-        return _clip(path)
+        return "clip"
     if is_glb or path.suffix.lower() in CHARACTER_FILES:
-        return _character(path)
+        return "character"
     raise PuppetlineError(
         path,
         found="an unknown kind of file" if path.stat().st_size else "an empty file",
@@ -52,11 +69,17 @@ def inspect(path: Path) -> dict[str, Any]:
     )
 
 
+def _tables(path: Path) -> dict[str, Any]:
+    """Return the tables of a TOML file, as they are written."""
+    return toml_schema.parse(
+        toml_schema.read_text(path, "a TOML file", "Check the path.", PuppetlineError), path, PuppetlineError
+    )
+
+
 def _puppet(path: Path) -> dict[str, Any]:
     puppet = puppet_file.load(path)
     mesh = path.parent / puppet.character.mesh
     return {
-        "kind": "puppet",
         "character": puppet.character.mesh,
         "mesh_found": mesh.is_file(),
         "limbs": {
@@ -92,7 +115,7 @@ def _log(path: Path) -> dict[str, Any]:
             "joints_lost": float(np.mean(clip.confidence == LOST)),
             "notes": list(clip.notes),
         }
-    return {"kind": "log", "format": FORMATS[name], "users": users}
+    return {"format": FORMATS[name], "users": users}
 
 
 def _clip(path: Path) -> dict[str, Any]:
@@ -107,7 +130,7 @@ def _clip(path: Path) -> dict[str, Any]:
             fix="Write it again with puppetline clip.",
         ) from error
     counts = {name: scene.body.facts[name] for name in ("vertices", "triangles", "diagonal")}
-    return {"kind": "clip", **facts.body, "seconds": frames[-1].header.time, **counts}
+    return {**facts.body, "seconds": frames[-1].header.time, **counts}
 
 
 def _character(path: Path) -> dict[str, Any]:
@@ -117,7 +140,6 @@ def _character(path: Path) -> dict[str, Any]:
     stands = orientation.propose(mesh, specified=path.suffix.lower() not in SURFACE_FILES)
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     return {
-        "kind": "character",
         "vertices": len(character.vertices),
         "triangles": len(character.triangles),
         "primitives": len(character.parts),

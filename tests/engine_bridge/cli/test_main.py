@@ -7,9 +7,10 @@ import sys
 import tomllib
 from pathlib import Path
 
+import click
 import pytest
 
-from engine_bridge.cli.main import COMMANDS
+from engine_bridge.cli.main import COMMANDS, main
 
 if not Path(sys.executable).with_name("puppetline").exists():
     pytest.skip("the command is not installed beside this Python", allow_module_level=True)
@@ -33,7 +34,7 @@ def test_the_help_lists_every_command_and_a_misspelled_one_gets_a_suggestion(inv
     assert [line.split()[0] for line in lines if line.strip()] == sorted(COMMANDS)
     shown = invoke(code=2)
     first = (shown.stdout + shown.stderr).split("First commands:")[1].split("Options:")[0]
-    assert [line.split()[1] for line in first.splitlines() if line.strip()] == ["demo", "studio", "new"]
+    assert [line.split()[1] for line in first.splitlines() if line.strip()] == ["demo", "studio", "animate"]
     assert "'convert'" in invoke("conver", code=2).stderr
 
 
@@ -54,6 +55,7 @@ rig blob.toml -o out.vrm --keep-skin                                      → --
 rig blob.toml -o out.glb --keep-skin --pose t                             → --pose t
 rig blob.toml -o out.glb --author Ada                                     → .vrm
 film scene.toml -o film.glb --draft                                       → --draft
+animate blob.glb take.log --targets 3 --as rig                            → --targets
 align take.log -o two.toml                                                → recordings
 batch take.log --puppet blob.toml -o out --shard 0/3                      → 0/3
 batch take.log --puppet blob.toml -o out --shard 4/3                      → 4/3
@@ -112,6 +114,11 @@ convert take.log --puppet blob.toml -o no/out.glb                         → no
 convert take.log --puppet blob.toml -o blob.glb                           → blob.glb; an input file
 convert take.log --puppet figure.toml -o take.vrm                         → take.vrma
 convert take.log --puppet blob.toml -o out.glb --rest-at 100              → take.log; 100 s; --rest-at
+animate take.log blob.glb                                                 → puppetline animate blob.glb take.log
+animate blob.toml take.log                                                → convert take.log --puppet blob.toml
+animate blob.glb take.log -o blob.glb                                     → blob.glb; an input file
+animate blob.glb take.log --puppet-out blob.toml                          → blob.toml; --force
+nothing.glb                                                               → nothing.glb; no such file
 rig blob.toml -o blob.vrm --name A --author A --licence https://a.b/      → no limb for hips; leftHand
 film scene.toml -o film.mp4                                               → scene.toml, [film], colour
 look --source osc:0 -o look.jpg                                           → look.jpg
@@ -162,6 +169,48 @@ def test_new_makes_a_puppet_that_converts_right_away_and_is_not_overwritten(invo
     assert "crown" in invoke(*another, "--force").stdout
     invoke("convert", "take.log", "--puppet", "made.toml", "-o", "out.glb")
     assert (tmp_path / "out.glb").stat().st_size > 10_000
+
+
+@pytest.mark.usefixtures("quick_pictures", "stage")
+def test_animate_is_new_and_convert_in_one_and_names_that_nobody_chose_replace_nothing(invoke, tmp_path):
+    once = invoke("animate", "blob.glb", "take.log", "--puppet-out", "once.toml", "--front=-z", "--stop", "1")
+    assert "contact sheet  blob_take.png\n  Body plan 'upright'." in once.stdout
+    invoke("new", "blob.glb", "--front=-z", "--force")
+    assert (tmp_path / "once.toml").read_bytes() == (tmp_path / "blob.toml").read_bytes()
+    animated = (tmp_path / "blob_take.glb").read_bytes()
+    converting = ("convert", "take.log", "--puppet", "blob.toml", "--stop", "1")
+    assert "blob_take.glb" in invoke(*converting, code=1).stderr
+    assert "blob_take.glb" in invoke("animate", "blob.glb", "take.log", code=1).stderr
+    assert (tmp_path / "blob_take.glb").read_bytes() == animated
+    (tmp_path / "blob_take.glb").write_bytes(b"")
+    invoke(*converting, "--force")
+    assert (tmp_path / "blob_take.glb").read_bytes() == animated
+
+
+SERVICE = "[[stage]]\nsource = 'osc:7110'\ncharacter = [{ puppet = 'blob.toml' }]\n"
+
+SUGGESTED = {
+    "blob.glb": ["animate", "new", "studio", "rig", "inspect"],
+    "take.log": ["animate", "convert", "look", "inspect"],
+    "blob.toml": ["convert", "studio", "serve", "inspect"],
+    "scene.toml": ["film", "inspect"],
+    "service.toml": ["serve", "inspect"],
+}
+"""Commands that are suggested for a file."""
+
+
+@pytest.mark.usefixtures("faults")
+def test_a_file_alone_is_answered_with_commands_that_take_it(invoke, tmp_path):
+    (tmp_path / "scene.toml").write_text("[[character]]\nname = 'a'\n")
+    (tmp_path / "service.toml").write_text(SERVICE)
+    for file, commands in SUGGESTED.items():
+        suggested = [line.split("  ")[0].split()[1:] for line in invoke(file).stdout.splitlines()]
+        assert [name for name, *_ in suggested] == commands
+        assert all(file in line or f"replay:{file}" in line for line in suggested)
+        for name, *arguments in suggested:  # the command takes these arguments
+            command = main.get_command(click.Context(main), name)
+            command.make_context(name, arguments)
+    assert invoke("take.log", "blob.glb").stdout == "puppetline animate blob.glb take.log\n"
 
 
 AXES = ("--up", "z", "--front=-y", "--scale", "0.01", "--preview", "look.png")

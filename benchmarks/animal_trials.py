@@ -22,7 +22,7 @@ from benchmarks.animals import ANIMALS, soles_of
 from capture import body
 from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
 from engine_bridge.character.character import Character, from_document
-from engine_bridge.performance.performance import Performance
+from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.rig import Rig, make_rig
 from engine_bridge.puppet.body_plans import is_leg
 from engine_bridge.puppet.proposal import new_puppet
@@ -80,7 +80,7 @@ def main() -> None:
 
 def compare_walk(name: str, rig: Rig) -> None:
     """Print the row of an animal that has an animation Walk."""
-    steps = Performance(rig.puppet, rig.mesh, rig.model, performer(0.0)).retargeting._feet
+    steps = CharacterMotion(rig, performer(0.0)).performer._feet
     found = own_walk(rig)
     if found is None or not isinstance(steps, Steps):
         return
@@ -180,7 +180,7 @@ def walk(rig: Rig, speed: float) -> Stride:
     """Return the strides of a character whose performer walks towards the sensor, in metres per second."""
     count, still = round(WALK_SECONDS * FPS), performer(0.0)
     poses = [still - np.array([0.0, 0.0, speed * number / FPS]) for number in range(count)]
-    retargeting = Performance(rig.puppet, rig.mesh, rig.model, still).retargeting
+    retargeting = CharacterMotion(rig, still).performer
     steps = retargeting._feet
     assert isinstance(steps, Steps)
     hidden = ("ankle_left", "ankle_right", "foot_left", "foot_right", "knee_left", "knee_right")
@@ -203,7 +203,7 @@ def raise_hands(name: str, rig: Rig, which: str) -> None:
     still = performer(0.0)
     shares = np.concatenate([np.zeros(15), np.linspace(0, 1, 15), np.ones(45)])
     poses = [performer(0.5 - 0.5 * math.cos(math.pi * share), HANDS[which]) for share in shares]
-    performance = Performance(rig.puppet, rig.mesh, rig.model, still)
+    motion = CharacterMotion(rig, still)
     surface, stretch = BatchBinding.of_solver_mesh(rig.model, rig.mesh), EdgeStretch(rig.mesh)
     up, first, watched = rig.puppet.character.basis[1], 0, []
     for limb in parents_first(rig.puppet.limbs):
@@ -218,10 +218,10 @@ def raise_hands(name: str, rig: Rig, which: str) -> None:
         first = last + 1
     highest = np.full(len(watched), -np.inf)
     for frame in frames(poses):
-        pose = performance.step(frame)
+        pose = motion.step(frame)
         stretch.add(surface.vertices(pose.R[None].astype(np.float32)))
         for number, (_, bone, tip, _) in enumerate(watched):
-            there = tip @ pose.motions[bone, :3] + pose.motions[bone, 3] + pose.root
+            there = tip @ pose.bones[bone, :3] + pose.bones[bone, 3] + pose.root
             way = (there - tip) @ up if is_leg(watched[number][0]) else np.linalg.norm(there - tip)
             highest[number] = max(highest[number], float(way))
     low, high = stretch.percentiles(1, 99)

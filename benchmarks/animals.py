@@ -22,8 +22,8 @@ from scipy.spatial import cKDTree
 from benchmarks.rig_weights import skinned
 from capture.skeleton import JOINT_INDEX
 from capture.timeline import Timeline
+from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.clip import load_timeline, perform, reference_pose
-from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig, make_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures import clip_sheet
@@ -156,7 +156,7 @@ def soles_of(rig: Rig) -> list[NDArray[np.int64]]:
 
 def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[np.int64]]) -> Row:
     """Play a recording, and measure the feet."""
-    performance = Performance(rig.puppet, rig.mesh, rig.model, reference_pose(rig.puppet, timeline, settings))
+    motion = CharacterMotion(rig, reference_pose(rig.puppet, timeline, settings))
     surface, stretch, stretch_of_skin = (
         BatchBinding.of_solver_mesh(rig.model, rig.mesh),
         EdgeStretch(rig.mesh),
@@ -165,7 +165,7 @@ def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[n
     shares = skin_of(rig)
     basis, rest = rig.puppet.character.basis, rig.mesh.vertices
     size = float(np.ptp(rest @ basis[1]))
-    steps = getattr(performance.retargeting, "_feet", None)
+    steps = getattr(motion.performer, "_feet", None)
     heights, places, bodies, swinging, lifted = [], [], [], [], []
     used = np.concatenate(soles) if soles else np.zeros(0, dtype=np.int64)
     starts = np.cumsum([0, *map(len, soles)])
@@ -173,15 +173,15 @@ def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[n
     floors[floors > floors.min(initial=np.inf) + RAISED * size] = np.nan
     trunk = _trunk(rig)
     for number in range(len(timeline.positions)):
-        pose = performance.step(timeline.frame(number))
+        pose = motion.step(timeline.frame(number))
         moved = surface.vertices(pose.R[None].astype(np.float32))
         stretch.add(moved)
         if shares is not None:
-            stretch_of_skin.add(skinned(shares, rest, pose.motions[None])[0].astype(np.float32)[:, :, None])
+            stretch_of_skin.add(skinned(shares, rest, pose.bones[None])[0].astype(np.float32)[:, :, None])
         now = (moved[used, :, 0] + pose.root) @ basis.T
         heights.append(np.array([now[a:b, 1].min() for a, b in pairwise(starts)]) - floors)
         places.append([now[a:b].mean(axis=0) for a, b in pairwise(starts)])
-        body = pose.motions[trunk, 3] + rig_head(rig, trunk) @ pose.motions[trunk, :3] if rig.puppet.limbs else 0.0
+        body = pose.bones[trunk, 3] + rig_head(rig, trunk) @ pose.bones[trunk, :3] if rig.puppet.limbs else 0.0
         bodies.append(body + pose.root)
         swinging.append(np.array(getattr(steps, "swinging", np.zeros(len(soles), dtype=bool))))
         lifted.append(bool(getattr(steps, "lifted", False)))
@@ -192,7 +192,7 @@ def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[n
         np.array(swinging),
         np.array(lifted),
         timeline,
-        performance.retargeting.root_scale / size,
+        motion.performer.root_scale / size,
         (
             *stretch.percentiles(1, 99),
             *(stretch_of_skin.percentiles(1, 99) if shares is not None else (np.nan, np.nan)),

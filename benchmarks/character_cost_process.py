@@ -22,8 +22,8 @@ from engine_bridge.character.character import load_character
 from engine_bridge.character.materials import drawn_normals
 from engine_bridge.cli.benchmark import arap_iteration
 from engine_bridge.export.convert import convert
+from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.clip import load_timeline, reference_pose
-from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file
@@ -100,9 +100,8 @@ class Playing:
         settings = Settings()
         timeline, _ = load_timeline(log, settings)
         self.positions, self._confidence = timeline.positions, timeline.confidence
-        self._R = np.empty_like(rig.model.rest_controls)
-        self._controls = np.empty((len(self._R) // 4, 3, 4), dtype=np.float32)
-        self.performance = Performance(rig.puppet, rig.mesh, rig.model, reference_pose(rig.puppet, timeline, settings))
+        self._controls = np.empty((len(rig.model.rest_controls) // 4, 3, 4), dtype=np.float32)
+        self.motion = CharacterMotion(rig, reference_pose(rig.puppet, timeline, settings))
         it = rig.character
         self.binding = ShadedBinding(rig.model, it.vertices, rig.mesh.of_render, drawn_normals(it), it.triangles)
         self._drawn = np.empty_like(self.binding.rest), np.empty_like(self.binding.rest)
@@ -116,7 +115,7 @@ class Playing:
 
     def controls(self) -> Controls:
         """Smooth, retarget and solve the next frame; all calls return the same array."""
-        return to_file_units(self.performance.step(self.frame(), self._R).R, self.rig.model, self._controls)
+        return to_file_units(self.motion.step(self.frame()).R, self.rig.model, self._controls)
 
     def vertices(self, controls: Controls) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return positions and normals (n, 3); all calls return the same two arrays."""
@@ -125,9 +124,9 @@ class Playing:
 
 def handle_path(playing: Playing, count: int) -> NDArray[np.float64]:
     """Return the positions of the handles (count, h, 3) in the next frames."""
-    model, handles = playing.rig.model, playing.performance.deformer.handles
+    model, handles = playing.rig.model, playing.motion.deformer.handles
     rows = model.rows(playing.rig.mesh, handles)
-    path = [rows @ playing.performance.step(playing.frame()).R for _ in range(count)]
+    path = [rows @ playing.motion.step(playing.frame()).R for _ in range(count)]
     return np.array(path) * model.diagonal + model.center
 
 
@@ -147,7 +146,7 @@ def works(folder: Path) -> tuple[Playing, dict[str, Work]]:
         "constant": Work(lambda _: sum(range(CONSTANT_LOOP_LENGTH)), BLOCK_FRAMES),
     }
     try:
-        handles = played.performance.deformer.handles
+        handles = played.motion.deformer.handles
         made["arap_iteration"] = Work(arap_iteration(rig.mesh, handles, handle_path(played, 60)), 1)
     except RuntimeError:  # libigl cannot factorise every surface
         pass
@@ -164,7 +163,7 @@ def frames(folder: Path, count: int) -> dict[str, float]:
         "solve_p99_ms": float(np.percentile(times["solve"], 99)),
         "constant_p99_ms": float(np.percentile(times["constant"], 99)),
         "frames": len(times["frame"]),
-        "handles": len(played.performance.deformer.handles),
+        "handles": len(played.motion.deformer.handles),
     }
 
 

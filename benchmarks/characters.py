@@ -101,10 +101,10 @@ def _validator_counts(path: Path) -> str:
 
 def _tiles(clip: Clip) -> list[np.ndarray]:
     """Draw the rest pose, and `SHEET_FRAMES` frames evenly spaced over the clip."""
-    rig = clip.rig
+    rig = clip.motion.rig
     binding = Binding.of_solver_mesh(rig.model, rig.mesh)
-    chosen = np.linspace(0, len(clip.frames) - 1, SHEET_FRAMES + 1).astype(int)[1:]
-    solved = np.array([binding.vertices(to_file_units(clip.frames[index], rig.model)) for index in chosen])
+    chosen = np.linspace(0, len(clip.motion) - 1, SHEET_FRAMES + 1).astype(int)[1:]
+    solved = np.array([binding.vertices(to_file_units(clip.motion.R[index], rig.model)) for index in chosen])
     poses = np.concatenate([rig.character.vertices[None], solved[:, rig.mesh.of_render]]) @ rig.puppet.character.basis.T
     view = View.around(poses)
     return [render(pose, rig.character.triangles, view, TILE_PIXELS, rig.character.colors) for pose in poses]

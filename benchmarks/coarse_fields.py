@@ -16,9 +16,10 @@ import igl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.character import load_character
+from engine_bridge.character.character import Character, load_character
+from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.clip import load_timeline, resting_pose
-from engine_bridge.performance.performance import Performance
+from engine_bridge.performance.rig import Rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.puppet import Puppet
@@ -39,12 +40,11 @@ COMPARISON_FRAMES = 5
 """Number of frames between two comparisons of all vertices."""
 
 
-def subdivided(path: Path, count: int) -> SolverMesh:
-    character = load_character(path)
+def subdivided(character: Character, count: int) -> SolverMesh:
     vertices, faces = character.vertices, character.triangles
     while len(vertices) <= count:
         vertices, faces = igl.upsample(vertices, faces)
-    return weld(vertices, faces, path.name)
+    return weld(vertices, faces, character.document.name)
 
 
 def model_of(mesh: SolverMesh, puppet: Puppet, largest_exact: int) -> tuple[ReducedModel, float]:
@@ -58,14 +58,12 @@ def model_of(mesh: SolverMesh, puppet: Puppet, largest_exact: int) -> tuple[Redu
         reduced_model.MAX_EXACT_VERTICES = usual
 
 
-def played(
-    mesh: SolverMesh, puppet: Puppet, model: ReducedModel, log: Path
-) -> tuple[float, tuple[float, ...], NDArray[np.float32]]:
+def played(rig: Rig, log: Path) -> tuple[float, tuple[float, ...], NDArray[np.float32]]:
     """Return how far handles are missed as a share of the diagonal, percentiles of edge stretch, and some frames."""
-    settings = Settings()
+    settings, mesh, model = Settings(), rig.mesh, rig.model
     timeline, _ = load_timeline(log, settings)
-    performance = Performance(puppet, mesh, model, resting_pose(timeline, settings))
-    deformer, missed = performance.deformer, [0.0]
+    motion = CharacterMotion(rig, resting_pose(timeline, settings))
+    deformer, missed = motion.deformer, [0.0]
     if len(deformer.handles):
         rows, solve = model.rows(mesh, deformer.handles), deformer.solve
 
@@ -77,7 +75,7 @@ def played(
         deformer.solve = watched
     binding, stretch, frames = Binding.of_solver_mesh(model, mesh), EdgeStretch(mesh), []
     for number in range(len(timeline.positions)):
-        R = performance.step(timeline.frame(number)).R
+        R = motion.step(timeline.frame(number)).R
         if number % COMPARISON_FRAMES == 0:
             frames.append(binding.vertices(to_file_units(R, model)))
             stretch.add(frames[-1][:, :, None])
@@ -85,7 +83,8 @@ def played(
 
 
 def rows_of(path: Path, logs: list[Path], count: int) -> Iterator[str]:
-    mesh = subdivided(path, count)
+    character = load_character(path)
+    mesh = subdivided(character, count)
     for moved_by in ("limbs", "handles"):
         with tempfile.TemporaryDirectory() as folder:
             puppet = new_puppet(path, Path(folder) / "puppet.toml", limbs=moved_by == "limbs").puppet
@@ -93,7 +92,7 @@ def rows_of(path: Path, logs: list[Path], count: int) -> Iterator[str]:
         for log in logs:
             exact = None
             for kind, (model, seconds) in models.items():
-                missed, edges, frames = played(mesh, puppet, model, log)
+                missed, edges, frames = played(Rig(puppet, character, mesh, model), log)
                 apart = ""
                 if exact is None:
                     exact = frames

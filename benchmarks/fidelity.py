@@ -34,8 +34,8 @@ from capture import body
 from capture.skeleton import JOINT_INDEX, to_character_axes
 from capture.timeline import Timeline
 from engine_bridge.character.character import Character, load_character, make_character
+from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.clip import load_timeline, perform, resting_pose
-from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures import clip_sheet
@@ -154,20 +154,20 @@ def directions_only(puppet: Puppet) -> Puppet:
 
 def play(rig: Rig, timeline: Timeline, soles: dict[str, NDArray[np.int64]]) -> Measured:
     """Play a recording; keep the vertices of some frames, and the centres of the soles in all frames."""
-    performance = Performance(rig.puppet, rig.mesh, rig.model, resting_pose(timeline, SETTINGS))
+    motion = CharacterMotion(rig, resting_pose(timeline, SETTINGS))
     count = len(timeline.positions)
     chosen = np.unique(np.linspace(0, count - 1, min(MEASURED_FRAMES, count)).astype(int))
     binding = BatchBinding(rig.model, rig.character.vertices, rig.mesh.of_render)
     of_soles = {side: binding.only(numbers) for side, numbers in soles.items()}
     kept, motions, feet = [], [], {side: [] for side in soles}
     for number in range(count):
-        aim = performance.retargeting.step(timeline.frame(number))
-        R = performance.deformer.solve(aim.targets, aim.motions)[None].astype(np.float32)
+        pose = motion.step(timeline.frame(number))
+        R = pose.R[None].astype(np.float32)
         for side, sole in of_soles.items():
-            feet[side].append(sole.vertices(R)[:, :, 0].mean(axis=0) + aim.root)
+            feet[side].append(sole.vertices(R)[:, :, 0].mean(axis=0) + pose.root)
         if number in chosen:
             kept.append(binding.vertices(R)[:, :, 0])
-            motions.append(aim.motions)
+            motions.append(pose.bones)
     return Measured(chosen, np.array(kept), np.array(motions), {side: np.array(each) for side, each in feet.items()})
 
 

@@ -21,9 +21,10 @@ from scipy.spatial import cKDTree
 
 from capture import body
 from capture.skeleton import SkeletonFrame
-from engine_bridge.character.character import CHARACTER_FILES, load_character
+from engine_bridge.character.character import CHARACTER_FILES, Character, load_character
+from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.clip import REST_SECONDS, load_timeline
-from engine_bridge.performance.performance import Performance
+from engine_bridge.performance.rig import Rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet.handle_proposal import propose_handles
 from engine_bridge.puppet.puppet import CharacterTable, Puppet
@@ -127,7 +128,7 @@ def narrowest(mesh: SolverMesh, operator: Operator) -> float:
 
 
 def measure(
-    mesh: SolverMesh, puppet: Puppet, log: Path, operator: Operator, whole: np.ndarray | None
+    character: Character, mesh: SolverMesh, puppet: Puppet, log: Path, operator: Operator, whole: np.ndarray | None
 ) -> tuple[tuple[str, ...], np.ndarray]:
     """Return a cell for each column, and some frames; `whole` are the frames of the unbroken mesh."""
     fields.laplacian = operator
@@ -136,13 +137,13 @@ def measure(
     seconds = time.process_time() - start
     timeline, _ = load_timeline(log, Settings())
     rest = body.resting_pose(timeline.positions, timeline.confidence, 0, round(REST_SECONDS * timeline.fps))
-    performance = Performance(puppet, mesh, model, rest)
-    deformer = performance.deformer
+    motion = CharacterMotion(Rig(puppet, character, mesh, model), rest)
+    deformer = motion.deformer
     rows = model.rows(mesh, deformer.handles)
     solve, missed = deformer.solve, [0.0]
 
-    def watched(targets: np.ndarray) -> np.ndarray:
-        R = solve(targets)
+    def watched(targets: np.ndarray, *more: object) -> np.ndarray:
+        R = solve(targets, *more)
         missed.append(float(np.linalg.norm(rows @ R - model.to_model(targets), axis=1).max()))
         return R
 
@@ -150,7 +151,7 @@ def measure(
     binding, stretch = Binding.of_solver_mesh(model, mesh), EdgeStretch(mesh)
     frames = []
     for time_, positions, confidence in zip(timeline.times, timeline.positions, timeline.confidence, strict=True):
-        pose = performance.step(SkeletonFrame(time_, 0, positions, confidence))
+        pose = motion.step(SkeletonFrame(time_, 0, positions, confidence))
         frames.append(binding.vertices(to_file_units(pose.R, model)))
         stretch.add(frames[-1][:, :, None])
     shown = np.array([mesh.vertices, *frames[::COMPARISON_FRAMES]])
@@ -198,7 +199,7 @@ def main() -> None:
         copies = broken(character.vertices, character.triangles) if breakable else []
         whole: list[np.ndarray | None] = [None] * len(OPERATORS)
         for title, copy in [(file.stem, mesh), *((f"… with {name}", weld(v, f)) for name, v, f in copies)]:
-            found = [_measured(copy, puppet, log, *one) for one in zip(OPERATORS, whole, strict=True)]
+            found = [_measured(character, copy, puppet, log, *one) for one in zip(OPERATORS, whole, strict=True)]
             row = " | ".join(" / ".join(values) for values in zip(*(cells for cells, _ in found), strict=True))
             print(f"| {title} | {len(copy.vertices):,} | {row} |", flush=True)
             if copy is mesh:

@@ -15,8 +15,8 @@ import numpy as np
 from benchmarks.character_cost_process import Work, interleaved
 from engine_bridge.character.character import load_character
 from engine_bridge.cli.benchmark import arap_iteration
+from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.clip import load_timeline, resting_pose
-from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file
@@ -37,17 +37,17 @@ def main() -> None:
         puppet.write_text(puppet_file.dumps(new_puppet(options.mesh, puppet).puppet))
         rig = load_rig(puppet)
     timeline, _ = load_timeline(options.log, Settings())
-    performance = Performance(rig.puppet, rig.mesh, rig.model, resting_pose(timeline, Settings()))
-    aims = [performance.retargeting.step(frame) for frame in map(timeline.frame, range(len(timeline.positions)))]
+    motion = CharacterMotion(rig, resting_pose(timeline, Settings()))
+    aims = [motion.performer.step(frame) for frame in map(timeline.frame, range(len(timeline.positions)))]
     R = np.empty_like(rig.model.rest_controls)
     last = rig.model.bones.terminal
     ends = rig.model.bones.tails[last]
     homogeneous = np.column_stack([ends, np.ones(len(ends))])
-    targets = np.array([np.einsum("bx,bxk->bk", homogeneous, aim.motions[last]) for aim in aims])
+    targets = np.array([np.einsum("bx,bxk->bk", homogeneous, aim.bones[last]) for aim in aims])
 
     def solve(number: int) -> None:
         aim = aims[number % len(aims)]
-        performance.deformer.solve(aim.targets, aim.motions, R)
+        motion.deformer.solve(aim.targets, aim.bones, R)
 
     mesh = load_character(options.mesh).solver_mesh()
     times = interleaved({"solve": Work(solve, 250), "arap": Work(arap_iteration(mesh, ends, targets), 1)}, ROUNDS)

@@ -100,7 +100,7 @@ def write_log(name: str, folder: Path) -> Path:
 def project(rig: Rig, performance: str, motion: Motion) -> Unseen:
     basis = LiveBasis(fit(rig, motion, SETTINGS, silent).directions.astype(np.float32), REACH, rig.model)
     timeline = resample(PERFORMANCES[performance](), SETTINGS.fps, SETTINGS.max_gap)
-    frames = np.concatenate([solved.R for solved in solve(rig, timeline, SETTINGS, 64)])
+    frames = solve(rig, timeline, SETTINGS).R[:]
     shown = [basis.project(R) for R in frames]
     moved = np.tensordot([each.weights for each in shown], basis.targets, axes=1).transpose(0, 2, 1)
     nearest = (rig.model.rest_controls + moved).astype(np.float32)

@@ -136,21 +136,22 @@ def solved(clip: Clip) -> Callable[[Floats], dict[tuple[int, int], Floats]]:
     Positions are float64 and computed from the control variables, not from the exported file; key times are float32, as
     in the file.
     """
-    model, mesh, character = clip.rig.model, clip.rig.mesh, clip.rig.character
+    motion, rig = clip.motion, clip.motion.rig
+    model, mesh, character = rig.model, rig.mesh, rig.character
     W = position_matrix(
         model.to_model(mesh.vertices), model.isoline_coordinates.astype(np.float64), model.weights, model.isolines
     )
-    last = len(clip.frames) - 1
-    clock = clip.timeline.times.astype(np.float32)
+    last = len(motion) - 1
+    clock = motion.times.astype(np.float32)
 
     def positions(times: Floats) -> dict[tuple[int, int], Floats]:
         at = np.interp(times, clock, np.arange(last + 1))
         before = np.minimum(np.floor(at).astype(int), last - 1)
         share = (at - before)[:, None, None]
-        R = (1 - share) * clip.frames[before].astype(np.float64) + share * clip.frames[before + 1].astype(np.float64)
+        R = (1 - share) * motion.R[before].astype(np.float64) + share * motion.R[before + 1].astype(np.float64)
         moved = np.array([W @ each for each in R]) * model.diagonal + model.center
-        if clip.rig.puppet.root is not None:
-            moved += (1 - share) * clip.root[before][:, None] + share * clip.root[before + 1][:, None]
+        if rig.puppet.root is not None:
+            moved += (1 - share) * motion.root[before][:, None] + share * motion.root[before + 1][:, None]
         return {
             (part.node, part.primitive): moved[:, mesh.of_render[place]]
             for part, place in zip(character.parts, character.vertex_slices, strict=True)

@@ -68,9 +68,7 @@ def point(folder: Path) -> dict[str, float]:
     controls = playing.controls().copy()
     todo = {"solve": Work(lambda _: playing.controls(), 250), "vertices": Work(lambda _: playing.vertices(controls), 5)}
     if len(rig.mesh.vertices) <= MAX_ARAP_VERTICES:
-        todo["arap_iteration"] = arap_iteration(
-            rig.mesh, playing.performance.deformer.handles, handle_path(playing, 60)
-        )
+        todo["arap_iteration"] = arap_iteration(rig.mesh, playing.motion.deformer.handles, handle_path(playing, 60))
     return {"vertices": len(rig.mesh.of_render), **medians(interleaved(todo, 12))}
 
 
@@ -113,16 +111,16 @@ def table1_row(folder: Path) -> dict[str, Any]:
     Deformer(build(mesh), mesh, handles)
     found["precompute_s"] = time.perf_counter() - start
     playing = Playing(with_iterations(rig, 1), folder / LOG)
-    path, solve = handle_path(playing, 60), playing.performance.deformer.solve
+    path, solve = handle_path(playing, 60), playing.motion.deformer.solve
     controls = playing.controls()
     todo = {
         "iteration": Work(lambda number: solve(path[number]), 60),
         "vertices": Work(lambda _: playing.vertices(controls), 10),
     }
     retargeting = Playing(rig, folder / LOG)
-    still = retargeting.performance.step(retargeting.frame()).R
-    retargeting.performance.deformer.solve = lambda *_: still  # leaves filter and retargeting
-    todo["input"] = Work(lambda _: retargeting.performance.step(retargeting.frame()), 60)
+    still = retargeting.motion.step(retargeting.frame()).R
+    retargeting.motion.deformer.solve = lambda *_: still  # leaves filter and retargeting
+    todo["input"] = Work(lambda _: retargeting.motion.step(retargeting.frame()), 60)
     return found | medians(interleaved(todo, 40))
 
 
@@ -165,15 +163,15 @@ def convergence(folder: Path) -> dict[str, Any]:
 def handle_targets(rig: Rig, log: Path) -> Iterator[NDArray[np.float64]]:
     """Yield the targets of the handles (h, 3) for each frame of a recording."""
     playing = Playing(rig, log)
-    solve, given = playing.performance.deformer.solve, []
+    solve, given = playing.motion.deformer.solve, []
 
     def watched(targets: NDArray[np.float64], *more: Any) -> NDArray[np.float64]:
         given.append(targets.copy())
         return solve(targets, *more)
 
-    playing.performance.deformer.solve = watched
+    playing.motion.deformer.solve = watched
     for _ in range(len(playing.positions)):
-        playing.performance.step(playing.frame())
+        playing.motion.step(playing.frame())
         yield given.pop()
 
 

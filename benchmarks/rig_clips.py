@@ -75,8 +75,8 @@ def print_row(name: str, rig: Rig, recordings: list[Path]) -> None:
     for recording in recordings:
         timeline, notes = load_timeline(recording, SETTINGS)
         clip = perform(rig, timeline, SETTINGS, notes, lambda _stage, _share: None)
-        stride = -(-len(clip.frames) // MAX_FRAMES)
-        skinned, surface = places(rig, made, clip.frames[::stride], clip.motions[::stride])
+        stride = -(-len(clip.motion) // MAX_FRAMES)
+        skinned, surface = places(rig, made, clip.motion.R[::stride], clip.motion.bones[::stride])
         away.append(np.linalg.norm(skinned - surface, axis=1).ravel() / float(rig.model.diagonal) * 100)
         ours.append(lengths(rig, skinned))
         solvers.append(lengths(rig, surface))

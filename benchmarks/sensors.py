@@ -38,7 +38,7 @@ from capture.trackers.mediapipe import MediaPipePose
 from capture.trackers.picture import Person, Picture
 from capture.trackers.placing import BodyPlacer
 from engine_bridge.character import examples
-from engine_bridge.performance.performance import make_deformer
+from engine_bridge.performance.character_motion import make_deformer
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.performance.rig import load_rig
 from tests.capture.fusion.virtual_sensors import VirtualSensor, truth, turning
@@ -272,7 +272,7 @@ def latency(puppet: Path, body: Body, walk: Floats) -> Iterator[Goal]:
     rig = load_rig(puppet)
     shot = Studio(body, 2.5, 0.0, seed=3).shoot(0.0, walk[0])
     joints = tracked([shot.picture] * 5, depth=True)[-1]
-    retargeting = Retargeting(rig.puppet, rig.mesh, make_deformer(rig.puppet, rig.mesh, rig.model), joints)
+    retargeting = Retargeting(rig.puppet, rig.mesh, make_deformer(rig), joints)
     device = RepeatedImage(shot.picture)
     source = SensorSource("benchmark:", lambda: device, lambda _: KnownJoints(joints))
     taken = []

@@ -39,7 +39,7 @@ def playing(tmp_path_factory: pytest.TempPathFactory) -> Playing:
 
 @pytest.fixture(scope="module")
 def targets(playing: Playing) -> np.ndarray:
-    deformer = playing.performance.deformer
+    deformer = playing.motion.deformer
     return deformer.handles + 0.05 * playing.rig.mesh.diagonal * np.sin(np.arange(len(deformer.handles)))[:, None]
 
 
@@ -53,13 +53,13 @@ def test_joint_filter(benchmark):
 
 def test_input_and_retargeting(benchmark, playing, monkeypatch):
     """The deformer receives what retargeting returns for the same frames."""
-    deformer, frames, received = playing.performance.deformer, [], []
-    retargeting = deepcopy(playing.performance.retargeting)
+    deformer, frames, received = playing.motion.deformer, [], []
+    retargeting = deepcopy(playing.motion.performer)
     monkeypatch.setattr(deformer, "solve", lambda targets, *_: received.append(targets.copy()))
 
     def step():
         frames.append(playing.frame())
-        playing.performance.step(frames[-1])
+        playing.motion.step(frames[-1])
 
     benchmark(step)
     np.testing.assert_array_equal(received, [retargeting.step(frame).targets for frame in frames])
@@ -79,8 +79,8 @@ def test_nearest_rotations(benchmark):
 
 def test_solve(benchmark, playing, targets):
     """After many iterations, the handles are at their targets."""
-    R = benchmark(playing.performance.deformer.solve, targets)
-    model, handles = playing.rig.model, playing.performance.deformer.handles
+    R = benchmark(playing.motion.deformer.solve, targets)
+    model, handles = playing.rig.model, playing.motion.deformer.handles
     reached = model.rows(playing.rig.mesh, handles) @ R * model.diagonal + model.center
     np.testing.assert_allclose(reached, targets, atol=1e-3 * model.diagonal)
 
@@ -88,7 +88,7 @@ def test_solve(benchmark, playing, targets):
 def test_to_file_units(benchmark, playing, targets):
     """A point that a transform of model units moves goes to the same place in the file's coordinates."""
     model = playing.rig.model
-    R = playing.performance.deformer.solve(targets)
+    R = playing.motion.deformer.solve(targets)
     controls = benchmark(to_file_units, R, model)
     point = np.array([0.1, 0.2, 0.3])
     moved = (np.append(point, 1.0) @ R.reshape(-1, 4, 3)) * model.diagonal + model.center

@@ -29,8 +29,8 @@ from engine_bridge.character.character import load_character, make_character
 from engine_bridge.character.examples import example_character
 from engine_bridge.character.materials import drawn_normals
 from engine_bridge.export.convert import convert
+from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.clip import load_timeline, reference_pose
-from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file
@@ -228,7 +228,7 @@ def time_frames(
     """
     clock, settings, character = time.perf_counter, Settings(), rig.character
     timeline, _ = load_timeline(log, settings)
-    playing = Performance(rig.puppet, rig.mesh, rig.model, reference_pose(rig.puppet, timeline, settings))
+    playing = CharacterMotion(rig, reference_pose(rig.puppet, timeline, settings))
     rows = rig.model.rows(rig.mesh, playing.deformer.handles)
     targets = [rows @ playing.step(timeline.frame(number)).R for number in range(WARM_UP_FRAMES)]
     try:

@@ -62,7 +62,7 @@ class BakeSummary:
 
 
 @dataclass(frozen=True)
-class Motion:
+class FittedMotion:
     """Motion to which a basis is fitted.
 
     Attributes
@@ -148,7 +148,7 @@ def bake(
     )
 
 
-def recorded_motion(rig: Rig, logs: Sequence[Path], settings: Settings, progress: Progress) -> Motion:
+def recorded_motion(rig: Rig, logs: Sequence[Path], settings: Settings, progress: Progress) -> FittedMotion:
     """Return the motion of some recordings.
 
     Raises
@@ -166,7 +166,7 @@ def recorded_motion(rig: Rig, logs: Sequence[Path], settings: Settings, progress
     return motion
 
 
-def synthetic_motion(rig: Rig, names: Sequence[str], settings: Settings, progress: Progress) -> Motion:
+def synthetic_motion(rig: Rig, names: Sequence[str], settings: Settings, progress: Progress) -> FittedMotion:
     """Return the motion by some of the example motions, followed by an exercise of the handles."""
     timelines = {name: resample(performances()[name](), settings.fps, settings.max_gap) for name in names}
     clips = [(name, timeline, ()) for name, timeline in timelines.items()]
@@ -195,31 +195,30 @@ def _add_turned(rig: Rig, frames: FrameStore) -> None:
 
 def _play(
     rig: Rig, clips: Iterable[tuple[str, Timeline, tuple[str, ...]]], count: int, settings: Settings, progress: Progress
-) -> Motion:
+) -> FittedMotion:
     """Return the motion of `count` clips, each a name, a timeline and notes."""
     frames = FrameStore(rig.model.rest_controls.shape)
     shown: list[tuple[str, NDArray[np.float64], NDArray[np.float32]]] = []
     notes: list[str] = []
     for number, (name, timeline, about) in enumerate(clips):
-        roots = []
-        for solved in solve(rig, timeline, settings, CHUNK):
-            frames.append(solved.R)
-            roots.append(solved.root)
+        solved = solve(rig, timeline, settings)
+        for start in range(0, len(solved), CHUNK):
+            frames.append(solved.R[start : start + CHUNK])
         if not shown:
-            seen = timeline.times <= SHOWN_SECONDS
-            shown.append((name, timeline.times[seen], np.concatenate(roots)[seen]))
+            seen = solved.times <= SHOWN_SECONDS
+            shown.append((name, solved.times[seen], solved.root[:][seen]))
         notes += about
         progress("Performing", (number + 1) / count)
     name, times, root = shown[0]
-    return Motion(frames, name, times.astype(np.float32), root, tuple(notes))
+    return FittedMotion(frames, name, times.astype(np.float32), root, tuple(notes))
 
 
-def fit(rig: Rig, motion: Motion, settings: Settings, progress: Progress) -> MorphBasis:
+def fit(rig: Rig, motion: FittedMotion, settings: Settings, progress: Progress) -> MorphBasis:
     """Fit a basis to motion, with weights that leave room for larger motion."""
     return morph_basis.fit_rig(rig, motion.frames, settings, progress, REACH)
 
 
-def write(rig: Rig, motion: Motion, basis: MorphBasis, output: Path) -> None:
+def write(rig: Rig, motion: FittedMotion, basis: MorphBasis, output: Path) -> None:
     """Write a character with a basis, and an animation of the start of the motion.
 
     Raises

@@ -9,7 +9,7 @@ from capture.timeline import Timeline
 from engine_bridge.character.document import Document
 from engine_bridge.character.evaluation import Evaluation
 from engine_bridge.export import frames_animation
-from engine_bridge.export.clip_export import export_clip
+from engine_bridge.export.motion_export import export_motion
 from engine_bridge.performance.clip import Clip, Progress, load_timeline, perform
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Form, Settings
@@ -62,16 +62,16 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
     ------
     OutputError
     """
-    document, result = export_clip(clip, name, settings, progress)
+    document, result = export_motion(clip.motion, name, settings, progress)
     document.save(output)
     of_solver = settings.form != "rig" or result.rms is not None
     (p1, p50, p99), parts_apart = (clip.stretch, clip.parts_apart) if of_solver else _measured(clip, document)
     return Summary(
         output=str(output),
         form=settings.form or "morph",
-        frames=len(clip.frames),
-        seconds=float(clip.timeline.times[-1]),
-        keyframes=len(clip.frames) if result.keyframes is None else result.keyframes,
+        frames=len(clip.motion),
+        seconds=float(clip.motion.times[-1]),
+        keyframes=len(clip.motion) if result.keyframes is None else result.keyframes,
         targets=result.targets,
         bones=result.bones,
         following=result.following,
@@ -83,21 +83,21 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
         stretch_p99=p99,
         parts_apart=parts_apart,
         bytes=output.stat().st_size,
-        repairs=tuple(clip.rig.mesh.repairs.describe()) if of_solver else (),
-        notes=(*clip.rig.character.document.notes, *result.notes, *clip.notes),
+        repairs=tuple(clip.motion.rig.mesh.repairs.describe()) if of_solver else (),
+        notes=(*clip.motion.rig.character.document.notes, *result.notes, *clip.notes),
     )
 
 
 def _measured(clip: Clip, document: Document) -> tuple[tuple[float, ...], float | None]:
     """Return the edge stretch and the separation of parts of a clip, on the surface that a document shows."""
-    mesh = clip.rig.mesh
+    mesh = clip.motion.rig.mesh
     shown = np.empty(len(mesh.vertices), np.int64)  # a vertex of the file for each of the solver's
     shown[mesh.of_render] = np.arange(len(mesh.of_render))
     stretch, separation = EdgeStretch(mesh), PartSeparation(mesh) if mesh.parts > 1 else None
-    times = clip.timeline.times[:: -(-len(clip.frames) // MAX_MEASURED_FRAMES)]
-    for places in Evaluation(document, clip.rig.character.parts).positions(times):
+    times = clip.motion.times[:: -(-len(clip.motion) // MAX_MEASURED_FRAMES)]
+    for places in Evaluation(document, clip.motion.rig.character.parts).positions(times):
         # relative to the middle, where edge lengths are precise
-        vertices = (places[shown] - clip.rig.model.center).astype(np.float32)[:, :, None]
+        vertices = (places[shown] - clip.motion.rig.model.center).astype(np.float32)[:, :, None]
         stretch.add(vertices)
         if separation is not None:
             separation.add(vertices)

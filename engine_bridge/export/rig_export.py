@@ -1,4 +1,4 @@
-"""Export of a clip as an animation of named joints, of the file's own skeleton or of a rig that is made."""
+"""Export of a motion as an animation of named joints, of the file's own skeleton or of a rig that is made."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,7 +11,8 @@ from engine_bridge.export.finger_animation import bend_fingers
 from engine_bridge.export.motion_thinning import thin_motion
 from engine_bridge.export.own_skeleton import OwnSkeleton, own_skeleton
 from engine_bridge.export.rig_animation import RigAnimation, animate_rig
-from engine_bridge.performance.clip import Clip, Progress
+from engine_bridge.performance.clip import Progress
+from engine_bridge.performance.motion import SolvedMotion
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet.rig_bones import RigBones
 from engine_bridge.rigging.made_rig import made_rig, with_handles
@@ -25,39 +26,39 @@ MAX_COMPARED_FRAMES = 400
 
 
 def export_rig(
-    clip: Clip, keyframes: Keyframes, settings: Settings, progress: Progress
+    motion: SolvedMotion, keyframes: Keyframes, settings: Settings, progress: Progress
 ) -> tuple[Document, ExportResult]:
     """Animate the joints of the file's own skeleton, or of a new one if that cannot move all limbs of the puppet.
 
     Parameters
     ----------
-    clip : Clip
+    motion : SolvedMotion
     keyframes : Keyframes
         Keyframes, whose weights are ignored.
     settings : Settings
     progress : callable
     """
-    own = own_skeleton(clip.rig) if settings.keep_skin else OwnSkeleton(None)
+    own = own_skeleton(motion.rig) if settings.keep_skin else OwnSkeleton(None)
     if own.usable is not None:
-        document, result = _of_own(clip, keyframes, own.usable)
+        document, result = _of_own(motion, keyframes, own.usable)
     else:
-        document, result = _of_made(clip, keyframes, progress)
+        document, result = _of_made(motion, keyframes, progress)
         result = replace(result, notes=(*own.notes, *result.notes))
     if settings.max_error and document.gltf["animations"]:
-        diagonal = float(clip.rig.model.diagonal)
+        diagonal = float(motion.rig.model.diagonal)
         count, more = thin_motion(document, settings.max_error * diagonal)
         result = replace(result, keyframes=count, error=result.error + more / diagonal)
     progress("Turning joints", 1.0)
     return document, result
 
 
-def _of_own(clip: Clip, keyframes: Keyframes, bones: RigBones) -> tuple[Document, ExportResult]:
+def _of_own(motion: SolvedMotion, keyframes: Keyframes, bones: RigBones) -> tuple[Document, ExportResult]:
     """Animate the file's own skeleton."""
-    document, moved = animate_rig(clip.rig.character.document, keyframes, bones, clip.motions)
+    document, moved = animate_rig(motion.rig.character.document, keyframes, bones, motion.bones)
     if keyframes.own:
-        hold_targets(document, keyframes, clip.rig.character)
-    if clip.timeline.channels and document.gltf["animations"]:
-        bend_fingers(document, clip.timeline.channels)
+        hold_targets(document, keyframes, motion.rig.character)
+    if motion.channels and document.gltf["animations"]:
+        bend_fingers(document, motion.channels)
     notes = []
     if bones.missing:
         notes.append(
@@ -70,29 +71,31 @@ def _of_own(clip: Clip, keyframes: Keyframes, bones: RigBones) -> tuple[Document
             f"The scale above {', '.join(moved.uneven)} differs by axis, so that the rotation of these joints is "
             "approximate. Use --as morph for the exact motion."
         )
-    return document, _result(clip, moved, 0.0, None, notes)
+    return document, _result(motion, moved, 0.0, None, notes)
 
 
-def _of_made(clip: Clip, keyframes: Keyframes, progress: Progress) -> tuple[Document, ExportResult]:
+def _of_made(motion: SolvedMotion, keyframes: Keyframes, progress: Progress) -> tuple[Document, ExportResult]:
     """Rig the character, and animate the rig."""
-    rig = clip.rig
+    rig = motion.rig
     made = made_rig(rig, lambda share: progress("Fitting skin weights", share))
     rigged, nodes, notes = rigged_document(rig.character, made, rig.mesh.of_render)
-    motions = clip.motions[:]
+    motions = motion.bones[:]
     if rig.puppet.handle:
-        motions = with_handles(rig, clip.frames[:], motions).astype(np.float32)
+        motions = with_handles(rig, motion.R[:], motions).astype(np.float32)
     document, moved = animate_rig(rigged, keyframes, bones_of_joints(made.skeleton, nodes, motions.shape[1]), motions)
     hold_targets(document, keyframes, rig.character)
     stride = -(-len(motions) // MAX_COMPARED_FRAMES)
     of_bones = Weights(made.weights.weights, made.skeleton.bones[made.weights.bones].astype(np.uint16))
-    rms, error = distances(rig, of_bones, rig.mesh.vertices, clip.frames[::stride], motions[::stride])
-    return document, _result(clip, moved, error, rms, notes)
+    rms, error = distances(rig, of_bones, rig.mesh.vertices, motion.R[::stride], motions[::stride])
+    return document, _result(motion, moved, error, rms, notes)
 
 
-def _result(clip: Clip, moved: RigAnimation, error: float, rms: float | None, notes: Sequence[str]) -> ExportResult:
+def _result(
+    motion: SolvedMotion, moved: RigAnimation, error: float, rms: float | None, notes: Sequence[str]
+) -> ExportResult:
     """Return the numbers of an animation, whose joints may be away from where their bones take them."""
-    error += moved.error / float(clip.rig.model.diagonal)
-    return ExportResult(error, rms, 0, moved.animated, moved.following, len(clip.frames), tuple(notes))
+    error += moved.error / float(motion.rig.model.diagonal)
+    return ExportResult(error, rms, 0, moved.animated, moved.following, len(motion.R), tuple(notes))
 
 
 def bones_of_joints(skeleton: Skeleton, nodes: list[int], bones: int) -> RigBones:

@@ -245,8 +245,9 @@ class _DrawnActor:
     def move(self, frame: int) -> None:
         """Show its pose at a frame."""
         actor = self._actor
-        controls = to_file_units(actor.controls(frame), actor.rig.model)
-        values = {name: np.array([value], np.float32) for name, value in actor.channels(frame).items()}
+        pose = actor.pose(frame)
+        controls = to_file_units(pose.R, actor.rig.model)
+        values = {name: np.array([value], np.float32) for name, value in (pose.channels or {}).items()}
         self._binding.rest = self._rest
         for name, (weight,) in morph_weights(actor.rig.puppet, values).items():
             self._binding.rest = self._binding.rest + weight * self._targets[name]

@@ -7,22 +7,17 @@ from typing import Any
 import numpy as np
 import scipy
 
-from capture.timeline import Timeline
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import top_nodes
 from engine_bridge.character.schema import LISTS, REFERENCES, Animation, Node, empty, found_at
 from engine_bridge.export.animation import add_channel
-from engine_bridge.export.clip_export import export_clip
+from engine_bridge.export.motion_export import export_motion
 from engine_bridge.film.actor import Actor
 from engine_bridge.film.film import FilmSummary, check_output
 from engine_bridge.film.production import Production, Progress, produce
 from engine_bridge.film.scene import load
-from engine_bridge.performance.clip import Clip
-from engine_bridge.performance.frame_store import FrameStore
+from engine_bridge.performance.motion import SolvedMotion
 from engine_bridge.performance.settings import Settings
-
-CHUNK = 64
-"""Number of frames that are copied at a time."""
 
 OTHER_LISTS = ("cameras", "samplers")
 """Lists of a glTF file that Puppetline does not read, but whose items others refer to."""
@@ -62,7 +57,7 @@ def make_document(path: Path, output: Path, progress: Progress) -> FilmSummary:
     notes = list(production.notes)
     for actor in production.actors:
         settings = Settings(fps=production.fps).for_puppet(actor.rig.puppet)
-        document, result = export_clip(_clip(actor, production, settings), path.stem, settings, progress)
+        document, result = export_motion(_motion(actor, production), path.stem, settings, progress)
         notes += [f"{actor.name}: {note}" for note in result.notes]
         before = len(actor.rig.character.document.gltf["animations"])
         drop_animations(document, len(document.gltf["animations"]) - before)
@@ -88,24 +83,12 @@ def make_document(path: Path, output: Path, progress: Progress) -> FilmSummary:
     )
 
 
-def _clip(actor: Actor, production: Production, settings: Settings) -> Clip:
-    """Return the motion of an actor in the whole film, as one clip."""
-    count, rig = production.frames, actor.rig
-    frames = FrameStore(rig.model.rest_controls.shape)
-    motions = FrameStore(actor.bones(0).shape)
-    root = np.empty((count, 3), np.float32)
-    for start in range(0, count, CHUNK):
-        numbers = range(start, min(start + CHUNK, count))
-        frames.append(np.array([actor.controls(number) for number in numbers]))
-        if settings.form == "rig":
-            motions.append(np.array([actor.bones(number) for number in numbers]))
-        root[start : start + len(numbers)] = [actor.root(number) for number in numbers]
-    unknown = np.full((count, 1, 3), np.nan)
-    values = [actor.channels(number) for number in range(count)]
-    names = {name for each in values for name in each}
-    channels = {name: np.array([each.get(name, 0.0) for each in values], np.float32) for name in names}
-    timeline = Timeline(production.fps, unknown, np.zeros((count, 1), np.float32), (), channels=channels)
-    return Clip(rig, timeline, frames, root, motions, (), None, ())
+def _motion(actor: Actor, production: Production) -> SolvedMotion:
+    """Return the motion of an actor in the whole film."""
+    motion = SolvedMotion(actor.rig, production.fps)
+    for frame in range(production.frames):
+        motion.append(actor.pose(frame))
+    return motion
 
 
 def _add_placed(film: Document, animation: Animation, actor: Actor, production: Production, top: list[int]) -> None:

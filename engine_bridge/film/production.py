@@ -70,7 +70,7 @@ class Production:
             binding = Binding.of_solver_mesh(actor.rig.model, actor.rig.mesh).only(_measured(actor.rig))
             boxes = np.empty((self.frames, 2, 3))
             for frame in range(self.frames):
-                vertices = binding.vertices(to_file_units(actor.controls(frame), actor.rig.model))
+                vertices = binding.vertices(to_file_units(actor.pose(frame).R, actor.rig.model))
                 linear = actor.to_stage(frame)
                 placed = vertices @ linear[:3] + linear[3]
                 boxes[frame] = placed.min(axis=0), placed.max(axis=0)

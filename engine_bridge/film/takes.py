@@ -14,37 +14,12 @@ from capture.sound import is_wav
 from capture.timeline import choose
 from engine_bridge.film.scene import CharacterTable, SceneError, SoundTable, TakeTable
 from engine_bridge.performance.channels import sound_of
-from engine_bridge.performance.clip import aim_at, channels_of, performance_of, timeline_of
-from engine_bridge.performance.frame_store import FrameStore
+from engine_bridge.performance.clip import solve, timeline_of
+from engine_bridge.performance.motion import SolvedMotion
+from engine_bridge.performance.pose import Pose
 from engine_bridge.performance.rig import Rig
 from engine_bridge.performance.settings import Settings
 from puppetline.errors import at
-
-
-class Motion:
-    """Solved frames of a take or a cross-fade: control variables, targets of handles, bones, root and channels."""
-
-    def __init__(self, rig: Rig, bones: int) -> None:
-        handles = len(rig.puppet.handle)
-        self.R = FrameStore(rig.model.rest_controls.shape)
-        self.targets = FrameStore((handles, 3))
-        self.motions = FrameStore((bones, 4, 3))
-        self.root = FrameStore((3,))
-        self.channels: dict[str, NDArray[np.float32]] = {}
-
-    def __len__(self) -> int:
-        return len(self.R)
-
-    def append(
-        self,
-        R: NDArray[np.float64],
-        targets: NDArray[np.float64],
-        motions: NDArray[np.float64],
-        root: NDArray[np.float64],
-    ) -> None:
-        """Add one frame."""
-        for store, values in ((self.R, R), (self.targets, targets), (self.motions, motions), (self.root, root)):
-            store.append(values[None])
 
 
 class TakeSound(NamedTuple):
@@ -64,7 +39,7 @@ class TakeSound(NamedTuple):
 class SolvedTake(NamedTuple):
     """A recording that is solved for a character, its sound, and notes about the recording."""
 
-    motion: Motion
+    motion: SolvedMotion
     sound: TakeSound | None
     notes: tuple[str, ...]
 
@@ -100,7 +75,7 @@ class Segment:
 
     Attributes
     ----------
-    motion : Motion
+    motion : SolvedMotion
     begin : int
         Frame of the film at which it begins.
     first, end : int
@@ -111,7 +86,7 @@ class Segment:
     sound : TakeSound or None
     """
 
-    motion: Motion
+    motion: SolvedMotion
     begin: int
     first: int
     end: int
@@ -119,15 +94,13 @@ class Segment:
     place: Place
     sound: TakeSound | None
 
-    def row(self, frame: int) -> int:
-        """Return the frame of the take at a frame of the film; the first one before it, the last one after it."""
-        return min(max(frame - self.begin + self.first, self.first), self.end - 1)
+    def pose(self, frame: int) -> Pose:
+        """Return the pose at a frame of the film; the first one before the segment, the last one after it."""
+        return self.motion[min(max(frame - self.begin + self.first, self.first), self.end - 1)]
 
     def root_on_stage(self, frame: int, footing: "Footing") -> NDArray[np.float64]:
         """Return where the root is on the stage (3,) at a frame of the film."""
-        way: NDArray[np.float64] = self.place.position + self.motion.root[self.row(frame)] @ footing.linear(
-            self.place.turn
-        )
+        way: NDArray[np.float64] = self.place.position + self.pose(frame).root @ footing.linear(self.place.turn)
         return way
 
 
@@ -173,14 +146,7 @@ def solve_take(rig: Rig, log: Path, settings: Settings, progress: Callable[[floa
     """
     clips = read_log(log, settings.log)
     timeline, notes = timeline_of(clips, log, settings)
-    performance = performance_of(rig, timeline, settings)
-    motion = Motion(rig, len(performance.deformer.bones))
-    count = len(timeline.positions)
-    for number in range(count):
-        aim = aim_at(performance, timeline, number)
-        motion.append(performance.deformer.solve(aim.targets, aim.motions), aim.targets, aim.motions, aim.root)
-        progress((number + 1) / count)
-    motion.channels = channels_of(rig, timeline)
+    motion = solve(rig, timeline, settings, progress)
     sound = sound_of(choose(clips, settings.user)[0], log)
     return SolvedTake(motion, None if sound is None or not is_wav(sound[0]) else TakeSound(*sound), notes)
 

@@ -16,7 +16,7 @@ from capture.skeleton import LOST, swap_sides
 from capture.sound import read_wav
 from capture.timeline import Timeline
 from capture.voice import voice_of
-from engine_bridge.performance.easing import TargetPose
+from engine_bridge.performance.pose import TargetPose
 from engine_bridge.puppet.puppet import Puppet
 from solver.model.bones import Bones
 from solver.motion.limbs import TRUNK, bone_ranges
@@ -71,9 +71,13 @@ def sound_cue(cue: Cue) -> tuple[str, float] | None:
     return (Path(file).name, float(begin)) if isinstance(file, str) and isinstance(begin, int | float) else None
 
 
-def sided(channels: Mapping[str, Any] | None, mirror: bool) -> Mapping[str, Any] | None:
+Channels = Mapping[str, float] | None
+"""Values of a performer's channels in a frame by name; None without any."""
+
+
+def sided(channels: Channels, mirror: bool) -> Channels:
     """Return the performer's channels as the character has them: of the other side if it mirrors the performer."""
-    return {swap_sides(name): values for name, values in channels.items()} if channels and mirror else channels
+    return {swap_sides(name): value for name, value in channels.items()} if channels and mirror else channels
 
 
 def ranged(puppet: Puppet, channels: Mapping[str, Any]) -> dict[str, Any]:
@@ -111,7 +115,7 @@ class ChannelMotion:
                 moved += [bone for bone in range(first + 1, len(bones)) if _hangs_on(bones, bone, first)]
                 self._bends.append((limb.bend.channel, limb.bend.turn, bones.heads[first], moved))
 
-    def moved(self, pose: TargetPose, channels: Mapping[str, float] | None) -> TargetPose:
+    def moved(self, pose: TargetPose, channels: Channels) -> TargetPose:
         """Return a pose with all bends and moved handles.
 
         Bones that hang on a bent one move with it. Handles move along axes that turn with the trunk.
@@ -119,13 +123,13 @@ class ChannelMotion:
         if not channels or not (self._bends or self._handles):
             return pose
         channels = ranged(self._puppet, channels)
-        return TargetPose(self._targets(pose, channels), self._motions(pose.motions, channels), pose.root)
+        return TargetPose(self._targets(pose, channels), self._motions(pose.bones, channels), pose.root)
 
     def _targets(self, pose: TargetPose, channels: Mapping[str, float]) -> NDArray[np.float64]:
         targets = pose.targets.copy()
         for number, channel, way in self._handles:
             move = channels.get(channel, 0.0) * np.array(way)
-            targets[number] += move if self._trunk is None else move @ pose.motions[self._trunk, :3]
+            targets[number] += move if self._trunk is None else move @ pose.bones[self._trunk, :3]
         return targets
 
     def _motions(self, motions: NDArray[np.float64], channels: Mapping[str, float]) -> NDArray[np.float64]:

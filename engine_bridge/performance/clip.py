@@ -1,8 +1,10 @@
-"""Solves recorded skeletons for a character."""
+"""Recorded skeletons on a timeline, and the motion of a character that follows them."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +17,16 @@ from capture.formats import read_log
 from capture.skeleton import JOINTS, LOST
 from capture.timeline import Timeline, choose, resample
 from engine_bridge.performance.calibration import TakeCalibration, of_performer
-from engine_bridge.performance.channels import sided, with_voice
-from engine_bridge.performance.easing import TargetPose
-from engine_bridge.performance.frame_store import FrameStore
-from engine_bridge.performance.performance import Performance, Pose, mirrored
+from engine_bridge.performance.channels import with_voice
+from engine_bridge.performance.character_motion import CharacterMotion
+from engine_bridge.performance.motion import SolvedMotion
+from engine_bridge.performance.pose import Pose
 from engine_bridge.performance.rig import Rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet.puppet import Puppet
 from puppetline.errors import SkeletonLogError, at
 from solver.model.batch import BatchBinding
 from solver.model.stretch import EdgeStretch
-from solver.motion.limbs import bones_of
 from solver.surface.contacts import PartSeparation
 
 REST_SECONDS = 0.5
@@ -65,16 +66,9 @@ class Clip:
 
     Attributes
     ----------
-    rig : Rig
-    timeline : Timeline
-        Its channels are those of the character, see `channels_of`.
-    frames : FrameStore
-        (F, 4m, 3) float32: control variables, model units.
-    root : (F, 3) float32
-        Translation, mesh file's coordinates.
-    motions : FrameStore
-        (F, b, 4, 3) float32: motions of the bones for row vectors, mesh file's coordinates, without the root's. Empty
-        unless the file's own skeleton is animated.
+    motion : SolvedMotion
+    positions : (F, 20, 3) float64
+        The performer's joints in each frame, see `Timeline`.
     stretch : tuple of float
         Edge stretch over the clip: 1st, 50th and 99th percentile. In a long clip, only every second or third frame is
         measured.
@@ -84,11 +78,8 @@ class Clip:
         Sentences for the user about the recording.
     """
 
-    rig: Rig
-    timeline: Timeline
-    frames: FrameStore
-    root: NDArray[np.float32]
-    motions: FrameStore
+    motion: SolvedMotion
+    positions: NDArray[np.float64]
     stretch: tuple[float, ...]
     parts_apart: float | None
     notes: tuple[str, ...]
@@ -202,58 +193,38 @@ def reference_pose(puppet: Puppet, timeline: Timeline, settings: Settings) -> ND
     return body.upright(pose) if turns and not calibrated else pose
 
 
-def performance_of(rig: Rig, timeline: Timeline, settings: Settings) -> Performance:
-    """Return the performance of a timeline before its first frame, mirrored as the take was."""
-    mirror = timeline.mirror if isinstance(timeline, TakeTimeline) else None
+def poses(rig: Rig, timeline: Timeline, settings: Settings) -> Iterator[Pose]:
+    """Yield the poses of a character for the frames of a timeline, with the calibrations of the take."""
+    take = timeline if isinstance(timeline, TakeTimeline) else None
     rest = reference_pose(rig.puppet, timeline, settings)
-    return Performance(mirrored(rig.puppet, mirror), rig.mesh, rig.model, rest)
+    motion = CharacterMotion(rig, rest, mirror=None if take is None else take.mirror)
+    for number in range(len(timeline.positions)):
+        if take is not None and number in take.later:
+            rest, mirror = take.later[number]
+            motion.mirror = motion.mirror if mirror is None else mirror
+            motion.follow(number / timeline.fps, motion.retargeting(rest))
+        yield motion.step(timeline.frame(number))
 
 
-def channels_of(rig: Rig, timeline: Timeline) -> dict[str, NDArray[np.float32]]:
-    """Return the channels (T,) of a timeline as the character has them, mirrored while the take mirrors."""
-    channels, mirror = timeline.channels or {}, rig.puppet.retarget.mirror
-    if not isinstance(timeline, TakeTimeline):
-        return dict(sided(channels, mirror) or {})
-    first = mirror if timeline.mirror is None else timeline.mirror
-    mirrors = np.full(len(timeline.positions), first)
-    for number, (_, later) in sorted(timeline.later.items()):
-        mirrors[max(number, 0) :] = mirrors[number - 1] if later is None else later
-    other, still = sided(channels, True) or {}, np.zeros(len(mirrors), np.float32)
-    names = [*channels, *(name for name in other if name not in channels)]
-    return {name: np.where(mirrors, other.get(name, still), channels.get(name, still)) for name in names}
+def solve(
+    rig: Rig, timeline: Timeline, settings: Settings, progress: Callable[[float], None] = lambda _share: None
+) -> SolvedMotion:
+    """Return the motion of a character for the frames of a timeline, or for the part of it that the settings name.
 
-
-def aim_at(performance: Performance, timeline: Timeline, number: int) -> TargetPose:
-    """Return what the performance of a timeline aims at in its next frame, with the take's calibrations."""
-    if isinstance(timeline, TakeTimeline) and number in timeline.later:
-        performance.calibrate(number / timeline.fps, *timeline.later[number])
-    return performance.aim(timeline.frame(number))
-
-
-def solve(rig: Rig, timeline: Timeline, settings: Settings, chunk_size: int) -> Iterator[Pose]:
-    """Solve all frames of a timeline.
-
-    Yields
-    ------
-    Pose
-        The next frames, at most `chunk_size`.
+    Parameters
+    ----------
+    rig : Rig
+    timeline : Timeline
+    settings : Settings
+    progress : callable, optional
+        Receives the share of the frames that are solved.
     """
-    performance = performance_of(rig, timeline, settings)
-    count = len(timeline.positions)
-    bones = len(performance.deformer.bones)
-    for start in range(0, count, chunk_size):
-        numbers = range(start, min(start + chunk_size, count))
-        R = np.empty((len(numbers), *rig.model.rest_controls.shape), dtype=np.float32)
-        root = np.empty((len(numbers), 3), dtype=np.float32)
-        motions = np.empty((len(numbers), bones, 4, 3), dtype=np.float32)
-        for row, number in enumerate(numbers):
-            aim = aim_at(performance, timeline, number)
-            R[row], root[row], motions[row] = (
-                performance.deformer.solve(aim.targets, aim.motions),
-                aim.root,
-                aim.motions,
-            )
-        yield Pose(R, root, motions)
+    first, end = part_of(timeline, settings)
+    motion = SolvedMotion(rig, timeline.fps)
+    for pose in islice(poses(rig, timeline, settings), first, end):
+        motion.append(pose)
+        progress(len(motion) / (end - first))
+    return motion
 
 
 def part_of(timeline: Timeline, settings: Settings) -> tuple[int, int]:
@@ -264,41 +235,19 @@ def part_of(timeline: Timeline, settings: Settings) -> tuple[int, int]:
     return min(round(settings.start * timeline.fps), last - MIN_CLIP_FRAMES + 1), last + 1
 
 
-def _between(first: int, end: int, chunks: Iterator[Pose]) -> Iterator[Pose]:
-    """Yield the frames from number `first` to the one before `end`."""
-    number = 0
-    for chunk in chunks:
-        inside = slice(max(first - number, 0), end - number)
-        number += len(chunk.R)
-        if number > first:
-            yield Pose(*(each[inside] for each in chunk))
-        if number >= end:
-            return
-
-
 def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, ...], progress: Progress) -> Clip:
-    """Solve all frames of a timeline, and measure the deformation of the character."""
+    """Solve a timeline, and measure the deformation of the character."""
+    motion = solve(rig, timeline, settings, partial(progress, "Performing"))
     surface, stretch = BatchBinding.of_solver_mesh(rig.model, rig.mesh), EdgeStretch(rig.mesh)
     separation = PartSeparation(rig.mesh) if rig.mesh.parts > 1 else None
-    frames = FrameStore(rig.model.rest_controls.shape)
-    motions = FrameStore((len(bones_of(rig.puppet.limbs)), 4, 3))
-    first, end = part_of(timeline, settings)
-    root = np.empty((end - first, 3), dtype=np.float32)
-
-    def measure(vertices: NDArray[np.float32]) -> None:
+    # percentiles of motion do not need every frame of a long clip; the largest separation does
+    stride = 1 if separation else min(MAX_MEASURED_STRIDE, max(1, len(motion) // MIN_MEASURED_FRAMES))
+    chunk = stride * surface.batch_frames
+    for start in range(0, len(motion), chunk):
+        vertices = surface.displacements(motion.R[start : start + chunk][::stride])  # precise near the middle
         stretch.add(vertices)
         if separation is not None:
             separation.add(vertices)
-
-    # percentiles of motion do not need every frame of a long clip; the largest separation does
-    stride = 1 if separation else min(MAX_MEASURED_STRIDE, max(1, len(root) // MIN_MEASURED_FRAMES))
-    for solved in _between(first, end, solve(rig, timeline, settings, stride * surface.batch_frames)):
-        root[len(frames) : len(frames) + len(solved.R)] = solved.root
-        frames.append(solved.R)
-        if settings.form == "rig":
-            motions.append(solved.motions)
-        measure(surface.displacements(solved.R[::stride]))  # relative to the middle, where edge lengths are precise
-        progress("Performing", len(frames) / len(root))
     mirror = timeline.mirror if isinstance(timeline, TakeTimeline) else None
     if mirror not in (None, rig.puppet.retarget.mirror):
         notes = (
@@ -313,7 +262,5 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
             f"The recording has no data for {', '.join(unknown)}; parts that only these joints move stay still.",
         )
     parts_apart = None if separation is None else separation.largest
-    timeline = replace(timeline, channels=channels_of(rig, timeline))
-    return Clip(
-        rig, timeline.part(first, end), frames, root, motions, stretch.percentiles(1, 50, 99), parts_apart, notes
-    )
+    shown = timeline.part(*part_of(timeline, settings)).positions
+    return Clip(motion, shown, stretch.percentiles(1, 50, 99), parts_apart, notes)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from capture import body
 from capture.skeleton import JOINTS
-from engine_bridge.performance.performance import make_deformer
+from engine_bridge.performance.character_motion import make_deformer
 from engine_bridge.performance.retargeting import fit_sizes
 from engine_bridge.performance.rig import Rig
 from solver.model.bones import Bones
@@ -101,7 +101,7 @@ class _Course:
 
     def __init__(self, rig: Rig, rest: NDArray[np.float64], iterations: int | None = None) -> None:
         puppet = rig.puppet
-        deformer = make_deformer(puppet, rig.mesh, rig.model)
+        deformer = make_deformer(rig)
         self._deformer = deformer if iterations is None else deformer.another(iterations)
         self._basis, self._mapping = puppet.character.basis, puppet.mapping
         fit = fit_sizes(puppet, deformer, rig.mesh, rest)

@@ -57,9 +57,9 @@ class FrameStore:
 
     def __getitem__(self, chosen: int | slice | NDArray[np.integer]) -> NDArray[np.float32]:
         """Return frames as an array would."""
+        if isinstance(chosen, int | np.integer):
+            return self._read(range(self._count)[chosen], 1)[0]
         numbers = np.arange(self._count)[chosen]
-        if numbers.ndim == 0:
-            return self._read(int(numbers), 1)[0]
         if len(numbers) and np.array_equal(numbers, np.arange(numbers[0], numbers[0] + len(numbers))):
             return self._read(int(numbers[0]), len(numbers))
         rows = [self._read(int(number), 1)[0] for number in numbers]

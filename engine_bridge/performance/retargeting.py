@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from capture import body, orientations
 from capture.skeleton import JOINT_INDEX, LIMBS, LOST, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
 from capture.smoothing import JointFilter
-from engine_bridge.performance.easing import TargetPose
+from engine_bridge.performance.pose import TargetPose
 from engine_bridge.puppet.puppet import Puppet, axis_mask
 from solver.model.bones import Bones
 from solver.motion.arms import Arm, Arms
@@ -103,6 +103,11 @@ class Retargeting:
             self._feet.step(frame.time, positions, confidence, motions, root)
         self._late.step(frame.time, motions, root)
         return TargetPose(targets, motions, root)
+
+    @property
+    def mirrors(self) -> bool:
+        """Whether the performer's left moves the character's right."""
+        return self._puppet.retarget.mirror
 
     @property
     def standing(self) -> NDArray[np.float64]:

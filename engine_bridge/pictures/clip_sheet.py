@@ -44,25 +44,25 @@ def draw(
     ------
     OutputError
     """
-    chosen = np.unique(np.linspace(0, len(clip.frames) - 1, min(TILE_COUNT, len(clip.frames))).astype(int))
+    chosen = np.unique(np.linspace(0, len(clip.motion) - 1, min(TILE_COUNT, len(clip.motion))).astype(int))
     images = []
     if file is None:
-        places = _solved(clip.rig, clip.frames[chosen], clip.root[chosen])
+        places = _solved(clip.motion.rig, clip.motion.R[chosen], clip.motion.root[chosen])
     else:
-        shown = Evaluation(load_document(file), clip.rig.character.parts)
-        places = np.array([*shown.positions(clip.timeline.times[chosen])])
-    drawn = _draw(clip.rig, places, clip.root[chosen], CHARACTER_SIZE)
+        shown = Evaluation(load_document(file), clip.motion.rig.character.parts)
+        places = np.array([*shown.positions(clip.motion.times[chosen])])
+    drawn = _draw(clip.motion.rig, places, clip.motion.root[chosen], CHARACTER_SIZE)
     for performer, character in zip(_performer(clip, chosen), drawn, strict=True):
         images.append(np.hstack([performer, character]))
         progress(len(images) / len(chosen))
-    labels = [f"{clip.timeline.times[index]:.2f} s" for index in chosen]
+    labels = [f"{clip.motion.times[index]:.2f} s" for index in chosen]
     write_contact_sheet(images, labels, COLUMN_COUNT, path, title)
 
 
 def _performer(clip: Clip, chosen: NDArray[np.int64]) -> list[NDArray[np.uint8]]:
     """Draw the recorded joints; the camera follows the hips."""
-    joints = clip.timeline.positions[chosen]
-    joints = to_character_axes(mirrored(joints) if clip.rig.puppet.retarget.mirror else joints)
+    joints = clip.positions[chosen]
+    joints = to_character_axes(mirrored(joints) if clip.motion.rig.puppet.retarget.mirror else joints)
     joints = joints - np.nan_to_num(joints[:, JOINT_INDEX["hip_center"], None])
     known = joints[np.isfinite(joints).all(axis=-1)]
     view = View.around(known if len(known) else np.zeros((1, 3)), size=PERFORMER_SIZE)

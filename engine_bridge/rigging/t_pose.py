@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.performance.performance import make_deformer
+from engine_bridge.performance.character_motion import make_deformer
 from engine_bridge.performance.rig import Rig
 from engine_bridge.rigging.joints import Joint
 from engine_bridge.rigging.skeleton import Skeleton, along_bones, from_t_pose
@@ -50,7 +50,7 @@ def t_pose(rig: Rig, skeleton: Skeleton) -> BindPose:
     skeleton : Skeleton
         Skeleton of its puppet.
     """
-    deformer = make_deformer(rig.puppet, rig.mesh, rig.model).another(ITERATIONS)
+    deformer = make_deformer(rig).another(ITERATIONS)
     basis, bones = rig.puppet.character.basis, deformer.bones
     turns = np.tile(np.eye(3), (len(bones), 1, 1))
     for joint, turn in zip(skeleton.joints, from_t_pose(rig.puppet, skeleton.joints), strict=True):

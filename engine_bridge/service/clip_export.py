@@ -1,12 +1,13 @@
 """Export of a recording and a puppet as a clip file, which engines play without a service (docs/clips.md)."""
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from engine_bridge.performance.channels import morph_weights
-from engine_bridge.performance.clip import Progress, channels_of, load_timeline, solve
+from engine_bridge.performance.clip import Progress, load_timeline, solve
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.service.loading.service_file import name_from_stem
@@ -15,7 +16,6 @@ from engine_bridge.service.protocol.header import NAME
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from puppetline.errors import OutputError
 from puppetline.files import check_writable, written_whole
-from solver.model.batch import MAX_BATCH_FRAMES
 
 
 @dataclass(frozen=True)
@@ -61,27 +61,24 @@ def write_clip(
     progress("Preparing the character", 0.0)
     rig = load_rig(puppet)
     character = StreamedCharacter.of(name, rig)
-    count = len(timeline.positions)
-    moved = morph_weights(rig.puppet, channels_of(rig, timeline))
+    progress("Preparing the character", 1.0)
+    motion = solve(rig, timeline, settings, partial(progress, "Performing"))
+    count, moved = len(motion), morph_weights(rig.puppet, motion.channels)
     still = np.zeros(count, np.float32)
     weights = np.array([moved.get(target, still) for target in rig.puppet.targets], np.float32).reshape(-1, count).T
-    facts = ClipFacts(name, character.revision, count, timeline.fps, log.stem)
-    progress("Preparing the character", 1.0)
+    facts = ClipFacts(name, character.revision, count, motion.fps, log.stem)
     with written_whole(output) as path, path.open("wb") as file:
         file.write(beginning(character, facts))
-        number = 0
-        for solved in solve(rig, timeline, settings, MAX_BATCH_FRAMES):
-            for R, root in zip(solved.R, solved.root, strict=True):
-                file.write(frame_message(character, number, number / timeline.fps, R, root, weights[number]))
-                number += 1
-            progress("Performing", number / count)
+        for number, time in enumerate(motion.times.tolist()):
+            R, root = motion.R[number], motion.root[number]
+            file.write(frame_message(character, number, time, R, root, weights[number]))
     return ClipSummary(
         output=str(output),
         character=name,
         revision=character.revision,
         frames=count,
-        fps=timeline.fps,
-        seconds=float(timeline.times[-1]),
+        fps=motion.fps,
+        seconds=float(motion.times[-1]),
         vertices=len(character.rest),
         bytes=output.stat().st_size,
         notes=(*rig.character.document.notes, *notes),

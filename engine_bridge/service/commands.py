@@ -203,7 +203,7 @@ class _Commands:
             ],
             "limbs": [limb.model_dump(mode="json") for limb in puppet.limb],
             "root": None if puppet.root is None else puppet.root.model_dump(),
-            "mirror": player.mirror,
+            "mirror": player.motion.mirror,
             "scale": puppet.retarget.scale,
             "smoothing": puppet.smoothing.model_dump() | {"max_deviation": deviation if isfinite(deviation) else None},
             "joints": list(JOINTS),
@@ -266,7 +266,7 @@ class _Commands:
             "performer": player.user,
             "take": None if take is None else take["take"],
             "state": player.state,
-            "mirror": player.mirror,
+            "mirror": player.motion.mirror,
         }
 
 

@@ -23,14 +23,14 @@ def performed(puppet, take, settings=None, basis=None):
     """Return the frames of a take, a few hundred at most."""
     rig, settings = load_rig(puppet), settings or Settings()
     timeline, _ = load_timeline(take, settings)
-    poses = next(solve(rig, timeline, settings, 300))
+    motion = solve(rig, timeline, settings)
     character = StreamedCharacter.of(puppet.stem, rig, basis and basis(rig))
+    rest, poses = rig.puppet.handle_positions, [motion[k] for k in range(min(300, len(motion)))]
     return [
         Frame(
-            *(character, k + 1, k / FPS, 0, "performing", 1, np.float64(R), root, rig.puppet.handle_positions),
-            motions=motions,
+            *(character, k, (k - 1) / FPS, 0, "performing", 1, np.float64(pose.R), pose.root, rest), motions=pose.bones
         )
-        for k, (R, root, motions) in enumerate(zip(*poses, strict=True))
+        for k, pose in enumerate(poses, 1)
     ]
 
 

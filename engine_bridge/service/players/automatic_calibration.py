@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from capture.skeleton import SkeletonFrame
 from engine_bridge.performance.calibration import POSE_SECONDS, Calibration, RecentFrames, same_body
 from engine_bridge.performance.retargeting import Retargeting
-from engine_bridge.puppet.puppet import Puppet
+from engine_bridge.performance.rig import Rig
 
 Calibrate = Literal["still", "at_once", "command"]
 """When to calibrate: after the first second without motion; after a moment, in any pose; or only by command."""
@@ -27,8 +27,8 @@ class PreparedCalibration:
     mirror : bool
     asked : float
         Time at which it was requested.
-    puppet : Puppet
-        The character's puppet when it was requested, whose mapping the retargeting applies.
+    rig : Rig
+        The character when it was requested, whose mapping the retargeting applies.
     working : Future
         Computes the retargeting, which takes a tenth of a second.
     """
@@ -36,7 +36,7 @@ class PreparedCalibration:
     calibration: Calibration
     mirror: bool
     asked: float
-    puppet: Puppet
+    rig: Rig
     working: Future[Retargeting]
 
     def retargeting(self) -> Retargeting:

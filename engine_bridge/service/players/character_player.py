@@ -1,7 +1,7 @@
-"""One character: its performer, its calibrations and mapping, and its motion without a performer.
+"""One character: its performer, its calibrations and mapping, and when its motion changes what it follows.
 
 Every change (a performer arrives, leaves or is calibrated again, or mirroring is switched) changes what handles and
-bones follow. They ease from where they were last shown, see `easing`.
+bones follow. They ease from where they were last shown, see `CharacterMotion`.
 """
 
 import math
@@ -19,15 +19,15 @@ from capture.sensor_tilt import MIN_TILT_CHANGE, SensorTilt, estimate_tilt
 from capture.skeleton import SkeletonFrame
 from capture.smoothing import JointFilter
 from engine_bridge.performance.calibration import Calibration, places_of, rows_of
-from engine_bridge.performance.channels import sided
-from engine_bridge.performance.easing import EASE_SECONDS, TargetPose
-from engine_bridge.performance.idle import IdleRecording
-from engine_bridge.performance.performance import mirrored
-from engine_bridge.performance.retargeting import Retargeting
+from engine_bridge.performance.character_motion import CharacterMotion
+from engine_bridge.performance.easing import EASE_SECONDS
+from engine_bridge.performance.idle import idle_motion
+from engine_bridge.performance.motion import Motion
+from engine_bridge.performance.pose import Pose, TargetPose
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.puppet_document import PuppetDocument
+from engine_bridge.service.players.appearance import Appearance
 from engine_bridge.service.players.automatic_calibration import AutomaticCalibration, Calibrate, PreparedCalibration
-from engine_bridge.service.players.pose_display import Appearance, PoseDisplay
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.states import State
@@ -81,7 +81,11 @@ class CharacterPlayer:
         The puppet file that it was loaded from, assigned by the loader.
     follows_take : bool
         Whether a take drives the character instead of a performer.
-    display : PoseDisplay
+    motion : CharacterMotion
+    sequence : int
+        Number of frames so far.
+    shown : Appearance or None
+        That of the last frame.
 
     Raises
     ------
@@ -98,14 +102,16 @@ class CharacterPlayer:
         self.character = character
         self.user: int | None = None
         self.state: State = "waiting"
-        self.mirror = rig.puppet.retarget.mirror
         self.follows_take = False
         self._settings, self._executor = settings, executor
-        self.display = PoseDisplay(rig, settings.ease, idle)
+        self.motion = CharacterMotion(rig, ease=settings.ease)
+        self.motion.precompile()
+        self._idle_log = idle
+        self.motion.idle = self.make_idle()
+        self.sequence = 0
+        self.shown: Appearance | None = None
         self.next_calibration: PreparedCalibration | None = None
         self._current: PreparedCalibration | None = None
-        self._retargeting: Retargeting | None = None  # of the current calibration
-        self._held: TargetPose | None = None
         self._watched = JointFilter(rig.puppet.smoothing.parameters)  # before the calibration
         self._automatic = AutomaticCalibration(settings.calibrate)
         self._sensor = SensorTilt(settings.tilt or 0.0, settings.height or 0.0)
@@ -140,20 +146,20 @@ class CharacterPlayer:
         """Remove the performer; the character eases into its idle motion."""
         self.remember(self.remembered())
         self.state = "waiting"
-        if self._current is not None or self._held is not None:
+        if self._current is not None or self.motion.held is not None:
             self.state = "leaving"
-            self.display.idle_since = time
-            self.display.ease(time)
-        self.user = self._current = self._retargeting = self._held = None
+            self.motion.follow(time, None)
+        self.user = self._current = None
         self._drop_next()
 
     def begin_again(self, time: float) -> None:
         """Ease to where the performer is next, because a recording begins again."""
         self._automatic.forget()
         self._watched.reset()
-        if self._current is not None:
-            self._retargeting = self._current.retargeting()
-        self.display.ease(time)
+        if self._current is None:
+            self.motion.ease(time)
+        else:
+            self.motion.follow(time, self._current.retargeting())
 
     def set_sensor(self, sensor: SensorTilt, time: float) -> None:
         """Set the position of the sensor, which was measured from the floor in the image.
@@ -180,7 +186,7 @@ class CharacterPlayer:
 
     def set_mirror(self, mirror: bool, time: float) -> None:
         """Turn mirroring on or off."""
-        self.mirror = mirror
+        self.motion.mirror = mirror
         self._prepare_again(time)
 
     def remap(self, puppet: Puppet, time: float) -> None:
@@ -189,28 +195,29 @@ class CharacterPlayer:
         The idle motion is not computed here: see `make_idle` and `take_idle`.
         """
         self.character = self.character.remapped(puppet)
+        self.motion.remap(self.character.rig)
         self._prepare_again(time)
 
-    def make_idle(self) -> IdleRecording | None:
+    def make_idle(self) -> Motion[TargetPose] | None:
         """Compute the idle motion with the present mapping, which may take a second."""
-        return self.display.make_idle(self.character.rig)
+        rig, idle = self.character.rig, self.motion.idle
+        if self._idle_log is None or (idle is not None and idle.rig is rig):
+            return idle
+        return idle_motion(self._idle_log, rig, self.motion.deformer)
 
-    def take_idle(self, idle: IdleRecording | None, time: float) -> None:
+    def take_idle(self, idle: Motion[TargetPose] | None, time: float) -> None:
         """Ease into a new idle motion, unless the mapping has changed since it was computed."""
-        display = self.display
-        if display.idle is None or idle is None or idle.puppet is display.idle.puppet:
+        if idle is None or idle is self.motion.idle or idle.rig is not self.character.rig:
             return  # several edits in a row are computed and eased once
-        if idle.puppet is self.character.rig.puppet:
-            display.idle = idle
-            if self._current is None:
-                display.ease(time)
+        self.motion.idle = idle
+        if self._current is None:
+            self.motion.ease(time)
 
     @property
     def settled(self) -> bool:
         """Whether the mapping is applied: for a moment after an edit, the character still moves as before."""
-        return all(
-            each is None or each.puppet is self.character.rig.puppet for each in (self._current, self.display.idle)
-        )
+        rig = self.character.rig
+        return all(each is None or each.rig is rig for each in (self._current, self.motion.idle))
 
     def begin(self, time: float, recorded: Mapping[str, Any] | None = None) -> None:
         """Use the calibration that was requested last, after waiting for it if necessary.
@@ -240,10 +247,9 @@ class CharacterPlayer:
                 expected="the pose of a body",
                 fix="Stand still again, completely in view.",
             ) from error
-        self._current, self._retargeting, self._held = prepared, retargeting, None
-        self._sensor = prepared.calibration.sensor
+        self._current, self._sensor = prepared, prepared.calibration.sensor
         self.state = "performing"
-        self.display.ease(time)
+        self.motion.follow(time, retargeting)
 
     def _take_recorded(self, recorded: Mapping[str, Any], time: float) -> None:
         """Prepare the calibration of a take, unless it is the one that is already prepared."""
@@ -274,40 +280,40 @@ class CharacterPlayer:
         self._automatic.add(frame)
         if self.next_calibration is None:
             rest = None if self._current is None else self._current.calibration.rest
-            pose = self._automatic.due(rest, self._directs)
-            if pose is not None:
-                self._calibrate(pose, frame.time)
-        levelled = replace(self._sensor.levelled(frame), channels=sided(frame.channels, self.mirror))
-        if self._retargeting is None:
-            seen = replace(levelled, positions=self._watched.step(frame.time, levelled.positions, frame.confidence))
-            return self._show(frame.time, received, self._idle_places(frame.time), seen)
-        aim = self._retargeting.step(levelled)
-        return self._show(frame.time, received, aim, replace(levelled, positions=self._retargeting.joints))
+            standing = self._automatic.due(rest, self._directs)
+            if standing is not None:
+                self._calibrate(standing, frame.time)
+        levelled, performer = self._sensor.levelled(frame), self.motion.performer
+        pose = self.motion.step(levelled)
+        if performer is None:
+            joints = self._watched.step(frame.time, levelled.positions, frame.confidence)
+        else:
+            joints = performer.joints
+        return self._frame(frame.time, received, pose, self.user, replace(levelled, positions=joints))
 
     def pass_time(self, time: float, received: int) -> Frame | None:
         """Return a frame without a performer; None while there is one, or if it is too early for another frame."""
-        if self.user is not None or self.follows_take or time - self.display.easing.shown_at < 0.75 * TICK_SECONDS:
+        if self.user is not None or self.follows_take or time - self.motion.easing.shown_at < 0.75 * TICK_SECONDS:
             return None
-        if self.state == "leaving" and self.display.easing.finished(time):
+        if self.state == "leaving" and self.motion.easing.finished(time):
             self.state = "waiting"
-        return self._show(time, received, self._idle_places(time), None)
+        return self._frame(time, received, self.motion.wait(time))
 
     def follow_take(self, time: float) -> None:
         """Ease into a take, or into another moment of it; until `release`, only `show_take` returns frames."""
         self.follows_take = True
-        self.display.ease(time)
+        self.motion.ease(time)
 
-    def show_take(
-        self, time: float, received: int, wanted: Appearance, solved: tuple[Deformer, NDArray[np.float64]]
-    ) -> Frame:
-        """Return the frame of a take's appearance, see `PoseDisplay.show`."""
-        self.state = wanted.state
-        return self.display.show(self.character, max(time, self.display.easing.shown_at), received, wanted, solved)
+    def show_take(self, time: float, received: int, wanted: Appearance, solved: tuple[Deformer, Pose]) -> Frame:
+        """Return the frame of a take's appearance, see `CharacterMotion.show`."""
+        self.state, time = wanted.state, max(time, self.motion.easing.shown_at)
+        pose = self.motion.show(time, wanted.target, wanted.channels, solved)
+        return self._frame(time, received, pose, wanted.user, wanted.seen)
 
     def release(self, time: float) -> None:
         """Ease from a take into the idle motion."""
-        self.follows_take, self.state, self.display.idle_since = False, "leaving", time
-        self.display.ease(time)
+        self.follows_take, self.state, self.motion.idle_since = False, "leaving", time
+        self.motion.ease(time)
 
     def another(self) -> "CharacterPlayer":
         """Return a player of the same character, idle motion and settings, without a performer.
@@ -315,7 +321,7 @@ class CharacterPlayer:
         It calibrates at once.
         """
         other = CharacterPlayer(self.character, replace(self._settings, calibrate="at_once"), self._executor)
-        other.display.idle = self.display.idle
+        other.motion.idle = self.motion.idle
         return other
 
     @property
@@ -335,7 +341,7 @@ class CharacterPlayer:
     def _prepare(self, calibration: Calibration, time: float) -> None:
         """Start to compute a retargeting, in place of one that is not in use yet; the stream continues meanwhile."""
         self._drop_next()
-        self.next_calibration = self._preparing(calibration, self.mirror, time)
+        self.next_calibration = self._preparing(calibration, self.motion.mirror, time)
 
     def _prepare_again(self, time: float) -> None:
         """Apply a changed setting to the calibration, if there is one."""
@@ -349,27 +355,38 @@ class CharacterPlayer:
         self.next_calibration = None
 
     def _preparing(self, calibration: Calibration, mirror: bool, asked: float) -> PreparedCalibration:
-        puppet = self.character.rig.puppet
-        working = self._executor.submit(self._retarget, puppet, calibration, mirror)
-        return PreparedCalibration(calibration, mirror, asked, puppet, working)
-
-    def _retarget(self, puppet: Puppet, calibration: Calibration, mirror: bool) -> Retargeting:
         rest = calibration.sensor.upright(calibration.rest)
-        return Retargeting(mirrored(puppet, mirror), self.character.rig.mesh, self.display.deformer, rest)
+        working = self._executor.submit(self.motion.retargeting, rest, mirror)
+        return PreparedCalibration(calibration, mirror, asked, self.character.rig, working)
 
-    def _idle_places(self, time: float) -> TargetPose:
-        """Return the target pose without a performer's motion."""
-        return self.display.idle_pose(time) if self._held is None else self._held
-
-    def _show(self, time: float, received: int, pose: TargetPose, seen: SkeletonFrame | None) -> Frame:
-        return self.display.show(self.character, time, received, Appearance(pose, self.state, self.user, seen))
+    def _frame(
+        self, time: float, received: int, pose: Pose, user: int | None = None, seen: SkeletonFrame | None = None
+    ) -> Frame:
+        """Return the frame of a pose."""
+        self.sequence += 1
+        self.shown = Appearance(self.motion.easing.shown, pose.channels, self.state, user, seen)
+        return Frame(
+            character=self.character,
+            sequence=self.sequence,
+            time=time,
+            received=received,
+            state=self.state,
+            user=user,
+            R=pose.R,
+            root=pose.root,
+            targets=pose.targets + pose.root,
+            motions=pose.bones,
+            joints=None if seen is None else seen.positions,
+            confidence=None if seen is None else seen.confidence,
+            channels=pose.channels,
+        )
 
     def remembered(self) -> dict[int, tuple[Calibration, float]]:
         """Return the calibrations of present and former performers, and when each was last shown."""
         prepared = self._current or self.next_calibration
         if self.user is None or prepared is None:
             return self._remembered
-        return self._remembered | {self.user: (prepared.calibration, self.display.easing.shown_at)}
+        return self._remembered | {self.user: (prepared.calibration, self.motion.easing.shown_at)}
 
     def remember(self, known: dict[int, tuple[Calibration, float]]) -> None:
         """Keep calibrations, up to the last `MAX_REMEMBERED`."""
@@ -378,15 +395,16 @@ class CharacterPlayer:
     def succeed(self, other: "CharacterPlayer") -> None:
         """Take over the performer, the calibrations and the shown pose from the player that a reload replaces."""
         if self.character.rig.puppet.retarget.mirror == other.character.rig.puppet.retarget.mirror:
-            self.mirror = other.mirror
+            self.motion.mirror = other.motion.mirror
         self.remember(other.remembered())
         self._sensor, self._floor = other._sensor, other._floor
-        self.display.succeed(other.display, self.character, other.character)
+        self.sequence = other.sequence
+        self.motion.succeed(other.motion)
         self.state = "leaving" if other.user is None else "waiting"
         if other.user is not None:
             playing = other._current is not None
-            self.enter(other.user, self.display.easing.shown_at)
-            self._held = self.display.easing.shown if playing and self.next_calibration is not None else None
+            self.enter(other.user, self.motion.easing.shown_at)
+            self.motion.held = self.motion.easing.shown if playing and self.next_calibration is not None else None
 
     def snapshot(self) -> dict[str, Any]:
         """Return the performer and the calibrations as values of JSON's types, for `resume`.
@@ -396,19 +414,19 @@ class CharacterPlayer:
         return {
             "user": self.user,
             "state": self.state,
-            "mirror": self.mirror,
+            "mirror": self.motion.mirror,
             "manner": asdict(self._settings),
             "sensor": asdict(self._sensor),
             "floor": None if self._floor is None else asdict(self._floor),
             "calibration": None if self._current is None else self._current.to_json(),
-            "standing": [] if self._retargeting is None else rows_of(self._retargeting.standing),
+            "standing": [] if self.motion.performer is None else rows_of(self.motion.performer.standing),
             "next_calibration": None if self.next_calibration is None else self.next_calibration.to_json(),
             "remembered": [
                 {"user": user, "left": left, **known.to_json()} for user, (known, left) in self._remembered.items()
             ],
-            "shown_at": _finite(self.display.easing.shown_at),
-            "idle_since": _finite(self.display.idle_since),
-            "eased_since": _finite(self.display.easing.since),
+            "shown_at": _finite(self.motion.easing.shown_at),
+            "idle_since": _finite(self.motion.idle_since),
+            "eased_since": _finite(self.motion.easing.since),
         }
 
     def resume(self, snapshot: Mapping[str, Any], time: float, shift: float) -> None:
@@ -430,9 +448,9 @@ class CharacterPlayer:
         prepared = (
             None if snapshot["calibration"] is None else self._recorded_calibration(snapshot["calibration"], time)
         )
-        retargeting = None if prepared is None else prepared.retargeting()
-        if retargeting is not None:
-            retargeting.stand(places_of(snapshot["standing"]))
+        performer = None if prepared is None else prepared.retargeting()
+        if performer is not None:
+            performer.stand(places_of(snapshot["standing"]))
             state = "performing"
         elif snapshot["state"] == "leaving":
             state = "leaving"
@@ -446,22 +464,21 @@ class CharacterPlayer:
             for name in ("shown_at", "idle_since", "eased_since")
         )
         self._settings = PlayerSettings(**snapshot["manner"])
-        display = self.display
-        display.easing.seconds, self._automatic.calibrate = self._settings.ease, self._settings.calibrate
+        motion = self.motion
+        motion.easing.seconds, self._automatic.calibrate = self._settings.ease, self._settings.calibrate
         self._sensor = SensorTilt.of_json(snapshot["sensor"])
         self._floor = None if snapshot["floor"] is None else SensorTilt.of_json(snapshot["floor"])
-        self.mirror, self.user, self.state = bool(snapshot["mirror"]), snapshot["user"], state
+        motion.mirror, self.user, self.state = bool(snapshot["mirror"]), snapshot["user"], state
         self._drop_next()
-        self._current, self._retargeting = prepared, retargeting
+        self._current = prepared
         self.next_calibration = None if following is None else self._recorded_calibration(following, time)
-        self._held = None
         self._watched.reset()
         self._automatic.forget()
         self.remember(remembered)
-        display.ease(time)
-        if not display.sequence:  # nothing is shown yet that it could ease from
-            display.easing.since = eased_since
-        display.easing.shown_at, display.idle_since = shown_at, idle_since
+        motion.follow(time, performer)
+        if not self.sequence:  # nothing is shown yet that it could ease from
+            motion.easing.since = eased_since
+        motion.easing.shown_at, motion.idle_since = shown_at, idle_since
 
     def _recorded_calibration(self, recorded: Mapping[str, Any], asked: float) -> PreparedCalibration:
         return self._preparing(Calibration.of_json(recorded), bool(recorded["mirror"]), asked)

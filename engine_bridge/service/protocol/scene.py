@@ -21,7 +21,6 @@ from engine_bridge.character.character import Character
 from engine_bridge.character.materials import drawn_normals, preview_colors
 from engine_bridge.character.schema import Primitive
 from engine_bridge.export.finger_animation import FingerBends, with_fingers
-from engine_bridge.performance.channels import ChannelMotion
 from engine_bridge.performance.rig import Rig
 from engine_bridge.puppet.humanoid_bones import FINGER_BONES, HUMANOID_BONES
 from engine_bridge.puppet.puppet import Puppet
@@ -33,7 +32,6 @@ from solver.model.binding import ShadedBinding
 from solver.motion import quaternions as quat
 from solver.motion.deformer import to_file_units
 from solver.motion.handle_motion import HandleMotions
-from solver.motion.limbs import bones_of
 from solver.surface import tangents
 
 if TYPE_CHECKING:
@@ -123,11 +121,6 @@ class StreamedCharacter:
         return HandleMotions(self.rig.model, self.rig.mesh, handles) if len(handles) else None
 
     @cached_property
-    def channel_motion(self) -> ChannelMotion:
-        """How channels bend its limbs and move its handles."""
-        return ChannelMotion(self.rig.puppet, bones_of(self.rig.puppet.limbs))
-
-    @cached_property
     def displacements(self) -> NDArray[np.float32]:
         """(k, n, 3): displacements by the mesh's own morph targets that channels move."""
         moved = [own_targets.displacements(self.rig.character, name) for name in self.rig.puppet.targets]
@@ -155,7 +148,7 @@ class StreamedCharacter:
         """
         other = copy(self)
         vars(other)["rig"] = replace(self.rig, puppet=puppet)
-        for name in ("_with_fingers", "humanoid", "handle_motions", "channel_motion", "displacements"):
+        for name in ("_with_fingers", "humanoid", "handle_motions", "displacements"):
             vars(other).pop(name, None)
         vars(other)["scene"] = with_description(self.scene, other)
         return other

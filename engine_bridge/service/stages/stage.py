@@ -215,7 +215,7 @@ class Stage:
 
     def _mirror(self, chosen: Sequence[CharacterPlayer], on: Any, time: float) -> None:
         for player in chosen:
-            player.set_mirror(not player.mirror if on is None else bool(on), time)
+            player.set_mirror(not player.motion.mirror if on is None else bool(on), time)
 
     def _reserve(self, chosen: Sequence[CharacterPlayer], on: bool) -> None:
         """Give characters to takes, or back to performers."""

@@ -20,7 +20,8 @@ from capture.skeleton import SkeletonFrame
 from capture.sound_input import open_sound
 from capture.source import newest
 from capture.sources.registry import open_source
-from engine_bridge.performance.idle import IdleRecording
+from engine_bridge.performance.motion import Motion
+from engine_bridge.performance.pose import TargetPose
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.service.monitoring.logs import OnceASecond, fields
 from engine_bridge.service.players.character_player import CharacterPlayer
@@ -159,7 +160,7 @@ class StageRunner:
         self._overrule()
         self.stage.replace_players(players)
 
-    def take_idle(self, player: CharacterPlayer, idle: IdleRecording | None) -> None:
+    def take_idle(self, player: CharacterPlayer, idle: Motion[TargetPose] | None) -> None:
         """Use the idle motion that was computed for a character's new mapping."""
         player.take_idle(idle, max(self._time, self.source.now()))
 
@@ -268,7 +269,7 @@ class StageRunner:
             if player.character.name != event.arguments.get("character") or prepared is None:
                 continue
             pose = prepared.calibration.sensor.upright(prepared.calibration.rest)
-            bent = body.not_upright(pose) if any(limb.follow == "turn" for limb in prepared.puppet.limb) else []
+            bent = body.not_upright(pose) if any(limb.follow == "turn" for limb in prepared.rig.puppet.limb) else []
             if bent:
                 log.warning(
                     "the performer did not stand upright with hanging arms; the character is at rest in that pose",

@@ -5,10 +5,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from engine_bridge.service.players.pose_display import Appearance
+from engine_bridge.performance.pose import Pose
+from engine_bridge.service.players.appearance import Appearance
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.takes.take_track import TakeTrack
 from solver.motion.deformer import Deformer
@@ -79,7 +77,7 @@ class TakeParts:
         """Return the number of the frame that is shown at a time: the last one that is not later, or the first."""
         return max(0, bisect_right(self.times, seconds) - 1)
 
-    def frame(self, number: int) -> tuple[Appearance, tuple[Deformer, NDArray[np.float64]]]:
+    def frame(self, number: int) -> tuple[Appearance, tuple[Deformer, Pose]]:
         """Return what a frame shows, see `TakeTrack.frame`."""
         part, own = self._frames[number]
         return part.track.frame(own)

@@ -57,19 +57,19 @@ class TakeStage:
             The take is one of other characters, or none of it can be read.
         """
         first: float | None = None
-        shown = self._player.display
+        player = self._player
         try:
             for event in self._source.events():
                 first = event.time if first is None else first
                 if isinstance(event, Cue):
                     event = self._prepared(event, first)
                 for each in (*(() if self._directed else self._stage.beginnings(event.time, recorded=True)), event):
-                    before = shown.sequence
+                    before = player.sequence
                     self._step(each)
-                    if shown.sequence > before:
+                    if player.sequence > before:
                         yield each.time - first
         except SkeletonLogError as error:
-            if not shown.sequence:
+            if not player.sequence:
                 raise
             self.note = self.note or str(error)
         finally:
@@ -118,7 +118,7 @@ class _Absent:
     """A character of a take that is not shown: only its performer matters, who cannot drive another character."""
 
     next_calibration = None
-    mirror = False
+    motion = SimpleNamespace(mirror=False)
 
     def __init__(self, name: str) -> None:
         self.character = SimpleNamespace(name=name)

@@ -3,11 +3,9 @@
 from bisect import bisect_right
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
+from engine_bridge.performance.pose import Pose
+from engine_bridge.service.players.appearance import Appearance
 from engine_bridge.service.players.character_player import CharacterPlayer
-from engine_bridge.service.players.pose_display import Appearance
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.takes.take_stage import TakeStage
 from puppetline.errors import ServiceError
@@ -60,26 +58,27 @@ class TakeTrack:
         self.take, self.path, self.part, self.character = path.stem, path, part, player.character
         self.times: list[float] = []
         self._frames: list[Appearance] = []
+        self._solved: Pose | None = None
         self._states: list[DeformerState] = []
         other = player.another()
-        self._deformer = other.display.deformer
-        stage, state = TakeStage(other, path, part), self._deformer.state
+        self._motion, deformer = other.motion, other.motion.deformer
+        stage, state = TakeStage(other, path, part), deformer.state
         for time in stage.frames():
             if len(self.times) % STATE_FRAMES == 0:
                 self._states.append(state)
             if len(self.times) == MAX_FRAMES:
                 raise _error(path, f"a take of more than {MAX_FRAMES} frames", "a shorter take", "Trim it first.")
             self.times.append(time)
-            shown = other.display.shown
+            shown = other.shown
             assert shown is not None  # noqa: S101 - the stage has shown a frame
             # nobody is calibrated while a take plays, in particular not in each pass of a loop
             self._frames.append(shown._replace(state="performing") if shown.state == "calibrating" else shown)
             if len(self.times) % STATE_FRAMES == 0:
-                state = self._deformer.state
+                state = deformer.state
         self.offset, self.note, self.sound = stage.offset, stage.note, stage.sound
         if not self.times:
             raise _error(path, "a take without motion", "frames of a performer", stage.note or "Record it again.")
-        self._next, self._solved = len(self.times), np.empty(0)
+        self._next = len(self.times)
 
     @property
     def seconds(self) -> float:
@@ -95,17 +94,17 @@ class TakeTrack:
         """Return the number of the frame that is shown at a time: the last one that is not later, or the first."""
         return max(0, bisect_right(self.times, seconds) - 1)
 
-    def frame(self, number: int) -> tuple[Appearance, tuple[Deformer, NDArray[np.float64]]]:
+    def frame(self, number: int) -> tuple[Appearance, tuple[Deformer, Pose]]:
         """Return what a frame shows, and what this track's deformer has computed for it."""
-        if not self._next - 1 <= number < self._next + STATE_FRAMES or not len(self._solved):
+        if not self._next - 1 <= number < self._next + STATE_FRAMES or self._solved is None:
             block = number // STATE_FRAMES
-            self._deformer.resume(self._states[block])
+            self._motion.deformer.resume(self._states[block])
             self._next = block * STATE_FRAMES
         for each in self._frames[self._next : number + 1]:
-            moved = self.character.channel_motion.moved(each.pose, each.channels)
-            self._solved = self._deformer.solve(moved.targets, moved.motions)
+            self._solved = self._motion.solve(each.target, each.channels)
         self._next = number + 1
-        return self._frames[number], (self._deformer, self._solved)
+        assert self._solved is not None  # noqa: S101 - a state is followed by at least one frame
+        return self._frames[number], (self._motion.deformer, self._solved)
 
 
 def _error(path: Path, found: str, expected: str, fix: str) -> ServiceError:

@@ -6,7 +6,7 @@ import pytest
 
 from capture import smoothing
 from engine_bridge.cli import compile_ahead
-from engine_bridge.performance.performance import Performance
+from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.pictures import renderer
 from engine_bridge.pictures.rasteriser import rasterise
 from puppetline.compiling import when_begun
@@ -55,7 +55,7 @@ def test_what_is_compiled_ahead_is_what_a_performance_needs(limbed_rig, standing
     )
     ahead = [set(function.signatures) for function in functions]
     assert all(ahead)
-    performance = Performance(limbed_rig.puppet, limbed_rig.mesh, limbed_rig.model, standing)
+    performance = CharacterMotion(limbed_rig, standing)
     for frame in frames(dance())[:2]:
         pose = performance.step(frame)
     positions = BatchBinding.of_solver_mesh(limbed_rig.model, limbed_rig.mesh).vertices(pose.R[None])

@@ -269,7 +269,7 @@ class Export:
 
     @property
     def diagonal(self):
-        return self.clip.rig.mesh.diagonal
+        return self.clip.motion.rig.mesh.diagonal
 
     @cached_property
     def raw(self):
@@ -329,8 +329,8 @@ def solved_places(rig, frames):
 
 def solved(clip):
     """Return the same of a clip, with the root's translation."""
-    root = 0 if clip.rig.puppet.root is None else clip.root[:, None]
-    return solved_places(clip.rig, clip.frames[:]) + root
+    root = 0 if clip.motion.rig.puppet.root is None else clip.motion.root[:][:, None]
+    return solved_places(clip.motion.rig, clip.motion.R[:]) + root
 
 
 def primitives(made):

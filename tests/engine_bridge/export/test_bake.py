@@ -36,8 +36,8 @@ def of_take(take, blob_puppet, folder):
 
 def performed(rig, timeline):
     """The solver's frames (F, 4m, 3) float32 and roots (F, 3) of a timeline."""
-    chunks = list(solve(rig, timeline, Settings(), 64))
-    return np.concatenate([each.R for each in chunks]), np.concatenate([each.root for each in chunks])
+    motion = solve(rig, timeline, Settings())
+    return motion.R[:], motion.root[:]
 
 
 def places_from_weights(path, rig, weights):

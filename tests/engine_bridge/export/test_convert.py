@@ -38,9 +38,9 @@ def test_the_summary_says_what_the_file_and_the_clip_are(converted):
     assert inspect(output)["animations"] == [animation | {"moves_nodes": True}]
     assert 0 < summary.error <= summary.tolerance == 0.0005
     assert 0 < summary.stretch_p1 < summary.stretch_p50 < summary.stretch_p99
-    assert (summary.notes, summary.following, len(clip.motions)) == ((), 0, 0)
+    assert (summary.notes, summary.following) == ((), 0)
     assert json.loads(json.dumps(asdict(summary)))["frames"] == 58
-    assert clip.timeline.fps == 30
+    assert clip.motion.fps == 30
     omitted = set(module.describe(replace(summary, keyframes=40)).splitlines())
     assert len(omitted.difference(module.describe(summary).splitlines())) == 1
     assert all(0 <= share <= 1 for _, share in stages)
@@ -81,9 +81,9 @@ def test_a_part_moves_as_it_does_in_the_whole(take, blob_puppet, converted, tmp_
     whole = converted[0]
     part, summary = convert(take, blob_puppet, tmp_path / "part.glb", Settings(start=0.5, stop=1.0))
     assert (summary.frames, summary.seconds) == (16, 0.5)
-    assert_array_equal(part.frames[:], whole.frames[15:31])
-    assert_array_equal(part.root, whole.root[15:31])
-    assert_array_equal(part.timeline.positions, whole.timeline.positions[15:31])
+    for name in ("R", "targets", "bones", "root"):
+        assert_array_equal(getattr(part.motion, name)[:], getattr(whole.motion, name)[15:31])
+    assert_array_equal(part.positions, whole.positions[15:31])
     refused(SkeletonLogError, convert, take, blob_puppet, tmp_path / "none.glb", Settings(start=1000.0))
     assert not (tmp_path / "none.glb").exists()
 
@@ -114,7 +114,7 @@ def test_an_assumption_is_noted(record, dance, blob_puppet, tmp_path):
     clip, summary = convert(log, blob_puppet, tmp_path / "a.glb", Settings(fps=12))
     for part, note in zip(("Line 42", "2.5 %", "head"), summary.notes, strict=True):
         assert part in note
-    assert_allclose(np.diff(clip.timeline.times), 1 / 12)
+    assert_allclose(np.diff(clip.motion.times), 1 / 12)
 
 
 def test_an_error_writes_nothing_and_keeps_the_old_result(take, blob_puppet, write_puppet, tmp_path):

@@ -23,7 +23,7 @@ def test_no_basis_of_that_size_is_closer(clip, tmp_path, count):
     """The bound of Eckart and Young has one direction fewer than targets, because the last target handles signs."""
     summary = write(clip, tmp_path / "a.glb", "clip", Settings(targets=count, tolerance=1e-9), lambda *_: None)
     assert summary.targets == count
-    made, mesh, moved = Raw(tmp_path / "a.glb"), clip.rig.mesh, solved(clip)
+    made, mesh, moved = Raw(tmp_path / "a.glb"), clip.motion.rig.mesh, solved(clip)
     assert (made.weights(0).min(), made.weights(0).max()) == (0, 1)
     (primitive,) = made.file.meshes[0].primitives
     targets = np.array([made.array(target["POSITION"]) for target in primitive.targets], dtype=np.float64)
@@ -46,11 +46,11 @@ def test_the_fewest_targets_within_the_tolerance_are_taken(clip, tmp_path, toler
 def test_the_spike_of_a_single_frame_and_vertex_is_not_missed(clip, monkeypatch):
     """The error is measured for all frames and vertices, not only for those of the estimate."""
     monkeypatch.setattr(morph_basis, "SAMPLE_SIZE", 3)
-    frames, binding = clip.frames[:].copy(), BatchBinding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
+    frames, binding = clip.motion.R[:].copy(), BatchBinding.of_solver_mesh(clip.motion.rig.model, clip.motion.rig.mesh)
     frames[17, 40:44] += 0.05
-    basis = morph_basis.fit(clip.rig.model, binding, frames, tolerance=2e-4)
+    basis = morph_basis.fit(clip.motion.rig.model, binding, frames, tolerance=2e-4)
     targets = basis.targets(binding).astype(np.float64)
-    played = clip.rig.mesh.vertices + np.tensordot(basis.weights.astype(np.float64), targets, axes=1)
-    largest = np.linalg.norm(played - solved_places(clip.rig, frames), axis=-1).max()
-    assert largest <= 2e-4 * clip.rig.mesh.diagonal
+    played = clip.motion.rig.mesh.vertices + np.tensordot(basis.weights.astype(np.float64), targets, axes=1)
+    largest = np.linalg.norm(played - solved_places(clip.motion.rig, frames), axis=-1).max()
+    assert largest <= 2e-4 * clip.motion.rig.mesh.diagonal
     assert basis.error == pytest.approx(largest, rel=1e-2)

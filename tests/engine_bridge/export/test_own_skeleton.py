@@ -78,10 +78,10 @@ def test_a_file_whose_skeleton_leaves_an_arm_still_gets_another_that_moves_it(st
     assert own_skeleton(load_rig(puppet)).unmoved == ("left arm",)
     clip, summary = convert(take, puppet, tmp_path / "moved.glb", Settings())
     assert [note for note in summary.notes if "would not move left arm" in note]
-    shown = Evaluation(load_document(tmp_path / "moved.glb"), clip.rig.character.parts)
-    found = np.array([*shown.positions(clip.timeline.times)])
-    away = np.linalg.norm(found - solved(clip)[:, clip.rig.mesh.of_render], axis=2)
-    assert away.max() <= (summary.error + summary.tolerance) * clip.rig.mesh.diagonal
+    shown = Evaluation(load_document(tmp_path / "moved.glb"), clip.motion.rig.character.parts)
+    found = np.array([*shown.positions(clip.motion.times)])
+    away = np.linalg.norm(found - solved(clip)[:, clip.motion.rig.mesh.of_render], axis=2)
+    assert away.max() <= (summary.error + summary.tolerance) * clip.motion.rig.mesh.diagonal
     rigged = write_rig(puppet, tmp_path / "rigged.glb", RigSettings())
     assert not rigged.kept
     assert [note for note in rigged.notes if "would not move left arm" in note]

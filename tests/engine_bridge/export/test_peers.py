@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from engine_bridge.character.character import from_document, load_character
 from engine_bridge.character.document_reader import load_document
 from engine_bridge.export.convert import convert, write
-from engine_bridge.performance.frame_store import FrameStore
+from engine_bridge.performance.motion import SolvedMotion
 from engine_bridge.performance.settings import Settings
 
 from .conftest import Export, outermost_handles, posed
@@ -136,11 +136,10 @@ def hour(file, tmp_path_factory):
     """An hour at 30 frames per second, in which one second is played forwards and backwards in a loop."""
     made = file("textured", "morph")
     there_and_back = np.abs((np.arange(3600 * FPS + 1) + FRAMES - 1) % (2 * FRAMES - 2) - (FRAMES - 1))
-    store, second = FrameStore(made.clip.frames[0].shape), made.clip.frames[:]
-    for some in np.array_split(there_and_back, 100):
-        store.append(second[some])
-    timeline = replace(made.clip.timeline, positions=made.clip.timeline.positions[there_and_back])
-    clip = replace(made.clip, frames=store, root=made.clip.root[there_and_back], timeline=timeline)
+    motion, second = SolvedMotion(made.clip.motion.rig, FPS), [made.clip.motion[k] for k in range(FRAMES)]
+    for number in there_and_back:
+        motion.append(second[number])
+    clip = replace(made.clip, motion=motion, positions=made.clip.positions[there_and_back])
     output = tmp_path_factory.mktemp("hour") / "hour.glb"
     return Export(None, "morph", clip, write(clip, output, "hour", Settings(), lambda *_: None))
 

@@ -1,6 +1,7 @@
 """Films of scene files: frames, sound in step with the picture, parts, drafts, and files that are whole or absent."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -119,11 +120,12 @@ def test_a_clap_is_heard_when_it_is_seen(write_scene, write_wav, tmp_path, endin
 def test_a_character_is_drawn_with_its_mouth_open_when_it_speaks(write_scene, talking, monkeypatch):
     path = write_scene(SCENE.replace("LIMBED", str(talking(False))))
     actor = produce(path, load(path), quiet).actors[0]
+    pose = actor.pose(0)
     with GpuRenderer((16, 16)) as renderer:
         drawn, shown = films._DrawnActor(actor, renderer), []
         drawn.drawn.move = lambda positions, _normals: shown.append(positions)
         for value in (0.0, 1.0, 0.0):
-            monkeypatch.setattr(actor, "channels", lambda _frame, value=value: {"voice": value})
+            monkeypatch.setattr(actor, "pose", lambda _, pose=replace(pose, channels={"voice": value}): pose)
             drawn.move(0)
     moved = np.linalg.norm(shown[1] - shown[0], axis=1) / actor.footing.scale
     expected = np.linalg.norm(own_targets.displacements(actor.rig.character, "jaw"), axis=1)

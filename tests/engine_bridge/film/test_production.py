@@ -26,8 +26,7 @@ def solved(take):
     def of(rig, log=take):
         settings = Settings()
         timeline, _ = load_timeline(log, settings)
-        (everything,) = solve(rig, timeline, settings, len(timeline.positions))
-        return everything
+        return solve(rig, timeline, settings)
 
     return of
 
@@ -47,7 +46,7 @@ def test_calibrations_and_mirroring_in_the_middle_of_a_take_are_those_of_convert
     expected, plain = solved(actor.rig, log), solved(actor.rig)
     assert np.abs(expected.R[55] - plain.R[55]).max() > 0.01
     for frame in (0, 29, 31, 45, 57):
-        assert_array_equal(actor.controls(frame), expected.R[frame])
+        assert_array_equal(actor.pose(frame).R, expected.R[frame])
 
 
 def test_a_part_of_a_take_is_what_convert_makes_of_it_begins_at_its_time_and_holds_its_ends(produced, solved):
@@ -56,9 +55,9 @@ def test_a_part_of_a_take_is_what_convert_makes_of_it_begins_at_its_time_and_hol
     expected = solved(actor.rig)
     assert (production.frames, len(expected.R)) == (90, 58)
     for frame, row in ((0, 12), (15, 12), (16, 13), (39, 36), (40, 36), (89, 36)):
-        assert_array_equal(actor.controls(frame), expected.R[row])
-        assert_array_equal(actor.root(frame), expected.root[row])
-        assert_array_equal(actor.bones(frame), expected.motions[row])
+        assert_array_equal(actor.pose(frame).R, expected.R[row])
+        assert_array_equal(actor.pose(frame).root, expected.root[row])
+        assert_array_equal(actor.pose(frame).bones, expected.bones[row])
 
 
 def test_a_muted_take_is_not_played(produced):
@@ -68,8 +67,8 @@ def test_a_muted_take_is_not_played(produced):
 
 def test_without_a_take_a_character_stays_at_rest_and_stands_on_the_floor_where_the_scene_says(produced):
     actor = produced(CHARACTER + "[film]\nseconds = 1").actors[0]
-    assert_allclose(actor.controls(7), actor.rig.model.rest_controls, atol=1e-7)
-    assert (actor.root(7) == 0).all()
+    assert_allclose(actor.pose(7).R, actor.rig.model.rest_controls, atol=1e-7)
+    assert (actor.pose(7).root == 0).all()
     vertices = actor.rig.character.vertices
     linear = actor.to_stage(0)
     placed = vertices @ linear[:3] + linear[3]
@@ -95,10 +94,10 @@ def test_a_loop_goes_on_where_the_character_is(produced):
 def test_a_cross_fade_moves_no_vertex_faster_than_the_way_between_the_poses(produced):
     text = CHARACTER + TAKE + "stop = 1\n" + TAKE + "start = 1.2\nfade = 0.3"
     actor = produced(text).actors[0]
-    R = np.array([actor.controls(frame) for frame in range(actor.end)])
+    R = np.array([actor.pose(frame).R for frame in range(actor.end)])
     size = np.abs(np.diff(R, axis=0)).max(axis=(1, 2))
     cut = produced(text.replace("0.3", "0")).actors[0]
-    jump = np.abs(cut.controls(31) - cut.controls(30)).max()
+    jump = np.abs(cut.pose(31).R - cut.pose(30).R).max()
     begin = 31 - 9
     assert size[begin - 1 : begin + 10].max() < 0.35 * jump + np.median(size) * 3
     assert size[begin + 8 : begin + 10].max() < 0.35 * jump + np.median(size) * 3

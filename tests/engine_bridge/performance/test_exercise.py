@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from engine_bridge.performance.character_motion import make_deformer
 from engine_bridge.performance.exercise import exercise
-from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.retargeting import fit_sizes
 from engine_bridge.performance.rig import load_rig
 
@@ -10,7 +10,7 @@ from engine_bridge.performance.rig import load_rig
 def handles_of(rig, rest):
     """Displacements (F, h, 3) of the handles in each frame of the exercise, mesh units."""
     R = np.concatenate(list(exercise(rig, rest, 64))).astype(np.float64)
-    deformer = make_deformer(rig.puppet, rig.mesh, rig.model)
+    deformer = make_deformer(rig)
     rows = rig.model.rows(rig.mesh, deformer.handles)
     return np.einsum("hj,fjx->fhx", rows, R - rig.model.rest_controls) * rig.mesh.diagonal
 
@@ -28,9 +28,7 @@ def test_an_exercise_does_not_depend_on_the_number_of_frames_at_a_time(blob_rig,
 
 
 def test_each_handle_goes_alone_and_with_all_nearly_to_the_end_of_its_reach_and_never_beyond(free_rig, standing):
-    fit = fit_sizes(
-        free_rig.puppet, make_deformer(free_rig.puppet, free_rig.mesh, free_rig.model), free_rig.mesh, standing
-    )
+    fit = fit_sizes(free_rig.puppet, make_deformer(free_rig), free_rig.mesh, standing)
     moved = handles_of(free_rig, standing) / free_rig.puppet.mapping.gain[:, None]
     share = moved / np.where(moved < 0, fit.reach[..., 0], fit.reach[..., 1])
     left, right, head, *feet = range(5)
@@ -60,7 +58,7 @@ def test_with_a_scale_given_handles_go_as_far_as_the_performers_limbs_are_long(b
 def test_bones_are_turned_alone_and_all_at_once(limbed_rig, standing):
     rest = limbed_rig.model.rest_controls
     R = np.concatenate(list(exercise(limbed_rig, standing, 64)))
-    bones = make_deformer(limbed_rig.puppet, limbed_rig.mesh, limbed_rig.model).bones
+    bones = make_deformer(limbed_rig).bones
     tips = bones.tails[[3, 5]] * 0.98 + bones.heads[[3, 5]] * 0.02  # of the forearms, within the surface
     rows = limbed_rig.model.rows(limbed_rig.mesh, tips)
     moved = np.linalg.norm(np.einsum("hj,fjx->fhx", rows, R - rest), axis=2)

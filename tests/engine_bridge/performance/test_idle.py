@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from puppetline.examples.performances import PERFORMANCES
 
-from engine_bridge.performance.idle import IdleRecording
-from engine_bridge.performance.performance import make_deformer
+from engine_bridge.performance.character_motion import make_deformer
+from engine_bridge.performance.idle import idle_motion
 
 
 @pytest.fixture(scope="module")
@@ -15,12 +15,12 @@ def log(record_events, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def idle(log, blob_rig):
-    return IdleRecording(log, blob_rig, make_deformer(blob_rig.puppet, blob_rig.mesh, blob_rig.model))
+    return idle_motion(log, blob_rig, make_deformer(blob_rig))
 
 
 def test_an_idle_motion_loops_without_a_seam(idle, blob_rig):
     shown = [idle.at(second) for second in np.arange(0, 30, 1 / 60)]
-    steps = [np.linalg.norm(b[0] - a[0], axis=1).max() for a, b in itertools.pairwise(shown)]
+    steps = [np.linalg.norm(b.targets - a.targets, axis=1).max() for a, b in itertools.pairwise(shown)]
     assert max(steps) < 0.03 * blob_rig.mesh.diagonal
     assert np.ptp([places.targets for places in shown], axis=0).max() > 0.05 * blob_rig.mesh.diagonal
     assert np.linalg.norm([places.root for places in shown], axis=1).max() > 0.01

@@ -10,7 +10,7 @@ from capture import body, orientations
 from capture.formats import read_log
 from capture.skeleton import JOINT_INDEX, mirrored, to_character_axes
 from capture.trackers.face import HeadDirection
-from engine_bridge.performance.performance import make_deformer
+from engine_bridge.performance.character_motion import make_deformer
 from engine_bridge.performance.retargeting import Retargeting, legs_of
 from engine_bridge.puppet.puppet import RetargetTable, RootTable, SmoothingTable
 
@@ -27,7 +27,7 @@ def puppet(limbed_rig):
 @pytest.fixture(scope="module")
 def retargeting(limbed_rig):
     def make(puppet, rest):
-        deformer = make_deformer(puppet, limbed_rig.mesh, limbed_rig.model)
+        deformer = make_deformer(replace(limbed_rig, puppet=puppet))
         return Retargeting(puppet, limbed_rig.mesh, deformer, rest), deformer.bones
 
     return make
@@ -62,7 +62,7 @@ def test_bones_point_where_the_performers_do_whatever_pose_it_was_calibrated_in(
     made, bones = retargeting(free, takes[17])
     arms = slice(3, None)  # the spine of this performer is as near to the hips as Kinect v1 has it
     for frame in frames(takes):
-        found = directions(bones, made.step(frame).motions)
+        found = directions(bones, made.step(frame).bones)
         assert_allclose(found[arms], wanted(free, frame.positions)[arms], atol=1e-9)
 
 
@@ -76,7 +76,7 @@ def test_a_mirroring_puppet_does_what_another_does_for_the_mirrored_performer(
     theirs, _ = retargeting(changed(puppet, retarget=RetargetTable(scale=scale)), mirrored(takes[0]))
     for frame, other in zip(frames(takes), frames(mirrored(takes)), strict=True):
         a, b = ours.step(frame), theirs.step(other)
-        assert_allclose(a.motions, b.motions, atol=1e-12)
+        assert_allclose(a.bones, b.bones, atol=1e-12)
         assert_allclose(a.targets, b.targets, atol=1e-9)
         assert_allclose(a.root, b.root, atol=1e-12)
 
@@ -91,7 +91,7 @@ def test_the_head_of_a_character_turns_as_the_face_of_the_performer(puppet, reta
         known = orientations.unknown()
         known[neck] = look.as_quat()[[3, 0, 1, 2]]
         frame.positions[head] = frame.positions[neck] + face.turned(look.apply(bone), look.as_matrix())
-        turns.append(Rotation.from_matrix(made.step(replace(frame, orientations=known)).motions[2, :3].T))
+        turns.append(Rotation.from_matrix(made.step(replace(frame, orientations=known)).bones[2, :3].T))
     wanted = Rotation.from_rotvec([-1.0, 1, -1] * looks[-1].as_rotvec())
     assert (turns[-1] * turns[0].inv() * wanted.inv()).magnitude() < np.radians(0.1)
 
@@ -100,11 +100,11 @@ def test_a_full_turn_of_a_performer_who_dances_turns_the_character_once_round(pu
     angles = np.linspace(0, 2 * np.pi, 60)
     takes = np.array([turned(pose, angle) for pose, angle in zip(dance(60), angles, strict=True)])
     made, _ = retargeting(puppet, takes[0])
-    motions = np.array([made.step(frame).motions for frame in frames(takes)])
+    motions = np.array([made.step(frame).bones for frame in frames(takes)])
     heading = np.unwrap(np.arctan2(motions[:, 1, 2, 0], motions[:, 1, 2, 2]))
     assert_allclose(heading - heading[0], angles, atol=1e-6)
     still, _ = retargeting(changed(puppet, root=RootTable(turns=False)), takes[0])
-    motions = np.array([still.step(frame).motions for frame in frames(takes)])
+    motions = np.array([still.step(frame).bones for frame in frames(takes)])
     assert np.ptp(np.arctan2(motions[:, 1, 2, 0], motions[:, 1, 2, 2])) < 1e-6
 
 
@@ -145,7 +145,7 @@ def test_a_walk_is_scaled_by_the_length_of_the_legs_and_stays_at_the_height_of_t
     performers = lengths["knee_left"] + lengths["ankle_left"]
     characters = np.mean([bones.lengths[7:9].sum(), bones.lengths[9:11].sum()])
     assert_allclose(aims[-1].root[[0, 2]], characters / performers * np.array([-2.0, 3.2]), rtol=0.02)
-    over = [(np.append(bones.tails[b], 1) @ aims[-1].motions[b] + aims[-1].root - bones.tails[b])[1] for b in (8, 10)]
+    over = [(np.append(bones.tails[b], 1) @ aims[-1].bones[b] + aims[-1].root - bones.tails[b])[1] for b in (8, 10)]
     assert min(over) == pytest.approx(0, abs=1e-9)
 
 
@@ -172,7 +172,7 @@ def forearm_turns(made, puppet, frames):
         )
         if joints == JOINT_INDEX[f"elbow_{side}"]
     )
-    turns = Rotation.from_matrix(np.array([made.step(frame).motions[bone, :3].T for frame in frames]))
+    turns = Rotation.from_matrix(np.array([made.step(frame).bones[bone, :3].T for frame in frames]))
     return (turns * turns[0].inv()).as_rotvec()
 
 

@@ -40,7 +40,7 @@ def drawn(monkeypatch):
 
 def solved_pose(clip, index):
     """Return the rendered vertices of a frame, without root motion."""
-    return solved_places(clip.rig, clip.frames[[index]])[0][clip.rig.mesh.of_render]
+    return solved_places(clip.motion.rig, clip.motion.R[[index]])[0][clip.motion.rig.mesh.of_render]
 
 
 def test_a_clip_sheet_shows_twelve_frames_from_first_to_last_and_follows_the_root(
@@ -51,9 +51,9 @@ def test_a_clip_sheet_shows_twelve_frames_from_first_to_last_and_follows_the_roo
     chosen = [0, 5, 10, 15, 20, 25, 31, 36, 41, 46, 51, 57]
     assert drawn["labels"] == [f"{index / 30:.2f} s" for index in chosen]
     for index, pose in zip(chosen, drawn["poses"], strict=True):
-        assert_allclose(pose, solved_pose(clip, index) + clip.root[index], atol=1e-5)
-    assert_array_equal(drawn["colors"][0], preview_colors(clip.rig.character))
-    roots, centers = clip.root[chosen], np.array([view.center for view in drawn["views"]])
+        assert_allclose(pose, solved_pose(clip, index) + clip.motion.root[index], atol=1e-5)
+    assert_array_equal(drawn["colors"][0], preview_colors(clip.motion.rig.character))
+    roots, centers = clip.motion.root[chosen], np.array([view.center for view in drawn["views"]])
     assert np.ptp(roots[:, 0]) > 0.1
     assert_allclose(centers - centers[0], roots - roots[0], atol=1e-6)
     assert {view.radius for view in drawn["views"]} == {drawn["views"][0].radius}
@@ -62,8 +62,8 @@ def test_a_clip_sheet_shows_twelve_frames_from_first_to_last_and_follows_the_roo
 def test_the_floor_of_a_character_with_limbs_is_where_it_stands_at_rest(clip_of, limbed_puppet, drawn, tmp_path):
     clip = clip_of(limbed_puppet)
     clip_sheet.draw(clip, tmp_path / "a.png", "title")
-    character = clip.rig.character
-    rest = (character.vertices @ clip.rig.puppet.character.basis.T)[:, 1].min()
+    character = clip.motion.rig.character
+    rest = (character.vertices @ clip.motion.rig.puppet.character.basis.T)[:, 1].min()
     assert [view.ground for view in drawn["views"]] == pytest.approx([rest] * 12)
     assert min(pose[:, 1].min() for pose in drawn["poses"]) != pytest.approx(rest)
 
@@ -85,7 +85,7 @@ def test_a_character_with_another_up_axis_is_shown_upright(clip_of, blob_file, w
     clip = clip_of(puppet)
     clip_sheet.draw(clip, tmp_path / "a.png", "title")
     left, up, front = drawn["poses"][0].T
-    assert_allclose(np.stack([left, -front, up], axis=1), solved_pose(clip, 0) + clip.root[0], atol=1e-5)
+    assert_allclose(np.stack([left, -front, up], axis=1), solved_pose(clip, 0) + clip.motion.root[0], atol=1e-5)
 
 
 def test_the_performer_is_seen_from_the_characters_side_and_mirrored_like_it(
@@ -104,7 +104,7 @@ def test_the_performer_is_seen_from_the_characters_side_and_mirrored_like_it(
     clip_sheet.draw(clip, tmp_path / "a.png", "title")
     clip_sheet.draw(clip_of(mirroring), tmp_path / "a.png", "title")
     plain, mirror = figures[:12], figures[12:]
-    recorded = clip.timeline.positions[57]
+    recorded = clip.positions[57]
     hips = recorded - recorded[JOINT_INDEX["hip_center"]]
     assert_allclose(plain[-1][0], hips * [-1, 1, -1], atol=1e-9)
     assert_allclose(mirror[-1][0], hips[OPPOSITE] * [1, 1, -1], atol=1e-9)

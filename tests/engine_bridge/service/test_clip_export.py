@@ -28,12 +28,12 @@ def test_the_frames_are_those_of_convert_bit_for_bit(written, take, blob_puppet)
     _, output = written
     rig = load_rig(blob_puppet)
     timeline, _ = load_timeline(take, Settings())
-    (solved,) = solve(rig, timeline, Settings(), 1000)
-    controls = to_file_units(solved.R, rig.model)
-    controls[..., 3] += solved.root[:, None]
+    solved = solve(rig, timeline, Settings())
+    controls = to_file_units(solved.R[:], rig.model)
+    controls[..., 3] += solved.root[:][:, None]
     _, _, *frames = read_clip(output.read_bytes())
     assert_array_equal([frame.body for frame in frames], controls)
-    assert_array_equal(np.float32([frame.header.root for frame in frames]), solved.root)
+    assert_array_equal(np.float32([frame.header.root for frame in frames]), solved.root[:])
     assert [frame.header.sequence for frame in frames] == list(range(len(frames)))
     assert {STATES[frame.header.state] for frame in frames} == {"performing"}
     assert_allclose([frame.header.time for frame in frames], timeline.times, rtol=0, atol=1e-12)

@@ -1,11 +1,13 @@
 """Editing the mapping from joints to handles while a performer drives the character."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.events import TICK_SECONDS
-from engine_bridge.performance.performance import Performance
+from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.puppet.puppet import RootTable, with_handle
 from engine_bridge.service.players.character_player import PlayerSettings
 from engine_bridge.service.stages.stage import PREPARATION_SECONDS
@@ -43,12 +45,12 @@ def test_the_character_eases_to_the_new_mapping_while_the_performer_continues(ma
     assert largest_step([*before[-1:], *after], blob_rig.mesh.diagonal) <= 1.2 * steady
     # once eased over, it is what the offline pipeline makes of the new puppet with the same calibration
     rest = player.remembered()[kung_fu[0].user][0].rest
-    performance = Performance(puppet, blob_rig.mesh, blob_rig.model, rest)
+    motion = CharacterMotion(replace(blob_rig, puppet=puppet), rest)
     eased = 0
     for event, frame in zip(kung_fu[150:], after, strict=True):
         if event.time < edited_at + PREPARATION_SECONDS:
             continue
-        aim = performance.retargeting.step(event)
+        aim = motion.performer.step(event)
         if event.time > edited_at + PREPARATION_SECONDS + 2 * TICK_SECONDS + EASE:
             assert_array_equal(frame.targets, aim.targets + aim.root)
             assert_array_equal(frame.root, aim.root)

@@ -177,7 +177,7 @@ def places_of(actor, frames):
     """Return where the vertices of a character are in each frame of the film, (F, n, 3), in metres."""
     binding = Binding(actor.rig.model, actor.rig.character.vertices, actor.rig.mesh.of_render)
     to_stage = [actor.to_stage(frame) for frame in range(frames)]
-    shown = [binding.vertices(to_file_units(actor.controls(frame), actor.rig.model)) for frame in range(frames)]
+    shown = [binding.vertices(to_file_units(actor.pose(frame).R, actor.rig.model)) for frame in range(frames)]
     return np.array([each @ to[:3] + to[3] for each, to in zip(shown, to_stage, strict=True)])
 
 

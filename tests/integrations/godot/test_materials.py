@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine_bridge.performance.performance import make_deformer
+from engine_bridge.performance.character_motion import make_deformer
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.service.protocol.quantisation import quantised
 from engine_bridge.service.protocol.scene import StreamedCharacter
@@ -31,7 +31,7 @@ def write_payloads(puppet, folder):
     rig = load_rig(puppet)
     character = StreamedCharacter("figure", rig, 1)
     (folder / "scene.bin").write_bytes(character.scene)
-    deformer, random = make_deformer(rig.puppet, rig.mesh, rig.model), np.random.default_rng(3)
+    deformer, random = make_deformer(rig), np.random.default_rng(3)
     pulled = deformer.handles + rig.mesh.diagonal * random.uniform(-0.15, 0.15, deformer.handles.shape)
     bones = deformer.bones
     rest = np.tile(np.eye(4, 3), (len(bones), 1, 1))

@@ -9,7 +9,7 @@ from capture.events import TICK_SECONDS, Cue, Lost
 from capture.pose import Pose
 from capture.sensor_tilt import SensorTilt
 from capture.smoothing import JointFilter
-from engine_bridge.performance.performance import Performance
+from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.service.players.character_player import PlayerSettings
 from engine_bridge.service.stages.stage import PREPARATION_SECONDS
 from puppetline.errors import ServiceError
@@ -22,17 +22,16 @@ LEVEL = PlayerSettings(tilt=0.0, height=0.0)
 
 
 @pytest.mark.parametrize("figure", ["blob_rig", "limbed_rig"])
-def test_once_calibrated_and_eased_in_a_performer_moves_what_convert_would(make_stage, request, kung_fu, figure):
+def test_frames_are_the_poses_of_a_motion_with_the_calibrations_at_their_times(make_stage, request, kung_fu, figure):
     """Limbs that follow directions can be calibrated before the performer has stood still for a second."""
     rig = request.getfixturevalue(figure)
     stage = make_stage(player_settings=LEVEL, rig=rig)
     [player], frames, begun = stage.players, [], []
     for event in with_beginnings(stage, kung_fu):
         frames += stage.step(event, 0)
-        if player.calibration is not None and all(player.calibration is not each for each, _ in begun):
-            begun.append((player.calibration, len(frames)))
-    calibration, first = begun[-1]
-    since = [frames[number].time - kung_fu[0].time for _, number in begun]
+        if player.calibration is not None and all(player.calibration is not each for each, *_ in begun):
+            begun.append((player.calibration, len(frames), event.time))
+    since = [frames[number].time - kung_fu[0].time for _, number, _ in begun]
     if rig.puppet.limbs:
         passing, still = since
         assert passing <= 0.4 + PREPARATION_SECONDS + 3 * TICK_SECONDS
@@ -42,15 +41,17 @@ def test_once_calibrated_and_eased_in_a_performer_moves_what_convert_would(make_
         assert 0.9 + PREPARATION_SECONDS <= still <= 1.4
     states = [state for state, _ in itertools.groupby(frame.state for frame in frames)]
     assert states == ["calibrating", "performing"]
-    # frame by frame; only the deformation's warm start differs
-    performance = Performance(rig.puppet, rig.mesh, rig.model, calibration.rest)
-    for event, frame in zip(kung_fu[first:], frames[first:], strict=True):
-        aim = performance.retargeting.step(event)
-        if frame.time >= frames[first].time + EASE:
-            assert_array_equal(frame.targets, aim.targets + aim.root)
-            assert_array_equal(frame.root, aim.root)
-            assert_array_equal(frame.joints, performance.retargeting.joints)
-            assert_array_equal(frame.motions, aim.motions)
+    motion = CharacterMotion(rig)
+    for number, (event, frame) in enumerate(zip(kung_fu, frames, strict=True)):
+        for calibration, first, time in begun:
+            if number == first:
+                motion.follow(time, motion.retargeting(calibration.rest))
+        pose = motion.step(event)
+        assert_array_equal(frame.R, pose.R)
+        assert_array_equal(frame.controls, pose.controls)
+        assert_array_equal(frame.targets, pose.targets + pose.root)
+        assert_array_equal(frame.motions, pose.bones)
+    assert_array_equal(frame.joints, motion.performer.joints)
 
 
 def largest_turn(frames):
@@ -140,7 +141,7 @@ def test_a_user_that_flickers_keeps_the_calibration(make_stage, kung_fu, moved):
 def test_a_calibration_that_fails_is_told_and_the_next_one_counts(make_stage, kung_fu, monkeypatch):
     stage = make_stage(player_settings=PlayerSettings(calibrate="at_once"))
     [player] = stage.players
-    retarget, calls = player._retarget, []
+    retarget, calls = player.motion.retargeting, []
 
     def stumbling(*arguments):
         calls.append(1)
@@ -148,7 +149,7 @@ def test_a_calibration_that_fails_is_told_and_the_next_one_counts(make_stage, ku
             raise FloatingPointError("no body")
         return retarget(*arguments)
 
-    monkeypatch.setattr(player, "_retarget", stumbling)
+    monkeypatch.setattr(player.motion, "retargeting", stumbling)
     told = []
     for event in with_beginnings(stage, kung_fu[:100]):
         try:

@@ -188,7 +188,7 @@ def test_characters_loaded_anew_go_on_as_if_nothing_had_been(make_stage, make_pl
     after = play(stage, rest[5:])["dog"]
     assert after[0].sequence == before[-1].sequence + 1
     assert after[0].user == before[-1].user
-    assert stage.players[0].mirror
+    assert stage.players[0].motion.mirror
     assert after[-1].state == ("performing" if state == "performing" else "waiting")
     assert largest_step([*before, *after], blob_rig.mesh.diagonal) <= 1.2 * steady
 
@@ -261,10 +261,10 @@ def test_a_take_is_converted_as_it_was_streamed(
     def convert_take(settings):
         """Return the largest distance of controls and root to the stream's once eased, in diagonals, and the notes."""
         clip, summary = convert(tmp_path / "take.log", blob_puppet, tmp_path / "out.glb", settings)
-        assert len(clip.frames) == len(streamed) > 60
+        assert len(clip.motion) == len(streamed) > 60
         begun = 90 if cut == 0 else 30
-        moved = [np.abs(a - b.R).max() for a, b in zip(clip.frames[:], streamed, strict=True)]
-        travelled = [np.abs(a - b.root).max() for a, b in zip(clip.root, streamed, strict=True)]
+        moved = [np.abs(a - b.R).max() for a, b in zip(clip.motion.R[:], streamed, strict=True)]
+        travelled = [np.abs(a - b.root).max() for a, b in zip(clip.motion.root, streamed, strict=True)]
         return max(*moved[begun:], *travelled[begun:]) / blob_rig.model.diagonal, " ".join(summary.notes)
 
     distance, notes = convert_take(Settings())

@@ -126,7 +126,7 @@ def test_after_a_command_a_take_plays_like_any_other_recording(open_stage, calib
     run_to(runner, 60)
     assert player.calibration is None  # no performer stood still for a second since
     run_to(runner, 80)  # the second pass
-    assert player.mirror
+    assert player.motion.mirror
 
 
 def test_a_take_with_a_damaged_beginning_plays_like_any_other_recording(open_stage, tmp_path, caplog, calibration):

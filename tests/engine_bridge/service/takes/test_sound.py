@@ -93,8 +93,8 @@ def test_a_take_with_sound_replays_bit_for_bit_and_has_the_sound_on_its_clock(
     track = TakeTrack(make_player("dog", rig=load_rig(talking_puppet)), path)
     assert len(track.times) == len(frames)
     for number, frame in enumerate(frames):
-        shown, (_, R) = track.frame(number)
-        assert np.array_equal(R, frame.R)
+        shown, (_, pose) = track.frame(number)
+        assert np.array_equal(pose.R, frame.R)
         assert shown.channels == frame.channels
     samples, rate = read_wav(path.with_suffix(".wav"))
     (cue,) = [event for event in puppetline_log.events(path) if getattr(event, "do", "") == "sound"]

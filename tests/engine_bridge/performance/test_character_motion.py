@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -5,7 +7,7 @@ from numpy.testing import assert_allclose
 from capture import body
 from capture.skeleton import JOINT_INDEX
 from engine_bridge.character.character import make_character
-from engine_bridge.performance.performance import Performance
+from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.rig import make_rig
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.puppet import CharacterTable, RetargetTable, RootTable
@@ -39,8 +41,8 @@ def rig(rig_of, puppet):
 
 def play(rig, puppet, frames, rest):
     """Return (T, n, 3) vertices without the root's motion, and (T, 3) the root's."""
-    performance = Performance(puppet, rig.mesh, rig.model, rest)
-    poses = [performance.step(frame) for frame in frames]
+    motion = CharacterMotion(replace(rig, puppet=puppet), rest)
+    poses = [motion.step(frame) for frame in frames]
     return solved_places(rig, np.array([pose.R for pose in poses])), np.array([pose.root for pose in poses])
 
 
@@ -62,9 +64,9 @@ def test_handles_take_the_mean_of_their_joints_their_axes_and_their_gain(rig, pu
     takes[1, JOINT_INDEX["hand_right"]] += [0, 0.2, 0]
     takes[1, JOINT_INDEX["wrist_right"]] += [0.1, 0, 0]
     takes[1, JOINT_INDEX["head"]] += [0.1, 0.3, -0.2]
-    performance = Performance(numeric, rig.mesh, rig.model, standing)
-    handles = performance.deformer.handles
-    pose = [performance.step(frame) for frame in frames(takes)][-1]
+    motion = CharacterMotion(replace(rig, puppet=numeric), standing)
+    handles = motion.deformer.handles
+    pose = [motion.step(frame) for frame in frames(takes)][-1]
     there = rig.model.rows(rig.mesh, handles) @ pose.R * rig.model.diagonal + rig.model.center
     moved = np.zeros_like(handles)
     moved[1] = [-0.05, 0.1, 0]

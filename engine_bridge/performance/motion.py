@@ -1,0 +1,104 @@
+"""Motion of a character over time, as poses at an even rate: of takes, clips, cross-fades and idle recordings."""
+
+from collections.abc import Sequence
+from typing import Generic
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.performance.frame_store import FrameStore
+from engine_bridge.performance.pose import P, Pose, between
+from engine_bridge.performance.rig import Rig
+
+
+class Motion(Generic[P]):
+    """Poses of a character at an even rate, from second 0 on.
+
+    Parameters
+    ----------
+    rig : Rig
+    fps : float
+    poses : sequence of TargetPose or Pose
+    loops : bool, optional
+        Whether the first pose follows the last one again, for ever; otherwise the ends hold.
+
+    Attributes
+    ----------
+    rig, fps
+    """
+
+    def __init__(self, rig: Rig, fps: float, poses: Sequence[P] = (), *, loops: bool = False) -> None:
+        self.rig, self.fps = rig, fps
+        self._poses, self._loops = poses, loops
+
+    def __len__(self) -> int:
+        """Return the number of poses."""
+        return len(self._poses)
+
+    def __getitem__(self, number: int) -> P:
+        """Return one of the poses."""
+        return self._poses[number]
+
+    def at(self, seconds: float) -> P:
+        """Return the pose at a time, between the two nearest ones."""
+        count, place = len(self), seconds * self.fps
+        place = place % count if self._loops else min(max(place, 0.0), count - 1.0)
+        before = int(place)
+        start, end = (self[number % count] for number in (before, before + 1))
+        return between(self.rig.model.bones, start, end, place - before)
+
+
+class SolvedMotion(Motion[Pose]):
+    """Solved poses of a character at an even rate, which are kept in temporary files if they are many.
+
+    Attributes
+    ----------
+    R, targets, bones, root : FrameStore
+        (F, 4m, 3), (F, h, 3), (F, b, 4, 3) and (F, 3) float32, see `Pose`.
+    """
+
+    def __init__(self, rig: Rig, fps: float) -> None:
+        super().__init__(rig, fps)
+        self.R = FrameStore(rig.model.rest_controls.shape)
+        self.targets = FrameStore((len(rig.puppet.handle), 3))
+        self.bones = FrameStore((len(rig.model.bones), 4, 3))
+        self.root = FrameStore((3,))
+        self._channels: list[dict[str, float]] = []
+
+    def __len__(self) -> int:
+        """Return the number of poses."""
+        return len(self.R)
+
+    def __getitem__(self, number: int) -> Pose:
+        """Return one of the poses."""
+        return Pose(
+            self.targets[number],
+            self.bones[number],
+            self.root[number],
+            self.R[number],
+            self.rig.model,
+            self._channels[number],
+        )
+
+    def append(self, pose: Pose) -> None:
+        """Add the next pose.
+
+        Raises
+        ------
+        OutputError
+            No space is left for temporary files.
+        """
+        for name in ("R", "targets", "bones", "root"):
+            getattr(self, name).append(getattr(pose, name)[None])
+        self._channels.append(dict(pose.channels or {}))
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Times (F,) of the poses in seconds."""
+        return np.arange(len(self)) / self.fps
+
+    @property
+    def channels(self) -> dict[str, NDArray[np.float32]]:
+        """Values (F,) of each channel, 0 where it has none."""
+        names = {name: None for values in self._channels for name in values}
+        return {name: np.array([each.get(name, 0.0) for each in self._channels], np.float32) for name in names}

@@ -1,16 +1,16 @@
-"""Make the gallery: a short looping video, a .glb and a page with a viewer for each character, and a page of all.
+"""Make the gallery: a short looping video, a .glb and a page with a player for each character, and a page of all.
 
 python docs/site/gallery.py out/gallery [--data FOLDER] [--only NAME…] [--images]
 
 The example characters are always there; `--data` adds freely licensed models, where the folder has them. `--images`
 also writes the animated images of the example characters to docs/images/gallery, each beside its performer. The pages
-need no network. They need node and the packages that `make studio` installs.
+need no network. They need what `make studio` builds.
 """
 
 import argparse
 import base64
 import html
-import subprocess
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -195,22 +195,15 @@ def frames_of(video: Path) -> Iterator[NDArray[np.uint8]]:
 
 
 def write_pages(models: list[Model], folder: Path) -> None:
-    """Write the viewer, a page for each model, and the page of all."""
-    subprocess.run(  # noqa: S603
-        [
-            *(PAGE / "node_modules" / "esbuild" / "bin" / "esbuild", Path(__file__).with_name("viewer.js")),
-            *("--bundle", "--minify", "--format=iife", "--target=es2022", f"--outfile={folder / 'viewer.js'}"),
-        ],
-        check=True,
-        env={"NODE_PATH": str(PAGE / "node_modules"), "PATH": "/usr/local/bin:/usr/bin:/bin"},
-    )
+    """Write the player, a page for each model, and the page of all."""
+    shutil.copy(PAGE / "dist" / "player.js", folder)
     template = Path(__file__).with_name("gallery.html").read_text(encoding="utf-8")
     for model in models:
         file = base64.b64encode((folder / f"{model.name}.animated.glb").read_bytes()).decode()
         links = f'<a href="index.html">All</a> · <a href="{model.name}.animated.glb" download>Save the .glb</a>'
         body = (
             f'<p>{links} · {credit(model)}</p><canvas aria-label="{model.name}, animated; drag to turn it"></canvas>'
-            f'<script type="text/plain" id="glb">{file}</script><script src="viewer.js"></script>'
+            f'<script type="text/plain" id="glb">{file}</script><script src="player.js"></script>'
         )
         (folder / f"{model.name}.html").write_text(filled(template, model.name.capitalize(), body), encoding="utf-8")
     items = "".join(

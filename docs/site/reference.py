@@ -17,6 +17,13 @@ from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.service.loading.service_file import ServiceFile
 
 MODULES = {
+    "Programs and notebooks": (
+        "puppetline.recordings",
+        "puppetline.characters",
+        "puppetline.player",
+        "engine_bridge.performance.character_motion",
+        "engine_bridge.client.client",
+    ),
     "Skeletons": (
         "capture.skeleton",
         "capture.formats",

@@ -16,14 +16,12 @@ import numpy as np
 import zmq
 from zmq.utils.monitor import recv_monitor_message
 
+from engine_bridge.client.connection import ADDRESS, subscriber, with_scheme
 from engine_bridge.service.protocol.header import FRAME_KINDS, NAME, Kind, WireError, subscription
 from engine_bridge.service.protocol.payloads import Morphs, Received, decode
-from engine_bridge.service.security.endpoints import keep_alive
 from engine_bridge.service.states import STATES
 from puppetline import clock
 from puppetline.errors import ServiceError
-
-ADDRESS = "tcp://127.0.0.1:7400"
 
 SPARSE_TOPICS = ("/joints", "/performer", "/channels")
 """Ends of the topics whose sequence numbers have gaps although nothing is lost."""
@@ -36,9 +34,6 @@ MAX_LATENCIES = 100_000
 
 MAX_CHARACTERS = 256
 """Maximum number of characters followed when none are named."""
-
-MAX_MESSAGE_BYTES = 1 << 30
-"""Maximum size of a message; the connection to a sender of a larger one is closed."""
 
 REFUSALS = zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
 """Events of a connection that the service refuses. They differ by what this client has read before the connection was
@@ -149,11 +144,11 @@ def listen(
         if not NAME.fullmatch(name):
             fix = "Omit the option to follow all characters."
             raise ServiceError("--character", found=repr(name), expected="a character's name", fix=fix)
-    address = address if "://" in address else f"tcp://{address}"
+    address = with_scheme(address)
     listener = _Listener(address, tuple(kinds))
     context = zmq.Context[zmq.Socket[bytes]]()
     try:
-        socket = _connected(context, address, token)
+        socket = subscriber(context, address, token)
         silence = _Silence(address, socket, notice)
         listener.follow(socket, characters)
         end = clock.now() + (math.inf if seconds is None else seconds)
@@ -207,27 +202,6 @@ class _Silence:
             expected="a running service",
             fix="Start one with puppetline serve, or check the address.",
         )
-
-
-def _connected(context: "zmq.Context[zmq.Socket[bytes]]", address: str, token: str | None) -> "zmq.Socket[bytes]":
-    socket = context.socket(zmq.SUB)
-    socket.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES)
-    socket.setsockopt(zmq.RECONNECT_IVL, 100)
-    socket.setsockopt(zmq.RECONNECT_IVL_MAX, 1000)
-    keep_alive(socket)
-    if token is not None:
-        socket.setsockopt_string(zmq.PLAIN_USERNAME, "puppetline")
-        socket.setsockopt_string(zmq.PLAIN_PASSWORD, token)
-    try:
-        socket.connect(address)
-    except zmq.ZMQError as error:
-        raise ServiceError(
-            address,
-            found=f"an invalid address ({error.strerror})",
-            expected=f"an address such as {ADDRESS}",
-            fix="Correct the address.",
-        ) from error
-    return socket
 
 
 @dataclass

@@ -4,7 +4,6 @@ Each property is computed when it is first used, and once.
 """
 
 from collections.abc import Mapping
-from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -99,13 +98,7 @@ class Frame:
     @cached_property
     def vertices_and_normals(self) -> NDArray[np.float32]:
         """(2, n, 3) float32: positions, mesh file's coordinates, and unit normals."""
-        binding = self.character.binding
-        both = np.empty((2, *binding.rest.shape), dtype=np.float32)
-        if self.targets_moved.any():
-            binding = copy(binding)
-            binding.rest = binding.rest + np.tensordot(self.targets_moved, self.character.displacements, 1)
-        binding.vertices_and_normals(self.controls, both[0], both[1])
-        return both
+        return self.character.vertices_and_normals(self.controls, self.targets_moved)
 
     @cached_property
     def morphs(self) -> "Projection | None":

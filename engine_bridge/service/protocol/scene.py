@@ -29,6 +29,7 @@ from engine_bridge.rigging.skeleton import Skeleton, from_t_pose
 from engine_bridge.service.protocol.header import WireError, read_json, write_json
 from engine_bridge.service.protocol.quantisation import quantised
 from solver.model.binding import ShadedBinding
+from solver.model.reduced_model import Controls
 from solver.motion import quaternions as quat
 from solver.motion.deformer import to_file_units
 from solver.motion.handle_motion import HandleMotions
@@ -93,6 +94,27 @@ class StreamedCharacter:
     def binding(self) -> ShadedBinding:
         """The binding that turns controls into positions and normals."""
         return ShadedBinding(self.rig.model, self.rest, self.rig.mesh.of_render, self.normals, self.triangles)
+
+    def vertices_and_normals(self, controls: Controls, weights: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the positions, mesh file's coordinates, and the unit normals of a pose.
+
+        Parameters
+        ----------
+        controls : (m, 3, 4) float32
+        weights : (k,) float32
+            Of the mesh's own morph targets that channels move, in the order of `Puppet.targets`.
+
+        Returns
+        -------
+        (2, n, 3) float32
+        """
+        binding = self.binding
+        both = np.empty((2, *binding.rest.shape), dtype=np.float32)
+        if weights.any():
+            binding = copy(binding)
+            binding.rest = binding.rest + np.tensordot(weights, self.displacements, 1)
+        binding.vertices_and_normals(controls, both[0], both[1])
+        return both
 
     @cached_property
     def humanoid(self) -> Skeleton | None:

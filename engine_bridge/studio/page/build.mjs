@@ -1,21 +1,21 @@
-// Builds the page into dist/: one script, one style sheet, one document, all from this folder and integrations/web.
+// Builds the page into dist/: one script, one style sheet, one document, all from this folder and integrations/web; and the
+// player of a .glb, which documents contain.
 import { build } from "esbuild";
 import { copyFile, cp, mkdir, rm } from "node:fs/promises";
 
 const root = new URL(".", import.meta.url).pathname;
 await rm(`${root}dist`, { recursive: true, force: true });
 await mkdir(`${root}dist/assets`, { recursive: true });
-await build({
-  entryPoints: [`${root}src/start.ts`],
-  outfile: `${root}dist/assets/studio.js`,
+const options = {
   bundle: true,
-  format: "esm",
   target: "es2022",
   minify: true,
   legalComments: "eof",
   nodePaths: [`${root}node_modules`], // integrations/web imports three from here
   logLevel: "warning",
-});
+};
+await build({ ...options, entryPoints: [`${root}src/start.ts`], outfile: `${root}dist/assets/studio.js`, format: "esm" });
+await build({ ...options, entryPoints: [`${root}src/player.ts`], outfile: `${root}dist/player.js`, format: "iife" });
 await build({ entryPoints: [`${root}style.css`], outfile: `${root}dist/assets/style.css`, bundle: true, minify: true });
 await cp(`${root}pictures`, `${root}dist/assets`, { recursive: true });
 await copyFile(`${root}index.html`, `${root}dist/index.html`);

@@ -1,12 +1,24 @@
-// Plays the .glb that a page of the gallery holds, so that it works from disk.
+/** Plays the .glb that its document holds: a page of the gallery on disk, or a cell of a notebook. */
+
 import {
-  AmbientLight, AnimationMixer, Box3, Color, DirectionalLight, PerspectiveCamera, Scene, Timer, Vector3, WebGLRenderer,
+  AmbientLight,
+  AnimationMixer,
+  Box3,
+  Color,
+  DirectionalLight,
+  PerspectiveCamera,
+  Scene,
+  Timer,
+  Vector3,
+  WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 
 const canvas = document.querySelector("canvas");
-const bytes = Uint8Array.from(atob(document.getElementById("glb").textContent), (letter) => letter.charCodeAt(0));
+if (canvas === null) throw new Error("no canvas");
+const text = document.getElementById("glb")?.textContent ?? "";
+const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
 
 new GLTFLoader().parse(bytes.buffer, "", ({ scene: character, animations }) => {
   const scene = new Scene().add(character, new AmbientLight(0xffffff, 1.4));
@@ -20,10 +32,11 @@ new GLTFLoader().parse(bytes.buffer, "", ({ scene: character, animations }) => {
   const camera = new PerspectiveCamera(35, 1, size / 100, size * 20);
   const controls = new OrbitControls(camera, canvas);
   box.getCenter(controls.target);
-  camera.position.copy(controls.target).add(new Vector3(0.75, 0.4, 1.65).multiplyScalar(size));
+  camera.position.copy(controls.target).add(new Vector3(0.9, 0.45, 2).multiplyScalar(size));
 
   const mixer = new AnimationMixer(character);
-  mixer.clipAction(animations.at(-1)).play();
+  const animation = animations.at(-1);
+  if (animation !== undefined) mixer.clipAction(animation).play();
   const renderer = new WebGLRenderer({ canvas, antialias: true });
   const timer = new Timer();
   renderer.setAnimationLoop(() => {

@@ -1,0 +1,40 @@
+import numpy as np
+import pytest
+
+import puppetline as pl
+from capture.skeleton import JOINT_INDEX
+
+
+def test_a_recording_has_the_frames_of_its_file_and_its_rest_pose(take, dance, frames):
+    recording = pl.load_recording(str(take))
+    got = list(recording.frames(fps=30))
+    np.testing.assert_allclose([frame.positions for frame in got], dance(), atol=1e-4)
+    assert [frame.time for frame in got] == pytest.approx([frame.time for frame in frames(dance())])
+    assert (recording.path, recording.users, recording.user) == (take, (1,), 1)
+    assert recording.seconds == pytest.approx(57 / 30)
+    np.testing.assert_allclose(recording.rest_pose, np.median(dance()[:15], axis=0), atol=1e-4)
+    assert repr(recording) == "<puppetline.Recording dance.log: 1.9 s, Puppetline's own recordings>"
+
+
+def test_one_of_several_performers_is_chosen(record_events, frames, dance, tmp_path):
+    moving = frames(dance())
+    gone = [frame for frame in frames(np.add(dance(), [1, 0, 0])) if frame.time < 1]
+    both = sorted(
+        [*moving, *(type(each)(each.time, 2, each.positions, each.confidence) for each in gone)],
+        key=lambda each: each.time,
+    )
+    path = record_events(tmp_path / "two.log", both)
+    assert (pl.load_recording(path).user, pl.load_recording(path).users) == (1, (1, 2))
+    second = next(pl.load_recording(path, user=2).frames())
+    np.testing.assert_allclose(second.positions, gone[0].positions, atol=1e-4)
+    with pytest.raises(pl.PuppetlineError) as error:
+        pl.load_recording(path, user=3)
+    assert error.value.found == "no user 3"
+
+
+def test_a_source_yields_all_frames_of_a_recording_and_ends_with_it(take, dance, given_clock):
+    with pl.open_source(f"replay:{take}") as source:
+        heads = [frame.positions[JOINT_INDEX["head"]] for frame in source]
+    np.testing.assert_allclose(heads, dance()[:, JOINT_INDEX["head"]], atol=1e-4)
+    with pytest.raises(pl.PuppetlineError):
+        pl.open_source("carrier:pigeon")

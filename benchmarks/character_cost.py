@@ -4,31 +4,24 @@ Everything is measured on one thread, in separate processes (`benchmarks.charact
 that other load on the machine affects all measurements.
 """
 
-import json
-import os
-import platform
 import subprocess
 import sys
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
-from importlib.metadata import version
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 import igl
-import numpy as np
 
-from benchmarks.character_cost_process import LOG, WARM_UP
+from benchmarks.character_cost_process import WARM_UP
 from capture.recording import Recorder
 from capture.skeleton import SkeletonFrame
 from engine_bridge.character.character import make_character
-from engine_bridge.cli import benchmark
-from engine_bridge.cli.benchmark import CACHE_VARIABLES, THREAD_VARIABLES, number
 from engine_bridge.cli.progress import Reporter
-from puppetline.errors import PuppetlineError
-from puppetline.interrupts import OWN_GROUP
+from engine_bridge.inspection import benchmark
+from engine_bridge.inspection.benchmark import LOG
 
 TIMED_FRAMES = 10_000
 """Number of frames that are timed individually."""
@@ -39,25 +32,13 @@ CONVERTED_FRAMES = 1800
 PROCESSES = 3
 """Number of processes per measurement; the result is their median."""
 
-ONE_THREAD = dict.fromkeys(THREAD_VARIABLES, "1")
-"""Environment variables that limit each library to one thread."""
-
 FIGURES: dict[str, tuple[str, str]] = {
-    "solve_ms": ("ms", "a frame, controls only: filter, retarget, 4 iterations"),
-    "solve_p99_ms": ("ms", "… slowest of 100 such frames"),
-    "vertices_ms": ("ms", "positions and normals of a frame"),
-    "frame_ms": ("ms", "a frame, controls and vertices"),
-    "p99_ms": ("ms", "… slowest of 100 such frames"),
-    "precompute_s": ("s", "a character's first start: welding and the reduced model"),
-    "precompute_peak_mb": ("MB", "… peak memory of that process"),
-    "cached_load_ms": ("ms", "its second start, from the cache, after imports"),
-    "first_load_ms": ("ms", "… including the first load of compiled code"),
+    **{name: of for name, of in benchmark.FIGURES.items() if name != "memory_mb"},
+    "precompute_peak_mb": ("MB", "peak memory of a character's first start"),
+    "first_load_ms": ("ms", "a character's second start, including the first load of compiled code"),
     "character_mb": ("MB", "memory of a running character, without interpreter and libraries"),
-    "convert_s": ("s", "conversion of a one-minute recording to a .glb"),
-    "convert_fps": ("1/s", "… frames per second"),
-    "peak_mb": ("MB", "… peak memory of that process"),
+    "peak_mb": ("MB", "peak memory of the conversion"),
     "startup_ms": ("ms", "puppetline --help"),
-    "arap_iteration_ms": ("ms", "for comparison: an iteration of libigl's full-resolution ARAP"),
     "memcpy_ms": ("ms", "for comparison: a copy of all bytes that a frame uses"),
     "constant_ms": ("ms", "for comparison: a constant loop in Python"),
     "constant_p99_ms": ("ms", "… slowest of 100 such loops: noise of the machine"),
@@ -65,9 +46,7 @@ FIGURES: dict[str, tuple[str, str]] = {
 """Units and meanings of the measured values by name. A value is None if it cannot be measured."""
 
 RATIOS: dict[str, tuple[str, str, str]] = {
-    "arap_to_solve": ("arap_iteration_ms", "solve_ms", "ARAP iteration / controls"),
-    "arap_to_vertices": ("arap_iteration_ms", "vertices_ms", "ARAP iteration / vertices"),
-    "arap_to_frame": ("arap_iteration_ms", "frame_ms", "ARAP iteration / frame"),
+    **benchmark.RATIOS,
     "vertices_to_memcpy": ("vertices_ms", "memcpy_ms", "vertices / copy"),
     "p99_to_solve": ("solve_p99_ms", "solve_ms", "99th percentile / median, controls"),
     "p99_to_frame": ("p99_ms", "frame_ms", "99th percentile / median, frame"),
@@ -75,36 +54,8 @@ RATIOS: dict[str, tuple[str, str, str]] = {
 }
 """Numerators, denominators and meanings of ratios of measured values by name."""
 
-
-@dataclass(frozen=True)
-class Report:
-    """Result of all measurements.
-
-    Attributes
-    ----------
-    machine : dict
-        Processor, system and versions.
-    character : dict
-        Name and size of the character.
-    figures : dict of float or None
-        Medians, by the names of `FIGURES`.
-    ratios : dict of float or None
-        By the names of `RATIOS`.
-    """
-
-    machine: dict[str, Any]
-    character: dict[str, Any]
-    figures: dict[str, float | None]
-    ratios: dict[str, float | None]
-
-
-def ratios(figures: dict[str, float | None]) -> dict[str, float | None]:
-    """Return ratios by the names of `RATIOS`; None where a value is missing."""
-    return {name: _quotient(figures[a], figures[b]) for name, (a, b, _) in RATIOS.items()}
-
-
-def _quotient(a: float | None, b: float | None) -> float | None:
-    return None if a is None or b is None else a / b
+in_process = partial(benchmark.in_process, module="benchmarks.character_cost_process")
+"""`benchmark.in_process` for these measurements."""
 
 
 def prepare(folder: Path, mesh: Path | None, frames: int) -> dict[str, Any]:
@@ -139,8 +90,14 @@ def measure(
     rounds: int,
     *,
     progress: Reporter = lambda _stage, _share: None,
-) -> Report:
-    """Measure all values for a folder from `prepare`, with `rounds` processes per measurement."""
+) -> dict[str, Any]:
+    """Measure all values for a folder from `prepare`, with `rounds` processes per measurement.
+
+    Returns
+    -------
+    dict
+        As of `benchmark.bench`, for `benchmark.describe`.
+    """
     figures = in_process(folder, "frames", frames)
     results: list[dict[str, float | None]] = []
     for done in range(rounds):
@@ -151,35 +108,10 @@ def measure(
         values = [result[name] for result in results if name in result]
         known = [value for value in values if value is not None]
         figures[name] = median(known) if known else None
-    figures["convert_fps"] = _quotient(figures["convert_frames"], figures["convert_s"])
-    character = {**character, "handles": figures["handles"], "frames": figures["frames"]}
+    figures["convert_fps"] = benchmark.quotient(figures["convert_frames"], figures["convert_s"])
     figures = {name: figures.get(name) for name in FIGURES}
-    return Report(machine(), character, figures, ratios(figures))
-
-
-def in_process(
-    folder: Path, measurement: str, *count: int, module: str = "benchmarks.character_cost_process"
-) -> dict[str, Any]:
-    """Run a measurement in a separate process with one thread and a cache in the folder, and return its result.
-
-    Raises
-    ------
-    PuppetlineError
-        The error of the other process.
-    """
-    command = [sys.executable, "-m", module, measurement, str(folder), *map(str, count)]
-    done = subprocess.run(
-        command,
-        stdout=subprocess.PIPE,
-        text=True,
-        check=True,
-        env=os.environ | ONE_THREAD | dict.fromkeys(CACHE_VARIABLES, str(folder.resolve() / "cache")),
-        **OWN_GROUP,  # Ctrl-C stops only this process, which then stops the other
-    )
-    result: dict[str, Any] = json.loads(done.stdout)
-    if "error" in result:
-        raise PuppetlineError(**result["error"])
-    return result
+    ratios = benchmark.ratios(figures, RATIOS)
+    return {"machine": benchmark.machine(), "character": character, "figures": figures, "ratios": ratios}
 
 
 def startup_ms() -> float:
@@ -187,46 +119,3 @@ def startup_ms() -> float:
     start = time.perf_counter()
     subprocess.run([sys.executable, "-m", "puppetline", "--help"], stdout=subprocess.DEVNULL, check=True)
     return 1000 * (time.perf_counter() - start)
-
-
-def machine() -> dict[str, Any]:
-    """Describe this machine and the versions of the libraries that affect speed."""
-    blas = np.show_config(mode="dicts")["Build Dependencies"]["blas"]
-    return {
-        "processor": _processor(),
-        "cores": os.cpu_count(),
-        "system": platform.platform(),
-        "python": platform.python_version(),
-        **{name: version(name) for name in ("puppetline", "numpy", "scipy", "numba", "libigl")},
-        "blas": f"{blas['name']} {blas['version']}",
-        "threads": 1,
-    }
-
-
-def _processor() -> str:
-    if sys.platform == "linux":
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-        if named:
-            return named[0]
-    if sys.platform == "darwin":
-        command = ["/usr/sbin/sysctl", "-n", "machdep.cpu.brand_string"]
-        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
-    return platform.processor() or platform.machine()
-
-
-def describe(report: Report) -> str:
-    """Return a report as text: the character and the machine, then one value per line, then ratios."""
-    character, system = report.character, report.machine
-    figures = [(name, report.figures[name], *of) for name, of in FIGURES.items()]
-    ratios = [(name, report.ratios[name], "×", meaning) for name, (_, _, meaning) in RATIOS.items()]
-    heading = [
-        f"{character['name']}: {character['vertices']:,} vertices, {character['triangles']:,} triangles, "
-        f"{character['handles']} handles; medians, {character['frames']:,} frames",
-        f"{system['processor']}, {system['cores']} cores, of which one is used; {system['system']}; "
-        f"Python {system['python']}, NumPy {system['numpy']} ({system['blas']}), Numba {system['numba']}, "
-        f"libigl {system['libigl']}",
-        "",
-    ]
-    values = [f"{name:20}{number(value):>8} {unit:4} {meaning}" for name, value, unit, meaning in figures + ratios]
-    return "\n".join(heading + values)

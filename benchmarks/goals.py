@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import character_cost
-from benchmarks.character_cost import in_process, number
+from benchmarks.character_cost import in_process
 from benchmarks.processes import MODULE
-from engine_bridge.cli import benchmark
+from engine_bridge.inspection import benchmark
+from engine_bridge.inspection.benchmark import number
 
 LONG, SHORT = character_cost.CONVERTED_FRAMES, 180
 """Numbers of frames of two recordings whose conversion is compared."""
@@ -59,7 +60,7 @@ def table(folder: Path, character: dict[str, Any], points: list[dict[str, Any]])
     short = in_process(folder, "convert")
     character_cost.write_log(folder, islice(benchmark.performance(), LONG))
 
-    text = character_cost.describe(report).splitlines()
+    text = benchmark.describe(report, character_cost.FIGURES, character_cost.RATIOS).splitlines()
     yield from (*text[:2], "", "| what | goal | measured | |", "| --- | --- | --- | --- |")
     yield from (goal.line() for goal in _goals(report, avx2, short["peak_mb"], points))
     yield from ("", "These are all values of the run:", "", "```text", *text[3:])
@@ -71,9 +72,9 @@ def table(folder: Path, character: dict[str, Any], points: list[dict[str, Any]])
 
 
 def _goals(
-    report: character_cost.Report, avx2: dict[str, Any], short_mb: float | None, points: list[dict[str, Any]]
+    report: dict[str, Any], avx2: dict[str, Any], short_mb: float | None, points: list[dict[str, Any]]
 ) -> list[Goal]:
-    figures, ratios = report.figures, report.ratios
+    figures, ratios = report["figures"], report["ratios"]
     solve = [point["solve_ms"] for point in points]
     each = [point["vertices_ms"] / point["vertices"] for point in points]
     largest = points[-1]

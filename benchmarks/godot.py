@@ -23,9 +23,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks import character_cost
-from benchmarks.character_cost import number
-from benchmarks.character_cost_process import CHARACTER, LOG
 from benchmarks.own_cache import own_cache
+from engine_bridge.inspection.benchmark import CHARACTER, LOG, number
 from engine_bridge.performance.rig import load_rig
 
 ADDON = Path(__file__).parents[1] / "integrations" / "godot" / "addons" / "puppetline"

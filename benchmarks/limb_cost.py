@@ -12,9 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.character_cost_process import Work, interleaved
 from engine_bridge.character.character import load_character
-from engine_bridge.cli.benchmark import arap_iteration
+from engine_bridge.inspection.character_cost import Work, arap_iteration, interleaved
 from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.clip import load_timeline, resting_pose
 from engine_bridge.performance.rig import load_rig

@@ -19,9 +19,10 @@ from statistics import median
 from typing import Any
 
 from benchmarks import character_cost, live_numbers, live_soak
-from benchmarks.character_cost_process import CHARACTER, WARM_UP
+from benchmarks.character_cost_process import WARM_UP
 from benchmarks.goals import Goal
 from benchmarks.own_cache import own_cache
+from engine_bridge.inspection.benchmark import CHARACTER, machine
 
 PARTS = ("latency", "people", "crowd", "recovery", "soak")
 
@@ -77,7 +78,7 @@ def measure(
     found: dict[str, Any] = {"load": {}}
     if keep is not None and keep.exists():
         found = json.loads(keep.read_text(encoding="utf-8"))
-    found |= {"character": character, "machine": character_cost.machine()}
+    found |= {"character": character, "machine": machine()}
     todo: dict[str, Callable[[], Any]] = {
         "latency": lambda: {
             f"{rate:g}": live_numbers.latency(scratch, puppet, rate, round(rate * plan.latency_seconds))

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from benchmarks.character_cost import CACHE_VARIABLES
+from engine_bridge.inspection.benchmark import CACHE_VARIABLES
 
 
 @contextmanager

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from benchmarks import character_cost_process
 from benchmarks.avx2 import Avx2Blend, MissingError
-from benchmarks.character_cost_process import CHARACTER, LOG, Playing, Work, arap_iteration, handle_path, interleaved
 from engine_bridge.character.character import load_character
+from engine_bridge.inspection.benchmark import CHARACTER, LOG, main
+from engine_bridge.inspection.character_cost import Playing, Work, arap_iteration, interleaved
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.puppet import SolverTable
@@ -68,7 +69,8 @@ def point(folder: Path) -> dict[str, float]:
     controls = playing.controls().copy()
     todo = {"solve": Work(lambda _: playing.controls(), 250), "vertices": Work(lambda _: playing.vertices(controls), 5)}
     if len(rig.mesh.vertices) <= MAX_ARAP_VERTICES:
-        todo["arap_iteration"] = arap_iteration(rig.mesh, playing.motion.deformer.handles, handle_path(playing, 60))
+        path = playing.handle_path(60)
+        todo["arap_iteration"] = Work(arap_iteration(rig.mesh, playing.motion.deformer.handles, path), 1)
     return {"vertices": len(rig.mesh.of_render), **medians(interleaved(todo, 12))}
 
 
@@ -111,7 +113,7 @@ def table1_row(folder: Path) -> dict[str, Any]:
     Deformer(build(mesh), mesh, handles)
     found["precompute_s"] = time.perf_counter() - start
     playing = Playing(with_iterations(rig, 1), folder / LOG)
-    path, solve = handle_path(playing, 60), playing.motion.deformer.solve
+    path, solve = playing.handle_path(60), playing.motion.deformer.solve
     controls = playing.controls()
     todo = {
         "iteration": Work(lambda number: solve(path[number]), 60),
@@ -180,6 +182,4 @@ def medians(times: dict[str, NDArray[np.float64]]) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    character_cost_process.main(
-        {"yardstick": yardstick, "point": point, "cold": cold, "table1_row": table1_row, "convergence": convergence}
-    )
+    main({"yardstick": yardstick, "point": point, "cold": cold, "table1_row": table1_row, "convergence": convergence})

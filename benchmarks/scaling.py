@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 
 from benchmarks import character_cost, plots
 from benchmarks.character_cost import in_process
-from benchmarks.character_cost_process import CHARACTER, LOG, WARM_UP
+from benchmarks.character_cost_process import WARM_UP
 from benchmarks.documents import DOCUMENT, IMAGES, replaced
 from benchmarks.own_cache import own_cache
 from benchmarks.processes import MODULE
 from engine_bridge.character.character import Character, load_character, make_character
+from engine_bridge.inspection.benchmark import CHARACTER, LOG, number
 from engine_bridge.puppet import puppet_file
 
 SIZES = (2_000, 4_000, 8_000, 16_000, 31_000, 62_500, 125_000, 250_000, 500_000, 1_000_000)
@@ -88,7 +89,7 @@ def table(points: list[dict[str, Any]]) -> Iterator[str]:
             exact[0],
             None if exact[1] is None else exact[1] / 1000,
         )
-        yield f"| {point['vertices']:,} | {' | '.join(map(character_cost.number, numbers))} |"
+        yield f"| {point['vertices']:,} | {' | '.join(map(number, numbers))} |"
 
 
 def _folder_of(

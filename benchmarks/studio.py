@@ -28,7 +28,7 @@ from benchmarks.datagrams import bodies
 from benchmarks.live_peers import free_tcp_ports, free_udp_port
 from benchmarks.own_cache import own_cache
 from benchmarks.studio_page import SIZE, chromium, command
-from engine_bridge.cli import benchmark
+from engine_bridge.inspection import benchmark
 from engine_bridge.studio.web.web_app import PAGE
 
 SKELETONS_PER_SECOND = 60

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from puppetline.examples.characters import CHARACTERS
 
 from benchmarks import character_cost
-from benchmarks.character_cost import in_process, number
-from benchmarks.character_cost_process import CHARACTER
+from benchmarks.character_cost import in_process
 from benchmarks.processes import MODULE
 from engine_bridge.character.character import make_character
+from engine_bridge.inspection.benchmark import CHARACTER, number
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.puppet import HandleTable
 

@@ -10,11 +10,12 @@ from puppetline.examples.characters import CHARACTERS
 from puppetline.examples.performances import PERFORMANCES
 
 from benchmarks.character_cost import prepare
-from benchmarks.character_cost_process import CHARACTER, LOG, Playing
 from benchmarks.own_cache import own_cache
 from capture.smoothing import JointFilter, Smoothing
 from engine_bridge.character.character import make_character
 from engine_bridge.character.materials import drawn_normals
+from engine_bridge.inspection.benchmark import CHARACTER, LOG
+from engine_bridge.inspection.character_cost import Playing
 from engine_bridge.performance.rig import load_rig
 from solver.model import matrix_blocks
 from solver.model.polar import nearest_rotations

@@ -17,7 +17,7 @@ def bench(mesh: Path | None, as_json: bool) -> None:
 
     This takes a minute or two.
     """
-    from engine_bridge.cli import benchmark
+    from engine_bridge.inspection import benchmark
 
     with progress() as report:
         measured = benchmark.bench(mesh, progress=report)

@@ -125,8 +125,8 @@ def test_a_character_is_drawn_with_its_mouth_open_when_it_speaks(write_scene, ta
         drawn, shown = films._DrawnActor(actor, renderer), []
         drawn.drawn.move = lambda positions, _normals: shown.append(positions)
         for value in (0.0, 1.0, 0.0):
-            talking = replace(pose, channels={"voice": value})
-            monkeypatch.setattr(actor, "pose", lambda _, talking=talking: talking)
+            speaking = replace(pose, channels={"voice": value})
+            monkeypatch.setattr(actor, "pose", lambda _, speaking=speaking: speaking)
             drawn.move(0)
     moved = np.linalg.norm(shown[1] - shown[0], axis=1) / actor.footing.scale
     expected = np.linalg.norm(own_targets.displacements(actor.rig.character, "jaw"), axis=1)

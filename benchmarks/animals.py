@@ -202,7 +202,7 @@ def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[n
 
 def skin_of(rig: Rig) -> Floats | None:
     """Return the weights (n, b) that the file's skin gives to the vertices of the solver's mesh."""
-    shares = skin_shares(rig.character, rig.puppet.limbs) if rig.character.document.gltf.get("skins") else None
+    shares = skin_shares(rig.character, rig.puppet) if rig.character.document.gltf.get("skins") else None
     if shares is None:
         return None
     out = np.empty((len(rig.mesh.vertices), shares.shape[1]))

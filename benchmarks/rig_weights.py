@@ -79,7 +79,7 @@ def compared(path: Path, by_bone: bool) -> Iterator[Row]:
     if not character.document.gltf["skins"]:
         return
     puppet = new_puppet(path, path).puppet
-    shares = skin_shares(character, puppet.limbs)
+    shares = skin_shares(character, puppet)
     if shares is None:
         return
     bare = make_character(path.stem, character.vertices, character.triangles)

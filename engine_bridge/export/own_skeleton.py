@@ -73,7 +73,7 @@ def own_skeleton(rig: Rig) -> OwnSkeleton:
     where the solver has them, and from where they would be if the limb did not bend.
     """
     if rig not in _FOUND:
-        bones, mapping = own_bones(rig.character, rig.puppet.limbs), rig.puppet.mapping
+        bones, mapping = own_bones(rig.character, rig.puppet), rig.puppet.mapping
         moving = np.asarray(mapping.axes.any(axis=1) & mapping.matrix.any(axis=1))
         handles = tuple(handle.name for handle, moves in zip(rig.puppet.handle, moving, strict=True) if moves)
         _FOUND[rig] = OwnSkeleton(None) if bones is None else _judged(rig, bones, handles)

@@ -83,7 +83,7 @@ def _puppet(path: Path) -> dict[str, Any]:
         "character": puppet.character.mesh,
         "mesh_found": mesh.is_file(),
         "limbs": {
-            limb.name: limb.model_dump(mode="json", include={"points", "follow", "gain"})
+            limb.name: limb.model_dump(mode="json", include={"nodes", "points", "follow", "gain"})
             | {"joints": [list(joints) for joints in limb.driven_by], "parent": puppet.limb_parents[limb.name]}
             for limb in puppet.limb
         },

@@ -10,6 +10,7 @@ from engine_bridge.character import own_targets
 from engine_bridge.character.character import Character, load_character
 from engine_bridge.character.preparation import prepare
 from engine_bridge.puppet import puppet_file
+from engine_bridge.puppet.limb_nodes import limb_nodes
 from engine_bridge.puppet.placement import check_handles, check_limbs
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.rig_bones import skin_shares
@@ -59,7 +60,9 @@ def rig_of(puppet: Puppet, path: Path) -> Rig:
             expected="the path of a mesh relative to the puppet file",
             fix="Correct the path, or copy the mesh there.",
         )
-    rig = make_rig(puppet, load_character(file, cache_folder()))
+    character = load_character(file, cache_folder())
+    limb_nodes(puppet, character, path)  # refuses those of another mesh
+    rig = make_rig(puppet, character)
     check_limbs(puppet.limb, rig.mesh, path)
     check_handles(puppet.handle, rig.mesh, path)
     _check_morphs(rig, path)
@@ -89,6 +92,6 @@ def make_rig(puppet: Puppet, character: Character) -> Rig:
         cache_folder(),
         character.document.name,
         bones=bones_of(puppet.limbs, puppet.character.basis[1]),
-        shares=skin_shares(character, puppet.limbs),
+        shares=skin_shares(character, puppet),
     )
     return Rig(puppet, character, mesh, model)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +77,7 @@ def limb_tables(limbs: Limbs, character: CharacterTable, plan: BodyPlan | None =
 def _distinct(chain: LimbChain) -> LimbChain:
     """Return a limb without points that repeat the one before."""
     lengths = np.linalg.norm(np.diff(chain.points, axis=0), axis=1)
-    return LimbChain(chain.name, chain.points[np.append(True, lengths > MIN_BONE_SHARE * lengths.max())])
+    return replace(chain, points=chain.points[np.append(True, lengths > MIN_BONE_SHARE * lengths.max())])
 
 
 def _opened(jaw: LimbTable, character: CharacterTable) -> LimbTable:
@@ -112,6 +113,7 @@ def _limb(
     size = max(float(np.ptp(np.concatenate(list(points.values())), axis=0).max()), 1e-12)
     table = {
         "name": chain.name,
+        "nodes": chain.nodes or None,
         "points": [_rounded(point, size) for point in chain.points],
         "joints": joints,
         "follow": "direction" if _points(plan, chain.name, points, up) else "turn",

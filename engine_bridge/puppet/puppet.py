@@ -164,9 +164,13 @@ class ChannelTable(Table):
 
 
 class LimbTable(Table):
-    """[[limb]]: a chain of points inside the character, and the chain of joints that it follows."""
+    """[[limb]]: a chain of points inside the character, and the chain of joints that it follows.
+
+    `nodes` are the joints of the file's skeleton that it was read from, root to tip (`limb_nodes.node_labels`).
+    """
 
     name: Text
+    nodes: Annotated[tuple[Text, ...], Field(min_length=1)] | None = None
     points: tuple[Point, ...]
     joints: tuple[JointName | Annotated[tuple[JointName, ...], Field(min_length=1)], ...]
     follow: Follow = "direction"

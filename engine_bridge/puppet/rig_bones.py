@@ -1,9 +1,10 @@
 """Bones of a puppet that the joints of a file's skeleton follow, and their shares in the motion of vertices."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +12,13 @@ from numpy.typing import NDArray
 from engine_bridge.character.character import Character
 from engine_bridge.character.scene import tree
 from engine_bridge.puppet.file_skeleton import FileSkeleton
+from engine_bridge.puppet.limb_nodes import limb_nodes
+from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.rig_limbs import vertex_influences
 from solver.model.bones import Bones
 from solver.motion.limbs import TRUNK, Limb, bone_ranges, bones_of, parents_first
 
-LIMB_DISTANCES = (0.01, 0.02, 0.03, 0.05)
+LIMB_DISTANCES = (0.02, 0.05)
 """Maximum distances between limbs and their first joints, as fractions of the diagonal. They are tried one by one
 until all limbs have joints: limbs that were found from the shape are beside the joints."""
 
@@ -74,14 +77,17 @@ class RigBones:
         return found
 
 
-def rig_bones(character: Character, limbs: Sequence[Limb]) -> RigBones:
+def rig_bones(
+    character: Character, limbs: Sequence[Limb], nodes: Mapping[str, Sequence[int]] = MappingProxyType({})
+) -> RigBones:
     """Return the bones that the joints of a file's skeleton follow.
 
-    1. The first joint of a limb is at its first point, or is the first joint on its first bone. Of joints at one place,
-       it is one that moves vertices, then the deepest.
-    2. A chain of joints leads from the first joint to the limb's end. Each of them follows the bones between it and the
-       next joint, in proportion to their lengths. The trunk's chain leads from the top of the skeleton to the parent of
-       head, neck or arms. A joint below which limbs hang on an earlier bone follows that bone.
+    1. The first joint of a limb is the first of its nodes. Without nodes, it is at its first point, or is the first
+       joint on its first bone. Of joints at one place, it is one that moves vertices, then the deepest.
+    2. A chain of joints leads from the first joint to the last node, or to the limb's end. Each of them follows the
+       bones between it and the next joint, in proportion to their lengths. The trunk's chain leads from the top of the
+       skeleton to the parent of head, neck or arms. A joint below which limbs hang on an earlier bone follows that
+       bone.
     3. A joint between a chain and a limb follows the bone on which the limb hangs. Any other child of a joint in a
        chain follows the bone next to it, and so do its descendants.
     4. A target of inverse kinematics has the top of the skeleton as its parent, or no parent, and is on a limb beyond
@@ -92,6 +98,8 @@ def rig_bones(character: Character, limbs: Sequence[Limb]) -> RigBones:
     character : Character
     limbs : sequence of Limb
         Mesh file's coordinates.
+    nodes : mapping of str to sequence of int, optional
+        Nodes of the joints along a limb, by its name, root to tip.
 
     Returns
     -------
@@ -102,35 +110,37 @@ def rig_bones(character: Character, limbs: Sequence[Limb]) -> RigBones:
     skeleton, holding = FileSkeleton.of(character), {*which[share > 0].tolist()}
     found = []
     for distance in LIMB_DISTANCES:
-        found.append(_BoneAssignment(skeleton, limbs, holding, distance).result())
+        found.append(_BoneAssignment(skeleton, limbs, nodes, holding, distance).result())
         if not found[-1].missing or not len(skeleton):
             break
     return min(found, key=lambda each: len(each.missing))
 
 
-def own_bones(character: Character, limbs: Sequence[Limb]) -> RigBones | None:
+def own_bones(character: Character, puppet: Puppet) -> RigBones | None:
     """Return the bones that the joints of a file's skeleton follow; None if no limb is along the skeleton.
 
     Parameters
     ----------
     character : Character
-    limbs : sequence of Limb
-        Mesh file's coordinates.
+    puppet : Puppet
+
+    Raises
+    ------
+    PuppetError
+        A limb's nodes are not in the file.
     """
-    found = rig_bones(character, limbs) if limbs else None
-    others = [limb.name for limb in limbs if limb.name != TRUNK]
-    if found is None or not len(found.nodes) or (others and len(found.missing) == len(others)):
-        return None
-    return found
+    found = _of_puppet(character, puppet)
+    others = [limb.name for limb in puppet.limb if limb.name != TRUNK]
+    return None if found is None or (others and len(found.missing) == len(others)) else found
 
 
-def skin_shares(character: Character, limbs: Sequence[Limb]) -> NDArray[np.float64] | None:
+def skin_shares(character: Character, puppet: Puppet) -> NDArray[np.float64] | None:
     """Return each bone's share in the motion of each vertex.
 
     Parameters
     ----------
     character : Character
-    limbs : sequence of Limb
+    puppet : Puppet
 
     Returns
     -------
@@ -138,17 +148,23 @@ def skin_shares(character: Character, limbs: Sequence[Limb]) -> NDArray[np.float
         Rows sum to 1, or to 0 for vertices that follow no bone. None if the file has no skeleton, or if its skeleton
         or its weights leave some limb out.
     """
-    found = rig_bones(character, limbs) if limbs else None
-    if found is None or not len(found.nodes) or found.missing:
+    found = _of_puppet(character, puppet)
+    if found is None or found.missing:
         return None
     which, share = vertex_influences(character)
     shares = np.asarray(np.einsum("nk,nkb->nb", share, found.of_nodes(character)[which]))
-    bones = bones_of(limbs)
+    bones = bones_of(puppet.limbs)
     near = np.bincount(nearest_bones(character.vertices, bones), minlength=len(bones))
     follow = shares.sum(axis=0)
-    if any(follow[of].sum() < MIN_FOLLOWING * near[of].sum() for of in map(list, bone_ranges(limbs).values())):
+    if any(follow[of].sum() < MIN_FOLLOWING * near[of].sum() for of in map(list, bone_ranges(puppet.limbs).values())):
         return None
     return shares
+
+
+def _of_puppet(character: Character, puppet: Puppet) -> RigBones | None:
+    """Return the bones that joints follow; None without limbs or without a skeleton."""
+    found = rig_bones(character, puppet.limbs, limb_nodes(puppet, character)) if puppet.limb else None
+    return None if found is None or not len(found.nodes) else found
 
 
 def nearest_bones(points: NDArray[np.float64], bones: Bones) -> NDArray[np.int64]:
@@ -210,7 +226,12 @@ class _BoneAssignment:
     """Assigns bones to the joints of a skeleton."""
 
     def __init__(
-        self, skeleton: FileSkeleton, limbs: Sequence[Limb], holding: Collection[int], distance: float
+        self,
+        skeleton: FileSkeleton,
+        limbs: Sequence[Limb],
+        nodes: Mapping[str, Sequence[int]],
+        holding: Collection[int],
+        distance: float,
     ) -> None:
         self.skeleton = skeleton
         self.limb_distance = distance * skeleton.diagonal
@@ -219,6 +240,8 @@ class _BoneAssignment:
         ranges, near = bone_ranges(limbs), HEAD_TOLERANCE * skeleton.diagonal
         self.polylines = {limb.name: _Polyline(limb, ranges[limb.name], near) for limb in parents_first(limbs)}
         self.trunk = self.polylines.get(TRUNK)
+        rows = {node: row for row, node in enumerate(skeleton.nodes)}
+        self.remembered = {name: [rows[node] for node in chain if node in rows] for name, chain in nodes.items()}
         self.firsts = self._first_joints()
         self.limb_of = [
             next((self.firsts[row] for row in path if row in self.firsts), None) for path in skeleton.paths_to_top
@@ -230,16 +253,9 @@ class _BoneAssignment:
     def result(self) -> RigBones:
         """Assign bones to all joints."""
         for first, name in self.firsts.items():
-            below = [row for row, path in enumerate(self.skeleton.paths_to_top) if first in path]
-            members = [row for row in below if self.limb_of[row] == name]
-            polyline = self.polylines[name]
-            following = self._following(polyline)
-            after = [row for row in below if following is not None and self.firsts.get(row) == following.limb.name]
-            if after:
-                members = [self.skeleton.parents[row] for row in after]
-            end = min(members, key=lambda row: self._away(row, polyline.limb.points[-1]))
-            path = self.skeleton.paths_to_top[end]
-            self._assign_path(polyline, path[path.index(first) :: -1])
+            for end in self._ends(first, name):
+                path = self.skeleton.paths_to_top[end]
+                self._assign_path(self.polylines[name], path[path.index(first) :: -1] if first in path else [end])
         for path in self._trunk_paths():
             self._assign_path(self.trunk, path)
         for row in range(len(self.skeleton)):
@@ -265,38 +281,35 @@ class _BoneAssignment:
 
         The trunk has none, because its first point is between the legs.
         """
-        found: dict[int, str] = {}
+        known = {chain[0]: name for name, chain in self.remembered.items() if chain}
+        found = dict(known)
         limbs = [polyline for name, polyline in self.polylines.items() if name != TRUNK]
         tops = [row for row, parent in enumerate(self.skeleton.parents) if parent < 0]
         tops = [row for row in tops if row not in self.skeleton.loose]
-        for strict in (True, False):
-            for top in tops:
-                for polyline in limbs:
-                    there = any(name == polyline.limb.name and self._top(row) == top for row, name in found.items())
-                    candidates = [] if there else list(self._candidates(polyline, top, strict))
-                    candidates = [row for row in candidates if row not in found and self._fits(row, polyline, found)]
-                    if candidates:
-                        best = min(candidates, key=lambda row: self._misfit(row, polyline))
-                        found[best] = polyline.limb.name
-            found = {
-                row: name
-                for row, name in found.items()
-                if self._fits(row, self.polylines[name], {other: n for other, n in found.items() if other != row})
-            }
-        return found
+        for top in tops:
+            for polyline in limbs:
+                there = any(name == polyline.limb.name and self._top(row) == top for row, name in found.items())
+                candidates = [] if there else list(self._candidates(polyline, top))
+                candidates = [row for row in candidates if row not in found and self._fits(row, polyline, found)]
+                if candidates:
+                    best = min(candidates, key=lambda row: self._misfit(row, polyline))
+                    found[best] = polyline.limb.name
+        return {
+            row: name
+            for row, name in found.items()
+            if row in known
+            or self._fits(row, self.polylines[name], {other: n for other, n in found.items() if other != row})
+        }
 
     def _top(self, row: int) -> int:
         return self.skeleton.paths_to_top[row][-1]
 
-    def _candidates(self, polyline: _Polyline, top: int, strict: bool) -> Iterator[int]:
-        """Yield the joints of a tree at a limb's first point, or if not strict, on its first bone."""
-        allowed = self.limb_distance
+    def _candidates(self, polyline: _Polyline, top: int) -> Iterator[int]:
+        """Yield the joints of a tree at a limb's first point or on its first bone."""
         for row, position in enumerate(self.skeleton.positions):
-            if self._top(row) == top:
-                along, away = polyline.nearest(position)
-                at_first = bool(np.linalg.norm(position - polyline.limb.points[0]) <= allowed)
-                if at_first if strict else away <= allowed and 0 < along < polyline.heads[1]:
-                    yield row
+            along, away = polyline.nearest(position)
+            if self._top(row) == top and along < polyline.heads[1] and away <= self.limb_distance:
+                yield row
 
     def _misfit(self, row: int, polyline: _Polyline) -> tuple[float, bool, int]:
         """Return a sort key for first joints of a limb: the misfit, then what moves vertices, then the deeper joint."""
@@ -321,6 +334,22 @@ class _BoneAssignment:
                 return True
             limb = self.polylines[limb.parent].limb
         return bool(np.linalg.norm(polyline.limb.points[0] - other.limb.points[-1]) <= self.limb_distance)
+
+    def _ends(self, first: int, name: str) -> list[int]:
+        """Return the last joint of the chain from a limb's first joint, and the limb's nodes outside the chain.
+
+        Such a node is a foot with inverse kinematics, which hangs on the root.
+        """
+        polyline, remembered = self.polylines[name], self.remembered.get(name, [])
+        below = [row for row, path in enumerate(self.skeleton.paths_to_top) if first in path]
+        if first in remembered:
+            return [[row for row in remembered if row in below][-1], *(row for row in remembered if row not in below)]
+        members = [row for row in below if self.limb_of[row] == name]
+        following = self._following(polyline)
+        after = [row for row in below if following is not None and self.firsts.get(row) == following.limb.name]
+        if after:
+            members = [self.skeleton.parents[row] for row in after]
+        return [min(members, key=lambda row: self._away(row, polyline.limb.points[-1]))]
 
     def _trunk_paths(self) -> Iterator[list[int]]:
         """Yield for each tree the joints from its top to the parent of head, neck or arms."""

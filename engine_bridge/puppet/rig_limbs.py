@@ -11,6 +11,7 @@ from engine_bridge.character.character import Character
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import influences, world_transforms
 from engine_bridge.puppet.joint_names import LEG_PARTS, QUARTERS, SIDES, JointMeaning, parse_joint_name
+from engine_bridge.puppet.limb_nodes import node_labels
 from engine_bridge.puppet.rig_axes import upward
 from solver.anatomy.limb_chain import LimbChain, Limbs, evenly, leg_names
 
@@ -59,12 +60,23 @@ class Joint:
         Mesh file's coordinates.
     vertices : (n, 3) float64
         Vertices that follow this joint more than any other.
+    label : str
+        How puppet files call it.
     """
 
     name: str
     parent: int
     place: NDArray[np.float64]
     vertices: NDArray[np.float64]
+    label: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class _Chain:
+    """Points (k, 3) of a limb, and the joints on it, both root to tip; the trunk's are those above other limbs."""
+
+    points: NDArray[np.float64]
+    joints: Sequence[int] = ()
 
 
 def rig_limbs(character: Character) -> Limbs | None:
@@ -120,7 +132,12 @@ def limbs_of_joints(joints: Sequence[Joint]) -> Limbs:
     for pair in reversed(pairs):
         limbs |= {f"{side} {pair}": found[f"{side} {pair}"] for side in ("left", "right") if f"{side} {pair}" in found}
     limbs |= skeleton.curved({"tail": 3, "left wing": 3, "right wing": 3})
-    return Limbs(tuple(LimbChain(name, points) for name, points in limbs.items()))
+    return Limbs(
+        tuple(
+            LimbChain(name, chain.points, tuple(joints[index].label for index in chain.joints))
+            for name, chain in limbs.items()
+        )
+    )
 
 
 class _Skeleton:
@@ -178,13 +195,13 @@ class _Skeleton:
         ]
         return sorted(wanted, key=lambda index: (self.depth[index], index))
 
-    def arms_and_legs(self, every_bend: bool = False) -> dict[str, NDArray[np.float64]]:
+    def arms_and_legs(self, every_bend: bool = False) -> dict[str, _Chain]:
         """Return arms and legs by their names.
 
         Legs of people have hip, knee, ankle and foot; with `every_bend` they have all the joints of the file, and arms
         are front legs.
         """
-        found: dict[str, NDArray[np.float64]] = {}
+        found: dict[str, _Chain] = {}
         before, behind = ("front leg", "hind leg") if every_bend else ("arm", "leg")
         for side in ("left", "right"):
             arm, leg = self.arm(side), self.leg(side, None, every_bend)
@@ -192,10 +209,10 @@ class _Skeleton:
             if front is not None and hind is None:  # only the front legs are marked as such
                 leg, hind = None, leg
             limbs = ((before, arm), (behind, leg), (before, front), (behind, hind))
-            found |= {f"{side} {name}": points for name, points in limbs if points is not None}
+            found |= {f"{side} {name}": chain for name, chain in limbs if chain is not None}
         return found
 
-    def arm(self, side: str) -> NDArray[np.float64] | None:
+    def arm(self, side: str) -> _Chain | None:
         upper, lower = self.named(side, None, "upper arm"), self.named(side, None, "lower arm")
         if not upper:  # the shoulder, after the collar bone, may be the upper arm's only joint
             upper = [index for index in self.named(side, None, "girdle") if set(self.below(index)) & set(lower)][-1:]
@@ -205,22 +222,26 @@ class _Skeleton:
         wrist = min(hands or self.children[lower[0]], key=lambda index: (self.depth[index], index), default=None)
         if wrist is None:
             return self.without_end(upper[0], lower[0])
-        chain = [self.place(upper[0]), self.place(lower[0]), self.place(wrist)]
-        return np.array([*chain, self.end(chain[1], chain[2], self.below(wrist))])
+        return self.with_end([upper[0], lower[0], wrist], self.below(wrist))
 
-    def without_end(self, upper: int, lower: int) -> NDArray[np.float64]:
+    def with_end(self, joints: Sequence[int], held: Sequence[int]) -> _Chain:
+        """Return a limb from its joints to the end of the vertices of some joints."""
+        points = [self.place(index) for index in joints]
+        return _Chain(np.array([*points, self.end(points[-2:][0], points[-1], held)]), joints)
+
+    def without_end(self, upper: int, lower: int) -> _Chain:
         """Return an arm without a joint for the hand, or a leg without one for the foot: its last fifth is taken."""
         first, second = self.place(upper), self.place(lower)
         tip = self.end(first, second, self.below(lower))
-        return np.array([first, second, second + 0.8 * (tip - second), tip])
+        return _Chain(np.array([first, second, second + 0.8 * (tip - second), tip]), (upper, lower))
 
-    def rows_of_legs(self) -> dict[str, NDArray[np.float64]]:
+    def rows_of_legs(self) -> dict[str, _Chain]:
         """Return all legs by their names; none if there are fewer than three pairs, or if the sides differ."""
         rows = [list(self.legs(side)) for side in ("left", "right")]
         several = len(self.named(None, None, "head")) >= max(MANY_PAIRS, len(rows[0]))  # bodies in one file
         if len(rows[0]) != len(rows[1]) or len(rows[0]) < MANY_PAIRS or several:
             return {}
-        hips, tips = (np.array([[leg[end] for leg in legs] for legs in rows]) for end in (0, -1))
+        hips, tips = (np.array([[leg.points[end] for leg in legs] for legs in rows]) for end in (0, -1))
         front = np.cross((hips[0] - hips[1]).sum(axis=0), upward((hips - tips).sum(axis=(0, 1))))
         return {
             f"{side} {name}": legs[place]
@@ -228,19 +249,17 @@ class _Skeleton:
             for name, place in zip(leg_names(len(legs)), order, strict=True)
         }
 
-    def legs(self, side: str) -> Iterator[NDArray[np.float64]]:
+    def legs(self, side: str) -> Iterator[_Chain]:
         """Yield all legs of a side, without a last bone that is a stub: the joint of a foot may be at its tip."""
         for quarter in (None, *dict.fromkeys(QUARTERS.values())):
             number = 0
             while (leg := self.leg(side, quarter, True, number)) is not None:
-                lengths = np.linalg.norm(np.diff(leg, axis=0), axis=1)
-                stub = len(leg) > 4 and lengths[-1] < MIN_LEG_BONE_SHARE * lengths.sum()
-                yield np.delete(leg, -2, axis=0) if stub else leg
+                lengths = np.linalg.norm(np.diff(leg.points, axis=0), axis=1)
+                stub = len(lengths) > 3 and lengths[-1] < MIN_LEG_BONE_SHARE * lengths.sum()
+                yield _Chain(np.delete(leg.points, -2, axis=0), leg.joints[:-1]) if stub else leg
                 number += 1
 
-    def leg(
-        self, side: str, quarter: str | None, every_bend: bool, number: int | None = None
-    ) -> NDArray[np.float64] | None:
+    def leg(self, side: str, quarter: str | None, every_bend: bool, number: int | None = None) -> _Chain | None:
         """Return a leg; with a number, that one of the legs of a quarter, whose first bone may lead sideways."""
         named = self.named(side, quarter, "girdle", *LEG_PARTS)
         tops = [index for index in named if not set(named) & set(self.ancestors(index))]
@@ -268,16 +287,15 @@ class _Skeleton:
             return self.without_end(*chain)
         last = 3 if every_bend and len(chain) > 3 else 2
         held = [below for index in chain[last:] for below in self.below(index)]
-        points = self.bends([self.place(index) for index in (chain if every_bend else chain[:3])])
-        return np.array([*points, self.end(points[-2], points[-1], held)])
+        return self.with_end(self.bends(chain) if every_bend else chain[:3], held)
 
-    def bends(self, points: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
-        """Return the points of a leg without those that follow others closely, which are twists and controls."""
-        size = sum(float(np.linalg.norm(after - before)) for before, after in pairwise(points))
-        kept = points[:3]
-        for point in points[3:]:
-            if np.linalg.norm(point - kept[-1]) > MIN_LEG_BONE_SHARE * size:
-                kept.append(point)
+    def bends(self, joints: Sequence[int]) -> list[int]:
+        """Return the joints of a leg without those that follow others closely, which are twists and controls."""
+        size = sum(float(np.linalg.norm(self.place(after) - self.place(joint))) for joint, after in pairwise(joints))
+        kept = [*joints[:3]]
+        for index in joints[3:]:
+            if np.linalg.norm(self.place(index) - self.place(kept[-1])) > MIN_LEG_BONE_SHARE * size:
+                kept.append(index)
         return kept
 
     def across(self, quarter: str | None) -> NDArray[np.float64]:
@@ -304,10 +322,10 @@ class _Skeleton:
         reach = np.quantile((vertices - root) @ direction, 0.95)
         return np.asarray(root + max(float(reach), 0.0) * direction)
 
-    def trunk(self, limbs: dict[str, NDArray[np.float64]], behind: str, before: str) -> NDArray[np.float64] | None:
+    def trunk(self, limbs: dict[str, _Chain], behind: str, before: str) -> _Chain | None:
         """Return the points of the trunk: the hips, its middle, and the root of the neck."""
-        legs = [points[0] for name, points in limbs.items() if name.endswith(behind)]
-        arms = [points[0] for name, points in limbs.items() if name.endswith(before)]
+        legs = [chain.points[0] for name, chain in limbs.items() if name.endswith(behind)]
+        arms = [chain.points[0] for name, chain in limbs.items() if name.endswith(before)]
         spine = [self.place(index) for index in self.named(None, None, "spine")]
         tails = self.named(None, None, "tail")
         if not (legs or tails) or not (arms or self.named(None, None, "neck", "head")):
@@ -321,57 +339,54 @@ class _Skeleton:
         nearest = min(spine, key=lambda place: float(np.linalg.norm(place - middle)), default=middle)
         if np.linalg.norm(nearest - middle) > np.linalg.norm(high - low) / 4:
             nearest = middle
-        return np.array([low, nearest, high])
+        return _Chain(np.array([low, nearest, high]))
 
-    def spine(self) -> dict[str, NDArray[np.float64]]:
+    def spine(self) -> dict[str, _Chain]:
         """Return trunk and tail of a body whose only joints are a row from front to back; none for another body."""
         row = sorted(range(len(self.joints)), key=lambda index: self.depth[index])
         way = self.place(row[0]) - self.place(row[-1])
         branches = len({joint.parent for joint in self.joints}) < len(row)
         if branches or len(row) < MIN_SPINE_JOINTS or way @ FRONT <= LYING_COSINE * np.linalg.norm(way):
             return {}
-        bends = [self.place(index) for index in row[1:]]
-        front, back = self.end(bends[1], bends[0], row[:1]), self.end(bends[-2], bends[-1], row[-1:])
-        return {"trunk": np.array([bends[0], front]), "tail": np.array([*bends, back])}
+        tail = self.with_end(row[1:], row[-1:])
+        front = self.end(tail.points[1], tail.points[0], row[:1])
+        return {"trunk": _Chain(np.array([tail.points[0], front])), "tail": tail}
 
-    def head(self, trunk: NDArray[np.float64] | None, with_neck: bool) -> dict[str, NDArray[np.float64]]:
+    def head(self, trunk: _Chain | None, with_neck: bool) -> dict[str, _Chain]:
         """Return the head from the trunk's end, after a neck if that is long."""
         heads, necks = self.named(None, None, "head"), self.named(None, None, "neck")
         if not heads:
             return {}
         root = self.place(heads[0])
-        start = self.place(necks[0]) if necks else root if trunk is None else trunk[-1]
+        start = self.place(necks[0]) if necks else root if trunk is None else trunk.points[-1]
         if necks and any(self.part(index) == "upper arm" for index in self.below(necks[0])):
-            start = root  # the neck carries the arms, as a trunk does
+            start, necks = root, []  # the neck carries the arms, as a trunk does
         tip = self.end(start, root, [index for index in self.below(heads[0]) if self.part(index) in HEAD_PARTS])
-        if trunk is not None and (root - start) @ (trunk[-1] - trunk[0]) < 0:
-            start = root  # it begins behind the front legs
-        least = np.inf if trunk is None else MIN_NECK_SHARE * np.linalg.norm(trunk[-1] - trunk[0])
+        length = None if trunk is None else trunk.points[-1] - trunk.points[0]
+        if length is not None and (root - start) @ length < 0:
+            start, necks = root, []  # it begins behind the front legs
+        least = np.inf if length is None else MIN_NECK_SHARE * np.linalg.norm(length)
         if not with_neck or np.linalg.norm(root - start) < least:
-            return {"head": np.array([start, tip])}
+            return {"head": _Chain(np.array([start, tip]), [*necks, heads[0]])}
         way = np.array([start, *(self.place(index) for index in necks[1:]), root])
-        return {"neck": evenly(way, 3), "head": np.array([root, tip])}
+        return {"neck": _Chain(evenly(way, 3), necks), "head": _Chain(np.array([root, tip]), heads[:1])}
 
-    def curved(self, bones: dict[str, int], moving: bool = False) -> dict[str, NDArray[np.float64]]:
+    def curved(self, bones: dict[str, int], moving: bool = False) -> dict[str, _Chain]:
         """Return limbs by their names, with as many bones; only those that vertices follow, if they must be moving."""
         found = {}
         for name, count in bones.items():
             side, _, part = name.rpartition(" ")
-            chain = self.named(side or None, None, part)
-            if any(len(self.joints[index].vertices) or not moving for index in chain):
-                found[name] = evenly(self.chain_from(chain), count + 1)
+            joints = self.named(side or None, None, part)
+            if any(len(self.joints[index].vertices) or not moving for index in joints):
+                row = [index for index in joints if index == joints[0] or joints[0] in self.ancestors(index)]
+                chain = self.with_end(row, self.below(row[-1]))
+                found[name] = replace(chain, points=evenly(chain.points, count + 1))
         return found
 
-    def chain_from(self, joints: Sequence[int]) -> NDArray[np.float64]:
-        """Return the places of the first joint and its descendants among some joints, and the end of their vertices."""
-        chain = [index for index in joints if index == joints[0] or joints[0] in self.ancestors(index)]
-        way = [self.place(index) for index in chain]
-        return np.array([*way, self.end(way[-2] if len(way) > 1 else way[-1], way[-1], self.below(chain[-1]))])
 
-
-def _is_four_legged(limbs: dict[str, NDArray[np.float64]]) -> bool:
+def _is_four_legged(limbs: dict[str, _Chain]) -> bool:
     """Return whether the arms are legs: they reach the ground, and the spine is not upright."""
-    behind, before = ([points for name, points in limbs.items() if name.endswith(part)] for part in ("leg", "arm"))
+    behind, before = ([limb.points for name, limb in limbs.items() if name.endswith(part)] for part in ("leg", "arm"))
     if not behind or not before:
         return False
     hips, shoulders = (np.mean([points[0] for points in limbs], axis=0) for limbs in (behind, before))
@@ -396,7 +411,7 @@ def _joints(character: Character) -> list[Joint]:
     vrm = _vrm_names(document)
     parents = {child: index for index, node in enumerate(gltf["nodes"]) for child in node.get("children", [])}
     number = {node: index for index, node in enumerate(nodes)}
-    owners, places = _most_followed(character), world_transforms(document)[:, :3, 3]
+    owners, places, labels = _most_followed(character), world_transforms(document)[:, :3, 3], node_labels(document)
     vertices = character.vertices
     joints = []
     for node in nodes:
@@ -404,7 +419,8 @@ def _joints(character: Character) -> list[Joint]:
         while above is not None and above not in number:
             above = parents.get(above)
         name = vrm.get(node) or gltf["nodes"][node].get("name", f"node {node}")
-        joints.append(Joint(name, -1 if above is None else number[above], places[node], vertices[owners == node]))
+        parent = -1 if above is None else number[above]
+        joints.append(Joint(name, parent, places[node], vertices[owners == node], labels[node]))
     return joints
 
 

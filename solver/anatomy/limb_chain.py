@@ -19,10 +19,13 @@ class LimbChain:
         Root to tip, mesh file's coordinates. Arms and legs have four: shoulder, elbow, wrist and the end of the hand;
         hip, knee, ankle and the end of the foot. Legs of animals may have a hock after the knee. A leg in the middle
         has no side.
+    nodes : tuple of str
+        Labels of the joints of the file's skeleton that it was read from, root to tip; none from the shape.
     """
 
     name: str
     points: NDArray[np.float64]
+    nodes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

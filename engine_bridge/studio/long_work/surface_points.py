@@ -93,6 +93,7 @@ def _other_side(table: dict[str, Any], left: NDArray[np.float64], mesh: SolverMe
         if table.get(key) is not None:
             other[key] = _swapped_in(table[key])
     if "points" in table:
+        other["nodes"] = None  # these joints are on this side
         other["points"] = [reflect(point) for point in table["points"]]
     else:
         other["position"] = reflect(table["position"])

@@ -67,7 +67,7 @@ class PuppetReply(Table):
     character : str
     puppet : dict
         All tables of `engine_bridge.puppet.puppet.Puppet` with all keys: ``character`` (``mesh`` is a file name),
-        ``limb`` (``name``, ``points``, ``joints``, ``follow``, ``gain``, ``parent``), ``handle`` (``name``,
+        ``limb`` (``name``, ``nodes``, ``points``, ``joints``, ``follow``, ``gain``, ``parent``), ``handle`` (``name``,
         ``position``, ``joint``, ``joints``, ``axes``, ``gain``), ``root`` or None, ``retarget`` (``mirror``, ``scale``,
         ``arm_space``, ``hands_meet``), ``smoothing`` (``max_deviation`` None for infinity) and ``solver``.
     saved : bool

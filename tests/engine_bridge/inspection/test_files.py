@@ -34,6 +34,7 @@ def test_a_puppet_is_described_with_its_limbs_and_without_the_mesh_that_it_misse
     assert list(limbs) == ["trunk", "head", "left arm", "right arm", "left leg", "right leg"]
     assert limbs["trunk"]["parent"] is None
     assert limbs["head"] == {
+        "nodes": None,
         "points": [[0.0, 1.25, 0.0], [0.0, 1.9, 0.25]],
         "joints": [["shoulder_center"], ["head"]],
         "follow": "direction",

@@ -27,6 +27,7 @@ gain = -0.5
 
 [[limb]]
 name = "tail's end"
+nodes = ["Tail.001", "#7"]
 points = [[0.0, 1.0, 0.0], [0.0, 2.0, 0.0]]
 joints = ["spine", "head"]
 parent = "trunk"

@@ -17,9 +17,11 @@ ARM = limb("left arm", ARM_POINTS)
 HEAD = limb("head", "0 2 0, 0 2.5 0")
 
 
-def sorted_by_name(character, limbs):
-    """Each joint's bones with their shares: {joint: {"left arm 1": 1.0}}."""
-    bones = rig_bones(character, limbs)
+def sorted_by_name(character, limbs, **nodes):
+    """Each joint's bones with their shares: {joint: {"left arm 1": 1.0}}; `nodes` are those of limbs, by name."""
+    number = {node["name"]: index for index, node in enumerate(character.document.gltf["nodes"])}
+    nodes = {name.replace("_", " "): [number[node] for node in chain.split()] for name, chain in nodes.items()}
+    bones = rig_bones(character, limbs, nodes)
     names = [f"{each.name} {k}" for each in parents_first(limbs) for k in range(len(each.points) - 1)]
     nodes = character.document.gltf["nodes"]
     return bones, {
@@ -135,6 +137,16 @@ def test_a_target_of_inverse_kinematics_goes_with_its_hand_and_what_hangs_elsewh
     assert [found[name] for name in ("grip", "pole", "pouch")] == [{"left arm 2": 1}, {"trunk 0": 1}, {"trunk 0": 1}]
     assert placed(bones, found) == ["root", "grip"]
     assert bones.missing == ("tail",)
+
+
+def test_joints_that_a_limb_was_read_from_are_its_own_wherever_they_are(build):
+    """Another arm is exactly at the limb, its own ends before its last bone, and its hand hangs on the root."""
+    own = rows("high 0.3 2.1 0 chest\nlow 0.8 2.1 0 high\nend 1.3 2.1 0 root")
+    bones, found = sorted_by_name(build(SPINE | own), [BODY, ARM, HEAD], left_arm="high low end", head="skull")
+    assert [found[name] for name in own] == [{"left arm 0": 1}, {"left arm 1": 1}, {"left arm 2": 1}]
+    assert found["upper"] == found["hand"] == found["neck"] == {"trunk 1": 1}
+    assert found["skull"] == {"head 0": 1}
+    assert placed(bones, found) == ["root", "end"]
 
 
 def test_without_a_trunk_what_is_above_the_limbs_stands_still(build):

@@ -94,7 +94,7 @@ def skeleton(names, vertices=None):
             index[key, side] = len(joints)
             spelled = name.format(side=side, Side=side.title(), S=side[:1].upper(), s=side[:1])
             place = np.array(PLACES[key]) * (sign or 1, 1, 1)
-            joints.append(Joint(spelled, parent, place, NO_VERTICES))
+            joints.append(Joint(spelled, parent, place, NO_VERTICES, f"{side} {key}".strip()))
     joints.append(Joint("IK-foot.l", 0, np.array([0.1, 0.08, 0.5]), NO_VERTICES))
     return joints
 
@@ -112,6 +112,11 @@ def test_a_person_is_known_by_the_names_of_every_convention_whatever_its_axes(na
         assert_array_equal(limbs.points[f"{side} leg"], leg)
     assert_allclose(limbs.points["trunk"], [(0, 0.95, 0), PLACES["spine"], PLACES["neck"]])
     assert_array_equal(limbs.points["head"], [PLACES["neck"], PLACES["crown"]])
+    nodes = {chain.name: chain.nodes for chain in limbs.chains}
+    assert nodes.pop("trunk") == ()
+    assert nodes.pop("head") == ("neck", "head")
+    parts = {"arm": ("upper_arm", "lower_arm", "hand"), "leg": ("thigh", "shin", "foot")}
+    assert nodes == {f"{s} {limb}": tuple(f"{s} {p}" for p in parts[limb]) for limb in parts for s in ("left", "right")}
     assert axes_of(limbs) == ("y", "z")
     lying = [replace(joint, place=joint.place[[2, 0, 1]]) for joint in joints]
     assert axes_of(limbs_of_joints(lying)) == ("z", "x")

@@ -10,7 +10,7 @@ from engine_bridge.rigging.file_joints import humanoid_joints
 
 
 def names(rig):
-    nodes, own = rig.character.document.gltf["nodes"], own_bones(rig.character, rig.puppet.limbs)
+    nodes, own = rig.character.document.gltf["nodes"], own_bones(rig.character, rig.puppet)
     return {name: nodes[node]["name"] for name, node in humanoid_joints(rig, own).items()}
 
 

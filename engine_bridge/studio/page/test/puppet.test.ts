@@ -20,6 +20,7 @@ import {
   rename,
   symmetryPoint,
   withHandleJoints,
+  withLimb,
 } from "../src/model/puppet";
 
 const PUPPET: Puppet = {
@@ -107,6 +108,16 @@ test("a new point lies in the middle of its bone, and beyond the tip as far as t
   assert.deepEqual(addPoint(PUPPET, "left wing", 0).limb?.[1]?.points, [[2, 1, 0], [2.5, 1.5, 0], [3, 2, 0], [4, 3, 1]]);
   assert.deepEqual(addPoint(PUPPET, "left wing", 0).limb?.[1]?.joints[1], ["shoulder_left", "elbow_left"]);
   assert.deepEqual(addPoint(PUPPET, "left wing", 2).limb?.[1]?.points[3], [5, 4, 2]);
+});
+
+test("a limb whose points change forgets the joints that it was read from", () => {
+  const nodes = (puppet: Puppet | undefined, limb = 1): unknown => puppet?.limb?.[limb]?.nodes;
+  const read = withLimb(PUPPET, "left wing", (limb) => ({ ...limb, nodes: ["Wing"] }));
+  assert.deepEqual(nodes(rename(follow(read, wing, "hand_right"), wing, "left arm")), ["Wing"]);
+  for (const changed of [move(read, { ...wing, point: 0 }, [9, 9, 9]), addPoint(read, "left wing", 0)]) {
+    assert.equal(nodes(changed), undefined);
+  }
+  assert.equal(nodes(mirror(read, wing, [0, 0, 0])?.puppet, 3), undefined);
 });
 
 test("points can be removed down to two; removing another removes the limb and frees its children", () => {

@@ -32,11 +32,14 @@ def limb(puppet, name):
 
 def test_the_other_side_replaces_the_limb_that_is_there_and_mirroring_twice_returns_the_points(limbed_rig):
     puppet, mesh = limbed_rig.puppet, limbed_rig.mesh
+    limbs = tuple(each.model_copy(update={"nodes": ("Bone",)}) for each in puppet.limb)
+    puppet = puppet.model_copy(update={"limb": limbs})
     made = puppet_of(mirrored(puppet, mesh, "left arm"), "blob.glb")
     assert [limb.name for limb in made.limb] == [limb.name for limb in puppet.limb]
     left, right = (limb(made, f"{side} arm") for side in ("left", "right"))
     middle = np.median(mesh.vertices[:, 0])
     assert np.allclose(np.array(right.points), np.array(left.points) * [-1, 1, 1] + [2 * middle, 0, 0], atol=1e-5)
+    assert (left.nodes, right.nodes) == (("Bone",), None)
     assert right.joints == ("shoulder_right", "elbow_right", "wrist_right")
     assert made.limb[0] == puppet.limb[0]
     twice = puppet_of(mirrored(made, mesh, "right arm"), "blob.glb")

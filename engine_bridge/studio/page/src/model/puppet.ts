@@ -6,6 +6,8 @@ import { type Vector, cross, dot, length, meetPlane, reflect, subtract } from ".
 
 export interface Limb {
   readonly name: string;
+  /** Joints of the file's skeleton that it was read from. */
+  readonly nodes?: readonly string[] | null;
   readonly points: readonly Vector[];
   readonly joints: readonly JointChoice[];
   readonly follow?: "direction" | "turn";
@@ -109,8 +111,15 @@ export function jointsOf(puppet: Puppet, part: Part): readonly Joint[] {
   return choice === undefined ? [] : pointJoints(choice);
 }
 
+/** Change a limb. New points are not at the joints of the file's skeleton. */
 export function withLimb(puppet: Puppet, name: string, change: (limb: Limb) => Limb): Puppet {
-  return { ...puppet, limb: limbsOf(puppet).map((limb) => (limb.name === name ? change(limb) : limb)) };
+  return {
+    ...puppet,
+    limb: limbsOf(puppet).map((limb) => {
+      const changed = limb.name === name ? change(limb) : limb;
+      return changed.points === limb.points ? changed : without(changed, "nodes");
+    }),
+  };
 }
 
 export function withHandle(puppet: Puppet, name: string, change: (handle: Handle) => Handle): Puppet {
@@ -293,7 +302,7 @@ export function mirror(puppet: Puppet, part: Part, through: Vector): { puppet: P
   if (limb === undefined) return null;
   const parent = limb.parent == null ? null : otherSide(limb.parent);
   const copy: Limb = {
-    ...limb,
+    ...without(limb, "nodes"),
     name,
     points: limb.points.map(across),
     joints: limb.joints.map((choice) => (typeof choice === "string" ? swapped(choice) : choice.map(swapped))),

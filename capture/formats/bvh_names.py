@@ -1,14 +1,8 @@
 """Mapping of the joints of a BVH skeleton to the 20 joints of `capture.skeleton`, by their names.
 
-Supported are the skeletons of CMU (with the names of BVH or of ASF files), Biovision, Mixamo, MotionBuilder, MakeHuman,
-3ds Max, Unreal, Rigify, VRoid, Character Creator, Motive, Advanced Skeleton, MikuMikuDance, ARKit and the Kinect SDK. A
-name is split into a side and a part, so ``LeftUpLeg``, ``mixamorig:LeftUpLeg``, ``UpLeg_L`` and ``Bip01 L UpLeg`` are
-equal. One part means different joints in different skeletons: ``LeftShoulder`` is the collar bone if there is a
-``LeftArm``, ``LeftLeg`` is the thigh if no other joint is, and ``LeftFoot`` is the ankle if there is no ``LeftAnkle``.
-The order in the tables decides.
+`capture.bone_names` tells the meanings of names.
 """
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from textwrap import shorten
@@ -16,31 +10,32 @@ from textwrap import shorten
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.bone_names import find_bones
 from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
 from puppetline.errors import SkeletonLogError
 
-SIDE_PARTS = {
-    "shoulder": ("arm", "upperarm", "uparm", "uarm", "shldr", "humerus", "shoulder", "腕"),
-    "elbow": ("forearm", "lowerarm", "loarm", "lowarm", "farm", "radius", "elbow", "ひじ"),
-    "wrist": ("wrist", "hand", "手首"),
-    "hand": ("handend", "handmiddle1", "middle1", "fingers", "handindex1", "finger2", "hand"),
-    "hip": ("upleg", "upperleg", "thigh", "femur", "hip", "leg", "足"),
-    "knee": ("leg", "loleg", "lowleg", "lowerleg", "shin", "calf", "tibia", "knee", "ひざ"),
-    "ankle": ("ankle", "foot", "足首"),
-    "foot": ("toebase", "toe", "toes", "toe0", "ball", "foot", "つま先"),
+_SIDE_BONES = {
+    "shoulder": ("UpperArm",),
+    "elbow": ("LowerArm",),
+    "wrist": ("Hand",),
+    "hand": ("Palm", "MiddleProximal", "IndexProximal"),
+    "hip": ("UpperLeg",),
+    "knee": ("LowerLeg",),
+    "ankle": ("Foot",),
+    "foot": ("Toes",),
 }
-"""Parts of each joint of a side, in order of priority. Each BVH joint is used once."""
-
-MIDDLE_PARTS = {
-    "hip_center": ("spinebase", "hips", "pelvis", "hip", "root"),
-    "spine": (
-        *("spinemid", "spine002", "spine", "spine1", "spine01", "spine2", "abdomen", "chest", "torso"),
-        *("lowerback", "upperback", "上半身"),
-    ),
-    "shoulder_center": ("spineshoulder", "lowerneck", "neck", "neck1", "neck01", "necktwist01", "spine004", "首"),
-    "head": ("head", "spine006", "頭"),
+BONES = {
+    "hip_center": ("hips",),
+    "spine": ("spine", "chest", "upperChest"),
+    "shoulder_center": ("neck",),
+    "head": ("head",),
+    **{
+        f"{joint}_{side}": tuple(f"{side}{bone}" for bone in bones)
+        for joint, bones in _SIDE_BONES.items()
+        for side in ("left", "right")
+    },
 }
-"""Parts of each joint in the middle, in order of priority."""
+"""Names of the bones at whose beginning each joint is, in order of priority."""
 
 MIDPOINTS = {
     "hip_center": ("hip_left", "hip_right"),
@@ -52,32 +47,10 @@ MIDPOINTS = {
 ENDS = {"hand_left": "wrist_left", "hand_right": "wrist_right", "foot_left": "ankle_left", "foot_right": "ankle_right"}
 """Joints that the end of another joint's bone replaces if a skeleton lacks them."""
 
-AROUND = re.compile(r"^(.*:|mixamorig\d*_?|bip\d+[ _]?|cc_base_|j_bip_(c_)?|def-)|(_joint|_m)$", re.IGNORECASE)
-SIDES = (
-    re.compile(r"^(?P<side>left|right|左|右)(?P<part>.+)$"),
-    re.compile(r"^(?P<part>.+)(?P<side>left|right)$"),
-    re.compile(r"^(?P<part>.+)(?P<side>[lr])$"),
-    re.compile(r"^(?P<side>[lr])(?P<part>.+)$"),
-)
-PARTS = {part for parts in SIDE_PARTS.values() for part in parts}
+MIN_BONE_SHARE = 0.002
+"""Minimum length of a bone as a share of the skeleton's largest extent; shorter bones have no length."""
 
 Points = NDArray[np.float64]
-
-
-def normalised_name(name: str) -> str:
-    """Return the part in a joint's name, followed by ``_left`` or ``_right`` if it has a side.
-
-    >>> normalised_name("mixamorig:LeftUpLeg"), normalised_name("Hand_L"), normalised_name("Spine1")
-    ('upleg_left', 'hand_left', 'spine1')
-    """
-    if name.startswith("__"):  # a spacer of MakeHuman, which has the name of the joint that follows it
-        return ""
-    plain = re.sub(r"[ _.\-]", "", AROUND.sub("", name)).lower()
-    for pattern in SIDES:
-        match = pattern.match(plain)
-        if match and match["part"] in PARTS:
-            return f"{match['part']}_{'left' if match['side'][0] in 'l左' else 'right'}"
-    return plain
 
 
 def kinect_positions(
@@ -144,23 +117,17 @@ def kinect_positions(
 
 
 def _choose_nodes(names: Sequence[str], positions: Sequence[Points]) -> dict[str, int]:
-    """Return for each of the 20 joints the first node in its table that no other joint uses."""
-    nodes: dict[str, int] = {}
-    for index, name in enumerate(names):
-        nodes.setdefault(normalised_name(name), index)
-    tables = dict(MIDDLE_PARTS)
-    for part, parts in SIDE_PARTS.items():
-        for side in ("left", "right"):
-            tables[f"{part}_{side}"] = tuple(f"{synonym}_{side}" for synonym in parts)
+    """Return for each of the 20 joints the first node of its bones."""
+    bones = find_bones(names)
     chosen: dict[str, int] = {}
-    for joint, keys in tables.items():
-        free = [nodes[key] for key in keys if key in nodes and nodes[key] not in chosen.values()]
+    for joint, candidates in BONES.items():
+        nodes = [bones[bone] for bone in candidates if bone in bones]
         if joint in ENDS or joint in MIDPOINTS:
             # Bones without length are skipped: CMU has one between wrist and fingers, MakeHuman in the hips.
             inner = chosen.get(PARENTS.get(joint, ""))
-            free = [node for node in free if inner is None or not _coincide(positions, inner, node)]
-        if free:
-            chosen[joint] = free[0]
+            nodes = [node for node in nodes if inner is None or not _coincide(positions, inner, node)]
+        if nodes:
+            chosen[joint] = nodes[0]
     return chosen
 
 
@@ -173,4 +140,5 @@ def _ends(tree: Sequence[tuple[str, int]]) -> dict[int, int]:
 
 
 def _coincide(positions: Sequence[Points], one: int, other: int) -> bool:
-    return np.array_equal(positions[one], positions[other])
+    size = np.ptp([points[0] for points in positions], axis=0).max()
+    return bool(np.abs(positions[one] - positions[other]).max() <= MIN_BONE_SHARE * size)

@@ -1,11 +1,9 @@
 """Rotations of the fingers of a skeleton by the channels of a performer's fingers.
 
-Joints of fingers are known by their names: ``LeftHandIndex1`` (Mixamo), ``leftIndexProximal`` (VRM), ``J_Bip_L_Index1``
-or ``index_01_l``. A finger bends about the axis that is perpendicular to it and to the direction of the palm, a thumb
-towards the palm and the little finger.
+Joints of fingers are known by their names (`capture.bone_names`). A finger bends about the axis that is perpendicular
+to it and to the direction of the palm, a thumb towards the palm and the little finger.
 """
 
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
@@ -14,19 +12,15 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from capture.channels import FINGERS, FULL_BEND_DEGREES
+from capture.bone_names import FINGER_BONES, find_bones
+from capture.channels import FULL_BEND_DEGREES
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import rotation_matrix, world_transforms
 from engine_bridge.export.animation import add_channel
-from engine_bridge.puppet.humanoid_bones import FINGER_BONES
-from engine_bridge.puppet.joint_names import SIDES, WORD
 from engine_bridge.rigging.joints import Joint as SkeletonJoint
 from engine_bridge.rigging.skeleton import Skeleton
 
 NO_ROTATION = [0.0, 0.0, 0.0, 1.0]
-
-_FINGERS = {**{name: name for name in FINGERS}, "pinky": "little", "pinkie": "little"}
-_PARTS = {"metacarpal": 0, "proximal": 1, "intermediate": 2, "distal": 3}
 
 Joint = tuple[str, str, int]
 """Side, finger, and number of the joint from the palm, 1 to 3."""
@@ -34,18 +28,8 @@ Joint = tuple[str, str, int]
 
 def finger_joints(document: Document) -> dict[Joint, int]:
     """Return the nodes of the joints of fingers, by their names; the first three of a finger count."""
-    fingers: dict[tuple[str, str], list[tuple[int, int]]] = {}
-    for number, node in enumerate(document.gltf["nodes"]):
-        name = node.get("name", "").rsplit(":", 1)[-1]
-        words = [word.lower() for word in WORD.findall(name)]
-        side = next((SIDES[word] for word in words if word in SIDES), None)
-        finger = next((_FINGERS[word] for word in words if word in _FINGERS), None)
-        digits = re.findall(r"\d+", name)
-        order = next((_PARTS[word] for word in words if word in _PARTS), int(digits[-1]) if digits else None)
-        palm = "metacarpal" in words and finger != "thumb"
-        if side is not None and finger is not None and order is not None and not palm and "end" not in words:
-            fingers.setdefault((side, finger), []).append((order, number))
-    return {(*finger, k): node for finger, chain in fingers.items() for k, (_, node) in enumerate(sorted(chain)[:3], 1)}
+    bones = find_bones([node.get("name", "") for node in document.gltf["nodes"]])
+    return {joint: bones[bone] for joint, bone in FINGER_BONES.items() if bone in bones}
 
 
 def bend_fingers(document: Document, channels: dict[str, NDArray[np.float32]]) -> int:

@@ -5,8 +5,6 @@ VRM, VMC and Unity have the same bones; VMC and Unity write their names with a c
 
 from collections.abc import Container
 
-from capture.channels import FINGERS
-
 SIDES = ("left", "right")
 
 _LIMB_PARENTS = {
@@ -33,16 +31,6 @@ PARENTS: dict[str, str] = {
 
 HUMANOID_BONES = ("hips", *PARENTS)
 """All bones, parents first."""
-
-_THUMB, _FINGER = ("Metacarpal", "Proximal", "Distal"), ("Proximal", "Intermediate", "Distal")
-
-FINGER_BONES = {
-    (side, finger, number): f"{side}{finger.title()}{part}"
-    for side in SIDES
-    for finger in FINGERS
-    for number, part in enumerate(_THUMB if finger == "thumb" else _FINGER, 1)
-}
-"""Bones of fingers by side, finger, and number of the joint from the palm."""
 
 REQUIRED = (
     "hips",

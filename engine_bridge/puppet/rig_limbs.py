@@ -7,10 +7,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.bone_names import LEG_PARTS, QUARTERS, JointMeaning, joint_meanings
 from engine_bridge.character.character import Character
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import influences, world_transforms
-from engine_bridge.puppet.joint_names import LEG_PARTS, QUARTERS, SIDES, JointMeaning, parse_joint_name
 from engine_bridge.puppet.limb_nodes import node_labels
 from engine_bridge.puppet.rig_axes import upward
 from solver.anatomy.limb_chain import LimbChain, Limbs, evenly, leg_names
@@ -30,11 +30,15 @@ MAX_HAND_HEIGHT_SHARE = 0.3
 MIN_LEG_BONE_SHARE = 0.08
 """Minimum length of the bones of a leg below the third joint, as a share of the leg's length."""
 
-HEAD_PARTS = (None, "head", "ear", "jaw")
-"""Parts below the head that count for its size; None for eyes, hair and the like."""
+SPINE_PARTS = ("hips", "spine", "chest", "upperChest", "trunk")
 
-SHOULDER_PARTS = ("girdle", "upper arm")
+HEAD_PARTS = (None, "head", "ear", "eye", "jaw")
+"""Parts below the head that count for its size; None for hair and the like."""
+
+SHOULDER_PARTS = ("shoulder", "upperArm")
 """Parts by which an arm hangs on the spine."""
+
+HAND_PARTS = ("hand", "palm")
 
 MANY_PAIRS = 3
 """Number of pairs of legs from which they are rows."""
@@ -145,7 +149,7 @@ class _Skeleton:
 
     def __init__(self, joints: Sequence[Joint]) -> None:
         self.joints = joints
-        self.meanings = [parse_joint_name(joint.name, len(joint.vertices) > 0) for joint in joints]
+        self.meanings = joint_meanings([joint.name for joint in joints], [len(joint.vertices) > 0 for joint in joints])
         self.children: list[list[int]] = [[] for _ in joints]
         for index, joint in enumerate(joints):
             if joint.parent >= 0:
@@ -166,11 +170,12 @@ class _Skeleton:
     def _rename_hips_and_heads(self) -> None:
         """Correct meanings that depend on other joints: of hips without thighs, and a spine up to the head."""
         for index, meaning in enumerate(self.meanings):
-            below = {self.part(other) for other in self.below(index)} & {"thigh", "leg", "shin"}
-            if meaning and meaning.side and meaning.part == "spine" and below == {"shin"}:
-                self.meanings[index] = replace(meaning, part="thigh")  # a hip, as in SMPL
-        shoulders = {self.joints[k].parent for side in SIDES.values() for k in self.named(side, None, *SHOULDER_PARTS)}
-        beyond = [index for index in self.named(None, None, "spine") if shoulders & set(self.ancestors(index))]
+            below = {self.part(other) for other in self.below(index)} & {"upperLeg", "leg", "lowerLeg"}
+            if meaning and meaning.side and meaning.part == "hips" and below == {"lowerLeg"}:
+                self.meanings[index] = replace(meaning, part="upperLeg")
+        sides = ("left", "right")
+        shoulders = {self.joints[k].parent for side in sides for k in self.named(side, None, *SHOULDER_PARTS)}
+        beyond = [index for index in self.named(None, None, *SPINE_PARTS) if shoulders & set(self.ancestors(index))]
         if beyond and not self.named(None, None, "head"):  # Rigify numbers the spine up to the head
             for index in beyond:
                 self.meanings[index] = JointMeaning(None, None, "head" if index == beyond[-1] else "neck")
@@ -213,12 +218,12 @@ class _Skeleton:
         return found
 
     def arm(self, side: str) -> _Chain | None:
-        upper, lower = self.named(side, None, "upper arm"), self.named(side, None, "lower arm")
+        upper, lower = self.named(side, None, "upperArm"), self.named(side, None, "lowerArm")
         if not upper:  # the shoulder, after the collar bone, may be the upper arm's only joint
-            upper = [index for index in self.named(side, None, "girdle") if set(self.below(index)) & set(lower)][-1:]
+            upper = [index for index in self.named(side, None, "shoulder") if set(self.below(index)) & set(lower)][-1:]
         if not upper or not lower:
             return None
-        hands = [index for index in self.below(lower[0]) if self.part(index) == "hand" and index != lower[0]]
+        hands = [index for index in self.below(lower[0]) if self.part(index) in HAND_PARTS and index != lower[0]]
         wrist = min(hands or self.children[lower[0]], key=lambda index: (self.depth[index], index), default=None)
         if wrist is None:
             return self.without_end(upper[0], lower[0])
@@ -261,27 +266,27 @@ class _Skeleton:
 
     def leg(self, side: str, quarter: str | None, every_bend: bool, number: int | None = None) -> _Chain | None:
         """Return a leg; with a number, that one of the legs of a quarter, whose first bone may lead sideways."""
-        named = self.named(side, quarter, "girdle", *LEG_PARTS)
+        named = self.named(side, quarter, "shoulder", *LEG_PARTS)
         tops = [index for index in named if not set(named) & set(self.ancestors(index))]
-        legs = [top for top in tops if set(self.below(top)) & set(self.named(side, quarter, "thigh", "leg"))]
+        legs = [top for top in tops if set(self.below(top)) & set(self.named(side, quarter, "upperLeg", "leg"))]
         if not legs[number or 0 :]:
             return None
         top = max(legs, key=lambda index: (len(set(named) & set(self.below(index))), -index))
         top = top if number is None else legs[number]
         chain = [top]
         for index in named:
-            known = ("leg", "girdle", "foot") if every_bend else ("leg", "girdle")
+            known = ("leg", "shoulder", "foot") if every_bend else ("leg", "shoulder")
             twice = self.part(index) not in known and self.part(index) in map(self.part, chain)
             if chain[-1] in self.ancestors(index) and not twice:
                 chain.append(index)
         feet = [index for index in tops if index != top and (number is None or len(legs) == 1)]
         if feet and "foot" not in map(self.part, chain):  # a foot with inverse kinematics hangs on the root
             chain.append(feet[0])
-        chain = [index for index in chain if self.part(index) != "toe"]
+        chain = [index for index in chain if self.part(index) != "toes"]
         across = self.across(quarter) if number is None else np.zeros(3)
         while len(chain) > 3 and abs(_unit(self.place(chain[1]) - self.place(chain[0])) @ across) > GIRDLE_COSINE:
             del chain[0]
-        if len(chain) < (3 if number is None else 2) or self.part(chain[0]) == "girdle":
+        if len(chain) < (3 if number is None else 2) or self.part(chain[0]) == "shoulder":
             return None
         if len(chain) == 2:
             return self.without_end(*chain)
@@ -326,7 +331,7 @@ class _Skeleton:
         """Return the points of the trunk: the hips, its middle, and the root of the neck."""
         legs = [chain.points[0] for name, chain in limbs.items() if name.endswith(behind)]
         arms = [chain.points[0] for name, chain in limbs.items() if name.endswith(before)]
-        spine = [self.place(index) for index in self.named(None, None, "spine")]
+        spine = [self.place(index) for index in self.named(None, None, *SPINE_PARTS)]
         tails = self.named(None, None, "tail")
         if not (legs or tails) or not (arms or self.named(None, None, "neck", "head")):
             return None
@@ -359,7 +364,7 @@ class _Skeleton:
             return {}
         root = self.place(heads[0])
         start = self.place(necks[0]) if necks else root if trunk is None else trunk.points[-1]
-        if necks and any(self.part(index) == "upper arm" for index in self.below(necks[0])):
+        if necks and any(self.part(index) == "upperArm" for index in self.below(necks[0])):
             start, necks = root, []  # the neck carries the arms, as a trunk does
         tip = self.end(start, root, [index for index in self.below(heads[0]) if self.part(index) in HEAD_PARTS])
         length = None if trunk is None else trunk.points[-1] - trunk.points[0]

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.bone_names import FINGER_BONES
 from capture.skeleton import JOINTS
 from engine_bridge.character import own_targets
 from engine_bridge.character.character import Character
@@ -22,7 +23,7 @@ from engine_bridge.character.materials import drawn_normals, preview_colors
 from engine_bridge.character.schema import Primitive
 from engine_bridge.export.finger_animation import FingerBends, with_fingers
 from engine_bridge.performance.rig import Rig
-from engine_bridge.puppet.humanoid_bones import FINGER_BONES, HUMANOID_BONES
+from engine_bridge.puppet.humanoid_bones import HUMANOID_BONES
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.rigging.humanoid import humanoid_of, is_humanoid
 from engine_bridge.rigging.skeleton import Skeleton, from_t_pose

@@ -4,7 +4,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from capture.formats.bvh_names import MIDDLE_PARTS, kinect_positions, normalised_name
+from capture.bone_names import find_bones
+from capture.formats.bvh_names import kinect_positions
 from capture.skeleton import JOINTS
 from puppetline.errors import SkeletonLogError
 
@@ -18,7 +19,7 @@ SKELETONS_TEXT = """
 CMU | Left Right |
 Hips, LowerBack, Spine, Spine1, Neck, Neck1, Head, LFingers, RFingers |
 *Shoulder, *Arm, *ForeArm, *Hand, *UpLeg, *Leg, *Foot, *ToeBase |
-spine: Spine, shoulder_center: Neck, shoulder_left: LeftArm, wrist_left: LeftHand, hand_left: LFingers, hip_left:
+spine: LowerBack, shoulder_center: Neck, shoulder_left: LeftArm, wrist_left: LeftHand, hand_left: LFingers, hip_left:
 LeftUpLeg, knee_left: LeftLeg, ankle_left: LeftFoot, foot_left: LeftToeBase
 
 Biovision | Left Right |
@@ -86,13 +87,13 @@ Rigify | L R |
 DEF-spine, DEF-spine.001, DEF-spine.002, DEF-spine.003, DEF-spine.004, DEF-spine.005, DEF-spine.006 |
 DEF-shoulder.*, DEF-upper_arm.*, DEF-upper_arm.*.001, DEF-forearm.*, DEF-hand.*, DEF-thigh.*, DEF-shin.*, DEF-foot.*,
 DEF-toe.* |
-spine: DEF-spine.002, shoulder_center: DEF-spine.004, head: DEF-spine.006, shoulder_left: DEF-upper_arm.L, knee_right:
-DEF-shin.R
+hip_center: DEF-spine, spine: DEF-spine.001, shoulder_center: DEF-spine.004, head: DEF-spine.006, shoulder_left:
+DEF-upper_arm.L, knee_right: DEF-shin.R
 
 Motive | L R |
 Hip, Ab, Chest, Neck, Head |
 *Shoulder, *UArm, *FArm, *Hand, *Thigh, *Shin, *Foot, *Toe |
-spine: Chest, shoulder_left: LUArm, elbow_right: RFArm, hip_left: LThigh, foot_right: RToe
+spine: Ab, shoulder_left: LUArm, elbow_right: RFArm, hip_left: LThigh, foot_right: RToe
 
 Advanced Skeleton | L R |
 Root_M, Spine1_M, Chest_M, Neck_M, Head_M |
@@ -141,8 +142,7 @@ def test_skeletons_of_known_programs_are_recognised(program):
     names, expected = SKELETONS[program]
     found, _ = points_of(names)
     assert {joint: names[int(found[joint])] for joint in expected} == expected
-    head = next(i for i, name in enumerate(names) if normalised_name(name) in MIDDLE_PARTS["head"])
-    assert found["head"] == head + 0.5
+    assert found["head"] == find_bones(names)["head"] + 0.5
 
 
 def test_missing_middle_joints_are_midpoints_and_hands_are_ends():

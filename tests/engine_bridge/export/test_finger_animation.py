@@ -5,11 +5,11 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
+from capture.bone_names import FINGER_BONES
 from capture.channels import FINGER_CHANNELS, FINGERS, FULL_BEND_DEGREES
 from engine_bridge.character.document_reader import load_document
 from engine_bridge.character.scene import world_transforms
 from engine_bridge.export.finger_animation import bend_fingers, finger_joints, with_fingers
-from engine_bridge.puppet.humanoid_bones import FINGER_BONES
 from engine_bridge.rigging.joints import Joint
 from engine_bridge.rigging.skeleton import Skeleton
 

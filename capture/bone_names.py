@@ -1,0 +1,247 @@
+"""Meanings of the names of joints in the skeletons of common programs.
+
+`bone_names.toml` has the names. A skeleton has the convention that explains most of its joints, if it has most of the
+convention's names. The names of all other joints are read word by word. Case, separators, a namespace, and words that
+(nearly) all joints share do not matter: ``mixamorig:LeftUpLeg``, ``UpLeg_L`` and ``smpl_up_leg.l`` are equal.
+"""
+
+import re
+import tomllib
+import unicodedata
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from capture.channels import FINGERS
+
+TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+
+MIDDLE_PARTS = ("hips", "spine", "chest", "upperChest", "neck", "head", "jaw")
+SIDE_PARTS = ("shoulder", "upperArm", "lowerArm", "hand", "upperLeg", "lowerLeg", "foot", "toes")
+"""VRM's bones in the middle and of a side, without the side, in the order of the conventions."""
+
+LEG_PARTS = ("upperLeg", "leg", "lowerLeg", "foot", "toes")
+
+SUBSTITUTES = {
+    "hips": ("root",),
+    "chest": ("spine",),
+    "upperChest": ("chest", "spine"),
+    "head": ("neck",),
+    "palm": ("hand",),
+    "upperLeg": ("hips", "leg"),
+    "lowerLeg": ("leg",),
+    "toes": ("foot",),
+}
+"""Parts of which a further joint is a part that no joint is named after: after a wrist, the hand is the palm."""
+
+SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
+
+QUARTERS = {"f": "front", "front": "front", "fore": "front", "back": "hind", "hind": "hind", "rear": "hind"}
+QUARTERS |= {"midfront": "middle front", "midback": "middle hind", "middle": "middle", "top": "top", "bottom": "bottom"}
+"""First or last word in the names of a leg's joints, with its pairs of legs."""
+
+SHARED_WORD_SHARE = 0.75
+"""Minimum share of a skeleton's joints that have a word which says nothing."""
+
+MIN_SHARING_JOINTS = 5
+"""Minimum number of joints from which words are shared."""
+
+MIN_CONVENTION_SHARE = 0.75
+"""Minimum share of a convention's names that a skeleton has."""
+
+_CORNERS = {f"{pair[0]}{side}": (pair, side) for pair in ("front", "back", "hind", "rear") for side in "lr"}
+"""Words that say the pair and the side of a leg, such as `fl`."""
+
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_A-Za-z]+")
+_WORDS = {word: part for part, words in TABLE["words"].items() for word in words.split()}
+_DECORATION, _CONTROLS = (frozenset(TABLE["other"][kind].split()) for kind in ("decoration", "controls"))
+_GLUED_SIDES = (
+    re.compile("(?P<side>left|right|l|r)(?P<own>.+)"),
+    re.compile("(?P<own>.+?)(?P<side>left|right|l|r)"),
+)
+
+_FINGERS = {word: finger for finger, words in TABLE["fingers"].items() for word in words.split()}
+_PHALANGES = ("metacarpal", "proximal", "intermediate", "distal")
+_FINGER = re.compile(
+    f"(?:hand|finger|f)?({'|'.join(map(re.escape, _FINGERS))})(?:finger)?(?:\\.?(\\d*)|({'|'.join(_PHALANGES)}))"
+)
+_THUMB_BONES, _FINGER_BONES = ("Metacarpal", "Proximal", "Distal"), ("Proximal", "Intermediate", "Distal")
+
+FINGER_BONES = {
+    (side, finger, number): f"{side}{finger.title()}{bone}"
+    for side in ("left", "right")
+    for finger in FINGERS
+    for number, bone in enumerate(_THUMB_BONES if finger == "thumb" else _FINGER_BONES, 1)
+}
+"""VRM's bones of fingers by side, finger, and number of the joint from the palm."""
+
+Key = tuple[str | None, str]
+"""Side of a joint, and its other words, joined; a point is before each number."""
+
+
+@dataclass(frozen=True)
+class JointMeaning:
+    """Meaning of a joint's name.
+
+    Attributes
+    ----------
+    side : str or None
+        "left", "right" or None.
+    quarter : str or None
+        A value of `QUARTERS`, for a leg whose name says its pair.
+    part : str
+        One of `MIDDLE_PARTS`, `SIDE_PARTS`, `capture.channels.FINGERS`, or another key of the table's words.
+    order : int or None
+        Increasing number of the joint of a finger from the palm.
+    """
+
+    side: str | None
+    quarter: str | None
+    part: str
+    order: int | None = None
+
+
+def bone_name(side: str | None, part: str) -> str:
+    """Return VRM's name of a part: ``leftUpperArm``."""
+    return f"{side}{part[0].upper()}{part[1:]}" if side else part
+
+
+def joint_meanings(names: Sequence[str], moves_vertices: Sequence[bool] = ()) -> list[JointMeaning | None]:
+    """Return the meanings of the names of a skeleton's joints.
+
+    Parameters
+    ----------
+    names : sequence of str
+    moves_vertices : sequence of bool
+        Whether vertices follow each joint; by default, they do not.
+
+    Returns
+    -------
+    list of JointMeaning or None
+        None for an unknown name, or a control that moves no vertices.
+    """
+    split = [_words(name) for name in names]
+    counts = Counter(word for words in split for word in set(words))
+    least = SHARED_WORD_SHARE * max(sum(map(bool, split)), MIN_SHARING_JOINTS)
+    shared = {word for word, count in counts.items() if count >= least} - _WORDS.keys() - SIDES.keys()
+    sided = [_without_side([word for word in words if word not in shared | _DECORATION]) for words in split]
+    convention = _convention([(side, "".join(words)) for side, words in sided])
+    moves = moves_vertices or [False] * len(names)
+    return [_meaning(side, words, convention, moving) for (side, words), moving in zip(sided, moves, strict=True)]
+
+
+def find_bones(names: Sequence[str]) -> dict[str, int]:
+    """Return which joint of a skeleton is which bone of a VRM humanoid.
+
+    The upper arm is the last joint with the name of a shoulder, if there is no other.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Parents before their children.
+
+    Returns
+    -------
+    dict
+        Indices of names by VRM's names of bones, also of fingers, and ``leftPalm`` and ``rightPalm`` for a joint
+        between wrist and fingers.
+    """
+    joints: dict[Key, list[int]] = {}
+    fingers: dict[Key, list[tuple[int, int]]] = {}
+    for index, meaning in enumerate(joint_meanings(names)):
+        if meaning and meaning.order is not None:
+            fingers.setdefault((meaning.side, meaning.part), []).append((meaning.order, index))
+        elif meaning and not meaning.quarter:
+            joints.setdefault((meaning.side, meaning.part), []).append(index)
+    found: dict[str, int] = {}
+    for side, parts in ((None, MIDDLE_PARTS), *((side, (*SIDE_PARTS, "palm", "eye")) for side in ("left", "right"))):
+        if (side, "lowerArm") in joints and (side, "upperArm") not in joints and joints.get((side, "shoulder")):
+            joints[side, "upperArm"] = [joints[side, "shoulder"].pop()]
+        own = {part: joints[side, part].pop(0) for part in parts if joints.get((side, part))}
+        for part in parts:
+            others = [joints[side, other] for other in SUBSTITUTES.get(part, ()) if joints.get((side, other))]
+            if part not in own and others:
+                own[part] = others[0].pop(0)
+        found |= {bone_name(side, part): index for part, index in own.items()}
+    for (side, finger), chain in fingers.items():
+        found |= {FINGER_BONES[side or "", finger, k]: index for k, (_, index) in enumerate(sorted(chain)[:3], 1)}
+    return found
+
+
+def _words(name: str) -> list[str]:
+    """Return the words of a name in lower case, without its namespace; a point is before each number."""
+    if name.startswith("__"):  # a spacer of MakeHuman, which has the name of the joint that follows it
+        return []
+    own = unicodedata.normalize("NFKC", re.split("[:|]", name)[-1]).replace("左", " left ").replace("右", " right ")
+    words = [f".{word}" if word.isdigit() else word.lower() for word in _WORD.findall(own)]
+    return [one for word in words for one in _CORNERS.get(word, (word,))]
+
+
+def _without_side(words: list[str]) -> tuple[str | None, list[str]]:
+    """Return the side in words, and the other words; a side may be at the beginning or end of a word."""
+    sides, key = [SIDES[word] for word in words if word in SIDES], "".join(words)
+    if sides or _is_known(key):
+        return (sides[0] if sides else None), [word for word in words if word not in SIDES]
+    matches = (pattern.fullmatch(key) for pattern in _GLUED_SIDES)
+    match = next((match for match in matches if match and _is_known(match["own"])), None)
+    return (SIDES[match["side"]], [match["own"]]) if match else (None, words)
+
+
+def _is_known(key: str) -> bool:
+    return _without_digits(key) in _WORDS or _FINGER.fullmatch(key) is not None
+
+
+def _without_digits(key: str) -> str:
+    return re.sub(r"\.\d+", "", key)
+
+
+def _conventions() -> dict[str, dict[tuple[bool, str], str]]:
+    """Return the parts by whether they have a side, and by key, for each convention."""
+    found = {}
+    for name, convention in TABLE["conventions"].items():
+        rows = ((False, MIDDLE_PARTS, "middle"), (True, SIDE_PARTS, "sides"))
+        found[name] = {
+            (sided, "".join(word for word in _words(own) if word not in _DECORATION)): part
+            for sided, parts, row in rows
+            for part, own in zip(parts, convention[row], strict=False)
+            if own
+        }
+    return found
+
+
+_CONVENTIONS = _conventions()
+
+
+def _convention(keys: Sequence[Key]) -> Mapping[tuple[bool, str], str]:
+    """Return the convention that explains most joints; an empty one if a skeleton has few names of it."""
+    best: Mapping[tuple[bool, str], str] = {}
+    most = 0
+    for parts in _CONVENTIONS.values():
+        explained = len({key for key in keys if (key[0] is not None, key[1]) in parts})
+        if explained > most and explained >= MIN_CONVENTION_SHARE * sum(1 + sided for sided, _ in parts):
+            best, most = parts, explained
+    return best
+
+
+def _meaning(
+    side: str | None, words: list[str], convention: Mapping[tuple[bool, str], str], moving: bool
+) -> JointMeaning | None:
+    key = "".join(words)
+    if part := convention.get((side is not None, key)) or _WORDS.get(_without_digits(key)):
+        return JointMeaning(side, None, part)
+    if _CONTROLS & set(words) and not moving:
+        return None
+    finger = _FINGER.fullmatch(key) if side else None
+    if finger and (finger[2] or finger[3] or finger[1][-1].isdigit()):
+        order = _PHALANGES.index(finger[3]) if finger[3] else int(finger[2] or 0)
+        is_palm = finger[3] == "metacarpal" and _FINGERS[finger[1]] != "thumb"
+        return None if is_palm else JointMeaning(side, None, _FINGERS[finger[1]], order)
+    own = _without_digits("".join(word for word in words if word not in _CONTROLS - {"twist", "roll"}))
+    part, quarter = _WORDS.get(own), None
+    for word, which in QUARTERS.items():
+        rest = own.removeprefix(word).removesuffix(word)
+        if rest != own and side and part is None and _WORDS.get(rest) in (*LEG_PARTS, "shoulder"):
+            part, quarter = _WORDS[rest], which
+    return JointMeaning(side, quarter, part) if part else None

@@ -7,7 +7,7 @@ GDSCRIPT := integrations/godot tests/integrations/godot tests/peers/godot benchm
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup studio demo docs gallery test test-all test-camera lint format bench lock platforms peers archives dist dist-check clean
+.PHONY: help setup studio bone-tables demo docs gallery test test-all test-camera lint format bench lock platforms peers archives dist dist-check clean
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -72,6 +72,9 @@ $(PAGE)/dist/index.html: $(PAGE)/node_modules/.to-build $(PAGE_SOURCES)
 		$(BIN)/pytest --collect-only -qq -p no:cacheprovider $$part >/dev/null & \
 	done; wait
 	@touch $@
+
+bone-tables: setup ## Write the names of bones into the clients, from capture/bone_names.toml
+	$(BIN)/python integrations/write_bone_tables.py
 
 demo: setup ## Animate the example characters into out/
 	$(BIN)/puppetline demo --output $(OUT)

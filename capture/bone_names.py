@@ -54,19 +54,13 @@ MIN_CONVENTION_SHARE = 0.75
 _CORNERS = {f"{pair[0]}{side}": (pair, side) for pair in ("front", "back", "hind", "rear") for side in "lr"}
 """Words that say the pair and the side of a leg, such as `fl`."""
 
-_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_A-Za-z]+")
+_WORD = re.compile("[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+|[^ -~]+")
 _WORDS = {word: part for part, words in TABLE["words"].items() for word in words.split()}
 _DECORATION, _CONTROLS = (frozenset(TABLE["other"][kind].split()) for kind in ("decoration", "controls"))
-_GLUED_SIDES = (
-    re.compile("(?P<side>left|right|l|r)(?P<own>.+)"),
-    re.compile("(?P<own>.+?)(?P<side>left|right|l|r)"),
-)
-
+_GLUED_SIDES = (re.compile("(?P<side>left|right|l|r)(?P<own>.+)"), re.compile("(?P<own>.+?)(?P<side>left|right|l|r)"))
 _FINGERS = {word: finger for finger, words in TABLE["fingers"].items() for word in words.split()}
 _PHALANGES = ("metacarpal", "proximal", "intermediate", "distal")
-_FINGER = re.compile(
-    f"(?:hand|finger|f)?({'|'.join(map(re.escape, _FINGERS))})(?:finger)?(?:\\.?(\\d*)|({'|'.join(_PHALANGES)}))"
-)
+_FINGER = re.compile(f"(?:hand|finger|f)?({'|'.join(_FINGERS)})(?:finger)?(?:[.]?([0-9]*)|({'|'.join(_PHALANGES)}))")
 _THUMB_BONES, _FINGER_BONES = ("Metacarpal", "Proximal", "Distal"), ("Proximal", "Intermediate", "Distal")
 
 FINGER_BONES = {
@@ -122,11 +116,8 @@ def joint_meanings(names: Sequence[str], moves_vertices: Sequence[bool] = ()) ->
     list of JointMeaning or None
         None for an unknown name, or a control that moves no vertices.
     """
-    split = [_words(name) for name in names]
-    counts = Counter(word for words in split for word in set(words))
-    least = SHARED_WORD_SHARE * max(sum(map(bool, split)), MIN_SHARING_JOINTS)
-    shared = {word for word, count in counts.items() if count >= least} - _WORDS.keys() - SIDES.keys()
-    sided = [_without_side([word for word in words if word not in shared | _DECORATION]) for words in split]
+    split = _without_shared_words([_words(name) for name in names])
+    sided = [_without_side([word for word in words if word not in _DECORATION]) for words in split]
     convention = _convention([(side, "".join(words)) for side, words in sided])
     moves = moves_vertices or [False] * len(names)
     return [_meaning(side, words, convention, moving) for (side, words), moving in zip(sided, moves, strict=True)]
@@ -179,6 +170,18 @@ def _words(name: str) -> list[str]:
     return [one for word in words for one in _CORNERS.get(word, (word,))]
 
 
+def _without_shared_words(split: list[list[str]]) -> list[list[str]]:
+    """Return the words of names without those before and after them that (nearly) all joints share, and no part is."""
+    least = SHARED_WORD_SHARE * max(sum(map(bool, split)), MIN_SHARING_JOINTS)
+    for end in (0, -1):
+        counts = Counter(words[end] for words in split if words)
+        word, count = max(counts.items(), key=lambda each: each[1], default=("", 0))
+        if count >= least and word not in _WORDS and word not in SIDES:
+            rest = slice(-1) if end else slice(1, None)
+            return _without_shared_words([words[rest] if words[end:][:1] == [word] else words for words in split])
+    return split
+
+
 def _without_side(words: list[str]) -> tuple[str | None, list[str]]:
     """Return the side in words, and the other words; a side may be at the beginning or end of a word."""
     sides, key = [SIDES[word] for word in words if word in SIDES], "".join(words)
@@ -194,7 +197,7 @@ def _is_known(key: str) -> bool:
 
 
 def _without_digits(key: str) -> str:
-    return re.sub(r"\.\d+", "", key)
+    return re.sub("[.0-9]", "", key)
 
 
 def _conventions() -> dict[str, dict[tuple[bool, str], str]]:
@@ -211,18 +214,23 @@ def _conventions() -> dict[str, dict[tuple[bool, str], str]]:
     return found
 
 
-_CONVENTIONS = _conventions()
+CONVENTIONS = _conventions()
 
 
 def _convention(keys: Sequence[Key]) -> Mapping[tuple[bool, str], str]:
     """Return the convention that explains most joints; an empty one if a skeleton has few names of it."""
     best: Mapping[tuple[bool, str], str] = {}
     most = 0
-    for parts in _CONVENTIONS.values():
+    for parts in CONVENTIONS.values():
         explained = len({key for key in keys if (key[0] is not None, key[1]) in parts})
-        if explained > most and explained >= MIN_CONVENTION_SHARE * sum(1 + sided for sided, _ in parts):
+        if explained > most and explained >= least_names(parts):
             best, most = parts, explained
     return best
+
+
+def least_names(convention: Mapping[tuple[bool, str], str]) -> float:
+    """Return how many of the joints of a skeleton must have names of a convention."""
+    return MIN_CONVENTION_SHARE * sum(1 + sided for sided, _ in convention)
 
 
 def _meaning(

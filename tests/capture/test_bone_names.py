@@ -1,9 +1,65 @@
 """Names of joints say which part of the body they are."""
 
-from capture.bone_names import JointMeaning, joint_meanings
+import pytest
+
+from capture.bone_names import MIDDLE_PARTS, SIDE_PARTS, TABLE, JointMeaning, bone_name, find_bones, joint_meanings
+
+from ..integrations.bone_names import CONVENTIONS, FINGERS, SYNONYMS
+
+BOTH = ("left", "right")
+
+
+@pytest.mark.parametrize("name", CONVENTIONS)
+def test_every_joint_of_a_convention_is_known_however_it_is_spelled(name):
+    convention = TABLE["conventions"][name.split(" ")[0]]
+    parts = [part for part, own in zip(MIDDLE_PARTS, convention["middle"], strict=False) if own]
+    parts += [
+        bone_name(side, part)
+        for side in BOTH
+        for part, own in zip(SIDE_PARTS, convention["sides"], strict=False)
+        if own
+    ]
+    assert find_bones(CONVENTIONS[name]) == {part: index for index, part in enumerate(parts)}
+
+
+@pytest.mark.parametrize("names", SYNONYMS.values(), ids=SYNONYMS)
+def test_every_word_of_a_part_is_known_however_it_is_spelled(names):
+    parts = [*MIDDLE_PARTS, *(bone_name(side, part) for side in BOTH for part in SIDE_PARTS)]
+    assert find_bones(names) == {part: index for index, part in enumerate(parts)}
+
+
+def test_fingers_are_counted_from_the_palm():
+    found = {name: list(find_bones(names)) for name, names in FINGERS.items()}
+    thumb = [f"leftThumb{bone}" for bone in ("Metacarpal", "Proximal", "Distal")]
+    index, little = (
+        [f"left{finger}{bone}" for bone in ("Proximal", "Intermediate", "Distal")] for finger in ("Index", "Little")
+    )
+    assert found["VRM 0"][:6] == [*thumb, *little]
+    assert found["Unreal"][:9] == found["MikuMikuDance"][:9] == [*thumb, *index, *little]
+    assert (found["3ds Max"][:6], len(found["3ds Max"])) == ([*thumb, *index], 30)
 
 
 def test_a_leg_says_its_side_and_its_pair_in_one_word_or_in_two():
     legs = {"leg_f_l": ("left", "front"), "FL_Leg": ("left", "front"), "leg.br.1": ("right", "hind")}
     legs["RLeg"] = ("right", None)
     assert joint_meanings([*legs]) == [JointMeaning(*leg, "leg") for leg in legs.values()]
+
+
+def test_further_joints_are_the_parts_that_no_joint_is_named_after():
+    """A neck without a head, a spine by its numbers, a shoulder before an elbow, and legs by their numbers."""
+    names = ["Root", "Spine", "Spine1", "Spine2", "Neck", "Neck1"]
+    names += [
+        f"{name}_L" for name in ("Scapula", "Shoulder", "Elbow", "Wrist", "Hand", "Leg1", "Leg2", "Ankle", "Foot")
+    ]
+    parts = ["hips", "spine", "chest", "upperChest", "neck", "head"]
+    parts += [
+        f"left{part}"
+        for part in ("Shoulder", "UpperArm", "LowerArm", "Hand", "Palm", "UpperLeg", "LowerLeg", "Foot", "Toes")
+    ]
+    assert find_bones(names) == {part: index for index, part in enumerate(parts)}
+
+
+def test_controls_count_where_vertices_follow_them():
+    names = ["Foot_IK.L", "upperarm_twist_01_l", "HeadTop_End", "__Clavicle_L", "Bone.001"]
+    assert joint_meanings(names) == [None] * 5
+    assert joint_meanings(names, [True] * 5)[:3] == [JointMeaning("left", None, "foot"), None, None]

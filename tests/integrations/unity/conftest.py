@@ -125,6 +125,7 @@ def build(compiler, folder):
     program("Clips", *unity, "Puppetline.Timeline", "Unity.Timeline")
     program("Component", *unity, "Sample", sources=("Skeletons", "Said"))
     program("Posing", *unity, sources=("Skeletons", "Said"))
+    program("Naming", *unity)
 
 
 @pytest.fixture

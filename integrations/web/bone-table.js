@@ -1,0 +1,169 @@
+// Made by integrations/write_bone_tables.py from capture/bone_names.toml.
+
+/**
+ * @typedef {object} BoneTable
+ * @property {{middle: string, sides: string, least: number}[]} conventions
+ * @property {string} middle
+ * @property {string} sides
+ * @property {Record<string, string>} substitutes
+ * @property {Record<string, string>} words
+ * @property {Record<string, string>} fingers
+ * @property {string} decoration
+ * @property {string} controls
+ * @property {number} sharedWordShare
+ * @property {number} minSharingJoints
+ */
+
+/** @type {BoneTable} */
+export const TABLE = {
+  "conventions": [
+    {
+      "middle": "hips spine chest upperchest neck head jaw",
+      "sides": "shoulder upperarm lowerarm hand upperleg lowerleg foot toes",
+      "least": 18
+    },
+    {
+      "middle": "hips spine spine.1 spine.2 neck head -",
+      "sides": "shoulder arm forearm hand upleg leg foot toe",
+      "least": 17
+    },
+    {
+      "middle": "pelvis spine.01 spine.02 spine.03 neck.01 head -",
+      "sides": "clavicle upperarm lowerarm hand thigh calf foot ball",
+      "least": 17
+    },
+    {
+      "middle": "spine spine.001 spine.002 spine.003 spine.004 spine.006 -",
+      "sides": "shoulder upperarm forearm hand thigh shin foot toe",
+      "least": 17
+    },
+    {
+      "middle": "pelvis spine.1 spine.2 spine.3 neck head -",
+      "sides": "collar shoulder elbow wrist hip knee ankle foot",
+      "least": 17
+    },
+    {
+      "middle": "hip waist spine.01 spine.02 necktwist.01 head -",
+      "sides": "clavicle upperarm forearm hand thigh calf foot toe",
+      "least": 17
+    },
+    {
+      "middle": "hips spine chest upperchest neck head -",
+      "sides": "shoulder upperarm lowerarm hand upperleg lowerleg foot toe",
+      "least": 17
+    },
+    {
+      "middle": "hip ab chest - neck head -",
+      "sides": "shoulder uarm farm hand thigh shin foot toe",
+      "least": 16
+    },
+    {
+      "middle": "root spine.1 spine.2 chest neck head -",
+      "sides": "scapula shoulder elbow wrist hip knee ankle toes",
+      "least": 17
+    },
+    {
+      "middle": "hips spine.1 spine.4 spine.7 neck.1 head -",
+      "sides": "shoulder.1 arm forearm hand upleg leg foot toes",
+      "least": 17
+    },
+    {
+      "middle": "センター 上半身 - 上半身.2 首 頭 -",
+      "sides": "肩 腕 ひじ 手首 足 ひざ 足首 つま先",
+      "least": 16
+    },
+    {
+      "middle": "hips lowerback spine spine.1 neck head -",
+      "sides": "shoulder arm forearm hand upleg leg foot toe",
+      "least": 17
+    },
+    {
+      "middle": "root lowerback upperback thorax lowerneck head -",
+      "sides": "clavicle humerus radius wrist femur tibia foot toes",
+      "least": 17
+    },
+    {
+      "middle": "pelvis spine spine.1 spine.2 neck head -",
+      "sides": "clavicle upperarm forearm hand thigh calf foot toe.0",
+      "least": 17
+    },
+    {
+      "middle": "spine spinemid - - spineshoulder head -",
+      "sides": "- shoulder elbow wrist hip knee ankle foot",
+      "least": 14
+    },
+    {
+      "middle": "pelvis spinenaval spinechest - neck head -",
+      "sides": "clavicle shoulder elbow wrist hip knee ankle foot",
+      "least": 16
+    },
+    {
+      "middle": "midhip - - - neck - -",
+      "sides": "- shoulder elbow wrist hip knee ankle bigtoe",
+      "least": 12
+    },
+    {
+      "middle": "hip spine - - thorax head -",
+      "sides": "- shoulder elbow wrist hip knee foot -",
+      "least": 12
+    },
+    {
+      "middle": "hips abdomen torso chest neck head -",
+      "sides": "shoulder upperarm lowerarm hand upperleg lowerleg foot toes",
+      "least": 17
+    },
+    {
+      "middle": "hips spine chest - - head -",
+      "sides": "- upperarm lowerarm wrist upperleg lowerleg foot toes",
+      "least": 14
+    }
+  ],
+  "middle": "hips spine chest upperChest neck head jaw",
+  "sides": "shoulder upperArm lowerArm hand upperLeg lowerLeg foot toes",
+  "substitutes": {
+    "hips": "root",
+    "chest": "spine",
+    "upperChest": "chest spine",
+    "head": "neck",
+    "palm": "hand",
+    "upperLeg": "hips leg",
+    "lowerLeg": "leg",
+    "toes": "foot"
+  },
+  "words": {
+    "root": "root center センター",
+    "hips": "hip hips pelvis midhip lowerbody 下半身",
+    "spine": "spine abdomen ab waist torso back lowerback spinelower upperbody 上半身",
+    "chest": "chest ribcage",
+    "upperChest": "upperchest upperback spineupper",
+    "trunk": "body",
+    "neck": "neck lowerneck upperneck 首",
+    "head": "head skull 頭",
+    "jaw": "jaw jawroot mandible chin lowermouth mouthlower lowerjaw jawlower あご 顎",
+    "eye": "eye eyes 目",
+    "ear": "ear ears 耳",
+    "shoulder": "shoulder clavicle collar collarbone scapula 肩",
+    "upperArm": "arm upperarm armupper uparm uarm shldr humerus 腕",
+    "lowerArm": "lowerarm armlower lowarm loarm farm forearm elbow radius ulna ひじ 肘",
+    "hand": "hand wrist 手首",
+    "palm": "palm palmt palmi palmm palmr palmp fingers handend",
+    "upperLeg": "upperleg legupper upleg thigh femur もも",
+    "lowerLeg": "lowerleg leglower lowleg loleg calf shin knee tibia fibula ひざ 膝",
+    "leg": "leg midleg 足",
+    "foot": "foot footback ankle paw hoof 足首",
+    "toes": "toe toes ball bigtoe つま先",
+    "tail": "tail 尻尾",
+    "wing": "wing feather 翼 羽"
+  },
+  "fingers": {
+    "thumb": "thumb finger.0 親指",
+    "index": "index finger.1 人指 人差指",
+    "middle": "middle mid finger.2 中指",
+    "ring": "ring finger.3 薬指",
+    "little": "little pinky pinkie finger.4 小指"
+  },
+  "decoration": "b c j m mixamorig def cc base bip valve biped bn bone bend",
+  "controls": "ik fk pole target ctrl control mch org twist roll heel end nub helper",
+  "sharedWordShare": 0.75,
+  "minSharingJoints": 5
+};

@@ -3,9 +3,11 @@
 import gzip
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -75,3 +77,12 @@ def test_the_server_of_the_pages_tests_sends_what_the_real_one_does(frames):
 def test_the_page_is_small():
     files = [PAGE / "dist" / "index.html", *(PAGE / "dist" / "assets").iterdir()]
     assert 0 < sum(len(gzip.compress(path.read_bytes())) for path in files) <= MAX_PAGE_BYTES
+
+
+def test_modules_of_the_page_do_not_import_in_circles():
+    source, imports = PAGE / "src", {}
+    for file in source.rglob("*.ts"):
+        named = re.findall(r'from "(\.[^"]*)"', file.read_text(encoding="utf-8"))
+        imports[file] = [(file.parent / name).resolve().with_suffix(".ts") for name in named]
+    order = [*TopologicalSorter(imports).static_order()]
+    assert order.index(source / "requests.ts") < order.index(source / "film.ts")

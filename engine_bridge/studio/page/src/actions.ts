@@ -1,6 +1,5 @@
 /** What the user can do: each action asks the server, changes the state, or both. */
 
-import { Connection, Refusal } from "./connection";
 import type {
   Banner,
   CharacterState,
@@ -19,29 +18,26 @@ import { smoothingOf } from "./model/smoothing";
 import type { Vector } from "./model/vector";
 import { strings } from "./strings";
 import { COUNT_IN, countIn, receivedFilm, stepFilm } from "./film";
+import { connection, doing, download, request } from "./requests";
 import { type Recording, current, shownCharacter, shownPuppet, update } from "./store";
 
-const connection = new Connection({
-  opened: (greeting) => {
-    update({ connected: "open", greeting });
-  },
-  state: receive,
-  progress: (job, text, fraction) => {
-    update(({ progress }) => ({ progress: { ...progress, [job]: { text, fraction } } }));
-  },
-  lost: () => {
-    update({ connected: "lost", busy: [] });
-  },
-  refused: (refusal) => {
-    update({ connected: "refused", refusal });
-  },
-});
-
 export const connect = (): void => {
-  connection.open();
+  connection.open({
+    opened: (greeting) => {
+      update({ connected: "open", greeting });
+    },
+    state: receive,
+    progress: (job, text, fraction) => {
+      update(({ progress }) => ({ progress: { ...progress, [job]: { text, fraction } } }));
+    },
+    lost: () => {
+      update({ connected: "lost", busy: [] });
+    },
+    refused: (refusal) => {
+      update({ connected: "refused", refusal });
+    },
+  });
 };
-export const sessionToken = (): string => connection.token;
-export const download = (id: string): Promise<Blob> => connection.download(id);
 
 function receive(server: ServerState): void {
   const names = server.characters.map(({ name }) => name);
@@ -76,24 +72,6 @@ async function refresh({ name, version }: CharacterState): Promise<void> {
     fetched.delete(name); // the next state asks again
   }
 }
-
-/** Do work while the page shows `text`. If the work fails, the page shows the error, and the result is null. */
-async function doing<T>(text: string, work: () => Promise<T>): Promise<T | null> {
-  update(({ busy }) => ({ busy: [...busy, text], notice: null }));
-  try {
-    return await work();
-  } catch (error) {
-    if (error instanceof Refusal || (error instanceof Error && error.message !== "")) {
-      update({ notice: { level: "error", text: error.message } });
-    }
-    return null;
-  } finally {
-    update(({ busy }) => ({ busy: busy.toSpliced(busy.indexOf(text), 1) }));
-  }
-}
-
-export const request = <T>(text: string, what: string, values: object = {}): Promise<T | null> =>
-  doing(text, () => connection.request<T>(what, values));
 
 // ------------------------------------------------------------------------------------------ files and characters
 
@@ -425,7 +403,7 @@ export async function invite(): Promise<void> {
 
 /** Save a file of the server on this computer. */
 export async function offer(id: string, name: string): Promise<void> {
-  const blob = await doing(strings.busy.save, () => connection.download(id));
+  const blob = await doing(strings.busy.save, () => download(id));
   if (blob === null) return;
   const link = document.createElement("a");
   link.href = URL.createObjectURL(blob);

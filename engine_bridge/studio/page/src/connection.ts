@@ -43,14 +43,13 @@ export class Connection {
   private next = 1;
   private readonly waiting = new Map<number, Waiting>();
 
-  constructor(private readonly events: Events) {}
-
   /** The token of this browser tab: the session's, or the one-time token of the address. */
   get token(): string {
     return sessionStorage.getItem(SESSION) ?? new URLSearchParams(location.hash.slice(1)).get("token") ?? "";
   }
 
-  open(): void {
+  /** Connect, and connect again when the connection is lost. */
+  open(events: Events): void {
     const socket = new WebSocket(address("/api"));
     this.socket = socket;
     let greeted = false;
@@ -63,8 +62,8 @@ export class Connection {
         greeted = true;
         sessionStorage.setItem(SESSION, message.hello.session);
         history.replaceState(null, "", location.pathname);
-        this.events.opened(message.hello);
-      } else this.receive(message);
+        events.opened(message.hello);
+      } else this.receive(message, events);
     };
     socket.onclose = ({ code, reason }) => {
       for (const { reject } of this.waiting.values()) reject(new Error(reason));
@@ -72,15 +71,15 @@ export class Connection {
       if (!greeted && code >= 4000) {
         if (sessionStorage.getItem(SESSION) !== null && location.hash.includes("token=")) {
           sessionStorage.removeItem(SESSION); // the server has restarted, and the address has its new token
-          this.open();
+          this.open(events);
           return;
         }
-        this.events.refused(reason);
+        events.refused(reason);
         return;
       }
-      this.events.lost();
+      events.lost();
       setTimeout(() => {
-        this.open();
+        this.open(events);
       }, RETRY_MILLISECONDS);
     };
   }
@@ -111,10 +110,10 @@ export class Connection {
     return (await accepted(reply)).blob();
   }
 
-  private receive(message: Exclude<Message, { hello: unknown }>): void {
+  private receive(message: Exclude<Message, { hello: unknown }>, events: Events): void {
     if ("event" in message) {
-      if (message.event === "state") this.events.state(message.state);
-      else this.events.progress(message.job, message.text, message.fraction);
+      if (message.event === "state") events.state(message.state);
+      else events.progress(message.job, message.text, message.fraction);
       return;
     }
     const waiting = message.id === null ? undefined : this.waiting.get(message.id);

@@ -1,8 +1,8 @@
 /** The film of the takes: edits, playing on the stage, the count-in, and making the video. */
 
-import { download, request } from "./actions";
 import type { Extra, FilmReply, FilmState, FilmTake, ServerState } from "./messages";
 import { type History, commit, type undo } from "./model/history";
+import { download, request } from "./requests";
 import { context } from "./sound";
 import { type State, current, update } from "./store";
 import { strings } from "./strings";

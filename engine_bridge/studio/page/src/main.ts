@@ -1,6 +1,6 @@
 /** The page: joins the state, the stream, the 3D view and the panels. */
 
-import { connect, download, edit, openFiles, pickPart, sampled, select, sessionToken } from "./actions";
+import { connect, edit, openFiles, pickPart, sampled, select } from "./actions";
 import { Client } from "../../../../integrations/web/puppetline.js";
 import { address } from "./connection";
 import { draw } from "./dom";
@@ -10,6 +10,7 @@ import { figure } from "./panels/figure";
 import { meters } from "./panels/meters";
 import { movePlayhead } from "./panels/strip";
 import { put } from "./placing";
+import { connection, download } from "./requests";
 import { playSounds } from "./sound";
 import { type State, current, subscribe, update } from "./store";
 import { strings } from "./strings";
@@ -49,9 +50,9 @@ let client: Client | null = null;
 /** Receive the stream; a new session of the server has a new token. */
 function follow({ connected, server, character }: State): void {
   if (connected !== "open" || server === null) return;
-  if (client?.token !== sessionToken()) {
+  if (client?.token !== connection.token) {
     client?.close();
-    client = new Client(address("/stream"), { token: sessionToken() });
+    client = new Client(address("/stream"), { token: connection.token });
     viewer.follow(client, []);
     jointsOf = null;
   }

@@ -1,7 +1,7 @@
 /** Plays the sounds of takes in step with the images of their characters. */
 
-import { download } from "./actions";
 import { type Part, partsOf, positionAt } from "./model/sound";
+import { download } from "./requests";
 import type { State } from "./store";
 
 /** Difference from the images after which a sound is played anew, in seconds. */

@@ -4,8 +4,10 @@ import {
   BEND_DEGREES,
   type Handle,
   type Limb,
+  type Morph,
   type Part,
   type Puppet,
+  type Range,
   axis,
   handleNamed,
   handlesOf,
@@ -31,20 +33,6 @@ export const CHANNELS = [
   "point_left",
   "point_right",
 ] as const;
-
-/** A morph target of the mesh, and the channel that moves it. */
-export interface Morph {
-  readonly target: string;
-  readonly channel: string;
-  readonly gain?: number;
-}
-
-/** The values of a channel that count as 0 and 1. */
-export interface Range {
-  readonly name: string;
-  readonly neutral?: number;
-  readonly full?: number;
-}
 
 export const morphsOf = (puppet: Puppet): readonly Morph[] => puppet.morph ?? [];
 

@@ -1,6 +1,5 @@
 /** The puppet file as the server sends it, and its edits: every function returns a new puppet. */
 
-import type { Morph, Range } from "./channels";
 import { type Joint, type JointChoice, chainOf, sideOf, spread } from "./skeleton";
 import { type Vector, cross, dot, length, meetPlane, reflect, subtract } from "./vector";
 
@@ -33,6 +32,20 @@ export interface Handle {
   readonly channel?: string | null;
   /** How far the channel moves it. */
   readonly moves?: Vector;
+}
+
+/** A morph target of the mesh, and the channel that moves it. */
+export interface Morph {
+  readonly target: string;
+  readonly channel: string;
+  readonly gain?: number;
+}
+
+/** The values of a channel that count as 0 and 1. */
+export interface Range {
+  readonly name: string;
+  readonly neutral?: number;
+  readonly full?: number;
 }
 
 export interface Root {

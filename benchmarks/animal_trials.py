@@ -80,7 +80,7 @@ def main() -> None:
 
 def compare_walk(name: str, rig: Rig) -> None:
     """Print the row of an animal that has an animation Walk."""
-    steps = CharacterMotion(rig, performer(0.0)).performer._feet
+    steps = CharacterMotion(rig, performer(0.0)).performer._grounding
     found = own_walk(rig)
     if found is None or not isinstance(steps, Steps):
         return
@@ -181,7 +181,7 @@ def walk(rig: Rig, speed: float) -> Stride:
     count, still = round(WALK_SECONDS * FPS), performer(0.0)
     poses = [still - np.array([0.0, 0.0, speed * number / FPS]) for number in range(count)]
     retargeting = CharacterMotion(rig, still).performer
-    steps = retargeting._feet
+    steps = retargeting._grounding
     assert isinstance(steps, Steps)
     hidden = ("ankle_left", "ankle_right", "foot_left", "foot_right", "knee_left", "knee_right")
     swinging, heights = [], []

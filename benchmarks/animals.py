@@ -165,7 +165,7 @@ def play(rig: Rig, timeline: Timeline, settings: Settings, soles: list[NDArray[n
     shares = skin_of(rig)
     basis, rest = rig.puppet.character.basis, rig.mesh.vertices
     size = float(np.ptp(rest @ basis[1]))
-    steps = getattr(motion.performer, "_feet", None)
+    steps = getattr(motion.performer, "_grounding", None)
     heights, places, bodies, swinging, lifted = [], [], [], [], []
     used = np.concatenate(soles) if soles else np.zeros(0, dtype=np.int64)
     starts = np.cumsum([0, *map(len, soles)])

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from engine_bridge.film.scene import CharacterTable
 from engine_bridge.film.takes import Footing, Place, Segment
 from engine_bridge.performance.character_motion import CharacterMotion
+from engine_bridge.performance.grounding import stands
 from engine_bridge.performance.motion import SolvedMotion
 from engine_bridge.performance.pose import Pose, between, difference_of, smoothstep
-from engine_bridge.performance.retargeting import legs_of
 from engine_bridge.performance.rig import Rig
 
 SETTLING_STEPS = 12
@@ -53,8 +53,7 @@ class Actor:
     @property
     def stands(self) -> bool:
         """Whether its feet are held on the floor."""
-        puppet = self.rig.puppet
-        return bool(legs_of(puppet)) or any(limb.stands for limb in puppet.limb)
+        return stands(self.rig.puppet)
 
     def _number_at(self, frame: int) -> int:
         """Return the number of the segment that is played at a frame, with its cross-fade; −1 without any segment."""

@@ -13,19 +13,17 @@ from numpy.typing import NDArray
 from capture import body, orientations
 from capture.skeleton import JOINT_INDEX, LIMBS, LOST, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
 from capture.smoothing import JointFilter
+from engine_bridge.performance.grounding import SIDES, chain_of, grounding_of
 from engine_bridge.performance.pose import TargetPose
 from engine_bridge.puppet.puppet import Puppet, axis_mask
 from solver.model.bones import Bones
 from solver.motion.arms import Arm, Arms
 from solver.motion.deformer import Deformer
-from solver.motion.feet import Feet, Leg
 from solver.motion.late_limbs import LateLimbs
 from solver.motion.limb_motion import LimbMotion
-from solver.motion.limbs import TRUNK, Performer, bone_ranges, parents_first
+from solver.motion.limbs import Performer
 from solver.motion.motion_limits import limb_reach
 from solver.motion.retarget import Fit, Retargeter, SmoothReturn
-from solver.motion.step_plan import PerformersLegs, StandingLeg
-from solver.motion.steps import Steps
 from solver.surface.mesh import SolverMesh
 
 PERFORMER = Performer(
@@ -61,11 +59,7 @@ class Retargeting:
         self._filter = JointFilter(puppet.smoothing.parameters)
         self._rest = self._to_character(rest)
         self.fit = fit_sizes(puppet, deformer, mesh, rest)
-        legs, steps = legs_of(puppet), steps_of(puppet, deformer.bones, rest)
-        self.root_scale = _root_scale(puppet, mesh, rest, legs, deformer.bones) if steps is None else steps.metre
-        self._feet: Feet | Steps | None = steps
-        if legs and steps is None:
-            self._feet = Feet(deformer.bones, legs, self.root_scale, self._basis, pelvis=pelvis_of(puppet))
+        self._grounding, self.root_scale = grounding_of(puppet, mesh, deformer.bones, rest)
         self._limbs = LimbMotion(puppet.limbs, PERFORMER, self._rest, self._basis, turns=puppet.turns)
         self._late = LateLimbs(self._limbs.limbs, deformer.bones)
         self._arms = arms_of(puppet, deformer.bones, rest)
@@ -99,8 +93,8 @@ class Retargeting:
             targets = self._retargeter.step(frame.time, self._against_trunk(positions, motions), confidence)
             targets = targets @ motions[trunk, :3] + motions[trunk, 3]
         root = self.root_scale * moved @ self._basis
-        if self._feet is not None:
-            self._feet.step(frame.time, positions, confidence, motions, root)
+        if self._grounding is not None:
+            self._grounding.step(frame.time, positions, confidence, motions, root)
         self._late.step(frame.time, motions, root)
         return TargetPose(targets, motions, root)
 
@@ -112,12 +106,12 @@ class Retargeting:
     @property
     def standing(self) -> NDArray[np.float64]:
         """Positions (l, 3) float64 where the character's feet are held, mesh file's coordinates; NaN for free feet."""
-        return np.empty((0, 3)) if self._feet is None else self._feet.places
+        return np.empty((0, 3)) if self._grounding is None else self._grounding.places
 
     def stand(self, places: NDArray[np.float64]) -> None:
         """Hold the feet at the positions `standing` of a previous retargeting of the same puppet."""
-        if self._feet is not None and places.shape == self.standing.shape:
-            self._feet.hold(places)
+        if self._grounding is not None and places.shape == self.standing.shape:
+            self._grounding.hold(places)
 
     def _against_trunk(self, positions: NDArray[np.float64], motions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return joints (20, 3) relative to the hips and to the axes of the moved trunk."""
@@ -206,29 +200,6 @@ def _limbs(puppet: Puppet, arm: NDArray[np.float64]) -> tuple[NDArray[np.float64
     return limbs * np.sign(puppet.mapping.gain), of_handle
 
 
-def legs_of(puppet: Puppet) -> tuple[Leg, ...]:
-    """Return the two legs whose feet are held on the floor; none for other characters or with free feet."""
-    if puppet.root is None or puppet.root.feet == "free":
-        return ()
-    legs = [leg for side in ("left", "right") if (leg := _leg(puppet, side)) is not None]
-    return tuple(legs) if len(legs) == 2 else ()
-
-
-def _leg(puppet: Puppet, side: str) -> Leg | None:
-    """Return the bones that follow the directions of a performer's thigh and shin, and the bone after them."""
-    found = _chain(puppet, side, "hip", "knee", "ankle")
-    if found is None:
-        return None
-    thigh, last, _ = found
-    return Leg(thigh, thigh + 1, thigh + 2 if last > thigh + 1 else -1, JOINT_INDEX[f"ankle_{side}"])
-
-
-def pelvis_of(puppet: Puppet) -> int | None:
-    """Return the first bone of the trunk if the trunk has several bones, else None."""
-    bones = bone_ranges(puppet.limbs).get(TRUNK, range(0))
-    return bones.start if len(bones) > 1 else None
-
-
 def arms_of(puppet: Puppet, bones: Bones, rest: NDArray[np.float64]) -> Arms | None:
     """Return the correction of arms for different proportions; None without two arms that follow directions.
 
@@ -241,101 +212,14 @@ def arms_of(puppet: Puppet, bones: Bones, rest: NDArray[np.float64]) -> Arms | N
         Performer's calibration pose, NaN for unknown joints.
     """
     arms = []
-    for side in ("left", "right"):
-        found = _chain(puppet, side, "shoulder", "elbow", "wrist")
+    for side in SIDES:
+        found = chain_of(puppet, side, "shoulder", "elbow", "wrist")
         if found is None or len(found[2]) > 1:
             return None
         upper, last, (joint,) = found
         arms.append(Arm(upper, upper + 1, last, joint))
     lengths = body.bone_lengths(rest)
-    performers = np.mean([lengths[f"elbow_{side}"] + lengths[f"wrist_{side}"] for side in ("left", "right")])
+    performers = np.mean([lengths[f"elbow_{side}"] + lengths[f"wrist_{side}"] for side in SIDES])
     space, meet = math.radians(puppet.retarget.arm_space), puppet.retarget.hands_meet
     left, right = arms
     return Arms(bones, left, right, float(performers), puppet.character.basis, space=space, meet=meet)
-
-
-SIDES = "left", "right"
-"""The performer's sides."""
-
-
-def steps_of(puppet: Puppet, bones: Bones, rest: NDArray[np.float64]) -> Steps | None:
-    """Return the steps of a puppet; None without legs that stand, without a root, or with free feet.
-
-    Parameters
-    ----------
-    puppet : Puppet
-    bones : Bones
-        Bones of its limbs.
-    rest : (20, 3) float64
-        Performer's calibration pose, NaN for unknown joints.
-    """
-    legs, trunk = _legs_and_trunk(puppet)
-    if not legs or puppet.root is None or puppet.root.feet == "free":
-        return None
-    performer = _performers_legs(rest)
-    basis = puppet.character.basis
-    metre = puppet.units_per_metre or _leg_length(legs, bones, basis) / performer.leg
-    forward = puppet.root.walk == "forward"
-    return Steps(bones, legs, trunk, performer, metre, basis, goes_forward=forward)
-
-
-def _legs_and_trunk(puppet: Puppet) -> tuple[list[StandingLeg], list[int]]:
-    """Return the legs that stand, and the bones of the trunk."""
-    legs, ranges = [], bone_ranges(puppet.limbs)
-    arms = {side: {JOINT_INDEX[joint] for joint in LIMBS[f"{side} arm"]} for side in SIDES}
-    for limb in parents_first(puppet.limbs):
-        if limb.stands and limb.name != TRUNK:
-            arm = next((side for side, joints in arms.items() if limb.joints[-1][0] in joints), None)
-            hand, shoulder = (-1, -1) if arm is None else (limb.joints[-1][0], JOINT_INDEX[f"shoulder_{arm}"])
-            legs.append(StandingLeg(tuple(ranges[limb.name]), hand, shoulder))
-    return legs, list(ranges.get(TRUNK, ()))
-
-
-def _performers_legs(rest: NDArray[np.float64]) -> PerformersLegs:
-    lengths = body.bone_lengths(rest)
-
-    def mean(*bones: str) -> float:
-        return float(sum(np.mean([lengths[f"{bone}_{side}"] for side in SIDES]) for bone in bones))
-
-    return PerformersLegs(
-        ankles=(JOINT_INDEX["ankle_left"], JOINT_INDEX["ankle_right"]),
-        hips=(JOINT_INDEX["hip_left"], JOINT_INDEX["hip_right"]),
-        leg=mean("knee", "ankle"),
-        arm=mean("elbow", "wrist", "hand"),
-    )
-
-
-def _leg_length(legs: list[StandingLeg], bones: Bones, basis: NDArray[np.float64]) -> float:
-    """Return the mean height of the hips over the ends of the legs."""
-    return float(np.mean([(bones.heads[leg.bones[0]] - bones.tails[leg.bones[-1]]) @ basis[1] for leg in legs]))
-
-
-def _chain(puppet: Puppet, side: str, *joints: str) -> tuple[int, int, tuple[int, ...]] | None:
-    """Find a limb that follows the directions between three joints of one side, which are given by name.
-
-    Returns the bone between the first two joints, the limb's last bone, and the joints at its tip.
-    """
-    chain, ranges = tuple((JOINT_INDEX[f"{joint}_{side}"],) for joint in joints), bone_ranges(puppet.limbs)
-    for limb in parents_first(puppet.limbs):
-        for k, bone in enumerate(ranges[limb.name]):
-            if limb.follow == "direction" and limb.joints[k : k + 3] == chain:
-                return bone, ranges[limb.name][-1], limb.joints[-1]
-    return None
-
-
-def _root_scale(
-    puppet: Puppet, mesh: SolverMesh, rest: NDArray[np.float64], legs: tuple[Leg, ...], bones: Bones
-) -> float:
-    """Return mesh units per metre of the root: the puppet's scale, or the ratio of character size to performer size.
-
-    The size of a character whose feet are held is the length of its legs, which determines its steps; the size of any
-    other is its height.
-    """
-    if puppet.units_per_metre is not None:
-        return puppet.units_per_metre
-    if legs:
-        performers = body.bone_lengths(rest)
-        length = np.mean([performers[f"{bone}_{side}"] for bone in ("knee", "ankle") for side in ("left", "right")])
-        return float(np.mean([bones.lengths[[leg.thigh, leg.shin]] for leg in legs]) / length)
-    up = puppet.character.basis[1]
-    return float(np.ptp(mesh.vertices @ up) / body.height(rest))

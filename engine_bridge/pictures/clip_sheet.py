@@ -12,7 +12,7 @@ from engine_bridge.character.document_reader import load_document
 from engine_bridge.character.evaluation import Evaluation
 from engine_bridge.character.materials import preview_colors
 from engine_bridge.performance.clip import Clip
-from engine_bridge.performance.retargeting import legs_of
+from engine_bridge.performance.grounding import stands
 from engine_bridge.performance.rig import Rig
 from engine_bridge.pictures import stick_figure
 from engine_bridge.pictures.contact_sheet import write_contact_sheet
@@ -106,9 +106,7 @@ def _draw(
     poses = places @ basis.T
     ways = root @ basis.T * [1, 0, 1]
     view = View.around(poses - ways[:, None], size=size)
-    if legs_of(rig.puppet) or any(
-        limb.stands for limb in rig.puppet.limb
-    ):  # what hangs from a hand may be lower than the feet
+    if stands(rig.puppet):  # what hangs from a hand may be lower than the feet
         view = replace(view, ground=float((rig.character.vertices @ basis[1]).min()))
     images, colors = [], preview_colors(rig.character)
     for pose, way in zip(poses, ways, strict=True):

@@ -11,7 +11,7 @@ from capture.formats import read_log
 from capture.skeleton import JOINT_INDEX, mirrored, to_character_axes
 from capture.trackers.face import HeadDirection
 from engine_bridge.performance.character_motion import make_deformer
-from engine_bridge.performance.retargeting import Retargeting, legs_of
+from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.puppet.puppet import RetargetTable, RootTable, SmoothingTable
 
 from ...capture.formats.bvh_files import JOINT_COUNT, body_file
@@ -123,16 +123,6 @@ def test_handles_are_carried_by_the_trunk_and_move_against_it(puppet, retargetin
         for aim, angle in zip(aims[1:], (0.0, 0.5, 1.0), strict=True):
             turn = Rotation.from_rotvec([0, angle, 0])
             assert_allclose(aim, turn.apply(np.add(start, [0, -0.1, 0.2])), atol=1e-9)
-
-
-def test_two_legs_stand_on_the_floor_unless_the_puppet_says_otherwise(puppet):
-    assert [(leg.thigh, leg.shin, leg.foot) for leg in legs_of(puppet)] == [(7, 8, -1), (9, 10, -1)]
-    assert [leg.joint for leg in legs_of(puppet)] == [JOINT_INDEX["ankle_left"], JOINT_INDEX["ankle_right"]]
-    assert legs_of(changed(puppet, root=RootTable(feet="free"))) == ()
-    assert legs_of(changed(puppet, root=None)) == ()
-    assert legs_of(changed(puppet, limb=puppet.limb[:-1])) == ()
-    turning = puppet.limb[-1].model_copy(update={"follow": "turn"})
-    assert legs_of(changed(puppet, limb=(*puppet.limb[:-1], turning))) == ()
 
 
 def test_a_walk_is_scaled_by_the_length_of_the_legs_and_stays_at_the_height_of_the_floor(

@@ -3,8 +3,8 @@ import pytest
 
 from capture import body
 from capture.skeleton import JOINT_INDEX, to_character_axes
-from engine_bridge.performance.retargeting import steps_of
-from engine_bridge.puppet.puppet import Puppet
+from engine_bridge.performance.grounding import legs_of, steps_of
+from engine_bridge.puppet.puppet import Puppet, RootTable
 from solver.motion.limbs import bones_of
 
 HIP_HEIGHT = 0.6
@@ -58,3 +58,14 @@ def test_a_raised_hand_lifts_the_front_leg_of_its_side(standing):
         made.step(number / 30, up, np.ones(20, dtype=np.float32), np.tile(np.eye(4, 3), (14, 1, 1)), np.zeros(3))
     legs = [each.name for each in puppet().limbs if each.stands]
     assert [leg for leg, place in zip(legs, made.places, strict=True) if np.isnan(place).any()] == ["left front leg"]
+
+
+def test_two_legs_stand_on_the_floor_unless_the_puppet_says_otherwise(limbed_rig):
+    puppet = limbed_rig.puppet
+    assert [(leg.thigh, leg.shin, leg.foot) for leg in legs_of(puppet)] == [(7, 8, -1), (9, 10, -1)]
+    assert [leg.joint for leg in legs_of(puppet)] == [JOINT_INDEX["ankle_left"], JOINT_INDEX["ankle_right"]]
+    assert legs_of(puppet.model_copy(update={"root": RootTable(feet="free")})) == ()
+    assert legs_of(puppet.model_copy(update={"root": None})) == ()
+    assert legs_of(puppet.model_copy(update={"limb": puppet.limb[:-1]})) == ()
+    turning = puppet.limb[-1].model_copy(update={"follow": "turn"})
+    assert legs_of(puppet.model_copy(update={"limb": (*puppet.limb[:-1], turning)})) == ()

@@ -48,6 +48,9 @@ SHARED_WORD_SHARE = 0.75
 MIN_SHARING_JOINTS = 5
 """Minimum number of joints from which words are shared."""
 
+MAX_NAME_LENGTH = 120
+"""Number of characters of a joint's name that are read."""
+
 MIN_CONVENTION_SHARE = 0.75
 """Minimum share of a convention's names that a skeleton has."""
 
@@ -165,7 +168,8 @@ def _words(name: str) -> list[str]:
     """Return the words of a name in lower case, without its namespace; a point is before each number."""
     if name.startswith("__"):  # a spacer of MakeHuman, which has the name of the joint that follows it
         return []
-    own = unicodedata.normalize("NFKC", re.split("[:|]", name)[-1]).replace("左", " left ").replace("右", " right ")
+    own = unicodedata.normalize("NFKC", re.split("[:|]", name)[-1][:MAX_NAME_LENGTH])
+    own = own.replace("左", " left ").replace("右", " right ")
     words = [f".{word}" if word.isdigit() else word.lower() for word in _WORD.findall(own)]
     return [one for word in words for one in _CORNERS.get(word, (word,))]
 

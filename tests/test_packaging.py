@@ -76,9 +76,10 @@ def test_the_wheel_holds_the_packages_with_their_types_the_example_puppets_and_t
     clients = installed("examples", "clients/*.py")  # programs to read and copy
     types = {f"{folder}/py.typed" for folder in PLACES if folder != "examples"}
     puppets = installed("examples", "puppets/*.toml")
+    bones = installed("capture", "*.toml")
     assert clients
-    assert len(puppets) == 5
-    assert {name for name in wheel if ".dist-info/" not in name} == modules - clients | types | puppets | page
+    assert (len(puppets), len(bones)) == (5, 1)
+    assert {name for name in wheel if ".dist-info/" not in name} == modules - clients | types | puppets | bones | page
 
 
 def test_the_sdist_holds_the_page(built, page):

@@ -117,8 +117,9 @@ def kinect_positions(
 
 
 def _choose_nodes(names: Sequence[str], positions: Sequence[Points]) -> dict[str, int]:
-    """Return for each of the 20 joints the first node of its bones."""
-    bones = find_bones(names)
+    """Return for each of the 20 joints the first node of its bones; of each name, the first node counts."""
+    distinct = list(dict.fromkeys(names))
+    bones = {bone: names.index(distinct[index]) for bone, index in find_bones(distinct).items()}
     chosen: dict[str, int] = {}
     for joint, candidates in BONES.items():
         nodes = [bones[bone] for bone in candidates if bone in bones]

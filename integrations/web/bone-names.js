@@ -177,11 +177,10 @@ export function findBones(names) {
  * @returns {Map<string, number>}
  */
 export function recognised(joints, bones) {
-  const found = new Map();
-  const meant = findBones(bones);
+  const found = new Map([...findBones(bones)].filter(([joint]) => joints.includes(joint)));
   for (const joint of joints) {
-    const bone = meant.get(joint) ?? bones.indexOf(joint);
-    if (bone >= 0 && ![...found.values()].includes(bone)) found.set(joint, bone);
+    const bone = bones.indexOf(joint);
+    if (bone >= 0 && !found.has(joint) && ![...found.values()].includes(bone)) found.set(joint, bone);
   }
   return found;
 }

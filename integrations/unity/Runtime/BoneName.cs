@@ -54,12 +54,11 @@ namespace Puppetline
         /// <param name="map">Names that replace those that are recognised.</param>
         public static Dictionary<string, int> Recognise(IReadOnlyList<string> joints, List<string> bones, IEnumerable<BoneName> map)
         {
-            var found = new Dictionary<string, int>();
-            Dictionary<string, int> meant = FindBones(bones);
+            var found = FindBones(bones).Where(pair => joints.Contains(pair.Key)).ToDictionary(pair => pair.Key, pair => pair.Value);
             foreach (string joint in joints)
             {
-                int bone = meant.TryGetValue(joint, out int same) ? same : bones.IndexOf(joint);
-                if (bone >= 0 && !found.ContainsValue(bone))
+                int bone = bones.IndexOf(joint);
+                if (bone >= 0 && !found.ContainsKey(joint) && !found.ContainsValue(bone))
                 {
                     found[joint] = bone;
                 }

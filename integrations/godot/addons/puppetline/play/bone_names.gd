@@ -34,9 +34,11 @@ static func recognised(skeleton: Skeleton3D, joints: PackedStringArray) -> Dicti
 	var meant: Dictionary = new().find_bones(bones)
 	var found: Dictionary = {}
 	for joint in joints:
-		var own: String = bones[meant[joint]] if joint in meant else joint if joint in bones else ""
-		if own and not own in found.values():
-			found[joint] = own
+		if joint in meant:
+			found[joint] = bones[meant[joint]]
+	for joint in joints:
+		if joint in bones and joint not in found and joint not in found.values():
+			found[joint] = joint
 	return found
 
 

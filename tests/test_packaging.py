@@ -64,7 +64,7 @@ def page():
     return files
 
 
-def test_the_wheel_holds_the_packages_with_their_types_the_example_puppets_and_the_page(wheel, page):
+def test_the_wheel_holds_the_packages_with_their_types_tables_and_the_page(wheel, page):
     def installed(folder, pattern):
         return {
             Path(PLACES[folder], file.relative_to(ROOT / folder)).as_posix()
@@ -76,6 +76,7 @@ def test_the_wheel_holds_the_packages_with_their_types_the_example_puppets_and_t
     clients = installed("examples", "clients/*.py")  # programs to read and copy
     types = {f"{folder}/py.typed" for folder in PLACES if folder != "examples"}
     puppets = installed("examples", "puppets/*.toml")
+    names = installed("capture", "*.toml")
     bones = installed("capture", "*.toml")
     assert clients
     assert (len(puppets), len(bones)) == (5, 1)

@@ -365,21 +365,8 @@ class CharacterPlayer:
         """Return the frame of a pose."""
         self.sequence += 1
         self.shown = Appearance(self.motion.easing.shown, pose.channels, self.state, user, seen)
-        return Frame(
-            character=self.character,
-            sequence=self.sequence,
-            time=time,
-            received=received,
-            state=self.state,
-            user=user,
-            R=pose.R,
-            root=pose.root,
-            targets=pose.targets + pose.root,
-            motions=pose.bones,
-            joints=None if seen is None else seen.positions,
-            confidence=None if seen is None else seen.confidence,
-            channels=pose.channels,
-        )
+        place = self.character, self.sequence, time, received
+        return Frame.of_pose(*place, self.state, user, pose, seen)
 
     def remembered(self) -> dict[int, tuple[Calibration, float]]:
         """Return the calibrations of present and former performers, and when each was last shown."""

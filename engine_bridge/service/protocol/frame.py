@@ -6,12 +6,14 @@ Each property is computed when it is first used, and once.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.skeleton import SkeletonFrame
 from engine_bridge.performance.channels import weights_at
+from engine_bridge.performance.pose import Pose
 from engine_bridge.service.protocol.header import Kind
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from solver.model.reduced_model import Controls
@@ -82,6 +84,23 @@ class Frame:
     confidence: NDArray[np.float32] | None = None
     motions: NDArray[np.float64] | None = None
     channels: Mapping[str, float] | None = None
+
+    @classmethod
+    def of_pose(
+        cls,
+        character: StreamedCharacter,
+        sequence: int,
+        time: float,
+        received: int,
+        state: str,
+        user: int | None,
+        pose: Pose,
+        seen: SkeletonFrame | None,
+    ) -> Self:
+        """Return the frame of a pose, and of the performer's filtered and corrected joints if there is one."""
+        joints, confidence = (None, None) if seen is None else (seen.positions, seen.confidence)
+        moved = pose.R, pose.root, pose.targets + pose.root, joints, confidence, pose.bones, pose.channels
+        return cls(character, sequence, time, received, state, user, *moved)
 
     @cached_property
     def targets_moved(self) -> NDArray[np.float32]:

@@ -40,8 +40,11 @@ class Plan:
     gains: Mapping[str, float] = field(default_factory=dict)
 
 
-_MIDDLE = {"neck": 0.5, "tail": -0.7}
-"""A neck turns half as far as the head; a tail turns opposite to the head, and less."""
+TAIL_GAIN = -0.7
+"""Gain of a tail: it turns, or its handle moves, opposite to the head, and less."""
+
+_MIDDLE = {"neck": 0.5, "tail": TAIL_GAIN}
+"""A neck turns half as far as the head."""
 
 _TURNED = _MIDDLE | {"arm": 0.6}
 """Arms that do not point as the performer's begin elsewhere, and would fold the chest if they turned as far."""

@@ -1,4 +1,4 @@
-"""Proposal of joints that drive the limbs of a character, by its body plan, and of another plan for a puppet."""
+"""Proposal of joints that drive a character's limbs by its body plan, or handles at their ends, and of another plan."""
 
 import math
 from collections.abc import Mapping
@@ -7,9 +7,20 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.puppet.body_plans import PLANS, BodyPlan, Plan, check_plan, fits, is_leg, is_upright, plan_of
-from engine_bridge.puppet.puppet import BendTable, CharacterTable, LimbTable, Puppet
+from engine_bridge.puppet.body_plans import (
+    PLANS,
+    TAIL_GAIN,
+    BodyPlan,
+    Plan,
+    check_plan,
+    fits,
+    is_leg,
+    is_upright,
+    plan_of,
+)
+from engine_bridge.puppet.puppet import BendTable, CharacterTable, HandleTable, LimbTable, Puppet
 from solver.anatomy.limb_chain import LimbChain, Limbs
+from solver.surface.mesh import SolverMesh
 
 ARM, LEG = ("shoulder", "elbow", "wrist", "hand"), ("hip", "knee", "ankle", "foot")
 LIMB_JOINTS: dict[str, tuple[str, ...]] = {"arm": ARM, "leg": LEG, "front leg": ARM, "hind leg": LEG, "wing": ARM}
@@ -106,7 +117,7 @@ def _limb(
     chain: LimbChain, plan: Plan, points: Mapping[str, NDArray[np.float64]], up: NDArray[np.float64]
 ) -> LimbTable:
     side, _, limb = chain.name.partition(" ")
-    joints, count = MIDDLE_JOINTS.get(chain.name) or _sided_joints(chain.name), len(chain.points)
+    joints, count = _joints(chain.name), len(chain.points)
     joints += joints[-1:] * (count - len(joints))  # a leg with more bends than the performer's
     # a trunk or a neck ends where the performer's does, with any number of bones
     joints = joints[: count - 1] + joints[-1 if chain.name in ("trunk", "neck") else count - 1 :][:1]
@@ -125,8 +136,10 @@ def _limb(
     return LimbTable.model_validate(table)
 
 
-def _sided_joints(name: str) -> tuple[str | tuple[str, ...], ...]:
-    """Return the joints that drive a limb of a side, or the means of both sides for a leg in the middle."""
+def _joints(name: str) -> tuple[str | tuple[str, ...], ...]:
+    """Return the joints that drive a limb; a leg in the middle follows the means of both sides."""
+    if name in MIDDLE_JOINTS:
+        return MIDDLE_JOINTS[name]
     side, _, limb = name.partition(" ")
     if side in ("left", "right"):
         return tuple(f"{joint}_{side}" for joint in _limb_joints(limb))
@@ -142,6 +155,49 @@ def _limb_joints(limb: str) -> tuple[str, ...]:
 def _rounded(point: NDArray[np.float64], size: float) -> tuple[float, ...]:
     decimals = 5 - math.floor(math.log10(size))
     return tuple(round(float(value), decimals) for value in point)
+
+
+def end_handles(limbs: Limbs, mesh: SolverMesh, character: CharacterTable) -> list[HandleTable]:
+    """Put handles on the vertices nearest to the ends of limbs, and on a shape without limbs.
+
+    Trunk, neck, ears and jaw get none. A handle follows the last joint that drives the limb; that of a wing follows the
+    elbow. A shape without limbs gets hands at its sides. One without feet gets a handle that stays in place below, and
+    one on four legs without a tail gets it behind.
+
+    Parameters
+    ----------
+    limbs : Limbs
+        With a head at least.
+    mesh : SolverMesh
+    character : CharacterTable
+        Gives the character's up and front.
+    """
+    middle = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
+    left, up, front = ((mesh.vertices - middle) @ character.basis.T).T
+    ends = {chain.name: chain.points[-1] for chain in limbs.chains if chain.name not in ("trunk", "neck", *ON_HEAD)}
+    chosen: dict[str, tuple[str | tuple[str, ...] | None, NDArray[np.float64]]] = {
+        limb.replace("arm", "hand").replace("leg", "foot"): (
+            _joints(limb)[1 if limb.endswith("wing") else -1],
+            np.linalg.norm(mesh.vertices - end, axis=1),
+        )
+        for limb, end in ends.items()
+    }
+    legs = [limb for limb in ends if is_leg(limb)]
+    if not ends.keys() - {"head"}:
+        chosen["left hand"] = "hand_left", np.abs(up) + np.abs(front) - left
+        chosen["right hand"] = "hand_right", np.abs(up) + np.abs(front) + left
+    if not legs:
+        chosen["base"] = None, up + np.hypot(left, front)
+    elif len(legs) > 2 and "tail" not in ends:
+        chosen["rump"] = None, front + np.abs(left)
+    handles: dict[int, HandleTable] = {}  # by vertex: ends on a coarse mesh may be at the same one
+    for name, (joint, distance) in chosen.items():
+        place = _rounded(mesh.vertices[distance.argmin()], mesh.diagonal)
+        values: dict[str, object] = {"name": name, "position": place}
+        values |= {"joints" if isinstance(joint, tuple) else "joint": joint}
+        values |= {"gain": TAIL_GAIN} if name == "tail" else {}
+        handles.setdefault(int(distance.argmin()), HandleTable.model_validate(values))
+    return list(handles.values())
 
 
 PLANNED = ("joints", "follow", "gain", "delay", "stands")

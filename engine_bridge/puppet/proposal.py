@@ -15,10 +15,9 @@ from engine_bridge.character.face_targets import morph_tables
 from engine_bridge.character.own_targets import names_of
 from engine_bridge.character.surface_document import SURFACE_FILES
 from engine_bridge.puppet.body_plans import BodyPlan, check_plan, plan_of
-from engine_bridge.puppet.handle_proposal import propose_handles
-from engine_bridge.puppet.limb_proposal import LIMB_JOINTS, limb_tables
+from engine_bridge.puppet.limb_proposal import LIMB_JOINTS, end_handles, limb_tables
 from engine_bridge.puppet.placement import check_handles, check_limbs, check_on_surface
-from engine_bridge.puppet.puppet import CharacterTable, Direction, LimbTable, Puppet
+from engine_bridge.puppet.puppet import CharacterTable, Direction, Puppet
 from engine_bridge.puppet.puppet_file import check
 from engine_bridge.puppet.rig_axes import axes_of
 from engine_bridge.puppet.rig_limbs import rig_limbs
@@ -125,18 +124,19 @@ def new_puppet(
     standing = check(values | {"handle": PLACEHOLDER_HANDLES}, where).character
     notes: list[str] = []
     if places or not handles:
-        found = _limbs(rig, surface, standing, places, notes, plan) if limbs else []
-        tables = [limb.model_dump(exclude_none=True) for limb in found]
+        found = _limbs(rig, surface, standing, places, notes)
+        proposed = limb_tables(found, standing, _checked(plan, found)) if limbs else []
+        tables = [limb.model_dump(exclude_none=True) for limb in proposed]
         if tables and not places and not _is_valid(values | {"handle": [], "limb": tables}, surface):
-            found, tables = [], []
+            tables = []
             notes.append(
                 "The limbs that were found overlap or leave the mesh, so handles are proposed instead. If the "
                 "character has limbs, give their ends: --limb 'left leg=X,Y,Z' --limb 'right leg=X,Y,Z'"
             )
         values["limb"] = tables
-        if not found and not handles:
-            proposed = propose_handles(surface, standing)
-            values["handle"] = [handle.model_dump(exclude_none=True) for handle in proposed]
+        if not tables and not handles:
+            at_ends = end_handles(found, surface, standing)
+            values["handle"] = [handle.model_dump(exclude_none=True) for handle in at_ends]
     values["morph"] = morph_tables(names_of(character))
     _map(values, maps, where)
     puppet = check(values, where)
@@ -178,17 +178,15 @@ def _limbs(
     standing: CharacterTable,
     ends: Mapping[str, NDArray[np.float64]],
     notes: list[str],
-    plan: BodyPlan | None,
-) -> list[LimbTable]:
+) -> Limbs:
     """Return the limbs of the file's skeleton if its names are known, else those of the shape; add to the notes."""
     if rig is not None:
         notes += rig.notes
-        tables = limb_tables(rig, standing, _checked(plan, rig))
-        if tables:
-            return tables
+        if limb_tables(rig, standing):
+            return rig
     shape = find_limbs(surface, standing.basis, ends)
     notes += shape.notes
-    return limb_tables(shape, standing, _checked(plan, shape))
+    return shape
 
 
 def _checked(plan: BodyPlan | None, limbs: Limbs) -> BodyPlan | None:

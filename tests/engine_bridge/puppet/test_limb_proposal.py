@@ -1,11 +1,14 @@
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from engine_bridge.puppet.limb_proposal import limb_tables, plan_in, with_plan
+from engine_bridge.puppet.limb_proposal import end_handles, limb_tables, plan_in, with_plan
 from engine_bridge.puppet.puppet import CharacterTable, HandleTable, LimbTable, Puppet
 from puppetline.errors import PuppetError
 from solver.anatomy.limb_chain import LimbChain, Limbs
+from solver.surface.mesh import SolverMesh
 
 from ..bones import points
 from ..refusals import refused
@@ -147,3 +150,51 @@ def test_a_plan_without_its_limbs_is_refused():
     puppet = puppet_with("no legs")
     legless = puppet.model_copy(update={"limb": tuple(limb for limb in puppet.limb if "leg" not in limb.name)})
     refused(PuppetError, with_plan, legless, "four legs")
+
+
+LATTICE = np.array(list(product((-2, -1, 0, 1, 2), repeat=3)), dtype=np.float64)
+TRUNK_AND_HEAD = {"trunk": "0 0 0, 0 1 0", "neck": "0 1 0, 0 1.5 0", "head": "0 1.5 0, 0.1 1.9 0.8"}
+HANDLES = """
+head             0  2  1   head
+left hand        2  0  0   hand_left
+left front foot  1 -2  2   hand_left
+right hind foot -1 -2 -2   foot_right
+foot             0 -2  0   foot_left,foot_right
+right foot 2    -1 -2  0   foot_right
+left wing        2  2  0   elbow_left
+tail             0  0 -2   head
+base             0 -2  0   -
+rump             0 -2 -2   -
+right hand      -2  0  0   hand_right
+"""
+ROWS = {row[:15].strip(): row[15:].split() for row in HANDLES.strip().splitlines()}
+
+
+@pytest.mark.parametrize(
+    ("limbs", "names"),
+    [
+        ({}, "head, left hand, right hand, base"),
+        ({"left arm": "left hand"}, "head, left hand, base"),
+        ({"left wing": "left wing", "tail": "tail", "left leg": "head", "jaw": "tail"}, "head, left wing, tail"),
+        (
+            {"left front leg": "left front foot", "right hind leg": "right hind foot", "leg": "foot"},
+            "head, left front foot, right hind foot, foot, rump",
+        ),
+        ({"right leg 2": "right foot 2"}, "head, right foot 2"),
+    ],
+)
+@pytest.mark.parametrize("turned", [False, True])
+def test_handles_are_at_the_ends_of_limbs_and_hold_what_has_none(limbs, names, turned):
+    """Each limb ends a little beside the place of a handle; a leg that ends where the head does has no handle."""
+    character = CharacterTable(mesh="a", up="z", front="-x") if turned else CHARACTER
+    at = {name: np.array(place, float) for name, (*place, _) in ROWS.items()}
+    made = {name: points(text) for name, text in TRUNK_AND_HEAD.items()}
+    made |= {name: np.outer([0.5, 1.05], at[end]) for name, end in limbs.items()}
+    given = chains(**{name: each @ character.basis for name, each in made.items()})
+    mesh = SolverMesh(LATTICE @ character.basis, np.zeros((0, 3), int), np.arange(len(LATTICE)))
+    found = {handle.name: handle for handle in end_handles(given, mesh, character)}
+    assert list(found) == names.split(", ")
+    for name, handle in found.items():
+        assert (np.array(handle.position) == at[name] @ character.basis).all()
+        assert ",".join(handle.driven_by) or ROWS[name][-1] == "-"
+        assert handle.gain == (-0.7 if name == "tail" else 1)

@@ -16,7 +16,7 @@ from typing import Any
 
 from capture.channels import FINGERS
 
-TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 
 MIDDLE_PARTS = ("hips", "spine", "chest", "upperChest", "neck", "head", "jaw")
 SIDE_PARTS = ("shoulder", "upperArm", "lowerArm", "hand", "upperLeg", "lowerLeg", "foot", "toes")
@@ -24,23 +24,10 @@ SIDE_PARTS = ("shoulder", "upperArm", "lowerArm", "hand", "upperLeg", "lowerLeg"
 
 LEG_PARTS = ("upperLeg", "leg", "lowerLeg", "foot", "toes")
 
-SUBSTITUTES = {
-    "hips": ("root",),
-    "chest": ("spine",),
-    "upperChest": ("chest", "spine"),
-    "head": ("neck",),
-    "palm": ("hand",),
-    "upperLeg": ("hips", "leg"),
-    "lowerLeg": ("leg",),
-    "toes": ("foot",),
-}
-"""Parts of which a further joint is a part that no joint is named after: after a wrist, the hand is the palm."""
-
 SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
 
-QUARTERS = {"f": "front", "front": "front", "fore": "front", "back": "hind", "hind": "hind", "rear": "hind"}
-QUARTERS |= {"midfront": "middle front", "midback": "middle hind", "middle": "middle", "top": "top", "bottom": "bottom"}
-"""First or last word in the names of a leg's joints, with its pairs of legs."""
+QUARTERS = {word: quarter for quarter, words in TABLE["quarters"].items() for word in words.split()}
+"""Pairs of legs by the words for them in the names of a leg's joints."""
 
 SHARED_WORD_SHARE = 0.75
 """Minimum share of a skeleton's joints that have a word which says nothing."""
@@ -155,7 +142,9 @@ def find_bones(names: Sequence[str]) -> dict[str, int]:
             joints[side, "upperArm"] = [joints[side, "shoulder"].pop()]
         own = {part: joints[side, part].pop(0) for part in parts if joints.get((side, part))}
         for part in parts:
-            others = [joints[side, other] for other in SUBSTITUTES.get(part, ()) if joints.get((side, other))]
+            others = [
+                joints[side, other] for other in TABLE["substitutes"].get(part, "").split() if joints.get((side, other))
+            ]
             if part not in own and others:
                 own[part] = others[0].pop(0)
         found |= {bone_name(side, part): index for part, index in own.items()}

@@ -65,9 +65,7 @@ def table() -> dict[str, object]:
         ],
         "middle": " ".join(bone_names.MIDDLE_PARTS),
         "sides": " ".join(bone_names.SIDE_PARTS),
-        "substitutes": {part: " ".join(others) for part, others in bone_names.SUBSTITUTES.items()},
-        "words": bone_names.TABLE["words"],
-        "fingers": bone_names.TABLE["fingers"],
+        **{kind: bone_names.TABLE[kind] for kind in ("substitutes", "words", "fingers")},
         **bone_names.TABLE["other"],
         "sharedWordShare": bone_names.SHARED_WORD_SHARE,
         "minSharingJoints": bone_names.MIN_SHARING_JOINTS,
@@ -83,4 +81,4 @@ def client_files() -> dict[Path, str]:
 
 if __name__ == "__main__":
     for path, text in client_files().items():
-        path.write_text(text, "utf-8")
+        path.write_text(text, encoding="utf-8")

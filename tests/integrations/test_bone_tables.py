@@ -10,4 +10,4 @@ def test_the_clients_have_the_table_of_capture():
     """If they do not, call `make bone-tables`."""
     files = runpy.run_path(str(SCRIPT))["client_files"]()
     assert len(files) == 3
-    assert {path: path.read_text("utf-8") for path in files} == files
+    assert {path: path.read_text(encoding="utf-8") for path in files} == files

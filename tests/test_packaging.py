@@ -76,7 +76,6 @@ def test_the_wheel_holds_the_packages_with_their_types_tables_and_the_page(wheel
     clients = installed("examples", "clients/*.py")  # programs to read and copy
     types = {f"{folder}/py.typed" for folder in PLACES if folder != "examples"}
     puppets = installed("examples", "puppets/*.toml")
-    names = installed("capture", "*.toml")
     bones = installed("capture", "*.toml")
     assert clients
     assert (len(puppets), len(bones)) == (5, 1)

@@ -60,6 +60,8 @@ TIMESPEC = struct.Struct("@ll")
 """What these data are: seconds and nanoseconds of the system's clock."""
 MAX_ATTEMPTS = 10
 """Maximum number of attempts to read the date and the time without an interruption between them."""
+LONGEST_MOMENT_SECONDS = 1e-4
+"""Maximum duration of an attempt that was not interrupted, in seconds."""
 MAX_AGE_NS = 10_000_000_000
 """Maximum plausible time that a datagram has waited; beyond, the system's clock was set meanwhile."""
 USERS = range(-(2**31), 2**31)
@@ -312,12 +314,15 @@ def _received(listener: socket.socket) -> tuple[bytes, Any, float]:
 
 
 def _moment() -> tuple[int, float]:
-    """Return the date in nanoseconds and the time of one moment, unless other programs interrupt each attempt."""
+    """Return the date in nanoseconds and the time of one moment: of the attempt that was interrupted least."""
+    shortest, moment = math.inf, (0, 0.0)
     for _ in range(MAX_ATTEMPTS):
-        before, real, now = clock.now(), time.time_ns(), clock.now()
-        if now - before < 1e-4:
+        before, date, after = clock.now(), time.time_ns(), clock.now()
+        if after - before < shortest:
+            shortest, moment = after - before, (date, after)
+        if shortest < LONGEST_MOMENT_SECONDS:
             break
-    return real, now
+    return moment
 
 
 def _listen(name: str, address: Address) -> socket.socket:

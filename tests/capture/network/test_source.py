@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from capture.events import TICK_SECONDS, Lost, Tick
+from capture.network import source
 from capture.network.assembly import PART_TIMEOUT_SECONDS
 from capture.network.osc import REASONS, bundle, encode
 from capture.network.source import MAX_DATAGRAMS, MAX_MESSAGES, MAX_PERFORMERS, OSC_PORT, VMC_PORT, open_osc, open_vmc
@@ -88,21 +89,32 @@ def test_closing_twice_closes_the_port():
         assert source.fileno() == -1
 
 
-def test_frames_that_wait_are_returned_in_order_with_the_times_at_which_they_arrived(until_end):
-    """On the machine's clock, because the system dates what arrives."""
+@pytest.mark.skipif(sys.platform != "linux", reason="another system does not date what arrives")
+def test_frames_that_wait_are_returned_in_order_with_the_times_at_which_they_arrived(until_end, monkeypatch):
+    """Dates are compared with dates, since no program reads the date and the time at once on a busy machine."""
+    later = time.time_ns() + 1_000_000_000_000
+    monkeypatch.setattr(source, "_moment", lambda: (later, 1e6))
+    monkeypatch.setattr(source, "MAX_AGE_NS", 2_000_000_000_000)
     wire = until_end(Wire(open_osc("127.0.0.1:0")))
     heights = [(1, 0.1), (2, 0.2), (1, 0.3), (3, 0.4), (1, 0.5), (2, 0.6)]
-    before = time.monotonic()
-    wire.send(*(body(*each) for each in heights[:3]))
-    between = time.monotonic()
-    wire.send(*(body(*each) for each in heights[3:]))
-    after = time.monotonic()
+    dates = [time.time_ns()]
+    for sent in (heights[:3], heights[3:]):
+        wire.send(*(body(*each) for each in sent))
+        dates.append(time.time_ns())
     frames = wire.events(count=6)
     assert [(frame.user, _head(frame)) for frame in frames] == heights
+    before, between, after = (1e6 - (later - date) / 1e9 for date in dates)
     times = [frame.time for frame in frames]
-    assert all(one < other for one, other in pairwise([before, *times, time.monotonic()]))
-    if sys.platform == "linux":
-        assert times[2] <= between < times[3] <= times[5] <= after
+    assert all(one < other for one, other in pairwise(times))
+    assert before <= times[0] < times[2] <= between <= times[3] < times[5] <= after
+
+
+def test_the_moment_of_a_date_is_that_of_the_attempt_that_was_interrupted_least(monkeypatch):
+    times = iter([0.0, 0.5, 1.0, 1.2, *np.arange(2.0, 50.0)])
+    dates = iter(range(100))
+    monkeypatch.setattr(source.clock, "now", lambda: next(times))
+    monkeypatch.setattr(source.time, "time_ns", lambda: next(dates))
+    assert source._moment() == (1, 1.2)
 
 
 def test_the_last_frames_of_a_performer_are_returned_if_too_many_wait(listen, monkeypatch):

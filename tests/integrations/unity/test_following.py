@@ -171,7 +171,7 @@ def sent(topic, name):
 
 def test_a_slow_scene_is_asked_for_less_and_less_often_and_silence_of_six_seconds_is_the_end(follow, answering):
     """Each time, all of it would be sent again. It comes in parts, and takes longer than a service may be silent."""
-    lines, scenes, asked, is_stopped = [], [], [], threading.Event()
+    lines, scenes, received, asked, is_stopped = [], [], bytearray(), [], threading.Event()
 
     def answer(line):
         lines.append(line)
@@ -179,7 +179,8 @@ def test_a_slow_scene_is_asked_for_less_and_less_often_and_silence_of_six_second
         line.sendall(SHAKEN)
         with suppress(OSError):
             while some := line.recv(4096):
-                scenes.extend(re.findall(rb"\x01(worm/scene/\w+)\0", some))
+                received.extend(some)
+                scenes[:] = re.findall(rb"\x01(worm/scene/\w+)\0", received)
 
     program = follow(answering(answer).port, "worm")
     program.until(state("Connecting"))

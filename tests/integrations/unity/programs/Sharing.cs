@@ -71,7 +71,7 @@ static class Sharing
             States[name] = state;
             Said.Line("name", name, "state", follower.State, "reason", follower.Reason);
         }
-        while (follower.TryTake(out Frame frame))
+        if (follower.TryTake(out Frame frame)) // one at a time: where they come faster than they are written, it would never end
         {
             Said.Line(
                 "name", name, "frame", frame.Header.Sequence, "character", follower.Character,

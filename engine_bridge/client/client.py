@@ -5,7 +5,6 @@ import secrets
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from types import TracebackType
 from typing import Any, Literal, Self, get_args
 
 import numpy as np
@@ -173,9 +172,7 @@ class Client:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def __repr__(self) -> str:
@@ -215,25 +212,5 @@ def _poll(socket: "zmq.Socket[bytes]", seconds: float) -> int:
     return socket.poll(None if math.isinf(seconds) else math.ceil(1000 * seconds))
 
 
-def connect(
-    address: str = ADDRESS, *, control: str | None = None, token: str | None = None, timeout: float = 5.0
-) -> Client:
-    """Connect to a running service (docs/live.md).
-
-    Parameters
-    ----------
-    address : str
-        ``tcp://HOST:PORT`` or ``HOST:PORT`` of the stream.
-    control : str, optional
-        The same of the control socket, to which requests go; by default the port after that of the stream.
-    token : str, optional
-        Token of the service, if it requires one.
-    timeout : float
-        Time after which a service that sends nothing counts as absent, in seconds; infinity is allowed.
-
-    Raises
-    ------
-    ServiceError
-        The address is invalid.
-    """
-    return Client(address, control=control, token=token, timeout=timeout)
+connect = Client
+"""Connects to a running service: a program that follows it reads better so."""

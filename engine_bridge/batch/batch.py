@@ -30,7 +30,7 @@ class Shard:
 
 
 @dataclass(frozen=True)
-class Plan:
+class BatchPlan:
     """The jobs of a batch.
 
     Attributes
@@ -83,20 +83,22 @@ def make_jobs(
     return [job for job in jobs if shard is None or shard.has(job.name)]
 
 
-def make_plan(jobs: list[Job], batch: BatchSettings) -> Plan:
+def make_plan(jobs: list[Job], batch: BatchSettings) -> BatchPlan:
     """Return the plan for jobs: those with a current record are settled, and the others wait."""
     store = Store(batch.folder, batch.run)
     records = ((job, store.load(job.name)) for job in jobs)
     settled = {job.name: record for job, record in records if record and is_settled(record, job, store, batch)}
-    return Plan(settled, [job for job in jobs if job.name not in settled])
+    return BatchPlan(settled, [job for job in jobs if job.name not in settled])
 
 
-def run(plan: Plan, batch: BatchSettings, workers: int, check: Callable[[], None]) -> Generator[Outcome, None, None]:
+def run(
+    plan: BatchPlan, batch: BatchSettings, workers: int, check: Callable[[], None]
+) -> Generator[Outcome, None, None]:
     """Run the waiting jobs of a plan, and yield each outcome as soon as it is known.
 
     Parameters
     ----------
-    plan : Plan
+    plan : BatchPlan
     batch : BatchSettings
         The folders of its store exist.
     workers : int

@@ -14,7 +14,7 @@ from engine_bridge.batch.identity import FileState, identity, performer_identity
 from engine_bridge.batch.row import Row
 from engine_bridge.batch.store import Job, Record, Store
 from engine_bridge.export.convert import Summary, convert_timeline
-from engine_bridge.export.performer.convert import PerformerSummary, convert_performer, stage_of
+from engine_bridge.export.performer.convert import PerformerSummary, convert_performer, upright_performers
 from engine_bridge.performance.clip import Clip, load_timeline, perform, timeline_of
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import PerformerFormat, Settings
@@ -198,7 +198,7 @@ class _Conversion:
         """Write a file, and return values of its row."""
         log, settings = self._job.log, replace(self._batch.settings, user=row.user)
         if self._rig is None:
-            made = convert_performer(stage_of(clips), log, output, log.stem, settings, self._progress)
+            made = convert_performer(upright_performers(clips), log, output, log.stem, settings, self._progress)
             return {name: getattr(made, name) for name in PERFORMER_COLUMNS}
         settings = settings.for_puppet(self._rig.puppet)
         timeline, notes = timeline_of(clips, log, settings)

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from engine_bridge.character import schema
 from engine_bridge.character.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
 from engine_bridge.character.schema import Primitive
-from engine_bridge.character.surfaces.surface import ImageFile, Material, Piece, Surface
+from engine_bridge.character.surfaces.surface import ImageFile, Piece, Surface, SurfaceMaterial
 
 MAX_UINT16_INDEX = 65534
 """Largest 16-bit index of a vertex, because 65535 restarts a strip."""
@@ -37,7 +37,7 @@ def assemble(surface: Surface, title: str, name: str | None = None) -> Document:
     document = Document(schema.empty(), name=name or title)
     document.notes += surface.notes
     gltf = document.gltf
-    materials: dict[Material, int] = {}
+    materials: dict[SurfaceMaterial, int] = {}
     textures: dict[ImageFile, int] = {}
     meshes: dict[str, list[Primitive]] = {}
     origin = surface.origin
@@ -73,7 +73,7 @@ def _primitive(document: Document, piece: Piece, origin: NDArray[np.float64]) ->
     return {"attributes": attributes, "indices": document.add(indices, ELEMENT_ARRAY_BUFFER)}
 
 
-def _material(document: Document, material: Material, textures: dict[ImageFile, int]) -> schema.Material:
+def _material(document: Document, material: SurfaceMaterial, textures: dict[ImageFile, int]) -> schema.Material:
     surface: schema.Surface = {
         "baseColorFactor": list(material.base_color),
         "metallicFactor": material.metallic,

@@ -28,7 +28,7 @@ MAX_SIDE = 1024
 
 
 @dataclass(frozen=True)
-class Material:
+class Appearance:
     """Appearance of one part of a character.
 
     Attributes
@@ -78,7 +78,7 @@ class Material:
         return colors
 
 
-def materials_of(character: Character) -> list[Material]:
+def materials_of(character: Character) -> list[Appearance]:
     """Return the appearance of each part of a character; parts with one texture share its array.
 
     Raises
@@ -104,7 +104,7 @@ def materials_of(character: Character) -> list[Material]:
             image = None if uv is None else images.of_texture(texture["index"])
             uv = None if uv is None else _transformed(uv, transform)
         made.append(
-            Material(
+            Appearance(
                 color=np.array(surface.get("baseColorFactor", [1.0] * 4), np.float64),
                 vertex_colors=None if own is None else own.astype(np.float32),
                 image=image,

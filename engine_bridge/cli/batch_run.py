@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from engine_bridge.batch import manifest
-from engine_bridge.batch.batch import Plan, Shard, log_size, make_jobs, make_plan
+from engine_bridge.batch.batch import BatchPlan, Shard, log_size, make_jobs, make_plan
 from engine_bridge.batch.batch import run as run_plan
 from engine_bridge.batch.conversion import BatchSettings, Outcome
 from engine_bridge.batch.recordings import find_recordings
@@ -61,7 +61,7 @@ def prepare(
     batch: BatchSettings,
     shard: Shard | None,
     report: Callable[[str, float], None],
-) -> tuple[list[Path], Plan]:
+) -> tuple[list[Path], BatchPlan]:
     """Return the files that are no recordings, and the plan for the others.
 
     Raises
@@ -82,7 +82,7 @@ def prepare(
 
 
 def run(
-    plan: Plan,
+    plan: BatchPlan,
     others: Sequence[Path],
     batch: BatchSettings,
     shard: Shard | None,
@@ -175,7 +175,7 @@ def _reasons(failures: Sequence[Row]) -> list[str]:
 
 
 def _write_manifest(
-    shard: Shard | None, store: Store, path: Path, plan: Plan, outcomes: Sequence[Outcome]
+    shard: Shard | None, store: Store, path: Path, plan: BatchPlan, outcomes: Sequence[Outcome]
 ) -> Sequence[Row]:
     """Write the rows of a shard, or those of all results in the folder, and return them."""
     if shard is None:
@@ -187,7 +187,7 @@ def _write_manifest(
 
 
 @contextmanager
-def _shown(plan: Plan) -> Iterator[tuple[Callable[[], None], Callable[[Outcome], None]]]:
+def _shown(plan: BatchPlan) -> Iterator[tuple[Callable[[], None], Callable[[Outcome], None]]]:
     """Yield a function that raises Ctrl-C, and one that shows an outcome.
 
     On a terminal, they update a bar with rate and time left; elsewhere, they show nothing.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.character import Part
-from engine_bridge.character.materials import Material
+from engine_bridge.character.materials import Appearance
 from engine_bridge.pictures import gpu_shaders as shaders
 from engine_bridge.pictures.camera import Camera, orthographic
 from engine_bridge.pictures.lighting import KEY, SKY
@@ -92,7 +92,7 @@ class Floor(NamedTuple):
 class DrawnPart(NamedTuple):
     """A part of a surface, on the graphics card."""
 
-    material: Material
+    material: Appearance
     program: "moderngl.Program"
     array: "moderngl.VertexArray"
     texture: "moderngl.Texture | None"
@@ -173,13 +173,13 @@ class GpuRenderer:
         depths.repeat_x = depths.repeat_y = False
         return depths, self.context.framebuffer(depth_attachment=depths)
 
-    def add(self, parts: Sequence[Part], materials: Sequence[Material]) -> Drawn:
+    def add(self, parts: Sequence[Part], materials: Sequence[Appearance]) -> Drawn:
         """Add a character, whose vertices are those of its parts, one after another.
 
         Parameters
         ----------
         parts : sequence of Part
-        materials : sequence of Material
+        materials : sequence of Appearance
             Of each part.
         """
         ctx, counts = self.context, [len(part.vertices) for part in parts]
@@ -205,7 +205,7 @@ class GpuRenderer:
             drawn.parts.append(DrawnPart(material, program, array, self._texture(material.image)))
         return drawn
 
-    def _surface(self, fine: bool, material: Material) -> "moderngl.Program":
+    def _surface(self, fine: bool, material: Appearance) -> "moderngl.Program":
         """Return the program that draws a part.
 
         Light at vertices is computed once for all the small triangles around them. What is constant is not looked up,
@@ -372,7 +372,7 @@ class GpuRenderer:
         self._picture_quad.render(moderngl.TRIANGLE_STRIP)
 
 
-def _vertex_colors(material: Material) -> NDArray[np.float32]:
+def _vertex_colors(material: Appearance) -> NDArray[np.float32]:
     colors = material.vertex_colors
     colors = np.ones((len(material.uv), 4), np.float32) if colors is None else colors
     if material.opacity == "OPAQUE":  # glTF: opacity is ignored

@@ -19,7 +19,7 @@ PERSON = {"trunk", "head", "left arm", "right arm", "left leg", "right leg"}
 
 
 @dataclass(frozen=True)
-class Plan:
+class PlanSettings:
     """How the limbs of a kind of body follow a performer.
 
     Attributes
@@ -49,15 +49,19 @@ _MIDDLE = {"neck": 0.5, "tail": TAIL_GAIN}
 _TURNED = _MIDDLE | {"arm": 0.6}
 """Arms that do not point as the performer's begin elsewhere, and would fold the chest if they turned as far."""
 
-PLANS: dict[BodyPlan, Plan] = {
-    "upright": Plan("Two legs and an upright body: limbs point as the performer's do.", True, False, _MIDDLE),
-    "two legs": Plan("Two legs under a lying body: legs step by themselves, arms and head follow.", gains=_TURNED),
-    "four legs": Plan("Four legs: they step by themselves, and a raised arm lifts a front leg.", gains=_TURNED),
-    "many legs": Plan("Six legs or more: they step by themselves, and raised arms lift the first pair.", gains=_TURNED),
-    "wings": Plan(
+PLANS: dict[BodyPlan, PlanSettings] = {
+    "upright": PlanSettings("Two legs and an upright body: limbs point as the performer's do.", True, False, _MIDDLE),
+    "two legs": PlanSettings(
+        "Two legs under a lying body: legs step by themselves, arms and head follow.", gains=_TURNED
+    ),
+    "four legs": PlanSettings("Four legs: they step by themselves, and a raised arm lifts a front leg.", gains=_TURNED),
+    "many legs": PlanSettings(
+        "Six legs or more: they step by themselves, and raised arms lift the first pair.", gains=_TURNED
+    ),
+    "wings": PlanSettings(
         "Wings beside legs: arms beat the wings, and legs step by themselves.", gains=_TURNED | {"wing": 0.5}
     ),
-    "no legs": Plan("No legs: the body glides and turns with the performer.", stands=False, gains=_TURNED),
+    "no legs": PlanSettings("No legs: the body glides and turns with the performer.", stands=False, gains=_TURNED),
 }
 """Wings that are spread at rest would intersect the body if a raised arm moved them fully."""
 

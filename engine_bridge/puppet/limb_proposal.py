@@ -11,7 +11,7 @@ from engine_bridge.puppet.body_plans import (
     PLANS,
     TAIL_GAIN,
     BodyPlan,
-    Plan,
+    PlanSettings,
     check_plan,
     fits,
     is_leg,
@@ -23,7 +23,7 @@ from solver.anatomy.limb_chain import LimbChain, Limbs
 from solver.surface.mesh import SolverMesh
 
 ARM, LEG = ("shoulder", "elbow", "wrist", "hand"), ("hip", "knee", "ankle", "foot")
-LIMB_JOINTS: dict[str, tuple[str, ...]] = {"arm": ARM, "leg": LEG, "front leg": ARM, "hind leg": LEG, "wing": ARM}
+PERFORMER_JOINTS: dict[str, tuple[str, ...]] = {"arm": ARM, "leg": LEG, "front leg": ARM, "hind leg": LEG, "wing": ARM}
 """Joints that drive a limb of either side; arms drive front legs and wings."""
 
 MIDDLE_JOINTS: dict[str, tuple[str | tuple[str, ...], ...]] = {
@@ -101,7 +101,7 @@ def _opened(jaw: LimbTable, character: CharacterTable) -> LimbTable:
     return jaw.model_copy(update={"bend": bend})
 
 
-def _points(plan: Plan, name: str, points: Mapping[str, NDArray[np.float64]], up: NDArray[np.float64]) -> bool:
+def _points(plan: PlanSettings, name: str, points: Mapping[str, NDArray[np.float64]], up: NDArray[np.float64]) -> bool:
     """Return whether a limb points as the performer's does."""
     if not plan.points or name in ("tail", "neck", "left wing", "right wing"):
         return False
@@ -114,7 +114,7 @@ def _points(plan: Plan, name: str, points: Mapping[str, NDArray[np.float64]], up
 
 
 def _limb(
-    chain: LimbChain, plan: Plan, points: Mapping[str, NDArray[np.float64]], up: NDArray[np.float64]
+    chain: LimbChain, plan: PlanSettings, points: Mapping[str, NDArray[np.float64]], up: NDArray[np.float64]
 ) -> LimbTable:
     side, _, limb = chain.name.partition(" ")
     joints, count = _joints(chain.name), len(chain.points)
@@ -149,7 +149,7 @@ def _joints(name: str) -> tuple[str | tuple[str, ...], ...]:
 def _limb_joints(limb: str) -> tuple[str, ...]:
     """Return the joints that drive a limb of either side; odd rows of legs follow arms, even ones legs."""
     kind, _, row = limb.rpartition(" ")
-    return LIMB_JOINTS.get(limb) or ((LEG, ARM)[int(row) % 2] if row.isdigit() else LIMB_JOINTS[kind])
+    return PERFORMER_JOINTS.get(limb) or ((LEG, ARM)[int(row) % 2] if row.isdigit() else PERFORMER_JOINTS[kind])
 
 
 def _rounded(point: NDArray[np.float64], size: float) -> tuple[float, ...]:
@@ -228,7 +228,7 @@ def with_plan(puppet: Puppet, plan: BodyPlan) -> Puppet:
 
 
 def _is_known(name: str) -> bool:
-    return name in MIDDLE_JOINTS or name.partition(" ")[2] in LIMB_JOINTS or is_leg(name)
+    return name in MIDDLE_JOINTS or name.partition(" ")[2] in PERFORMER_JOINTS or is_leg(name)
 
 
 def plan_in(puppet: Puppet) -> BodyPlan | None:

@@ -15,7 +15,7 @@ from engine_bridge.character.face_targets import morph_tables
 from engine_bridge.character.own_targets import names_of
 from engine_bridge.character.surface_document import SURFACE_FILES
 from engine_bridge.puppet.body_plans import BodyPlan, check_plan, plan_of
-from engine_bridge.puppet.limb_proposal import LIMB_JOINTS, end_handles, limb_tables
+from engine_bridge.puppet.limb_proposal import PERFORMER_JOINTS, end_handles, limb_tables
 from engine_bridge.puppet.placement import check_handles, check_limbs, check_on_surface
 from engine_bridge.puppet.puppet import CharacterTable, Direction, Puppet
 from engine_bridge.puppet.puppet_file import check
@@ -27,7 +27,7 @@ from solver.anatomy.limb_chain import Limbs
 from solver.anatomy.limb_finding import find_limbs
 from solver.surface.mesh import SolverMesh
 
-ENDS = ("head", "tail", "jaw", *(f"{side} {limb}" for limb in (*LIMB_JOINTS, "ear") for side in ("left", "right")))
+ENDS = ("head", "tail", "jaw", *(f"{side} {limb}" for limb in (*PERFORMER_JOINTS, "ear") for side in ("left", "right")))
 """Limbs whose ends the user may give."""
 
 AXES = "up", "front"

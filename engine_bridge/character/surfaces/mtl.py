@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image
 
 from engine_bridge.character.surfaces.files import Folder
-from engine_bridge.character.surfaces.surface import ImageFile, Material, count
+from engine_bridge.character.surfaces.surface import ImageFile, SurfaceMaterial, count
 from engine_bridge.character.surfaces.text import decoded
 from puppetline.errors import at
 
@@ -34,7 +34,7 @@ UNSUPPORTED_MAPS = (
 """Maps that are ignored with a note."""
 
 
-def read(path: Path, folder: Folder) -> dict[str, Material]:
+def read(path: Path, folder: Folder) -> dict[str, SurfaceMaterial]:
     """Read the materials of a file.
 
     Colours are linear, as Blender writes them and most readers interpret them. An image replaces Kd.
@@ -76,20 +76,20 @@ class _Statements:
         self.lines: dict[str, tuple[int, str]] = {}
         self.not_understood: list[int] = []
 
-    def material(self) -> Material:
+    def material(self) -> SurfaceMaterial:
         opacity = self._opacity()
         texture = self._image_of("map_kd")
         cut_out = self._is_cut_out(texture)
-        color = (1.0, 1.0, 1.0) if texture else self._color("kd") or Material.base_color[:3]
+        color = (1.0, 1.0, 1.0) if texture else self._color("kd") or SurfaceMaterial.base_color[:3]
         for kind in UNSUPPORTED_MAPS:
             if kind in self.lines:
-                self.folder.notes.append(f"Material {self.name!r}: {kind} is ignored.")
-        return Material(
+                self.folder.notes.append(f"SurfaceMaterial {self.name!r}: {kind} is ignored.")
+        return SurfaceMaterial(
             name=self.name,
             base_color=(*color, opacity),
             metallic=self._number("pm", 0.0, most=1.0),
             roughness=self._roughness(),
-            emissive=self._color("ke") or Material.emissive,
+            emissive=self._color("ke") or SurfaceMaterial.emissive,
             texture=texture,
             normal_texture=self._normals(),
             alpha_mode="BLEND" if opacity < 1 else "MASK" if cut_out else "OPAQUE",
@@ -121,7 +121,7 @@ class _Statements:
         """Return d, or 1 − Tr. A result of 0 becomes 1, because MeshLab writes Tr 1 for opaque materials."""
         opacity = self._number("d", 1.0 - self._number("tr", 0.0, most=1.0), most=1.0)
         if opacity == 0:
-            self.folder.notes.append(f"Material {self.name!r} would be invisible and was made opaque.")
+            self.folder.notes.append(f"SurfaceMaterial {self.name!r} would be invisible and was made opaque.")
         return opacity or 1.0
 
     def _roughness(self) -> float:
@@ -131,12 +131,12 @@ class _Statements:
         Refraction through Rough Surfaces, 2007, 5.2), and glTF's α is its roughness squared.
         """
         if "pr" in self.lines:
-            return self._number("pr", Material.roughness, most=1.0)
+            return self._number("pr", SurfaceMaterial.roughness, most=1.0)
         if self._color("ks") == (0.0, 0.0, 0.0) or self._numbers("illum") in ([0], [1]):
             return 1.0
         if "ns" in self.lines:
             return float((2 / (self._number("ns", 0.0, most=1e6) + 2)) ** 0.25)
-        return Material.roughness
+        return SurfaceMaterial.roughness
 
     def _map(self, kind: str) -> tuple[str, list[str]]:
         """Return the file name of a map and the options before it."""
@@ -153,7 +153,7 @@ class _Statements:
         image = self.folder.image(name, self.path.parent, where) if name else None
         lost = [option.split()[0] for option in options if not NEUTRAL_OPTION.fullmatch(option)]
         if image and lost:
-            self.folder.notes.append(f"Material {self.name!r}: {', '.join(lost)} of {kind} ignored.")
+            self.folder.notes.append(f"SurfaceMaterial {self.name!r}: {', '.join(lost)} of {kind} ignored.")
         return image
 
     def _normals(self) -> ImageFile | None:
@@ -165,9 +165,9 @@ class _Statements:
                 if image and (kind == "norm" or _holds_normals(image)):
                     normals, taken = image, kind
                 elif image:
-                    self.folder.notes.append(f"Material {self.name!r}: {kind} has heights and is ignored.")
+                    self.folder.notes.append(f"SurfaceMaterial {self.name!r}: {kind} has heights and is ignored.")
             elif kind in self.lines and self._map(kind)[0] != self._map(taken)[0]:
-                self.folder.notes.append(f"Material {self.name!r}: {kind} is ignored in favour of {taken}.")
+                self.folder.notes.append(f"SurfaceMaterial {self.name!r}: {kind} is ignored in favour of {taken}.")
         return normals
 
     def _is_cut_out(self, texture: ImageFile | None) -> bool:
@@ -178,7 +178,7 @@ class _Statements:
             with Image.open(io.BytesIO(texture.content)) as image:
                 if "A" in image.getbands():
                     return True
-        self.folder.notes.append(f"Material {self.name!r}: map_d is ignored.")
+        self.folder.notes.append(f"SurfaceMaterial {self.name!r}: map_d is ignored.")
         return False
 
 

@@ -16,9 +16,9 @@ from engine_bridge.character.surfaces.polygons import distinct_corners, triangul
 from engine_bridge.character.surfaces.surface import (
     DEFAULT_MATERIAL,
     MAX_COORDINATE,
-    Material,
     Piece,
     Surface,
+    SurfaceMaterial,
     count,
     damaged,
     linear,
@@ -312,9 +312,9 @@ class _Statements:
             self.notes.append(f"{count(int(isolated.sum()), 'vertex', 'vertices')} without a face omitted.")
         return [self._without_images(piece) for piece in pieces]
 
-    def _materials(self) -> dict[str, Material]:
+    def _materials(self) -> dict[str, SurfaceMaterial]:
         """Return the materials of all faces, from the material files."""
-        known: dict[str, Material] = {}
+        known: dict[str, SurfaceMaterial] = {}
         for name, line in self.libraries.items():
             path = self.folder.find(name, self.path.parent, at(self.path, line=line))
             if path:

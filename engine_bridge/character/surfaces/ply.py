@@ -10,9 +10,9 @@ from engine_bridge.character.surfaces.files import Folder
 from engine_bridge.character.surfaces.ply_tables import Table, read_tables
 from engine_bridge.character.surfaces.polygons import distinct_corners, triangulate
 from engine_bridge.character.surfaces.surface import (
-    Material,
     Piece,
     Surface,
+    SurfaceMaterial,
     count,
     damaged,
     linear,
@@ -186,14 +186,14 @@ def _colors(vertex: Table, notes: list[str]) -> NDArray[np.float64] | None:
     return colors
 
 
-def _textured(path: Path, images: list[tuple[int, str]], folder: Folder) -> Material | None:
+def _textured(path: Path, images: list[tuple[int, str]], folder: Folder) -> SurfaceMaterial | None:
     """Return a material with the file's image, or None without one."""
     if len(images) > 1:
         folder.notes.append(f"{count(len(images), 'image')} named; only the first is used.")
     for line, name in images[:1]:
         image = folder.image(name, path.parent, at(path, line=line))
         if image:
-            return Material(texture=image)
+            return SurfaceMaterial(texture=image)
     return None
 
 

@@ -36,7 +36,7 @@ class ImageFile:
 
 
 @dataclass(frozen=True)
-class Material:
+class SurfaceMaterial:
     """Appearance of a piece in glTF's terms.
 
     Attributes
@@ -66,8 +66,8 @@ class Material:
     double_sided: bool = False
 
 
-DEFAULT_MATERIAL = Material(base_color=(0.62, 0.6, 0.57, 1.0))
-"""Material of pieces without colours."""
+DEFAULT_MATERIAL = SurfaceMaterial(base_color=(0.62, 0.6, 0.57, 1.0))
+"""SurfaceMaterial of pieces without colours."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Piece:
         Name of the object or group, empty if the file has none.
     positions : (n, 3) float64
     triangles : (t, 3) int64
-    material : Material
+    material : SurfaceMaterial
     normals : (n, 3) float64 or None
         Vectors of any length from the file; unit vectors after `engine_bridge.character.shading.shaded`.
     uvs : (n, 2) float64 or None
@@ -92,7 +92,7 @@ class Piece:
     name: str
     positions: NDArray[np.float64]
     triangles: NDArray[np.int64]
-    material: Material = DEFAULT_MATERIAL
+    material: SurfaceMaterial = DEFAULT_MATERIAL
     normals: NDArray[np.float64] | None = None
     uvs: NDArray[np.float64] | None = None
     colors: NDArray[np.float64] | None = None
@@ -159,11 +159,11 @@ def upper_left(uvs: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.nan_to_num(np.column_stack([uvs[:, 0], 1 - uvs[:, 1]]), posinf=0.0, neginf=0.0)
 
 
-def material_for(colors: NDArray[np.float64] | None) -> Material:
+def material_for(colors: NDArray[np.float64] | None) -> SurfaceMaterial:
     """Return the default material of a piece, which does not change vertex colours."""
     if colors is None:
         return DEFAULT_MATERIAL
-    return Material(alpha_mode="OPAQUE" if (colors[:, 3] == 1).all() else "BLEND")
+    return SurfaceMaterial(alpha_mode="OPAQUE" if (colors[:, 3] == 1).all() else "BLEND")
 
 
 def damaged(where: str | Path, found: str, expected: str) -> MeshError:

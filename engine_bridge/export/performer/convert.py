@@ -56,7 +56,7 @@ class PerformerSummary:
     notes: tuple[str, ...]
 
 
-class Stage(NamedTuple):
+class UprightPerformers(NamedTuple):
     """The performers of a recording in upright coordinates.
 
     Attributes
@@ -72,7 +72,7 @@ class Stage(NamedTuple):
     notes: tuple[str, ...]
 
 
-def stage_of(clips: list[SkeletonClip]) -> Stage:
+def upright_performers(clips: list[SkeletonClip]) -> UprightPerformers:
     """Return the performers of a recording with the tilt of its sensor removed.
 
     Calibrations in a take have the tilt, and BVH files have a known up axis.
@@ -85,7 +85,7 @@ def stage_of(clips: list[SkeletonClip]) -> Stage:
     levelled = [sensor.levelled(clip) for clip in clips]
     hips = choose(levelled)[0].positions[:, JOINT_INDEX["hip_center"]] if clips else np.zeros((0, 3))
     seen = hips[np.isfinite(hips).all(axis=1)]
-    return Stage(levelled, seen[0] if len(seen) else np.zeros(3), notes)
+    return UprightPerformers(levelled, seen[0] if len(seen) else np.zeros(3), notes)
 
 
 def check_output(output: Path, log: Path) -> None:
@@ -123,15 +123,15 @@ def convert_performers(
     PuppetlineError
     """
     check_output(output, log)
-    stage = stage_of(read_log(log, settings.log))
-    if settings.user is not None or len(stage.clips) <= 1:
-        return [convert_performer(stage, log, output, log.stem, settings, progress)]
+    performers = upright_performers(read_log(log, settings.log))
+    if settings.user is not None or len(performers.clips) <= 1:
+        return [convert_performer(performers, log, output, log.stem, settings, progress)]
     made, refused = [], []
-    for user in sorted(clip.user for clip in stage.clips):
+    for user in sorted(clip.user for clip in performers.clips):
         own = output.with_name(f"{output.stem}.user{user}{output.suffix}")
         check_output(own, log)
         try:
-            made.append(convert_performer(stage, log, own, log.stem, replace(settings, user=user), progress))
+            made.append(convert_performer(performers, log, own, log.stem, replace(settings, user=user), progress))
         except SkeletonLogError as error:
             refused.append((user, error))
     if not made:
@@ -141,7 +141,7 @@ def convert_performers(
 
 
 def convert_performer(
-    stage: Stage,
+    performers: UprightPerformers,
     log: Path,
     output: Path,
     name: str,
@@ -152,7 +152,7 @@ def convert_performer(
 
     Parameters
     ----------
-    stage : Stage
+    performers : UprightPerformers
     log : Path
         Recording, for error messages.
     output : Path
@@ -166,12 +166,12 @@ def convert_performer(
     ------
     PuppetlineError
     """
-    clip, chosen = choose(stage.clips, settings.user)
-    timeline, notes = timeline_of(stage.clips, log, replace(settings, user=clip.user))
+    clip, chosen = choose(performers.clips, settings.user)
+    timeline, notes = timeline_of(performers.clips, log, replace(settings, user=clip.user))
     if settings.user is not None:
         notes = tuple(note for note in notes if note != chosen)
     progress("Performing", 0.0)
-    motion = motion_of(timeline, stage.origin).part(*part_of(timeline, settings))
+    motion = motion_of(timeline, performers.origin).part(*part_of(timeline, settings))
     progress("Performing", 1.0)
     _write(motion, output, name)
     return PerformerSummary(
@@ -182,7 +182,7 @@ def convert_performer(
         bones=len(motion.body.skeleton.joints),
         height=motion.body.height,
         bytes=output.stat().st_size,
-        notes=(*notes, *stage.notes, *_unknown(timeline), *_late(stage.clips, clip)),
+        notes=(*notes, *performers.notes, *_unknown(timeline), *_late(performers.clips, clip)),
     )
 
 

@@ -188,9 +188,9 @@ def export(
 
 def export_performer(progress: Progress, log: Path, output: Path, start: float, stop: float | None) -> dict[str, Any]:
     """Convert a recording to an animation of the performer who is tracked longest, like `export`."""
-    stage = performer_conversion.stage_of(read_log(log))
+    performers = performer_conversion.upright_performers(read_log(log))
     summary = performer_conversion.convert_performer(
-        stage, log, output, log.stem, Settings(start=start, stop=stop), progress
+        performers, log, output, log.stem, Settings(start=start, stop=stop), progress
     )
     return {
         "numbers": asdict(summary) | {"output": output.name},

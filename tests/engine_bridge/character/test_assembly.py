@@ -7,7 +7,7 @@ from PIL import Image
 from engine_bridge.character.assembly import assemble
 from engine_bridge.character.character import from_document, load_character
 from engine_bridge.character.document_reader import load_document
-from engine_bridge.character.surfaces.surface import DEFAULT_MATERIAL, ImageFile, Material, Piece, Surface
+from engine_bridge.character.surfaces.surface import DEFAULT_MATERIAL, ImageFile, Piece, Surface, SurfaceMaterial
 
 from .conftest import CORNERS, SIDES
 
@@ -37,7 +37,9 @@ def test_a_piece_becomes_a_primitive_with_all_that_it_has(saved, skin):
     normals = rng.normal(size=(4, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     uvs, colors = rng.normal(size=(4, 2)), rng.random((4, 4))
-    glass = Material("glass", (0.1, 0.2, 0.3, 0.5), 0.25, 0.75, (0, 1, 0), skin, skin, "BLEND", double_sided=True)
+    glass = SurfaceMaterial(
+        "glass", (0.1, 0.2, 0.3, 0.5), 0.25, 0.75, (0, 1, 0), skin, skin, "BLEND", double_sided=True
+    )
     document = saved(Surface([Piece("", CORNERS * 0.1, SIDES, glass, normals, uvs, colors)]))
     gltf = document.gltf
     ((primitive,),) = (mesh["primitives"] for mesh in gltf["meshes"])
@@ -66,8 +68,8 @@ def test_a_piece_becomes_a_primitive_with_all_that_it_has(saved, skin):
 
 
 def test_pieces_of_one_name_are_one_mesh_and_materials_and_pictures_are_there_once(saved, skin):
-    red, same = Material("a", (1, 0, 0, 1), texture=skin), Material("a", (1, 0, 0, 1), texture=skin)
-    blue = Material("b", (0, 0, 1, 1), texture=ImageFile("skin", "image/png", bytes(skin.content)))
+    red, same = SurfaceMaterial("a", (1, 0, 0, 1), texture=skin), SurfaceMaterial("a", (1, 0, 0, 1), texture=skin)
+    blue = SurfaceMaterial("b", (0, 0, 1, 1), texture=ImageFile("skin", "image/png", bytes(skin.content)))
     named = [("arm", red), ("", DEFAULT_MATERIAL), ("leg", same), ("arm", blue)]
     gltf = saved(Surface([Piece(name, CORNERS, SIDES, made, uvs=np.zeros((4, 2))) for name, made in named])).gltf
     shown = [gltf["nodes"][index] for index in gltf["scenes"][gltf["scene"]]["nodes"]]

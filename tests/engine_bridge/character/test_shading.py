@@ -4,7 +4,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from engine_bridge.character.shading import is_angular, shaded, wrongly_wound
-from engine_bridge.character.surfaces.surface import Material, Piece, Surface
+from engine_bridge.character.surfaces.surface import Piece, Surface, SurfaceMaterial
 from puppetline.errors import MeshError
 
 from ..refusals import refused
@@ -99,10 +99,10 @@ def test_normals_without_direction_are_computed(cube):
 
 
 def test_pieces_of_open_parts_have_two_sides(cube):
-    box = Piece("box", cube.vertices, cube.triangles[:-2], Material(name="paint"))
-    ball = Piece("ball", cube.vertices + 3, cube.triangles, Material(name="paint"))
+    box = Piece("box", cube.vertices, cube.triangles[:-2], SurfaceMaterial(name="paint"))
+    ball = Piece("ball", cube.vertices + 3, cube.triangles, SurfaceMaterial(name="paint"))
     assert [piece.material for piece in shaded(Surface([box, ball]), "cubes").pieces] == [
-        Material(name="paint", double_sided=True), Material(name="paint")
+        SurfaceMaterial(name="paint", double_sided=True), SurfaceMaterial(name="paint")
     ]  # fmt: skip
 
 

@@ -3,7 +3,7 @@ from PIL import Image
 
 from engine_bridge.character.surfaces import mtl
 from engine_bridge.character.surfaces.files import Folder
-from engine_bridge.character.surfaces.surface import Material
+from engine_bridge.character.surfaces.surface import SurfaceMaterial
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def test_opacity_is_d_or_what_tr_leaves_but_never_nothing(read, text, opacity, n
 
 
 ROUGHNESSES = f"""
-                  | {Material.roughness}
+                  | {SurfaceMaterial.roughness}
 Ns 0              | 1
 Ns 30             | 0.5
 Ns 30; Ks 0 0 0   | 1

@@ -21,14 +21,13 @@ from scipy.spatial import cKDTree
 
 from capture import body
 from capture.skeleton import SkeletonFrame
-from engine_bridge.character.character import CHARACTER_FILES, Character, load_character
+from engine_bridge.character.character import CHARACTER_FILES, Character
 from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.clip import REST_SECONDS, load_timeline
 from engine_bridge.performance.rig import Rig
 from engine_bridge.performance.settings import Settings
-from engine_bridge.puppet.handle_proposal import propose_handles
-from engine_bridge.puppet.puppet import CharacterTable, Puppet
-from engine_bridge.puppet.puppet_file import check
+from engine_bridge.puppet.proposal import new_puppet
+from engine_bridge.puppet.puppet import Puppet
 from puppetline.errors import PuppetlineError
 from solver.model import fields
 from solver.model.binding import Binding
@@ -187,14 +186,12 @@ def main() -> None:
     found = {file for place in places for file in (place.rglob("*") if place.is_dir() else [place])}
     for file in sorted(file for file in found if file.suffix.lower() in CHARACTER_FILES):
         try:
-            character = load_character(file)
-            mesh = character.solver_mesh()
-            table = CharacterTable(mesh=file.name)
-            handles = [handle.model_dump(exclude_none=True) for handle in propose_handles(mesh, table)]
-            puppet = check({"character": table.model_dump(), "handle": handles, "root": {}}, file)
+            proposed = new_puppet(file, file, limbs=False)
         except PuppetlineError as error:
             print(f"| {file.name} | refused: {error.found} | | | | |", flush=True)
             continue
+        puppet, character = proposed.puppet, proposed.character
+        mesh = character.solver_mesh()
         breakable = mesh.parts == 1 and len(mesh.vertices) <= MAX_BROKEN_VERTICES
         copies = broken(character.vertices, character.triangles) if breakable else []
         whole: list[np.ndarray | None] = [None] * len(OPERATORS)

@@ -20,7 +20,7 @@ from puppetline.examples.performances import PERFORMANCES
 from capture.recording import Recorder
 from capture.timeline import resample
 from engine_bridge.character.character import make_character
-from engine_bridge.export.bake import DEFAULT_TOLERANCE, Motion, bake, fit, recorded_motion, synthetic_motion
+from engine_bridge.export.bake import DEFAULT_TOLERANCE, FittedMotion, bake, fit, recorded_motion, synthetic_motion
 from engine_bridge.export.live_basis import REACH, LiveBasis
 from engine_bridge.performance.clip import solve
 from engine_bridge.performance.rig import Rig, load_rig
@@ -97,7 +97,7 @@ def write_log(name: str, folder: Path) -> Path:
     return path
 
 
-def project(rig: Rig, performance: str, motion: Motion) -> Unseen:
+def project(rig: Rig, performance: str, motion: FittedMotion) -> Unseen:
     basis = LiveBasis(fit(rig, motion, SETTINGS, silent).directions.astype(np.float32), REACH, rig.model)
     timeline = resample(PERFORMANCES[performance](), SETTINGS.fps, SETTINGS.max_gap)
     frames = solve(rig, timeline, SETTINGS).R[:]

@@ -7,7 +7,7 @@ GDSCRIPT := integrations/godot tests/integrations/godot tests/peers/godot benchm
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help setup studio bone-tables demo docs gallery test test-all test-camera lint format bench lock platforms peers archives dist dist-check clean
+.PHONY: help setup studio bone-tables messages demo docs gallery test test-all test-camera lint format bench lock platforms peers archives dist dist-check clean
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -75,6 +75,9 @@ $(PAGE)/dist/index.html: $(PAGE)/node_modules/.to-build $(PAGE_SOURCES)
 
 bone-tables: setup ## Write the names of bones into the clients, from capture/bone_names.toml
 	$(BIN)/python integrations/write_bone_tables.py
+
+messages: setup ## Write the types of what the studio's server sends into its page
+	$(BIN)/python -m engine_bridge.studio.messages.typescript
 
 demo: setup ## Animate the example characters into out/
 	$(BIN)/puppetline demo --output $(OUT)

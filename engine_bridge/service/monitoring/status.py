@@ -3,7 +3,7 @@
 `Status.as_json` is what is published on ``service/status`` (docs/protocol.md).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -196,17 +196,22 @@ class OutputStatus:
 
 
 @dataclass(frozen=True)
-class TimelineTake:
-    """A take that plays on a character: its second on the timeline, its duration in seconds, and its sound.
+class TimelineSound:
+    """The sound of a take: the name of its file, and the second of the timeline of its first sample."""
 
-    `sound` has the name of the file (``file``), and the second of the timeline of its first sample (``at``).
-    """
+    file: str
+    at: float
+
+
+@dataclass(frozen=True)
+class TimelineTake:
+    """A take that plays on a character: its second on the timeline, its duration in seconds, and its sound."""
 
     character: str
     take: str
     at: float
     seconds: float
-    sound: Mapping[str, Any] | None = None
+    sound: TimelineSound | None = None
 
 
 @dataclass(frozen=True)

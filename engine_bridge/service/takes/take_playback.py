@@ -8,7 +8,7 @@ from typing import Any
 
 from capture.events import TICK_SECONDS
 from engine_bridge.service.monitoring.logs import fields
-from engine_bridge.service.monitoring.status import TimelineStatus, TimelineTake
+from engine_bridge.service.monitoring.status import TimelineSound, TimelineStatus, TimelineTake
 from engine_bridge.service.players.character_player import CharacterPlayer
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.stages.stage_runner import StageRunner
@@ -206,7 +206,10 @@ class TakePlayback:
             speed=timeline.speed,
             paused=timeline.paused,
             loop=timeline.loop,
-            takes=[TimelineTake(**each) for each in self.takes],
+            takes=[
+                TimelineTake(**each | {"sound": each["sound"] and TimelineSound(**each["sound"])})
+                for each in self.takes
+            ],
         )
 
     def _show_take(self, name: str, position: float, now: float) -> None:

@@ -291,7 +291,8 @@ class Studio(Backend):
         async def work(progress: Progress) -> dict[str, Any]:
             output = self.workspace.new_export("film", ".mp4")
             made = await self._exporter.run("make_film", self._film.file.path, output, progress=progress)
-            return {"file": self.workspace.offer(output, output.name, "export").id, "name": output.name, **made}
+            file = self.workspace.offer(output, output.name, "export")
+            return film.FilmReply(file=file.id, name=file.name, **made).model_dump(mode="json")
 
         return await self._jobs.run("Making the film", work)
 
@@ -335,7 +336,7 @@ class Studio(Backend):
                 arguments = log, character.folder, output, asked.form, *part
                 made = await self._exporter.run("export", *arguments, progress=progress)
             file = self.workspace.offer(output, output.name, "export")
-            return {"file": file.id, "name": file.name, **made}
+            return takes.ExportReply(file=file.id, name=file.name, **made).model_dump(mode="json")
 
         return await self._jobs.run(f"{title} for {character.name}", work)
 

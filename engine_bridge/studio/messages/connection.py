@@ -20,6 +20,15 @@ class CloseCode(IntEnum):
     """Only on ``/stream``: the service is not running, or has ended. Connect again in a second."""
 
 
+class ServerError(Table):
+    """Why a request is refused: where, what was found, what was expected, and what to do."""
+
+    where: str
+    found: str
+    expected: str
+    fix: str
+
+
 class Hello(Table):
     """First frame of ``/api`` and of ``/stream``: a token.
 

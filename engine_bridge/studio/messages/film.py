@@ -37,10 +37,19 @@ class PlayFilm(Request):
 class MakeFilm(Request):
     """Make a video of the film, a job.
 
-    Result: ``{"file", "name", "seconds", "notes"}``: a file to download, its duration, and sentences about its takes.
+    Result: `FilmReply`.
     """
 
     do: Literal["make_film"]
+
+
+class FilmReply(Table):
+    """A film that was made: a file to download, its duration in seconds, and sentences about its takes."""
+
+    file: str
+    name: str
+    seconds: float
+    notes: Sequence[str]
 
 
 class Install(Request):

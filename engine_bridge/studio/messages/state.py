@@ -138,12 +138,24 @@ class ServiceState(Table):
     text: str = ""
 
 
+UploadKind = Literal["character", "log", "puppet"]
+
+
+class UploadReply(Table):
+    """The reply to ``POST /uploads``: id, kind, name, and what `puppetline inspect` reports."""
+
+    upload: str
+    kind: UploadKind
+    name: str
+    facts: dict[str, Any]
+
+
 class UploadState(Table):
     """An uploaded file: its kind, and what `puppetline inspect` reports about it."""
 
     upload: str
     name: str
-    kind: Literal["character", "log", "puppet"]
+    kind: UploadKind
     bytes: int
     facts: dict[str, Any]
 

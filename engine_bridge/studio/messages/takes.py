@@ -1,11 +1,12 @@
 """Requests that record, play, delete and export takes."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, FiniteFloat
 
 from engine_bridge.performance.settings import Form, PerformerFormat
 from engine_bridge.studio.messages.base import Id, Name, Request, Seconds
+from puppetline.toml_schema import Table
 
 
 class RecordStart(Request):
@@ -69,9 +70,7 @@ class Export(Request):
     `form` is the value of ``--as``, None for its default, or a format for the skeleton of the performer who is tracked
     longest, without the character. `start` and `stop` trim the recording, in seconds from its beginning. A job.
 
-    Result: ``{"file", "name", "numbers", "text"}``: `numbers` is `engine_bridge.export.convert.Summary`, or for a
-    performer's skeleton `PerformerSummary` of `engine_bridge.export.performer.convert`, and `text` the lines that
-    `puppetline convert` prints.
+    Result: `ExportReply`.
     """
 
     do: Literal["export"]
@@ -82,6 +81,19 @@ class Export(Request):
     form: Form | PerformerFormat | None = None
     start: Seconds | None = None
     stop: Seconds | None = None
+
+
+class ExportReply(Table):
+    """A file to download, and what it consists of.
+
+    `numbers` is `engine_bridge.export.convert.Summary`, or for a performer's skeleton `PerformerSummary` of
+    `engine_bridge.export.performer.convert`, and `text` the lines that `puppetline convert` prints.
+    """
+
+    file: str
+    name: str
+    numbers: dict[str, Any]
+    text: str
 
 
 class Cancel(Request):

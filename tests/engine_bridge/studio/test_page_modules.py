@@ -14,7 +14,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from engine_bridge.studio.long_work.puppet_values import puppet_of
-from engine_bridge.studio.messages import characters, connection, film, performers
+from engine_bridge.studio.messages import characters, connection, film, performers, typescript
 from engine_bridge.studio.messages.requests import REQUESTS
 from engine_bridge.studio.messages.state import ProgressEvent, SourceState, State
 
@@ -86,3 +86,8 @@ def test_modules_of_the_page_do_not_import_in_circles():
         imports[file] = [(file.parent / name).resolve().with_suffix(".ts") for name in named]
     order = [*TopologicalSorter(imports).static_order()]
     assert order.index(source / "requests.ts") < order.index(source / "film.ts")
+
+
+def test_the_page_has_the_types_of_what_the_server_sends():
+    """If it does not, call `make messages`."""
+    assert typescript.PATH.read_text(encoding="utf-8") == typescript.text()

@@ -60,7 +60,7 @@ function keep(frame: object): void {
   if (file !== undefined) appendFileSync(file, `${JSON.stringify(frame)}\n`);
 }
 
-export const GREETING: Greeting & { readonly joints: readonly string[]; readonly parents: object } = {
+export const GREETING: Greeting = {
   session: "session",
   version: "1",
   joints: [],
@@ -96,14 +96,15 @@ const character = (name: string, change: Partial<CharacterState> = {}): Characte
 });
 
 export const take = (name: string, change: object = {}): TakeState => Object.assign(
-  { name, seconds: 4, frames: 120, bytes: 9, written: 0, picture: "", wave: "", sound_file: "" }, change);
+  { name, seconds: 4, frames: 120, bytes: 9, written: 0, at: null, parts: [], picture: "", wave: "", sound: false, sound_file: "" }, change);
 
 export const clip = (name: string, at: number): FilmTake => ({ character: NAME, file: `takes/${name}.log`, at, start: 0, stop: 4, mute: false });
 
 const STATE: ServerState = {
   characters: [],
   source: { uri: "demo:walk", kind: "example", name: "walk", text: "Walk", loop: true, start: null, stop: null },
-  service: { running: true, starting: false, restarts: 0, problem: "" },
+  stages: [],
+  service: { running: true, starting: false, address: "", restarts: 0, problem: "", text: "" },
   performers: [],
   recording: null,
   takes: [],
@@ -113,6 +114,7 @@ const STATE: ServerState = {
   timeline: null,
   clips: [],
   uploads: [],
+  files: [],
   jobs: [],
   status: { fps: 30, latency_ms: 4, clients: 1, drops: 0 },
   banner: { level: "none", text: "", fix: "" },

@@ -54,7 +54,7 @@ test("a sound plays in step with the image of its character, again after a jump,
   const page = await Page.open();
   const timeline: Timeline = {
     position: 0, moment: 100, start: 0, end: 4, speed: 1, paused: false, loop: false,
-    takes: [{ character: "figure", take: "take-1", at: 0, seconds: 4, sound: { at: -0.25 } }],
+    takes: [{ character: "figure", take: "take-1", at: 0, seconds: 4, sound: { file: "take.wav", at: -0.25 } }],
   };
   const state = (change: Partial<Timeline> = {}): State => ({
     ...INITIAL, server: { ...page.server.state, takes: [take("take-1", { sound_file: "id-1" })], timeline: { ...timeline, ...change } },

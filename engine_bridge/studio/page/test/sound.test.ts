@@ -3,9 +3,9 @@ import { test } from "node:test";
 import type { FilmTake, TakeState, Timeline } from "../src/messages";
 import { partsOf, positionAt } from "../src/model/sound";
 
-const entry = (take: string, at: number) => ({ character: "dog", take, at, seconds: 4, sound: { at: at - 0.5 } });
+const entry = (take: string, at: number) => ({ character: "dog", take, at, seconds: 4, sound: { file: `${take}.wav`, at: at - 0.5 } });
 const timeline: Timeline = { position: 1, moment: 100, start: 0, end: 7, speed: 2, paused: false, loop: false, takes: [entry("a", 0), entry("b", 3)] };
-const recorded = ["a", "b"].map((name): TakeState => ({ name, seconds: 4, picture: "", wave: "", sound_file: `id-${name}` }));
+const recorded = ["a", "b"].map((name): TakeState => ({ name, seconds: 4, frames: 120, bytes: 9, written: 0, at: null, parts: [], picture: "", wave: "", sound: true, sound_file: `id-${name}` }));
 const mute = (take: string): FilmTake => ({ character: "dog", file: `takes/${take}.log`, at: 0, start: 0, stop: 4, mute: true });
 
 test("a sound is cut where its take begins, and where it or the character's next one ends it", () => {

@@ -55,9 +55,9 @@ test("the most important message is shown: the page's own, then the server's, bu
 test("the line at the bottom says what the service does, in numbers", async () => {
   const page = await Page.open();
   for (const text of ["Service running", "30 frames per second", "30 images per second", "4.0 ms latency", "1 client", "0 dropped", "8 vertices"]) assert.ok(page.text.includes(text), text);
-  page.server.change({ service: { running: false, starting: true, restarts: 1, problem: "" } });
+  page.server.change({ service: { running: false, starting: true, address: "", restarts: 1, problem: "", text: "" } });
   assert.ok(page.text.includes("Service starting…"));
   assert.ok(!page.text.includes("dropped"));
-  page.server.change({ service: { running: false, starting: false, restarts: 1, problem: "" } });
+  page.server.change({ service: { running: false, starting: false, address: "", restarts: 1, problem: "", text: "" } });
   assert.ok(page.text.includes("Service stopped"));
 });

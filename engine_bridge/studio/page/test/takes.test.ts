@@ -59,7 +59,7 @@ test("long work shows its steps, and is cancelled", async () => {
   const page = await Page.open((server) => server.refuse("export", "a job that was cancelled"));
   await page.button("Takes").click();
   await page.line("Kung fu").click();
-  page.server.change({ jobs: [{ job: "job-1", title: "Export of kung_fu", text: "Reading", fraction: 0, state: "running" }] });
+  page.server.change({ jobs: [{ job: "job-1", title: "Export of kung_fu", text: "Reading", fraction: 0, state: "running", result: null, error: null }] });
   const [before] = page.every("progress");
   assert.equal(before?.value, null);
   page.server.send({ event: "progress", job: "job-1", text: "Writing", fraction: 0.5 });

@@ -89,7 +89,7 @@ demo: setup ## Animate the example characters into out/
 docs: setup .venv/.docs ## Build the documentation site into out/docs; warnings and broken links are errors
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --builder html --doctree-dir build/doctrees docs $(OUT)/docs
 
-gallery: setup ## Make looping videos, .glb files and viewer pages of the example characters into out/gallery
+gallery: setup studio ## Make looping videos, .glb files and viewer pages of the example characters into out/gallery
 	$(BIN)/python docs/site/gallery.py $(OUT)/gallery $(GALLERY)
 
 # matrices here are small: threads that wait for each other only cost time; tests wait for programs and for real time

@@ -18,12 +18,15 @@ if TYPE_CHECKING:
     from engine_bridge.performance.character_motion import CharacterMotion
     from puppetline.characters import Character, load, propose
     from puppetline.errors import PuppetlineError
-    from puppetline.recordings import Recording, load_recording, open_source
+    from puppetline.player import Player
+    from puppetline.recordings import LiveSource, Recording, load_recording, open_source
 
 __all__ = (
     "Character",
     "CharacterMotion",
     "Client",
+    "LiveSource",
+    "Player",
     "PuppetlineError",
     "Recording",
     "connect",
@@ -37,7 +40,8 @@ __version__: str
 
 _MODULES = {
     "puppetline.characters": ("Character", "load", "propose"),
-    "puppetline.recordings": ("Recording", "load_recording", "open_source"),
+    "puppetline.recordings": ("LiveSource", "Recording", "load_recording", "open_source"),
+    "puppetline.player": ("Player",),
     "puppetline.errors": ("PuppetlineError",),
     "engine_bridge.client.client": ("Client", "connect"),
     "engine_bridge.performance.character_motion": ("CharacterMotion",),
@@ -47,7 +51,7 @@ _MODULES = {
 if not TYPE_CHECKING:  # otherwise type checkers would accept any attribute
 
     def __getattr__(name: str) -> object:
-        """Import a name when it is used: the packages take a second, and the version a third of that."""
+        """Import a name when it is used: the packages take a second to import."""
         if name == "__version__":
             from importlib.metadata import version
 

@@ -1,10 +1,10 @@
-"""Characters, for programs: a mesh and what of a performer moves what of it."""
+"""Characters for programs: a mesh, its limbs or handles, and the performer's joints that move them."""
 
 import os
 import tempfile
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import tomlkit
@@ -16,11 +16,12 @@ from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.performance.clip import TakeTimeline, reference_pose, timeline_of
 from engine_bridge.performance.pose import Pose
 from engine_bridge.performance.rig import Rig, load_rig, make_rig
-from engine_bridge.performance.settings import Settings
+from engine_bridge.performance.settings import Form, Settings
 from engine_bridge.puppet import proposal, puppet_file
 from engine_bridge.puppet.body_plans import BodyPlan
 from engine_bridge.puppet.puppet import Direction, Puppet
 from engine_bridge.service.protocol.scene import StreamedCharacter
+from puppetline.errors import OutputError
 from puppetline.files import check_one_of, check_writable
 from puppetline.player import Player
 from puppetline.recordings import Recording, load_recording
@@ -35,7 +36,7 @@ class Character:
     Attributes
     ----------
     puppet : Puppet
-        What of the performer moves what of the character (docs/puppet-file.md).
+        Its limbs or handles, and the joints that move them (docs/puppet-file.md).
     mesh : Path
         The mesh file.
     notes : tuple of str
@@ -106,7 +107,7 @@ class Character:
     def convert(
         self, recording: "Recording | str | PathLike[str]", output: str | PathLike[str], **settings: Any
     ) -> Any:
-        """Write what a recording makes of the character.
+        """Animate the character with a recording, and write a file.
 
         Parameters
         ----------
@@ -115,7 +116,8 @@ class Character:
             Its ending says what is written: ``.glb`` the animated character; ``.mp4``, ``.webm`` or ``.gif`` a film
             of it; ``.vrma`` or ``.bvh`` the performer's own motion, which other programs play on an avatar.
         **settings
-            Fields of `engine_bridge.performance.settings.Settings`, for example ``fps=60`` or ``form="morph"``.
+            Fields of `engine_bridge.performance.settings.Settings`, for example ``fps=60`` or ``form="morph"``; the
+            performer and how the file is read are those of the recording. Films have ``fps``, ``start`` and ``stop``.
 
         Returns
         -------
@@ -125,10 +127,12 @@ class Character:
         Raises
         ------
         PuppetlineError
-            Before anything is written.
         """
         take = recording if isinstance(recording, Recording) else load_recording(recording)
-        path, chosen = Path(output), Settings(user=take.user, log=take.options, **settings)
+        path, chosen = Path(output), Settings(**settings | {"user": take.user, "log": take.options})
+        if chosen.form not in (None, *get_args(Form)):
+            forms = ", ".join(get_args(Form))
+            raise OutputError(path, found=f"the form {chosen.form!r}", expected=f"one of {forms}", fix="Correct it.")
         endings = (".glb", *FILMS, *PERFORMERS)
         fix = f"Call it {path.stem}.glb, for example."
         check_one_of(path, endings, f"one of {', '.join(endings)}", fix, inputs=(take.path, self.mesh))
@@ -137,7 +141,7 @@ class Character:
 
             return convert_performers(take.path, path, chosen)[0]
         if path.suffix.lower() in FILMS:
-            return self._film(take, path)
+            return self._film(take, path, chosen)
         timeline, notes = timeline_of(take.clips, take.path, chosen)
         return convert_timeline(self._rig, timeline, path, take.path.stem, chosen, notes)[1]
 
@@ -162,16 +166,26 @@ class Character:
         table = self.puppet.character.model_copy(update={"mesh": mesh.as_posix()})
         return self.puppet.model_copy(update={"character": table})
 
-    def _film(self, take: Recording, output: Path) -> Any:
+    def _film(self, take: Recording, output: Path, settings: Settings) -> Any:
         """Write a film of the character alone, with the camera that follows it."""
         from engine_bridge.film.film import make_video
 
+        used = Settings(user=settings.user, fps=settings.fps, start=settings.start, stop=settings.stop)
+        if settings != used:
+            raise OutputError(
+                output,
+                found="settings or options of a reader that a film does not have",
+                expected="fps, start and stop at most",
+                fix="Write a .glb, or use a scene file (docs/film.md).",
+            )
+        part = {"start": used.start} | ({} if used.stop is None else {"stop": used.stop})
         with tempfile.TemporaryDirectory() as folder:
             puppet, scene = Path(folder, "character.toml"), Path(folder, "scene.toml")
             puppet_file.dump(self._with_mesh(self.mesh.absolute()), puppet)
             tables = {
+                "film": {"fps": used.fps},
                 "character": [{"name": "it", "puppet": puppet.name}],
-                "take": [{"character": "it", "file": str(take.path.absolute()), "user": take.user}],
+                "take": [{"character": "it", "file": str(take.path.absolute()), "user": take.user} | part],
                 "camera": [{"mode": "follow"}],
             }
             scene.write_text(tomlkit.dumps(tables), encoding="utf-8")

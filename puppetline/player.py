@@ -6,7 +6,7 @@ from os import PathLike
 from pathlib import Path
 
 from puppetline.errors import OutputError
-from puppetline.files import written_whole
+from puppetline.files import check_writable, written_whole
 
 SCRIPT = Path(__file__).parents[1] / "engine_bridge" / "studio" / "page" / "dist" / "player.js"
 
@@ -57,6 +57,7 @@ class Player:
         ------
         OutputError
         """
+        check_writable(Path(path), ".html")
         with written_whole(Path(path)) as beside:
             beside.write_text(self.page(), encoding="utf-8")
 

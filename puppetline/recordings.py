@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Literal, Self
@@ -40,6 +41,8 @@ class Recording:
         self.path = path
         self.options = options
         self.clips = read_log(path, options)
+        module = recognize(path)
+        self._kind = FORMATS[module.__name__.rpartition(".")[2]] if module else "recording"
         self.user, self.users = choose(self.clips, user)[0].user, tuple(clip.user for clip in self.clips)
         self._timeline, self.notes = timeline_of(self.clips, path, Settings(user=self.user))
 
@@ -71,42 +74,46 @@ class Recording:
             ``positions`` (20, 3) in metres and ``confidence`` (20,), in the order of `capture.skeleton.JOINTS`.
         """
         timeline = self.timeline(fps)
-        return (timeline.frame(number) for number in range(len(timeline.positions)))
+        return (replace(timeline.frame(number), user=self.user) for number in range(len(timeline.positions)))
 
     def timeline(self, fps: float = 30.0) -> Timeline:
         """Return all frames at a constant rate: ``positions`` (T, 20, 3), ``confidence`` (T, 20), ``times`` (T,)."""
         return timeline_of(self.clips, self.path, Settings(user=self.user, fps=fps))[0]
 
     def __repr__(self) -> str:
-        module = recognize(self.path)
-        name = FORMATS[module.__name__.rpartition(".")[2]] if module else "recording"
         of = f"user {self.user} of {len(self.users)}, " if len(self.users) > 1 else ""
-        return f"<puppetline.Recording {self.path.name}: {of}{self.seconds:.1f} s, {name}>"
+        return f"<puppetline.Recording {self.path.name}: {of}{self.seconds:.1f} s, {self._kind}>"
 
 
 class LiveSource:
     """A live source of skeletons: a context manager, and an iterator over the frames of all performers.
 
-    Iteration waits for frames. It ends where a recording ends. Frames that a newer one of the same performer has
-    overtaken are left out.
+    Iteration waits for frames. It ends where a recording ends, and when the source is closed. Frames that a newer one
+    of the same performer has overtaken are left out.
+
+    Raises
+    ------
+    SourceError
+        While it iterates: the device is disconnected, or the recording is damaged.
     """
 
     def __init__(self, uri: str) -> None:
-        self._source = registry.open_source(uri)
+        self._source, self._is_closed = registry.open_source(uri), False
 
     def __iter__(self) -> Iterator[SkeletonFrame]:
-        while True:
+        while not self._is_closed:
             wait(self._source, math.inf)
             try:
                 events = self._source.receive()
             except SourceError:
-                if self._source.recorded:
+                if self._source.recorded and not getattr(self._source, "damaged", False):
                     return
                 raise
             yield from (event for event in newest(events) if isinstance(event, SkeletonFrame))
 
     def close(self) -> None:
         """Close sockets and files; closing again does nothing."""
+        self._is_closed = True
         self._source.close()
 
     def __enter__(self) -> Self:

@@ -49,7 +49,6 @@ MODULES = {
         "engine_bridge.performance.rig",
         "engine_bridge.performance.settings",
         "engine_bridge.performance.clip",
-        "engine_bridge.performance.character_motion",
         "engine_bridge.performance.motion",
         "engine_bridge.performance.pose",
         "engine_bridge.export.convert",

@@ -10,6 +10,15 @@ from engine_bridge.cli.options import FILE
 from engine_bridge.cli.progress import progress
 from puppetline.errors import MeshError
 
+FOUND = {
+    "log": "a recording",
+    "puppet": "a puppet file",
+    "scene": "a scene file",
+    "service": "a service file",
+    "clip": "a clip",
+}
+"""What a file is that is no mesh, by its kind."""
+
 BODY = "up", "front", "scale", "plan", "mirror"
 """Names of the options in `new.body_options`."""
 
@@ -45,8 +54,9 @@ def animate(
 
     _check_mesh(mesh, recording)
     output = output or Path(f"{mesh.stem}_{recording.stem}.glb")
-    sheet = output.with_suffix(".png")
     conversion.check_output(output, has_puppet=True)
+    check_writable(output, ".glb", inputs=(mesh, recording))
+    sheet = output.with_suffix(".sheet.png")  # plain .png may be the name of a texture
     for path, ending in ((output, ".glb"), (sheet, ".png"), (puppet_out, ".toml")):
         if path is not None:
             check_writable(path, ending, inputs=(mesh, recording))
@@ -73,9 +83,11 @@ def _check_mesh(mesh: Path, recording: Path) -> None:
     """Refuse another kind of file in place of a mesh, with the command that was meant."""
     from engine_bridge.inspection.files import kind_of
 
-    if (kind := kind_of(mesh)) != "character":
-        meant = {
-            "log": f"puppetline animate {recording} {mesh}",
-            "puppet": f"puppetline convert {recording} --puppet {mesh}",
-        }.get(kind, "puppetline animate MESH RECORDING")
-        raise MeshError(mesh, found=f"a {kind} file", expected="a mesh", fix=f"Use {meant}")
+    if (kind := kind_of(mesh)) == "character":
+        return
+    meant = "animate MESH RECORDING"
+    if kind == "log" and kind_of(recording) == "character":
+        meant = f"animate {options.quoted(recording)} {options.quoted(mesh)}"
+    elif kind == "puppet":
+        meant = f"convert {options.quoted(recording)} --puppet {options.quoted(mesh)}"
+    raise MeshError(mesh, found=FOUND[kind], expected="a mesh", fix=f"Use puppetline {meant}")

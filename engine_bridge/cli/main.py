@@ -52,7 +52,8 @@ class _Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        if args[0] not in COMMANDS and (Path(args[0]).suffix or Path(args[0]).exists()):
+        # Path raises errors for some names
+        if args[0] not in COMMANDS and (Path(args[0]).suffix or os.path.exists(args[0])):  # noqa: PTH110
             from engine_bridge.cli.suggestions import suggestions
 
             return suggestions.name, suggestions, args
@@ -122,6 +123,6 @@ def main() -> None:
     First commands:
       puppetline demo                     animate example characters
       puppetline studio                   animate your own, in a browser
-      puppetline animate MESH RECORDING   or here
+      puppetline animate MESH RECORDING   animate a mesh with a recording
     """  # noqa: D301 - click wants the character
     logging.basicConfig(format="puppetline: %(message)s", level=logging.WARNING)

@@ -88,8 +88,8 @@ def new(
 
     _check_no_recording(mesh)
     output = output or Path(f"{mesh.stem}.toml")
-    picture = preview or output.with_suffix(".handles.png")  # plain .png may be the name of a texture or contact sheet
     check_writable(output, ".toml", inputs=(mesh,))
+    picture = preview or output.with_suffix(".handles.png")  # plain .png may be the name of a texture or contact sheet
     check_writable(picture, ".png", inputs=(mesh,))
     if not force:
         check_new(output, options.REPLACING)
@@ -110,7 +110,7 @@ def new(
     for line in describe(proposed):
         click.echo(f"  {line}")
     _echo_mapping(proposed.puppet)
-    click.echo(f"Convert a recording:  puppetline convert LOG --puppet {output}")
+    click.echo(f"Convert a recording:  puppetline convert LOG --puppet {options.quoted(output)}")
 
 
 def _check_no_recording(mesh: Path) -> None:
@@ -118,7 +118,7 @@ def _check_no_recording(mesh: Path) -> None:
     from capture.formats import recognize
 
     if mesh.is_file() and recognize(mesh):
-        fix = f"To convert the recording: puppetline animate MESH {mesh}"
+        fix = f"To convert the recording: puppetline animate MESH {options.quoted(mesh)}"
         raise MeshError(mesh, found="a recording", expected="a mesh", fix=fix)
 
 

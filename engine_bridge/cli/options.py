@@ -2,6 +2,7 @@
 
 import json
 import math
+import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import reduce
@@ -61,12 +62,17 @@ def named(output: Path | None, default: str, force: bool) -> Path:
     return Path(default)
 
 
+def quoted(path: Path) -> str:
+    """Return a path as a shell takes it, for commands that are printed to be copied."""
+    return shlex.quote(str(path))
+
+
 def together(options: Sequence[Callable[[Function], Function]]) -> Callable[[Function], Function]:
     """Return the decorator that adds options to a command, in the order of the help text."""
     return lambda command: reduce(lambda function, option: option(function), reversed(options), command)
 
 
-force = click.option("--force", is_flag=True, help="Replace an existing file that -o does not name.")
+force = click.option("--force", is_flag=True, help="Replace an existing file that has the default name.")
 as_json = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 source = click.option("--source", required=True, metavar="URI", help="Source of skeletons, as in puppetline serve.")
 targets = click.option(

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from engine_bridge.cli.options import FILE
+from engine_bridge.cli.options import FILE, quoted
 
 COMMANDS_FOR = {
     "character": (
@@ -16,7 +16,7 @@ COMMANDS_FOR = {
     ),
     "log": (
         ("animate MESH {file}", "move a character as its performer moves"),
-        ("convert {file} -o {stem}.bvh", "animate the performer's own skeleton (.bvh, .vrma or .glb)"),
+        ("convert {file} -o {stem}.vrma", "animate the performer's own skeleton (.vrma, .bvh or .glb)"),
         ("look --source replay:{file}", "show what is in it"),
         ("inspect {file}", "describe it"),
     ),
@@ -42,10 +42,11 @@ def suggestions(files: tuple[Path, ...]) -> None:
     kinds = [kind_of(file) for file in files]
     if sorted(kinds) == ["character", "log"]:
         mesh, recording = files[kinds.index("character")], files[kinds.index("log")]
-        click.echo(f"puppetline animate {mesh} {recording}")
+        click.echo(f"puppetline animate {quoted(mesh)} {quoted(recording)}")
         return
     for file, kind in zip(files, kinds, strict=True):
-        lines = [(each.format(file=file, stem=file.stem), about) for each, about in COMMANDS_FOR[kind]]
+        names = {"file": quoted(file), "stem": quoted(Path(file.stem))}
+        lines = [(each.format(**names), about) for each, about in COMMANDS_FOR[kind]]
         width = max(len(command) for command, _ in lines)
         for command, about in lines:
             click.echo(f"puppetline {command:{width}}  {about}")

@@ -11,16 +11,16 @@ import numpy as np
 import zmq
 from numpy.typing import NDArray
 
-from engine_bridge.client.connection import ADDRESS, subscriber, with_scheme
+from engine_bridge.client.connection import ADDRESS, check_name, subscriber, with_scheme
 from engine_bridge.service.control.control_socket import request
-from engine_bridge.service.protocol.header import NO_USER, Kind, WireError, subscription
+from engine_bridge.service.protocol.header import NO_USER, WireError, subscription
 from engine_bridge.service.protocol.payloads import Received, decode
 from engine_bridge.service.protocol.scene import Scene
 from engine_bridge.service.states import STATES
 from puppetline import clock
 from puppetline.errors import ServiceError
 
-FrameKind = Literal["controls", "vertices", "morphs", "joints", "handles", "bones", "channels"]
+FrameKind = Literal["controls", "vertices", "vertices16", "morphs", "joints", "handles", "bones", "channels"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,17 +32,21 @@ class LiveFrame:
     time : float
         Seconds, the clock of the service's source.
     sequence : int
-        Increases by one with each frame of the character; a larger step means that frames were not received.
+        Number of the frame of the character. A larger step than 1 means that frames were not received; of joints and
+        channels, also that a frame has none.
     state : str
-        What the performer does: one of `engine_bridge.service.states.STATES`.
+        State of the character: one of `engine_bridge.service.states.STATES`.
     user : int or None
         The performer.
     root : (3,) float32
         Translation of the whole character, mesh file's coordinates.
+    targets : (k,) float32
+        Weights of the mesh's own morph targets, in the order of the scene's ``targets``.
     data : object
         For controls (m, 3, 4) float32, which include the root; for vertices, `positions` and `normals`, both (n, 3)
         float32; for morphs, `weights` (k,) float32 and `residual`; for joints (20, 4) float32, positions in metres and
         confidence; for handles (h, 3) float32; for bones (4j + 3t,) float32 (docs/protocol.md); for channels a dict.
+        Arrays are read-only.
     """
 
     time: float
@@ -50,6 +54,7 @@ class LiveFrame:
     state: str
     user: int | None
     root: NDArray[np.float32]
+    targets: NDArray[np.float32]
     data: Any
 
 
@@ -83,7 +88,7 @@ class Client:
         self._context = zmq.Context[zmq.Socket[bytes]]()
         try:
             self._stream().close(0)
-        except ServiceError:
+        except BaseException:
             self.close()
             raise
 
@@ -96,7 +101,7 @@ class Client:
             The service does not answer, or refuses the token.
         """
         (message,) = self._receive(["service/characters"], 1)
-        return [each["name"] for each in message.body]
+        return [each["name"] for each in message.body if isinstance(each, dict) and "name" in each]
 
     def scene(self, character: str) -> Scene:
         """Return a character's mesh and what its frames refer to.
@@ -106,6 +111,7 @@ class Client:
         ServiceError
             The service does not answer, or has no such character.
         """
+        check_name("the scene", character)
         (message,) = self._receive([f"{character}/scene/{secrets.token_hex(8)}"], 1)
         body: Scene = message.body
         return body
@@ -130,10 +136,13 @@ class Client:
         ServiceError
             No frame has arrived for the timeout.
         """
+        check_name("what is followed", character)
         if kind not in get_args(FrameKind):
-            raise ServiceError(
-                "kind", found=repr(kind), expected=f"one of {', '.join(get_args(FrameKind))}", fix="Correct it."
-            )
+            kinds = ", ".join(get_args(FrameKind))
+            raise ServiceError("the kind", found=repr(kind), expected=f"one of {kinds}", fix="Correct it.")
+        return self._frames(character, kind)
+
+    def _frames(self, character: str, kind: FrameKind) -> Iterator[LiveFrame]:
         for message in self._receive([f"{character}/{kind}"], math.inf):
             header = message.header
             yield LiveFrame(
@@ -142,6 +151,7 @@ class Client:
                 state=STATES[header.state],
                 user=None if header.user == NO_USER else header.user,
                 root=np.array(header.root, np.float32),
+                targets=message.targets,
                 data=message.body,
             )
 
@@ -179,6 +189,8 @@ class Client:
         return f"<puppetline.Client of {self.address}>"
 
     def _stream(self, *topics: str) -> "zmq.Socket[bytes]":
+        if self._context.closed:
+            raise ServiceError(self.address, found="a closed client", expected="an open one", fix="Connect again.")
         socket = subscriber(self._context, self.address, self._token)
         for topic in topics:
             socket.subscribe(subscription(topic))
@@ -195,7 +207,7 @@ class Client:
                     message = decode(socket.recv())
                 except WireError:
                     continue
-                if message.header.kind in {*Kind}:
+                if message.body is not None:
                     count -= 1
                     yield message
 
@@ -213,4 +225,4 @@ def _poll(socket: "zmq.Socket[bytes]", seconds: float) -> int:
 
 
 connect = Client
-"""Connects to a running service: a program that follows it reads better so."""
+"""Alias of `Client`, as in ``with connect(address) as live``."""

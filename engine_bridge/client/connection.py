@@ -2,6 +2,8 @@
 
 import zmq
 
+from engine_bridge.service.protocol.header import NAME
+from engine_bridge.service.security.credentials import check_token
 from engine_bridge.service.security.endpoints import keep_alive
 from puppetline.errors import ServiceError
 
@@ -28,9 +30,14 @@ def subscriber(context: "zmq.Context[zmq.Socket[bytes]]", address: str, token: s
     Raises
     ------
     ServiceError
-        The address is invalid.
+        The address or the token is invalid.
     """
+    if token is not None:
+        check_token(token, "the token")
+    if not address.rpartition(":")[2].isdigit():
+        raise _invalid(address, "no port at its end")
     socket = context.socket(zmq.SUB)
+    socket.ipv6 = "[" in address
     socket.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES)
     socket.setsockopt(zmq.RECONNECT_IVL, 100)
     socket.setsockopt(zmq.RECONNECT_IVL_MAX, 1000)
@@ -41,10 +48,26 @@ def subscriber(context: "zmq.Context[zmq.Socket[bytes]]", address: str, token: s
     try:
         socket.connect(address)
     except zmq.ZMQError as error:
-        raise ServiceError(
-            address,
-            found=f"an invalid address ({error.strerror})",
-            expected=f"an address such as {ADDRESS}",
-            fix="Correct the address.",
-        ) from error
+        raise _invalid(address, error.strerror) from error
     return socket
+
+
+def check_name(where: str, name: str) -> None:
+    """Refuse what is no name of a character.
+
+    Raises
+    ------
+    ServiceError
+    """
+    if not NAME.fullmatch(name):
+        fix = "Use a name that the service lists."
+        raise ServiceError(where, found=repr(name), expected="a character's name", fix=fix)
+
+
+def _invalid(address: str, why: str) -> ServiceError:
+    return ServiceError(
+        address,
+        found=f"an invalid address ({why})",
+        expected=f"an address such as {ADDRESS}",
+        fix="Correct the address.",
+    )

@@ -16,7 +16,7 @@ import numpy as np
 import zmq
 from zmq.utils.monitor import recv_monitor_message
 
-from engine_bridge.client.connection import ADDRESS, subscriber, with_scheme
+from engine_bridge.client.connection import ADDRESS, check_name, subscriber, with_scheme
 from engine_bridge.service.protocol.header import FRAME_KINDS, NAME, Kind, WireError, subscription
 from engine_bridge.service.protocol.payloads import Morphs, Received, decode
 from engine_bridge.service.states import STATES
@@ -141,9 +141,7 @@ def listen(
         The address, a kind or a name is invalid, or nothing was received.
     """
     for name in characters:
-        if not NAME.fullmatch(name):
-            fix = "Omit the option to follow all characters."
-            raise ServiceError("--character", found=repr(name), expected="a character's name", fix=fix)
+        check_name("--character", name)
     address = with_scheme(address)
     listener = _Listener(address, tuple(kinds))
     context = zmq.Context[zmq.Socket[bytes]]()

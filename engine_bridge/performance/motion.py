@@ -63,7 +63,8 @@ class SolvedMotion(Motion[Pose]):
         self.targets = FrameStore((len(rig.puppet.handle), 3))
         self.bones = FrameStore((len(rig.model.bones), 4, 3))
         self.root = FrameStore((3,))
-        self._channels: list[dict[str, float]] = []
+        self._columns: dict[str, int] = {}  # of the channels so far
+        self._channels: list[NDArray[np.float32]] = []  # of each pose; NaN, or nothing at the end, where it has none
 
     def __len__(self) -> int:
         """Return the number of poses."""
@@ -77,7 +78,7 @@ class SolvedMotion(Motion[Pose]):
             self.root[number],
             self.R[number],
             self.rig.model,
-            self._channels[number],
+            self._channels_at(number),
         )
 
     def append(self, pose: Pose) -> None:
@@ -90,7 +91,14 @@ class SolvedMotion(Motion[Pose]):
         """
         for name in ("R", "targets", "bones", "root"):
             getattr(self, name).append(getattr(pose, name)[None])
-        self._channels.append(dict(pose.channels or {}))
+        values = pose.channels or {}
+        for name in values:
+            self._columns.setdefault(name, len(self._columns))
+        self._channels.append(np.array([values.get(name, np.nan) for name in self._columns], np.float32))
+
+    def _channels_at(self, number: int) -> dict[str, float]:
+        values = zip(self._columns, self._channels[number].tolist(), strict=False)
+        return {name: value for name, value in values if value == value}
 
     @property
     def times(self) -> NDArray[np.float64]:
@@ -100,5 +108,7 @@ class SolvedMotion(Motion[Pose]):
     @property
     def channels(self) -> dict[str, NDArray[np.float32]]:
         """Values (F,) of each channel, 0 where it has none."""
-        names = {name: None for values in self._channels for name in values}
-        return {name: np.array([each.get(name, 0.0) for each in self._channels], np.float32) for name in names}
+        values = np.zeros((len(self), len(self._columns)), np.float32)
+        for row, own in zip(values, self._channels, strict=True):
+            row[: len(own)] = np.nan_to_num(own)
+        return dict(zip(self._columns, values.T, strict=True))

@@ -116,6 +116,8 @@ def check_plan(plan: BodyPlan, limbs: Collection[str], where: str, fix: str) -> 
     ------
     PuppetError
     """
+    if plan not in PLANS:
+        raise PuppetError(where, found=repr(plan), expected=f"one of {', '.join(PLANS)}", fix="Correct the name.")
     if not fits(plan, limbs):
         raise PuppetError(
             where,

@@ -15,6 +15,7 @@ from engine_bridge.character.face_targets import morph_tables
 from engine_bridge.character.own_targets import names_of
 from engine_bridge.character.surface_document import SURFACE_FILES
 from engine_bridge.puppet.body_plans import BodyPlan, check_plan, plan_of
+from engine_bridge.puppet.limb_nodes import limb_nodes
 from engine_bridge.puppet.limb_proposal import PERFORMER_JOINTS, end_handles, limb_tables
 from engine_bridge.puppet.placement import check_handles, check_limbs, check_on_surface
 from engine_bridge.puppet.puppet import CharacterTable, Direction, Puppet
@@ -139,7 +140,7 @@ def new_puppet(
             values["handle"] = [handle.model_dump(exclude_none=True) for handle in at_ends]
     values["morph"] = morph_tables(names_of(character))
     _map(values, maps, where)
-    puppet = check(values, where)
+    puppet = _with_near_nodes(check(values, where), character)
     check_handles(puppet.handle, surface, where)
     reasons = list(stands.reasons)
     if skeleton:
@@ -153,6 +154,16 @@ def _plan(puppet: Puppet, plan: BodyPlan | None) -> BodyPlan | None:
     if not puppet.limb:
         return None
     return plan or plan_of({limb.name: np.array(limb.points) for limb in puppet.limb}, puppet.character.basis[1])
+
+
+def _with_near_nodes(puppet: Puppet, character: Character) -> Puppet:
+    """Return a puppet without nodes if a joint of its file's skeleton is far from the limb that was read from it."""
+    try:
+        limb_nodes(puppet, character)
+    except PuppetError:
+        limbs = tuple(limb.model_copy(update={"nodes": None}) for limb in puppet.limb)
+        return puppet.model_copy(update={"limb": limbs})
+    return puppet
 
 
 def _is_valid(values: dict[str, Any], surface: SolverMesh) -> bool:

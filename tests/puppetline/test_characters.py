@@ -44,20 +44,28 @@ def test_files_are_those_of_the_commands(figure, limbed_puppet, take, tmp_path):
     assert summary.output == str(tmp_path / "one.glb")
     assert (tmp_path / "one.glb").read_bytes() == (tmp_path / "two.glb").read_bytes()
     assert figure.convert(take, tmp_path / "dance.bvh").frames == 58
-    with pytest.raises(pl.PuppetlineError) as error:
-        figure.convert(take, tmp_path / "dance.fbx")
-    assert error.value.where == str(tmp_path / "dance.fbx")
+    for name, form in (("dance.fbx", None), ("dance.glb", "morphs")):
+        with pytest.raises(pl.PuppetlineError) as error:
+            figure.convert(take, tmp_path / name, form=form)
+        assert error.value.where == str(tmp_path / name)
+    with pytest.raises(pl.PuppetlineError):
+        pl.propose(figure.mesh, plan="biped")
 
 
 def test_a_film_shows_the_character_with_the_recording(figure, take, tmp_path, monkeypatch):
     def made(path, output, *_):
-        (character,), (played,) = scene.load(path).character, scene.load(path).take
+        loaded = scene.load(path)
+        (character,), (played,) = loaded.character, loaded.take
         again = pl.load(path.parent / character.puppet)
-        return output, again.limbs, Path(played.file), played.user
+        return again.limbs, Path(played.file), played.user, loaded.film.fps, played.start, played.stop
 
     monkeypatch.setattr(film, "make_video", made)
     output = tmp_path / "film.mp4"
-    assert figure.convert(take, output) == (output, figure.limbs, take, 1)
+    assert figure.convert(take, output, fps=24, start=0.5, stop=1.5) == (figure.limbs, take, 1, 24, 0.5, 1.5)
+    with pytest.raises(pl.PuppetlineError):
+        figure.convert(take, output, rest_at=1.0)
+    with pytest.raises(pl.PuppetlineError):
+        figure.convert(pl.load_recording(take, unit=0.01), output)
 
 
 def test_a_proposal_is_saved_and_loaded_and_takes_the_axes_that_it_is_given(blob_file, tmp_path):

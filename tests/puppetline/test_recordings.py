@@ -36,5 +36,13 @@ def test_a_source_yields_all_frames_of_a_recording_and_ends_with_it(take, dance,
     with pl.open_source(f"replay:{take}") as source:
         heads = [frame.positions[JOINT_INDEX["head"]] for frame in source]
     np.testing.assert_allclose(heads, dance()[:, JOINT_INDEX["head"]], atol=1e-4)
+    assert list(source) == []  # it is closed
     with pytest.raises(pl.PuppetlineError):
         pl.open_source("carrier:pigeon")
+
+
+def test_a_source_tells_a_damaged_recording_from_one_that_ends(take, tmp_path, given_clock):
+    damaged = tmp_path / "damaged.log"
+    damaged.write_bytes(take.read_bytes()[:-200] + b"\0\0\n" + take.read_bytes()[-200:])
+    with pl.open_source(f"replay:{damaged}") as source, pytest.raises(pl.PuppetlineError):
+        list(source)

@@ -1,6 +1,7 @@
 """The control socket, which answers each request of a client once (docs/control.md)."""
 
 import json
+import math
 from collections.abc import Sequence
 from typing import Any, cast
 
@@ -152,7 +153,7 @@ def request(
         poller = zmq.Poller()
         poller.register(socket, zmq.POLLIN)
         poller.register(monitor, zmq.POLLIN)
-        ready = dict(poller.poll(round(timeout * 1000)))
+        ready = dict(poller.poll(None if math.isinf(timeout) else round(timeout * 1000)))
         if socket in ready:
             return _result(address, socket.recv(), encoding)
     except zmq.ZMQError as error:

@@ -207,7 +207,8 @@ class CharacterPlayer:
 
     def take_idle(self, idle: Motion[TargetPose] | None, time: float) -> None:
         """Ease into a new idle motion, unless the mapping has changed since it was computed."""
-        if idle is None or idle is self.motion.idle or idle.rig is not self.character.rig:
+        present = self.motion.idle
+        if idle is None or idle.rig is not self.character.rig or (present is not None and present.rig is idle.rig):
             return  # several edits in a row are computed and eased once
         self.motion.idle = idle
         if self._current is None:

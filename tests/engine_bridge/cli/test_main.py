@@ -118,6 +118,8 @@ animate take.log blob.glb                                                 → pu
 animate blob.toml take.log                                                → convert take.log --puppet blob.toml
 animate blob.glb take.log -o blob.glb                                     → blob.glb; an input file
 animate blob.glb take.log --puppet-out blob.toml                          → blob.toml; --force
+animate take.log take.log                                                 → a recording; MESH RECORDING
+animate blob.glb take.log -o .                                            → a folder
 nothing.glb                                                               → nothing.glb; no such file
 rig blob.toml -o blob.vrm --name A --author A --licence https://a.b/      → no limb for hips; leftHand
 film scene.toml -o film.mp4                                               → scene.toml, [film], colour
@@ -174,7 +176,7 @@ def test_new_makes_a_puppet_that_converts_right_away_and_is_not_overwritten(invo
 @pytest.mark.usefixtures("quick_pictures", "stage")
 def test_animate_is_new_and_convert_in_one_and_names_that_nobody_chose_replace_nothing(invoke, tmp_path):
     once = invoke("animate", "blob.glb", "take.log", "--puppet-out", "once.toml", "--front=-z", "--stop", "1")
-    assert "contact sheet  blob_take.png\n  Body plan 'upright'." in once.stdout
+    assert "contact sheet  blob_take.sheet.png\n  Body plan 'upright'." in once.stdout
     invoke("new", "blob.glb", "--front=-z", "--force")
     assert (tmp_path / "once.toml").read_bytes() == (tmp_path / "blob.toml").read_bytes()
     animated = (tmp_path / "blob_take.glb").read_bytes()
@@ -210,7 +212,8 @@ def test_a_file_alone_is_answered_with_commands_that_take_it(invoke, tmp_path):
         for name, *arguments in suggested:  # the command takes these arguments
             command = main.get_command(click.Context(main), name)
             command.make_context(name, arguments)
-    assert invoke("take.log", "blob.glb").stdout == "puppetline animate blob.glb take.log\n"
+    (tmp_path / "blob.glb").rename(tmp_path / "my blob.glb")
+    assert invoke("take.log", "my blob.glb").stdout == "puppetline animate 'my blob.glb' take.log\n"
 
 
 AXES = ("--up", "z", "--front=-y", "--scale", "0.01", "--preview", "look.png")

@@ -45,7 +45,15 @@ def test_a_service_that_is_absent_and_what_it_does_not_have_are_told(given_clock
             live.characters()
         assert clock.now() - begun == pytest.approx(5.0)
         assert error.value.where == live.address
-        with pytest.raises(ServiceError):
-            next(live.follow("dog", "dances"))
+        for ask in (lambda: live.follow("dog", "dances"), lambda: live.follow("a/b"), lambda: live.scene("Drache ü")):
+            with pytest.raises(ServiceError):
+                ask()
+    with pytest.raises(ServiceError) as error:
+        live.characters()
+    assert error.value.found == "a closed client"
+
+
+@pytest.mark.parametrize("wrong", [{"address": "carrier://pigeon"}, {"address": "ipc:///tmp/x"}, {"token": "x" * 300}])
+def test_what_cannot_be_connected_to_is_refused(wrong):
     with pytest.raises(ServiceError):
-        connect("carrier://pigeon")
+        connect(**wrong)

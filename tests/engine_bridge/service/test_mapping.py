@@ -78,12 +78,13 @@ def test_the_idle_motion_follows_the_last_mapping_without_a_jump(make_stage, tak
     player.remap(crossed(crossed(blob_rig.puppet)), 1.5)
     player.take_idle(superseded, 1.5)
     assert not player.settled
-    player.take_idle(player.make_idle(), 1.5)
+    computed, again = player.make_idle(), player.make_idle()  # by the jobs of two edits in a row
+    player.take_idle(computed, 1.5)
     assert player.settled
-    again = player.make_idle()
-    assert again is player.make_idle()  # computed once
+    assert player.make_idle() is computed
     after = play(stage, ticks(1.5, 1.0))
-    player.take_idle(again, 2.5)  # and eased once
+    player.take_idle(again, 2.5)  # eased once
+    assert player.motion.idle is computed
     after += play(stage, ticks(2.5, 2.0))
     steady = largest_step([*before, *still], blob_rig.mesh.diagonal)
     assert largest_step([*before, *still, *after], blob_rig.mesh.diagonal) <= 1.5 * steady

@@ -44,8 +44,11 @@ new GLTFLoader().parse(bytes.buffer, "", ({ scene: character, animations }) => {
     renderer.setSize(width, height, false);
     camera.aspect = width / height;
     camera.updateProjectionMatrix();
-    controls.update();
     mixer.update(timer.update().getDelta());
+    const way = box.setFromObject(character).getCenter(new Vector3()).sub(controls.target); // of one that walks
+    controls.target.add(way);
+    camera.position.add(way);
+    controls.update();
     renderer.render(scene, camera);
   });
 });

@@ -133,7 +133,7 @@ def interrupt(_text):
     raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize("token", [None, "another token of some length"])
+@pytest.mark.parametrize("token", [None, "another-token-of-some-length"])
 def test_a_service_that_refuses_the_token_is_told_from_none(token):
     context = zmq.Context()
     guard = ThreadAuthenticator(context)

@@ -17,7 +17,7 @@ def test_a_notebook_shows_a_character_that_moves_and_asks_for_nothing_else(brows
     page = browser.new_page(viewport={"width": 400, "height": 420})
     requests, errors = [], []
     page.on("request", lambda request: requests.append(request.url))
-    page.on("pageerror", errors.append)
+    page.on("pageerror", lambda error: errors.append(error))  # Playwright sets attributes of it
     page.set_content(cell)
     seen = set()
     while len(seen) < 4:  # the character moves

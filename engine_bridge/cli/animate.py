@@ -10,18 +10,6 @@ from engine_bridge.cli.options import FILE
 from engine_bridge.cli.progress import progress
 from puppetline.errors import MeshError
 
-FOUND = {
-    "log": "a recording",
-    "puppet": "a puppet file",
-    "scene": "a scene file",
-    "service": "a service file",
-    "clip": "a clip",
-}
-"""What a file is that is no mesh, by its kind."""
-
-BODY = "up", "front", "scale", "plan", "mirror"
-"""Names of the options in `new.body_options`."""
-
 
 @click.command()
 @click.argument("mesh", type=FILE)
@@ -62,7 +50,7 @@ def animate(
             check_writable(path, ending, inputs=(mesh, recording))
             if not force:
                 check_new(path, options.REPLACING)
-    body = {name: choices.pop(name) for name in BODY}
+    body = {name: choices.pop(name) for name in new.BODY}
     settings = conversion.settings(**choices)
     with progress() as report:
         timeline, notes = load_timeline(recording, settings)
@@ -81,7 +69,7 @@ def animate(
 
 def _check_mesh(mesh: Path, recording: Path) -> None:
     """Refuse another kind of file in place of a mesh, with the command that was meant."""
-    from engine_bridge.inspection.files import kind_of
+    from engine_bridge.inspection.files import KIND_NAMES, kind_of
 
     if (kind := kind_of(mesh)) == "character":
         return
@@ -90,4 +78,4 @@ def _check_mesh(mesh: Path, recording: Path) -> None:
         meant = f"animate {options.quoted(recording)} {options.quoted(mesh)}"
     elif kind == "puppet":
         meant = f"convert {options.quoted(recording)} --puppet {options.quoted(mesh)}"
-    raise MeshError(mesh, found=FOUND[kind], expected="a mesh", fix=f"Use puppetline {meant}")
+    raise MeshError(mesh, found=KIND_NAMES[kind], expected="a mesh", fix=f"Use puppetline {meant}")

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 
+BODY = "up", "front", "scale", "plan", "mirror"
+"""Names of the options that `body_options` adds."""
 
 body_options = options.together(
     (

@@ -59,7 +59,7 @@ def studio(
 
     from capture.sound_input import is_sound_file, open_sound
     from engine_bridge.cli.compile_ahead import second_process
-    from engine_bridge.inspection.files import kind_of
+    from engine_bridge.inspection.files import KIND_NAMES, kind_of
     from engine_bridge.service.monitoring import logs
     from engine_bridge.service.security.credentials import read_token
     from engine_bridge.studio.server import StudioSettings, run
@@ -73,7 +73,7 @@ def studio(
     if file is not None and (kind := kind_of(file)) not in ("puppet", "character"):
         raise PuppetlineError(
             file,
-            found=f"a {kind}",
+            found=KIND_NAMES[kind],
             expected="a puppet file or a mesh",
             fix="Start without it, then drop it on the page.",
         )

@@ -57,8 +57,9 @@ def _of_own(motion: SolvedMotion, keyframes: Keyframes, bones: RigBones) -> tupl
     document, moved = animate_rig(motion.rig.character.document, keyframes, bones, motion.bones)
     if keyframes.own:
         hold_targets(document, keyframes, motion.rig.character)
-    if motion.channels and document.gltf["animations"]:
-        bend_fingers(document, motion.channels)
+    channels = motion.channels
+    if channels and document.gltf["animations"]:
+        bend_fingers(document, channels)
     notes = []
     if bones.missing:
         notes.append(

@@ -20,6 +20,16 @@ from solver.anatomy import orientation
 
 Kind = Literal["puppet", "scene", "service", "log", "clip", "character"]
 
+KIND_NAMES: dict[Kind, str] = {
+    "puppet": "a puppet file",
+    "scene": "a scene file",
+    "service": "a service file",
+    "log": "a recording",
+    "clip": "a clip",
+    "character": "a mesh",
+}
+"""What files are called in messages, by their kind."""
+
 
 def inspect(path: Path) -> dict[str, Any]:
     """Describe a file, whose kind is detected by content.

@@ -282,7 +282,7 @@ def test_what_cannot_be_served_or_opened_is_refused_before_the_start(commands, t
     for arguments, found in (
         (["--host", "0.0.0.0"], "no credentials"),
         (["nothing.glb"], "nothing.glb: found no such file"),
-        (["dance.log"], "dance.log: found a log"),
+        (["dance.log"], "dance.log: found a recording"),
     ):
         done = commands.run("studio", *arguments, "--no-browser", "--folder", "studio", cwd=tmp_path)
         assert done.returncode == 1

@@ -440,6 +440,17 @@ def with_handle(puppet: Puppet, index: int, joints: tuple[str, ...], axes: AxisS
     return puppet.model_copy(update={"handle": tuple(handles)})
 
 
+def has_same_model(one: Puppet, other: Puppet) -> bool:
+    """Return whether two puppets differ in their mapping only: root motion, retargeting, and what moves each handle."""
+    mapping = {"joint": None, "joints": None, "axes": "xyz", "gain": 1.0}
+
+    def without_mapping(puppet: Puppet) -> Puppet:
+        handles = tuple(handle.model_copy(update=mapping) for handle in puppet.handle)
+        return puppet.model_copy(update={"handle": handles, "root": None, "retarget": other.retarget})
+
+    return without_mapping(one) == without_mapping(other)
+
+
 def axis_mask(axes: str) -> NDArray[np.bool_]:
     """Turn ``"xz"`` into (True, False, True)."""
     return np.array([axis in axes for axis in "xyz"])

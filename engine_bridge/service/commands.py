@@ -6,7 +6,8 @@ from math import isfinite
 from typing import Any
 
 from capture.skeleton import JOINTS
-from engine_bridge.puppet.puppet import Puppet, RootTable, with_handle
+from engine_bridge.puppet.puppet import Puppet, RootTable, has_same_model, with_handle
+from engine_bridge.puppet.puppet_values import puppet_of, values_of
 from engine_bridge.service.control import requests
 from engine_bridge.service.control.dispatcher import Command, Deferred
 from engine_bridge.service.players.character_player import CharacterPlayer
@@ -134,6 +135,13 @@ class _Commands:
     def puppet(self, asked: requests.OneCharacter) -> dict[str, Any]:
         return self._mapping(self._player(asked.character)[1])
 
+    def set_puppet(self, asked: requests.SetPuppet) -> dict[str, Any] | Deferred:
+        _, player = self._editable(asked.character)
+        puppet = puppet_of(asked.puppet, player.character.rig.puppet.character.mesh)
+        if puppet.retarget.mirror != player.motion.mirror:
+            self._cue(asked.character, "mirror", on=puppet.retarget.mirror)
+        return self._show(asked.character, puppet)
+
     def set_handle(self, asked: requests.SetHandle) -> dict[str, Any]:
         runner, player = self._editable(asked.character)
         puppet = player.character.rig.puppet
@@ -163,9 +171,8 @@ class _Commands:
         _, player = self._player(asked.character)
         return self._service.save(player, lambda: self._mapping(player))
 
-    def revert_puppet(self, asked: requests.OneCharacter) -> dict[str, Any]:
-        runner, player = self._editable(asked.character)
-        return self._remap(runner, player, player.document.puppet)
+    def revert_puppet(self, asked: requests.OneCharacter) -> dict[str, Any] | Deferred:
+        return self._show(asked.character, self._editable(asked.character)[1].document.puppet)
 
     def reload(self, _: requests.Nothing) -> Deferred:
         return self._service.reload()
@@ -181,16 +188,39 @@ class _Commands:
         self._refuse_while_recording(runner)
         return runner, player
 
+    def _show(self, character: str, puppet: Puppet) -> dict[str, Any] | Deferred:
+        """Apply another mapping now, or other limbs, handles or settings when they are computed."""
+        runner, player = self._editable(character)
+        if has_same_model(player.character.rig.puppet, puppet):
+            return self._remap(runner, player, puppet)
+
+        def shown(loaded: CharacterPlayer) -> dict[str, Any]:
+            runner, present = self._editable(character)
+            if present is not player:
+                raise ServiceError(
+                    character,
+                    found="a character that was loaded again meanwhile",
+                    expected="the character that was edited",
+                    fix="Edit it again.",
+                )
+            self._service.replace(runner, player, loaded)
+            return self._mapping(loaded)
+
+        return self._service.edit(player, puppet, shown)
+
     def _remap(self, runner: StageRunner, player: CharacterPlayer, puppet: Puppet) -> dict[str, Any]:
         self._service.remap(runner, player, puppet)
         return self._mapping(player)
 
     def _mapping(self, player: CharacterPlayer) -> dict[str, Any]:
-        """Return the mapping of a character's puppet."""
+        """Return a character's puppet, and its mapping for clients of version 0.1."""
         puppet = player.character.rig.puppet
         deviation = puppet.smoothing.max_deviation
+        values = values_of(puppet)
+        values["retarget"]["mirror"] = player.motion.mirror
         return {
             "character": player.character.name,
+            "puppet": values,
             "handles": [
                 {
                     "name": handle.name,

@@ -296,6 +296,16 @@ class Service:
         self._refresh_takes()
         self._jobs.start(self._jobs.loading, player.make_idle, lambda idle: runner.take_idle(player, idle.result()))
 
+    def edit(self, player: CharacterPlayer, puppet: Puppet, shown: Callable[[CharacterPlayer], Any]) -> Deferred:
+        """Load a character with another puppet; the answer is what `shown` makes of its player."""
+        return self._later(self._jobs.loading, partial(player.with_puppet, puppet), shown)
+
+    def replace(self, runner: StageRunner, player: CharacterPlayer, by: CharacterPlayer) -> None:
+        """Show a character with the puppet that was loaded."""
+        runner.replace_players([by if each is player else each for each in runner.stage.players])
+        self._announce_characters()
+        self._refresh_takes()
+
     def save(self, player: CharacterPlayer, result: Callable[[], Any]) -> Deferred:
         """Write a character's mapping into its puppet file; the answer is `result()`, called when it is written."""
         write = partial(player.document.save, player.character.rig.puppet)

@@ -3,6 +3,7 @@
 A request is one flat map, in JSON or msgpack: ``{"do": "calibrate", "id": 7, "character": "dog"}``.
 """
 
+import contextlib
 import difflib
 import json
 import re
@@ -53,6 +54,20 @@ def _joint_names(value: Any) -> Any:
     return tuple(value.split())
 
 
+def _values(text: Any) -> Any:
+    """Read a map in JSON, because a request has no nested values."""
+    with contextlib.suppress(ValueError, TypeError, RecursionError):
+        values = json.loads(text)
+        if isinstance(values, dict):
+            return values
+    raise mistake(
+        found=repr(text)[:60],
+        expected="the tables of a puppet file as a text in JSON",
+        fix='Ask for the present one with {"do": "puppet"}, change it, and send it back.',
+    )
+
+
+PuppetValues = Annotated[dict[str, Any], BeforeValidator(_values)]
 Second = Annotated[FiniteFloat, Field(strict=True, ge=-86_400, le=86_400)]
 Name = Annotated[str, Field(strict=True), AfterValidator(_plain_name)]
 Joints = Annotated[tuple[JointName, ...], Field(max_length=len(JOINTS)), BeforeValidator(_joint_names)]
@@ -83,8 +98,22 @@ class OneCharacter(Table):
     character: Name
 
 
+class SetPuppet(Table):
+    """Replace a character's puppet by another one for the same mesh.
+
+    `puppet` is JSON: the tables of a puppet file, as in the reply to `puppet`. Omitted keys have their defaults;
+    ``character.mesh`` is ignored.
+    """
+
+    character: Name
+    puppet: PuppetValues
+
+
 class SetHandle(Table):
-    """Change the joints that move a handle, its axes or its gain; omitted keys stay unchanged."""
+    """Change the joints that move a handle, its axes or its gain; omitted keys stay unchanged.
+
+    Like `SetRoot` and `SetScale`, it is for clients of version 0.1; `SetPuppet` replaces them.
+    """
 
     character: Name
     handle: Annotated[str, Field(strict=True, min_length=1)]

@@ -5,7 +5,7 @@ bones follow. They ease from where they were last shown, see `CharacterMotion`.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -79,6 +79,8 @@ class CharacterPlayer:
     ----------
     document : PuppetDocument
         The puppet file that it was loaded from, assigned by the loader.
+    with_puppet : callable
+        Returns a player of the same character with another puppet, assigned by the loader. Its model is computed.
     follows_take : bool
         Whether a take drives the character instead of a performer.
     motion : CharacterMotion
@@ -94,6 +96,7 @@ class CharacterPlayer:
     """
 
     document: PuppetDocument
+    with_puppet: Callable[[Puppet], "CharacterPlayer"]
 
     def __init__(
         self, character: StreamedCharacter, settings: PlayerSettings, executor: Executor, idle: Path | None = None

@@ -256,12 +256,12 @@ class Stage:
             ) from error
 
     def replace_players(self, players: Sequence[CharacterPlayer]) -> None:
-        """Replace the characters after a reload; performers stay with those of the same name."""
+        """Replace characters by those with other puppets; performers stay with those of the same name."""
         names = [player.character.name for player in self.players]
         new = [player.character.name for player in players]
         before = [names.index(name) if name in names else None for name in new]
         for player, k in zip(players, before, strict=True):
-            if k is not None:
+            if k is not None and player is not self.players[k]:
                 player.succeed(self.players[k])
         self.assignment.rearrange(before)
         self.players = list(players)

@@ -156,7 +156,7 @@ class StageRunner:
         player.remap(puppet, max(self._time, self.source.now()))
 
     def replace_players(self, players: Sequence[CharacterPlayer]) -> None:
-        """Replace the characters after a reload."""
+        """Replace the characters, see `Stage.replace_players`."""
         self._overrule()
         self.stage.replace_players(players)
 

@@ -10,9 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from capture.smoothing import Smoothing
+from engine_bridge.puppet.limb_proposal import plan_in, with_plan
+from engine_bridge.puppet.puppet_values import puppet_of, values_of
 from engine_bridge.studio.backend.look_reply import look_reply
 from engine_bridge.studio.backend.smoothing_preview import MIN_FRAMES, preview, preview_of
-from engine_bridge.studio.messages import base, connection, performers, requests, takes
+from engine_bridge.studio.messages import base, characters, connection, performers, requests, takes
+from engine_bridge.studio.messages.characters import PuppetReply
 from engine_bridge.studio.messages.state import JobState, State
 from engine_bridge.studio.project.workspace import Upload, Workspace
 from engine_bridge.studio.service.service_link import ServiceLink
@@ -118,6 +121,14 @@ class Backend:
     async def _do_invite(self, _: connection.Invite) -> dict[str, Any]:
         return {"address": self._invite()}
 
+    async def _do_puppet(self, asked: characters.GetPuppet | characters.ChangePlan) -> dict[str, Any]:
+        raise NotImplementedError
+
+    async def _do_change_plan(self, asked: characters.ChangePlan) -> dict[str, Any]:
+        values = (await self._do_puppet(asked))["puppet"]
+        changed = with_plan(puppet_of(values, values["character"]["mesh"]), asked.plan)
+        return puppet_reply(asked.character, values_of(changed), saved=False)
+
     async def _do_look(self, asked: performers.Look) -> dict[str, Any]:
         seen = await self.service.request("look", **({"stage": asked.stage} if asked.stage else self._first_stage()))
         return look_reply(seen, self.workspace.without_folders).model_dump(mode="json")
@@ -167,4 +178,10 @@ class Backend:
         await self.service.refresh()
         return result
 
-    _do_calibrate = _do_mirror = _do_choose_user = _do_pause = _do_seek = _do_stop = _pass_on
+    _do_calibrate = _do_choose_user = _do_pause = _do_seek = _do_stop = _pass_on
+
+
+def puppet_reply(character: str, values: dict[str, Any], saved: bool) -> dict[str, Any]:
+    """Return a `PuppetReply` in JSON's types, from the values of a character's puppet."""
+    plan = plan_in(puppet_of(values, values["character"]["mesh"]))
+    return PuppetReply(character=character, puppet=values, saved=saved, plan=plan).model_dump(mode="json")

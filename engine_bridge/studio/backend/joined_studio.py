@@ -1,28 +1,27 @@
-"""A studio for a service that runs elsewhere: shows its characters, maps their handles, calibrates and records.
+"""A studio for a service that runs elsewhere: shows and edits its characters, calibrates and records.
 
 The files of the service are on its machine. Therefore nothing is opened, closed, exported or downloaded here.
 """
 
 import asyncio
 import contextlib
+import json
 import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Never
 
-from engine_bridge.studio.backend.backend import Backend
-from engine_bridge.studio.backend.joined_mapping import puppet_of, requests_of
+from engine_bridge.studio.backend.backend import Backend, puppet_reply
 from engine_bridge.studio.backend.page_state import state_of, version_of
 from engine_bridge.studio.messages import base, characters, takes
-from engine_bridge.studio.messages.characters import PuppetReply
 from engine_bridge.studio.messages.state import CharacterState, ClipState, SourceState, State, TakeState
 from engine_bridge.studio.project.workspace import Workspace
 from engine_bridge.studio.service.chosen_source import ChosenSource
 from engine_bridge.studio.service.joined_service import JoinedService
 from puppetline.errors import PuppetlineError, ServiceError
 
-MAPPING_SECONDS = 1.0
-"""Interval at which the service is asked for mappings and takes, which other clients may change, in seconds."""
+PUPPET_SECONDS = 1.0
+"""Interval at which the service is asked for puppets and takes, which other clients may change, in seconds."""
 
 
 class JoinedStudio(Backend):
@@ -42,10 +41,9 @@ class JoinedStudio(Backend):
 
     def __init__(self, workspace: Workspace, service: JoinedService, invite: Callable[[], str]) -> None:
         super().__init__(workspace, service, invite)
-        self._mappings: dict[str, dict[str, Any]] = {}
+        self._puppets: dict[str, dict[str, Any]] = {}
         self._takes: list[TakeState] = []
         self._clips: list[ClipState] = []
-        self._editing = asyncio.Lock()
         self._poller = asyncio.create_task(self._poll())
 
     @property
@@ -55,9 +53,9 @@ class JoinedStudio(Backend):
         source = ", ".join(each["source"] for each in stages)
         playing = ChosenSource(source, SourceState(uri=source, kind="live", name=source, text=source))
         characters = [
-            _character(each, self._mappings[name])
+            _character(each, self._puppets[name])
             for name, each in self.service.described.items()
-            if name in self._mappings
+            if name in self._puppets
         ]
         recording = next((each["recording"] for each in stages if each["recording"] is not None), None)
         state = state_of(characters, playing, self.service, self._takes, self.workspace, [], recording)
@@ -78,22 +76,16 @@ class JoinedStudio(Backend):
     async def _refuse(self, asked: base.Request) -> Never:
         raise _elsewhere(f"the request {getattr(asked, 'do', '')}")
 
-    async def _do_puppet(self, asked: characters.GetPuppet) -> dict[str, Any]:
-        return self._took(await self.service.mapping(asked.character))
+    async def _do_puppet(self, asked: characters.GetPuppet | characters.ChangePlan) -> dict[str, Any]:
+        return self._took(await self.service.request("puppet", character=asked.character))
 
     async def _do_edit(self, asked: characters.Edit) -> dict[str, Any]:
-        async with self._editing:
-            before = puppet_of(await self.service.mapping(asked.character))
-            for do, arguments in list(requests_of(before, asked.puppet)):
-                await self.service.request(do, character=asked.character, **arguments)
-            return await self._mapped(asked.character)
+        puppet = json.dumps(asked.puppet)
+        return self._took(await self.service.request("set_puppet", character=asked.character, puppet=puppet))
 
     async def _do_save_puppet(self, asked: characters.SavePuppet) -> dict[str, Any]:
         self._took(await self.service.request("save_puppet", character=asked.character))
         return {"character": asked.character, "name": "", "file": ""}
-
-    async def _do_revert_puppet(self, asked: characters.RevertPuppet) -> dict[str, Any]:
-        return self._took(await self.service.request("revert_puppet", character=asked.character))
 
     async def _do_record_start(self, asked: takes.RecordStart) -> dict[str, Any]:
         begun = await self._begin_take(asked)
@@ -108,17 +100,13 @@ class JoinedStudio(Backend):
         take = next((each for each in self._takes if each.name == ended["take"]), None)
         return {} if take is None else take.model_dump(mode="json")
 
-    async def _mapped(self, character: str) -> dict[str, Any]:
-        return self._took(await self.service.mapping(character))
-
-    def _took(self, mapping: dict[str, Any]) -> dict[str, Any]:
-        """Keep a character's mapping, and return it as a puppet."""
-        if self._mappings.get(mapping["character"]) != mapping:
-            self._mappings[mapping["character"]] = mapping
+    def _took(self, known: dict[str, Any]) -> dict[str, Any]:
+        """Keep a puppet of the service (`puppet` of docs/control.md), and return it for the page."""
+        reply = puppet_reply(known["character"], known["puppet"], known["saved"])
+        if self._puppets.get(known["character"]) != reply:
+            self._puppets[known["character"]] = reply
             self.changed()
-        return PuppetReply(
-            character=mapping["character"], puppet=puppet_of(mapping), saved=mapping["saved"]
-        ).model_dump(mode="json")
+        return reply
 
     async def _list_takes(self) -> None:
         listed = (await self.service.request("list"))["takes"]
@@ -141,21 +129,21 @@ class JoinedStudio(Backend):
         while True:
             with contextlib.suppress(PuppetlineError):
                 for name in list(self.service.described):
-                    await self._mapped(name)
+                    self._took(await self.service.request("puppet", character=name))
                 if self.service.status:
                     await self._list_takes()
                     await self._list_clips()
-            await asyncio.sleep(MAPPING_SECONDS if self._mappings else MAPPING_SECONDS / 10)
+            await asyncio.sleep(PUPPET_SECONDS if self._puppets else PUPPET_SECONDS / 10)
 
 
-def _character(described: dict[str, Any], mapping: dict[str, Any]) -> CharacterState:
+def _character(described: dict[str, Any], reply: dict[str, Any]) -> CharacterState:
     return CharacterState(
         name=described["name"],
         title=described["name"],
-        limbs=[each["name"] for each in mapping["limbs"]],
-        handles=[each["name"] for each in mapping["handles"]],
-        version=version_of(mapping),
-        saved=mapping["saved"],
+        limbs=[each["name"] for each in reply["puppet"]["limb"]],
+        handles=[each["name"] for each in reply["puppet"]["handle"]],
+        version=version_of(reply["puppet"]),
+        saved=reply["saved"],
         **{key: described[key] for key in ("stage", "vertices", "triangles", "performer", "state", "mirror")},
     )
 

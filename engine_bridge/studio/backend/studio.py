@@ -12,18 +12,15 @@ from capture.sources.demo import performances
 from engine_bridge.character.examples import MOTIONS
 from engine_bridge.inspection.finding import Finding
 from engine_bridge.performance.settings import PerformerFormat
-from engine_bridge.puppet.limb_proposal import plan_in, with_plan
-from engine_bridge.studio.backend.backend import Backend
+from engine_bridge.studio.backend.backend import Backend, puppet_reply
 from engine_bridge.studio.backend.film_editing import FilmEditing
 from engine_bridge.studio.backend.page_state import character_state, state_of
 from engine_bridge.studio.backend.request_checks import check_known, check_one, in_use
 from engine_bridge.studio.backend.take_drawing import TakeDrawing
 from engine_bridge.studio.long_work.installation import MODULES, TITLES, is_installed
 from engine_bridge.studio.long_work.jobs import Jobs
-from engine_bridge.studio.long_work.puppet_values import puppet_of, values_of
 from engine_bridge.studio.long_work.worker import Progress, Worker
 from engine_bridge.studio.messages import characters, film, performers, takes
-from engine_bridge.studio.messages.characters import PuppetReply
 from engine_bridge.studio.messages.state import SourceState, State
 from engine_bridge.studio.project.open_characters import Characters, OpenCharacter
 from engine_bridge.studio.project.take_list import TakeList
@@ -192,28 +189,17 @@ class Studio(Backend):
         )
         return listed.model_dump(mode="json")
 
-    async def _do_puppet(self, asked: characters.GetPuppet) -> dict[str, Any]:
-        return _puppet_reply(self.characters[asked.character])
+    async def _do_puppet(self, asked: characters.GetPuppet | characters.ChangePlan) -> dict[str, Any]:
+        character = self.characters[asked.character]
+        return puppet_reply(character.name, character.puppet, character.puppet == character.saved)
 
     async def _do_edit(self, asked: characters.Edit) -> dict[str, Any]:
-        return await self._change(asked.character, partial(self.characters.edit, puppet=asked.puppet))
-
-    async def _do_snap(self, asked: characters.Snap) -> dict[str, Any]:
-        folder = self.characters[asked.character].folder
-        reply: dict[str, Any] = await self._worker.run("snap", folder, asked.point)
-        return reply
-
-    async def _do_mirror_limb(self, asked: characters.MirrorLimb) -> dict[str, Any]:
-        character = self.characters[asked.character]
-        values = await self._worker.run("mirror_limb", character.folder, asked.name)
-        return PuppetReply(character=character.name, puppet=values, saved=False).model_dump(mode="json")
-
-    async def _do_change_plan(self, asked: characters.ChangePlan) -> dict[str, Any]:
-        character = self.characters[asked.character]
-        puppet = with_plan(puppet_of(character.puppet, character.puppet["character"]["mesh"]), asked.plan)
-        return PuppetReply(character=character.name, puppet=values_of(puppet), saved=False, plan=asked.plan).model_dump(
-            mode="json"
-        )
+        self._refuse_while_recording()
+        self.characters[asked.character]  # refuses an unknown one
+        async with self._changing:
+            character = await self.characters.edit(asked.character, asked.puppet)
+            await self._apply()
+        return puppet_reply(character.name, character.puppet, character.puppet == character.saved)
 
     async def _do_save_puppet(self, asked: characters.SavePuppet) -> dict[str, Any]:
         self.characters[asked.character]
@@ -222,9 +208,6 @@ class Studio(Backend):
         file = self.workspace.offer_puppet(character.saved_file)
         self.changed()
         return {"character": character.name, "name": file.name, "file": file.id}
-
-    async def _do_revert_puppet(self, asked: characters.RevertPuppet) -> dict[str, Any]:
-        return await self._change(asked.character, self.characters.revert)
 
     async def _do_record_start(self, asked: takes.RecordStart) -> dict[str, Any]:
         self._refuse_while_recording()
@@ -344,15 +327,6 @@ class Studio(Backend):
         self._jobs.cancel(asked.job)
         return {}
 
-    async def _change(self, name: str, change: Callable[[str], Awaitable[OpenCharacter]]) -> dict[str, Any]:
-        """Change the puppet of an open character and show the change; return the puppet."""
-        self._refuse_while_recording()
-        self.characters[name]  # refuses an unknown one
-        async with self._changing:
-            character = await change(name)
-            await self._apply()
-        return _puppet_reply(character)
-
     def _refuse_while_recording(self) -> None:
         """Refuse a change during a take, which has the same characters and source from beginning to end."""
         if self._take is not None:
@@ -467,13 +441,3 @@ def _logged_errors(what: str) -> Iterator[None]:
         yield
     except (PuppetlineError, ValueError, KeyError, TypeError) as error:
         log.warning("%s: %s", what, error)
-
-
-def _puppet_reply(character: OpenCharacter) -> dict[str, Any]:
-    puppet = puppet_of(character.puppet, character.puppet["character"]["mesh"])
-    return PuppetReply(
-        character=character.name,
-        puppet=character.puppet,
-        saved=character.puppet == character.saved,
-        plan=plan_in(puppet),
-    ).model_dump(mode="json")

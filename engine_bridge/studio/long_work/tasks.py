@@ -5,7 +5,6 @@ import math
 import os
 import shutil
 from dataclasses import asdict, replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,6 @@ from capture.formats import read_log
 from capture.recording import Recorder
 from capture.sources.demo import performances
 from engine_bridge.character import examples, own_targets
-from engine_bridge.character.character import load_character
 from engine_bridge.export.convert import convert, describe
 from engine_bridge.export.performer import convert as performer_conversion
 from engine_bridge.export.shader_mesh import write_shader_mesh
@@ -27,15 +25,13 @@ from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.puppet_document import PuppetDocument
+from engine_bridge.puppet.puppet_values import puppet_of, values_of
 from engine_bridge.studio.long_work import take_pictures
 from engine_bridge.studio.long_work.installation import install_extra
-from engine_bridge.studio.long_work.puppet_values import puppet_of, values_of
-from engine_bridge.studio.long_work.surface_points import mirrored, snapped
 from engine_bridge.studio.long_work.trimming import trimmed
 from engine_bridge.studio.long_work.worker import Progress
 from puppetline.errors import PuppetlineError
 from puppetline.files import written_whole
-from solver.surface.mesh import SolverMesh
 
 LIVE = "live.toml"
 """Name of the puppet file that the service loads, in a character's folder."""
@@ -165,16 +161,6 @@ def values_of_file(_progress: Progress, path: Path) -> dict[str, Any]:
     return values_of(puppet_file.load(path))
 
 
-def snap(_progress: Progress, folder: Path, point: tuple[float, float, float]) -> dict[str, Any]:
-    """Return the surface point and the middle of the character next to a point, see `surface_points.snapped`."""
-    return snapped(_mesh(folder), point)
-
-
-def mirror_limb(_progress: Progress, folder: Path, name: str) -> dict[str, Any]:
-    """Return the values of the puppet with a limb or handle mirrored to the other side."""
-    return mirrored(puppet_file.load(folder / LIVE), _mesh(folder), name)
-
-
 def export(
     progress: Progress, log: Path, folder: Path, output: Path, form: Form | None, start: float, stop: float | None
 ) -> dict[str, Any]:
@@ -234,15 +220,3 @@ def install(progress: Progress, extra: str) -> None:
 def devices(_progress: Progress) -> list[dict[str, Any]]:
     """Return sensors, cameras, and the libraries that read them."""
     return [asdict(each) for each in sensors.examine()]
-
-
-def _mesh(folder: Path) -> SolverMesh:
-    """Return a character's mesh, from memory while it is the same file."""
-    puppet = puppet_file.load(folder / LIVE)
-    path = (folder / puppet.character.mesh).resolve()
-    return _solver_mesh(path, path.stat().st_mtime_ns)
-
-
-@lru_cache(4)
-def _solver_mesh(path: Path, _changed: int) -> SolverMesh:
-    return load_character(path).solver_mesh()

@@ -2,8 +2,6 @@
 
 from typing import Any, Literal
 
-from pydantic import FiniteFloat
-
 from engine_bridge.puppet.body_plans import BodyPlan
 from engine_bridge.studio.messages.base import Id, Name, Request
 from puppetline.toml_schema import Table
@@ -95,31 +93,6 @@ class Edit(Request):
     puppet: dict[str, Any]
 
 
-class Snap(Request):
-    """Find the surface point and the point inside the character next to a point.
-
-    Result: ``{"surface", "centre", "radius"}``: the nearest point of the surface, the point in the middle of the
-    character below it, and half the thickness there.
-    """
-
-    do: Literal["snap"]
-    character: Name
-    point: tuple[FiniteFloat, FiniteFloat, FiniteFloat]
-
-
-class MirrorLimb(Request):
-    """Make the other side's limb or handle from one.
-
-    Left and right are swapped in names and joints, and points are mirrored at the character's plane of symmetry. Limbs
-    keep their follow and gain. An existing limb or handle with the other side's name is replaced. Result:
-    `PuppetReply`; its puppet is not applied until it is sent as `Edit`.
-    """
-
-    do: Literal["mirror_limb"]
-    character: Name
-    name: str
-
-
 class ChangePlan(Request):
     """Let the limbs follow the performer as another body plan says (docs/animals.md).
 
@@ -140,13 +113,6 @@ class SavePuppet(Request):
     """
 
     do: Literal["save_puppet"]
-    character: Name
-
-
-class RevertPuppet(Request):
-    """Return to the puppet as it was opened or last saved. Result: `PuppetReply`."""
-
-    do: Literal["revert_puppet"]
     character: Name
 
 

@@ -85,17 +85,6 @@ class Calibrate(Request):
     character: Name
 
 
-class Mirror(Request):
-    """Turn mirroring on or off until the service ends. Result: that of the service.
-
-    `Edit` of ``retarget.mirror`` keeps it.
-    """
-
-    do: Literal["mirror"]
-    character: Name
-    on: bool
-
-
 class ChooseUser(Request):
     """Assign a performer to a character; None lets the service choose. Result: that of the service."""
 

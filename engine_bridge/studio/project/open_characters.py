@@ -110,12 +110,6 @@ class Characters:
         self._take(character, await self._worker.run("edit", character.folder, puppet))
         return character
 
-    async def revert(self, name: str) -> OpenCharacter:
-        """Return to the saved puppet."""
-        character = self[name]
-        self._take(character, await self._worker.run("prepare", character.saved_file, character.folder))
-        return character
-
     async def save(self, name: str) -> OpenCharacter:
         """Write a character's puppet to its file."""
         character = self[name]

@@ -1,7 +1,5 @@
 """A service that runs elsewhere, and that the studio has joined."""
 
-from typing import Any
-
 from engine_bridge.studio.messages.state import ServiceState
 from engine_bridge.studio.service.service_link import ServiceLink
 from engine_bridge.studio.service.service_process import Reached
@@ -47,8 +45,3 @@ class JoinedService(ServiceLink):
     def reached(self) -> Reached:
         """Its addresses and token."""
         return self._reached
-
-    async def mapping(self, character: str) -> dict[str, Any]:
-        """Return a character's mapping, see `puppet` in docs/control.md."""
-        mapping: dict[str, Any] = await self.request("puppet", character=character)
-        return mapping

@@ -1,5 +1,6 @@
 """Editing the mapping from joints to handles while a performer drives the character."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from capture.events import TICK_SECONDS
 from engine_bridge.performance.character_motion import CharacterMotion
+from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.puppet import RootTable, with_handle
+from engine_bridge.puppet.puppet_values import values_of
 from engine_bridge.service.players.character_player import PlayerSettings
 from engine_bridge.service.stages.stage import PREPARATION_SECONDS
 
@@ -161,6 +164,38 @@ def test_reverting_and_reloading_restore_the_mapping_of_the_file_and_invalid_edi
     assert service.ask("puppet", character="dog") == was
 
 
+def test_a_puppet_is_replaced_while_the_performer_continues_and_saved_and_reverted(service, dog, limbed_puppet):
+    was = service.ask("puppet", character="dog")
+    revision = service.ask("describe")["characters"][0]["revision"]
+    mapped = json.loads(json.dumps(was["puppet"]))
+    mapped["handle"][0] |= {"joint": None, "joints": ["head", "spine"], "gain": -1.0}
+    mapped["root"], mapped["retarget"]["scale"] = None, "auto"
+    reply = service.ask("set_puppet", character="dog", puppet=json.dumps(mapped))
+    assert (reply["puppet"], reply["saved"], reply["handles"][0]["joints"]) == (mapped, False, ["head", "spine"])
+    assert service.ask("describe")["characters"][0]["revision"] == revision
+
+    limbed = values_of(puppet_file.load(limbed_puppet)) | {"root": was["puppet"]["root"]}
+    limbed["retarget"]["mirror"] = True
+    reply = service.ask("set_puppet", character="dog", puppet=json.dumps(limbed))
+    assert reply["puppet"] == limbed
+    assert service.ask("describe")["characters"][0]["mirror"] is True
+    service.run(PREPARATION_SECONDS + EASE + 0.5)
+    frame = service.run(0.1)[-1]
+    assert (frame.state, frame.character.revision != revision) == ("performing", True)
+    assert frame.user is not None
+    service.ask("save_puppet", character="dog")
+    assert values_of(puppet_file.load(dog)) == limbed
+    service.ask("set_puppet", character="dog", puppet=json.dumps(was["puppet"]))
+    assert service.ask("revert_puppet", character="dog")["puppet"] == limbed
+    for wrong, where in (
+        ("[]", "the request, puppet"),
+        (json.dumps(limbed | {"limb": 1}), "the puppet, limb"),
+        (json.dumps(limbed | {"handle": [limbed["handle"][0] | {"position": [9, 9, 9]}]}), "dog.toml, [[handle]] 1"),
+    ):
+        assert where in service.ask("set_puppet", character="dog", puppet=wrong)["where"]
+    assert service.ask("puppet", character="dog")["puppet"] == limbed
+
+
 def test_a_take_has_one_mapping(service):
     edited = service.ask("set_handle", character="dog", handle="left hand", joints="head", gain=-1.5)
     assert "still being applied" in service.ask("record_start", name="take")["found"]
@@ -170,6 +205,7 @@ def test_a_take_has_one_mapping(service):
         ("set_handle", {"handle": "head", "gain": 1}),
         ("set_root", {"joint": None}),
         ("set_scale", {"scale": 2}),
+        ("set_puppet", {"puppet": "{}"}),
         ("revert_puppet", {}),
     ):
         assert service.ask(do, character="dog", **more)["found"] == "a take that is being recorded ('take')"

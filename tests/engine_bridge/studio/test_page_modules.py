@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from pydantic import TypeAdapter
 
-from engine_bridge.studio.long_work.puppet_values import puppet_of
+from engine_bridge.puppet.puppet_values import puppet_of
 from engine_bridge.studio.messages import characters, connection, film, performers, typescript
 from engine_bridge.studio.messages.requests import REQUESTS
 from engine_bridge.studio.messages.state import ProgressEvent, SourceState, State
@@ -59,7 +59,7 @@ def test_the_page_does_what_its_own_tests_say_with_requests_that_the_server_acce
         REQUESTS[request["do"]].model_validate(request)
         if request["do"] == "edit":
             puppet_of(request["puppet"], "figure.glb")
-    programs = {"ping", "state", "snap", "mirror", "mirror_limb", "revert_puppet"}  # of programs other than the page
+    programs = {"ping", "state"}  # of programs other than the page
     assert {request["do"] for request in requests} | programs == {*REQUESTS}
 
 

@@ -221,9 +221,11 @@ def test_an_answer_of_something_else_is_said(context):
 
 
 def same_shape(left, right):
-    """Whether two values of JSON have the same keys and types; lists by their first items."""
+    """Whether two values of JSON have the same keys and types; lists by their first items. "…" stands for more keys."""
     if isinstance(left, dict) and isinstance(right, dict):
-        return left.keys() == right.keys() and all(same_shape(left[key], right[key]) for key in left)
+        shown = right.keys() - {"…"}
+        same = left.keys() > shown if "…" in right else left.keys() == shown
+        return same and all(same_shape(left[key], right[key]) for key in shown)
     if isinstance(left, list) and isinstance(right, list):
         return bool(left) == bool(right) and all(map(same_shape, left[:1], right[:1]))
     return type(left) is type(right)

@@ -7,6 +7,8 @@ import subprocess
 import aiohttp
 import pytest
 
+from engine_bridge.puppet import puppet_file
+from engine_bridge.puppet.puppet_values import values_of
 from engine_bridge.service.protocol.payloads import decode
 
 from ...service.conftest import free_port, serve_module
@@ -76,7 +78,7 @@ def test_the_stream_is_passed_through_and_a_text_that_is_no_subscription_is_answ
     assert received["blob/controls"].body.shape == (30, 3, 4)
 
 
-def test_a_handle_is_mapped_saved_and_reverted_and_changes_by_others_reach_the_page(joined, service):
+def test_limbs_and_handles_are_edited_and_saved_and_changes_by_others_reach_the_page(joined, service, limbed_puppet):
     before = joined.result("puppet", character="blob")["puppet"]
     after = joined.result("puppet", character="blob")["puppet"]
     after["handle"][0] |= {"joint": "head", "gain": 2.0}
@@ -87,13 +89,20 @@ def test_a_handle_is_mapped_saved_and_reverted_and_changes_by_others_reach_the_p
     assert mapping["handles"][0]["joints"] == ["head"]
     assert mapping["root"] is None
     joined.until(lambda state: not state["characters"][0]["saved"])
-    assert joined.result("revert_puppet", character="blob")["puppet"] == before
+    limbed = values_of(puppet_file.load(limbed_puppet)) | {"root": before["root"]}
+    limbed["retarget"]["mirror"] = True
+    assert joined.result("edit", character="blob", puppet=limbed)["puppet"] == limbed
+    joined.until(lambda state: state["characters"][0]["limbs"] and state["characters"][0]["mirror"])
+    assert joined.result("change_plan", character="blob", plan="no legs")["plan"] == "no legs"
+    assert joined.error("edit", character="blob", puppet=limbed | {"handle": 1})["where"] == "the puppet, handle"
+    reply = joined.result("edit", character="blob", puppet=before)
+    assert (reply["puppet"], reply["saved"]) == (before, True)
     assert joined.result("save_puppet", character="blob") == {"character": "blob", "name": "", "file": ""}
     version = joined.state["characters"][0]["version"]
     service.ask("set_scale", token=TOKEN.encode(), character="blob", scale=1.25)
     joined.until(lambda state: state["characters"][0]["version"] != version)
     assert joined.result("puppet", character="blob")["puppet"]["retarget"]["scale"] == 1.25
-    joined.result("revert_puppet", character="blob")
+    service.ask("revert_puppet", token=TOKEN.encode(), character="blob")
 
 
 def test_what_needs_the_services_files_is_refused(joined):
@@ -101,15 +110,10 @@ def test_what_needs_the_services_files_is_refused(joined):
     errors = [joined.error("open_example", name="human"), joined.error("source", example="walk"), reply["error"]]
     assert status == 400
     assert [each["found"] for each in errors] == ["a service that was started elsewhere"] * 3
-    puppet = joined.result("puppet", character="blob")["puppet"]
-    assert joined.error("edit", character="blob", puppet=puppet | {"handle": []})["where"] == "the puppet"
 
 
 def test_requests_are_passed_on(joined):
     joined.result("calibrate", character="blob")
-    for on in (True, False):
-        joined.result("mirror", character="blob", on=on)
-        joined.until(lambda state, on=on: state["characters"][0]["mirror"] == on)
     assert joined.error("choose_user", character="blob", user=77)["found"] == "no user 77 in view of the sensor"
     joined.until(lambda state: state["performers"])
     assert [each["user"] for each in joined.result("look")["performers"]] == [1]

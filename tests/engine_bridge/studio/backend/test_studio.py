@@ -100,7 +100,7 @@ def test_other_points_and_another_body_plan_are_edits_that_can_be_reverted(stage
     edited = stage.result("edit", character="figure_one", puppet=reply["puppet"])
     assert edited["plan"] == reply["plan"] == "no legs"
     assert [limb["points"] for limb in edited["puppet"]["limb"]] == [limb["points"] for limb in moved["limb"]]
-    reverted = stage.result("revert_puppet", character="figure_one")
+    reverted = stage.result("edit", character="figure_one", puppet=before)
     assert (reverted["puppet"], reverted["saved"]) == (before, True)
 
 
@@ -209,7 +209,7 @@ def test_a_take_plays_from_one_second_to_another_until_another_source_is_opened(
 
 def test_a_killed_service_starts_again_and_the_state_says_so(stage):
     stage.until(performing)
-    puppet = puppet_of(stage)
+    before, puppet = puppet_of(stage), puppet_of(stage)
     puppet["limb"][2]["gain"] = 0.75
     stage.result("edit", character="figure_one", puppet=puppet)
     restarts = stage.state["service"]["restarts"]
@@ -220,7 +220,7 @@ def test_a_killed_service_starts_again_and_the_state_says_so(stage):
     state = stage.until(lambda state: state["service"]["running"] and performing(state))
     assert state["service"]["restarts"] == restarts + 1
     assert puppet_of(stage) == puppet
-    stage.result("revert_puppet", character="figure_one")
+    assert stage.result("edit", character="figure_one", puppet=before)["saved"]
 
 
 def test_two_characters_have_the_same_performer_if_a_recording_plays(stage, blob_file):

@@ -3,7 +3,7 @@ import json
 import pytest
 
 from engine_bridge.puppet import puppet_file
-from engine_bridge.studio.long_work.puppet_values import puppet_of, values_of
+from engine_bridge.puppet.puppet_values import puppet_of, values_of
 from puppetline.errors import PuppetError
 
 

@@ -33,3 +33,13 @@ def puppet_of(values: dict[str, Any], mesh: str) -> Puppet:
     if isinstance(smoothing, dict) and smoothing.get("max_deviation", 0) is None:
         given["smoothing"] = smoothing | {"max_deviation": math.inf}
     return check(given, WHERE)
+
+
+def merged(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """Return values with changes; tables are merged key by key, and lists are replaced as a whole (RFC 7396)."""
+    tables = {
+        key: merged(values[key], change)
+        for key, change in changes.items()
+        if isinstance(change, dict) and isinstance(values.get(key), dict)
+    }
+    return values | changes | tables

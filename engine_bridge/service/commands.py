@@ -7,7 +7,7 @@ from typing import Any
 
 from capture.skeleton import JOINTS
 from engine_bridge.puppet.puppet import Puppet, RootTable, has_same_model, with_handle
-from engine_bridge.puppet.puppet_values import puppet_of, values_of
+from engine_bridge.puppet.puppet_values import merged, puppet_of, values_of
 from engine_bridge.service.control import requests
 from engine_bridge.service.control.dispatcher import Command, Deferred
 from engine_bridge.service.players.character_player import CharacterPlayer
@@ -137,7 +137,7 @@ class _Commands:
 
     def set_puppet(self, asked: requests.SetPuppet) -> dict[str, Any] | Deferred:
         _, player = self._editable(asked.character)
-        puppet = puppet_of(asked.puppet, player.character.rig.puppet.character.mesh)
+        puppet = puppet_of(merged(_values(player), asked.puppet), player.character.rig.puppet.character.mesh)
         if puppet.retarget.mirror != player.motion.mirror:
             self._cue(asked.character, "mirror", on=puppet.retarget.mirror)
         return self._show(asked.character, puppet)
@@ -216,11 +216,9 @@ class _Commands:
         """Return a character's puppet, and its mapping for clients of version 0.1."""
         puppet = player.character.rig.puppet
         deviation = puppet.smoothing.max_deviation
-        values = values_of(puppet)
-        values["retarget"]["mirror"] = player.motion.mirror
         return {
             "character": player.character.name,
-            "puppet": values,
+            "puppet": _values(player),
             "handles": [
                 {
                     "name": handle.name,
@@ -298,6 +296,11 @@ class _Commands:
             "state": player.state,
             "mirror": player.motion.mirror,
         }
+
+
+def _values(player: CharacterPlayer) -> dict[str, Any]:
+    """Return the values of a character's puppet, with mirroring as it is now."""
+    return merged(values_of(player.character.rig.puppet), {"retarget": {"mirror": player.motion.mirror}})
 
 
 ARGUMENTS: dict[str, type[Table]] = {

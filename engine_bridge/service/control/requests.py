@@ -24,6 +24,7 @@ RequestId = int | str | None
 WHERE = "the request"
 MAX_REQUEST_BYTES = 65_536
 MAX_KEYS = 16
+MAX_WHOLE_NUMBER = 2**53
 MAX_QUOTED_CHARACTERS = 500
 """Maximum length of each string of an error reply, which may quote a request."""
 
@@ -57,7 +58,7 @@ def _joint_names(value: Any) -> Any:
 def _values(text: Any) -> Any:
     """Read a map in JSON, because a request has no nested values."""
     with contextlib.suppress(ValueError, TypeError, RecursionError):
-        values = json.loads(text)
+        values = json.loads(text, parse_float=_number)
         if isinstance(values, dict):
             return values
     raise mistake(
@@ -65,6 +66,12 @@ def _values(text: Any) -> Any:
         expected="the tables of a puppet file as a text in JSON",
         fix='Ask for the present one with {"do": "puppet"}, change it, and send it back.',
     )
+
+
+def _number(text: str) -> int | float:
+    """Read a number with a decimal point; whole ones are integers, because some clients write 8 as 8.0."""
+    value = float(text)
+    return int(value) if value.is_integer() and abs(value) <= MAX_WHOLE_NUMBER else value
 
 
 PuppetValues = Annotated[dict[str, Any], BeforeValidator(_values)]
@@ -99,10 +106,10 @@ class OneCharacter(Table):
 
 
 class SetPuppet(Table):
-    """Replace a character's puppet by another one for the same mesh.
+    """Change a character's puppet.
 
-    `puppet` is JSON: the tables of a puppet file, as in the reply to `puppet`. Omitted keys have their defaults;
-    ``character.mesh`` is ignored.
+    `puppet` is JSON: tables of a puppet file, as in the reply to `puppet`. Omitted tables and keys stay as they are; a
+    list, such as ``handle``, is replaced as a whole. ``character.mesh`` is ignored.
     """
 
     character: Name

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Never
 
+from engine_bridge.puppet.puppet_values import puppet_of, values_of
 from engine_bridge.studio.backend.backend import Backend, puppet_reply
 from engine_bridge.studio.backend.page_state import state_of, version_of
 from engine_bridge.studio.messages import base, characters, takes
@@ -80,8 +81,8 @@ class JoinedStudio(Backend):
         return self._took(await self.service.request("puppet", character=asked.character))
 
     async def _do_edit(self, asked: characters.Edit) -> dict[str, Any]:
-        puppet = json.dumps(asked.puppet)
-        return self._took(await self.service.request("set_puppet", character=asked.character, puppet=puppet))
+        puppet = values_of(puppet_of(asked.puppet, asked.character))  # omitted keys have their defaults
+        return self._took(await self.service.request("set_puppet", character=asked.character, puppet=json.dumps(puppet)))
 
     async def _do_save_puppet(self, asked: characters.SavePuppet) -> dict[str, Any]:
         self._took(await self.service.request("save_puppet", character=asked.character))

@@ -3,7 +3,7 @@ import json
 import pytest
 
 from engine_bridge.puppet import puppet_file
-from engine_bridge.puppet.puppet_values import puppet_of, values_of
+from engine_bridge.puppet.puppet_values import merged, puppet_of, values_of
 from puppetline.errors import PuppetError
 
 
@@ -32,3 +32,13 @@ def test_a_mistake_is_named(limbed_puppet):
     with pytest.raises(PuppetError) as caught:
         puppet_of(values, "blob.glb")
     assert caught.value.where == "the puppet, [[limb]] 2 'head', joints, 1"
+
+
+def test_tables_are_merged_and_lists_replaced():
+    values = {"root": {"joint": "head", "axes": "x"}, "limb": [1, 2], "vrm": None}
+    assert merged(values, {"root": {"axes": "z"}, "limb": [3], "vrm": {"name": "Rex"}}) == {
+        "root": {"joint": "head", "axes": "z"},
+        "limb": [3],
+        "vrm": {"name": "Rex"},
+    }
+    assert merged(values, {"root": None}) == values | {"root": None}

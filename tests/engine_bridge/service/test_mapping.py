@@ -170,7 +170,8 @@ def test_a_puppet_is_replaced_while_the_performer_continues_and_saved_and_revert
     mapped = json.loads(json.dumps(was["puppet"]))
     mapped["handle"][0] |= {"joint": None, "joints": ["head", "spine"], "gain": -1.0}
     mapped["root"], mapped["retarget"]["scale"] = None, "auto"
-    reply = service.ask("set_puppet", character="dog", puppet=json.dumps(mapped))
+    godot = mapped | {"solver": {name: value and float(value) for name, value in mapped["solver"].items()}}
+    reply = service.ask("set_puppet", character="dog", puppet=json.dumps(godot))  # Godot writes 8 as 8.0
     assert (reply["puppet"], reply["saved"], reply["handles"][0]["joints"]) == (mapped, False, ["head", "spine"])
     assert service.ask("describe")["characters"][0]["revision"] == revision
 
@@ -178,6 +179,9 @@ def test_a_puppet_is_replaced_while_the_performer_continues_and_saved_and_revert
     limbed["retarget"]["mirror"] = True
     reply = service.ask("set_puppet", character="dog", puppet=json.dumps(limbed))
     assert reply["puppet"] == limbed
+    handles = json.dumps({"handle": [limbed["handle"][0] | {"gain": 3.0}]})
+    assert service.ask("set_puppet", character="dog", puppet=handles)["puppet"]["limb"] == limbed["limb"]
+    assert service.ask("set_puppet", character="dog", puppet=json.dumps(limbed))["puppet"] == limbed
     assert service.ask("describe")["characters"][0]["mirror"] is True
     service.run(PREPARATION_SECONDS + EASE + 0.5)
     frame = service.run(0.1)[-1]

@@ -265,8 +265,9 @@ DESCRIBED = {
     "characters": [{"name": "dog", "stage": "s", "performer": None, "mirror": False}],
     "status": {"stages": [{"name": "s", "users": [{"user": 1}]}]},
 }
-MAPPING = {"character": "dog", "handles": [{"name": "fine", "joints": ["head"], "axes": "xyz", "gain": 2.5}]}
-MAPPING |= {"joints": ["head"], "root": None, "scale": 1.0, "saved": True}
+HANDLE = {"name": "fine", "joint": None, "joints": ["head"], "axes": "xyz", "gain": 2.5}
+PUPPET = {"handle": [HANDLE], "root": None, "retarget": {"scale": 1.0}}
+MAPPING = {"character": "dog", "puppet": PUPPET, "joints": ["head"], "saved": True}
 
 
 def nonsense(valid):

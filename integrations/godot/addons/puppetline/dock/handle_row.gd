@@ -64,7 +64,8 @@ func toggle_joint(joint: String) -> void:
 		chosen.append(joint)
 	handle.joints = chosen
 	show_handle(handle)
-	edited.emit({"joints": " ".join(chosen)})
+	var several: Variant = Array(chosen) if chosen.size() > 1 else null
+	edited.emit({"joint": chosen[0] if chosen.size() == 1 else null, "joints": several})
 
 
 func set_disabled(disabled: bool) -> void:

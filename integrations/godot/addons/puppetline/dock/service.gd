@@ -116,21 +116,22 @@ func set_recording(on: bool) -> void:
 		_requests.request({"do": "record_start" if on else "record_stop", "stage": chosen.stage}, _take_answer)
 
 
-## Change joints (a string with spaces, or null), axes or gain of a handle.
+## Change values of a handle: its joint or joints, axes or gain.
 func set_handle(handle: String, changes: Dictionary) -> void:
-	_edit(changes.merged({"do": "set_handle", "handle": handle}))
+	if mapping != null:
+		_edit_puppet(mapping.edit_handle(handle, changes))
 
 
 ## Set the root joint and its axes; an empty joint removes the root motion.
 func set_root(joint: String, axes: String) -> void:
-	var asked: Variant = null if joint.is_empty() else joint
-	_edit({"do": "set_root", "joint": asked, "axes": axes})
+	if mapping != null:
+		_edit_puppet(mapping.edit_root(joint, axes))
 
 
 ## Set the metres that the character moves per metre of the performer; 0 for the automatic scale.
 func set_scale(scale: float) -> void:
-	var asked: Variant = "auto" if scale <= 0.0 else scale
-	_edit({"do": "set_scale", "scale": asked})
+	if mapping != null:
+		_edit_puppet(mapping.edit_scale(scale))
 
 
 func save() -> void:
@@ -246,24 +247,31 @@ func _take_answer(reply: Dictionary) -> void:
 	changed.emit()
 
 
-## Queue an edit of the mapping until the previous one has been answered. It replaces a queued edit of the same value.
+func _edit_puppet(tables: Dictionary) -> void:
+	_edit({"do": "set_puppet", "puppet": tables})
+
+
+## Queue a request until the previous one has been answered. Edits of the puppet that are queued last become one.
 func _edit(body: Dictionary) -> void:
 	if chosen == null:
 		return
 	body["character"] = chosen.name
 	_edited += 1
 	var last: Dictionary = _edits.back() if _edits else {}
-	if last.get("do") == body["do"] and last.get("handle") == body.get("handle"):
-		last.merge(body, true)
-	else:
-		_edits.append(body)
+	if last.get("do") == body["do"]:
+		body["puppet"] = last.get("puppet", {}).merged(body.get("puppet", {}), true)
+		_edits.pop_back()
+	_edits.append(body)
 	_send_edit()
 
 
 func _send_edit() -> void:
 	if _edits and not _editing:
 		_editing = true
-		_requests.request(_edits.pop_front(), _take_edit)
+		var body: Dictionary = _edits.pop_front()
+		if "puppet" in body:
+			body["puppet"] = JSON.stringify(body["puppet"], "", true, true)
+		_requests.request(body, _take_edit)
 
 
 func _take_edit(reply: Dictionary) -> void:

@@ -82,7 +82,8 @@ class JoinedStudio(Backend):
 
     async def _do_edit(self, asked: characters.Edit) -> dict[str, Any]:
         puppet = values_of(puppet_of(asked.puppet, asked.character))  # omitted keys have their defaults
-        return self._took(await self.service.request("set_puppet", character=asked.character, puppet=json.dumps(puppet)))
+        changes = json.dumps(puppet)
+        return self._took(await self.service.request("set_puppet", character=asked.character, puppet=changes))
 
     async def _do_save_puppet(self, asked: characters.SavePuppet) -> dict[str, Any]:
         self._took(await self.service.request("save_puppet", character=asked.character))

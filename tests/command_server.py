@@ -25,7 +25,7 @@ from numba.core.dispatcher import Dispatcher
 from puppetline.__main__ import run
 
 MODULES = (
-    "engine_bridge.cli.alignment",
+    "capture.sources.alignment",
     "engine_bridge.inspection.files",
     "engine_bridge.cli.main",
     "engine_bridge.cli.recording",

@@ -24,7 +24,7 @@ def align(logs: tuple[Path, ...], output: Path, sources: tuple[str, ...], as_jso
 
     LOGS are two or more recordings, one from each sensor.
     """
-    from engine_bridge.cli import alignment
+    from capture.sources import alignment
 
     if len(logs) < 2:
         raise click.UsageError("Give two or more recordings.")

@@ -1,5 +1,8 @@
 """`puppetline batch`: many recordings become animated characters, or animations of their performers."""
 
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -7,11 +10,16 @@ import click
 
 from engine_bridge.cli import conversion, options
 from engine_bridge.cli.options import FILE
-from engine_bridge.cli.progress import progress
+from engine_bridge.cli.progress import interrupts, progress
 
 if TYPE_CHECKING:
-    from engine_bridge.batch.batch import Shard
+    from engine_bridge.batch.batch import BatchPlan, Shard
+    from engine_bridge.batch.conversion import Outcome
     from engine_bridge.performance.settings import PerformerFormat
+
+
+PACE_SECONDS = 3600.0
+"""Time over which the speed is averaged that determines the time left, in seconds."""
 
 
 def part_of_batch(_ctx: click.Context, _param: click.Parameter, value: str | None) -> "Shard | None":
@@ -93,10 +101,10 @@ def batch(
 
     The command can be stopped or killed at any time. Run it again to continue: results that are up to date are kept.
     """
+    from engine_bridge.batch import run
     from engine_bridge.batch.batch import new_run
     from engine_bridge.batch.conversion import BatchSettings
     from engine_bridge.batch.workers import processor_count
-    from engine_bridge.cli import batch_run
 
     if workers is None:
         workers = processor_count() if shard is None else 0
@@ -107,7 +115,7 @@ def batch(
     settings = conversion.settings(user=None, **choices)
     given = BatchSettings(output.absolute(), new_run(), settings, users, performer, fail_fast, retry_failed)
     with progress() as show:
-        others, plan = batch_run.prepare(logs, tuple(dict.fromkeys(puppets)), given, shard, show)
+        others, plan = run.prepare(logs, tuple(dict.fromkeys(puppets)), given, shard, show)
     if dry_run:
         ending = (".user*" if users == "all" else "") + given.ending
         names = [job.name + ending for job in plan.waiting]
@@ -117,7 +125,51 @@ def batch(
     part = "" if shard is None else f".{shard.index}-of-{shard.count}"
     table = manifest or output / f"manifest{part}.parquet"
     page = output / "report.html" if report and shard is None else None
-    result = batch_run.run(plan, others, given, shard, workers, table, page)
-    options.show(result.as_dict(), as_json, batch_run.describe(result))
+    with shown(plan) as shows:
+        result = run.run(plan, others, given, shard, workers, table, page, *shows)
+    options.show(result.as_dict(), as_json, run.describe(result))
     if result.failures:
         raise click.exceptions.Exit(1)
+
+
+@contextmanager
+def shown(
+    plan: "BatchPlan",
+) -> "Iterator[tuple[Callable[[], None], Callable[[Outcome], None], Callable[[float], None]]]":
+    """Yield functions that raise Ctrl-C, show an outcome, and show the share of the report that is drawn.
+
+    On a terminal, they update a bar with rate and time left; elsewhere, they show nothing.
+    """
+    with interrupts() as check:
+        if not sys.stderr.isatty():
+            yield check, lambda _outcome: None, lambda _share: check()
+            return
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+        from engine_bridge.batch.batch import log_size
+
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.fields[pace]}"),
+            TimeRemainingColumn(),
+        )
+        show_on = Console(stderr=True)
+        with Progress(*columns, console=show_on, transient=True, speed_estimate_period=PACE_SECONDS) as bars:
+            task = bars.add_task("Converting", total=sum(map(log_size, plan.waiting)), pace="")
+            done: list[Outcome] = []
+
+            def show(outcome: "Outcome") -> None:
+                done.append(outcome)
+                failed = sum(each.record.has_failed for each in done)
+                rate = 3600 * len(done) / max(bars.tasks[0].elapsed or 0.0, 1e-3)
+                pace = f"{len(done):,}/{len(plan.waiting):,} · {rate:,.0f} per hour"
+                pace += f" · {failed:,} failed" if failed else ""
+                bars.update(task, advance=log_size(outcome.job), pace=pace)
+
+            def draw(share: float) -> None:
+                check()
+                bars.update(task, description="Drawing the worst results", completed=share, total=1.0, pace="")
+
+            yield check, show, draw

@@ -53,7 +53,7 @@ def test_the_text_states_the_pose_and_the_residual(invoke, walk, tmp_path):
 UNUSABLE = """
 left.log none.log -o two.toml                  → none.log
 left.log right.log -o two.txt                  → two.toml
-left.log right.log -o two.toml --source osc:1  → 1 times --source and 2 recordings
+left.log right.log -o two.toml --source osc:1  → 1 sources and 2 recordings
 left.log other.log -o two.toml                 → left.log and other.log
 """
 

@@ -1,30 +1,25 @@
-"""A batch as the command runs it: its preparation, progress and summary."""
+"""A whole batch: its preparation, its run with a manifest and a report, and a summary."""
 
 import re
-import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from engine_bridge.batch import manifest
-from engine_bridge.batch.batch import BatchPlan, Shard, log_size, make_jobs, make_plan
+from engine_bridge.batch.batch import BatchPlan, Shard, make_jobs, make_plan
 from engine_bridge.batch.batch import run as run_plan
 from engine_bridge.batch.conversion import BatchSettings, Outcome
 from engine_bridge.batch.recordings import find_recordings
 from engine_bridge.batch.report import write_report
 from engine_bridge.batch.row import Row
 from engine_bridge.batch.store import Store
-from engine_bridge.cli.progress import interrupts, progress
 from puppetline.errors import PuppetlineError
 
 MAX_REASONS = 20
 """Maximum number of rows in the table of reasons."""
-
-PACE_SECONDS = 3600.0
-"""Time over which the speed is averaged that determines the time left, in seconds."""
 
 NUMBER = re.compile(r"\d[\d.,]*")
 """Numbers in reasons, which do not make them different."""
@@ -89,6 +84,9 @@ def run(
     workers: int,
     table: Path,
     page: Path | None,
+    check: Callable[[], None],
+    show: Callable[[Outcome], None],
+    draw: Callable[[float], None],
 ) -> Result:
     """Run a batch, and write its manifest and report.
 
@@ -105,6 +103,12 @@ def run(
         The manifest.
     page : Path or None
         The report; None for none.
+    check : callable
+        Called often; what it raises ends the batch, and the manifest is written.
+    show : callable
+        Called with each outcome.
+    draw : callable
+        Called with the share of the report that is drawn.
 
     Raises
     ------
@@ -116,10 +120,9 @@ def run(
         start = time.perf_counter()
         outcomes: list[Outcome] = []
         try:
-            with _shown(plan) as (check, show):
-                for outcome in run_plan(plan, batch, workers, check):
-                    outcomes.append(outcome)
-                    show(outcome)
+            for outcome in run_plan(plan, batch, workers, check):
+                outcomes.append(outcome)
+                show(outcome)
         except BaseException:
             with suppress(PuppetlineError):  # such as a full disk, which is being reported
                 _write_manifest(shard, store, table, plan, outcomes)
@@ -127,8 +130,7 @@ def run(
         seconds = time.perf_counter() - start
         rows = _write_manifest(shard, store, table, plan, outcomes)
         if page is not None:
-            with progress() as report:
-                write_report(page, rows, store, batch, lambda share: report("Drawing the worst results", share))
+            write_report(page, rows, store, batch, draw)
     new = [row for outcome in outcomes for row in outcome.record.rows]
     old = [row for record in plan.settled.values() for row in record.rows]
     failures = tuple(row for row in (*old, *new) if row.state == "failed")
@@ -184,33 +186,3 @@ def _write_manifest(
     rows = [row for _, record in sorted(records.items()) for row in record.rows]
     manifest.write_manifest(path, rows)
     return rows
-
-
-@contextmanager
-def _shown(plan: BatchPlan) -> Iterator[tuple[Callable[[], None], Callable[[Outcome], None]]]:
-    """Yield a function that raises Ctrl-C, and one that shows an outcome.
-
-    On a terminal, they update a bar with rate and time left; elsewhere, they show nothing.
-    """
-    with interrupts() as check:
-        if not sys.stderr.isatty():
-            yield check, lambda _outcome: None
-            return
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-        columns = (TextColumn("Converting"), BarColumn(), TextColumn("{task.fields[pace]}"), TimeRemainingColumn())
-        show_on = Console(stderr=True)
-        with Progress(*columns, console=show_on, transient=True, speed_estimate_period=PACE_SECONDS) as bars:
-            task = bars.add_task("", total=sum(map(log_size, plan.waiting)), pace="")
-            done: list[Outcome] = []
-
-            def show(outcome: Outcome) -> None:
-                done.append(outcome)
-                failed = sum(each.record.has_failed for each in done)
-                rate = 3600 * len(done) / max(bars.tasks[0].elapsed or 0.0, 1e-3)
-                pace = f"{len(done):,}/{len(plan.waiting):,} · {rate:,.0f} per hour"
-                pace += f" · {failed:,} failed" if failed else ""
-                bars.update(task, advance=log_size(outcome.job), pace=pace)
-
-            yield check, show

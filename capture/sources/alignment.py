@@ -76,8 +76,8 @@ def align(logs: Sequence[Path], sources: Sequence[str], output: Path) -> list[Se
     check_writable(output, ".toml", logs)
     if sources and len(sources) != len(logs):
         raise SourceError(
-            "puppetline align",
-            found=f"{len(sources)} times --source and {len(logs)} recordings",
+            "the sources",
+            found=f"{len(sources)} sources and {len(logs)} recordings",
             expected="one source for each recording, in the same order",
             fix="Give all sources, or none to replay the recordings.",
         )

@@ -5,7 +5,7 @@
 writes them to ``page/src/messages.ts``.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import is_dataclass
 from pathlib import Path
 from types import NoneType, UnionType
@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 from pydantic import BaseModel
 
 from engine_bridge.film.scene import TakeTable
+from engine_bridge.puppet import puppet
 from engine_bridge.service.monitoring.status import TimelineStatus
 from engine_bridge.studio.messages.characters import PuppetReply
 from engine_bridge.studio.messages.connection import Greeting, ServerError
@@ -22,13 +23,41 @@ from engine_bridge.studio.messages.performers import LookReply, SmoothingReply, 
 from engine_bridge.studio.messages.state import State, UploadKind, UploadReply
 from engine_bridge.studio.messages.takes import ExportReply
 
+
+def _is_table(each: object) -> bool:
+    return isinstance(each, type) and issubclass(each, BaseModel) and each.__module__ == puppet.__name__
+
+
 PATH = Path(__file__).parents[1] / "page" / "src" / "messages.ts"
 
-NAMES: dict[type, str] = {State: "ServerState", TakeTable: "FilmTake", TimelineStatus: "Timeline"}
+PUPPET = {each: each.__name__.removesuffix("Table") for each in vars(puppet).values() if _is_table(each)}
+"""Classes of a puppet's tables."""
+
+NAMES: dict[type, str] = {
+    State: "ServerState",
+    TakeTable: "FilmTake",
+    TimelineStatus: "Timeline",
+    **PUPPET,
+    puppet.CharacterTable: "PuppetCharacter",
+    puppet.ChannelTable: "Range",
+}
 """Names of classes in the page, where they are others."""
 
-OMITTED: dict[type, tuple[str, ...]] = {TakeTable: ("user", "loop", "fade", "position", "turn", "sound")}
+OMITTED: dict[type, Collection[str]] = {
+    TakeTable: ("user", "loop", "fade", "position", "turn", "sound"),
+    **{each: [key for key, field in each.model_fields.items() if not field.is_required()] for each in PUPPET},
+    puppet.CharacterTable: puppet.CharacterTable.model_fields,
+}
 """Keys that the page omits where it makes an object: the server then uses their defaults."""
+
+OTHERS: dict[tuple[type, str], str] = {
+    (PuppetReply, "puppet"): "Puppet",
+    (puppet.SmoothingTable, "max_deviation"): "number | null",
+}
+"""Types of keys that JSON has no type for: null is an infinite deviation."""
+
+MAX_NAMES = 20
+"""Maximum number of names in a type; a longer list, such as that of all channels, is any text."""
 
 ROOTS: tuple[type, ...] = (
     Greeting,
@@ -38,6 +67,7 @@ ROOTS: tuple[type, ...] = (
     LookReply,
     SmoothingReply,
     PuppetReply,
+    puppet.Puppet,
     UploadReply,
     ExportReply,
     FilmReply,
@@ -46,14 +76,28 @@ ROOTS: tuple[type, ...] = (
 
 HEAD = """/** What the server sends: made from the classes of engine_bridge/studio/messages, which describe it. */
 
-import type {{ Puppet }} from "./model/puppet";
-
-export type UploadKind = {kinds};
-
-export type Extra = {extras};
+import type { Joint } from "./model/skeleton";
 """
 
-PLAIN = {str: "string", int: "number", float: "number", bool: "boolean", NoneType: "null", Any: "unknown"}
+ALIASES: dict[str, Any] = {
+    "UploadKind": UploadKind,
+    "Extra": get_type_hints(Install)["extra"],
+    "Direction": puppet.Direction,
+    "AxisSet": puppet.AxisSet,
+}
+"""Types that have a name."""
+
+NAMED: dict[Any, str] = {
+    str: "string",
+    int: "number",
+    float: "number",
+    bool: "boolean",
+    NoneType: "null",
+    Any: "unknown",
+    puppet.JointName: "Joint",
+    **{alias: name for name, alias in ALIASES.items()},
+}
+"""Types in the page, by those here."""
 
 
 def text() -> str:
@@ -69,28 +113,28 @@ def text() -> str:
             )
             made[each] = f"\nexport interface {NAMES.get(each, each.__name__)} {{\n{keys}}}\n"
             waiting += used
-    kinds, extras = (_type(kind, []) for kind in (UploadKind, get_type_hints(Install)["extra"]))
-    return HEAD.format(kinds=kinds, extras=extras) + "".join(made.values())
+    aliases = [f"\nexport type {name} = {_union(alias)};\n" for name, alias in ALIASES.items()]
+    return HEAD + "".join(aliases) + "".join(made.values())
 
 
 def _keys(each: type) -> Iterator[tuple[str, Any]]:
     """Yield the keys of a class and their types."""
-    hints = get_type_hints(each)
+    hints = get_type_hints(each, include_extras=True)
     for key in each.model_fields if issubclass(each, BaseModel) else hints:
-        yield key, "Puppet" if (each, key) == (PuppetReply, "puppet") else hints[key]
+        yield key, OTHERS.get((each, key), hints[key])
 
 
 def _type(kind: Any, used: list[type]) -> str:
     """Return the TypeScript of a type, and add the classes in it to those that are used."""
     if isinstance(kind, str):
         return kind
-    if kind in PLAIN:
-        return PLAIN[kind]
+    if kind in NAMED:
+        return NAMED[kind]
     origin, arguments = get_origin(kind), get_args(kind)
     if origin is Annotated:
         return _type(arguments[0], used)
     if origin is Literal:
-        return " | ".join(f'"{value}"' for value in arguments)
+        return _union(kind) if len(arguments) <= MAX_NAMES else "string"
     if origin in (Union, UnionType):
         return " | ".join(dict.fromkeys(_type(each, used) for each in arguments))
     if origin in (dict, Mapping):
@@ -104,6 +148,10 @@ def _type(kind: Any, used: list[type]) -> str:
         used.append(kind)
         return NAMES.get(kind, kind.__name__)
     raise TypeError(kind)
+
+
+def _union(names: Any) -> str:
+    return " | ".join(f'"{name}"' for name in get_args(names))
 
 
 if __name__ == "__main__":

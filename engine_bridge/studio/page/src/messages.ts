@@ -1,10 +1,14 @@
 /** What the server sends: made from the classes of engine_bridge/studio/messages, which describe it. */
 
-import type { Puppet } from "./model/puppet";
+import type { Joint } from "./model/skeleton";
 
 export type UploadKind = "character" | "log" | "puppet";
 
 export type Extra = "camera" | "film" | "sound";
+
+export type Direction = "x" | "-x" | "y" | "-y" | "z" | "-z";
+
+export type AxisSet = "" | "x" | "y" | "z" | "xy" | "xz" | "yz" | "xyz";
 
 export interface Greeting {
   readonly session: string;
@@ -77,9 +81,22 @@ export interface PuppetReply {
   readonly plan: "upright" | "two legs" | "four legs" | "many legs" | "wings" | "no legs" | null;
 }
 
+export interface Puppet {
+  readonly character: PuppetCharacter;
+  readonly limb?: readonly Limb[];
+  readonly handle?: readonly Handle[];
+  readonly morph?: readonly Morph[];
+  readonly channel?: readonly Range[];
+  readonly root?: Root | null;
+  readonly retarget?: Retarget;
+  readonly smoothing?: Smoothing;
+  readonly solver?: Solver;
+  readonly vrm?: Vrm | null;
+}
+
 export interface UploadReply {
   readonly upload: string;
-  readonly kind: "character" | "log" | "puppet";
+  readonly kind: UploadKind;
   readonly name: string;
   readonly facts: Readonly<Record<string, unknown>>;
 }
@@ -192,7 +209,7 @@ export interface ClipState {
 export interface UploadState {
   readonly upload: string;
   readonly name: string;
-  readonly kind: "character" | "log" | "puppet";
+  readonly kind: UploadKind;
   readonly bytes: number;
   readonly facts: Readonly<Record<string, unknown>>;
 }
@@ -250,6 +267,86 @@ export interface SeenPerformer {
   readonly joints: readonly (readonly [number, number] | null)[] | null;
 }
 
+export interface PuppetCharacter {
+  readonly mesh?: string;
+  readonly up?: Direction;
+  readonly front?: Direction;
+  readonly scale?: number;
+}
+
+export interface Limb {
+  readonly name: string;
+  readonly nodes?: readonly string[] | null;
+  readonly points: readonly (readonly [number, number, number])[];
+  readonly joints: readonly (Joint | readonly Joint[])[];
+  readonly follow?: "direction" | "turn";
+  readonly gain?: number;
+  readonly parent?: string | null;
+  readonly stands?: boolean;
+  readonly delay?: number;
+  readonly bend?: Bend | null;
+}
+
+export interface Handle {
+  readonly name: string;
+  readonly position: readonly [number, number, number];
+  readonly joint?: Joint | null;
+  readonly joints?: readonly Joint[] | null;
+  readonly axes?: AxisSet;
+  readonly gain?: number;
+  readonly channel?: string | null;
+  readonly moves?: readonly [number, number, number];
+}
+
+export interface Morph {
+  readonly target: string;
+  readonly channel: string;
+  readonly gain?: number;
+}
+
+export interface Range {
+  readonly name: string;
+  readonly neutral?: number;
+  readonly full?: number;
+}
+
+export interface Root {
+  readonly joint?: Joint;
+  readonly axes?: AxisSet;
+  readonly turns?: boolean;
+  readonly feet?: "lock" | "free";
+  readonly walk?: "in place" | "forward";
+}
+
+export interface Retarget {
+  readonly mirror?: boolean;
+  readonly scale?: "auto" | number;
+  readonly arm_space?: number;
+  readonly hands_meet?: boolean;
+}
+
+export interface Smoothing {
+  readonly alpha?: number;
+  readonly gamma?: number;
+  readonly jitter_radius?: number;
+  readonly max_deviation?: number | null;
+  readonly prediction?: number;
+}
+
+export interface Solver {
+  readonly fields?: number;
+  readonly isolines?: number;
+  readonly iterations?: number;
+  readonly rotations?: "clusters" | "covariance" | null;
+}
+
+export interface Vrm {
+  readonly name: string;
+  readonly authors: readonly string[];
+  readonly licence: string;
+  readonly version?: string | null;
+}
+
 export interface FilmTake {
   readonly start: number;
   readonly stop: number | null;
@@ -271,6 +368,12 @@ export interface TimelineTake {
   readonly at: number;
   readonly seconds: number;
   readonly sound: TimelineSound | null;
+}
+
+export interface Bend {
+  readonly channel: string;
+  readonly degrees: number;
+  readonly axis?: Direction;
 }
 
 export interface TimelineSound {

@@ -173,7 +173,6 @@ export const strings = {
     title: "Face, hands and voice",
     hint: "Click a meter, then the limb, handle or morph target that it should move.",
     none: "Nothing is measured yet. A camera measures faces and hands with ?face&hands, a microphone the voice.",
-    elsewhere: "This service was started elsewhere: its puppet file says what these move.",
     fingers: "Joints of fingers",
     name: (channel: string) => spoken(channel),
     meter: (channel: string, moves: readonly string[]) =>
@@ -252,7 +251,6 @@ export const strings = {
     stays: "stays in place",
     points: (n: number) => count(n, "point"),
     notes: "What Puppetline guessed",
-    elsewhere: "This service was started elsewhere: points, names and limbs are those of its puppet file.",
     selectHint: "Select a limb or handle here or in the 3D view to change it.",
     name: "Name",
     rename: "Rename",

@@ -1,86 +1,10 @@
 /** The puppet file as the server sends it, and its edits: every function returns a new puppet. */
 
+import type { Bend, Direction, Handle, Limb, Puppet } from "../messages";
 import { type Joint, type JointChoice, chainOf, sideOf, spread } from "./skeleton";
 import { type Vector, cross, dot, length, meetPlane, reflect, subtract } from "./vector";
 
-export interface Limb {
-  readonly name: string;
-  /** Joints of the file's skeleton that it was read from. */
-  readonly nodes?: readonly string[] | null;
-  readonly points: readonly Vector[];
-  readonly joints: readonly JointChoice[];
-  readonly follow?: "direction" | "turn";
-  readonly gain?: number;
-  readonly parent?: string | null;
-  readonly bend?: Bend | null;
-}
-
-/** A channel that turns a limb about its first point. */
-export interface Bend {
-  readonly channel: string;
-  readonly degrees: number;
-  readonly axis?: string;
-}
-
-export interface Handle {
-  readonly name: string;
-  readonly position: Vector;
-  readonly joint?: Joint | null;
-  readonly joints?: readonly Joint[] | null;
-  readonly axes?: string;
-  readonly gain?: number;
-  readonly channel?: string | null;
-  /** How far the channel moves it. */
-  readonly moves?: Vector;
-}
-
-/** A morph target of the mesh, and the channel that moves it. */
-export interface Morph {
-  readonly target: string;
-  readonly channel: string;
-  readonly gain?: number;
-}
-
-/** The values of a channel that count as 0 and 1. */
-export interface Range {
-  readonly name: string;
-  readonly neutral?: number;
-  readonly full?: number;
-}
-
-export interface Root {
-  readonly joint?: Joint;
-  readonly axes?: string;
-  readonly turns?: boolean;
-  readonly feet?: "lock" | "free";
-}
-
-export interface Retarget {
-  readonly mirror?: boolean;
-  readonly scale?: "auto" | number;
-  readonly arm_space?: number;
-  readonly hands_meet?: boolean;
-}
-
-export interface Smoothing {
-  readonly alpha: number;
-  readonly gamma: number;
-  readonly jitter_radius: number;
-  /** null: without a limit. */
-  readonly max_deviation: number | null;
-  readonly prediction: number;
-}
-
-export interface Puppet {
-  readonly character: { readonly mesh?: string; readonly up?: string; readonly front?: string; readonly scale?: number };
-  readonly limb?: readonly Limb[];
-  readonly handle?: readonly Handle[];
-  readonly morph?: readonly Morph[];
-  readonly channel?: readonly Range[];
-  readonly root?: Root | null;
-  readonly retarget?: Retarget;
-  readonly smoothing?: Partial<Smoothing>;
-}
+export type { Bend, Handle, Limb, Morph, Puppet, Range, Retarget, Root, Smoothing } from "../messages";
 
 /** Name of the limb that `addJaw` adds. */
 export const JAW = "jaw";
@@ -283,10 +207,10 @@ export function leftOf(puppet: Puppet): Vector {
 }
 
 /** The name of the mesh file's axis to the character's left, about which jaws and claws open. */
-export function sidewaysAxis(puppet: Puppet): string {
+export function sidewaysAxis(puppet: Puppet): Direction {
   const left = leftOf(puppet);
   const number = left.findIndex((value) => value !== 0);
-  return `${(left[number] ?? 0) > 0 ? "" : "-"}${"xyz".charAt(number)}`;
+  return `${(left[number] ?? 0) > 0 ? "" : "-"}${"xyz".charAt(number)}` as Direction;
 }
 
 /**
@@ -330,7 +254,7 @@ function mirroredBend(puppet: Puppet, bend: Bend): Bend {
   const { channel, axis: about = "x" } = bend;
   const opposite = about.startsWith("-") ? about.slice(1) : `-${about}`;
   const sideways = Math.abs(dot(axis(about), leftOf(puppet))) > 0.5;
-  return { ...bend, channel: otherSide(channel) ?? channel, axis: sideways ? about : opposite };
+  return { ...bend, channel: otherSide(channel) ?? channel, axis: sideways ? about : (opposite as Direction) };
 }
 
 /** A point of the plane of symmetry: the mean of the points of the limb "trunk", or the middle of the box without one. */

@@ -69,7 +69,7 @@ export function spread(chain: readonly Joint[], count: number): JointChoice[] {
 }
 
 /** What moves a point of a limb: a joint, or the mean of several. */
-export type JointChoice = Joint | Joint[];
+export type JointChoice = Joint | readonly Joint[];
 
 function at(chain: readonly Joint[], index: number): Joint {
   const joint = chain[index];

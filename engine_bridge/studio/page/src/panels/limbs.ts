@@ -2,6 +2,7 @@
 
 import { edit, mirrorSelected, pickPart, pickTarget, removeSelected, select as choose } from "../actions";
 import { type Child, type Node_, h } from "../dom";
+import type { AxisSet } from "../messages";
 import { CHANNELS, morphsOf, withBend, withMorph, withMove, withoutBend, withoutMorph, withoutMove } from "../model/channels";
 import {
   type Handle,
@@ -25,7 +26,7 @@ import {
 } from "../model/puppet";
 import { JOINTS, type Joint, sideOf, spoken } from "../model/skeleton";
 import type { Vector } from "../model/vector";
-import { type State, isJoined, shownCharacter, shownPuppet } from "../store";
+import { type State, shownCharacter, shownPuppet } from "../store";
 import { strings } from "../strings";
 import { button, checkbox, field, number, section, select, text } from "./parts";
 
@@ -42,8 +43,7 @@ export function limbs(state: State, bounds: Bounds): Node_ {
     button(`‹ ${strings.limbs.back}`, () => {
       choose(null);
     }, { quiet: true, back: true }),
-    isJoined(state) && h("p", { class: "hint" }, strings.limbs.elsewhere),
-    selection.kind === "limb" ? locked(state, limb(puppet, selection, bounds)) : handle(state, puppet, selection.name, bounds),
+    selection.kind === "limb" ? limb(puppet, selection, bounds) : handle(puppet, selection.name, bounds),
   );
 }
 
@@ -101,7 +101,7 @@ function list(state: State, puppet: Puppet): Node_ {
 function targets(state: State, puppet: Puppet): Child {
   const { channels: words } = strings;
   const names = shownCharacter(state)?.targets ?? [];
-  if (names.length === 0 || isJoined(state)) return null;
+  if (names.length === 0) return null;
   return section(
     words.targets,
     h(
@@ -166,7 +166,7 @@ function bend(puppet: Puppet, { name, bend: shown }: Limb): Child {
       }, { min: -180, max: 180, step: 1 })),
       field(
         words.axis,
-        select(AXES.map((axis) => [axis, strings.motion.direction(axis)] as const), (shown.axis ?? "x") as (typeof AXES)[number], (axis) => {
+        select(AXES.map((axis) => [axis, strings.motion.direction(axis)] as const), (shown.axis ?? "x"), (axis) => {
           change({ axis });
         }),
       ),
@@ -278,11 +278,7 @@ function limb(puppet: Puppet, part: Part & { kind: "limb" }, bounds: Bounds): Ch
 }
 
 /** Controls that cannot be used for a service that was started elsewhere. */
-function locked(state: State, ...children: readonly Child[]): Child {
-  return isJoined(state) ? h("fieldset", { class: "plain stack", disabled: true }, children) : children;
-}
-
-function handle(state: State, puppet: Puppet, name: string, bounds: Bounds): Child {
+function handle(puppet: Puppet, name: string, bounds: Bounds): Child {
   const { limbs: words } = strings;
   const shown = handleNamed(puppet, name);
   if (shown === undefined) return null;
@@ -294,7 +290,7 @@ function handle(state: State, puppet: Puppet, name: string, bounds: Bounds): Chi
   const many = joints.length > 1;
   const axes = shown.axes ?? "xyz";
   return [
-    locked(state, nameField(puppet, part, handlesOf(puppet).map((each) => each.name))),
+    nameField(puppet, part, handlesOf(puppet).map((each) => each.name)),
     field(
       words.handleJoint,
       select(
@@ -316,11 +312,12 @@ function handle(state: State, puppet: Puppet, name: string, bounds: Bounds): Chi
       (["x", "y", "z"] as const).map((axis) =>
         checkbox(words.axis[axis], axes.includes(axis), (on) => {
           const chosen = ["x", "y", "z"].filter((each) => (each === axis ? on : axes.includes(each))).join("");
-          change((old) => ({ ...old, axes: chosen }));
+          change((old) => ({ ...old, axes: chosen as AxisSet }));
         }),
       ),
     ),
-    locked(state, position(puppet, part, shown.position), ends(part, bounds)),
+    position(puppet, part, shown.position),
+    ends(part, bounds),
   ];
 }
 

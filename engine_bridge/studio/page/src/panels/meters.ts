@@ -4,7 +4,7 @@ import { edit, findRange, pickChannel } from "../actions";
 import { type Node_, h } from "../dom";
 import { CHANNELS, channelOf, metersOf, movedByChannel, rangeOf, ranged, withRange } from "../model/channels";
 import { sideOf } from "../model/skeleton";
-import { type State, isJoined, shownPuppet } from "../store";
+import { type State, shownPuppet } from "../store";
 import { strings } from "../strings";
 import { button } from "./parts";
 
@@ -19,7 +19,7 @@ export function meters(state: State, values: Readonly<Record<string, number>>): 
     "section",
     { class: "meters", "aria-label": words.title, key: "meters" },
     h("h2", {}, words.title),
-    h("p", { class: "hint" }, isJoined(state) ? words.elsewhere : Object.keys(values).length === 0 ? words.none : words.hint),
+    h("p", { class: "hint" }, Object.keys(values).length === 0 ? words.none : words.hint),
     h("ul", {}, few.map(row)),
     fingers.length > 0 && h("details", { key: "fingers" }, h("summary", {}, words.fingers), h("ul", {}, fingers.map(row))),
   );
@@ -45,7 +45,6 @@ function meter(state: State, name: string, value: number | undefined): Node_ {
         "aria-pressed": String(chosen),
         "aria-label": words.meter(name, moves),
         title: words.meter(name, moves),
-        disabled: isJoined(state),
         onclick: () => {
           pickChannel(name);
         },

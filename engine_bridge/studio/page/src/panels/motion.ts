@@ -3,7 +3,7 @@
 import { changePlan, edit } from "../actions";
 import { type Node_, h } from "../dom";
 import type { Puppet, Retarget, Root } from "../model/puppet";
-import { type State, isJoined, shownPuppet } from "../store";
+import { type State, shownPuppet } from "../store";
 import { strings } from "../strings";
 import { checkbox, field, number, section, select, slider } from "./parts";
 import { smoothing } from "./smoothing";
@@ -11,16 +11,14 @@ import { smoothing } from "./smoothing";
 export function motion(state: State): Node_ {
   const puppet = shownPuppet(state);
   if (puppet === null) return h("div", { key: "motion" }, h("p", { class: "small" }, strings.viewer.waiting));
-  return h("div", { class: "stack", key: "motion" }, !isJoined(state) && (puppet.limb ?? []).length > 0 && bodyPlan(state), body(state, puppet), root(puppet), smoothing(state, puppet));
+  return h("div", { class: "stack", key: "motion" }, (puppet.limb ?? []).length > 0 && bodyPlan(state), body(puppet), root(puppet), smoothing(state, puppet));
 }
 
 const DIRECTIONS = ["x", "-x", "y", "-y", "z", "-z"] as const;
 
-type Direction = (typeof DIRECTIONS)[number];
-
 const along = (direction: string): string => direction.replace("-", "");
 
-function body(state: State, puppet: Puppet): Node_ {
+function body(puppet: Puppet): Node_ {
   const { motion: words } = strings;
   const retarget = puppet.retarget ?? {};
   const change = (values: Retarget): void => {
@@ -33,37 +31,33 @@ function body(state: State, puppet: Puppet): Node_ {
   };
   return section(
     words.body,
-    !isJoined(state) && [
-      field(
-        words.up,
-        select(DIRECTIONS.map((each) => [each, words.direction(each)] as const), up as Direction, (direction) => {
-          stand(along(direction) === along(front) ? { up: direction, front: along(direction) === "z" ? "y" : "z" } : { up: direction });
-        }),
+    field(
+      words.up,
+      select(DIRECTIONS.map((each) => [each, words.direction(each)] as const), up, (direction) => {
+        stand(along(direction) === along(front) ? { up: direction, front: along(direction) === "z" ? "y" : "z" } : { up: direction });
+      }),
+    ),
+    field(
+      words.front,
+      select(
+        DIRECTIONS.filter((each) => along(each) !== along(up)).map((each) => [each, words.direction(each)] as const),
+        front,
+        (direction) => {
+          stand({ front: direction });
+        },
       ),
-      field(
-        words.front,
-        select(
-          DIRECTIONS.filter((each) => along(each) !== along(up)).map((each) => [each, words.direction(each)] as const),
-          front as Direction,
-          (direction) => {
-            stand({ front: direction });
-          },
-        ),
-        words.frontHint,
-      ),
-    ],
+      words.frontHint,
+    ),
     checkbox(words.mirror, retarget.mirror ?? false, (mirror) => {
       change({ mirror });
     }),
-    !isJoined(state) && [
-      checkbox(words.handsMeet, retarget.hands_meet ?? true, (hands_meet) => {
-        change({ hands_meet });
-      }),
-      slider(words.armSpace, retarget.arm_space ?? 0, { min: -45, max: 45, step: 1 }, (arm_space) => {
-        change({ arm_space });
-      }),
-      h("p", { class: "small" }, words.armSpaceHint),
-    ],
+    checkbox(words.handsMeet, retarget.hands_meet ?? true, (hands_meet) => {
+      change({ hands_meet });
+    }),
+    slider(words.armSpace, retarget.arm_space ?? 0, { min: -45, max: 45, step: 1 }, (arm_space) => {
+      change({ arm_space });
+    }),
+    h("p", { class: "small" }, words.armSpaceHint),
     checkbox(`${words.scale}: ${words.automatic.toLowerCase()}`, scale === "auto", (on) => {
       change({ scale: on ? "auto" : 1 });
     }),

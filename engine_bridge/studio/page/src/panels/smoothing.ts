@@ -1,13 +1,13 @@
 /** Smoothing: presets, sliders, and a plot of their effect on a joint. */
 
 import { plot as choosePlot, edit, preview } from "../actions";
-import { type Child, type Node_, h } from "../dom";
+import { type Node_, h } from "../dom";
 import type { Puppet, Smoothing } from "../model/puppet";
 import { path, range } from "../model/plot";
 import { JOINTS, type Joint } from "../model/skeleton";
 import { PRESETS, presetOf, smoothingOf } from "../model/smoothing";
 import type { SmoothingReply } from "../messages";
-import { type State, isJoined } from "../store";
+import type { State } from "../store";
 import { strings } from "../strings";
 import { field, section, select, slider } from "./parts";
 
@@ -32,36 +32,30 @@ export function smoothing(state: State, puppet: Puppet): Node_ {
   };
   const names = Object.keys(words.presetNames).map((name) => [name, words.presetNames[name] ?? name] as const);
   const preset = presetOf(values);
-  const disabled = isJoined(state);
-  const locked = (...controls: readonly Child[]): Child => (disabled ? h("fieldset", { class: "plain stack", disabled }, controls) : controls);
   return section(
     words.smoothing,
-    locked(
-      field(
-        words.presets,
-        select(names.filter(([name]) => name !== "custom" || preset === "custom"), preset, (name) => {
-          const chosen = PRESETS[name];
-          if (chosen !== undefined) change(chosen);
-        }),
-      ),
+    field(
+      words.presets,
+      select(names.filter(([name]) => name !== "custom" || preset === "custom"), preset, (name) => {
+        const chosen = PRESETS[name];
+        if (chosen !== undefined) change(chosen);
+      }),
     ),
     h(
       "details",
       { key: "smoothing" },
       h("summary", {}, strings.details),
-      locked(
-        (Object.keys(LIMITS) as (keyof typeof LIMITS)[]).map((key) =>
-          slider(
-            words[key],
-            values[key] ?? LIMITS[key].max,
-            LIMITS[key],
-            (value) => {
-              change({ ...values, [key]: value });
-            },
-            (value) => {
-              show({ ...values, [key]: value });
-            },
-          ),
+      (Object.keys(LIMITS) as (keyof typeof LIMITS)[]).map((key) =>
+        slider(
+          words[key],
+          values[key] ?? LIMITS[key].max,
+          LIMITS[key],
+          (value) => {
+            change({ ...values, [key]: value });
+          },
+          (value) => {
+            show({ ...values, [key]: value });
+          },
         ),
       ),
       field(

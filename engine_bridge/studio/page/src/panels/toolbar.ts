@@ -3,7 +3,7 @@
 import { edit, select } from "../actions";
 import { type Node_, h } from "../dom";
 import { addLimb, freeName, limbsOf, otherSide } from "../model/puppet";
-import { type State, type Tool, isJoined, shownPuppet, update } from "../store";
+import { type State, type Tool, shownPuppet, update } from "../store";
 import { strings } from "../strings";
 import { button, checkbox, choice } from "./parts";
 
@@ -29,10 +29,10 @@ export function toolbar(state: State, fit: () => void): Node_ {
         update({ atRest: pose === "rest", tool: "select", drawn: [] });
       },
     ),
-    !isJoined(state) && choice(words.tools, tools, state.tool, (tool) => {
+    choice(words.tools, tools, state.tool, (tool) => {
       update({ tool, drawn: [], bones: true, atRest: tool !== "select" || state.atRest });
     }),
-    state.selection !== null && !isJoined(state) && choice(
+    state.selection !== null && choice(
       words.dragging,
       [
         ["view", words.inView],

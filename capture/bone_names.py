@@ -46,6 +46,8 @@ _CORNERS = {f"{pair[0]}{side}": (pair, side) for pair in ("front", "back", "hind
 
 _WORD = re.compile("[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+|[^ -~]+")
 _WORDS = {word: part for part, words in TABLE["words"].items() for word in words.split()}
+_POINTS = {word: point for point, words in TABLE["points"].items() for word in words.split()}
+_KNOWN = _WORDS.keys() | _POINTS.keys()
 _DECORATION, _CONTROLS = (frozenset(TABLE["other"][kind].split()) for kind in ("decoration", "controls"))
 _GLUED_SIDES = (re.compile("(?P<side>left|right|l|r)(?P<own>.+)"), re.compile("(?P<own>.+?)(?P<side>left|right|l|r)"))
 _FINGERS = {word: finger for finger, words in TABLE["fingers"].items() for word in words.split()}
@@ -153,6 +155,23 @@ def find_bones(names: Sequence[str]) -> dict[str, int]:
     return found
 
 
+def find_points(names: Sequence[str]) -> dict[str, list[int]]:
+    """Return which of the points that a sensor or tracker measures are no bones of a humanoid.
+
+    Returns
+    -------
+    dict
+        Indices of names by the point in the table, with ``_left`` or ``_right`` if it has a side.
+    """
+    found: dict[str, list[int]] = {}
+    for index, words in enumerate(_without_shared_words([_words(name) for name in names])):
+        side, own = _without_side(words)
+        point = _POINTS.get(_without_digits("".join(own)))
+        if point:
+            found.setdefault(f"{point}_{side}" if side else point, []).append(index)
+    return found
+
+
 def _words(name: str) -> list[str]:
     """Return the words of a name in lower case, without its namespace; a point is before each number."""
     if name.startswith("__"):  # a spacer of MakeHuman, which has the name of the joint that follows it
@@ -186,7 +205,7 @@ def _without_side(words: list[str]) -> tuple[str | None, list[str]]:
 
 
 def _is_known(key: str) -> bool:
-    return _without_digits(key) in _WORDS or _FINGER.fullmatch(key) is not None
+    return _without_digits(key) in _KNOWN or _FINGER.fullmatch(key) is not None
 
 
 def _without_digits(key: str) -> str:

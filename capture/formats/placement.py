@@ -1,0 +1,229 @@
+"""Where the coordinates of a recording are in sensor coordinates, by the person in them.
+
+Up is where the head is above the feet over the whole recording; the unit is the common one in which the body has a
+human's size; the front is where feet, knees, elbows and nose point. If the front and the names of the sides do not fit
+right-handed axes, the axes are left-handed; the names count.
+
+Positions that a sensor measured stay where they are: y up or down, z away from the sensor, a performer in front of it
+who faces it. Other motion is moved: in the first frame, the performer faces the sensor, with the hips 2.5 m in front of
+it.
+"""
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.body import completed_lengths
+from capture.formats.options import ReadOptions
+from capture.skeleton import JOINT_INDEX, PARENTS
+from puppetline.errors import SkeletonLogError
+
+Floats = NDArray[np.float64]
+
+HIP_DISTANCE_METRES = 2.5
+"""Distance from the sensor to the hips in the first frame, if no sensor measured the positions."""
+
+METRES_PER_UNIT = {
+    "metres": 1.0,
+    "decimetres": 0.1,
+    "CMU units of 1/0.45 inch": 0.0254 / 0.45,
+    "inches": 0.0254,
+    "centimetres": 0.01,
+    "millimetres": 0.001,
+}
+"""Common units of length. They differ by more than the width of `STATURE_METRES`, 1.43, so at most one fits a body."""
+
+STATURE_METRES = (1.4, 2.0)
+"""Range of a performer's height in which a common unit is accepted."""
+
+SENSOR_STATURE_METRES = (1.0, 2.6)
+"""The same for metres, centimetres and millimetres: children, and bodies as sensors measure them."""
+
+DEFAULT_STATURE_METRES = 1.7
+
+STATURE_PER_BONE_LENGTH = 1.15
+"""Ratio of stature to the length of the bones from the centre of the head to the ankle, which is above the sole."""
+
+SENSOR_RANGE_METRES = (0.3, 10.0)
+"""Distances of a performer from a sensor that measures them."""
+
+FACING_COSINE = 0.5
+"""Cosine of the angle to the sensor within which a performer faces it, in a quarter of the frames."""
+
+MIN_AGREEMENT, MIN_AGREEMENT_IN_VIEW = 0.3, 1.0
+"""How clearly faces, feet, knees and elbows must point backwards if coordinates are left-handed, of about 3.
+
+The second value is for a performer who faces a sensor if the coordinates are right-handed.
+"""
+
+_HEIGHT = ("head", "shoulder_center", "spine", "hip_right", "knee_right", "ankle_right")
+"""Joints at the ends of the bones that a person's height consists of."""
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """Where a file's coordinates are in sensor coordinates: metres = `unit` · `axes` · (position − `origin`) + `shift`.
+
+    Attributes
+    ----------
+    axes : (3, 3) float64
+        Orthogonal; the determinant is −1 for left-handed coordinates.
+    unit : float
+        Metres.
+    origin, shift : (3,) float64
+    notes : tuple of str
+    """
+
+    axes: Floats
+    unit: float
+    origin: Floats
+    shift: Floats
+    notes: tuple[str, ...]
+
+    def apply(self, positions: Floats) -> Floats:
+        """Convert positions (…, 3) of the file to sensor coordinates."""
+        turned = (positions - self.origin) @ self.axes.T
+        return turned * self.unit + self.shift
+
+
+def place(path: Path, points: Floats, front: Floats, options: ReadOptions) -> Placement:
+    """Find where a file's coordinates are in sensor coordinates.
+
+    Parameters
+    ----------
+    path : Path
+        The recording, for error messages.
+    points : (T, 20, 3) float64
+        In the unit and axes of the file; NaN for lost joints.
+    front : (T, 3) float64
+        Directions to the performer's front as far as faces and feet tell it; NaN if unknown.
+    options : ReadOptions
+        `up` and `unit` replace what is detected.
+
+    Raises
+    ------
+    SkeletonLogError
+        The body has no size, or lies on its side in the first frame.
+    """
+    stature = _stature(path, points)
+    unit, unit_note = _unit(stature, options)
+    up, up_note = _up(points, options)
+    across = _across(points)
+    notes: tuple[str, ...] = (unit_note, up_note)
+    ahead = np.cross(up, across - np.outer(across @ up, up))
+    in_view = _in_view(points, unit * _sensor_axes(up, 1.0), ahead)
+    handed = 1.0
+    if _front_agreement(points, front, up, ahead) < -(MIN_AGREEMENT_IN_VIEW if in_view else MIN_AGREEMENT):
+        handed = -1.0
+        in_view = _in_view(points, unit * _sensor_axes(up, -1.0), -ahead)
+        notes = (*notes, "The sides and the front of the performer fit left-handed axes; they are mirrored.")
+    if in_view:
+        return Placement(_sensor_axes(up, handed), unit, np.zeros(3), np.zeros(3), notes)
+    first = int(np.isfinite(across).all(axis=1).argmax())
+    right = across[first] - up * (across[first] @ up)
+    size = np.linalg.norm(right)
+    if not size >= 0.1 * np.linalg.norm(across[first]) > 0:
+        raise SkeletonLogError(
+            path,
+            found="a first frame in which the left-to-right line of hips and shoulders points up",
+            expected="a performer who stands or sits upright",
+            fix="Set the axis that points up (y or z), or delete the first frames.",
+        )
+    right /= size
+    notes = (*notes, f"The performer faces the sensor in the first frame, {HIP_DISTANCE_METRES:g} m in front of it.")
+    axes = np.stack([right, up, handed * np.cross(right, up)])
+    origin = points[first, JOINT_INDEX["hip_center"]]
+    return Placement(axes, unit, origin, np.array([0.0, 0.0, HIP_DISTANCE_METRES]), notes)
+
+
+def _sensor_axes(up: Floats, handed: float) -> Floats:
+    """Return the axes (3, 3) of a sensor whose z points away from it."""
+    return np.diag([handed * up[1], up[1], 1.0])
+
+
+def _in_view(points: Floats, axes: Floats, ahead: Floats) -> bool:
+    """Return whether performers are in front of a sensor at the origin, at a common distance, and face it."""
+    if not axes.any(axis=1).all():
+        return False
+    with np.errstate(invalid="ignore", divide="ignore"):
+        facing = -(ahead @ axes.T)[:, 2] / np.linalg.norm(ahead @ axes.T, axis=1)
+    near, far = np.nanpercentile((points @ axes.T)[:, JOINT_INDEX["hip_center"], 2], [5, 95])
+    in_range = SENSOR_RANGE_METRES[0] <= near and far <= SENSOR_RANGE_METRES[1]
+    return bool(in_range and np.nanpercentile(facing, 75) > FACING_COSINE)
+
+
+def _across(points: Floats) -> Floats:
+    """Return the vectors (T, 3) from left to right, by those of hips and shoulders that are known; NaN for none."""
+    pairs = [
+        points[:, JOINT_INDEX[f"{joint}_right"]] - points[:, JOINT_INDEX[f"{joint}_left"]]
+        for joint in ("hip", "shoulder")
+    ]
+    return np.where(np.isnan(pairs).all(axis=0), np.nan, np.nansum(pairs, axis=0))
+
+
+def _front_agreement(points: Floats, front: Floats, up: Floats, ahead: Floats) -> float:
+    """Return how far feet, face, knees and elbows point ahead (T, 3), from about −3 to 3; 0 if nothing is known."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ahead = ahead / np.linalg.norm(ahead, axis=1, keepdims=True)
+        seen = front - np.outer(front @ up, up)
+        evidence = [2 * np.einsum("ti,ti->t", seen, ahead)]
+        for sign, (upper, middle, lower) in ((1.0, ("hip", "knee", "ankle")), (-1.0, ("shoulder", "elbow", "wrist"))):
+            for side in ("left", "right"):
+                a, b, c = (points[:, JOINT_INDEX[f"{joint}_{side}"]] for joint in (upper, middle, lower))
+                bend = b - (a + c) / 2
+                length = np.linalg.norm(b - a, axis=1) + np.linalg.norm(c - b, axis=1)
+                evidence.append(sign * 2 * np.einsum("ti,ti->t", bend, ahead) / length)
+    medians = [float(np.nanmedian(each)) for each in evidence if np.isfinite(each).any()]
+    return sum(medians)
+
+
+def _up(points: Floats, options: ReadOptions) -> tuple[Floats, str]:
+    """Return the unit vector that points up, and the note on it."""
+    if options.up is not None:
+        return np.eye(3)["xyz".index(options.up)], f"Up is {options.up}, as given."
+    lower = (points[:, JOINT_INDEX["ankle_left"]] + points[:, JOINT_INDEX["ankle_right"]]) / 2
+    if np.isnan(lower).all():
+        lower = points[:, JOINT_INDEX["hip_center"]]
+    body = np.nanmedian(points[:, JOINT_INDEX["head"]] - lower, axis=0)
+    axis = int(np.abs(body).argmax())
+    sign = 1.0 if body[axis] > 0 else -1.0
+    name = f"{'−' if sign < 0 else ''}{'xyz'[axis]}"
+    return sign * np.eye(3)[axis], f"Up is assumed to be {name}, the direction from feet to head."
+
+
+def _unit(stature: float, options: ReadOptions) -> tuple[float, str]:
+    """Return the metres per unit of the file, and the note on them."""
+    if options.unit is not None:
+        return options.unit, f"One unit is {options.unit:g} m, as given."
+    sensors = {name: METRES_PER_UNIT[name] for name in ("metres", "centimetres", "millimetres")}
+    for units, (low, high) in ((METRES_PER_UNIT, STATURE_METRES), (sensors, SENSOR_STATURE_METRES)):
+        for name, unit in units.items():
+            if low <= stature * unit <= high:
+                return unit, f"Lengths are assumed to be {name}; the body is then {stature * unit:.2f} m tall."
+    unit = DEFAULT_STATURE_METRES / stature
+    scaled = f"It is scaled to {DEFAULT_STATURE_METRES:g} m, {unit:.4g} m per unit."
+    return unit, f"The body has a human's height in no common unit. {scaled}"
+
+
+def _stature(path: Path, points: Floats) -> float:
+    """Return the body's height in file units, from the lengths of bones, which do not depend on the pose."""
+    with warnings.catch_warnings(action="ignore"):  # a bone that is never known
+        measured = {joint: float(np.nanmedian(bone_length(points, joint, parent))) for joint, parent in PARENTS.items()}
+    lengths = completed_lengths(measured)
+    stature = STATURE_PER_BONE_LENGTH * sum(lengths[joint] for joint in _HEIGHT)
+    if not stature > 1e-9:
+        raise SkeletonLogError(
+            path,
+            found="a body without size",
+            expected="bones with a length",
+            fix="Export the motion again with the offsets of its skeleton.",
+        )
+    return stature
+
+
+def bone_length(points: Floats, one: str, other: str) -> Floats:
+    """Return the distances (T,) between two joints of points (T, 20, 3)."""
+    return np.linalg.norm(points[:, JOINT_INDEX[one]] - points[:, JOINT_INDEX[other]], axis=1)

@@ -1,0 +1,213 @@
+"""Named positions in any unit and axes become the same motion."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from capture.body import TYPICAL_BONE_METRES, typical_bone_length
+from capture.formats.options import ReadOptions
+from capture.formats.positions import clip_of_positions
+from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
+from puppetline.errors import SkeletonLogError
+
+PATH, OPTIONS = Path("take"), ReadOptions()
+
+KINECT_V2 = [
+    "SpineBase",
+    "SpineMid",
+    "Neck",
+    "Head",
+    "ShoulderLeft",
+    "ElbowLeft",
+    "WristLeft",
+    "HandLeft",
+    "ShoulderRight",
+    "ElbowRight",
+    "WristRight",
+    "HandRight",
+    "HipLeft",
+    "KneeLeft",
+    "AnkleLeft",
+    "FootLeft",
+    "HipRight",
+    "KneeRight",
+    "AnkleRight",
+    "FootRight",
+    "SpineShoulder",
+    "HandTipLeft",
+    "ThumbLeft",
+    "HandTipRight",
+    "ThumbRight",
+]
+
+BLAZEPOSE = [
+    "nose",
+    "left_eye_inner",
+    "left_eye",
+    "left_eye_outer",
+    "right_eye_inner",
+    "right_eye",
+    "right_eye_outer",
+    "left_ear",
+    "right_ear",
+    "mouth_left",
+    "mouth_right",
+    "left_shoulder",
+    "right_shoulder",
+    "left_elbow",
+    "right_elbow",
+    "left_wrist",
+    "right_wrist",
+    "left_pinky",
+    "right_pinky",
+    "left_index",
+    "right_index",
+    "left_thumb",
+    "right_thumb",
+    "left_hip",
+    "right_hip",
+    "left_knee",
+    "right_knee",
+    "left_ankle",
+    "right_ankle",
+    "left_heel",
+    "right_heel",
+    "left_foot_index",
+    "right_foot_index",
+]
+
+HUMAN36M = [
+    "Hip",
+    "RHip",
+    "RKnee",
+    "RFoot",
+    "LHip",
+    "LKnee",
+    "LFoot",
+    "Spine",
+    "Thorax",
+    "Nose",
+    "Head",
+    "LShoulder",
+    "LElbow",
+    "LWrist",
+    "RShoulder",
+    "RElbow",
+    "RWrist",
+]
+
+
+def person(frames=4):
+    """Return (T, 20, 3) positions of a person 2.5 m in front of a sensor who raises the right arm."""
+    ways = {"shoulder": (1, 0, 0), "hip": (1, 0, 0), "elbow": (0.2, -1, 0.3), "wrist": (0.1, -1, -0.3)}
+    ways |= {"hand": (0, -1, -0.2), "knee": (0, -1, -0.1), "ankle": (0, -1, 0.1), "foot": (0, -0.3, -1)}
+    poses = np.tile([0.1, 0.2, 2.5], (frames, len(JOINTS), 1))
+    for joint, parent in PARENTS.items():
+        part, _, side = joint.partition("_")
+        way = np.array(ways.get(part if side in ("left", "right") else "", (0, 1, 0)), float)
+        way = np.tile(way / np.linalg.norm(way) * ([1, 1, 1] if side == "right" else [-1, 1, 1]), (frames, 1))
+        if joint == "elbow_right":
+            way[:, 1] += np.linspace(0, 1.5, frames)
+            way /= np.linalg.norm(way, axis=1, keepdims=True)
+        poses[:, JOINT_INDEX[joint]] = poses[:, JOINT_INDEX[parent]] + typical_bone_length(joint) * way
+    return poses
+
+
+def without_heading(poses):
+    """Return poses relative to the first hips, turned so that the first hips are parallel to x."""
+    poses = poses - poses[0, JOINT_INDEX["hip_center"]]
+    across = poses[0, JOINT_INDEX["hip_right"]] - poses[0, JOINT_INDEX["hip_left"]]
+    turn = scipy.spatial.transform.Rotation.from_euler("y", np.arctan2(across[2], across[0]))
+    return (poses.reshape(-1, 3) @ turn.as_matrix().T).reshape(poses.shape)
+
+
+@given(
+    unit=st.sampled_from([1.0, 100.0, 1000.0]),
+    axes=st.permutations(range(3)),
+    signs=st.tuples(*[st.sampled_from([-1.0, 1.0])] * 3),
+    turn=st.floats(-180, 180),
+    seed=st.integers(0, 99),
+)
+@settings(max_examples=60, deadline=None)
+def test_unit_up_front_and_handedness_follow_from_the_person(unit, axes, signs, turn, seed):
+    poses = person()
+    turned = poses @ scipy.spatial.transform.Rotation.from_euler("y", turn, degrees=True).as_matrix().T
+    moved = unit * (turned[..., axes] * signs + np.random.default_rng(seed).normal(size=3))
+    clip = clip_of_positions(PATH, "table", JOINTS, moved, OPTIONS)
+    np.testing.assert_allclose(without_heading(clip.positions), without_heading(poses), atol=1e-9)
+
+
+def test_positions_of_a_sensor_stay_where_they_are_in_any_order_of_the_joints():
+    poses = person()
+    order = np.random.default_rng(3).permutation(len(JOINTS))
+    names = [JOINTS[joint] for joint in order]
+    clip = clip_of_positions(PATH, "table", names, poses[:, order], OPTIONS, times=np.arange(4.0))
+    np.testing.assert_array_equal(clip.positions, poses)
+    azure = clip_of_positions(PATH, "table", names, -1000 * poses[:, order] * [1, 1, -1], OPTIONS)
+    np.testing.assert_allclose(azure.positions, poses, atol=1e-12)
+
+
+def joints_as(names):
+    """Return the person's positions under the names of another skeleton; others are near the joint that they follow."""
+    poses, at = person(), {}
+    for joint in JOINTS:
+        at[joint.replace("_", "")] = poses[:, JOINT_INDEX[joint]]
+    same = {"hip": "hipcenter", "spinebase": "hipcenter", "thorax": "shouldercenter", "spineshoulder": "shouldercenter"}
+    same |= {"spinemid": "spine", "neck": "shouldercenter"}
+    for side in "left", "right":
+        at |= {f"{part}{side}": at[f"foot{side}"] for part in ("footindex",)}
+        at |= {f"heel{side}": at[f"ankle{side}"], f"ear{side}": at["head"]}
+        at |= {f"{part}{side}": at[f"hand{side}"] for part in ("index", "pinky", "thumb", "handtip")}
+    columns = []
+    for name in names:
+        key = name.lower().replace("_", "")
+        for side, start in (("left", "l"), ("right", "r")):
+            if key.startswith(side):
+                key = key.removeprefix(side) + side
+            elif names is HUMAN36M and key.startswith(start):
+                key = key.removeprefix(start).replace("foot", "ankle") + side
+        columns.append(at.get(same.get(key, key), at["head"] - [0, 0, 0.1]))
+    return np.stack(columns, axis=1)
+
+
+@pytest.mark.parametrize(
+    ("names", "between", "lost"),
+    [
+        (KINECT_V2, set(), set()),
+        (BLAZEPOSE, {"hip_center", "spine", "shoulder_center"}, set()),
+        (HUMAN36M, set(), {"hand_left", "hand_right", "foot_left", "foot_right"}),
+    ],
+)
+def test_names_of_sensors_and_trackers_are_known(names, between, lost):
+    clip = clip_of_positions(PATH, "table", names, joints_as(names), OPTIONS)
+    assert {joint for joint in JOINTS if clip.confidence[0, JOINT_INDEX[joint]] == 0} == lost
+    assert {joint for joint in JOINTS if clip.confidence[0, JOINT_INDEX[joint]] == 0.5} == between
+    own = [
+        JOINT_INDEX[joint]
+        for joint in JOINTS
+        if joint not in between | lost | ({"head"} if names is HUMAN36M else set())
+    ]
+    np.testing.assert_allclose(clip.positions[:, own], person()[:, own], atol=1e-12)
+
+
+def test_a_missing_head_continues_the_neck_and_zeros_are_lost_but_for_hips_in_the_middle_of_the_axes():
+    poses = person() - person()[:, :1]
+    poses[2, JOINT_INDEX["hand_left"]] = 0
+    names = [joint if joint != "head" else "prop" for joint in JOINTS]
+    clip = clip_of_positions(PATH, "table", names, poses, OPTIONS)
+    head = clip.positions[:, JOINT_INDEX["head"]] - clip.positions[:, JOINT_INDEX["shoulder_center"]]
+    np.testing.assert_allclose(head, np.tile([0, TYPICAL_BONE_METRES["head"], 0], (4, 1)), atol=1e-12)
+    assert np.argwhere(clip.confidence == 0).tolist() == [[2, JOINT_INDEX["hand_left"]]]
+
+
+def test_other_bodies_and_names_are_refused():
+    poses = person()
+    wrong = list(JOINTS)
+    wrong[5], wrong[17] = wrong[17], wrong[5]
+    for names in (wrong, [f"marker {joint}" for joint in range(20)]):
+        with pytest.raises(SkeletonLogError):
+            clip_of_positions(PATH, "table", names, poses, OPTIONS)

@@ -197,14 +197,15 @@ def _without_shared_words(split: list[list[str]]) -> list[list[str]]:
 def _without_side(words: list[str]) -> tuple[str | None, list[str]]:
     """Return the side in words, and the other words; a side may be at the beginning or end of a word."""
     sides, key = [SIDES[word] for word in words if word in SIDES], "".join(words)
-    if sides or _is_known(key):
+    if sides or is_known(key):
         return (sides[0] if sides else None), [word for word in words if word not in SIDES]
     matches = (pattern.fullmatch(key) for pattern in _GLUED_SIDES)
-    match = next((match for match in matches if match and _is_known(match["own"])), None)
+    match = next((match for match in matches if match and is_known(match["own"])), None)
     return (SIDES[match["side"]], [match["own"]]) if match else (None, words)
 
 
-def _is_known(key: str) -> bool:
+def is_known(key: str) -> bool:
+    """Return whether a word in lower case is the name of a joint's part."""
     return _without_digits(key) in _KNOWN or _FINGER.fullmatch(key) is not None
 
 

@@ -26,13 +26,10 @@ FORMATS: dict[str, str] = {
     "azure_json": "Azure Kinect offline_processor JSON",
     "kinect_v2_json": "Kinect v2 JSON in depth pixels",
     "ntu": "NTU RGB+D .skeleton",
-    "utd_mhad": "UTD-MHAD .mat",
-    "cad60": "CAD-60 text",
-    "msrc12": "MSRC-12, 81 columns",
-    "kinect_v2_csv": "Kinect v2 CSV, 101 columns",
-    "utkinect": "UTKinect-Action3D, 61 columns",
+    "arrays": "arrays of joint positions or SMPL parameters (.npy, .npz, .mat)",
     "kinect_v2_sparse": "Kinect v2 text with tracked joints only",
     "msr_action3d": "MSR Action3D, 20 rows per frame",
+    "table": "tables of joint positions as text",
 }
 """Name of each format module and the format's name for users, in the order in which the modules are tried."""
 

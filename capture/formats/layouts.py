@@ -47,27 +47,11 @@ NITE15: JointOrder = (
 )
 """OpenNI 2 with NiTE 2; its torso becomes the spine. Requires `synthesise_missing`."""
 
-CAD60: JointOrder = (
-    *("head", "shoulder_center", "spine"),
-    *("shoulder_left", "elbow_left", "shoulder_right", "elbow_right"),
-    *("hip_left", "knee_left", "hip_right", "knee_right"),
-    *("hand_left", "hand_right", "foot_left", "foot_right"),
-)
-"""CAD-60: the joints of NiTE in another order. Requires `synthesise_missing`."""
-
 MSR_ACTION3D: JointOrder = (
     *("shoulder_left", "shoulder_right", "shoulder_center", "spine", "hip_left", "hip_right", "hip_center"),
     *("elbow_left", "elbow_right", "wrist_left", "wrist_right", "hand_left", "hand_right"),
     *("knee_left", "knee_right", "ankle_left", "ankle_right", "foot_left", "foot_right"),
     "head",
-)
-
-UTD_MHAD: JointOrder = (
-    *("head", "shoulder_center", "spine", "hip_center"),
-    *_LEFT_ARM,
-    *_RIGHT_ARM,
-    *_LEFT_LEG,
-    *_RIGHT_LEG,
 )
 
 _MISSING: dict[str, dict[str, float]] = {

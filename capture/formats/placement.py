@@ -1,8 +1,8 @@
 """Where the coordinates of a recording are in sensor coordinates, by the person in them.
 
-Up is where the head is above the feet over the whole recording; the unit is the common one in which the body has a
-human's size; the front is where feet, knees, elbows and nose point. If the front and the names of the sides do not fit
-right-handed axes, the axes are left-handed; the names count.
+Up is where the head is above the feet, and the shoulders above the hips, over the whole recording; the unit is the
+common one in which the body has a human's size; the front is where feet, knees, elbows and nose point. If the front and
+the names of the sides do not fit right-handed axes, the axes are left-handed; the names count.
 
 Positions that a sensor measured stay where they are: y up or down, z away from the sensor, a performer in front of it
 who faces it. Other motion is moved: in the first frame, the performer faces the sensor, with the hips 2.5 m in front of
@@ -184,10 +184,12 @@ def _up(points: Floats, options: ReadOptions) -> tuple[Floats, str]:
     """Return the unit vector that points up, and the note on it."""
     if options.up is not None:
         return np.eye(3)["xyz".index(options.up)], f"Up is {options.up}, as given."
-    lower = (points[:, JOINT_INDEX["ankle_left"]] + points[:, JOINT_INDEX["ankle_right"]]) / 2
-    if np.isnan(lower).all():
-        lower = points[:, JOINT_INDEX["hip_center"]]
-    body = np.nanmedian(points[:, JOINT_INDEX["head"]] - lower, axis=0)
+    ankles = (points[:, JOINT_INDEX["ankle_left"]] + points[:, JOINT_INDEX["ankle_right"]]) / 2
+    body = np.zeros(3)
+    for upper, lower in (("head", ankles), ("shoulder_center", points[:, JOINT_INDEX["hip_center"]])):
+        with warnings.catch_warnings(action="ignore"):  # joints that are always lost
+            way = np.nanmedian(points[:, JOINT_INDEX[upper]] - lower, axis=0)
+            body += np.nan_to_num(way / np.linalg.norm(way))
     axis = int(np.abs(body).argmax())
     sign = 1.0 if body[axis] > 0 else -1.0
     name = f"{'−' if sign < 0 else ''}{'xyz'[axis]}"

@@ -4,7 +4,8 @@ Names tell which position is which joint (`capture.bone_names`). `capture.format
 has no position continues the neck; a joint between two others is placed between them; any other joint is lost.
 """
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +30,9 @@ TYPICAL_TRUNK_METRES = TYPICAL_BONE_METRES["spine"] + TYPICAL_BONE_METRES["shoul
 SPINE_SHARE = TYPICAL_BONE_METRES["spine"] / TYPICAL_TRUNK_METRES
 """Distance of the spine from the hips, as a share of the trunk's length."""
 
+WRIST_SHARE = 0.75
+"""Distance of the wrist from the elbow, as a share of the hand's (`capture.formats.layouts`)."""
+
 NECK_SHARE = TYPICAL_BONE_METRES["head"] / TYPICAL_TRUNK_METRES
 """Length of the neck and half of the head, as a share of the trunk's."""
 
@@ -37,15 +41,18 @@ MAX_BONE_RATIO = 2.0
 
 _SIDES = "left", "right"
 _LANDMARKS = {
-    "hip_center": ("hip_center",),
-    "spine": ("spine",),
-    "shoulder_center": ("shoulder_center",),
-    "hand_left": ("knuckle_left", "hand_tip_left"),
-    "hand_right": ("knuckle_right", "hand_tip_right"),
-    "foot_left": ("toe_left",),
-    "foot_right": ("toe_right",),
+    **{joint: (joint,) for joint in ("hip_center", "spine", "shoulder_center")},
+    **{f"{joint}_{side}": (f"{joint}_{side}",) for joint in ("wrist", "ankle") for side in _SIDES},
+    **{f"hand_{side}": (f"knuckle_{side}", f"hand_tip_{side}") for side in _SIDES},
+    **{f"foot_{side}": (f"toe_{side}",) for side in _SIDES},
 }
-"""Points (`bone_names.find_points`) that replace or precede the bones of a joint, in order of priority."""
+"""Points (`bone_names.find_points`) that each joint may be, in order of priority."""
+
+_ENDS = {"hand": ("Hand", "wrist", "elbow"), "foot": ("Foot", "ankle", "")}
+"""Joints at the ends of limbs: the bone of that name, the joint before, and the one before that, if its name counts.
+
+Rigs call hand or foot where it begins, at wrist or ankle. In a skeleton that has these too, or an elbow, it is the end.
+"""
 
 _HEADS = (("ear_left", "ear_right"), ("eye_left", "eye_right"), ("nose",), ("head_top",))
 """Points whose middle replaces a head that has no name, in order of priority."""
@@ -140,9 +147,7 @@ def select(
         Joints of a person are missing among the names.
     """
     sources, landmarks = _sources(names)
-    found = {*sources, *(joint for joint, pair in MIDPOINTS.items() if sources.keys() >= set(pair))}
-    missing = [joint for joint in _REQUIRED if joint not in found]
-    if missing:
+    if missing := _missing(sources):
         listed = ", ".join(names)
         raise SkeletonLogError(
             path,
@@ -164,6 +169,16 @@ def select(
     return Selection(points, sure, sources, _front(known, landmarks, sources), notes)
 
 
+def is_person(names: Sequence[str]) -> bool:
+    """Return whether names are those of a person's joints, or of enough of them."""
+    return not _missing(_sources(names)[0])
+
+
+def _missing(sources: Mapping[str, object]) -> list[str]:
+    found = {*sources, *(joint for joint, pair in MIDPOINTS.items() if sources.keys() >= set(pair))}
+    return [joint for joint in _REQUIRED if joint not in found]
+
+
 def _is_origin(positions: Floats, at_origin: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return which positions (J,) are the origin of the coordinates, and therefore known: one in the body's middle."""
     is_lost = ~np.isfinite(positions).any(axis=2)
@@ -177,16 +192,24 @@ def _sources(names: Sequence[str]) -> tuple[dict[str, tuple[int, ...]], dict[str
     """Return the positions of each of the 20 joints, and of all landmarks."""
     landmarks = find_points(names)
     special = {index for indices in landmarks.values() for index in indices}
-    bones = find_bones(["" if index in special else name for index, name in enumerate(names)])
+    order = sorted(range(len(names)), key=lambda index: names[index])  # the order of the columns says nothing
+    found = find_bones(["" if index in special else names[index] for index in order])
+    bones = {bone: order[index] for bone, index in found.items()}
     sources: dict[str, tuple[int, ...]] = {}
+    for end, (bone, inner, outer) in _ENDS.items():
+        for side in _SIDES:
+            elbow = bones.get(f"{side}LowerArm")
+            is_named = f"{inner}_{side}" in landmarks or (outer and elbow is not None and outer in names[elbow].lower())
+            if is_named and f"{side}{bone}" in bones:
+                sources[f"{end}_{side}"] = (bones.pop(f"{side}{bone}"),)
     for joint, candidates in BONES.items():
         points = [tuple(landmarks[point]) for point in _LANDMARKS.get(joint, ()) if point in landmarks]
-        indices: list[tuple[int, ...]] = [(bones[bone],) for bone in candidates if bone in bones]
-        found = points + indices if joint in MIDPOINTS else indices + points
-        if joint == "spine" and not found and "hips" in bones and sources["hip_center"] != (bones["hips"],):
-            found = [(bones["hips"],)]
-        if found:
-            sources[joint] = found[0]
+        own: list[tuple[int, ...]] = [(bones[bone],) for bone in candidates if bone in bones]
+        own = own + points if joint.startswith(("hand", "foot")) else points + own
+        if joint == "spine" and not own and "hips" in bones and sources["hip_center"] != (bones["hips"],):
+            own = [(bones["hips"],)]
+        if own:
+            sources.setdefault(joint, own[0])
     if "head" not in sources:
         heads = (tuple(index for point in points for index in landmarks.get(point, [])) for points in _HEADS)
         sources["head"] = next(filter(None, heads), ())
@@ -208,12 +231,18 @@ def _fill(points: Floats, sure: NDArray[np.float32], sources: dict[str, tuple[in
             points[:, JOINT_INDEX[joint]] = (1 - share) * points[:, one] + share * points[:, other]
             sure[:, JOINT_INDEX[joint]] = np.minimum(sure[:, [one, other]].min(axis=1), INFERRED)
             notes.append(f"No position for {joint}. It is placed between {pair[0]} and {pair[1]}.")
+    for side in _SIDES:
+        if f"hand_{side}" in sources and f"wrist_{side}" not in sources:
+            elbow, wrist, hand = (JOINT_INDEX[f"{joint}_{side}"] for joint in ("elbow", "wrist", "hand"))
+            points[:, wrist] = (1 - WRIST_SHARE) * points[:, elbow] + WRIST_SHARE * points[:, hand]
+            sure[:, wrist] = np.minimum(sure[:, [elbow, hand]].min(axis=1), INFERRED)
     if "head" not in sources:
         neck, hips = JOINT_INDEX["shoulder_center"], JOINT_INDEX["hip_center"]
         points[:, JOINT_INDEX["head"]] = points[:, neck] + NECK_SHARE * (points[:, neck] - points[:, hips])
         sure[:, JOINT_INDEX["head"]] = np.minimum(sure[:, [neck, hips]].min(axis=1), INFERRED)
         notes.append("No position for the head. It continues the neck.")
-    lost = [joint for joint in JOINTS if joint not in sources and joint not in MIDPOINTS and joint != "head"]
+    placed = {"head", *MIDPOINTS, *(f"wrist_{side}" for side in _SIDES if f"hand_{side}" in sources)}
+    lost = [joint for joint in JOINTS if joint not in sources and joint not in placed]
     notes += [f"No position for {joint}. It is lost." for joint in lost]
     return tuple(notes)
 
@@ -243,7 +272,7 @@ def bone_ratios(points: Floats) -> Floats:
     unknown.
     """
     typical = [*(typical_bone_length(joint) for joint, _ in _BONES), TYPICAL_TRUNK_METRES]
-    with np.errstate(all="ignore"):
+    with warnings.catch_warnings(action="ignore"):  # joints that are always lost
         lengths = [np.nanmedian(bone_length(points, *bone)) for bone in (*_BONES, ("shoulder_center", "hip_center"))]
         ratios = np.array(lengths) / typical
         return ratios / np.nanmedian(ratios)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from capture.formats.layouts import CAD60, K25, K32, MSR_ACTION3D, NITE15, UTD_MHAD, synthesise_missing, to_kinect20
+from capture.formats.layouts import K25, K32, MSR_ACTION3D, NITE15, synthesise_missing, to_kinect20
 from capture.skeleton import JOINT_INDEX
 
 SYNTHESISED = ["hip_center", "wrist_left", "wrist_right", "ankle_left", "ankle_right"]
@@ -12,9 +12,7 @@ FOREIGN = {
     "K21": (K25[:21], [0, 1, 20, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19]),
     "K32": (K32, [0, 1, 3, 26, 5, 6, 7, 8, 12, 13, 14, 15, 18, 19, 20, 21, 22, 23, 24, 25]),
     "MSR": (MSR_ACTION3D, [6, 3, 2, 19, 0, 7, 9, 11, 1, 8, 10, 12, 4, 13, 15, 17, 5, 14, 16, 18]),
-    "UTD": (UTD_MHAD, [3, 2, 1, 0, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19]),
     "NiTE": (NITE15, [None, 8, 1, 0, 2, 4, None, 6, 3, 5, None, 7, 9, 11, None, 13, 10, 12, None, 14]),
-    "CAD-60": (CAD60, [None, 2, 1, 0, 3, 4, None, 11, 5, 6, None, 12, 7, 8, None, 13, 9, 10, None, 14]),
 }
 
 

@@ -1,0 +1,166 @@
+"""Text files as rows of cells: separators, quotes, decimal commas, header lines, and several numbers in a cell."""
+
+import csv
+import math
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from capture.formats._rows import Line
+
+SEPARATORS: tuple[str | None, ...] = (";", "\t", ",", "|", None)
+"""Separators in order of priority; None stands for any white space."""
+
+MAX_HEADER_ROWS = 4
+"""Number of lines above the first row that name the columns."""
+
+UNKNOWN = frozenset(("", "nan", "null", "none", "na", "n/a", "-", "inf", "-inf", "undefined"))
+"""Cells in lower case that stand for a value which is not known."""
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_VECTOR = re.compile(rf"[\[({{<]*\s*{_NUMBER}(?:[\s,;]+{_NUMBER}){{2,6}}\s*[\])}}>]*")
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
+_UNITS = frozenset(("m", "mm", "cm", "s", "ms", "sec", "", "meters", "metres", "unit", "units"))
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """Rows of equal length.
+
+    Attributes
+    ----------
+    names : list of list of str
+        Of each column, the header's cells from top to bottom; empty without a header.
+    rows : list of list of str
+    lines : list of int
+        Line number of each row.
+    vectors : dict
+        How many numbers each cell of a column has, for columns with several.
+    cut_off : int or None
+        Line within which the file ends, which is no row.
+    """
+
+    names: list[list[str]]
+    rows: list[list[str]]
+    lines: list[int]
+    vectors: dict[int, int]
+    cut_off: int | None
+
+
+class UnevenError(ValueError):
+    """A row has another number of cells than the others; the arguments are line, its cells and theirs."""
+
+
+def number(cell: str) -> float | None:
+    """Return the number in a cell, NaN if it is not known, None if the cell is neither."""
+    try:
+        value = float(cell.replace("_", "?"))  # Python allows 1_000
+    except ValueError:
+        return math.nan if cell.lower() in UNKNOWN else None
+    return value if math.isfinite(value) else math.nan
+
+
+def vector(cell: str) -> list[float] | None:
+    """Return the numbers of a cell such as ``(0.1, 1.2, 3)``; None if the cell has not 3 to 7 numbers."""
+    return [float(each) for each in re.findall(_NUMBER, cell)] if _VECTOR.fullmatch(cell) else None
+
+
+def split(lines: Sequence[Line]) -> Cells | None:
+    """Split lines that are not blank into cells.
+
+    Returns
+    -------
+    Cells or None
+        None if the lines are no table of numbers.
+
+    Raises
+    ------
+    UnevenError
+    """
+    lines = [(at, text.lstrip("#% ") if text.lstrip()[:1] in "#%" else text) for at, text in lines]
+    if not lines:
+        return None
+    separator = _separator([text for _, text in lines[:60]])
+    rows = [_row(text, separator) for _, text in lines]
+    first = next((index for index, row in enumerate(rows) if _has_numbers(row)), None)
+    if first is None:
+        return None
+    width = Counter(len(row) for row in rows[first:]).most_common(1)[0][0]
+    if width > 1 and not any(row[width - 1] for row in rows[first:] if len(row) == width):
+        width -= 1  # the lines end in a separator
+    header = _header(rows[:first], width)
+    body, numbers = rows[first:], [at for at, _ in lines[first:]]
+    cut_off = None
+    if len(body) > 1 and len(body[-1]) < width and not lines[-1][1].endswith("\n"):
+        cut_off = numbers[-1]
+        body, numbers = body[:-1], numbers[:-1]
+    for row, at in zip(body, numbers, strict=True):
+        if len(row) < width or any(row[width:]):
+            raise UnevenError(at, len(row), width)
+    body = [row[:width] for row in body]
+    vectors = {}
+    for column in range(width):
+        sizes = Counter(len(each) for row in body[:50] if (each := vector(row[column])))
+        if sizes:
+            vectors[column] = sizes.most_common(1)[0][0]
+    return Cells(_names(header, width), body, numbers, vectors, cut_off)
+
+
+def _header(above: list[list[str]], width: int) -> list[list[str]]:
+    """Return the rows above the first one with numbers that name the columns."""
+    header: list[list[str]] = []
+    for row in above[-MAX_HEADER_ROWS:][::-1]:
+        if len(row) < 0.6 * width or not any(row):
+            break
+        header.insert(0, row[:width])
+    return header
+
+
+def _separator(texts: Sequence[str]) -> str | None:
+    """Return the separator with which most cells are numbers, and, of these, most cells there are."""
+
+    def numbers_of(separator: str | None) -> tuple[float, int]:
+        cells = [cell for text in texts for cell in _row(text, separator) if cell]
+        good = [number(cell) is not None or vector(cell) is not None for cell in cells]
+        count = sum(good)
+        rows = [_row(text, separator) for text in texts]
+        width = Counter(len(row) for row in rows).most_common(1)[0]
+        return round(count / max(1, len(cells)) * width[1] / len(rows), 1) if width[0] > 1 else 0.0, count
+
+    return max(SEPARATORS, key=numbers_of)
+
+
+def _row(text: str, separator: str | None) -> list[str]:
+    """Return the cells of a line, with points in numbers."""
+    if separator is None:
+        cells = text.split()
+    elif '"' in text:
+        cells = next(csv.reader([text.strip("\r\n")], delimiter=separator, skipinitialspace=True))
+    else:
+        cells = text.split(separator)
+    cells = [cell.strip().strip("'\"") for cell in cells]
+    if "," in text and (separator != "," or '"' in text):
+        cells = [cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in cells]
+    return cells
+
+
+def _has_numbers(row: Sequence[str]) -> bool:
+    """Return whether most of at least three known cells of a row are numbers."""
+    known = [cell for cell in row if cell.lower() not in UNKNOWN]
+    good = sum(number(cell) is not None or 3 * (vector(cell) is not None) for cell in known)
+    return good >= max(3, 0.5 * len(known)) or (len(row) >= 3 and bool(row[0]) and not known)
+
+
+def _names(header: list[list[str]], width: int) -> list[list[str]]:
+    """Return the header's cells of each column; a name above several columns stands above the first of them."""
+    header = [row for row in header if not {cell.lower().strip("[]()") for cell in row} <= _UNITS]
+    header = [row for row in header if len({cell for cell in row if cell}) > 1 or len(header) == 1]
+    columns: list[list[str]] = [[] for _ in range(width)]
+    for level, row in enumerate(header):
+        last = ""
+        for names, cell in zip(columns, row + [""] * width, strict=False):
+            last = cell or (last if level < len(header) - 1 else "")
+            if last:
+                names.append(last)
+    return columns

@@ -1,0 +1,76 @@
+"""What the columns of a table are, by their names: time, frame, person, joint, and x, y, z and state of a joint."""
+
+import re
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from capture.bone_names import is_known
+
+AXES = ("x", "y", "z")
+
+_WORD = re.compile("[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+")
+
+TABLE = tomllib.loads(Path(__file__).with_name("table_words.toml").read_text(encoding="utf-8"))
+
+WORDS: dict[str, frozenset[str]] = {kind: frozenset(words.split()) for kind, words in TABLE.items() if kind != "units"}
+
+
+class Column(NamedTuple):
+    """What a column is.
+
+    Attributes
+    ----------
+    role : str
+        "x", "y", "z", "state", "time", "frame", "person", "joint", or "" for a column that is not used.
+    joint : str
+        Name of the joint whose coordinate or state it is; a number, or "" if the rows or their order tell.
+    """
+
+    role: str
+    joint: str = ""
+
+
+def parse(names: Sequence[Sequence[str]]) -> list[Column]:
+    """Return what the columns are whose header's cells are given, from top to bottom."""
+    columns = [_parse([word for cell in cells for word in _words(cell)]) for cells in names]
+    placed = {column.joint for column in columns if column.role in AXES}
+    return [column if column.role != "state" or column.joint in placed else Column("") for column in columns]
+
+
+def _words(cell: str) -> list[str]:
+    words = [word.lower() for word in _WORD.findall(cell)]
+    return [part for word in words for part in _without_axis(word)]
+
+
+def _without_axis(word: str) -> tuple[str, ...]:
+    """Split a letter x, y or z from the end or the beginning of a word that is known without it."""
+    if len(word) > 1 and not is_known(word):
+        for own, axis in ((word[:-1], word[-1]), (word[1:], word[0])):
+            if axis in AXES and (is_known(own) or own in WORDS["filler"]):
+                return (own, axis)
+    return (word,)
+
+
+def _parse(words: list[str]) -> Column:
+    own = set(words)
+    axes = [index for index, word in enumerate(words) if word in AXES]
+    if own & WORDS["other"]:
+        return Column("")
+    if axes:
+        return Column(words[axes[-1]], _joint(words[: axes[-1]] + words[axes[-1] + 1 :]))
+    for kind in ("state", "short_state"):
+        rest = [word for word in words if word not in WORDS[kind]]
+        if len(rest) < len(words) and (_joint(rest) or kind == "state") and not set(rest) & WORDS["time"]:
+            return Column("state", _joint(rest))
+    if own & WORDS["time"] and not any(map(is_known, own - WORDS["time"])):
+        return Column("time")
+    for role in ("person", "joint"):
+        if own & WORDS[role] and own <= WORDS[role] | WORDS["id"]:
+            return Column(role)
+    return Column("frame" if own <= WORDS["frame"] else "", _joint(words))
+
+
+def _joint(words: Sequence[str]) -> str:
+    return "_".join(word for word in words if word not in WORDS["filler"])

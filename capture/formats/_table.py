@@ -1,0 +1,281 @@
+"""A text table's columns as a person's joints: by names, by a file of the user's, or by their number."""
+
+import itertools
+import tomllib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.formats._cells import UnevenError, number, split, vector
+from capture.formats._columns import AXES, parse
+from capture.formats._rows import Line
+from capture.formats.joint_sets import JOINT_SETS, Fit, clearest, fits
+from capture.formats.options import ReadOptions
+from capture.formats.positions import is_person
+from puppetline.errors import SkeletonLogError, at
+
+Floats = NDArray[np.float64]
+
+UNNAMED = "\0"
+"""Beginning of the names of joints whose columns do not name them."""
+
+MAX_EXTRA_COLUMNS = 3
+"""Number of columns without a header that are no positions."""
+
+WIDTHS = (3, 4, 7)
+"""Numbers of a joint without a header: x y z, then a state or a quaternion."""
+
+OTHER_LAYOUTS = {171: ("cad60", [*range(11, 165, 14), *range(155, 171, 4)])}
+"""Joint set, and first columns of the joints, of tables without a header whose joints differ: CAD-60."""
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """What the columns of a table are.
+
+    Attributes
+    ----------
+    joints : dict of str to dict
+        Columns of a joint's "x", "y", "z" and "state" by its name; a column with several numbers is its "x" only.
+    fields : dict of str to int
+        Columns that are "time", "frame", "person" or "joint".
+    """
+
+    joints: dict[str, dict[str, int]]
+    fields: dict[str, int]
+
+
+class Table:
+    """A table, and what its columns are.
+
+    Parameters
+    ----------
+    path : Path
+        The recording, for error messages.
+    lines : sequence of Line
+    options : ReadOptions
+
+    Raises
+    ------
+    SkeletonLogError
+        The lines are no table of numbers, `options` do not fit it, or several orders of joints do.
+    """
+
+    def __init__(self, path: Path, lines: Sequence[Line], options: ReadOptions) -> None:
+        self.path, self.options = path, options
+        try:
+            cells = split(lines)
+        except UnevenError as error:
+            line, found, expected = error.args
+            raise SkeletonLogError(
+                at(path, line),
+                found=f"{found} columns",
+                expected=f"{expected} columns, as in most lines",
+                fix="Correct or delete this line, or record again.",
+            ) from error
+        if cells is None:
+            self.refuse("text without rows of numbers")
+        self.cells = cells
+        self.width = len(cells.names)
+        self._names = [" ".join(names) for names in cells.names]
+        self._known: dict[int, Floats] = {}
+        self.notes: tuple[str, ...] = ()
+        if cells.cut_off is not None:
+            self.notes = (f"The file ends in the middle of line {cells.cut_off}. This frame is omitted.",)
+        self._layout = self._mapped(options.columns) if options.columns else self._named() or self._unnamed()
+
+    def column_name(self, column: int) -> str:
+        return self._names[column] or f"column {column + 1}"
+
+    def refuse(self, found: str) -> NoReturn:
+        raise SkeletonLogError(
+            self.path,
+            found=found,
+            expected="a table with x, y and z of a person's joints in columns such as HeadX or left_knee.y",
+            fix="Rename the columns, or name those of each joint in a file: --columns FILE.",
+        )
+
+    # What the columns are
+
+    def _named(self) -> Layout | None:
+        columns = parse(self.cells.names)
+        joints: dict[str, dict[str, int]] = {}
+        fields: dict[str, int] = {}
+        repeats: dict[str, int] = {}
+        for index, (role, joint) in enumerate(columns):
+            if index in self.cells.vectors and joint and role in ("", *AXES):
+                joints.setdefault(joint, {"x": index})
+            elif role in (*AXES, "state"):
+                name = joint
+                if not joint:  # one joint in each row, or several without names
+                    name = f"{UNNAMED}{repeats.get(role, 0)}"
+                    repeats[role] = repeats.get(role, 0) + 1
+                joints.setdefault(name, {}).setdefault(role, index)
+            elif role == "joint":
+                fields.setdefault(role if role not in fields else f"joint {len(fields)}", index)
+            elif role and (index == 0 or self._names[index]):
+                fields.setdefault(role, index)
+        joints = {
+            name: own for name, own in joints.items() if own.keys() >= set(AXES) or own.get("x") in self.cells.vectors
+        }
+        if not joints:
+            return None
+        unnamed = {name: own for name, own in joints.items() if name.startswith(UNNAMED)}
+        if len(joints) > len(unnamed):
+            joints = {name: own for name, own in joints.items() if name not in unnamed}
+            is_numbered = all(name.isdigit() for name in joints)
+            return Layout(joints, fields) if is_numbered or is_person(list(joints)) else None
+        is_known = len(joints) > 1 or fields or self._joint_set_of_rows(next(iter(joints.values()))) is not None
+        return Layout(joints, fields) if is_known else None
+
+    def _mapped(self, path: Path) -> Layout:
+        """Return the layout that a file of the user's names."""
+        try:
+            chosen = tomllib.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise SkeletonLogError(
+                path,
+                found=f"a file that cannot be read as TOML ({error})",
+                expected='lines such as Head = ["HX", "HY", "HZ"]',
+                fix="Correct the file.",
+            ) from error
+        joints, fields = {}, {}
+        for name, own in chosen.items():
+            wanted = own if isinstance(own, list) else [own]
+            if len(wanted) not in ((1,) if name in ("time", "frame", "person", "joint") else (1, 3, 4)):
+                raise SkeletonLogError(
+                    at(path, field=name),
+                    found=f"{len(wanted)} columns",
+                    expected="the columns of x, y and z, or one column with all three",
+                    fix="Correct this line.",
+                )
+            columns = [self._column_of(path, name, each) for each in wanted]
+            if name in ("time", "frame", "person", "joint"):
+                fields[name] = columns[0]
+            else:
+                joints[name] = dict(zip((*AXES, "state"), columns, strict=False))
+        return Layout(joints, fields)
+
+    def _column_of(self, path: Path, field: str, name: object) -> int:
+        if isinstance(name, int) and 1 <= name <= self.width:
+            return name - 1
+        if name in self._names:
+            return self._names.index(str(name))
+        raise SkeletonLogError(
+            at(path, field=field),
+            found=f"the column {name!r}",
+            expected=f"a number from 1 to {self.width}, or a name of the table such as {self._names[0]!r}",
+            fix="Correct this line.",
+        )
+
+    def _unnamed(self) -> Layout | None:
+        """Return the layout without names in which the columns are a person's joints."""
+        if any(self._names) and not self._are_numbered():
+            return None
+        found: list[tuple[Fit, Layout]] = []
+        for name, starts, size in self._candidates():
+            sample = np.stack([self.positions({"x": x, "y": x + 1, "z": x + 2}) for x in starts], axis=1)
+            roles = (*AXES, "state") if size == 4 else AXES
+            joints = {
+                joint: {role: start + k for k, role in enumerate(roles)}
+                for joint, start in zip(JOINT_SETS[name], starts, strict=True)
+            }
+            layout = Layout(joints, {"time": 0} if starts[0] else {})
+            found += [(fit, layout) for fit in fits(sample, [name])]
+        if found:
+            best = clearest(self.path, [fit for fit, _ in found], f"a table with {self.width} columns")
+            return next(layout for fit, layout in found if fit is best)
+        own = dict(zip((*AXES, "state"), range(self.width), strict=False))
+        if self.width in (3, 4) and self._joint_set_of_rows(own):
+            return Layout({f"{UNNAMED}0": own}, {})
+        return None
+
+    def _are_numbered(self) -> bool:
+        return all(name.strip().replace(".", "").isdigit() for name in self._names if name)
+
+    def _candidates(self) -> Iterable[tuple[str, list[int], int]]:
+        """Yield joint sets, the first columns of their joints, and how many columns a joint has."""
+        chosen = self.options.joints
+        if self.width in OTHER_LAYOUTS and chosen in (None, OTHER_LAYOUTS[self.width][0]):
+            name, starts = OTHER_LAYOUTS[self.width]
+            yield name, starts, 4
+        for (name, joints), size in itertools.product(JOINT_SETS.items(), WIDTHS):
+            extra = self.width - size * len(joints)
+            if chosen in (None, name) and 0 <= extra <= MAX_EXTRA_COLUMNS:
+                for before in range(extra + 1):
+                    yield name, list(range(before, before + size * len(joints), size)), size
+
+    def joints_per_frame(self) -> int:
+        """Return how many rows a frame has, if each row is a joint."""
+        name = self._joint_set_of_rows(next(iter(self.layout.joints.values())))
+        if name is None:
+            self.refuse("rows of x y z, in no order of joints that gives a person")
+        return len(JOINT_SETS[name])
+
+    def _joint_set_of_rows(self, own: dict[str, int]) -> str | None:
+        """Return the set of joints of which each frame has a row."""
+        rows = self.positions(own)
+        best: list[Fit] = []
+        for name, joints in JOINT_SETS.items():
+            count = len(rows) // len(joints)
+            if self.options.joints in (None, name) and count:
+                best += fits(rows[: count * len(joints)].reshape(count, -1, 3), [name])
+        return min(best, key=lambda fit: fit.misfit).name if best else None
+
+    # What the rows are
+
+    @property
+    def layout(self) -> Layout:
+        """What the columns are; an error if they are no positions of joints."""
+        if self._layout is None:
+            names = ", ".join(filter(None, self._names[:12]))
+            flat = "x" in names and not any("z" in name.lower() for name in self._names)
+            self.refuse(
+                f"a table with {self.width} columns without names"
+                if not names
+                else f"a table with the columns {names}{' …' if self.width > 12 else ''}"
+                + (", which have no z: positions in a picture" if flat else "")
+            )
+        return self._layout
+
+    @property
+    def has_joints(self) -> bool:
+        """Whether the columns are positions of joints."""
+        return self._layout is not None
+
+    def texts(self, role: str) -> list[str]:
+        """Return the cells of the column with a role; an empty list without it."""
+        column = self.layout.fields.get(role)
+        return [] if column is None else [row[column] for row in self.cells.rows]
+
+    def positions(self, own: dict[str, int]) -> Floats:
+        """Return the positions (R, 3) in a joint's columns; NaN if unknown."""
+        if own["x"] in self.cells.vectors:
+            return self._numbers(own["x"])[:, :3]
+        return np.concatenate([self._numbers(own[axis]) for axis in AXES], axis=1)
+
+    def _numbers(self, column: int) -> Floats:
+        """Return the numbers (R, n) of a column; NaN if unknown."""
+        if column in self._known:
+            return self._known[column]
+        size = self.cells.vectors.get(column, 1)
+        values = np.full((len(self.cells.rows), size), np.nan)
+        for index, row in enumerate(self.cells.rows):
+            cell = row[column]
+            found = vector(cell) if size > 1 else number(cell)
+            if found is None and number(cell) is not None:
+                continue
+            if found is None or (isinstance(found, list) and len(found) != size):
+                raise SkeletonLogError(
+                    at(self.path, self.cells.lines[index]),
+                    found=f"{cell[:40]!r} in {self.column_name(column)}",
+                    expected="a number" if size == 1 else f"{size} numbers",
+                    fix="Correct or delete this line, or record again.",
+                )
+            values[index] = found
+        self._known[column] = values
+        return values

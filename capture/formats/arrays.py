@@ -1,0 +1,192 @@
+"""Joint positions, or parameters of the SMPL body, in NumPy's and MATLAB's files of arrays.
+
+Positions have the axes frames, joints and x y z in any order, perhaps people, and perhaps a confidence after z.
+`capture.formats.joint_sets` finds the order of the joints, `capture.formats.smpl` the joints of a body's parameters.
+"""
+
+import itertools
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.clip import SkeletonClip
+from capture.formats import smpl
+from capture.formats._files import opened
+from capture.formats._mat5 import Mat5Error, variables
+from capture.formats.joint_sets import JOINT_SETS, Fit, clearest, fits
+from capture.formats.options import ReadOptions
+from capture.formats.positions import clip_of_positions
+from capture.formats.table import confidence_of
+from puppetline.errors import SkeletonLogError
+
+Arrays = Mapping[str, NDArray[np.generic]]
+
+MAX_BYTES = 2**30
+"""Maximum size of all arrays of a file."""
+
+MAX_PEOPLE = 16
+"""Maximum number of people in one array; there are at least as many frames."""
+
+NPY_MAGIC = b"\x93NUMPY"
+
+_RATES = ("mocap_framerate", "mocap_frame_rate", "framerate", "frame_rate", "fps")
+_SIZES = {len(joints) for joints in JOINT_SETS.values()}
+
+
+def matches(head: bytes) -> bool:
+    """Return whether a file's head is that of an .npy, .npz or MATLAB 5 file."""
+    is_archive = head.startswith(b"PK\3\4") and head[30 : 30 + int.from_bytes(head[26:28], "little")].endswith(b".npy")
+    is_matlab = head.startswith(b"MATLAB 5.0 MAT-file") and head[126:128] in (b"IM", b"MI")
+    return head.startswith(NPY_MAGIC) or is_archive or is_matlab
+
+
+def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
+    """Read one clip per performer; the rate is that of `options`, of the file, or 30 frames per second.
+
+    Raises
+    ------
+    SkeletonLogError
+        The file is damaged, or its arrays are no person's joints or parameters.
+    """
+    arrays = load(path)
+    rate = next((float(arrays[name].item()) for name in _RATES if name in arrays and arrays[name].size == 1), None)
+    notes: tuple[str, ...] = ()
+    if options.fps is None and rate is not None and 1 <= rate <= 1000:
+        options, notes = replace(options, fps=rate), (f"The file states {rate:g} frames per second.",)
+    if parameters := smpl.parameters(arrays):
+        names, points = smpl.positions(*parameters)
+        notes = (*notes, "Parameters of the SMPL body; the bones have the lengths of a typical person.")
+        return [clip_of_positions(path, "arrays", names, points, options, notes=notes)]
+    name, people = _people(path, arrays, options)
+    return [
+        replace(
+            clip_of_positions(
+                path,
+                "arrays",
+                JOINT_SETS[name],
+                person[..., :3],
+                options,
+                confidence=confidence_of(person[..., 3]) if person.shape[2] > 3 else None,
+                notes=notes,
+            ),
+            user=user,
+        )
+        for user, person in enumerate(people)
+        if np.isfinite(person).any() and person[..., :3].any()
+    ]
+
+
+def load(path: Path) -> Arrays:
+    """Return the arrays of numbers in a file by name, "" for that of an .npy file.
+
+    Raises
+    ------
+    SkeletonLogError
+        The file is damaged, too large, or has Python objects.
+    """
+    with opened(path) as file:
+        start = file.read(len(NPY_MAGIC))
+    try:
+        if start == NPY_MAGIC:
+            return {"": np.load(path, allow_pickle=False, mmap_mode="r")}
+        if start.startswith(b"PK"):
+            with zipfile.ZipFile(path) as archive:
+                if sum(member.file_size for member in archive.infolist()) > MAX_BYTES:
+                    raise ValueError("more than 1 GiB")
+            with np.load(path, allow_pickle=False) as loaded:
+                return {name: each for name in loaded.files if (each := _numeric(loaded, name)) is not None}
+        with opened(path) as file:
+            return {name: each.numbers() for name, each in variables(file.read()).items() if each.is_real}
+    except (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error, Mat5Error) as error:
+        is_object = "allow_pickle" in str(error)
+        raise SkeletonLogError(
+            path,
+            found="a NumPy array of Python objects, which can run any program when it is read"
+            if is_object
+            else f"a file of arrays that cannot be read ({error})",
+            expected="arrays of numbers",
+            fix="In Python, save the joints as numbers: np.save(…, np.asarray(joints, dtype=np.float32))."
+            if is_object
+            else "Save it again from where it was written; MATLAB: save -v7.",
+        ) from error
+
+
+def _numeric(loaded: "np.lib.npyio.NpzFile", name: str) -> NDArray[np.generic] | None:
+    try:
+        array = loaded[name]
+    except ValueError:  # an array of Python objects beside others
+        return None
+    return array if isinstance(array, np.ndarray) and array.dtype.kind in "fiub" else None
+
+
+def _people(path: Path, arrays: Arrays, options: ReadOptions) -> tuple[str, list[NDArray[np.float64]]]:
+    """Return the joint set of the array that is a person's joints, and the people (T, J, 3 or 4) in it."""
+    found: list[tuple[Fit, list[NDArray[np.float64]]]] = []
+    for array in arrays.values():
+        if array.dtype.kind not in "fiu" or array.size > MAX_BYTES // 8:
+            continue
+        for people in _orders(array):
+            sets = [
+                name
+                for name, joints in JOINT_SETS.items()
+                if len(joints) == people[0].shape[1] and options.joints in (None, name)
+            ]
+            known = max(people, key=lambda person: np.count_nonzero(np.nan_to_num(person)))
+            found += [(fit, people) for fit in fits(known[..., :3], sets)]
+    if not found:
+        _refuse(path, arrays, options)
+    best = clearest(path, [fit for fit, _ in found], describe(arrays))
+    return next((fit.name, people) for fit, people in found if fit is best)
+
+
+def _orders(array: NDArray[np.generic]) -> list[list[NDArray[np.float64]]]:
+    """Return the ways to read an array as people (T, J, 3 or 4)."""
+    array = np.squeeze(array)
+    if array.ndim == 2:  # a row per frame, or per joint
+        found = []
+        for rows in (array, array.T):
+            for size, width in itertools.product(sorted(_SIZES), (3, 4)):
+                if rows.shape[1] == size * width:
+                    found.append([rows.reshape(len(rows), size, width).astype(np.float64)])
+        return found
+    if array.ndim not in (3, 4):
+        return []
+    found = []
+    for axes in itertools.permutations(range(array.ndim)):
+        *people, time, joint, place = axes
+        counts = [array.shape[axis] for axis in axes]
+        if counts[-1] not in (3, 4) or counts[-2] not in _SIZES or (people and counts[0] > min(MAX_PEOPLE, counts[1])):
+            continue
+        own = array.transpose(*people, time, joint, place).astype(np.float64)
+        found.append(list(own) if people else [own])
+    return found
+
+
+def describe(arrays: Arrays) -> str:
+    """Return what a file of arrays has, for messages."""
+    listed = [f"{name} {array.shape}".strip() for name, array in list(arrays.items())[:8]]
+    kind = "a NumPy array of" if list(arrays) == [""] else "arrays:"
+    return f"{kind} {', '.join(listed)}{' …' if len(arrays) > 8 else ''}"
+
+
+def _refuse(path: Path, arrays: Arrays, options: ReadOptions) -> NoReturn:
+    shapes = [np.squeeze(array).shape for array in arrays.values()]
+    found, fix = describe(arrays) if arrays else "a file without arrays of numbers", ""
+    if any(len(shape) > 1 and shape[-1] == 2 for shape in shapes):
+        found, fix = f"{found}, positions in a picture (2D)", "Use positions in space, or the video itself."
+    elif any(shape[-1:] == (263,) for shape in shapes):
+        found, fix = f"{found}, features of HumanML3D", "Use the joints of the same motion, in new_joints."
+    elif options.joints:
+        fix = f"The order {options.joints} gives no person; choose another one with --joints."
+    raise SkeletonLogError(
+        path,
+        found=found,
+        expected="joints of a person, frames × joints × 3, or parameters of SMPL (poses, trans)",
+        fix=fix or f"Save the joints in one of the orders {', '.join(JOINT_SETS)}, or name it with --joints.",
+    )

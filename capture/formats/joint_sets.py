@@ -1,0 +1,170 @@
+"""Which order of joints unnamed positions have: that in which the body has a person's proportions.
+
+`capture/joint_sets.toml` has the orders that programs and data sets use.
+"""
+
+import tomllib
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import capture
+from capture.formats.placement import bone_length
+from capture.formats.positions import MAX_BONE_RATIO, bone_ratios, select
+from capture.skeleton import JOINT_INDEX, PARENTS
+from puppetline.errors import SkeletonLogError
+
+Floats = NDArray[np.float64]
+
+JOINT_SETS: dict[str, tuple[str, ...]] = {
+    name: tuple(joints.split())
+    for name, joints in tomllib.loads(
+        (Path(capture.__file__).parent / "joint_sets.toml").read_text(encoding="utf-8")
+    ).items()
+}
+"""Names of the joints of each set."""
+
+SAMPLE_FRAMES = 60
+"""Number of frames by which sets are compared."""
+
+MAX_MISFIT = 0.75
+"""Largest misfit of a person; recordings of sensors have up to 0.7, wrong orders at least 1.0."""
+
+MAX_MISFITS = {"mediapipe": 1.2}
+"""The same for landmarks in pictures, whose depths are rough; no other set has as many joints."""
+
+MAX_CENTRE_SHARE = 0.6
+"""Maximum distance of the centres of hips and shoulders from their joints, as a share of the trunk's length."""
+
+_LEFT, _RIGHT = ([index for index, joint in enumerate(PARENTS) if joint.endswith(side)] for side in ("left", "right"))
+
+CLEAR_RATIO = 1.15
+"""How much worse the next best set must be."""
+
+
+class Fit(NamedTuple):
+    """How well a set fits: from 0, and the positions of the 20 joints that it leads to."""
+
+    misfit: float
+    name: str
+    points: Floats
+
+
+class UnclearOrderError(SkeletonLogError):
+    """Several orders of joints give a person."""
+
+
+def fits(positions: Floats, names: Sequence[str]) -> list[Fit]:
+    """Return the sets, of those with these names, in which a body has a person's proportions, the best one first.
+
+    Parameters
+    ----------
+    positions : (T, J, 3) float64
+    names : sequence of str
+        Names of sets of J joints.
+    """
+    known = np.flatnonzero((np.isfinite(positions) & (positions != 0)).any(axis=(1, 2)))
+    sample = positions[known[:: max(1, len(known) // SAMPLE_FRAMES)]]
+    found = []
+    for name in names:
+        points = select(Path(name), JOINT_SETS[name], sample).points
+        with warnings.catch_warnings(action="ignore"):  # joints that are always lost
+            misfit = _misfit(points)
+        if misfit < MAX_MISFITS.get(name, MAX_MISFIT):
+            found.append(Fit(misfit, name, points))
+    return sorted(found, key=lambda fit: fit.misfit)
+
+
+def _misfit(points: Floats) -> float:
+    """Return how far points (T, 20, 3) are from a person: 0 for a typical one of constant size, infinite for none."""
+    deviations = np.abs(np.log(bone_ratios(points)))
+    lengths = np.array([bone_length(points, *bone) for bone in PARENTS.items()])
+    lengths = lengths / np.nanmean(lengths, axis=0)  # a picture's person changes in size
+    means = np.nanmean(lengths, axis=1)
+    spread = np.nanmedian(np.nanstd(lengths, axis=1) / means)
+    uneven = np.nanmean(np.abs(np.log(means[_LEFT] / means[_RIGHT])))
+    trunk = np.nanmedian(bone_length(points, "shoulder_center", "hip_center"))
+    off = [
+        np.nanmedian(np.linalg.norm(_at(points, centre) - (_at(points, left) + _at(points, right)) / 2, axis=1))
+        for centre, left, right in (
+            ("hip_center", "hip_left", "hip_right"),
+            ("shoulder_center", "shoulder_left", "shoulder_right"),
+        )
+    ]
+    away = np.nanmax([*off, 0.0]) / trunk
+    if not (np.nanmax(deviations) < np.log(MAX_BONE_RATIO) and away < MAX_CENTRE_SHARE):
+        return np.inf
+    return float(np.nanmean(deviations) + spread + np.nan_to_num(uneven) + away)
+
+
+def _at(points: Floats, joint: str) -> Floats:
+    return points[:, JOINT_INDEX[joint]]
+
+
+def joint_set(path: Path, positions: Floats, chosen: str | None = None, found: str = "positions") -> str:
+    """Return the name of the set of joints that positions (T, J, 3) without names have.
+
+    Parameters
+    ----------
+    path : Path
+        The recording, for error messages.
+    positions : (T, J, 3) float64
+    chosen : str, optional
+        The set that the user named.
+    found : str
+        What the file is, for error messages.
+
+    Raises
+    ------
+    SkeletonLogError
+        No set fits, or several do.
+    """
+    count = positions.shape[1]
+    names = [name for name, joints in JOINT_SETS.items() if len(joints) == count]
+    if chosen is not None:
+        if chosen not in names:
+            raise SkeletonLogError(
+                path,
+                found=f"{found} of {count} joints, and the joint set {chosen!r}",
+                expected=f"one of {', '.join(names)}" if names else "a joint set of as many joints",
+                fix="Choose another one with --joints.",
+            )
+        return chosen
+    best = fits(positions, names)
+    if not best:
+        raise SkeletonLogError(
+            path,
+            found=f"{found} of {count} joints without names, in no order that gives a person",
+            expected=f"a person in the order of {' or '.join(names)}" if names else "joints in a known order",
+            fix="Name the order with --joints, or the columns with --columns.",
+        )
+    return clearest(path, best, f"{found} of {count} joints").name
+
+
+def clearest(path: Path, found: Sequence[Fit], what: str) -> Fit:
+    """Return the best of several fits.
+
+    Raises
+    ------
+    UnclearOrderError
+        Another one, which leads to other positions, is nearly as good.
+    """
+    best, *others = sorted(found, key=lambda fit: fit.misfit)
+    unclear = [
+        fit
+        for fit in others
+        if fit.misfit < CLEAR_RATIO * best.misfit and not np.array_equal(fit.points, best.points, equal_nan=True)
+    ]
+    if unclear:
+        orders = " and of ".join(dict.fromkeys(fit.name for fit in (best, *unclear)))
+        raise UnclearOrderError(
+            path,
+            found=f"{what} without names, which are a person in the order of {orders}",
+            expected="one order",
+            fix=f"Choose it, for example with --joints {best.name}.",
+        )
+    return best

@@ -1,0 +1,270 @@
+"""Tables of joint positions as text, whose columns are known by their names.
+
+A table has a row per frame, with x, y and z of each joint (and perhaps its state) in columns or in one cell, or a row
+per joint. Columns may be in any order, and any others beside them: `capture.formats._columns` tells what their names
+mean, `capture.formats._cells` how a file is split. Without names, the number of columns tells the number of joints, and
+`capture.formats.joint_sets` their order. `ReadOptions.columns` names the columns of tables that are none of these.
+
+A position that is empty, NaN or 0 0 0 is lost. `capture.formats.positions` finds unit, axes and missing joints.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.clip import SkeletonClip
+from capture.formats._cells import number
+from capture.formats._columns import TABLE
+from capture.formats._rows import head_lines, read_lines
+from capture.formats._table import UNNAMED, Table
+from capture.formats.joint_sets import JOINT_SETS, UnclearOrderError, joint_set
+from capture.formats.options import ReadOptions
+from capture.formats.positions import DEFAULT_FPS, clip_of_positions
+from capture.skeleton import INFERRED, LOST, TRACKED
+from puppetline.errors import SkeletonLogError
+
+Floats = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+UNITS_PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ticks": 1e7, "ns": 1e9}
+"""Units of time in a second."""
+
+MAX_FRAME_STEP = 7
+"""Largest common step between numbers of frames; times in milliseconds have larger ones."""
+
+_STATES = {"nottracked": LOST, "none": LOST, "false": LOST, "inferred": INFERRED, "low": INFERRED}
+_STATES |= {"tracked": TRACKED, "medium": TRACKED, "high": TRACKED, "true": TRACKED}
+
+
+class Performer(NamedTuple):
+    """One performer: names (J), positions (T, J, 3), confidences (T, J), and seconds (T) if the table has them."""
+
+    names: Sequence[str]
+    positions: Floats
+    confidence: NDArray[np.float32]
+    times: Floats | None
+
+
+def matches(head: bytes) -> bool:
+    """Return whether a file's head is a table with the positions of a person's joints."""
+    if b"\0" in head or head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"{", b"<", b"[{", b"[[")):
+        return False
+    texts = head_lines(head)
+    lines = [(index, f"{text}\n") for index, text in enumerate(texts if len(texts) < 3 else texts[:-1])]
+    try:
+        return Table(Path("table"), lines, ReadOptions()).has_joints
+    except UnclearOrderError:
+        return True
+    except SkeletonLogError:
+        return False
+
+
+def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
+    """Read one clip per performer.
+
+    Raises
+    ------
+    SkeletonLogError
+        A row has too few or too many cells, a coordinate is no number, the joints are no person's or in no known order.
+    """
+    table = Table(path, read_lines(path), options)
+    clips = []
+    for user, rows in _people(table).items():
+        performer = _performer(table, rows)
+        clip = clip_of_positions(
+            path,
+            "table",
+            performer.names,
+            performer.positions,
+            options,
+            times=performer.times,
+            confidence=performer.confidence,
+            notes=table.notes,
+        )
+        clips.append(replace(clip, user=user))
+    return clips
+
+
+def columns(path: Path, options: ReadOptions) -> dict[str, str]:
+    """Return what each column of a table is taken for, by its name.
+
+    Raises
+    ------
+    SkeletonLogError
+        The file is no table of joint positions.
+    """
+    table = Table(path, read_lines(path), options)
+    meanings = {column: role for role, column in table.layout.fields.items()}
+    for joint, own in table.layout.joints.items():
+        for role, column in own.items():
+            what = "x y z" if column in table.cells.vectors else role
+            meanings[column] = f"{joint} {what}" if not joint.startswith(UNNAMED) else what
+    return {table.column_name(column): meanings.get(column, "not used") for column in range(table.width)}
+
+
+def confidence_of(states: Floats) -> NDArray[np.float32]:
+    """Convert a recorder's states to confidences.
+
+    States are 0 lost, 1 inferred and 2 (or more) tracked; if all are 0 or 1, 0 is inferred, because recorders write it
+    for good positions too. Shares from 0 to 1 are inferred below one half. Other numbers say nothing.
+    """
+    known = states[np.isfinite(states)]
+    if not len(known) or known.min() < 0 or known.max() > 3 or (known.max() > 1 and not _is_whole(known)):
+        return np.full(states.shape, TRACKED, np.float32)
+    if known.max() > 1:
+        return np.array([LOST, INFERRED, TRACKED, TRACKED], np.float32)[np.nan_to_num(states).astype(int)]
+    return np.where(states >= INFERRED, TRACKED, INFERRED).astype(np.float32)
+
+
+def seconds_of(
+    values: Floats, fps: float | None, units: Sequence[float] = (), *, counts: bool = False
+) -> Floats | None:
+    """Convert times in any unit, or numbers of frames, to seconds.
+
+    Parameters
+    ----------
+    values : (T,) float64
+    fps : float or None
+        Rate at which frames are numbered, if it is known.
+    units : sequence of float
+        Possible numbers of units in a second; any, if there is none.
+    counts : bool
+        Whether they are numbers of frames.
+
+    Returns
+    -------
+    (T,) float64 or None
+        None if the values do not increase like times.
+    """
+    steps = np.diff(values)
+    steps = steps[steps > 0]
+    if len(values) > 1 and len(steps) < len(values) / 4:
+        return None
+    step = float(np.median(steps)) if len(steps) else 1.0
+    if counts or (not units and _is_whole(values) and step <= MAX_FRAME_STEP):
+        return values / (fps or DEFAULT_FPS)
+    return values / min(units or UNITS_PER_SECOND.values(), key=lambda count: abs(np.log(step / count * DEFAULT_FPS)))
+
+
+def _people(table: Table) -> dict[int, Rows]:
+    """Return the rows of each person."""
+    rows = np.arange(len(table.cells.rows))
+    ids = table.texts("person")
+    known = list(dict.fromkeys(each for each in ids if each))
+    if len(known) <= 1:
+        return {0: rows}
+    return {
+        int(each) if each.isdecimal() and len(each) < 18 else index: rows[[own == each for own in ids]]
+        for index, each in enumerate(known)
+    }
+
+
+def _performer(table: Table, rows: Rows) -> Performer:
+    layout = table.layout
+    positions = np.stack([table.positions(own)[rows] for own in layout.joints.values()], axis=1)
+    confidence = np.stack([_confidence(table, own)[rows] for own in layout.joints.values()], axis=1)
+    performer = Performer(list(layout.joints), positions, confidence, None)
+    if performer.names[0].startswith(UNNAMED):
+        if positions.shape[1] == 1:
+            rows, performer = _with_a_row_per_joint(table, rows, positions[:, 0], confidence[:, 0])
+        else:
+            own = [table.cells.rows[rows[0]][column] for role, column in layout.fields.items() if "joint" in role]
+            is_named = len(own) == positions.shape[1]
+            performer = performer._replace(
+                names=own if is_named else [str(index) for index in range(len(performer.names))]
+            )
+    if all(name.isdigit() for name in performer.names):
+        performer = _numbered(table, performer)
+    return performer._replace(times=_times(table, rows))
+
+
+def _confidence(table: Table, own: dict[str, int]) -> NDArray[np.float32]:
+    if "state" not in own:
+        return np.full(len(table.cells.rows), TRACKED, np.float32)
+    texts = [row[own["state"]].lower().replace("_", "") for row in table.cells.rows]
+    if any(text in _STATES for text in texts):
+        return np.array([_STATES.get(text, TRACKED) for text in texts], np.float32)
+    values = np.array([number(text) for text in texts], dtype=np.float64)
+    is_inferred = "inferred" in table.column_name(own["state"]).lower()
+    return confidence_of(1 - values / 2 if is_inferred else values)
+
+
+def _with_a_row_per_joint(
+    table: Table, rows: Rows, positions: Floats, confidence: NDArray[np.float32]
+) -> tuple[Rows, Performer]:
+    """Return the first rows of the frames, and the performer of whom each row has one joint.
+
+    A frame ends where its number or time changes, or where a joint would repeat.
+    """
+    texts = {role: table.texts(role) for role in ("joint", "frame", "time")}
+    joints = [texts["joint"][row] for row in rows] if texts["joint"] else [""] * len(rows)
+    keys = [tuple(texts[role][row] for role in ("frame", "time") if texts[role]) for row in rows]
+    if not (texts["joint"] or keys[0]):
+        count = table.joints_per_frame()
+        joints = [str(index % count) for index in range(len(rows))]
+    starts: list[int] = []
+    names: list[str] = []
+    seen: set[str] = set()
+    for index, (key, joint) in enumerate(zip(keys, joints, strict=True)):
+        if index == 0 or key != keys[index - 1] or joint in seen:
+            starts.append(index)
+            seen = set()
+        names.append(joint or str(len(seen)))
+        seen.add(names[-1])
+    distinct = list(dict.fromkeys(names))
+    place = {name: index for index, name in enumerate(distinct)}
+    frame = np.searchsorted(starts, np.arange(len(rows)), side="right") - 1
+    joint_of_row = np.array([place[name] for name in names])
+    points = np.full((len(starts), len(distinct), 3), np.nan)
+    sure = np.zeros(points.shape[:2], np.float32)
+    points[frame, joint_of_row], sure[frame, joint_of_row] = positions, confidence
+    return rows[starts], Performer(distinct, points, sure, None)
+
+
+def _numbered(table: Table, performer: Performer) -> Performer:
+    """Return a performer whose joints have numbers with the names of a set of joints."""
+    order = sorted(range(len(performer.names)), key=lambda index: int(performer.names[index]))
+    numbers = [int(performer.names[index]) for index in order]
+    if numbers != list(range(numbers[0], numbers[0] + len(numbers))):
+        table.refuse(f"a table of joints with the numbers {', '.join(map(str, numbers))[:80]}")
+    positions = performer.positions[:, order]
+    name = joint_set(table.path, positions, table.options.joints, "a table")
+    return Performer(JOINT_SETS[name], positions, performer.confidence[:, order], None)
+
+
+def _times(table: Table, rows: Rows) -> Floats | None:
+    """Return the seconds of rows; None without a column that tells them."""
+    fps = table.options.fps
+    for role in ("time", "frame"):
+        texts = table.texts(role)
+        values = _moments([texts[row] for row in rows]) if texts else None
+        if values is not None:
+            name = table.column_name(table.layout.fields[role]).lower()
+            words = name.translate(str.maketrans("_()[]", "     ")).split()
+            units = [UNITS_PER_SECOND[unit] for unit, own in TABLE["units"].items() if set(own.split()) & set(words)]
+            times = seconds_of(values, fps, units, counts=role == "frame")
+            if times is not None:
+                return times
+    return None
+
+
+def _is_whole(values: Floats) -> bool:
+    return bool((values == np.round(values)).all())
+
+
+def _moments(texts: Sequence[str]) -> Floats | None:
+    """Return the numbers, or the seconds between dates or times of day, in cells; None if they are neither."""
+    values = [number(text) for text in texts]
+    if None not in values:
+        found = np.array(values, dtype=np.float64)
+        return found if np.isfinite(found).all() else None
+    try:
+        stamps = [datetime.fromisoformat(text if "-" in text else f"2000-01-01T{text}") for text in texts]
+        return np.array([(stamp - stamps[0]).total_seconds() for stamp in stamps])
+    except (ValueError, TypeError):
+        return None

@@ -1,0 +1,91 @@
+"""Arrays of joints are read in any order of their axes, and as parameters of SMPL."""
+
+import io
+import pickle
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+from scipy.spatial.transform import Rotation
+
+from capture.formats import arrays, smpl
+from capture.formats.joint_sets import JOINT_SETS
+from capture.formats.positions import bone_ratios
+from capture.skeleton import JOINT_INDEX
+from puppetline.errors import SkeletonLogError
+
+from .test_positions import joints_as, person
+
+
+def saved(function=np.save, *content, **named):
+    buffer = io.BytesIO()
+    function(buffer, *content, **named)
+    return buffer.getvalue()
+
+
+@pytest.mark.parametrize("name", ["kinect_v1", "utd_mhad", "msr_action3d", "human36m", "kinect_v2", "mediapipe"])
+@pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
+def test_the_order_of_joints_and_axes_is_found(read, name, axes):
+    joints = joints_as(JOINT_SETS[name])
+    [clip] = read(arrays, saved(np.save, joints.transpose(axes)), fps=50.0)
+    arms = [JOINT_INDEX[f"{joint}_{side}"] for joint in ("elbow", "wrist", "knee") for side in ("left", "right")]
+    np.testing.assert_allclose(clip.positions[:, arms], person()[:, arms], atol=1e-9)
+    assert clip.times[1] == 0.02
+
+
+def test_people_and_confidences_in_an_archive(read):
+    people = np.stack([person(6), person(6) + np.array([1.0, 0, 0])])
+    content = np.concatenate([people, np.ones((2, 6, 20, 1))], axis=3)
+    content[1, 2, 5, 3] = 0.25
+    one, other = read(arrays, saved(np.savez, keypoints=content, scores=np.ones(6)))
+    np.testing.assert_allclose(one.positions, people[0], atol=1e-9)
+    assert np.argwhere(other.confidence < 1).tolist() == [[2, 5]]
+
+
+def test_matlab_files_and_a_rate_in_the_file(read, tmp_path):
+    savemat(tmp_path / "joints.mat", {"d_skel": person().transpose(1, 2, 0), "fps": 60.0})
+    [clip] = read(arrays, (tmp_path / "joints.mat").read_bytes())
+    np.testing.assert_array_equal(clip.positions, person())
+    assert clip.times[3] == 0.05
+
+
+def test_smpl_parameters_turn_the_bones(read):
+    poses = np.zeros((5, 52, 3))
+    poses[:, 16] = [0, 0, -np.pi / 2]  # the left arm hangs
+    poses[:, 0] = Rotation.from_euler("x", 90, degrees=True).as_rotvec()  # z up
+    content = saved(np.savez, poses=poses.reshape(5, -1), trans=np.ones((5, 3)), mocap_framerate=120.0, gender="male")
+    [clip] = read(arrays, content)
+    assert clip.times[1] == pytest.approx(1 / 120)
+    place = {joint: clip.positions[2, index] for joint, index in JOINT_INDEX.items()}
+    arm = place["wrist_left"] - place["shoulder_left"]
+    np.testing.assert_allclose(arm / np.linalg.norm(arm), [0, -1, 0], atol=1e-9)
+    other = place["wrist_right"] - place["shoulder_right"]
+    np.testing.assert_allclose(other / np.linalg.norm(other), [1, 0, 0], atol=1e-9)
+    assert (place["head"] - place["hip_center"])[1] > 0.5
+    np.testing.assert_allclose(bone_ratios(clip.positions), 1, atol=1e-6)
+    names, joints = smpl.positions(poses[:, :22], np.zeros((5, 3)))
+    assert names == list(JOINT_SETS["smpl"])
+    assert joints.shape == (5, 24, 3)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        saved(np.save, np.zeros((9, 17, 2))),
+        saved(np.save, np.random.default_rng(0).normal(size=(50, 17, 3))),
+        saved(np.save, np.zeros((9, 263))),
+        saved(np.save, np.array([{"joints": 1}], dtype=object)),
+        saved(np.savez, labels=np.arange(9)),
+        saved(np.save, person())[:-99],
+        saved(np.savez, joints=person())[:-30],
+        saved(np.save, np.zeros((9, 20, 3))),
+    ],
+)
+def test_other_arrays_are_refused(read, content):
+    assert arrays.matches(content[:999])
+    with pytest.raises(SkeletonLogError):
+        read(arrays, content)
+
+
+def test_pickles_are_no_arrays():
+    assert not arrays.matches(pickle.dumps({"poses": np.zeros((9, 72))}))

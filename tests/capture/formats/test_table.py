@@ -1,0 +1,119 @@
+"""Tables are read by the names of their columns, or by their number; others are refused."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from capture.formats import table
+from capture.formats.options import ReadOptions
+from capture.skeleton import JOINT_INDEX, JOINTS
+
+from ...effort import EFFORT
+from .random_tables import judge
+from .test_positions import person
+
+POSES, RIGHT = person(6), np.array([1.0, 0, 0])
+
+
+@given(seed=st.integers(0, 10**6))
+@settings(max_examples=int(300 * EFFORT), deadline=None)
+def test_random_tables_are_read_right_or_refused(tmp_path_factory, seed):
+    verdict = judge(tmp_path_factory.getbasetemp() / "table.csv", seed)
+    assert verdict.split(":")[0] in ("right", "refused")
+
+
+def row(pose, form="{0} {1} {2}", joints=JOINTS):
+    return [form.format(*(f"{value:.6f}" for value in pose[JOINT_INDEX[joint]])) for joint in joints]
+
+
+def close(clip, poses=POSES):
+    np.testing.assert_allclose(clip.positions, poses, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("lead", "form", "separator", "step"),
+    [
+        (10_000_000 / 30, "{0},{1},{2},2", ",", 1 / 30),
+        (1_000_000 / 30, "{0} {1} {2} 1", " ", 1 / 30),
+        (2, "{0} {1} {2}", " ", 2 / 30),
+        (1000 / 30, "{0};{1};{2};0.9", ";", 1 / 30),
+        (None, "{0}\t{1}\t{2}\t0\t0\t0\t1", "\t", 1 / 30),
+    ],
+)
+def test_the_number_of_columns_tells_joints_states_and_time(read, lead, form, separator, step):
+    lines = [
+        separator.join([*([f"{round(lead * index)}"] if lead else []), *row(pose, form)])
+        for index, pose in enumerate(POSES)
+    ]
+    [clip] = read(table, lines)
+    close(clip)
+    assert (clip.confidence == 1).all()
+    np.testing.assert_allclose(np.diff(clip.times), step, atol=1e-3)
+
+
+def test_states_blank_cells_and_zeros(read):
+    lines = [";".join(f"{joint}{axis}" for joint in JOINTS for axis in ("X", "Y", "Z", " state"))]
+    lines += [";".join(row(pose, "{0};{1};{2};2")) for pose in POSES]
+    cells = lines[3].split(";")
+    cells[3], cells[4:7], cells[8] = "1", ["0", "0", "0"], ""
+    lines[3] = ";".join(cells)
+    [clip] = read(table, lines)
+    assert clip.confidence[2, :4].tolist() == [0.5, 0, 0, 1]
+    assert (clip.confidence[[0, 1, 3, 4, 5]] == 1).all()
+
+
+def test_people_are_told_apart_and_other_columns_ignored(read):
+    lines = [
+        "label,time,body_id," + ",".join(f"{joint}.{axis},{joint}.rot{axis}" for joint in JOINTS for axis in "xyz")
+    ]
+    for index, pose in enumerate(POSES):
+        for user, moved in ((7, pose), (9, pose + RIGHT)):
+            cells = ",".join(",".join(f"{value:.6f},99" for value in moved[JOINT_INDEX[joint]]) for joint in JOINTS)
+            lines.append(f"wave,{index / 25},{user},{cells}")
+    one, other = read(table, lines)
+    assert (one.user, other.user) == (7, 9)
+    close(one)
+    close(other, POSES + RIGHT)
+    np.testing.assert_allclose(other.times, np.arange(6) / 25)
+
+
+def test_a_file_names_columns_that_have_no_names_for_joints(read, tmp_path):
+    marks = {joint: f"m{index}" for index, joint in enumerate(JOINTS)}
+    lines = ["clock," + ",".join(f"{mark}a,{mark}b,{mark}c" for mark in marks.values())]
+    lines += [",".join([f"{index / 50}", *row(pose, "{0},{1},{2}")]) for index, pose in enumerate(POSES)]
+    names = tmp_path / "columns.toml"
+    text = ['time = "clock"', *(f'{joint} = ["{mark}a", "{mark}b", "{mark}c"]' for joint, mark in marks.items())]
+    names.write_text("\n".join(text))
+    [clip] = read(table, lines, columns=names)
+    close(clip)
+    assert clip.times[1] == 0.02
+    assert table.columns(tmp_path / "take", ReadOptions(columns=names))["m0a"] == "hip_center x"
+    names.write_text("\n".join(text).replace("m3b", "missing"))
+    with pytest.raises(table.SkeletonLogError):
+        read(table, lines, columns=names)
+
+
+@pytest.mark.parametrize(
+    ("change", "place"),
+    [
+        (lambda lines: [*lines[:2], lines[2].rsplit(",", 2)[0], *lines[3:]], "line 3"),
+        (lambda lines: [*lines[:2], lines[2].replace(".", "_", 1), *lines[3:]], "line 3"),
+        (lambda lines: [lines[0].replace("elbow", "thing"), *lines[1:]], ""),
+        (lambda lines: [lines[0]], ""),
+        (lambda _: ["a,b,c", "1,2,3", "4,5,6"], ""),
+        (lambda _: ["some text"], ""),
+    ],
+)
+def test_a_damaged_table_is_refused_with_its_line(refused_at, change, place):
+    lines = [",".join(f"{joint}_{axis}" for joint in JOINTS for axis in "xyz")]
+    lines += [",".join(row(pose, "{0},{1},{2}")) for pose in POSES]
+    assert refused_at(table, change(lines)) == place
+
+
+def test_a_table_cut_off_within_a_line_is_read_up_to_the_line_before(read):
+    lines = [",".join(f"{joint}_{axis}" for joint in JOINTS for axis in "xyz")]
+    lines += [",".join(row(pose, "{0},{1},{2}")) for pose in POSES]
+    [clip] = read(table, "\n".join(lines)[:-200])
+    close(clip, POSES[:-1])
+    assert "line 7" in clip.notes[0]

@@ -16,6 +16,7 @@ import numpy as np
 
 from capture.clip import SkeletonClip
 from capture.formats._files import opened
+from capture.formats.kinds import refusal
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINTS, MAX_DISTANCE_METRES
 from puppetline.errors import SkeletonLogError, at
@@ -25,6 +26,7 @@ FORMATS: dict[str, str] = {
     "bvh": "BVH motion capture",
     "azure_json": "Azure Kinect offline_processor JSON",
     "kinect_v2_json": "Kinect v2 JSON in depth pixels",
+    "landmarks_json": "JSON of trackers (MediaPipe, OpenPose in 3D)",
     "ntu": "NTU RGB+D .skeleton",
     "arrays": "arrays of joint positions or SMPL parameters (.npy, .npz, .mat)",
     "kinect_v2_sparse": "Kinect v2 text with tracked joints only",
@@ -61,13 +63,7 @@ def read_log(path: Path, options: ReadOptions | None = None) -> list[SkeletonCli
     """
     module = recognize(path)
     if module is None:
-        empty = path.stat().st_size == 0
-        raise SkeletonLogError(
-            path,
-            found="an empty file" if empty else "an unknown file format",
-            expected="; ".join(FORMATS.values()),
-            fix="Record again." if empty else "Check the path, or export the recording to one of these formats.",
-        )
+        raise refusal(path)
     clips: list[SkeletonClip] = module.read(path, options or ReadOptions())
     for clip in clips:
         _check_distances(path, clip)

@@ -118,17 +118,16 @@ def _header(above: list[list[str]], width: int) -> list[list[str]]:
 
 
 def _separator(texts: Sequence[str]) -> str | None:
-    """Return the separator with which most cells are numbers, and, of these, most cells there are."""
+    """Return the separator with which most rows are equally long and most of their cells numbers."""
 
-    def numbers_of(separator: str | None) -> tuple[float, int]:
-        cells = [cell for text in texts for cell in _row(text, separator) if cell]
-        good = [number(cell) is not None or vector(cell) is not None for cell in cells]
-        count = sum(good)
+    def quality(separator: str | None) -> tuple[float, int]:
         rows = [_row(text, separator) for text in texts]
-        width = Counter(len(row) for row in rows).most_common(1)[0]
-        return round(count / max(1, len(cells)) * width[1] / len(rows), 1) if width[0] > 1 else 0.0, count
+        width, count = Counter(len(row) for row in rows).most_common(1)[0]
+        cells = [cell for row in rows if _has_numbers(row) for cell in row if cell]
+        good = sum(number(cell) is not None or vector(cell) is not None for cell in cells)
+        return round(good / max(1, len(cells)) * count / len(rows), 2) if width > 1 else 0.0, good
 
-    return max(SEPARATORS, key=numbers_of)
+    return max(SEPARATORS, key=quality)
 
 
 def _row(text: str, separator: str | None) -> list[str]:

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from capture.formats.kinds import refusal
 from engine_bridge.batch import manifest
 from engine_bridge.batch.batch import BatchPlan, Shard, make_jobs, make_plan
 from engine_bridge.batch.batch import run as run_plan
@@ -157,7 +158,8 @@ def describe(result: Result) -> str:
     if result.report:
         lines.append(f"  report    {result.report}")
     if result.others:
-        lines.append(f"  ignored   {len(result.others):,} files that are no recordings, such as {result.others[0]}")
+        lines.append(f"  ignored   {len(result.others):,} files that are no recordings:")
+        lines += [f"            {other}: {refusal(Path(other)).found}" for other in result.others]
     if result.failures:
         lines += ["", *_reasons(result.failures)]
     return "\n".join(lines)

@@ -46,12 +46,22 @@ _READING = (
     click.option(
         "--log-fps", type=Finite(0, min_open=True), metavar="FPS", help="Frame rate of a recording without timestamps."
     ),
-    click.option("--log-up", type=click.Choice(["y", "z"]), help="Up axis of a BVH recording.  [default: detected]"),
+    click.option("--log-up", type=click.Choice(["y", "z"]), help="Up axis of a recording.  [default: detected]"),
     click.option(
         "--log-unit",
         type=Finite(0, min_open=True),
         metavar="METRES",
-        help="Length unit of a BVH recording.  [default: detected]",
+        help="Length unit of a recording.  [default: detected]",
+    ),
+    click.option(
+        "--joints",
+        metavar="NAME",
+        help="Order of the joints in a table or array without names, for example kinect_v2.  [default: detected]",
+    ),
+    click.option(
+        "--columns",
+        type=options.FILE,
+        help='TOML file that names the columns of a table: Head = ["HX", "HY", "HZ"].  [default: by their names]',
     ),
 )
 _WRITING = (
@@ -94,7 +104,13 @@ def reading_settings(**choices: Any) -> "Settings":
     from capture.formats.options import ReadOptions
     from engine_bridge.performance.settings import Settings
 
-    read_options = ReadOptions(fps=choices.pop("log_fps"), up=choices.pop("log_up"), unit=choices.pop("log_unit"))
+    read_options = ReadOptions(
+        fps=choices.pop("log_fps"),
+        up=choices.pop("log_up"),
+        unit=choices.pop("log_unit"),
+        joints=choices.pop("joints"),
+        columns=choices.pop("columns"),
+    )
     return Settings(log=read_options, **choices)
 
 

@@ -5,7 +5,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from capture.formats import FORMATS, read_log, recognize
+from capture.formats import FORMATS, read_log, recognize, table
+from capture.formats.kinds import refusal
+from capture.formats.options import ReadOptions
 from capture.skeleton import LOST, TRACKED
 from engine_bridge.character.character import CHARACTER_FILES, Character, load_character, rest_weights
 from engine_bridge.character.gltf_file import MAGIC
@@ -71,12 +73,9 @@ def kind_of(path: Path) -> Kind:
         return "clip"
     if is_glb or path.suffix.lower() in CHARACTER_FILES:
         return "character"
-    raise PuppetlineError(
-        path,
-        found="an unknown kind of file" if path.stat().st_size else "an empty file",
-        expected=f"a puppet file (.toml), a recording, a clip (.clip), or a mesh ({', '.join(CHARACTER_FILES)})",
-        fix="Check the path; docs/recordings.md lists the formats of recordings.",
-    )
+    other = refusal(path)
+    expected = f"a puppet file (.toml), a clip (.clip), a mesh ({', '.join(CHARACTER_FILES)}), or {other.expected}"
+    raise PuppetlineError(path, found=other.found, expected=expected, fix=other.fix)
 
 
 def _tables(path: Path) -> dict[str, Any]:
@@ -125,7 +124,8 @@ def _log(path: Path) -> dict[str, Any]:
             "joints_lost": float(np.mean(clip.confidence == LOST)),
             "notes": list(clip.notes),
         }
-    return {"format": FORMATS[name], "users": users}
+    columns = {"columns": table.columns(path, ReadOptions())} if module is table else {}
+    return {"format": FORMATS[name], "users": users, **columns}
 
 
 def _clip(path: Path) -> dict[str, Any]:

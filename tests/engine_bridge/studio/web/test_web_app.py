@@ -93,7 +93,7 @@ def test_no_address_leads_to_another_file(studio, path):
     [
         ("empty.obj", b"", "an empty file"),
         ("cow.glb", b"glTF\x02\0\0\0\xff\xff\xff\xff", None),
-        ("cow.png", b"\x89PNG\r\n", "an unknown kind of file"),
+        ("cow.png", b"\x89PNG\r\n", "a picture"),
         ("cow.toml", b"[character", "a syntax error"),
         ("../../../etc/cow.obj", b"f 1 2 3\n", None),
         ("take.log", b'{"puppetline": "skeleton log", "version": 2, "joints": []}\n', None),

@@ -1,0 +1,101 @@
+"""What a file is that is no recording, by its content, and what would work instead."""
+
+import json
+import re
+import zipfile
+from pathlib import Path
+
+from capture.formats._files import opened
+from capture.formats._rows import head_lines
+from capture.formats._table import Table
+from capture.formats.options import ReadOptions
+from puppetline.errors import SkeletonLogError
+
+EXPECTED = "a recording of a person's joints: BVH, a table, an array, JSON of a tracker or sensor, or a take"
+"""What `puppetline` reads, for messages."""
+
+_EXPORT = "Export the motion as BVH, or the positions of the joints as a table (CSV)."
+_AS_NUMBERS = "In Python, save the joints as numbers: np.savez(path, joints=…), or an SMPL body's poses and trans."
+_KINDS: tuple[tuple[bytes, str, str], ...] = (
+    (rb"\x80[\x02-\x05]", "a pickle of Python objects, which can run any program when it is read", _AS_NUMBERS),
+    (
+        rb"\x89HDF\r\n",
+        "an HDF5 file (.h5, or MATLAB 7.3)",
+        "In MATLAB, save -v7; in Python, save arrays with np.savez.",
+    ),
+    (rb"Kaydara FBX Binary|; FBX", "an FBX file", "In Blender, import it and export the motion as BVH."),
+    (rb".{4}ftyp|\x00\x00\x01\xba|RIFF....AVI |\x1aE\xdf\xa3|FLV\x01", "a video", ""),
+    (rb"version https://git-lfs", "a Git LFS pointer instead of the file", "Download the file itself: git lfs pull."),
+    (rb"[/.]*/?annex/objects", "a git-annex pointer instead of the file", "Download the file itself: git annex get."),
+    (rb"\s*<(!doctype html|html)", "a web page", "Download the file itself: the link to a raw file."),
+    (rb"\s*<\?xml|\s*<[a-z]+[ >]", "an XML file", _EXPORT),
+    (rb"\x1f\x8b|7z\xbc\xaf|Rar!|BZh|\xfd7zXZ", "a compressed file", "Unpack it, and use the file inside."),
+    (rb"\x89PNG|\xff\xd8\xff|GIF8|BM|RIFF....WEBP", "a picture", "Use a recording, or a video of a performer."),
+    (rb"RIFF....WAVE|ID3|OggS|fLaC", "a sound", "Use a recording of joints, or a video of a performer."),
+    (rb"glTF", "a glTF file", "Use it as a character; export its motion as BVH to use it as a recording."),
+    (rb"\xd0\xcf\x11\xe0", "an Office file", "Save the sheet as CSV."),
+    (rb"%PDF", "a PDF", _EXPORT),
+    (rb".P.{510}", "a C3D file", _EXPORT),
+)
+
+
+def refusal(path: Path) -> SkeletonLogError:
+    """Return the error for a file that is no recording: what it is, and the nearest thing that would work.
+
+    Raises
+    ------
+    SkeletonLogError
+        The file cannot be read.
+    """
+    with opened(path) as file:
+        head = file.read(65536)
+    found, fix = _describe(path, head)
+    return SkeletonLogError(path, found=found, expected=EXPECTED, fix=fix)
+
+
+def _describe(path: Path, head: bytes) -> tuple[str, str]:
+    if not head:
+        return "an empty file", "Record again."
+    if head.startswith(b"PK\3\4"):
+        return _archive(path)
+    for pattern, found, fix in _KINDS:
+        if re.match(pattern, head, re.DOTALL | re.IGNORECASE):
+            return found, fix or f"Record the performer in it: puppetline record --source video:{path.name} take.log."
+    if b"\0" in head or _is_binary(head):
+        return "a binary file of an unknown kind", _EXPORT
+    if head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"["):
+        return _json(path), "Export x, y and z of the joints in each frame, with their names."
+    try:
+        texts = head_lines(head)
+        _ = Table(path, [(index, f"{text}\n") for index, text in enumerate(texts[:-1] or texts)], ReadOptions()).layout
+    except SkeletonLogError as error:
+        return error.found, error.fix
+    return "a table of positions that are no person's", _EXPORT
+
+
+def _is_binary(head: bytes) -> bool:
+    text = head[:-3].decode("utf-8", errors="replace")
+    return text.count("\ufffd") > len(text) / 100
+
+
+def _archive(path: Path) -> tuple[str, str]:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+    except (OSError, zipfile.BadZipFile):
+        return "a damaged ZIP archive", "Download it again."
+    if any(name.endswith("data.pkl") for name in names):
+        return "a PyTorch file, which can run any program when it is read", _AS_NUMBERS
+    if "[Content_Types].xml" in names:
+        return "an Office file", "Save the sheet as CSV."
+    return f"a ZIP archive of {', '.join(names[:5])}", "Unpack it, and use the file inside."
+
+
+def _json(path: Path) -> str:
+    try:
+        document = json.loads(path.read_text(encoding="utf-8-sig"))
+    except (ValueError, OSError, RecursionError):
+        return "broken JSON"
+    if isinstance(document, dict):
+        return f"JSON with the keys {', '.join(map(str, list(document)[:8]))}"
+    return f"JSON, a list of {len(document):,}" if isinstance(document, list) else "JSON"

@@ -1,0 +1,165 @@
+"""JSON of trackers: in each frame the positions of landmarks, by name or in a known order.
+
+Programs that use MediaPipe, OpenPose and other trackers write frames as a list, or as an object with numbers for keys;
+somewhere in each is a pose, or one for each person. A pose is an object of names, a list of points, or a list of
+numbers. A point is ``[x, y, z]`` or ``{x, y, z}``, perhaps with a confidence. Of several poses in a frame, one in space
+(*world*, *3d*) counts.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from capture.clip import SkeletonClip
+from capture.formats._json import load
+from capture.formats.joint_sets import JOINT_SETS, joint_set
+from capture.formats.options import ReadOptions
+from capture.formats.positions import clip_of_positions, is_person
+from capture.formats.table import confidence_of, seconds_of
+from puppetline.errors import SkeletonLogError
+
+_HINT = re.compile(rb"elbow|upper_?arm|keypoints|landmarks|\[\s*\[\s*-?[0-9]", re.IGNORECASE)
+_CONFIDENCES = ("visibility", "confidence", "score", "presence", "c", "v", "likelihood")
+_TIMES = ("time", "timestamp", "timestamp_ms", "timestampMs", "t", "time_s", "time_ms", "frame_time", "timestamp_usec")
+_FRAMES = ("frame", "frame_id", "frame_index", "frameNumber", "index")
+_IDS = ("person_id", "track_id", "id", "body_id", "user")
+_SIZES = {len(joints) for joints in JOINT_SETS.values()}
+MAX_DEPTH = 4
+"""Number of levels of a frame in which its poses are searched."""
+
+
+class _Pose(NamedTuple):
+    names: tuple[str, ...] | None
+    rows: list[list[float]]
+
+
+def matches(head: bytes) -> bool:
+    """Return whether a file's head is JSON with names or lists of landmarks."""
+    return head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"[") and _HINT.search(head) is not None
+
+
+def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
+    """Read one clip per person.
+
+    Raises
+    ------
+    SkeletonLogError
+        The document is no JSON, or has no positions in space of a person's landmarks.
+    """
+    document = load(path).data
+    people: dict[int, list[tuple[int, dict[str, Any], _Pose]]] = {}
+    for index, frame in enumerate(_frames(document)):
+        for order, (owner, pose) in enumerate(_poses(frame)):
+            user = next((owner[key] for key in _IDS if isinstance(owner.get(key), int)), order)
+            people.setdefault(user, []).append((index, frame if isinstance(frame, dict) else {}, pose))
+    if not people:
+        is_flat = any(word in str(document)[:20000] for word in ("_2d", "keypoints"))
+        raise SkeletonLogError(
+            path,
+            found="JSON with positions in a picture (2D)" if is_flat else "JSON without landmarks in space",
+            expected="x, y and z of a person's landmarks in each frame",
+            fix="Use the tracker's positions in space (MediaPipe: pose_world_landmarks), or the video itself.",
+        )
+    return [replace(_clip(path, seen, options), user=user) for user, seen in people.items()]
+
+
+def _clip(path: Path, seen: Sequence[tuple[int, dict[str, Any], _Pose]], options: ReadOptions) -> SkeletonClip:
+    """Return the clip of one person; poses with other names or another length than the first are skipped."""
+    names = seen[0][2].names
+    width = len(seen[0][2].rows)
+    same = [each for each in seen if each[2].names == names and len(each[2].rows) == width]
+    rows = np.full((len(same), width, 4), np.nan)
+    for row, (_, _, pose) in zip(rows, same, strict=True):
+        for point, values in zip(row, pose.rows, strict=True):
+            point[: min(len(values), 4)] = values[:4]
+    if names is None:
+        names = JOINT_SETS[joint_set(path, rows[..., :3], options.joints, "JSON")]
+    confidence = confidence_of(rows[..., 3]) if np.isfinite(rows[..., 3]).any() else None
+    times = None
+    for keys, counts in ((_TIMES, False), (_FRAMES, True)):
+        key = next((key for key in keys if all(_is_number(frame.get(key)) for _, frame, _ in same)), None)
+        if key is not None and times is None:
+            times = seconds_of(np.array([float(frame[key]) for _, frame, _ in same]), options.fps, counts=counts)
+    if times is None:
+        fps = options.fps or 30.0
+        times = np.array([index for index, _, _ in same]) / fps
+    return clip_of_positions(path, "landmarks_json", names, rows[..., :3], options, times=times, confidence=confidence)
+
+
+def _frames(document: Any) -> list[Any]:
+    """Return the frames of a document."""
+    if isinstance(document, list) and any(_poses(frame) for frame in document[:50]):
+        return document
+    if isinstance(document, dict):
+        if document and all(key.replace(".", "", 1).isdigit() for key in document):
+            return list(document.values())
+        for value in document.values():
+            if isinstance(value, (list, dict)) and _pose(value) is None and (frames := _frames(value)):
+                return frames
+    return []
+
+
+def _poses(value: Any, depth: int = MAX_DEPTH) -> list[tuple[dict[str, Any], _Pose]]:
+    """Return the poses of the people in a frame, each with the object that has it."""
+    if (pose := _pose(value)) is not None:
+        return [({}, pose)]
+    if depth == 0:
+        return []
+    if isinstance(value, list):
+        return [found for each in value[:16] for found in _poses(each, depth - 1)]
+    if isinstance(value, dict):
+        for key in sorted(value, key=lambda key: ("world" not in key.lower() and "3d" not in key.lower(), key)):
+            if not re.search("2d|hand|face", key, re.IGNORECASE) and (found := _poses(value[key], depth - 1)):
+                return [(owner or value, pose) for owner, pose in found]
+    return []
+
+
+def _pose(value: Any) -> _Pose | None:
+    """Return the pose that a value is; None if it is none."""
+    if isinstance(value, dict):
+        own = {name: point for name, each in value.items() if (point := _point(each)) is not None}
+        return _Pose(tuple(own), list(own.values())) if len(own) > 5 and is_person(list(own)) else None
+    if not isinstance(value, list) or len(value) < min(_SIZES):
+        return None
+    if all(_is_number(each) for each in value):
+        size = next((size for size in (4, 3) if len(value) % size == 0 and len(value) // size in _SIZES), None)
+        return _Pose(None, [list(row) for row in _chunks(value, size)]) if size else None
+    found = [_point(each) for each in value]
+    points = [point for point in found if point is not None]
+    if len(points) < len(value):
+        return None
+    names = tuple(
+        next((str(each[key]) for key in ("name", "part", "keypoint", "type") if key in each), "")
+        for each in value
+        if isinstance(each, dict)
+    )
+    if names and all(names) and is_person(names):
+        return _Pose(names, points)
+    return _Pose(None, points) if len(points) in _SIZES else None
+
+
+def _point(value: Any) -> list[float] | None:
+    """Return x, y, z and perhaps the confidence of a point in space."""
+    if isinstance(value, list) and 3 <= len(value) <= 5 and all(_is_number(each) for each in value):
+        return [float(each) for each in value]
+    if isinstance(value, dict):
+        own = {key.lower(): each for key, each in value.items()}
+        sure = [float(own[key]) for key in _CONFIDENCES if _is_number(own.get(key))][:1]
+        if all(_is_number(own.get(axis)) for axis in "xyz"):
+            return [*(float(own[axis]) for axis in "xyz"), *sure]
+        inner = next((own[key] for key in ("position", "pos", "location") if key in own), None)
+        point = _point(inner) if inner is not None else None
+        return [*point[:3], *sure] if point else None
+    return None
+
+
+def _chunks(values: Sequence[float], size: int) -> Iterator[Sequence[float]]:
+    return (values[start : start + size] for start in range(0, len(values), size))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)

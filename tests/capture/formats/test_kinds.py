@@ -1,0 +1,49 @@
+"""A file that is no recording is called what it is, and the same in every command."""
+
+import pickle
+import zipfile
+
+import pytest
+
+from capture.formats import read_log
+from capture.formats.kinds import refusal
+from puppetline.errors import SkeletonLogError
+
+CONTENTS = {
+    "empty": b"",
+    "pickle": pickle.dumps({"poses": [1.0]}),
+    "FBX": b"Kaydara FBX Binary  \0" + bytes(99),
+    "video": b"\0\0\0\x20ftypisom" + bytes(99),
+    "web page": b"\n<!DOCTYPE html><html>",
+    "Git LFS": b"version https://git-lfs.github.com/spec/v1\noid sha256:00\n",
+    "HDF5": b"\x89HDF\r\n\x1a\n" + bytes(99),
+    "picture": b"\x89PNG\r\n\x1a\n" + bytes(99),
+    "C3D": b"\x02P" + bytes(1000),
+    "keys name, version": b'{"name": 1, "version": 2}',
+    "columns day, open, close": b"day,open,close\n1,2,3\n2,3,4\n",
+    "binary": bytes(range(256)) * 9,
+    "no z": b"time,left_shoulder_x,left_shoulder_y\n1,2,3\n2,3,4\n",
+    "rows of numbers": b"some notes\n",
+}
+
+
+@pytest.mark.parametrize("kind", CONTENTS)
+def test_the_content_tells_the_kind(tmp_path, kind):
+    path = tmp_path / "take.dat"
+    path.write_bytes(CONTENTS[kind])
+    with pytest.raises(SkeletonLogError) as caught:
+        read_log(path)
+    assert kind in caught.value.found
+    assert str(caught.value) == str(refusal(path))
+
+
+@pytest.mark.parametrize(
+    ("names", "kind"),
+    [(["a/data.pkl"], "PyTorch"), (["[Content_Types].xml"], "Office"), (["walk.bvh"], "ZIP archive of walk.bvh")],
+)
+def test_an_archive_is_called_by_what_is_in_it(tmp_path, names, kind):
+    path = tmp_path / "take.dat"
+    with zipfile.ZipFile(path, "w") as archive:
+        for name in names:
+            archive.writestr(name, b"content")
+    assert kind in refusal(path).found

@@ -1,0 +1,75 @@
+"""JSON of trackers is read in the forms in which programs write it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from capture.formats import landmarks_json
+from capture.formats.joint_sets import JOINT_SETS
+from capture.skeleton import JOINT_INDEX
+
+from .test_positions import BLAZEPOSE, joints_as, person
+
+POINTS = joints_as(BLAZEPOSE)
+ARMS = [JOINT_INDEX[f"{joint}_{side}"] for joint in ("elbow", "wrist", "knee") for side in ("left", "right")]
+
+
+def listed(pose):
+    return [list(point) for point in pose]
+
+
+def objects(pose):
+    return [dict(zip("xyz", point, strict=True), visibility=0.9) for point in pose]
+
+
+FORMS = {
+    "names": lambda pose: dict(zip(BLAZEPOSE, listed(pose), strict=True)),
+    "named objects": lambda pose: [{"name": name, **each} for name, each in zip(BLAZEPOSE, objects(pose), strict=True)],
+    "objects": lambda pose: {"landmarks2d": [{"x": 1, "y": 2}] * 33, "landmarks": objects(pose), "time": 0.04},
+    "world": lambda pose: {"pose_landmarks": listed(pose * [1, 2, 3]), "pose_world_landmarks": listed(pose)},
+    "lists": listed,
+    "numbers": lambda pose: {"people": [{"pose_keypoints_3d": [float(each) for each in pose.ravel()]}]},
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("frames", ["list", "numbers", "key"])
+def test_forms_of_frames_and_poses(read, form, frames):
+    poses = [FORMS[form](pose) for pose in POINTS]
+    for index, pose in enumerate(poses):
+        if isinstance(pose, dict) and "time" in pose:
+            pose["time"] = index / 25
+    document = {
+        "list": poses,
+        "numbers": {"positions": {f"{index}.0": pose for index, pose in enumerate(poses)}},
+        "key": {"fps": 30, "frames": poses},
+    }[frames]
+    content = json.dumps(document)
+    assert landmarks_json.matches(content.encode())
+    [clip] = read(landmarks_json, content)
+    np.testing.assert_allclose(clip.positions[:, ARMS], person()[:, ARMS], atol=1e-9)
+    assert np.diff(clip.times) == pytest.approx(1 / 25 if form == "objects" else 1 / 30)
+
+
+def test_people_are_clips(read):
+    people = [
+        [{"id": 3, "pose": listed(pose)}, {"id": 5, "pose": listed(pose + np.array([1.0, 0, 0]))}] for pose in POINTS
+    ]
+    one, other = read(landmarks_json, json.dumps({"frames": [{"people": each} for each in people]}))
+    assert (one.user, other.user) == (3, 5)
+    np.testing.assert_allclose(other.positions[..., 0] - one.positions[..., 0], 1, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        [],
+        {"people": [{"pose_keypoints_2d": [1.0] * 75}]},
+        [[{"x": 1, "y": 2, "score": 1}] * 17],
+        [[[0.0, 0.0, 0.0]] * len(JOINT_SETS["mediapipe"])],
+        {"shoulder": {"deep": [[[[[[1]]]]]]}},
+    ],
+)
+def test_other_documents_are_refused(refused_at, document):
+    assert refused_at(landmarks_json, json.dumps(document)) == ""

@@ -33,6 +33,8 @@ class SkeletonClip:
         Orientations of the bones (`capture.orientations`), NaN if unknown.
     channels : dict of str to (T,) float32, optional
         Values of channels (`capture.channels`), NaN if unknown.
+    rest : (20, 3) float64, optional
+        The performer's rest pose, in place of the first frame, if the recording has one beside its frames.
     cues : tuple of Cue
         Commands of the whole recording, in its order; only takes have them.
     """
@@ -46,6 +48,7 @@ class SkeletonClip:
     orientations: NDArray[np.float64] | None = None
     cues: tuple[Cue, ...] = ()
     channels: dict[str, NDArray[np.float32]] | None = None
+    rest: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         """Check the conditions on which all later steps rely; a failure is a bug of the reader."""

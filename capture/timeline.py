@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
+from capture.cuts import cut_frames
 from capture.orientations import interpolated
 from capture.skeleton import LOST, SkeletonFrame
 from puppetline.errors import SkeletonLogError, at
@@ -97,7 +99,8 @@ def resample(clip: SkeletonClip, fps: float = 30.0, max_gap: float = 0.25) -> Ti
     """Resample a clip to a constant rate, from its first frame with a known joint to its last.
 
     Each joint is interpolated linearly between neighbouring known samples that are at most `max_gap` apart, with the
-    lower of their two confidences. In longer gaps it is lost: it keeps its position with confidence 0.
+    lower of their two confidences. In longer gaps it is lost: it keeps its position with confidence 0. All joints keep
+    their positions until a cut (`capture.cuts`).
 
     Parameters
     ----------
@@ -125,6 +128,7 @@ def resample(clip: SkeletonClip, fps: float = 30.0, max_gap: float = 0.25) -> Ti
             fix="Choose another performer or another recording.",
         )
     times = np.arange(_frame_count(clip, seen, fps)) / fps
+    clip = _held_until_cuts(clip)
     known_times = clip.times - seen[0]
     positions = np.empty((len(times), *clip.positions.shape[1:]))
     confidence = np.empty(positions.shape[:2], dtype=np.float32)
@@ -141,7 +145,24 @@ def resample(clip: SkeletonClip, fps: float = 30.0, max_gap: float = 0.25) -> Ti
     seen = seen - seen[0]
     before_gap = np.flatnonzero(np.diff(seen) > max_gap + TIME_TOLERANCE_SECONDS)
     gaps = tuple((float(seen[i]), float(seen[i + 1])) for i in before_gap)
-    return Timeline(fps, positions, confidence, gaps, orientations, channels=channels)
+    return Timeline(fps, positions, confidence, gaps, orientations, clip.rest, channels)
+
+
+def _held_until_cuts(clip: SkeletonClip) -> SkeletonClip:
+    """Return a clip with one more frame just before each cut: the frame before it."""
+    cuts = cut_frames(clip.times, clip.positions, clip.confidence)
+
+    def held(values: NDArray[Any]) -> NDArray[Any]:
+        return np.insert(values, cuts, values[cuts - 1], axis=0)
+
+    return replace(
+        clip,
+        times=np.insert(clip.times, cuts, clip.times[cuts] - 2 * TIME_TOLERANCE_SECONDS),
+        positions=held(clip.positions),
+        confidence=held(clip.confidence),
+        orientations=None if clip.orientations is None else held(clip.orientations),
+        channels=None if clip.channels is None else {name: held(each) for name, each in clip.channels.items()},
+    )
 
 
 def choose(clips: Sequence[SkeletonClip], user: int | None = None) -> tuple[SkeletonClip, str]:

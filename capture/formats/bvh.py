@@ -28,6 +28,7 @@ from capture.formats.bvh_names import kinect_positions
 from capture.formats.bvh_parser import MAX_NUMBER, Node, parse
 from capture.formats.options import ReadOptions
 from capture.orientations import unknown
+from capture.rest_frames import in_place, resting_frames
 from capture.skeleton import JOINT_INDEX, LOST, TRACKED
 from puppetline.errors import SkeletonLogError
 
@@ -122,15 +123,22 @@ def _clip(
     up, up_note = _up(points, options)
     unit, unit_note = _unit(stature, options)
     facing_note = f"The performer faces the sensor in the first frame, {HIP_DISTANCE_METRES:g} m in front of it."
-    axes = _sensor_axes(path, points, up)
+    confidence = np.where(np.isnan(points[..., 0]), LOST, TRACKED).astype(np.float32)
+    first = resting_frames(times, unit * points, confidence)
+    axes = _sensor_axes(path, points[first:], up)
     hips = np.array([0.0, 0.0, HIP_DISTANCE_METRES])
-    positions = unit * (points - points[0, JOINT_INDEX["hip_center"]]) @ axes.T + hips
+    positions = unit * (points - points[first, JOINT_INDEX["hip_center"]]) @ axes.T + hips
     orientations = unknown((len(times),))
     for name, rotations in body.rotations.items():
         orientations[:, JOINT_INDEX[name]] = Rotation.from_matrix(axes @ rotations).as_quat()[:, [3, 0, 1, 2]]
-    confidence = np.where(np.isnan(positions[..., 0]), LOST, TRACKED).astype(np.float32)
     notes = (unit_note, up_note, facing_note, *notes)
-    return build_clip(path, "bvh", times, positions, confidence, notes, orientations)
+    moving = slice(first, None)
+    clip = build_clip(path, "bvh", times[moving], positions[moving], confidence[moving], notes, orientations[moving])
+    if first == 0:
+        return clip
+    rest_note = "The recording begins with a rest pose elsewhere, which is omitted and serves as the calibration pose."
+    rest = in_place(positions[0], positions[moving])
+    return replace(clip, rest=rest, notes=(*clip.notes, rest_note))
 
 
 def forward_kinematics(

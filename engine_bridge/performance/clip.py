@@ -188,7 +188,7 @@ def reference_pose(puppet: Puppet, timeline: Timeline, settings: Settings) -> ND
     recordings begin in mid step.
     """
     pose = resting_pose(timeline, settings)
-    calibrated = settings.rest_at is not None or timeline.rest is not None
+    calibrated = settings.rest_at is not None or isinstance(timeline, TakeTimeline)
     turns = any(limb.follow == "turn" for limb in puppet.limbs)
     return body.upright(pose) if turns and not calibrated else pose
 

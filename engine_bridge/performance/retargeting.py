@@ -6,14 +6,17 @@ and the rest is scaled to the character (`solver.motion.retarget`); handles move
 """
 
 import math
+from copy import deepcopy
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture import body, orientations
+from capture.cuts import is_cut
 from capture.skeleton import JOINT_INDEX, LIMBS, LOST, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
 from capture.smoothing import JointFilter
-from engine_bridge.performance.grounding import SIDES, chain_of, grounding_of
+from engine_bridge.performance.grounding import SIDES, Grounding, chain_of, grounding_of
 from engine_bridge.performance.pose import TargetPose
 from engine_bridge.puppet.puppet import Puppet, axis_mask
 from solver.model.bones import Bones
@@ -31,6 +34,23 @@ PERFORMER = Performer(
     shoulders=(JOINT_INDEX["shoulder_left"], JOINT_INDEX["shoulder_right"]),
     opposite=OPPOSITE.astype(np.int64),
 )
+
+
+@dataclass
+class _Followers:
+    """What follows a performer over time, with its state between frames.
+
+    `with_root` (20, 3) are the displacements of all joints when the root was last known.
+    """
+
+    smoothing: JointFilter
+    limbs: LimbMotion
+    arms: Arms | None
+    retargeter: Retargeter
+    root_return: SmoothReturn
+    grounding: Grounding | None
+    late: LateLimbs
+    with_root: NDArray[np.float64]
 
 
 class Retargeting:
@@ -56,46 +76,69 @@ class Retargeting:
         self.joints = rest
         self._puppet = puppet
         self._basis = puppet.character.basis
-        self._filter = JointFilter(puppet.smoothing.parameters)
         self._rest = self._to_character(rest)
-        self.fit = fit_sizes(puppet, deformer, mesh, rest)
-        self._grounding, self.root_scale = grounding_of(puppet, mesh, deformer.bones, rest)
-        self._limbs = LimbMotion(puppet.limbs, PERFORMER, self._rest, self._basis, turns=puppet.turns)
-        self._late = LateLimbs(self._limbs.limbs, deformer.bones)
-        self._arms = arms_of(puppet, deformer.bones, rest)
-        calibration = self._rest
-        if self._limbs.trunk is not None:
-            at_rest = LimbMotion(puppet.limbs, PERFORMER, self._rest, self._basis, turns=puppet.turns)
-            known = np.asarray(np.isfinite(self._rest).all(axis=1), dtype=np.float32)
-            calibration = self._against_trunk(self._rest, at_rest.step(0.0, self._rest, known))
-        self._retargeter = Retargeter(deformer.handles, puppet.mapping, self.fit, calibration, self._basis)
         self._root = JOINT_INDEX[puppet.root.joint] if puppet.root else 0
-        self._root_return = SmoothReturn(1)
-        self._with_root = np.full_like(self._rest, np.nan)  # all joints when the root was last known
+        self.fit = fit_sizes(puppet, deformer, mesh, rest)
+        grounding, self.root_scale = grounding_of(puppet, mesh, deformer.bones, rest)
+        limbs = LimbMotion(puppet.limbs, PERFORMER, self._rest, self._basis, turns=puppet.turns)
+        calibration = self._rest
+        if limbs.trunk is not None:
+            known = np.asarray(np.isfinite(self._rest).all(axis=1), dtype=np.float32)
+            at_rest = limbs.anew().step(0.0, self._rest, known)
+            calibration = self._against_trunk(self._rest, at_rest, limbs.trunk)
+        self._first = _Followers(
+            JointFilter(puppet.smoothing.parameters),
+            limbs,
+            arms_of(puppet, deformer.bones, rest),
+            Retargeter(deformer.handles, puppet.mapping, self.fit, calibration, self._basis),
+            SmoothReturn(1),
+            grounding,
+            LateLimbs(limbs.limbs, deformer.bones),
+            np.full_like(self._rest, np.nan),
+        )
+        self._now = deepcopy(self._first)
+        self._last: SkeletonFrame | None = None  # in which a joint was known
+
+    def _begin(self) -> None:
+        """Follow the performer from the next frame on as from the first one; bones keep their axes."""
+        limbs = self._now.limbs.anew()
+        self._now = replace(deepcopy(self._first), limbs=limbs)
+
+    def is_cut(self, frame: SkeletonFrame) -> bool:
+        """Return whether the performer cannot have moved from the last frame to this one."""
+        last = self._last
+        if last is None:
+            return False
+        return bool(is_cut(last.positions, last.confidence, frame.positions, frame.confidence, frame.time - last.time))
 
     def step(self, frame: SkeletonFrame) -> TargetPose:
-        """Retarget the next frame, which is later than the previous one."""
-        self.joints = self._filter.step(frame.time, frame.positions, frame.confidence)
+        """Retarget the next frame, which is later than the previous one; after a cut, everything begins anew."""
+        if self.is_cut(frame):
+            self._begin()
+        if (frame.confidence > LOST).any():
+            self._last = frame
+        now = self._now
+        self.joints = now.smoothing.step(frame.time, frame.positions, frame.confidence)
         positions = self._to_character(self.joints)
         confidence = frame.confidence[OPPOSITE] if self._puppet.retarget.mirror else frame.confidence
         moved = np.zeros(3)
         if self._puppet.root is not None:
             displacement = self._root_displacement(positions - self._rest, confidence > LOST)
-            moved = self._root_return.step(frame.time, displacement[None], np.ones(1, dtype=bool))[0]
+            moved = now.root_return.step(frame.time, displacement[None], np.ones(1, dtype=bool))[0]
             moved = moved * axis_mask(self._puppet.root.axes)
-        motions = self._limbs.step(frame.time, positions, confidence, orientations=self._orientations(frame))
-        if self._arms is not None:
-            self._arms.step(frame.time, positions, confidence, motions, self._limbs.heading)
-        trunk = self._limbs.trunk
+        motions = now.limbs.step(frame.time, positions, confidence, orientations=self._orientations(frame))
+        if now.arms is not None:
+            now.arms.step(frame.time, positions, confidence, motions, now.limbs.heading)
+        trunk = now.limbs.trunk
         if trunk is None:
-            targets = self._retargeter.step(frame.time, positions - moved, confidence)
+            targets = now.retargeter.step(frame.time, positions - moved, confidence)
         else:
-            targets = self._retargeter.step(frame.time, self._against_trunk(positions, motions), confidence)
+            targets = now.retargeter.step(frame.time, self._against_trunk(positions, motions, trunk), confidence)
             targets = targets @ motions[trunk, :3] + motions[trunk, 3]
         root = self.root_scale * moved @ self._basis
-        if self._grounding is not None:
-            self._grounding.step(frame.time, positions, confidence, motions, root)
-        self._late.step(frame.time, motions, root)
+        if now.grounding is not None:
+            now.grounding.step(frame.time, positions, confidence, motions, root)
+        now.late.step(frame.time, motions, root)
         return TargetPose(targets, motions, root)
 
     @property
@@ -106,16 +149,20 @@ class Retargeting:
     @property
     def standing(self) -> NDArray[np.float64]:
         """Positions (l, 3) float64 where the character's feet are held, mesh file's coordinates; NaN for free feet."""
-        return np.empty((0, 3)) if self._grounding is None else self._grounding.places
+        grounding = self._now.grounding
+        return np.empty((0, 3)) if grounding is None else grounding.places
 
     def stand(self, places: NDArray[np.float64]) -> None:
         """Hold the feet at the positions `standing` of a previous retargeting of the same puppet."""
-        if self._grounding is not None and places.shape == self.standing.shape:
-            self._grounding.hold(places)
+        grounding = self._now.grounding
+        if grounding is not None and places.shape == self.standing.shape:
+            grounding.hold(places)
 
-    def _against_trunk(self, positions: NDArray[np.float64], motions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _against_trunk(
+        self, positions: NDArray[np.float64], motions: NDArray[np.float64], trunk: int
+    ) -> NDArray[np.float64]:
         """Return joints (20, 3) relative to the hips and to the axes of the moved trunk."""
-        turn = self._basis @ motions[self._limbs.trunk, :3] @ self._basis.T
+        turn = self._basis @ motions[trunk, :3] @ self._basis.T
         return (positions - positions[JOINT_INDEX["hip_center"]]) @ turn.T
 
     def _root_displacement(self, displacement: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -125,11 +172,11 @@ class Retargeting:
         """
         known = known & np.isfinite(displacement).all(axis=1)
         if known[self._root]:
-            self._with_root = np.where(known[:, None], displacement, np.nan)
+            self._now.with_root = np.where(known[:, None], displacement, np.nan)
             return displacement[self._root]
-        since = (displacement - self._with_root)[known]
+        since = (displacement - self._now.with_root)[known]
         since = since[np.isfinite(since).all(axis=1)]
-        return self._with_root[self._root] + (np.median(since, axis=0) if len(since) else np.nan)
+        return self._now.with_root[self._root] + (np.median(since, axis=0) if len(since) else np.nan)
 
     def _to_character(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         return to_character_axes(mirrored(positions) if self._puppet.retarget.mirror else positions)

@@ -12,6 +12,7 @@ least rotation from rest. The weight of each reference vanishes where it is unde
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -70,19 +71,14 @@ class LimbMotion:
         self.bones = bones_of(limbs)
         basis = np.eye(3) if basis is None else np.ascontiguousarray(basis, dtype=np.float64)
         self._plan = plan_of(self.limbs, self.bones, performer, rest, basis, turns)
-        rows = len(self._plan.roll)
         self._unknown = np.full((len(performer.opposite), 4), np.nan)
-        self._state = _State(
-            local=np.tile([1.0, 0.0, 0.0, 0.0], (rows, 1)),
-            gap=np.zeros((rows, 3)),
-            roll_gap=np.zeros(rows),
-            known=np.zeros(rows),
-            roll_known=np.zeros(rows),
-            vector=np.zeros((rows, 3)),
-            mount=np.full((rows, 4), np.nan),
-            side=np.zeros(3),
-            clock=np.array([-np.inf, -np.inf, 0.0, 0.0, 0.0]),
-        )
+        self._state = _first_state(np.full((len(self._plan.roll), 4), np.nan))
+
+    def anew(self) -> "LimbMotion":
+        """Return one that has had no frame yet, but knows the axes of the performer's bones."""
+        other = copy(self)
+        other._state = _first_state(self._state.mount.copy())
+        return other
 
     def step(
         self,
@@ -131,6 +127,22 @@ class LimbMotion:
     def trunk(self) -> int | None:
         """The first bone of the trunk, if there is one."""
         return int(self._plan.trunk_rows[0]) - 1 if len(self._plan.trunk_rows) else None
+
+
+def _first_state(mount: NDArray[np.float64]) -> _State:
+    """Return the state before the first frame, with the axes (rows, 4) of the performer's bones; NaN if unknown."""
+    rows = len(mount)
+    return _State(
+        local=np.tile([1.0, 0.0, 0.0, 0.0], (rows, 1)),
+        gap=np.zeros((rows, 3)),
+        roll_gap=np.zeros(rows),
+        known=np.zeros(rows),
+        roll_known=np.zeros(rows),
+        vector=np.zeros((rows, 3)),
+        mount=mount,
+        side=np.zeros(3),
+        clock=np.array([-np.inf, -np.inf, 0.0, 0.0, 0.0]),
+    )
 
 
 @compiled

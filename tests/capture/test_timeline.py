@@ -10,10 +10,10 @@ HEAD, SPINE, NEVER = JOINT_INDEX["head"], JOINT_INDEX["spine"], JOINT_INDEX["foo
 
 
 def clip(times, x, lost=(), user=0):
-    """Return a clip with every joint at (x, 10 x, joint number), except the lost ones."""
+    """Return a clip with every joint at (x, 10 x, joint number) thousandths, except the lost ones."""
     times = np.asarray(times, dtype=float)
     x = np.broadcast_to(np.asarray(x, dtype=float)[:, None], (len(times), 20))
-    positions = np.stack([x, 10 * x, np.broadcast_to(np.arange(20.0), x.shape)], axis=2)
+    positions = np.stack([x, 10 * x, np.broadcast_to(np.arange(20.0), x.shape)], axis=2) / 1000
     confidence = np.ones(x.shape, dtype=np.float32)
     for place in lost:
         positions[place], confidence[place] = np.nan, 0
@@ -36,14 +36,16 @@ def test_interpolates_linearly_with_the_lower_confidence():
     recorded.confidence[2, HEAD] = 0.5
     timeline = resample(recorded, fps=25.0)
     x = np.array([0.0, 0.4, 0.8, 1.4, 2.2, 3.0])
-    np.testing.assert_allclose(timeline.positions[:, SPINE, :2], np.stack([x, 10 * x], axis=1), rtol=0, atol=1e-11)
+    np.testing.assert_allclose(
+        1000 * timeline.positions[:, SPINE, :2], np.stack([x, 10 * x], axis=1), rtol=0, atol=1e-11
+    )
     np.testing.assert_array_equal(timeline.confidence[:, [SPINE, HEAD]].T, [6 * [1], 3 * [1] + 3 * [0.5]])
 
 
 def test_a_gap_of_just_max_gap_is_bridged_and_a_longer_one_is_held_and_reported():
     timeline = resample(clip([0.1, 0.35, 1.1], [0.0, 1.0, 5.0]), fps=20.0, max_gap=0.25)
     x = [0.0, 0.2, 0.4, 0.6, 0.8] + 15 * [1.0] + [5.0]
-    np.testing.assert_allclose(timeline.positions[:, HEAD, 0], x, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(1000 * timeline.positions[:, HEAD, 0], x, rtol=0, atol=1e-9)
     np.testing.assert_array_equal(timeline.confidence[:, HEAD], 6 * [1] + 14 * [0] + [1])
     np.testing.assert_allclose(timeline.gaps, [(0.25, 1.0)], rtol=0, atol=1e-12)
     assert timeline.held == 14 * 20
@@ -60,7 +62,7 @@ def test_a_joint_is_held_by_itself_and_stays_at_its_nearest_sample_at_both_ends(
     sure = {HEAD: [1, 1, 1, *5 * [0], 1, 1, 1], 0: [0, 0, *9 * [1]], NEVER: 11 * [0]}
     x[1], sure[1] = [*range(9), 8, 8], [*9 * [1], 0, 0]
     for joint, expected in x.items():
-        np.testing.assert_allclose(timeline.positions[:, joint, 0], expected, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(1000 * timeline.positions[:, joint, 0], expected, rtol=0, atol=1e-12)
     for joint, expected in sure.items():
         np.testing.assert_array_equal(timeline.confidence[:, joint], expected)
     assert np.flatnonzero(np.isnan(timeline.positions).any(axis=(0, 2))).tolist() == [NEVER]

@@ -177,3 +177,19 @@ def test_a_straight_forearm_turns_about_itself_by_as_much_as_the_performers(pupp
     made, _ = retargeting(own, twisted.positions[0])
     without = forearm_turns(made, own, [replace(frame, orientations=None) for frame in twisted.frames()])
     assert_allclose(np.degrees(without), 0, atol=1e-6)
+
+
+def test_after_a_cut_everything_is_as_if_the_motion_began_there(puppet, retargeting, frames, dance):
+    takes = dance(60)
+    takes[30:] = turned(takes[30:], 2.0) + np.array([3, 0, 1])
+    smooth = changed(puppet, smoothing=SmoothingTable())
+    made, _ = retargeting(smooth, takes[0])
+    anew, _ = retargeting(smooth, takes[0])
+    every = list(frames(takes))
+    for frame in every[:30]:
+        made.step(frame)
+    for frame in every[30:]:
+        ours, theirs = made.step(frame), anew.step(frame)
+        assert_allclose(ours.bones, theirs.bones, atol=1e-12)
+        assert_allclose(ours.targets, theirs.targets, atol=1e-12)
+        assert_allclose(ours.root, theirs.root, atol=1e-12)

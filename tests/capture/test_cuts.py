@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+
+from capture.clip import SkeletonClip
+from capture.cuts import cut_frames
+from capture.skeleton import JOINT_INDEX, LIMBS, OPPOSITE
+from capture.timeline import resample
+
+from .bodies import STANDING
+
+BODY = np.array(list(STANDING.values())) + np.array([0, 1, 2.5])
+SEEN = np.ones((60, 20), np.float32)
+
+
+def walk(fps, speed):
+    """Return times and positions of a body that is carried along x."""
+    times = np.arange(60) / fps
+    return times, BODY + speed * times[:, None, None] * [1, 0, 0]
+
+
+@pytest.mark.parametrize("fps", [10, 30, 120])
+def test_a_sprinter_is_no_cut_and_a_displacement_is_one_at_any_rate(fps):
+    times, positions = walk(fps, 11.0)
+    assert not len(cut_frames(times, positions, SEEN))
+    positions[40:] += [0, 0, 2.9]
+    assert cut_frames(times, positions, SEEN).tolist() == [40]
+
+
+def test_errors_of_single_limbs_and_exchanged_sides_are_no_cuts():
+    times, positions = walk(30, 1.0)
+    for k, limb in enumerate(LIMBS.values()):
+        positions[10 * k, [JOINT_INDEX[joint] for joint in limb]] += [0, 2, 0]
+    positions[55] = positions[55, OPPOSITE]
+    assert not len(cut_frames(times, positions, SEEN))
+
+
+def test_a_performer_who_is_back_elsewhere_after_a_gap_is_a_cut():
+    times, positions = walk(30, 0.0)
+    confidence = SEEN.copy()
+    confidence[20:50], positions[20:50] = 0, np.nan
+    for away, cuts in ((0.8, []), (2.0, [50])):
+        positions[50:] = BODY + np.array([away, 0, 0])
+        assert cut_frames(times, positions, confidence).tolist() == cuts
+
+
+@pytest.mark.parametrize("fps", [24, 30, 50, 97])
+def test_no_frame_of_a_timeline_is_between_the_two_sides_of_a_cut(fps):
+    times, positions = walk(25, 0.5)
+    positions[30:] += [3, 0, 0]
+    turns = np.tile([1.0, 0, 0, 0], (60, 20, 1))
+    clip = SkeletonClip("test", 0, times, positions, SEEN, orientations=turns)
+    timeline = resample(clip, fps)
+    carried = timeline.positions - BODY
+    after = timeline.times >= times[30] - 1e-6
+    expected = np.where(after, 3 + 0.5 * timeline.times, np.minimum(0.5 * timeline.times, 0.5 * times[29]))
+    np.testing.assert_allclose(carried[..., 0], expected[:, None].repeat(20, 1), atol=1e-5)
+    assert (timeline.confidence == 1).all()
+    assert np.isfinite(timeline.orientations).all()
+    assert timeline.gaps == ()

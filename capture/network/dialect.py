@@ -74,7 +74,8 @@ class Ignored:
 Refusal = Literal["unknown message", "unknown joint", "unknown channel", "channel outside 0 to 1", "wrong arguments"]
 """Reasons to refuse a well-formed message."""
 
-Reading = Part | PerformerLost | FrameEnd | ChannelValues | Ignored | Refusal
+AcceptedReading = Part | PerformerLost | FrameEnd | ChannelValues | Ignored
+Reading = AcceptedReading | Refusal
 
 
 _PLAIN_TAGS = str.maketrans("dhS", "fis")
@@ -103,10 +104,14 @@ class Dialect(Protocol):
         Whether the end of a bundle ends the frames of the performers in it.
     mirrors : bool
         Whether the program mirrors performers by default: x negated, the names of the sides swapped.
+    sends_positions : bool
+        Whether parts begin with measured positions; a joint at exactly (0, 0, 0), or that does not move while others
+        do, is then lost.
     """
 
     bundle_is_frame: bool
     mirrors: bool
+    sends_positions: bool
 
     def read(self, message: Message) -> Reading | None:
         """Read a message; return None if it belongs to another dialect."""

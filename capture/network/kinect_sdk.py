@@ -26,6 +26,7 @@ class KinectSDK:
 
     bundle_is_frame = False
     mirrors = False
+    sends_positions = True
 
     def read(self, message: Message) -> Reading | None:
         """Read a message."""

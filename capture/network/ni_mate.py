@@ -31,6 +31,7 @@ class NIMate:
 
     bundle_is_frame = False
     mirrors = False
+    sends_positions = True
 
     def read(self, message: Message) -> dialect.Reading | None:
         """Read a message."""

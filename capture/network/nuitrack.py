@@ -23,6 +23,7 @@ class Nuitrack:
 
     bundle_is_frame = True
     mirrors = False
+    sends_positions = True
 
     def read(self, message: Message) -> Reading | None:
         """Read a message; messages about performers are OSCeleton's."""

@@ -61,15 +61,22 @@ class Message(NamedTuple):
 
 
 class OscError(ValueError):
-    """A datagram is not valid OSC; `reason` is one of `REASONS`."""
+    """A datagram is not valid OSC; `reason` is one of `REASONS`, `address` that of the message if it is known."""
 
-    def __init__(self, reason: Reason) -> None:
+    def __init__(self, reason: Reason, address: str = "") -> None:
         self.reason: Reason = reason
+        self.address = address
         super().__init__(reason)
 
 
-def decode(datagram: bytes) -> list[Message]:
+def decode(datagram: bytes, refuse: Callable[[OscError], None] | None = None) -> list[Message]:
     """Return the message of a datagram, or the messages of its bundles in their order, without time tags.
+
+    Parameters
+    ----------
+    datagram : bytes
+    refuse : callable, optional
+        Receives the error of a bad message, which is then skipped, so that it does not cost the rest of its bundle.
 
     Raises
     ------
@@ -88,7 +95,12 @@ def decode(datagram: bytes) -> list[Message]:
     while waiting:
         start, end, depth = waiting.pop()
         if datagram[start : start + 8] != BUNDLE:
-            messages.append(_message(datagram, start, end))
+            try:
+                messages.append(_message(datagram, start, end))
+            except OscError as error:
+                if refuse is None:
+                    raise
+                refuse(error)
             continue
         if depth == MAX_DEPTH:
             raise OscError("bundles too deep")
@@ -130,8 +142,11 @@ def _message(data: bytes, offset: int, end: int) -> Message:
     for tag in tags[1:]:
         reader = _READERS.get(tag)
         if reader is None:
-            raise OscError("unknown type tag")
-        argument, offset = reader(data, offset, end)
+            raise OscError("unknown type tag", address)
+        try:
+            argument, offset = reader(data, offset, end)
+        except OscError as error:
+            raise OscError(error.reason, address) from None
         arguments.append(argument)
     if offset != end:
         raise OscError("bytes left over")

@@ -36,6 +36,7 @@ class OSCeleton:
 
     bundle_is_frame = True
     mirrors = True
+    sends_positions = True
 
     def read(self, message: Message) -> dialect.Reading | None:
         """Read a message."""

@@ -9,7 +9,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,18 +19,9 @@ from capture.formats.layouts import synthesise_missing
 from capture.network.address import ANY_SENDER, FIX, Address, parse
 from capture.network.assembly import PART_TIMEOUT_SECONDS, CompleteFrame, FrameAssembly
 from capture.network.channels import HeldChannels, read_channel
-from capture.network.dialect import (
-    ChannelValues,
-    Dialect,
-    FrameEnd,
-    Ignored,
-    Part,
-    PerformerLost,
-    Pose,
-    Reading,
-    Refusal,
-    Values,
-)
+from capture.network.dialect import AcceptedReading, ChannelValues, Dialect, FrameEnd, Part, PerformerLost, Pose, Values
+from capture.network.frozen_joints import FrozenJoints
+from capture.network.identities import Identities
 from capture.network.kinect_sdk import KinectSDK
 from capture.network.ni_mate import NIMate
 from capture.network.nuitrack import Nuitrack
@@ -38,7 +29,7 @@ from capture.network.osc import BUNDLE, MAX_DATAGRAM_BYTES, Message, OscError, d
 from capture.network.osceleton import OSCeleton
 from capture.network.refusals import Refusals
 from capture.network.vmc import Vmc
-from capture.skeleton import LOST, MAX_DISTANCE_METRES, OPPOSITE, SkeletonFrame, mirrored, swap_sides
+from capture.skeleton import JOINTS, LOST, MAX_DISTANCE_METRES, OPPOSITE, SkeletonFrame, mirrored, swap_sides
 from capture.source import Counts
 from puppetline import clock
 from puppetline.errors import SourceError
@@ -129,6 +120,8 @@ class OscSource:
         self._channels = HeldChannels()
         self._assemblies: dict[tuple[Dialect, int], FrameAssembly] = {}  # in the order of the last packets
         self._pending: dict[tuple[type[_Pending], int], deque[_Pending]] = {}  # not returned yet
+        self._frozen: dict[int, FrozenJoints] = {}
+        self._identities = Identities()
         self._present: set[int] = set()  # performers of whom frames were returned
         self._last_time = self._last_return = clock.now()  # of the last pending event, and of the last return
         self._socket = _listen(name, address)
@@ -194,7 +187,7 @@ class OscSource:
     def _read_datagram(self, datagram: bytes, now: float) -> int:
         """Process one datagram; return its number of messages."""
         try:
-            messages = decode(datagram)
+            messages = decode(datagram, lambda error: self._refusals.add(error.reason, error.address))
         except OscError as error:
             self._refusals.add(error.reason)
             return 1
@@ -211,18 +204,26 @@ class OscSource:
         """Process one message; return the performers whose frames end with the datagram."""
         channel = read_channel(message)
         if channel is not None:
-            self._take_channels(channel, now)
+            if isinstance(channel, ChannelValues):
+                self._take_channels(channel, now)
+            else:
+                self._refusals.add(channel)
             return []
         for dialect in self._dialects:
             reading = dialect.read(message)
             if reading is not None:
+                if isinstance(reading, Part | PerformerLost) and reading.user not in USERS:
+                    reading = "wrong arguments"
+                if isinstance(reading, str):
+                    self._refusals.add(reading, message.address)
+                    return []
                 return self._apply(dialect, reading, now, bundled=bundled)
         self._refusals.add("unknown message")
         return []
 
-    def _apply(self, dialect: Dialect, reading: Reading, now: float, *, bundled: bool) -> list[tuple[Dialect, int]]:
-        if isinstance(reading, Part | PerformerLost) and reading.user not in USERS:
-            reading = "wrong arguments"
+    def _apply(
+        self, dialect: Dialect, reading: AcceptedReading, now: float, *, bundled: bool
+    ) -> list[tuple[Dialect, int]]:
         if isinstance(reading, Part):
             key = dialect, reading.user
             end_follows = bundled and dialect.bundle_is_frame
@@ -232,16 +233,13 @@ class OscSource:
             return [key for key in self._assemblies if key[0] is dialect]
         if isinstance(reading, PerformerLost):
             self._remove(reading.user, now)
-        elif not isinstance(reading, Ignored):
+        elif isinstance(reading, ChannelValues):
             self._take_channels(reading, now)
         return []
 
-    def _take_channels(self, reading: ChannelValues | Refusal, now: float) -> None:
-        if isinstance(reading, ChannelValues):
-            swapped = swap_sides if self._address.mirrored else str
-            self._channels.add({swapped(name): value for name, value in reading.values.items()}, now)
-        else:
-            self._refusals.add(reading)
+    def _take_channels(self, reading: ChannelValues, now: float) -> None:
+        swapped = swap_sides if self._address.mirrored else str
+        self._channels.add({swapped(name): value for name, value in reading.values.items()}, now)
 
     def _assembly(self, key: tuple[Dialect, int]) -> FrameAssembly:
         """Return the assembly of a performer's frames, now the last in the order of packets."""
@@ -274,29 +272,39 @@ class OscSource:
     def _event(self, pending: _Pending) -> Event | None:
         """Return the event to report; None for a lost performer who was never reported and for an invalid frame."""
         if isinstance(pending, Lost):
-            if pending.user not in self._present:
+            user = self._identities.lost(pending.user)
+            if user is None or user not in self._present:
                 return None
-            self._present.discard(pending.user)
-            return pending
+            self._present.discard(user)
+            self._frozen.pop(user, None)
+            return replace(pending, user=user)
         with np.errstate(over="ignore", invalid="ignore"):
-            positions, confidence = self._sensor_pose(pending.dialect, pending.parts)
-            known = confidence > LOST
-            near = bool((np.abs(positions[known]) <= MAX_DISTANCE_METRES).all())
+            pose = self._sensor_pose(pending.dialect, pending.parts)
+            known = pose[1] > LOST
+            near = bool((np.abs(pose[0][known]) <= MAX_DISTANCE_METRES).all())
         if not near:
             self._refusals.add("position too far away")
         if not (near and known.any()):
             return None
-        self._present.add(pending.user)
-        return SkeletonFrame(
-            pending.time, pending.user, positions, confidence, channels=self._channels.at(pending.time)
-        )
+        user = self._identities.user(pending.user, pose, pending.time)
+        if pending.dialect.sends_positions:
+            confidence = self._frozen.setdefault(user, FrozenJoints()).lost(pose, pending.time)
+            pose = np.where(confidence[:, None] > LOST, pose[0], np.nan), confidence
+        positions, confidence = synthesise_missing(*pose)
+        self._present.add(user)
+        return SkeletonFrame(pending.time, user, positions, confidence, channels=self._channels.at(pending.time))
 
     def _sensor_pose(self, dialect: Dialect, parts: Mapping[str, Values]) -> Pose:
+        """Return the pose of a frame; joints that were not sent, or at exactly (0, 0, 0), are lost."""
+        if dialect.sends_positions:
+            parts = {name: values for name, values in parts.items() if any(values[:3])}
+        if not parts:
+            return np.full((len(JOINTS), 3), np.nan), np.full(len(JOINTS), LOST, np.float32)
         positions, confidence = dialect.pose(parts, self._address.units)
         positions *= self._flip
         if dialect.mirrors if self._address.mirrored is None else self._address.mirrored:
             positions, confidence = mirrored(positions), confidence[OPPOSITE]
-        return synthesise_missing(positions, confidence)
+        return positions, confidence
 
 
 def _received(listener: socket.socket) -> tuple[bytes, Any, float]:

@@ -34,6 +34,7 @@ class Vmc:
 
     bundle_is_frame = False
     mirrors = False
+    sends_positions = False
 
     def __init__(self) -> None:
         self._bones: dict[str, dialect.Values] = {}

@@ -51,7 +51,7 @@ def diagnose(report: SourceReport) -> list[Problem]:
     if not report.performers:
         return [*found, *_absence_problems(report)]
     for user, performer in sorted(report.performers.items()):
-        found += _performer_problems(f"User {user}", performer, report.picture)
+        found += _performer_problems(f"User {user}", performer, report)
     return [*found, _failure(report)] if report.failure else found
 
 
@@ -161,15 +161,23 @@ def _absence_problems(report: SourceReport) -> Iterator[Problem]:
         yield Problem(f"User {user} has left.")
 
 
-def _performer_problems(name: str, performer: PerformerReport, picture: Picture | None) -> Iterator[Problem]:
-    known = performer.known()
+def _performer_problems(name: str, performer: PerformerReport, report: SourceReport) -> Iterator[Problem]:
+    known, picture = performer.known(), report.picture
+    never = ~performer.ever_known
     if performer.still and performer.frames >= FROZEN_FRAMES:
         yield Problem(
             f"{name} does not move: {performer.frames} frames have exactly the same pose.",
             "Check whether the sender tracks a performer, or only shows a character at rest.",
         )
-    if not known.all():
-        yield Problem(f"{name}: lost joints: {_names(~known)}.", "Turn to the sensor, with nothing in between.")
+    if never.any() and report.listens:
+        yield Problem(
+            f"{name}: {never.sum()} of 20 joints never arrive: the sender sends {performer.ever_tracked.sum()}. "
+            f"Missing: {_names(never)}.",
+            "Set the sender to send the whole body, one position per joint, by the names in docs/senders.md.",
+        )
+    lost = ~known & (performer.ever_known | (not report.listens))
+    if lost.any():
+        yield Problem(f"{name}: lost joints: {_names(lost)}.", "Turn to the sensor, with nothing in between.")
     inferred = known & ~performer.tracked()
     if inferred.sum() > MAX_INFERRED_JOINTS:
         yield Problem(

@@ -37,18 +37,26 @@ class PerformerReport:
     frames : int
     still : bool
         Whether every frame had exactly the same positions.
+    ever_known, ever_tracked : (20,) bool
+        Joints that were known, and tracked, in any frame.
     """
 
     newest: SkeletonFrame
     since: float
     frames: int = 1
     still: bool = True
+    ever_known: NDArray[np.bool_] = field(init=False)
+    ever_tracked: NDArray[np.bool_] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.ever_known, self.ever_tracked = self.known(), self.tracked()
 
     def add(self, frame: SkeletonFrame) -> None:
         """Add a newer frame."""
         self.still &= np.array_equal(frame.positions, self.newest.positions, equal_nan=True)
         self.newest = frame
         self.frames += 1
+        self.ever_known, self.ever_tracked = self.ever_known | self.known(), self.ever_tracked | self.tracked()
 
     @property
     def rate(self) -> float | None:

@@ -32,9 +32,9 @@ REFUSALS = {
 
 
 def body(user, height=0.5):
-    """Return OSCeleton's bundle for a frame, with the head at a height in screen coordinates."""
+    """Return OSCeleton's bundle for a frame, with the head at a height in screen coordinates, at the user's place."""
     joints = (("head", height), ("neck", 0.4), ("torso", 0.5))
-    return bundle(*(message("/joint", "sifff", name, user, 0.5, y, 1.0) for name, y in joints))
+    return bundle(*(message("/joint", "sifff", name, user, 0.5 + 0.3 * (user % 50), y, 1.0) for name, y in joints))
 
 
 def sdk_joint(name, user=1, z=1500.0, confidence=1.0):

@@ -129,3 +129,18 @@ def test_a_status_line_has_the_problem_then_the_fix_then_the_performers():
     assert status_line(well) == " · ".join(["No problems found.", *performers])
     failed = report_of(failure="driver\x1b[2Jfail\red\n[bold]x[/]")
     assert status_line(failed) == "driver [2Jfail ed [bold]x[/]"
+
+
+def test_joints_that_never_arrive_are_told_from_those_that_are_lost_now():
+    def sent(step, names):
+        seen = frame(step)
+        known = np.isin(JOINTS, names)
+        return replace(
+            seen, positions=np.where(known[:, None], seen.positions, np.nan), confidence=known.astype(np.float32)
+        )
+
+    frames = [*(sent(step, ["head", "hand_left"]) for step in range(30)), sent(30, ["head"])]
+    never, lost = diagnose(report_of(frames, listens=True))[:2]
+    assert never.what.startswith("User 1: 18 of 20 joints never arrive: the sender sends 2.")
+    assert lost.what == "User 1: lost joints: left hand."
+    assert diagnose(report_of(frames, listens=False))[0].what.startswith("User 1: lost joints: hip center, spine,")

@@ -24,6 +24,10 @@ from puppetline.errors import SkeletonLogError, at
 FORMATS: dict[str, str] = {
     "puppetline_log": "Puppetline's own recordings",
     "bvh": "BVH motion capture",
+    "asf_amc": "ASF/AMC motion capture",
+    "mvnx": "Xsens MVNX",
+    "trc": "TRC markers",
+    "c3d_file": "C3D markers",
     "azure_json": "Azure Kinect offline_processor JSON",
     "kinect_v2_json": "Kinect v2 JSON in depth pixels",
     "landmarks_json": "JSON of trackers (MediaPipe, OpenPose in 3D)",

@@ -157,6 +157,11 @@ class LineSource:
             self._last = line[0]
             yield line
 
+    @property
+    def last(self) -> int:
+        """Number of the last line that was taken."""
+        return self._last
+
     def take(self, expected: str) -> Line:
         """Return the next line, which should hold what `expected` describes; raise `CutOffError` at the end."""
         line = next(self._lines, None)

@@ -6,6 +6,7 @@ Keywords may be in any case. Tabs, blank lines and braces on the line of another
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,10 @@ from puppetline.errors import SkeletonLogError, at
 
 FRAMES = re.compile(r"frames\s*:?\s*(\d{1,9})", re.IGNORECASE)
 FRAME_TIME = re.compile(r"frame\s*time\s*:?(.*)", re.IGNORECASE)
+DEFAULT_FPS = 30.0
+"""Frames per second of a file that states no usable frame time."""
+LONGEST_SECONDS = 2.0
+"""Frame time from which it is in milliseconds, in seconds."""
 MAX_JOINTS = 500
 """Maximum number of nodes; a detailed rig with fingers and face has about 150."""
 MAX_NUMBER = 1e9
@@ -53,7 +58,7 @@ def parse(path: Path, fps: float | None = None) -> tuple[list[Node], NDArray[np.
     ----------
     path : Path
     fps : float, optional
-        Frames per second if the file has no usable frame time.
+        Frames per second, in place of the file's frame time.
 
     Returns
     -------
@@ -71,24 +76,23 @@ def parse(path: Path, fps: float | None = None) -> tuple[list[Node], NDArray[np.
         A line violates the format, or the file has too much motion or none.
     """
     lines = _Lines(path)
-    nodes = _hierarchy(lines)
-    count_line = lines.take("Frames: and a number")
-    count = FRAMES.fullmatch(count_line[1])
-    if count is None:
-        raise line_error(path, count_line, repr(count_line[1][:40]), "Frames: and an integer")
-    frame_time, time_notes = _frame_time(path, lines.take("Frame Time: and seconds"), fps)
+    nodes, has_motion = _hierarchy(lines)
+    if not has_motion:
+        return nodes, _rest_values(nodes), 1 / (fps or DEFAULT_FPS), ("The file has no motion; it is a rest pose.",)
+    count, stated_time, rest = _motion_header(path, lines)
+    frame_time, time_notes = _seconds_per_frame(stated_time, fps)
     layout = RowLayout(sum(len(node.channels) for node in nodes), "one number per channel")
-    rows, row_notes = _motion_lines(layout, list(lines), int(count[1]))
+    rows, row_notes = _motion_lines(layout, rest, count)
     if not rows:
         raise SkeletonLogError(
-            at(path, count_line[0]),
-            found=f"Frames: {count[1]}, and 0 lines of motion",
+            at(path, lines.last),
+            found=f"Frames: {count or 0}, and 0 lines of motion",
             expected="at least one line of motion",
             fix="The file may be incomplete. Copy it again, or export the motion with the skeleton.",
         )
     if len(rows) * len(nodes) > MAX_POSITIONS:
         raise SkeletonLogError(
-            at(path, count_line[0]),
+            at(path, lines.last),
             found=f"{len(rows)} frames of {len(nodes)} joints",
             expected=f"at most {MAX_POSITIONS // len(nodes)} frames",
             fix="Shorten the recording, or export it at a lower frame rate.",
@@ -99,34 +103,50 @@ def parse(path: Path, fps: float | None = None) -> tuple[list[Node], NDArray[np.
     return nodes, motion, frame_time, (*time_notes, *row_notes)
 
 
-def _frame_time(path: Path, line: Line, fps: float | None) -> tuple[float, tuple[str, ...]]:
-    """Return the seconds per frame, from `fps` if the file's frame time is not usable."""
-    stated = FRAME_TIME.fullmatch(line[1])
-    if stated is None:
-        raise line_error(path, line, repr(line[1][:40]), "Frame Time: and seconds")
-    frame_time = RowLayout(1, "seconds per frame").numbers(path, (line[0], stated[1] + "\n"))[0]
-    if 1e-5 <= frame_time <= 3600:
-        return frame_time, ()
-    if fps is None:
-        raise SkeletonLogError(
-            at(path, line[0]),
-            found=f"a frame time of {frame_time:g} s",
-            expected="a time above 0, for example 0.0333",
-            fix="Set the frames per second, or correct the line.",
-        )
-    return 1 / fps, (f"The frame time of {frame_time:g} s is invalid. {fps:g} frames per second are used, as given.",)
+def _motion_header(path: Path, lines: "_Lines") -> tuple[int | None, float | None, list[Line]]:
+    """Return the stated number of frames and seconds per frame, None if they are missing, and the lines of motion."""
+    count, frame_time = None, None
+    rest = list(lines)
+    while rest and not is_number(rest[0][1].split()[0]):
+        line = (rest[0][0], rest[0][1].strip())
+        if (stated := FRAMES.fullmatch(line[1])) is not None:
+            count = int(stated[1])
+        elif (stated := FRAME_TIME.fullmatch(line[1])) is not None:
+            frame_time = RowLayout(1, "seconds per frame").numbers(path, (line[0], stated[1] + "\n"))[0]
+        else:
+            raise line_error(path, line, repr(line[1][:40]), "Frames: and an integer, or Frame Time: and seconds")
+        del rest[0]
+    return count, frame_time, rest
 
 
-def _motion_lines(layout: RowLayout, lines: list[Line], stated: int) -> tuple[list[Line], tuple[str, ...]]:
+def _seconds_per_frame(stated: float | None, fps: float | None) -> tuple[float, tuple[str, ...]]:
+    """Return the seconds per frame, and notes: of the option, of the file if it states a time, or of `DEFAULT_FPS`."""
+    if fps is not None:
+        return 1 / fps, (f"{fps:g} frames per second, as given.",)
+    if stated is not None and 1e-5 <= stated < LONGEST_SECONDS:
+        return stated, ()
+    if stated is not None and LONGEST_SECONDS <= stated <= 1000:
+        return stated / 1000, (f"The frame time of {stated:g} s is assumed to be milliseconds.",)
+    found = "The file states no frame time" if stated is None else f"The frame time of {stated:g} s is invalid"
+    return 1 / DEFAULT_FPS, (f"{found}; {DEFAULT_FPS:g} frames per second are assumed.",)
+
+
+def _rest_values(nodes: list[Node]) -> NDArray[np.float64]:
+    """Return the values (1, C) of all channels in the rest pose."""
+    kinds = [(kind, node.offset["XYZ".index(axis)]) for node in nodes for axis, kind in node.channels]
+    return np.array([[offset if kind == "position" else 0.0 for kind, offset in kinds]])
+
+
+def _motion_lines(layout: RowLayout, lines: list[Line], stated: int | None) -> tuple[list[Line], tuple[str, ...]]:
     """Return the lines of motion, and notes on differences from the stated number of frames.
 
     Lines after the stated frames are motion too, except for words at the end of the file.
     """
     end = len(lines)
-    while end > stated and not is_number(lines[end - 1][1].split()[0]):
+    while end > (stated or 0) and not is_number(lines[end - 1][1].split()[0]):
         end -= 1
     rows, notes = layout.complete(lines[:end])
-    if len(rows) != stated:
+    if stated is not None and len(rows) != stated:
         notes = (*notes, count_note(stated, len(rows)))
     if end < len(lines):
         notes = (*notes, f"The text from line {lines[end][0]} on, after the last frame, is omitted.")
@@ -152,8 +172,17 @@ class _Lines(LineSource):
         number, text = super().take(expected)
         return number, text.strip()
 
+    def next_word(self) -> str:
+        """Return the first word of the next line, in capitals; empty at the end."""
+        line = next(self._lines, None)
+        if line is None:
+            return ""
+        self._lines = chain([line], self._lines)
+        return line[1].split()[0].upper()
 
-def _hierarchy(lines: _Lines) -> list[Node]:
+
+def _hierarchy(lines: _Lines) -> tuple[list[Node], bool]:
+    """Return the nodes, and whether motion follows."""
     path = lines.path
     line = lines.take("HIERARCHY")
     if line[1].upper() != "HIERARCHY":
@@ -161,12 +190,14 @@ def _hierarchy(lines: _Lines) -> list[Node]:
     nodes: list[Node] = []
     parents: list[int] = []
     while True:
+        if nodes and not parents and not lines.next_word():
+            return nodes, False
         line = lines.take("the rest of the hierarchy")
         word, name = _keyword(line)
         if word == "}" and parents:
             parents.pop()
         elif word == "MOTION" and nodes and not parents:
-            return nodes
+            return nodes, True
         elif (word == "ROOT" and not parents) or (word in ("JOINT", "END") and parents and nodes[parents[-1]].name):
             if len(nodes) == MAX_JOINTS:
                 raise line_error(path, line, f"more than {MAX_JOINTS} joints", "the skeleton of one body")
@@ -181,13 +212,21 @@ def _node(lines: _Lines, name: str, parent: int) -> Node:
     line = lines.take("{")
     if line[1] != "{":
         raise line_error(path, line, repr(line[1][:40]), "{")
-    line = lines.take("OFFSET")
-    word, numbers = _keyword(line)
-    if word != "OFFSET":
-        raise line_error(path, line, repr(line[1][:40]), "OFFSET and three numbers")
-    offset = np.array(RowLayout(3, "OFFSET x y z").numbers(path, (line[0], numbers + "\n")))
-    _check_size(path, line, offset)
-    return Node(name, parent, offset, _channels(path, lines.take("CHANNELS")) if name else ())
+    offset: NDArray[np.float64] = np.zeros(3)
+    channels: tuple[tuple[str, str], ...] = ()
+    missing = {"OFFSET", "CHANNELS"}
+    while (word := lines.next_word()) in missing or "OFFSET" in missing:
+        line = lines.take("OFFSET")
+        if word not in missing:
+            raise line_error(path, line, repr(line[1][:40]), "OFFSET and three numbers")
+        missing.discard(word)
+        _, numbers = _keyword(line)
+        if word == "OFFSET":
+            offset = np.array(RowLayout(3, "OFFSET x y z").numbers(path, (line[0], numbers + "\n")))
+            _check_size(path, line, offset)
+        else:
+            channels = _channels(path, line)
+    return Node(name, parent, offset, channels if name else ())
 
 
 def _check_size(path: Path, line: Line, values: NDArray[np.float64]) -> None:

@@ -21,6 +21,8 @@ class ReadOptions:
         Name of the order of joints (`capture.formats.joint_sets`), for tables and arrays without names.
     columns : Path or None
         A TOML file that names the columns of a table: ``Head = ["HX", "HY", "HZ"]``, ``time = "t"``.
+    as_person : bool
+        Whether a skeleton with four legs is read as a person's.
     """
 
     fps: float | None = None
@@ -28,3 +30,4 @@ class ReadOptions:
     unit: float | None = None
     joints: str | None = None
     columns: Path | None = None
+    as_person: bool = False

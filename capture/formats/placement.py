@@ -59,7 +59,7 @@ MIN_AGREEMENT, MIN_AGREEMENT_IN_VIEW = 0.3, 1.0
 The second value is for a performer who faces a sensor if the coordinates are right-handed.
 """
 
-_HEIGHT = ("head", "shoulder_center", "spine", "hip_right", "knee_right", "ankle_right")
+_HEIGHT = ("head", "shoulder_center", "spine", "knee_right", "ankle_right")
 """Joints at the ends of the bones that a person's height consists of."""
 
 
@@ -89,7 +89,7 @@ class Placement:
         return turned * self.unit + self.shift
 
 
-def place(path: Path, points: Floats, front: Floats, options: ReadOptions) -> Placement:
+def place(path: Path, points: Floats, front: Floats, options: ReadOptions, *, by_sensor: bool = True) -> Placement:
     """Find where a file's coordinates are in sensor coordinates.
 
     Parameters
@@ -102,6 +102,8 @@ def place(path: Path, points: Floats, front: Floats, options: ReadOptions) -> Pl
         Directions to the performer's front as far as faces and feet tell it; NaN if unknown.
     options : ReadOptions
         `up` and `unit` replace what is detected.
+    by_sensor : bool
+        Whether a sensor may have measured the positions, which then stay where they are.
 
     Raises
     ------
@@ -114,11 +116,11 @@ def place(path: Path, points: Floats, front: Floats, options: ReadOptions) -> Pl
     across = _across(points)
     notes: tuple[str, ...] = (unit_note, up_note)
     ahead = np.cross(up, across - np.outer(across @ up, up))
-    in_view = _in_view(points, unit * _sensor_axes(up, 1.0), ahead)
+    in_view = by_sensor and _in_view(points, unit * _sensor_axes(up, 1.0), ahead)
     handed = 1.0
     if _front_agreement(points, front, up, ahead) < -(MIN_AGREEMENT_IN_VIEW if in_view else MIN_AGREEMENT):
         handed = -1.0
-        in_view = _in_view(points, unit * _sensor_axes(up, -1.0), -ahead)
+        in_view = by_sensor and _in_view(points, unit * _sensor_axes(up, -1.0), -ahead)
         notes = (*notes, "The sides and the front of the performer fit left-handed axes; they are mirrored.")
     if in_view:
         return Placement(_sensor_axes(up, handed), unit, np.zeros(3), np.zeros(3), notes)

@@ -16,9 +16,9 @@ from capture.body import TYPICAL_BONE_METRES, typical_bone_length
 from capture.bone_names import find_bones, find_points
 from capture.clip import SkeletonClip
 from capture.formats._clips import build_clip, frame_rate
-from capture.formats.bvh_names import BONES, MIDPOINTS
 from capture.formats.options import ReadOptions
 from capture.formats.placement import bone_length, place
+from capture.formats.skeleton_joints import BONES, MIDPOINTS
 from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST, PARENTS
 from puppetline.errors import SkeletonLogError
 

@@ -34,6 +34,8 @@ from puppetline.errors import SourceError, heading
 
 OPENING_SECONDS = 10.0
 """Maximum time until a device is open and its first image has arrived, in seconds."""
+SLOW_SHARE = 0.5
+"""Share of a recording's images per second below which this computer is too slow for it."""
 SILENCE_SECONDS = 2.0
 """Time without an image after which a device counts as failed, in seconds."""
 MAX_AGE_SECONDS = 0.1
@@ -101,7 +103,9 @@ class SensorSource:
         self._changed = threading.Condition()
         self._picture: tuple[float, Picture] | None = None  # the next image to be tracked, and its time
         self._results: list[Event] = []
-        self._deadline = clock.now() + OPENING_SECONDS  # for the next image
+        self._opened = clock.now()
+        self._recorded_seconds = 0.0  # of a recording, up to its last image
+        self._deadline = self._opened + OPENING_SECONDS  # for the next image
         self._failure: SourceError | None = None
         self._stopping = False  # no more images are read
         self._read_all = False  # no more images follow the current one
@@ -204,7 +208,7 @@ class SensorSource:
 
     def _read(self, device: Device) -> None:
         device_clock, logged = DeviceClock(), False
-        start_time = None
+        start_time = first = None
         while not self._stopping:
             picture = device.read(_READ_SECONDS)
             if picture is None:
@@ -212,6 +216,8 @@ class SensorSource:
             now = clock.now()
             if self.recorded:
                 taken = picture.time
+                first = taken if first is None else first
+                self._recorded_seconds = taken - first
                 if start_time is None or now - start_time - taken > MAX_LAG_SECONDS:
                     start_time = now - taken
                 self._offer(taken, picture, now if self._fast else start_time + taken)
@@ -317,6 +323,16 @@ class SensorSource:
     def _silence_error(self) -> SourceError:
         expected, fix = "images", "Check the cable and the power supply, and close other programs that use the device."
         if self.recorded:
+            seconds, of_images = clock.now() - self._opened, self.counts.received
+            needed = of_images / self._recorded_seconds if self._recorded_seconds > 0 else 0.0
+            if of_images / seconds < SLOW_SHARE * needed:
+                return SourceError(
+                    self.name,
+                    found="a computer that is too slow for this video: "
+                    f"{of_images / seconds:.2g} of {needed:.3g} images per second",
+                    expected="at least half of the images in time",
+                    fix="Convert the video to a smaller size, or close other programs.",
+                )
             expected, fix = "images up to the recording's end", "The recording is damaged: record it again."
         found = f"no new image for {SILENCE_SECONDS:g} s, or no first image for {OPENING_SECONDS:g} s"
         return SourceError(self.name, found=found, expected=expected, fix=fix)

@@ -63,6 +63,7 @@ _READING = (
         type=options.FILE,
         help='TOML file that names the columns of a table: Head = ["HX", "HY", "HZ"].  [default: by their names]',
     ),
+    click.option("--as-person", is_flag=True, help="Read a four-legged skeleton as a person's."),
 )
 _WRITING = (
     click.option(
@@ -110,6 +111,7 @@ def reading_settings(**choices: Any) -> "Settings":
         unit=choices.pop("log_unit"),
         joints=choices.pop("joints"),
         columns=choices.pop("columns"),
+        as_person=choices.pop("as_person"),
     )
     return Settings(log=read_options, **choices)
 

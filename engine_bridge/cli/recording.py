@@ -118,6 +118,8 @@ def record(
             ended, why = "source", "" if source.recorded else str(error)
         except KeyboardInterrupt:
             ended = "stopped"
+    if not frames:
+        why = why or f"{source.name}: no performer in view; {path} is not written"
     if why and empty:
         path.unlink()
     return RecordSummary(

@@ -106,6 +106,8 @@ def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tup
     try:
         clip, chosen = choose(clips, settings.user)
         found, about_rest = ((), ()) if settings.rest_at is not None else of_performer(clips, clip)
+        if len(clip.times) == 1:
+            clip = _held(clip, MIN_CLIP_FRAMES / settings.fps)
         timeline = resample(_levelled(clip, found), settings.fps, settings.max_gap)
         if found:
             timeline = _calibrated(timeline, clip, found)
@@ -143,6 +145,18 @@ def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tup
         *about_sound,
         *((timeline.summary(),) if timeline.held else ()),
     )
+
+
+def _held(clip: SkeletonClip, seconds: float) -> SkeletonClip:
+    """Return a clip of one pose as one that holds it for some time."""
+    twice = {
+        name: None if (values := getattr(clip, name)) is None else np.repeat(values, 2, axis=0)
+        for name in ("positions", "confidence", "orientations")
+    }
+    channels = None if clip.channels is None else {name: np.repeat(each, 2) for name, each in clip.channels.items()}
+    note = "The recording is a single pose, which is held."
+    times = np.array([clip.times[0], clip.times[0] + seconds])
+    return replace(clip, times=times, channels=channels, notes=(*clip.notes, note), **twice)
 
 
 def _levelled(clip: SkeletonClip, found: Sequence[TakeCalibration]) -> SkeletonClip:

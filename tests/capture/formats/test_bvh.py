@@ -54,7 +54,7 @@ def chain_file(folder, channels, row, count=6):
 
 def ends(path):
     nodes, rows, *_ = bvh_parser.parse(path)
-    return np.stack(bvh.forward_kinematics(nodes, rows)[0])[:, 0]
+    return np.stack(bvh.motion_of(nodes, rows).positions)[:, 0]
 
 
 def test_channels_may_come_in_any_order_and_rotations_are_those_of_scipy(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from capture.formats.bvh import forward_kinematics
+from capture.formats.bvh import motion_of
 from capture.formats.bvh_parser import parse
 from engine_bridge.character.character import from_document, load_character
 from engine_bridge.character.document_reader import load_document
@@ -37,7 +37,8 @@ def places_of(document):
 def clip(real_data):
     """World rotations of the clip's joints by name, (F, 3, 3), and bone directions at rest and in each frame."""
     nodes, motion, _, _ = parse(real_data / "bvh" / "cmu_01_01_hops.bvh", None)
-    places, turns = forward_kinematics(nodes, np.vstack([0 * motion[0], motion[FRAMES]]))
+    posed = motion_of(nodes, np.vstack([0 * motion[0], motion[FRAMES]]))
+    places, turns = posed.positions, posed.rotations
     named = {node.name: number for number, node in enumerate(nodes)}
     pointing = [
         directions({name: places[number][frame] for name, number in named.items()}) for frame in range(len(places[0]))

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from capture.formats.bvh import forward_kinematics
+from capture.formats.bvh import motion_of
 from capture.formats.bvh_parser import parse
 from engine_bridge.export.performer.bvh import UNITS_PER_METRE, write_bvh
 
@@ -34,7 +34,7 @@ def path(motion, tmp_path_factory):
 
 def test_joint_positions_are_equal_when_the_file_is_read_back(path, places):
     nodes, motion, frame_time, _ = parse(path, None)
-    positions, _ = forward_kinematics(nodes, motion)
+    positions = motion_of(nodes, motion).positions
     assert frame_time == pytest.approx(1 / 30)
     for node, found in zip(nodes, positions, strict=True):
         name = node.name or f"{nodes[node.parent].name}_end"
@@ -45,7 +45,7 @@ def test_the_zero_pose_is_the_t_pose(path, motion):
     nodes, values, _, _ = parse(path, None)
     zero = np.zeros_like(values[:1])
     zero[0, 1] = UNITS_PER_METRE * motion.body.pose[0, 1]
-    positions, _ = forward_kinematics(nodes, zero)
+    positions = motion_of(nodes, zero).positions
     rows = {node.name: found[0] / UNITS_PER_METRE for node, found in zip(nodes, positions, strict=True) if node.name}
     for name, head in zip(motion.body.skeleton.names, motion.body.skeleton.heads, strict=True):
         assert_allclose(rows[name], head, rtol=0, atol=METRES)

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from capture.bone_names import find_bones
-from capture.formats.bvh_names import kinect_positions
+from capture.formats.options import ReadOptions
+from capture.formats.skeleton_joints import select
 from capture.skeleton import JOINTS
 from puppetline.errors import SkeletonLogError
 
@@ -132,9 +133,11 @@ SKELETONS = {program: rest for program, *rest in map(skeleton, SKELETONS_TEXT.st
 def points_of(names, places=None):
     """Return x of the 20 joints of a chain of nodes in which node i is at x = i, or at the x of `places`."""
     x = [(places or {}).get(index, float(index)) for index in range(len(names))]
-    tree = [(name, index - 1) for index, name in enumerate(names)]
-    points, _, notes = kinect_positions(Path("take.bvh"), tree, [np.array([[value, 0.0, 0.0]]) for value in x])
-    return dict(zip(JOINTS, points[0, :, 0].tolist(), strict=True)), notes
+    rest = np.array([[value, 0.0, 0.0] for value in x])
+    turns = [np.eye(3)[None]] * len(names)
+    parents = range(-1, len(names) - 1)
+    body = select(Path("take.bvh"), names, parents, rest, list(rest[:, None]), turns, ReadOptions(as_person=True))
+    return dict(zip(JOINTS, body.points[0, :, 0].tolist(), strict=True)), body.notes
 
 
 @pytest.mark.parametrize("program", SKELETONS)
@@ -177,7 +180,7 @@ def test_names_of_no_human_are_quoted_up_to_a_whole_one():
     with pytest.raises(SkeletonLogError) as caught:
         points_of([f"Tail{number}" for number in range(100)])
     assert caught.value.where == "take.bvh"
-    assert re.search(r"head, shoulder_left.*Tail0, .*Tail\d\d, …$", caught.value.found)
+    assert re.search(r"for shoulder_left.*Tail0, .*Tail\d\d, …$", caught.value.found)
 
 
 def test_where_both_hips_are_at_one_point_joints_are_at_the_ends_of_the_bones_with_their_names():

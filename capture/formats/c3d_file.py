@@ -1,0 +1,57 @@
+"""C3D: the positions of markers, in binary form; read by the library c3d."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from capture.clip import SkeletonClip
+from capture.formats._files import opened
+from capture.formats.markers import clip_of_markers
+from capture.formats.options import ReadOptions
+from capture.libraries import load_module
+from puppetline.errors import SkeletonLogError
+
+MAX_FRAMES = 1_000_000
+
+
+def matches(head: bytes) -> bool:
+    """Return whether a file's head has the number of the parameters' block and C3D's mark."""
+    return len(head) > 512 and head[1] == 0x50 and 2 <= head[0] < 128
+
+
+def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
+    """Read one clip; markers with a negative residual are lost.
+
+    Raises
+    ------
+    SkeletonLogError
+        The library is missing, the file is damaged, or the markers are not those of a whole body.
+    """
+    library = load_module(
+        "c3d", "the library c3d", found="no library for C3D files", expected="c3d", fix="Install it: pip install c3d"
+    )
+    with opened(path) as file, warnings.catch_warnings(action="ignore"):
+        try:
+            reader = library.Reader(file)
+            names = [label.strip() for label in reader.point_labels]
+            rate = float(reader.point_rate)
+            frames = [points[:, :4].copy() for _, points, _ in reader.read_frames()]
+        except Exception as error:  # the library raises errors of any kind for a damaged file
+            raise SkeletonLogError(
+                path,
+                found=f"a C3D file that the library c3d cannot read ({type(error).__name__}: {error})",
+                expected="markers in a C3D file",
+                fix="Export the file anew, or as TRC.",
+            ) from error
+    if not 0 < len(frames) <= MAX_FRAMES or not names or not rate > 0:
+        raise SkeletonLogError(
+            path,
+            found=f"{len(frames)} frames of {len(names)} markers at {rate:g} per second",
+            expected="motion of markers",
+            fix="Export the file anew.",
+        )
+    table = np.array(frames, dtype=np.float64)[:, : len(names)]
+    positions = np.where(table[..., 3:] < 0, np.nan, table[..., :3])
+    times = np.arange(len(table)) / (options.fps or rate)
+    return [clip_of_markers(path, "c3d", names[: table.shape[1]], positions, options, times=times)]

@@ -1,0 +1,127 @@
+"""Markers on a body, as optical motion capture has them, and the joints between them.
+
+The markers are those of Plug-in Gait and of OpenSim's models, in several spellings. A joint is the mean of the markers
+on both sides of it, or a centre that a program has computed. The hips follow from the pelvis's markers: 0.36 of its
+width outwards, 0.19 backwards and 0.30 down from the middle of its front (Bell et al. 1990).
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.clip import SkeletonClip
+from capture.formats.options import ReadOptions
+from capture.formats.positions import clip_of_positions
+
+Floats = NDArray[np.float64]
+
+MARKERS = {
+    "front": "asi asis",
+    "back": "psi psis",
+    "sacrum": "sacr vsacral s2 sacrum",
+    "hip": "hjc hipjoint",
+    "knee": "kjc kneejoint",
+    "knee sides": "kne kneelat kneemed knee mknee lfc mfc",
+    "ankle": "ajc anklejoint",
+    "ankle sides": "ank anklelat anklemed ankle mankle lmal mmal",
+    "foot": "toe toetip toelat toemed mt2 mt1 mt5",
+    "heel": "hee heel cal",
+    "shoulder": "sho acromium acromion acr shoulder acrotip",
+    "elbow": "elb elbow elbm elblat elbmed melbow lel mel",
+    "wrist": "wra wrb wrist wristlat wristmed faradius faulna",
+    "hand": "fin mcp3",
+    "head sides": "fhd bhd temple",
+    "neck": "c7 clav sternum",
+}
+"""Names of markers, without the side, by what they are at."""
+
+BELL = 0.36, 0.19, 0.30
+"""Distances of a hip from the middle of the pelvis's front, outwards, backwards and down, in widths of the pelvis."""
+
+_PLACES = {word: place for place, words in MARKERS.items() for word in words.split()}
+_JOINTS = ("knee", "ankle", "foot", "shoulder", "elbow", "wrist", "hand")
+
+
+def clip_of_markers(
+    path: Path,
+    log_format: str,
+    names: Sequence[str],
+    positions: Floats,
+    options: ReadOptions,
+    *,
+    times: Floats,
+    notes: tuple[str, ...] = (),
+) -> SkeletonClip:
+    """Return the clip of one performer from markers, or from joints that a program has computed.
+
+    The parameters are those of `capture.formats.positions.clip_of_positions`.
+
+    Raises
+    ------
+    SkeletonLogError
+        Joints of a person are missing, or the positions are no person's.
+    """
+    joints = _joints(names, positions)
+    if {"KneeLeft", "KneeRight", "HipLeft", "HipRight"} <= joints.keys():
+        notes = (*notes, "The joints follow from the markers on both sides of them.")
+        names, positions = list(joints), np.stack(list(joints.values()), axis=1)
+    return clip_of_positions(path, log_format, names, positions, options, times=times, notes=notes)
+
+
+def _place(name: str) -> tuple[str, str] | None:
+    """Return what a marker is at, and its side; None for others."""
+    own = re.sub(r"[^a-z0-9]", "", re.split("[:|]", name)[-1].lower())
+    if own in _PLACES:
+        return _PLACES[own], ""
+    for side, word in (("Left", "l"), ("Right", "r")):
+        for rest in (own.removeprefix(word), own.removesuffix(word)):
+            if rest != own and rest in _PLACES:
+                return _PLACES[rest], side
+    return None
+
+
+def _joints(names: Sequence[str], positions: Floats) -> dict[str, Floats]:
+    """Return the joints (T, 3) that markers tell, by the Kinect's names; NaN where they are lost."""
+    known = np.where((positions == 0).all(axis=2, keepdims=True), np.nan, positions)
+    found: dict[tuple[str, str], list[Floats]] = {}
+    for index, name in enumerate(names):
+        if (place := _place(name)) is not None:
+            found.setdefault(place, []).append(known[:, index])
+    middle = {place: np.mean(each, axis=0) for place, each in found.items()}
+    joints = {}
+    for side in ("Left", "Right"):
+        for joint in _JOINTS:
+            at = middle.get((joint, side), middle.get((f"{joint} sides", side)))
+            if at is not None:
+                joints[f"{joint.title()}{side}"] = at
+        if ("hip", side) in middle:
+            joints[f"Hip{side}"] = middle["hip", side]
+    if not {"HipLeft", "HipRight"} <= joints.keys():
+        joints |= _hips(middle)
+    heads = [each for (place, _), each in middle.items() if place == "head sides"]
+    if len(heads) > 1:
+        joints["Head"] = np.mean(heads, axis=0)
+    if ("neck", "") in middle:
+        joints["SpineShoulder"] = middle["neck", ""]
+    return joints
+
+
+def _hips(middle: dict[tuple[str, str], Floats]) -> dict[str, Floats]:
+    """Return the hips from the markers of the pelvis; none if these are missing."""
+    backs = [each for (place, _), each in middle.items() if place in ("back", "sacrum")]
+    if not backs or not {("front", "Left"), ("front", "Right")} <= middle.keys():
+        return {}
+    across = middle["front", "Right"] - middle["front", "Left"]
+    width = np.linalg.norm(across, axis=1, keepdims=True)
+    front = (middle["front", "Right"] + middle["front", "Left"]) / 2
+    right = across / width
+    backwards = np.mean(backs, axis=0) - front
+    backwards -= np.einsum("ti,ti->t", backwards, right)[:, None] * right
+    backwards /= np.linalg.norm(backwards, axis=1, keepdims=True)
+    down = np.cross(right, backwards)
+    out, back, below = BELL
+    inner = front + width * (back * backwards + below * down)
+    return {f"Hip{side}": inner + sign * out * width * right for side, sign in (("Left", -1.0), ("Right", 1.0))}

@@ -1,0 +1,77 @@
+import numpy as np
+import pytest
+
+from capture.formats import read_log
+from capture.formats.options import ReadOptions
+from capture.skeleton import JOINT_INDEX
+from puppetline.errors import SkeletonLogError
+
+from ..bodies import STANDING
+
+AXES = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+"""From the sensor's coordinates to those of a laboratory with z up."""
+
+
+def pairs(joint, apart, *names):
+    """Return two markers on both sides of a joint."""
+    return {name: np.add(STANDING[joint], np.multiply(apart, sign)) for name, sign in zip(names, (1, -1), strict=True)}
+
+
+def body():
+    """Return the places of Plug-in Gait's markers on a body, in metres in the sensor's coordinates."""
+    at = {}
+    for side, letter in (("left", "L"), ("right", "R")):
+        at |= pairs(f"knee_{side}", (0.05, 0, 0), f"{letter}KNE", f"{letter}.Knee.Med")
+        at |= pairs(f"ankle_{side}", (0.03, 0, 0), f"{letter}ANK", f"{letter}.Ankle.Med")
+        at |= pairs(f"wrist_{side}", (0.02, 0, 0), f"{letter}WRA", f"{letter}WRB")
+        for joint, name in (("shoulder", "SHO"), ("elbow", "ELB"), ("foot", "TOE"), ("hand", "FIN"), ("hip", "HJC")):
+            at[letter + name] = np.array(STANDING[f"{joint}_{side}"])
+        at |= {
+            f"{letter}FHD": np.add(STANDING["head"], [0, 0, -0.1]),
+            f"{letter}BHD": np.add(STANDING["head"], [0, 0, 0.1]),
+        }
+    at |= pairs("shoulder_center", (0, 0, 0.08), "C7", "CLAV")
+    return at
+
+
+def trc(path, at, frames=3, unit=1000, separator="\t"):
+    names = list(at)
+    rows = [
+        np.array([AXES @ (unit * (place + [0.1 * frame, 0, 0])) for place in at.values()]) for frame in range(frames)
+    ]
+    lines = [separator.join(["PathFileType", "4", "(X/Y/Z)", "a.trc"]), "DataRate", "100"]
+    lines += [separator.join(["Frame#", "Time", *(each for name in names for each in (f"Someone:{name}", "", ""))])]
+    lines += [separator.join(["", "", *(f"{axis}{k}" for k in range(len(names)) for axis in "XYZ")]), ""]
+    lines += [separator.join(map(repr, [k + 1.0, k / 100, *row.ravel().tolist()])) for k, row in enumerate(rows)]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("separator", ["\t", ","])
+@pytest.mark.parametrize("unit", [1000, 100, 1])
+def test_joints_lie_between_the_markers_on_both_sides_of_them(tmp_path, separator, unit):
+    (clip,) = read_log(trc(tmp_path / "a.trc", body(), unit=unit, separator=separator), ReadOptions())
+    np.testing.assert_allclose(clip.times, [0, 0.01, 0.02])
+    own = np.array(list(STANDING.values()))
+    fixed = [index for name, index in JOINT_INDEX.items() if name not in ("spine", "hip_center")]
+    expected = np.linalg.norm(own[fixed][:, None] - own[fixed][None], axis=2)
+    found = np.linalg.norm(clip.positions[:, fixed][:, :, None] - clip.positions[:, fixed][:, None], axis=3)
+    np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), atol=1e-6)
+    assert (clip.positions[:, JOINT_INDEX["head"], 1] > clip.positions[:, JOINT_INDEX["hip_center"], 1]).all()
+
+
+def test_hips_follow_from_the_pelvis(tmp_path):
+    at = {name: place for name, place in body().items() if not name.endswith("HJC")}
+    for sign, letter in ((-1, "L"), (1, "R")):
+        at |= {f"{letter}ASI": np.array([sign * 0.12, 0.0, -0.1]), f"{letter}PSI": np.array([sign * 0.05, 0.0, 0.08])}
+    (clip,) = read_log(trc(tmp_path / "a.trc", at), ReadOptions())
+    hips = [clip.positions[0, JOINT_INDEX[f"hip_{side}"]] for side in ("left", "right")]
+    assert np.linalg.norm(np.subtract(*hips)) == pytest.approx(2 * 0.36 * 0.24, abs=1e-6)
+    knee = clip.positions[0, JOINT_INDEX["knee_left"]]
+    assert hips[0][1] - knee[1] == pytest.approx(-0.3 * 0.24 + 0.54, abs=1e-6)
+
+
+def test_markers_of_a_leg_are_no_performer(tmp_path):
+    at = {name: place for name, place in body().items() if name.startswith("L.")}
+    with pytest.raises(SkeletonLogError, match="no position for"):
+        read_log(trc(tmp_path / "a.trc", at), ReadOptions())

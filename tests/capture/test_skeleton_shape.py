@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+
+from capture.formats import bvh, bvh_parser
+from capture.formats.skeleton_joints import REQUIRED, _choose_nodes
+from capture.skeleton import JOINTS
+from capture.skeleton_shape import shape_of
+
+from .formats.bvh_files import BODY
+
+LEG = [(0, -40, 2), (0, -40, -2), (0, -6, 12)]
+
+
+def tree(chains):
+    """Return parents and rest positions of a root at the origin and chains: parent, and the offsets of its nodes."""
+    parents, rest = [-1], [np.zeros(3)]
+    for parent, offsets in chains:
+        for offset in offsets:
+            parents.append(parent)
+            rest.append(rest[parent] + np.array(offset, float))
+            parent = len(parents) - 1
+    return parents, np.array(rest)
+
+
+def both(parent, offsets):
+    return [(parent, offsets), (parent, [(-x, y, z) for x, y, z in offsets])]
+
+
+def of_body(node, parent=-1, at=(0, 0, 0)):
+    """Yield name, parent's name and position of each node of `BODY`."""
+    name, offset, children = node
+    here = np.add(at, offset)
+    yield name, parent, here
+    for child in children:
+        yield from of_body(child, name, here)
+
+
+def test_a_body_is_labelled_by_its_shape_as_by_its_names_in_any_axes():
+    nodes = [(name or f"{parent} end", parent, at) for name, parent, at in of_body(BODY)]
+    names = [name for name, _, _ in nodes]
+    parents = [-1 if parent == -1 else names.index(parent) for _, parent, _ in nodes]
+    rest = np.array([at for _, _, at in nodes])
+    expected = _choose_nodes([name if not name.endswith(" end") else "" for name in names], list(rest[:, None]))
+    for axes in (np.eye(3), np.eye(3)[[1, 2, 0]], np.diag([-1.0, 1, -1])):
+        found = shape_of(parents, 0.3 * rest @ axes.T, [name.endswith(" end") for name in names])
+        assert found.legs == 2
+        assert {joint: found.joints.get(joint) for joint in expected if joint != "spine"} == {
+            joint: node for joint, node in expected.items() if joint != "spine"
+        }
+
+
+def test_four_legs_are_told_and_a_body_without_sides_has_none():
+    hind, front = [(12, -2, 0), *LEG], [(10, -6, 0), *LEG]
+    parents, rest = tree([(0, [(0, 5, 30), (0, 3, 30), (0, 20, 15), (0, 2, 15)]), *both(0, hind), *both(2, front)])
+    assert shape_of(parents, rest, [False] * len(parents)).legs == 4
+    assert shape_of(*tree([(0, [(0, 1, 0)] * 5)]), [False] * 6).legs == 0
+
+
+@pytest.mark.parametrize("name", ["cmu_01_01_hops", "jumping_jacks", "makehuman_walk1", "wave_hello"])
+def test_real_skeletons_are_labelled_as_by_their_names(real_data, name):
+    nodes, values, *_ = bvh_parser.parse(real_data / "bvh" / f"{name}.bvh")
+    motion = bvh.motion_of(nodes, values[:2])
+    named = _choose_nodes(motion.names, motion.positions)
+    shape = shape_of(motion.parents, motion.rest, [not each for each in motion.names])
+    same = 0.01 * np.ptp(motion.rest)
+    apart = {joint: np.abs(motion.rest[shape.joints[joint]] - motion.rest[named[joint]]).max() for joint in REQUIRED}
+    assert set(REQUIRED) <= shape.joints.keys() <= set(JOINTS)
+    assert max(apart.values()) < same

@@ -1,12 +1,18 @@
-"""Joints that are found from the shape, compared with those of the file's rig.
+"""Limbs and joints that are found, compared with those of files' rigs.
 
-    python -m benchmarks.limb_finding FOLDER [--poses N] [--characters NAME ...]
+    python -m benchmarks.limb_finding ends FOLDER [--only NAME ...]
+    python -m benchmarks.limb_finding joints FOLDER [--poses N] [--characters NAME ...]
 
-FOLDER contains the rigged characters. Each row is a character in the pose of its file, or in N random poses (`posed`,
-by default 10) in which its own skin follows random rotations of its limbs. `human` and `biped` are made by code that
-defines their joints. Columns are distances in percent of body height: the larger one of both sides, or the 95th
-percentile over the poses. A limb that is not found counts as 100. Axes are those of the file; detection of the
-orientation is not measured.
+`ends` measures those characters of `bodies.jsonl` that FOLDER contains. Each is `file` in it and `path` in a public
+repository. Their makers' joints, or a person who looked at them, say where each limb ends and how the body stands. The
+finder sees the file, the file without the names of its joints, or its surface alone. A limb is found if an end of its
+class is within 15 % of the largest extent. Makers are in five folds, so that a finder can be fitted on the others.
+
+`joints` compares joints that are found from the shape. Each row is a character of FOLDER in the pose of its file, or in
+N random poses (`posed`, by default 10) in which its own skin follows random rotations of its limbs. `human` and `biped`
+are made by code that defines their joints. Columns are distances in percent of body height: the larger one of both
+sides, or the 95th percentile over the poses. A limb that is not found counts as 100. Axes are those of the file;
+detection of the orientation is not measured.
 
 Legs may have more or fewer bends in the rig than from the shape. Joints are then compared in the order, from the body
 to the foot, in which they are closest; another joint of the rig is compared with the nearest point of the bones that
@@ -17,19 +23,29 @@ animals to choose those of `solver.anatomy.standing_legs`.
 """
 
 import argparse
-from collections.abc import Iterator
-from itertools import combinations
+import hashlib
+import json
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from itertools import combinations, pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from puppetline.examples.characters import biped, human
+from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
-from engine_bridge.character.character import Character, load_character
+from engine_bridge.character.character import Character, load_character, make_character
+from engine_bridge.puppet.puppet import Direction
+from engine_bridge.puppet.rig_axes import axes_of
 from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import rig_limbs, vertex_influences
-from solver.anatomy.limb_chain import evenly
+from puppetline.errors import PuppetlineError
+from solver.anatomy import orientation
+from solver.anatomy.limb_chain import Limbs, evenly
 from solver.anatomy.limb_finding import find_limbs
 from solver.motion.limbs import TRUNK, Bones, Limb, bones_of, parents_first
 from solver.surface.mesh import SolverMesh, weld
@@ -176,27 +192,207 @@ def row(title: str, measured: list[dict[str, list[float]]]) -> list[float]:
     return every
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--poses", type=int, default=10)
-    parser.add_argument("--characters", nargs="*", default=tuple(KINDS))
-    options = parser.parse_args()
+BODIES = Path(__file__).with_name("bodies.jsonl")
+CLASSES = ("head", "arm", "leg", "tail", "wing")
+MAX_AWAY_SHARE = 0.15
+"""Maximum distance between the end of a limb and the end that was found, as a share of the largest extent."""
+
+FOLDS = 5
+PROBABILITIES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
+"""Limits of the ranges of stated probabilities."""
+
+WAYS = {
+    sign + name: float(sign + "1") * axis for sign in ("", "-") for name, axis in zip("xyz", np.eye(3), strict=True)
+}
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a finder says of a character, and the probability that it states for up and front."""
+
+    limbs: Limbs
+    up: Direction
+    front: Direction
+    probability: float
+
+
+Finder = Callable[[Character], Answer]
+
+
+def find(character: Character) -> Answer:
+    """Return the answer of `puppetline new`."""
+    rig, surface = rig_limbs(character), character.solver_mesh()
+    axes = axes_of(rig) if rig is not None else None
+    stands = orientation.propose(surface, *(axes or (None, None)), specified=rig is not None)
+    up, front = (WAYS[axis] for axis in (stands.up, stands.front))
+    limbs = rig if rig is not None and rig.chains else find_limbs(surface, np.array([np.cross(up, front), up, front]))
+    return Answer(limbs, stands.up, stands.front, stands.confidence)
+
+
+def unnamed(character: Character) -> Character:
+    """Return a character whose nodes have no names."""
+    document = character.document.copy()
+    for node in document.gltf["nodes"]:
+        node.pop("name", None)
+    document.gltf.pop("extensions", None)
+    return replace(character, document=document)
+
+
+def bare(character: Character) -> Character:
+    """Return the surface of a character, without its skin."""
+    return make_character("bare", character.vertices, character.triangles)
+
+
+VIEWS: dict[str, Callable[[Character], Character]] = {
+    "file": lambda character: character,
+    "unnamed": unnamed,
+    "shape": bare,
+}
+
+
+@dataclass
+class Score:
+    """Counts of what was found."""
+
+    limbs: Counter[str] = field(default_factory=Counter)
+    found: Counter[str] = field(default_factory=Counter)
+    proposed: int = 0
+    stands: list[tuple[float, bool, bool]] = field(default_factory=list)
+    """Stated probability of up and front, and whether each of them is right."""
+    right: list[bool] = field(default_factory=list)
+    """Whether all limbs were found, and no false one, and up and front are right."""
+
+    def add(self, other: "Score") -> None:
+        self.limbs += other.limbs
+        self.found += other.found
+        self.proposed += other.proposed
+        self.stands += other.stands
+        self.right += other.right
+
+
+def score(body: dict[str, Any], character: Character, answer: Answer | None) -> Score:
+    """Compare an answer, or that no limbs were found, with a row of the list."""
+    size = MAX_AWAY_SHARE * float(np.ptp(character.vertices, axis=0).max())
+    chains = answer.limbs.chains if answer else ()
+    result = Score(proposed=sum(class_of(chain.name) is not None for chain in chains))
+    for name in CLASSES:
+        true = np.array([end[1:] for end in body["ends"] if class_of(end[0]) == name]).reshape(-1, 3)
+        own = np.array([chain.points[-1] for chain in chains if class_of(chain.name) == name]).reshape(-1, 3)
+        near = np.linalg.norm(true[:, None] - own[None], axis=2) < size
+        result.limbs[name] += len(true)
+        result.found[name] += int(near[linear_sum_assignment(near, maximize=True)].sum())
+    up, front = (answer is not None and getattr(answer, axis) == body[axis] for axis in ("up", "front"))
+    complete = result.found.total() == result.limbs.total() == result.proposed
+    result.stands.append((answer.probability if answer else 0.0, up, front))
+    result.right.append(bool(complete and up and front))
+    return result
+
+
+def class_of(name: str) -> str | None:
+    """Return the class of a limb, such as "leg" for "left leg 2"; None for a trunk, neck, ear or jaw."""
+    return next((word for word in name.split() if word in CLASSES), None)
+
+
+def folds(makers: Iterable[str]) -> dict[str, int]:
+    """Return the fold of each maker: the makers with most characters first, each into the smallest fold."""
+    sizes, found = [0] * FOLDS, dict[str, int]()
+    for maker, count in sorted(Counter(makers).items(), key=lambda each: (-each[1], each[0])):
+        found[maker] = sizes.index(min(sizes))
+        sizes[found[maker]] += count
+    return found
+
+
+def bodies(folder: Path, only: Iterable[str] = ()) -> Iterator[tuple[dict[str, Any], Character]]:
+    """Yield the rows of the list whose files are in a folder, with their characters."""
+    for line in BODIES.read_text(encoding="utf-8").splitlines():
+        body = json.loads(line)
+        path = folder / body["file"]
+        if path.exists() and (not only or any(part in body["file"] for part in only)):
+            if hashlib.sha256(path.read_bytes()).hexdigest() != body["sha256"]:
+                raise SystemExit(f"{path} is another version than the one in {BODIES.name}")
+            yield body, load_character(path)
+
+
+def measure_ends(folder: Path, only: Iterable[str], finder: Finder = find) -> None:
+    """Print each character that a finder finds wrong, and what it finds by view, fold and kind."""
+    rows: list[tuple[str, str, str, Score]] = []
+    for body, character in bodies(folder, only):
+        for view, change in VIEWS.items():
+            try:
+                answer = finder(change(character))
+            except PuppetlineError:
+                answer = None
+            one = score(body, character, answer)
+            rows.append((view, body["maker"], body["kind"], one))
+            if not one.right[0]:
+                found = f"{dict(+one.found)} of {dict(+one.limbs)}, {one.proposed} proposed"
+                stands = f"{answer.up} {answer.front}" if answer else "-"
+                print(f"{view:8} {body['file']}: {stands}, {found}", flush=True)
+    fold = folds(maker for view, maker, *_ in rows if view == "file")
+    for view in VIEWS:
+        print(f"\n{view:20}    number limbs false whole    up front")
+        groups: dict[str, list[Score]] = {}
+        for own, maker, kind, one in rows:
+            for name in (f"fold {fold[maker]}", kind, maker, "all") if own == view else ():
+                groups.setdefault(name, []).append(one)
+        for name in sorted(groups.keys() - fold.keys()):
+            print_total(name, groups[name])
+        right = [np.mean([one.right[0] for one in groups[maker]]) for maker in fold]
+        print(f"whole characters, mean over {len(fold)} makers: {100 * np.mean(right):.0f} %")
+        print_calibration(np.array([stand for one in groups["all"] for stand in one.stands]))
+
+
+def print_calibration(stands: NDArray[np.float64]) -> None:
+    """Print how many characters stand as an answer says, by the probability that it states."""
+    for low, high in pairwise(PROBABILITIES):
+        inside = stands[(stands[:, 0] > low) & (stands[:, 0] <= high)]
+        if len(inside):
+            right = 100 * inside[:, 1:].all(axis=1).mean()
+            print(f"stated {100 * low:.0f} to {100 * high:.0f} %: {right:.0f} % of {len(inside)} are right")
+
+
+def print_total(title: str, scores: list[Score]) -> None:
+    """Print the shares of limbs, whole characters and axes that are right, in a group of characters."""
+    total = Score()
+    for one in scores:
+        total.add(one)
+    limbs, found = total.limbs.total(), total.found.total()
+    false, axes = 1 - found / max(total.proposed, 1), np.mean(total.stands, axis=0)[1:]
+    shares = [found / limbs, false, np.mean(total.right), *axes]
+    print(title.ljust(20), f"{len(scores):10d}", *(f"{100 * share:4.0f}%" for share in shares))
+
+
+def measure_joints(folder: Path, names: Iterable[str], poses: int) -> None:
+    """Print the distances of joints that are found from the shape."""
     print("character".ljust(32), *(name.rjust(9) for name in JOINTS), "   median")
     totals: dict[str, list[float]] = {}
     for title, mesh, truth in examples():
         totals.setdefault("people as made", []).extend(row(title, [errors(mesh, truth)]))
-    for name in options.characters:
-        character = load_character(options.folder / f"{name}.glb")
+    for name in names:
+        character = load_character(folder / f"{name}.glb")
         rig = rig_limbs(character)
         assert rig is not None
         kind = KINDS.get(name, "others")
         totals.setdefault(f"{kind} as made", []).extend(row(name, [errors(character.solver_mesh(), rig.points)]))
-        measured = [errors(mesh, truth) for mesh, truth in posed(character, options.poses)]
+        measured = [errors(mesh, truth) for mesh, truth in posed(character, poses)]
         if measured:
             totals.setdefault(f"{kind} posed", []).extend(row(f"{name} posed", measured))
     for pose, away in totals.items():
         print(f"{pose}, {len(away)} joints: median {np.median(away):.1f} %, 95 % {np.quantile(away, 0.95):.1f} %")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("what", choices=("ends", "joints"))
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--only", nargs="*", default=())
+    parser.add_argument("--poses", type=int, default=10)
+    parser.add_argument("--characters", nargs="*", default=tuple(KINDS))
+    options = parser.parse_args()
+    if options.what == "ends":
+        measure_ends(options.folder, options.only)
+    else:
+        measure_joints(options.folder, options.characters, options.poses)
 
 
 if __name__ == "__main__":

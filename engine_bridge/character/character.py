@@ -18,7 +18,7 @@ from engine_bridge.character.gltf_file import MAGIC, damaged
 from engine_bridge.character.scene import shown_nodes, skinning, world_transforms
 from engine_bridge.character.schema import Mesh, Node, Primitive
 from engine_bridge.character.shading import shaded, unit
-from engine_bridge.character.skin_weights import mend_weights
+from engine_bridge.character.skin_repair import mend_skins
 from engine_bridge.character.surface_document import SURFACE_FILES, read_document
 from engine_bridge.character.surfaces.surface import MAX_COORDINATE, Piece, Surface, material_for, outside
 from puppetline.errors import MeshError, at
@@ -148,7 +148,7 @@ def make_character(
 
 @np.errstate(over="ignore", invalid="ignore")  # positions that are not finite are refused
 def from_document(document: Document) -> Character:
-    """Find the surfaces in a document's scene; mend the weights of its skins, see `mend_weights`.
+    """Find the surfaces in a document's scene; mend its skins, see `mend_skins`.
 
     Raises
     ------
@@ -156,7 +156,7 @@ def from_document(document: Document) -> Character:
         There is no surface, data are inconsistent, or positions are not finite.
     """
     _check_size(document)
-    mend_weights(document)
+    mend_skins(document)
     world = world_transforms(document)
     parts = [part for node in shown_nodes(document) for part in _parts(document, node, world)]
     if not parts:

@@ -1,4 +1,4 @@
-"""Weights of skins that are mended when a character is read."""
+"""Weights and inverse bind matrices that are mended when a character is read."""
 
 import numpy as np
 import pygltflib as gltf
@@ -17,10 +17,13 @@ WEIGHTS = np.array([[0.75, 0.25, 0, 0]] * 3 + [[1, 0, 0, 0]] * 3, np.float32)
 def skinned(glb, tmp_path):
     """Write two triangles that follow two joints, with some weights."""
 
-    def make(weights):
-        top = glb.node(name="a")
-        joints = [top, glb.node(parent=top, name="b")]
+    def make(weights, matrices=None):
+        top = glb.node(name="a", translation=[0.0, 1.0, 0.0])
+        joints = [top, glb.node(parent=top, name="b", translation=[2.0, 0.0, 0.0])]
         glb.file.skins = [gltf.Skin(joints=joints)]
+        if matrices is not None:
+            glb.file.skins[0].inverseBindMatrices = glb.add(matrices.transpose(0, 2, 1).reshape(-1, 16))
+            glb.file.accessors[-1].min = glb.file.accessors[-1].max = None
         primitive = glb.primitive(PLACES, FACES)
         primitive.attributes.JOINTS_0, primitive.attributes.WEIGHTS_0 = glb.add(JOINTS), glb.add(weights)
         glb.file.accessors[-1].min = glb.file.accessors[-1].max = None  # JSON has no NaN
@@ -68,3 +71,30 @@ def test_valid_weights_are_not_written_again(skinned):
 def test_if_no_weights_are_valid_all_vertices_follow_the_first_joint(skinned):
     character = load_character(skinned(WEIGHTS * np.nan))
     assert_array_equal(weights_of(character), [[1, 0]] * 6)
+
+
+BINDS = np.tile(np.eye(4, dtype=np.float32), (2, 1, 1))
+BINDS[:, :3, 3] = [[0, -1, 0], [-2, -1, 0]]
+
+
+@pytest.mark.parametrize("broken", [np.full((4, 4), np.nan), np.zeros((4, 4)), np.diag([1, 0, 1, 1])])
+@pytest.mark.parametrize("joint", [0, 1])
+def test_a_joint_without_a_valid_matrix_leaves_the_surface_where_it_is_at_rest(
+    skinned, broken, joint, assert_valid_gltf, tmp_path
+):
+    matrices = BINDS.copy()
+    matrices[joint] = broken
+    character = load_character(skinned(WEIGHTS, matrices))
+    assert_allclose(character.vertices, PLACES, atol=1e-6)
+    assert len([note for note in character.document.notes if note.startswith("1 joints")]) == 1
+    character.document.save(tmp_path / "mended.glb")
+    assert_valid_gltf(tmp_path / "mended.glb")
+
+
+def test_the_last_row_of_a_matrix_is_that_of_an_affine_one(skinned, assert_valid_gltf, tmp_path):
+    matrices = BINDS.copy()
+    matrices[:, 3, 3] = 1 + 1e-6
+    character = load_character(skinned(WEIGHTS, matrices))
+    assert not character.document.notes
+    character.document.save(tmp_path / "mended.glb")
+    assert_valid_gltf(tmp_path / "mended.glb")

@@ -1,0 +1,110 @@
+"""Mends a file's skins: weights and inverse bind matrices that are not numbers or have no effect."""
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from engine_bridge.character.document import Document
+from engine_bridge.character.scene import inverse_bind, shown_nodes, tree, world_transforms
+from engine_bridge.character.schema import Primitive
+
+SUM_TOLERANCE = 2e-7
+"""Largest difference of the sum of a vertex's weights from 1, for each of them that is not zero, as in Khronos'
+validator."""
+
+
+MIN_DETERMINANT = 1e-12
+"""Smallest determinant of an inverse bind matrix that does not flatten vertices, relative to its largest entry."""
+
+
+def mend_skins(document: Document) -> None:
+    """Mend the weights and the inverse bind matrices of skins of shown meshes.
+
+    Vertices without valid weights get those of the nearest vertex that has some, and sums are scaled to 1. A joint with
+    an invalid matrix gets one by which vertices follow it as they follow its parent at rest. Notes say how many were
+    invalid.
+
+    Parameters
+    ----------
+    document : Document
+        It is changed.
+    """
+    nodes, meshes = document.gltf["nodes"], document.gltf["meshes"]
+    skinned = [node for node in shown_nodes(document) if "skin" in nodes[node]]
+    mended = sum(
+        _mend_weights(document, primitive)
+        for mesh in dict.fromkeys(nodes[node]["mesh"] for node in skinned)
+        for primitive in meshes[mesh]["primitives"]
+    )
+    if mended:
+        document.notes.append(f"{mended:,} vertices without valid skin weights get those of the vertices next to them.")
+    mended = sum(_mend_matrices(document, skin) for skin in dict.fromkeys(nodes[node]["skin"] for node in skinned))
+    if mended:
+        document.notes.append(
+            f"{mended:,} joints without a valid inverse bind matrix get one like that of their parent."
+        )
+
+
+def _mend_matrices(document: Document, skin: int) -> int:
+    """Mend the inverse bind matrices of a skin; return the number of joints that had no valid one."""
+    table, found = document.gltf["skins"][skin], inverse_bind(document, skin)
+    matrices = found.copy()
+    matrices[:, 3] = np.eye(4)[3]
+    largest = np.abs(matrices[:, :3, :3]).max(axis=(1, 2))
+    valid = np.isfinite(matrices).all(axis=(1, 2)) & (largest > 0)
+    scaled = matrices[valid, :3, :3] / largest[valid, None, None]
+    valid[valid] = np.abs(np.linalg.det(scaled)) > MIN_DETERMINANT
+    if np.array_equal(matrices, found) and valid.all():
+        return 0
+    world, above = world_transforms(document), dict(tree(document))
+    rows = {joint: row for row, joint in enumerate(table["joints"])}
+    whole = np.flatnonzero(valid)
+    for row in np.flatnonzero(~valid):
+        joint: int | None = table["joints"][row]
+        while joint is not None and not (joint in rows and valid[rows[joint]]):
+            joint = above[joint]
+        like = rows[joint] if joint is not None else whole[0] if len(whole) else None
+        follows = np.eye(4) if like is None else world[table["joints"][like]] @ matrices[like]
+        matrices[row] = np.linalg.pinv(world[table["joints"][row]]) @ follows
+        matrices[row, 3] = np.eye(4)[3]
+    columns = matrices.transpose(0, 2, 1).reshape(-1, 16).astype(np.float32)
+    document.replace(table["inverseBindMatrices"], columns)
+    return int((~valid).sum())
+
+
+def _mend_weights(document: Document, primitive: Primitive) -> int:
+    """Mend the weights of a primitive; return the number of vertices that had none."""
+    attributes = primitive["attributes"]
+    names = [(name, f"JOINTS_{name[8:]}") for name in attributes if name.startswith("WEIGHTS_")]
+    if "POSITION" not in attributes or not names or any(joints not in attributes for _, joints in names):
+        return 0
+    count = document.gltf["accessors"][attributes["POSITION"]]["count"]
+    columns = [[document.attribute(primitive, name, count, 4) for name in pair] for pair in names]
+    weights = np.hstack([each for each, _ in columns if each is not None]).astype(np.float64)
+    joints = np.hstack([each for _, each in columns if each is not None])
+    broken = ~np.isfinite(weights).all(axis=1)
+    weights = np.maximum(np.nan_to_num(weights, posinf=0.0, neginf=0.0), 0.0)
+    sums = weights.sum(axis=1)
+    broken |= sums == 0
+    if not broken.any() and (np.abs(sums - 1) <= SUM_TOLERANCE * np.count_nonzero(weights, axis=1)).all():
+        return 0
+    if broken.all():
+        weights[:], joints = np.eye(1, weights.shape[1]), np.zeros_like(joints)
+    elif broken.any():
+        nearest = _nearest(document, primitive, count, broken)
+        weights[broken], joints[broken] = weights[nearest], joints[nearest]
+    weights /= weights.sum(axis=1, keepdims=True)
+    for number, (of_weights, of_joints) in enumerate(names):
+        chosen = slice(4 * number, 4 * number + 4)
+        document.replace(attributes[of_weights], weights[:, chosen].astype(np.float32))
+        if broken.any():
+            document.replace(attributes[of_joints], joints[:, chosen])
+    return int(broken.sum())
+
+
+def _nearest(document: Document, primitive: Primitive, count: int, broken: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the vertex with valid weights that is nearest to each broken one."""
+    positions = document.attribute(primitive, "POSITION", count, 3)
+    places = np.nan_to_num(np.zeros((count, 3)) if positions is None else positions.astype(np.float64))
+    valid = np.flatnonzero(~broken)
+    return np.asarray(valid[scipy.spatial.cKDTree(places[valid]).query(places[broken])[1]])

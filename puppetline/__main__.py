@@ -4,6 +4,8 @@ import io
 import os
 import sys
 
+from puppetline.child_process import end_with_parent
+
 
 def run() -> None:
     """Run the command line; Ctrl-C prints no traceback, even while modules are loaded."""
@@ -12,6 +14,7 @@ def run() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a pipe on Windows has no character for − or α
             stream.reconfigure(errors="replace")
+    end_with_parent()
     try:
         from engine_bridge.cli.compile_ahead import second_process
         from engine_bridge.cli.main import main

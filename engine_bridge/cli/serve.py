@@ -16,6 +16,7 @@ import click
 
 from engine_bridge.cli.options import FILE, Finite
 from puppetline import clock
+from puppetline.child_process import bound_to_parent
 from puppetline.errors import ServiceError
 
 if TYPE_CHECKING:
@@ -216,7 +217,8 @@ def _studio(settings: "ServiceFile", folder: Path, streams: list[str], port: int
     if settings.kiosk is not None:
         command += ["--visitors", str(visitors_folder(folder / settings.takes))]
     # 1 and 2 are for native libraries by now
-    process = subprocess.Popen(command, env=os.environ | token, stdout=sys.stdout, stderr=sys.stderr)  # noqa: S603
+    bound = bound_to_parent(os.environ | token)
+    process = subprocess.Popen(command, stdout=sys.stdout, stderr=sys.stderr, **bound)  # noqa: S603
     try:
         yield
     finally:

@@ -22,6 +22,7 @@ from engine_bridge.service.monitoring.logs import fields
 from engine_bridge.service.stages.stage_runner import StageRunner
 from engine_bridge.service.takes.count_in import CountIn
 from puppetline import clock
+from puppetline.child_process import bound_to_parent
 from puppetline.errors import PuppetlineError
 from puppetline.toml_schema import Table
 
@@ -204,13 +205,16 @@ class Kiosk:
 
     def _make(self, scene: Path, video: Path) -> int:
         command = [sys.executable, "-m", "puppetline", "film", str(scene), "-o", str(video)]
-        self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)  # noqa: S603
+        outputs = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+        self._process = subprocess.Popen(command, **outputs, **bound_to_parent())  # noqa: S603
         if sys.platform != "win32":
             os.setpriority(os.PRIO_PROCESS, self._process.pid, LOW_PRIORITY)
-        _, told = self._process.communicate()
-        if self._process.returncode > 0:
+        assert self._process.stderr is not None  # noqa: S101 - a pipe was asked for
+        told = self._process.stderr.read()  # `communicate` would close the standard input
+        code = self._process.wait()
+        if code > 0:
             log.error("the visitor's video cannot be made: %s", told.decode(errors="replace").strip()[-500:])
-        return self._process.returncode
+        return code
 
     def _made(self, clip: Clip, code: int) -> None:
         if code:

@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import json
 import logging
-import os
 import sys
 from collections import deque
 from collections.abc import Callable
@@ -12,10 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import psutil
 import tomlkit
 
 from engine_bridge.studio.messages.state import ServiceState
+from puppetline.child_process import bound_to_parent
 from puppetline.interrupts import END, OWN_GROUP
 
 START_SECONDS = 600.0
@@ -73,7 +72,6 @@ class ServiceProcess:
         self.state = ServiceState()
         self.reached: Reached | None = None
         self._file, self._token, self._changed = file, token, changed
-        self._pid_file = file.with_suffix(".pid")
         self._wanted = False
         self._process: asyncio.subprocess.Process | None = None
         self._keeper: asyncio.Task[None] | None = None
@@ -132,30 +130,17 @@ class ServiceProcess:
         self._serving.clear()
         self._set(running=False, starting=False, address="")
 
-    def _end_leftover(self) -> None:
-        """End a service that an earlier studio left running when it was killed."""
-        try:
-            process = psutil.Process(int(self._pid_file.read_text(encoding="ascii")))
-            if str(self._file) in process.cmdline():
-                process.terminate()
-                process.wait(STOP_SECONDS)
-        except (OSError, ValueError, psutil.Error):  # there is none, or it belongs to another user
-            pass
-
     async def _run(self) -> deque[str]:
         """Run the service to its end; return its last lines."""
         self._serving.clear()
-        await asyncio.to_thread(self._end_leftover)
         command = [sys.executable, "-m", "puppetline", "serve", "--config", str(self._file), "--log-format", "json"]
         self._process = process = await asyncio.create_subprocess_exec(
             *command,
-            stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.DEVNULL,
             stderr=asyncio.subprocess.PIPE,
             **OWN_GROUP,  # Ctrl-C goes to the studio, which then ends the service
-            env=os.environ | {"PUPPETLINE_STUDIO": str(os.getpid())},
+            **bound_to_parent(),
         )
-        self._pid_file.write_text(str(process.pid), encoding="ascii")
         lines: deque[str] = deque(maxlen=MAX_LINES)
         assert process.stderr is not None  # noqa: S101 - a pipe was asked for
         try:
@@ -165,7 +150,6 @@ class ServiceProcess:
         finally:
             if process.returncode is None:
                 await process.wait()
-            self._pid_file.unlink(missing_ok=True)
         return lines
 
     def _read(self, line: str) -> None:

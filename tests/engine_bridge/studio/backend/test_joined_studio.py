@@ -5,6 +5,7 @@ import re
 import subprocess
 
 import aiohttp
+import psutil
 import pytest
 
 from engine_bridge.puppet import puppet_file
@@ -12,7 +13,7 @@ from engine_bridge.puppet.puppet_values import values_of
 from engine_bridge.service.protocol.payloads import decode
 
 from ...service.conftest import free_port, serve_module
-from ..conftest import connected
+from ..conftest import TIMEOUT_SECONDS, connected
 
 __all__ = ["free_port", "serve_module"]
 
@@ -143,6 +144,18 @@ def test_serve_prints_the_address_of_the_page_and_ends_it(commands, blob_puppet,
     assert asyncio.run(enter()) == (True, "blob")
     process.terminate()
     assert process.wait() == 0
+
+
+def test_a_service_that_is_killed_takes_its_page_with_it(commands, blob_puppet, tmp_path, free_port):
+    given = ("--puppet", blob_puppet, "--source", "demo:walk?loop", "--port", free_port(), "--no-announce")
+    process = commands.start("serve", *given, "--studio", 0, cwd=tmp_path, stdout=subprocess.PIPE)
+    process.stdout.readline()
+    children = psutil.Process(process.pid).children(recursive=True)
+    assert children
+    process.kill()
+    process.wait()
+    _, alive = psutil.wait_procs(children, TIMEOUT_SECONDS)
+    assert not alive
 
 
 def test_the_videos_of_a_kiosk_s_visitors_are_listed(joined, monkeypatch):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from capture.formats._cells import UnevenError, number, split, vector
 from capture.formats._columns import AXES, parse
 from capture.formats._rows import Line
-from capture.formats.joint_sets import JOINT_SETS, Fit, clearest, fits
+from capture.formats.joint_sets import JOINT_SETS, MAX_MISFIT, Fit, clearest, fits
 from capture.formats.options import ReadOptions
 from capture.formats.positions import is_person
 from puppetline.errors import SkeletonLogError, at
@@ -127,7 +127,10 @@ class Table:
         unnamed = {name: own for name, own in joints.items() if name.startswith(UNNAMED)}
         if len(joints) > len(unnamed):
             joints = {name: own for name, own in joints.items() if name not in unnamed}
-            is_numbered = all(name.isdigit() for name in joints)
+            numbers = {name: name.lstrip("abcdefghijklmnopqrstuvwxyz_") for name in joints}
+            is_numbered = all(number.isdigit() for number in numbers.values())
+            if is_numbered and len({name.removesuffix(number) for name, number in numbers.items()}) == 1:
+                joints = {numbers[name]: own for name, own in joints.items()}
             return Layout(joints, fields) if is_numbered or is_person(list(joints)) else None
         is_known = len(joints) > 1 or fields or self._joint_set_of_rows(next(iter(joints.values()))) is not None
         return Layout(joints, fields) if is_known else None
@@ -224,6 +227,9 @@ class Table:
             count = len(rows) // len(joints)
             if self.options.joints in (None, name) and count:
                 best += fits(rows[: count * len(joints)].reshape(count, -1, 3), [name])
+        best = [
+            fit for fit in best if self.options.joints or fit.misfit < MAX_MISFIT
+        ]  # points of a mesh are rows of x y z too
         return min(best, key=lambda fit: fit.misfit).name if best else None
 
     # What the rows are
@@ -233,7 +239,7 @@ class Table:
         """What the columns are; an error if they are no positions of joints."""
         if self._layout is None:
             names = ", ".join(filter(None, self._names[:12]))
-            flat = "x" in names and not any("z" in name.lower() for name in self._names)
+            flat = "x" in names.lower() and not any("z" in name.lower() for name in self._names)
             self.refuse(
                 f"a table with {self.width} columns without names"
                 if not names

@@ -34,7 +34,7 @@ SAMPLE_FRAMES = 60
 MAX_MISFIT = 0.75
 """Largest misfit of a person; recordings of sensors have up to 0.7, wrong orders at least 1.0."""
 
-MAX_MISFITS = {"mediapipe": 1.2}
+MAX_MISFITS = {"mediapipe": 1.6}
 """The same for landmarks in pictures, whose depths are rough; no other set has as many joints."""
 
 MAX_CENTRE_SHARE = 0.6
@@ -134,6 +134,8 @@ def joint_set(path: Path, positions: Floats, chosen: str | None = None, found: s
                 fix="Choose another one with --joints.",
             )
         return chosen
+    if len(names) == 1 and names[0] in MAX_MISFITS:
+        return names[0]
     best = fits(positions, names)
     if not best:
         raise SkeletonLogError(

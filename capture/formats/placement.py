@@ -53,6 +53,9 @@ SENSOR_RANGE_METRES = (0.3, 10.0)
 FACING_COSINE = 0.5
 """Cosine of the angle to the sensor within which a performer faces it, in a quarter of the frames."""
 
+Y_PREFERENCE = 1.5
+"""How much more another axis must be along the body than y, which is up or down in most files, and in all pictures."""
+
 MIN_AGREEMENT, MIN_AGREEMENT_IN_VIEW = 0.3, 1.0
 """How clearly faces, feet, knees and elbows must point backwards if coordinates are left-handed, of about 3.
 
@@ -192,7 +195,7 @@ def _up(points: Floats, options: ReadOptions) -> tuple[Floats, str]:
         with warnings.catch_warnings(action="ignore"):  # joints that are always lost
             way = np.nanmedian(points[:, JOINT_INDEX[upper]] - lower, axis=0)
             body += np.nan_to_num(way / np.linalg.norm(way))
-    axis = int(np.abs(body).argmax())
+    axis = int((np.abs(body) * [1.0, Y_PREFERENCE, 1.0]).argmax())
     sign = 1.0 if body[axis] > 0 else -1.0
     name = f"{'−' if sign < 0 else ''}{'xyz'[axis]}"
     return sign * np.eye(3)[axis], f"Up is assumed to be {name}, the direction from feet to head."

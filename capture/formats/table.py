@@ -24,7 +24,7 @@ from capture.formats._rows import head_lines, read_lines
 from capture.formats._table import UNNAMED, Table
 from capture.formats.joint_sets import JOINT_SETS, UnclearOrderError, joint_set
 from capture.formats.options import ReadOptions
-from capture.formats.positions import DEFAULT_FPS, clip_of_positions
+from capture.formats.positions import DEFAULT_FPS, clip_of_positions, is_person
 from capture.skeleton import INFERRED, LOST, TRACKED
 from puppetline.errors import SkeletonLogError
 
@@ -232,9 +232,14 @@ def _numbered(table: Table, performer: Performer) -> Performer:
     numbers = [int(performer.names[index]) for index in order]
     if numbers != list(range(numbers[0], numbers[0] + len(numbers))):
         table.refuse(f"a table of joints with the numbers {', '.join(map(str, numbers))[:80]}")
-    positions = performer.positions[:, order]
+    positions, confidence = performer.positions[:, order], performer.confidence[:, order]
+    if numbers[0] > 1:  # a part of the landmarks
+        parts = [[joints[k] for k in numbers] for joints in JOINT_SETS.values() if len(joints) == numbers[-1] + 1]
+        parts = [joints for joints in parts if is_person(joints)]
+        if len(parts) == 1:
+            return Performer(parts[0], positions, confidence, None)
     name = joint_set(table.path, positions, table.options.joints, "a table")
-    return Performer(JOINT_SETS[name], positions, performer.confidence[:, order], None)
+    return Performer(JOINT_SETS[name], positions, confidence, None)
 
 
 def _times(table: Table, rows: Rows) -> Floats | None:

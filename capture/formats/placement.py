@@ -53,8 +53,8 @@ SENSOR_RANGE_METRES = (0.3, 10.0)
 FACING_COSINE = 0.5
 """Cosine of the angle to the sensor within which a performer faces it, in a quarter of the frames."""
 
-Y_PREFERENCE = 1.5
-"""How much more another axis must be along the body than y, which is up or down in most files, and in all pictures."""
+Y_PREFERENCE = np.array([1.0, 1.5, 1.0])
+"""Weights of the axes in the search for the one along the body: in most files, y is up or down."""
 
 MIN_AGREEMENT, MIN_AGREEMENT_IN_VIEW = 0.3, 1.0
 """How clearly faces, feet, knees and elbows must point backwards if coordinates are left-handed, of about 3.
@@ -92,7 +92,9 @@ class Placement:
         return turned * self.unit + self.shift
 
 
-def place(path: Path, points: Floats, front: Floats, options: ReadOptions, *, by_sensor: bool = True) -> Placement:
+def place(
+    path: Path, points: Floats, front: Floats, options: ReadOptions, *, by_sensor: bool = True, is_picture: bool = False
+) -> Placement:
     """Find where a file's coordinates are in sensor coordinates.
 
     Parameters
@@ -107,6 +109,8 @@ def place(path: Path, points: Floats, front: Floats, options: ReadOptions, *, by
         `up` and `unit` replace what is detected.
     by_sensor : bool
         Whether a sensor may have measured the positions, which then stay where they are.
+    is_picture : bool
+        Whether x and y are those of a picture, so that y is up or down.
 
     Raises
     ------
@@ -115,7 +119,7 @@ def place(path: Path, points: Floats, front: Floats, options: ReadOptions, *, by
     """
     stature = _stature(path, points)
     unit, unit_note = _unit(stature, options)
-    up, up_note = _up(points, options)
+    up, up_note = _up(points, options, np.array([0.0, 1.0, 0.0]) if is_picture else Y_PREFERENCE)
     across = _across(points)
     notes: tuple[str, ...] = (unit_note, up_note)
     ahead = np.cross(up, across - np.outer(across @ up, up))
@@ -185,7 +189,7 @@ def _front_agreement(points: Floats, front: Floats, up: Floats, ahead: Floats) -
     return sum(medians)
 
 
-def _up(points: Floats, options: ReadOptions) -> tuple[Floats, str]:
+def _up(points: Floats, options: ReadOptions, preference: Floats = Y_PREFERENCE) -> tuple[Floats, str]:
     """Return the unit vector that points up, and the note on it."""
     if options.up is not None:
         return np.eye(3)["xyz".index(options.up)], f"Up is {options.up}, as given."
@@ -195,7 +199,7 @@ def _up(points: Floats, options: ReadOptions) -> tuple[Floats, str]:
         with warnings.catch_warnings(action="ignore"):  # joints that are always lost
             way = np.nanmedian(points[:, JOINT_INDEX[upper]] - lower, axis=0)
             body += np.nan_to_num(way / np.linalg.norm(way))
-    axis = int((np.abs(body) * [1.0, Y_PREFERENCE, 1.0]).argmax())
+    axis = int((np.abs(body) * preference).argmax())
     sign = 1.0 if body[axis] > 0 else -1.0
     name = f"{'−' if sign < 0 else ''}{'xyz'[axis]}"
     return sign * np.eye(3)[axis], f"Up is assumed to be {name}, the direction from feet to head."

@@ -128,7 +128,7 @@ def clip_of_positions(
     positions, image_notes = without_image_shares(names, positions)
     body = select(path, names, positions, confidence)
     refuse_other_bodies(path, body.points)
-    where = place(path, body.points, body.front, options)
+    where = place(path, body.points, body.front, options, is_picture=bool(image_notes))
     if times is None:
         fps, rate_notes = frame_rate(options, DEFAULT_FPS)
         times, notes = np.arange(len(positions)) / fps, (*notes, *rate_notes)

@@ -69,7 +69,8 @@ def _describe(path: Path, head: bytes) -> tuple[str, str]:
         texts = head_lines(head)
         _ = Table(path, [(index, f"{text}\n") for index, text in enumerate(texts[:-1] or texts)], ReadOptions()).layout
     except SkeletonLogError as error:
-        return error.found, error.fix
+        is_table = error.where == str(path)  # otherwise a line differs from the others
+        return (error.found, error.fix) if is_table else ("text that is no table", _EXPORT)
     return "a table of positions that are no person's", _EXPORT
 
 

@@ -60,7 +60,8 @@ def _describe(path: Path, head: bytes) -> tuple[str, str]:
         return _archive(path)
     for pattern, found, fix in _KINDS:
         if re.match(pattern, head, re.DOTALL | re.IGNORECASE):
-            return found, fix or f"Record the performer in it: puppetline record --source video:{path.name} -o take.log."
+            record = f"puppetline record --source video:{path.name} -o take.log"
+            return found, fix or f"Record the performer in it: {record}."
     if b"\0" in head or _is_binary(head):
         return "a binary file of an unknown kind", _EXPORT
     if head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"["):

@@ -113,13 +113,15 @@ class RowLayout:
         return table
 
 
-def read_lines(path: Path) -> list[Line]:
+def read_lines(path: Path, errors: str = "strict") -> list[Line]:
     """Return the lines of a text file that are not blank.
 
     Parameters
     ----------
     path : Path
         UTF-8 text, with or without a byte order mark, with any kind of newline.
+    errors : str
+        What happens with other bytes, as for `open`: "replace" for formats with texts that do not matter.
 
     Raises
     ------
@@ -128,7 +130,7 @@ def read_lines(path: Path) -> list[Line]:
     """
     try:
         with opened(path) as file:
-            text_lines = enumerate(TextIOWrapper(file, encoding="utf-8-sig"), start=1)
+            text_lines = enumerate(TextIOWrapper(file, encoding="utf-8-sig", errors=errors), start=1)
             lines = [(number, text) for number, text in text_lines if text.strip()]
     except UnicodeDecodeError as error:
         raise _not_text(at(path)) from error

@@ -166,10 +166,10 @@ def _motion(path: Path, lines: list[tuple[int, list[str]]], bones: list[Bone]) -
         np.array([frame[number] or np.zeros(len(bone.freedoms)) for frame in frames], dtype=np.float64)
         for number, bone in enumerate(bones)
     ]
-    for bone, each in zip(bones, values, strict=True):
+    for moved, each in zip(bones, values, strict=True):
         if not np.isfinite(each).all():
             raise SkeletonLogError(
-                at(path, field=bone.name),
+                at(path, field=moved.name),
                 found="a number that is not finite",
                 expected="numbers",
                 fix="Export it anew.",

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from capture.clip import SkeletonClip
 from capture.formats.options import ReadOptions
 from capture.formats.positions import clip_of_positions
+from puppetline.errors import SkeletonLogError
 
 Floats = NDArray[np.float64]
 
@@ -42,6 +43,7 @@ BELL = 0.36, 0.19, 0.30
 """Distances of a hip from the middle of the pelvis's front, outwards, backwards and down, in widths of the pelvis."""
 
 _PLACES = {word: place for place, words in MARKERS.items() for word in words.split()}
+_NEEDED = ("Hip", "Knee", "Ankle", "Shoulder", "Elbow")
 _JOINTS = ("knee", "ankle", "foot", "shoulder", "elbow", "wrist", "hand")
 
 
@@ -64,10 +66,19 @@ def clip_of_markers(
     SkeletonLogError
         Joints of a person are missing, or the positions are no person's.
     """
-    joints = _joints(names, positions)
-    if {"KneeLeft", "KneeRight", "HipLeft", "HipRight"} <= joints.keys():
+    pelvis = {place[0] for name in names if (place := _place(name))} & {"front", "back", "sacrum", "hip"}
+    joints = _joints(names, positions) if pelvis else {}
+    if joints.keys() >= {f"{joint}{side}" for joint in _NEEDED for side in ("Left", "Right")}:
         notes = (*notes, "The joints follow from the markers on both sides of them.")
         names, positions = list(joints), np.stack(list(joints.values()), axis=1)
+    elif joints:
+        needed = [f"{joint}{side}" for joint in _NEEDED for side in ("Left", "Right")]
+        raise SkeletonLogError(
+            path,
+            found=f"markers of some joints only; none for {', '.join(name for name in needed if name not in joints)}",
+            expected="the markers of a whole body, such as those of Plug-in Gait or OpenSim",
+            fix="Export joint centres too, or record with markers on arms and legs.",
+        )
     return clip_of_positions(path, log_format, names, positions, options, times=times, notes=notes)
 
 

@@ -55,6 +55,8 @@ MIN_BONE_SHARE = 0.002
 
 SIDES = "left", "right"
 
+BY_SHAPE_NOTE = "The names of the joints are unknown. Their meanings follow from the shape of the skeleton."
+
 FOURS_COSINE, TRUNK_COSINE, FOURS_SHARE = 0.7, 0.5, 0.9
 """On all fours, arms and legs have a cosine above, trunk and legs one below, in more than this share of the frames."""
 
@@ -68,10 +70,11 @@ Points = NDArray[np.float64]
 
 
 class Body(NamedTuple):
-    """The 20 joints of a skeleton: points (T, 20, 3), the nodes that are joints, and notes. NaN for lost joints."""
+    """The 20 joints of a skeleton: points (T, 20, 3), NaN for lost joints; their nodes; whether names told; notes."""
 
     points: Points
     nodes: dict[str, int]
+    named: bool
     notes: tuple[str, ...]
 
 
@@ -102,7 +105,8 @@ def select(
     SkeletonLogError
         The skeleton is no human body.
     """
-    chosen, notes = _choose(path, names, parents, rest, positions, options)
+    chosen, named = _choose(path, names, parents, rest, positions, options)
+    notes = [] if named else [BY_SHAPE_NOTE]
     ends = _ends(parents)
     hips_coincide = _coincide(positions, chosen["hip_left"], chosen["hip_right"])
     if hips_coincide:
@@ -124,7 +128,7 @@ def select(
         points[:, JOINT_INDEX[name]] = point
     if not options.as_person and _is_on_all_fours(points):
         raise _animal_error(path, 4)
-    return Body(points, chosen, tuple(notes))
+    return Body(points, chosen, named, tuple(notes))
 
 
 def _choose(
@@ -134,18 +138,18 @@ def _choose(
     rest: Points,
     positions: Sequence[Points],
     options: ReadOptions,
-) -> tuple[dict[str, int], list[str]]:
-    """Return the nodes that are joints, by their names or else by the shape of the skeleton, and notes."""
+) -> tuple[dict[str, int], bool]:
+    """Return the nodes that are joints, and whether by their names or else by the shape of the skeleton."""
     chosen = _choose_nodes(names, positions)
     missing = [joint for joint in REQUIRED if joint not in chosen]
     if not missing:
-        return chosen, []
+        return chosen, True
     shape = shape_of(parents, rest, [not name for name in names])
     if shape.legs > 2 and not options.as_person:
         raise _animal_error(path, shape.legs)
     if any(joint not in shape.joints for joint in REQUIRED):
         raise _names_error(path, names, missing)
-    return shape.joints, ["The names of the joints are unknown. Their meanings follow from the shape of the skeleton."]
+    return shape.joints, False
 
 
 def _is_on_all_fours(points: Points) -> bool:
@@ -178,11 +182,9 @@ def _head(
     end = ends.get(node)
     if "head" in chosen and end is not None and np.linalg.norm(rest[end] - rest[node]) > MIN_BONE_SHARE * size:
         return (positions[node] + positions[end]) / 2
-    legs = (rest[chosen["ankle_left"]] + rest[chosen["ankle_right"]]) / 2
-    upright = rest[node] - legs
-    axis = int(np.abs(upright).argmax())
-    trunk = np.linalg.norm(rest[node] - (rest[chosen["hip_left"]] + rest[chosen["hip_right"]]) / 2)
-    up = np.eye(3)[axis] * np.sign(upright[axis]) * trunk
+    trunk = rest[node] - (rest[chosen["hip_left"]] + rest[chosen["hip_right"]]) / 2
+    axis = int(np.abs(trunk).argmax())
+    up = np.eye(3)[axis] * np.sign(trunk[axis]) * np.linalg.norm(trunk)
     share = HALF_HEAD_SHARE if "head" in chosen else NECK_AND_HEAD_SHARE
     return positions[node] + rotations[node] @ (share * up)
 

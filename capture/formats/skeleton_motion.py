@@ -21,6 +21,7 @@ from capture.clip import SkeletonClip
 from capture.formats._clips import build_clip
 from capture.formats.options import ReadOptions
 from capture.formats.placement import place
+from capture.formats.positions import refuse_other_bodies
 from capture.formats.skeleton_joints import select
 from capture.orientations import unknown
 from capture.rest_frames import in_place, resting_frames
@@ -145,6 +146,8 @@ def _clip(path: Path, log_format: str, times: Floats, motion: SkeletonMotion, op
     """Return the clip of a human body, in metres and in front of the sensor."""
     body = select(path, motion.names, motion.parents, motion.rest, motion.positions, motion.rotations, options)
     points = body.points
+    if not body.named and not options.as_person:
+        refuse_other_bodies(path, points)
     confidence = np.where(np.isnan(points[..., 0]), LOST, TRACKED).astype(np.float32)
     unit = place(path, points, _front(points), options, by_sensor=False).unit
     first = resting_frames(times, unit * points, confidence)

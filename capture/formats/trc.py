@@ -24,7 +24,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     SkeletonLogError
         A line violates the format, or the markers are not those of a whole body.
     """
-    lines = read_lines(path)
+    lines = read_lines(path, errors="replace")
     separator = "\t" if "\t" in "".join(text for _, text in lines[:4]) else ","
     header = next((k for k, (_, text) in enumerate(lines) if text.lower().startswith("frame#")), None)
     if header is None or len(lines) < header + 3:

@@ -118,10 +118,10 @@ def record(
             ended, why = "source", "" if source.recorded else str(error)
         except KeyboardInterrupt:
             ended = "stopped"
-    if not frames:
-        why = why or f"{source.name}: no performer in view; {path} is not written"
     if why and empty:
         path.unlink()
+    if not frames:
+        why = why or f"{source.name}: no performer was in view"
     return RecordSummary(
         take=str(path),
         source=source.name,

@@ -149,14 +149,15 @@ def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tup
 
 def _held(clip: SkeletonClip, seconds: float) -> SkeletonClip:
     """Return a clip of one pose as one that holds it for some time."""
-    twice = {
-        name: None if (values := getattr(clip, name)) is None else np.repeat(values, 2, axis=0)
-        for name in ("positions", "confidence", "orientations")
-    }
-    channels = None if clip.channels is None else {name: np.repeat(each, 2) for name, each in clip.channels.items()}
-    note = "The recording is a single pose, which is held."
-    times = np.array([clip.times[0], clip.times[0] + seconds])
-    return replace(clip, times=times, channels=channels, notes=(*clip.notes, note), **twice)
+    return replace(
+        clip,
+        times=np.array([clip.times[0], clip.times[0] + seconds]),
+        positions=np.repeat(clip.positions, 2, axis=0),
+        confidence=np.repeat(clip.confidence, 2, axis=0),
+        orientations=None if clip.orientations is None else np.repeat(clip.orientations, 2, axis=0),
+        channels=None if clip.channels is None else {name: np.repeat(each, 2) for name, each in clip.channels.items()},
+        notes=(*clip.notes, "The recording is a single pose, which is held."),
+    )
 
 
 def _levelled(clip: SkeletonClip, found: Sequence[TakeCalibration]) -> SkeletonClip:

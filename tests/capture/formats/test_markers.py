@@ -37,7 +37,8 @@ def body():
 def trc(path, at, frames=3, unit=1000, separator="\t"):
     names = list(at)
     rows = [
-        np.array([AXES @ (unit * (place + [0.1 * frame, 0, 0])) for place in at.values()]) for frame in range(frames)
+        np.array([AXES @ (unit * np.add(place, [0.1 * frame, 0, 0])) for place in at.values()])
+        for frame in range(frames)
     ]
     lines = [separator.join(["PathFileType", "4", "(X/Y/Z)", "a.trc"]), "DataRate", "100"]
     lines += [separator.join(["Frame#", "Time", *(each for name in names for each in (f"Someone:{name}", "", ""))])]
@@ -72,6 +73,18 @@ def test_hips_follow_from_the_pelvis(tmp_path):
 
 
 def test_markers_of_a_leg_are_no_performer(tmp_path):
-    at = {name: place for name, place in body().items() if name.startswith("L.")}
-    with pytest.raises(SkeletonLogError, match="no position for"):
+    at = {name: place for name, place in body().items() if name.startswith("L")}
+    with pytest.raises(SkeletonLogError, match="markers of some joints only"):
         read_log(trc(tmp_path / "a.trc", at), ReadOptions())
+
+
+def test_joints_that_a_program_has_computed_are_read_by_their_names(tmp_path):
+    joints = ("Hip", "Knee", "Ankle", "Shoulder", "Elbow", "Wrist")
+    at = {
+        f"{side[0].upper()}{joint}": np.array(STANDING[f"{joint.lower()}_{side}"])
+        for side in ("left", "right")
+        for joint in joints
+    }
+    (clip,) = read_log(trc(tmp_path / "a.trc", at | {"Neck": np.array(STANDING["shoulder_center"])}), ReadOptions())
+    assert not any("markers" in note for note in clip.notes)
+    assert clip.positions[0, JOINT_INDEX["knee_left"], 1] < clip.positions[0, JOINT_INDEX["hip_left"], 1] - 0.4

@@ -106,7 +106,7 @@ def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tup
     try:
         clip, chosen = choose(clips, settings.user)
         found, about_rest = ((), ()) if settings.rest_at is not None else of_performer(clips, clip)
-        if len(clip.times) == 1:
+        if len(clips) == len(clip.times) == 1:
             clip = _held(clip, MIN_CLIP_FRAMES / settings.fps)
         timeline = resample(_levelled(clip, found), settings.fps, settings.max_gap)
         if found:

@@ -1,0 +1,43 @@
+import numpy as np
+import pytest
+
+from capture.formats import c3d_file, read_log
+from capture.formats.options import ReadOptions
+from puppetline.errors import SkeletonLogError
+
+from .test_markers import AXES, body, trc
+
+c3d = pytest.importorskip("c3d")
+
+
+def write(path, frames=4):
+    """Write the markers of a body with the library itself, as a laboratory has them: millimetres, z up."""
+    at = body()
+    writer = c3d.Writer(point_rate=100)
+    writer.set_point_labels([f"{name:8}" for name in at])
+    for frame in range(frames):
+        points = np.zeros((len(at), 5), np.float32)
+        points[:, :3] = 1000 * np.add(list(at.values()), [0.1 * frame, 0, 0]) @ AXES.T
+        writer.add_frames([(points, np.zeros((0, 1), np.float32))])
+    with path.open("wb") as file:
+        writer.write(file)
+    return path
+
+
+def test_markers_are_those_of_the_same_motion_as_trc(tmp_path):
+    (clip,), (same,) = (
+        read_log(path, ReadOptions()) for path in (write(tmp_path / "a.c3d"), trc(tmp_path / "a.trc", body(), frames=4))
+    )
+    np.testing.assert_allclose(clip.times, same.times)
+    np.testing.assert_allclose(clip.positions, same.positions, atol=1e-5)
+
+
+def test_a_damaged_file_is_an_error(tmp_path):
+    whole = write(tmp_path / "a.c3d").read_bytes()
+    for size in (600, 1500, len(whole) // 2):
+        (tmp_path / "b.c3d").write_bytes(whole[:size])
+        try:
+            clips = c3d_file.read(tmp_path / "b.c3d", ReadOptions())
+        except SkeletonLogError:
+            continue
+        assert np.isfinite(clips[0].positions[clips[0].confidence > 0]).all()

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from engine_bridge.character.cache import Arrays, cache_key, load_or_compute
@@ -58,7 +59,7 @@ def prepare(
 
     def make() -> Arrays:
         mesh = weld(positions, triangles, name)
-        of_mesh = None if shares is None else _means(shares, mesh.of_render)
+        of_mesh = None if shares is None else _of_solver_vertices(shares, mesh)
         model = build(mesh, parameters, bones, of_mesh)
         welded = {f"mesh.{name}": getattr(mesh, name) for name in ("vertices", "faces", "of_render")}
         welded["mesh.repairs"] = np.array(astuple(mesh.repairs))
@@ -76,8 +77,17 @@ def prepare(
     return mesh, ReducedModel(**alone, **groups)
 
 
-def _means(values: NDArray[np.float64], of_render: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the means (n, k) of values (N, k) over the render vertices of each solver vertex."""
-    count = int(of_render.max()) + 1
-    sums = np.stack([np.bincount(of_render, column, count) for column in values.T], axis=1)
-    return sums / np.bincount(of_render, minlength=count)[:, None]
+def _of_solver_vertices(values: NDArray[np.float64], mesh: SolverMesh) -> NDArray[np.float64]:
+    """Return the means (n, k) of values (N, k) over the render vertices of each solver vertex.
+
+    Vertices by which a coarse mesh was refined have the values of the nearest one of their part.
+    """
+    count = int(mesh.of_render.max()) + 1
+    sums = np.stack([np.bincount(mesh.of_render, column, count) for column in values.T], axis=1)
+    means = np.zeros((len(mesh.vertices), values.shape[1]))
+    means[:count] = sums / np.bincount(mesh.of_render, minlength=count)[:, None]
+    added = np.arange(len(means)) >= count
+    for part in np.unique(mesh.components[added]):
+        own, new = (np.flatnonzero((mesh.components == part) & chosen) for chosen in (~added, added))
+        means[new] = means[own[scipy.spatial.cKDTree(mesh.vertices[own]).query(mesh.vertices[new])[1]]]
+    return means

@@ -16,6 +16,7 @@ from engine_bridge.performance.settings import Form, Settings
 from puppetline.files import check_writable
 from solver.model.stretch import EdgeStretch
 from solver.surface.contacts import PartSeparation
+from solver.surface.mesh import SolverMesh
 
 MAX_MEASURED_FRAMES = 60
 """Maximum number of frames in which the surface of a file with its own skeleton is measured."""
@@ -91,6 +92,11 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
 def _measured(clip: Clip, document: Document) -> tuple[tuple[float, ...], float | None]:
     """Return the edge stretch and the separation of parts of a clip, on the surface that a document shows."""
     mesh = clip.motion.rig.mesh
+    count = int(mesh.of_render.max()) + 1
+    if count < len(mesh.vertices):  # it was refined, and the file's surface is coarse
+        faces = mesh.of_render[clip.motion.rig.character.triangles]
+        distinct = np.diff(np.sort(faces, axis=1), axis=1).all(axis=1)
+        mesh = SolverMesh(mesh.vertices[:count], faces[distinct], mesh.of_render)
     shown = np.empty(len(mesh.vertices), np.int64)  # a vertex of the file for each of the solver's
     shown[mesh.of_render] = np.arange(len(mesh.of_render))
     stretch, separation = EdgeStretch(mesh), PartSeparation(mesh) if mesh.parts > 1 else None

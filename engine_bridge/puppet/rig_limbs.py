@@ -11,6 +11,7 @@ from capture.bone_names import LEG_PARTS, QUARTERS, JointMeaning, joint_meanings
 from engine_bridge.character.character import Character
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import influences, world_transforms
+from engine_bridge.puppet.body_plans import is_leg
 from engine_bridge.puppet.limb_nodes import node_labels
 from engine_bridge.puppet.rig_axes import upward
 from solver.anatomy.limb_chain import LimbChain, Limbs, evenly, leg_names
@@ -122,8 +123,10 @@ def limbs_of_joints(joints: Sequence[Joint]) -> Limbs:
         if lies:
             found = skeleton.arms_and_legs(every_bend=True)
         pairs = leg_names(2) if lies else ("leg", "arm")
-    paired = any({f"left {pair}", f"right {pair}"} <= found.keys() for pair in pairs)
     trunk = skeleton.trunk(found, pairs[0], pairs[-1])
+    if trunk is None:  # the short ones might be anything
+        found = {name: chain for name, chain in found.items() if len(chain.joints) > 1 + is_leg(name)}
+    paired = any({f"left {pair}", f"right {pair}"} <= found.keys() for pair in pairs)
     limbs = {} if trunk is None else {"trunk": trunk}
     if not paired and (trunk is None or not skeleton.named(None, None, "tail")):
         limbs = skeleton.spine()
@@ -221,8 +224,9 @@ class _Skeleton:
         upper, lower = self.named(side, None, "upperArm"), self.named(side, None, "lowerArm")
         if not upper:  # the shoulder, after the collar bone, may be the upper arm's only joint
             upper = [index for index in self.named(side, None, "shoulder") if set(self.below(index)) & set(lower)][-1:]
+        lower = lower or [index for index in upper[1:] if upper[0] in self.ancestors(index)]  # numbered joints
         if not upper or not lower:
-            return None
+            return self.without_end(*upper[:1])
         hands = [index for index in self.below(lower[0]) if self.part(index) in HAND_PARTS and index != lower[0]]
         wrist = min(hands or self.children[lower[0]], key=lambda index: (self.depth[index], index), default=None)
         if wrist is None:
@@ -234,11 +238,14 @@ class _Skeleton:
         points = [self.place(index) for index in joints]
         return _Chain(np.array([*points, self.end(points[-2:][0], points[-1], held)]), joints)
 
-    def without_end(self, upper: int, lower: int) -> _Chain:
-        """Return an arm without a joint for the hand, or a leg without one for the foot: its last fifth is taken."""
-        first, second = self.place(upper), self.place(lower)
-        tip = self.end(first, second, self.below(lower))
-        return _Chain(np.array([first, second, second + 0.8 * (tip - second), tip]), (upper, lower))
+    def without_end(self, *joints: int) -> _Chain | None:
+        """Return a limb of two joints, or of one and a bend in its middle; the last fifth is the hand or foot."""
+        places = [self.place(index) for index in joints]
+        tip = self.end(places[0], places[-1], self.below(joints[-1])) if joints else None
+        if tip is None or (tip == places[0]).all():
+            return None
+        middle = places[1] if len(joints) > 1 else (places[0] + tip) / 2
+        return _Chain(np.array([places[0], middle, middle + 0.8 * (tip - middle), tip]), joints)
 
     def rows_of_legs(self) -> dict[str, _Chain]:
         """Return all legs by their names; none if there are fewer than three pairs, or if the sides differ."""
@@ -268,7 +275,8 @@ class _Skeleton:
         """Return a leg; with a number, that one of the legs of a quarter, whose first bone may lead sideways."""
         named = self.named(side, quarter, "shoulder", *LEG_PARTS)
         tops = [index for index in named if not set(named) & set(self.ancestors(index))]
-        legs = [top for top in tops if set(self.below(top)) & set(self.named(side, quarter, "upperLeg", "leg"))]
+        upper = set(self.named(side, quarter, "upperLeg", "leg"))
+        legs = [top for top in tops if upper & set(self.below(top)) and self.is_long(top)]
         if not legs[number or 0 :]:
             return None
         top = max(legs, key=lambda index: (len(set(named) & set(self.below(index))), -index))
@@ -286,13 +294,18 @@ class _Skeleton:
         across = self.across(quarter) if number is None else np.zeros(3)
         while len(chain) > 3 and abs(_unit(self.place(chain[1]) - self.place(chain[0])) @ across) > GIRDLE_COSINE:
             del chain[0]
-        if len(chain) < (3 if number is None else 2) or self.part(chain[0]) == "shoulder":
+        if self.part(chain[0]) == "shoulder":
             return None
-        if len(chain) == 2:
+        if len(chain) < 3:
             return self.without_end(*chain)
         last = 3 if every_bend and len(chain) > 3 else 2
         held = [below for index in chain[last:] for below in self.below(index)]
         return self.with_end(self.bends(chain) if every_bend else chain[:3], held)
+
+    def is_long(self, top: int) -> bool:
+        """Return whether a joint and those below it are not all at one place, as controls of a foot are."""
+        held = np.vstack([each for k in self.below(top) for each in (self.place(k), self.joints[k].vertices)])
+        return not np.allclose(held, self.place(top), rtol=0, atol=1e-5 * np.abs(held).max())
 
     def bends(self, joints: Sequence[int]) -> list[int]:
         """Return the joints of a leg without those that follow others closely, which are twists and controls."""
@@ -406,8 +419,7 @@ def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _joints(character: Character) -> list[Joint]:
     """Return the joints of all skins; without skins, the named nodes of a character of several parts."""
-    document = character.document
-    gltf = document.gltf
+    document, gltf = character.document, character.document.gltf
     nodes = sorted({joint for skin in gltf["skins"] for joint in skin["joints"]})
     if not nodes:
         nodes = [index for index, node in enumerate(gltf["nodes"]) if node.get("name")]
@@ -416,8 +428,9 @@ def _joints(character: Character) -> list[Joint]:
     vrm = _vrm_names(document)
     parents = {child: index for index, node in enumerate(gltf["nodes"]) for child in node.get("children", [])}
     number = {node: index for index, node in enumerate(nodes)}
-    owners, places, labels = _most_followed(character), world_transforms(document)[:, :3, 3], node_labels(document)
-    vertices = character.vertices
+    which, shares = vertex_influences(character)
+    owners = np.take_along_axis(which, shares.argmax(axis=1)[:, None], axis=1)[:, 0]
+    places, labels, vertices = world_transforms(document)[:, :3, 3], node_labels(document), character.vertices
     joints = []
     for node in nodes:
         above = parents.get(node)
@@ -463,9 +476,3 @@ def vertex_influences(character: Character) -> tuple[NDArray[np.int64], NDArray[
     width = max(which.shape[1] for which, _ in found)
     padded = [[np.pad(array, ((0, 0), (0, width - array.shape[1]))) for array in pair] for pair in found]
     return np.concatenate([which for which, _ in padded]), np.concatenate([share for _, share in padded])
-
-
-def _most_followed(character: Character) -> NDArray[np.int64]:
-    """Return the node (N,) with the largest share in each vertex's motion."""
-    nodes, shares = vertex_influences(character)
-    return np.asarray(nodes[np.arange(len(nodes)), shares.argmax(axis=1)])

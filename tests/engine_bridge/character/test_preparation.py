@@ -50,6 +50,25 @@ def test_a_preparation_equals_welding_and_building_whether_computed_or_cached_wi
                 patch.setattr(preparation, "build", None)
 
 
+def test_vertices_that_refine_a_coarse_skin_follow_the_bone_of_the_nearest_vertex_of_their_part(tmp_path, monkeypatch):
+    """Each of two boxes follows a bone of its own."""
+    box, faces = igl.bounding_box(np.array([[-1.0, -1, -1], [1, 1, 1]]))
+    positions, triangles = np.concatenate([box, np.add(box, (3, 0, 0))]), np.concatenate([faces, faces + len(box)])
+    shares, followed = np.repeat(np.eye(2), len(box), axis=0), []
+
+    def build(mesh, _parameters, _bones, of_mesh):
+        followed.append((mesh, of_mesh))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(preparation, "build", build)
+    with pytest.raises(KeyboardInterrupt):
+        prepare(positions, triangles, PARAMETERS, tmp_path, bones=BONES, shares=shares)
+    [(mesh, of_mesh)] = followed
+    assert len(mesh.vertices) > len(positions)
+    assert mesh.parts == 2
+    np.testing.assert_array_equal(of_mesh, np.eye(2)[mesh.components])
+
+
 def test_a_changed_mesh_parameter_bone_or_skin_is_prepared_again_and_another_name_is_not(render_mesh, tmp_path):
     positions, triangles = render_mesh
     turned = triangles.copy()

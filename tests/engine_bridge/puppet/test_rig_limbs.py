@@ -198,6 +198,36 @@ def test_legs_of_two_joints_may_reach_up_and_a_pole_is_no_foot():
     assert axes_of(limbs) == ("y", "z")
 
 
+@pytest.mark.parametrize(
+    "names",
+    ["UpperLeg LowerLeg UpperArm LowerArm", "thigh shin arm1 arm2", "leg - arm -"],
+    ids=["two", "numbered", "one"],
+)
+def test_a_person_may_have_limbs_of_one_or_two_joints_and_controls_beside_them(names):
+    joints = [
+        Joint("hips", -1, np.array([0, 1.0, 0]), NO_VERTICES),
+        Joint("head", 0, np.array([0, 1.5, 0]), NO_VERTICES),
+    ]
+    expected = {}
+    for side, sign in (("L", 1), ("R", -1)):
+        for limb, row, pair in (
+            ("leg", "0.1 0.9 0, 0.1 0.45 0, 0.1 0 0", names.split()[:2]),
+            ("arm", "0.2 1.4 0, 0.5 1.4 0, 0.8 1.4 0", names.split()[2:]),
+        ):
+            root, bend, tip = points(row) * [sign, 1, 1]
+            for name, place in zip(pair, (root, bend), strict=True):
+                if name != "-":
+                    last = name == pair[-1] or pair[-1] == "-"
+                    above = 0 if name == pair[0] else len(joints) - 1
+                    joints.append(Joint(f"{name}.{side}", above, place, tip[None] if last else NO_VERTICES))
+            expected[f"{'left' if sign > 0 else 'right'} {limb}"] = [root, bend, 0.2 * bend + 0.8 * tip, tip]
+        control = Joint(f"leg_ik.{side}", 0, np.array([sign, 0, 0]), NO_VERTICES)
+        joints += [control, replace(control, name=f"foot_ik.{side}", parent=len(joints))]
+    limbs = limbs_of_joints(joints).points
+    assert limbs.keys() == {"trunk", "head", *expected}
+    assert_allclose([limbs[name] for name in expected], list(expected.values()), atol=1e-9)
+
+
 def test_an_elbow_that_moves_nothing_is_no_lower_arm_beside_one_that_does():
     joints = [replace(joint, vertices=joint.place[None]) for joint in skeleton(CONVENTIONS["Unreal"])]
     poles = [Joint(f"elbow.{side}", 0, np.array([0, 1.2, -1.0]), NO_VERTICES) for side in "lr"]

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import inverse_bind, shown_nodes, tree, world_transforms
-from engine_bridge.character.schema import Primitive
+from engine_bridge.character.schema import Primitive, Skin
 
 SUM_TOLERANCE = 2e-7
 """Largest difference of the sum of a vertex's weights from 1, for each of them that is not zero, as in Khronos'
@@ -22,7 +22,7 @@ def mend_skins(document: Document) -> None:
 
     Vertices without valid weights get those of the nearest vertex that has some, and sums are scaled to 1. A joint with
     an invalid matrix gets one by which vertices follow it as they follow its parent at rest. Notes say how many were
-    invalid.
+    invalid. A root that is not above all joints of its skin is removed.
 
     Parameters
     ----------
@@ -38,11 +38,26 @@ def mend_skins(document: Document) -> None:
     )
     if mended:
         document.notes.append(f"{mended:,} vertices without valid skin weights get those of the vertices next to them.")
-    mended = sum(_mend_matrices(document, skin) for skin in dict.fromkeys(nodes[node]["skin"] for node in skinned))
+    skins = dict.fromkeys(nodes[node]["skin"] for node in skinned)
+    for skin in skins:
+        _drop_invalid_root(document, skin)
+    mended = sum(_mend_matrices(document, skin) for skin in skins)
     if mended:
         document.notes.append(
             f"{mended:,} joints without a valid inverse bind matrix get one like that of their parent."
         )
+
+
+def _drop_invalid_root(document: Document, skin: int) -> None:
+    """Remove the optional root of a skin if it is not above all of its joints."""
+    table, above = document.gltf["skins"][skin], dict(tree(document))
+    root = table.get("skeleton")
+    for joint in table["joints"] if root is not None else ():
+        node: int | None = joint
+        while node is not None and node != root:
+            node = above[node]
+        if node is None:
+            table.pop("skeleton", None)
 
 
 def _mend_matrices(document: Document, skin: int) -> int:
@@ -54,7 +69,7 @@ def _mend_matrices(document: Document, skin: int) -> int:
     valid = np.isfinite(matrices).all(axis=(1, 2)) & (largest > 0)
     scaled = matrices[valid, :3, :3] / largest[valid, None, None]
     valid[valid] = np.abs(np.linalg.det(scaled)) > MIN_DETERMINANT
-    if np.array_equal(matrices, found) and valid.all():
+    if np.array_equal(matrices, found) and valid.all() and not _is_strided(document, table):
         return 0
     world, above = world_transforms(document), dict(tree(document))
     rows = {joint: row for row, joint in enumerate(table["joints"])}
@@ -70,6 +85,16 @@ def _mend_matrices(document: Document, skin: int) -> int:
     columns = matrices.transpose(0, 2, 1).reshape(-1, 16).astype(np.float32)
     document.replace(table["inverseBindMatrices"], columns)
     return int((~valid).sum())
+
+
+def _is_strided(document: Document, skin: Skin) -> bool:
+    """Return whether inverse bind matrices are in a view with a stride, which glTF allows for vertices only."""
+    view = (
+        document.gltf["accessors"][skin["inverseBindMatrices"]].get("bufferView")
+        if "inverseBindMatrices" in skin
+        else None
+    )
+    return view is not None and "byteStride" in document.gltf["bufferViews"][view]
 
 
 def _mend_weights(document: Document, primitive: Primitive) -> int:

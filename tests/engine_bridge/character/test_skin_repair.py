@@ -98,3 +98,13 @@ def test_the_last_row_of_a_matrix_is_that_of_an_affine_one(skinned, assert_valid
     assert not character.document.notes
     character.document.save(tmp_path / "mended.glb")
     assert_valid_gltf(tmp_path / "mended.glb")
+
+
+def test_a_root_that_is_not_above_all_joints_is_removed(skinned, glb, assert_valid_gltf, tmp_path):
+    path = skinned(WEIGHTS)
+    for root, kept in ((glb.file.skins[0].joints[0], True), (glb.file.skins[0].joints[1], False)):
+        glb.file.skins[0].skeleton = root
+        character = load_character(glb.save(path))
+        assert ("skeleton" in character.document.gltf["skins"][0]) == kept
+        character.document.save(tmp_path / "mended.glb")
+        assert_valid_gltf(tmp_path / "mended.glb")

@@ -29,7 +29,11 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
         The library is missing, the file is damaged, or the markers are not those of a whole body.
     """
     library = load_module(
-        "c3d", "the library c3d", found="no library for C3D files", expected="c3d", fix="Install it: pip install c3d"
+        "c3d",
+        "the library c3d",
+        found="no library for C3D files",
+        expected="c3d",
+        fix="Install it: pip install 'puppetline[c3d]'",
     )
     with opened(path) as file, warnings.catch_warnings(action="ignore"):
         try:

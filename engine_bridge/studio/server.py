@@ -12,6 +12,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import platformdirs
 from aiohttp import web
 
 from engine_bridge.service.security.credentials import make_token, read_token
@@ -67,6 +68,13 @@ class StudioSettings:
     sound: str | None = None
     visitors: Path | None = None
 
+    @property
+    def windows(self) -> Path | None:
+        """File with the hashes of the tokens of open windows; none for a free port, which is another one each time."""
+        if self.service is None:
+            return self.folder / "windows"
+        return platformdirs.user_state_path("puppetline") / f"windows-{self.port}" if self.port else None
+
 
 @dataclass(frozen=True)
 class Served:
@@ -94,7 +102,7 @@ async def served(settings: StudioSettings, entered: Callable[[], None] = lambda:
     """
     fixed = None if settings.token_file is None else read_token(settings.token_file)
     check_exposure(Addresses(settings.host, settings.port, settings.origins), fixed)
-    tokens = Tokens(fixed)
+    tokens = Tokens(fixed, settings.windows)
     async with contextlib.AsyncExitStack() as stack:
         links: list[Callable[[], str]] = []
         studio = _backend(settings, stack, lambda: links[0]())

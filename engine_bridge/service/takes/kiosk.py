@@ -205,7 +205,7 @@ class Kiosk:
 
     def _make(self, scene: Path, video: Path) -> int:
         command = [sys.executable, "-m", "puppetline", "film", str(scene), "-o", str(video)]
-        outputs = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+        outputs: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
         self._process = subprocess.Popen(command, **outputs, **bound_to_parent())  # noqa: S603
         if sys.platform != "win32":
             os.setpriority(os.PRIO_PROCESS, self._process.pid, LOW_PRIORITY)

@@ -133,8 +133,9 @@ class ServiceProcess:
     async def _run(self) -> deque[str]:
         """Run the service to its end; return its last lines."""
         self._serving.clear()
-        command = [sys.executable, "-m", "puppetline", "serve", "--config", str(self._file), "--log-format", "json"]
+        command = ["-m", "puppetline", "serve", "--config", str(self._file), "--log-format", "json"]
         self._process = process = await asyncio.create_subprocess_exec(
+            sys.executable,
             *command,
             stdout=asyncio.subprocess.DEVNULL,
             stderr=asyncio.subprocess.PIPE,

@@ -5,22 +5,28 @@ and does not know a token. Therefore every request must name an address at which
 but the page itself requires a token.
 """
 
+import contextlib
 import hashlib
 import hmac
+import logging
 import secrets
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from urllib.parse import urlsplit
 
 from engine_bridge.service.security.endpoints import address_of
 from engine_bridge.service.security.web_access import WebAccess
-from puppetline.errors import ServiceError
+from puppetline.errors import PuppetlineError, ServiceError
+from puppetline.files import written_whole
 
 MAX_SESSIONS = 64
 """Maximum number of sessions; beyond it, the one that was used least recently ends."""
 
 MAX_SPENT = 1024
 """Maximum number of spent one-time tokens that are remembered, so that their second use gets its own reason."""
+
+log = logging.getLogger(__name__)
 
 
 class Addresses:
@@ -67,13 +73,17 @@ class Tokens:
     ----------
     fixed : str, optional
         A token that is valid any number of times, from a file.
+    file : Path, optional
+        Keeps the hashes of session tokens, so that windows continue after a restart unless `fixed` has changed. Without
+        it, they end.
     """
 
-    def __init__(self, fixed: str | None = None) -> None:
+    def __init__(self, fixed: str | None = None, file: Path | None = None) -> None:
         self._fixed = None if fixed is None else _hash(fixed)
+        self._file = file
         self._unspent: OrderedDict[bytes, None] = OrderedDict()
         self._spent: OrderedDict[bytes, None] = OrderedDict()
-        self._sessions: OrderedDict[bytes, None] = OrderedDict()
+        self._sessions = OrderedDict[bytes, None].fromkeys(self._stored())
 
     def invite(self) -> str:
         """Return a new one-time token; the oldest unused ones beyond `MAX_SESSIONS` become invalid."""
@@ -100,7 +110,28 @@ class Tokens:
             raise _refused("a one-time token that was used before" if hashed in self._spent else "a wrong token")
         session = secrets.token_urlsafe(32)
         _add(self._sessions, _hash(session), MAX_SESSIONS)
+        self._store()
         return session
+
+    def _stored(self) -> list[bytes]:
+        """Return the hashes in the file; none if there is no readable one, or if it is of another fixed token."""
+        with contextlib.suppress(OSError, ValueError):
+            if self._file is not None:
+                fixed, *sessions = map(bytes.fromhex, self._file.read_text(encoding="ascii").split("\n"))
+                return [each for each in sessions if each] if fixed == (self._fixed or b"") else []
+        return []
+
+    def _store(self) -> None:
+        if self._file is None:
+            return
+        hashes = "".join(f"{each.hex()}\n" for each in (self._fixed or b"", *self._sessions))
+        try:
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            with written_whole(self._file) as beside:
+                beside.touch(mode=0o600)
+                beside.write_text(hashes, encoding="ascii")
+        except (OSError, PuppetlineError) as error:
+            log.warning("windows must be opened again after a restart: %s", error)
 
     def is_session(self, token: str) -> bool:
         """Tell whether a token is that of a session."""

@@ -43,9 +43,10 @@ export class Connection {
   private next = 1;
   private readonly waiting = new Map<number, Waiting>();
 
-  /** The token of this browser tab: the session's, or the one-time token of the address. */
+  /** The token of this browser tab: the session's, the one-time token of the address, or that of a kiosk's screen. */
   get token(): string {
-    return sessionStorage.getItem(SESSION) ?? new URLSearchParams(location.hash.slice(1)).get("token") ?? "";
+    const inAddress = new URLSearchParams(location.hash.slice(1)).get("token");
+    return sessionStorage.getItem(SESSION) ?? inAddress ?? localStorage.getItem(SESSION) ?? "";
   }
 
   /** Connect, and connect again when the connection is lost. */
@@ -61,6 +62,8 @@ export class Connection {
       if ("hello" in message) {
         greeted = true;
         sessionStorage.setItem(SESSION, message.hello.session);
+        // The screen of a service that runs by itself opens again after a restart of the browser.
+        if (message.hello.joined) localStorage.setItem(SESSION, message.hello.session);
         history.replaceState(null, "", location.pathname);
         events.opened(message.hello);
       } else this.receive(message, events);

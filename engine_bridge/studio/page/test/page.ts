@@ -284,6 +284,11 @@ class Sound {
 }
 
 const storage = new Map<string, string>();
+const stored = (values: Map<string, string>): object => ({
+  getItem: (key: string) => values.get(key) ?? null,
+  setItem: (key: string, value: string) => values.set(key, value),
+  removeItem: (key: string) => values.delete(key),
+});
 const address = { hash: "#token=once", pathname: "/", protocol: "http:", host: "127.0.0.1:7480" };
 
 Object.assign(globalThis, {
@@ -297,11 +302,8 @@ Object.assign(globalThis, {
   WebSocket: Socket,
   location: address,
   history: { replaceState: () => undefined },
-  sessionStorage: {
-    getItem: (key: string) => storage.get(key) ?? null,
-    setItem: (key: string, value: string) => storage.set(key, value),
-    removeItem: (key: string) => storage.delete(key),
-  },
+  sessionStorage: stored(storage),
+  localStorage: stored(new Map()),
   fetch: (path: string, { body }: { body?: File }) => {
     if (body === undefined) return Promise.resolve({ ok: true, blob: () => Promise.resolve(new Blob([path])) });
     const kind = body.name.endsWith(".toml") ? "puppet" : body.name.endsWith(".log") ? "log" : "character";

@@ -129,33 +129,36 @@ def test_requests_are_passed_on(joined):
     assert joined.result("stop") == {"stopped": []}
 
 
-def test_serve_prints_the_address_of_the_page_and_ends_it(commands, blob_puppet, tmp_path, free_port):
+def test_a_killed_service_takes_its_page_with_it_and_the_next_one_accepts_the_same_windows(
+    commands, blob_puppet, tmp_path, free_port, monkeypatch
+):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     given = ("--puppet", blob_puppet, "--source", "demo:walk?loop", "--port", free_port(), "--no-announce")
-    process = commands.start("serve", *given, "--studio", 0, cwd=tmp_path, stdout=subprocess.PIPE)
-    line = process.stdout.readline()
-    address, token = re.fullmatch(r"The studio is at (http://\S+)/#token=(\S+)\n", line).groups()
 
-    async def enter():
+    def start():
+        process = commands.start("serve", *given, "--studio", page, cwd=tmp_path, stdout=subprocess.PIPE)
+        return process, re.fullmatch(
+            r"The studio is at (http://\S+)/#token=(\S+)\n", process.stdout.readline()
+        ).groups()
+
+    async def enter(address, token):
         async with connected(address, token) as page:
             while not (state := await page.state())["characters"]:
                 pass
-            return page.hello["joined"], state["characters"][0]["name"]
+            return page.hello, state["characters"][0]["name"]
 
-    assert asyncio.run(enter()) == (True, "blob")
-    process.terminate()
-    assert process.wait() == 0
-
-
-def test_a_service_that_is_killed_takes_its_page_with_it(commands, blob_puppet, tmp_path, free_port):
-    given = ("--puppet", blob_puppet, "--source", "demo:walk?loop", "--port", free_port(), "--no-announce")
-    process = commands.start("serve", *given, "--studio", 0, cwd=tmp_path, stdout=subprocess.PIPE)
-    process.stdout.readline()
+    page = free_port()
+    process, opened = start()
+    hello, name = asyncio.run(enter(*opened))
+    assert (hello["joined"], name) == (True, "blob")
     children = psutil.Process(process.pid).children(recursive=True)
-    assert children
     process.kill()
     process.wait()
-    _, alive = psutil.wait_procs(children, TIMEOUT_SECONDS)
-    assert not alive
+    assert not psutil.wait_procs(children, TIMEOUT_SECONDS)[1]
+    process, (address, _) = start()
+    assert asyncio.run(enter(address, hello["session"]))[1] == "blob"
+    process.terminate()
+    assert process.wait() == 0
 
 
 def test_the_videos_of_a_kiosk_s_visitors_are_listed(joined, monkeypatch):

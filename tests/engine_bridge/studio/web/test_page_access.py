@@ -1,3 +1,5 @@
+import os
+
 import pytest
 
 from engine_bridge.studio.web.page_access import MAX_SESSIONS, Addresses, Tokens, check_exposure, page_headers
@@ -35,6 +37,21 @@ def test_the_session_that_was_used_least_recently_ends_first():
     assert tokens.is_session(sessions[0])
     tokens.enter(tokens.invite())
     assert [tokens.is_session(each) for each in sessions[:3]] == [True, False, True]
+
+
+def test_windows_continue_after_a_restart_unless_the_owners_token_has_changed(tmp_path):
+    file = tmp_path / "state" / "windows"
+    for fixed in (None, OWNERS):
+        before = Tokens(fixed, file)
+        sessions = [before.enter(before.invite()) for _ in range(2)]
+        after = Tokens(fixed, file)
+        assert all(after.is_session(each) for each in sessions)
+        assert [after.enter(each) for each in sessions] == sessions
+        assert not any(secret in file.read_text() for secret in (*sessions, OWNERS))
+        assert os.name == "nt" or file.stat().st_mode & 0o777 == 0o600
+        assert not Tokens("another-token", file).is_session(sessions[0])
+    file.write_text("not hexadecimal")
+    assert not Tokens(OWNERS, file).is_session(sessions[0])
 
 
 def test_other_machines_need_a_token():

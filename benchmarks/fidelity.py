@@ -108,7 +108,8 @@ class Truth:
 
 def read_rig(character: Character) -> Truth:
     """Assign a skeleton's joints, and the vertices that follow them, to bones."""
-    found = rig_limbs(character)
+    rig = rig_limbs(character)
+    found = None if rig is None else rig.limbs
     assert found is not None
     limbs = [
         Limb(chain.name, chain.points, ((),) * len(chain.points), parent=None if chain.name == TRUNK else TRUNK)

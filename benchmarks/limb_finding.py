@@ -111,9 +111,9 @@ def posed(character: Character, count: int) -> Iterator[tuple[SolverMesh, Truth]
     """Yield the mesh and the joints of a character in random poses, which are the same every time."""
     rig, mesh, rng = rig_limbs(character), character.solver_mesh(), np.random.default_rng(1)
     assert rig is not None
-    parents = {TRUNK: None, "head": "neck" if "neck" in rig.points else TRUNK}
+    parents = {TRUNK: None, "head": "neck" if "neck" in rig.limbs.points else TRUNK}
     limbs = parents_first(
-        [Limb(c.name, c.points, ((),) * len(c.points), parent=parents.get(c.name, TRUNK)) for c in rig.chains]
+        [Limb(c.name, c.points, ((),) * len(c.points), parent=parents.get(c.name, TRUNK)) for c in rig.limbs.chains]
     )
     names = [(limb.name, number) for limb in limbs for number in range(len(limb.points) - 1)]
     bones = bones_of(limbs)
@@ -373,7 +373,7 @@ def measure_joints(folder: Path, names: Iterable[str], poses: int) -> None:
         rig = rig_limbs(character)
         assert rig is not None
         kind = KINDS.get(name, "others")
-        totals.setdefault(f"{kind} as made", []).extend(row(name, [errors(character.solver_mesh(), rig.points)]))
+        totals.setdefault(f"{kind} as made", []).extend(row(name, [errors(character.solver_mesh(), rig.limbs.points)]))
         measured = [errors(mesh, truth) for mesh, truth in posed(character, poses)]
         if measured:
             totals.setdefault(f"{kind} posed", []).extend(row(f"{name} posed", measured))

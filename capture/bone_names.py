@@ -115,6 +115,11 @@ def joint_meanings(names: Sequence[str], moves_vertices: Sequence[bool] = ()) ->
     return [_meaning(side, words, convention, moving) for (side, words), moving in zip(sided, moves, strict=True)]
 
 
+def is_control(name: str) -> bool:
+    """Return whether a joint's name says that it controls others, such as a pole of inverse kinematics."""
+    return not {"ik", "pole", "target", "ctrl", "control"}.isdisjoint(_words(name))
+
+
 def find_bones(names: Sequence[str]) -> dict[str, int]:
     """Return which joint of a skeleton is which bone of a VRM humanoid.
 

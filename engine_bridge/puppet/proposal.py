@@ -20,8 +20,7 @@ from engine_bridge.puppet.limb_proposal import PERFORMER_JOINTS, end_handles, li
 from engine_bridge.puppet.placement import check_handles, check_limbs, check_on_surface
 from engine_bridge.puppet.puppet import CharacterTable, Direction, Puppet
 from engine_bridge.puppet.puppet_file import check
-from engine_bridge.puppet.rig_axes import axes_of
-from engine_bridge.puppet.rig_limbs import rig_limbs
+from engine_bridge.puppet.rig_limbs import RigBody, rig_limbs
 from puppetline.errors import PuppetError, at
 from solver.anatomy import orientation
 from solver.anatomy.limb_chain import Limbs
@@ -32,6 +31,9 @@ ENDS = ("head", "tail", "jaw", *(f"{side} {limb}" for limb in (*PERFORMER_JOINTS
 """Limbs whose ends the user may give."""
 
 AXES = "up", "front"
+
+MIN_OTHER_PROBABILITY = 0.05
+"""Minimum probability of another up or front for which there is a note."""
 
 PLACEHOLDER_HANDLES = ({"name": "any", "position": (0.0, 0.0, 0.0)},)
 """Handles with which the rest of a puppet is checked before its own are known."""
@@ -106,8 +108,6 @@ def new_puppet(
     _check_ends(ends, where)
     for name, point in places.items():
         check_on_surface(point, surface, at(where, field=f"--limb {name}={ends[name]}"))
-    rig = None if ends else rig_limbs(character)
-    skeleton = _axes(rig, up, front)
     table: dict[str, Any] = {"mesh": Path(os.path.relpath(mesh, output.parent)).as_posix()}
     given = {"up": up, "front": front, "scale": scale}
     values: dict[str, Any] = {
@@ -118,12 +118,14 @@ def new_puppet(
     }
     if up is not None and front is not None:
         check(values | {"handle": PLACEHOLDER_HANDLES}, where)  # refuses parallel axes first
+    rig = None if ends else rig_limbs(character, _vector(up), _vector(front))
+    skeleton = _axes(rig)
     stands = orientation.propose(
         surface, *(skeleton or (up, front)), specified=mesh.suffix.lower() not in SURFACE_FILES
     )
     values["character"] = {"up": stands.up, "front": stands.front, "scale": stands.scale} | values["character"]
     standing = check(values | {"handle": PLACEHOLDER_HANDLES}, where).character
-    notes: list[str] = []
+    notes = [] if rig is None or not skeleton else _other_axes(rig, skeleton)
     if places or not handles:
         found = _limbs(rig, surface, standing, places, notes)
         proposed = limb_tables(found, standing, _checked(plan, found)) if limbs else []
@@ -174,17 +176,37 @@ def _is_valid(values: dict[str, Any], surface: SolverMesh) -> bool:
     return True
 
 
-def _axes(rig: Limbs | None, up: Direction | None, front: Direction | None) -> tuple[Direction, Direction] | None:
-    """Return the user's axes, completed with those of the file's skeleton; None if they are parallel."""
-    axes = None if rig is None else axes_of(rig)
-    if axes is None:
+def _vector(axis: Direction | None) -> NDArray[np.float64] | None:
+    return None if axis is None else (-1.0 if axis[0] == "-" else 1.0) * np.eye(3)["xyz".index(axis[-1])]
+
+
+def _direction(vector: NDArray[np.float64]) -> Direction:
+    names: tuple[tuple[Direction, Direction], ...] = (("x", "-x"), ("y", "-y"), ("z", "-z"))
+    axis = int(np.abs(vector).argmax())
+    return names[axis][int(vector[axis] < 0)]
+
+
+def _axes(rig: RigBody | None) -> tuple[Direction, Direction] | None:
+    """Return up and front of the limbs of the file's skeleton; None if it has none."""
+    if rig is None or not rig.limbs.chains:
         return None
-    chosen = up or axes[0], front or axes[1]
-    return chosen if chosen[0][-1] != chosen[1][-1] else None
+    body = rig.bodies[0][1]
+    return _direction(body.up), _direction(body.front)
+
+
+def _other_axes(rig: RigBody, chosen: tuple[Direction, Direction]) -> list[str]:
+    """Return a note on the next likely up or front of a skeleton, if it is nearly as likely."""
+    if len(rig.bodies) < 2 or rig.bodies[1][0] < MIN_OTHER_PROBABILITY:
+        return []
+    chance, body = rig.bodies[1]
+    other = _direction(body.up), _direction(body.front)
+    changed = [f"--{name} {axis}" for name, axis, own in zip(AXES, other, chosen, strict=True) if axis != own]
+    what = " and ".join(f"{name} is {axis}" for name, axis, own in zip(AXES, other, chosen, strict=True) if axis != own)
+    return [f"With a probability of {chance:.0%}, {what}. If so: {' '.join(changed)}"]
 
 
 def _limbs(
-    rig: Limbs | None,
+    rig: RigBody | None,
     surface: SolverMesh,
     standing: CharacterTable,
     ends: Mapping[str, NDArray[np.float64]],
@@ -192,9 +214,9 @@ def _limbs(
 ) -> Limbs:
     """Return the limbs of the file's skeleton if its names are known, else those of the shape; add to the notes."""
     if rig is not None:
-        notes += rig.notes
-        if limb_tables(rig, standing):
-            return rig
+        notes += rig.limbs.notes
+        if limb_tables(rig.limbs, standing):
+            return rig.limbs
     shape = find_limbs(surface, standing.basis, ends)
     notes += shape.notes
     return shape

@@ -1,20 +1,21 @@
-"""Limbs of a character from the skeleton in its file: from the names of its joints and their hierarchy."""
+"""Limbs of a character from the skeleton in its file: from its joints, what follows them, and their names."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.bone_names import LEG_PARTS, QUARTERS, JointMeaning, joint_meanings
 from engine_bridge.character.character import Character
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import influences, world_transforms
-from engine_bridge.puppet.body_plans import is_leg
+from engine_bridge.puppet.joint_graph import Joint, JointGraph, joint_graph
 from engine_bridge.puppet.limb_nodes import node_labels
-from engine_bridge.puppet.rig_axes import upward
+from solver.anatomy.body_decision import Body, decide, load_weights
+from solver.anatomy.body_graph import LABELS, Pair
 from solver.anatomy.limb_chain import LimbChain, Limbs, evenly, leg_names
+from solver.motion.limbs import distance_from_segment
 
 MIN_NECK_SHARE = 0.3
 """Minimum length of a neck that is a separate limb, as a share of the trunk's length."""
@@ -31,15 +32,8 @@ MAX_HAND_HEIGHT_SHARE = 0.3
 MIN_LEG_BONE_SHARE = 0.08
 """Minimum length of the bones of a leg below the third joint, as a share of the leg's length."""
 
-SPINE_PARTS = ("hips", "spine", "chest", "upperChest", "trunk")
-
 HEAD_PARTS = (None, "head", "ear", "eye", "jaw")
 """Parts below the head that count for its size; None for hair and the like."""
-
-SHOULDER_PARTS = ("shoulder", "upperArm")
-"""Parts by which an arm hangs on the spine."""
-
-HAND_PARTS = ("hand", "palm")
 
 MANY_PAIRS = 3
 """Number of pairs of legs from which they are rows."""
@@ -47,379 +41,432 @@ MANY_PAIRS = 3
 MIN_SPINE_JOINTS = 4
 """Minimum number of joints in a row without branches that is the spine of a body without legs, such as a fish."""
 
-UP, FRONT = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-"""Directions in glTF."""
+END_SHARE = 0.2
+"""Length of a hand or foot without a joint, as a share of the last bone and it."""
+
+MAX_TIP_DISTANCE = 0.4
+"""Maximum distance of a limb's end from the nearest vertex that follows it, as a share of the distance from its last
+joint."""
+
+NAME_SCORE = 4.0
+"""Score of a joint whose name says which joint of a limb it is."""
+
+SHARE_DEVIATION, BESIDE_DEVIATION = 0.1, 0.04
+"""Standard deviations of the lengths of a limb's bones, and of the distances from its bones of joints that are omitted,
+as shares of the limb's length."""
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
-    """A joint of a skeleton.
+class _Shape:
+    """Usual shape of a limb of three joints.
 
     Attributes
     ----------
-    name : str
-        As in the file, or its name in VRM's table.
-    parent : int
-        Index of the parent joint, −1 for none.
-    place : (3,) float64
-        Mesh file's coordinates.
-    vertices : (n, 3) float64
-        Vertices that follow this joint more than any other.
-    label : str
-        How puppet files call it.
+    shares : (4,) float64
+        Lengths of what is before the first joint, of the two bones, and of the end, as shares of the whole.
+    parts : tuple of tuple of str
+        Parts in the names of the three joints.
     """
 
-    name: str
-    parent: int
-    place: NDArray[np.float64]
-    vertices: NDArray[np.float64]
-    label: str = ""
+    shares: NDArray[np.float64]
+    parts: tuple[tuple[str, ...], ...]
+
+
+ARM = _Shape(np.array([0.1, 0.38, 0.32, 0.2]), (("upperArm",), ("lowerArm",), ("hand", "palm")))
+LEG = _Shape(np.array([0.02, 0.44, 0.4, 0.14]), (("upperLeg", "leg"), ("lowerLeg", "leg"), ("foot",)))
+
+
+@dataclass(frozen=True, eq=False)
+class RigBody:
+    """The limbs of a skeleton, and how it stands.
+
+    Attributes
+    ----------
+    limbs : Limbs
+        Without chains, but with a note, if they were not found.
+    bodies : list of (float, Body)
+        The ways to see it with their probabilities, the likeliest first.
+    """
+
+    limbs: Limbs
+    bodies: list[tuple[float, Body]]
 
 
 @dataclass(frozen=True, eq=False)
 class _Chain:
-    """Points (k, 3) of a limb, and the joints on it, both root to tip; the trunk's are those above other limbs."""
+    """Points (k, 3) of a limb, and the nodes on it, both root to tip; the trunk's are those above other limbs."""
 
     points: NDArray[np.float64]
-    joints: Sequence[int] = ()
+    nodes: Sequence[int] = ()
 
 
-def rig_limbs(character: Character) -> Limbs | None:
+def rig_limbs(
+    character: Character, up: NDArray[np.float64] | None = None, front: NDArray[np.float64] | None = None
+) -> RigBody | None:
     """Find a character's limbs by the joints of its file's skeleton.
 
     Parameters
     ----------
     character : Character
+    up, front : (3,) float64, optional
+        Known directions.
 
     Returns
     -------
-    Limbs or None
-        None if the file has no skeleton. No chains, but a note, if its joint names are unknown.
+    RigBody or None
+        None if the file has no skeleton, or only parts whose names say nothing.
     """
-    joints = _joints(character)
-    limbs = limbs_of_joints(joints) if joints else None
-    if limbs is not None and not limbs.chains and not character.document.gltf["skins"]:
+    joints = joints_of(character)
+    found = limbs_of_joints(joints, up, front) if joints else None
+    if found is not None and not found.limbs.chains and not character.document.gltf["skins"]:
         return None  # names of mesh parts need not mean anything
-    return limbs
+    return found
 
 
-def limbs_of_joints(joints: Sequence[Joint]) -> Limbs:
+def limbs_of_joints(
+    joints: Sequence[Joint], up: NDArray[np.float64] | None = None, front: NDArray[np.float64] | None = None
+) -> RigBody:
     """Find the limbs of a skeleton.
 
-    Known names are those of VRM, Mixamo, Rigify, Unreal, SMPL, ARKit, Motive, Character Creator, Advanced Skeleton,
-    Quaternius and KayKit, and plain English ones, with a side in any spelling. Other joints within a limb (twists,
-    controls) are skipped.
+    Up, front and limbs are those that `solver.anatomy.body_decision` decides for the graph of the joints. Twists and
+    controls within a limb are skipped.
 
     Parameters
     ----------
     joints : sequence of Joint
+    up, front : (3,) float64, optional
+        Known directions.
     """
-    skeleton = _Skeleton(joints)
-    found = skeleton.rows_of_legs()
-    lies, pairs = bool(found), leg_names(len(found) // 2)
-    if not found:
-        found = skeleton.arms_and_legs()
-        lies = _is_four_legged(found)
-        if lies:
-            found = skeleton.arms_and_legs(every_bend=True)
-        pairs = leg_names(2) if lies else ("leg", "arm")
-    trunk = skeleton.trunk(found, pairs[0], pairs[-1])
-    if trunk is None:  # the short ones might be anything
-        found = {name: chain for name, chain in found.items() if len(chain.joints) > 1 + is_leg(name)}
-    paired = any({f"left {pair}", f"right {pair}"} <= found.keys() for pair in pairs)
-    limbs = {} if trunk is None else {"trunk": trunk}
-    if not paired and (trunk is None or not skeleton.named(None, None, "tail")):
-        limbs = skeleton.spine()
-        if not limbs:
-            some = ", ".join(dict.fromkeys(joint.name for joint in joints[:5]))
-            note = f"The joint names in the skeleton are unknown ({some}, …); limbs are found from the shape."
-            return Limbs((), (note,))
-    limbs |= skeleton.head(trunk, lies or not paired)
-    limbs |= skeleton.curved({"left ear": 2, "right ear": 2, "jaw": 1}, moving=True)
-    for pair in reversed(pairs):
-        limbs |= {f"{side} {pair}": found[f"{side} {pair}"] for side in ("left", "right") if f"{side} {pair}" in found}
-    limbs |= skeleton.curved({"tail": 3, "left wing": 3, "right wing": 3})
-    return Limbs(
-        tuple(
-            LimbChain(name, chain.points, tuple(joints[index].label for index in chain.joints))
-            for name, chain in limbs.items()
-        )
+    some = ", ".join(dict.fromkeys(joint.name for joint in joints[:5]))
+    unknown = Limbs((), (f"The skeleton has no limbs that are known ({some}, …); limbs are found from the shape.",))
+    graph = joint_graph(joints)
+    if graph is None:
+        return RigBody(unknown, [])
+    bodies = decide(graph.graph, load_weights("joints"), up, front)
+    reader = _LimbReader(graph, bodies[0][1])
+    chains = tuple(
+        LimbChain(name, chain.points, tuple(graph.joints[node].label for node in chain.nodes))
+        for name, chain in reader.limbs().items()
     )
+    return RigBody(Limbs(chains) if chains else unknown, bodies)
 
 
-class _Skeleton:
-    """Joints with the meanings of their names."""
+class _LimbReader:
+    """Places the points of limbs on the joints of the branches that were chosen."""
 
-    def __init__(self, joints: Sequence[Joint]) -> None:
-        self.joints = joints
-        self.meanings = joint_meanings([joint.name for joint in joints], [len(joint.vertices) > 0 for joint in joints])
-        self.children: list[list[int]] = [[] for _ in joints]
-        for index, joint in enumerate(joints):
-            if joint.parent >= 0:
-                self.children[joint.parent].append(index)
-        self.depth = [len(list(self.ancestors(index))) for index in range(len(joints))]
-        self._forget_poles()
-        self._rename_hips_and_heads()
+    def __init__(self, graph: JointGraph, body: Body) -> None:
+        self.graph, self.joints, self.meanings, self.body = graph.graph, graph.joints, graph.meanings, body
 
-    def _forget_poles(self) -> None:
-        """Drop the meaning of a joint that moves nothing if another of this meaning does: an elbow may be a pole."""
-        holding = [index for index, joint in enumerate(self.joints) if len(joint.vertices)]
-        moving = {*holding, *(other for index in holding for other in self.ancestors(index))}
-        known = {self.meanings[index] for index in moving}
-        for index, meaning in enumerate(self.meanings):
-            if index not in moving and meaning in known:
-                self.meanings[index] = None
-
-    def _rename_hips_and_heads(self) -> None:
-        """Correct meanings that depend on other joints: of hips without thighs, and a spine up to the head."""
-        for index, meaning in enumerate(self.meanings):
-            below = {self.part(other) for other in self.below(index)} & {"upperLeg", "leg", "lowerLeg"}
-            if meaning and meaning.side and meaning.part == "hips" and below == {"lowerLeg"}:
-                self.meanings[index] = replace(meaning, part="upperLeg")
-        sides = ("left", "right")
-        shoulders = {self.joints[k].parent for side in sides for k in self.named(side, None, *SHOULDER_PARTS)}
-        beyond = [index for index in self.named(None, None, *SPINE_PARTS) if shoulders & set(self.ancestors(index))]
-        if beyond and not self.named(None, None, "head"):  # Rigify numbers the spine up to the head
-            for index in beyond:
-                self.meanings[index] = JointMeaning(None, None, "head" if index == beyond[-1] else "neck")
-
-    def ancestors(self, index: int) -> Iterator[int]:
-        while (index := self.joints[index].parent) >= 0:
-            yield index
-
-    def below(self, index: int) -> list[int]:
-        """Return a joint and all of its descendants."""
-        return [index, *(other for child in self.children[index] for other in self.below(child))]
-
-    def place(self, index: int) -> NDArray[np.float64]:
-        return self.joints[index].place
-
-    def named(self, side: str | None, quarter: str | None, *parts: str) -> list[int]:
-        """Return the joints of a side, quarter and parts, those near the root first."""
-        wanted = [
-            index
-            for index, meaning in enumerate(self.meanings)
-            if meaning and meaning.part in parts and (meaning.side, meaning.quarter) == (side, quarter)
-        ]
-        return sorted(wanted, key=lambda index: (self.depth[index], index))
-
-    def arms_and_legs(self, every_bend: bool = False) -> dict[str, _Chain]:
-        """Return arms and legs by their names.
-
-        Legs of people have hip, knee, ankle and foot; with `every_bend` they have all the joints of the file, and arms
-        are front legs.
-        """
-        found: dict[str, _Chain] = {}
-        before, behind = ("front leg", "hind leg") if every_bend else ("arm", "leg")
-        for side in ("left", "right"):
-            arm, leg = self.arm(side), self.leg(side, None, every_bend)
-            front, hind = (self.leg(side, quarter, every_bend) for quarter in ("front", "hind"))
-            if front is not None and hind is None:  # only the front legs are marked as such
-                leg, hind = None, leg
-            limbs = ((before, arm), (behind, leg), (before, front), (behind, hind))
-            found |= {f"{side} {name}": chain for name, chain in limbs if chain is not None}
-        return found
-
-    def arm(self, side: str) -> _Chain | None:
-        upper, lower = self.named(side, None, "upperArm"), self.named(side, None, "lowerArm")
-        if not upper:  # the shoulder, after the collar bone, may be the upper arm's only joint
-            upper = [index for index in self.named(side, None, "shoulder") if set(self.below(index)) & set(lower)][-1:]
-        lower = lower or [index for index in upper[1:] if upper[0] in self.ancestors(index)]  # numbered joints
-        if not upper or not lower:
-            return self.without_end(*upper[:1])
-        hands = [index for index in self.below(lower[0]) if self.part(index) in HAND_PARTS and index != lower[0]]
-        wrist = min(hands or self.children[lower[0]], key=lambda index: (self.depth[index], index), default=None)
-        if wrist is None:
-            return self.without_end(upper[0], lower[0])
-        return self.with_end([upper[0], lower[0], wrist], self.below(wrist))
-
-    def with_end(self, joints: Sequence[int], held: Sequence[int]) -> _Chain:
-        """Return a limb from its joints to the end of the vertices of some joints."""
-        points = [self.place(index) for index in joints]
-        return _Chain(np.array([*points, self.end(points[-2:][0], points[-1], held)]), joints)
-
-    def without_end(self, *joints: int) -> _Chain | None:
-        """Return a limb of two joints, or of one and a bend in its middle; the last fifth is the hand or foot."""
-        places = [self.place(index) for index in joints]
-        tip = self.end(places[0], places[-1], self.below(joints[-1])) if joints else None
-        if tip is None or (tip == places[0]).all():
-            return None
-        middle = places[1] if len(joints) > 1 else (places[0] + tip) / 2
-        return _Chain(np.array([places[0], middle, middle + 0.8 * (tip - middle), tip]), joints)
-
-    def rows_of_legs(self) -> dict[str, _Chain]:
-        """Return all legs by their names; none if there are fewer than three pairs, or if the sides differ."""
-        rows = [list(self.legs(side)) for side in ("left", "right")]
-        several = len(self.named(None, None, "head")) >= max(MANY_PAIRS, len(rows[0]))  # bodies in one file
-        if len(rows[0]) != len(rows[1]) or len(rows[0]) < MANY_PAIRS or several:
+    def limbs(self) -> dict[str, _Chain]:
+        """Return the points of each limb by its name, each after its parent."""
+        found, lies = self.arms_and_legs()
+        paired = any(limb in found for limb in ("left arm", "left leg", "left hind leg", "left leg 1"))
+        wings = self.curved_pair("wing")
+        head = self.body.singles.get("head", [])
+        tail = self.body.singles.get("tail", [])
+        if not paired and not wings and not (head and self.said("tail", tail)):
+            return self.spine()
+        trunk = self.trunk(found | wings, head, tail)
+        if trunk is None:
             return {}
-        hips, tips = (np.array([[leg.points[end] for leg in legs] for legs in rows]) for end in (0, -1))
-        front = np.cross((hips[0] - hips[1]).sum(axis=0), upward((hips - tips).sum(axis=(0, 1))))
-        return {
-            f"{side} {name}": legs[place]
-            for side, legs, order in zip(("left", "right"), rows, np.argsort(tips @ front, axis=1), strict=True)
-            for name, place in zip(leg_names(len(legs)), order, strict=True)
-        }
+        limbs = {"trunk": trunk} | self.head(trunk, head, found, lies or not paired)
+        if "head" in limbs:
+            limbs |= self.curved_pair("ear") | self.jaw()
+        ordered = sorted(found, key=lambda name: (-_rank(name), name))
+        limbs |= {name: found[name] for name in ordered}
+        if tail:
+            limbs["tail"] = self.curved(self.told("tail", tail), 3)
+        return limbs | wings
 
-    def legs(self, side: str) -> Iterator[_Chain]:
-        """Yield all legs of a side, without a last bone that is a stub: the joint of a foot may be at its tip."""
-        for quarter in (None, *dict.fromkeys(QUARTERS.values())):
-            number = 0
-            while (leg := self.leg(side, quarter, True, number)) is not None:
-                lengths = np.linalg.norm(np.diff(leg.points, axis=0), axis=1)
-                stub = len(lengths) > 3 and lengths[-1] < MIN_LEG_BONE_SHARE * lengths.sum()
-                yield _Chain(np.delete(leg.points, -2, axis=0), leg.joints[:-1]) if stub else leg
-                number += 1
+    def said(self, label: str, way: Sequence[int]) -> bool:
+        """Return whether a name on a way says a label."""
+        return bool(len(way) and self.graph.votes[list(way), LABELS.index(label)].any())
 
-    def leg(self, side: str, quarter: str | None, every_bend: bool, number: int | None = None) -> _Chain | None:
-        """Return a leg; with a number, that one of the legs of a quarter, whose first bone may lead sideways."""
-        named = self.named(side, quarter, "shoulder", *LEG_PARTS)
-        tops = [index for index in named if not set(named) & set(self.ancestors(index))]
-        upper = set(self.named(side, quarter, "upperLeg", "leg"))
-        legs = [top for top in tops if upper & set(self.below(top)) and self.is_long(top)]
-        if not legs[number or 0 :]:
-            return None
-        top = max(legs, key=lambda index: (len(set(named) & set(self.below(index))), -index))
-        top = top if number is None else legs[number]
-        chain = [top]
-        for index in named:
-            known = ("leg", "shoulder", "foot") if every_bend else ("leg", "shoulder")
-            twice = self.part(index) not in known and self.part(index) in map(self.part, chain)
-            if chain[-1] in self.ancestors(index) and not twice:
-                chain.append(index)
-        feet = [index for index in tops if index != top and (number is None or len(legs) == 1)]
-        if feet and "foot" not in map(self.part, chain):  # a foot with inverse kinematics hangs on the root
-            chain.append(feet[0])
-        chain = [index for index in chain if self.part(index) != "toes"]
-        across = self.across(quarter) if number is None else np.zeros(3)
-        while len(chain) > 3 and abs(_unit(self.place(chain[1]) - self.place(chain[0])) @ across) > GIRDLE_COSINE:
-            del chain[0]
-        if self.part(chain[0]) == "shoulder":
-            return None
-        if len(chain) < 3:
-            return self.without_end(*chain)
-        last = 3 if every_bend and len(chain) > 3 else 2
-        held = [below for index in chain[last:] for below in self.below(index)]
-        return self.with_end(self.bends(chain) if every_bend else chain[:3], held)
+    def told(self, label: str, way: Sequence[int]) -> list[int]:
+        """Return the part of a way from the first joint on whose name says a label; all of it if none does."""
+        told = np.flatnonzero(self.graph.votes[list(way), LABELS.index(label)])
+        return list(way[int(told[0]) :]) if len(told) else list(way)
 
-    def is_long(self, top: int) -> bool:
-        """Return whether a joint and those below it are not all at one place, as controls of a foot are."""
-        held = np.vstack([each for k in self.below(top) for each in (self.place(k), self.joints[k].vertices)])
-        return not np.allclose(held, self.place(top), rtol=0, atol=1e-5 * np.abs(held).max())
-
-    def bends(self, joints: Sequence[int]) -> list[int]:
-        """Return the joints of a leg without those that follow others closely, which are twists and controls."""
-        size = sum(float(np.linalg.norm(self.place(after) - self.place(joint))) for joint, after in pairwise(joints))
-        kept = [*joints[:3]]
-        for index in joints[3:]:
-            if np.linalg.norm(self.place(index) - self.place(kept[-1])) > MIN_LEG_BONE_SHARE * size:
-                kept.append(index)
-        return kept
-
-    def across(self, quarter: str | None) -> NDArray[np.float64]:
-        """Return the direction from right to left legs."""
-        left, right = (
-            [self.place(index) for index in self.named(side, quarter, *LEG_PARTS)] for side in ("left", "right")
-        )
-        return _unit(np.mean(left, axis=0) - np.mean(right, axis=0)) if left and right else np.zeros(3)
-
-    def part(self, index: int) -> str | None:
-        meaning = self.meanings[index]
+    def part(self, node: int) -> str | None:
+        meaning = self.meanings[node]
         return meaning.part if meaning else None
 
+    def arms_and_legs(self) -> tuple[dict[str, _Chain], bool]:
+        """Return arms and legs by their names, and whether the arms are legs or there are rows of legs."""
+        legs = [pair for label, pair in self.body.pairs if label == "leg"]
+        arms = [pair for label, pair in self.body.pairs if label == "arm"]
+        legs.sort(key=lambda pair: self._ahead(pair))
+        if len(legs) >= MANY_PAIRS:
+            rows = dict(zip(leg_names(len(legs)), legs, strict=True))
+            return self.sides(rows, self.row_leg) | self.sides(dict(zip(["arm"], arms, strict=False)), self.arm), True
+        rows = dict(zip(leg_names(len(legs)), legs, strict=True))
+        if len(legs) == 2:
+            found = self.sides(rows, self.leg)
+            if arms or self._stands_on(found, "front leg", "hind leg"):
+                return found | self.sides(dict(zip(["arm"], arms, strict=False)), self.arm), True
+            return self.sides({"leg": legs[0]}, self.upright_leg) | self.sides({"arm": legs[1]}, self.arm), False
+        found = self.sides(rows, self.upright_leg) | self.sides(dict(zip(["arm"], arms, strict=False)), self.arm)
+        if legs and arms and self._stands_on(found, "arm", "leg"):
+            return self.sides({"hind leg": legs[0], "front leg": arms[0]}, self.leg), True
+        return found, False
+
+    def _ahead(self, pair: Pair) -> float:
+        ends = [self.graph.tips[self.graph.ways[node][-1]] for node in (pair.one, pair.other)]
+        return float(np.mean(ends, axis=0) @ self.body.front)
+
+    def sides(self, rows: dict[str, Pair], read: Callable[[int], _Chain]) -> dict[str, _Chain]:
+        """Return left and right limbs by name."""
+        return {
+            f"{side} {name}": read(node)
+            for name, pair in rows.items()
+            for side, node in (("left", pair.one), ("right", pair.other))
+        }
+
+    def _stands_on(self, limbs: dict[str, _Chain], before: str, behind: str) -> bool:
+        """Return whether the limbs before reach the ground, and the spine is not upright."""
+        up = self.body.up
+        hips, shoulders = (
+            np.mean([limbs[f"{side} {name}"].points[0] for side in ("left", "right")], axis=0)
+            for name in (behind, before)
+        )
+        soles, hands = (
+            np.mean([limbs[f"{side} {name}"].points[-1] for side in ("left", "right")], axis=0)
+            for name in (behind, before)
+        )
+        upright = _unit(shoulders - hips) @ up > LYING_COSINE
+        return bool(not upright and (hands - soles) @ up < MAX_HAND_HEIGHT_SHARE * ((shoulders - soles) @ up))
+
+    def arm(self, node: int) -> _Chain:
+        """Return shoulder, elbow, wrist and end of an arm; an arm may be called a leg, as a dinosaur's."""
+        if self.said("leg", self.graph.ways[node]):
+            return self.of_three(self.leg_way(node), replace(ARM, parts=LEG.parts))
+        return self.of_three(self.graph.ways[node], ARM)
+
+    def upright_leg(self, node: int) -> _Chain:
+        """Return hip, knee, ankle and end of a leg."""
+        return self.of_three(self.leg_way(node), LEG)
+
+    def leg(self, node: int) -> _Chain:
+        """Return a leg with all of its bends, without a girdle that leads sideways."""
+        chain = self.leg_way(node)
+        while len(chain) > 3 and self._leads_aside(chain):
+            chain = chain[1:]
+        return self.of_bends(chain)
+
+    def of_bends(self, chain: Sequence[int]) -> _Chain:
+        """Return a leg with the bends of a way."""
+        if len(chain) < 3:
+            return self.of_three(chain, LEG)
+        last = 3 if len(chain) > 3 else 2
+        held = [below for index in chain[last:] for below in self.graph.subtrees[index]]
+        return self.with_end(self.bends(chain), held)
+
+    def row_leg(self, node: int) -> _Chain:
+        """Return one of many legs, without a last bone that is a stub: the joint of a foot may be at its tip."""
+        leg = self.of_bends(self.leg_way(node))
+        lengths = np.linalg.norm(np.diff(leg.points, axis=0), axis=1)
+        stub = len(lengths) > 3 and lengths[-1] < MIN_LEG_BONE_SHARE * lengths.sum()
+        return _Chain(np.delete(leg.points, -2, axis=0), leg.nodes[:-1]) if stub else leg
+
+    def leg_way(self, node: int) -> list[int]:
+        """Return the nodes of a leg without toes."""
+        way = [each for each in self.graph.ways[node] if self.part(each) != "toes"] or self.graph.ways[node]
+        named = [each for each in way if self.graph.votes[each, LABELS.index("leg")] or self.part(each) == "shoulder"]
+        return named if len(named) > 2 else way
+
+    def _leads_aside(self, way: Sequence[int]) -> bool:
+        return bool(abs(_unit(self.place(way[1]) - self.place(way[0])) @ self.body.left) > GIRDLE_COSINE)
+
+    def place(self, node: int) -> NDArray[np.float64]:
+        return self.graph.places[node]
+
+    def bends(self, nodes: Sequence[int]) -> list[int]:
+        """Return the joints of a leg without those that follow others closely, which are twists and controls."""
+        size = sum(float(np.linalg.norm(self.place(after) - self.place(node))) for node, after in pairwise(nodes))
+        kept = [*nodes[:3]]
+        for node in nodes[3:]:
+            if np.linalg.norm(self.place(node) - self.place(kept[-1])) > MIN_LEG_BONE_SHARE * size:
+                kept.append(node)
+        return kept
+
+    def of_three(self, way: Sequence[int], shape: _Shape) -> _Chain:
+        """Return a limb with the three joints of a way that fit best by their names and the lengths between them."""
+        if len(way) == 1:
+            root, tip = (
+                self.place(way[0]),
+                self.end(self.place(way[0]), self.place(way[0]), self.graph.subtrees[way[0]]),
+            )
+            share = np.cumsum([0.0, *shape.shares[1:]]) / shape.shares[1:].sum()
+            return _Chain(root + share[:, None] * (tip - root), (way[0],))
+        nodes = max(self._choices(way), key=lambda nodes: self._fit(way, nodes, shape))
+        if len(nodes) < 3:
+            return self.without_end(*nodes)
+        end = [nodes[2], *(other for other in self.graph.children[self.graph.parents[nodes[2]]] if other != nodes[2])]
+        same = [node for node in end if self.part(node) == self.part(nodes[2]) or node == nodes[2]]
+        held = same if self.part(nodes[2]) else [nodes[2]]  # a palm may have several joints side by side
+        return self.with_end(nodes, [below for node in held for below in self.graph.subtrees[node]])
+
+    def _choices(self, way: Sequence[int]) -> Iterator[tuple[int, ...]]:
+        yield from combinations(way, 3)
+        yield from ((one, other) for one, other in combinations(way, 2) if other == way[-1])
+
+    def _fit(self, way: Sequence[int], nodes: tuple[int, ...], shape: _Shape) -> float:
+        """Return how well joints fit a limb: a log likelihood."""
+        tip = self.graph.tips[way[-1]]
+        points = [self.place(node) for node in way] + [tip]
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+        at = [along[list(way).index(node)] for node in nodes]
+        if len(nodes) < 3:
+            at.append(at[-1] + (1 - END_SHARE) * (along[-1] - at[-1]))
+        shares = np.diff([0.0, *at, along[-1]]) / max(float(along[-1]), 1e-12)
+        named = sum(self.part(node) in parts for node, parts in zip(nodes, shape.parts, strict=False))
+        misfits = [*((shares - shape.shares) / SHARE_DEVIATION)]
+        for one, other in pairwise(nodes):
+            between = way[list(way).index(one) + 1 : list(way).index(other)]
+            away = [distance_from_segment(self.place(node), self.place(one), self.place(other)) for node in between]
+            misfits += [each / max(float(along[-1]), 1e-12) / BESIDE_DEVIATION for each in away]
+        return float(NAME_SCORE * named - np.square(misfits).sum() / 2)
+
+    def with_end(self, nodes: Sequence[int], held: Sequence[int]) -> _Chain:
+        """Return a limb from its joints to the end of the vertices of some joints."""
+        points = [self.place(node) for node in nodes]
+        return _Chain(np.array([*points, self.end(points[-2:][0], points[-1], held)]), nodes)
+
+    def without_end(self, upper: int, lower: int) -> _Chain:
+        """Return an arm without a joint for the hand, or a leg without one for the foot."""
+        first, second = self.place(upper), self.place(lower)
+        tip = self.end(first, second, self.graph.subtrees[lower])
+        return _Chain(np.array([first, second, second + (1 - END_SHARE) * (tip - second), tip]), (upper, lower))
+
     def end(self, before: NDArray[np.float64], root: NDArray[np.float64], held: Sequence[int]) -> NDArray[np.float64]:
-        """Return the far end of the vertices of some joints, along their direction from a joint."""
-        vertices = np.concatenate([self.joints[index].vertices for index in held])
+        """Return the far end of the vertices of some nodes, along their direction from a joint."""
+        vertices = np.concatenate([np.zeros((0, 3)), *(self.joints[node].vertices for node in held)])
         if not len(vertices):
-            places = np.array([self.place(index) for index in held])
+            places = np.array([root, *(self.place(node) for node in held)])
             far = places[np.linalg.norm(places - root, axis=1).argmax()]
             if np.linalg.norm(far - root) > 0:
-                return far
+                return np.asarray(far)
             return root + 0.3 * (root - before)
         direction = _unit((vertices.min(axis=0) + vertices.max(axis=0)) / 2 - root)  # regardless of where details are
-        reach = np.quantile((vertices - root) @ direction, 0.95)
-        return np.asarray(root + max(float(reach), 0.0) * direction)
+        reach = max(float(np.quantile((vertices - root) @ direction, 0.95)), 0.0)
+        tip = root + reach * direction
+        away = np.linalg.norm(vertices - tip, axis=1)
+        outside = away.min() > MAX_TIP_DISTANCE * reach > 0  # as between two long ears
+        return np.asarray(vertices[away.argmin()] if outside else tip)
 
-    def trunk(self, limbs: dict[str, _Chain], behind: str, before: str) -> _Chain | None:
+    def trunk(self, limbs: dict[str, _Chain], head: Sequence[int], tail: Sequence[int]) -> _Chain | None:
         """Return the points of the trunk: the hips, its middle, and the root of the neck."""
-        legs = [chain.points[0] for name, chain in limbs.items() if name.endswith(behind)]
-        arms = [chain.points[0] for name, chain in limbs.items() if name.endswith(before)]
-        spine = [self.place(index) for index in self.named(None, None, *SPINE_PARTS)]
-        tails = self.named(None, None, "tail")
-        if not (legs or tails) or not (arms or self.named(None, None, "neck", "head")):
-            return None
-        low = np.mean(legs, axis=0) if legs else self.place(tails[0])  # a snake's body leads on into its tail
-        necks = self.named(None, None, "neck") or ([] if arms else self.named(None, None, "head"))
-        high = self.place(necks[0]) if necks else np.mean(arms, axis=0)
-        if not np.linalg.norm(high - low) > 0:  # names of mesh parts, without places
+        legs = [limbs[name].points[0] for name in limbs if name.endswith(("leg", "leg 1")) and "front" not in name]
+        rows = [name for name in limbs if "leg" in name]
+        if any(name[-1].isdigit() for name in rows):
+            last = max(int(name[-1]) for name in rows)
+            legs = [limbs[name].points[0] for name in rows if name.endswith(str(last))]
+        arms = [limbs[name].points[0] for name in limbs if name.endswith(("arm", "front leg", "leg 1", "wing"))]
+        ways = self.necks(head, limbs)
+        neck = ways[0] if ways and not (arms and self.part(ways[0]) == "head") else None
+        if legs:
+            low = np.mean(legs, axis=0)
+        elif tail:
+            low = self.place(self.told("tail", tail)[0])  # a snake's body leads on into its tail
+        else:
+            low = self.place(0)
+        high = self.place(neck) if neck is not None else np.mean(arms, axis=0) if arms else None
+        if high is None or not np.linalg.norm(high - low) > 0:  # names of mesh parts, without places
             return None
         middle = (low + high) / 2
+        spine = [self.place(node) for node in np.flatnonzero(self.graph.votes[:, LABELS.index("trunk")]).tolist()]
         nearest = min(spine, key=lambda place: float(np.linalg.norm(place - middle)), default=middle)
         if np.linalg.norm(nearest - middle) > np.linalg.norm(high - low) / 4:
             nearest = middle
         return _Chain(np.array([low, nearest, high]))
 
+    def necks(self, head: Sequence[int], limbs: dict[str, _Chain]) -> list[int]:
+        """Return the joints of neck and head: those with such names, else those beyond the front limbs."""
+        if self.said("head", head):
+            way = self.told("head", head)
+            necks = [node for node in range(len(self.joints)) if self.part(node) == "neck" and node not in way]
+            return [*necks, *way]
+        fronts = [limbs[name].points[0] for name in limbs if name.endswith(("arm", "front leg", "leg 1", "wing"))]
+        if not fronts or not len(head):
+            return list(head)
+        tip = self.graph.tips[head[-1]]
+        most = np.linalg.norm(np.mean(fronts, axis=0) - tip)
+        return [node for node in head if np.linalg.norm(self.place(node) - tip) < most]
+
+    def head(self, trunk: _Chain, head: Sequence[int], limbs: dict[str, _Chain], with_neck: bool) -> dict[str, _Chain]:
+        """Return the head from the trunk's end, after a neck if that is long."""
+        way = self.necks(head, limbs)
+        if not way:
+            return {}
+        named = [node for node in way if self.part(node) == "head"]
+        own = named[0] if named else max(way, key=lambda node: self.graph.masses[node])
+        necks = way[: way.index(own)]
+        carrying = {
+            node for label, pair in self.body.pairs if label != "ear" for node in self.graph.ancestors(pair.one)
+        }
+        root, start = self.place(own), self.place(necks[0]) if necks else trunk.points[-1]
+        if carrying & set(necks):
+            start, necks = root, []  # the neck carries the arms, as a trunk does
+        tip = self.end(start, root, [node for node in self.graph.subtrees[own] if self.part(node) in HEAD_PARTS])
+        length = trunk.points[-1] - trunk.points[0]
+        if (root - start) @ length < 0:
+            start, necks = root, []  # it begins behind the front legs
+        if not with_neck or np.linalg.norm(root - start) < MIN_NECK_SHARE * np.linalg.norm(length):
+            return {"head": _Chain(np.array([start, tip]), [*necks, own])}
+        points = np.array([start, *(self.place(node) for node in necks[1:]), root])
+        return {"neck": _Chain(evenly(points, 3), necks), "head": _Chain(np.array([root, tip]), [own])}
+
+    def jaw(self) -> dict[str, _Chain]:
+        """Return the jaw, if vertices follow it."""
+        jaws = [node for node in range(len(self.joints)) if self.part(node) == "jaw"]
+        if not any(len(self.joints[node].vertices) for node in jaws):
+            return {}
+        row = [node for node in jaws if node == jaws[0] or jaws[0] in self.graph.ancestors(node)]
+        return {"jaw": self.curved(row, 1)}
+
+    def curved_pair(self, label: str) -> dict[str, _Chain]:
+        """Return wings or ears by their names."""
+        count = {"wing": 3, "ear": 2}[label]
+        return {
+            f"{side} {label}": self.curved(self.told(label, self.graph.ways[node]), count)
+            for own, pair in self.body.pairs
+            if own == label
+            for side, node in (("left", pair.one), ("right", pair.other))
+        }
+
+    def curved(self, way: Sequence[int], bones: int) -> _Chain:
+        """Return a limb along joints with a number of bones."""
+        chain = self.with_end(way, self.graph.subtrees[way[-1]])
+        return _Chain(evenly(chain.points, bones + 1), way)
+
     def spine(self) -> dict[str, _Chain]:
         """Return trunk and tail of a body whose only joints are a row from front to back; none for another body."""
-        row = sorted(range(len(self.joints)), key=lambda index: self.depth[index])
+        row, count = list(range(len(self.joints))), len(self.joints)
         way = self.place(row[0]) - self.place(row[-1])
-        branches = len({joint.parent for joint in self.joints}) < len(row)
-        if branches or len(row) < MIN_SPINE_JOINTS or way @ FRONT <= LYING_COSINE * np.linalg.norm(way):
+        in_a_row = all(len(children) < 2 for children in self.graph.children)
+        lies = way @ self.body.front > LYING_COSINE * np.linalg.norm(way)
+        if not in_a_row or count < MIN_SPINE_JOINTS or not lies:
             return {}
-        tail = self.with_end(row[1:], row[-1:])
-        front = self.end(tail.points[1], tail.points[0], row[:1])
-        return {"trunk": _Chain(np.array([tail.points[0], front])), "tail": tail}
-
-    def head(self, trunk: _Chain | None, with_neck: bool) -> dict[str, _Chain]:
-        """Return the head from the trunk's end, after a neck if that is long."""
-        heads, necks = self.named(None, None, "head"), self.named(None, None, "neck")
-        if not heads:
-            return {}
-        root = self.place(heads[0])
-        start = self.place(necks[0]) if necks else root if trunk is None else trunk.points[-1]
-        if necks and any(self.part(index) == "upperArm" for index in self.below(necks[0])):
-            start, necks = root, []  # the neck carries the arms, as a trunk does
-        tip = self.end(start, root, [index for index in self.below(heads[0]) if self.part(index) in HEAD_PARTS])
-        length = None if trunk is None else trunk.points[-1] - trunk.points[0]
-        if length is not None and (root - start) @ length < 0:
-            start, necks = root, []  # it begins behind the front legs
-        least = np.inf if length is None else MIN_NECK_SHARE * np.linalg.norm(length)
-        if not with_neck or np.linalg.norm(root - start) < least:
-            return {"head": _Chain(np.array([start, tip]), [*necks, heads[0]])}
-        way = np.array([start, *(self.place(index) for index in necks[1:]), root])
-        return {"neck": _Chain(evenly(way, 3), necks), "head": _Chain(np.array([root, tip]), heads[:1])}
-
-    def curved(self, bones: dict[str, int], moving: bool = False) -> dict[str, _Chain]:
-        """Return limbs by their names, with as many bones; only those that vertices follow, if they must be moving."""
-        found = {}
-        for name, count in bones.items():
-            side, _, part = name.rpartition(" ")
-            joints = self.named(side or None, None, part)
-            if any(len(self.joints[index].vertices) or not moving for index in joints):
-                row = [index for index in joints if index == joints[0] or joints[0] in self.ancestors(index)]
-                chain = self.with_end(row, self.below(row[-1]))
-                found[name] = replace(chain, points=evenly(chain.points, count + 1))
-        return found
+        chain = self.with_end(row[1:], row[-1:])
+        front = self.end(chain.points[1], chain.points[0], row[:1])
+        return {"trunk": _Chain(np.array([chain.points[0], front])), "tail": chain}
 
 
-def _is_four_legged(limbs: dict[str, _Chain]) -> bool:
-    """Return whether the arms are legs: they reach the ground, and the spine is not upright."""
-    behind, before = ([limb.points for name, limb in limbs.items() if name.endswith(part)] for part in ("leg", "arm"))
-    if not behind or not before:
-        return False
-    hips, shoulders = (np.mean([points[0] for points in limbs], axis=0) for limbs in (behind, before))
-    soles, hands = (np.mean([points[-1] for points in limbs], axis=0) for limbs in (behind, before))
-    upright = _unit(shoulders - hips) @ UP > LYING_COSINE
-    return bool(not upright and (hands - soles) @ UP < MAX_HAND_HEIGHT_SHARE * ((shoulders - soles) @ UP))
+def _rank(name: str) -> int:
+    """Return the order of limbs in a puppet: arms and front legs first."""
+    if name.endswith(("arm", "front leg")):
+        return 100
+    return -int(name[-1]) if name[-1].isdigit() else -100
 
 
 def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-12))
 
 
-def _joints(character: Character) -> list[Joint]:
+def joints_of(character: Character) -> list[Joint]:
     """Return the joints of all skins; without skins, the named nodes of a character of several parts."""
-    document, gltf = character.document, character.document.gltf
+    document = character.document
+    gltf = document.gltf
     nodes = sorted({joint for skin in gltf["skins"] for joint in skin["joints"]})
     if not nodes:
         nodes = [index for index, node in enumerate(gltf["nodes"]) if node.get("name")]
@@ -428,9 +475,8 @@ def _joints(character: Character) -> list[Joint]:
     vrm = _vrm_names(document)
     parents = {child: index for index, node in enumerate(gltf["nodes"]) for child in node.get("children", [])}
     number = {node: index for index, node in enumerate(nodes)}
-    which, shares = vertex_influences(character)
-    owners = np.take_along_axis(which, shares.argmax(axis=1)[:, None], axis=1)[:, 0]
-    places, labels, vertices = world_transforms(document)[:, :3, 3], node_labels(document), character.vertices
+    owners, places, labels = _most_followed(character), world_transforms(document)[:, :3, 3], node_labels(document)
+    vertices = character.vertices
     joints = []
     for node in nodes:
         above = parents.get(node)
@@ -476,3 +522,9 @@ def vertex_influences(character: Character) -> tuple[NDArray[np.int64], NDArray[
     width = max(which.shape[1] for which, _ in found)
     padded = [[np.pad(array, ((0, 0), (0, width - array.shape[1]))) for array in pair] for pair in found]
     return np.concatenate([which for which, _ in padded]), np.concatenate([share for _, share in padded])
+
+
+def _most_followed(character: Character) -> NDArray[np.int64]:
+    """Return the node (N,) with the largest share in each vertex's motion."""
+    nodes, shares = vertex_influences(character)
+    return np.asarray(nodes[np.arange(len(nodes)), shares.argmax(axis=1)])

@@ -6,8 +6,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal, assert_equal
 
 from engine_bridge.character.character import from_document, load_character, make_character
-from engine_bridge.puppet.rig_axes import axes_of
-from engine_bridge.puppet.rig_limbs import FRONT, Joint, limbs_of_joints, rig_limbs
+from engine_bridge.puppet.joint_graph import Joint
+from engine_bridge.puppet.rig_limbs import limbs_of_joints, rig_limbs
 
 from ..bones import points
 
@@ -82,6 +82,19 @@ CONVENTIONS = {
 """Names of the joints of `PLACES`, in its order."""
 
 
+FRONT = np.array([0.0, 0.0, 1.0])
+
+
+def assert_stands(found, up, front):
+    body = found.bodies[0][1]
+    assert_array_equal([body.up, body.front], [up, front])
+
+
+def holding(joints):
+    """Return joints that all have vertices: their place, if they have none."""
+    return [joint if len(joint.vertices) else replace(joint, vertices=joint.place[None]) for joint in joints]
+
+
 def skeleton(names, vertices=None):
     """Make the person's joints, the root of an armature above them, and a control for each foot."""
     joints = [Joint("Armature", -1, np.zeros(3), NO_VERTICES)]
@@ -102,7 +115,8 @@ def skeleton(names, vertices=None):
 @pytest.mark.parametrize("names", CONVENTIONS.values(), ids=CONVENTIONS)
 def test_a_person_is_known_by_the_names_of_every_convention_whatever_its_axes(names):
     joints = skeleton(names)
-    limbs = limbs_of_joints(joints)
+    found = limbs_of_joints(joints)
+    limbs = found.limbs
     assert limbs.notes == ()
     assert list(limbs.points) == PERSON
     for side, sign in (("left", np.ones(3)), ("right", np.array([-1.0, 1, 1]))):
@@ -117,9 +131,18 @@ def test_a_person_is_known_by_the_names_of_every_convention_whatever_its_axes(na
     assert nodes.pop("head") == ("neck", "head")
     parts = {"arm": ("upper_arm", "lower_arm", "hand"), "leg": ("thigh", "shin", "foot")}
     assert nodes == {f"{s} {limb}": tuple(f"{s} {p}" for p in parts[limb]) for limb in parts for s in ("left", "right")}
-    assert axes_of(limbs) == ("y", "z")
+    assert_stands(found, (0, 1, 0), (0, 0, 1))
     lying = [replace(joint, place=joint.place[[2, 0, 1]]) for joint in joints]
-    assert axes_of(limbs_of_joints(lying)) == ("z", "x")
+    assert_stands(limbs_of_joints(lying), (0, 0, 1), (1, 0, 0))
+
+
+def test_a_person_is_known_without_names():
+    own = holding(skeleton(CONVENTIONS["Unreal"]))
+    expected = limbs_of_joints(own).limbs.points
+    found = limbs_of_joints([replace(joint, name=f"node {number}") for number, joint in enumerate(own)])
+    assert_stands(found, (0, 1, 0), (0, 0, 1))
+    for limb in ("left arm", "right arm", "left leg", "right leg"):
+        assert_array_equal(found.limbs.points[limb][[0, -1]], expected[limb][[0, -1]])
 
 
 def test_the_head_begins_above_a_neck_that_carries_the_arms():
@@ -127,35 +150,35 @@ def test_the_head_begins_above_a_neck_that_carries_the_arms():
     joints = skeleton(CONVENTIONS["3ds Max"])
     neck = next(number for number, joint in enumerate(joints) if joint.name == "Bip01 Neck")
     joints = [replace(joint, parent=neck) if "Clavicle" in joint.name else joint for joint in joints]
-    limbs = limbs_of_joints(joints)
+    limbs = limbs_of_joints(joints).limbs
     assert_array_equal(limbs.points["head"], [PLACES["head"], PLACES["crown"]])
     assert_array_equal(limbs.points["trunk"][-1], PLACES["neck"])
 
 
 def test_ears_and_a_jaw_that_move_vertices_are_limbs():
     """Their joints may hang on the neck, and the end of an ear is where its vertices end."""
-    joints = skeleton(CONVENTIONS["Quaternius"])
+    joints = holding(skeleton(CONVENTIONS["Quaternius"]))
     neck = next(number for number, joint in enumerate(joints) if joint.name == "Neck")
     for name, place in (("Ear1.L", (0.1, 1.8, 0)), ("Ear1.R", (-0.1, 1.8, 0)), ("Jaw", (0, 1.6, 0.05))):
         way = np.array((0.0, -0.05, 0.2) if name == "Jaw" else (0.0, 0.2, 0.0))
         joints.append(Joint(name, neck, np.array(place), place + np.linspace(0, 1, 21)[:, None] * way))
-    found = limbs_of_joints(joints).points
+    found = limbs_of_joints(joints).limbs.points
     assert found.keys() == {*PERSON, "left ear", "right ear", "jaw"}
     assert_allclose(found["left ear"], [(0.1, 1.8, 0), (0.1, 1.895, 0), (0.1, 1.99, 0)], atol=1e-9)
     assert_allclose(found["jaw"][-1], (0, 1.6 - 0.95 * 0.05, 0.05 + 0.95 * 0.2), atol=1e-9)
     still = [replace(joint, vertices=NO_VERTICES) for joint in joints]
-    assert list(limbs_of_joints(still).points) == PERSON
+    assert list(limbs_of_joints(still).limbs.points) == PERSON
 
 
 def test_a_body_without_legs_is_known_by_its_head_and_tail():
     places = {"Chest": (0, 0.2, 0), "Neck": (0, 0.4, 0.1), "Head": (0, 0.8, 0.2), "Tail": (0, 0, -0.3)}
     joints = [Joint("Root", -1, np.zeros(3), NO_VERTICES)]
     joints += [Joint(name, 0, np.array(place, dtype=float), NO_VERTICES) for name, place in places.items()]
-    limbs = limbs_of_joints(joints)
+    limbs = limbs_of_joints(joints).limbs
     assert list(limbs.points) == ["trunk", "neck", "head", "tail"]
     assert_allclose(limbs.points["trunk"][[0, -1]], [places["Tail"], places["Neck"]])
     parts = [Joint(j.name, j.parent, np.zeros(3), j.vertices) for j in joints]  # names of parts of a mesh
-    assert limbs_of_joints(parts).chains == ()
+    assert limbs_of_joints(parts).limbs.chains == ()
 
 
 @pytest.mark.parametrize(
@@ -169,17 +192,18 @@ def test_rows_of_legs_are_numbered_from_the_front(names):
             places = points("0.2 1 0, 1 1.6 0, 1.3 0.5 0, 1.5 0 0") * [sign, 1, 1] + [0, 0, 0.3 * row]
             for number, place in enumerate(places[:-1]):
                 above = len(joints) - 1 if number else 0
-                held = places[-1:] if number == 2 and not name else NO_VERTICES
+                held = (places[2:] if name else places[-1:]) if number == 2 else NO_VERTICES
                 limb = f"leg{name}" if name[:1] == "_" else f"{name}Leg"
                 joints.append(Joint(f"{limb}{number + 1}.{side}", above, place, held))
             if name:
                 joints.append(Joint(f"{limb}.{side}".lower().replace("leg", "foot"), 0, places[-1], places[-1:]))
             expected[f"{'left' if side == 'L' else 'right'} leg {len(names) - row}"] = places
     joints.append(Joint("Head", 0, np.array([0, 1.1, -0.1]), np.array([[0, 1.1, 1.5]])))
-    limbs = limbs_of_joints(joints)
+    found = limbs_of_joints([joints[0], *holding(joints[1:])])
+    limbs = found.limbs
     assert_allclose([limbs.points[name] for name in expected], list(expected.values()), atol=1e-9)
     assert_allclose(limbs.points["head"], [[0, 1.1, -0.1], [0, 1.1, 1.5]])
-    assert axes_of(limbs) == ("y", "z")
+    assert_stands(found, (0, 1, 0), (0, 0, 1))
 
 
 def test_legs_of_two_joints_may_reach_up_and_a_pole_is_no_foot():
@@ -193,9 +217,12 @@ def test_legs_of_two_joints_may_reach_up_and_a_pole_is_no_foot():
             joints.append(Joint(f"{name}_knee.{side}", 0, tip + 1, held))
             expected[f"{'left' if side == 'L' else 'right'} leg {row + 1}"] = [hip, knee, 0.2 * knee + 0.8 * tip, tip]
     joints.append(Joint("Head", 0, np.array([0, 1.1, 0.5]), np.array([[0, 1.1, 1.5]])))
-    limbs = limbs_of_joints(joints)
+    found = limbs_of_joints(
+        [joint if "knee" in joint.name or joint.parent < 0 else holding([joint])[0] for joint in joints]
+    )
+    limbs = found.limbs
     assert_allclose([limbs.points[name] for name in expected], list(expected.values()), atol=1e-9)
-    assert axes_of(limbs) == ("y", "z")
+    assert_stands(found, (0, 1, 0), (0, 0, 1))
 
 
 @pytest.mark.parametrize(
@@ -231,13 +258,17 @@ def test_a_person_may_have_limbs_of_one_or_two_joints_and_controls_beside_them(n
 def test_an_elbow_that_moves_nothing_is_no_lower_arm_beside_one_that_does():
     joints = [replace(joint, vertices=joint.place[None]) for joint in skeleton(CONVENTIONS["Unreal"])]
     poles = [Joint(f"elbow.{side}", 0, np.array([0, 1.2, -1.0]), NO_VERTICES) for side in "lr"]
-    assert_equal(limbs_of_joints([*joints, *poles]).points, limbs_of_joints(joints).points)
+    assert_equal(limbs_of_joints([*joints, *poles]).limbs.points, limbs_of_joints(joints).limbs.points)
 
 
 def test_a_limb_ends_where_the_vertices_end_that_follow_it():
     held = np.add(PLACES["hand"], [[0, -0.02, 0], [0.2, 0.02, 0]])
-    joints = [replace(j, vertices=held) if j.name == "hand_l" else j for j in skeleton(CONVENTIONS["Unreal"])]
-    end = limbs_of_joints(joints).points["left arm"][-1]
+    others = {"hand_l": held, "middle_01_l": NO_VERTICES}
+    joints = [
+        replace(joint, vertices=others.get(joint.name, joint.vertices))
+        for joint in holding(skeleton(CONVENTIONS["Unreal"]))
+    ]
+    end = limbs_of_joints(joints).limbs.points["left arm"][-1]
     assert_allclose(end, np.add(PLACES["hand"], (0.19, 0, 0)), atol=1e-12)  # 95 % of the way
 
 
@@ -245,15 +276,15 @@ def test_a_row_of_joints_from_front_to_back_is_a_trunk_and_a_tail():
     """As those of a fish; a row that stands may be anything."""
     row = [(2.0, 3), (1, 0), (0, -1), (-1, -2)]
     joints = [Joint(f"Main{i}", i - 1, z * FRONT, np.outer([z, end], FRONT)) for i, (z, end) in enumerate(row)]
-    points = limbs_of_joints(joints).points
+    points = limbs_of_joints(joints).limbs.points
     assert_allclose(points["trunk"] @ FRONT, [1, 2.95])
     assert_allclose(points["tail"] @ FRONT, [1, 0, -1, -1.95])
 
 
 def test_names_that_say_nothing_leave_it_to_the_shape():
     joints = [Joint(f"Bone.{i:03}", i - 1, np.array([0.0, i, 0]), NO_VERTICES) for i in range(7)]
-    limbs = limbs_of_joints(joints)
-    assert (limbs.chains, len(limbs.notes), axes_of(limbs)) == ((), 1, None)
+    limbs = limbs_of_joints(joints).limbs
+    assert (limbs.chains, len(limbs.notes)) == ((), 1)
 
 
 def test_a_file_without_a_skeleton_has_no_limbs_by_it(blob):
@@ -272,11 +303,11 @@ def test_a_vrm_humanoid_is_known_by_the_file_s_own_table(real_data):
         if node.get("name") in named:
             table[named[node["name"]]] = {"node": index}
         node["name"] = f"{index}"
-    expected = rig_limbs(load_character(real_data / "mesh" / "gltf" / "quaternius_Adventurer.glb")).points
+    expected = rig_limbs(load_character(real_data / "mesh" / "gltf" / "quaternius_Adventurer.glb")).limbs.points
     older = [{"bone": bone, "node": entry["node"]} for bone, entry in table.items()]
     for extensions in ({"VRMC_vrm": {"humanoid": {"humanBones": table}}}, {"VRM": {"humanoid": {"humanBones": older}}}):
         document.gltf["extensions"] = extensions
-        found = rig_limbs(from_document(document)).points
+        found = rig_limbs(from_document(document)).limbs.points
         assert list(found) == PERSON
         for name in ("left arm", "right arm", "left leg", "right leg"):
             assert_array_equal(found[name], expected[name])

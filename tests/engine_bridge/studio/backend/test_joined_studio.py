@@ -137,9 +137,8 @@ def test_a_killed_service_takes_its_page_with_it_and_the_next_one_accepts_the_sa
 
     def start():
         process = commands.start("serve", *given, "--studio", page, cwd=tmp_path, stdout=subprocess.PIPE)
-        return process, re.fullmatch(
-            r"The studio is at (http://\S+)/#token=(\S+)\n", process.stdout.readline()
-        ).groups()
+        opened = re.fullmatch(r"The studio is at (http://\S+)/#token=(\S+)\n", process.stdout.readline())
+        return process, opened.groups()
 
     async def enter(address, token):
         async with connected(address, token) as page:
@@ -147,7 +146,7 @@ def test_a_killed_service_takes_its_page_with_it_and_the_next_one_accepts_the_sa
                 pass
             return page.hello, state["characters"][0]["name"]
 
-    page = free_port()
+    page = 0
     process, opened = start()
     hello, name = asyncio.run(enter(*opened))
     assert (hello["joined"], name) == (True, "blob")

@@ -1,0 +1,240 @@
+"""Body graph of a file's skeleton."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from capture.bone_names import LEG_PARTS, JointMeaning, is_control, joint_meanings
+from capture.channels import FINGERS
+from solver.anatomy.body_graph import LABELS, BodyGraph
+
+ARM_PARTS = ("shoulder", "upperArm", "lowerArm", "hand", "palm", *FINGERS)
+FACE_PARTS = ("eye", "jaw")
+PARTS: dict[str, tuple[str, ...]] = {
+    "head": ("neck", "head", *FACE_PARTS),
+    "arm": ARM_PARTS,
+    "leg": LEG_PARTS,
+    "wing": ("wing",),
+    "tail": ("tail",),
+    "ear": ("ear",),
+    "trunk": ("hips", "spine", "chest", "upperChest", "trunk"),
+}
+"""Parts in the names of joints, by the labels for which they speak."""
+
+LABEL_OF = {part: label for label, parts in PARTS.items() for part in parts}
+
+MAX_CONTACT_VERTICES = 400
+"""Number of a joint's vertices with which its distance to others is measured."""
+
+NEAR_SHARE = 0.05
+"""Maximum distance between a joint and its parent that are near each other, as a share of the body's size."""
+
+END_RATIO = 0.5
+"""Maximum distance of a foot from the last joint of its leg, as a share of that from joints that have others below
+them."""
+
+BARE_SHARE = 0.005
+"""Maximum share of vertices that follow a joint that moves nothing of its own: a root may have a few by mistake."""
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint of a skeleton.
+
+    Attributes
+    ----------
+    name : str
+        As in the file, or its name in VRM's table.
+    parent : int
+        Index of the parent joint, −1 for none.
+    place : (3,) float64
+        Mesh file's coordinates.
+    vertices : (n, 3) float64
+        Vertices that follow this joint more than any other.
+    label : str
+        How puppet files call it.
+    """
+
+    name: str
+    parent: int
+    place: NDArray[np.float64]
+    vertices: NDArray[np.float64]
+    label: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class JointGraph:
+    """Body graph, and the joints at its nodes.
+
+    Attributes
+    ----------
+    graph : BodyGraph
+    joints : list of Joint
+        The joint at each node. `Joint.parent` is as in the file.
+    meanings : list of JointMeaning or None
+    """
+
+    graph: BodyGraph
+    joints: list[Joint]
+    meanings: list[JointMeaning | None]
+
+
+def joint_graph(joints: Sequence[Joint]) -> JointGraph | None:
+    """Return the body graph of joints; None if there are none.
+
+    Joints without vertices below them are dropped, if others have vertices. Parents may follow their children.
+    """
+    meanings = joint_meanings([joint.name for joint in joints], [len(joint.vertices) > 0 for joint in joints])
+    holds = np.array([len(joint.vertices) > 0 for joint in joints], dtype=bool)
+    if not holds.any():
+        holds = np.array([not is_control(joint.name) for joint in joints], dtype=bool)
+    if not holds.any():
+        return None
+    used = set[int]()
+    for index in np.flatnonzero(holds).tolist():
+        while index >= 0 and index not in used:
+            used.add(index)
+            index = joints[index].parent
+    parents = {index: joints[index].parent for index in used}
+    sides = [{"left": 1.0, "right": -1.0}.get((meaning and meaning.side) or "", 0.0) for meaning in meanings]
+    labels = [LABEL_OF.get(meaning.part) if meaning else None for meaning in meanings]
+    _hang(joints, sides, labels, parents)
+    order = _ordered(parents)
+    while len(order) > 1 and not len(joints[order[0]].vertices) and sum(parents[i] == order[0] for i in order) == 1:
+        parents[order[1]] = -1
+        del order[0]
+    rows = {index: row for row, index in enumerate(order)}
+    chosen = [joints[index] for index in order]
+    places = np.array([joint.place for joint in chosen])
+    above = np.array([rows.get(parents[index], -1) for index in order], dtype=np.int64)
+    children = [[row for row in range(len(order)) if above[row] == node] for node in range(len(order))]
+    tips, radii = np.empty_like(places), np.empty(len(order))
+    for row, joint in enumerate(chosen):
+        tips[row], radii[row] = _extent(joint, places[children[row]], above[row] < 0)
+    counts = np.array([len(joint.vertices) for joint in chosen], dtype=float)
+    own = [meanings[index] for index in order]
+    votes = np.zeros((len(order), len(LABELS)))
+    for row, meaning in enumerate(own):
+        label = (
+            "leg"
+            if meaning and meaning.side and meaning.part == "hips"
+            else LABEL_OF.get(meaning.part if meaning else "")
+        )
+        if label:
+            votes[row, LABELS.index(label)] = 1.0
+    every = np.concatenate([places, *(joint.vertices for joint in chosen if len(joint.vertices))])
+    graph = BodyGraph(
+        places,
+        above,
+        tips,
+        radii,
+        counts / max(counts.sum(), 1.0),
+        votes,
+        np.array([sides[index] for index in order]),
+        np.array([bool(meaning and meaning.part in FACE_PARTS) for meaning in own]),
+        np.array([every.min(axis=0), every.max(axis=0)]),
+    )
+    return JointGraph(graph, chosen, own)
+
+
+def _hang(
+    joints: Sequence[Joint], sides: Sequence[float], labels: Sequence[str | None], parents: dict[int, int]
+) -> None:
+    """Hang branches that are far from their parents, above which nothing moves vertices, on the joint that they touch.
+
+    Feet with inverse kinematics hang on the root, and parts of an armature may have no parent. The largest branch is
+    the body, and stays where it is.
+    """
+    total = _held(joints, list(parents))
+    bare = {index for index in parents if len(joints[index].vertices) <= BARE_SHARE * total}
+    firsts = [index for index in parents if index not in bare and bare.issuperset(_above(parents, index))]
+    if not firsts:
+        return
+    shared = Counter(other for first in firsts for other in _above(parents, first))
+    groups: dict[int, list[int]] = {}
+    for first in firsts:
+        top = first
+        while parents[top] >= 0 and shared[parents[top]] == 1:
+            top = parents[top]
+        groups[top] = [index for index in parents if top == index or top in _above(parents, index)]
+    tops = dict(zip(groups, firsts, strict=True))
+    group_of = {index: top for top, group in groups.items() for index in group}
+    held = {index: _thinned(joints[index].vertices) for index in group_of if len(joints[index].vertices)}
+    owner = np.concatenate([np.full(len(points), index) for index, points in held.items()])
+    cloud = np.concatenate(list(held.values()))
+    size = float(np.ptp(cloud, axis=0).max())
+    main = max(groups, key=lambda top: _held(joints, groups[top]))
+    for top in sorted(groups, key=lambda top: _held(joints, groups[top])):
+        parent, own = parents[top], group_of[top]
+        near = parent >= 0 and np.linalg.norm(joints[top].place - joints[parent].place) < NEAR_SHARE * size
+        side, label = sides[tops[top]], labels[tops[top]]
+        others = np.array(
+            [
+                group_of[index] != own
+                and side * sides[index] >= 0
+                and labels[index] in (None, "trunk", label or labels[index])
+                for index in owner.tolist()
+            ]
+        )
+        if top == main or near or not others.any():
+            continue
+        away, which = map(np.asarray, cKDTree(cloud[others]).query(held[tops[top]]))
+        touched = int(owner[others][which[away.argmin()]])
+        if parent >= 0:
+            inner = np.isin(owner, list(parents.values())) & others
+            trunk = np.min(cKDTree(cloud[inner]).query(held[tops[top]])[0]) if inner.any() else np.inf
+            if away.min() > END_RATIO * trunk:
+                continue  # a whole limb; a foot is beyond the last joint of its leg, far from all others
+        parents[top], joined = touched, group_of[touched]
+        group_of = {index: joined if group == own else group for index, group in group_of.items()}
+    main = [main, *_above(parents, main)][-1]
+    for root in [index for index in parents if parents[index] < 0 and index != main]:
+        parents[root] = main
+
+
+def _held(joints: Sequence[Joint], indices: Sequence[int]) -> int:
+    return sum(len(joints[index].vertices) for index in indices)
+
+
+def _above(parents: dict[int, int], index: int) -> list[int]:
+    """Return the joints above a joint."""
+    found = []
+    while (index := parents[index]) >= 0:
+        found.append(index)
+    return found
+
+
+def _thinned(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    return points[:: max(len(points) // MAX_CONTACT_VERTICES, 1)]
+
+
+def _ordered(parents: dict[int, int]) -> list[int]:
+    """Return joints, parents before their children."""
+    children: dict[int, list[int]] = {}
+    for index in sorted(parents):
+        children.setdefault(parents[index], []).append(index)
+    order = list(children.get(-1, []))
+    for index in order:
+        order += children.get(index, [])
+    return order
+
+
+def _extent(joint: Joint, children: NDArray[np.float64], top: bool) -> tuple[NDArray[np.float64], float]:
+    """Return the end of a joint's vertices, and their median distance from its bone.
+
+    The end at the top of a row of joints is away from the others.
+    """
+    if not len(joint.vertices):
+        return joint.place, 0.0
+    if top and len(children) == 1:
+        children = 2 * joint.place - children
+    center = (joint.vertices.min(axis=0) + joint.vertices.max(axis=0)) / 2
+    aim = children[np.linalg.norm(children - joint.place, axis=1).argmax()] if len(children) == 1 else center
+    way = (aim - joint.place) / max(float(np.linalg.norm(aim - joint.place)), 1e-12)
+    beside = (joint.vertices - joint.place) - np.outer((joint.vertices - joint.place) @ way, way)
+    reach = max(float(np.quantile((joint.vertices - joint.place) @ way, 0.95)), 0.0)
+    return joint.place + reach * way, float(np.median(np.linalg.norm(beside, axis=1)))

@@ -1,0 +1,405 @@
+"""Up, front and limbs of a body, decided together from its graph.
+
+For each direction from side to side, branches that mirror each other are pairs. For each up and front, each pair may be
+arms, legs, wings, ears or nothing, and each branch in the middle may be the head, the tail or nothing. A label has a
+score: the sum of what is measured (`PAIR_MEASURES`, `SINGLE_MEASURES`), each times its weight. The labels with the
+highest sum are chosen: one pair of arms, of wings and of ears, one head and one tail, any number of legs. To that sum
+comes what speaks for an orientation (`ORIENTATION_MEASURES`). `body_weights.toml` has the weights; they are logits, so
+that the sums are log odds.
+"""
+
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from solver.anatomy.body_graph import LABELS, BodyGraph, Pair, find_pairs
+
+PAIR_LABELS, SINGLE_LABELS = ("leg", "arm", "wing", "ear"), ("head", "tail")
+
+PAIR_MEASURES = (
+    "bias",
+    "name",
+    "ground",
+    "height",
+    "root height",
+    "down",
+    "aside",
+    "forward",
+    "length",
+    "near head",
+    "thickness",
+    "fingers",
+    "mass",
+    "unlike",
+)
+SINGLE_MEASURES = ("bias", "name", "height", "front", "up", "forward", "length", "thickness", "mass", "aside", "face")
+ORIENTATION_MEASURES = ("limbs", "up", "front", "sides", "toes", "knees", "elbows", "face", "head", "tail", "likeness")
+
+GROUND_SHARE = 0.06
+"""Height, as a share of the body's, at which the measure `ground` of an end has fallen to 1/e."""
+
+FOOT_BEGIN = 0.85
+"""Length of a leg without the foot, or of an arm without the hand, as a share of the whole; joints beyond it are of
+the foot or the hand."""
+
+FACE_SHARE = 0.1
+"""Distance from the head's middle at which eyes and a jaw show the front fully, as a share of the body's size."""
+
+LIMB_SHARE = 0.15
+"""Minimum length of the branches of a pair that hangs on the trunk, as a share of the body's size; ears are shorter."""
+
+FORK_SHARE = 0.75
+"""Minimum distance of a fork of the trunk from the farthest end below it, as a share of that of the first node."""
+
+MAX_HEADS = 3
+"""Number of branches in the middle that are tried as the head."""
+
+WEIGHTS = Path(__file__).with_name("body_weights.toml")
+
+Weights = Mapping[str, NDArray[np.float64]]
+
+
+def load_weights(section: str, path: Path = WEIGHTS) -> Weights:
+    """Return the weights of a builder's graphs: (measures,) for each label, and for ``orientation``.
+
+    Parameters
+    ----------
+    section : str
+        Builder: "joints".
+    path : Path, optional
+    """
+    table = tomllib.loads(path.read_text(encoding="utf-8"))[section]
+    rows = dict.fromkeys(PAIR_LABELS, PAIR_MEASURES) | dict.fromkeys(SINGLE_LABELS, SINGLE_MEASURES)
+    rows |= {"orientation": ORIENTATION_MEASURES}
+    return {label: np.array([float(table[label].get(name, 0.0)) for name in row]) for label, row in rows.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """One way to see a body.
+
+    Attributes
+    ----------
+    up, front : (3,) float64
+        Unit vectors along axes.
+    pairs : tuple of (str, Pair)
+        Limbs on both sides and their labels; `Pair.one` is the left one.
+    singles : dict of str to list of int
+        Nodes of the head and the tail from the trunk to the end.
+    measures : (11,) float64
+        `ORIENTATION_MEASURES`.
+    score : float
+    """
+
+    up: NDArray[np.float64]
+    front: NDArray[np.float64]
+    pairs: tuple[tuple[str, Pair], ...]
+    singles: dict[str, list[int]]
+    measures: NDArray[np.float64]
+    score: float
+
+    @property
+    def left(self) -> NDArray[np.float64]:
+        """Unit vector (3,) to the character's left."""
+        return np.cross(self.up, self.front)
+
+
+def decide(
+    graph: BodyGraph, weights: Weights, up: NDArray[np.float64] | None = None, front: NDArray[np.float64] | None = None
+) -> list[tuple[float, Body]]:
+    """Return the ways to see a body with their probabilities, the likeliest first.
+
+    Parameters
+    ----------
+    graph : BodyGraph
+    weights : mapping
+        Of `load_weights`.
+    up, front : (3,) float64, optional
+        Known directions. They are not parallel.
+    """
+    known = (up, front)
+    bodies = [
+        view.labelled(weights)
+        for view in views(graph)
+        if all(given is None or given @ own > 0.5 for given, own in zip(known, (view.up, view.front), strict=True))
+    ]
+    bodies.sort(key=lambda body: -body.score)
+    odds = np.exp([body.score - bodies[0].score for body in bodies])
+    return [(float(chance), body) for chance, body in zip(odds / odds.sum(), bodies, strict=True)]
+
+
+def views(graph: BodyGraph) -> Iterator["View"]:
+    """Yield the 24 views of a body along the axes."""
+    for axis in range(3):
+        found, middle = find_pairs(graph, axis)
+        pairs, branches = [_PairShape.of(graph, pair) for pair in found], _branches(graph, found, middle)
+        for upward, forward in permutations([other for other in range(3) if other != axis]):
+            for sign_up in (1.0, -1.0):
+                for sign_front in (1.0, -1.0):
+                    yield View(graph, sign_up * np.eye(3)[upward], sign_front * np.eye(3)[forward], pairs, branches)
+
+
+@dataclass(frozen=True, eq=False)
+class _PairShape:
+    """What the measures of a pair need, in the coordinates of the graph.
+
+    Attributes
+    ----------
+    pair : Pair
+    roots, ends, runs, feet, bends : (2, 3) float64
+        First and last points; from first to last, the end beyond the last inner joint, and how far the middle is
+        beside the line from the first to the last inner joint, in lengths.
+    rest : tuple of float
+        Length, thickness, number of fingers, mass and unlikeness.
+    names : (4,) float64
+        How far names speak for `PAIR_LABELS`.
+    side : float
+        Positive if names say that the first branch is left.
+    """
+
+    pair: Pair
+    roots: NDArray[np.float64]
+    ends: NDArray[np.float64]
+    runs: NDArray[np.float64]
+    feet: NDArray[np.float64]
+    bends: NDArray[np.float64]
+    rest: tuple[float, ...]
+    names: NDArray[np.float64]
+    side: float
+
+    @classmethod
+    def of(cls, graph: BodyGraph, pair: Pair) -> "_PairShape":
+        sides = (pair.one, pair.other)
+        ways, below = [graph.ways[node] for node in sides], [graph.subtrees[node] for node in sides]
+        lengths = np.maximum(graph.reach[list(sides)], 1e-3 * graph.size)[:, None]
+        lines = [np.vstack([graph.places[way], graph.tips[way[-1:]]]) for way in ways]
+        roots, ends = np.array([line[0] for line in lines]), np.array([line[-1] for line in lines])
+        inner = [_without_end(line) for line in lines]
+        leaves = np.mean([sum(not graph.children[node] for node in nodes) for nodes in below])
+        radius = np.mean([np.median(graph.radii[way]) for way in ways])
+        rest = (
+            float(lengths.mean()) / graph.size,
+            float(radius / lengths.mean()),
+            min(float(leaves) - 1, 4.0) / 4,
+            float(sum(graph.masses[nodes].sum() for nodes in below)),
+            max(pair.unlikeness, 0.0),
+        )
+        return cls(
+            pair,
+            roots,
+            ends,
+            (ends - roots) / lengths,
+            (ends - [line[-1] for line in inner]) / lengths,
+            np.array([_bend(line) for line in inner]) / lengths,
+            rest,
+            np.array([_said(graph, ways[0] + ways[1], label) for label in PAIR_LABELS]),
+            float(np.sign(graph.sides[pair.one] - graph.sides[pair.other])),
+        )
+
+
+class View:
+    """A body with a left, up and front.
+
+    Parameters
+    ----------
+    graph : BodyGraph
+    up, front : (3,) float64
+    pairs : list
+        Pairs of branches from side to side.
+    branches : list of list of int
+        Branches in the middle.
+    """
+
+    def __init__(
+        self,
+        graph: BodyGraph,
+        up: NDArray[np.float64],
+        front: NDArray[np.float64],
+        pairs: list[_PairShape],
+        branches: list[list[int]],
+    ) -> None:
+        self.graph, self.up, self.front, self.branches = graph, up, front, branches
+        self.axes = np.array([np.cross(up, front), up, front])
+        self.shapes = pairs
+        self.mirrored = bool(self.axes[0].sum() < 0)
+        self.pairs = [Pair(s.pair.other, s.pair.one, s.pair.unlikeness) if self.mirrored else s.pair for s in pairs]
+        own = graph.box @ self.axes.T
+        self.low, self.high = own.min(axis=0), own.max(axis=0)
+        self.height = max(float(self.high[1] - self.low[1]), 1e-12)
+        self._pair_measures: dict[int, NDArray[np.float64]] = {}
+
+    @cached_property
+    def single_measures(self) -> NDArray[np.float64]:
+        """`SINGLE_MEASURES` (s, 2, 11) of the branches in the middle, for the head and for the tail."""
+        graph, size, middle = self.graph, self.graph.size, (self.low + self.high) / 2
+        aside = float(np.median(graph.places @ self.axes[0]))
+        rows = []
+        for way in self.branches:
+            start, end = self.axes @ graph.places[way[0]], self.axes @ graph.tips[way[-1]]
+            length, below = max(float(graph.reach[way[0]]), 1e-3 * size), graph.subtrees[way[0]]
+            run = (end - start) / length
+            rest = [
+                (end[1] - self.low[1]) / self.height,
+                (end[2] - middle[2]) / size,
+                run[1],
+                run[2],
+                length / size,
+                graph.radii[way].max() / size,
+                graph.masses[below].sum(),
+                abs(end[0] - aside) / size,
+                float(graph.faces[below].any()),
+            ]
+            rows.append([[1.0, _said(graph, way, label), *rest] for label in SINGLE_LABELS])
+        return np.array(rows, dtype=float).reshape(-1, len(SINGLE_LABELS), len(SINGLE_MEASURES))
+
+    def pair_measures(self, head: int) -> NDArray[np.float64]:
+        """Return `PAIR_MEASURES` (p, 4, 14) of all pairs for each label, if a branch is the head (−1: none is)."""
+        if head not in self._pair_measures:
+            place = self.graph.tips[self.branches[head][-1]] if head >= 0 else self.graph.places[0]
+            away = np.array([float(np.linalg.norm(shape.roots.mean(axis=0) - place)) for shape in self.shapes])
+            near = 1 - away / max(float(away.max(initial=0.0)), 1e-12)
+            tips = [float((min(shape.ends @ self.up) - self.low[1]) / self.height) for shape in self.shapes]
+            rows = [
+                [
+                    [1.0, said, np.exp(-(tip - min(tips)) / GROUND_SHARE), tip, *self._runs(shape), *shape.rest]
+                    for said in shape.names
+                ]
+                for shape, tip in zip(self.shapes, tips, strict=True)
+            ]
+            found = np.array(rows, dtype=float).reshape(-1, len(PAIR_LABELS), len(PAIR_MEASURES) - 1)
+            self._pair_measures[head] = np.insert(found, 9, near[:, None], axis=2)
+        return self._pair_measures[head]
+
+    def _runs(self, shape: _PairShape) -> tuple[float, float, float, float]:
+        """Return how high a pair begins, and how far it leads down, to its sides and forwards."""
+        runs = shape.runs @ self.axes.T
+        outwards = (runs[0, 0] - runs[1, 0]) / 2
+        root = (shape.roots.mean(axis=0) @ self.up - self.low[1]) / self.height
+        return root, -runs[:, 1].mean(), -outwards if self.mirrored else outwards, runs[:, 2].mean()
+
+    def labelled(self, weights: Weights) -> Body:
+        """Return the body with the best labels."""
+        singles = np.array([self.single_measures[:, k] @ weights[label] for k, label in enumerate(SINGLE_LABELS)]).T
+        best: tuple[float, int, int, list[str | None]] = (-np.inf, -1, -1, [])
+        for head in [int(row) for row in np.argsort(-singles[:, 0])[:MAX_HEADS]] or [-1]:
+            tails = [row for row in range(len(singles)) if row != head and singles[row, 1] > 0]
+            tail = max(tails, key=lambda row: singles[row, 1], default=-1)
+            measures = self.pair_measures(head)
+            scores = np.array([measures[:, k] @ weights[label] for k, label in enumerate(PAIR_LABELS)]).T
+            labels, total = _assigned(scores)
+            total += (singles[head, 0] if head >= 0 else 0.0) + (singles[tail, 1] if tail >= 0 else 0.0)
+            best = max(best, (float(total), head, tail, labels), key=lambda each: each[0])
+        total, head, tail, labels = best
+        found = {label: self.branches[row] for label, row in (("head", head), ("tail", tail)) if row >= 0}
+        measures = self.orientation_measures(total, found, labels)
+        pairs = tuple((label, pair) for label, pair in zip(labels, self.pairs, strict=True) if label)
+        return Body(self.up, self.front, pairs, found, measures, float(weights["orientation"] @ measures))
+
+    def orientation_measures(
+        self, total: float, singles: Mapping[str, list[int]], labels: Sequence[str | None]
+    ) -> NDArray[np.float64]:
+        """Return `ORIENTATION_MEASURES` (11,) of a labelled body."""
+        graph, box, middle = self.graph, self.high - self.low, (self.low + self.high) / 2
+        chosen = [(label, shape) for label, shape in zip(labels, self.shapes, strict=True) if label]
+        legs = [shape for label, shape in chosen if label == "leg"]
+        toes = np.concatenate([np.zeros((0, 3)), *(shape.feet for shape in legs)]) @ self.front
+        knees = np.concatenate([np.zeros((0, 3)), *(shape.bends for shape in legs)]) @ self.front
+        arms = [shape.bends for label, shape in chosen if label == "arm"]
+        elbows = -np.concatenate([np.zeros((0, 3)), *arms]) @ self.front
+        marks, face = np.flatnonzero(graph.faces), 0.0
+        if "head" in singles and len(marks):
+            ahead = graph.tips[marks].mean(axis=0) - graph.places[singles["head"]].mean(axis=0)
+            face = float(np.clip(ahead @ self.front / (FACE_SHARE * graph.size), -1, 1))
+        ends = {
+            label: (graph.tips[way[-1]] @ self.front - middle[2]) / max(box[2], 1e-12) for label, way in singles.items()
+        }
+        return np.array(
+            [
+                total,
+                float(self.up[1] > 0.5),
+                float(self.up[1] > 0.5 and self.front[2] > 0.5),
+                _mean([-shape.side if self.mirrored else shape.side for _, shape in chosen], 1.0),
+                _mean(toes, 0.3),
+                _mean(knees, 0.1),
+                _mean(elbows, 0.1),
+                face,
+                ends.get("head", 0.0),
+                -ends.get("tail", 0.0),
+                float(sum(1 - shape.pair.unlikeness for _, shape in chosen)),
+            ]
+        )
+
+
+def _mean(values: Sequence[float] | NDArray[np.float64], limit: float) -> float:
+    """Return the mean of values within a limit; 0 for none."""
+    return float(np.clip(np.mean(values), -limit, limit)) if len(values) else 0.0
+
+
+def _said(graph: BodyGraph, nodes: Sequence[int], label: str) -> float:
+    """Return how far names of nodes speak for a label (1) or another one (−1)."""
+    voted = graph.vote(nodes)
+    return float(2 * voted[LABELS.index(label)] - voted.sum())
+
+
+def _without_end(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a limb's points without the foot or the hand."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    return points[: max(int(np.count_nonzero(along <= FOOT_BEGIN * along[-1])), min(len(points), 2))]
+
+
+def _bend(inner: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return where the middle of a limb is beside the line from its root to its last joint."""
+    line, beside = inner[-1] - inner[0], inner - inner[0]
+    beside = beside - np.outer(beside @ line / max(float(line @ line), 1e-12), line)
+    return np.asarray(beside[np.linalg.norm(beside, axis=1).argmax()])
+
+
+def _branches(graph: BodyGraph, pairs: Sequence[Pair], middle: Sequence[int]) -> list[list[int]]:
+    """Return the branches in the middle: the longest way from the trunk to an end for each.
+
+    The trunk is what is above long pairs, and above forks that are far from the ends. What forks beyond it, such as a
+    head with hair, is one branch. The first node of a row of joints is an end as well.
+    """
+    beside = graph.faces | (graph.votes[:, LABELS.index("ear")] > 0)
+    inside, limbs = set(middle), [node for pair in pairs for node in (pair.one, pair.other)]
+    below = {node: [child for child in graph.children[node] if child in inside] for node in middle}
+    trunk = {above for node in limbs if graph.reach[node] > LIMB_SHARE * graph.size for above in graph.ancestors(node)}
+    longest = FORK_SHARE * graph.reach[0]
+    for fork in middle:
+        if len(below[fork]) > 1 and graph.reach[fork] > longest:
+            trunk |= {fork, *graph.ancestors(fork)}
+    trunk.add(0)
+    tops = [node for node in middle if node not in trunk and graph.parents[node] in trunk]
+    found = []
+    for top in tops:
+        way = [top]
+        while below[way[-1]]:
+            way.append(max(below[way[-1]], key=lambda child: graph.reach[child] - graph.size * beside[child]))
+        found.append(way)
+    if not pairs and len(graph.children[0]) == 1:
+        found.append([0])
+    return found
+
+
+def _assigned(scores: NDArray[np.float64]) -> tuple[list[str | None], float]:
+    """Return the label of each pair, None for nothing, and the sum of their scores; all labels but legs are for one."""
+    count = len(scores)
+    if not count:
+        return [], 0.0
+    own = scores[:, 1:]
+    table = np.hstack([own, np.repeat(np.maximum(scores[:, :1], 0.0), count, axis=1)])
+    rows, columns = scipy.optimize.linear_sum_assignment(-table)
+    labels: list[str | None] = [None] * count
+    for row, column in zip(rows, columns, strict=True):
+        if column < own.shape[1] and table[row, column] > 0:
+            labels[row] = PAIR_LABELS[1 + column]
+        elif column >= own.shape[1] and scores[row, 0] > 0:
+            labels[row] = "leg"
+    return labels, float(table[rows, columns].sum())

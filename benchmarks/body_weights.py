@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.character import load_character
 from engine_bridge.puppet.joint_graph import joint_graph
-from engine_bridge.puppet.rig_limbs import joints_of
+from engine_bridge.puppet.skin_joints import joints_of
 from puppetline.errors import PuppetlineError
 from solver.anatomy import body_decision
 from solver.anatomy.body_decision import (

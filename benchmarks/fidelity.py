@@ -43,7 +43,8 @@ from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.rig_bones import rig_bones
-from engine_bridge.puppet.rig_limbs import rig_limbs, vertex_influences
+from engine_bridge.puppet.rig_limbs import rig_limbs
+from engine_bridge.puppet.skin_joints import vertex_influences
 from solver.model.batch import BatchBinding
 from solver.motion.arms import APART_ARM_LENGTHS
 from solver.motion.limbs import TRUNK, Limb, bones_of, parents_first

@@ -42,7 +42,8 @@ from engine_bridge.character.character import Character, load_character, make_ch
 from engine_bridge.puppet.puppet import Direction
 from engine_bridge.puppet.rig_axes import axes_of
 from engine_bridge.puppet.rig_bones import rig_bones
-from engine_bridge.puppet.rig_limbs import rig_limbs, vertex_influences
+from engine_bridge.puppet.rig_limbs import rig_limbs
+from engine_bridge.puppet.skin_joints import vertex_influences
 from puppetline.errors import PuppetlineError
 from solver.anatomy import orientation
 from solver.anatomy.limb_chain import Limbs, evenly

@@ -14,7 +14,7 @@ from engine_bridge.character.scene import tree
 from engine_bridge.puppet.file_skeleton import FileSkeleton
 from engine_bridge.puppet.limb_nodes import limb_nodes
 from engine_bridge.puppet.puppet import Puppet
-from engine_bridge.puppet.rig_limbs import vertex_influences
+from engine_bridge.puppet.skin_joints import vertex_influences
 from solver.model.bones import Bones
 from solver.motion.limbs import TRUNK, Limb, bone_ranges, bones_of, parents_first
 

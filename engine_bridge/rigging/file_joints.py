@@ -7,7 +7,7 @@ from engine_bridge.character.scene import world_transforms
 from engine_bridge.performance.rig import Rig
 from engine_bridge.puppet.humanoid_bones import HUMANOID_BONES, REQUIRED, SIDES
 from engine_bridge.puppet.rig_bones import RigBones
-from engine_bridge.puppet.rig_limbs import vertex_influences
+from engine_bridge.puppet.skin_joints import vertex_influences
 from engine_bridge.rigging.skeleton import Skeleton
 
 SAME_PLACE_DIAGONALS = 0.002

@@ -1,0 +1,77 @@
+"""Joints of a character's file, and the vertices that follow them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.character.character import Character
+from engine_bridge.character.document import Document
+from engine_bridge.character.scene import influences, world_transforms
+from engine_bridge.puppet.joint_graph import Joint
+from engine_bridge.puppet.limb_nodes import node_labels
+
+
+def joints_of(character: Character) -> list[Joint]:
+    """Return the joints of all skins; without skins, the named nodes of a character of several parts."""
+    document = character.document
+    gltf = document.gltf
+    nodes = sorted({joint for skin in gltf["skins"] for joint in skin["joints"]})
+    if not nodes:
+        nodes = [index for index, node in enumerate(gltf["nodes"]) if node.get("name")]
+        if len(character.parts) < 2:
+            return []
+    vrm = _vrm_names(document)
+    parents = {child: index for index, node in enumerate(gltf["nodes"]) for child in node.get("children", [])}
+    number = {node: index for index, node in enumerate(nodes)}
+    owners, places, labels = _most_followed(character), world_transforms(document)[:, :3, 3], node_labels(document)
+    vertices = character.vertices
+    joints = []
+    for node in nodes:
+        above = parents.get(node)
+        while above is not None and above not in number:
+            above = parents.get(above)
+        name = vrm.get(node) or gltf["nodes"][node].get("name", f"node {node}")
+        parent = -1 if above is None else number[above]
+        joints.append(Joint(name, parent, places[node], vertices[owners == node], labels[node]))
+    return joints
+
+
+def _vrm_names(document: Document) -> dict[int, str]:
+    """Return the names of nodes in the humanoid table of VRM 0 or 1."""
+    extensions = document.gltf.get("extensions", {})
+    older = extensions.get("VRM", {}).get("humanoid", {}).get("humanBones", [])
+    newer = extensions.get("VRMC_vrm", {}).get("humanoid", {}).get("humanBones", {})
+    named = [(entry.get("bone"), entry.get("node")) for entry in older if isinstance(entry, dict)]
+    named += [(bone, entry.get("node")) for bone, entry in newer.items() if isinstance(entry, dict)]
+    return {node: bone for bone, node in named if isinstance(bone, str) and isinstance(node, int)}
+
+
+def vertex_influences(character: Character) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the nodes that move each vertex: joints, or the node that shows it if it has no skin.
+
+    Parameters
+    ----------
+    character : Character
+
+    Returns
+    -------
+    nodes : (N, k) int64
+    shares : (N, k) float64
+        Share of each of these nodes in the vertex's motion.
+    """
+    gltf, found = character.document.gltf, []
+    for part in character.parts:
+        node, count = gltf["nodes"][part.node], len(part.vertices)
+        if "skin" in node:
+            which, share = influences(character.document, character.primitive(part), node["skin"], count)
+            found.append((np.array(gltf["skins"][node["skin"]]["joints"])[which], share))
+        else:
+            found.append((np.full((count, 1), part.node), np.ones((count, 1))))
+    width = max(which.shape[1] for which, _ in found)
+    padded = [[np.pad(array, ((0, 0), (0, width - array.shape[1]))) for array in pair] for pair in found]
+    return np.concatenate([which for which, _ in padded]), np.concatenate([share for _, share in padded])
+
+
+def _most_followed(character: Character) -> NDArray[np.int64]:
+    """Return the node (N,) with the largest share in each vertex's motion."""
+    nodes, shares = vertex_influences(character)
+    return np.asarray(nodes[np.arange(len(nodes)), shares.argmax(axis=1)])

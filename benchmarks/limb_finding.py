@@ -39,8 +39,8 @@ from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
 from engine_bridge.character.character import Character, load_character, make_character
+from engine_bridge.puppet.proposal import axes_of
 from engine_bridge.puppet.puppet import Direction
-from engine_bridge.puppet.rig_axes import axes_of
 from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import rig_limbs
 from engine_bridge.puppet.skin_joints import vertex_influences
@@ -222,11 +222,14 @@ Finder = Callable[[Character], Answer]
 
 def find(character: Character) -> Answer:
     """Return the answer of `puppetline new`."""
-    rig, surface = rig_limbs(character), character.solver_mesh()
-    axes = axes_of(rig) if rig is not None else None
-    stands = orientation.propose(surface, *(axes or (None, None)), specified=rig is not None)
+    rig = rig_limbs(character)
+    axes = axes_of(rig)
+    if rig is not None and axes is not None:
+        return Answer(rig.limbs, *axes, rig.bodies[0][0])
+    surface = character.solver_mesh()
+    stands = orientation.propose(surface, None, None, specified=rig is not None)
     up, front = (WAYS[axis] for axis in (stands.up, stands.front))
-    limbs = rig if rig is not None and rig.chains else find_limbs(surface, np.array([np.cross(up, front), up, front]))
+    limbs = find_limbs(surface, np.array([np.cross(up, front), up, front]))
     return Answer(limbs, stands.up, stands.front, stands.confidence)
 
 

@@ -119,7 +119,7 @@ def new_puppet(
     if up is not None and front is not None:
         check(values | {"handle": PLACEHOLDER_HANDLES}, where)  # refuses parallel axes first
     rig = None if ends else rig_limbs(character, _vector(up), _vector(front))
-    skeleton = _axes(rig)
+    skeleton = axes_of(rig)
     stands = orientation.propose(
         surface, *(skeleton or (up, front)), specified=mesh.suffix.lower() not in SURFACE_FILES
     )
@@ -186,7 +186,7 @@ def _direction(vector: NDArray[np.float64]) -> Direction:
     return names[axis][int(vector[axis] < 0)]
 
 
-def _axes(rig: RigBody | None) -> tuple[Direction, Direction] | None:
+def axes_of(rig: RigBody | None) -> tuple[Direction, Direction] | None:
     """Return up and front of the limbs of the file's skeleton; None if it has none."""
     if rig is None or not rig.limbs.chains:
         return None

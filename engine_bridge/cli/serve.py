@@ -213,7 +213,18 @@ def _studio(settings: "ServiceFile", folder: Path, streams: list[str], port: int
     endpoint, stream = joined[0]
     address = stream.removeprefix("tcp://").replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]")  # noqa: S104
     token = {TOKEN_VARIABLE: endpoint.token.decode()} if endpoint.token else {}
-    command = [sys.executable, "-m", "puppetline", "studio", "--service", address, "--port", str(port), "--no-browser"]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "puppetline",
+        "studio",
+        "--service",
+        address,
+        "--port",
+        str(port),
+        "--no-browser",
+    ]
     if settings.kiosk is not None:
         command += ["--visitors", str(visitors_folder(folder / settings.takes))]
     # 1 and 2 are for native libraries by now

@@ -204,7 +204,7 @@ class Kiosk:
         return asked or left or now >= clip.began + self._table.longest
 
     def _make(self, scene: Path, video: Path) -> int:
-        command = [sys.executable, "-m", "puppetline", "film", str(scene), "-o", str(video)]
+        command = [sys.executable, "-P", "-m", "puppetline", "film", str(scene), "-o", str(video)]
         outputs: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
         self._process = subprocess.Popen(command, **outputs, **bound_to_parent())  # noqa: S603
         if sys.platform != "win32":

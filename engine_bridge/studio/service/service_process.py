@@ -133,7 +133,7 @@ class ServiceProcess:
     async def _run(self) -> deque[str]:
         """Run the service to its end; return its last lines."""
         self._serving.clear()
-        command = ["-m", "puppetline", "serve", "--config", str(self._file), "--log-format", "json"]
+        command = ["-P", "-m", "puppetline", "serve", "--config", str(self._file), "--log-format", "json"]
         self._process = process = await asyncio.create_subprocess_exec(
             sys.executable,
             *command,

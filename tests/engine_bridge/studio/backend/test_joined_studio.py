@@ -146,7 +146,7 @@ def test_a_killed_service_takes_its_page_with_it_and_the_next_one_accepts_the_sa
                 pass
             return page.hello, state["characters"][0]["name"]
 
-    page = 0
+    page = free_port()
     process, opened = start()
     hello, name = asyncio.run(enter(*opened))
     assert (hello["joined"], name) == (True, "blob")

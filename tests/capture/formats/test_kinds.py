@@ -18,7 +18,6 @@ CONTENTS = {
     "Git LFS": b"version https://git-lfs.github.com/spec/v1\noid sha256:00\n",
     "HDF5": b"\x89HDF\r\n\x1a\n" + bytes(99),
     "picture": b"\x89PNG\r\n\x1a\n" + bytes(99),
-    "C3D": b"\x02P" + bytes(1000),
     "keys name, version": b'{"name": 1, "version": 2}',
     "columns day, open, close": b"day,open,close\n1,2,3\n2,3,4\n",
     "binary": bytes(range(256)) * 9,

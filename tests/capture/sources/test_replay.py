@@ -16,6 +16,9 @@ from puppetline.errors import SkeletonLogError, SourceError
 
 from ...clock import GivenClock
 from ...recordings import key, record
+from ..bodies import STANDING
+
+BODY = np.array(list(STANDING.values()))
 
 
 def make_frame(moment, user=1):
@@ -162,10 +165,10 @@ def test_a_take_of_an_earlier_version_is_played_and_logged_once(tmp_path, given_
 
 
 def test_a_foreign_log_plays_as_it_reads(tmp_path, given_clock):
-    rng = np.random.default_rng(0)
-    rows = [(frame, *rng.normal(size=60).round(3) + 2) for frame in (1, 2, 3, 4, 30)]
-    log = tmp_path / "utkinect.txt"
-    log.write_text("\n".join(" ".join(map(str, row)) for row in rows) + "\n")
+    columns = ["frame", *(f"{joint}_{axis}" for joint in STANDING for axis in "xyz")]
+    rows = [(frame, *np.add(BODY, [0.01 * frame, 1.0, 2.5]).ravel()) for frame in (1, 2, 3, 4, 30)]
+    log = tmp_path / "table.csv"
+    log.write_text("\n".join(",".join(map(str, row)) for row in (columns, *rows)) + "\n")
     (clip,) = read_log(log)
     came = events(RecordingSource.of_file("replay:log", log), given_clock)
     assert [key(e) for e in came if isinstance(e, SkeletonFrame)] == [key(frame) for frame in clip.frames()]

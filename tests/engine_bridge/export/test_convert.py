@@ -99,9 +99,10 @@ def test_the_performer_who_was_tracked_longest_is_taken_or_the_one_asked_for(
     assert (len(longest.positions), len(notes)) == (20, 1)
     other, _ = load_timeline(path, Settings(user=7))
     assert_allclose(other.positions, positions[:10] + 1, atol=1e-5)
-    one = record(tmp_path / "one.log", standing[None])
+    held, notes = load_timeline(record(tmp_path / "one.log", standing[None]), Settings())
+    assert_allclose(held.positions, np.broadcast_to(standing, held.positions.shape), atol=1e-5)
     lost = record(tmp_path / "lost.log", np.full((9, 20, 3), np.nan))
-    for log, settings in ((path, Settings(user=5)), (one, Settings()), (lost, Settings())):
+    for log, settings in ((path, Settings(user=5)), (lost, Settings())):
         refused_place(SkeletonLogError, log, load_timeline, log, settings)
 
 

@@ -159,7 +159,9 @@ def describe(result: Result) -> str:
         lines.append(f"  report    {result.report}")
     if result.others:
         lines.append(f"  ignored   {len(result.others):,} files that are no recordings:")
-        lines += [f"            {other}: {refusal(Path(other)).found}" for other in result.others]
+        lines += [f"            {other}: {refusal(Path(other)).found}" for other in result.others[:MAX_REASONS]]
+        if len(result.others) > MAX_REASONS:
+            lines.append(f"            … and {len(result.others) - MAX_REASONS:,} others")
     if result.failures:
         lines += ["", *_reasons(result.failures)]
     return "\n".join(lines)

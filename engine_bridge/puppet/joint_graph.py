@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from capture.bone_names import LEG_PARTS, JointMeaning, is_control, joint_meanings
 from capture.channels import FINGERS
+from engine_bridge.puppet.skin_joints import Joint
 from solver.anatomy.body_graph import LABELS, BodyGraph
 
 ARM_PARTS = ("shoulder", "upperArm", "lowerArm", "hand", "palm", *FINGERS)
@@ -39,31 +40,6 @@ them."""
 
 BARE_SHARE = 0.005
 """Maximum share of vertices that follow a joint that moves nothing of its own: a root may have a few by mistake."""
-
-
-@dataclass(frozen=True, eq=False)
-class Joint:
-    """A joint of a skeleton.
-
-    Attributes
-    ----------
-    name : str
-        As in the file, or its name in VRM's table.
-    parent : int
-        Index of the parent joint, −1 for none.
-    place : (3,) float64
-        Mesh file's coordinates.
-    vertices : (n, 3) float64
-        Vertices that follow this joint more than any other.
-    label : str
-        How puppet files call it.
-    """
-
-    name: str
-    parent: int
-    place: NDArray[np.float64]
-    vertices: NDArray[np.float64]
-    label: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character
-from engine_bridge.puppet.joint_graph import Joint, JointGraph, joint_graph
-from engine_bridge.puppet.skin_joints import joints_of
+from engine_bridge.puppet.joint_graph import JointGraph, joint_graph
+from engine_bridge.puppet.skin_joints import Joint, joints_of
 from solver.anatomy.body_decision import Body, decide, load_weights
 from solver.anatomy.body_graph import LABELS, Pair
 from solver.anatomy.limb_chain import LimbChain, Limbs, evenly, leg_names
@@ -45,6 +45,9 @@ END_SHARE = 0.2
 MAX_TIP_DISTANCE = 0.4
 """Maximum distance of a limb's end from the nearest vertex that follows it, as a share of the distance from its last
 joint."""
+
+MAX_TRIED = 16
+"""About how many joints of a limb are tried as its three: their number grows with the third power."""
 
 NAME_SCORE = 4.0
 """Score of a joint whose name says which joint of a limb it is."""
@@ -296,7 +299,7 @@ class _LimbReader:
             )
             share = np.cumsum([0.0, *shape.shares[1:]]) / shape.shares[1:].sum()
             return _Chain(root + share[:, None] * (tip - root), (way[0],))
-        nodes = max(self._choices(way), key=lambda nodes: self._fit(way, nodes, shape))
+        nodes = max(self._choices(way, shape), key=lambda nodes: self._fit(way, nodes, shape))
         if len(nodes) < 3:
             return self.without_end(*nodes)
         end = [nodes[2], *(other for other in self.graph.children[self.graph.parents[nodes[2]]] if other != nodes[2])]
@@ -304,9 +307,13 @@ class _LimbReader:
         held = same if self.part(nodes[2]) else [nodes[2]]  # a palm may have several joints side by side
         return self.with_end(nodes, [below for node in held for below in self.graph.subtrees[node]])
 
-    def _choices(self, way: Sequence[int]) -> Iterator[tuple[int, ...]]:
-        yield from combinations(way, 3)
-        yield from ((one, other) for one, other in combinations(way, 2) if other == way[-1])
+    def _choices(self, way: Sequence[int], shape: _Shape) -> Iterator[tuple[int, ...]]:
+        """Yield pairs and threes of joints; of many, some and those with a name of the limb."""
+        step = len(way) // MAX_TRIED + 1
+        named = {node for node in way if any(self.part(node) in parts for parts in shape.parts)}
+        tried = [node for k, node in enumerate(way) if k % step == 0 or node == way[-1] or (node in named and step < 8)]
+        yield from combinations(tried, 3)
+        yield from ((one, way[-1]) for one in tried[:-1])
 
     def _fit(self, way: Sequence[int], nodes: tuple[int, ...], shape: _Shape) -> float:
         """Return how well joints fit a limb: a log likelihood."""

@@ -1,13 +1,39 @@
 """Joints of a character's file, and the vertices that follow them."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import influences, world_transforms
-from engine_bridge.puppet.joint_graph import Joint
 from engine_bridge.puppet.limb_nodes import node_labels
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint of a skeleton.
+
+    Attributes
+    ----------
+    name : str
+        As in the file, or its name in VRM's table.
+    parent : int
+        Index of the parent joint, −1 for none.
+    place : (3,) float64
+        Mesh file's coordinates.
+    vertices : (n, 3) float64
+        Vertices that follow this joint more than any other.
+    label : str
+        How puppet files call it.
+    """
+
+    name: str
+    parent: int
+    place: NDArray[np.float64]
+    vertices: NDArray[np.float64]
+    label: str = ""
 
 
 def joints_of(character: Character) -> list[Joint]:

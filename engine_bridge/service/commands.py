@@ -138,8 +138,6 @@ class _Commands:
     def set_puppet(self, asked: requests.SetPuppet) -> dict[str, Any] | Deferred:
         _, player = self._editable(asked.character)
         puppet = puppet_of(merged(_values(player), asked.puppet), player.character.rig.puppet.character.mesh)
-        if puppet.retarget.mirror != player.motion.mirror:
-            self._cue(asked.character, "mirror", on=puppet.retarget.mirror)
         return self._show(asked.character, puppet)
 
     def set_handle(self, asked: requests.SetHandle) -> dict[str, Any]:
@@ -191,22 +189,30 @@ class _Commands:
     def _show(self, character: str, puppet: Puppet) -> dict[str, Any] | Deferred:
         """Apply another mapping now, or other limbs, handles or settings when they are computed."""
         runner, player = self._editable(character)
-        if has_same_model(player.character.rig.puppet, puppet):
-            return self._remap(runner, player, puppet)
+        before = player.character.rig.puppet
+        if has_same_model(before, puppet):
+            self._remap(runner, player, puppet)
+            return self._mirrored(player, puppet)
 
         def shown(loaded: CharacterPlayer) -> dict[str, Any]:
             runner, present = self._editable(character)
-            if present is not player:
+            if present is not player or present.character.rig.puppet is not before:
                 raise ServiceError(
                     character,
-                    found="a character that was loaded again meanwhile",
-                    expected="the character that was edited",
+                    found="a character that was edited or loaded again meanwhile",
+                    expected="the character as it was before the edit",
                     fix="Edit it again.",
                 )
             self._service.replace(runner, player, loaded)
-            return self._mapping(loaded)
+            return self._mirrored(loaded, puppet)
 
         return self._service.edit(player, puppet, shown)
+
+    def _mirrored(self, player: CharacterPlayer, puppet: Puppet) -> dict[str, Any]:
+        """Mirror as a puppet says that has just been applied, and return the mapping."""
+        if puppet.retarget.mirror != player.motion.mirror:
+            self._cue(player.character.name, "mirror", on=puppet.retarget.mirror)
+        return self._mapping(player)
 
     def _remap(self, runner: StageRunner, player: CharacterPlayer, puppet: Puppet) -> dict[str, Any]:
         self._service.remap(runner, player, puppet)

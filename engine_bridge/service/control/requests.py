@@ -24,7 +24,7 @@ RequestId = int | str | None
 WHERE = "the request"
 MAX_REQUEST_BYTES = 65_536
 MAX_KEYS = 16
-MAX_WHOLE_NUMBER = 2**53
+MAX_EXACT_INTEGER = 2**53
 MAX_QUOTED_CHARACTERS = 500
 """Maximum length of each string of an error reply, which may quote a request."""
 
@@ -63,15 +63,15 @@ def _values(text: Any) -> Any:
             return values
     raise mistake(
         found=repr(text)[:60],
-        expected="the tables of a puppet file as a text in JSON",
+        expected="the tables of a puppet file as a JSON string",
         fix='Ask for the present one with {"do": "puppet"}, change it, and send it back.',
     )
 
 
 def _number(text: str) -> int | float:
-    """Read a number with a decimal point; whole ones are integers, because some clients write 8 as 8.0."""
+    """Read a number with a decimal point; 8.0 becomes an integer, because some clients write integers so."""
     value = float(text)
-    return int(value) if value.is_integer() and abs(value) <= MAX_WHOLE_NUMBER else value
+    return int(value) if value.is_integer() and abs(value) <= MAX_EXACT_INTEGER else value
 
 
 PuppetValues = Annotated[dict[str, Any], BeforeValidator(_values)]

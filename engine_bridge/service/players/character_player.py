@@ -386,7 +386,7 @@ class CharacterPlayer:
         self._remembered = dict(list(known.items())[-MAX_REMEMBERED:])
 
     def succeed(self, other: "CharacterPlayer") -> None:
-        """Take over the performer, the calibrations and the shown pose from the player that a reload replaces."""
+        """Take over the performer, the calibrations and the shown pose from the player that this one replaces."""
         if self.character.rig.puppet.retarget.mirror == other.character.rig.puppet.retarget.mirror:
             self.motion.mirror = other.motion.mirror
         self.remember(other.remembered())

@@ -121,7 +121,7 @@ class Backend:
     async def _do_invite(self, _: connection.Invite) -> dict[str, Any]:
         return {"address": self._invite()}
 
-    async def _do_puppet(self, asked: characters.GetPuppet | characters.ChangePlan) -> dict[str, Any]:
+    async def _do_puppet(self, asked: characters.GetPuppet | characters.ChangePlan | characters.Edit) -> dict[str, Any]:
         raise NotImplementedError
 
     async def _do_change_plan(self, asked: characters.ChangePlan) -> dict[str, Any]:

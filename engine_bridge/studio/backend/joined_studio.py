@@ -77,12 +77,13 @@ class JoinedStudio(Backend):
     async def _refuse(self, asked: base.Request) -> Never:
         raise _elsewhere(f"the request {getattr(asked, 'do', '')}")
 
-    async def _do_puppet(self, asked: characters.GetPuppet | characters.ChangePlan) -> dict[str, Any]:
+    async def _do_puppet(self, asked: characters.GetPuppet | characters.ChangePlan | characters.Edit) -> dict[str, Any]:
         return self._took(await self.service.request("puppet", character=asked.character))
 
     async def _do_edit(self, asked: characters.Edit) -> dict[str, Any]:
-        puppet = values_of(puppet_of(asked.puppet, asked.character))  # omitted keys have their defaults
-        changes = json.dumps(puppet)
+        known = (await self._do_puppet(asked))["puppet"]
+        edited = values_of(puppet_of(asked.puppet, known["character"]["mesh"]))  # omitted keys have their defaults
+        changes = json.dumps({name: table for name, table in edited.items() if table != known[name]})
         return self._took(await self.service.request("set_puppet", character=asked.character, puppet=changes))
 
     async def _do_save_puppet(self, asked: characters.SavePuppet) -> dict[str, Any]:

@@ -189,7 +189,7 @@ class Studio(Backend):
         )
         return listed.model_dump(mode="json")
 
-    async def _do_puppet(self, asked: characters.GetPuppet | characters.ChangePlan) -> dict[str, Any]:
+    async def _do_puppet(self, asked: characters.GetPuppet | characters.ChangePlan | characters.Edit) -> dict[str, Any]:
         character = self.characters[asked.character]
         return puppet_reply(character.name, character.puppet, character.puppet == character.saved)
 

@@ -1,5 +1,3 @@
-from functools import partial
-
 import numpy as np
 import pygltflib as gltf
 import pytest
@@ -36,12 +34,6 @@ def hang_on(glb, inverse):
     glb.node(glb.mesh(primitive), skin=0)
 
 
-def endless_skin(glb, value):
-    inverse = np.eye(4, dtype=np.float32)
-    inverse[1, 2] = value
-    hang_on(glb, inverse)
-
-
 def endless_node(glb):
     above = glb.node(scale=[1e200] * 3)
     glb.node(glb.mesh(glb.primitive(CORNERS, SIDES)), parent=above, scale=[1e200] * 3)
@@ -52,14 +44,7 @@ def branch_without_its_trunk(glb):
     glb.file.scenes[0].nodes = [glb.node(glb.mesh(glb.primitive(CORNERS, SIDES)), parent=trunk)]
 
 
-@pytest.mark.parametrize(
-    ("damage", "place"),
-    [
-        *((partial(endless_skin, value=value), "nodes[1]") for value in (np.nan, np.inf, 1e30)),
-        (endless_node, "nodes[1]"),
-        (branch_without_its_trunk, "nodes[1]"),
-    ],
-)
+@pytest.mark.parametrize(("damage", "place"), [(endless_node, "nodes[1]"), (branch_without_its_trunk, "nodes[1]")])
 def test_a_scene_without_bounds_is_refused_with_its_place(glb, tmp_path, damage, place):
     damage(glb)
     path = glb.save(tmp_path / "a.glb")

@@ -6,8 +6,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal, assert_equal
 
 from engine_bridge.character.character import from_document, load_character, make_character
-from engine_bridge.puppet.joint_graph import Joint
 from engine_bridge.puppet.rig_limbs import limbs_of_joints, rig_limbs
+from engine_bridge.puppet.skin_joints import Joint
 
 from ..bones import points
 

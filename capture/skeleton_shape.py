@@ -92,18 +92,24 @@ class _Tree:
         self.parents, self.rest, self.is_end = parents, rest, is_end
         self.size = float(np.ptp(rest, axis=0).max())
         self.children: list[list[int]] = [[] for _ in parents]
+        self._next, reach = [-1] * len(parents), [0.0] * len(parents)  # the way to the farthest leaf, and its length
         below, count = rest.copy(), np.ones(len(rest))
         for node, parent in reversed(list(enumerate(parents))):
             if parent >= 0:
                 self.children[parent].insert(0, node)
                 below[parent] += below[node]
                 count[parent] += count[node]
+                way = reach[node] + self.length([parent, node])
+                if way >= reach[parent]:
+                    self._next[parent], reach[parent] = node, way
         self.middles = below / count[:, None]  # of each node and those below it
 
     def longest(self, node: int) -> list[int]:
         """Return the longest chain of nodes from a node to a leaf."""
-        chains = [self.longest(child) for child in self.children[node]]
-        return [node, *max(chains, key=lambda chain: self.length([node, *chain]), default=[])]
+        chain = [node]
+        while (node := self._next[node]) >= 0:
+            chain.append(node)
+        return chain
 
     def length(self, chain: Sequence[int]) -> float:
         """Return the length of a chain."""

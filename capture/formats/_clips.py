@@ -12,6 +12,12 @@ from capture.orientations import unit_or_unknown, unknown
 from capture.skeleton import INFERRED, LOST, SkeletonFrame
 from puppetline.errors import SkeletonLogError
 
+MAX_JOINTS = 500
+"""Maximum number of joints of a skeleton; a detailed rig with fingers and face has about 150."""
+
+MAX_POSITIONS = 10_000_000
+"""Maximum number of joints times frames, about 100 bytes each: half an hour of CMU's skeleton at 120 Hz."""
+
 
 def build_clip(
     path: Path,
@@ -91,6 +97,17 @@ def _channels(seen: list[SkeletonFrame]) -> dict[str, NDArray[np.float32]] | Non
     values = [frame.channels or {} for frame in seen]
     names = dict.fromkeys(name for each in values for name in each)
     return {name: np.array([each.get(name, np.nan) for each in values], np.float32) for name in names} or None
+
+
+def refuse_too_many(where: Path | str, frames: int, joints: int) -> None:
+    """Raise an error if a recording has more than `MAX_POSITIONS` positions, before they fill the memory."""
+    if frames * joints > MAX_POSITIONS:
+        raise SkeletonLogError(
+            where,
+            found=f"{frames} frames of {joints} joints",
+            expected=f"at most {MAX_POSITIONS // joints} frames",
+            fix="Shorten the recording, or export it at a lower frame rate.",
+        )
 
 
 def frame_rate(options: ReadOptions, default: float) -> tuple[float, tuple[str, ...]]:

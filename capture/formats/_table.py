@@ -128,7 +128,7 @@ class Table:
         if len(joints) > len(unnamed):
             joints = {name: own for name, own in joints.items() if name not in unnamed}
             numbers = {name: name.lstrip("abcdefghijklmnopqrstuvwxyz_") for name in joints}
-            is_numbered = all(number.isdigit() for number in numbers.values())
+            is_numbered = all(number.isdecimal() for number in numbers.values())
             if is_numbered and len({name.removesuffix(number) for name, number in numbers.items()}) == 1:
                 joints = {numbers[name]: own for name, own in joints.items()}
             return Layout(joints, fields) if is_numbered or is_person(list(joints)) else None
@@ -148,19 +148,27 @@ class Table:
             ) from error
         joints, fields = {}, {}
         for name, own in chosen.items():
-            wanted = own if isinstance(own, list) else [own]
-            if len(wanted) not in ((1,) if name in ("time", "frame", "person", "joint") else (1, 3, 4)):
+            columns = [self._column_of(path, name, each) for each in (own if isinstance(own, list) else [own])]
+            is_field = name in ("time", "frame", "person", "joint")
+            is_whole = is_field or self.cells.vectors.keys() >= set(columns[:1])
+            if len(columns) not in ((1,) if is_whole else (3, 4)):
                 raise SkeletonLogError(
                     at(path, field=name),
-                    found=f"{len(wanted)} columns",
+                    found=f"{len(columns)} columns",
                     expected="the columns of x, y and z, or one column with all three",
                     fix="Correct this line.",
                 )
-            columns = [self._column_of(path, name, each) for each in wanted]
-            if name in ("time", "frame", "person", "joint"):
+            if is_field:
                 fields[name] = columns[0]
             else:
                 joints[name] = dict(zip((*AXES, "state"), columns, strict=False))
+        if not joints:
+            raise SkeletonLogError(
+                path,
+                found="no columns of a joint",
+                expected='lines such as Head = ["HX", "HY", "HZ"]',
+                fix="Add a line for each joint.",
+            )
         return Layout(joints, fields)
 
     def _column_of(self, path: Path, field: str, name: object) -> int:
@@ -198,7 +206,7 @@ class Table:
         return None
 
     def _are_numbered(self) -> bool:
-        return all(name.strip().replace(".", "").isdigit() for name in self._names if name)
+        return all(name.strip().replace(".", "").isdecimal() for name in self._names if name)
 
     def _candidates(self) -> Iterable[tuple[str, list[int], int]]:
         """Yield joint sets, the first columns of their joints, and how many columns a joint has."""

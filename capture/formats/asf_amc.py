@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from capture.clip import SkeletonClip
-from capture.formats._clips import frame_rate
+from capture.formats._clips import MAX_JOINTS, frame_rate, refuse_too_many
 from capture.formats._rows import Line, is_number, line_error, read_lines
 from capture.formats.options import ReadOptions
 from capture.formats.skeleton_motion import SkeletonMotion, clips_of, forward_kinematics, rest_positions
@@ -25,6 +25,9 @@ DEFAULT_FPS = 120.0
 """Frame rate of CMU's recordings, in frames per second; the format states none."""
 
 MAX_FRAMES = 1_000_000
+
+FREEDOMS = {"tx", "ty", "tz", "rx", "ry", "rz", "l"}
+"""Degrees of freedom of a bone: translations, rotations, and the length."""
 
 
 @dataclass(slots=True)
@@ -104,16 +107,19 @@ def _skeleton(path: Path, lines: list[tuple[int, list[str]]]) -> tuple[list[Bone
             elif section == ":units" and key == "angle":
                 angle_unit = 1.0 if rest[0].lower().startswith("rad") else angle_unit
             elif section == ":root" and key == "order":
-                bones["root"].freedoms = tuple(each.lower() for each in rest)
+                bones["root"].freedoms = _freedoms(rest)
             elif section == ":hierarchy" and key not in ("begin", "end"):
                 for child in rest:
+                    if child in order or len(order) >= MAX_JOINTS:
+                        raise ValueError(child)
                     bones[child].parent = order.index(word)
                     order.append(child)
             elif section == ":bonedata":
                 bone = _with_property(bone, key, rest, angle_unit, bones)
     except (KeyError, ValueError, IndexError) as error:
         line: Line = (number, "")
-        raise line_error(path, line, f"{word!r} with {' '.join(rest)[:60]!r}", "a bone of an ASF skeleton") from error
+        expected = f"a bone of an ASF skeleton, which has at most {MAX_JOINTS} bones and each only once"
+        raise line_error(path, line, f"{word!r} with {' '.join(rest)[:60]!r}", expected) from error
     return [bones[name] for name in order], angle_unit
 
 
@@ -122,7 +128,7 @@ def _with_property(bone: Bone, key: str, rest: list[str], unit: float, bones: di
     if key == "name":
         bone = bones.setdefault(rest[0], Bone(rest[0]))
     elif key == "direction":
-        bone.vector = np.array(rest[:3], dtype=np.float64)
+        bone.vector = np.array(rest[:3], dtype=np.float64).reshape(3)
     elif key == "length":
         bone.vector = bone.vector * float(rest[0])
     elif key == "axis":
@@ -130,8 +136,16 @@ def _with_property(bone: Bone, key: str, rest: list[str], unit: float, bones: di
         order = (rest[3] if len(rest) > 3 else "XYZ").lower()
         bone.axes = Rotation.from_euler(order, [angles["xyz".index(axis)] for axis in order]).as_matrix()
     elif key == "dof":
-        bone.freedoms = tuple(each.lower() for each in rest)
+        bone.freedoms = _freedoms(rest)
     return bone
+
+
+def _freedoms(words: list[str]) -> tuple[str, ...]:
+    """Return degrees of freedom; an error if one is unknown or repeated."""
+    freedoms = tuple(word.lower() for word in words)
+    if len(set(freedoms) & FREEDOMS) != len(freedoms):
+        raise ValueError(words)
+    return freedoms
 
 
 def _motion(path: Path, lines: list[tuple[int, list[str]]], bones: list[Bone]) -> list[Floats]:
@@ -160,8 +174,9 @@ def _motion(path: Path, lines: list[tuple[int, list[str]]], bones: list[Bone]) -
             path,
             found=f"{len(frames)} frames",
             expected=f"1 to {MAX_FRAMES} frames of motion",
-            fix="Copy the file again, or export it anew.",
+            fix="Copy or export the file again.",
         )
+    refuse_too_many(path, len(frames), len(bones))
     values = [
         np.array([frame[number] or np.zeros(len(bone.freedoms)) for frame in frames], dtype=np.float64)
         for number, bone in enumerate(bones)
@@ -172,7 +187,7 @@ def _motion(path: Path, lines: list[tuple[int, list[str]]], bones: list[Bone]) -
                 at(path, field=moved.name),
                 found="a number that is not finite",
                 expected="numbers",
-                fix="Export it anew.",
+                fix="Export it again.",
             )
     return values
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.formats._clips import MAX_JOINTS, refuse_too_many
 from capture.formats._rows import Line, LineSource, RowLayout, count_note, is_number, line_error, read_lines
 from puppetline.errors import SkeletonLogError, at
 
@@ -21,12 +22,8 @@ DEFAULT_FPS = 30.0
 """Frames per second of a file that states no usable frame time."""
 LONGEST_SECONDS = 2.0
 """Frame time from which it is in milliseconds, in seconds."""
-MAX_JOINTS = 500
-"""Maximum number of nodes; a detailed rig with fingers and face has about 150."""
 MAX_NUMBER = 1e9
 """Bound of the magnitude of a number: larger than any length or angle, small enough that nothing overflows."""
-MAX_POSITIONS = 10_000_000
-"""Maximum number of nodes times frames, about 100 bytes each: half an hour of CMU's skeleton at 120 Hz."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,13 +87,7 @@ def parse(path: Path, fps: float | None = None) -> tuple[list[Node], NDArray[np.
             expected="at least one line of motion",
             fix="The file may be incomplete. Copy it again, or export the motion with the skeleton.",
         )
-    if len(rows) * len(nodes) > MAX_POSITIONS:
-        raise SkeletonLogError(
-            at(path, lines.last),
-            found=f"{len(rows)} frames of {len(nodes)} joints",
-            expected=f"at most {MAX_POSITIONS // len(nodes)} frames",
-            fix="Shorten the recording, or export it at a lower frame rate.",
-        )
+    refuse_too_many(at(path, lines.last), len(rows), len(nodes))
     motion = layout.table(path, rows)
     for row, values in zip(rows, motion, strict=True):
         _check_size(path, row, values)

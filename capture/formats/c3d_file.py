@@ -1,11 +1,13 @@
 """C3D: the positions of markers, in binary form; read by the library c3d."""
 
 import warnings
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from capture.clip import SkeletonClip
+from capture.formats._clips import refuse_too_many
 from capture.formats._files import opened
 from capture.formats.markers import clip_of_markers
 from capture.formats.options import ReadOptions
@@ -40,21 +42,22 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
             reader = library.Reader(file)
             names = [label.strip() for label in reader.point_labels]
             rate = float(reader.point_rate)
-            frames = [points[:, :4].copy() for _, points, _ in reader.read_frames()]
+            frames = [points[:, :4].copy() for _, points, _ in islice(reader.read_frames(), MAX_FRAMES + 1)]
         except Exception as error:  # the library raises errors of any kind for a damaged file
             raise SkeletonLogError(
                 path,
                 found=f"a C3D file that the library c3d cannot read ({type(error).__name__}: {error})",
                 expected="markers in a C3D file",
-                fix="Export the file anew, or as TRC.",
+                fix="Export the file again, or as TRC.",
             ) from error
     if not 0 < len(frames) <= MAX_FRAMES or not names or not rate > 0:
         raise SkeletonLogError(
             path,
             found=f"{len(frames)} frames of {len(names)} markers at {rate:g} per second",
             expected="motion of markers",
-            fix="Export the file anew.",
+            fix="Export the file again.",
         )
+    refuse_too_many(path, len(frames), len(frames[0]))
     table = np.array(frames, dtype=np.float64)[:, : len(names)]
     positions = np.where(table[..., 3:] < 0, np.nan, table[..., :3])
     times = np.arange(len(table)) / (options.fps or rate)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from capture.clip import SkeletonClip
+from capture.formats._clips import refuse_too_many
 from capture.formats._files import opened
 from capture.formats._rows import is_number
 from capture.formats.options import ReadOptions
@@ -22,7 +23,7 @@ SEGMENTS = (
 )
 """Names of the segments in the order in which files have them, if a file does not name them."""
 
-MAX_VALUES = 100_000_000
+MAX_CHARACTERS = 1_000_000_000
 """Maximum number of characters of numbers, so that a damaged file does not fill the memory."""
 
 
@@ -43,14 +44,14 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     try:
         with opened(path) as source:
             file.parser.ParseFile(source)
-    except (expat.ExpatError, ValueError) as error:
+    except (expat.ExpatError, ValueError, LookupError) as error:
         raise SkeletonLogError(
             at(path, file.parser.CurrentLineNumber),
             found=f"XML that cannot be read ({error})",
             expected="an MVNX file",
-            fix="Export the file anew.",
+            fix="Export the file again.",
         ) from error
-    names = file.names or list(SEGMENTS[: file.count])
+    names = file.names or list(SEGMENTS)
     count = len(names)
     frames = [each for each in file.frames if len(each[1]) == 3 * count and len(each[2]) == 4 * count]
     moving = [each for each in frames if each[0] == "normal"]
@@ -59,8 +60,9 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
             path,
             found=f"{len(moving)} frames of {count} segments",
             expected="frames with the position and orientation of each segment",
-            fix="Export the file anew, with positions and orientations.",
+            fix="Export the file again, with positions and orientations.",
         )
+    refuse_too_many(path, len(moving), count)
     positions = np.array([each[1] for each in moving]).reshape(len(moving), count, 3)
     turns = np.array([each[2] for each in moving]).reshape(-1, 4)
     lengths = np.linalg.norm(turns, axis=1, keepdims=True)
@@ -92,7 +94,7 @@ class _File:
 
     def __init__(self) -> None:
         self.names: list[str] = []
-        self.count, self.fps = len(SEGMENTS), 60.0
+        self.fps = 60.0
         self.frames: list[tuple[str, NDArray[np.float64], NDArray[np.float64], float]] = []
         self._frame: dict[str, str] | None = None
         self._values: dict[str, list[str]] = {}
@@ -119,7 +121,7 @@ class _File:
     def _text(self, text: str) -> None:
         if self._inside:
             self._size += len(text)
-            if self._size > MAX_VALUES * 10:
+            if self._size > MAX_CHARACTERS:
                 raise ValueError("more numbers than an hour of motion has")
             self._values.setdefault(self._inside, []).append(text)
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.formats._cells import number
+from capture.formats._clips import MAX_JOINTS
 from capture.formats._columns import TABLE
 from capture.formats._rows import head_lines, read_lines
 from capture.formats._table import UNNAMED, Table
@@ -178,7 +179,7 @@ def _performer(table: Table, rows: Rows) -> Performer:
             performer = performer._replace(
                 names=own if is_named else [str(index) for index in range(len(performer.names))]
             )
-    if all(name.isdigit() for name in performer.names):
+    if all(name.isdecimal() for name in performer.names):
         performer = _numbered(table, performer)
     return performer._replace(times=_times(table, rows))
 
@@ -217,6 +218,8 @@ def _with_a_row_per_joint(
         names.append(joint or str(len(seen)))
         seen.add(names[-1])
     distinct = list(dict.fromkeys(names))
+    if len(distinct) > MAX_JOINTS:
+        table.refuse(f"rows of {len(distinct)} joints, more than the {MAX_JOINTS} of any skeleton")
     place = {name: index for index, name in enumerate(distinct)}
     frame = np.searchsorted(starts, np.arange(len(rows)), side="right") - 1
     joint_of_row = np.array([place[name] for name in names])

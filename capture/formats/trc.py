@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from capture.clip import SkeletonClip
+from capture.formats._clips import refuse_too_many
 from capture.formats._rows import head_lines, line_error, read_lines
 from capture.formats.markers import clip_of_markers
 from capture.formats.options import ReadOptions
@@ -32,10 +33,11 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
             path,
             found="no line with the names of markers, or no frames",
             expected="a line that begins with Frame# and Time, and frames after it",
-            fix="Export the file anew.",
+            fix="Export the file again.",
         )
     names = [name.strip() for name in lines[header][1].rstrip("\r\n").split(separator)[2:] if name.strip()]
     first = header + 1 + (not _numbers(lines[header + 1][1], separator)[0].size)
+    refuse_too_many(path, len(lines) - first, len(names))
     rows = []
     for number, text in lines[first:]:
         values, wrong = _numbers(text, separator)

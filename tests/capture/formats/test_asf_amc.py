@@ -87,6 +87,40 @@ def test_a_bone_turns_about_its_own_axes(take):
     assert cosine == pytest.approx(whole.apply(way) @ way / (way @ way), abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("    lfemur ltibia", "    lfemur root"),
+        ("    lfemur ltibia", "    lfemur ltibia ltibia"),
+        ("  dof rx ry rz", "  dof rx rx"),
+        ("  dof rx ry rz", "  dof rx rq"),
+        ("order TX TY", "order T TY"),
+        ("  direction 0.3 -0.95 0", "  direction 0.3 -0.95"),
+    ],
+)
+def test_a_skeleton_with_a_wrong_line_is_refused_with_that_line(tmp_path, old, new):
+    assert old in skeleton()
+    text = skeleton().replace(old, new, 1)
+    (tmp_path / "07.asf").write_text(text)
+    line = next(index for index, each in enumerate(text.splitlines(), 1) if each.startswith(new) or new in each)
+    with pytest.raises(SkeletonLogError, match=rf"07\.asf, line {line}\b"):
+        asf_amc.read(tmp_path / "07.asf", ReadOptions())
+
+
+def test_a_chain_may_be_as_long_as_the_largest_skeleton(tmp_path):
+    def lengthened(count):
+        names = [f"extra{index}" for index in range(count)]
+        bones = "".join(f"  begin\n  name {name}\n  direction 0 0 1\n  length 0.001\n  end\n" for name in names)
+        links = "".join(f"    {parent} {name}\n" for parent, name in zip(["head", *names], names, strict=False))
+        text = skeleton().replace(":hierarchy\n  begin\n", f"{bones}:hierarchy\n  begin\n")
+        (tmp_path / "07.asf").write_text(text.removesuffix("  end\n") + links + "  end\n")
+        return asf_amc.read(tmp_path / "07.asf", ReadOptions())
+
+    assert len(lengthened(500 - 1 - len(TREE))) == 1
+    with pytest.raises(SkeletonLogError, match=r"07\.asf, line"):
+        lengthened(500 - len(TREE))
+
+
 def test_a_skeleton_alone_is_its_rest_pose_and_a_motion_alone_is_an_error(take, tmp_path):
     path = take()
     (rest,) = read_log(tmp_path / "07.asf", ReadOptions())

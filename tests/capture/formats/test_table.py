@@ -92,6 +92,16 @@ def test_a_file_names_columns_that_have_no_names_for_joints(read, tmp_path):
     names.write_text("\n".join(text).replace("m3b", "missing"))
     with pytest.raises(table.SkeletonLogError):
         read(table, lines, columns=names)
+    for wrong in ("", text[0], 'head = "m0a"', "head = []"):
+        names.write_text(wrong)
+        with pytest.raises(table.SkeletonLogError):
+            read(table, lines, columns=names)
+
+
+def test_rows_of_more_joints_than_any_skeleton_has_are_refused(read):
+    lines = ["frame,joint,x,y,z", *(f"{index},joint{index},1,2,3" for index in range(501))]
+    with pytest.raises(table.SkeletonLogError, match="501 joints"):
+        read(table, lines)
 
 
 @pytest.mark.parametrize(

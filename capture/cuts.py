@@ -1,7 +1,7 @@
 """Cuts in a performer's motion: displacements that no person makes, in files, replays and live.
 
 Sensors confuse people, senders change their origin, and recordings are joined. What follows a motion over time
-(filters, springs, held feet) begins anew after a cut.
+(filters, springs, held feet) begins again after a cut.
 """
 
 import numpy as np

@@ -18,7 +18,7 @@ MIN_INTERVAL_SHARE = 0.6
 theirs: two people can be at one place, but then frames of both arrive."""
 
 FORGET_SECONDS = 1.0
-"""Time after which a performer's place no longer identifies them, in seconds."""
+"""Time after which a performer's place no longer identifies them, and one who is lost is forgotten, in seconds."""
 
 
 @dataclass(slots=True)
@@ -54,6 +54,11 @@ class Identities:
         time : float
             Seconds.
         """
+        self._performers = {
+            user: each
+            for user, each in self._performers.items()
+            if each.sent is not None or time - each.time < FORGET_SECONDS
+        }
         user = self._of(sent)
         known = None if user is None else self._performers[user]
         there = None

@@ -46,6 +46,14 @@ def test_a_performer_who_is_lost_and_back_at_the_same_place_keeps_the_number_and
     assert identities.user(5, pose(1, 1), 0.5) == 5
 
 
+def test_performers_who_have_left_are_forgotten():
+    identities = Identities()
+    for sent in range(1000):
+        assert identities.user(sent, pose(sent % 3, 0), float(sent)) == sent
+        assert identities.lost(sent) == sent
+    assert len(identities._performers) == 1
+
+
 def test_two_performers_at_one_place_who_both_send_are_two():
     identities = Identities()
     for frame in range(5):

@@ -57,8 +57,8 @@ def is_cut(
 
 def cut_frames(
     times: NDArray[np.float64], positions: NDArray[np.float64], confidence: NDArray[np.float32], share: float = 0.5
-) -> NDArray[np.intp]:
-    """Return the numbers of the frames of a clip before which there is a cut; frames without joints do not count.
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the last frame before each cut of a clip, and the first after it; frames without joints do not count.
 
     Parameters
     ----------
@@ -67,10 +67,15 @@ def cut_frames(
     confidence : (T, 20) float32
     share : float
         As for `is_cut`.
+
+    Returns
+    -------
+    before, after : (C,) intp
+        Numbers of the frames.
     """
     seen = np.flatnonzero((confidence > LOST).any(axis=1))
     before, after = seen[:-1], seen[1:]
     cut = is_cut(
         positions[before], confidence[before], positions[after], confidence[after], times[after] - times[before], share
     )
-    return after[cut]
+    return before[cut], after[cut]

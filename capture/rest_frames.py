@@ -31,7 +31,7 @@ def resting_frames(times: NDArray[np.float64], positions: NDArray[np.float64], c
         Metres, in any axes.
     confidence : (T, 20) float32
     """
-    cuts = cut_frames(times, positions, confidence, MOVING_SHARE)
+    _, cuts = cut_frames(times, positions, confidence, MOVING_SHARE)
     if not len(cuts) or not _is_rest_pose(positions[0]):
         return 0
     before = positions[: cuts[0]] - positions[0]

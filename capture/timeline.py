@@ -149,11 +149,11 @@ def resample(clip: SkeletonClip, fps: float = 30.0, max_gap: float = 0.25) -> Ti
 
 
 def _held_until_cuts(clip: SkeletonClip) -> SkeletonClip:
-    """Return a clip with one more frame just before each cut: the frame before it."""
-    cuts = cut_frames(clip.times, clip.positions, clip.confidence)
+    """Return a clip with one more frame just before each cut: the last one before it with a known joint."""
+    before, cuts = cut_frames(clip.times, clip.positions, clip.confidence)
 
     def held(values: NDArray[Any]) -> NDArray[Any]:
-        return np.insert(values, cuts, values[cuts - 1], axis=0)
+        return np.insert(values, cuts, values[before], axis=0)
 
     return replace(
         clip,

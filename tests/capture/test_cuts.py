@@ -21,9 +21,9 @@ def walk(fps, speed):
 @pytest.mark.parametrize("fps", [10, 30, 120])
 def test_a_sprinter_is_no_cut_and_a_displacement_is_one_at_any_rate(fps):
     times, positions = walk(fps, 11.0)
-    assert not len(cut_frames(times, positions, SEEN))
+    assert not len(cut_frames(times, positions, SEEN)[1])
     positions[40:] += [0, 0, 2.9]
-    assert cut_frames(times, positions, SEEN).tolist() == [40]
+    assert [each.tolist() for each in cut_frames(times, positions, SEEN)] == [[39], [40]]
 
 
 def test_errors_of_single_limbs_and_exchanged_sides_are_no_cuts():
@@ -31,16 +31,16 @@ def test_errors_of_single_limbs_and_exchanged_sides_are_no_cuts():
     for k, limb in enumerate(LIMBS.values()):
         positions[10 * k, [JOINT_INDEX[joint] for joint in limb]] += [0, 2, 0]
     positions[55] = positions[55, OPPOSITE]
-    assert not len(cut_frames(times, positions, SEEN))
+    assert not len(cut_frames(times, positions, SEEN)[1])
 
 
 def test_a_performer_who_is_back_elsewhere_after_a_gap_is_a_cut():
     times, positions = walk(30, 0.0)
     confidence = SEEN.copy()
     confidence[20:50], positions[20:50] = 0, np.nan
-    for away, cuts in ((0.8, []), (2.0, [50])):
+    for away, cuts in ((0.8, [[], []]), (2.0, [[19], [50]])):
         positions[50:] = BODY + np.array([away, 0, 0])
-        assert cut_frames(times, positions, confidence).tolist() == cuts
+        assert [each.tolist() for each in cut_frames(times, positions, confidence)] == cuts
 
 
 @pytest.mark.parametrize("fps", [24, 30, 50, 97])
@@ -57,3 +57,13 @@ def test_no_frame_of_a_timeline_is_between_the_two_sides_of_a_cut(fps):
     assert (timeline.confidence == 1).all()
     assert np.isfinite(timeline.orientations).all()
     assert timeline.gaps == ()
+
+
+def test_no_frame_is_between_the_two_sides_of_a_cut_after_a_lost_frame():
+    times, positions = walk(30, 0.0)
+    positions[30:] += [3, 0, 0]
+    confidence = SEEN.copy()
+    confidence[29], positions[29] = 0, np.nan
+    timeline = resample(SkeletonClip("test", 0, times, positions, confidence), 97)
+    carried = (timeline.positions - BODY)[..., 0]
+    np.testing.assert_allclose(carried, np.where(timeline.times < times[30] - 1e-6, 0, 3)[:, None].repeat(20, 1))

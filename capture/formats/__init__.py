@@ -15,6 +15,7 @@ from types import ModuleType
 import numpy as np
 
 from capture.clip import SkeletonClip
+from capture.formats import table
 from capture.formats._files import opened
 from capture.formats.kinds import refusal
 from capture.formats.options import ReadOptions
@@ -43,8 +44,8 @@ HEAD_BYTES = 65536
 """Length of the part of a file that `matches` receives."""
 
 
-def recognize(path: Path) -> ModuleType | None:
-    """Find the format module for a file by its content.
+def recognize(path: Path, options: ReadOptions | None = None) -> ModuleType | None:
+    """Find the format module for a file by its content; text is a table if `options` name its columns or joints.
 
     Raises
     ------
@@ -54,7 +55,10 @@ def recognize(path: Path) -> ModuleType | None:
     with opened(path) as file:
         head = file.read(HEAD_BYTES)
     modules = (import_module(f"{__name__}.{name}") for name in FORMATS)
-    return next((module for module in modules if module.matches(head)), None)
+    found = next((module for module in modules if module.matches(head)), None)
+    if found is None and options is not None and (options.columns or options.joints) and table.may_be(head):
+        return table
+    return found
 
 
 def read_log(path: Path, options: ReadOptions | None = None) -> list[SkeletonClip]:
@@ -65,7 +69,7 @@ def read_log(path: Path, options: ReadOptions | None = None) -> list[SkeletonCli
     SkeletonLogError
         The file has no supported format, violates its format, or has a position that no sensor measures.
     """
-    module = recognize(path)
+    module = recognize(path, options)
     if module is None:
         raise refusal(path)
     clips: list[SkeletonClip] = module.read(path, options or ReadOptions())

@@ -18,7 +18,7 @@ MAX_HEADER_ROWS = 4
 UNKNOWN = frozenset(("", "nan", "null", "none", "na", "n/a", "-", "inf", "-inf", "undefined"))
 """Cells in lower case that stand for a value which is not known."""
 
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _VECTOR = re.compile(rf"[\[({{<]*\s*{_NUMBER}(?:[\s,;]+{_NUMBER}){{2,6}}\s*[\])}}>]*")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _UNITS = frozenset(("m", "mm", "cm", "s", "ms", "sec", "", "meters", "metres", "unit", "units"))
@@ -131,11 +131,14 @@ def _separator(texts: Sequence[str]) -> str | None:
 
 
 def _row(text: str, separator: str | None) -> list[str]:
-    """Return the cells of a line, with points in numbers."""
+    """Return the cells of a line, with points in numbers; none if a cell is too long."""
     if separator is None:
         cells = text.split()
     elif '"' in text:
-        cells = next(csv.reader([text.strip("\r\n")], delimiter=separator, skipinitialspace=True))
+        try:
+            cells = next(csv.reader([text.strip("\r\n")], delimiter=separator, skipinitialspace=True))
+        except csv.Error:  # a cell of more than 131,072 characters
+            return []
     else:
         cells = text.split(separator)
     cells = [cell.strip().strip("'\"") for cell in cells]

@@ -19,7 +19,7 @@ MAX_FRAMES = 1_000_000
 
 def matches(head: bytes) -> bool:
     """Return whether a file's head has the number of the parameters' block and C3D's mark."""
-    return len(head) > 512 and head[1] == 0x50 and 2 <= head[0] < 128
+    return len(head) > 512 and head[1] == 0x50 and 2 <= head[0] < 128 and b"\0" in head[:512]
 
 
 def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:

@@ -131,10 +131,11 @@ def place(
         notes = (*notes, "The sides and the front of the performer fit left-handed axes; they are mirrored.")
     if in_view:
         return Placement(_sensor_axes(up, handed), unit, np.zeros(3), np.zeros(3), notes)
-    first = int(np.isfinite(across).all(axis=1).argmax())
+    usable = np.isfinite(across).all(axis=1) & np.isfinite(points[:, JOINT_INDEX["hip_center"]]).all(axis=1)
+    first = int(usable.argmax())
     right = across[first] - up * (across[first] @ up)
     size = np.linalg.norm(right)
-    if not size >= 0.1 * np.linalg.norm(across[first]) > 0:
+    if not usable.any() or not size >= 0.1 * np.linalg.norm(across[first]) > 0:
         raise SkeletonLogError(
             path,
             found="a first frame in which the left-to-right line of hips and shoulders points up",

@@ -224,10 +224,7 @@ def _fill(points: Floats, sure: NDArray[np.float32], sources: dict[str, tuple[in
     for joint, pair in MIDPOINTS.items():
         if joint not in sources:
             one, other = (JOINT_INDEX[each] for each in pair)
-            share = TYPICAL_BONE_METRES["spine"] / sum(
-                TYPICAL_BONE_METRES[each] for each in ("spine", "shoulder_center")
-            )
-            share = share if joint == "spine" else 0.5
+            share = SPINE_SHARE if joint == "spine" else 0.5
             points[:, JOINT_INDEX[joint]] = (1 - share) * points[:, one] + share * points[:, other]
             sure[:, JOINT_INDEX[joint]] = np.minimum(sure[:, [one, other]].min(axis=1), INFERRED)
             notes.append(f"No position for {joint}. It is placed between {pair[0]} and {pair[1]}.")

@@ -51,9 +51,15 @@ class Performer(NamedTuple):
     times: Floats | None
 
 
+def may_be(head: bytes) -> bool:
+    """Return whether a file's head is text that is neither JSON nor XML."""
+    is_marked = head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"{", b"<", b"[{", b"[["))
+    return b"\0" not in head and not is_marked
+
+
 def matches(head: bytes) -> bool:
     """Return whether a file's head is a table with the positions of a person's joints."""
-    if b"\0" in head or head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"{", b"<", b"[{", b"[[")):
+    if not may_be(head):
         return False
     texts = head_lines(head)
     lines = [(index, f"{text}\n") for index, text in enumerate(texts if len(texts) < 3 else texts[:-1])]

@@ -204,6 +204,14 @@ def test_a_missing_head_continues_the_neck_and_zeros_are_lost_but_for_hips_in_th
     assert np.argwhere(clip.confidence == 0).tolist() == [[2, JOINT_INDEX["hand_left"]]]
 
 
+def test_the_first_frame_with_hips_is_the_one_that_is_placed():
+    poses = 100 * person()
+    poses[0, JOINT_INDEX["hip_center"]] = np.nan
+    clip = clip_of_positions(PATH, "table", JOINTS, poses - poses[1, 0], OPTIONS)
+    known = np.isfinite(poses)
+    np.testing.assert_allclose(clip.positions[known], (person() - person()[1, 0] + [0, 0, 2.5])[known], atol=1e-9)
+
+
 def test_other_bodies_and_names_are_refused():
     poses = person()
     wrong = list(JOINTS)

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from capture.formats import table
+from capture.formats._cells import vector
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX, JOINTS
 
@@ -104,11 +105,17 @@ def test_rows_of_more_joints_than_any_skeleton_has_are_refused(read):
         read(table, lines)
 
 
+def test_long_cells_are_no_vectors():
+    assert vector(" ".join(["1" * 99] * 8)) is None
+    assert vector("(1., -.5 2e1)") == [1, -0.5, 20]
+
+
 @pytest.mark.parametrize(
     ("change", "place"),
     [
         (lambda lines: [*lines[:2], lines[2].rsplit(",", 2)[0], *lines[3:]], "line 3"),
         (lambda lines: [*lines[:2], lines[2].replace(".", "_", 1), *lines[3:]], "line 3"),
+        (lambda lines: [*lines[:2], f'"{"1" * 140_000}",' + lines[2], *lines[3:]], "line 3"),
         (lambda lines: [lines[0].replace("elbow", "thing"), *lines[1:]], ""),
         (lambda lines: [lines[0]], ""),
         (lambda _: ["a,b,c", "1,2,3", "4,5,6"], ""),

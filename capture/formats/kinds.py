@@ -1,11 +1,11 @@
 """What a file is that is no recording, by its content, and what would work instead."""
 
-import json
 import re
 import zipfile
 from pathlib import Path
 
 from capture.formats._files import opened
+from capture.formats._json import load
 from capture.formats._rows import head_lines
 from capture.formats._table import Table
 from capture.formats.options import ReadOptions
@@ -27,15 +27,14 @@ _KINDS: tuple[tuple[bytes, str, str], ...] = (
     (rb".{4}ftyp|\x00\x00\x01\xba|RIFF....AVI |\x1aE\xdf\xa3|FLV\x01", "a video", ""),
     (rb"version https://git-lfs", "a Git LFS pointer instead of the file", "Download the file itself: git lfs pull."),
     (rb"[/.]*/?annex/objects", "a git-annex pointer instead of the file", "Download the file itself: git annex get."),
-    (rb"\s*<(!doctype html|html)", "a web page", "Download the file itself: the link to a raw file."),
-    (rb"\s*<\?xml|\s*<[a-z]+[ >]", "an XML file", _EXPORT),
+    (rb"\s*<(?i:!doctype html|html)", "a web page", "Download the file itself: the link to a raw file."),
+    (rb"\s*<(?i:\?xml|[a-z]+[ >])", "an XML file", _EXPORT),
     (rb"\x1f\x8b|7z\xbc\xaf|Rar!|BZh|\xfd7zXZ", "a compressed file", "Unpack it, and use the file inside."),
     (rb"\x89PNG|\xff\xd8\xff|GIF8|BM|RIFF....WEBP", "a picture", "Use a recording, or a video of a performer."),
     (rb"RIFF....WAVE|ID3|OggS|fLaC", "a sound", "Use a recording of joints, or a video of a performer."),
     (rb"glTF", "a glTF file", "Use it as a character; export its motion as BVH to use it as a recording."),
     (rb"\xd0\xcf\x11\xe0", "an Office file", "Save the sheet as CSV."),
     (rb"%PDF", "a PDF", _EXPORT),
-    (rb".P.{510}", "a C3D file", _EXPORT),
 )
 
 
@@ -59,7 +58,7 @@ def _describe(path: Path, head: bytes) -> tuple[str, str]:
     if head.startswith(b"PK\3\4"):
         return _archive(path)
     for pattern, found, fix in _KINDS:
-        if re.match(pattern, head, re.DOTALL | re.IGNORECASE):
+        if re.match(pattern, head, re.DOTALL):
             record = f"puppetline record --source video:{path.name} -o take.log"
             return found, fix or f"Record the performer in it: {record}."
     if b"\0" in head or _is_binary(head):
@@ -95,9 +94,9 @@ def _archive(path: Path) -> tuple[str, str]:
 
 def _json(path: Path) -> str:
     try:
-        document = json.loads(path.read_text(encoding="utf-8-sig"))
-    except (ValueError, OSError, RecursionError):
-        return "broken JSON"
+        document = load(path).data
+    except SkeletonLogError as error:
+        return error.found
     if isinstance(document, dict):
         return f"JSON with the keys {', '.join(map(str, list(document)[:8]))}"
     return f"JSON, a list of {len(document):,}" if isinstance(document, list) else "JSON"

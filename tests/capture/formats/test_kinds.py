@@ -20,6 +20,7 @@ CONTENTS = {
     "picture": b"\x89PNG\r\n\x1a\n" + bytes(99),
     "keys name, version": b'{"name": 1, "version": 2}',
     "columns day, open, close": b"day,open,close\n1,2,3\n2,3,4\n",
+    "columns speed, weight": b"speed,weight,age\n" + 99 * b"1,2,3\n",
     "binary": bytes(range(256)) * 9,
     "no z": b"time,left_shoulder_x,left_shoulder_y\n1,2,3\n2,3,4\n",
     "rows of numbers": b"some notes\n",

@@ -6,7 +6,6 @@ Positions have the axes frames, joints and x y z in any order, perhaps people, a
 
 import itertools
 import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from capture.clip import SkeletonClip
 from capture.formats import smpl
 from capture.formats._files import opened
-from capture.formats._mat5 import Mat5Error, variables
+from capture.formats._mat5 import variables
 from capture.formats.joint_sets import JOINT_SETS, Fit, clearest, fits
 from capture.formats.options import ReadOptions
 from capture.formats.positions import clip_of_positions
@@ -103,8 +102,10 @@ def load(path: Path) -> Arrays:
                 return {name: each for name in loaded.files if (each := _numeric(loaded, name)) is not None}
         with opened(path) as file:
             return {name: each.numbers() for name, each in variables(file.read()).items() if each.is_real}
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error, Mat5Error) as error:
-        is_object = "allow_pickle" in str(error)
+    except SkeletonLogError:
+        raise
+    except Exception as error:  # NumPy raises errors of any kind for a damaged file
+        is_object = any(words in str(error) for words in ("allow_pickle", "Python objects"))
         raise SkeletonLogError(
             path,
             found="a NumPy array of Python objects, which can run any program when it is read"
@@ -148,6 +149,8 @@ def _people(path: Path, arrays: Arrays, options: ReadOptions) -> tuple[str, list
 def _orders(array: NDArray[np.generic]) -> list[list[NDArray[np.float64]]]:
     """Return the ways to read an array as people (T, J, 3 or 4)."""
     array = np.squeeze(array)
+    if not array.size:
+        return []
     if array.ndim == 2:  # a row per frame, or per joint
         found = []
         for rows in (array, array.T):

@@ -68,6 +68,8 @@ def parameters(arrays: Mapping[str, NDArray[np.generic]]) -> tuple[Floats, Float
         own = [arrays[name] for name in names if name in arrays and arrays[name].dtype.kind == "f"]
         if len(own) < len(names) or any(array.ndim not in (2, 3) or array.size == 0 for array in own):
             continue
+        if len({len(array) for array in own}) > 1:
+            continue
         poses = np.concatenate([array.reshape(len(array), -1) for array in own], axis=1, dtype=np.float64)
         if poses.shape[1] % 3 or poses.shape[1] < 22 * 3:
             continue

@@ -7,18 +7,21 @@ numbers. A point is ``[x, y, z]`` or ``{x, y, z}``, perhaps with a confidence. O
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
+from capture.formats._clips import frame_rate
+from capture.formats._files import opened
 from capture.formats._json import load
-from capture.formats.joint_sets import JOINT_SETS, joint_set
+from capture.formats.joint_sets import JOINT_SETS, fits, joint_set
 from capture.formats.options import ReadOptions
-from capture.formats.positions import clip_of_positions, is_person
+from capture.formats.positions import DEFAULT_FPS, clip_of_positions, is_person
 from capture.formats.table import confidence_of, seconds_of
 from puppetline.errors import SkeletonLogError
 
@@ -28,11 +31,16 @@ _TIMES = ("time", "timestamp", "timestamp_ms", "timestampMs", "t", "time_s", "ti
 _FRAMES = ("frame", "frame_id", "frame_index", "frameNumber", "index")
 _IDS = ("person_id", "track_id", "id", "body_id", "user")
 _SIZES = {len(joints) for joints in JOINT_SETS.values()}
+MAX_NUMBER = 2.0**63
+"""Bound of the magnitude of a number: larger than any time in nanoseconds, small enough for calculations."""
+
 MAX_DEPTH = 4
 """Number of levels of a frame in which its poses are searched."""
 
 
 class _Pose(NamedTuple):
+    """The names of points, if they have some, and the numbers of each; of a list of numbers, each one apart."""
+
     names: tuple[str, ...] | None
     rows: list[list[float]]
 
@@ -57,7 +65,8 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
             user = next((owner[key] for key in _IDS if isinstance(owner.get(key), int)), order)
             people.setdefault(user, []).append((index, frame if isinstance(frame, dict) else {}, pose))
     if not people:
-        is_flat = any(word in str(document)[:20000] for word in ("_2d", "keypoints"))
+        with opened(path) as file:
+            is_flat = re.search(b"_2d|keypoints", file.read(20_000)) is not None
         raise SkeletonLogError(
             path,
             found="JSON with positions in a picture (2D)" if is_flat else "JSON without landmarks in space",
@@ -76,18 +85,39 @@ def _clip(path: Path, seen: Sequence[tuple[int, dict[str, Any], _Pose]], options
     for row, (_, _, pose) in zip(rows, same, strict=True):
         for point, values in zip(row, pose.rows, strict=True):
             point[: min(len(values), 4)] = values[:4]
+    if len(same[0][2].rows[0]) == 1:
+        rows = _as_points(rows[..., 0], options)
     if names is None:
         names = JOINT_SETS[joint_set(path, rows[..., :3], options.joints, "JSON")]
     confidence = confidence_of(rows[..., 3]) if np.isfinite(rows[..., 3]).any() else None
     times = None
+    notes: tuple[str, ...] = ()
     for keys, counts in ((_TIMES, False), (_FRAMES, True)):
         key = next((key for key in keys if all(_is_number(frame.get(key)) for _, frame, _ in same)), None)
         if key is not None and times is None:
-            times = seconds_of(np.array([float(frame[key]) for _, frame, _ in same]), options.fps, counts=counts)
+            times, notes = seconds_of(np.array([float(frame[key]) for _, frame, _ in same]), options, counts=counts)
     if times is None:
-        fps = options.fps or 30.0
+        fps, notes = frame_rate(options, DEFAULT_FPS)
         times = np.array([index for index, _, _ in same]) / fps
-    return clip_of_positions(path, "landmarks_json", names, rows[..., :3], options, times=times, confidence=confidence)
+    return clip_of_positions(
+        path, "landmarks_json", names, rows[..., :3], options, times=times, confidence=confidence, notes=notes
+    )
+
+
+def _as_points(numbers: NDArray[np.float64], options: ReadOptions) -> NDArray[np.float64]:
+    """Return numbers (T, N) as points (T, J, 4), NaN after three numbers; they are four if only these are a person."""
+    shapes = [numbers.reshape(len(numbers), -1, size) for size in _point_sizes(numbers.shape[1])]
+    if len(shapes) > 1:
+        names = [name for name in JOINT_SETS if options.joints in (None, name)]
+        own = [[name for name in names if len(JOINT_SETS[name]) == points.shape[1]] for points in shapes]
+        fitting = [points for points, sets in zip(shapes, own, strict=True) if fits(points[..., :3], sets)]
+        shapes = fitting if len(fitting) == 1 else shapes
+    return np.pad(shapes[0], ((0, 0), (0, 0), (0, 4 - shapes[0].shape[2])), constant_values=np.nan)
+
+
+def _point_sizes(count: int) -> list[int]:
+    """Return how many numbers a point may have, if a pose has so many in all."""
+    return [size for size in (3, 4) if count % size == 0 and count // size in _SIZES]
 
 
 def _frames(document: Any) -> list[Any]:
@@ -95,7 +125,7 @@ def _frames(document: Any) -> list[Any]:
     if isinstance(document, list) and any(_poses(frame) for frame in document[:50]):
         return document
     if isinstance(document, dict):
-        if document and all(key.replace(".", "", 1).isdigit() for key in document):
+        if document and all(key.replace(".", "", 1).isdecimal() for key in document):
             return list(document.values())
         for value in document.values():
             if isinstance(value, (list, dict)) and _pose(value) is None and (frames := _frames(value)):
@@ -126,8 +156,7 @@ def _pose(value: Any) -> _Pose | None:
     if not isinstance(value, list) or len(value) < min(_SIZES):
         return None
     if all(_is_number(each) for each in value):
-        size = next((size for size in (4, 3) if len(value) % size == 0 and len(value) // size in _SIZES), None)
-        return _Pose(None, [list(row) for row in _chunks(value, size)]) if size else None
+        return _Pose(None, [[float(each)] for each in value]) if _point_sizes(len(value)) else None
     found = [_point(each) for each in value]
     points = [point for point in found if point is not None]
     if len(points) < len(value):
@@ -157,9 +186,5 @@ def _point(value: Any) -> list[float] | None:
     return None
 
 
-def _chunks(values: Sequence[float], size: int) -> Iterator[Sequence[float]]:
-    return (values[start : start + size] for start in range(0, len(values), size))
-
-
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < MAX_NUMBER

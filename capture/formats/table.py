@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.formats._cells import number
-from capture.formats._clips import MAX_JOINTS
+from capture.formats._clips import MAX_JOINTS, frame_rate
 from capture.formats._columns import TABLE
 from capture.formats._rows import head_lines, read_lines
 from capture.formats._table import UNNAMED, Table
@@ -43,12 +43,13 @@ _STATES |= {"tracked": TRACKED, "medium": TRACKED, "high": TRACKED, "true": TRAC
 
 
 class Performer(NamedTuple):
-    """One performer: names (J), positions (T, J, 3), confidences (T, J), and seconds (T) if the table has them."""
+    """One performer: names (J), positions (T, J, 3), confidences (T, J), perhaps seconds (T), and notes."""
 
     names: Sequence[str]
     positions: Floats
     confidence: NDArray[np.float32]
     times: Floats | None
+    notes: tuple[str, ...] = ()
 
 
 def may_be(head: bytes) -> bool:
@@ -91,7 +92,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
             options,
             times=performer.times,
             confidence=performer.confidence,
-            notes=table.notes,
+            notes=(*table.notes, *performer.notes),
         )
         clips.append(replace(clip, user=user))
     return clips
@@ -129,15 +130,15 @@ def confidence_of(states: Floats) -> NDArray[np.float32]:
 
 
 def seconds_of(
-    values: Floats, fps: float | None, units: Sequence[float] = (), *, counts: bool = False
-) -> Floats | None:
+    values: Floats, options: ReadOptions, units: Sequence[float] = (), *, counts: bool = False
+) -> tuple[Floats | None, tuple[str, ...]]:
     """Convert times in any unit, or numbers of frames, to seconds.
 
     Parameters
     ----------
     values : (T,) float64
-    fps : float or None
-        Rate at which frames are numbered, if it is known.
+    options : ReadOptions
+        `fps` is the rate at which frames are numbered, if it is known.
     units : sequence of float
         Possible numbers of units in a second; any, if there is none.
     counts : bool
@@ -145,17 +146,21 @@ def seconds_of(
 
     Returns
     -------
-    (T,) float64 or None
+    times : (T,) float64 or None
         None if the values do not increase like times.
+    notes : tuple of str
+        That the rate is assumed.
     """
     steps = np.diff(values)
     steps = steps[steps > 0]
     if len(values) > 1 and len(steps) < len(values) / 4:
-        return None
+        return None, ()
     step = float(np.median(steps)) if len(steps) else 1.0
     if counts or (not units and _is_whole(values) and step <= MAX_FRAME_STEP):
-        return values / (fps or DEFAULT_FPS)
-    return values / min(units or UNITS_PER_SECOND.values(), key=lambda count: abs(np.log(step / count * DEFAULT_FPS)))
+        fps, notes = frame_rate(options, DEFAULT_FPS)
+        return values / fps, notes
+    unit = min(units or UNITS_PER_SECOND.values(), key=lambda count: abs(np.log(step / count * DEFAULT_FPS)))
+    return values / unit, ()
 
 
 def _people(table: Table) -> dict[int, Rows]:
@@ -165,10 +170,9 @@ def _people(table: Table) -> dict[int, Rows]:
     known = list(dict.fromkeys(each for each in ids if each))
     if len(known) <= 1:
         return {0: rows}
-    return {
-        int(each) if each.isdecimal() and len(each) < 18 else index: rows[[own == each for own in ids]]
-        for index, each in enumerate(known)
-    }
+    numbers = [int(each) for each in known if each.isdecimal() and len(each) < 18]
+    users = numbers if len(set(numbers)) == len(known) else range(len(known))
+    return {user: rows[[own == each for own in ids]] for user, each in zip(users, known, strict=True)}
 
 
 def _performer(table: Table, rows: Rows) -> Performer:
@@ -187,7 +191,8 @@ def _performer(table: Table, rows: Rows) -> Performer:
             )
     if all(name.isdecimal() for name in performer.names):
         performer = _numbered(table, performer)
-    return performer._replace(times=_times(table, rows))
+    times, notes = _times(table, rows)
+    return performer._replace(times=times, notes=notes)
 
 
 def _confidence(table: Table, own: dict[str, int]) -> NDArray[np.float32]:
@@ -251,9 +256,8 @@ def _numbered(table: Table, performer: Performer) -> Performer:
     return Performer(JOINT_SETS[name], positions, confidence, None)
 
 
-def _times(table: Table, rows: Rows) -> Floats | None:
-    """Return the seconds of rows; None without a column that tells them."""
-    fps = table.options.fps
+def _times(table: Table, rows: Rows) -> tuple[Floats | None, tuple[str, ...]]:
+    """Return the seconds of rows, None without a column that tells them, and notes."""
     for role in ("time", "frame"):
         texts = table.texts(role)
         values = _moments([texts[row] for row in rows]) if texts else None
@@ -261,10 +265,10 @@ def _times(table: Table, rows: Rows) -> Floats | None:
             name = table.column_name(table.layout.fields[role]).lower()
             words = name.translate(str.maketrans("_()[]", "     ")).split()
             units = [UNITS_PER_SECOND[unit] for unit, own in TABLE["units"].items() if set(own.split()) & set(words)]
-            times = seconds_of(values, fps, units, counts=role == "frame")
+            times, notes = seconds_of(values, table.options, units, counts=role == "frame")
             if times is not None:
-                return times
-    return None
+                return times, notes
+    return None, ()
 
 
 def _is_whole(values: Floats) -> bool:

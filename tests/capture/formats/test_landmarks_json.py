@@ -7,7 +7,7 @@ import pytest
 
 from capture.formats import landmarks_json
 from capture.formats.joint_sets import JOINT_SETS
-from capture.skeleton import JOINT_INDEX
+from capture.skeleton import JOINT_INDEX, JOINTS
 
 from .test_positions import BLAZEPOSE, joints_as, person
 
@@ -52,6 +52,15 @@ def test_forms_of_frames_and_poses(read, form, frames):
     assert np.diff(clip.times) == pytest.approx(1 / 25 if form == "objects" else 1 / 30)
 
 
+@pytest.mark.parametrize(("size", "joint_set"), [(3, "kinect_v1"), (4, "nite")])
+def test_the_person_tells_how_many_numbers_a_point_has(read, size, joint_set):
+    points = np.pad(joints_as(JOINT_SETS[joint_set]), ((0, 0), (0, 0), (0, size - 3)), constant_values=0.9)
+    [clip] = read(landmarks_json, json.dumps([pose.ravel().tolist() for pose in points]))
+    bent = [joint for joint in ARMS if not JOINTS[joint].startswith("wrist")]
+    np.testing.assert_allclose(clip.positions[:, bent], person()[:, bent], atol=1e-9)
+    assert any("assumed" in note and "30" in note for note in clip.notes)
+
+
 def test_people_are_clips(read):
     people = [
         [{"id": 3, "pose": listed(pose)}, {"id": 5, "pose": listed(pose + np.array([1.0, 0, 0]))}] for pose in POINTS
@@ -68,6 +77,7 @@ def test_people_are_clips(read):
         {"people": [{"pose_keypoints_2d": [1.0] * 75}]},
         [[{"x": 1, "y": 2, "score": 1}] * 17],
         [[[0.0, 0.0, 0.0]] * len(JOINT_SETS["mediapipe"])],
+        [[[10**400, 0.0, 0.0]] * len(JOINT_SETS["mediapipe"])],
         {"shoulder": {"deep": [[[[[[1]]]]]]}},
     ],
 )

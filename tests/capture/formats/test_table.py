@@ -79,6 +79,17 @@ def test_people_are_told_apart_and_other_columns_ignored(read):
     np.testing.assert_allclose(other.times, np.arange(6) / 25)
 
 
+@pytest.mark.parametrize(("ids", "users"), [(("1", "01"), [0, 1]), (("1", "x"), [0, 1]), (("07", "9"), [7, 9])])
+def test_people_have_the_numbers_of_the_file_if_these_are_distinct(read, ids, users):
+    lines = ["frame,person," + ",".join(f"{joint}.{axis}" for joint in JOINTS for axis in "xyz")]
+    lines += [",".join([f"{index}", own, *row(pose, "{0},{1},{2}")]) for index, pose in enumerate(POSES) for own in ids]
+    clips = read(table, lines)
+    assert [clip.user for clip in clips] == users
+    for clip in clips:
+        close(clip)
+        assert any("assumed" in note and "30" in note for note in clip.notes)
+
+
 def test_a_file_names_columns_that_have_no_names_for_joints(read, tmp_path):
     marks = {joint: f"m{index}" for index, joint in enumerate(JOINTS)}
     lines = ["clock," + ",".join(f"{mark}a,{mark}b,{mark}c" for mark in marks.values())]

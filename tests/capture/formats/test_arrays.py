@@ -79,7 +79,7 @@ def test_smpl_parameters_turn_the_bones(read):
         saved(np.save, person())[:-99],
         saved(np.savez, joints=person())[:-30],
         saved(np.save, np.zeros((9, 20, 3))),
-        saved(np.save, np.zeros((1, 0, 20, 3))),
+        saved(np.save, np.zeros((0, 9, 20, 3))),
         saved(np.save, person()).replace(b"(4, 20, 3)", b"(4, 20, (3"),
         saved(np.save, person()).replace(b"3), }" + 20 * b" ", b"3" + 20 * b"0" + b"), }"),
         saved(np.savez, global_orient=np.zeros((4, 3)), body_pose=np.zeros((5, 63))),

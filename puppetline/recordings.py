@@ -41,7 +41,7 @@ class Recording:
         self.path = path
         self.options = options
         self.clips = read_log(path, options)
-        module = recognize(path)
+        module = recognize(path, options)
         self._kind = FORMATS[module.__name__.rpartition(".")[2]] if module else "recording"
         self.user, self.users = choose(self.clips, user)[0].user, tuple(clip.user for clip in self.clips)
         self._timeline, self.notes = timeline_of(self.clips, path, Settings(user=self.user))

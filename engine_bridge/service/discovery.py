@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import psutil
 
+from engine_bridge.service.security.endpoints import Endpoint
 from puppetline import clock
 
 if TYPE_CHECKING:
@@ -83,6 +84,25 @@ class Announcement:
     characters : sequence of str
         Their names.
     """
+
+    @classmethod
+    def of_most_open(
+        cls, streams: Sequence[str], controls: Sequence[str], endpoints: Sequence[Endpoint], characters: Sequence[str]
+    ) -> "Announcement":
+        """Announce an endpoint that other machines can reach, if there is one.
+
+        Parameters
+        ----------
+        streams, controls : sequence of str
+            Addresses at each endpoint.
+        endpoints : sequence of Endpoint
+        characters : sequence of str
+        """
+        places = [stream.removeprefix("tcp://").rpartition(":") for stream in streams]
+        best = max(range(len(places)), key=lambda k: not ipaddress.ip_address(places[k][0].strip("[]")).is_loopback)
+        host, _, port = places[best]
+        control = controls[best].rpartition(":")[2]
+        return cls(host.strip("[]"), int(port), int(control), endpoints[best].mechanism, characters)
 
     def __init__(self, host: str, port: int, control: int, mechanism: str, characters: Sequence[str]) -> None:
         self._host = host

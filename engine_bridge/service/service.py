@@ -6,7 +6,6 @@ have threads.
 """
 
 import contextlib
-import ipaddress
 import logging
 import math
 import sys
@@ -146,7 +145,9 @@ class Service:
             keep.callback(MetricsServer(lambda: self.status, settings.metrics.port).close)
         self._announcement: Announcement | None = None
         if settings.announce:
-            self._announce(endpoints)
+            streams = [each for each in self.stream if each.startswith("tcp://")]  # ZeroMQ's, one per endpoint
+            self._announcement = Announcement.of_most_open(streams, self.control.endpoints, endpoints, self.names)
+            keep.callback(self._announcement.close)
         self._notifier = Notifier()
         keep.callback(self._notifier.close)
         self._reloading = self._reload_again = False
@@ -181,17 +182,6 @@ class Service:
             self._guard.watch(socket)
         self._poller = zmq.Poller()
         self._polled: set[Any] = set()
-
-    def _announce(self, endpoints: list[Endpoint]) -> None:
-        """Announce an endpoint that other machines can reach, if there is one."""
-        streams = [each for each in self.stream if each.startswith("tcp://")]  # ZeroMQ's, one per endpoint
-        places = [stream.removeprefix("tcp://").rpartition(":") for stream in streams]
-        best = max(range(len(endpoints)), key=lambda k: not ipaddress.ip_address(places[k][0].strip("[]")).is_loopback)
-        host, _, port = places[best]
-        control = self.control.endpoints[best].rpartition(":")[2]
-        mechanism = endpoints[best].mechanism
-        self._announcement = Announcement(host.strip("[]"), int(port), int(control), mechanism, self.names)
-        self._resources.callback(self._announcement.close)
 
     @property
     def stream(self) -> list[str]:

@@ -15,7 +15,7 @@ from engine_bridge.service.outputs.output import OutputTable
 from engine_bridge.service.outputs.websocket import WebSocketTable
 from engine_bridge.service.outputs.zeromq import NetworkTable
 from engine_bridge.service.players.automatic_calibration import Calibrate
-from engine_bridge.service.players.character_player import PlayerSettings
+from engine_bridge.service.players.player_settings import PlayerSettings
 from engine_bridge.service.security.endpoints import Text
 from engine_bridge.service.stages.stage import StageSettings
 from engine_bridge.service.stages.user_assignment import People

@@ -7,7 +7,7 @@ bones follow. They ease from where they were last shown, see `CharacterMotion`.
 import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +20,14 @@ from capture.skeleton import SkeletonFrame
 from capture.smoothing import JointFilter
 from engine_bridge.performance.calibration import Calibration, places_of, rows_of
 from engine_bridge.performance.character_motion import CharacterMotion
-from engine_bridge.performance.easing import EASE_SECONDS
 from engine_bridge.performance.idle import idle_motion
 from engine_bridge.performance.motion import Motion
 from engine_bridge.performance.pose import Pose, TargetPose
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.puppet_document import PuppetDocument
 from engine_bridge.service.players.appearance import Appearance
-from engine_bridge.service.players.automatic_calibration import AutomaticCalibration, Calibrate, PreparedCalibration
+from engine_bridge.service.players.automatic_calibration import AutomaticCalibration, PreparedCalibration
+from engine_bridge.service.players.player_settings import PlayerSettings
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.states import State
@@ -36,28 +36,6 @@ from solver.motion.deformer import Deformer
 
 MAX_REMEMBERED = 16
 """Maximum number of performers whose calibration is kept after they have left."""
-
-
-@dataclass(frozen=True)
-class PlayerSettings:
-    """Settings of how a character is calibrated and eased.
-
-    Attributes
-    ----------
-    calibrate : {"still", "at_once", "command"}
-    ease : float
-        Duration of easing, in seconds.
-    remember : float
-        Time within which a returning performer resumes without a calibration, in seconds.
-    tilt, height : float or None
-        Tilt in degrees and height in metres of the sensor, see `SensorTilt`; None detects them.
-    """
-
-    calibrate: Calibrate = "still"
-    ease: float = EASE_SECONDS
-    remember: float = 30.0
-    tilt: float | None = None
-    height: float | None = None
 
 
 class CharacterPlayer:

@@ -34,7 +34,8 @@ from engine_bridge.service.monitoring.status import (
     TimelineTake,
     UserStatus,
 )
-from engine_bridge.service.players.character_player import CharacterPlayer, PlayerSettings
+from engine_bridge.service.players.character_player import CharacterPlayer
+from engine_bridge.service.players.player_settings import PlayerSettings
 from engine_bridge.service.protocol.scene import StreamedCharacter
 from engine_bridge.service.stages.stage import Stage, StageSettings
 from puppetline.errors import ServiceError

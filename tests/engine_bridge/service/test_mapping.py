@@ -12,7 +12,7 @@ from engine_bridge.performance.character_motion import CharacterMotion
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.puppet import RootTable, with_handle
 from engine_bridge.puppet.puppet_values import values_of
-from engine_bridge.service.players.character_player import PlayerSettings
+from engine_bridge.service.players.player_settings import PlayerSettings
 from engine_bridge.service.stages.stage import PREPARATION_SECONDS
 
 from .stage_steps import apart, largest_step, replay, ticks, with_beginnings

@@ -10,7 +10,7 @@ from capture.pose import Pose
 from capture.sensor_tilt import SensorTilt
 from capture.smoothing import JointFilter
 from engine_bridge.performance.character_motion import CharacterMotion
-from engine_bridge.service.players.character_player import PlayerSettings
+from engine_bridge.service.players.player_settings import PlayerSettings
 from engine_bridge.service.stages.stage import PREPARATION_SECONDS
 from puppetline.errors import ServiceError
 

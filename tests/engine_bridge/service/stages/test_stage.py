@@ -16,7 +16,7 @@ from capture.skeleton import SkeletonFrame
 from capture.timeline import resample
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings
-from engine_bridge.service.players.character_player import PlayerSettings
+from engine_bridge.service.players.player_settings import PlayerSettings
 from engine_bridge.service.stages.stage import StageSettings
 from puppetline.errors import ServiceError
 from solver.motion.limbs import parents_first

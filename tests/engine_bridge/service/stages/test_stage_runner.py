@@ -9,7 +9,7 @@ from capture.events import Tick
 from capture.formats import read_log
 from capture.skeleton import SkeletonFrame
 from capture.source import SilentSource, wait
-from engine_bridge.service.players.character_player import PlayerSettings
+from engine_bridge.service.players.player_settings import PlayerSettings
 from engine_bridge.service.stages.stage_runner import StageRunner
 from puppetline import clock
 from puppetline.errors import ServiceError

@@ -3,7 +3,7 @@ import json
 import numpy as np
 
 from capture.events import Lost
-from engine_bridge.service.players.character_player import PlayerSettings
+from engine_bridge.service.players.player_settings import PlayerSettings
 from engine_bridge.service.takes.take_track import TakeTrack
 from puppetline.errors import ServiceError, SkeletonLogError, SourceError
 

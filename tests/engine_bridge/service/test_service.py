@@ -17,6 +17,7 @@ import pytest
 from capture import body
 from capture.events import Cue
 from capture.skeleton import JOINT_INDEX
+from engine_bridge.service import discovery
 from engine_bridge.service import service as service_module
 
 WALK = ("--source", "demo:walk?loop", "--calibrate", "at_once")
@@ -119,7 +120,7 @@ def test_the_status_has_the_performers_height_and_the_sensors_position_and_is_at
 def test_a_reload_reads_the_stages_of_the_service_file_again(play, blob_puppet, tmp_path, monkeypatch):
     file, announced = tmp_path / "service.toml", []
 
-    class Announcement:
+    class Announcement(discovery.Announcement):
         def __init__(self, *arguments):
             announced.append(arguments)
 

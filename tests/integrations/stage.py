@@ -57,6 +57,7 @@ class Stage:
         self._frames, self._queue, self._ended = frames, [], False
         self._context = zmq.Context()
         self._socket = self._context.socket(zmq.XPUB)
+        self._socket.heartbeat_ivl = 1000  # libzmq is heard even while this thread gets no time
         self.port = self._socket.bind_to_random_port("tcp://127.0.0.1")
         self._thread = threading.Thread(target=self._serve)
         self._thread.start()

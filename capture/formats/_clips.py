@@ -12,6 +12,9 @@ from capture.orientations import unit_or_unknown, unknown
 from capture.skeleton import INFERRED, LOST, SkeletonFrame
 from puppetline.errors import SkeletonLogError
 
+DEFAULT_FPS = 30.0
+"""Frames per second of a recording that states no times."""
+
 MAX_JOINTS = 500
 """Maximum number of joints of a skeleton; a detailed rig with fingers and face has about 150."""
 

@@ -12,14 +12,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.formats._clips import MAX_JOINTS, refuse_too_many
+from capture.formats._clips import DEFAULT_FPS, MAX_JOINTS, refuse_too_many
 from capture.formats._rows import Line, LineSource, RowLayout, count_note, is_number, line_error, read_lines
 from puppetline.errors import SkeletonLogError, at
 
 FRAMES = re.compile(r"frames\s*:?\s*(\d{1,9})", re.IGNORECASE)
 FRAME_TIME = re.compile(r"frame\s*time\s*:?(.*)", re.IGNORECASE)
-DEFAULT_FPS = 30.0
-"""Frames per second of a file that states no usable frame time."""
 LONGEST_SECONDS = 2.0
 """Frame time from which it is in milliseconds, in seconds."""
 MAX_NUMBER = 1e9

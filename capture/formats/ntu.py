@@ -12,7 +12,7 @@ from pathlib import Path
 
 from capture.clip import SkeletonClip
 from capture.formats import _rows as rows
-from capture.formats._clips import clips_by_performer, frame_rate
+from capture.formats._clips import DEFAULT_FPS, clips_by_performer, frame_rate
 from capture.formats._hand_states import hand_channels
 from capture.formats.layouts import K25, orientations_to_kinect20, to_kinect20
 from capture.formats.options import ReadOptions
@@ -20,7 +20,6 @@ from capture.orientations import move_to_bone_starts
 from capture.skeleton import INFERRED, LOST, TRACKED, SkeletonFrame
 from puppetline.errors import SkeletonLogError, at
 
-DEFAULT_FPS = 30.0
 MAX_HEAD_LINES = 1000
 """Number of lines that are searched for the first body: more than the empty frames before it."""
 BODY = rows.RowLayout(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from capture.body import TYPICAL_BONE_METRES, typical_bone_length
 from capture.bone_names import find_bones, find_points
 from capture.clip import SkeletonClip
-from capture.formats._clips import build_clip, frame_rate
+from capture.formats._clips import DEFAULT_FPS, build_clip, frame_rate
 from capture.formats.options import ReadOptions
 from capture.formats.placement import bone_length, place
 from capture.formats.skeleton_joints import BONES, MIDPOINTS
@@ -24,7 +24,6 @@ from puppetline.errors import SkeletonLogError
 
 Floats = NDArray[np.float64]
 
-DEFAULT_FPS = 30.0
 TYPICAL_TRUNK_METRES = TYPICAL_BONE_METRES["spine"] + TYPICAL_BONE_METRES["shoulder_center"]
 
 SPINE_SHARE = TYPICAL_BONE_METRES["spine"] / TYPICAL_TRUNK_METRES

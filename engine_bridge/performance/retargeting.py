@@ -84,7 +84,7 @@ class Retargeting:
         calibration = self._rest
         if limbs.trunk is not None:
             known = np.asarray(np.isfinite(self._rest).all(axis=1), dtype=np.float32)
-            at_rest = limbs.anew().step(0.0, self._rest, known)
+            at_rest = limbs.restarted().step(0.0, self._rest, known)
             calibration = self._against_trunk(self._rest, at_rest, limbs.trunk)
         self._first = _Followers(
             JointFilter(puppet.smoothing.parameters),
@@ -101,7 +101,7 @@ class Retargeting:
 
     def _begin(self) -> None:
         """Follow the performer from the next frame on as from the first one; bones keep their axes."""
-        limbs = self._now.limbs.anew()
+        limbs = self._now.limbs.restarted()
         self._now = replace(deepcopy(self._first), limbs=limbs)
 
     def is_cut(self, frame: SkeletonFrame) -> bool:
@@ -112,7 +112,7 @@ class Retargeting:
         return bool(is_cut(last.positions, last.confidence, frame.positions, frame.confidence, frame.time - last.time))
 
     def step(self, frame: SkeletonFrame) -> TargetPose:
-        """Retarget the next frame, which is later than the previous one; after a cut, everything begins anew."""
+        """Retarget the next frame, which is later than the previous one; after a cut, everything begins again."""
         if self.is_cut(frame):
             self._begin()
         if (frame.confidence > LOST).any():

@@ -74,7 +74,7 @@ class LimbMotion:
         self._unknown = np.full((len(performer.opposite), 4), np.nan)
         self._state = _first_state(np.full((len(self._plan.roll), 4), np.nan))
 
-    def anew(self) -> "LimbMotion":
+    def restarted(self) -> "LimbMotion":
         """Return one that has had no frame yet, but knows the axes of the performer's bones."""
         other = copy(self)
         other._state = _first_state(self._state.mount.copy())

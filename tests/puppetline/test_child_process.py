@@ -15,12 +15,11 @@ CHILD = """
 from puppetline import child_process
 child_process.END_SECONDS = 0.1
 child_process.end_with_parent()
-import os, signal, time
+import os, signal, threading
 assert child_process.VARIABLE not in os.environ
 {prepare}
 print("ready", flush=True)
-while True:
-    time.sleep(3600)
+threading.Event().wait()
 """
 
 PARENT = """

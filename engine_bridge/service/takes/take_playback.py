@@ -131,7 +131,7 @@ class TakePlayback:
             self._put(track.character.name, changed)
 
     def reserve(self) -> None:
-        """Keep the characters of the takes from performers, also on stages that a reload has opened anew."""
+        """Keep the characters of the takes from performers, also on stages that a reload has opened again."""
         for name in self._playing:
             self._reserve(name, True)
 

@@ -188,6 +188,8 @@ def test_a_slow_scene_is_asked_for_less_and_less_often_and_silence_of_six_second
     program.until(lambda said: "turned" in said)
     is_stopped.set()
     wait_until(lambda: scenes)
+    # only then has it noted when it asked
+    program.until(state("Connected"))
     content = sent(scenes[0], "scene")
     # a second after the first request, two after the second, four after the third
     for number, (seconds, requests) in enumerate(

@@ -27,6 +27,7 @@ from puppetline.examples.performances import PERFORMANCES
 from benchmarks.documents import DOCUMENT, replaced
 from capture.clip import SkeletonClip
 from capture.formats import read_log
+from capture.formats.options import ReadOptions
 from capture.recording import Recorder
 from capture.skeleton import mirrored
 from capture.timeline import Timeline, choose, resample
@@ -97,7 +98,7 @@ def sources(data: Path | None) -> Iterator[SkeletonClip]:
     if data is None:
         yield from (perform() for perform in PERFORMANCES.values())
         return
-    for recording in find_recordings([str(data / "logs"), str(data / "bvh")], data / "none").found:
+    for recording in find_recordings([str(data / "logs"), str(data / "bvh")], data / "none", ReadOptions()).found:
         try:
             yield choose(read_log(recording.path))[0]
         except PuppetlineError as error:

@@ -12,8 +12,11 @@ from capture.formats._rows import Line
 SEPARATORS: tuple[str | None, ...] = (";", "\t", ",", "|", None)
 """Separators in order of priority; None stands for any white space."""
 
-MAX_HEADER_ROWS = 4
-"""Number of lines above the first row that name the columns."""
+MAX_HEADER_ROWS = 8
+"""Number of lines above the first row that may name the columns."""
+
+OTHER_HEADER_ROWS = frozenset(("id", "parent", "type"))
+"""What header rows that do not name columns begin with, after an empty cell (OptiTrack Motive)."""
 
 UNKNOWN = frozenset(("", "nan", "null", "none", "na", "n/a", "-", "inf", "-inf", "undefined"))
 """Cells in lower case that stand for a value which is not known."""
@@ -158,6 +161,8 @@ def _names(header: list[list[str]], width: int) -> list[list[str]]:
     """Return the header's cells of each column; a name above several columns stands above the first of them."""
     header = [row for row in header if not {cell.lower().strip("[]()") for cell in row} <= _UNITS]
     header = [row for row in header if len({cell for cell in row if cell}) > 1 or len(header) == 1]
+    types = next((row for row in header if _label(row) == "type" and "Bone" in row), [])
+    header = [row for row in header if _label(row) not in OTHER_HEADER_ROWS]
     columns: list[list[str]] = [[] for _ in range(width)]
     for level, row in enumerate(header):
         last = ""
@@ -165,4 +170,12 @@ def _names(header: list[list[str]], width: int) -> list[list[str]]:
             last = cell or (last if level < len(header) - 1 else "")
             if last:
                 names.append(last)
+    for names, kind in zip(columns[2:], types[2:], strict=False):
+        if kind != "Bone":  # a marker
+            names.clear()
     return columns
+
+
+def _label(row: list[str]) -> str:
+    """Return what a header row says about itself above a column that has no name there."""
+    return "" if row[0] else next(filter(None, row), "").lower()

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 
 from capture.formats import recognize
+from capture.formats.options import ReadOptions
 from puppetline.errors import SkeletonLogError
 from puppetline.files import read_whole
 
@@ -46,7 +47,7 @@ class Recordings:
     others: list[Path]
 
 
-def find_recordings(arguments: Iterable[str], excluded: Path) -> Recordings:
+def find_recordings(arguments: Iterable[str], excluded: Path, options: ReadOptions) -> Recordings:
     """Find the recordings that the arguments of a command refer to.
 
     An argument is a file, a folder, which is searched with all folders in it, a pattern with ``*``, ``?``, ``[…]`` or
@@ -58,6 +59,8 @@ def find_recordings(arguments: Iterable[str], excluded: Path) -> Recordings:
     arguments : iterable of str
     excluded : Path
         Folder that is not searched.
+    options : ReadOptions
+        How they are read; text in folders is a recording if its columns or joints are named.
 
     Raises
     ------
@@ -73,7 +76,7 @@ def find_recordings(arguments: Iterable[str], excluded: Path) -> Recordings:
             for recording, is_chosen in _candidates(each, excluded.absolute(), must_exist=not listed):
                 if recording.path in recordings or recording.path in others:
                     continue
-                if is_chosen or _may_be_recording(recording.path):
+                if is_chosen or _may_be_recording(recording.path, options):
                     recordings[recording.path] = recording
                 else:
                     others[recording.path] = None
@@ -135,10 +138,10 @@ def _files_in(base: Path, paths: Iterable[Path], excluded: Path) -> Iterator[tup
             yield Recording(inside.with_suffix("").as_posix(), absolute), False
 
 
-def _may_be_recording(path: Path) -> bool:
+def _may_be_recording(path: Path, options: ReadOptions) -> bool:
     """Return whether a file is a recording, or one that its conversion should report: empty or unreadable."""
     try:
-        return path.stat().st_size == 0 or recognize(path) is not None
+        return path.stat().st_size == 0 or recognize(path, options) is not None
     except (OSError, SkeletonLogError):
         return True
 

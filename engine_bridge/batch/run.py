@@ -65,7 +65,7 @@ def prepare(
     PuppetlineError
     """
     report("Looking for recordings", 0.0)
-    recordings = find_recordings(logs, batch.folder)
+    recordings = find_recordings(logs, batch.folder, batch.settings.log)
     report("Looking for recordings", 1.0)
     step = "Preparing the characters" if puppets else "Listing the results"
     report(step, 0.0)

@@ -90,6 +90,29 @@ def test_people_have_the_numbers_of_the_file_if_these_are_distinct(read, ids, us
         assert any("assumed" in note and "30" in note for note in clip.notes)
 
 
+@pytest.mark.parametrize("rows", [("Type", "Name", "ID"), ("Type", "Name", "ID", "Parent")])
+def test_takes_of_motive_are_read_by_their_bones(read, rows):
+    columns = [
+        ("Bone", f"Skeleton 001:{joint}", f"{index:X}AB3", "Skeleton 001:elbow_left", kind, axis)
+        for index, joint in enumerate(JOINTS)
+        for kind, axes in (("Rotation", "XYZW"), ("Position", "XYZ"))
+        for axis in axes
+    ]
+    columns += [("Bone Marker", "Skeleton 001:elbow_left", "F00D", "", "Position", axis) for axis in "XYZ"]
+    labels = ("Type", "Name", "ID", "Parent")
+    lines = ["Format Version,1.25,Take Name,walk,Capture Frame Rate,120.0,Length Units,Meters", ""]
+    lines += [",".join(["", name, *(column[labels.index(name)] for column in columns)]) for name in rows]
+    lines.append(",".join(["", "", *(column[4] for column in columns)]))
+    lines.append(",".join(["Frame", "Time (Seconds)", *(column[5] for column in columns)]))
+    lines += [
+        ",".join([f"{index}", f"{index / 120:.6f}", *row(pose, "0,0,0,1,{0},{1},{2}"), "7,8,9"])
+        for index, pose in enumerate(POSES)
+    ]
+    [clip] = read(table, lines)
+    close(clip)
+    np.testing.assert_allclose(clip.times, np.arange(len(POSES)) / 120, atol=1e-6)
+
+
 def test_a_file_names_columns_that_have_no_names_for_joints(read, tmp_path):
     marks = {joint: f"m{index}" for index, joint in enumerate(JOINTS)}
     lines = ["clock," + ",".join(f"{mark}a,{mark}b,{mark}c" for mark in marks.values())]

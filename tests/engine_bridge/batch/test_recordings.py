@@ -2,6 +2,7 @@ import os
 
 import pytest
 
+from capture.formats.options import ReadOptions
 from engine_bridge.batch.recordings import find_recordings
 from puppetline.errors import SkeletonLogError
 
@@ -13,8 +14,8 @@ def find(tmp_path, monkeypatch):
     """Find recordings as in the folder of the test; returns names with paths, and files that are none."""
     monkeypatch.chdir(tmp_path)
 
-    def names(*arguments):
-        recordings = find_recordings([str(each) for each in arguments], tmp_path / "out")
+    def names(*arguments, **options):
+        recordings = find_recordings([str(each) for each in arguments], tmp_path / "out", ReadOptions(**options))
         return {each.name: each.path for each in recordings.found}, recordings.others
 
     return names
@@ -24,6 +25,15 @@ def test_a_folder_has_all_recordings_in_it_by_their_relative_names(find, logs):
     found, others = find(logs)
     assert found == {name: logs / f"{name}.log" for name in NAMES}
     assert others == [logs / "notes.txt"]
+
+
+def test_text_in_a_folder_is_a_recording_if_its_columns_are_named(find, tmp_path):
+    (tmp_path / "logs").mkdir()
+    table = tmp_path / "logs" / "a.csv"
+    table.write_text("one,two,three\n" + "0.1,0.2,0.3\n" * 9)
+    assert find(tmp_path / "logs", columns=tmp_path / "columns.toml") == ({"a": table}, [])
+    with pytest.raises(SkeletonLogError):
+        find(tmp_path / "logs")
 
 
 def test_a_pattern_names_its_files_from_the_folder_in_front_of_the_first_wildcard(find, logs):

@@ -21,7 +21,7 @@ def prepared(logs, puppets, tmp_path):
     """A plan for all recordings with one puppet, and its settings."""
     batch = BatchSettings(tmp_path / "out", new_run(), Settings(), "longest")
     return make_plan(
-        make_jobs(find_recordings([str(logs)], batch.folder).found, puppets[:1], batch, None), batch
+        make_jobs(find_recordings([str(logs)], batch.folder, batch.settings.log).found, puppets[:1], batch, None), batch
     ), batch
 
 

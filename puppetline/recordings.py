@@ -10,8 +10,9 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.formats import FORMATS, read_log, recognize
+from capture.formats import FORMATS, recognize
 from capture.formats.options import ReadOptions
+from capture.sensors.recorded_video import read_recording
 from capture.skeleton import SkeletonFrame
 from capture.source import newest, wait
 from capture.sources import registry
@@ -40,7 +41,7 @@ class Recording:
     def __init__(self, path: Path, user: int | None, options: ReadOptions) -> None:
         self.path = path
         self.options = options
-        self.clips = read_log(path, options)
+        self.clips = read_recording(path, options)
         module = recognize(path, options)
         self._kind = FORMATS[module.__name__.rpartition(".")[2]] if module else "recording"
         self.user, self.users = choose(self.clips, user)[0].user, tuple(clip.user for clip in self.clips)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from capture.clip import SkeletonClip
-from capture.formats._clips import MAX_JOINTS, frame_rate, refuse_too_many
 from capture.formats._rows import Line, is_number, line_error, read_lines
+from capture.formats.clips import MAX_JOINTS, frame_rate, refuse_too_many
 from capture.formats.options import ReadOptions
 from capture.formats.skeleton_motion import SkeletonMotion, clips_of, forward_kinematics, rest_positions
 from puppetline.errors import SkeletonLogError, at

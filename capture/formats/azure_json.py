@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
-from capture.formats._clips import clips_by_performer
 from capture.formats._json import Value, load
+from capture.formats.clips import clips_by_performer
 from capture.formats.layouts import K32, orientations_to_kinect20, to_kinect20
 from capture.formats.options import ReadOptions
 from capture.orientations import rotated

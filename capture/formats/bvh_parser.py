@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.formats._clips import DEFAULT_FPS, MAX_JOINTS, refuse_too_many
 from capture.formats._rows import Line, LineSource, RowLayout, count_note, is_number, line_error, read_lines
+from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, refuse_too_many
 from puppetline.errors import SkeletonLogError, at
 
 FRAMES = re.compile(r"frames\s*:?\s*(\d{1,9})", re.IGNORECASE)

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from capture.clip import SkeletonClip
-from capture.formats._clips import refuse_too_many
 from capture.formats._files import opened
+from capture.formats.clips import refuse_too_many
 from capture.formats.markers import clip_of_markers
 from capture.formats.options import ReadOptions
 from capture.libraries import load_module

@@ -16,6 +16,7 @@ EXPECTED = "a recording of a person's joints: BVH, a table, an array, JSON of a 
 
 _EXPORT = "Export the motion as BVH, or the positions of the joints as a table (CSV)."
 _AS_NUMBERS = "In Python, save the joints as numbers: np.savez(path, joints=…), or an SMPL body's poses and trans."
+_VIDEO = rb".{4}ftyp|\x00\x00\x01\xba|RIFF....AVI |\x1aE\xdf\xa3|FLV\x01"
 _KINDS: tuple[tuple[bytes, str, str], ...] = (
     (rb"\x80[\x02-\x05]", "a pickle of Python objects, which can run any program when it is read", _AS_NUMBERS),
     (
@@ -24,7 +25,7 @@ _KINDS: tuple[tuple[bytes, str, str], ...] = (
         "In MATLAB, save -v7; in Python, save arrays with np.savez.",
     ),
     (rb"Kaydara FBX Binary|; FBX", "an FBX file", "In Blender, import it and export the motion as BVH."),
-    (rb".{4}ftyp|\x00\x00\x01\xba|RIFF....AVI |\x1aE\xdf\xa3|FLV\x01", "a video", ""),
+    (_VIDEO, "a video", ""),
     (rb"version https://git-lfs", "a Git LFS pointer instead of the file", "Download the file itself: git lfs pull."),
     (rb"[/.]*/?annex/objects", "a git-annex pointer instead of the file", "Download the file itself: git annex get."),
     (rb"\s*<(?i:!doctype html|html)", "a web page", "Download the file itself: the link to a raw file."),
@@ -52,6 +53,18 @@ def refusal(path: Path) -> SkeletonLogError:
     return SkeletonLogError(path, found=found, expected=EXPECTED, fix=fix)
 
 
+def is_video(path: Path) -> bool:
+    """Return whether a file is a video.
+
+    Raises
+    ------
+    SkeletonLogError
+        The file cannot be read.
+    """
+    with opened(path) as file:
+        return re.match(_VIDEO, file.read(16), re.DOTALL) is not None
+
+
 def _describe(path: Path, head: bytes) -> tuple[str, str]:
     if not head:
         return "an empty file", "Record again."
@@ -60,7 +73,7 @@ def _describe(path: Path, head: bytes) -> tuple[str, str]:
     for pattern, found, fix in _KINDS:
         if re.match(pattern, head, re.DOTALL):
             record = f"puppetline record --source video:{path.name} -o take.log"
-            return found, fix or f"Record the performer in it: {record}."
+            return found, fix or f"Use it in puppetline convert or animate, or record the performer in it: {record}."
     if b"\0" in head or _is_binary(head):
         return "a binary file of an unknown kind", _EXPORT
     if head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"["):

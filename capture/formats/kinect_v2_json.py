@@ -19,9 +19,9 @@ from pathlib import Path
 import numpy as np
 
 from capture.clip import SkeletonClip
-from capture.formats._clips import DEFAULT_FPS, clips_by_performer, frame_rate
 from capture.formats._hand_states import hand_channels
 from capture.formats._json import Value, load
+from capture.formats.clips import DEFAULT_FPS, clips_by_performer, frame_rate
 from capture.formats.layouts import K25, to_kinect20
 from capture.formats.options import ReadOptions
 from capture.skeleton import LOST, TRACKED, SkeletonFrame

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.formats import _rows as rows
-from capture.formats._clips import build_clip
+from capture.formats.clips import build_clip
 from capture.formats.layouts import K25, orientations_to_kinect20, to_kinect20
 from capture.formats.options import ReadOptions
 from capture.orientations import move_to_bone_starts

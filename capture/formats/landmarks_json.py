@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
-from capture.formats._clips import DEFAULT_FPS, frame_rate
 from capture.formats._files import opened
 from capture.formats._json import load
+from capture.formats.clips import DEFAULT_FPS, frame_rate
 from capture.formats.joint_sets import JOINT_SETS, fits, joint_set
 from capture.formats.options import ReadOptions
 from capture.formats.positions import clip_of_positions, is_person

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
-from capture.formats._clips import build_clip, frame_rate
 from capture.formats._rows import WHOLE_FRAME, Line, RowLayout, cut_off_error, cut_off_note, head_lines, read_lines
+from capture.formats.clips import build_clip, frame_rate
 from capture.formats.layouts import MSR_ACTION3D, to_kinect20
 from capture.formats.options import ReadOptions
 from capture.skeleton import INFERRED, TRACKED

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from capture.clip import SkeletonClip
-from capture.formats._clips import refuse_too_many
 from capture.formats._files import opened
 from capture.formats._rows import is_number
+from capture.formats.clips import refuse_too_many
 from capture.formats.options import ReadOptions
 from capture.formats.skeleton_motion import SkeletonMotion, clips_of
 from puppetline.errors import SkeletonLogError, at

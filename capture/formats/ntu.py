@@ -12,8 +12,8 @@ from pathlib import Path
 
 from capture.clip import SkeletonClip
 from capture.formats import _rows as rows
-from capture.formats._clips import DEFAULT_FPS, clips_by_performer, frame_rate
 from capture.formats._hand_states import hand_channels
+from capture.formats.clips import DEFAULT_FPS, clips_by_performer, frame_rate
 from capture.formats.layouts import K25, orientations_to_kinect20, to_kinect20
 from capture.formats.options import ReadOptions
 from capture.orientations import move_to_bone_starts

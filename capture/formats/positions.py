@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from capture.body import TYPICAL_BONE_METRES, typical_bone_length
 from capture.bone_names import find_bones, find_points
 from capture.clip import SkeletonClip
-from capture.formats._clips import DEFAULT_FPS, build_clip, frame_rate
+from capture.formats.clips import DEFAULT_FPS, build_clip, frame_rate
 from capture.formats.options import ReadOptions
 from capture.formats.placement import bone_length, place
 from capture.formats.skeleton_joints import BONES, MIDPOINTS

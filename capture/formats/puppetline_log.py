@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.events import Cue, Event, Lost, Tick
-from capture.formats._clips import clips_by_performer
 from capture.formats._files import opened
+from capture.formats.clips import clips_by_performer
 from capture.formats.options import ReadOptions
 from capture.recording import VERSION
 from capture.skeleton import JOINTS, LOST, SkeletonFrame

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from capture.clip import SkeletonClip
-from capture.formats._clips import build_clip
+from capture.formats.clips import build_clip
 from capture.formats.options import ReadOptions
 from capture.formats.placement import place
 from capture.formats.positions import refuse_other_bodies

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.formats._cells import number
-from capture.formats._clips import DEFAULT_FPS, MAX_JOINTS, frame_rate
 from capture.formats._columns import TABLE
 from capture.formats._rows import head_lines, read_lines
 from capture.formats._table import UNNAMED, Table
+from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate
 from capture.formats.joint_sets import JOINT_SETS, UnclearOrderError, joint_set
 from capture.formats.options import ReadOptions
 from capture.formats.positions import clip_of_positions, is_person

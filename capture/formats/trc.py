@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from capture.clip import SkeletonClip
-from capture.formats._clips import refuse_too_many
 from capture.formats._rows import head_lines, line_error, read_lines
+from capture.formats.clips import refuse_too_many
 from capture.formats.markers import clip_of_markers
 from capture.formats.options import ReadOptions
 from puppetline.errors import SkeletonLogError

@@ -8,6 +8,7 @@ without a value ``face`` and ``hands``, which measure their channels, and for vi
 import math
 import os
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -217,6 +218,12 @@ class Video:
             )
         self._next = self._decode()
         return picture
+
+    def pictures(self) -> Iterator[Picture]:
+        """Yield the images that are left, up to the end."""
+        while self._next is not None:
+            picture, self._next = self._next, self._decode()
+            yield picture
 
     def close(self) -> None:
         """Close the file."""

@@ -20,12 +20,9 @@ from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, replace
 
-import numpy as np
-
 from capture.events import TICK_SECONDS, Cue, Event, Lost, Tick
 from capture.sensors.clock import DeviceClock
 from capture.sensors.threads import start
-from capture.skeleton import SkeletonFrame
 from capture.source import Counts, newest
 from capture.trackers.floor import FloorTracker
 from capture.trackers.picture import Device, Picture, Tracker
@@ -256,17 +253,7 @@ class SensorSource:
                 last = max(taken, math.nextafter(last, math.inf))
                 people = tracker.track(picture)
                 self.tracked_picture = picture
-                frames = [
-                    SkeletonFrame(
-                        last,
-                        person.user,
-                        person.positions.astype(np.float64),
-                        person.confidence,
-                        person.orientations,
-                        person.channels,
-                    )
-                    for person in people
-                ]
+                frames = [person.frame(last) for person in people]
                 found = {frame.user for frame in frames}
                 self._publish([*(Lost(last, user) for user in sorted(present - found)), *frames] or [Tick(last)])
                 present = found

@@ -11,6 +11,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.skeleton import SkeletonFrame
+
 
 @dataclass(frozen=True, slots=True)
 class Lens:
@@ -102,6 +104,12 @@ class Person:
     confidence: NDArray[np.float32]
     channels: Mapping[str, float] | None = None
     orientations: NDArray[np.float64] | None = None
+
+    def frame(self, time: float) -> SkeletonFrame:
+        """Return the performer as a frame at a time in seconds."""
+        return SkeletonFrame(
+            time, self.user, self.positions.astype(np.float64), self.confidence, self.orientations, self.channels
+        )
 
 
 class Device(Protocol):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from capture.clip import SkeletonClip
-from capture.formats import read_log
+from capture.sensors.recorded_video import read_recording
 from capture.timeline import choose
 from engine_bridge.batch.identity import FileState, identity, performer_identity, result_key
 from engine_bridge.batch.row import Row
@@ -162,7 +162,7 @@ class _Conversion:
     def _of_performers(self, record: Record) -> Record:
         """Convert the recording, and return its record with a row per performer."""
         try:
-            clips = read_log(self._job.log, self._batch.settings.log)
+            clips = read_recording(self._job.log, self._batch.settings.log)
         except Exception as error:  # an internal error with one recording must not stop the others either
             self._check()  # compiled code turns an interrupt into another error
             return replace(record, rows=(_failed(self._row, error),))

@@ -71,9 +71,9 @@ def _print(report: "SourceReport", output: Path | None, as_json: bool) -> None:
 
 def _watch(source: str, seconds: float | None) -> "SourceReport":
     """Return what a source sees during some seconds."""
+    from capture import native_output
     from capture.sensors.source_report import observe
     from capture.sources.registry import open_source
-    from engine_bridge.service.monitoring import native_output
 
     with native_output.logged(), closing(open_source(source)) as opened:
         return observe(opened, 3.0 if seconds is None else seconds)
@@ -87,11 +87,11 @@ def _watch_live(source: str, seconds: float | None) -> "tuple[SourceReport, bool
     from rich.live import Live
     from rich.text import Text
 
+    from capture import native_output
     from capture.reconnecting import ReopeningSource
     from capture.sensors.diagnosis import STATUS_SECONDS, status_line
     from capture.sensors.source_report import SourceMonitor
     from capture.sources.registry import open_source
-    from engine_bridge.service.monitoring import native_output
     from engine_bridge.service.system_signals import Signals
 
     with ExitStack() as stack:

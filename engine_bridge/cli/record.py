@@ -41,10 +41,10 @@ def record(
     """
     from contextlib import ExitStack, closing
 
+    from capture import native_output
     from capture.sound_input import open_sound
     from capture.sources.registry import check_records, open_recording_sensor, open_source
     from engine_bridge.cli import recording
-    from engine_bridge.service.monitoring import native_output
 
     def report(frames: int, elapsed: float) -> None:
         if sys.stderr.isatty():

@@ -141,9 +141,10 @@ def _run(
 
     with ExitStack() as stack:
         signals = stack.enter_context(Signals())
+        from capture import native_output
         from engine_bridge.service.commands import commands
         from engine_bridge.service.loading import service_file
-        from engine_bridge.service.monitoring import logs, native_output
+        from engine_bridge.service.monitoring import logs
         from engine_bridge.service.service import Service
         from puppetline.compiling import reported
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.formats import read_log
+from capture.sensors.recorded_video import read_recording
 from capture.sound import is_wav
 from capture.timeline import choose
 from engine_bridge.film.scene import CharacterTable, SceneError, SoundTable, TakeTable
@@ -144,7 +144,7 @@ def solve_take(rig: Rig, log: Path, settings: Settings, progress: Callable[[floa
     ------
     PuppetlineError
     """
-    clips = read_log(log, settings.log)
+    clips = read_recording(log, settings.log)
     timeline, notes = timeline_of(clips, log, settings)
     motion = solve(rig, timeline, settings, progress)
     sound = sound_of(choose(clips, settings.user)[0], log)

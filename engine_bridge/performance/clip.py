@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from capture import body
 from capture.clip import SkeletonClip
-from capture.formats import read_log
+from capture.sensors.recorded_video import read_recording
 from capture.skeleton import JOINTS, LOST
 from capture.timeline import Timeline, choose, resample
 from engine_bridge.performance.calibration import TakeCalibration, of_performer
@@ -98,7 +98,7 @@ def load_timeline(log: Path, settings: Settings) -> tuple[Timeline, tuple[str, .
     ------
     SkeletonLogError
     """
-    return timeline_of(read_log(log, settings.log), log, settings)
+    return timeline_of(read_recording(log, settings.log), log, settings)
 
 
 def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tuple[Timeline, tuple[str, ...]]:

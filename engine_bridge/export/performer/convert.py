@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
-from capture.formats import read_log
 from capture.sensor_tilt import SensorTilt, tilt_of_recording
+from capture.sensors.recorded_video import read_recording
 from capture.skeleton import JOINT_INDEX, JOINTS
 from capture.timeline import Timeline, choose
 from engine_bridge.export.performer.bvh import write_bvh
@@ -123,7 +123,7 @@ def convert_performers(
     PuppetlineError
     """
     check_output(output, log)
-    performers = upright_performers(read_log(log, settings.log))
+    performers = upright_performers(read_recording(log, settings.log))
     if settings.user is not None or len(performers.clips) <= 1:
         return [convert_performer(performers, log, output, log.stem, settings, progress)]
     made, refused = [], []

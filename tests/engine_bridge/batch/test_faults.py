@@ -27,14 +27,14 @@ HELD = """
     import time
     from engine_bridge.batch import conversion
 
-    def read_or_hold(path, options, read=conversion.read_log):
+    def read_or_hold(path, options, read=conversion.read_recording):
         if path.stem == "c":
             open("FOLDER/held", "w").close()
             while not os.path.exists("FOLDER/released"):
                 time.sleep(0.01)
         return read(path, options)
 
-    conversion.read_log = read_or_hold
+    conversion.read_recording = read_or_hold
 """
 """Holds the conversion of a recording, says so by a file, and goes on when there is another file."""
 

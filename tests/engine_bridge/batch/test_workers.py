@@ -43,7 +43,7 @@ DEADLY = """
             os.kill(os.getpid(), 9)
         return read_log(path, options)
 
-    conversion.read_log = read_or_die
+    conversion.read_recording = read_or_die
 """
 """A recording kills each worker that reads it, and another one only the first."""
 

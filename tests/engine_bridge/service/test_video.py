@@ -29,6 +29,15 @@ def test_a_video_is_recorded_whole(squats, tmp_path, commands):
     assert [height(pose) for pose in clip.positions] == pytest.approx([1.65] * PICTURES, abs=1e-3)
 
 
+def test_a_video_is_converted_like_a_take_of_it(squats, tmp_path, commands):
+    take, paths = tmp_path / "take.log", [tmp_path / "of_video.bvh", tmp_path / "of_take.bvh"]
+    commands.run("record", "--source", f"video:{squats}", "-o", take)
+    for recording, path in zip((squats, take), paths, strict=True):
+        assert commands.run("convert", recording, "-o", path).stderr == ""
+    one, other = (read_log(path)[0].positions for path in paths)
+    np.testing.assert_allclose(one, other, atol=1e-4)
+
+
 def test_a_broken_video_is_one_line_and_exit_code_1(tmp_path, commands):
     """FFmpeg and OpenCV would say something, too."""
     (tmp_path / "cut.mp4").write_bytes(b"\0\0\0\x20ftypisom" + bytes(100))

@@ -6,7 +6,7 @@ import pytest
 
 PROGRAM = """
 import ctypes, logging, os, sys
-from engine_bridge.service.monitoring.native_output import logged
+from capture.native_output import logged
 
 logging.basicConfig(format="log: %(message)s", level=sys.argv[1])
 with logged():

@@ -51,6 +51,10 @@ class SourceError(PuppetlineError):
     """A live source of skeletons cannot be opened, or has ended."""
 
 
+class RecordingEndError(SourceError):
+    """A recording that a source plays has ended, as it should."""
+
+
 class ServiceError(PuppetlineError):
     """The live service cannot start with its settings, or cannot do what a client requests."""
 

@@ -19,7 +19,7 @@ from capture.reconnecting import ReopeningSource
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts, SkeletonSource
 from puppetline import clock
-from puppetline.errors import SourceError
+from puppetline.errors import RecordingEndError
 
 MAX_DELAY_SECONDS = 0.1
 """Maximum delay between the time of a frame and its arrival. Ticks have the same delay."""
@@ -118,7 +118,7 @@ class FusedSource:
 
         Raises
         ------
-        SourceError
+        RecordingEndError
             All recordings have ended.
         """
         for place, member in enumerate(self._members):
@@ -127,7 +127,7 @@ class FusedSource:
             self._watch(member)
         self._count()
         if self.recorded and not self._waiting and all(member.ended for member in self._members):
-            raise SourceError(
+            raise RecordingEndError(
                 self.name,
                 found="the end of all recordings",
                 expected="more frames",

@@ -19,7 +19,7 @@ from capture.sensors.source import SensorSource
 from capture.trackers.mediapipe import DEFAULT_HEIGHT_METRES, INSTALL_FIX, MediaPipePose, load_mediapipe
 from capture.trackers.picture import Lens, Picture
 from puppetline import clock
-from puppetline.errors import SourceError, at
+from puppetline.errors import RecordingEndError, SourceError, at
 
 DEFAULT_FOV_DEGREES = 70.0
 """Default of the diagonal field of view, in degrees, between those of laptops and webcams."""
@@ -206,14 +206,14 @@ class Video:
         self.name = f"the video {path.name}"
 
     def read(self, timeout: float) -> Picture | None:  # noqa: ARG002 (a file needs no waiting)
-        """Return the next image; raise SourceError at the end of the video."""
+        """Return the next image; raise RecordingEndError at the end of the video."""
         picture = self._next
         if picture is None and self._loop:
             self._start = self._last + self._period
             self._capture.set(self._cv2.CAP_PROP_POS_FRAMES, 0)
             picture = self._decode()
         if picture is None:
-            raise SourceError(
+            raise RecordingEndError(
                 self._uri, found="the end of the video", expected="more images", fix="Add ?loop to play it in a loop."
             )
         self._next = self._decode()

@@ -21,7 +21,7 @@ from capture.source import SENSOR_RECORDINGS
 from capture.trackers.mediapipe import MediaPipePose, load_mediapipe
 from capture.trackers.picture import Device, Lens, Picture, Tracker
 from puppetline import clock
-from puppetline.errors import SourceError, at, heading
+from puppetline.errors import RecordingEndError, SourceError, at, heading
 
 MAX_SKEW_SECONDS = 0.02
 """Largest difference between the times of depth and colour in one image, in seconds."""
@@ -265,7 +265,7 @@ class DepthCamera(ABC):
         return SourceError(self._uri, found=found, expected=expected, fix=RECORD_FIX if self._recorded else fix)
 
     def _ended(self) -> SourceError:
-        return SourceError(
+        return RecordingEndError(
             self._uri, found="the end of the recording", expected="more images", fix="Add ?loop to play it in a loop."
         )
 

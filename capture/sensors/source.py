@@ -30,7 +30,7 @@ from puppetline import clock
 from puppetline.errors import SourceError, heading
 
 OPENING_SECONDS = 10.0
-"""Maximum time until a device is open and its first image has arrived, in seconds."""
+"""Maximum time until a device is open, and then until its first image has arrived, in seconds."""
 SLOW_SHARE = 0.5
 """Share of a recording's images per second below which this computer is too slow for it."""
 SILENCE_SECONDS = 2.0
@@ -190,8 +190,10 @@ class SensorSource:
                 device = self._open_device()
                 stack.callback(device.close)
                 what = "the tracker"
+                self._await_image(math.inf)  # a tracker may compile first
                 tracker = self._open_tracker(device)
                 stack.callback(tracker.close)
+                self._await_image(OPENING_SECONDS)
                 log.info("%s tracking images of %s with %s", heading(self.name), device.name, tracker.name)
                 tracking = start(lambda: self._track(tracker), f"{self.name} tracker", self._stop)
                 stack.callback(tracking.wait)
@@ -202,6 +204,10 @@ class SensorSource:
             self._fail(what, error)
         self._closed = True
         self._wake()
+
+    def _await_image(self, seconds: float) -> None:
+        with self._changed:
+            self._deadline = clock.now() + seconds
 
     def _read(self, device: Device) -> None:
         device_clock, logged = DeviceClock(), False

@@ -27,7 +27,7 @@ from capture.formats import puppetline_log, read_log, recognize
 from capture.skeleton import MAX_DISTANCE_METRES, SkeletonFrame
 from capture.source import Counts
 from puppetline import clock
-from puppetline.errors import PuppetlineError, SkeletonLogError, SourceError
+from puppetline.errors import PuppetlineError, RecordingEndError, SkeletonLogError, SourceError
 
 log = logging.getLogger(__name__)
 
@@ -54,11 +54,6 @@ class RecordingSource:
         Whether to play in a loop. The first pass has the recording's times; in later passes, times continue to
         increase.
 
-    Attributes
-    ----------
-    damaged : bool
-        Whether a part of the recording cannot be read.
-
     Raises
     ------
     SourceError
@@ -70,9 +65,8 @@ class RecordingSource:
         self.counts = Counts()
         self.recorded = True
         self._play = play
-        self.damaged = False
         self._events = self._passes() if loop else self.events()
-        self._end: PuppetlineError = SourceError(
+        self._end: PuppetlineError = RecordingEndError(
             name, found="the end of the recording", expected="more frames", fix="Add ?loop to play it in a loop."
         )
         self._next = self._next_event()
@@ -194,7 +188,6 @@ class RecordingSource:
         try:
             return next(self._events, None)
         except SkeletonLogError as error:
-            self.damaged = True
             self._end = SourceError(error.where, found=error.found, expected=error.expected, fix=error.fix)
             return None
 

@@ -11,10 +11,9 @@ from capture.recording import Recorder
 from capture.skeleton import SkeletonFrame
 from capture.sound_input import SoundInput
 from capture.source import SkeletonSource, wait
-from capture.sources.replay import RecordingSource
 from engine_bridge.cli.options import REPLACING
 from puppetline import clock
-from puppetline.errors import SourceError
+from puppetline.errors import RecordingEndError, SourceError
 from puppetline.files import check_new, check_writable, output_errors
 
 
@@ -39,7 +38,7 @@ class RecordSummary:
     ended : str
         ``"time"``, ``"source"`` or ``"stopped"``: the seconds have passed, the source has ended, or Ctrl-C was pressed.
     why : str
-        The error that ended a live source; empty otherwise.
+        The error that ended the source; empty if it ended as it should.
     sound : str
         The sound beside the take; empty without one.
     sound_overflows : int
@@ -112,10 +111,10 @@ def record(
                         users.add(event.user)
                 follow_sound(recorder, source, last)
                 report(frames, clock.now() - started)
+        except RecordingEndError:
+            ended = "source"
         except SourceError as error:
-            if isinstance(source, RecordingSource) and source.damaged:
-                raise
-            ended, why = "source", "" if source.recorded else str(error)
+            ended, why = "source", str(error)
         except KeyboardInterrupt:
             ended = "stopped"
     if why and empty:

@@ -308,6 +308,24 @@ def test_a_device_that_never_opens_is_an_error_and_does_not_delay_closing(
     stuck.set()
 
 
+@pytest.mark.parametrize("recorded", [False, True])
+def test_a_tracker_may_take_any_time_to_open(watch, scripted_device, scripted_tracker, standing, recorded):
+    begun, ready = threading.Event(), threading.Event()
+
+    def open_tracker(_device):
+        begun.set()
+        assert ready.wait(60)
+        return scripted_tracker
+
+    watched = watch(scripted_device, open_tracker, recorded=recorded)
+    assert begun.wait(60)
+    standing.advance(10 * OPENING_SECONDS)
+    assert all(isinstance(event, Tick) for event in watched.source.receive())
+    ready.set()
+    scripted_device.show(1.0)
+    wait_until(lambda: scripted_tracker.seen == [1.0])
+
+
 def test_an_error_while_opening_is_raised_and_an_open_device_is_closed(watch, scripted_device, scripted_tracker):
     refusal = SourceError("x", found="no", expected="yes", fix="Plug it in.")
 

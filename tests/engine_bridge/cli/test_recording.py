@@ -103,9 +103,12 @@ def test_all_events_of_a_live_source_are_recorded_as_they_arrive(tmp_path, given
 
 
 @pytest.mark.parametrize("came", [[], [Tick(0.0), Tick(1.0)], [Tick(0.0), Lost(1.0, 1), Tick(2.0)]])
-def test_the_error_of_a_live_source_is_reported_and_earlier_events_are_kept(tmp_path, came):
+@pytest.mark.parametrize("recorded", [False, True])
+def test_the_error_of_a_source_is_reported_and_earlier_events_are_kept(tmp_path, came, recorded):
     path = tmp_path / "take"
-    summary = record(Scripted(*came, END), path)
+    source = Scripted(*came, END)
+    source.recorded = recorded
+    summary = record(source, path)
     assert (summary.ended, summary.why) == ("source", str(END))
     assert path.exists() == (Lost(1.0, 1) in came)
     assert not path.exists() or list(events(path)) == came

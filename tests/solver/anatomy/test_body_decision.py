@@ -1,0 +1,79 @@
+"""Up, front and limbs of a person are found from the graph, in any coordinates, and as far as they are known."""
+
+from itertools import permutations, product
+
+import numpy as np
+import pytest
+
+from solver.anatomy.body_decision import ORIENTATION_MEASURES, decide, load_weights
+
+from .bodies import person
+
+UP, FRONT = np.array([0.0, 1, 0]), np.array([0.0, 0, 1])
+
+WEIGHTS = load_weights("joints")
+
+OTHERS = np.array([name not in ("up", "front") for name in ORIENTATION_MEASURES])
+"""Measures that do not depend on the file's axes."""
+
+WITHOUT_AXES = WEIGHTS | {"orientation": WEIGHTS["orientation"] * OTHERS}
+"""Weights that do not know in which direction most files have up and front."""
+
+TURNS = [
+    np.array(signs)[:, None] * np.eye(3)[list(rows)]
+    for rows in permutations(range(3))
+    for signs in product((1, -1), repeat=3)
+]
+TURNS = [turn for turn in TURNS if np.linalg.det(turn) > 0]
+"""The 24 rotations of the axes."""
+
+
+def limbs(body, names):
+    return {(label, names[pair.one], names[pair.other]) for label, pair in body.pairs}
+
+
+PERSON = {("arm", "left arm", "right arm"), ("leg", "left hip", "right hip")}
+
+
+def test_a_person_stands_and_looks_to_the_front_with_left_on_the_left():
+    graph, names = person()
+    ways = decide(graph, WEIGHTS)
+    chances = [chance for chance, _ in ways]
+    assert len(ways) == 24
+    assert sum(chances) == pytest.approx(1)
+    assert chances == sorted(chances, reverse=True)
+    best = ways[0][1]
+    np.testing.assert_array_equal([best.up, best.front, best.left], [UP, FRONT, [1, 0, 0]])
+    assert limbs(best, names) == PERSON
+    assert [names[node] for node in best.singles["head"]][-1] == "head"
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_a_turned_person_is_seen_in_the_same_way(turn):
+    graph, names = person(turn=turn, scale=3.0, shift=(5, -2, 1))
+    chance, best = decide(graph, WITHOUT_AXES)[0]
+    plain, upright = decide(person()[0], WITHOUT_AXES)[0]
+    np.testing.assert_allclose([best.up, best.front], [turn @ UP, turn @ FRONT], atol=1e-12)
+    assert limbs(best, names) == limbs(upright, names) == PERSON
+    assert chance == pytest.approx(plain)
+    np.testing.assert_allclose(best.measures[OTHERS], upright.measures[OTHERS], atol=1e-9)
+
+
+def test_known_directions_are_kept_and_the_rest_is_decided():
+    graph, names = person()
+    ways = decide(graph, WEIGHTS, up=-UP)
+    assert len(ways) == 4
+    assert all(np.array_equal(body.up, -UP) for _, body in ways)
+    [(chance, body)] = decide(graph, WEIGHTS, UP, -FRONT)
+    assert chance == 1
+    assert limbs(body, names) == {(label, other, one) for label, one, other in PERSON}
+
+
+def test_names_say_what_a_pair_is_and_which_side_is_left():
+    sides = (("left", 1), ("right", -1))
+    graph, names = person(votes={f"{side} {joint}": "wing" for side, _ in sides for joint in ("arm", "elbow", "wrist")})
+    assert ("wing", "left arm", "right arm") in limbs(decide(graph, WEIGHTS)[0][1], names)
+    for sign in (1.0, -1.0):
+        said = {f"{side} {joint}": sign * own for side, own in sides for joint in ("arm", "hip")}
+        [(_, body)] = decide(person(sides=said)[0], WEIGHTS, UP, FRONT)
+        assert dict(zip(ORIENTATION_MEASURES, body.measures, strict=True))["sides"] == sign

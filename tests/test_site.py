@@ -13,7 +13,7 @@ pytestmark = pytest.mark.slow
 AXE = ROOT / "engine_bridge" / "studio" / "page" / "node_modules" / "axe-core" / "axe.min.js"
 
 SERIOUS = """async ([where, checked]) => {
-  const { violations } = await axe.run(where ? { include: window[where] } : document, { preload: false, ...checked });
+  const { violations } = await axe.run(where ? { include: window[where] } : document, { preload: false, resultTypes: ["violations"], ...checked });
   return violations
     .filter(({ impact }) => ["serious", "critical"].includes(impact))
     .map(({ id, nodes }) => `${id}: ${nodes[0].html}`);

@@ -13,7 +13,8 @@ pytestmark = pytest.mark.slow
 AXE = ROOT / "engine_bridge" / "studio" / "page" / "node_modules" / "axe-core" / "axe.min.js"
 
 SERIOUS = """async ([where, checked]) => {
-  const { violations } = await axe.run(where ? { include: window[where] } : document, { preload: false, resultTypes: ["violations"], ...checked });
+  const options = { preload: false, resultTypes: ["violations"], ...checked };
+  const { violations } = await axe.run(where ? { include: window[where] } : document, options);
   return violations
     .filter(({ impact }) => ["serious", "critical"].includes(impact))
     .map(({ id, nodes }) => `${id}: ${nodes[0].html}`);

@@ -26,17 +26,25 @@ class Column(NamedTuple):
         "x", "y", "z", "state", "time", "frame", "person", "joint", or "" for a column that is not used.
     joint : str
         Name of the joint whose coordinate or state it is; a number, or "" if the rows or their order tell.
+    person : str
+        Number of the performer whose joint it is, as in ``Body 2 Head X``; "" without one.
     """
 
     role: str
     joint: str = ""
+    person: str = ""
 
 
 def parse(names: Sequence[Sequence[str]]) -> list[Column]:
     """Return what the columns are whose header's cells are given, from top to bottom."""
-    columns = [_parse([word for cell in cells for word in _words(cell)]) for cells in names]
-    placed = {column.joint for column in columns if column.role in AXES}
-    return [column if column.role != "state" or column.joint in placed else Column("") for column in columns]
+    columns = []
+    for cells in names:
+        words = [word for cell in cells for word in _words(cell)]
+        is_numbered = len(words) > 2 and words[0] in WORDS["person"] and words[1].isdecimal()
+        person, words = (words[1], words[2:]) if is_numbered else ("", words)
+        columns.append(_parse(words)._replace(person=person))
+    placed = {column[1:] for column in columns if column.role in AXES}
+    return [column if column.role != "state" or column[1:] in placed else Column("") for column in columns]
 
 
 def _words(cell: str) -> list[str]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.formats._cells import UnevenError, number, split, vector
-from capture.formats._columns import AXES, parse
+from capture.formats._columns import AXES, Column, parse
 from capture.formats._rows import Line
 from capture.formats.joint_sets import JOINT_SETS, MAX_MISFIT, Fit, clearest, fits
 from capture.formats.options import ReadOptions
@@ -86,7 +86,7 @@ class Table:
         self.notes: tuple[str, ...] = ()
         if cells.cut_off is not None:
             self.notes = (f"The file ends in the middle of line {cells.cut_off}. This frame is omitted.",)
-        self._layout = self._mapped(options.columns) if options.columns else self._named() or self._unnamed()
+        self._layouts = [self._mapped(options.columns)] if options.columns else self._named() or self._unnamed()
 
     def column_name(self, column: int) -> str:
         return self._names[column] or f"column {column + 1}"
@@ -101,12 +101,20 @@ class Table:
 
     # What the columns are
 
-    def _named(self) -> Layout | None:
+    def _named(self) -> list[Layout]:
         columns = parse(self.cells.names)
+        people = list(dict.fromkeys(column.person for column in columns if column.person and column.joint))
+        layouts = [
+            self._of_columns([each if each.person in ("", person) else Column("") for each in columns])
+            for person in people or [""]
+        ]
+        return [layout for layout in layouts if layout is not None]
+
+    def _of_columns(self, columns: Sequence[Column]) -> Layout | None:
         joints: dict[str, dict[str, int]] = {}
         fields: dict[str, int] = {}
         repeats: dict[str, int] = {}
-        for index, (role, joint) in enumerate(columns):
+        for index, (role, joint, _) in enumerate(columns):
             if index in self.cells.vectors and joint and role in ("", *AXES):
                 joints.setdefault(joint, {"x": index})
             elif role in (*AXES, "state"):
@@ -183,10 +191,10 @@ class Table:
             fix="Correct this line.",
         )
 
-    def _unnamed(self) -> Layout | None:
-        """Return the layout without names in which the columns are a person's joints."""
+    def _unnamed(self) -> list[Layout]:
+        """Return the layout without names in which the columns are a person's joints, if there is one."""
         if any(self._names) and not self._are_numbered():
-            return None
+            return []
         found: list[tuple[Fit, Layout]] = []
         for name, starts, size in self._candidates():
             sample = np.stack([self.positions({"x": x, "y": x + 1, "z": x + 2}) for x in starts], axis=1)
@@ -199,11 +207,11 @@ class Table:
             found += [(fit, layout) for fit in fits(sample, [name])]
         if found:
             best = clearest(self.path, [fit for fit, _ in found], f"a table with {self.width} columns")
-            return next(layout for fit, layout in found if fit is best)
+            return [layout for fit, layout in found if fit is best]
         own = dict(zip((*AXES, "state"), range(self.width), strict=False))
         if self.width in (3, 4) and self._joint_set_of_rows(own):
-            return Layout({f"{UNNAMED}0": own}, {})
-        return None
+            return [Layout({f"{UNNAMED}0": own}, {})]
+        return []
 
     def _are_numbered(self) -> bool:
         return all(name.strip().replace(".", "").isdecimal() for name in self._names if name)
@@ -220,9 +228,9 @@ class Table:
                 for before in range(extra + 1):
                     yield name, list(range(before, before + size * len(joints), size)), size
 
-    def joints_per_frame(self) -> int:
+    def joints_per_frame(self, layout: Layout) -> int:
         """Return how many rows a frame has, if each row is a joint."""
-        name = self._joint_set_of_rows(next(iter(self.layout.joints.values())))
+        name = self._joint_set_of_rows(next(iter(layout.joints.values())))
         if name is None:
             self.refuse("rows of x y z, in no order of joints that gives a person")
         return len(JOINT_SETS[name])
@@ -243,9 +251,9 @@ class Table:
     # What the rows are
 
     @property
-    def layout(self) -> Layout:
-        """What the columns are; an error if they are no positions of joints."""
-        if self._layout is None:
+    def layouts(self) -> list[Layout]:
+        """What the columns are, for each performer who has own ones; an error if none are positions of joints."""
+        if not self._layouts:
             names = ", ".join(filter(None, self._names[:12]))
             flat = "x" in names.lower() and not any("z" in name.lower() for name in self._names)
             self.refuse(
@@ -254,16 +262,16 @@ class Table:
                 else f"a table with the columns {names}{' …' if self.width > 12 else ''}"
                 + (", which have no z: positions in a picture" if flat else "")
             )
-        return self._layout
+        return self._layouts
 
     @property
     def has_joints(self) -> bool:
         """Whether the columns are positions of joints."""
-        return self._layout is not None
+        return bool(self._layouts)
 
-    def texts(self, role: str) -> list[str]:
+    def texts(self, layout: Layout, role: str) -> list[str]:
         """Return the cells of the column with a role; an empty list without it."""
-        column = self.layout.fields.get(role)
+        column = layout.fields.get(role)
         return [] if column is None else [row[column] for row in self.cells.rows]
 
     def positions(self, own: dict[str, int]) -> Floats:

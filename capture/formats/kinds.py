@@ -80,7 +80,7 @@ def _describe(path: Path, head: bytes) -> tuple[str, str]:
         return _json(path), "Export x, y and z of the joints in each frame, with their names."
     try:
         texts = head_lines(head)
-        _ = Table(path, [(index, f"{text}\n") for index, text in enumerate(texts[:-1] or texts)], ReadOptions()).layout
+        _ = Table(path, [(index, f"{text}\n") for index, text in enumerate(texts[:-1] or texts)], ReadOptions()).layouts
     except SkeletonLogError as error:
         is_table = error.where == str(path)  # otherwise a line differs from the others
         return (error.found, error.fix) if is_table else ("text that is no table", _EXPORT)

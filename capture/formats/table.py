@@ -21,7 +21,7 @@ from capture.clip import SkeletonClip
 from capture.formats._cells import number
 from capture.formats._columns import TABLE
 from capture.formats._rows import head_lines, read_lines
-from capture.formats._table import UNNAMED, Table
+from capture.formats._table import UNNAMED, Layout, Table
 from capture.formats.clips import DEFAULT_FPS, MAX_JOINTS, frame_rate
 from capture.formats.joint_sets import JOINT_SETS, UnclearOrderError, joint_set
 from capture.formats.options import ReadOptions
@@ -81,9 +81,14 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
         A row has too few or too many cells, a coordinate is no number, the joints are no person's or in no known order.
     """
     table = Table(path, read_lines(path), options)
+    found = [
+        (user if len(table.layouts) == 1 else number, _performer(table, layout, rows))
+        for number, layout in enumerate(table.layouts)
+        for user, rows in _people(table, layout).items()
+    ]
+    present = [(user, performer) for user, performer in found if np.nan_to_num(performer.positions).any()]
     clips = []
-    for user, rows in _people(table).items():
-        performer = _performer(table, rows)
+    for user, performer in present or found[:1]:
         clip = clip_of_positions(
             path,
             "table",
@@ -107,11 +112,14 @@ def columns(path: Path, options: ReadOptions) -> dict[str, str]:
         The file is no table of joint positions.
     """
     table = Table(path, read_lines(path), options)
-    meanings = {column: role for role, column in table.layout.fields.items()}
-    for joint, own in table.layout.joints.items():
-        for role, column in own.items():
-            what = "x y z" if column in table.cells.vectors else role
-            meanings[column] = f"{joint} {what}" if not joint.startswith(UNNAMED) else what
+    meanings: dict[int, str] = {}
+    for user, layout in enumerate(table.layouts):
+        meanings |= {column: role for role, column in layout.fields.items()}
+        whose = "" if len(table.layouts) == 1 else f"performer {user}: "
+        for joint, own in layout.joints.items():
+            for role, column in own.items():
+                what = "x y z" if column in table.cells.vectors else role
+                meanings[column] = whose + (what if joint.startswith(UNNAMED) else f"{joint} {what}")
     return {table.column_name(column): meanings.get(column, "not used") for column in range(table.width)}
 
 
@@ -163,10 +171,10 @@ def seconds_of(
     return values / unit, ()
 
 
-def _people(table: Table) -> dict[int, Rows]:
+def _people(table: Table, layout: Layout) -> dict[int, Rows]:
     """Return the rows of each person."""
     rows = np.arange(len(table.cells.rows))
-    ids = table.texts("person")
+    ids = table.texts(layout, "person")
     known = list(dict.fromkeys(each for each in ids if each))
     if len(known) <= 1:
         return {0: rows}
@@ -175,14 +183,13 @@ def _people(table: Table) -> dict[int, Rows]:
     return {user: rows[[own == each for own in ids]] for user, each in zip(users, known, strict=True)}
 
 
-def _performer(table: Table, rows: Rows) -> Performer:
-    layout = table.layout
+def _performer(table: Table, layout: Layout, rows: Rows) -> Performer:
     positions = np.stack([table.positions(own)[rows] for own in layout.joints.values()], axis=1)
     confidence = np.stack([_confidence(table, own)[rows] for own in layout.joints.values()], axis=1)
     performer = Performer(list(layout.joints), positions, confidence, None)
     if performer.names[0].startswith(UNNAMED):
         if positions.shape[1] == 1:
-            rows, performer = _with_a_row_per_joint(table, rows, positions[:, 0], confidence[:, 0])
+            rows, performer = _with_a_row_per_joint(table, layout, rows, positions[:, 0], confidence[:, 0])
         else:
             own = [table.cells.rows[rows[0]][column] for role, column in layout.fields.items() if "joint" in role]
             is_named = len(own) == positions.shape[1]
@@ -191,7 +198,7 @@ def _performer(table: Table, rows: Rows) -> Performer:
             )
     if all(name.isdecimal() for name in performer.names):
         performer = _numbered(table, performer)
-    times, notes = _times(table, rows)
+    times, notes = _times(table, layout, rows)
     return performer._replace(times=times, notes=notes)
 
 
@@ -207,17 +214,17 @@ def _confidence(table: Table, own: dict[str, int]) -> NDArray[np.float32]:
 
 
 def _with_a_row_per_joint(
-    table: Table, rows: Rows, positions: Floats, confidence: NDArray[np.float32]
+    table: Table, layout: Layout, rows: Rows, positions: Floats, confidence: NDArray[np.float32]
 ) -> tuple[Rows, Performer]:
     """Return the first rows of the frames, and the performer of whom each row has one joint.
 
     A frame ends where its number or time changes, or where a joint would repeat.
     """
-    texts = {role: table.texts(role) for role in ("joint", "frame", "time")}
+    texts = {role: table.texts(layout, role) for role in ("joint", "frame", "time")}
     joints = [texts["joint"][row] for row in rows] if texts["joint"] else [""] * len(rows)
     keys = [tuple(texts[role][row] for role in ("frame", "time") if texts[role]) for row in rows]
     if not (texts["joint"] or keys[0]):
-        count = table.joints_per_frame()
+        count = table.joints_per_frame(layout)
         joints = [str(index % count) for index in range(len(rows))]
     starts: list[int] = []
     names: list[str] = []
@@ -256,13 +263,13 @@ def _numbered(table: Table, performer: Performer) -> Performer:
     return Performer(JOINT_SETS[name], positions, confidence, None)
 
 
-def _times(table: Table, rows: Rows) -> tuple[Floats | None, tuple[str, ...]]:
+def _times(table: Table, layout: Layout, rows: Rows) -> tuple[Floats | None, tuple[str, ...]]:
     """Return the seconds of rows, None without a column that tells them, and notes."""
     for role in ("time", "frame"):
-        texts = table.texts(role)
+        texts = table.texts(layout, role)
         values = _moments([texts[row] for row in rows]) if texts else None
         if values is not None:
-            name = table.column_name(table.layout.fields[role]).lower()
+            name = table.column_name(layout.fields[role]).lower()
             words = name.translate(str.maketrans("_()[]", "     ")).split()
             units = [UNITS_PER_SECOND[unit] for unit, own in TABLE["units"].items() if set(own.split()) & set(words)]
             times, notes = seconds_of(values, table.options, units, counts=role == "frame")

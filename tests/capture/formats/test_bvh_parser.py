@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from capture.formats import _clips, bvh
+from capture.formats import bvh, clips
 
 from .bvh_files import BODY, JOINT_COUNT, hierarchy, motion, random_rows
 
@@ -143,5 +143,5 @@ def test_a_hierarchy_without_motion_is_its_rest_pose(read):
 
 
 def test_more_places_than_memory_should_hold_are_refused(refused_at, monkeypatch):
-    monkeypatch.setattr(_clips, "MAX_POSITIONS", 3 * 25 - 1)
+    monkeypatch.setattr(clips, "MAX_POSITIONS", 3 * 25 - 1)
     assert refused_at(bvh, GOOD) == f"line {len(GOOD)}"

@@ -79,6 +79,19 @@ def test_people_are_told_apart_and_other_columns_ignored(read):
     np.testing.assert_allclose(other.times, np.arange(6) / 25)
 
 
+def test_performers_may_have_columns_of_their_own(read):
+    lines = ["clock," + ",".join(f"Body_{user}_XYZ_{joint}" for user in (1, 2, 3) for joint in JOINTS)]
+    cells = '"{0}, {1}, {2}"'
+    for index, pose in enumerate(POSES):
+        own = [*row(pose, cells), *row(pose + RIGHT, cells), *['"0, 0, 0"'] * len(JOINTS)]
+        lines.append(",".join([f"{index / 25}", *own]))
+    clips = read(table, lines)
+    assert [clip.user for clip in clips] == [0, 1]
+    for clip, poses in zip(clips, (POSES, POSES + RIGHT), strict=True):
+        close(clip, poses)
+        np.testing.assert_allclose(clip.times, np.arange(6) / 25)
+
+
 @pytest.mark.parametrize(("ids", "users"), [(("1", "01"), [0, 1]), (("1", "x"), [0, 1]), (("07", "9"), [7, 9])])
 def test_people_have_the_numbers_of_the_file_if_these_are_distinct(read, ids, users):
     lines = ["frame,person," + ",".join(f"{joint}.{axis}" for joint in JOINTS for axis in "xyz")]

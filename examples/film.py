@@ -55,7 +55,7 @@ azimuth = 5
 
 [[camera]]                  # the dog sits, gives a paw and barks
 at = 4.2
-mode = "follow"
+shot = "follow"
 show = ["dog"]
 azimuth = 20
 

@@ -186,7 +186,7 @@ class Character:
                 "film": {"fps": used.fps},
                 "character": [{"name": "it", "puppet": puppet.name}],
                 "take": [{"character": "it", "file": str(take.path.absolute()), "user": take.user} | part],
-                "camera": [{"mode": "follow"}],
+                "camera": [{"shot": "follow"}],
             }
             scene.write_text(tomlkit.dumps(tables), encoding="utf-8")
             return make_video(scene, output, 0.0, None, False, lambda _stage, _share: None)

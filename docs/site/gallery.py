@@ -121,7 +121,7 @@ start = {loop[0]:.3f}
 stop = {loop[1]:.3f}
 loop = 3
 [[camera]]
-mode = "follow"
+shot = "follow"
 azimuth = {model.azimuth}
 """
     )

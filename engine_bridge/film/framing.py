@@ -58,7 +58,7 @@ class _Shot:
         low, high = shown[:, :, 0].min(axis=0), shown[:, :, 1].max(axis=0)
         self._first, self._field = part.start, table.field_of_view
         middle = (low + high) / 2
-        if table.mode == "follow":
+        if table.shot == "follow":
             self._way = scipy.ndimage.gaussian_filter1d(middle, FOLLOWING_SECONDS * fps, axis=0, mode="nearest")
             self._way[:, 1] = 0  # the camera does not nod with every step
         else:

@@ -1,13 +1,13 @@
 """Pictures of films that cover the frame: backgrounds behind it and titles over it."""
 
-import contextlib
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageColor, ImageDraw, ImageFont, ImageOps
+from PIL import Image, ImageColor, ImageDraw, ImageOps
 
 from engine_bridge.film.scene import DEFAULT_BACKGROUND, BackgroundTable, SceneError, TitleTable
+from engine_bridge.film.typeface import typeface
 from puppetline.errors import at
 
 MARGIN = 0.08
@@ -15,10 +15,6 @@ MARGIN = 0.08
 
 OUTLINE = 0.06
 """Width of the dark outline of titles, as a share of their size."""
-
-
-FONTS = ("DejaVuSans.ttf", "NotoSans-Regular.ttf", "LiberationSans-Regular.ttf", "Arial.ttf", "arial.ttf")
-"""Fonts of systems, of which the first one that exists shows titles with other letters than those of English."""
 
 
 def background(table: BackgroundTable, size: tuple[int, int], scene: Path) -> NDArray[np.uint8]:
@@ -53,10 +49,10 @@ def title(table: TitleTable, size: tuple[int, int], where: str, folder: Path) ->
     Raises
     ------
     SceneError
-        The font cannot be opened.
+        The typeface cannot be opened, or has no such letters.
     """
     height = max(round(table.size * size[1]), 1)
-    font = _font(table, height, where, folder)
+    font = typeface(table.font, table.text, height, where, folder)
     y, anchor = {
         "top": (MARGIN * size[1], "ma"),
         "middle": (size[1] / 2, "mm"),
@@ -75,28 +71,6 @@ def title(table: TitleTable, size: tuple[int, int], where: str, folder: Path) ->
         stroke_fill=(20, 22, 28, 190),
     )
     return np.asarray(image)
-
-
-def _font(table: TitleTable, height: int, where: str, folder: Path) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    """Return the font of a title; Pillow's own one has the letters of English only."""
-    if table.font is None and table.text.isascii():
-        return ImageFont.load_default(height)
-    for name in FONTS if table.font is None else (str(folder / table.font),):
-        with contextlib.suppress(OSError):
-            return ImageFont.truetype(name, height)
-    if table.font is None:
-        raise SceneError(
-            f"{where}, text",
-            found=f"the letters {''.join(sorted({letter for letter in table.text if not letter.isascii()}))}",
-            expected=f"letters of English, or one of the fonts {', '.join(FONTS)} on this system",
-            fix='Add a font: font = "FILE.ttf". On Debian: apt install fonts-dejavu-core',
-        )
-    raise SceneError(
-        f"{where}, font",
-        found=f"{folder / table.font}, which cannot be opened",
-        expected="a font, such as .ttf, relative to the scene file",
-        fix="Correct the path, or remove the key font.",
-    )
 
 
 def opacity(table: TitleTable, time: float) -> float:

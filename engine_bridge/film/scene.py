@@ -1,4 +1,4 @@
-"""Contents of a scene file: characters, their takes, sounds, cameras, titles, floor and background."""
+"""Contents of a scene file: characters, takes, sounds, music, cameras, titles, speech bubbles and the set."""
 
 import difflib
 from pathlib import Path
@@ -44,8 +44,32 @@ def _color(text: object) -> object:
     return text
 
 
+Set = Literal[
+    "studio", "meadow", "forest", "beach", "desert", "snow", "castle", "city", "night", "stage", "space", "underwater"
+]
+"""Names of the sets that `engine_bridge.film.sets` paints."""
+
+Mood = Literal["day", "evening", "night", "overcast", "spotlight", "water"]
+"""Names of the lights in `engine_bridge.film.moods`."""
+
+Typeface = Literal["plain", "serif", "round", "hand", "poster"]
+"""Names of the typefaces in `engine_bridge.film.typeface`; any other value is a file."""
+
+MusicLoop = Literal["cheerful", "calm", "waltz", "adventure", "suspense"]
+"""Names of the pieces of music in `engine_bridge.film.music`."""
+
+
+def _check_at_most_one(table: Table, *keys: str) -> None:
+    given = [key for key in keys if getattr(table, key) is not None]
+    if len(given) > 1:
+        expected = f"one of {', '.join(keys[:-1])} and {keys[-1]}"
+        raise mistake(given[1], found=" and ".join(given), expected=expected, fix="Remove the others.")
+
+
 Color = Annotated[str, BeforeValidator(_color)]
 Seconds = Annotated[Number, Field(ge=0, le=MAX_SECONDS)]
+Fade = Annotated[Number, Field(ge=0, le=10)]
+Gain = Annotated[Number, Field(ge=-80, le=40)]
 Place = tuple[Number, Number]
 
 
@@ -60,21 +84,24 @@ def _even(size: tuple[int, int]) -> tuple[int, int]:
 
 
 class FilmTable(Table):
-    """[film]: size in pixels, frames per second, and length; by default until the last take ends."""
+    """[film]: size in pixels, frames per second, length, by default until the last take ends, and fades to black."""
 
     size: Annotated[tuple[int, int], AfterValidator(_even)] = (1280, 720)
     fps: Annotated[Number, Field(ge=1, le=120)] = 30.0
     seconds: Annotated[Number, Field(gt=0, le=MAX_SECONDS)] | None = None
+    fade_in: Fade = 0.0
+    fade_out: Fade = 0.0
 
 
 class CharacterTable(Table):
-    """[[character]]: a puppet, where it stands (metres to the right and to the front), and how tall it is."""
+    """[[character]]: a puppet, where it stands (metres to the right and to the front), its height and its colour."""
 
     name: Text
     puppet: Text
     position: Place = (0.0, 0.0)
     turn: Number = 0.0
     height: Annotated[Number, Field(gt=0)] | None = None
+    color: Color | None = None
 
 
 class _PartTable(Table):
@@ -103,7 +130,7 @@ class TakeTable(_PartTable):
     user: Annotated[int, Field(strict=True)] | None = None
     at: Seconds | None = None
     loop: Annotated[int, Field(strict=True, ge=1, le=10_000)] = 1
-    fade: Annotated[Number, Field(ge=0, le=10)] = 0.3
+    fade: Fade = 0.3
     position: Place | None = None
     turn: Number | None = None
     sound: StrictBool = True
@@ -115,65 +142,107 @@ class SoundTable(_PartTable):
 
     file: Text
     at: Seconds = 0.0
-    gain: Annotated[Number, Field(ge=-80, le=40)] = 0.0
+    gain: Gain = 0.0
     fade_in: Seconds = 0.0
     fade_out: Seconds = 0.0
     mute: StrictBool = False
 
 
+class MusicTable(Table):
+    """[music]: a piece of `engine_bridge.film.music` or a sound file, repeated until the film ends."""
+
+    loop: MusicLoop | None = None
+    file: Text | None = None
+    gain: Gain = -14.0
+    fade_in: Seconds = 0.5
+    fade_out: Seconds = 2.0
+
+    @model_validator(mode="after")
+    def _check_one(self) -> Self:
+        _check_at_most_one(self, "loop", "file")
+        return self
+
+
 class CameraTable(Table):
-    """[[camera]]: a shot, from a time of the film until the next one; its distance follows from what it shows."""
+    """[[camera]]: a shot, from a time of the film until the next one; its distance follows from what it shows.
+
+    `fade` is the length of the cross-fade from the shot before it, which begins with it. `behind` is the character over
+    whose shoulder it looks, by default the nearest one to those that are shown.
+    """
 
     at: Seconds = 0.0
-    mode: Literal["still", "follow"] = "still"
+    shot: Literal["wide", "close", "follow", "over the shoulder"] = "wide"
     show: tuple[Text, ...] = ()
+    behind: Text | None = None
     azimuth: Annotated[Number, Field(ge=-360, le=360)] = 15.0
     elevation: Annotated[Number, Field(ge=0, le=89)] = 8.0
     field_of_view: Annotated[Number, Field(ge=5, le=120)] = 30.0
     zoom: Annotated[Number, Field(gt=0, le=20)] = 1.0
+    fade: Fade = 0.0
 
 
 DEFAULT_FLOOR, DEFAULT_BACKGROUND = "#dedbd5", ("#bcd0ea", "#ece7df")
 
 
 class FloorTable(Table):
-    """[floor]: whether there is one, and its colour; before a picture, it shows shadows only unless it has one."""
+    """[floor]: whether there is one, and its colour, by default the set's; before a picture, it shows shadows only."""
 
     show: StrictBool = True
     color: Color | None = None
 
 
-class BackgroundTable(Table):
-    """[background]: a colour, two colours from top to bottom, or a picture that covers the frame."""
+class LightTable(Table):
+    """[light]: its mood, by default the set's."""
 
+    mood: Mood | None = None
+
+
+class BackgroundTable(Table):
+    """[background]: a set, a colour, two colours from top to bottom, or a picture that covers the frame."""
+
+    set: Set | None = None
     color: Color | None = None
     colors: tuple[Color, Color] | None = None
     picture: Text | None = None
 
     @model_validator(mode="after")
     def _check_one(self) -> Self:
-        given = [name for name in ("color", "colors", "picture") if getattr(self, name) is not None]
-        if len(given) > 1:
-            raise mistake(
-                given[1],
-                found=" and ".join(given),
-                expected="one of color, colors and picture",
-                fix="Remove the others.",
-            )
+        _check_at_most_one(self, "set", "color", "colors", "picture")
         return self
 
 
-class TitleTable(Table):
-    """[[title]]: a text over the picture; its size is a share of the picture's height."""
+class _TextTable(Table):
+    """A text over the picture; its size is a share of the picture's height, `font` a `Typeface` or a file."""
 
-    text: Text
     at: Seconds = 0.0
     seconds: Annotated[Number, Field(gt=0, le=MAX_SECONDS)] = 3.0
+    size: Annotated[Number, Field(gt=0, le=1)]
+    font: Text = "plain"
+
+
+class TitleTable(_TextTable):
+    """[[title]]: a text over the picture."""
+
+    text: Text
     place: Literal["top", "middle", "bottom"] = "middle"
     size: Annotated[Number, Field(gt=0, le=1)] = 0.09
     color: Color = "white"
-    fade: Annotated[Number, Field(ge=0, le=10)] = 0.4
-    font: Text | None = None
+    fade: Fade = 0.4
+
+
+class BubbleTable(_TextTable):
+    """[[bubble]]: what a character says or thinks, beside its head, or its name, below it."""
+
+    character: Text
+    text: Text | None = None
+    kind: Literal["speech", "thought", "name"] = "speech"
+    size: Annotated[Number, Field(gt=0, le=1)] = 0.05
+
+    @model_validator(mode="after")
+    def _check_text(self) -> Self:
+        if self.text is None and self.kind != "name":
+            raise mistake("text", found="nothing", expected="what the character says", fix="Add the key text.")
+        return self
 
 
 class Scene(Table):
@@ -183,10 +252,13 @@ class Scene(Table):
     character: Annotated[tuple[CharacterTable, ...], Field(min_length=1)]
     take: tuple[TakeTable, ...] = ()
     sound: tuple[SoundTable, ...] = ()
+    music: MusicTable = MusicTable()
     camera: tuple[CameraTable, ...] = ()
-    floor: FloorTable = FloorTable()
     background: BackgroundTable = BackgroundTable()
+    floor: FloorTable = FloorTable()
+    light: LightTable = LightTable()
     title: tuple[TitleTable, ...] = ()
+    bubble: tuple[BubbleTable, ...] = ()
 
     @model_validator(mode="after")
     def _check_names(self) -> Self:
@@ -197,6 +269,10 @@ class Scene(Table):
         for index, camera in enumerate(self.camera):
             for number, shown in enumerate(camera.show):
                 _check_name(shown, names, "camera", index, "show", number)
+            if camera.behind is not None:
+                _check_name(camera.behind, names, "camera", index, "behind")
+        for index, bubble in enumerate(self.bubble):
+            _check_name(bubble.character, names, "bubble", index, "character")
         return self
 
     @model_validator(mode="after")

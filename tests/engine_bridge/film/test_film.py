@@ -89,7 +89,7 @@ def test_a_part_shows_the_same_frames_as_the_whole_film(write_scene, tmp_path, m
     monkeypatch.setattr(
         films._View, "draw", lambda view, frame: shown.append((frame, draw(view, frame))) or shown[-1][1]
     )
-    path = write_scene(SCENE + '[[title]]\ntext = "a"\n[[camera]]\nmode = "follow"\n[[camera]]\nat = 1\nshow = ["b"]\n')
+    path = write_scene(SCENE + '[[title]]\ntext = "a"\n[[camera]]\nshot = "follow"\n[[camera]]\nat = 1\nshow = ["b"]\n')
     make_video(path, tmp_path / "whole.mp4", 0, None, False, quiet)
     whole, shown[:] = dict(shown), []
     make_video(path, tmp_path / "part.mp4", 0.9, 1.2, False, quiet)

@@ -44,7 +44,7 @@ def boxes(frames, x):
 def test_a_camera_that_follows_stays_nearer_and_moves_smoothly():
     walk = boxes(300, lambda k: 0 if k < 100 else min(k - 100, 100) / 20)
     still = Shots((), {"a": walk}, 30, SIZE)
-    follow = Shots((CameraTable(mode="follow"),), {"a": walk}, 30, SIZE)
+    follow = Shots((CameraTable(shot="follow"),), {"a": walk}, 30, SIZE)
     eyes = np.array([follow.camera(frame).eye for frame in range(300)])
     assert eyes[:, 1].std() == 0
     assert (still.camera(0).eye == still.camera(299).eye).all()

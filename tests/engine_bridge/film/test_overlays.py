@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from PIL import Image, ImageFont
+from PIL import Image
 
 from engine_bridge.film import overlays
-from engine_bridge.film.scene import BackgroundTable, SceneError, TitleTable
-
-from ..refusals import refused
+from engine_bridge.film.scene import BackgroundTable, TitleTable
 
 SIZE = (320, 180)
 
@@ -28,15 +26,6 @@ def test_a_title_fades_in_and_out():
     times = [0.9, 1.0, 1.25, 2.0, 2.75, 3.0, 3.1]
     assert [overlays.opacity(table, time) for time in times] == pytest.approx([0, 0, 0.5, 1, 0.5, 0, 0])
     assert overlays.opacity(TitleTable(text="a", fade=0), 0) == 1
-
-
-def test_letters_that_no_font_has_are_one_message(tmp_path, monkeypatch):
-    def none(name, height):
-        raise OSError("cannot open resource")
-
-    monkeypatch.setattr(ImageFont, "truetype", none)
-    error = refused(SceneError, overlays.title, TitleTable(text="Größe"), SIZE, "title", tmp_path)
-    assert (error.where, error.found) == ("title, text", "the letters ßö")
 
 
 def test_a_background_runs_from_its_first_colour_to_its_second(tmp_path):

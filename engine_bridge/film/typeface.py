@@ -1,0 +1,74 @@
+"""Typefaces of titles and speech bubbles: five that Puppetline has, and files."""
+
+import contextlib
+from pathlib import Path
+
+from PIL import ImageFont
+
+from engine_bridge.film.scene import SceneError, Typeface
+
+FOLDER = Path(__file__).parent / "typefaces"
+
+FILES: dict[Typeface, str] = {
+    "plain": "SourceSansPro-Bold.otf",
+    "serif": "SourceSerifPro-Bold.otf",
+    "round": "FredokaOne-Regular.ttf",
+    "hand": "AmaticSC-Bold.ttf",
+    "poster": "FjallaOne-Regular.ttf",
+}
+
+SYSTEM_FILES = ("DejaVuSans.ttf", "NotoSans-Regular.ttf", "NotoSansCJK-Regular.ttc", "Arial.ttf", "arial.ttf")
+"""Typefaces of systems, for letters that no typeface of Puppetline has."""
+
+UNASSIGNED = "\U0010ffff"
+"""A character that no typeface has, which shows what it draws in place of one that it does not have."""
+
+
+def typeface(font: str, text: str, height: int, where: str, folder: Path) -> ImageFont.FreeTypeFont:
+    """Return a typeface that has all letters of a text: the chosen one, else the plain one, else one of the system.
+
+    Parameters
+    ----------
+    font : str
+        A name in `FILES`, or a file relative to `folder`.
+    text : str
+    height : int
+        Pixels.
+    where : str
+        The table, for errors.
+    folder : Path
+
+    Raises
+    ------
+    SceneError
+        The file cannot be opened, or no typeface has the letters.
+    """
+    if font not in FILES:
+        try:
+            return ImageFont.truetype(folder / font, height)
+        except OSError:
+            raise SceneError(
+                f"{where}, font",
+                found=f"{folder / font}, which cannot be opened",
+                expected=f"{', '.join(FILES)}, or a font, such as .ttf, relative to the scene file",
+                fix="Correct the path, or remove the key font.",
+            ) from None
+    letters = {letter for letter in text if not letter.isspace()}
+    for path in (FOLDER / FILES[font], FOLDER / FILES["plain"], *SYSTEM_FILES):
+        with contextlib.suppress(OSError):
+            opened = ImageFont.truetype(path, height)
+            lacking = _lacking(opened, letters)
+            if not lacking:
+                return opened
+    raise SceneError(
+        f"{where}, text",
+        found=f"the letters {''.join(sorted(lacking))}",
+        expected=f"letters of Europe, or one of the fonts {', '.join(SYSTEM_FILES)} with these letters on this system",
+        fix='Add a font: font = "FILE.ttf". On Debian: apt install fonts-noto',
+    )
+
+
+def _lacking(font: ImageFont.FreeTypeFont, letters: set[str]) -> set[str]:
+    """Return the letters that a typeface does not have."""
+    box = bytes(font.getmask(UNASSIGNED))
+    return {letter for letter in letters if bytes(font.getmask(letter)) == box}

@@ -1,0 +1,31 @@
+"""Typefaces: each text is drawn with letters that it has."""
+
+import pytest
+from PIL import ImageFont
+
+from engine_bridge.film import typeface as typefaces
+from engine_bridge.film.scene import SceneError
+from engine_bridge.film.typeface import FILES, typeface
+
+from ..refusals import refused
+
+
+@pytest.mark.parametrize("font", FILES)
+def test_each_typeface_has_the_letters_of_western_europe(tmp_path, font):
+    assert typeface(font, "Größe, français, ¿qué?", 20, "title", tmp_path).path.name == FILES[font]
+
+
+def test_a_typeface_without_the_letters_is_replaced(tmp_path):
+    assert typeface("round", "Привет, Łódź", 20, "title", tmp_path).path.name == FILES["plain"]
+
+
+def test_letters_that_no_typeface_has_are_one_message(tmp_path, monkeypatch):
+    monkeypatch.setattr(typefaces, "SYSTEM_FILES", ())
+    error = refused(SceneError, typeface, "hand", "a 犬 b 猫", 20, "title", tmp_path)
+    assert (error.where, error.found) == ("title, text", "the letters 犬猫")
+
+
+def test_a_file_is_a_typeface(tmp_path):
+    (tmp_path / "own.otf").write_bytes((typefaces.FOLDER / FILES["serif"]).read_bytes())
+    assert isinstance(typeface("own.otf", "a", 20, "title", tmp_path), ImageFont.FreeTypeFont)
+    assert refused(SceneError, typeface, "none.otf", "a", 20, "title", tmp_path).where == "title, font"

@@ -28,7 +28,7 @@ body_options = options.together(
             "--scale",
             type=Finite(0, min_open=True),
             metavar="METRES",
-            help="Metres per mesh unit.  [default: from the character's height]",
+            help="Metres per mesh unit.  [default: from the character's height and body]",
         ),
         click.option(
             "--plan",

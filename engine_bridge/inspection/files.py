@@ -162,7 +162,7 @@ def _character(path: Path) -> dict[str, Any]:
         "repairs": mesh.repairs.describe(),
         "border_edges": mesh.border_edges,
         "nonmanifold_edges": mesh.nonmanifold_edges,
-        "stands": {"up": stands.up, "front": stands.front, "scale": stands.scale, "because": list(stands.reasons)},
+        "stands": {"up": stands.up, "front": stands.front, "because": list(stands.reasons)},
         "skins": len(gltf["skins"]),
         "pictures": len(gltf["images"]),
         "animations": [_animation(character, index) for index in range(len(gltf["animations"]))],

@@ -21,6 +21,7 @@ from engine_bridge.puppet.placement import check_handles, check_limbs, check_on_
 from engine_bridge.puppet.puppet import CharacterTable, Direction, Puppet
 from engine_bridge.puppet.puppet_file import check
 from engine_bridge.puppet.rig_limbs import RigBody, rig_limbs
+from engine_bridge.puppet.size import propose_scale
 from puppetline.errors import PuppetError, at
 from solver.anatomy import orientation
 from solver.anatomy.limb_chain import Limbs
@@ -90,7 +91,7 @@ def new_puppet(
     ends : mapping of str
         Name of a limb to "X,Y,Z", its end. With any of them, the skeleton in the file is ignored.
     up, front, scale
-        As in the puppet file; None to find it from the file's skeleton or the shape.
+        As in the puppet file; None to find it from the file's skeleton, the shape or the body plan.
     mirror : bool
     plan : BodyPlan or None
         How limbs follow the performer; None to choose it from the limbs that are found.
@@ -123,7 +124,7 @@ def new_puppet(
     stands = orientation.propose(
         surface, *(skeleton or (up, front)), specified=mesh.suffix.lower() not in SURFACE_FILES
     )
-    values["character"] = {"up": stands.up, "front": stands.front, "scale": stands.scale} | values["character"]
+    values["character"] = {"up": stands.up, "front": stands.front} | values["character"]
     standing = check(values | {"handle": PLACEHOLDER_HANDLES}, where).character
     notes = [] if rig is None or not skeleton else _other_axes(rig, skeleton)
     if places or not handles:
@@ -144,11 +145,15 @@ def new_puppet(
     _map(values, maps, where)
     puppet = _with_near_nodes(check(values, where), character)
     check_handles(puppet.handle, surface, where)
-    reasons = list(stands.reasons)
+    plan = _plan(puppet, plan)
+    size, reason = propose_scale(float(np.ptp(surface.vertices @ standing.basis[1])), plan)
+    if scale is None:
+        puppet = puppet.model_copy(update={"character": puppet.character.model_copy(update={"scale": size})})
+    reasons = [*stands.reasons, reason]
     if skeleton:
         reasons[:2] = (f"{name} is {axis}, by the file's skeleton" for name, axis in zip(AXES, skeleton, strict=True))
     assumed = tuple(reason for value, reason in zip(given.values(), reasons, strict=True) if value is None)
-    return Proposal(puppet, character, assumed, tuple(notes), _plan(puppet, plan))
+    return Proposal(puppet, character, assumed, tuple(notes), plan)
 
 
 def _plan(puppet: Puppet, plan: BodyPlan | None) -> BodyPlan | None:

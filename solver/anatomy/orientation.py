@@ -1,4 +1,4 @@
-"""Up, front and unit of a character, proposed from its shape alone.
+"""Up and front of a character, proposed from its shape alone.
 
 The left and right of a character mirror each other. Its feet are spread and away from the middle, its toes point
 forwards, its head is at the front, and its face has more vertices per area than the rest. These signs determine a score
@@ -47,32 +47,23 @@ MIN_MISMATCH = 0.003
 """Minimum distance of mirrored points from the surface, in diagonals: that of a symmetric character, by its sampling. A
 flat figure mirrors itself exactly in its own plane, which says nothing."""
 
-METRES_PER_UNIT = {"metres": 1.0, "centimetres": 0.01, "millimetres": 0.001}
-"""Units of mesh files in metres, the most likely first."""
-
-MIN_HEIGHT_METRES, MAX_HEIGHT_METRES = 0.2, 10.0
-"""Range of plausible heights of a character, in metres."""
-
 
 @dataclass(frozen=True)
 class Orientation:
-    """The axes and the unit of a mesh.
+    """The axes of a mesh.
 
     Attributes
     ----------
     up, front : str
         x, -x, y, -y, z or -z. If the shape is not clear, y and z as in glTF, or z and -y.
-    scale : float
-        Metres per mesh unit.
     confidence : float
         Probability from 0 to 1 of both axes, by the shape alone.
-    reasons : tuple of 3 str
-        What was detected or assumed for up, front and scale, for a person to read.
+    reasons : tuple of 2 str
+        What was detected or assumed for up and front, for a person to read.
     """
 
     up: str
     front: str
-    scale: float
     confidence: float
     reasons: tuple[str, ...]
 
@@ -80,7 +71,7 @@ class Orientation:
 def propose(
     mesh: SolverMesh, up: str | None = None, front: str | None = None, *, specified: bool = False
 ) -> Orientation:
-    """Propose a character's axes and unit.
+    """Propose a character's axes.
 
     If the shape is clear, the result for a character turned by right angles about the origin turns with it.
 
@@ -107,14 +98,12 @@ def propose(
         up = max(ups.keys() & FILE_UPS, key=lambda axis: ups[axis])
     fronts = {axis: chance for (above, axis), chance in chances.items() if above == up}
     front, front_is_clear = _choose(fronts, sure[1], nearly[1], {"y": "z", "z": "-y"}.get(up))
-    scale, size = _unit(float(np.ptp(mesh.vertices[:, "xyz".index(up[-1])])))
     unclear = "not clear from the shape: taken as"
     reasons = (
         f"{up} looks like up: {_posture(up, front)}" if up_is_clear else f"up is {unclear} {up}",
         f"{front} looks like the front" if front_is_clear else f"the front is {unclear} {front}",
-        size,
     )
-    return Orientation(up, front, scale, chances[up, front] / sum(chances.values()), reasons)
+    return Orientation(up, front, chances[up, front] / sum(chances.values()), reasons)
 
 
 def _choose(chances: dict[str, float], sure: float, nearly: float, convention: str | None) -> tuple[str, bool]:
@@ -134,14 +123,6 @@ def _posture(up: str, front: str) -> str:
     if up == "-y":
         return "it is upside down"
     return {"y": "it lies on its back", "-y": "it lies on its face"}.get(front, "it lies on its side")
-
-
-def _unit(height: float) -> tuple[float, str]:
-    """Return metres per unit for a character's height in units, and the reason."""
-    for name, metres in METRES_PER_UNIT.items():
-        if MIN_HEIGHT_METRES <= height * metres <= MAX_HEIGHT_METRES:
-            return metres, f"{height:.3g} units tall: {name}"
-    return 1.0, f"{height:.3g} units tall: the unit is not clear, taken as metres"
 
 
 def _chances(mesh: SolverMesh) -> dict[tuple[str, str], float]:

@@ -5,6 +5,7 @@ from numpy.testing import assert_allclose
 from engine_bridge.character.character import make_character
 from engine_bridge.puppet import proposal
 from engine_bridge.puppet.proposal import new_puppet
+from engine_bridge.puppet.size import propose_scale
 from puppetline.errors import MeshError, PuppetError
 from solver.anatomy import orientation
 from solver.anatomy.limb_chain import LimbChain, Limbs
@@ -142,8 +143,11 @@ def test_how_it_stands_is_proposed_by_its_shape_and_said_unless_it_is_given(blob
     made = new_puppet(blob_file, tmp_path / "a.toml")
     stands = orientation.propose(made.character.solver_mesh())
     table = made.puppet.character
-    assert (table.up, table.front, table.scale) == (stands.up, stands.front, stands.scale)
-    assert made.assumed == stands.reasons
+    assert (table.up, table.front) == (stands.up, stands.front)
+    height = np.ptp(made.character.vertices @ table.basis[1])
+    scale, reason = propose_scale(height, made.plan)
+    assert table.scale == scale
+    assert made.assumed == (*stands.reasons, reason)
     made = new_puppet(blob_file, tmp_path / "a.toml", up="z", scale=0.01)
     assert (made.puppet.character.up, made.puppet.character.scale, len(made.assumed)) == ("z", 0.01, 1)
     assert new_puppet(blob_file, tmp_path / "a.toml", up="z", front="x", scale=2.0).assumed == ()
